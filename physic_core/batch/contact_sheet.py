@@ -43,21 +43,25 @@ def check_contact_sheet(out: Path) -> None:
     check_own(out / _FILE, mark=_MARK)
 
 
-def write_contact_sheet(out: Path, results: Sequence[Path] = ()) -> Path:
+def write_contact_sheet(
+    out: Path, results: Sequence[Path] = (), index: JournalIndex | None = None
+) -> Path:
     """Write the contact sheet of a folder of results and return its path.
 
     Args:
         out: folder of a batch, whose journal lists the photos, or any folder of results.
         results: their folders, for a folder without a journal.
+        index: of the journals; None to make it if there are any.
 
     Raises:
         OutputError: the file cannot be written, or is not a contact sheet.
     """
     check_contact_sheet(out)
-    if any(out.glob("journal*.jsonl")):
-        index = JournalIndex(journal_files(out))
+    if index is None and (journals := journal_files(out)):
+        index = JournalIndex(journals)
+    if index is not None:
         ids = index.ids()
-        shown = [row for row in index.rows(ids[:_MAX_PHOTOS]) if row is not None]
+        shown = [row for row in index.rows(ids[:_MAX_PHOTOS], whole=False) if row is not None]
         hidden = len(ids[_MAX_PHOTOS:])
         above = _common_folder([str(row.get("path", "")) for row in shown])
         cards = [_photo_card(out, row, above) for row in shown]

@@ -15,6 +15,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import ExitStack, suppress
 from pathlib import Path
+from types import NoneType
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from filelock import FileLock, Timeout
@@ -71,6 +72,8 @@ NUMBERS = ("trust", "seconds", "peak_mb", "attempts", "run")
 """Columns of every row that are numbers; the others are texts."""
 
 _TEXTS = COLUMNS.keys() - set(NUMBERS)
+_NUMBER = (float, int, NoneType)
+_NON_FINITE = re.compile(rb'"(NaN|-?Infinity)"')
 _MAX_OPEN = 256  # journals at a time: processes may have 1024 files
 _END_BYTES = 1 << 20
 _TABLE = "summary.csv"
@@ -207,8 +210,13 @@ class JournalIndex:
         """Return the names of all columns of the rows, without people."""
         return {name for keys in {last[4] for last in self._last.values()} for name in keys}
 
-    def rows(self, ids: Iterable[str]) -> Iterator[dict[str, Any] | None]:
-        """Yield the last row of each of some ids; None for one that has none, or a damaged one."""
+    def rows(self, ids: Iterable[str], *, whole: bool = True) -> Iterator[dict[str, Any] | None]:
+        """Yield the last row of each of some ids; None for one that has none, or a damaged one.
+
+        Args:
+            ids: of photos.
+            whole: whether the rows have their people, whose parsing takes half of the time.
+        """
         files: dict[Path, BinaryIO] = {}
         with ExitStack() as opened:
             for name in ids:
@@ -222,7 +230,7 @@ class JournalIndex:
                         files.clear()
                     files[path] = opened.enter_context(path.open("rb"))
                 files[path].seek(start)
-                found = _row(files[path].readline())
+                found = _row(files[path].readline(), whole=whole)
                 self.damaged += found is None
                 yield found
 
@@ -266,12 +274,12 @@ def _row(line: bytes, *, whole: bool = True) -> dict[str, Any] | None:
         row = _DECODER.decode((head + b"}" if mark and not whole else line).decode())
         if mark and not people.endswith(b"]}"):
             return None
-        return _with_types(row)
+        return _with_types(row, convert_people=_NON_FINITE.search(people) is not None)
     except (ValueError, RecursionError):
         return None
 
 
-def _with_types(row: Any) -> dict[str, Any]:
+def _with_types(row: Any, *, convert_people: bool) -> dict[str, Any]:
     """Return a row with numbers in place of "NaN" and infinities.
 
     Raises:
@@ -282,14 +290,19 @@ def _with_types(row: Any) -> dict[str, Any]:
     for name, value in row.items():
         if name in _TEXTS:
             is_valid = isinstance(value, str)
+        elif isinstance(value, _NUMBER):
+            continue
         elif isinstance(value, str):
             row[name] = from_json(value)
             is_valid = not value or row[name] != value
-        elif name == PEOPLE_COLUMN and isinstance(value, list):
-            is_valid = all(isinstance(one, dict) for one in value)
-            row[name] = from_json(value)
         else:
-            is_valid = value is None or isinstance(value, int | float)
+            is_valid = (
+                name == PEOPLE_COLUMN
+                and isinstance(value, list)
+                and all(isinstance(one, dict) for one in value)
+            )
+            if convert_people:
+                row[name] = from_json(value)
         if not is_valid:
             raise ValueError
     row["run"] = row["run"] if isinstance(row.get("run"), int) else 0
@@ -324,7 +337,7 @@ def check_tables(out: Path) -> None:
     check_own(out / PEOPLE_TABLE, mark=_PEOPLE_MARK)
 
 
-def write_tables(out: Path) -> list[Path]:
+def write_tables(out: Path, index: JournalIndex | None = None) -> list[Path]:
     """Write ``summary.csv``, one row for each photo, and ``people.csv``, one for each person;
     return their paths.
 
@@ -332,11 +345,15 @@ def write_tables(out: Path) -> list[Path]:
     are in the order of the photos' rows.
     Texts are those of :func:`physic_core.files.text.csv_writer`.
 
+    Args:
+        out: folder of the batch.
+        index: of its journals; None to make it.
+
     Raises:
         OutputError: a file cannot be written, or no batch has written the one there.
     """
     check_tables(out)
-    index = JournalIndex(journal_files(out))
+    index = index or JournalIndex(journal_files(out))
     with (
         atomic_write(out) as temporary,
         temporary(_TABLE).open("w", newline="", encoding="utf-8") as table,

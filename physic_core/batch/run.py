@@ -83,7 +83,8 @@ def plan_batch(
     why: Counter[str] = Counter()
     rest: Counter[str] = Counter()
     replaced = 0
-    for item, row in zip(items, index.rows(item.id for item in items), strict=True):
+    rows = index.rows((item.id for item in items), whole=False)
+    for item, row in zip(items, rows, strict=True):
         item = item.stamped()
         reason = "new" if row is None else _why(row, item, job, least or job.save)
         if row is None:

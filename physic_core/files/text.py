@@ -13,9 +13,9 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TextIO
 
-_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
-"""First characters of a text that a spreadsheet computes; the last four are full-width, for
-Japanese and Chinese.
+_QUOTED = ("'", "=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
+"""First characters of a text that a spreadsheet computes, after the apostrophe that marks one; the
+last four are full-width, for Japanese and Chinese.
 """
 
 _MAX_DEPTH = 200
@@ -80,7 +80,9 @@ def csv_writer(file: TextIO, columns: Sequence[str]) -> Callable[[Mapping[str, A
     """
     writer = csv.writer(file)
     writer.writerow(columns)
-    return lambda row: writer.writerow([_cell(row.get(name)) for name in columns])
+    return lambda row: writer.writerow(
+        [_cell(value) if isinstance(value, str) else value for value in map(row.get, columns)]
+    )
 
 
 def as_utf8(value: Any) -> Any:
@@ -88,11 +90,9 @@ def as_utf8(value: Any) -> Any:
     return value.encode("utf-8", "backslashreplace").decode() if isinstance(value, str) else value
 
 
-def _cell(value: Any) -> Any:
-    if not value or not isinstance(value, str):
-        return value
-    value = as_utf8(value)
-    return f"'{value}" if value.startswith((*_FORMULA, "'")) else value
+def _cell(value: str) -> str:
+    value = value if value.isascii() else as_utf8(value)
+    return f"'{value}" if value.startswith(_QUOTED) else value
 
 
 def to_json(value: Any, *, digits: int | None = None) -> Any:

@@ -174,6 +174,7 @@ class Pipeline:
         Raises:
             BackendError: a backend cannot be loaded.
         """
+        from physic_core.adapters.onnx_sessions import release_memory
         from physic_core.body import load_body
 
         with self._exclusive():
@@ -182,6 +183,7 @@ class Pipeline:
                 self._loaded.load(resolved)
                 if self.config.run.low_memory:
                     self._loaded.close(resolved)
+            release_memory()  # of sessions that wrote optimised graphs
 
     def close(self) -> None:
         """Close all loaded backends; the pipeline cannot be used afterwards.

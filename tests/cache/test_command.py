@@ -42,14 +42,25 @@ def test_the_other_caches_are_listed_and_removed_too(folder, physic):
         f"{folder}: 0 files, 0.0 MB",
         *(f"{folder.parent / name}: 1 files, 3.0 MB" for name in others),
     ]
-    assert physic("cache", "info").output.splitlines() == printed
+    assert physic("cache", "info").output.splitlines()[:-1] == printed
     assert len(physic("cache", "clear").output.splitlines()) == 4
     assert {file.name for name in others for file in (folder.parent / name).iterdir()} == {
         "mine.onnx"
     }
 
 
-@pytest.mark.parametrize("command", ["info", "clear"])
+def test_one_cache_can_be_cleared_alone(folder, physic):
+    fill(folder)
+    hashes = folder.parent / "hashes"
+    hashes.mkdir()
+    (hashes / "a.sha256").write_text("a")
+    assert physic("cache", "clear", "hashes").output == f"removed 1 files, 0.0 MB from {hashes}\n"
+    assert len(list(folder.iterdir())) == 5
+    done = physic("cache", "clear", "graph")
+    assert (done.exit_code, "graphs" in done.output) == (2, True)
+
+
+@pytest.mark.parametrize("command", ["info", "clear", "fill"])
 def test_a_cache_that_is_switched_off_is_an_error(command, monkeypatch, physic):
     monkeypatch.setenv("PHYSIC_CACHE", "off")
     done = physic("cache", command)

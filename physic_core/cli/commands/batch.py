@@ -173,11 +173,14 @@ def batch(
 
 def _tables(folder: Path, *, with_sheet: bool) -> list[Path]:
     from physic_core.batch.contact_sheet import write_contact_sheet
-    from physic_core.batch.journal import journal_files, write_tables
+    from physic_core.batch.journal import JournalIndex, journal_files, write_tables
 
-    if not journal_files(folder):
+    journals = journal_files(folder)
+    if not journals:
         raise InputError(f"no journal in {folder}: name the output folder of a batch")
-    return write_tables(folder) + ([write_contact_sheet(folder)] if with_sheet else [])
+    index = JournalIndex(journals)
+    tables = write_tables(folder, index)
+    return tables + ([write_contact_sheet(folder, index=index)] if with_sheet else [])
 
 
 def _write_tables(folder: Path, *, with_sheet: bool) -> None:

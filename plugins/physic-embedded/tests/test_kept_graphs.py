@@ -52,6 +52,16 @@ def test_the_weights_of_a_graph_that_was_just_kept_are_mapped(folder):
     del session
 
 
+def test_the_cache_can_be_filled_before_the_first_photo(folder, physic):
+    hands = ("--preset", "mock", "--set", "hand_estimator.backend=embedded")
+    done = physic("cache", "fill", *hands)
+    assert done.exit_code == 0
+    kept = sorted(folder.iterdir())
+    assert len(kept) >= 2
+    physic("cache", "fill", *hands)
+    assert sorted(folder.iterdir()) == kept
+
+
 def summed(content, length):
     """The content of a kept file: weights and a graph, the graph's length and the sum of both."""
     padded = content + bytes(-len(content) % 8)

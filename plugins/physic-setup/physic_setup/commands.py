@@ -146,7 +146,10 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
             echo(f"left to you: {step.title}")
             for line in step.by_hand:
                 echo(f"  {line}")
-        echo(f"then: physic config check --config {shlex.quote(str(place / f'{preset}.toml'))}")
+        config = shlex.quote(str(place / f"{preset}.toml"))
+        if not left and found.keeps_graphs:
+            _run_command(f"physic cache fill --config {config}")
+        echo(f"then: physic config check --config {config}")
     ctx.exit(0 if all(step.is_done for step in found.steps) else WEIGHTS)
 
 
@@ -174,7 +177,10 @@ def _script(found: Setup, preset: str, folder: Path, about: list[str]) -> Iterat
             path, text = step.file
             yield f"mkdir -p {shlex.quote(str(path.parent))}"
             yield f"cat > {shlex.quote(str(path))} <<'END'\n{text}END"
-    yield f"\nphysic config check --config {config}\n# physic run PHOTO --config {config}"
+    yield ""
+    if found.keeps_graphs:
+        yield f"physic cache fill --config {config}"
+    yield f"physic config check --config {config}\n# physic run PHOTO --config {config}"
 
 
 def _costs(found: Setup) -> Iterator[str]:
@@ -203,27 +209,30 @@ def _costs(found: Setup) -> Iterator[str]:
 def _run(step: SetupStep) -> None:
     """Run the commands of a step, or write its file."""
     for command in step.commands:
-        echo(f"   $ {command}")
-        words = shlex.split(command)
-        if words[0] in ("python", "physic"):
-            words[:1] = (
-                [sys.executable, "-P", "-m", "physic_core"]
-                if words[0] == "physic"
-                else [sys.executable]
-            )
-        try:
-            code = subprocess.run(words, check=False).returncode
-        except OSError as error:
-            raise OutputError(f"{words[0]} cannot be run: {error.strerror}") from error
-        if code:
-            echo(
-                f"Error: this command ended with code {code}. Remove the cause, and run setup "
-                f"again.",
-                err=True,
-            )
-            click.get_current_context().exit(OTHER)
+        _run_command(command)
     if step.file is not None:
         path, text = step.file
         echo(f"   writes {path}")
         with atomic_write(check_writable(path.parent)) as temporary:
             temporary(path.name).write_text(text, encoding="utf-8")
+
+
+def _run_command(command: str) -> None:
+    echo(f"   $ {command}")
+    words = shlex.split(command)
+    if words[0] in ("python", "physic"):
+        words[:1] = (
+            [sys.executable, "-P", "-m", "physic_core"]
+            if words[0] == "physic"
+            else [sys.executable]
+        )
+    try:
+        code = subprocess.run(words, check=False).returncode
+    except OSError as error:
+        raise OutputError(f"{words[0]} cannot be run: {error.strerror}") from error
+    if code:
+        echo(
+            f"Error: this command ended with code {code}. Remove the cause, and run setup again.",
+            err=True,
+        )
+        click.get_current_context().exit(OTHER)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from physic_core import engine_preset_names
 from physic_core.adapters.checkouts import NON_COMMERCIAL, PIP_NAMES
-from physic_core.cache.folders import cache_folder
+from physic_core.cache.folders import cache_folder, users_cache
 from physic_core.configuration.layers import file_layers, merge_layers, preset_layers
 from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import named_weights, resolve
@@ -65,6 +65,7 @@ class Setup:
         accounts: web addresses that ask for an account, of what is missing.
         unpinned: files and repositories that have neither a hash nor a revision.
         pinned: number of the others.
+        keeps_graphs: whether networks on the CPU can be kept as optimised for this processor.
     """
 
     steps: tuple[SetupStep, ...]
@@ -75,6 +76,7 @@ class Setup:
     accounts: tuple[str, ...] = ()
     unpinned: tuple[str, ...] = ()
     pinned: int = 0
+    keeps_graphs: bool = False
 
 
 def read_config(file: Path, preset: str) -> tuple[Config, tuple[str, ...]]:
@@ -171,6 +173,7 @@ def setup_steps(config: Config, preset: str, folder: Path, missing: tuple[str, .
         accounts=tuple(dict.fromkeys(accounts)),
         unpinned=tuple(unpinned),
         pinned=sum(len(weights.files) for weights in sets) + len(repositories) - len(unpinned),
+        keeps_graphs=plan.device == "cpu" and users_cache("graphs") is not None,
     )
 
 

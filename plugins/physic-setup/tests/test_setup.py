@@ -137,6 +137,18 @@ def test_the_embedded_preset_needs_a_configuration_alone(tmp_path, monkeypatch, 
     assert physic("setup", "embedded", "--folder", "mine").exit_code == 0
 
 
+def test_the_last_step_keeps_optimised_networks_where_there_is_a_cache(
+    tmp_path, monkeypatch, physic
+):
+    def is_printed():
+        return "physic cache fill" in physic("setup", "embedded", "--folder", tmp_path).output
+
+    assert not is_printed()
+    monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "cache"))
+    assert is_printed()
+    assert not list(tmp_path.iterdir())
+
+
 def test_each_requirement_is_a_step_and_their_costs_are_added(thing, physic):
     folder, commit = thing
     written(folder)
