@@ -141,7 +141,7 @@ def _set_collars(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> 
     distance depends on shape.
     """
     chest = world[:, _SPINE3]
-    wide = known[:, _SHOULDERS].all(-1, keepdims=True)[..., None]
+    wide = np.asarray(known[:, _SHOULDERS].all(-1))[:, None, None]
     for collar, shoulder in zip(_COLLARS, _SHOULDERS, strict=True):
         middle = joints[:, _SHOULDERS].mean(1) - rotate(
             chest, rest[:, _SHOULDERS].mean(1) - rest[:, collar]
