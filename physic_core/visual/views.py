@@ -302,7 +302,7 @@ def _render(geometry: PreviewGeometry, direction: _Direction, size: tuple[int, i
     radius = int(np.clip(round(_POINT_RADIUS * geometry.spacing * scale), 1, _MAX_RADIUS_PX))
     camera = -(geometry.upright[:3, :3].T @ geometry.upright[:3, 3])
     spots = view.project(np.stack([camera, np.zeros(3), *geometry.crowns.values()]))[:, :2]
-    inside = ((spots >= 0) & (spots < size)).all(1).tolist()
+    inside = np.asarray(((spots >= 0) & (spots < size)).all(1))
     ground, own, *crowns = map(tuple, spots.tolist())
     return LabeledView(
         _draw(geometry, view, full_colour_m, radius),
