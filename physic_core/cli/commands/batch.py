@@ -141,8 +141,7 @@ def batch(
     todo = plan.todo[:limit]
     if listed.skipped:
         echo(f"files skipped (not photos, hidden, or of results): {listed.skipped:,}", err=True)
-    now = f"; {len(todo):,} of them now (--limit)" if len(todo) < len(plan.todo) else ""
-    echo(_describe(plan, len(items)) + now, err=True)
+    echo(_describe(plan, len(items), limit), err=True)
     if dry_run:
         _print_forecast(todo, job)
         return
@@ -157,18 +156,9 @@ def batch(
         else:
             echo(f"tables of all shards, when they are done: physic batch --tables -o {folder}")
 
-    try:
-        with _stopped_by_signals():
-            run_batch(todo, job, run, folder / shard_journal(part), progress.add)
-    except BaseException as error:  # a batch that is stopped has the tables of its rows, too
-        if progress.done:
-            with suppress(OutputError):
-                finish(f"stopped after {progress.done:,} of {len(todo):,} photos: ")
-        if isinstance(error, KeyboardInterrupt):
-            command = shlex.join(["physic", *sys.argv[1:]])
-            echo(f"stopped; the same command continues: {command}", err=True)
-        raise
-    finish("")
+    journal = folder / shard_journal(part)
+    with _finished(finish, progress), _stopped_by_signals():
+        run_batch(todo, job, run, journal, progress.add)
 
 
 def _tables(folder: Path, *, with_sheet: bool) -> list[Path]:
@@ -244,7 +234,7 @@ def _executor(logs: Path, options: Mapping[str, Any]) -> Executor:
     return open_executor(options["executor"], settings)
 
 
-def _describe(plan: BatchPlan, photos: int) -> str:
+def _describe(plan: BatchPlan, photos: int, limit: int | None) -> str:
     failed = sum(plan.failed.values())
     reasons = ", ".join(f"{number:,} {reason}" for reason, number in plan.why.items())
     parts = [f"{photos:,} photos: {plan.done:,} done before"]
@@ -258,7 +248,25 @@ def _describe(plan: BatchPlan, photos: int) -> str:
         )
     if plan.damaged:
         parts.append(f"{plan.damaged:,} damaged lines of the journal are skipped")
+    if limit is not None and limit < len(plan.todo):
+        parts.append(f"{limit:,} of them now (--limit)")
     return "; ".join(parts)
+
+
+@contextmanager
+def _finished(finish: Callable[[str], None], progress: _Progress) -> Iterator[None]:
+    """Call ``finish`` at the end with what its line begins with."""
+    try:
+        yield
+    except BaseException as error:  # a batch that is stopped has the tables of its rows, too
+        if progress.done:
+            with suppress(OutputError):
+                finish(f"stopped after {progress.done:,} of {progress.total:,} photos: ")
+        if isinstance(error, KeyboardInterrupt):
+            command = shlex.join(["physic", *sys.argv[1:]])
+            echo(f"stopped; the same command continues: {command}", err=True)
+        raise
+    finish("")
 
 
 class _Progress:
@@ -270,6 +278,7 @@ class _Progress:
         write: writes the tables; None to write none in between.
 
     Attributes:
+        total: number of photos.
         done: number of rows so far.
         counts: the same by the class of the error, "" of those that are done.
     """
@@ -277,7 +286,7 @@ class _Progress:
     def __init__(self, total: int, write: Callable[[], Any] | None) -> None:
         self.done = 0
         self.counts = Counter[str]()
-        self._total = total
+        self.total = total
         self._write = write
         self._start = self._next_write = time.monotonic()
         self._unwritten = 0
@@ -291,9 +300,9 @@ class _Progress:
         reason = f": {row['error']}: {message}" if row["error"] else ""
         failed = self.done - self.counts[""]
         failures = f", {failed} failed" if failed else ""
-        left = _duration((self._total - self.done) * seconds / self.done)
+        left = _duration((self.total - self.done) * seconds / self.done)
         rate = f"{60 * self.done / seconds:.1f} photos/min, {left} left{failures}"
-        echo(f"[{self.done}/{self._total}] {row['state']} {row['path']}{reason} ({rate})", err=True)
+        echo(f"[{self.done}/{self.total}] {row['state']} {row['path']}{reason} ({rate})", err=True)
         self._unwritten += 1
         if (
             self._write is not None
