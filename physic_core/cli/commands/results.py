@@ -69,7 +69,7 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
     for pair in paired.both:
         try:
             results = [load_reconstruction(folder) for folder in pair]
-            photos.append(compare_results(*results, pair[0].resolve().name))
+            photos.append(compare_results(results[0], results[1], pair[0].resolve().name))
         except InputError as error:
             failures.append(error)
         else:
