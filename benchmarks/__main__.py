@@ -11,6 +11,8 @@ BENCHMARKS = {
     "contact_on_photos": "benchmarks.contact_on_photos",
     "trust_on_photos": "benchmarks.trust_on_photos",
     "observer": "benchmarks.observer.command",
+    "up": "benchmarks.up",
+    "lifter": "benchmarks.lifter",
     "run_cost": "benchmarks.run_cost",
 }
 """Name -> module, whose ``main`` reads the command line."""

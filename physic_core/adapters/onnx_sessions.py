@@ -129,6 +129,7 @@ def open_session(
     *,
     broken: str,
     published: Mapping[str, str] = MappingProxyType({}),
+    without: Sequence[str] = (),
 ) -> OnnxSession:
     """Open an ONNX file.
 
@@ -143,6 +144,7 @@ def open_session(
         published: SHA-256 by name of the file and of all its external data files. Exactly the
             compared bytes are used, or the graph that onnxruntime optimised for the CPU is read
             from the cache. Empty for no comparison and no cache.
+        without: onnxruntime's names of optimisations to leave out.
 
     Raises:
         DeviceError: the device does not exist, or the provider is not installed or does not start.
@@ -157,7 +159,9 @@ def open_session(
     _register_shared_arena()
 
     def create(content: bytes | str, options: SessionOptions) -> InferenceSession:
-        return ort.InferenceSession(content, options, providers=providers)
+        return ort.InferenceSession(
+            content, options, providers=providers, disabled_optimizers=list(without)
+        )
 
     def create_compared(options: SessionOptions) -> InferenceSession:
         return create(_add_compared(options, path, published, broken), options)

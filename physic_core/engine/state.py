@@ -214,7 +214,7 @@ class State(ShortRepr):
         estimated_transl: (N, 3) metres, by the body estimator.
         keypoint_transl: (N, 3) metres, by the keypoints alone (Eq. 2).
         touch: (N, 5) probability that feet, hands and seat touch something, which weights their
-            attraction to floor and scene; None counts as 1.
+            attraction to floor and scene, less for feet of people who ride; None counts as 1.
         size_ratio: (N,) factor by which to enlarge people so that a scene of known size matches
             the photo, NaN where unknown; None if the size of the scene is unknown.
         unplaced: per person, why keypoints, depth and floor did not place the body, or "".

@@ -6,15 +6,21 @@ import math
 import re
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from physic_core.io.exif import positive_number, swaps_sides
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from typing import Any
 
+    from physic_core.types import FloatArray
+
 _VALUE = r"""(?:\s*=\s*["']|>)\s*"""  # of XMP, as an attribute or an element
 _PROJECTION = re.compile(rf"\bProjectionType{_VALUE}([\w-]+)")
 _PITCH = re.compile(rf"\bGimbalPitchDegree{_VALUE}([+-]?\d+(?:\.\d+)?)")
+_ROLL = re.compile(rf"\bGimbalRollDegree{_VALUE}([+-]?\d+(?:\.\d+)?)")
+_LEVEL_DEG = 2.0  # of roll; a gimbal keeps the horizon level
 _ALTITUDE = re.compile(rf"\bRelativeAltitude{_VALUE}([+-]?\d+(?:\.\d+)?)")
 _FLAT = ("perspective", "rectilinear")
 
@@ -53,16 +59,31 @@ def panorama_kind(xmp: str, tags: Mapping[int, Any]) -> str:
     return "cylindrical" if is_apple and tags.get(_CUSTOM_RENDERED) == _PANORAMA_OF_APPLE else ""
 
 
+def up_of_gimbal(xmp: str, orientation: int) -> FloatArray | None:
+    """Return the unit vector (3,) against gravity in the camera frame that a drone states; None
+    without one.
+
+    DJI's pitch is 0 at the horizon and -90 degrees straight down. The roll is about the axis of the
+    camera, whose direction is not documented: with any roll, and for a turned picture, None.
+
+    Args:
+        xmp: of the file.
+        orientation: EXIF orientation, 1-8.
+    """
+    pitch, roll = (pattern.search(xmp) for pattern in (_PITCH, _ROLL))
+    if pitch is None or orientation != 1 or (roll and abs(float(roll[1])) > _LEVEL_DEG):
+        return None
+    angle = math.radians(float(pitch[1]))
+    return np.array([0.0, -math.cos(angle), math.sin(angle)])
+
+
 def drone_note(xmp: str) -> str:
-    """Return a note on the gimbal's pitch and the height over the take-off, or ""."""
-    pitch, altitude = (pattern.search(xmp) for pattern in (_PITCH, _ALTITUDE))
-    said = [f"a camera pitch of {float(pitch[1]):g} degrees"] if pitch else []
-    said += [f"{float(altitude[1]):g} m above the take-off"] if altitude else []
-    if not said:
+    """Return a note on the height over the take-off, or ""."""
+    if not (altitude := _ALTITUDE.search(xmp)):
         return ""
     return (
-        f"the drone states {' and '.join(said)}, which are not used: give --camera-height if "
-        f"people stand as high as it took off"
+        f"the drone states {float(altitude[1]):g} m above the take-off, which is not used: give "
+        f"--camera-height if people stand as high as it took off"
     )
 
 

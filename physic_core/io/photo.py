@@ -21,12 +21,12 @@ from physic_core.files.image_file import (
 )
 from physic_core.io.colour import srgb_conversion
 from physic_core.io.exif import EXIF_IFD, ORIENTATION, intrinsics_from_exif, swaps_sides
-from physic_core.io.file_geometry import drone_note, panorama_kind, stretched_pixels
+from physic_core.io.file_geometry import drone_note, panorama_kind, stretched_pixels, up_of_gimbal
 from physic_core.io.result_folder import file_digest, image_digest
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
-    from physic_core.types import Intrinsics, UInt8Array
+    from physic_core.types import FloatArray, Intrinsics, UInt8Array
 
     PhotoSource = str | os.PathLike[str] | bytes | Image.Image | UInt8Array
 
@@ -64,6 +64,7 @@ class Photo(ShortRepr):
         digest: of the file, or of the pixels of a photo without a file; "" if it was not computed.
         name: of the file; "" for a photo without one.
         warnings: why the picture itself may mislead, as text for the user.
+        up: (3,) unit vector against gravity in the camera frame that the file states, or None.
     """
 
     image: UInt8Array
@@ -73,6 +74,7 @@ class Photo(ShortRepr):
     digest: str = ""
     name: str = ""
     warnings: tuple[str, ...] = ()
+    up: FloatArray | None = None
 
 
 def read_photo(photo: PhotoSource) -> Photo:
@@ -290,6 +292,7 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
         tuple(filter(None, notes)),
         upright if factor > 1 else None,
         warnings=(stretched,) if stretched else (),
+        up=up_of_gimbal(xmp, orientation),
     )
 
 

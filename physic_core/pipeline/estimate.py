@@ -336,9 +336,13 @@ def _inpainted(found: Findings, step: Step) -> None:
 
 def _scene(found: Findings, step: Step) -> None:
     """Fill scene, of the inpainted photo, and camera."""
+    from physic_core.engine.ground.up import with_up_of_file
+
     camera = found.given.photo.intrinsics
     hints = Hints(camera, found.people, found.keypoints, found.hole, photo=found.image)
-    found.scene = _pointmap(found, step, found.inpainted, hints)
+    scene = _pointmap(found, step, found.inpainted, hints)
+    found.scene, doubt = with_up_of_file(scene, found.given.photo.up)
+    found.stages.warn(*filter(None, (doubt,)))
     found.camera = camera or found.scene.intrinsics or _camera_of(found.scene)
     found.hints = replace(hints, intrinsics=found.camera, hole=None, photo=None)
 

@@ -180,6 +180,9 @@ curtains, pictures and the outside of buildings. "seat" is a chair, armchair, so
 GROUND_SURFACES = ("floor", "ground", "rug")
 """Names of :data:`SURFACE_NAMES` that are the floor."""
 
+_OUTDOORS = ("sky", "vegetation", "ground", "water")
+_INDOORS = ("floor", "rug", "ceiling", "seat", "bed", "table", "cabinet")
+
 
 @dataclass(frozen=True)
 class SurfaceLabels(ShortRepr):
@@ -215,6 +218,12 @@ class SurfaceLabels(ShortRepr):
     def ground(self) -> BoolArray:
         """Pixels (H, W) bool of the floor, the ground and rugs."""
         return self.mask(*GROUND_SURFACES)
+
+    @property
+    def shares_of_place(self) -> tuple[float, float]:
+        """Shares of the pixels with labels that are seen outdoors, and with those of rooms."""
+        outdoors, indoors = (self.mask(*names).mean() for names in (_OUTDOORS, _INDOORS))
+        return float(outdoors), float(indoors)
 
 
 @dataclass(frozen=True)

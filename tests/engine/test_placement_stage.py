@@ -7,34 +7,43 @@ from __future__ import annotations
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import torch
 from torch.testing import assert_close
 
 from physic_core import engine_preset
+from physic_core.engine.ground.stance import Stance
+from physic_core.engine.joint.solve import optimize
 from physic_core.engine.placement.solve import solve_placement
 from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry, scale_scene
 from physic_core.geometry.plane import height_over_plane
+from physic_core.types import Observations
+from physic_core.types.observations import POSTURES
 
-from .conftest import CAMERA
+from .conftest import CAMERA, FLOOR_Y
 from .seen import pointmap_of
 
 DEFAULT = engine_preset("default").placement
 AWAY = torch.tensor([[0.1, 0.05, 0.4]])
+RIDES = np.where(np.array(POSTURES) == "ride", 0.96, 0.005)[None]
 
 
-@pytest.fixture(scope="module")
-def given(make_stage):
-    """A person who stands in a room, estimated 40 cm too far away, and a photo with an unknown
-    scale.
-    """
-    state = make_stage([({}, (0.3, 0.0, 3.0))]).state
+def estimated_too_far(make_stage, stands_at):
+    """A person in a room, estimated 40 cm too far away, and a photo with an unknown scale."""
+    state = make_stage([({}, (0.3, 0.0, 3.0))], stands_at=stands_at).state
     depth = state.scene.points[..., 2]
     photo = torch.where(state.photo_depth.isnan(), depth, state.photo_depth)
     original = pointmap_of(0.5 * photo.numpy(), CAMERA, "scale")
     scene = replace(state.scene, diagnostics={"floor": {}})
     state = replace(state, transl=state.transl + AWAY, scene=scene)
     return SimpleNamespace(original=original, hole=state.masks.any(0).numpy()), state
+
+
+@pytest.fixture(scope="module")
+def given(make_stage):
+    """One who stands on the floor."""
+    return estimated_too_far(make_stage, FLOOR_Y)
 
 
 def test_placement_recovers_the_true_place_of_a_person(given):
@@ -45,6 +54,18 @@ def test_placement_recovers_the_true_place_of_a_person(given):
     assert found.photo_alignment.scale == pytest.approx(2.0, rel=1e-3)
     assert found.scene is state.scene
     assert (found.size_ratio, found.touch) == (None, None)
+
+
+def test_feet_on_pedals_do_not_draw_the_floor_to_them(make_stage):
+    """A rider's soles are 25 cm over the ground, and the scene keeps its size."""
+    estimates, state = estimated_too_far(make_stage, FLOOR_Y - 0.25)
+    estimates.observations = replace(Observations.unknown(1), posture=RIDES)
+    observed = np.array([[4.0, 4.0, 0.0, 0.0, 6.0]])
+    state = replace(state, stance=replace(Stance.unknown(1), observed=observed))
+    found = optimize(solve_placement(estimates, state, DEFAULT), engine_preset("default").joint)
+    assert found.scene_scale == pytest.approx(1.0, abs=0.03)
+    lowest = float(found.vertices[..., 1].max())
+    assert lowest == pytest.approx(FLOOR_Y - 0.25, abs=0.02)
 
 
 @pytest.fixture

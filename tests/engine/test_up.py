@@ -54,13 +54,22 @@ def test_a_floor_that_agrees_turns_to_the_surer_witness_about_the_feet():
     assert contradiction(level, edges(9), 0.5) == ()
 
 
-def test_a_doubtful_witness_moves_a_surer_floor_the_less_the_farther_it_is_off():
+def test_a_witness_that_is_less_sure_than_floors_are_turns_none_and_may_contradict_one():
+    plane = floor(9)
+    assert level_plane(plane, edges(20, 7.0), 0.0, FEET) is plane
+    assert contradiction(plane, edges(20, 7.0), 0.0) == ()
+    far = level_plane(plane, edges(40, 7.0), 0.0, FEET)
+    assert torch.equal(far.normal, plane.normal)
+    assert math.degrees(far.pitch_sigma) > 30
+
+
+def test_the_farther_a_witness_is_off_the_less_it_moves_a_floor():
     moves = [
-        angle_deg(level_plane(floor(9), edges(9 + off, 9.0), 0.0, FEET).normal, looking_down(9))
+        angle_deg(level_plane(floor(9), edges(9 + off, 6.5), 0.0, FEET).normal, looking_down(9))
         for off in (4, 20)
     ]
-    assert 0.5 < moves[0] < 2
-    assert moves[1] < 2.5
+    assert 1 < moves[0] < 2.5
+    assert moves[1] < 3.5
 
 
 def test_a_floor_that_contradicts_up_stays_and_is_less_sure():

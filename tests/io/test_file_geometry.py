@@ -123,7 +123,29 @@ def test_the_sizes_of_recorders_are_named(size, right):
     assert (of_camera.warnings, of_camera.notes) == ((), ())
 
 
-def test_what_a_drone_states_is_a_note():
-    xmp = b'<d drone-dji:GimbalPitchDegree="-35.10" drone-dji:RelativeAltitude="+12.40"/>'
-    (note,) = read_photo(stored("JPEG", xmp=xmp)).notes
-    assert "-35.1 degrees and 12.4 m" in note
+def of_drone(pitch, roll="+0.00"):
+    """XMP as DJI writes it."""
+    return (
+        f'<rdf:Description drone-dji:RelativeAltitude="+12.40" '
+        f'drone-dji:GimbalRollDegree="{roll}" drone-dji:GimbalPitchDegree="{pitch}"/>'
+    ).encode()
+
+
+def test_the_height_that_a_drone_states_is_a_note():
+    (note,) = read_photo(stored("JPEG", xmp=of_drone("-35.10"))).notes
+    assert "12.4 m" in note
+
+
+@pytest.mark.parametrize(
+    ("pitch", "up"),
+    [("+0.00", (0, -1, 0)), ("-90.00", (0, 0, -1)), ("-30.00", (0, -(0.75**0.5), -0.5))],
+)
+@pytest.mark.parametrize("kind", FORMATS)
+def test_up_is_against_gravity_by_the_pitch_of_a_gimbal(kind, pitch, up):
+    assert read_photo(stored(kind, xmp=of_drone(pitch))).up == pytest.approx(up)
+
+
+def test_a_turned_or_rolled_picture_states_no_up():
+    assert read_photo(stored("JPEG", xmp=of_drone("-20.00", roll="-90.00"))).up is None
+    assert read_photo(stored("JPEG", xmp=of_drone("-20.00"), exif={0x0112: 6})).up is None
+    assert read_photo(stored("JPEG")).up is None

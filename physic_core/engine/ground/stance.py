@@ -95,11 +95,6 @@ class Stance(ShortRepr):
         """People (N,) bool with both feet probably on the floor."""
         return np.asarray((self.stands >= LEAST_PROBABILITY).all(1))
 
-    @property
-    def in_air(self) -> BoolArray:
-        """People (N,) bool with both feet probably in the air."""
-        return np.asarray((self.touch[:, :2] < LEAST_PROBABILITY).all(1))
-
     def expanded(self, rows: BoolArray) -> Stance:
         """Return N rows from those of the people selected by ``rows`` (N,); the others have average
         feet.

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
@@ -17,16 +18,23 @@ from physic_core.geometry.floor import PlaneFit
 from physic_core.types import Pointmap, SurfaceLabels
 from physic_core.types.short_repr import ShortRepr
 
+if TYPE_CHECKING:
+    from physic_core.types import FloatArray
+
 AXIS_SIGMA_DEG = 13.0
 """Standard deviation between up and the camera's own up axis, of photos that show no floor."""
 
 DISAGREE = 2.5
 """Joint standard deviations from which on two witnesses contradict each other."""
 
+GIMBAL_SIGMA_DEG = 2.0
+"""Standard deviation of up by the pitch that a drone states. Assumed: gimbals hold a hundredth of a
+degree, but their horizon drifts by one or two, which pilots correct by hand.
+"""
+
 _SLOPE_OF_ROOMS_DEG = 0.5  # sigma of a floor's normal from up: floors of rooms are level
 _SLOPE_OUTDOORS_DEG = 4.0  # the same of streets and lawns, which slope
-_OUTDOORS = ("ground", "vegetation", "water", "sky")
-_INDOORS = ("floor", "rug", "ceiling", "wall", "seat", "bed", "table", "cabinet")
+_LEAST_SURE_DEG = 7.0  # a less sure witness turns no floor: floors of rooms are 2 degrees off (rms)
 
 
 @dataclass(frozen=True)
@@ -58,11 +66,31 @@ def up_of_pointmap(pointmap: Pointmap) -> Up | None:
     return Up(direction, float(pointmap.up_sigma), pointmap.up_source)
 
 
+def with_up_of_file(pointmap: Pointmap, stated: FloatArray | None) -> tuple[Pointmap, str]:
+    """Return a point map whose up is also told by that of the photo's file, (3,) or None, and a
+    warning where they contradict each other, or "".
+    """
+    if stated is None:
+        return pointmap, ""
+    gimbal = Up(torch.from_numpy(stated), GIMBAL_SIGMA_DEG, "the gimbal")
+    seen = up_of_pointmap(pointmap)
+    both = gimbal if seen is None else fused_up([gimbal, seen])
+    warning = ""
+    if seen is not None and apart(gimbal, seen) > DISAGREE:
+        off = angle_deg(gimbal.direction, seen.direction)
+        warning = (
+            f"the pitch of the drone's gimbal contradicts the {seen.source} of the photo by "
+            f"{off:.0f} degrees: was the photo cropped or turned?"
+        )
+    known = replace(pointmap, up=both.direction.numpy(), up_sigma=both.sigma, up_source=both.source)
+    return known, warning
+
+
 def slope_sigma(labels: SurfaceLabels | None) -> float:
     """Return the standard deviation of the floor's normal from up by the labels of a photo."""
     if labels is None:
         return _SLOPE_OUTDOORS_DEG
-    outdoors, indoors = (float(labels.mask(*names).mean()) for names in (_OUTDOORS, _INDOORS))
+    outdoors, indoors = labels.shares_of_place
     share = (outdoors + 1e-3) / (outdoors + indoors + 1e-3)
     return _SLOPE_OF_ROOMS_DEG + share * (_SLOPE_OUTDOORS_DEG - _SLOPE_OF_ROOMS_DEG)
 
@@ -105,7 +133,7 @@ def level_plane(plane: PlaneFit, up: Up | None, slope: float, ray: Tensor) -> Pl
 
     Returns:
         The floor; where it contradicts up it is not turned, and its error is the angle between
-        them.
+        them. Where up is too unsure it is as it was.
     """
     if up is None:
         return plane
@@ -114,6 +142,8 @@ def level_plane(plane: PlaneFit, up: Up | None, slope: float, ray: Tensor) -> Pl
     if apart(own, level) > DISAGREE:
         off = math.hypot(own.sigma, angle_deg(own.direction, up.direction))
         return replace(plane, pitch_sigma=math.radians(off))
+    if up.sigma >= _LEAST_SURE_DEG:
+        return plane
     both = fused_up([own, level])
     sigma = math.radians(both.sigma)
     normal = both.direction.to(plane.normal)

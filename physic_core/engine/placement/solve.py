@@ -11,10 +11,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from physic_core.body.joints import joint_pair
+from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.engine.placement.method import PlacementMethod
 from physic_core.engine.placement.terms import PlacementProblem
 from physic_core.engine.sizes.known_sizes import KnownGeometry, size_by_scene
@@ -24,6 +26,7 @@ from physic_core.geometry.alignment import Alignment, apply_alignment, fit_align
 from physic_core.geometry.pointmap import depth_to_pointmap
 from physic_core.geometry.tensors import all_finite, dilate_square, quantiles, tensor
 from physic_core.types import Pointmap
+from physic_core.types.observations import POSTURES
 
 _FAR_M = 50.0  # maximum background depth used by the alignment
 _MARGIN_PX = 8
@@ -39,8 +42,12 @@ def solve_placement(estimates: Estimates, state: State, method: PlacementMethod)
     if state.known is not None and state.known.unscaled is not None:
         state = _resized(estimates, state, state.known, feet_seen, method)
     if method.stance and state.stance is not None:
-        feet_seen = feet_seen & ~torch.from_numpy(state.stance.in_air).to(feet_seen.device)
-        state = replace(state, touch=torch.from_numpy(state.stance.touch).to(state.transl))
+        touch = torch.from_numpy(state.stance.touch).to(state.transl)
+        rides = tensor(np.nan_to_num(estimates.observations.posture[:, POSTURES.index("ride")]))
+        # feet on pedals or in stirrups touch, but not the ground
+        touch[:, :2] *= 1 - (rides.to(touch) * touch[:, 4])[:, None]
+        feet_seen = feet_seen & (touch[:, :2] >= LEAST_PROBABILITY).any(1)
+        state = replace(state, touch=touch)
     return _place(estimates, state, feet_seen, method)
 
 

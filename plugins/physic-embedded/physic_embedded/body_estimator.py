@@ -105,7 +105,7 @@ class EmbeddedBodies(BodyEstimator):
         from physic_core.body.bones import parameters_from_rotations
         from physic_core.types import Bodies, Observations
         from physic_core.types.observations import POSTURES
-        from physic_embedded.body_fit.fit import fit_outlines
+        from physic_embedded.body_fit.fit import fit_outlines, lifted_limbs
         from physic_embedded.body_fit.hidden_legs import (
             legs_hidden,
             pitch_sigma,
@@ -148,7 +148,10 @@ class EmbeddedBodies(BodyEstimator):
             if trunk.any() and keypoints.depth_sigma is None:
                 fit, upright = self._upright(fit, observations, camera, skeleton, up, trunk)
             pairs = outline_pairs(self._model, fit, observations, people, camera, hints.original)
-            fit = fit_outlines(self._model, fit, without_legs(self._model, pairs, cut))
+            lifted = None
+            if observations.world is not None and keypoints.depth_sigma is None:
+                lifted = lifted_limbs(fit, observations, skeleton, camera, known, cut)
+            fit = fit_outlines(self._model, fit, without_legs(self._model, pairs, cut), lifted)
         rotation_sigma = None
         if keypoints.depth_sigma is not None:
             with torch.enable_grad(), limited_threads():

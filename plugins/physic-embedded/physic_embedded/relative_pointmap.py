@@ -15,7 +15,7 @@ from physic_core.adapters.pictures import dilate, resize_map
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options, RelativePointmap
 from physic_core.types import CameraTrust, Intrinsics, Pointmap
-from physic_embedded.networks.depth_anything import predict_disparity
+from physic_embedded.networks.depth_anything import patch_tokens, predict_disparity
 from physic_embedded.networks.line_segments import detect_line_segments, segments_outside_mask
 from physic_embedded.networks.sessions import PackagedBackend, Products, open_packaged_session
 from physic_embedded.single_view.disparity_floor import fit_disparity_floor
@@ -26,8 +26,14 @@ from physic_embedded.single_view.focal import (
     focal_of_segments,
     manhattan_frame,
 )
-from physic_embedded.single_view.gravity import UpInPhoto, up_of_edges
-from physic_embedded.single_view.pitch import pitch_from_segments
+from physic_embedded.single_view.gravity import (
+    PICTURE_PATCHES,
+    PICTURE_SIDE_PX,
+    UpInPhoto,
+    fitted_numbers,
+    up_of_edges,
+    up_of_tokens,
+)
 from physic_embedded.single_view.upright import body_planes, wall_planes
 
 if TYPE_CHECKING:
@@ -46,8 +52,6 @@ _MIN_RELIABLE_GAP = 0.01  # ranges; beyond, the noise of the network is larger t
 
 _SURE_FOCAL_SIGMA = 0.1  # of log focal length: up to it, vanishing points count as an estimate
 _DOUBTFUL_FACTOR = 3.0  # by which the background may be off; a fifth of the photos exceed it
-_OUTDOORS = ("sky", "vegetation", "ground", "water")
-_INDOORS = ("floor", "rug", "ceiling", "seat", "bed", "table", "cabinet")
 _FEW_LABELS = 0.1  # share of the photo; fewer labels say less
 _HORIZON_GAP = 0.03  # of the photo's height, between the labels of sky and ground
 _HORIZON_SHARE = 0.15  # of the photo's columns that show it
@@ -148,6 +152,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
                 )
             frame, up = _directions(segments, camera, hints)
             estimate = _disparity_at_infinity(raw, camera, hints, frame, up)
+            up = up or self._up_by_look(image)
             infinity = estimate.disparity
             disparity_sigma = estimate.disparity_sigma
             factor = float(np.exp(estimate.sigma))
@@ -188,6 +193,14 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             up_sigma=None if up is None else up.sigma,
             up_source="" if up is None else up.source,
         )
+
+    def _up_by_look(self, image: NDArray[np.uint8]) -> UpInPhoto:
+        """Return up by the look of an inpainted photo."""
+        network = self.network[_DEPTH]
+        tokens = patch_tokens(
+            network.name, lambda _: network, image, PICTURE_SIDE_PX, PICTURE_PATCHES
+        )
+        return up_of_tokens(tokens, fitted_numbers())
 
     def _camera(
         self, image: NDArray[np.uint8], hints: Hints
@@ -239,10 +252,8 @@ def _directions(
     """
     if segments is None:
         return None, None
-    view = segments, camera.width, camera.height, camera.fx
-    pitch = pitch_from_segments(*view, focal_sigma=camera.focal_sigma or 0.0)
-    frame = manhattan_frame(*view)
-    return frame, up_of_edges(frame, pitch, _open_air(hints))
+    frame = manhattan_frame(segments, camera.width, camera.height, camera.fx)
+    return frame, up_of_edges(frame, _open_air(hints))
 
 
 def _disparity_at_infinity(
@@ -283,7 +294,7 @@ def _open_air(hints: Hints) -> float:
     labels = None if hints.people is None else hints.people.surfaces
     if labels is None:
         return 0.0
-    outdoors, indoors = (float(labels.mask(*names).mean()) for names in (_OUTDOORS, _INDOORS))
+    outdoors, indoors = labels.shares_of_place
     return (outdoors - indoors) / (outdoors + indoors + _FEW_LABELS)
 
 

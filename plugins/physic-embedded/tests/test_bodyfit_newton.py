@@ -19,6 +19,7 @@ from physic_embedded.body_fit.observations import BodyObservations
 from physic_embedded.body_fit.problem import (
     FloorConstraint,
     InitialPose,
+    LiftedLimbs,
     OutlinePairs,
     fit_problem,
     with_outlines,
@@ -102,7 +103,7 @@ def test_no_person_moves_where_the_loss_is_nan():
 
 
 def two_people(*, landmarks):
-    """Two people of random keypoints, with all terms: a floor, level feet, outlines."""
+    """Two people of random keypoints, with all terms: a floor, level feet, outlines, limbs."""
     rng = np.random.default_rng(0)
     skeleton = skeleton_named("coco23")
     shape = (2, len(skeleton))
@@ -140,6 +141,10 @@ def two_people(*, landmarks):
             torch.from_numpy(rng.normal(0, 0.003, (*pairs, 2))),
             torch.from_numpy(rng.uniform(-1, 0.5, pairs)),
             torch.ones(pairs, dtype=torch.float64),
+        ),
+        LiftedLimbs(
+            torch.from_numpy(rng.normal(0, 0.4, (2, 12, 3))),
+            torch.from_numpy(rng.uniform(0, 1, (2, 12))),
         ),
     )
 

@@ -7,7 +7,6 @@ from scipy.spatial.transform import Rotation
 from physic_embedded.networks.line_segments import segments_outside_mask
 from physic_embedded.single_view.focal import focal_of_segments, manhattan_frame
 from physic_embedded.single_view.gravity import up_of_edges
-from physic_embedded.single_view.pitch import pitch_from_segments
 
 WIDTH = 800
 HEIGHT = 600
@@ -64,11 +63,6 @@ def frame_of(segments):
     return manhattan_frame(segments, WIDTH, HEIGHT, 560.0)
 
 
-def pitch_of(segments, **options):
-    """Estimate the pitch and its sigma, degrees."""
-    return pitch_from_segments(segments, WIDTH, HEIGHT, 700.0, **options)
-
-
 @pytest.mark.parametrize(("focal", "seed"), [(480.0, 1), (700.0, 2), (1100.0, 3)])
 def test_focal_length_comes_back_from_edges_of_a_room(focal, seed):
     found, sigma = focal_of(edges_of_a_room(focal, count=90, noise=0.5, clutter=30, seed=seed))
@@ -115,46 +109,23 @@ def test_the_directions_of_a_room_come_back_from_its_edges_and_mirrored():
     assert 0 < frame_of(edges_of_a_room(clutter=120))[1] < trust < 1
 
 
-@pytest.mark.parametrize("pitch", [-8.0, 0.0, 14.0])
-def test_upright_edges_give_the_pitch(pitch):
-    turn = turned("xz", pitch, 3)
-    found, sigma = pitch_of(edges_of_a_room(700.0, turn, noise=0.4, seed=7))
-    down = turn[:, 1]
-    assert found == pytest.approx(np.degrees(np.arctan2(down[2], down[1])), abs=1.2)
-    assert 1.5 <= sigma < 3
-
-
 @pytest.mark.parametrize(("open_air", "most"), [(-0.8, 2.5), (0.8, 8.0)])
 def test_up_is_the_vertical_of_a_room_and_less_sure_outdoors(open_air, most):
     segments = edges_of_a_room()
     frame = frame_of(segments)
-    found = up_of_edges(frame, None, open_air)
+    found = up_of_edges(frame, open_air)
     wanted = ROOM[:, 1]
     assert np.degrees(np.arccos(abs(found.up @ wanted))) < 1.5
     assert found.up[1] < 0 < found.sigma < most
     assert found.sigma > most / 3
-    other = up_of_edges(frame_of(mirrored(segments)), None, open_air)
+    other = up_of_edges(frame_of(mirrored(segments)), open_air)
     assert other.up * [-1, 1, 1] == pytest.approx(found.up, abs=1e-6)
 
 
-def test_upright_edges_tell_up_where_there_is_no_trusted_frame():
-    doubtful = np.eye(3), 0.1
-    found = up_of_edges(doubtful, (12.0, 2.0), 0.0)
-    assert found.pitch[0] == pytest.approx(12)
-    assert found.sigma > 5
-    assert up_of_edges(doubtful, None, 0.0) is None
+def test_a_doubtful_or_steep_frame_does_not_tell_up():
+    assert up_of_edges((np.eye(3), 0.1), 0.0) is None
     steep = Rotation.from_euler("x", 45, degrees=True).as_matrix(), 0.9
-    assert up_of_edges(steep, None, -1.0) is None
-
-
-def test_the_mirrored_picture_has_the_same_pitch():
-    segments = edges_of_a_room(700.0, turned("xz", 8, 3), clutter=40, seed=7)
-    assert pitch_of(mirrored(segments)) == pytest.approx(pitch_of(segments), abs=1e-6)
-
-
-def test_a_default_focal_length_makes_a_steep_pitch_less_sure():
-    segments = edges_of_a_room(700.0, turned("x", 15), noise=0.2, clutter=0, seed=8)
-    assert pitch_of(segments, focal_sigma=0.25)[1] > pitch_of(segments)[1] + 2
+    assert up_of_edges(steep, -1.0) is None
 
 
 def test_segments_in_the_made_up_part_are_left_out():

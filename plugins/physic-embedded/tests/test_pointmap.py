@@ -258,6 +258,14 @@ def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene):
     assert wall == "a wall"
 
 
+def test_up_is_told_by_edges_of_a_room_else_by_the_look_of_the_picture(backend, image, scene):
+    assert scene.up_source == "edges in three directions"
+    blurred = cv2.GaussianBlur(image, (0, 0), 4)
+    found = backend.infer(blurred, Hints(hole=np.zeros((240, 320), bool)))
+    assert found.up_source == "look of the picture"
+    assert np.degrees(np.arccos(found.up @ scene.up)) < 2 * found.up_sigma
+
+
 def test_the_horizon_is_where_labels_of_sky_and_water_meet(backend, image):
     labels = np.full((240, 320), SURFACE_NAMES.index("water"), np.uint8)
     labels[:100] = SURFACE_NAMES.index("sky")

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body import JOINT_NAMES, PARENTS
+from physic_mock.noise import HIDDEN_FACTOR, LEAN_DEG, LIMB_SHARE, PLANE_DEG, TRUNK_FACTOR
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -23,22 +24,16 @@ if TYPE_CHECKING:
 BONES = 22
 """Number of body joints; each rotates the bone that follows it."""
 
-_TRUNK = ("pelvis", "spine1", "spine2", "spine3", "neck", "head", "left_collar", "right_collar")
-_ENDS = {
-    "hip": "leg",
-    "knee": "leg",
-    "ankle": "leg",
-    "foot": "leg",
-    "shoulder": "arm",
-    "elbow": "arm",
-    "wrist": "arm",
-}
+_ARM = ("shoulder", "elbow", "wrist")
+_LEG = ("hip", "knee", "ankle", "foot")
 
 
 def _limb(joint: str) -> str:
     """Return the limb of a joint."""
     side, _, name = joint.partition("_")
-    return "trunk" if joint in _TRUNK else f"{side} {_ENDS[name]}"
+    if name in _ARM:
+        return f"{side} arm"
+    return f"{side} leg" if name in _LEG else "trunk"
 
 
 LIMBS = tuple(_limb(name) for name in JOINT_NAMES[:BONES])
@@ -60,44 +55,25 @@ def line_of_sight_axes(point: FloatArray) -> FloatArray:
     return np.stack([across, np.cross(line, across), line])
 
 
-def hidden_bones(joints_visible: BoolArray) -> BoolArray:
-    """Return whether (22,) bool the child joint of each bone is hidden."""
-    ends: BoolArray = joints_visible[_FIRST_CHILD]
-    return ~ends
-
-
 def draw_bone_errors(
-    sight: FloatArray,
-    hidden: BoolArray,
-    lean_deg: float,
-    plane_deg: float,
-    limb_share: float,
-    hidden_factor: float,
-    trunk_factor: float,
-    rng: np.random.Generator,
+    sight: FloatArray, joints_visible: BoolArray, size: float, rng: np.random.Generator
 ) -> FloatArray:
     """Draw the errors of one person's bones as rotation vectors (22, 3), camera frame, radians; 0
     for the root.
 
     Args:
         sight: result of :func:`line_of_sight_axes`.
-        hidden: (22,) bool.
-        lean_deg: standard deviation about each of the two axes across the line of sight.
-        plane_deg: standard deviation about the line of sight.
-        limb_share: share of the variance that is common to all bones of a limb.
-        hidden_factor: factor on the errors of hidden bones.
-        trunk_factor: factor on the errors of trunk, neck and head.
+        joints_visible: (J,) bool; a bone is hidden if the joint at its end is.
+        size: factor on all errors.
         rng: random generator.
     """
     common = rng.normal(size=(len(set(LIMBS)), 3))
     own = rng.normal(size=(BONES, 3))
-    draws = np.sqrt(limb_share) * common[_LIMB_NUMBER] + np.sqrt(1 - limb_share) * own
-    factor = np.where(hidden, hidden_factor, 1.0) * np.where(
-        np.array(LIMBS) == "trunk", trunk_factor, 1.0
-    )
-    errors: FloatArray = (
-        (draws * np.radians([lean_deg, lean_deg, plane_deg])) @ sight * factor[:, None]
-    )
+    draws = np.sqrt(LIMB_SHARE) * common[_LIMB_NUMBER] + np.sqrt(1 - LIMB_SHARE) * own
+    factor = np.where(joints_visible[_FIRST_CHILD], 1.0, HIDDEN_FACTOR)
+    factor = factor * np.where(np.array(LIMBS) == "trunk", TRUNK_FACTOR, 1.0)
+    sigmas = np.radians([size * LEAN_DEG, size * LEAN_DEG, size * PLANE_DEG])
+    errors: FloatArray = (draws * sigmas) @ sight * factor[:, None]
     errors[0] = 0.0
     return errors
 

@@ -44,16 +44,11 @@ class MockContactPrior(interfaces.ContactPrior):
         found = recognise_world(image)
         rows = match_masks_to_world(found, people)
         world = found.world
-        probability = (
-            _fixed_parts(world, bodies)
-            if self.options.noise
-            else np.where(world.contact[rows], _TOUCHES, 1 - _TOUCHES)
-        )
-        rest = (
-            None
-            if bodies.body_model == world.body_model
-            else rest_mesh_of_model(load_body(world.body_model))
-        )
+        probability = np.where(world.contact[rows], _TOUCHES, 1 - _TOUCHES)
+        if self.options.noise:
+            probability = _fixed_parts(world, bodies)
+        is_own = bodies.body_model == world.body_model
+        rest = None if is_own else rest_mesh_of_model(load_body(world.body_model))
         return ContactProbability(probability.astype(np.float32), world.topology, rest)
 
 
@@ -82,17 +77,15 @@ def _fixed_parts(world: World, bodies: Bodies) -> FloatArray:
     from physic_core.body.joints import JOINT_INDEX
 
     model = load_body(world.body_model)
-    probability = np.zeros((len(bodies.parameters), model.num_vertices), np.float32)
+    count = len(bodies.parameters)
+    probability = np.zeros((count, model.num_vertices), np.float32)
     hips = bodies.parameters.body_pose.reshape(-1, 21, 3)[:, :2]
     bent = np.linalg.norm(hips, axis=-1).mean(1) > _BENT_HIPS
-    seen = (
-        np.ones((len(bodies.parameters), len(JOINT_INDEX)), bool)
-        if bodies.observed is None
-        else bodies.observed
-    )
+    seen = bodies.observed
+    if seen is None:
+        seen = np.ones((count, len(JOINT_INDEX)), bool)
     for name, (value, joints) in _FIXED_PARTS.items():
-        rows = model.contact_sets[name].numpy()
         shown = seen[:, [JOINT_INDEX[joint] for joint in joints]].any(1)
-        for i in np.flatnonzero(shown & (bent if name in _SEAT else True)):
-            probability[i, rows] = np.maximum(probability[i, rows], value)
+        part = np.ix_(shown & bent if name in _SEAT else shown, model.contact_sets[name].numpy())
+        probability[part] = np.maximum(probability[part], value)
     return probability

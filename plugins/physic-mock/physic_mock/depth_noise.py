@@ -9,42 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_mock.noise import smooth_image
-
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
 
 _EDGE_RATIO = 1.06  # farthest over nearest depth among 3 x 3 pixels
 _REACH = 2.0  # a blur_depth_edges edge fades out over this many of its widths
-
-
-def add_smooth_noise(
-    depth: FloatArray, sigma: float, waves: float, rng: np.random.Generator
-) -> FloatArray:
-    """Multiply a depth map by a smooth random factor whose logarithm has the standard deviation
-    ``sigma``.
-
-    The factor has about ``waves`` waves across the longer side.
-    """
-    factor: FloatArray = np.exp(sigma * smooth_image(depth.shape, waves, rng))
-    return depth * factor
-
-
-def add_hole_noise(
-    depth: FloatArray, hole: BoolArray | None, sigma: float, waves: float, rng: np.random.Generator
-) -> FloatArray:
-    """Multiply the depth of the inpainted pixels (H, W) by smooth noise that increases from zero at
-    their border.
-    """
-    import cv2
-
-    waves_inside = smooth_image(depth.shape, waves, rng)
-    if hole is None or sigma == 0 or not hole.any():
-        return depth
-    inside = cv2.distanceTransform(hole.astype(np.uint8), cv2.DIST_L2, 5)
-    ramp = np.minimum(inside / max(1.0, 0.02 * max(depth.shape)), 1.0)
-    result: FloatArray = depth * np.exp(sigma * ramp * waves_inside)
-    return result
 
 
 def flatten_relief(

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body import JOINT_INDEX
-from physic_mock.noise import bernoulli, roughen_border, scale_to_image
+from physic_mock.noise import Noise, scale_to_image
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
-    from physic_testing.worlds import World
 
 LIMB_ENDS = ("left_wrist", "right_wrist", "left_ankle", "right_ankle")
 """Joints at the start of hands and feet."""
@@ -21,19 +20,17 @@ _FOOT_RADIUS_M = 0.09  # round the line from ankle to toes
 
 
 def remove_hands_and_feet(
-    mask: BoolArray, world: World, person: int, share: float, noise: float, rng: np.random.Generator
+    mask: BoolArray, noise: Noise, person: int, rng: np.random.Generator
 ) -> BoolArray:
-    """Return the mask (H, W) without some hands and feet, each missing with probability ``share *
-    noise``.
-    """
-    missed = bernoulli(share, noise, rng.random(len(LIMB_ENDS)))
+    """Return the mask (H, W) of a person without some hands and feet."""
+    missed = noise.happens("missed ends", rng.random(len(LIMB_ENDS)))
     if not missed.any():
         return mask.copy()
     rows, columns = np.nonzero(mask)
-    points = world.points(people=True)[rows, columns].astype(np.float64)
+    points = noise.world.points(people=True)[rows, columns].astype(np.float64)
     kept = mask.copy()
     for name in np.array(LIMB_ENDS)[missed]:
-        beads, radius = _limb_end_points(world.joints[person].astype(np.float64), str(name))
+        beads, radius = _limb_end_points(noise.world.joints[person].astype(np.float64), str(name))
         near = np.linalg.norm(points[:, None] - beads, axis=2).min(axis=1) < radius
         kept[rows[near], columns[near]] = False
     return kept
@@ -54,35 +51,25 @@ def _limb_end_points(joints: FloatArray, end: str) -> tuple[FloatArray, float]:
 
 
 def add_stray_disc(
-    mask: BoolArray, size_px: float, share: float, noise: float, rng: np.random.Generator
+    mask: BoolArray, noise: Noise, size_px: float, rng: np.random.Generator
 ) -> BoolArray:
-    """Add, with probability ``share`` times ``noise``, a disc at the border of a mask (H, W)."""
-    happens = bernoulli(share, noise, rng.random(1))[0]
+    """Return the mask (H, W) of a person, some with a disc at the border."""
+    happens = noise.happens("strays", rng.random(1))[0]
     radius = size_px * rng.uniform(0.03, 0.07)
     pick = rng.random()
     return mask | _disc_on_border(mask, radius, pick) if happens else mask.copy()
 
 
-def draw_floor_mask(
-    floor: BoolArray, ragged_px: float, spills: float, noise: float, rng: np.random.Generator
-) -> BoolArray:
-    """Return a floor mask (H, W) with a rough border, false patches and missing patches.
-
-    Args:
-        floor: true pixels.
-        ragged_px: standard deviation of the border, px.
-        spills: mean number of false patches, and of missing patches; multiplied by ``noise``.
-        noise: factor on the numbers of patches.
-        rng: random generator.
-    """
-    rough = roughen_border(floor, ragged_px, rng)
+def draw_floor_mask(floor: BoolArray, noise: Noise, rng: np.random.Generator) -> BoolArray:
+    """Return a floor mask (H, W) with a rough border, false patches and missing patches."""
+    rough = noise.rough_border(floor, rng)
     counts = rng.random((2, 8))
     picks = rng.random((2, 8))
     radii = scale_to_image(1.0, floor.shape) * rng.uniform(8, 30, (2, 8))
-    happens = bernoulli(spills / 8, noise, counts)
-    for takes_in in (True, False):
-        for i in np.flatnonzero(happens[int(takes_in)]):
-            bit = _disc_on_border(floor, radii[int(takes_in), i], picks[int(takes_in), i])
+    happens = noise.happens("spills", counts)
+    for takes_in in (1, 0):
+        for i in np.flatnonzero(happens[takes_in]):
+            bit = _disc_on_border(floor, radii[takes_in, i], picks[takes_in, i])
             rough = rough | bit if takes_in else rough & ~bit
     return rough
 

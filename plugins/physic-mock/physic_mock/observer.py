@@ -9,7 +9,7 @@ import numpy as np
 from physic_core import interfaces
 from physic_core.types import POSTURES, Observations
 from physic_core.types.skeletons import SIDES
-from physic_mock.noise import seeded_rng
+from physic_mock.noise import FLEXION_DEG, LOG_ODDS, LOG_ODDS_SIGMA, Noise
 from physic_mock.recognition import MockOptions, match_masks_to_world, recognise_world
 from physic_testing.conformance.truth import true_flexion, true_touch
 
@@ -17,10 +17,6 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Keypoints, People, UInt8Array
     from physic_testing.worlds import World
 
-# With a noise of 1, log odds are calibrated, with an AUC of .96.
-_LOG_ODDS = 3.0  # of what is true
-_LOG_ODDS_SIGMA = np.sqrt(2 * _LOG_ODDS)
-_FLEXION_DEG = (2.0, 18.0)  # standard deviation without noise; what a noise of 1 adds
 _CHILD_YEARS = 12
 
 
@@ -41,23 +37,24 @@ class MockPersonObserver(interfaces.PersonObserver):
         Raises:
             BackendError: the image shows no world, or a person is not in it.
         """
-        noise = self.options.noise
         found = recognise_world(image)
         rows = match_masks_to_world(found, people)
         world = found.world
-        rng = seeded_rng(world, self.options.noise_seed, "observations")
+        noise = Noise(world, self.options)
+        rng = noise.rng("observations")
 
         def log_odds(truth: BoolArray) -> FloatArray:
-            drawn = noise * _LOG_ODDS_SIGMA * rng.normal(size=truth.shape)
-            return np.asarray(np.where(truth, _LOG_ODDS, -_LOG_ODDS) + drawn)[rows]
+            drawn = noise.factor * LOG_ODDS_SIGMA * rng.normal(size=truth.shape)
+            return np.asarray(np.where(truth, LOG_ODDS, -LOG_ODDS) + drawn)[rows]
 
         def probability(truth: BoolArray) -> FloatArray:
             return np.asarray(1 / (1 + np.exp(-log_odds(truth))), np.float32)
 
         touch = true_touch(world)
         bent = true_flexion(world)
-        least, added = _FLEXION_DEG
-        drawn = noise * added * rng.normal(size=bent.shape)
+        least, added = FLEXION_DEG
+        added *= noise.factor
+        drawn = added * rng.normal(size=bent.shape)
         posture = np.full((len(rows), len(POSTURES)), np.nan, np.float32)
         if (name := world.name.partition("_")[0]) in POSTURES:
             truth = np.tile(np.array(POSTURES) == name, (len(bent), 1))
@@ -71,7 +68,7 @@ class MockPersonObserver(interfaces.PersonObserver):
             in_air=probability(nothing),
             child=probability(np.asarray(world.ages < _CHILD_YEARS)),
             flexion=np.clip(bent + drawn, 0, 180)[rows].astype(np.float32),
-            flexion_sigma=np.full((len(rows), 4), np.hypot(least, noise * added), np.float32),
+            flexion_sigma=np.full((len(rows), 4), np.hypot(least, added), np.float32),
             posture_share=np.full(len(POSTURES), 1 / len(POSTURES), np.float32),
             touch_share=np.full(touch.shape[1], 0.5, np.float32),
             holds_share=np.full(2, 0.5, np.float32),

@@ -8,22 +8,16 @@ import numpy as np
 from pydantic import Field
 
 from physic_core import interfaces
+from physic_core.adapters.people import boxes_from_masks
 from physic_core.types import SURFACE_NAMES, People, SurfaceLabels
 from physic_mock.fill import fill_from_surroundings
 from physic_mock.mask_noise import add_stray_disc, draw_floor_mask, remove_hands_and_feet
-from physic_mock.noise import bernoulli, roughen_border, scale_to_image, seeded_rng
+from physic_mock.noise import Noise
 from physic_mock.recognition import MockOptions, recognise_world
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, FloatArray, UInt8Array
+    from physic_core.types import BoolArray, UInt8Array
     from physic_mock.recognition import RecognisedWorld
-
-
-_RAGGED_PX = 1.2  # how far the masks' borders stray, of a photo 640 px wide
-_MISSED_ENDS = 0.04  # share of hands and feet that the masks miss
-_STRAYS = 0.15  # share of people whose mask takes in a bit of what is beside them
-_MISSED_FLOORS = 0.22  # share of photos whose floor is not found
-_SPILLS = 1.5  # mean number of bits of other things in the floor's mask, and of bits that it lacks
 
 
 class SegmenterOptions(MockOptions):
@@ -56,56 +50,52 @@ class MockSegmenter(interfaces.Segmenter):
             BackendError: the image shows no world.
         """
         found = recognise_world(image)
+        noise = Noise(found.world, self.options)
         taken = np.zeros(image.shape[:2], bool)
         masks: list[BoolArray] = []
-        for i in _found_people(found, self.options):
-            stray = _person(found, int(i), self.options) & ~taken
-            if stray.any():
-                masks.append(stray)
-                taken |= stray
-        scores = 0.95 - 0.02 * np.arange(len(masks))
+        for i in _found_people(found, noise, self.options):
+            mask = _person(noise, i) & ~taken
+            if mask.any():
+                masks.append(mask)
+                taken |= mask
+        stacked = np.array(masks, bool).reshape(-1, *image.shape[:2])
         return People(
-            masks=np.stack(masks) if masks else np.zeros((0, *image.shape[:2]), bool),
-            boxes=np.array([_box(mask) for mask in masks]).reshape(-1, 4),
-            scores=scores,
-            floor=_floor(found, self.options),
+            masks=stacked,
+            boxes=boxes_from_masks(stacked),
+            scores=0.95 - 0.02 * np.arange(len(masks)),
+            floor=_floor(found, noise),
             surfaces=_surfaces(found) if self.options.surfaces else None,
             heads=np.ones(len(masks), int),
         )
 
 
-def _found_people(found: RecognisedWorld, options: SegmenterOptions) -> list[int]:
+def _found_people(found: RecognisedWorld, noise: Noise, options: SegmenterOptions) -> list[int]:
     """Return the people that are present and not missed."""
-    present = [int(i) for i in np.flatnonzero(found.present)]
-    if not present:
-        return []
-    largest = max(present, key=lambda i: np.count_nonzero(found.world.masks[i]))
-    draws = seeded_rng(found.world, options.noise_seed, "missed people").random(len(found.present))
-    missed = bernoulli(options.missed_people, options.noise, draws)
+    present = np.flatnonzero(found.present).tolist()
+    draws = noise.rng("missed people").random(len(found.present))
+    missed = noise.happens(options.missed_people, draws)
+    sizes = found.world.masks.sum((1, 2))
+    largest = max(present, key=lambda i: sizes[i], default=None)
     return [i for i in present if i == largest or not missed[i]]
 
 
-def _person(found: RecognisedWorld, person: int, options: SegmenterOptions) -> BoolArray:
+def _person(noise: Noise, person: int) -> BoolArray:
     """Return the mask of one person with errors."""
-    world = found.world
-    noise = options.noise
-    rng = seeded_rng(world, options.noise_seed, f"mask of person {person}")
+    world = noise.world
+    rng = noise.rng(f"mask of person {person}")
     x0, y0, x1, y1 = world.boxes[person]
-    mask = roughen_border(
-        world.masks[person], noise * scale_to_image(_RAGGED_PX, found.people.shape), rng
-    )
-    whole = remove_hands_and_feet(mask, world, person, _MISSED_ENDS, noise, rng)
-    return add_stray_disc(whole, max(x1 - x0, y1 - y0), _STRAYS, noise, rng)
+    mask = noise.rough_border(world.masks[person], rng)
+    whole = remove_hands_and_feet(mask, noise, person, rng)
+    return add_stray_disc(whole, noise, max(x1 - x0, y1 - y0), rng)
 
 
-def _floor(found: RecognisedWorld, options: SegmenterOptions) -> BoolArray | None:
+def _floor(found: RecognisedWorld, noise: Noise) -> BoolArray | None:
     """Return the floor mask with errors; None if it is missed."""
-    rng = seeded_rng(found.world, options.noise_seed, "floor mask")
-    if bernoulli(_MISSED_FLOORS, options.noise, rng.random(1))[0]:
+    rng = noise.rng("floor mask")
+    if noise.happens("missed floors", rng.random(1))[0]:
         return None
     seen = found.world.empty_floor_mask & ~found.people
-    stray = options.noise * scale_to_image(_RAGGED_PX, seen.shape)
-    return draw_floor_mask(seen, stray, _SPILLS, options.noise, rng) & ~found.people
+    return draw_floor_mask(seen, noise, rng) & ~found.people
 
 
 def _surfaces(found: RecognisedWorld) -> SurfaceLabels:
@@ -141,10 +131,3 @@ class MockInpainter(interfaces.Inpainter):
         else:
             filled[mask] = world.empty_image[mask]
         return filled
-
-
-def _box(mask: BoolArray) -> FloatArray:
-    """Return the tight box x0 y0 x1 y1 of a mask, end exclusive."""
-    rows = np.flatnonzero(mask.any(axis=1))
-    columns = np.flatnonzero(mask.any(axis=0))
-    return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], np.float64)

@@ -16,10 +16,6 @@ from physic_mock.backends import (
     MockRelativePointmap,
     MockSegmenter,
 )
-from physic_mock.depths import MetricDepthOptions, RelativePointmapOptions
-from physic_mock.humans import BodyOptions
-from physic_mock.keypoints import KeypointOptions
-from physic_mock.recognition import MockOptions
 from physic_testing.worlds import labels, load_world
 
 pytestmark = pytest.mark.quick
@@ -53,7 +49,7 @@ def no_keypoints(count):
 
 
 def pose(world, **options):
-    estimator = MockBodyEstimator(BodyOptions(**options))
+    estimator = MockBodyEstimator(**options)
     count = len(world.masks)
     return estimator.infer(
         world.image, everyone(world), world.intrinsics, no_keypoints(count), Hints()
@@ -65,7 +61,7 @@ def test_the_answers_are_the_truth(world):
     np.testing.assert_array_equal(people.masks, world.masks)
     np.testing.assert_array_equal(people.boxes, world.boxes)
     np.testing.assert_array_equal(people.floor, world.floor_mask)
-    exact = MockKeypointDetector(KeypointOptions(skeleton="coco17")).infer(world.image, people)
+    exact = MockKeypointDetector(skeleton="coco17").infer(world.image, people)
     np.testing.assert_array_equal(exact.points, world.keypoints["coco17"])
     assert ((exact.confidence > 0.5) == world.visible["coco17"]).all()
     depth = MockMetricDepth().infer(world.image, Hints())
@@ -96,9 +92,7 @@ def test_the_answers_are_the_truth(world):
 def observed(name, **options):
     world = load_world(name)
     people = everyone(world)
-    return MockPersonObserver(MockOptions(**options)).infer(
-        world.image, people, no_keypoints(len(people))
-    )
+    return MockPersonObserver(**options).infer(world.image, people, no_keypoints(len(people)))
 
 
 @pytest.mark.parametrize(
@@ -133,8 +127,8 @@ def test_hips_and_knees_are_bent_as_in_the_world():
 def test_the_point_map_is_metric_once_its_unknowns_are_undone(world, unknown):
     scale = 1.7
     shift = -0.03
-    options = RelativePointmapOptions(unknown=unknown, scale=scale, shift=shift)
-    answer = MockRelativePointmap(options).infer(world.image, Hints())
+    network = MockRelativePointmap(unknown=unknown, scale=scale, shift=shift)
+    answer = network.infer(world.image, Hints())
     assert answer.unknown == unknown
     seen = np.isfinite(world.depth)
     np.testing.assert_array_equal(answer.valid, seen)
@@ -157,16 +151,14 @@ def test_the_point_map_is_metric_once_its_unknowns_are_undone(world, unknown):
 
 def test_a_drawn_shift_leaves_out_only_what_is_farthest(world):
     for noise_seed in range(4):
-        options = RelativePointmapOptions(noise=1, noise_seed=noise_seed)
-        answer = MockRelativePointmap(options).infer(world.image, Hints())
+        network = MockRelativePointmap(noise=1, noise_seed=noise_seed)
+        answer = network.infer(world.image, Hints())
         assert (answer.points[answer.valid, 2] > 0).all()
         assert (np.isfinite(world.depth) & ~answer.valid).mean() < 0.06
 
 
 def test_metric_depth_has_the_stated_scale_and_sigma(world):
-    depth = MockMetricDepth(MetricDepthOptions(scale=1.25, stated_sigma=0.2)).infer(
-        world.image, Hints()
-    )
+    depth = MockMetricDepth(scale=1.25, stated_sigma=0.2).infer(world.image, Hints())
     np.testing.assert_allclose(depth.depth, 1.25 * known(world.depth), rtol=1e-6)
     assert depth.scale_sigma == 0.2
     assert depth.notes == ("mock: true depth times 1.25",)
@@ -253,7 +245,7 @@ def test_contact_for_another_body_brings_the_worlds_mesh(two):
 def test_a_held_ball_is_in_the_photo_and_is_removed_with_its_mask():
     world = load_world("hold_ball")
     ball = world.item_masks[0]
-    exact = MockRelativePointmap(RelativePointmapOptions(unknown="scale"))
+    exact = MockRelativePointmap(unknown="scale")
     inpainter = MockInpainter()
     for hole, depth in (
         (world.masks.any(0), world.depth),

@@ -17,10 +17,7 @@ from physic_mock.backends import (
     MockPersonObserver,
     MockSegmenter,
 )
-from physic_mock.humans import BodyOptions
-from physic_mock.keypoints import KeypointOptions
-from physic_mock.pixels import SegmenterOptions
-from physic_mock.recognition import MockOptions
+from physic_mock.humans import log_stature_gradient
 from physic_testing.conformance.true_keypoints import world_keypoints
 from physic_testing.worlds import SKELETONS, load_world
 
@@ -37,16 +34,14 @@ def people_of(world):
 def bodies_of(world, camera=None, **options):
     people = people_of(world)
     keypoints = MockKeypointDetector().infer(world.image, people)
-    estimator = MockBodyEstimator(BodyOptions(**options))
+    estimator = MockBodyEstimator(**options)
     return estimator.infer(world.image, people, camera or world.intrinsics, keypoints, Hints())
 
 
 def test_ragged_masks_stay_near_the_truth():
     world = load_world("hug")
     for seed in range(5):
-        found = MockSegmenter(SegmenterOptions(noise=1, noise_seed=seed, missed_people=0)).infer(
-            world.image
-        )
+        found = MockSegmenter(noise=1, noise_seed=seed, missed_people=0).infer(world.image)
         for mask, truth in zip(found.masks, world.masks, strict=True):
             assert 0.7 < (mask & truth).sum() / (mask | truth).sum() < 0.995
 
@@ -58,8 +53,8 @@ def test_keypoints_have_the_stated_tails(world):
     error = []
     confidence = []
     for seed in range(300):
-        options = KeypointOptions(noise=1, noise_seed=seed)
-        found = MockKeypointDetector(options).infer(world.image, people_of(world))
+        detector = MockKeypointDetector(noise=1, noise_seed=seed)
+        found = detector.infer(world.image, people_of(world))
         error.append(np.linalg.norm(found.points - truth, axis=-1) / size)
         confidence.append(found.confidence)
     error = np.stack(error)
@@ -79,14 +74,11 @@ def test_keypoints_have_the_stated_tails(world):
 def test_bodies_have_the_stated_distance_and_stature(world):
     nearer = []
     taller = []
-    growth = None
+    growth = log_stature_gradient(world.body_model)
     for seed in range(200):
         found = bodies_of(world, noise=1, noise_seed=seed)
         own = world.joints[0, 0, 2] + found.parameters.transl[0, 2] - world.parameters.transl[0, 2]
         nearer.append(np.log(own / world.joints[0, 0, 2]))
-        from physic_mock.humans import _log_stature_gradient
-
-        growth = _log_stature_gradient(world.body_model) if growth is None else growth
         taller.append(growth @ (found.parameters.betas[0] - world.parameters.betas[0]))
     assert np.mean(nearer) == pytest.approx(-0.06, abs=0.015)
     assert np.std(nearer) == pytest.approx(np.hypot(0.045, 0.05), rel=0.15)
@@ -108,28 +100,21 @@ def test_a_wrong_focal_length_moves_bodies_along_the_ray_of_their_pixels(world):
 
 
 def test_the_contact_prior_of_fixed_parts_knows_nothing_of_the_truth(world):
-    from physic_core.body import load_body
-
     sets = load_body("embedded").contact_sets
     bodies = bodies_of(world)
     bodies = replace(bodies, observed=np.ones_like(bodies.observed))
-    prior = MockContactPrior(MockOptions(noise=1)).infer(world.image, people_of(world), bodies)
+    prior = MockContactPrior(noise=1).infer(world.image, people_of(world), bodies)
     assert (prior.probability[:, sets["left_sole"].numpy()] == 1).all()
     assert (prior.probability[:, sets["right_hand"].numpy()] == 0.5).all()
     assert (prior.probability[:, sets["back"].numpy()] == 0).all()  # who stands does not sit
     unseen = replace(bodies, observed=np.zeros_like(bodies.observed))
-    assert (
-        not MockContactPrior(MockOptions(noise=1))
-        .infer(world.image, people_of(world), unseen)
-        .probability.any()
-    )
+    prior = MockContactPrior(noise=1).infer(world.image, people_of(world), unseen)
+    assert not prior.probability.any()
 
 
 def test_noisy_observations_are_calibrated(world):
     found = [
-        MockPersonObserver(MockOptions(noise=1, noise_seed=seed)).infer(
-            world.image, people_of(world), None
-        )
+        MockPersonObserver(noise=1, noise_seed=seed).infer(world.image, people_of(world), None)
         for seed in range(200)
     ]
     said = np.stack([one.touch[0, :4] for one in found])  # feet, which touch, and hands

@@ -49,6 +49,19 @@ ONE = {"image": np.ones((1, 3, 2, 2)), "count": np.array(1)}
 
 
 class TestRunning:
+    def test_a_border_of_zeros_before_a_max_pool_stays_zero(self, graph, node, tmp_path):
+        nodes = [
+            node("Pad", ["map", "border"], ["padded"]),
+            node("MaxPool", ["padded"], ["peaks"], kernel_shape=[3, 3]),
+        ]
+        ports = ("float32", (1, 1, 4, 4))
+        border = {"border": np.array([0, 0, 1, 1, 0, 0, 1, 1])}
+        path = graph(tmp_path / "peaks.onnx", {"map": ports}, {"peaks": ports}, nodes, border)
+        (peaks,) = open_network(path, OnnxOptions(), "cpu").run(
+            {"map": np.full((1, 1, 4, 4), -1.0)}, ["peaks"]
+        )
+        assert peaks[0, 0].tolist() == [[0, 0, 0, 0], [0, -1, -1, 0], [0, -1, -1, 0], [0, 0, 0, 0]]
+
     def test_ports_tell_names_types_and_shapes(self, doubler):
         network = open_network(doubler(), OnnxOptions(), "cpu")
         assert network.name == "double.onnx"
@@ -150,7 +163,7 @@ class TestProviders:
         monkeypatch.setattr(
             onnxruntime,
             "InferenceSession",
-            lambda path, options, providers: session(path, options, providers=[CPU]),
+            lambda path, options, **_: session(path, options, providers=[CPU]),
         )
         with pytest.raises(DeviceError, match="could not start it"):
             open_network(doubler(), OnnxOptions(provider=provider), "cuda")

@@ -14,8 +14,16 @@ import numpy as np
 import torch
 from scipy.optimize import minimize
 
+from physic_embedded.body_fit.lifter import HIPS, LIMBS, lift
+from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 from physic_embedded.body_fit.newton import minimize_newton
-from physic_embedded.body_fit.problem import ITERATIONS, fit_problem, with_outlines
+from physic_embedded.body_fit.problem import (
+    ITERATIONS,
+    LIMB_ROWS,
+    LiftedLimbs,
+    fit_problem,
+    with_outlines,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -31,6 +39,7 @@ if TYPE_CHECKING:
         OutlinePairs,
     )
 
+    BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.floating]
 
 
@@ -91,20 +100,66 @@ def fit_bodies(
     return _body_fit(model, problem, minimize_newton(problem, unknowns[rows]))
 
 
-def fit_outlines(model: BodyModel, fit: FittedBodies, pairs: OutlinePairs) -> FittedBodies:
-    """Continue a fit of N people with pairs of points on the outlines of bodies and masks.
+def fit_outlines(
+    model: BodyModel, fit: FittedBodies, pairs: OutlinePairs, lifted: LiftedLimbs | None = None
+) -> FittedBodies:
+    """Continue a fit of N people with pairs of points on the outlines of bodies and masks, and with
+    what the lifter tells of their limbs.
 
-    The fit is a minimum without the pairs, so near to the one with them that Newton's method starts
-    there. People without a pair stay as they are.
+    The fit is a minimum without them, so near to the one with them that Newton's method starts
+    there. People without any stay as they are.
     """
-    rows = pairs.weight.any(1).nonzero()[:, 0]
+    told = pairs.weight.any(1)
+    if lifted is not None:
+        told = told | lifted.weight.any(1)
+    rows = told.nonzero()[:, 0]
     if not len(rows):
         return fit
-    problem = with_outlines(fit.problem, pairs)
+    problem = with_outlines(fit.problem, pairs, lifted)
     part = problem.select(rows)
     found = fit.unknowns.clone()
     found[rows] = minimize_newton(part, fit.unknowns[rows])
     return _body_fit(model, problem, found)
+
+
+def lifted_limbs(
+    fit: FittedBodies,
+    observations: BodyObservations,
+    skeleton: Skeleton,
+    camera: FloatArray,
+    up: FloatArray | None,
+    cut: BoolArray,
+) -> LiftedLimbs:
+    """Ask the lifter for the limbs of N fitted bodies, camera frame.
+
+    Args:
+        fit: the bodies.
+        observations: the keypoints that they were fitted to.
+        skeleton: joint set of the keypoints.
+        camera: (3, 3) intrinsics matrix, px.
+        up: (3,) unit vector, None where unknown.
+        cut: (N,) people whose legs are hidden: nothing is told of their knees and ankles.
+    """
+    index = keypoint_indices(skeleton)
+    columns = [index[name] for name in LIMBS]
+    joints = fit.joints.double().numpy()[:, LIMB_ROWS]
+    middle = joints[:, HIPS].mean(1, keepdims=True)
+    depth = (middle @ observations.turn)[:, 0, 2]
+    pixels = observations.points[:, columns]
+    rays = np.concatenate([pixels, np.ones_like(pixels[..., :1])], -1) @ np.linalg.inv(camera).T
+    seen = rays @ observations.turn
+    told = lift(
+        (joints - middle) @ observations.turn,
+        seen[..., :2] / seen[..., 2:] * depth[:, None, None],
+        observations.confidence[:, columns],
+        observations.turn.transpose(0, 2, 1) @ (np.zeros(3) if up is None else up),
+        depth,
+    )
+    weight = np.ones(told.shape[:2])
+    for row, name in enumerate(LIMBS):
+        if name.endswith(("knee", "ankle")):
+            weight[cut, row] = 0
+    return LiftedLimbs(torch.from_numpy(told), torch.from_numpy(weight))
 
 
 def _minimize_lbfgs(problem: FitProblem, unknowns: Tensor, iterations: int) -> Tensor:

@@ -14,6 +14,7 @@ from physic_core.body import JOINT_INDEX
 from physic_core.engine.sizes.stature import adult_shape
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_core.types.arrays import PER_PERSON, select_people
+from physic_embedded.body_fit.lifter import LIMBS
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 from physic_embedded.body_fit.observations import SIZE_STATURE_M
 from physic_embedded.body_fit.pose_prior import (
@@ -70,6 +71,8 @@ _LEVEL_SIGMA_M = 0.02
 _OUTLINE_SIGMA = 0.015  # distance between the outlines of body and mask, in sizes
 # Standard deviations at which a pair of outline points pulls most. Beyond, it is probably wrong.
 _OUTLINE_LIMIT = 2.0
+# Error of a lifted joint on motions that took no part in the fit of the lifter.
+_LIFTED_SIGMA_M = 0.05
 
 
 @dataclass(frozen=True)
@@ -118,6 +121,8 @@ _SMOOTH_MIN_SHARPNESS = 150.0  # per metre, of the smooth minimum
 _SHOULDERS, _HIPS = (
     [JOINT_INDEX[f"{side}_{name}"] for side in ("left", "right")] for name in ("shoulder", "hip")
 )
+LIMB_ROWS = [JOINT_INDEX[name] for name in LIMBS]
+"""Rows of the lifted joints in the joints of the body."""
 _KNEES = [JOINT_INDEX["left_knee"] - 1, JOINT_INDEX["right_knee"] - 1]  # without the pelvis
 _LEGS = ("hip", "knee", "ankle", "heel", "foot_tip", "big_toe", "small_toe")
 _TRUNK_LIMIT = 0.4  # radians from the vertical, of a trunk that is probably upright
@@ -160,6 +165,19 @@ class OutlinePairs:
 
 
 @dataclass(frozen=True)
+class LiftedLimbs:
+    """What the lifter tells of N people; joints of :data:`physic_embedded.body_fit.lifter.LIMBS`.
+
+    Attributes:
+        joints: (N, 12, 3) metres, relative to the middle of the hips, in the view's axes.
+        weight: (N, 12), zero for joints that do not count.
+    """
+
+    joints: Tensor = field(metadata=PER_PERSON)
+    weight: Tensor = field(metadata=PER_PERSON)
+
+
+@dataclass(frozen=True)
 class FitProblem:
     """Constant data of a body fit as tensors of the model's float type."""
 
@@ -191,6 +209,7 @@ class FitProblem:
     trunk: Tensor = field(metadata=PER_PERSON)
     upper: Tensor
     outlines: OutlinePairs | None = field(metadata=PER_PERSON)
+    lifted: LiftedLimbs | None = field(metadata=PER_PERSON)
     stature: Tensor
     adult: Tensor
 
@@ -315,6 +334,11 @@ class FitProblem:
         constraints = vertical + self.trunk * trunk + level
         if self.outlines is not None:
             constraints = constraints + self._outline_loss(self.outlines, outline)
+        if self.lifted is not None:
+            limbs = joints[:, LIMB_ROWS] - joints[:, _HIPS].mean(1, keepdim=True)
+            apart = (limbs @ self.turn - self.lifted.joints) / _LIFTED_SIGMA_M
+            robust = 9 * torch.log1p(apart.square().sum(-1) / 9)
+            constraints = constraints + (self.lifted.weight * robust).sum(1)
         return loss, constraints
 
     def _outline_loss(self, pairs: OutlinePairs, vertices: Tensor) -> Tensor:
@@ -407,6 +431,7 @@ def fit_problem(
         feet=tensor(feet),
         soles=(len(soles[0]), len(soles[1])),
         outlines=None,
+        lifted=None,
         upright=tensor(upright),
         trunk=tensor(trunk),
         upper=tensor([not any(part in name for part in _LEGS) for name in used]),
@@ -415,14 +440,16 @@ def fit_problem(
     )
 
 
-def with_outlines(problem: FitProblem, pairs: OutlinePairs) -> FitProblem:
+def with_outlines(
+    problem: FitProblem, pairs: OutlinePairs, lifted: LiftedLimbs | None
+) -> FitProblem:
     """Return a problem of N people to which pairs of points on the outlines of bodies and masks are
-    added.
+    added, and what the lifter tells.
     """
     model = problem.landmarks.body
     vertex_ids = torch.cat([*_soles(model), pairs.vertex_ids])
     landmarks = model.landmarks_only([problem.skeleton], vertex_ids)
-    return replace(problem, landmarks=landmarks, outlines=pairs)
+    return replace(problem, landmarks=landmarks, outlines=pairs, lifted=lifted)
 
 
 def _soles(model: BodyModel) -> list[Tensor]:

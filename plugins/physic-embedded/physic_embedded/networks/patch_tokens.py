@@ -33,6 +33,12 @@ class PatchTokens:
     patch: int
     photo: Letterbox
 
+    @property
+    def shown(self) -> NDArray[np.floating]:
+        """The tokens (h, w, C) of the patches that show the photo."""
+        (left, top), (right, bottom) = self._bounds()
+        return self.grid[top:bottom, left:right]
+
     def around(self, points: FloatArray, reach: int = 1) -> FloatArray:
         """Return the mean token (N, C) of the patches at most ``reach`` from the one at each point.
 

@@ -12,7 +12,7 @@ from physic_core.cli.arguments import Device, require_interface, with_current_fo
 from physic_core.cli.exit_codes import BACKEND, WEIGHTS
 from physic_core.cli.output import echo, echo_json, show_progress
 
-_DEVICE = click.option(
+DEVICE = click.option(
     "--device",
     type=Device(),
     default="cpu",
@@ -32,7 +32,7 @@ _DEVICE = click.option(
     metavar="KEY=VALUE",
     help="An option of the backend, as in TOML.",
 )
-@_DEVICE
+@DEVICE
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 @click.pass_context
 def check(
@@ -91,7 +91,7 @@ def check(
     metavar="NAME",
     help="A world to show; repeat for more.",
 )
-@_DEVICE
+@DEVICE
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON.")
 def compare(
     interface: str, names: tuple[str, ...], worlds: tuple[str, ...], device: str, as_json: bool

@@ -20,7 +20,7 @@ from typing import Literal
 
 import click
 
-from physic_core.cli.arguments import Device, Number, require_interface, with_current_folder
+from physic_core.cli.arguments import Number, require_interface, with_current_folder
 from physic_core.cli.exit_codes import BACKEND
 from physic_core.cli.output import echo, echo_json
 from physic_core.discovery.backends import (
@@ -34,6 +34,7 @@ from physic_core.discovery.error_text import describe_error, is_debugging, trace
 from physic_core.discovery.plugin_code import plugin_code
 from physic_core.discovery.plugins import broken_plugins
 from physic_core.errors import PhysicError
+from physic_testing.commands.conformance import DEVICE
 
 _AT_ONCE = 2
 """Backends that are loaded at the same time; more could take more memory than the machine has."""
@@ -82,14 +83,7 @@ class DoctorResult:
 @click.command()
 @click.argument("name", required=False)
 @click.option("--interface", metavar="NAME", help="Only backends of this interface.")
-@click.option(
-    "--device",
-    type=Device(),
-    default="cpu",
-    show_default=True,
-    metavar="NAME",
-    help="cpu, cuda or cuda:N.",
-)
+@DEVICE
 @click.option(
     "--timeout",
     type=Number(1, 10_000_000),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from physic_core.metrics import BODY_JOINTS, contact_scores, mask_iou, mpjpe_mm, pa_mpjpe_mm
-from physic_testing.conformance.expect import CheckSkipped, expect
+from physic_testing.conformance.check import CheckSkipped, expect
 from physic_testing.conformance.truth import (
     comparable_keypoints,
     contact_on_embedded,
@@ -113,7 +114,8 @@ def measure_errors(interface: str, answer: Any, case: Case) -> dict[str, float]:
     """
     if interface not in _ERROR_FUNCTIONS:
         raise CheckSkipped(f"worlds have no ground truth for the interface {interface}")
-    return _ERROR_FUNCTIONS[interface](answer, case)
+    values = _ERROR_FUNCTIONS[interface](answer, case)
+    return {name: float(np.mean(v)) if np.size(v) else np.nan for name, v in values.items()}
 
 
 def main_error(interface: str, answer: Any, case: Case) -> float:
@@ -148,68 +150,65 @@ def mean_accuracy(subject: BackendUnderTest) -> dict[str, float]:
     """Average the errors of a backend over the photos of worlds that have a result; empty if there
     are none.
     """
-    found: list[Mapping[str, float]] = []
-    shown = [
-        name for name in ("one person", "several people", "close") if name in subject.case_runs
-    ]
-    for name in shown:
-        try:
-            found.append(
-                measure_errors(subject.interface, subject.result(name), subject.case(name))
-            )
-        except Exception:  # invalid output may not be measurable
-            continue
+    found = []
+    for name in ("one person", "several people", "close"):
+        if name in subject.case_runs:
+            with suppress(Exception):  # invalid output may not be measurable
+                answer = subject.result(name)
+                found.append(measure_errors(subject.interface, answer, subject.case(name)))
     return mean_errors(found)
 
 
 def mean_errors(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
     """Average each error over its finite values."""
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    kept = {
-        name: [row[name] for row in rows if name in row and np.isfinite(row[name])]
-        for name in names
-    }
-    return {name: float(np.mean(values)) for name, values in kept.items() if values}
+    kept: dict[str, list[float]] = {}
+    for name, value in (pair for row in rows for pair in row.items()):
+        if np.isfinite(value):
+            kept.setdefault(name, []).append(value)
+    return {name: float(np.mean(values)) for name, values in kept.items()}
 
 
-def _segmenter(answer: People, case: Case) -> dict[str, float]:
+# Each function below returns the name of each error -> numbers whose mean it is.
+
+
+def _segmenter(answer: People, case: Case) -> dict[str, Any]:
     truth = case.truth
-    overlap = mask_iou(answer.masks, truth.masks)
-    best = overlap.max(axis=0, initial=0.0)
-    found = {"IoU": float(best.mean()), "found": float((best > 0.5).mean())}
+    best = mask_iou(answer.masks, truth.masks).max(axis=0, initial=0.0)
+    found = {"IoU": best, "found": best > 0.5}
     if answer.floor is not None:
         floor = truth.empty_floor_mask & ~truth.masks.any(axis=0)
-        found["floor IoU"] = float(
-            (answer.floor & floor).sum() / max(int((answer.floor | floor).sum()), 1)
-        )
+        found["floor IoU"] = mask_iou(answer.floor[None], floor[None])
     return found
 
 
-def _inpainter(answer: UInt8Array, case: Case) -> dict[str, float]:
+def _inpainter(answer: UInt8Array, case: Case) -> dict[str, Any]:
     error = (answer.astype(float) - case.empty)[case.hole]
-    return {
-        "PSNR in the hole, dB": float(10 * np.log10(255**2 / max(float((error**2).mean()), 1e-2)))
-    }
+    return {"PSNR in the hole, dB": 10 * np.log10(255**2 / max((error**2).mean(), 1e-2))}
 
 
-def _metric_depth(answer: DepthMap, case: Case) -> dict[str, float]:
+def _metric_depth(answer: DepthMap, case: Case) -> dict[str, Any]:
     truth = case.truth.empty_depth.astype(np.float64)
     both = np.isfinite(answer.depth) & _away_from_the_sky(truth)
     ratio = answer.depth[both] / truth[both]
     fitted = ratio / np.median(ratio)
     return {
-        "abs-rel": float(np.abs(ratio - 1).mean()),
-        "delta1": _delta1(ratio),
-        "abs-rel, scale fitted": float(np.abs(fitted - 1).mean()),
-        "delta1, scale fitted": _delta1(fitted),
+        "abs-rel": np.abs(ratio - 1),
+        "delta1": _is_near(ratio),
+        "abs-rel, scale fitted": np.abs(fitted - 1),
+        "delta1, scale fitted": _is_near(fitted),
     }
 
 
-def _relative_pointmap(answer: Pointmap, case: Case) -> dict[str, float]:
+def _relative_pointmap(answer: Pointmap, case: Case) -> dict[str, Any]:
     truth = case.truth.empty_depth.astype(np.float64)
     both = answer.valid & _away_from_the_sky(truth)
     ratio = fit_ambiguity(answer.points[..., 2][both], truth[both], answer.unknown)
-    return {"abs-rel, aligned": float(np.abs(ratio - 1).mean()), "delta1, aligned": _delta1(ratio)}
+    return {"abs-rel, aligned": np.abs(ratio - 1), "delta1, aligned": _is_near(ratio)}
+
+
+def _is_near(ratio: FloatArray) -> BoolArray:
+    near: BoolArray = np.maximum(ratio, 1 / ratio) < 1.25
+    return near
 
 
 def _away_from_the_sky(depth: FloatArray) -> BoolArray:
@@ -223,51 +222,37 @@ def _away_from_the_sky(depth: FloatArray) -> BoolArray:
     return away
 
 
-def _keypoint_detector(answer: Keypoints, case: Case) -> dict[str, float]:
-    points, true, seen, _ = comparable_keypoints(answer, case.truth)
-    sides = (case.people.boxes[:, 2:] - case.people.boxes[:, :2]).max(axis=1)[:, None]
-    error = np.linalg.norm(points - true, axis=2)
-    return {"px": float(error[seen].mean()), "share of person": float((error / sides)[seen].mean())}
+def _keypoint_detector(answer: Keypoints, case: Case) -> dict[str, Any]:
+    found, true, visible = comparable_keypoints(answer, case.truth)
+    seen = visible & (found.confidence > 0)
+    error = np.linalg.norm(found.points - true, axis=2)
+    return {"px": error[seen], "share of person": (error / case.box_sides[:, None])[seen]}
 
 
-def _body_estimator(answer: Bodies, case: Case) -> dict[str, float]:
+def _body_estimator(answer: Bodies, case: Case) -> dict[str, Any]:
     joints = embedded_surface(answer)[1][:, BODY_JOINTS]
     true = case.truth.joints[:, BODY_JOINTS].astype(np.float64)
-    return {
-        "MPJPE, mm": float(mpjpe_mm(joints, true).mean()),
-        "PA-MPJPE, mm": float(pa_mpjpe_mm(joints, true).mean()),
-    }
+    return {"MPJPE, mm": mpjpe_mm(joints, true), "PA-MPJPE, mm": pa_mpjpe_mm(joints, true)}
 
 
-def _hand_estimator(answer: Hands, case: Case) -> dict[str, float]:
+def _hand_estimator(answer: Hands, case: Case) -> dict[str, Any]:
     shown = answer.confidence > 0
-    found = {"hands found": float(shown.mean())}
-    if shown.any():
-        found["degrees"] = float(
-            rotation_errors_deg(answer.rotvecs, true_hands(case.truth))[shown].mean()
-        )
-        if answer.wrists is not None:
-            found["wrist degrees"] = float(
-                rotation_errors_deg(answer.wrists, true_wrists(case.truth))[shown].mean()
-            )
+    degrees = rotation_errors_deg(answer.rotvecs, true_hands(case.truth))
+    found = {"hands found": shown, "degrees": degrees[shown]}
+    if answer.wrists is not None:
+        found["wrist degrees"] = rotation_errors_deg(answer.wrists, true_wrists(case.truth))[shown]
     return found
 
 
-def _person_observer(answer: Observations, case: Case) -> dict[str, float]:
+def _person_observer(answer: Observations, case: Case) -> dict[str, Any]:
     off = answer.touch - true_touch(case.truth)
-    return {"Brier": float((off**2).mean(where=off == off)) if (off == off).any() else np.nan}
+    return {"Brier": off[np.isfinite(off)] ** 2}
 
 
-def _contact_prior(answer: ContactProbability, case: Case) -> dict[str, float]:
-    scores = contact_scores(
-        contact_on_embedded(answer).probability > CONTACT_THRESHOLD, case.truth.contact
-    )
+def _contact_prior(answer: ContactProbability, case: Case) -> dict[str, Any]:
+    likely = contact_on_embedded(answer).probability > CONTACT_THRESHOLD
+    scores = contact_scores(likely, case.truth.contact)
     return {"F1": scores.f1_mean, "precision": scores.precision_mean, "recall": scores.recall_mean}
-
-
-def _delta1(ratio: FloatArray) -> float:
-    """Return the share of depth ratios below 1.25."""
-    return float((np.maximum(ratio, 1 / ratio) < 1.25).mean())
 
 
 def fit_ambiguity(z: FloatArray, truth: FloatArray, unknown: AffineAmbiguity) -> FloatArray:
@@ -290,7 +275,7 @@ def fit_ambiguity(z: FloatArray, truth: FloatArray, unknown: AffineAmbiguity) ->
     return 1 / np.maximum(fitted, 1e-3) if unknown == "inverse_scale_shift" else fitted
 
 
-_ERROR_FUNCTIONS: dict[str, Callable[[Any, Case], dict[str, float]]] = {
+_ERROR_FUNCTIONS: dict[str, Callable[[Any, Case], dict[str, Any]]] = {
     "segmenter": _segmenter,
     "inpainter": _inpainter,
     "metric_depth": _metric_depth,

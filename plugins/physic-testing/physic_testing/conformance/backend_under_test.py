@@ -5,12 +5,11 @@ All results and errors are stored.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from copy import deepcopy
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, cast
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
@@ -21,20 +20,22 @@ from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.local_modules import split_folder
 from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.interfaces import INTERFACES, Backend
-from physic_core.interfaces.checks import require_image
+from physic_core.interfaces.backend import call
 from physic_testing.conformance.cases import EVIDENCE, EVIDENCE_OF_HANDS, SIZE, build_case
+from physic_testing.conformance.check import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.contract import case_violations
-from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.field_comparison import changed_fields
 from physic_testing.conformance.network_and_memory import no_network
-from physic_testing.conformance.requests import infer_arguments
+from physic_testing.conformance.requests import build_request
 from physic_testing.conformance.watch import Watch
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
     from physic_core.discovery.entry_points import Offer
+    from physic_core.interfaces import Request
     from physic_testing.conformance.cases import Case
+    from physic_testing.conformance.readings import Truth, Values
     from physic_testing.worlds import World
 
 CAPABILITIES: dict[str, str] = {
@@ -53,15 +54,6 @@ FIRST_PHOTO = "odd size"
 """Name of the photo on which every backend is called first, so that no earlier call can affect its
 result.
 """
-
-PHOTOS_OF_ONE_SIZE = {"hand_estimator": ("close", "sitting")}
-"""Two different photos of one size, in the order in which a backend is called on them; for other
-interfaces below.
-"""
-
-TWO_PHOTOS = ("one person", "leaning")
-
-_EVIDENCE: dict[str, tuple[str, ...]] = {"hand_estimator": EVIDENCE_OF_HANDS}
 
 OptionsFor = Mapping[str, Any] | Callable[["World"], Mapping[str, Any]]
 """Options of a backend, or a function that returns the options for a world.
@@ -85,13 +77,8 @@ class CaseRun:
     result: Any
     shared_result: Any
     error: BaseException | None
-    violations: tuple[str, ...]
-    changed_arguments: tuple[str, ...]
-
-    @property
-    def refused(self) -> bool:
-        """Whether ``infer`` raised a PhysicError."""
-        return isinstance(self.error, PhysicError)
+    violations: Sequence[str]
+    changed_arguments: Sequence[str]
 
 
 class BackendUnderTest:
@@ -109,6 +96,13 @@ class BackendUnderTest:
         claim: entry point of the backend; None for a class that was passed directly.
         device: device on which the backend is loaded.
         size: width and height of the standard photos, px.
+
+    Attributes:
+        evidence_names: names of the photos over which bias is measured.
+        photos_of_one_size: names of two different photos of one size, in the order in which the
+            backend is called on them.
+        case_runs: photo name -> stored call, for all photos on which the backend was called.
+        values: kept by :func:`physic_testing.conformance.readings.values_of`.
 
     Raises:
         BackendError: a capability is not in CAPABILITIES.
@@ -148,15 +142,33 @@ class BackendUnderTest:
         self._options = getattr(kind, "conformance_options", {}) if options is None else options
         if options is not None and not callable(options):
             self._refuse_unknown(options)
+        of_hands = interface == "hand_estimator"
+        self.evidence_names = EVIDENCE_OF_HANDS if of_hands else EVIDENCE
+        self.photos_of_one_size = ("close", "sitting") if of_hands else ("one person", "leaning")
         self._loaded: dict[str, Backend] = {}
-        self._case_runs: dict[str, CaseRun] = {}
-        self.kept: dict[str, Any] = {}
+        self.case_runs: dict[str, CaseRun] = {}
+        self.values: list[tuple[Values, Truth]] = []
 
     def case(self, name: str) -> Case:
         """Return the photo and its ground truth for a name of
         :data:`physic_testing.conformance.cases.CASES`.
         """
         return build_case(name, self.size)
+
+    def request(self, case: Case) -> Any:
+        """Build the request of the interface for a case; its arrays are writable copies."""
+        return build_request(self.interface, case)
+
+    def valid_request(self, name: str = "one person") -> tuple[Case, Any]:
+        """Return a photo with its request, for further calls of a backend that has a valid output
+        for it.
+
+        Raises:
+            CheckSkipped: it has none.
+        """
+        self.result(name)
+        case = self.case(name)
+        return case, self.request(case)
 
     def construct(self, case: Case | None = None) -> Backend:
         """Construct a new backend with network access blocked; it is not loaded."""
@@ -199,56 +211,49 @@ class BackendUnderTest:
         if "needs_cuda" in self.capabilities and self.device == "cpu":
             raise CheckSkipped("needs a GPU: pass device='cuda'")
         key = case.name if callable(self._options) and case.world is not None else ""
-        if key not in self._loaded:
-            backend = self.new_instance(case)
-            try:
-                with no_network():
-                    lacking = missing_requirements(backend)
-            except PhysicError as error:
-                raise CheckSkipped(
-                    "it cannot be loaded: see 'loads_or_reports_what_is_missing'"
-                ) from error
-            if lacking:
-                raise CheckSkipped(f"not ready: {'; '.join(lacking)}")
-            try:
-                with self.watch.load():
-                    backend.load(self.device)
-            except PhysicError as error:
-                raise CheckSkipped(f"not ready: {error}") from error
-            except Exception as error:
-                raise CheckSkipped(
-                    "it cannot be loaded: see 'loads_or_reports_what_is_missing'"
-                ) from error
-            self._loaded[key] = backend
-        return self._loaded[key]
+        if key in self._loaded:
+            return self._loaded[key]
+        backend = self.new_instance(case)
+        elsewhere = "it cannot be loaded: see 'loads_or_reports_what_is_missing'"
+        try:
+            with no_network():
+                lacking = missing_requirements(backend)
+        except PhysicError as error:
+            raise CheckSkipped(elsewhere) from error
+        if lacking:
+            raise CheckSkipped(f"not ready: {'; '.join(lacking)}")
+        try:
+            with self.watch.load():
+                backend.load(self.device)
+        except PhysicError as error:
+            raise CheckSkipped(f"not ready: {error}") from error
+        except Exception as error:
+            raise CheckSkipped(elsewhere) from error
+        self._loaded[key] = backend
+        return backend
 
-    def infer(self, backend: Backend, case: Case, arguments: tuple[Any, ...] | None = None) -> Any:
-        """Call the backend's ``infer`` with the arguments of a case, or with ``arguments``; errors
-        propagate.
-        """
-        given = infer_arguments(self.interface, case) if arguments is None else arguments
-        request = INTERFACES[self.interface].Request(*given)
-        require_image(request.image)
+    def infer(self, backend: Backend, request: Request[Any]) -> Any:
+        """Call ``infer`` of a loaded backend, watched; errors propagate."""
         with self.watch.call():
-            return cast("Any", backend).infer(*request.limited_to(backend.reads))
+            return call(backend, request)
 
     def call(
         self,
         wanted: str,
         case: Case,
-        arguments: tuple[Any, ...],
+        request: Request[Any],
         hint: str = "",
         *,
         may_refuse: bool = False,
     ) -> Any:
-        """Return a valid output for other arguments; None if the backend refuses them, and may.
+        """Return a valid output for a request; None if the backend refuses it, and may.
 
         Raises:
-            CheckFailed: infer raised another error, or the output is invalid.
+            CheckFailed: infer raised another error, or the output is not valid for the case.
         """
         backend = self.loaded(case)
         try:
-            answer = self.infer(backend, case, arguments)
+            answer = self.infer(backend, request)
         except Exception as error:
             if may_refuse and isinstance(error, PhysicError):
                 return None
@@ -266,27 +271,15 @@ class BackendUnderTest:
         Raises:
             CheckSkipped: the backend cannot be constructed or loaded.
         """
-        if name not in self._case_runs:
+        if name not in self.case_runs:
             if name != FIRST_PHOTO:
                 self.run_case(FIRST_PHOTO)
             case = self.case(name)
-            self._case_runs[name] = self._try(self.loaded(case), case)
+            self.case_runs[name] = self._try(self.loaded(case), case)
             earlier, later = self.photos_of_one_size
             if name == earlier:
                 self.run_case(later)
-        return self._case_runs[name]
-
-    @property
-    def photos_of_one_size(self) -> tuple[str, str]:
-        """Names of two different photos of one size, in the order in which the backend is called on
-        them.
-        """
-        return PHOTOS_OF_ONE_SIZE.get(self.interface, TWO_PHOTOS)
-
-    @property
-    def evidence_names(self) -> tuple[str, ...]:
-        """Names of the photos over which bias is measured."""
-        return _EVIDENCE.get(self.interface, EVIDENCE)
+        return self.case_runs[name]
 
     def result(self, name: str = "one person") -> Any:
         """Return the valid result for a photo.
@@ -324,11 +317,6 @@ class BackendUnderTest:
             )
         return found
 
-    @property
-    def case_runs(self) -> Mapping[str, CaseRun]:
-        """Photo name -> stored call, for all photos on which the backend was called."""
-        return self._case_runs
-
     def close(self) -> None:
         """Close all loaded backends.
 
@@ -350,22 +338,14 @@ class BackendUnderTest:
 
     def _try(self, backend: Backend, case: Case) -> CaseRun:
         """Call the backend on a case and record the result, the error and changed arguments."""
-        given = infer_arguments(self.interface, case)
-        before = infer_arguments(self.interface, case)
+        before = self.request(case)
+        given = self.request(case)
         try:
-            answer = self.infer(backend, case, given)
+            answer = self.infer(backend, given)
         except (Exception, SystemExit) as error:
-            return CaseRun(None, None, error, (), self._changed(before, given))
-        faults = tuple(case_violations(self.interface, answer, case))
-        return CaseRun(deepcopy(answer), answer, None, faults, self._changed(before, given))
-
-    def _changed(self, before: tuple[Any, ...], given: tuple[Any, ...]) -> tuple[str, ...]:
-        """Return the paths of the arguments that changed, such as "image" or "people.masks"."""
-        names = [field.name for field in fields(INTERFACES[self.interface].Request)]
-        return tuple(
-            re.sub(r"^\[(\d+)\]", lambda m: names[int(m[1])], path)
-            for path in changed_fields(before, given)
-        )
+            return CaseRun(None, None, error, (), changed_fields(before, given))
+        faults = case_violations(self.interface, answer, case)
+        return CaseRun(deepcopy(answer), answer, None, faults, changed_fields(before, given))
 
 
 def find_backend(

@@ -4,9 +4,9 @@ interfaces.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from physic_core.types import (
 from physic_testing.worlds import BLAZEPOSE, load_world
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, FloatArray, Intrinsics, UInt8Array
+    from physic_core.types import BoolArray, FloatArray, IntArray, Intrinsics, UInt8Array
     from physic_testing.worlds import World
 
 SIZE = (320, 240)
@@ -117,6 +117,12 @@ class Case:
         return f"{self.photo.shape[1]} x {self.photo.shape[0]} px"
 
     @property
+    def box_sides(self) -> FloatArray:
+        """Larger side (N,) of each person's box, px."""
+        sides: FloatArray = (self.people.boxes[:, 2:] - self.people.boxes[:, :2]).max(axis=1)
+        return sides
+
+    @property
     def up(self) -> FloatArray:
         """Unit vector (3,) against gravity."""
         return self.floor.normal
@@ -189,18 +195,16 @@ def case_of_world(name: str, world: World) -> Case:
 
 def _without_people(case: Case) -> Case:
     """Build the case of the same scene without people."""
-    people = case.people
-    keypoints = case.keypoints
-    bodies = case.bodies
-    observed = None if bodies.observed is None else bodies.observed[:0]
-    return replace(
-        case,
-        name="nobody",
-        photo=case.empty,
-        hole=np.zeros_like(case.hole),
-        people=People(people.masks[:0], people.boxes[:0], people.scores[:0]),
-        keypoints=Keypoints(keypoints.points[:0], keypoints.confidence[:0], keypoints.skeleton),
-        bodies=Bodies(bodies.parameters[:0], bodies.body_model, observed),
-        original=case.scene,
-        world=None,
-    )
+    bare: Case = rows_of(replace(case, world=None), np.zeros(0, int), len(case.people))
+    hole = np.zeros_like(case.hole)
+    return replace(bare, photo=case.empty, hole=hole, floor=case.floor, original=case.scene)
+
+
+def rows_of(thing: Any, order: IntArray, count: int) -> Any:
+    """Take rows of all arrays that have one row for each of ``count`` people."""
+    if isinstance(thing, np.ndarray):
+        return thing[order].copy() if thing.ndim and len(thing) == count else thing
+    if is_dataclass(thing) and not isinstance(thing, type):
+        taken = {f.name: rows_of(getattr(thing, f.name), order, count) for f in fields(thing)}
+        return replace(thing, **taken)
+    return thing

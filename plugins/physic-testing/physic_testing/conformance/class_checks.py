@@ -18,8 +18,7 @@ from physic_core.discovery.entry_points import PLUGINS_VARIABLE
 from physic_core.discovery.error_text import describe_error
 from physic_core.interfaces import INTERFACES
 from physic_core.weights.library import named_sets
-from physic_testing.conformance.check import Check
-from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
+from physic_testing.conformance.check import Check, CheckFailed, CheckSkipped, expect
 
 if TYPE_CHECKING:
     from physic_core.discovery.entry_points import Offer
@@ -173,9 +172,9 @@ def _measure_registration(distribution: str, path: tuple[str, ...]) -> dict[str,
 
 
 CHECKS: tuple[Check, ...] = (
-    Check(check_registration_is_light, "physic_core.discovery.hooks"),
-    Check(check_class_fits_its_interface, "physic_core.interfaces"),
-    Check(check_options_are_complete, "physic_core.interfaces.Options"),
-    Check(check_default_weights_are_listed, "physic_core.weights.manifest"),
+    Check(check_registration_is_light, read="physic_core.discovery.hooks"),
+    Check(check_class_fits_its_interface),
+    Check(check_options_are_complete, read="physic_core.interfaces.Options"),
+    Check(check_default_weights_are_listed, read="physic_core.weights.manifest"),
 )
 """Checks in order of execution."""

@@ -14,9 +14,9 @@ from physic_core.metrics.intervals import aligned_table
 from physic_testing.conformance.accuracy import ERRORS, mean_errors, measure_errors
 from physic_testing.conformance.backend_under_test import find_backend
 from physic_testing.conformance.cases import SIZE, case_of_world
+from physic_testing.conformance.check import CheckSkipped
 from physic_testing.conformance.contract import case_violations
-from physic_testing.conformance.expect import CheckSkipped
-from physic_testing.conformance.requests import infer_arguments
+from physic_testing.conformance.report import finite_or_none
 from physic_testing.worlds import load_world
 
 if TYPE_CHECKING:
@@ -65,28 +65,24 @@ class BackendComparison:
     rows: tuple[BackendScores, ...] = field(default=())
 
     @property
+    def errors(self) -> list[str]:
+        """Names of the errors that were measured of at least one backend."""
+        return [name for name in ERRORS if any(name in row.errors for row in self.rows)]
+
+    @property
     def text(self) -> str:
         """Table with one line per backend; * marks the best value of each column."""
-        names = [name for name in ERRORS if any(name in row.errors for row in self.rows)]
-        head = ("backend", *names, "s a photo", "worlds")
-        lines = [head]
+        lines = [("backend", *self.errors, "s a photo", "worlds")]
         for row in self.rows:
-            cells = [self._cell(row, name) for name in names]
-            lines.append(
-                (
-                    row.backend,
-                    *cells,
-                    f"{row.seconds:.2f}" if row.completed else "-",
-                    f"{row.completed} of {len(self.worlds)}",
-                )
-            )
+            cells = [self._cell(row, name) for name in self.errors]
+            seconds = f"{row.seconds:.2f}" if row.completed else "-"
+            lines.append((row.backend, *cells, seconds, f"{row.completed} of {len(self.worlds)}"))
         notes = [f"{row.backend}: {row.problem}" for row in self.rows if row.problem]
         notes += [row.traceback.rstrip("\n") for row in self.rows if row.traceback]
         width, height = self.size
-        worlds = ", ".join(self.worlds)
         about = (
-            f"{self.interface} on synthetic worlds of {width} x {height} px: {worlds}; people, "
-            f"keypoints, bodies and "
+            f"{self.interface} on synthetic worlds of {width} x {height} px: "
+            f"{', '.join(self.worlds)}; people, keypoints, bodies and "
             "hints that backends are given are the true ones; * is best"
         )
         return "\n".join([aligned_table(lines), *notes, about])
@@ -97,20 +93,13 @@ class BackendComparison:
             "interface": self.interface,
             "worlds": list(self.worlds),
             "size": list(self.size),
-            "better": {
-                name: error.better
-                for name, error in ERRORS.items()
-                if any(name in row.errors for row in self.rows)
-            },
+            "better": {name: ERRORS[name].better for name in self.errors},
             "backends": [
                 {
                     "backend": row.backend,
-                    "errors": {
-                        name: value if math.isfinite(value) else None
-                        for name, value in row.errors.items()
-                    },
+                    "errors": finite_or_none(row.errors),
                     "answered": row.completed,
-                    "seconds": row.seconds if math.isfinite(row.seconds) else None,
+                    **finite_or_none({"seconds": row.seconds}),
                     "problem": row.problem,
                 }
                 for row in self.rows
@@ -153,18 +142,20 @@ def compare(
     subjects = []
     for entry in backends:
         backend, options = entry if isinstance(entry, tuple) else (entry, None)
-        subjects.append(find_backend(backend, interface, options=options, device=device, size=size))
+        subject = find_backend(backend, interface, options=options, device=device, size=size)
         if isinstance(options, Mapping) and options:
-            subjects[-1].name += (
-                "{" + ", ".join(f"{key}={value}" for key, value in options.items()) + "}"
-            )
-    rows = tuple(_row(subject, worlds, size) for subject in subjects)
-    return BackendComparison(interface, tuple(worlds), size, rows)
+            given = ", ".join(f"{key}={value}" for key, value in options.items())
+            subject.name += f"{{{given}}}"
+        subjects.append(subject)
+    scores = tuple(_scores(subject, worlds, size) for subject in subjects)
+    return BackendComparison(interface, tuple(worlds), size, scores)
 
 
-def _row(subject: BackendUnderTest, worlds: Sequence[str], size: tuple[int, int]) -> BackendScores:
+def _scores(
+    subject: BackendUnderTest, worlds: Sequence[str], size: tuple[int, int]
+) -> BackendScores:
     """Measure the mean errors and the median run time of one backend."""
-    errors = []
+    errors: list[Mapping[str, float]] = []
     times = []
     problems = []
     tracebacks = []
@@ -172,31 +163,25 @@ def _row(subject: BackendUnderTest, worlds: Sequence[str], size: tuple[int, int]
         case = case_of_world(name, load_world(name, size))
         try:
             backend = subject.loaded(case)
-            arguments = infer_arguments(subject.interface, case)
+            request = subject.request(case)
             start = time.perf_counter()
-            answer = subject.infer(backend, case, arguments)
+            answer = subject.infer(backend, request)
             times.append(time.perf_counter() - start)
             faults = case_violations(subject.interface, answer, case)
-            if faults:
-                problems.append(faults[0])
-            else:
+            problems += faults[:1]
+            if not faults:
                 errors.append(measure_errors(subject.interface, answer, case))
         except (Exception, SystemExit) as error:  # a plugin may raise any error
-            cause = (
-                error.__cause__
-                if isinstance(error, CheckSkipped) and error.__cause__ is not None
-                else error
-            )
-            explained = isinstance(cause, (CheckSkipped, PhysicError))
+            cause = (isinstance(error, CheckSkipped) and error.__cause__) or error
+            explained = isinstance(cause, CheckSkipped | PhysicError)
             problems.append(str(error) if explained else describe_error(cause, subject.kind))
             tracebacks.append(traceback_text(cause))
     subject.close()
-    median = sorted(times)[len(times) // 2] if times else float("nan")
     return BackendScores(
         subject.name,
         mean_errors(errors),
         len(errors),
-        median,
+        sorted(times)[len(times) // 2] if times else math.nan,
         "; ".join(dict.fromkeys(problems)),
         "\n".join(filter(None, tracebacks)),
     )

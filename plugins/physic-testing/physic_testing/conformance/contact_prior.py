@@ -9,20 +9,47 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_testing.conformance.check import BLIND, Check
-from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
-from physic_testing.conformance.output_checks import PEOPLE_CHECKS, ROW_CHECKS
-from physic_testing.conformance.readings import Group, Reading, Table, Values, changed, values_of
+from physic_core.errors import BodyModelError
+from physic_testing.conformance.check import BLIND, Check, CheckFailed, CheckSkipped, expect
+from physic_testing.conformance.output_checks import NOBODY, ROWS
+from physic_testing.conformance.readings import (
+    MIN_UNITS,
+    Group,
+    Reading,
+    Table,
+    flipped,
+    is_sigmoid_of_probability,
+    values_of,
+)
 from physic_testing.conformance.truth import contact_on_embedded, embedded_body
 
 if TYPE_CHECKING:
     from physic_core.types import ContactProbability, FloatArray, IntArray
     from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.cases import Case
+    from physic_testing.conformance.readings import Truth, Values
+
+
+def _values(answer: ContactProbability, case: Case) -> tuple[Values, Truth]:
+    likely = contact_on_embedded(answer).probability.astype(float)
+    return {"likely": likely}, {"likely": case.truth.contact.astype(float)}
+
+
+def _normal(likely: FloatArray, truth: Truth) -> list[FloatArray]:
+    """Return the probabilities of outer vertices, of mean 0 and length 1; NaN of people of whom
+    nothing is likelier.
+    """
+    outer = embedded_body().outer.numpy()
+    found = []
+    for row, true in zip(likely[:, outer], truth["likely"][:, outer], strict=True):
+        flat = row - row.mean()
+        known = min(np.ptp(row), np.ptp(true)) > 1e-6
+        found.append(flat / np.linalg.norm(flat) if known else np.full(len(row), np.nan))
+    return found
 
 
 @lru_cache(maxsize=1)
-def mirrored_vertices() -> IntArray:
+def _mirrored_vertices() -> IntArray:
     """Return for each vertex of the embedded body (V,) the nearest one on the other side of the
     T-pose.
     """
@@ -35,66 +62,18 @@ def mirrored_vertices() -> IntArray:
     return found
 
 
-def _values(answer: ContactProbability, case: Case, truth: Values) -> Values:
-    return {"likely": contact_on_embedded(answer).probability.astype(np.float64)}
+def _half_reversed(likely: FloatArray, truth: Truth) -> FloatArray:
+    first, second = np.split(likely, [likely.shape[1] // 2], axis=1)
+    return np.concatenate([first, second[:, ::-1]], axis=1)
 
 
-def _normal(values: Values, truth: Values, case: Case) -> list[FloatArray]:
-    """Return the probabilities of outer vertices, of mean 0 and length 1; NaN of people of whom
-    nothing is likelier.
-    """
-    outer = embedded_body().outer.numpy()
-    found = []
-    for row, true in zip(values["likely"][:, outer], truth["likely"][:, outer], strict=True):
-        flat = row - row.mean()
-        known = min(np.ptp(row), np.ptp(true)) > 1e-6
-        found.append(flat / np.linalg.norm(flat) if known else np.full(len(row), np.nan))
-    return found
-
-
-def _half_reversed(likely: FloatArray) -> FloatArray:
-    middle = likely.shape[1] // 2
-    return np.concatenate([likely[:, :middle], likely[:, middle:][:, ::-1]], axis=1)
-
-
-TABLE = Table(
-    _values,
-    lambda answer, case: {"likely": case.truth.contact.astype(np.float64)},
-    (
-        Group(
-            "vertices_are_in_order",
-            "probabilities in the order of the vertices, 1 for contact",
-            "of a unit vector",
-            _normal,
-            (
-                Reading(
-                    "mirrored",
-                    changed(likely=lambda p: p[:, mirrored_vertices()]),
-                    "Was the photo mirrored for the network?",
-                ),
-                Reading("inverted", changed(likely=lambda p: 1 - p), "1 is contact."),
-                Reading(
-                    "in reverse order",
-                    changed(likely=lambda p: p[:, ::-1]),
-                    "Is the order of the vertices reversed?",
-                ),
-                Reading(
-                    "half in reverse order",
-                    changed(likely=_half_reversed),
-                    "Is half of the vertices reversed?",
-                ),
-            ),
-        ),
-    ),
-    "physic_core.types.ContactProbability",
-    ("mesh_is_known",),
-)
+_FLIP = "Was the photo mirrored for the network?"
+_REVERSED = "Is the order of the vertices reversed?"
+_HALF = "Is half of the vertices reversed?"
 
 
 def check_mesh_is_known(subject: BackendUnderTest) -> None:
     """The probabilities are those of the bodies' mesh, or of a mesh whose T-pose is in `rest`."""
-    from physic_core.errors import BodyModelError
-
     answer = subject.result()
     truth = subject.case("one person").truth
     if answer.rest is not None and answer.topology != truth.topology:
@@ -116,25 +95,25 @@ def check_contact_is_more_likely_where_bodies_touch(subject: BackendUnderTest) -
     bodies touch.
     """
     outer = embedded_body().outer.numpy()
-    evidence = values_of(subject, TABLE)
     people = [
         (likely, true)
-        for _, v, t in evidence
-        for likely, true in zip(v["likely"], t["likely"], strict=True)
+        for values, truth in values_of(subject, _values)
+        for likely, true in zip(values["likely"], truth["likely"], strict=True)
         if true.any()
     ]
-    low = min((float(likely.min()) for likely, _ in people), default=0.0)
-    high = max((float(likely.max()) for likely, _ in people), default=0.0)
+    every = np.concatenate([likely for likely, _ in people] or [np.zeros(1)])
+    low = every.min()
+    high = every.max()
     wanted = "a higher probability where bodies touch than elsewhere"
     hint = "Is it a constant: is the network's answer used?"
     expect(not low == high > 0, wanted, f"{low:.2f} everywhere", hint)
-    is_narrow = low >= 0.5 and high <= 1 / (1 + np.exp(-1.0)) + 1e-3
-    expect(
-        not is_narrow, wanted, f"values from {low:.2g} to {high:.2g}", "Is a sigmoid applied twice?"
-    )
+    got = f"values from {low:.2g} to {high:.2g}"
+    expect(not is_sigmoid_of_probability(every), wanted, got, "Is a sigmoid applied twice?")
     people = [(likely, true) for likely, true in people if np.ptp(likely) > 1e-6]
-    if len(people) < 3:
-        raise CheckSkipped(f"{len(people)} people have contact and probabilities, 3 are needed")
+    if len(people) < MIN_UNITS:
+        raise CheckSkipped(
+            f"{len(people)} people have contact and probabilities, {MIN_UNITS} are needed"
+        )
     fits = np.array([_circular_fit(likely, true) for likely, true in people])
     moved = int(np.argmax(fits.mean(axis=0)))
     better = fits[:, moved] - fits[:, 0]
@@ -168,16 +147,32 @@ def _circular_fit(likely: FloatArray, truth: FloatArray) -> FloatArray:
     return fit
 
 
-_READ = TABLE.read
-CHECKS: tuple[Check, ...] = (
-    *PEOPLE_CHECKS,
-    Check(check_mesh_is_known, _READ),
-    Check(
-        check_contact_is_more_likely_where_bodies_touch,
-        _READ,
-        after=("vertices_are_in_order", "mesh_is_known"),
-        unless=BLIND,
+TABLE = Table(
+    _values,
+    (
+        NOBODY,
+        Check(check_mesh_is_known),
+        Check(
+            check_contact_is_more_likely_where_bodies_touch,
+            after=("vertices_are_in_order", "mesh_is_known"),
+            unless=BLIND,
+        ),
+        *ROWS,
     ),
-    *ROW_CHECKS,
+    (
+        Group(
+            "vertices_are_in_order",
+            "probabilities in the order of the vertices, 1 for contact",
+            "likely",
+            "of a unit vector",
+            (
+                Reading("mirrored", lambda p, _: p[:, _mirrored_vertices()], _FLIP),
+                Reading("inverted", lambda p, _: 1 - p, "1 is contact."),
+                Reading("in reverse order", flipped(1), _REVERSED),
+                Reading("half in reverse order", _half_reversed, _HALF),
+            ),
+            _normal,
+        ),
+    ),
+    after=("mesh_is_known",),
 )
-"""Further checks of a ContactPrior, in order of execution."""

@@ -2,33 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
-from physic_core.types import AffineAmbiguity
+from physic_core.types import AffineAmbiguity, DepthMap
 from physic_testing.conformance.accuracy import fit_ambiguity
-from physic_testing.conformance.check import BLIND, Check
-from physic_testing.conformance.expect import CheckSkipped, expect, warn_unless
-from physic_testing.conformance.output_checks import HINT_CHECKS, check_works_without_hints
+from physic_testing.conformance.check import BLIND, Check, CheckSkipped, expect, warn_unless
+from physic_testing.conformance.output_checks import COLOURS, WITHOUT_HINTS
 from physic_testing.conformance.readings import (
     Group,
     Reading,
     Table,
-    between,
-    changed,
+    flipped,
+    plus,
+    shifted,
+    times,
     values_of,
 )
-from physic_testing.conformance.requests import infer_arguments
 from physic_testing.worlds.world import pixel_rays
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, DepthMap, FloatArray, Intrinsics, Pointmap
+    from physic_core.types import BoolArray, FloatArray, Intrinsics, Pointmap
     from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.cases import Case
-    from physic_testing.conformance.readings import Make, Values
+    from physic_testing.conformance.readings import Truth, Values
 
 MIN_COVERAGE = 0.3
 """Minimum share of pixels with known depth."""
@@ -60,7 +59,6 @@ _SAME = 0.98  # share of the pixels of a row that repeats another
 _COMPARED = 20000  # pixels of a photo
 _BLUR_PX = 1.2
 _BORDER_PX = 3
-_OF_PIXELS = ("people", "keypoints", "hole", "photo")  # hints of the photo that is not mirrored
 _IN_FRONT = 0.1  # log of the depth behind a person over the person's
 
 
@@ -79,34 +77,34 @@ def _both(z: FloatArray, truth: FloatArray) -> BoolArray:
     return both
 
 
-# ---- values
-
-
-def _depth_values(answer: DepthMap, case: Case, truth: Values) -> Values:
-    return {"z": _finite(answer.depth), "camera": _camera_values(answer.intrinsics, case)}
-
-
-def _points_values(answer: Pointmap, case: Case, truth: Values) -> Values:
-    z = np.where(answer.valid, _finite(answer.points[..., 2]), np.nan)
+def _values(answer: DepthMap | Pointmap, case: Case) -> tuple[Values, Truth]:
+    """Return z (H, W), NaN where unknown, numbers of the camera, and of a point map the pixels
+    (1, M, 2) on which points lie, from the principal point.
+    """
     camera = case.intrinsics
-    with np.errstate(all="ignore"):
-        uv = answer.points[..., :2] / z[..., None] * [camera.fx, camera.fy]
-    if answer.unknown == "scale_shift":  # which moves points off their rays
-        uv = np.full_like(uv, np.nan)
-    uv = uv + np.array([camera.cx, camera.cy])
-    return {"z": z, "uv": uv, "camera": _camera_values(answer.intrinsics, case)}
-
-
-def _truth(answer: Any, case: Case) -> Values:
-    z = _finite(case.truth.empty_depth)
-    rows, columns = np.mgrid[: z.shape[0], : z.shape[1]]
-    grid = np.where(np.isfinite(z)[..., None], np.stack([columns, rows], axis=-1), np.nan)
-    return {
-        "z": z,
-        "uv": grid,
+    truth = {
+        "z": _finite(case.truth.empty_depth),
+        "camera": _camera_numbers(camera),
         "unknown": getattr(answer, "unknown", "scale"),
-        "camera": _camera_values(case.intrinsics, case),
     }
+    own = {"z": _known_z(answer), "camera": _camera_numbers(answer.intrinsics)}
+    if not isinstance(answer, DepthMap):
+        step = max(1, own["z"].size // _COMPARED)
+        focal = np.array([camera.fx, camera.fy])
+        with np.errstate(all="ignore"):
+            pixels = answer.points[..., :2] / own["z"][..., None] * focal
+        if answer.unknown == "scale_shift":  # which moves points off their rays
+            pixels = np.full_like(pixels, np.nan)
+        grid = pixel_rays(camera)[..., :2] * focal
+        grid[~np.isfinite(truth["z"])] = np.nan
+        own["pixels"], truth["pixels"] = (p.reshape(1, -1, 2)[:, ::step] for p in (pixels, grid))
+    return own, truth
+
+
+def _known_z(answer: DepthMap | Pointmap) -> FloatArray:
+    if isinstance(answer, DepthMap):
+        return _finite(answer.depth)
+    return np.where(answer.valid, _finite(answer.points[..., 2]), np.nan)
 
 
 def _finite(z: FloatArray) -> FloatArray:
@@ -114,22 +112,19 @@ def _finite(z: FloatArray) -> FloatArray:
     return known.astype(np.float64)
 
 
-def _camera_values(camera: Intrinsics | None, case: Case) -> FloatArray:
-    """Return cx, cy, 100 log(fx / fy), 100 log(focal length), NaN without a camera."""
+def _camera_numbers(camera: Intrinsics | None) -> FloatArray:
+    """Return cx, cy, 100 log(fx / fy), 100 log(focal length) as a row, NaN without a camera."""
     if camera is None:
-        return np.full(4, np.nan)
+        return np.full((1, 4), np.nan)
     aspect = 100 * np.log(camera.fx / camera.fy)
-    return np.array([camera.cx, camera.cy, aspect, 50 * np.log(camera.fx * camera.fy)])
+    return np.array([[camera.cx, camera.cy, aspect, 50 * np.log(camera.fx * camera.fy)]])
 
 
-# ---- groups
-
-
-def _logs(values: Values, truth: Values, step: int = 1) -> FloatArray:
+def _logs(z: FloatArray, truth: Truth, step: int = 1) -> FloatArray:
     """Return log z of every step-th pixel after a fit of what the output leaves open, NaN where
     unknown.
     """
-    own, true = (side["z"][::step, ::step] for side in (values, truth))
+    own, true = (side[::step, ::step] for side in (z, truth["z"]))
     logs = np.full(true.shape, np.nan)
     both = _both(own, true)
     if both.sum() >= MIN_POINTS:
@@ -138,16 +133,15 @@ def _logs(values: Values, truth: Values, step: int = 1) -> FloatArray:
     return logs
 
 
-def _shape(values: Values, truth: Values, case: Case) -> list[FloatArray]:
-    step = max(1, round((truth["z"].size / _COMPARED) ** 0.5))
-    return [_logs(values, truth, step).ravel()]
+def _shape(z: FloatArray, truth: Truth) -> list[FloatArray]:
+    return [_logs(z, truth, max(1, round((z.size / _COMPARED) ** 0.5))).ravel()]
 
 
-def _edges(values: Values, truth: Values, case: Case) -> list[FloatArray]:
+def _edges(z: FloatArray, truth: Truth) -> list[FloatArray]:
     """Return the slopes of log z outside of the hole, which errors of low frequency leave alone."""
     import cv2
 
-    logs = np.where(case.hole, np.nan, _logs(values, truth))
+    logs = np.where(truth["case"].hole, np.nan, _logs(z, truth))
     known = np.isfinite(logs).astype(np.float64)
     weight = cv2.GaussianBlur(known, (0, 0), _BLUR_PX)
     smooth = cv2.GaussianBlur(np.nan_to_num(logs), (0, 0), _BLUR_PX) / np.maximum(weight, 1e-6)
@@ -156,64 +150,32 @@ def _edges(values: Values, truth: Values, case: Case) -> list[FloatArray]:
     return [np.concatenate([np.diff(smooth, axis=axis)[::2, ::2].ravel() for axis in (0, 1)])]
 
 
-def _scale(values: Values, truth: Values, case: Case) -> list[FloatArray]:
-    both = _both(values["z"], truth["z"])
-    found = np.median(np.log(values["z"][both] / truth["z"][both])) if both.any() else np.nan
-    return [np.array([found])]
+def _scale(z: FloatArray, truth: Truth) -> list[FloatArray]:
+    both = _both(z, truth["z"])
+    return [np.array([np.median(np.log(z[both] / truth["z"][both])) if both.any() else np.nan])]
 
 
-def _camera(values: Values, truth: Values, case: Case) -> list[FloatArray]:
-    return [values["camera"]]
-
-
-def _rays(values: Values, truth: Values, case: Case) -> list[FloatArray]:
-    step = max(1, truth["z"].size // _COMPARED)
-    return [values["uv"].reshape(-1, 2)[::step].ravel()]
-
-
-def _shifted(right: int, down: int) -> Make:
-    def shift(z: FloatArray) -> FloatArray:
-        rows = np.clip(np.arange(z.shape[0]) - down, 0, z.shape[0] - 1)
-        return z[rows][:, np.clip(np.arange(z.shape[1]) - right, 0, z.shape[1] - 1)]
-
-    return changed(z=shift)
-
-
-def _transposed(z: FloatArray) -> FloatArray:
+def _transposed(z: FloatArray, truth: Truth) -> FloatArray:
     height, width = z.shape
     rows = np.arange(height) * width // height
     taken: FloatArray = z.T[np.ix_(rows, np.arange(width) * height // width)]
     return taken
 
 
-def _along_rays(values: Values, case: Case) -> Values:
-    return values | {"z": values["z"] * np.linalg.norm(pixel_rays(case.intrinsics), axis=2)}
+def _along_rays(z: FloatArray, truth: Truth) -> FloatArray:
+    distance: FloatArray = z * np.linalg.norm(pixel_rays(truth["case"].intrinsics), axis=2)
+    return distance
 
 
-def _times_focal(values: Values, case: Case) -> Values:
-    return values | {"z": values["z"] * case.intrinsics.fx}
+def _times_focal(z: FloatArray, truth: Truth) -> FloatArray:
+    scaled: FloatArray = z * truth["case"].intrinsics.fx
+    return scaled
 
 
-def _of_rays(change: Callable[[Intrinsics], Any]) -> Make:
-    """Return pixels of which the distances from the principal point are multiplied."""
-
-    def make(values: Values, case: Case) -> Values:
-        centre = np.array([case.intrinsics.cx, case.intrinsics.cy])
-        return values | {"uv": centre + (values["uv"] - centre) * change(case.intrinsics)}
-
-    return make
-
-
-def _square(camera: Intrinsics) -> FloatArray:
-    return np.array([camera.width, camera.height]) / max(camera.width, camera.height)
-
-
-def _uv_off(right: float, down: float) -> Make:
-    return changed(uv=lambda uv: uv + np.array([right, down]))
-
-
-def _camera_off(part: int, by: float) -> Make:
-    return changed(camera=lambda camera: camera + by * np.eye(4)[part])
+def _of_a_square(pixels: FloatArray, truth: Truth) -> FloatArray:
+    sides = np.array(truth["case"].photo.shape[1::-1])
+    scaled: FloatArray = pixels * (sides / sides.max())
+    return scaled
 
 
 _TURNED = "Is the shape (H, W), and is the output turned back as the photo was for the network?"
@@ -228,66 +190,66 @@ _GIVEN = "Use hints.intrinsics if they are given."
 _ASPECT = "Was the photo resized to another aspect ratio?"
 _INPUT = "Is it in px of the network's input, or of another camera?"
 _LARGE = float(np.log(1.2))
-_SHAPE = (
-    Reading("transposed", changed(z=_transposed), _TURNED),
-    Reading("mirrored", changed(z=lambda z: z[:, ::-1]), _TURNED),
-    Reading("upside down", changed(z=lambda z: z[::-1]), _TURNED),
-    Reading("disparity", changed(z=lambda z: 1 / z), "Is it disparity, 1 / z?", of_blind=True),
-    Reading("along the ray of each pixel", _along_rays, _RAYS),
-    Reading("a mean with the mirrored photo", changed(z=lambda z: (z + z[:, ::-1]) / 2), _FLIPPED),
-)
-_RIGHT = between("z", _shifted(1, 0), _shifted(-1, 0))
-_DOWN = between("z", _shifted(0, 1), _shifted(0, -1))
-_PLACE = (
-    Reading("to the right", _RIGHT, _RESIZED, 1.0, " px", 0.5),
-    Reading("down", _DOWN, _RESIZED, 1.0, " px", 0.5),
-)
-_METRES = (
-    Reading("too large", changed(z=lambda z: z * np.e), _UNIT, 1.0, " of the logarithm", _LARGE),
-)
-_LENS = (Reading("times the focal length", _times_focal, _FOCAL, 1.0, "", 0.5),)
-_CAMERA = (
-    Reading("right of the centre", _camera_off(0, 0.5), _CENTRES, 0.5, " px", 0.3),
-    Reading("below the centre", _camera_off(1, 0.5), _CENTRES, 0.5, " px", 0.3),
-    Reading("fx over fy", _camera_off(2, 25.0), _ASPECT, 25.0, " %", 2.0),
-    Reading("too long a focal length", _camera_off(3, 70.0), _INPUT, 70.0, " %", 30.0),
-)
-_RAY = (
-    Reading("with x to the left", _of_rays(lambda _: [-1.0, 1.0]), _OPENGL),
-    Reading("with y upwards", _of_rays(lambda _: [1.0, -1.0]), _OPENGL),
-    Reading("of the aspect ratio of a square", _of_rays(_square), _ASPECT),
-    Reading("to the right", _uv_off(1, 0), _CENTRES, 1.0, " px", 0.25),
-    Reading("down", _uv_off(0, 1), _CENTRES, 1.0, " px", 0.25),
-    Reading("farther out", _of_rays(lambda _: 1.01), _GIVEN, 1.0, " %", 0.6),
-)
 _UPRIGHT = ("depth_is_along_z_and_upright",)
-_OF_SCALE = "of log(depth / true depth)"
 _BOTH = (
     Group(
-        _UPRIGHT[0],
+        "depth_is_along_z_and_upright",
         "depth along the optical axis, in the rows and columns of the photo",
+        "z",
         "of log z",
+        (
+            Reading("transposed", _transposed, _TURNED),
+            Reading("mirrored", flipped(1), _TURNED),
+            Reading("upside down", flipped(0), _TURNED),
+            Reading("disparity", lambda z, _: 1 / z, "Is it disparity, 1 / z?", of_blind=True),
+            Reading("along the ray of each pixel", _along_rays, _RAYS),
+            Reading("a mean with the mirrored photo", lambda z, _: (z + z[:, ::-1]) / 2, _FLIPPED),
+        ),
         _shape,
-        _SHAPE,
     ),
-    Group("depth_is_not_shifted", "edges in place", "of log z", _edges, _PLACE, after=_UPRIGHT),
+    Group(
+        "depth_is_not_shifted",
+        "edges in place",
+        "z",
+        "of log z",
+        (
+            Reading("to the right", shifted(1), _RESIZED, 1, " px", 0.5),
+            Reading("down", shifted(0), _RESIZED, 1, " px", 0.5),
+        ),
+        _edges,
+        after=_UPRIGHT,
+    ),
     Group(
         "intrinsics_are_not_biased",
         "the camera of the photo, in px of the photo",
+        "camera",
         "px or %",
-        _camera,
-        _CAMERA,
-        rough=150.0,
+        (
+            Reading("right of the centre", plus(0.5, 0, 0, 0), _CENTRES, 0.5, " px", 0.3),
+            Reading("below the centre", plus(0, 0.5, 0, 0), _CENTRES, 0.5, " px", 0.3),
+            Reading("fx over fy", plus(0, 0, 25, 0), _ASPECT, 25, " %", 2),
+            Reading("too long a focal length", plus(0, 0, 0, 70), _INPUT, 70, " %", 30),
+        ),
+        rough=150,
     ),
 )
 _SCALE = (
-    Group("depth_is_in_metres", "metres", _OF_SCALE, _scale, _METRES, rough=float(np.log(3))),
+    Group(
+        "depth_is_in_metres",
+        "metres",
+        "z",
+        "of log(depth / true depth)",
+        (Reading("too large", times(np.e), _UNIT, 1, " of the logarithm", _LARGE),),
+        _scale,
+        rough=float(np.log(3)),
+    ),
     Group(
         "depth_does_not_depend_on_the_focal_length",
         "a scale that does not depend on the camera",
-        _OF_SCALE,
+        "z",
+        "of log(depth / true depth)",
+        (Reading("times the focal length", _times_focal, _FOCAL, 1, "", 0.5),),
         _scale,
-        _LENS,
         centred=True,
         after=("depth_is_in_metres",),
     ),
@@ -295,27 +257,25 @@ _SCALE = (
 _ON_RAYS = Group(
     "points_lie_on_the_rays_of_the_camera",
     "points that project to the centres of their pixels by the given camera (x right, y down)",
+    "pixels",
     "px",
-    _rays,
-    _RAY,
+    (
+        Reading("with x to the left", times(-1, 1), _OPENGL),
+        Reading("with y upwards", times(1, -1), _OPENGL),
+        Reading("of the aspect ratio of a square", _of_a_square, _ASPECT),
+        Reading("to the right", plus(1, 0), _CENTRES, 1, " px", 0.25),
+        Reading("down", plus(0, 1), _CENTRES, 1, " px", 0.25),
+        Reading("farther out", times(1.01), _GIVEN, 1, " %", 0.6),
+    ),
 )
-DEPTH = Table(_depth_values, _truth, (*_BOTH, *_SCALE), "physic_core.types.DepthMap")
-POINTS = Table(_points_values, _truth, (*_BOTH, _ON_RAYS), "physic_core.types.Pointmap")
-
-
-# ---- further checks
-
-
-def _table(subject: BackendUnderTest) -> Table:
-    return DEPTH if subject.interface == "metric_depth" else POINTS
 
 
 def check_depth_is_where_it_can_be_known(subject: BackendUnderTest) -> None:
     """At least 30 % of the pixels have a depth of their own, finer than 8 bits; no sky has one."""
-    for case, values, truth in values_of(subject, _table(subject)):
+    for values, truth in values_of(subject, _values):
         z = values["z"]
         known = np.isfinite(z)
-        where = f"in the photo '{case.name}'"
+        where = f"in the photo '{truth['case'].name}'"
         expect(
             known.mean() >= MIN_COVERAGE,
             "known depth in at least 30 % of the pixels",
@@ -335,11 +295,11 @@ def check_depth_is_where_it_can_be_known(subject: BackendUnderTest) -> None:
             f"{repeated:.0%} of the rows or columns as the one before {where}",
             "Is the output of a smaller grid repeated? Resize it by interpolation.",
         )
-        sky = _inside(~np.isfinite(truth["z"]))
+        sky = known[_inside(~np.isfinite(truth["z"]))]
         warn_unless(
-            sky.sum() < MIN_POINTS or known[sky].mean() < MAX_SKY,
+            sky.size < MIN_POINTS or sky.mean() < MAX_SKY,
             "no depth in the sky, which is infinitely far",
-            f"a depth in {known[sky].mean() if sky.any() else 0:.0%} of the sky {where}",
+            f"a depth in {sky.mean() if sky.size else 0:.0%} of the sky {where}",
             "Is what the network says of the sky used for NaN or `valid`?",
         )
 
@@ -367,10 +327,10 @@ def _inside(mask: BoolArray) -> BoolArray:
 
 def check_unknown_names_the_ambiguity(subject: BackendUnderTest) -> None:
     """No other scale and shift than the stated one explains nearly all of the error of depth."""
-    evidence = values_of(subject, _table(subject))
-    stated = evidence[0][2]["unknown"]
+    evidence = values_of(subject, _values)
+    stated = evidence[0][1]["unknown"]
     errors = {
-        kind: np.array([aligned_depth_error(v["z"], t["z"], kind) for _, v, t in evidence])
+        kind: np.array([aligned_depth_error(v["z"], t["z"], kind) for v, t in evidence])
         for kind in get_args(AffineAmbiguity)
     }
     own = errors.pop(stated)
@@ -401,26 +361,22 @@ def check_states_what_it_promises(subject: BackendUnderTest) -> None:
 
 def check_works_without_intrinsics(subject: BackendUnderTest) -> None:
     """Without `hints.intrinsics`, the output is valid: the camera of most photos is unknown."""
-    subject.result()
-    case = subject.case("one person")
-    image, hints = infer_arguments(subject.interface, case)
-    given = replace(hints, intrinsics=None)
-    subject.call("valid output for a photo without known intrinsics", case, (image, given))
+    case, request = subject.valid_request()
+    bare = replace(request, hints=replace(request.hints, intrinsics=None))
+    subject.call("valid output for a photo without known intrinsics", case, bare)
 
 
 def check_accepts_the_photo_with_people(subject: BackendUnderTest) -> None:
     """For the photo with people and `hints.scene`, as in the pipeline's second call, the output is
     valid, and shows the people.
     """
-    subject.result()
-    case = subject.case("one person")
-    _, hints = infer_arguments(subject.interface, case)
-    given = replace(hints, hole=None, photo=None, scene=case.scene)
+    case, request = subject.valid_request()
+    hints = replace(request.hints, hole=None, photo=None, scene=case.scene)
     wanted = "valid output for the photo with people, with hints.scene, and hints.hole None"
-    answer = subject.call(wanted, case, (case.photo.copy(), given))
+    answer = subject.call(wanted, case, replace(request, image=case.photo.copy(), hints=hints))
     if BLIND & subject.capabilities:
         return
-    z = _points_values(answer, case, {})["z"]
+    z = _known_z(answer)
     with np.errstate(all="ignore"):
         people = np.log(z / case.truth.depth)
         scene = np.log(z / case.truth.empty_depth)
@@ -459,11 +415,7 @@ def check_up_is_against_gravity(subject: BackendUnderTest) -> None:
         "Is it down, or in a camera frame with y up? Is up_sigma in degrees?",
     )
     for case, answer in stated:
-        image, hints = infer_arguments(subject.interface, case)
-        given = replace(hints, **dict.fromkeys(_OF_PIXELS), intrinsics=None)
-        image = np.ascontiguousarray(image[:, ::-1])
-        wanted = "valid output for a mirrored photo, or a PhysicError"
-        again = subject.call(wanted, case, (image, given), may_refuse=True)
+        again = _of_mirrored(subject, case)
         if again is not None and again.up is not None:
             off = _angle_deg(again.up * [-1, 1, 1], answer.up)
             expect(
@@ -473,33 +425,41 @@ def check_up_is_against_gravity(subject: BackendUnderTest) -> None:
             )
 
 
+def _of_mirrored(subject: BackendUnderTest, case: Case) -> Any:
+    """Return the output for the mirrored photo, without the hints that are not mirrored; None if
+    it is refused.
+    """
+    request = subject.request(case)
+    of_pixels = dict.fromkeys(("people", "keypoints", "hole", "photo", "intrinsics"))
+    given = replace(
+        request,
+        image=np.ascontiguousarray(request.image[:, ::-1]),
+        hints=replace(request.hints, **of_pixels),
+    )
+    wanted = "valid output for a mirrored photo, or a PhysicError"
+    return subject.call(wanted, case, given, may_refuse=True)
+
+
 def _angle_deg(first: FloatArray, second: FloatArray) -> float:
     cosine = float(first @ second) / float(np.linalg.norm(first) * np.linalg.norm(second))
     return float(np.degrees(np.arccos(min(1.0, max(-1.0, cosine)))))
 
 
-def _both_checks(read: str) -> tuple[Check, ...]:
-    return (
-        Check(check_depth_is_where_it_can_be_known, read, unless=BLIND),
-        Check(check_unknown_names_the_ambiguity, read, after=_UPRIGHT, unless=BLIND),
-        Check(check_states_what_it_promises, read),
-    )
-
-
-DEPTH_CHECKS: tuple[Check, ...] = (*HINT_CHECKS, *_both_checks(DEPTH.read))
-"""Further checks of a MetricDepth."""
-
-POINTS_CHECKS: tuple[Check, ...] = (
-    *_both_checks(POINTS.read),
-    Check(check_works_without_intrinsics, "physic_core.types.Hints"),
-    Check(
-        check_works_without_hints, "physic_core.types.Hints", after=("works_without_intrinsics",)
-    ),
-    Check(
-        check_accepts_the_photo_with_people,
-        "physic_core.interfaces.RelativePointmap",
-        after=("points_lie_on_the_rays_of_the_camera",),
-    ),
-    Check(check_up_is_against_gravity, POINTS.read, unless=BLIND),
+_OF_BOTH = (
+    Check(check_depth_is_where_it_can_be_known, unless=BLIND),
+    Check(check_unknown_names_the_ambiguity, after=_UPRIGHT, unless=BLIND),
+    Check(check_states_what_it_promises),
 )
-"""Further checks of a RelativePointmap."""
+METRIC_DEPTH = Table(_values, (WITHOUT_HINTS, *_OF_BOTH, COLOURS), (*_BOTH, *_SCALE))
+RELATIVE_POINTMAP = Table(
+    _values,
+    (
+        *_OF_BOTH,
+        Check(check_works_without_intrinsics),
+        replace(WITHOUT_HINTS, after=("works_without_intrinsics",)),
+        Check(check_accepts_the_photo_with_people, after=("points_lie_on_the_rays_of_the_camera",)),
+        Check(check_up_is_against_gravity, unless=BLIND),
+        COLOURS,
+    ),
+    (*_BOTH, _ON_RAYS),
+)

@@ -33,8 +33,8 @@ def named_values(thing: Any, path: str = "") -> Iterator[tuple[str, Any]]:
         yield path, thing
 
 
-def changed_fields(before: tuple[Any, ...], after: tuple[Any, ...]) -> list[str]:
-    """Return the paths of the arguments whose values changed at all."""
+def changed_fields(before: Any, after: Any) -> list[str]:
+    """Return the paths of the fields whose values changed at all, such as "people.masks"."""
     pairs = zip(named_values(before), named_values(after), strict=True)
     return [path for (path, old), (_, new) in pairs if not _identical(old, new)]
 
@@ -80,22 +80,17 @@ def _identical(old: Any, new: Any) -> bool:
 def _difference(a: Any, b: Any) -> str:
     """Describe the difference of two arrays or values; empty if they agree."""
     if not isinstance(a, np.ndarray) or not isinstance(b, np.ndarray):
-        if isinstance(a, float) and isinstance(b, float):
-            same = bool(np.isclose(a, b, rtol=_TOLERANCE, equal_nan=True))
-        else:
-            same = bool(a == b)
-        return "" if same else f"{a!r} and {b!r}"
+        are_floats = isinstance(a, float) and isinstance(b, float)
+        near = are_floats and np.isclose(a, b, rtol=_TOLERANCE, equal_nan=True)
+        return "" if near or (type(a) is type(b) and a == b) else f"{a!r} and {b!r}"
     if a.shape != b.shape:
         return f"shapes {a.shape} and {b.shape}"
-    if not a.size:
-        return ""
+    least = _DIFFERENT_SHARE * a.size
     if a.dtype.kind == "f":
         scale = float(np.abs(a[np.isfinite(a)]).max(initial=0))
-        alike = np.isclose(a, b, rtol=_TOLERANCE, atol=_TOLERANCE * scale, equal_nan=True)
-        apart = ~alike
-        least = 1 if a.ndim == 1 else _DIFFERENT_SHARE * a.size
+        apart = ~np.isclose(a, b, rtol=_TOLERANCE, atol=_TOLERANCE * scale, equal_nan=True)
+        least = 1 if a.ndim == 1 else least
     else:
         tolerance = _GREY_TOLERANCE if a.dtype == np.uint8 else 0
         apart = np.abs(a.astype(np.int64) - b.astype(np.int64)) > tolerance
-        least = _DIFFERENT_SHARE * a.size
     return f"{int(apart.sum())} of {a.size} numbers differ" if apart.sum() >= max(least, 1) else ""

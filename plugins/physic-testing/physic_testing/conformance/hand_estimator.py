@@ -8,31 +8,30 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.joints import JOINT_INDEX
 from physic_testing.conformance.body_estimator import (
-    at_rest,
+    FORMS,
+    MIRROR,
+    as_matrices,
     expect_radians,
-    matrices,
-    mirrored,
-    turns,
+    shortest,
 )
-from physic_testing.conformance.check import Check
-from physic_testing.conformance.expect import CheckSkipped, expect
-from physic_testing.conformance.output_checks import PEOPLE_CHECKS, ROW_CHECKS
-from physic_testing.conformance.readings import Group, Reading, Table, Values, changed
+from physic_testing.conformance.check import Check, CheckSkipped, expect
+from physic_testing.conformance.output_checks import NOBODY, ROWS
+from physic_testing.conformance.readings import Group, Reading, Table, flipped, times
 from physic_testing.conformance.truth import rotation_errors_deg, true_hands, true_wrists
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hands
     from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.cases import Case
+    from physic_testing.conformance.readings import Truth, Values
 
 MAX_WRIST_ERROR_DEG = 60.0
-_WRISTS = [JOINT_INDEX["left_wrist"], JOINT_INDEX["right_wrist"]]
 _MIRRORING = (
     "A network for right hands receives the mirrored left hand: mirror its rotation "
     "vectors to (x, -y, -z)."
 )
+_REST = "Is it a hand at rest for every photo?"
 _NAMES = [
     f"{finger}{joint}"
     for finger in ("index", "middle", "pinky", "ring", "thumb")
@@ -40,55 +39,30 @@ _NAMES = [
 ]
 
 
-def _values(answer: Hands, case: Case, truth: Values) -> Values:
+def _values(answer: Hands, case: Case) -> tuple[Values, Truth]:
+    """Return the rotation vectors of the fingers (N, 2, 15, 3), NaN of hands that are not found."""
     shown = (answer.confidence > 0)[..., None, None]
-    return {"fingers": matrices(np.where(shown, answer.rotvecs, np.nan))}
+    own = shortest(np.where(shown, answer.rotvecs, np.nan))
+    return {"fingers": own}, {"fingers": shortest(true_hands(case.truth))}
 
 
-def _of_hands(values: Values, truth: Values, case: Case) -> list[FloatArray]:
-    return [hand.ravel() for person in values["fingers"] for hand in person]
+def _of_hands(fingers: FloatArray, truth: Truth) -> list[FloatArray]:
+    return as_matrices(fingers.reshape(-1, 15, 3), truth)
 
 
-def _one_side(side: int) -> Reading:
-    def make(fingers: FloatArray) -> FloatArray:
-        return np.where((np.arange(2) == side)[:, None, None, None], mirrored(fingers), fingers)
-
-    return Reading(
-        f"of mirrored {('left', 'right')[side]} hands", changed(fingers=make), _MIRRORING
-    )
+def _mirrored(side: int, name: str) -> Reading:
+    """Return the reading of hands of which those of one side are mirrored."""
+    factors = np.ones((2, 1, 3))
+    factors[side] = -MIRROR
+    return Reading(f"of mirrored {name} hands", lambda fingers, _: factors * fingers, _MIRRORING)
 
 
-TABLE = Table(
-    _values,
-    lambda answer, case: {"fingers": matrices(true_hands(case.truth))},
-    (
-        Group(
-            "hands_are_those_of_the_person",
-            "rotations of the left fingers, then of the right ones, relative to the flat hand, in "
-            "the order of SMPL-X",
-            "of a rotation matrix",
-            _of_hands,
-            (
-                Reading(
-                    "with left and right hands exchanged",
-                    changed(fingers=lambda f: f[:, ::-1]),
-                    _MIRRORING,
-                ),
-                _one_side(0),
-                _one_side(1),
-                *turns("fingers"),
-                Reading(
-                    "flat in every photo",
-                    changed(fingers=at_rest),
-                    "Is it a hand at rest for every photo?",
-                    limit=0.75,
-                ),
-            ),
-            order=("fingers", _NAMES, 2),
-        ),
-    ),
-    "physic_core.types.Hands",
-    ("angles_are_radians",),
+_READINGS = (
+    Reading("with left and right hands exchanged", flipped(1), _MIRRORING),
+    _mirrored(0, "left"),
+    _mirrored(1, "right"),
+    *FORMS,
+    Reading("flat in every photo", times(0), _REST, limit=0.75),
 )
 
 
@@ -129,10 +103,25 @@ def _photo_with_hands(subject: BackendUnderTest) -> str:
     raise CheckSkipped("it detects no hand in the photos")
 
 
-CHECKS: tuple[Check, ...] = (
-    *PEOPLE_CHECKS,
-    Check(check_angles_are_radians, TABLE.read),
-    Check(check_wrists_are_in_the_cameras_frame, TABLE.read, after=("angles_are_radians",)),
-    *ROW_CHECKS,
+TABLE = Table(
+    _values,
+    (
+        NOBODY,
+        Check(check_angles_are_radians),
+        Check(check_wrists_are_in_the_cameras_frame, after=("angles_are_radians",)),
+        *ROWS,
+    ),
+    (
+        Group(
+            "hands_are_those_of_the_person",
+            "rotations of the left fingers, then of the right ones, relative to the flat hand, in "
+            "the order of SMPL-X",
+            "fingers",
+            "of a rotation matrix",
+            _READINGS,
+            _of_hands,
+            order=(_NAMES, 2),
+        ),
+    ),
+    after=("angles_are_radians",),
 )
-"""Further checks of a HandEstimator, in order of execution."""

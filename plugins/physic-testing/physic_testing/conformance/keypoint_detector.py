@@ -4,24 +4,25 @@ confidence.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from physic_core.errors import BodyModelError
 from physic_core.types import SKELETONS, Skeleton
-from physic_testing.conformance.check import BLIND, Check
-from physic_testing.conformance.expect import CheckSkipped, expect
-from physic_testing.conformance.output_checks import PEOPLE_CHECKS, ROW_CHECKS
+from physic_testing.conformance.check import BLIND, Check, CheckSkipped, expect
+from physic_testing.conformance.output_checks import COLOURS, NOBODY, ROWS
 from physic_testing.conformance.readings import (
     MIN_UNITS,
     Group,
-    Make,
     Reading,
     Table,
+    Truth,
     Values,
+    is_sigmoid_of_probability,
+    plus,
     shares,
+    times,
     values_of,
 )
 from physic_testing.conformance.truth import comparable_keypoints, mirrored_order
@@ -35,31 +36,18 @@ MIN_JOINTS = 5
 """Joints in sight without which a person is not compared."""
 
 
-def _values(answer: Keypoints, case: Case, truth: Values) -> Values:
-    """Return points, NaN where hidden or not detected, and confidences of the joints that are on a
-    body.
+def _values(answer: Keypoints, case: Case) -> tuple[Values, Truth]:
+    """Return points from the centres of the boxes, px, NaN where hidden or not detected, and
+    confidences of the joints that are on a body.
     """
-    from physic_core.body.landmarks import keypoints_on_body
-
-    known = keypoints_on_body(answer)
-    shown = (known.confidence > 0) & np.isfinite(truth["points"][..., 0])
-    points = np.where(shown[..., None], known.points, np.nan)
-    return {"points": points, "confidence": known.confidence, "names": known.joint_set.names}
-
-
-def _truth(answer: Keypoints, case: Case) -> Values:
-    _, true, _, skeleton = comparable_keypoints(answer, case.truth)
-    from physic_testing.conformance.true_keypoints import world_keypoints
-
-    seen = world_keypoints(case.truth, skeleton)[1]
-    points = np.where(seen[..., None], true, np.nan)
-    return {"points": points, "confidence": np.where(seen, 1.0, 0.0), "names": skeleton.names}
-
-
-def _sides(case: Case) -> FloatArray:
-    """Return the larger side of each person's box (N,), px."""
-    sides: FloatArray = (case.people.boxes[:, 2:] - case.people.boxes[:, :2]).max(axis=1)
-    return sides
+    found, true, visible = comparable_keypoints(answer, case.truth)
+    shown = visible & (found.confidence > 0)
+    points = np.where(shown[..., None], found.points - _centres(case), np.nan)
+    true = np.where(visible[..., None], true - _centres(case), np.nan)
+    true[visible.sum(axis=1) <= MIN_JOINTS] = np.nan
+    names = found.joint_set.names
+    truth = {"points": true, "confidence": visible.astype(float), "names": names}
+    return {"points": points, "confidence": found.confidence}, truth
 
 
 def _centres(case: Case) -> FloatArray:
@@ -68,42 +56,38 @@ def _centres(case: Case) -> FloatArray:
     return centres
 
 
-def _in_boxes(values: Values, truth: Values, case: Case) -> list[FloatArray]:
+def _in_boxes(points: FloatArray, truth: Truth) -> list[FloatArray]:
     """Return the points of each person, in sides of the box."""
-    flat = (values["points"] - _centres(case)) / _sides(case)[:, None, None]
-    enough = np.isfinite(truth["points"][..., 0]).sum(axis=1) > MIN_JOINTS
-    return [
-        np.where(kept, person, np.nan).ravel() for person, kept in zip(flat, enough, strict=True)
-    ]
+    sides = truth["case"].box_sides
+    return [person.ravel() / side for person, side in zip(points, sides, strict=True)]
 
 
-def _in_px(values: Values, truth: Values, case: Case) -> list[FloatArray]:
-    """Return the points of each person, px."""
-    sides = _sides(case)
-    return [unit * side for unit, side in zip(_in_boxes(values, truth, case), sides, strict=True)]
+def _mirrored(points: FloatArray, truth: Truth) -> FloatArray:
+    centres = _centres(truth["case"])
+    width = truth["case"].photo.shape[1]
+    mirrored: FloatArray = [width - 1, 0] - (points + centres) * [1, -1] - centres
+    return mirrored
 
 
-def _points(change: Callable[[FloatArray, FloatArray], FloatArray]) -> Make:
-    return lambda values, case: values | {"points": change(values["points"], _centres(case))}
+def _other_sides(points: FloatArray, truth: Truth) -> FloatArray:
+    return points[:, mirrored_order(truth["names"])]
 
 
-def _distorted(values: Values, case: Case) -> Values:
-    beside = values["points"] - [case.intrinsics.cx, case.intrinsics.cy]
-    stretch = 1 + 0.05 * ((beside / case.intrinsics.fx) ** 2).sum(axis=-1, keepdims=True)
-    return values | {"points": values["points"] + (stretch - 1) * beside}
+def _mean_of_sides(points: FloatArray, truth: Truth) -> FloatArray:
+    return (points + _other_sides(points, truth)) / 2
 
 
-def _other_sides(values: Values, case: Case) -> Values:
-    return values | {"points": values["points"][:, mirrored_order(values["names"])]}
+def _clipped(points: FloatArray, truth: Truth) -> FloatArray:
+    boxes = truth["case"].people.boxes[:, None]
+    half = (boxes[..., 2:] - boxes[..., :2] - 1) / 2
+    return np.clip(points, -half, half)
 
 
-def _clipped(values: Values, case: Case) -> Values:
-    boxes = case.people.boxes[:, None]
-    return values | {"points": np.clip(values["points"], boxes[..., :2], boxes[..., 2:] - 1)}
-
-
-def _mean_of_sides(values: Values, case: Case) -> Values:
-    return values | {"points": (values["points"] + _other_sides(values, case)["points"]) / 2}
+def _distorted(points: FloatArray, truth: Truth) -> FloatArray:
+    camera = truth["case"].intrinsics
+    beside = points + _centres(truth["case"]) - [camera.cx, camera.cy]
+    farther = 0.05 * ((beside / camera.fx) ** 2).sum(axis=-1, keepdims=True)
+    return np.asarray(points + farther * beside)
 
 
 _BACK = "Was the output for a mirrored photo mirrored back, points and names?"
@@ -116,66 +100,21 @@ _GRID = (
     f"{_ASPECT} A grid of N cells between the borders has a step of size / N, between corners "
     f"of size / (N - 1)."
 )
-_READINGS = (
-    Reading(
-        "mirrored",
-        lambda v, case: v | {"points": [case.photo.shape[1] - 1, 0] - v["points"] * [1, -1]},
-        _BACK,
-    ),
+_CROP = "Are points clipped to the crop?"
+_LENS = "Is the lens distortion undone?"
+_OTHER = (
+    Reading("mirrored", _mirrored, _BACK),
     Reading("with left and right exchanged", _other_sides, _BACK),
     Reading("a mean of left and right, as of a mirrored photo", _mean_of_sides, _BACK),
-    Reading("clipped to the box of the person", _clipped, "Are points clipped to the crop?"),
-    Reading(
-        "a third wider than the person", _points(lambda p, c: c + (p - c) * [4 / 3, 1]), _ASPECT
-    ),
+    Reading("clipped to the box of the person", _clipped, _CROP),
+    Reading("a third wider than the person", times(4 / 3, 1), _ASPECT),
 )
-_X = np.array([1.0, 0])
-_Y = np.array([0, 1.0])
 _ALONG = (
-    Reading("to the right", _points(lambda p, _: p + 0.5 * _X), _PIXEL, 0.5, " px", 0.3),
-    Reading("down", _points(lambda p, _: p + 0.5 * _Y), _PIXEL, 0.5, " px", 0.3),
-    Reading(
-        "too large along x", _points(lambda p, c: p + 0.05 * (p - c) * _X), _GRID, 5.0, " %", 3.0
-    ),
-    Reading(
-        "too large along y", _points(lambda p, c: p + 0.05 * (p - c) * _Y), _GRID, 5.0, " %", 3.0
-    ),
-    Reading(
-        "distorted as by a lens of k1",
-        _distorted,
-        "Is the lens distortion undone?",
-        0.05,
-        "",
-        0.015,
-    ),
-)
-_OWN = "joints_are_those_of_the_person"
-_KNOWN = ("skeleton_is_known",)
-TABLE = Table(
-    _values,
-    _truth,
-    (
-        Group(
-            _OWN,
-            "points x, y in px of the photo of the stated joints, left ones on the person's own "
-            "left",
-            "sides of the box",
-            _in_boxes,
-            _READINGS,
-            rough=0.25,
-            order=("points", (), 1),
-        ),
-        Group(
-            "joints_are_not_shifted_or_scaled",
-            "joints without a common shift or scale; integer coordinates are pixel centres",
-            "px",
-            _in_px,
-            _ALONG,
-            after=(_OWN, "reads_images_as_rgb"),
-        ),
-    ),
-    "physic_core.types.Keypoints",
-    _KNOWN,
+    Reading("to the right", plus(0.5, 0), _PIXEL, 0.5, " px", 0.3),
+    Reading("down", plus(0, 0.5), _PIXEL, 0.5, " px", 0.3),
+    Reading("too large along x", times(1.05, 1), _GRID, 5, " %", 3),
+    Reading("too large along y", times(1, 1.05), _GRID, 5, " %", 3),
+    Reading("distorted as by a lens of k1", _distorted, _LENS, 0.05, "", 0.015),
 )
 
 
@@ -203,23 +142,16 @@ def check_confidence_tells_hidden_joints(subject: BackendUnderTest) -> None:
     """Joints in sight have no lower mean confidence than hidden ones, and confidences are those of
     their joints.
     """
-    evidence = values_of(subject, TABLE)
-    every = np.concatenate([values["confidence"].ravel() for _, values, _ in evidence])
+    evidence = values_of(subject, _values)
+    own = [values["confidence"] for values, _ in evidence]
+    true = [truth["confidence"] for _, truth in evidence]
+    every = np.concatenate([confidence.ravel() for confidence in own])
     wanted = "confidences that tell joints in sight from hidden ones"
     hint = "Return the height of the heat map's maximum, or what the network says of it."
     expect(float(every.std()) > 1e-6, wanted, f"{every[0]:.2f} for all joints in all photos", hint)
-    low = float(every.min())
-    high = float(every.max())
-    is_narrow = low >= 0.5 and high <= 1 / (1 + np.exp(-1.0)) + 1e-3
-    expect(
-        not is_narrow,
-        wanted,
-        f"{low:.2f} to {high:.2f} in all photos",
-        "Is a sigmoid applied twice?",
-    )
-    own = [values["confidence"] for _, values, _ in evidence]
-    true = [truth["confidence"] for _, _, truth in evidence]
-    sides = mirrored_order(evidence[0][2]["names"])
+    got = f"{every.min():.2f} to {every.max():.2f} in all photos"
+    expect(not is_sigmoid_of_probability(every), wanted, got, "Is a sigmoid applied twice?")
+    sides = mirrored_order(evidence[0][1]["names"])
     others = {
         "inverted": [1 - rows for rows in true],
         "of the joint before": [np.roll(rows, 1, axis=1) for rows in true],
@@ -241,20 +173,16 @@ def check_confidence_tells_hidden_joints(subject: BackendUnderTest) -> None:
 
 def _centred_rows(own: list[FloatArray], true: list[FloatArray]) -> list[FloatArray]:
     """Return the difference of the confidences of each person from the truth, both of mean 0 and
-    length 1.
+    length 1; NaN where one of them is constant or too few joints are in sight, or hidden.
     """
     found = []
-    for rows, seen in zip(own, true, strict=True):
-        for row, shown in zip(rows, seen, strict=True):
-            one = row - row.mean()
-            other = shown - shown.mean()
-            if (
-                min(one.std(), other.std()) > 1e-6
-                and min(shown.sum(), (1 - shown).sum()) >= MIN_UNITS
-            ):
-                found.append(one / np.linalg.norm(one) - other / np.linalg.norm(other))
-            else:
-                found.append(np.full(len(row), np.nan))
+    for row, shown in zip(np.concatenate(own), np.concatenate(true), strict=True):
+        one, other = (side - side.mean() for side in (row, shown))
+        is_known = min(one.std(), other.std()) > 1e-6
+        if is_known and min(shown.sum(), (1 - shown).sum()) >= MIN_UNITS:
+            found.append(one / np.linalg.norm(one) - other / np.linalg.norm(other))
+        else:
+            found.append(np.full(len(row), np.nan))
     return found
 
 
@@ -264,21 +192,19 @@ def check_world_points_are_metres(subject: BackendUnderTest) -> None:
     names = answer.joint_set.names
     if answer.world is None or not {"nose", "left_ankle", "right_ankle"} <= set(names):
         raise CheckSkipped("it returns no world points")
-    height = answer.world[:, [names.index("left_ankle"), names.index("right_ankle")], 1].mean(
-        axis=1
-    )
-    height = height - answer.world[:, names.index("nose"), 1]
+    nose, *ankles = (names.index(name) for name in ("nose", "left_ankle", "right_ankle"))
+    height = answer.world[:, ankles, 1].mean(axis=1) - answer.world[:, nose, 1]
     expect(
         bool(((height > 0.5) & (height < 3)).all()),
         "metres, y down: 0.5-3 m from nose to ankles of a standing person",
         f"{np.round(height, 2).tolist()}",
     )
-    flat = answer.points[..., 0]
-    seen = answer.confidence > 0
     slopes = [
-        np.polyfit(flat[i, s], answer.world[i, s, 0], 1)[0]
-        for i, s in enumerate(seen)
-        if s.sum() > MIN_JOINTS
+        np.polyfit(points[seen, 0], world[seen, 0], 1)[0]
+        for points, world, seen in zip(
+            answer.points, answer.world, answer.confidence > 0, strict=True
+        )
+        if seen.sum() > MIN_JOINTS
     ]
     expect(
         min(slopes, default=1) > 0,
@@ -287,13 +213,39 @@ def check_world_points_are_metres(subject: BackendUnderTest) -> None:
     )
 
 
-CHECKS: tuple[Check, ...] = (
-    *PEOPLE_CHECKS,
-    Check(check_skeleton_is_known, TABLE.read),
-    Check(check_confidence_tells_hidden_joints, TABLE.read, after=_KNOWN, unless=BLIND),
-    Check(
-        check_world_points_are_metres, TABLE.read, after=(*_KNOWN, "joints_are_those_of_the_person")
+TABLE = Table(
+    _values,
+    (
+        NOBODY,
+        Check(check_skeleton_is_known),
+        Check(check_confidence_tells_hidden_joints, after=("skeleton_is_known",), unless=BLIND),
+        Check(
+            check_world_points_are_metres,
+            after=("skeleton_is_known", "joints_are_those_of_the_person"),
+        ),
+        *ROWS,
+        COLOURS,
     ),
-    *ROW_CHECKS,
+    (
+        Group(
+            "joints_are_those_of_the_person",
+            "points x, y in px of the photo of the stated joints, left ones on the person's own "
+            "left",
+            "points",
+            "sides of the box",
+            _OTHER,
+            _in_boxes,
+            rough=0.25,
+            order=((), 1),
+        ),
+        Group(
+            "joints_are_not_shifted_or_scaled",
+            "joints without a common shift or scale; integer coordinates are pixel centres",
+            "points",
+            "px",
+            _ALONG,
+            after=("joints_are_those_of_the_person", "reads_images_as_rgb"),
+        ),
+    ),
+    after=("skeleton_is_known",),
 )
-"""Further checks of a KeypointDetector, in order of execution."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Collection, Mapping
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from physic_core.discovery.error_text import is_debugging
@@ -26,67 +27,53 @@ from physic_testing.conformance.accuracy import check_is_exact
 from physic_testing.conformance.backend_under_test import BackendUnderTest, find_backend
 from physic_testing.conformance.cases import SIZE
 from physic_testing.conformance.check import BLIND, Check
-from physic_testing.conformance.output_checks import COLOUR_CHECKS
-from physic_testing.conformance.readings import check_group
+from physic_testing.conformance.readings import check_of
 from physic_testing.conformance.run import CheckRun, require_check_names
 
 if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import OptionsFor
-    from physic_testing.conformance.readings import Group, Table
-    from physic_testing.conformance.report import Report
+    from physic_testing.conformance.readings import Table
+    from physic_testing.conformance.report import Report, Result
 
-TABLES: dict[str, tuple[Table, tuple[Check, ...]]] = {
-    "segmenter": (segmenter.TABLE, segmenter.CHECKS + COLOUR_CHECKS),
-    "inpainter": (inpainter.TABLE, inpainter.CHECKS),
-    "metric_depth": (depths.DEPTH, depths.DEPTH_CHECKS + COLOUR_CHECKS),
-    "relative_pointmap": (depths.POINTS, depths.POINTS_CHECKS + COLOUR_CHECKS),
-    "keypoint_detector": (keypoint_detector.TABLE, keypoint_detector.CHECKS + COLOUR_CHECKS),
-    "body_estimator": (body_estimator.TABLE, body_estimator.CHECKS),
-    "hand_estimator": (hand_estimator.TABLE, hand_estimator.CHECKS),
-    "person_observer": (person_observer.TABLE, person_observer.CHECKS),
-    "contact_prior": (contact_prior.TABLE, contact_prior.CHECKS),
+TABLES: dict[str, Table] = {
+    "segmenter": segmenter.TABLE,
+    "inpainter": inpainter.TABLE,
+    "metric_depth": depths.METRIC_DEPTH,
+    "relative_pointmap": depths.RELATIVE_POINTMAP,
+    "keypoint_detector": keypoint_detector.TABLE,
+    "body_estimator": body_estimator.TABLE,
+    "hand_estimator": hand_estimator.TABLE,
+    "person_observer": person_observer.TABLE,
+    "contact_prior": contact_prior.TABLE,
 }
-"""Interface -> how outputs are compared with the truth, and further checks; others have only the
-general checks.
-"""
+"""Interface -> what is checked of its outputs; others have only the general checks."""
 
 _EXACT = Check(
     check_is_exact,
-    "physic_testing.conformance.CAPABILITIES",
     unless=BLIND,
     only_with=frozenset({"exact"}),
+    read="physic_testing.conformance.CAPABILITIES",
 )
 
 
 def checks_for(interface: str) -> tuple[Check, ...]:
     """Return all checks of an interface, in order of execution."""
     return (
-        class_checks.CHECKS
-        + lifecycle.CHECKS_BEFORE_INFER
-        + output_checks.CHECKS
-        + accuracy_checks(interface)
-        + lifecycle.CHECKS_AFTER_INFER
-        + manners.CHECKS
+        *class_checks.CHECKS,
+        *lifecycle.CHECKS_BEFORE_INFER,
+        *output_checks.CHECKS,
+        *accuracy_checks(interface),
+        *lifecycle.CHECKS_AFTER_INFER,
+        *manners.CHECKS,
     )
 
 
 def accuracy_checks(interface: str) -> tuple[Check, ...]:
     """Return the checks of an interface that compare outputs with the ground truth."""
-    if interface not in TABLES:
+    table = TABLES.get(interface)
+    if table is None:
         return ()
-    table, further = TABLES[interface]
-    return (*further, *(_check_of(table, group) for group in table.groups), _EXACT)
-
-
-def _check_of(table: Table, group: Group) -> Check:
-    """Return the check of a group."""
-
-    def function(subject: BackendUnderTest) -> None:
-        check_group(subject, table, group)
-
-    function.__name__ = f"check_{group.check}"
-    function.__doc__ = f"{group.what}."
-    return Check(function, table.read, after=(*table.after, *group.after))
+    return (*table.checks, *(check_of(table, group) for group in table.groups), _EXACT)
 
 
 def check_backend(
@@ -124,16 +111,16 @@ def check_backend(
         BackendError: the backend does not exist.
         PhysicError: an expected failure or a capability does not exist.
     """
-    settings = {
-        "options": options,
-        "capabilities": capabilities,
-        "exact_limits": exact_limits,
-        "device": device,
-        "size": size,
-    }
-    return start_checks(find_backend(backend, interface, **settings), expected_failures).report(
-        progress
+    subject = find_backend(
+        backend,
+        interface,
+        options=options,
+        capabilities=capabilities,
+        exact_limits=exact_limits,
+        device=device,
+        size=size,
     )
+    return start_checks(subject, expected_failures).report(progress)
 
 
 def start_checks(
@@ -173,70 +160,41 @@ def parametrize_with_checks(
     import pytest
 
     expected = dict(expected_failures or {})
-    checks = (
-        {check.name: check for check in checks_for(interface)} if interface in INTERFACES else {}
-    )
+    checks = {c.name: c for c in checks_for(interface)} if interface in INTERFACES else {}
     require_check_names(expected, checks)
-    shared = _SharedRun(lambda: start_checks(find_backend(backend, interface, **settings)))
-    params = [
-        pytest.param(
-            BoundCheck(shared, name),
-            id=name,
-            marks=[pytest.mark.xfail(reason=expected[name], strict=True)]
-            if name in expected
-            else [],
-        )
-        for name in checks
-    ]
-    params.append(pytest.param(shared.require_backend_call, id="backend_was_run"))
-    return pytest.mark.parametrize("check", params)
+
+    @lru_cache(maxsize=1)
+    def shared_run() -> CheckRun:
+        return start_checks(find_backend(backend, interface, **settings))
+
+    def test_of(name: str) -> Any:
+        reason = expected.get(name)
+        marks = [] if reason is None else [pytest.mark.xfail(reason=reason, strict=True)]
+        return pytest.param(lambda: _as_test(shared_run().result(name)), id=name, marks=marks)
+
+    last = pytest.param(lambda: _require_backend_call(shared_run()), id="backend_was_run")
+    return pytest.mark.parametrize("check", [*map(test_of, checks), last])
 
 
-class BoundCheck:
-    """One check of one backend, callable as a test."""
+def _as_test(result: Result) -> None:
+    """Fail, skip or warn in a pytest test as a check did."""
+    import pytest
 
-    def __init__(self, shared: _SharedRun, name: str) -> None:
-        self._shared = shared
-        self._name = name
-
-    def __repr__(self) -> str:
-        return self._name
-
-    def __call__(self) -> None:
-        """Run the check as a pytest test: fail, skip or return."""
-        import pytest
-
-        result = self._shared.run().result(self._name)
-        if result.outcome == "failed" and result.error is not None and is_debugging():
-            raise pytest.fail.Exception(result.message) from result.error
-        if result.outcome == "failed":
-            pytest.fail(result.message, pytrace=False)
-        if result.outcome == "skipped":
-            pytest.skip(result.reason)
-        if result.outcome == "warned":
-            warnings.warn(result.message, stacklevel=2)
+    if result.outcome == "failed" and result.error is not None and is_debugging():
+        raise pytest.fail.Exception(result.message) from result.error
+    if result.outcome == "failed":
+        pytest.fail(result.message, pytrace=False)
+    if result.outcome == "skipped":
+        pytest.skip(result.reason)
+    if result.outcome == "warned":
+        warnings.warn(result.message, stacklevel=2)
 
 
-class _SharedRun:
-    """Run of the checks that all tests of one decorator share."""
+def _require_backend_call(run: CheckRun) -> None:
+    """Close the backend, and fail the test if it was never called."""
+    import pytest
 
-    def __init__(self, begin: Callable[[], CheckRun]) -> None:
-        self._begin = begin
-        self._run: CheckRun | None = None
-
-    def run(self) -> CheckRun:
-        """Return the run; create it in the first call."""
-        if self._run is None:
-            self._run = self._begin()
-        return self._run
-
-    def require_backend_call(self) -> None:
-        """Fail the test if the backend was never called."""
-        import pytest
-
-        reason = self.run().not_run_reason
-        self.run().subject.close()
-        if reason:
-            pytest.fail(
-                f"expected: a backend that can be called\ngot:      {reason}", pytrace=False
-            )
+    reason = run.not_run_reason
+    run.subject.close()
+    if reason:
+        pytest.fail(f"expected: a backend that can be called\ngot:      {reason}", pytrace=False)

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 from physic_core.discovery.backends import missing_requirements
 from physic_core.discovery.error_text import describe_error
 from physic_core.errors import PhysicError
-from physic_testing.conformance.check import Check
-from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
+from physic_testing.conformance.check import Check, CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.field_comparison import describe_difference
 from physic_testing.conformance.network_and_memory import no_network, resident_megabytes
 
@@ -112,11 +111,11 @@ def check_may_be_loaded_and_closed_again(subject: BackendUnderTest) -> None:
     outputs: list[Any] = []
 
     def infer() -> None:
-        outputs.append(subject.infer(backend, case))
+        outputs.append(subject.infer(backend, subject.request(case)))
 
     def infer_before_load() -> None:
         with suppress(PhysicError):
-            subject.infer(backend, case)
+            subject.infer(backend, subject.request(case))
 
     def load() -> None:
         backend.load(subject.device)
@@ -180,33 +179,22 @@ def _close_quietly(backend: Backend) -> None:
         backend.close()
 
 
-_BACKEND = "physic_core.interfaces.Backend"
-_CONSTRUCTED = ("constructs_quickly_and_offline",)
 CHECKS_BEFORE_INFER: tuple[Check, ...] = (
     Check(
         check_constructs_quickly_and_offline,
-        _BACKEND,
         after=("class_fits_its_interface", "options_are_complete"),
     ),
-    Check(check_tells_what_is_missing_before_load, _BACKEND, after=_CONSTRUCTED),
-    Check(
-        check_loads_or_reports_what_is_missing,
-        _BACKEND,
-        after=("tells_what_is_missing_before_load",),
-    ),
+    Check(check_tells_what_is_missing_before_load, after=("constructs_quickly_and_offline",)),
+    Check(check_loads_or_reports_what_is_missing, after=("tells_what_is_missing_before_load",)),
     Check(
         check_refuses_a_missing_device,
-        "physic_core.adapters.devices",
         after=("loads_or_reports_what_is_missing",),
+        read="physic_core.adapters.devices",
     ),
 )
 """Life-cycle checks that run before the first call of ``infer``."""
 
 CHECKS_AFTER_INFER: tuple[Check, ...] = (
-    Check(
-        check_may_be_loaded_and_closed_again,
-        _BACKEND,
-        after=("output_depends_on_the_photo_alone",),
-    ),
+    Check(check_may_be_loaded_and_closed_again, after=("output_depends_on_the_photo_alone",)),
 )
 """Life-cycle checks that run after ``infer`` returned valid output."""

@@ -6,8 +6,7 @@ import gc
 import time
 from typing import TYPE_CHECKING
 
-from physic_testing.conformance.check import Check
-from physic_testing.conformance.expect import CheckSkipped, expect, warn_unless
+from physic_testing.conformance.check import Check, CheckSkipped, expect, warn_unless
 from physic_testing.conformance.network_and_memory import resident_megabytes
 
 if TYPE_CHECKING:
@@ -53,12 +52,12 @@ def check_leaves_nothing_behind(subject: BackendUnderTest) -> None:
     backend = subject.loaded(case)
     start = time.process_time()
     for _ in range(4):
-        subject.infer(backend, case)
+        subject.infer(backend, subject.request(case))
         if (time.process_time() - start) * CALLS > 4 * MAX_LEAK_SECONDS:
             raise CheckSkipped("memory was not measured: it is too slow to be called 20 times")
     memory = resident_megabytes()
     for _ in range(CALLS):
-        subject.infer(backend, case)
+        subject.infer(backend, subject.request(case))
     gc.collect()
     leak = (resident_megabytes() - memory) / CALLS
     warn_unless(
@@ -69,9 +68,8 @@ def check_leaves_nothing_behind(subject: BackendUnderTest) -> None:
     )
 
 
-_BACKEND = "physic_core.interfaces.Backend"
 CHECKS: tuple[Check, ...] = (
-    Check(check_changes_no_settings_of_the_process, _BACKEND),
-    Check(check_leaves_nothing_behind, _BACKEND, after=("output_depends_on_the_photo_alone",)),
+    Check(check_changes_no_settings_of_the_process),
+    Check(check_leaves_nothing_behind, after=("output_depends_on_the_photo_alone",)),
 )
 """Checks that run last; what is left behind is a warning."""

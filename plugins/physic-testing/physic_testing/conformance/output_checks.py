@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,16 +13,21 @@ from physic_core.errors import BodyModelError, ConfigError, PhysicError
 from physic_core.types import Hints
 from physic_testing.conformance.accuracy import MAIN_ERROR, main_error
 from physic_testing.conformance.backend_under_test import FIRST_PHOTO
-from physic_testing.conformance.cases import CASES
-from physic_testing.conformance.check import BLIND, Check
+from physic_testing.conformance.cases import CASES, rows_of
+from physic_testing.conformance.check import (
+    BLIND,
+    Check,
+    CheckFailed,
+    CheckSkipped,
+    expect,
+    warn_unless,
+)
 from physic_testing.conformance.contract import case_violations
-from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect, warn_unless
 from physic_testing.conformance.field_comparison import describe_difference, row_differences
-from physic_testing.conformance.requests import infer_arguments, read_only_views
+from physic_testing.conformance.requests import read_only_view
 
 if TYPE_CHECKING:
-    from physic_core.types import IntArray
-    from physic_testing.conformance.backend_under_test import BackendUnderTest, CaseRun
+    from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.cases import Case
 
 REQUIRED = {
@@ -67,8 +72,9 @@ def check_accepts_or_refuses_any_photo(subject: BackendUnderTest) -> None:
     """For a grey photo, one of 32 x 24 px, a large one and all photos over which bias is measured,
     the output is valid or infer raises a PhysicError.
     """
+    subject.result()
     for name in (*OPTIONAL, *subject.evidence_names):
-        if not _attempt(subject, name).refused:
+        if not isinstance(subject.run_case(name).error, PhysicError):
             hint = OPTIONAL.get(name, "Is it the sky, whose depth is NaN and not 0?")
             hint += " Raise a PhysicError for a photo that cannot be processed."
             _expect_valid_output(subject, name, hint)
@@ -92,24 +98,20 @@ def check_accepts_array_views(subject: BackendUnderTest) -> None:
     """infer accepts read-only arrays with negative strides, which photos rotated by EXIF data
     have.
     """
-    first = subject.result("odd size")
-    case = subject.case("odd size")
-    answer = subject.call(
-        "valid output for read-only arrays with negative strides",
-        case,
-        read_only_views(infer_arguments(subject.interface, case)),
-        "Call np.ascontiguousarray(array) before torch.from_numpy; copy before writing.",
-    )
+    case, request = subject.valid_request("odd size")
+    wanted = "valid output for read-only arrays with negative strides"
+    hint = "Call np.ascontiguousarray(array) before torch.from_numpy; copy before writing."
+    answer = subject.call(wanted, case, read_only_view(request), hint)
     if "stochastic" not in subject.capabilities:
-        changes = describe_difference(first, answer)
-        expect(not changes, "the same output for a view of the same photo", changes)
+        wanted = "the same output for a view of the same photo"
+        _expect_same(wanted, subject.result("odd size"), answer)
 
 
 def check_output_depends_on_the_photo_alone(subject: BackendUnderTest) -> None:
     """The output is the same in a second call after others, and of a second instance with the same
     options.
     """
-    subject.result(FIRST_PHOTO)
+    case, request = subject.valid_request(FIRST_PHOTO)
     earlier, later = subject.photos_of_one_size
     for name in (earlier, later, "blank"):
         subject.run_case(name)
@@ -120,12 +122,10 @@ def check_output_depends_on_the_photo_alone(subject: BackendUnderTest) -> None:
             attempt.shared_result,
             "Does it return the same buffer in every call?",
         )
-    case = subject.case(FIRST_PHOTO)
-    again = subject.call("output", case, infer_arguments(subject.interface, case))
     _expect_same(
         "the same output for the same photo after calls on others",
         subject.result(FIRST_PHOTO),
-        again,
+        subject.call("output", case, request),
         "Does it keep a running average or a counter? Seed random generators from an option, or "
         "declare the capability 'stochastic'.",
     )
@@ -137,7 +137,7 @@ def check_output_depends_on_the_photo_alone(subject: BackendUnderTest) -> None:
     )
 
 
-def _expect_same(wanted: str, first: Any, again: Any, hint: str) -> None:
+def _expect_same(wanted: str, first: Any, again: Any, hint: str = "") -> None:
     changes = describe_difference(first, again)
     expect(not changes, wanted, changes, hint)
 
@@ -148,7 +148,7 @@ def _of_new_instance(subject: BackendUnderTest, name: str) -> Any:
     backend = subject.construct(case)
     try:
         backend.load(subject.device)
-        return subject.infer(backend, case)
+        return subject.infer(backend, subject.request(case))
     finally:
         with suppress(Exception):  # reported by 'may_be_loaded_and_closed_again'
             backend.close()
@@ -156,37 +156,33 @@ def _of_new_instance(subject: BackendUnderTest, name: str) -> Any:
 
 def check_works_without_hints(subject: BackendUnderTest) -> None:
     """Without hints, the output is valid or infer raises a PhysicError."""
-    subject.result()
-    case = subject.case("one person")
-    arguments = infer_arguments(subject.interface, case)
-    bare = tuple(Hints() if isinstance(value, Hints) else value for value in arguments)
+    case, request = subject.valid_request()
     wanted = "valid output for Hints(), or a PhysicError that names the missing hint"
-    subject.call(wanted, case, bare, may_refuse=True)
+    subject.call(wanted, case, replace(request, hints=Hints()), may_refuse=True)
 
 
 def check_ignores_the_image(subject: BackendUnderTest) -> None:
     """The output for a grey photo is the same, as the capability "ignores_image" declares."""
     case = subject.case("one person")
-    image, *rest = infer_arguments(subject.interface, case)
-    grey = subject.infer(subject.loaded(case), case, (np.full_like(image, 128), *rest))
+    request = subject.request(case)
+    grey = replace(request, image=np.full_like(request.image, 128))
     _expect_same(
         "the same output for an image all grey, as the capability 'ignores_image' declares",
         subject.result(),
-        grey,
+        subject.infer(subject.loaded(case), grey),
         "Remove 'ignores_image' from `capabilities`: the checks of bias then run.",
     )
 
 
 def check_reads_images_as_rgb(subject: BackendUnderTest) -> None:
     """The output for the photo in RGB is not less accurate than for the same photo in BGR."""
-    case = subject.case("one person")
+    case, request = subject.valid_request()
     own = _error(subject.interface, subject.result(), case)
     if not own >= _NEGLIGIBLE_ERROR:
         return
-    image, *rest = infer_arguments(subject.interface, case)
-    exchanged = (np.ascontiguousarray(image[..., ::-1]), *rest)
+    exchanged = replace(request, image=np.ascontiguousarray(request.image[..., ::-1]))
     try:
-        answer = subject.infer(subject.loaded(case), case, exchanged)
+        answer = subject.infer(subject.loaded(case), exchanged)
     except PhysicError as error:
         raise CheckSkipped("it refuses a photo with red and blue exchanged") from error
     if case_violations(subject.interface, answer, case):
@@ -205,8 +201,8 @@ def check_rows_follow_the_people(subject: BackendUnderTest) -> None:
     """Row i belongs to person i: the truth fits no other order better, and a person alone gets the
     row that the person has among others.
     """
+    case, request = subject.valid_request("several people")
     answer = subject.result("several people")
-    case = subject.case("several people")
     count = len(case.people)
     own = _error(subject.interface, answer, case)
     hint = "Do not sort people by size or score."
@@ -219,8 +215,7 @@ def check_rows_follow_the_people(subject: BackendUnderTest) -> None:
             hint,
         )
     turned = np.arange(count)[::-1]
-    arguments = infer_arguments(subject.interface, case)
-    reverse = tuple(rows_of(value, turned, count) for value in arguments)
+    reverse = rows_of(request, turned, count)
     again = subject.call("output for the same people in reverse order", case, reverse)
     apart = row_differences(answer, again, count)
     expect(
@@ -240,8 +235,7 @@ def check_rows_do_not_depend_on_other_people(subject: BackendUnderTest) -> None:
     for i in range(count):
         row = np.array([i])
         alone = replace(rows_of(replace(case, world=None), row, count), world=case.world)
-        arguments = infer_arguments(subject.interface, alone)
-        own = subject.call("output for one of several people", alone, arguments)
+        own = subject.call("output for one of several people", alone, subject.request(alone))
         if change := describe_difference(rows_of(answer, row, count), own):
             changes[i] = change
     report = expect if len(changes) == count else warn_unless
@@ -254,16 +248,6 @@ def check_rows_do_not_depend_on_other_people(subject: BackendUnderTest) -> None:
     )
 
 
-def rows_of(thing: Any, order: IntArray, count: int) -> Any:
-    """Take rows of all arrays that have one row for each of ``count`` people."""
-    if isinstance(thing, np.ndarray):
-        return thing[order].copy() if thing.ndim and len(thing) == count else thing
-    if is_dataclass(thing) and not isinstance(thing, type):
-        taken = {f.name: rows_of(getattr(thing, f.name), order, count) for f in fields(thing)}
-        return replace(thing, **taken)
-    return thing
-
-
 def _error(interface: str, answer: Any, case: Case) -> float:
     """Return the error of an output, lower is better; NaN where there is no truth for it."""
     try:
@@ -274,59 +258,46 @@ def _error(interface: str, answer: Any, case: Case) -> float:
 
 def _expect_valid_output(subject: BackendUnderTest, name: str, hint: str = "") -> None:
     """Raise CheckFailed unless the backend returned valid output for a photo."""
-    attempt = _attempt(subject, name)
-    case = subject.case(name)
-    wanted = f"valid output for a photo of {case.size}, {CASES[name].what}"
+    if name != "one person":
+        subject.result()
+    attempt = subject.run_case(name)
+    wanted = f"valid output for a photo of {subject.case(name).size}, {CASES[name].what}"
     if isinstance(attempt.error, ConfigError):
         raise CheckSkipped(f"not ready: {attempt.error}")
     if attempt.error is not None:
-        raise CheckFailed(
-            wanted, describe_error(attempt.error, subject.kind), hint
-        ) from attempt.error
+        got = describe_error(attempt.error, subject.kind)
+        raise CheckFailed(wanted, got, hint) from attempt.error
     expect(not attempt.violations, wanted, "; ".join(attempt.violations), hint)
 
 
-def _attempt(subject: BackendUnderTest, name: str) -> CaseRun:
-    """Call the backend on a photo; skip if it returned no valid output for one person."""
-    if name != "one person":
-        subject.result("one person")
-    return subject.run_case(name)
-
-
-_TYPES = "physic_core.types"
-_BACKEND = "physic_core.interfaces"
-_ALONE = frozenset({"stochastic"})
+_SAME = frozenset({"stochastic"})
 CHECKS: tuple[Check, ...] = (
-    Check(check_returns_valid_output, _TYPES, after=("class_fits_its_interface",)),
-    Check(check_accepts_photos_of_people, _TYPES),
-    Check(check_accepts_or_refuses_any_photo, _BACKEND, after=("accepts_photos_of_people",)),
-    Check(check_does_not_modify_its_input, _BACKEND),
-    Check(check_output_depends_on_the_photo_alone, _BACKEND, unless=_ALONE),
-    Check(check_ignores_the_image, "physic_testing.conformance.CAPABILITIES", only_with=BLIND),
+    Check(check_returns_valid_output, after=("class_fits_its_interface",)),
+    Check(check_accepts_photos_of_people),
+    Check(check_accepts_or_refuses_any_photo, after=("accepts_photos_of_people",)),
+    Check(check_does_not_modify_its_input),
+    Check(check_output_depends_on_the_photo_alone, unless=_SAME),
+    Check(check_ignores_the_image, only_with=BLIND, read="physic_testing.conformance.CAPABILITIES"),
     Check(
         check_accepts_array_views,
-        _BACKEND,
         after=("output_depends_on_the_photo_alone", "does_not_modify_its_input"),
     ),
 )
 """Checks of every interface, in order of execution."""
 
-HINT_CHECKS: tuple[Check, ...] = (Check(check_works_without_hints, "physic_core.types.Hints"),)
-"""Checks of interfaces whose ``infer`` receives hints."""
+WITHOUT_HINTS = Check(check_works_without_hints, read="physic_core.types.Hints")
+"""Check of interfaces whose ``infer`` receives hints."""
 
-PEOPLE_CHECKS: tuple[Check, ...] = (Check(check_accepts_a_photo_without_people, _TYPES),)
-"""Checks of interfaces whose output has one row per person."""
+NOBODY = Check(check_accepts_a_photo_without_people)
+"""Check of interfaces whose output has one row per person."""
 
-ROW_CHECKS: tuple[Check, ...] = (
-    Check(check_rows_follow_the_people, _BACKEND),
+ROWS = (
+    Check(check_rows_follow_the_people),
     Check(
-        check_rows_do_not_depend_on_other_people,
-        _BACKEND,
-        after=("rows_follow_the_people",),
-        unless=_ALONE,
+        check_rows_do_not_depend_on_other_people, after=("rows_follow_the_people",), unless=_SAME
     ),
 )
 """Checks of interfaces that receive people."""
 
-COLOUR_CHECKS: tuple[Check, ...] = (Check(check_reads_images_as_rgb, _BACKEND),)
+COLOURS = Check(check_reads_images_as_rgb)
 """Check of interfaces whose backends process the whole photo."""

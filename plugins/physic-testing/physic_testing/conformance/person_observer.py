@@ -9,68 +9,34 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_testing.conformance.check import BLIND, Check
-from physic_testing.conformance.expect import CheckSkipped, expect
-from physic_testing.conformance.output_checks import COLOUR_CHECKS, PEOPLE_CHECKS, ROW_CHECKS
-from physic_testing.conformance.readings import Group, Reading, Table, Values, changed
-from physic_testing.conformance.requests import infer_arguments
+from physic_testing.conformance.check import BLIND, Check, CheckSkipped, expect
+from physic_testing.conformance.output_checks import COLOURS, NOBODY, ROWS
+from physic_testing.conformance.readings import Group, Reading, Table, reordered
 from physic_testing.conformance.truth import mirrored_order, true_touch
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Observations
     from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.cases import Case
+    from physic_testing.conformance.readings import Truth, Values
 
 MIRROR_TOLERANCE = 0.1
 """Difference of probabilities, or of flexions over 180 degrees, that may be an error."""
 
-_OTHER_SIDES = [1, 0, 3, 2, 4]  # of the parts that touch
+_OWN_LEFT = "Are sides those of the picture? Left is the person's own."
+_ORDER = "The order is that of physic_core.types.TOUCH_PARTS."
 
 
-def _values(answer: Observations, case: Case, truth: Values) -> Values:
-    return {"touch": answer.touch.astype(np.float64)}
-
-
-def _of_people(values: Values, truth: Values, case: Case) -> list[FloatArray]:
-    return list(values["touch"])
-
-
-TABLE = Table(
-    _values,
-    lambda answer, case: {"touch": true_touch(case.truth).astype(np.float64)},
-    (
-        Group(
-            "touch_is_that_of_the_parts",
-            "probabilities that the left and right foot, the left and right hand and the seat "
-            "touch, left ones on the person's own left",
-            "of a probability",
-            _of_people,
-            (
-                Reading("inverted", changed(touch=lambda p: 1 - p), "1 is touch."),
-                Reading(
-                    "with left and right exchanged",
-                    changed(touch=lambda p: p[:, _OTHER_SIDES]),
-                    "Are sides those of the picture? Left is the person's own.",
-                ),
-                Reading(
-                    "with hands for feet",
-                    changed(touch=lambda p: p[:, [2, 3, 0, 1, 4]]),
-                    "The order is that of physic_core.types.TOUCH_PARTS.",
-                ),
-            ),
-        ),
-    ),
-    "physic_core.types.Observations",
-)
+def _values(answer: Observations, case: Case) -> tuple[Values, Truth]:
+    return {"touch": answer.touch.astype(float)}, {"touch": true_touch(case.truth).astype(float)}
 
 
 def check_mirrored_photo_exchanges_sides(subject: BackendUnderTest) -> None:
     """For a mirrored photo, what is said of the left side is said of the right one."""
     found = []
     for case, answer in subject.evidence():
-        arguments = _mirrored(*infer_arguments(subject.interface, case))
         wanted = "valid output for a mirrored photo, or a PhysicError"
-        again = subject.call(wanted, case, arguments, may_refuse=True)
+        again = subject.call(wanted, case, _mirrored(subject.request(case)), may_refuse=True)
         if again is not None:
             own, other = _sides(answer), _sides(again)
             differ = np.abs(own - own[:, ::-1]) > MIRROR_TOLERANCE  # False for NaN
@@ -88,16 +54,19 @@ def check_mirrored_photo_exchanges_sides(subject: BackendUnderTest) -> None:
     )
 
 
-def _mirrored(image: Any, people: Any, keypoints: Any) -> tuple[Any, Any, Any]:
-    """Return mirrored arguments of ``infer``."""
-    width = image.shape[1]
+def _mirrored(request: Any) -> Any:
+    """Return the request for the mirrored photo."""
+    people = request.people
+    keypoints = request.keypoints
+    width = request.image.shape[1]
     joints = mirrored_order(keypoints.joint_set.names)
     points = [width - 1, 0] + keypoints.points[:, joints] * [-1, 1]
     boxes = people.boxes[:, [2, 1, 0, 3]] * [-1, 1, -1, 1] + [width, 0, width, 0]
-    return (
-        np.ascontiguousarray(image[:, ::-1]),
-        replace(people, masks=np.ascontiguousarray(people.masks[..., ::-1]), boxes=boxes),
-        replace(keypoints, points=points, confidence=keypoints.confidence[:, joints]),
+    return replace(
+        request,
+        image=np.ascontiguousarray(request.image[:, ::-1]),
+        people=replace(people, masks=np.ascontiguousarray(people.masks[..., ::-1]), boxes=boxes),
+        keypoints=replace(keypoints, points=points, confidence=keypoints.confidence[:, joints]),
     )
 
 
@@ -108,10 +77,21 @@ def _sides(answer: Observations) -> FloatArray:
     return np.stack(both, 2).astype(np.float64)
 
 
-CHECKS: tuple[Check, ...] = (
-    *PEOPLE_CHECKS,
-    Check(check_mirrored_photo_exchanges_sides, TABLE.read, unless=BLIND),
-    *ROW_CHECKS,
-    *COLOUR_CHECKS,
+TABLE = Table(
+    _values,
+    (NOBODY, Check(check_mirrored_photo_exchanges_sides, unless=BLIND), *ROWS, COLOURS),
+    (
+        Group(
+            "touch_is_that_of_the_parts",
+            "probabilities that the left and right foot, the left and right hand and the seat "
+            "touch, left ones on the person's own left",
+            "touch",
+            "of a probability",
+            (
+                Reading("inverted", lambda p, _: 1 - p, "1 is touch."),
+                Reading("with left and right exchanged", reordered([1, 0, 3, 2, 4]), _OWN_LEFT),
+                Reading("with hands for feet", reordered([2, 3, 0, 1, 4]), _ORDER),
+            ),
+        ),
+    ),
 )
-"""Further checks of a PersonObserver, in order of execution."""

@@ -2,19 +2,23 @@
 
 An output is compared as a vector for each unit, a person or a photo. A mistake puts it off by a
 known vector. The share of that vector in what it is off by is 1 with the mistake and 0 without it.
-A mistake counts if most units show it in the same direction.
+A mistake counts if most units show it in the same direction. The row ::
+
+    Reading("down", shifted(axis=0), "Is the padding subtracted?", size=1, unit=" px", limit=0.5)
+
+fails outputs that most photos show to be moved down by more than half a pixel, and says by how
+much.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from physic_testing.conformance.check import BLIND
-from physic_testing.conformance.expect import CheckFailed, CheckSkipped
+from physic_testing.conformance.check import BLIND, Check, CheckFailed, CheckSkipped
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
@@ -24,8 +28,14 @@ if TYPE_CHECKING:
 Values: TypeAlias = "dict[str, Any]"
 """An output in the form in which it is compared: names -> arrays."""
 
-Make: TypeAlias = "Callable[[Values, Case], Values]"
-"""Values of the truth, and the photo -> values with a mistake."""
+Truth: TypeAlias = "dict[str, Any]"
+"""The same of the truth; ``case`` is the photo."""
+
+Make: TypeAlias = "Callable[[Any, Truth], Any]"
+"""Value of the truth, and the whole truth -> the value with a mistake."""
+
+ValuesOf: TypeAlias = "Callable[[Any, Case], tuple[Values, Truth]]"
+"""Output and photo -> values of the output, and of the truth without ``case``."""
 
 MIN_UNITS = 3
 """Units without which nothing is known of a bias."""
@@ -50,7 +60,7 @@ class Reading:
 
     Attributes:
         words: end of the sentence "the output is ...".
-        make: values of the truth, and the photo -> values with the mistake.
+        make: makes the mistake.
         hint: likely cause.
         size: of a mistake that has any size, how large that of ``make`` is; 0 if it is made or not.
         unit: of the size.
@@ -68,63 +78,94 @@ class Reading:
     of_blind: bool = False
 
 
+def plus(*numbers: float) -> Make:
+    """Return the ``make`` of a reading that adds numbers along the last axis."""
+    return lambda value, _: value + np.array(numbers)
+
+
+def times(*numbers: float) -> Make:
+    """Return the ``make`` of a reading that multiplies by numbers along the last axis."""
+    return lambda value, _: value * np.array(numbers)
+
+
+def shifted(axis: int) -> Make:
+    """Return the ``make`` of a reading that moves an image by a pixel along an axis, to first
+    order.
+    """
+    return lambda image, _: image - np.gradient(image, axis=axis)
+
+
+def flipped(axis: int) -> Make:
+    """Return the ``make`` of a reading that reverses an axis."""
+    return lambda value, _: np.flip(value, axis)
+
+
+def reordered(order: Sequence[int], axis: int = 1) -> Make:
+    """Return the ``make`` of a reading that takes parts along an axis in another order."""
+    return lambda value, _: np.take(value, order, axis)
+
+
+def rows(value: Any, truth: Truth) -> list[FloatArray]:
+    """Return each row of a value as the vector of a unit."""
+    return [row.ravel() for row in value]
+
+
 @dataclass(frozen=True)
 class Group:
-    """What is compared by one check.
+    """What one check compares.
 
     Attributes:
         check: name of the check.
         what: what the contract requires.
+        key: name of the value that is compared.
         unit: of the errors.
-        units: values, values of the truth, and the photo -> a vector for each unit, NaN where
-            unknown.
         readings: other readings of the output.
+        vectors: the value, and the whole truth -> a vector for each unit, NaN where unknown.
         centred: only differences between the units count.
         rough: largest median error over the units.
-        order: values -> rows (N, J, D) whose order is tested, and their names.
+        order: names of parts whose order is tested, and their axis; without names, ``names`` of
+            the values.
         after: names of further checks that come first.
     """
 
     check: str
     what: str
+    key: str
     unit: str
-    units: Callable[[Values, Values, Case], Sequence[FloatArray]]
-    readings: tuple[Reading, ...] = ()
+    readings: tuple[Reading, ...]
+    vectors: Callable[[Any, Truth], Iterable[FloatArray]] = rows
     centred: bool = False
     rough: float = float("inf")
-    order: tuple[str, Sequence[str], int] | None = None
+    order: tuple[Sequence[str], int] | None = None
     after: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Table:
-    """How the outputs of an interface are compared.
+    """What is checked of the outputs of one interface, in order of execution.
 
     Attributes:
-        parse: output, photo and values of the truth -> values of the output.
-        truth: output and photo -> values of the truth.
-        groups: what is compared.
-        read: class that documents the output.
-        after: names of checks that come first.
+        values: values of an output and of the truth.
+        checks: checks that are no comparison with known mistakes.
+        groups: comparisons with known mistakes.
+        after: names of checks that come before the comparisons.
     """
 
-    parse: Callable[[Any, Case, Values], Values]
-    truth: Callable[[Any, Case], Values]
+    values: ValuesOf
+    checks: tuple[Check, ...]
     groups: tuple[Group, ...]
-    read: str
     after: tuple[str, ...] = ()
 
 
-def values_of(subject: BackendUnderTest, table: Table) -> list[tuple[Case, Values, Values]]:
-    """Return the photos of people with the values of output and truth."""
-    if "values" not in subject.kept:
-        found = []
+def values_of(subject: BackendUnderTest, values: ValuesOf) -> list[tuple[Values, Truth]]:
+    """Return the values of output and truth of the photos of people; the first call computes
+    them.
+    """
+    if not subject.values:
         for case, answer in subject.evidence():
-            truth = table.truth(answer, case)
-            found.append((case, table.parse(answer, case, truth), truth))
-        subject.kept["values"] = found
-    kept: list[tuple[Case, Values, Values]] = subject.kept["values"]
-    return kept
+            own, truth = values(answer, case)
+            subject.values.append((own, truth | {"case": case}))
+    return subject.values
 
 
 def shares(
@@ -149,52 +190,75 @@ def _centred(vectors: Sequence[FloatArray]) -> list[FloatArray]:
     return [vector - np.mean(means) for vector in vectors] if means else list(vectors)
 
 
-def check_group(subject: BackendUnderTest, table: Table, group: Group) -> None:
+def is_sigmoid_of_probability(values: FloatArray) -> bool:
+    """Return whether all values lie where a sigmoid puts values from 0 to 1."""
+    return bool(values.min() >= 0.5 and values.max() <= 1 / (1 + np.exp(-1.0)) + 1e-3)
+
+
+def check_of(table: Table, group: Group) -> Check:
+    """Return the check of a group."""
+
+    def function(subject: BackendUnderTest) -> None:
+        compare(subject, table.values, group)
+
+    function.__name__ = f"check_{group.check}"
+    function.__doc__ = f"{group.what}."
+    return Check(function, after=(*table.after, *group.after))
+
+
+def compare(subject: BackendUnderTest, values: ValuesOf, group: Group) -> None:
     """Raise CheckFailed if outputs are one of the readings of a group.
 
     Raises:
         CheckSkipped: too few photos have a valid output.
     """
-    evidence = values_of(subject, table)
-    true = [group.units(truth, truth, case) for case, _, truth in evidence]
-    off = _differences([group.units(values, truth, case) for case, values, truth in evidence], true)
+    evidence = values_of(subject, values)
+
+    def vectors(each: Iterable[Any]) -> list[FloatArray]:
+        return [
+            np.asarray(vector, np.float64)
+            for value, (_, truth) in zip(each, evidence, strict=True)
+            for vector in group.vectors(value, truth)
+        ]
+
+    def less_truth(each: Iterable[Any]) -> list[FloatArray]:
+        return [value - other for value, other in zip(vectors(each), true, strict=True)]
+
+    true = vectors(truth[group.key] for _, truth in evidence)
+    off = less_truth(own[group.key] for own, _ in evidence)
     known = [unit for unit in off if np.isfinite(unit).any()]
     if len(known) < MIN_UNITS:
         raise CheckSkipped(f"{len(known)} people or photos to compare, {MIN_UNITS} are needed")
-    rough = float(np.median([np.sqrt(np.nanmean(unit**2)) for unit in known]))
-    made = []
-    for reading in (*group.readings, *_order(group, evidence)):
-        changed_units = [
-            group.units(reading.make(truth, case), truth, case) for case, _, truth in evidence
-        ]
-        mistakes = _differences(changed_units, true)
-        share = shares(off, mistakes, centred=group.centred)
-        middle = _agreed(share, reading)
-        left = _left(off, mistakes, middle)
-        if middle and (group.centred or left < EXPLAINS):
-            made.append((left, middle, reading))
+    readings = (*group.readings, *_order(group, evidence))
     if _is_constant(off, true):
-        made = []
+        readings = ()
     elif BLIND & subject.capabilities:
-        made = [found for found in made if found[2].of_blind]
-    if rough > group.rough or made:
-        words = f"an error of {rough:.3g} {group.unit} in the median"
-        if not made:
-            raise CheckFailed(group.what, words)
-        _, middle, reading = min(made, key=lambda item: item[0])
+        readings = tuple(reading for reading in readings if reading.of_blind)
+    made = []
+    for reading in readings:
+        mistakes = less_truth(reading.make(truth[group.key], truth) for _, truth in evidence)
+        share = _agreed(shares(off, mistakes, centred=group.centred), reading)
+        left = _left(off, mistakes, share)
+        if share and (group.centred or left < EXPLAINS):
+            made.append((left, share, reading))
+    rough = float(np.median([np.sqrt(np.nanmean(unit**2)) for unit in known]))
+    words = f"an error of {rough:.3g} {group.unit} in the median"
+    if made:
+        _, share, reading = min(made, key=lambda item: item[0])
         if reading.size:
-            words = f"{middle * reading.size:+.3g}{reading.unit} {reading.words}"
+            words = f"{share * reading.size:+.3g}{reading.unit} {reading.words}"
         else:
             words = f"{words}: it is {reading.words}"
         raise CheckFailed(group.what, words, reading.hint)
+    if rough > group.rough:
+        raise CheckFailed(group.what, words)
 
 
-def _is_constant(off: Sequence[FloatArray], true: Sequence[Sequence[FloatArray]]) -> bool:
+def _is_constant(off: Sequence[FloatArray], true: Sequence[FloatArray]) -> bool:
     """Return whether outputs hardly vary within a unit: they then look like a mean of anything."""
-    truths = [vector for photo in true for vector in photo]
-    pairs = [(o, t) for o, t in zip(off, truths, strict=True) if np.isfinite(o + t).any()]
-    spread = sum(float(np.nanvar(t)) for _, t in pairs)
-    return sum(float(np.nanvar(o + t)) for o, t in pairs) < _CONSTANT * spread
+    pairs = [(o + t, t) for o, t in zip(off, true, strict=True) if np.isfinite(o + t).any()]
+    own, spread = (sum(map(np.nanvar, side)) for side in zip(*pairs, strict=True))
+    return bool(own < _CONSTANT * spread)
 
 
 def _agreed(share: FloatArray, reading: Reading) -> float:
@@ -203,7 +267,7 @@ def _agreed(share: FloatArray, reading: Reading) -> float:
     if len(share) < MIN_UNITS:
         return 0.0
     middle = float(np.median(share))
-    limit = reading.limit / reading.size if reading.size else reading.limit
+    limit = reading.limit / (reading.size or 1)
     is_large = abs(middle) > limit and (reading.size > 0 or 0 < middle < MADE_ONCE)
     agrees = float((share * np.sign(middle) > limit / 2).mean()) >= AGREE
     return middle if is_large and agrees else 0.0
@@ -215,27 +279,17 @@ def _left(off: Sequence[FloatArray], mistakes: Sequence[FloatArray], share: floa
     return left / max(sum(float(np.nansum(o**2)) for o in off), 1e-30)
 
 
-def _differences(
-    own: Sequence[Sequence[FloatArray]], other: Sequence[Sequence[FloatArray]]
-) -> list[FloatArray]:
-    return [
-        np.asarray(a, np.float64) - b
-        for photo, second in zip(own, other, strict=True)
-        for a, b in zip(photo, second, strict=True)
-    ]
-
-
-def _order(group: Group, evidence: Sequence[tuple[Case, Values, Values]]) -> list[Reading]:
-    """Return as a reading the order in which rows fit the truth best; none if it is stated."""
+def _order(group: Group, evidence: Sequence[tuple[Values, Truth]]) -> list[Reading]:
+    """Return as a reading the order in which parts fit the truth best; none if it is as stated."""
     from scipy.optimize import linear_sum_assignment
 
     if group.order is None:
         return []
-    key, names, axis = group.order
-    names = names or evidence[0][2]["names"]
+    names, axis = group.order
+    names = names or evidence[0][1]["names"]
     apart = []
-    for _, values, truth in evidence:
-        own, true = (np.moveaxis(v[key], axis, 1) for v in (values, truth))
+    for values, truth in evidence:
+        own, true = (np.moveaxis(side[group.key], axis, 1) for side in (values, truth))
         if len(own):
             own, true = (side.reshape(len(own), len(names), -1) for side in (own, true))
             apart.append(np.linalg.norm(own[:, :, None] - true[:, None], axis=3))
@@ -249,24 +303,4 @@ def _order(group: Group, evidence: Sequence[tuple[Case, Values, Values]]) -> lis
         return []
     pairs = ", ".join(f"{names[j]} for {names[best[j]]}" for j in moved[:4])
     hint = f"Is it the order of another data set? It is {', '.join(names[:5])}, ..."
-    taken = changed(**{key: lambda rows: np.take(rows, best, axis)})
-    return [Reading(f"reordered: {pairs}", taken, hint)]
-
-
-def between(key: str, one: Make, other: Make) -> Make:
-    """Return the ``make`` of a reading that is half of the way from a change to the opposite one.
-
-    Outputs that show little of the photo have no share in it.
-    """
-
-    def make(values: Values, case: Case) -> Values:
-        return values | {key: values[key] + (one(values, case)[key] - other(values, case)[key]) / 2}
-
-    return make
-
-
-def changed(**changes: Callable[[Any], Any]) -> Make:
-    """Return the ``make`` of a reading that changes some values by functions of them."""
-    return lambda values, _: (
-        values | {name: change(values[name]) for name, change in changes.items()}
-    )
+    return [Reading(f"reordered: {pairs}", reordered(best, axis), hint)]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from textwrap import shorten
 from typing import Any, Literal
 
@@ -63,15 +64,19 @@ class Result:
             lines += [f"  hint:     {self.hint}"] if self.hint else []
             return "\n".join([*lines, f"  read:     {self.read}"])
         if self.outcome == "xpassed":
-            lines = [self.check, f"  expected: a failure ({self.reason})"]
-            return "\n".join([*lines, "  got:      it passes: remove it from expected_failures"])
+            got = "it passes: remove it from expected_failures"
+            return f"{self.check}\n  expected: a failure ({self.reason})\n  got:      {got}"
         return f"{self.check}: {self.reason}" if self.reason else self.check
 
+    def as_dict(self) -> dict[str, Any]:
+        """Return the result as a JSON-ready dict, with the traceback instead of the error."""
+        values = {name: value for name, value in vars(self).items() if name != "error"}
+        return values | ({"traceback": self.traceback} if self.traceback else {})
 
-def _plain(result: Result) -> dict[str, Any]:
-    """Return a result as a JSON-ready dict, with the traceback instead of the error."""
-    values = {f.name: getattr(result, f.name) for f in fields(result) if f.name != "error"}
-    return values | ({"traceback": result.traceback} if result.traceback else {})
+
+def finite_or_none(numbers: Mapping[str, float]) -> dict[str, float | None]:
+    """Return numbers for JSON, which has no NaN."""
+    return {name: value if math.isfinite(value) else None for name, value in numbers.items()}
 
 
 @dataclass(frozen=True)
@@ -128,16 +133,14 @@ class Report:
         """One line of counts, such as "metric_depth:my-depth  23 checks: 21 passed, 2 skipped
         (stochastic 2)".
         """
-        reasons: dict[str, int] = {}
-        for result in self.results:
-            if result.outcome == "skipped":
-                reasons[result.reason] = reasons.get(result.reason, 0) + 1
+        reasons = Counter(
+            shorten(result.reason, 90, placeholder=" ...")
+            for result in self.results
+            if result.outcome == "skipped"
+        )
         words = [f"{count} {OUTCOMES[outcome]}" for outcome, count in self.counts.items() if count]
         if reasons and not self.not_run_reason:
-            shortened = {
-                shorten(reason, 90, placeholder=" ..."): n for reason, n in reasons.items()
-            }
-            counted = (f"{reason}: {n}" if n > 1 else reason for reason, n in shortened.items())
+            counted = (f"{reason}: {n}" if n > 1 else reason for reason, n in reasons.items())
             words[-1] += f" ({'; '.join(counted)})"
         return (
             f"{self.interface}:{self.backend}  {len(self.results)} checks: "
@@ -147,12 +150,8 @@ class Report:
     @property
     def text(self) -> str:
         """All failures and warnings, the accuracy, and the summary as text."""
-        blocks = [
-            text
-            for r in (*self.failures, *self.warnings)
-            for text in (r.message, r.traceback)
-            if text
-        ]
+        bad = (*self.failures, *self.warnings)
+        blocks = [text for r in bad for text in (r.message, r.traceback) if text]
         if self.accuracy:
             numbers = ", ".join(f"{name} {value:.3g}" for name, value in self.accuracy.items())
             blocks.append(f"mean errors on synthetic photos, which no check judges: {numbers}")
@@ -173,9 +172,6 @@ class Report:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the report as a JSON-ready dict, NaN as None."""
-        numbers = {
-            name: value if math.isfinite(value) else None for name, value in self.accuracy.items()
-        }
         return {
             "interface": self.interface,
             "backend": self.backend,
@@ -183,8 +179,8 @@ class Report:
             "ok": self.ok,
             "not_asked": self.not_run_reason,
             "counts": self.counts,
-            "results": [_plain(result) for result in self.results],
-            "accuracy": numbers,
+            "results": [result.as_dict() for result in self.results],
+            "accuracy": finite_or_none(self.accuracy),
         }
 
     def raise_if_failed(self) -> None:

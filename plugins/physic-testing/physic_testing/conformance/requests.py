@@ -33,27 +33,17 @@ def build_request(interface: str, case: Case) -> Request[Any]:
     return deepcopy(kind.Request(**given))
 
 
-def infer_arguments(interface: str, case: Case) -> tuple[Any, ...]:
-    """Return copies of the arguments of ``infer`` for a case."""
-    return build_request(interface, case).arguments
-
-
-def read_only_views(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Return the same arguments with every array as a read-only view with negative strides."""
-    return tuple(_read_only_view(argument) for argument in arguments)
-
-
-def _read_only_view(thing: Any) -> Any:
-    """Return an array, or a dataclass of arrays, as read-only views."""
+def read_only_view(thing: Any) -> Any:
+    """Return an array, or a dataclass of arrays, as read-only views with negative strides."""
     if isinstance(thing, np.ndarray):
         # Reversed in memory with a negative stride, like a photo that was rotated by its EXIF tag.
         view = np.ascontiguousarray(thing[..., ::-1])[..., ::-1] if thing.ndim else thing.copy()
         view.setflags(write=False)
         return view
     if isinstance(thing, tuple):
-        return tuple(_read_only_view(part) for part in thing)
+        return tuple(read_only_view(part) for part in thing)
     if is_dataclass(thing) and not isinstance(thing, type):
         return replace(
-            thing, **{f.name: _read_only_view(getattr(thing, f.name)) for f in fields(thing)}
+            thing, **{f.name: read_only_view(getattr(thing, f.name)) for f in fields(thing)}
         )
     return thing

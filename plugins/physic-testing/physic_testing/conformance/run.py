@@ -7,13 +7,15 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from physic_core.discovery.error_text import describe_error
 from physic_core.errors import PhysicError
+from physic_core.interfaces import INTERFACES
 from physic_testing.conformance.accuracy import mean_accuracy
-from physic_testing.conformance.expect import CheckFailed, CheckSkipped
+from physic_testing.conformance.check import CheckFailed, CheckSkipped
 from physic_testing.conformance.report import Report, Result
 
 if TYPE_CHECKING:
@@ -50,8 +52,12 @@ class CheckRun:
         if name not in self._results:
             start = time.perf_counter()
             found = self._run_check(self.checks[name])
-            values = vars(found) | {"seconds": time.perf_counter() - start}
-            self._results[name] = self._as_expected(Result(**values))
+            found = replace(found, seconds=time.perf_counter() - start)
+            expected = self._expected.get(name)
+            if expected is not None and found.outcome != "skipped":
+                failed = found.outcome == "failed"
+                found = replace(found, outcome="xfailed" if failed else "xpassed", reason=expected)
+            self._results[name] = found
         return self._results[name]
 
     @property
@@ -80,53 +86,51 @@ class CheckRun:
 
     def _run_check(self, check: Check) -> Result:
         """Run one check, or skip it because of a capability or an earlier failure."""
-        name = check.name
-        capabilities = self.subject.capabilities
-        for word in sorted(check.unless & capabilities):
-            return Result(name, "skipped", reason=f"the backend declares '{word}'")
-        for word in sorted(check.only_with - capabilities):
-            return Result(
-                name, "skipped", reason=f"only for a backend with '{word}' in its capabilities"
-            )
-        for other in check.after:
-            found = self.result(other)
-            if found.outcome in ("failed", "xfailed"):
-                return Result(name, "skipped", reason=f"see '{other}'")
-            if found.outcome == "skipped" and found.reason.startswith("see '"):
-                return Result(name, "skipped", reason=found.reason)
+        subject = self.subject
+        if reason := self._reason_to_skip(check):
+            return Result(check.name, "skipped", reason=reason)
+        read = check.read or f"physic_core.interfaces.{INTERFACES[subject.interface].__name__}"
         try:
             with warnings.catch_warnings():
                 # Warnings are not part of the contract; the caller's warning filters must not
                 # affect a check.
                 warnings.simplefilter("ignore")
-                check.function(self.subject)
+                check.function(subject)
+        except CheckSkipped as skipped:
+            return Result(check.name, "skipped", reason=str(skipped))
         except CheckFailed as failure:
-            return Result(
-                name,
-                failure.outcome,
-                failure.expected,
-                failure.got,
-                failure.hint,
-                read=check.read,
-                error=failure.__cause__,
-            )
-        except CheckSkipped as reason:
-            return Result(name, "skipped", reason=str(reason))
-        except Exception as error:
-            got = describe_error(error, self.subject.kind)
+            found = failure
+            error = failure.__cause__
+        except Exception as cause:
+            got = describe_error(cause, subject.kind)
             hint = "The check itself raised this error; it may be a defect of the check."
-            return Result(
-                name, "failed", check.summary.rstrip("."), got, hint, read=check.read, error=error
-            )
-        return Result(name, "passed")
+            found = CheckFailed(check.summary.rstrip("."), got, hint)
+            error = cause
+        else:
+            return Result(check.name, "passed")
+        return Result(
+            check.name,
+            found.outcome,
+            found.expected,
+            found.got,
+            found.hint,
+            read=read,
+            error=error,
+        )
 
-    def _as_expected(self, result: Result) -> Result:
-        """Mark a result as an expected failure or an unexpected success."""
-        reason = self._expected.get(result.check)
-        if reason is None or result.outcome == "skipped":
-            return result
-        outcome = "xfailed" if result.outcome == "failed" else "xpassed"
-        return Result(**vars(result) | {"outcome": outcome, "reason": reason})
+    def _reason_to_skip(self, check: Check) -> str:
+        """Return why a check cannot run; empty if it can."""
+        for word in sorted(check.unless & self.subject.capabilities):
+            return f"the backend declares '{word}'"
+        for word in sorted(check.only_with - self.subject.capabilities):
+            return f"only for a backend with '{word}' in its capabilities"
+        for other in check.after:
+            found = self.result(other)
+            if found.outcome in ("failed", "xfailed"):
+                return f"see '{other}'"
+            if found.outcome == "skipped" and found.reason.startswith("see '"):
+                return found.reason
+        return ""
 
 
 def require_check_names(names: Mapping[str, str], checks: Mapping[str, Check]) -> None:

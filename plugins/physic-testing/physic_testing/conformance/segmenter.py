@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.adapters.people import boxes_from_masks
 from physic_core.metrics import mask_iou
-from physic_testing.conformance.check import Check
-from physic_testing.conformance.expect import CheckSkipped, expect
-from physic_testing.conformance.output_checks import PEOPLE_CHECKS
-from physic_testing.conformance.readings import Group, Reading, Table, between, changed
+from physic_testing.conformance.check import Check, CheckSkipped, expect
+from physic_testing.conformance.output_checks import COLOURS, NOBODY
+from physic_testing.conformance.readings import Group, Reading, Table, flipped, plus, shifted
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, FloatArray, People
+    from physic_core.types import FloatArray, People
     from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.cases import Case
-    from physic_testing.conformance.readings import Make, Values
+    from physic_testing.conformance.readings import Truth, Values
 
 MIN_IOU = 0.3
 """Minimum IoU with the true mask; it detects wrong pixels and does not judge the accuracy."""
@@ -33,78 +32,55 @@ MIN_HELD = 0.8
 """Minimum IoU of a mask with the person that it shows, and share of a person whom a mask holds."""
 
 
-def _values(answer: People, case: Case, truth: Values) -> Values:
-    """Return masks matched to the true people (NaN if undetected), the floor, and how far boxes
-    reach beyond their masks.
+def _values(answer: People, case: Case) -> tuple[Values, Truth]:
+    """Return masks matched to the true people (NaN if undetected), the floor (1, H, W) outside of
+    the hole, and how far boxes reach beyond their masks.
     """
-    masks = np.full(truth["masks"].shape, np.nan)
-    boxes = np.full((len(truth["masks"]), 4), np.nan)
-    overlap = mask_iou(answer.masks, truth["masks"] > 0.5)
-    for i in range(len(masks)) if len(answer) else ():
+    true = case.truth.masks
+    masks = np.full(true.shape, np.nan)
+    boxes = np.full((len(true), 4), np.nan)
+    overlap = mask_iou(answer.masks, true)
+    for i in range(len(true)) if len(answer) else ():
         best = int(overlap[:, i].argmax())
         if overlap[best, i] > MIN_SAME and answer.masks[best].any():
             masks[i] = answer.masks[best]
-            boxes[i] = answer.boxes[best] - enclosing_box(answer.masks[best])
-    floor = np.full(case.photo.shape[:2], np.nan) if answer.floor is None else answer.floor
-    return {"masks": masks, "floor": np.where(case.hole, np.nan, floor), "boxes": boxes}
+            boxes[i] = answer.boxes[best] - boxes_from_masks(answer.masks[best : best + 1])[0]
+    floors = (np.nan if answer.floor is None else answer.floor, case.truth.empty_floor_mask)
+    floor, true_floor = (np.where(case.hole, np.nan, each)[None] for each in floors)
+    own = {"masks": masks, "floor": floor, "boxes": boxes}
+    return own, {"masks": true.astype(float), "floor": true_floor, "boxes": np.zeros(boxes.shape)}
 
 
-def _truth(answer: People, case: Case) -> Values:
-    floor = np.where(case.hole, np.nan, case.truth.empty_floor_mask)
-    masks = case.truth.masks.astype(np.float64)
-    return {
-        "masks": masks,
-        "floor": floor,
-        "boxes": np.zeros((len(masks), 4)),
-    }
+def _blurred(masks: FloatArray, truth: Truth) -> list[FloatArray]:
+    """Return blurred masks, so that a part of a pixel shows."""
+    from scipy.ndimage import gaussian_filter
+
+    smooth = gaussian_filter(np.nan_to_num(masks), (0, 1, 1))
+    return [mask.ravel() for mask in np.where(np.isfinite(masks), smooth, np.nan)]
 
 
-def _boxes(values: Values, truth: Values, case: Case) -> list[FloatArray]:
-    return list(values["boxes"])
-
-
-def _of(key: str) -> Callable[[Values, Values, Case], list[FloatArray]]:
-    """Return the units of masks: blurred, so that a part of a pixel shows."""
+def _larger(masks: FloatArray, truth: Truth) -> FloatArray:
+    """Return masks 2 % larger about the centre of the photo, as half of the difference to 2 %
+    smaller ones.
+    """
     import cv2
 
-    def units(values: Values, truth: Values, case: Case) -> list[FloatArray]:
-        masks = values[key] if key == "masks" else [values[key]]
-        found: list[FloatArray] = []
-        for mask in masks:
-            known = np.isfinite(mask)
-            smooth = cv2.GaussianBlur(np.where(known, mask, 0).astype(np.float32), (0, 0), 1.0)
-            found.append(np.where(known, smooth, np.nan).astype(np.float64).ravel())
-        return found
-
-    return units
-
-
-def _moved(key: str, larger: float, right: float, down: float) -> Make:
-    import cv2
-
-    def warped(sign: int) -> Make:
-        def make(masks: FloatArray) -> FloatArray:
-            height, width = masks.shape[-2:]
-            matrix = np.array(
-                [[1.0 + sign * larger, 0, sign * right], [0, 1 + sign * larger, sign * down]],
-                np.float64,
-            )
-            matrix[:, 2] -= sign * larger * (np.array([width, height]) - 1) / 2
-            flat = np.nan_to_num(masks).astype(np.float32).reshape(-1, height, width)
-            found = [cv2.warpAffine(mask, matrix, (width, height)) for mask in flat]
-            return np.array(found, np.float64).reshape(masks.shape)
-
-        return changed(**{key: make})
-
-    return between(key, warped(1), warped(-1))
-
-
-def _dilated(masks: FloatArray) -> FloatArray:
-    import cv2
-
-    return np.array(
-        [cv2.dilate(m.astype(np.float32), np.ones((3, 3), np.uint8)) for m in masks], np.float64
+    height, width = masks.shape[1:]
+    centre = ((width - 1) / 2, (height - 1) / 2)
+    zooms = [cv2.getRotationMatrix2D(centre, 0, scale) for scale in (1.02, 0.98)]
+    larger, smaller = (
+        np.stack([cv2.warpAffine(np.nan_to_num(mask), zoom, (width, height)) for mask in masks])
+        for zoom in zooms
     )
+    return np.asarray(masks + (larger - smaller) / 2)
+
+
+def _farther_out(masks: FloatArray, truth: Truth) -> FloatArray:
+    """Return masks with their border 1 px farther out, as half of the difference to farther in."""
+    from scipy.ndimage import maximum_filter, minimum_filter
+
+    wide, narrow = (find(masks, (1, 3, 3)) for find in (maximum_filter, minimum_filter))
+    return np.asarray(masks + (wide - narrow) / 2)
 
 
 _PADDING = (
@@ -121,60 +97,20 @@ _EXCLUSIVE = (
 )
 
 
-def _readings(key: str, limit: float) -> tuple[Reading, ...]:
+def _in_place(limit: float) -> tuple[Reading, ...]:
+    """Return the readings of masks that are moved by more than ``limit`` px."""
     return (
-        Reading("mirrored", changed(**{key: lambda masks: masks[..., ::-1]}), _TURNED),
-        Reading("upside down", changed(**{key: lambda masks: masks[..., ::-1, :]}), _TURNED),
-        Reading("to the right", _moved(key, 0, 1, 0), _PADDING, 1.0, " px", limit),
-        Reading("down", _moved(key, 0, 0, 1), _PADDING, 1.0, " px", limit),
-        Reading(
-            "larger about the photo's centre", _moved(key, 0.02, 0, 0), _PADDING, 2.0, " %", 0.75
-        ),
+        Reading("mirrored", flipped(2), _TURNED),
+        Reading("upside down", flipped(1), _TURNED),
+        Reading("to the right", shifted(2), _PADDING, 1, " px", limit),
+        Reading("down", shifted(1), _PADDING, 1, " px", limit),
+        Reading("larger about the photo's centre", _larger, _PADDING, 2, " %", 0.75),
     )
 
 
-def _box_moved(edge: int) -> Make:
-    return changed(boxes=lambda boxes: boxes + np.eye(4)[edge])
-
-
-_OUTSIDE = between(
-    "masks", changed(masks=_dilated), changed(masks=lambda masks: 1 - _dilated(1 - masks))
-)
-_SIZE = (Reading("farther out on all sides", _OUTSIDE, _DILATED, 1.0, " px", 2.5),)
-_BOXES = tuple(
-    Reading(f"too far right or down at the {edge}", _box_moved(i), _EXCLUSIVE, 1.0, " px", 0.5)
-    for i, edge in enumerate(("left", "top", "right", "bottom"))
-)
-_LIE = ("masks_lie_on_people",)
-_EXCLUDES = ("floor_mask_excludes_people",)
-_ENCLOSE = ("boxes_enclose_their_masks",)
-_MASKS = (*_readings("masks", 0.5), *_SIZE)
-TABLE = Table(
-    _values,
-    _truth,
-    (
-        Group(
-            "masks_are_in_place",
-            "masks of people in place",
-            "of a mask",
-            _of("masks"),
-            _MASKS,
-            after=_LIE,
-        ),
-        Group(
-            "floor_is_in_place",
-            "the floor in place",
-            "of a mask",
-            _of("floor"),
-            _readings("floor", 0.3),
-            after=_EXCLUDES,
-        ),
-        Group(
-            "boxes_are_tight", "boxes of masks, end exclusive", "px", _boxes, _BOXES, after=_ENCLOSE
-        ),
-    ),
-    "physic_core.types.People",
-)
+def _box_reading(column: int, edge: str) -> Reading:
+    words = f"too far right or down at the {edge}"
+    return Reading(words, plus(*np.eye(4)[column]), _EXCLUSIVE, 1, " px", 0.5)
 
 
 def check_masks_lie_on_people(subject: BackendUnderTest) -> None:
@@ -209,14 +145,13 @@ def check_masks_lie_on_people(subject: BackendUnderTest) -> None:
 def check_boxes_enclose_their_masks(subject: BackendUnderTest) -> None:
     """Each box is x0 y0 x1 y1 in px, end exclusive, and encloses its mask."""
     people = [
-        (mask, box)
-        for _, a in subject.evidence()
-        for mask, box in zip(a.masks, a.boxes, strict=True)
+        person
+        for _, answer in subject.evidence()
+        for person in zip(answer.masks, answer.boxes, boxes_from_masks(answer.masks), strict=True)
     ]
     if not people:
         raise CheckSkipped("no people were found")
-    for mask, box in people:
-        own = enclosing_box(mask)
+    for mask, box, own in people:
         inside = np.zeros_like(mask)
         x0, y0, x1, y1 = (max(0, round(float(value))) for value in box)
         inside[y0:y1, x0:x1] = True
@@ -247,18 +182,44 @@ def check_floor_mask_excludes_people(subject: BackendUnderTest) -> None:
     )
 
 
-def enclosing_box(mask: BoolArray) -> FloatArray:
-    """Return the tight box x0 y0 x1 y1 of a mask."""
-    rows = np.flatnonzero(mask.any(axis=1))
-    columns = np.flatnonzero(mask.any(axis=0))
-    return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1])
-
-
-_READ = TABLE.read
-CHECKS: tuple[Check, ...] = (
-    *PEOPLE_CHECKS,
-    Check(check_masks_lie_on_people, _READ),
-    Check(check_boxes_enclose_their_masks, _READ),
-    Check(check_floor_mask_excludes_people, _READ),
+TABLE = Table(
+    _values,
+    (
+        NOBODY,
+        Check(check_masks_lie_on_people),
+        Check(check_boxes_enclose_their_masks),
+        Check(check_floor_mask_excludes_people),
+        COLOURS,
+    ),
+    (
+        Group(
+            "masks_are_in_place",
+            "masks of people in place",
+            "masks",
+            "of a mask",
+            (
+                *_in_place(0.5),
+                Reading("farther out on all sides", _farther_out, _DILATED, 1, " px", 2.5),
+            ),
+            _blurred,
+            after=("masks_lie_on_people",),
+        ),
+        Group(
+            "floor_is_in_place",
+            "the floor in place",
+            "floor",
+            "of a mask",
+            _in_place(0.3),
+            _blurred,
+            after=("floor_mask_excludes_people",),
+        ),
+        Group(
+            "boxes_are_tight",
+            "boxes of masks, end exclusive",
+            "boxes",
+            "px",
+            tuple(_box_reading(*e) for e in enumerate(("left", "top", "right", "bottom"))),
+            after=("boxes_enclose_their_masks",),
+        ),
+    ),
 )
-"""Further checks of a Segmenter, in order of execution."""

@@ -57,34 +57,6 @@ def world_keypoints(world: World, skeleton: Skeleton | str) -> tuple[FloatArray,
     return points, visible
 
 
-def world_mhr_keypoints(world: World) -> FloatArray:
-    """Return the 70 keypoints of MHR bodies (N, 70, 3) of a world's people, metres, camera frame.
-
-    Keypoints that the body model lacks are placed at the head joint.
-    """
-    import torch
-
-    from physic_core.adapters.bodies import JOINT_BY_KEYPOINT, MHR_KEYPOINTS
-    from physic_core.body import JOINT_INDEX, load_body
-
-    points = np.repeat(world.joints[:, None, JOINT_INDEX["head"]], MHR_KEYPOINTS, axis=1).astype(
-        np.float64
-    )
-    points[:, list(JOINT_BY_KEYPOINT)] = world.joints[:, list(JOINT_BY_KEYPOINT.values())]
-    regressor = load_body(world.body_model).regressor("coco23")
-    vertices = torch.from_numpy(world.vertices.copy()).index_select(1, regressor.vertex_ids)
-    on_body = regressor(torch.from_numpy(world.joints.copy()), vertices).numpy()
-    names = SKELETONS["coco23"].names
-    for keypoint, toe in (
-        (15, "left_big_toe"),
-        (16, "left_small_toe"),
-        (18, "right_big_toe"),
-        (19, "right_small_toe"),
-    ):
-        points[:, keypoint] = on_body[:, names.index(toe)]
-    return points
-
-
 def _nearest_body_point(skeleton: Skeleton, name: str) -> str:
     """Return the body point with the largest weight in a keypoint."""
     from physic_core.body.landmarks import BODY_POINTS

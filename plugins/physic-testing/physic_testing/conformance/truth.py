@@ -9,7 +9,7 @@ import numpy as np
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.types.skeletons import SIDES
-from physic_testing.conformance.expect import CheckSkipped
+from physic_testing.conformance.check import CheckSkipped
 
 if TYPE_CHECKING:
     from physic_core.body.convert.correspondence import Correspondence
@@ -22,19 +22,18 @@ if TYPE_CHECKING:
         FloatArray,
         Keypoints,
         RestMesh,
-        Skeleton,
     )
     from physic_testing.worlds import World
 
 
 def comparable_keypoints(
     answer: Keypoints, world: World
-) -> tuple[FloatArray, FloatArray, BoolArray, Skeleton]:
+) -> tuple[Keypoints, FloatArray, BoolArray]:
     """Return the detected keypoints that are defined on a body, with the true keypoints.
 
     Returns:
-        Detected points (N, J, 2) px, true points (N, J, 2) px, mask (N, J) bool of the points that
-        are visible in the photo and detected, and their skeleton.
+        Detected keypoints, true points (N, J, 2) px, and whether (N, J) these are visible in the
+        photo.
 
     Raises:
         CheckSkipped: the skeleton is that of a single hand, or has no point on a body.
@@ -46,8 +45,7 @@ def comparable_keypoints(
     skeleton = known.joint_set
     if "hand21" in skeleton.name or not len(skeleton):
         raise CheckSkipped(f"worlds have no ground truth for the skeleton {skeleton.name!r}")
-    truth, visible = world_keypoints(world, skeleton)
-    return known.points, truth, visible & (known.confidence > 0), skeleton
+    return known, *world_keypoints(world, skeleton)
 
 
 def mirrored_order(names: tuple[str, ...]) -> list[int]:
@@ -132,10 +130,9 @@ def embedded_surface(bodies: Bodies) -> tuple[FloatArray, FloatArray]:
     from physic_core.body.bones import rotations_from_parameters
     from physic_core.geometry.tensors import tensor
 
-    model = model_of(bodies)
-    p = parameters_of_model(bodies)
+    p = embedded_parameters(bodies)
     with torch.no_grad():
-        out = model(rotations_from_parameters(p), tensor(p.betas), tensor(p.transl))
+        out = embedded_body()(rotations_from_parameters(p), tensor(p.betas), tensor(p.transl))
     return out.vertices.double().numpy(), out.joints.double().numpy()
 
 
@@ -147,27 +144,21 @@ def embedded_body() -> BodyModel:
     return load_body("embedded")
 
 
-def model_of(bodies: Bodies) -> BodyModel:
-    """Return the body model with which the given bodies are checked.
+def embedded_parameters(bodies: Bodies) -> BodyParameters:
+    """Convert bodies to the embedded body, and return their parameters.
 
     Raises:
         CheckSkipped: the model of these bodies is a file of the user, and they cannot be converted.
     """
-    from physic_core.body.convert.bodies import can_convert
+    from physic_core.body.convert.bodies import can_convert, convert_with_residuals
 
-    if not can_convert(bodies, embedded_body()):
+    model = embedded_body()
+    if not can_convert(bodies, model):
         raise CheckSkipped(
             f"the body model {bodies.body_model!r} is not installed, and the bodies have no "
             f"joints or mesh to convert"
         )
-    return embedded_body()
-
-
-def parameters_of_model(bodies: Bodies) -> BodyParameters:
-    """Convert bodies to the model of :func:`model_of`, and return their parameters."""
-    from physic_core.body.convert.bodies import convert_with_residuals
-
-    return convert_with_residuals(bodies, model_of(bodies), _find_correspondence).bodies.parameters
+    return convert_with_residuals(bodies, model, _find_correspondence).bodies.parameters
 
 
 def contact_on_embedded(answer: ContactProbability) -> ContactProbability:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.adapters.people import boxes_from_masks
 from physic_core.errors import InputError
 from physic_core.geometry.rays import RayCaster
 from physic_core.types import SURFACE_NAMES, BodyParameters, Intrinsics, Plane
@@ -312,7 +313,7 @@ def _views(
         "empty_depth": empty_depth.astype(np.float32),
         "empty_normals": normals.astype(np.float32),
         "masks": masks,
-        "boxes": np.stack([_box(mask) for mask in masks]),
+        "boxes": boxes_from_masks(masks),
         "floor_mask": ground[face],
         "empty_floor_mask": ground[empty_face],
         "empty_surfaces": surface[empty_face],
@@ -320,13 +321,6 @@ def _views(
             -1, *face.shape
         ),
     }
-
-
-def _box(mask: BoolArray) -> FloatArray:
-    """Return the tight box x0 y0 x1 y1 of a mask, end exclusive."""
-    rows = np.flatnonzero(mask.any(axis=1))
-    columns = np.flatnonzero(mask.any(axis=0))
-    return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], np.float64)
 
 
 def _make_read_only(thing: Any) -> None:

@@ -28,6 +28,17 @@ def moved(array, right, down, empty=None):
     return found
 
 
+def fields(**changes):
+    """A change of an answer's fields, each by a function, but for those that it does not have."""
+
+    def change(answer, *_):
+        held = {name: getattr(answer, name) for name in changes}
+        found = {name: changes[name](value) for name, value in held.items() if value is not None}
+        return replace(answer, **found)
+
+    return change
+
+
 # ---- segmenter
 # --------------------------------------------------------------------------------------------------
 
@@ -106,21 +117,13 @@ _LEGS = [(f"{side}_knee", f"{side}_ankle") for side in ("left", "right")]
 # --------------------------------------------------------------------------------------------------
 
 
-def with_depth(change):
-    return lambda d, *_: replace(d, depth=change(d.depth).astype(np.float32))
-
-
 def stretch(camera):
     v, u = np.mgrid[: camera.height, : camera.width]
     return np.sqrt(1 + ((u - camera.cx) / camera.fx) ** 2 + ((v - camera.cy) / camera.fy) ** 2)
 
 
 def along_rays(depth, *_):
-    return replace(depth, depth=(depth.depth * stretch(depth.intrinsics)).astype(np.float32))
-
-
-def with_camera(change):
-    return lambda result, *_: replace(result, intrinsics=change(result.intrinsics))
+    return replace(depth, depth=depth.depth * stretch(depth.intrinsics))
 
 
 def half_a_pixel_off(camera):
@@ -264,14 +267,6 @@ def of_pose(*pairs):
 # --------------------------------------------------------------------------------------------------
 
 
-def with_fingers(change):
-    return lambda h, *_: replace(h, rotvecs=change(h.rotvecs).astype(np.float32))
-
-
-def with_contact(change):
-    return lambda c, *_: replace(c, probability=change(c.probability))
-
-
 def mirrored_contact(probability):
     from scipy.spatial import cKDTree
 
@@ -301,14 +296,8 @@ def of_half_a_grid(z):
     return z[::2, ::2].repeat(2, axis=0).repeat(2, axis=1)[: z.shape[0], : z.shape[1]]
 
 
-def with_sky(depth, *_):
-    return replace(
-        depth, depth=np.where(np.isfinite(depth.depth), depth.depth, 65.5).astype(np.float32)
-    )
-
-
 def canonical(depth, *_):
-    return replace(depth, depth=(depth.depth * 300 / depth.intrinsics.fx).astype(np.float32))
+    return replace(depth, depth=depth.depth * 300 / depth.intrinsics.fx)
 
 
 def sky_valid(pointmap, *_):
@@ -318,11 +307,8 @@ def sky_valid(pointmap, *_):
 
 
 def rays_of_a_square(points, camera):
-    return points * [
-        camera.width / max(camera.width, camera.height),
-        camera.height / max(camera.width, camera.height),
-        1,
-    ]
+    side = max(camera.width, camera.height)
+    return points * [camera.width / side, camera.height / side, 1]
 
 
 def both_sides(keypoints, image, *_):
@@ -435,10 +421,10 @@ FORTY = {
     "MockMetricDepth": {
         "canonical focal length": canonical,
         "along the ray": along_rays,
-        "mean with the mirrored photo": with_depth(lambda z: (z + z[:, ::-1]) / 2),
-        "8 bit": with_depth(eight_bit),
-        "sky at 65.5 m": with_sky,
-        "one pixel to the right": with_depth(lambda z: moved(z, 1, 0)),
+        "mean with the mirrored photo": fields(depth=lambda z: (z + z[:, ::-1]) / 2),
+        "8 bit": fields(depth=eight_bit),
+        "sky at 65.5 m": fields(depth=lambda z: np.nan_to_num(z, nan=65.5)),
+        "one pixel to the right": fields(depth=lambda z: moved(z, 1, 0)),
     },
     "MockRelativePointmap": {
         "ray length": with_points_of_map(lambda p, c: on_same_rays(p, p[..., 2] * stretch(c))),
@@ -449,7 +435,7 @@ FORTY = {
     },
     "MockKeypointDetector": {
         "half a pixel off": with_points(lambda p, _: p + 0.5),
-        "sigmoid twice": lambda k, *_: replace(k, confidence=1 / (1 + np.exp(-k.confidence))),
+        "sigmoid twice": fields(confidence=lambda c: 1 / (1 + np.exp(-c))),
         "mean with the mirrored photo": both_sides,
         "clipped": in_box,
         "stretched crop": with_points(square_crop),
@@ -464,16 +450,18 @@ FORTY = {
         "0.25 m too low": pelvis_at(lambda pelvis: pelvis + np.array([0, 0.25, 0])),
     },
     "MockHandEstimator": {
-        "left hand not mirrored": with_fingers(lambda r: r * np.stack([_FLIP, _FLIP**2])[:, None]),
-        "thumb first": with_fingers(lambda r: r[:, :, _FINGER_ORDER[[4, 0, 1, 3, 2]].ravel()]),
-        "inverse": with_fingers(np.negative),
-        "degrees": with_fingers(np.degrees),
+        "left hand not mirrored": fields(
+            rotvecs=lambda r: r * np.stack([_FLIP, _FLIP**2])[:, None]
+        ),
+        "thumb first": fields(rotvecs=lambda r: r[:, :, _FINGER_ORDER[[4, 0, 1, 3, 2]].ravel()]),
+        "inverse": fields(rotvecs=np.negative),
+        "degrees": fields(rotvecs=np.degrees),
     },
     "MockContactPrior": {
-        "vertices moved by 37": with_contact(lambda p: np.roll(p, 37, axis=1)),
-        "constant": with_contact(lambda p: np.full_like(p, 0.5)),
-        "second half reversed": with_contact(second_half_reversed),
-        "mirrored": with_contact(mirrored_contact),
+        "vertices moved by 37": fields(probability=lambda p: np.roll(p, 37, axis=1)),
+        "constant": fields(probability=lambda p: np.full_like(p, 0.5)),
+        "second half reversed": fields(probability=second_half_reversed),
+        "mirrored": fields(probability=mirrored_contact),
     },
 }
 """Mock -> fault in words -> ``change(result, *arguments)``."""
@@ -483,10 +471,10 @@ FURTHER = {
         "masks one pixel to the right": lambda p, *_: with_masks(
             p, lambda m: moved(m, 1, 0, False)
         ),
-        "boxes with the last pixel": lambda p, *_: replace(p, boxes=p.boxes - [0, 0, 1, 1]),
+        "boxes with the last pixel": fields(boxes=lambda boxes: boxes - [0, 0, 1, 1]),
         "floor one pixel to the right": with_floor(lambda floor: moved(floor, 1, 0)),
         "everybody in one mask": in_one_mask,
-        "boxes in another order": lambda p, *_: replace(p, boxes=p.boxes[::-1].copy()),
+        "boxes in another order": fields(boxes=lambda boxes: boxes[::-1].copy()),
     },
     "MockInpainter": {
         "whole picture one pixel to the right": moved_picture,
@@ -497,11 +485,11 @@ FURTHER = {
         "without colour": with_fill(lambda image: image.mean(axis=2, keepdims=True) * [1, 1, 1]),
     },
     "MockMetricDepth": {
-        "principal point half a pixel off": with_camera(half_a_pixel_off),
-        "times 1.25": with_depth(lambda z: 1.25 * z),
-        "0.3 m too far": with_depth(lambda z: z + 0.3),
-        "camera of a square photo": with_camera(lambda c: replace(c, fx=0.75 * c.fx)),
-        "half-size grid": with_depth(of_half_a_grid),
+        "principal point half a pixel off": fields(intrinsics=half_a_pixel_off),
+        "times 1.25": fields(depth=lambda z: 1.25 * z),
+        "0.3 m too far": fields(depth=lambda z: z + 0.3),
+        "camera of a square photo": fields(intrinsics=lambda c: replace(c, fx=0.75 * c.fx)),
+        "half-size grid": fields(depth=of_half_a_grid),
     },
     "MockRelativePointmap": {
         "y up": with_points_of_map(lambda p, _: p * [1, -1, 1]),
@@ -509,14 +497,14 @@ FURTHER = {
         "offset of z not declared": with_points_of_map(lambda p, _: farther(p)),
         "rays of a focal length 2 % longer": with_points_of_map(lambda p, _: p / [1.02, 1.02, 1]),
         "z of the next row": with_points_of_map(next_row),
-        "principal point W / 2": with_camera(half_a_pixel_off),
+        "principal point W / 2": fields(intrinsics=half_a_pixel_off),
         "offset of 1 / z declared as one of z": bent,
     },
     "MockKeypointDetector": {
         "1.25 % too large": with_points(lambda p, centre: centre + 1.0125 * (p - centre)),
         "knees for ankles": lambda k, *_: exchanged(k, *_LEGS),
         "wrists exchanged": lambda k, *_: exchanged(k, ("left_wrist", "right_wrist")),
-        "1 is unsure": lambda k, *_: replace(k, confidence=1 - k.confidence),
+        "1 is unsure": fields(confidence=lambda c: 1 - c),
         "lens distortion": of_a_lens,
         "world points with x to the left": lambda *a: with_world(*a, right=-1),
     },
@@ -534,13 +522,15 @@ FURTHER = {
         "inverse rotations": with_parameters(lambda p: pose_of(p, np.negative)),
     },
     "MockHandEstimator": {
-        "always flat": with_fingers(np.zeros_like),
-        "relative to a relaxed hand": with_fingers(lambda r: r - _MEAN_HAND),
-        "joints from tip to palm": with_fingers(lambda r: r[:, :, _FINGER_ORDER[:, ::-1].ravel()]),
+        "always flat": fields(rotvecs=np.zeros_like),
+        "relative to a relaxed hand": fields(rotvecs=lambda r: r - _MEAN_HAND),
+        "joints from tip to palm": fields(
+            rotvecs=lambda r: r[:, :, _FINGER_ORDER[:, ::-1].ravel()]
+        ),
     },
     "MockContactPrior": {
-        "vertices reversed": with_contact(lambda p: p[:, ::-1].copy()),
-        "sigmoid twice": with_contact(lambda p: 1 / (1 + np.exp(-p))),
+        "vertices reversed": fields(probability=lambda p: p[:, ::-1].copy()),
+        "sigmoid twice": fields(probability=lambda p: 1 / (1 + np.exp(-p))),
     },
 }
 """Further faults, which are looked for in mocks without noise."""

@@ -98,7 +98,7 @@ def test_a_failure_states_expected_and_found_value_unit_and_reference(failed):
         failure.expected,
         failure.got,
         "Is it centimetres",
-        "physic_core.types.DepthMap",
+        "physic_core.interfaces.MetricDepth",
     ):
         assert words in failure.message
     assert failure.expected == "metres"

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import cv2
 import numpy as np
 import torch
-from faults import pelvis_at
+from faults import fields, pelvis_at
 from pydantic import ConfigDict, Field
 from right_backends import (
     SIZE,
@@ -80,17 +80,6 @@ def altered(right, mistake, check, change):
         return change(right.infer(self, *arguments), *arguments)
 
     answering(right, mistake, check, infer)
-
-
-def fields(**changes):
-    """A change of an answer's fields, each by a function, but for those that it does not have."""
-
-    def change(answer, *_):
-        held = {name: getattr(answer, name) for name in changes}
-        found = {name: changes[name](value) for name, value in held.items() if value is not None}
-        return replace(answer, **found)
-
-    return change
 
 
 def restless(right, mistake, check, fails, error):

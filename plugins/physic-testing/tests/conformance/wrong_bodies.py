@@ -9,8 +9,9 @@ from functools import lru_cache
 
 import numpy as np
 import torch
+from faults import fields
 from right_backends import RightBodies, RightContact, RightHands
-from wrong_backends import altered, fields
+from wrong_backends import altered
 
 from physic_core.body import load_body
 from physic_core.body.bones import rotations_from_parameters, rotations_from_tpose

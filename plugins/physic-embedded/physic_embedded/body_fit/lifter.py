@@ -1,0 +1,146 @@
+"""Lift the limbs of fitted bodies: a small network that knows how people move tells their joints
+from the keypoints and the fitted joints.
+
+Joints are those of :data:`LIMBS`. The network sees them in the axes of a camera that looks at the
+person, about the middle of the hips, in units of the person's limbs.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.files.npz import read_arrays
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.floating]
+
+NUMBERS = Path(__file__).with_suffix(".npz")
+"""Fitted weights and biases of the network, float16: ``weight0`` (width, inputs), ``bias0`` and so
+on.
+"""
+
+LIMBS = tuple(
+    f"{side}_{joint}"
+    for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+    for side in ("left", "right")
+)
+HIPS = [LIMBS.index("left_hip"), LIMBS.index("right_hip")]
+BONES = tuple(
+    (LIMBS.index(f"{side}_{upper}"), LIMBS.index(f"{side}_{lower}"))
+    for upper, lower in (
+        ("shoulder", "elbow"),
+        ("elbow", "wrist"),
+        ("hip", "knee"),
+        ("knee", "ankle"),
+    )
+    for side in ("left", "right")
+)
+LIMB_SUM_M = 2.6
+"""Sum of the lengths of the eight bones that is the unit of length of the network."""
+
+_SWAPPED = [row ^ 1 for row in range(len(LIMBS))]  # left and right
+_MIRROR = np.array([-1.0, 1.0, 1.0])
+_HIP_WEIGHT = 0.5  # networks mark hips on the surface
+_POINT_GAIN = 4.0  # brings offsets of keypoints to the size of the other inputs
+
+
+def lift(
+    joints: FloatArray,
+    points: FloatArray,
+    confidence: FloatArray,
+    up: FloatArray,
+    depth: FloatArray,
+) -> FloatArray:
+    """Return the joints (N, 12, 3) that the network tells, relative to the middle of the hips.
+
+    A mirror image of the inputs gives the mirror image of the joints.
+
+    Args:
+        joints: (N, 12, 3) metres of fitted bodies, relative to the middle of the hips; x right, y
+            down, z away from a camera that looks at the person.
+        points: (N, 12, 2) keypoints on the plane through the middle of the hips, in the same axes.
+        confidence: (N, 12) of the keypoints, in [0, 1].
+        up: (N, 3) unit vectors in the same axes, 0 where unknown.
+        depth: (N,) metres from the camera to the middle of the hips.
+    """
+    told = _told(joints, points, confidence, up, depth)
+    mirrored = _told(
+        (joints * _MIRROR)[:, _SWAPPED],
+        (points * _MIRROR[:2])[:, _SWAPPED],
+        confidence[:, _SWAPPED],
+        up * _MIRROR,
+        depth,
+    )
+    found = joints + (told + (mirrored * _MIRROR)[:, _SWAPPED]) / 2
+    return np.asarray(found - found[:, HIPS].mean(1, keepdims=True))
+
+
+def inputs(
+    joints: FloatArray,
+    points: FloatArray,
+    confidence: FloatArray,
+    up: FloatArray,
+    depth: FloatArray,
+) -> FloatArray:
+    """Return the inputs (N, 76) of the network; arguments as in :func:`lift`, lengths in
+    units of :func:`unit_of`.
+
+    The fit has put the body where it projects onto the keypoints; what is left of a common offset
+    is no error of a limb.
+    """
+    count = len(joints)
+    projected = joints[..., :2] * (depth[:, None] / (joints[..., 2] + depth[:, None]))[..., None]
+    weight = np.array(confidence, np.float64)[..., None]
+    weight[:, HIPS] *= _HIP_WEIGHT
+    shift = (weight * (points - projected)).sum(1, keepdims=True) / weight.sum(1, keepdims=True)
+    offsets = _POINT_GAIN * (points - shift - joints[..., :2])
+    parts = [joints, offsets, confidence, up, 1 / depth]
+    return np.concatenate([part.reshape(count, -1) for part in parts], 1)
+
+
+def unit_of(joints: FloatArray) -> FloatArray:
+    """Return the unit of length (N, 1, 1) of joints (N, 12, 3), metres."""
+    upper, lower = np.array(BONES).T
+    lengths = np.linalg.norm(joints[:, lower] - joints[:, upper], axis=-1)
+    return np.asarray(lengths.sum(1)[:, None, None] / LIMB_SUM_M)
+
+
+def _told(
+    joints: FloatArray,
+    points: FloatArray,
+    confidence: FloatArray,
+    up: FloatArray,
+    depth: FloatArray,
+) -> FloatArray:
+    """Return how far (N, 12, 3) the network moves the joints, metres."""
+    unit = unit_of(joints)
+    x = inputs(joints / unit, points / unit, confidence, up, depth / unit[:, 0, 0])
+    layers = _layers()
+    hidden = np.maximum(_affine(layers[0], x), 0)
+    for first, second in zip(layers[1:-1:2], layers[2:-1:2], strict=True):
+        hidden = hidden + np.maximum(_affine(second, np.maximum(_affine(first, hidden), 0)), 0)
+    return np.asarray(_affine(layers[-1], hidden).reshape(joints.shape) * unit)
+
+
+def _affine(layer: tuple[FloatArray, FloatArray], x: FloatArray) -> FloatArray:
+    """Return x (N, C) after weights (D, C) and a bias (D,)."""
+    weight, bias = layer
+    # Not by BLAS, whose threads would wait for each other.
+    return np.asarray(np.einsum("nc,dc->nd", x, weight) + bias)
+
+
+@cache
+def _layers() -> tuple[tuple[FloatArray, FloatArray], ...]:
+    """Return weights (D, C) and biases (D,) of the layers, float64."""
+    with NUMBERS.open("rb") as stream:
+        arrays = read_arrays(stream)
+    return tuple(
+        (arrays[f"weight{k}"].astype(np.float64), arrays[f"bias{k}"].astype(np.float64))
+        for k in range(len(arrays) // 2)
+    )

@@ -1,0 +1,95 @@
+"""The lifter alone: limbs (N, 12, 3) in the axes of a camera that looks at the person."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from physic_embedded.body_fit.lifter import HIPS, LIMBS, lift
+
+MIRROR = np.array([-1.0, 1.0, 1.0])
+SWAPPED = [row ^ 1 for row in range(len(LIMBS))]
+DEPTH = 4.0
+# A walker who faces the camera, metres: x right in the picture, y down, z away; left limbs first.
+WALKER = np.array(
+    [
+        *([0.17, -0.46, 0.02], [-0.17, -0.46, -0.02]),
+        *([0.22, -0.21, 0.06], [-0.23, -0.22, -0.03]),
+        *([0.23, -0.02, -0.06], [-0.24, -0.04, -0.16]),
+        *([0.11, 0.0, 0.0], [-0.11, 0.0, 0.0]),
+        *([0.12, 0.36, -0.12], [-0.12, 0.37, 0.06]),
+        *([0.12, 0.78, -0.04], [-0.12, 0.74, 0.28]),
+    ]
+)
+
+
+def seen(joints):
+    """Keypoints (N, 12, 2) on the plane of the hips of a perfect detector."""
+    return joints[..., :2] * DEPTH / (DEPTH + joints[..., 2:])
+
+
+def told(joints, points, up=(0.0, -1.0, 0.0), confidence=0.95):
+    count = len(joints)
+    return lift(
+        joints,
+        points,
+        np.full((count, len(LIMBS)), confidence),
+        np.tile(up, (count, 1)),
+        np.full(count, DEPTH),
+    )
+
+
+def leaning(degrees):
+    """The walker as a fit makes it that leans towards the camera: same height in the picture."""
+    angle = np.radians(degrees)
+    turned = WALKER.copy()
+    turned[:, 2] = WALKER[:, 2] + np.tan(angle) * WALKER[:, 1]
+    return turned[None]
+
+
+def test_a_mirror_image_is_lifted_to_the_mirror_image():
+    joints = leaning(8.0) + np.random.default_rng(0).normal(0, 0.03, (5, len(LIMBS), 3))
+    points = seen(WALKER[None]) + np.zeros((5, 1, 1))
+    alone = told(joints, points, up=(0.1, -0.9, 0.3))
+    mirrored = told(
+        (joints * MIRROR)[:, SWAPPED], (points * MIRROR[:2])[:, SWAPPED], up=(-0.1, -0.9, 0.3)
+    )
+    np.testing.assert_allclose((mirrored * MIRROR)[:, SWAPPED], alone, atol=1e-12)
+
+
+def test_people_are_lifted_alike_alone_and_together():
+    joints = leaning(8.0) + np.random.default_rng(1).normal(0, 0.03, (3, len(LIMBS), 3))
+    points = seen(joints)
+    together = told(joints, points)
+    np.testing.assert_array_equal(together, told(joints, points))
+    for i in range(3):
+        np.testing.assert_allclose(told(joints[i : i + 1], points[i : i + 1])[0], together[i])
+
+
+@pytest.mark.parametrize("degrees", [-15.0, 15.0])
+def test_a_body_that_leans_in_depth_is_lifted_nearer_to_the_truth(degrees):
+    joints = leaning(degrees)
+    before, after = (
+        np.linalg.norm(found - WALKER, axis=-1).mean()
+        for found in (joints, told(joints, seen(WALKER[None])))
+    )
+    assert after < 0.75 * before
+
+
+def test_the_size_of_a_person_scales_the_answer():
+    joints = leaning(10.0)
+    points = seen(WALKER[None])
+    small = lift(
+        0.6 * joints,
+        0.6 * points,
+        np.full((1, len(LIMBS)), 0.95),
+        np.array([[0.0, -1.0, 0.0]]),
+        np.array([0.6 * DEPTH]),
+    )
+    np.testing.assert_allclose(small, 0.6 * told(joints, points), atol=1e-12)
+
+
+def test_an_unknown_up_is_no_error():
+    found = told(leaning(10.0), seen(WALKER[None]), up=(0.0, 0.0, 0.0))
+    assert np.isfinite(found).all()
+    np.testing.assert_allclose(found[:, HIPS].mean(1), 0, atol=1e-12)
