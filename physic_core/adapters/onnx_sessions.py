@@ -164,7 +164,16 @@ def open_session(
         )
 
     def create_compared(options: SessionOptions) -> InferenceSession:
-        return create(_add_compared(options, path, published, broken), options)
+        contents = {
+            name: _read_compared(path.with_name(name), sha256, broken)
+            for name, sha256 in published.items()
+        }
+        graph = contents.pop(path.name)
+        # onnxruntime reads these bytes while it creates the session: they must live until then.
+        options.add_external_initializers_from_files_in_memory(
+            list(contents), list(contents.values()), list(map(len, contents.values()))
+        )
+        return create(graph, options)
 
     def optimise(graph: Path, weights: str) -> InferenceSession:
         options = _session_options(threads, chosen)
@@ -315,23 +324,6 @@ def _use_optimised(options: SessionOptions, folder: Path) -> None:
         "session.model_external_initializers_file_folder_path", str(folder)
     )
     options.graph_optimization_level = ort.GraphOptimizationLevel.ORT_DISABLE_ALL
-
-
-def _add_compared(
-    options: SessionOptions, path: Path, published: Mapping[str, str], broken: str
-) -> bytes:
-    """Return the graph of a file, and add its external data to the options, after comparing
-    both.
-    """
-    contents = {
-        name: _read_compared(path.with_name(name), sha256, broken)
-        for name, sha256 in published.items()
-    }
-    graph = contents.pop(path.name)
-    options.add_external_initializers_from_files_in_memory(
-        list(contents), list(contents.values()), list(map(len, contents.values()))
-    )
-    return graph
 
 
 def _require_provider(session: InferenceSession, chosen: ExecutionProvider, path: Path) -> None:
