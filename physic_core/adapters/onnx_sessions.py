@@ -163,13 +163,13 @@ def open_session(
             content, options, providers=providers, disabled_optimizers=list(without)
         )
 
+    # onnxruntime reads ``contents`` while it creates the session: they must live until then.
     def create_compared(options: SessionOptions) -> InferenceSession:
         contents = {
             name: _read_compared(path.with_name(name), sha256, broken)
             for name, sha256 in published.items()
         }
         graph = contents.pop(path.name)
-        # onnxruntime reads these bytes while it creates the session: they must live until then.
         options.add_external_initializers_from_files_in_memory(
             list(contents), list(contents.values()), list(map(len, contents.values()))
         )
