@@ -156,10 +156,7 @@ def test_answers_of_nan_are_a_failed_network():
         to_numpy(torch.full((1, 900), torch.nan, dtype=torch.float16))
     partly = to_numpy(torch.tensor([torch.nan, 1.0]))
     np.testing.assert_array_equal(partly, np.float32([np.nan, 1]))
-
-
-def test_a_single_number_may_be_unknown():
-    assert np.isnan(to_numpy(torch.tensor([torch.nan]))).all()
+    assert np.isnan(to_numpy(torch.tensor([torch.nan]))).all(), "a single number may be unknown"
 
 
 def test_pictures_are_normalised_as_on_numpy():

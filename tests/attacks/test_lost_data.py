@@ -20,22 +20,9 @@ from physic_core.io.photo import read_photo
 JPEGS = [kind for kind, (name, _) in KINDS.items() if name == "JPEG"]
 
 
-def message_of(photo):
-    with pytest.raises(InputError) as caught:
+def refuse(photo):
+    with pytest.raises(InputError, match="its data are damaged or truncated"):
         read_photo(photo)
-    return str(caught.value)
-
-
-def damaged(name):
-    return (
-        f"cannot read the photo {name}: its data are damaged or truncated; copy it again from "
-        f"where it came, or save "
-        "it again from a program that shows it completely"
-    )
-
-
-def of_bytes(data):
-    return damaged(f"of {len(data):,} bytes")
 
 
 @pytest.mark.parametrize("kind", [*JPEGS, "png"])
@@ -43,8 +30,7 @@ def test_a_block_of_zeros_is_found(kind):
     whole = encoded(kind)
     begin = picture_start(whole)
     for share in (0.1, 0.5, 0.9):
-        data = zeros(whole, begin + int(share * (len(whole) - begin - 5000)))
-        assert message_of(data) == of_bytes(data)
+        refuse(zeros(whole, begin + int(share * (len(whole) - begin - 5000))))
 
 
 @pytest.mark.parametrize("kind", ["baseline", "fine", "optimised", "restarts", "grey"])
@@ -54,15 +40,13 @@ def test_a_short_block_of_zeros_is_found(kind):
     """
     whole = encoded(kind)
     for at in range(picture_start(whole), len(whole) - 600, 997):
-        data = whole[:at] + bytes(512) + whole[at + 512 :]
-        assert message_of(data) == of_bytes(data)
+        refuse(whole[:at] + bytes(512) + whole[at + 512 :])
 
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("share", [0.9, 0.5, 0.1])
 def test_a_cut_with_the_end_put_back_is_found(kind, share):
-    data = cut(encoded(kind), int(share * len(encoded(kind))))
-    assert message_of(data) == of_bytes(data)
+    refuse(cut(encoded(kind), int(share * len(encoded(kind)))))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -91,13 +75,12 @@ def test_an_avif_or_heic_that_is_cut_is_found(kind):
         whole = file.getvalue()
     assert read_photo(whole).image.any()
     for at in range(len(whole) // 5, len(whole), 997):
-        assert message_of(whole[:at]) == of_bytes(whole[:at])
+        refuse(whole[:at])
 
 
 def test_a_damaged_pillow_image_is_refused():
-    data = cut(encoded("baseline"), 20_000)
-    with Image.open(io.BytesIO(data)) as image:
-        assert message_of(image) == damaged("given as a PIL image")
+    with Image.open(io.BytesIO(cut(encoded("baseline"), 20_000))) as image:
+        refuse(image)
 
 
 HARMLESS = {
@@ -153,8 +136,7 @@ def scans(count):
 
 def test_the_number_of_scans_is_bounded():
     np.testing.assert_array_equal(read_photo(scans(MAX_SCANS)).image, read_photo(scans(3)).image)
-    data = scans(MAX_SCANS + 1)
-    assert message_of(data) == of_bytes(data)
+    refuse(scans(MAX_SCANS + 1))
 
 
 SWITCHES = [(ImageFile, "LOAD_TRUNCATED_IMAGES", True), (Image, "MAX_IMAGE_PIXELS", 10),
@@ -165,12 +147,11 @@ SWITCHES = [(ImageFile, "LOAD_TRUNCATED_IMAGES", True), (Image, "MAX_IMAGE_PIXEL
 @pytest.mark.parametrize("kind", ["baseline", "png"])
 def test_switches_of_pillow_change_nothing(kind, module, name, value, monkeypatch):
     expected = pixels(kind)
-    data = cut(encoded(kind), len(encoded(kind)) // 2)
+    half = cut(encoded(kind), len(encoded(kind)) // 2)
     monkeypatch.setattr(module, name, value)
     np.testing.assert_array_equal(read_photo(encoded(kind)).image, expected)
-    assert message_of(data) == of_bytes(data)
-    data = encoded(kind)[: len(encoded(kind)) // 2]
-    assert message_of(data) == of_bytes(data)
+    refuse(half)
+    refuse(encoded(kind)[: len(encoded(kind)) // 2])
     assert getattr(module, name) == value
 
 
@@ -184,7 +165,7 @@ def test_a_damaged_photo_is_shown_to_no_decoder_of_another_format(monkeypatch):
     data = encoded("png")[:8] + bytes(1000)
     monkeypatch.setattr(Image, "ID", ["OTHER", *Image.ID])
     monkeypatch.setitem(Image.OPEN, "OTHER", (ImageFile.ImageFile, accept))
-    assert message_of(data) == of_bytes(data)
+    refuse(data)
     with pytest.raises(OSError, match="cannot identify"):
         Image.open(io.BytesIO(data))
     assert len(shown) == 1
@@ -197,12 +178,13 @@ def test_threads_find_damage_and_leave_the_switches_as_they_were(monkeypatch):
 
     def read():
         for _ in range(10):
-            found.append(message_of(data))
+            refuse(data)
+            found.append(data)
 
     threads = [threading.Thread(target=read) for _ in range(4)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert found == [of_bytes(data)] * 40
+    assert len(found) == 40
     assert ImageFile.LOAD_TRUNCATED_IMAGES is True

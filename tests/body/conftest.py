@@ -97,7 +97,7 @@ def smaller(embedded):
 
 
 @pytest.fixture(scope="session")
-def other_model(other):
+def other_model(embedded, other):
     """The same as a model named "smplx"."""
     return build_body_model(
         BodyArrays(
@@ -114,7 +114,7 @@ def other_model(other):
             faces=other.faces,
             num_betas=10,
             num_expression=0,
-            outer=other.from_embedded @ embedded_outer() > 0.5,
+            outer=other.from_embedded @ embedded.outer.double().numpy() > 0.5,
         )
     )
 
@@ -125,11 +125,6 @@ def maps(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PHYSIC_CACHE", str(tmp_path_factory.mktemp("maps")))
         yield
-
-
-def embedded_outer():
-    """(V,) 1.0 where the embedded body is not a cavity."""
-    return load_body("embedded").outer.double().numpy()
 
 
 @pytest.fixture(scope="session")

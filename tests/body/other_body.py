@@ -111,10 +111,8 @@ def coarser(vertices, faces, count):
     """
     gather = csr_matrix((np.ones(len(vertices)), (np.arange(len(vertices)),) * 2))
     while len(vertices) > count:
-        edges = np.unique(
-            np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1),
-            axis=0,
-        )
+        pairs = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+        edges = np.unique(np.sort(pairs, 1), axis=0)
         rings = [set() for _ in vertices]
         for a, b in edges.tolist():
             rings[a].add(b)
@@ -138,12 +136,7 @@ def coarser(vertices, faces, count):
         gather = mix @ gather
         vertices = mix @ vertices
         faces = compact[faces]
-        whole = (
-            (faces[:, 0] != faces[:, 1])
-            & (faces[:, 1] != faces[:, 2])
-            & (faces[:, 2] != faces[:, 0])
-        )
-        faces = faces[whole]
+        faces = faces[(np.diff(np.sort(faces, 1), axis=1) > 0).all(1)]
     return gather, faces
 
 

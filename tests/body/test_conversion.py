@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import torch
 from numpy.testing import assert_allclose, assert_array_equal
-from numpy.typing import NDArray
 from other_body import mm, posed, smpl_file_arrays
 
 from physic_core.body.bones import parameters_from_rotations, rotations_from_parameters
@@ -20,8 +19,6 @@ from physic_core.errors import BodyModelError
 from physic_core.types import Bodies, Mesh
 
 pytestmark = pytest.mark.usefixtures("maps")
-
-Array = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")
@@ -139,8 +136,5 @@ def test_people_without_known_joints_are_nan(own, embedded):
 def test_parameters_alone_of_a_model_that_is_not_there_are_refused(own, embedded):
     estimated = replace(own, body_model="smplx")
     assert not can_convert(estimated, embedded)
-    with pytest.raises(
-        BodyModelError,
-        match=r"^bodies for the body model 'smplx' cannot be converted to 'embedded'",
-    ):
+    with pytest.raises(BodyModelError, match="'smplx' cannot be converted to 'embedded'"):
         convert_with_residuals(estimated, embedded)

@@ -12,6 +12,7 @@ import zipfile
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
+from pickles import As, Name, chumpy, instance, pickled, select
 from scipy.sparse import csc_matrix, csr_matrix
 
 from physic_core.body.files import MANO, read_model_file
@@ -19,7 +20,9 @@ from physic_core.errors import BodyModelError
 from physic_testing.body_files import mano_arrays
 
 
-@pytest.mark.parametrize(("protocol", "sparse"), [(2, csc_matrix), (5, csr_matrix)])
+@pytest.mark.parametrize(
+    ("protocol", "sparse"), [(0, csc_matrix), (2, csc_matrix), (5, csr_matrix)]
+)
 def test_a_mano_file_is_read_in_its_own_types(tmp_path, protocol, sparse):
     arrays = mano_arrays()
     path = tmp_path / "MANO_RIGHT.pkl"
@@ -44,48 +47,11 @@ def test_a_mano_file_is_read_in_its_own_types(tmp_path, protocol, sparse):
     assert_array_equal(read["weights"], arrays["weights"])
 
 
-class _As:
-    """Is pickled as a call of somebody else's function, or as their class with a state."""
-
-    def __init__(self, module, name, arguments, state=None):
-        self.called = (_Name(module, name), arguments, *(() if state is None else (state,)))
-
-    def __reduce__(self):
-        return self.called
-
-
-class _Name:
-    """Stands for a function while it is pickled."""
-
-    def __init__(self, module, name):
-        self.__module__ = module
-        self.__qualname__ = name
-
-    def __call__(self, *_):
-        raise AssertionError
-
-
-class _Pickler(pickle._Pickler):
-    """Writes names that nothing here needs to have."""
-
-    def save(self, obj, save_persistent_id=True):
-        if isinstance(obj, _Name):
-            self.write(b"c" + obj.__module__.encode() + b"\n" + obj.__qualname__.encode() + b"\n")
-        else:
-            super().save(obj, save_persistent_id)
-
-
-def pickled(path, thing):
-    with path.open("wb") as stream:
-        _Pickler(stream, 2).dump(thing)
-    return path
-
-
 def array(shape, code, data):
     """An array of numpy that says what it likes about itself."""
-    kind = _As("numpy", "dtype", (code, False, True), (3, "<", None, None, None, -1, -1, 0))
-    made = ("numpy.core.multiarray", "_reconstruct", (_Name("numpy", "ndarray"), (0,), b"b"))
-    return _As(*made, (1, shape, kind, False, data))
+    kind = As("numpy", "dtype", (code, False, True), (3, "<", None, None, None, -1, -1, 0))
+    made = ("numpy.core.multiarray", "_reconstruct", (Name("numpy", "ndarray"), (0,), b"b"))
+    return As(*made, (1, shape, kind, False, data))
 
 
 def sparse(**changes):
@@ -96,17 +62,11 @@ def sparse(**changes):
         "indices": whole.indices,
         "indptr": whole.indptr,
     } | changes
-    kind = _Name("scipy.sparse.csc", "csc_matrix")
-    return _As("copy_reg", "_reconstructor", (kind, _Name("__builtin__", "object"), None), state)
+    return instance("scipy.sparse.csc", "csc_matrix", state)
 
 
-def chosen(idxs, shape=(778, 3, 10), a=None):
-    kind = _Name("chumpy.reordering", "Select")
-    whole = _As("copy_reg", "_reconstructor", (_Name("chumpy.ch", "Ch"), _Name("__builtin__", "object"), None), {  # noqa: E501
-        "x": np.zeros(778 * 30)
-    })  # fmt: skip
-    state = {"a": whole if a is None else a, "idxs": idxs, "preferred_shape": shape}
-    return _As("copy_reg", "_reconstructor", (kind, _Name("__builtin__", "object"), None), state)
+def chosen(idxs, shape=(778, 3, 10)):
+    return select(chumpy(np.zeros(778 * 30)), idxs, shape)
 
 
 def endless():

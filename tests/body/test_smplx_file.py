@@ -100,25 +100,19 @@ def test_a_smplx_file_is_read_without_unpickling(small, tmp_path):
     assert "holds a pickled object" in refusal(path)
 
 
-def test_a_file_of_a_related_model_is_refused_by_its_number_of_vertices(tmp_path):
-    path = tmp_path / "model.npz"
-    np.savez(path, v_template=np.zeros((5023, 3)))
-    assert refusal(path).startswith(" is a FLAME file (5023 vertices), not SMPL-X: ")
-
-
 @pytest.mark.parametrize(
-    ("shape", "message"),
+    ("name", "shape", "message"),
     [
-        ((10475, 3), "shapedirs must be (10475, 3, 20 or 400), got (10475, 3)"),
-        ((10475, 3, 11), "shapedirs has 11 columns, where SMPL-X has 20 or 400"),
+        ("v_template", (5023, 3), " is a FLAME file (5023 vertices), not SMPL-X"),
+        ("shapedirs", (10475, 3), "must be (10475, 3, 20 or 400), got (10475, 3)"),
+        ("shapedirs", (10475, 3, 11), "has 11 columns, where SMPL-X has 20 or 400"),
     ],
 )
-def test_shape_directions_of_wrong_shape_are_refused(tmp_path, small, shape, message):
+def test_arrays_of_wrong_shape_are_refused(tmp_path, small, name, shape, message):
     path = tmp_path / "model.npz"
-    np.savez_compressed(path, **{**small, "shapedirs": np.zeros(shape)})
-    assert refusal(path).startswith(f": {message}: ")
+    np.savez_compressed(path, **{**small, name: np.zeros(shape)})
+    assert message in refusal(path)
 
 
 def test_more_shape_components_than_the_file_has_are_refused(smplx_v10):
-    message = ": num_betas is 16, but the file has 10: ask for 0 to 10"
-    assert refusal(smplx_v10, num_betas=16) == message
+    assert "num_betas is 16, but the file has 10" in refusal(smplx_v10, num_betas=16)

@@ -36,12 +36,6 @@ def test_a_linear_png_is_read_as_bright_as_it_is():
     assert len(photo.notes) == 1
 
 
-def test_the_usual_gamma_changes_nothing():
-    photo = read_photo(with_gamma(PICTURE, 0.45455))
-    np.testing.assert_array_equal(photo.image, np.asarray(PICTURE))
-    assert photo.notes == ()
-
-
 def profile(name):
     return ImageCms.ImageCmsProfile(ImageCms.createProfile(name)).tobytes()
 
@@ -54,6 +48,13 @@ def wide_profile():
     return bytes(content)
 
 
+def test_the_usual_gamma_and_a_profile_of_srgb_change_nothing():
+    for content in (with_gamma(PICTURE, 0.45455), stored("PNG", icc_profile=profile("sRGB"))):
+        photo = read_photo(content)
+        np.testing.assert_array_equal(photo.image, np.asarray(PICTURE))
+        assert photo.notes == ()
+
+
 @pytest.mark.parametrize("kind", ["JPEG", "PNG", "TIFF", "WEBP", "AVIF"])
 def test_a_colour_profile_is_followed(kind):
     options = {"WEBP": {"lossless": True}, "JPEG": {"quality": 100, "subsampling": 0}}
@@ -61,12 +62,6 @@ def test_a_colour_profile_is_followed(kind):
     photo = read_photo(stored(kind, icc_profile=wide_profile(), **options.get(kind, {})))
     error = np.abs(photo.image.astype(float) - plain.image[..., [1, 0, 2]])
     assert error.mean() < 2
-    assert photo.notes == ()
-
-
-def test_a_profile_of_srgb_changes_nothing():
-    photo = read_photo(stored("PNG", icc_profile=profile("sRGB")))
-    np.testing.assert_array_equal(photo.image, np.asarray(PICTURE))
     assert photo.notes == ()
 
 

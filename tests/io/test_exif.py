@@ -134,6 +134,24 @@ def test_a_zoom_that_was_not_used_changes_nothing(zoom):
     assert read({**PLANE, "zoom": zoom}, (4608, 3456)) == read(PLANE, (4608, 3456))
 
 
+@pytest.mark.parametrize(
+    ("tags", "notes"),
+    [
+        ({"film": 26, "w": 4000, "h": 3000}, ["4000 x 3000 px"]),
+        ({"film": 26, "software": "Snapseed 2.0"}, ["Snapseed"]),
+        ({"film": 4000}, ["not plausible"]),
+        ({"film": 0}, []),
+        ({"mm": 0.0, "plane_x": 100.0}, []),
+        ({"mm": 50.0}, []),
+        ({"mm": 50.0, "plane_x": 100.0, "unit": 9}, []),
+    ],
+)
+def test_a_focal_length_that_is_ignored_has_a_note_and_one_that_lacks_has_none(tags, notes):
+    camera, found = read(tags, (96, 72))
+    assert camera is None
+    assert [word in note for word, note in zip(notes, found, strict=True)] == [True] * len(notes)
+
+
 def test_a_file_that_is_smaller_than_cameras_write_may_have_been_cropped():
     camera, notes = read({**IPHONE_12, "w": 1000, "h": 750}, (1000, 750))
     assert camera.known

@@ -31,13 +31,6 @@ def test_known_boxes_have_the_known_overlap():
     np.testing.assert_allclose(iou, [[1, 0, 0], [2 / 6, 0, 0], [0, 0, 0]])
 
 
-def test_misses_and_false_alarms_are_named():
-    matching = match_by_masks(columns((0, 5), (6, 8), (15, 20)), columns((0, 6), (9, 13), (14, 20)))
-    assert pairs(matching) == {0: 0, 2: 2}
-    np.testing.assert_array_equal(matching.missed, [1])
-    np.testing.assert_array_equal(matching.false_alarms, [1])
-
-
 def test_the_gate_includes_its_bound_and_never_no_overlap():
     assert pairs(match_by_masks(columns((0, 4)), columns((0, 8)), min_iou=0.5)) == {0: 0}
     assert pairs(match_by_masks(columns((0, 4)), columns((0, 8)), min_iou=0.51)) == {}

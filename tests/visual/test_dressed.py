@@ -70,10 +70,9 @@ def test_the_back_of_the_head_has_the_colour_of_hair_that_stands_off(pink):
 
 
 def test_a_texture_is_as_fine_as_the_photo(result):
-    assert [len(image) for image in dressed_images(result).values()] == [128, 128]
     person = replace(result.people[0], mask=np.ones((300, 4), bool))
     large = replace(result, people=(person,), image=np.zeros((300, 4, 3), np.uint8))
-    assert len(dressed_images(large)[0]) == 512
+    assert len(dressed_images(large)[0]) > 2 * len(dressed_images(result)[0])
 
 
 def test_a_person_whom_no_photo_shows_is_grey_in_shoes(result):

@@ -4,7 +4,6 @@ that they get.
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -73,22 +72,15 @@ def test_a_missing_package_names_the_extra_of_the_plugin(plugin):
 
 
 @pytest.mark.parametrize(
-    ("name", "message"),
+    ("name", "fault"),
     [
-        ("lost", "the exporter 'lost' of physic-box 1.0 cannot be imported: ModuleNotFoundError"),
-        (
-            "ends",
-            "the exporter 'ends' of physic-box 1.0 fails: SystemExit: 3 (physic_box_export.py:9)",
-        ),
-        (
-            "text",
-            "the exporter 'text' of physic-box 1.0 should return physic_core.ExportedFiles, got "
-            "str",
-        ),
+        ("lost", "ModuleNotFoundError"),
+        ("ends", r"SystemExit: 3 \(physic_box_export.py:9\)"),
+        ("text", "ExportedFiles, got str"),
     ],
 )
-def test_a_broken_exporter_names_its_plugin(plugin, result, tmp_path, name, message):
-    with pytest.raises(PluginError, match=re.escape(message)):
+def test_a_broken_exporter_names_its_plugin(plugin, result, tmp_path, name, fault):
+    with pytest.raises(PluginError, match=f"'{name}' of physic-box 1.0 .*{fault}"):
         result.export(str(tmp_path / "out"), name)
     assert not (tmp_path / "out").exists()
 

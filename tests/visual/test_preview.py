@@ -53,6 +53,12 @@ def sphere_at(*centers):
     return prepare_meshes([SPHERE.vertices + center for center in centers], SPHERE.faces)
 
 
+def drawn(view, *centers, colors=1.0):
+    """Spheres, the first in the first of the colours."""
+    shades = np.broadcast_to(colors, (len(centers), 3)).repeat(len(SPHERE.vertices), axis=0)
+    return render_mesh(sphere_at(*centers), view, shades)
+
+
 def is_hue(picture, index):
     """Pixels that show a person's colour, whatever the light."""
     wanted = np.array(person_color(index)) / np.linalg.norm(person_color(index))
@@ -61,7 +67,7 @@ def is_hue(picture, index):
 
 
 def test_a_sphere_is_a_disc_of_the_right_size():
-    layer = render_mesh(sphere_at([0, 0, 4.0]), PINHOLE, np.full((len(SPHERE.vertices), 3), 0.8))
+    layer = drawn(PINHOLE, [0, 0, 4.0], colors=0.8)
     radius = 100 * 0.5 / np.sqrt(4.0**2 - 0.5**2)
     assert layer.alpha.sum() == pytest.approx(np.pi * radius**2, rel=0.01)
     rows, columns = np.nonzero(layer.alpha > 0.5)
@@ -79,31 +85,27 @@ def test_a_surface_may_fill_the_picture():
 
 
 def test_the_nearer_hides_the_farther():
-    colors = np.repeat([[1.0, 0, 0], [0, 1.0, 0]], len(SPHERE.vertices), axis=0)
-    layer = render_mesh(sphere_at([0, 0, 6.0], [0, 0, 4.0]), PINHOLE, colors)
+    layer = drawn(PINHOLE, [0, 0, 6.0], [0, 0, 4.0], colors=[[1.0, 0, 0], [0, 1.0, 0]])
     assert layer.color[40, 50, 1] > 0.5
     assert layer.color[40, 50, 0] == 0
 
 
 def test_what_lies_behind_the_camera_is_not_drawn():
-    layer = render_mesh(sphere_at([0, 0, -4.0]), PINHOLE, np.ones((len(SPHERE.vertices), 3)))
-    assert layer.alpha.max() == 0
+    assert drawn(PINHOLE, [0, 0, -4.0]).alpha.max() == 0
 
 
 def test_a_parallel_view_is_to_scale():
     axes = np.array([[0, 0, 1.0], [0, -1.0, 0], [1.0, 0, 0]])
     view = View.orthographic(axes, np.array([0, 0, 4.0]), 60.0, (120, 100))
-    layer = render_mesh(sphere_at([0, 0, 4.0]), view, np.ones((len(SPHERE.vertices), 3)))
-    assert layer.alpha.sum() == pytest.approx(np.pi * 30**2, rel=0.01)
+    assert drawn(view, [0, 0, 4.0]).alpha.sum() == pytest.approx(np.pi * 30**2, rel=0.01)
     spot = view.project(np.array([[7.0, -0.5, 4.5]]))[0]
     assert spot[:2] == pytest.approx([59.5 + 30, 49.5 - 30])
 
 
 def test_a_parallel_view_can_cut():
     view = View.orthographic(FRONT, np.array([0, 0, 4.0]), 60.0, (120, 100), start=-0.1)
-    both = sphere_at([0, 0, 3.0], [0, 0, 5.0])
-    layer = render_mesh(both, view, np.ones((len(both.vertices), 3)))
-    assert layer.distance.min() == pytest.approx(0.4, abs=0.005)
+    nearest = drawn(view, [0, 0, 3.0], [0, 0, 5.0]).distance.min()
+    assert nearest == pytest.approx(0.4, abs=0.005)
 
 
 def test_a_splat_is_a_square_and_the_nearer_wins():

@@ -160,12 +160,7 @@ def test_members_come_out_of_a_zip(server, own_cache):
 
 
 def test_names_inside_a_zip_cannot_leave_the_folder(server, own_cache, tmp_path):
-    members = {"../../evil": b"evil", "/abs": b"evil", "a": b"a"}
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w") as archive:
-        for name, content in members.items():
-            archive.writestr(name, content)
-    url = server.add("/all.zip", out.getvalue())
+    url = server.add("/all.zip", zipped(**{"../../evil": b"evil", "/abs": b"evil", "a": b"a"}))
     before = left(tmp_path)
     assert fetch(weights(WeightFile("model.onnx", source=f"{url}#a"))) == ("model.onnx",)
     assert left(tmp_path) == sorted([*before, "cache/physic/weights/net/model.onnx"])

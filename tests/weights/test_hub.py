@@ -17,7 +17,6 @@ import physic_onnx
 from physic_core.errors import DownloadError
 from physic_core.weights import WeightFile, locate, read_manifest
 from physic_core.weights.find import find_weights
-from physic_onnx.sam2_networks import find_sam2_files
 from physic_onnx.sessions import OnnxOptions, open_network
 from physic_setup.fetch import fetch
 
@@ -280,21 +279,7 @@ def test_graphs_and_data_behind_links_of_the_librarys_cache_open(tmp_path, name)
         assert opens(find_weights(MANIFEST, name, graph))
 
 
-def test_a_graph_and_its_data_open_where_they_were_fetched_to(hub, lists, own_cache):
-    contents = {"model.onnx": toy_graph("model.onnx_data"), "model.onnx_data": ADDED.tobytes()}
-    files = [
-        {"path": path, "source": hub.add(f"onnx/{path}", content)}
-        for path, content in contents.items()
-    ]
-    folder = lists.add("net", *files)
-    fetch(read_manifest(folder)["net"])
-    assert left(own_cache) == []
-    data = locate(folder, "net", "model.onnx_data")
-    assert data.resolve().parent.name == "blobs"
-    assert opens(locate(folder, "net", "model.onnx"))
-
-
-def test_setup_takes_what_it_finds_behind_links_and_it_opens(tmp_path, physic):
+def test_setup_takes_what_it_finds_behind_links(tmp_path, physic):
     def fetched():
         words = physic("setup", "open", "--folder", tmp_path / "setup").stdout.split()
         return "sam2.1-hiera-large" in words[words.index("fetch") :]
@@ -302,5 +287,3 @@ def test_setup_takes_what_it_finds_behind_links_and_it_opens(tmp_path, physic):
     assert fetched()
     lay_cache(tmp_path / "hub", IN_TWO_FILES["sam2.1-hiera-large"])
     assert not fetched()
-    for path in find_sam2_files(find_weights(MANIFEST, "sam2.1-hiera-large")):
-        assert opens(path)

@@ -64,30 +64,18 @@ def test_tensors_in_other_files_of_an_onnx_file_belong_to_it(net, tmp_path):
     assert len(digests) == 3
 
 
-def test_a_set_is_found_in_the_users_cache(net, own_cache):
-    there = write(own_cache / "net" / "model.onnx")
-    assert locate(net, "net") == locate(net, "net", "model.onnx") == there
-    assert missing(net, "net") == ()
-
-
-def test_the_folders_of_the_environment_go_first_in_their_order(
+def test_folders_of_the_environment_in_their_order_come_before_the_cache_and_hugging_faces_last(
     net, own_cache, tmp_path, monkeypatch
 ):
-    write(own_cache / "net" / "model.onnx")
     first = tmp_path / "first"
     second = tmp_path / "second"
-    there = write(second / "net" / "model.onnx")
     monkeypatch.setenv("PHYSIC_WEIGHTS", f"{first}{os.pathsep}{second}")
-    assert locate(net, "net") == there
-    there = write(first / "net" / "model.onnx")
-    assert locate(net, "net") == there
-
-
-def test_hugging_faces_cache_comes_last(net, own_cache, tmp_path):
     there = in_hub(tmp_path, "model.onnx")
     assert locate(net, "net") == there
-    there = write(own_cache / "net" / "model.onnx")
-    assert locate(net, "net") == there
+    for folder in (own_cache, second, first):
+        there = write(folder / "net" / "model.onnx")
+        assert locate(net, "net") == locate(net, "net", "model.onnx") == there
+    assert missing(net, "net") == ()
 
 
 def test_a_snapshot_is_the_folder_of_a_set_that_lies_in_it_as_listed(lists, tmp_path):

@@ -161,9 +161,7 @@ def stating(seen, depth_sigma=0.07):
     return with_keypoints(seen, sigma=np.full(shape, 3.0), depth_sigma=depth_sigma)
 
 
-def test_landmarks_with_stated_errors_get_no_corrections_for_blazepose(
-    backend,
-):
+def test_landmarks_with_stated_errors_get_no_corrections_for_blazepose(backend):
     seen = stating(truth([STANDS, WALKS, SITS], PLACES, skeleton="coco23"))
     alone = fit(backend, seen)
     on_floor = fit(backend, seen, FLOOR)
@@ -200,9 +198,7 @@ def test_a_depth_counts_as_far_as_its_own_error_says(backend):
     assert misses[2] < 40
 
 
-def test_joints_that_lie_otherwise_in_the_detectors_body_are_followed_as_a_whole(
-    backend,
-):
+def test_joints_that_lie_otherwise_in_the_detectors_body_are_followed_as_a_whole(backend):
     """Exact points and depths of a body whose joints are about 25 mm from those of the embedded
     one.
     """
@@ -303,9 +299,7 @@ def test_a_trunk_that_bends_is_not_pulled_upright(backend):
     assert after == pytest.approx(before, abs=4)
 
 
-def test_landmarks_that_bend_the_knees_of_a_standing_person_are_ignored(
-    backend,
-):
+def test_landmarks_that_bend_the_knees_of_a_standing_person_are_ignored(backend):
     seen = truth([STANDS], PLACES[:1])
     world = np.array(seen.keypoints.world)
     world[:, rows_of(BLAZEPOSE_SKELETON, "left_knee", "right_knee"), 2] -= 0.12
@@ -347,34 +341,38 @@ def test_feet_that_are_both_seen_come_out_level(backend):
 
 def test_joints_out_of_the_picture_or_unsure_are_not_observed(backend):
     seen = truth([STANDS], [(-0.4, 0.9, 2.6)])  # cut off under the hips
-    confidence = seen.keypoints.confidence.copy()
-    confidence[0, rows_of(BLAZEPOSE_SKELETON, "left_wrist")] = 0.2
-    (observed,) = fit(backend, with_keypoints(seen, confidence=confidence)).observed
+    (observed,) = fit(backend, unsure_of(seen, 0.2, "left_wrist")).observed
     assert not observed[joints_of("ankle", "foot", "left_wrist", "left_index1")].any()
     upper = ("pelvis", "spine2", "left_shoulder", "head", "right_wrist", "right_thumb3")
     assert observed[joints_of(*upper)].all()
 
 
-def says(posture, people=1):
-    """Observations of people who are sure to have this posture."""
-    rows = np.full((people, len(POSTURES)), 0.01, np.float32)
+def says(posture):
+    """Observations of one person who is sure to have this posture."""
+    rows = np.full((1, len(POSTURES)), 0.01, np.float32)
     rows[:, POSTURES.index(posture)] = 0.92
-    return replace(Observations.unknown(people), posture=rows)
+    return replace(Observations.unknown(1), posture=rows)
+
+
+LEGS = [f"{side}_{j}" for side in SIDES for j in ("knee", "ankle", "heel", "foot_tip")]
+
+
+def unsure_of(seen, confidence, *names):
+    changed = seen.keypoints.confidence.copy()
+    changed[0, rows_of(BLAZEPOSE_SKELETON, *names)] = confidence
+    return with_keypoints(seen, confidence=changed)
 
 
 def fit_behind_table(backend, pose, posture, leg_confidence=0.02, lean_deg=0.0):
-    """Joints of somebody whose legs are hidden, before a camera without a floor."""
-    seen = truth([pose], [(-0.2, 0.75, 1.8)], lean_deg=lean_deg)
-    legs = (f"{side}_{j}" for side in SIDES for j in ("knee", "ankle", "heel", "foot_tip"))
-    confidence = seen.keypoints.confidence.copy()
-    confidence[0, rows_of(BLAZEPOSE_SKELETON, *legs)] = leg_confidence
-    keypoints = replace(seen.keypoints, confidence=confidence)
+    """Somebody whose legs are hidden, before a camera without a floor."""
+    seen = unsure_of(truth([pose], [(-0.2, 0.75, 1.8)], lean_deg=lean_deg), leg_confidence, *LEGS)
     hints = Hints(observations=says(posture))
-    return posed(backend.infer(IMAGE, seen.people, CAMERA, keypoints, hints))[0]
+    return backend.infer(IMAGE, seen.people, CAMERA, seen.keypoints, hints)
 
 
-def thighs_deg(joints):
+def thighs_deg(bodies):
     """Angles of the thighs of one person from the vertical, degrees."""
+    joints = posed(bodies)[0]
     thighs = joints[0, joints_of("knee")] - joints[0, joints_of("hip")]
     return np.degrees(np.arccos(thighs[:, 1] / np.linalg.norm(thighs, axis=1)))
 
@@ -392,14 +390,14 @@ def test_legs_of_people_who_sit_stay_as_they_are_if_they_are_seen_a_little(backe
         left_knee=(120, 0, 0),
         right_knee=(120, 0, 0),
     )
-    joints = fit_behind_table(backend, legs_drawn_up, "sit", leg_confidence=0.2)
-    assert thighs_deg(joints).min() > 105
+    bodies = fit_behind_table(backend, legs_drawn_up, "sit", leg_confidence=0.2)
+    assert thighs_deg(bodies).min() > 105
 
 
 @pytest.mark.parametrize("lean_deg", [20.0, 40.0])
 def test_a_trunk_without_legs_is_upright_unless_the_person_lies(backend, lean_deg):
     stands, lies = (
-        trunk_tilt_deg(fit_behind_table(backend, STANDS, posture, lean_deg=lean_deg))[0]
+        trunk_tilt_deg(posed(fit_behind_table(backend, STANDS, posture, lean_deg=lean_deg))[0])[0]
         for posture in ("stand", "lie")
     )
     assert abs(stands) < 0.4 * lean_deg
@@ -407,14 +405,8 @@ def test_a_trunk_without_legs_is_upright_unless_the_person_lies(backend, lean_de
 
 
 def test_the_estimator_states_the_lean_of_people_whose_legs_are_hidden(backend):
-    seen = truth([STANDS], PLACES[:1])
-    confidence = seen.keypoints.confidence.copy()
-    legs = (f"{side}_{j}" for side in SIDES for j in ("knee", "ankle", "heel", "foot_tip"))
-    confidence[0, rows_of(BLAZEPOSE_SKELETON, *legs)] = 0.02
-    cut = replace(seen.keypoints, confidence=confidence)
     sure, unsure = (
-        backend.infer(IMAGE, seen.people, CAMERA, cut, Hints(observations=says(word))).lean_sigma[0]
-        for word in ("stand", "squat")
+        fit_behind_table(backend, STANDS, word).lean_sigma[0] for word in ("stand", "squat")
     )
     assert 0 < sure < unsure
 

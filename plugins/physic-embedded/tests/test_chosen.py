@@ -18,7 +18,6 @@ from physic_embedded.networks.pose import Pose
 from physic_embedded.segmentation import people as people_module
 from physic_embedded.segmentation import unposed
 from physic_embedded.segmentation.hidden_people import GREY, grey_out
-from physic_embedded.segmentation.people import square_from_upper_half
 from physic_embedded.segmentation.unposed import segment_unposed
 from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
 
@@ -71,14 +70,7 @@ def test_the_mask_of_a_pose_is_covered_in_grey():
     assert not image.any()
 
 
-def test_the_square_of_an_upper_half_is_centred_on_the_lower_edge_of_the_box():
-    square = square_from_upper_half(np.array([10.0, 20.0, 30.0, 60.0]))
-    assert (square.center.tolist(), square.side) == ([19.5, 60.0], 100.0)
-
-
-def test_boxes_of_people_who_have_a_pose_and_of_chairs_are_left_out(
-    monkeypatch,
-):
+def test_boxes_of_people_who_have_a_pose_and_of_chairs_are_left_out(monkeypatch):
     """MobileSAM's mask is the box itself here."""
     embedding = ImageEmbedding(np.zeros((1, 256, 64, 64)), 100, 200, 1024 / 200)
 

@@ -28,15 +28,10 @@ def seen(joints):
     return joints[..., :2] * DEPTH / (DEPTH + joints[..., 2:])
 
 
-def told(joints, points, up=(0.0, -1.0, 0.0), confidence=0.95):
+def told(joints, points, up=(0.0, -1.0, 0.0), depth=DEPTH):
     count = len(joints)
-    return lift(
-        joints,
-        points,
-        np.full((count, len(LIMBS)), confidence),
-        np.tile(up, (count, 1)),
-        np.full(count, DEPTH),
-    )
+    sure = np.full((count, len(LIMBS)), 0.95)
+    return lift(joints, points, sure, np.tile(up, (count, 1)), np.full(count, depth))
 
 
 def leaning(degrees):
@@ -79,13 +74,7 @@ def test_a_body_that_leans_in_depth_is_lifted_nearer_to_the_truth(degrees):
 def test_the_size_of_a_person_scales_the_answer():
     joints = leaning(10.0)
     points = seen(WALKER[None])
-    small = lift(
-        0.6 * joints,
-        0.6 * points,
-        np.full((1, len(LIMBS)), 0.95),
-        np.array([[0.0, -1.0, 0.0]]),
-        np.array([0.6 * DEPTH]),
-    )
+    small = told(0.6 * joints, 0.6 * points, depth=0.6 * DEPTH)
     np.testing.assert_allclose(small, 0.6 * told(joints, points), atol=1e-12)
 
 

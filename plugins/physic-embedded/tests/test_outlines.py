@@ -109,9 +109,7 @@ def test_a_mask_without_the_persons_keypoints_is_not_used(backend):
     np.testing.assert_array_equal(fitted(backend, with_masks(seen, half), depth_of(seen)), without)
 
 
-def test_a_body_hidden_by_something_nearer_is_not_drawn_into_its_mask(
-    backend,
-):
+def test_a_body_hidden_by_something_nearer_is_not_drawn_into_its_mask(backend):
     seen = truth([STANDS], PLACES[:1])
     without = fitted(backend, seen)
     mask = silhouette(without[0])

@@ -28,7 +28,6 @@ from physic_embedded.segmentation.people import (
     box_fit,
     is_person,
     is_same_person,
-    mask_overlap,
     merge_candidates,
 )
 from physic_embedded.segmentation.person_masks import resolve_overlaps
@@ -183,10 +182,6 @@ def test_two_poses_are_one_person_if_trunks_masks_or_noses_are_together(other, h
     box = np.array([0.0, 0.0, 200.0, 200.0])
     first = DetectedPose(pose_at((100, 100)), 1.0, box)
     assert is_same_person(first, DetectedPose(other, 1.0, box if has_box else None)) == same
-
-
-def test_the_overlap_of_masks_is_the_shared_part_of_one():
-    assert mask_overlap(pose_at((100, 100)), pose_at((140, 100))) == pytest.approx(0.84, abs=0.02)
 
 
 def test_joints_that_poses_agree_about_are_averaged_and_others_are_kept():

@@ -83,23 +83,6 @@ def test_no_point_is_on_a_person_and_the_mask_of_the_photo_is_without_people(
     np.testing.assert_array_equal(mask, np.where(people, 0, 255))
 
 
-def test_pycolmap_reads_the_model(export, result, tmp_path):
-    pycolmap = pytest.importorskip("pycolmap")
-    export("", "colmap", up="z")
-    model = pycolmap.Reconstruction(str(tmp_path / "sparse" / "0"))
-    image = model.images[1]
-    back = np.linalg.inv(export_frame(result.scene.floor, "z").from_camera)
-    assert model.cameras[1].params.tolist() == list(Model(tmp_path / "sparse" / "0").params)
-    for pixel in image.points2D[::500]:
-        point = model.points3D[pixel.point3D_id].xyz
-        assert np.abs(image.project_point(point) - pixel.xy).max() < 1e-3
-        column, row = (pixel.xy - 0.5).astype(int)
-        assert (
-            np.abs(transform_points(back, point[None])[0] - result.scene.points[row, column]).max()
-            < 1e-6
-        )
-
-
 def test_a_named_model_lies_beside_the_file_and_needs_colmaps_name(export, tmp_path):
     export("cameras.bin")
     assert (tmp_path / "points3D.bin").is_file()

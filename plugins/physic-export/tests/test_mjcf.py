@@ -20,6 +20,8 @@ from physic_core.geometry.upright import transform_points
 from physic_core.visual.export.request import export_frame
 from physic_export.tiles import FLAT_M, FLOOR_M, convex_tiles
 
+mujoco = pytest.importorskip("mujoco")
+
 RADIUS = 0.05
 
 
@@ -122,18 +124,17 @@ def test_rigid_people_are_mocap_bodies_at_the_pelvis_with_a_hull_per_part(
         assert sum(one.contype[0] > 0 for one in own) == 14
 
 
-def joint_places(model, data, person):
+def joint_places(data, person):
     """Positions (22, 3) of the bodies of a person."""
     names = [f"person_{person}", *(f"person_{person}_{name}" for name in JOINT_NAMES[1:22])]
     return np.stack([data.body(name).xpos for name in names])
 
 
 def test_people_have_joints_at_the_pose_and_the_mass_of_their_volume(result, opened, in_frame):
-    mujoco = pytest.importorskip("mujoco")
     model, data = opened
     for index, person in enumerate(result.people):
         wanted = in_frame(person.joints[:22])
-        np.testing.assert_allclose(joint_places(model, data, index), wanted, atol=1e-4)
+        np.testing.assert_allclose(joint_places(data, index), wanted, atol=1e-4)
         volume = trimesh.Trimesh(person.vertices, result.faces, process=False).volume
         assert model.body_subtreemass[model.body(f"person_{index}").id] == pytest.approx(
             1010 * volume, rel=1e-3
@@ -163,7 +164,6 @@ def test_hinges_count_from_the_pose_with_the_limits_of_the_urdf(file, opened, ex
 
 def test_pinocchio_has_the_bodies_where_mujoco_has_them(export, simulated):
     pinocchio = pytest.importorskip("pinocchio")
-    mujoco = pytest.importorskip("mujoco")
     file = export("a.xml", person=0, scene=False).files[0]
     model, data = simulated(file)
     other = pinocchio.buildModelFromMJCF(str(file))
@@ -179,7 +179,6 @@ def test_pinocchio_has_the_bodies_where_mujoco_has_them(export, simulated):
 
 
 def test_actuators_whose_controls_are_0_hold_the_pose(file, simulated):
-    mujoco = pytest.importorskip("mujoco")
     model, data = simulated(file)
     assert model.nu == 2 * 51
     roots = model.jnt_dofadr[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
@@ -261,7 +260,6 @@ def reaches(tile, points):
 
 
 def test_arms_are_capsules_and_feet_have_soles_on_one_level(opened):
-    mujoco = pytest.importorskip("mujoco")
     model, data = opened
     for limb in ("left_shoulder", "right_elbow"):
         assert model.geom(f"person_0_{limb}").type[0] == mujoco.mjtGeom.mjGEOM_CAPSULE

@@ -37,22 +37,6 @@ def test_a_body_has_the_colour_of_the_photo_where_it_is_seen(result):
         assert np.abs(textured.vertex_colors(index).astype(int) - color).max() <= 3
 
 
-def test_the_side_away_from_the_camera_is_marked_as_filled(result):
-    for index, person in enumerate(result.people):
-        mesh = person.mesh()
-        away = (mesh.vertex_normals * mesh.vertices).sum(1) / np.linalg.norm(mesh.vertices, axis=1)
-        filled = dressed_bodies(result).filled[index]
-        assert np.quantile(filled[away > 0.3], 0.02) > 0.95
-        assert np.median(filled[away < -0.8]) < 0.5
-
-
-def test_a_person_without_a_mask_is_filled_everywhere(result):
-    person = replace(result.people[0], mask=np.zeros_like(result.people[0].mask))
-    textured = textured_bodies(request_of(replace(result, people=(person,))), 128)
-    assert dressed_bodies(textured.result).shown[0] == 0
-    assert textured.photo_images(0)[1].min() == 255
-
-
 def test_bodies_of_another_mesh_have_no_texture(result):
     person = replace(result.people[0], vertices=result.people[0].vertices[:100])
     with pytest.raises(InputError, match="13348 vertices"):

@@ -15,6 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.body.joints import JOINT_NAMES
 
+mujoco = pytest.importorskip("mujoco")
+
 
 @pytest.fixture(scope="module")
 def folder(result, tmp_path_factory):
@@ -25,7 +27,6 @@ def folder(result, tmp_path_factory):
 
 def read(folder, person, angles=True):
     """MuJoCo's model and data of a person in the pose of the photo, or of a T-pose."""
-    mujoco = pytest.importorskip("mujoco")
     model = mujoco.MjModel.from_xml_path(str(folder / f"a_{person}.urdf"))
     data = mujoco.MjData(model)
     pose = json.loads((folder / f"a_{person}.json").read_text())
@@ -57,7 +58,6 @@ def test_the_robot_with_the_angles_beside_it_has_the_pose_of_the_photo(result, f
 
 
 def test_the_scene_is_a_robot_of_one_link_that_collides(result, folder, in_frame):
-    mujoco = pytest.importorskip("mujoco")
     model = mujoco.MjModel.from_xml_path(str(folder / "a_scene.urdf"))
     assert model.njnt == 0
     assert mujoco.mjtGeom.mjGEOM_BOX in model.geom_type
@@ -76,7 +76,6 @@ def test_the_robot_with_all_angles_zero_is_in_a_t_pose(folder):
 
 
 def test_the_masses_are_those_of_the_mjcf_file(result, folder, export):
-    mujoco = pytest.importorskip("mujoco")
     model, _, _ = read(folder, 0)
     other = mujoco.MjModel.from_xml_path(str(export("b.xml", scene=False).files[0]))
     for name in ("left_hip", "head", "right_foot"):
@@ -93,7 +92,6 @@ def test_the_masses_are_those_of_the_mjcf_file(result, folder, export):
 
 
 def test_a_person_in_mujoco_has_its_whole_mass_and_keeps_its_pose_without_gravity(folder):
-    mujoco = pytest.importorskip("mujoco")
     model, data, _ = read(folder, 0)
     masses = ElementTree.parse(folder / "a_0.urdf").findall("link/inertial/mass")
     assert model.body_mass.sum() == pytest.approx(

@@ -16,13 +16,6 @@ MEAN = np.array([0.485, 0.456, 0.406])
 STD = np.array([0.229, 0.224, 0.225])
 
 
-def network_of(backend):
-    """Return the network that a backend has loaded from its checkout; stand-ins record there what
-    they are shown.
-    """
-    return backend._network
-
-
 def coordinates(height, width):
     """The picture of coordinates (H, W, 3) uint8."""
     picture = np.full((height, width, 3), BLUE, np.uint8)

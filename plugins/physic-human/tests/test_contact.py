@@ -11,7 +11,7 @@ from physic_core.types import People
 from physic_human.deco import Deco, DecoOptions, contact_crop, enlarged_box_slices
 from physic_human.user_smpl import load_rest_mesh
 
-from .seen import network_of, normalised_back
+from .seen import normalised_back
 
 
 def test_the_network_gets_the_channels_in_the_order_bgr():
@@ -31,18 +31,15 @@ def test_the_box_grows_by_a_tenth_on_every_side_and_ends_at_the_image():
     )
 
 
-def test_the_rest_is_white_and_the_person_in_the_middle():
+def test_the_rest_is_white_beside_the_person_unless_the_crop_is_squashed():
     image = np.zeros((300, 300, 3), np.uint8)
-    seen = normalised_back(contact_crop(image, np.array([100.0, 50, 150, 250]), growth=0.0))
+    box = np.array([100.0, 50, 150, 250])
+    seen = normalised_back(contact_crop(image, box, growth=0.0))
     np.testing.assert_allclose(seen[:, :95], 255, atol=0.1)
     np.testing.assert_allclose(seen[:, 161:], 255, atol=0.1)
     np.testing.assert_allclose(seen[:, 97:159], 0, atol=0.1)
-
-
-def test_a_squashed_crop_has_no_white():
-    image = np.zeros((300, 300, 3), np.uint8)
-    seen = normalised_back(contact_crop(image, np.array([100.0, 50, 150, 250]), fit="squash"))
-    np.testing.assert_allclose(seen, 0, atol=0.1)
+    squashed = normalised_back(contact_crop(image, box, fit="squash"))
+    np.testing.assert_allclose(squashed, 0, atol=0.1)
 
 
 def test_the_crop_keeps_left_and_top():
@@ -62,8 +59,6 @@ def test_boxes_without_pixels_still_give_a_crop(box):
     assert crop.dtype == np.float32
     assert np.isfinite(crop).all()
 
-
-NOBODY = empty_bodies("embedded")
 
 DECO = """
 import torch
@@ -88,12 +83,11 @@ OLD_DECO = DECO.replace("encoder, context, device)", "encoder, device)").replace
 )
 
 
-def people(boxes):
-    return People(
-        np.zeros((len(boxes), 200, 300), bool),
-        np.array(boxes, float).reshape(-1, 4),
-        np.ones(len(boxes)),
-    )
+def ask(backend, count=1):
+    """Contact of so many people in one place."""
+    boxes = np.tile([100.0, 40, 180, 140], (count, 1))
+    people = People(np.zeros((count, 200, 300), bool), boxes, np.ones(count))
+    return backend.infer(np.zeros((200, 300, 3), np.uint8), people, empty_bodies("embedded"))
 
 
 @pytest.fixture
@@ -115,28 +109,21 @@ def deco(stub, tmp_path, smpl_file):
 
 
 def test_deco_gives_smpls_labels_with_smpls_t_pose(deco, smpl_file):
-    found = deco().infer(
-        np.zeros((200, 300, 3), np.uint8), people([[100, 40, 180, 140]] * 3), NOBODY
-    )
+    found = ask(deco(), 3)
     assert found.topology == "smpl"
     assert found.probability.shape == (3, 6890)
     np.testing.assert_allclose(found.probability[:, 0], 0.75)
-    assert found.rest is not None
     wanted = load_rest_mesh(str(smpl_file))
-    assert wanted is not None
     np.testing.assert_array_equal(found.rest.vertices, wanted.vertices)
 
 
 def test_older_versions_of_deco_get_their_own_arguments(deco):
-    found = deco(OLD_DECO).infer(
-        np.zeros((200, 300, 3), np.uint8), people([[100, 40, 180, 140]]), NOBODY
-    )
-    np.testing.assert_allclose(found.probability[0, 0], 0.75)
+    np.testing.assert_allclose(ask(deco(OLD_DECO)).probability[0, 0], 0.75)
 
 
 def test_deco_is_called_in_batches_and_never_without_people(deco):
     backend = deco(batch=2)
-    backend.infer(np.zeros((200, 300, 3), np.uint8), people([[100, 40, 180, 140]] * 3), NOBODY)
-    assert [len(seen) for seen in network_of(backend).seen] == [2, 1]
-    found = backend.infer(np.zeros((200, 300, 3), np.uint8), people([]), NOBODY)
-    assert found.probability.shape == (0, 6890)
+    ask(backend, 3)
+    assert [len(seen) for seen in backend.network.seen] == [2, 1]
+    assert ask(backend, 0).probability.shape == (0, 6890)
+    assert len(backend.network.seen) == 2

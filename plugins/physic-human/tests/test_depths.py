@@ -17,8 +17,6 @@ from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.types import CameraTrust, Hints, Intrinsics, Provenance
 from physic_human.moge import Moge1, Moge1Options, Moge3Depth, Moge3Options, Moge3Pointmap
 
-from .seen import network_of
-
 MOGE = """
 import torch
 
@@ -54,8 +52,8 @@ def moge(stub, tmp_path):
 def test_moge_gets_rgb_from_0_to_1(moge):
     image = np.full((60, 80, 3), [255, 51, 0], np.uint8)
     moge.infer(image, Hints())
-    np.testing.assert_allclose(network_of(moge).seen[0, :, 30, 40], [1.0, 0.2, 0.0], atol=1e-6)
-    assert network_of(moge).tokens == 2500
+    np.testing.assert_allclose(moge.network.seen[0, :, 30, 40], [1.0, 0.2, 0.0], atol=1e-6)
+    assert moge.network.tokens == 2500
 
 
 def test_moges_shift_and_focal_length_are_found(moge):
@@ -118,9 +116,7 @@ def moge_3(stub, tmp_path):
     return make
 
 
-def test_moge_3_runs_on_a_cpu_without_the_kernels_of_its_refiner(
-    moge_3,
-):
+def test_moge_3_runs_on_a_cpu_without_the_kernels_of_its_refiner(moge_3):
     backend = moge_3({"shift": 1.5, "refiner.weight": 0.0})
     assert backend.missing() == ()
     backend.load()
@@ -135,9 +131,7 @@ def test_moge_3_runs_on_a_cpu_without_the_kernels_of_its_refiner(
     np.testing.assert_allclose(found.intrinsics.fx, 300, rtol=0.01)
 
 
-def test_a_known_camera_is_followed_by_moge_3_and_a_guessed_one_is_not(
-    moge_3,
-):
+def test_a_known_camera_is_followed_by_moge_3_and_a_guessed_one_is_not(moge_3):
     backend = moge_3()
     backend.load()
     image = np.zeros((60, 80, 3), np.uint8)
@@ -158,7 +152,7 @@ def test_both_interfaces_share_one_run_of_moge_3_by_the_cache(moge_3, tmp_path):
     ):
         who = Provenance(backend.interface, "moge-3", "physic_human", "physic-human", "1", {}, "")
         stages.call_backend(backend.interface, ResolvedBackend(backend, who), request)
-    assert (network_of(points).runs, network_of(depth).runs) == (1, 0)
+    assert (points.network.runs, depth.network.runs) == (1, 0)
 
 
 @pytest.mark.parametrize(

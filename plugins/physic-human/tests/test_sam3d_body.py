@@ -12,12 +12,11 @@ import numpy as np
 import pytest
 import torch
 
+from physic_core.adapters.networks import TorchBackend
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.types import Hints, Intrinsics, Keypoints, People
 from physic_human.sam3d_body import Sam3dBody, Sam3dBodyOptions, guarded_torch
-
-from .seen import network_of
 
 CAMERA = Intrinsics(500.0, 510.0, 30.0, 20.0, 64, 48)
 NUM_KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
@@ -147,35 +146,35 @@ def make_sam(stub, tmp_path):
 @pytest.fixture
 def sam(make_sam):
     backend = make_sam()
-    backend._network = backend.build("cpu")
+    TorchBackend.load(backend)
     return backend
 
 
-def test_sam_3d_body_gets_boxes_camera_and_rgb(sam, capsys):
+def ask(backend, camera=CAMERA):
     image = np.full((48, 64, 3), [200, 100, 10], np.uint8)
-    sam.infer(image, people(), CAMERA, NUM_KEYPOINTS, Hints())
-    asked = network_of(sam).asked
+    return backend.infer(image, people(), camera, NUM_KEYPOINTS, Hints())
+
+
+def test_sam_3d_body_gets_boxes_camera_and_rgb_and_masks_if_wanted(sam, make_sam, capsys):
+    ask(sam)
+    asked = sam.network.asked
     assert len(asked) == 2
     np.testing.assert_array_equal(asked[0][0][0, 0], [200, 100, 10])
     np.testing.assert_array_equal(asked[0][1], [[10, 5, 30, 45]])
     assert asked[0][2] is None
     np.testing.assert_allclose(asked[1][3], [[[500, 0, 32], [0, 510, 24], [0, 0, 1]]])
     assert capsys.readouterr().out == ""
-
-
-def test_masks_are_passed_with_the_option(sam):
-    sam.options = sam.options.model_copy(update={"use_masks": True})
-    sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, NUM_KEYPOINTS, Hints())
-    mask = network_of(sam).asked[0][2]
+    masked = make_sam(use_masks=True)
+    TorchBackend.load(masked)
+    ask(masked)
+    mask = masked.network.asked[0][2]
     assert mask.shape == (1, 48, 64, 1)
     assert mask.sum() == 800
 
 
 def test_the_translation_is_added_to_surface_and_joints(sam):
-    bodies = sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, NUM_KEYPOINTS, Hints())
+    bodies = ask(sam)
     assert bodies.body_model == "mhr"
-    assert bodies.mesh is not None
-    assert bodies.joints is not None
     place = np.array([(49.5 - 30) / 500 * 3, (24.5 - 20) / 500 * 3, 3])
     np.testing.assert_allclose(bodies.mesh.vertices[1], np.tile(place + 0.5, (5, 1)), rtol=1e-6)
     np.testing.assert_allclose(
@@ -190,11 +189,10 @@ def test_bodies_lie_where_the_given_camera_sees_their_boxes(decoder, make_sam):
     point.
     """
     sam = make_sam(decoder="    TYPE: sam\n" + decoder)
-    sam._network = sam.build("cpu")
+    TorchBackend.load(sam)
     centre = (12.0, 40.25)
     camera = Intrinsics(500.0, 500.0, *centre, 64, 48)
-    bodies = sam.infer(np.zeros((48, 64, 3), np.uint8), people(), camera, NUM_KEYPOINTS, Hints())
-    place = bodies.parameters.transl
+    place = ask(sam, camera).parameters.transl
     seen = 500 * place[:, :2] / place[:, 2:] + np.array(centre)
     middles = (people().boxes[:, :2] + people().boxes[:, 2:] - 1) / 2
     np.testing.assert_allclose(seen, middles, atol=1e-4)
@@ -211,9 +209,9 @@ def test_dinov3_comes_from_the_named_folder_and_nothing_is_fetched(make_sam, stu
     }
     sam = make_sam("dinov3_vith16plus", held=held, dinov3_checkout=str(stub("dinov3", DINOV3)))
     assert not any("DINOv3" in line for line in sam.missing())
-    sam._network = sam.build("cpu")
-    assert network_of(sam).model.backbone.encoder.cls_token.tolist() == [[[0.5, 0.5]]]
-    assert network_of(sam).model.backbone.encoder.drop_path == 0.1
+    TorchBackend.load(sam)
+    assert sam.network.model.backbone.encoder.cls_token.tolist() == [[[0.5, 0.5]]]
+    assert sam.network.model.backbone.encoder.drop_path == 0.1
     assert (torch.hub.load, torch.load) == before
     assert "dinov3" not in sys.modules
     assert sam.fingerprint() != make_sam("dinov3_vith16plus").fingerprint()
@@ -225,7 +223,7 @@ def test_without_a_folder_for_dinov3_nothing_is_loaded(make_sam, monkeypatch, tm
     sam = make_sam("dinov3_vith16plus")
     assert any("set dinov3_checkout" in line for line in sam.missing())
     with pytest.raises(WeightsMissingError, match="set dinov3_checkout"):
-        sam._network = sam.build("cpu")
+        TorchBackend.load(sam)
     assert not any("dinov3" in line for line in make_sam().missing())
     assert (torch.hub.load, torch.load) == before
     other = make_sam("dinov3_vith16plus", dinov3_checkout=str(tmp_path))
@@ -238,7 +236,7 @@ def test_weights_missing_in_the_checkpoint_are_not_initialised_randomly(encoder,
     held = {"state_dict": {"gain": torch.ones(1), **encoder}}
     sam = make_sam("dinov3_vith16plus", held=held, dinov3_checkout=str(stub("dinov3", DINOV3)))
     with pytest.raises(BackendError, match=r"missing 1 of 5 .* backbone\.encoder\.cls_token"):
-        sam._network = sam.build("cpu")
+        TorchBackend.load(sam)
 
 
 def test_other_parameters_that_the_checkpoint_lacks_are_a_warning(make_sam, caplog):
@@ -260,16 +258,14 @@ def test_other_code_is_not_fetched_either(stub, make_sam, monkeypatch):
         make_sam("dinov3_vith16plus").build("cpu")
 
 
-def test_a_checkpoint_with_objects_is_read_only_if_trusted(
-    make_sam,
-):
+def test_a_checkpoint_with_objects_is_read_only_if_trusted(make_sam):
     """Its code reads them whatever they hold."""
     held = {"state_dict": {"gain": torch.ones(1)}, "hyper_parameters": Path("x")}
     with pytest.raises(BackendError, match="set the option trust_checkpoint = true"):
         make_sam(held=held).build("cpu")
     trusting = make_sam(held=held, trust_checkpoint=True)
-    trusting._network = trusting.build("cpu")
-    assert network_of(trusting).model.held["hyper_parameters"] == Path("x")
+    TorchBackend.load(trusting)
+    assert trusting.network.model.held["hyper_parameters"] == Path("x")
 
 
 def test_other_threads_load_as_usual_while_one_is_guarded(tmp_path):
@@ -305,7 +301,7 @@ def test_what_its_code_sends_to_cuda_goes_to_the_device_of_the_config(
     monkeypatch.setattr("physic_core.adapters.networks.check_device", lambda name: None)
     sam = make_sam()
     sam.load(device)
-    estimator = network_of(sam)
+    estimator = sam.network
     assert estimator.model.device == device
     process = estimator.process_one_image
     at = []
@@ -313,7 +309,7 @@ def test_what_its_code_sends_to_cuda_goes_to_the_device_of_the_config(
         at.append(current[-1]),
         process(*args, **rest),
     )[1]
-    sam.infer(np.zeros((48, 64, 3), np.uint8), people(), CAMERA, NUM_KEYPOINTS, Hints())
+    ask(sam)
     assert at == [device, device]
     assert current == ["none"]
 

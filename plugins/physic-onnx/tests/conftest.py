@@ -4,25 +4,12 @@ test gives.
 
 from __future__ import annotations
 
-import warnings
-from typing import Any
-
 import numpy as np
 import onnx
 import pytest
-from onnx import TensorProto, helper, numpy_helper
+from onnx import helper, numpy_helper
 
 from physic_onnx.sessions import Port
-
-_ELEMENTS = {
-    "float32": TensorProto.FLOAT,
-    "float16": TensorProto.FLOAT16,
-    "float64": TensorProto.DOUBLE,
-    "int64": TensorProto.INT64,
-    "int32": TensorProto.INT32,
-    "uint8": TensorProto.UINT8,
-    "bool": TensorProto.BOOL,
-}
 
 
 def write_graph(
@@ -40,7 +27,7 @@ def write_graph(
     def value_info(ports):
         return [
             helper.make_tensor_value_info(
-                name, _ELEMENTS[dtype], None if shape is None else list(shape)
+                name, helper.np_dtype_to_tensor_dtype(np.dtype(dtype)), list(shape)
             )
             for name, (dtype, shape) in ports.items()
         ]
@@ -121,7 +108,7 @@ class StandInNetwork:
 
 
 def ports_of(stated):
-    return {name: Port(name, dtype, tuple(shape or ())) for name, (dtype, shape) in stated.items()}
+    return {name: Port(name, dtype, tuple(shape)) for name, (dtype, shape) in stated.items()}
 
 
 @pytest.fixture(scope="session")
@@ -151,44 +138,3 @@ def loaded():
         return backend
 
     return load
-
-
-@pytest.fixture
-def exported(tmp_path):
-    """``exported(model, answer, inputs, outputs)``: the path of the ONNX file of ``answer(model,
-    *inputs)``.
-
-    ``inputs`` are name -> example and names of its free axes, ``outputs`` name -> names of its free
-    axes.
-    """
-    torch = pytest.importorskip("torch")
-
-    def export(
-        model,
-        answer,
-        inputs,
-        outputs,
-    ):
-        class Graph(torch.nn.Module):
-            def __init__(self) -> None:
-                super().__init__()
-                self.model = model
-
-            def forward(self, *values: Any) -> Any:
-                return answer(self.model, *values)
-
-        with torch.no_grad(), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            torch.onnx.export(
-                Graph().eval(),
-                tuple(example for example, _ in inputs.values()),
-                str(tmp_path / "model.onnx"),
-                input_names=list(inputs),
-                output_names=list(outputs),
-                dynamic_axes={name: free for name, (_, free) in inputs.items()} | dict(outputs),
-                opset_version=17,
-                dynamo=False,
-            )
-        return str(tmp_path / "model.onnx")
-
-    return export

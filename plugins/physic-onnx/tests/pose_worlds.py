@@ -1,13 +1,11 @@
-"""Photos of one person in a box, and crops by the formulas of MMPose."""
+"""Photos of one person in a box, a detector of known boxes, and crops by the formulas of MMPose."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from physic_core.adapters.people import Detections
 from physic_core.types import People
-
-MEAN = np.array([0.485, 0.456, 0.406])
-STD = np.array([0.229, 0.224, 0.225])
 
 
 def region(box, width, height, padding=1.25):
@@ -18,9 +16,15 @@ def region(box, width, height, padding=1.25):
     return centre, np.array([w, h]) * padding
 
 
-def normalised(pixels):
-    """(h, w, 3) 0..255 RGB -> (3, h, w)."""
-    return ((pixels / 255 - MEAN) / STD).transpose(2, 0, 1)
+class KnownBoxes:
+    """A detector that finds the boxes that it is given."""
+
+    def __init__(self, boxes=()):
+        self.boxes = boxes
+
+    def infer(self, image, score, overlap):
+        boxes = np.array(self.boxes, float).reshape(-1, 4)
+        return Detections(boxes, np.linspace(0.9, 0.8, len(boxes)))
 
 
 PLACES = [(90.0, 60.0), (120.0, 110.0), (75.0, 150.0)]

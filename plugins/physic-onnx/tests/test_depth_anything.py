@@ -24,7 +24,6 @@ from physic_onnx.depth_anything import (
 )
 
 from .depth_maps_of_worlds import at, ramp
-from .tiny_classes import depth_anything
 
 IMAGENET_MEAN = np.array([0.485, 0.456, 0.406])
 IMAGENET_STD = np.array([0.229, 0.224, 0.225])
@@ -353,32 +352,3 @@ class TestRealNetwork:
         assert answer.valid.mean() > 0.9
         assert np.median(off) < 0.01, f"{np.median(off):.4f}"
         assert np.percentile(off, 95) < 0.05, f"{np.percentile(off, 95):.4f}"
-
-
-def test_depth_is_that_of_the_class_of_transformers(exported, opened):
-    pytest.importorskip("transformers")
-    import torch
-
-    sides = (378, 518)
-    torch.manual_seed(0)
-    model = depth_anything("metric").eval()
-    # as they are first drawn, they answer one number everywhere
-    for parameter in model.parameters():
-        torch.nn.init.normal_(parameter, 0.0, 0.15)
-    free = {0: "batch_size", 2: "height", 3: "width"}
-    map_free = {0: "batch_size", 1: "height", 2: "width"}
-    path = exported(
-        model,
-        lambda model, pixels: model(pixel_values=pixels).predicted_depth,
-        {"pixel_values": (torch.zeros(1, 3, *sides), free)},
-        {"predicted_depth": map_free},
-    )
-    image = np.random.default_rng(0).integers(0, 256, (97, 131, 3), dtype=np.uint8)
-    with torch.no_grad():
-        own = model(torch.from_numpy(preprocess(image, *sides))).predicted_depth
-        own = torch.nn.functional.interpolate(own[None], image.shape[:2], mode="bilinear")[
-            0, 0
-        ].numpy()
-    assert np.ptp(own) > 0.1
-    z = opened(path).infer(image, Hints()).points[..., 2]
-    np.testing.assert_allclose(z * np.median(own), own, rtol=1e-3)

@@ -40,6 +40,18 @@ def answering(constant_graph, tmp_path):
 
 
 @pytest.fixture
+def found_of(answering):
+    """What a YOLOX file that answers these rows finds."""
+
+    def find(rows, score=0.5):
+        detector = answering("images", (1, 3, SIDE, SIDE), output=rows)
+        assert detector.signature == "YOLOX"
+        return detector.infer(GREY, score, 0.65)
+
+    return find
+
+
+@pytest.fixture
 def scoring(graph, node, tmp_path):
     """A YOLOX file that sees a person in one place with a score of one value of its input over
     ``over``.
@@ -77,61 +89,49 @@ def scoring(graph, node, tmp_path):
     return make
 
 
-def test_scores_of_nan_are_a_failed_network_and_not_an_empty_photo(answering):
+def test_scores_of_nan_are_a_failed_network_and_not_an_empty_photo(found_of):
     answer = raw((19, row()))
     answer[..., 4:] = np.nan
     with pytest.raises(BackendError, match="without one finite number"):
-        answering("images", (1, 3, SIDE, SIDE), output=answer).infer(GREY, 0.5, 0.65)
+        found_of(answer)
 
 
-def test_a_raw_head_is_decoded(answering):
+def test_a_raw_head_is_decoded(found_of):
     """Cell 3, 2 of stride 8: the centre is (offset + cell) * stride, the sides are e to the
     power.
     """
-    detector = answering(
-        "images", (1, 3, SIDE, SIDE), output=raw((2 * 8 + 3, row(0.5, 0.25, np.log(2), np.log(3))))
-    )
-    assert detector.signature == "YOLOX"
-    found = detector.infer(GREY, 0.5, 0.65)
-    cx = 3.5 * 8
-    cy = 2.25 * 8
-    w = 16
-    h = 24
-    assert found.boxes[0] == pytest.approx([cx - w / 2, cy - h / 2, cx + w / 2, cy + h / 2])
+    found = found_of(raw((2 * 8 + 3, row(0.5, 0.25, np.log(2), np.log(3)))))
+    assert found.boxes[0] == pytest.approx([28 - 8, 18 - 12, 28 + 8, 18 + 12])
     assert found.scores == pytest.approx([0.81])
 
 
-def test_other_strides_have_their_own_cells(answering):
+def test_other_strides_have_their_own_cells(found_of):
     placed = [(64 + 4 + 2, row(0.5, 0.5)), (64 + 16 + 3, row(0.5, 0.5))]
-    found = answering("images", (1, 3, SIDE, SIDE), output=raw(*placed)).infer(GREY, 0.5, 0.65)
+    found = found_of(raw(*placed))
     assert sorted(found.boxes.tolist()) == [[32, 16, 48, 32], [32, 32, 64, 64]]
 
 
-def test_a_head_that_is_decoded_inside_is_not_decoded_twice(answering):
+def test_a_head_that_is_decoded_inside_is_not_decoded_twice(found_of):
     rows = raw()
     rows[0, :, :2] = 31.0
     rows[0, :, 2:4] = 10.0
     rows[0, 5] = row(20, 30, 10, 20)
-    found = answering("images", (1, 3, SIDE, SIDE), output=rows).infer(GREY, 0.5, 0.65)
-    assert found.boxes.tolist() == [[15, 20, 25, 40]]
+    assert found_of(rows).boxes.tolist() == [[15, 20, 25, 40]]
 
 
-def test_boxes_of_one_person_are_one(answering):
+def test_boxes_of_one_person_are_one(found_of):
     placed = [
         (19, row(0.5, 0.5, 1, 1)),
         (20, row(-0.4, 0.5, 1, 1, person=0.8)),
         (22, row(0.5, 0.5, 0, 0)),
     ]
-    found = answering("images", (1, 3, SIDE, SIDE), output=raw(*placed)).infer(GREY, 0.5, 0.65)
-    assert len(found) == 2
+    found = found_of(raw(*placed))
     assert found.scores == pytest.approx([0.81, 0.81])
 
 
-def test_boxes_of_other_classes_are_no_people(answering):
+def test_boxes_of_other_classes_are_no_people(found_of):
     chair = row(0.5, 0.5, 1, 1, person=0.05, others=0.95)
-    assert not len(
-        answering("images", (1, 3, SIDE, SIDE), output=raw((19, chair))).infer(GREY, 0.3, 0.65)
-    )
+    assert not len(found_of(raw((19, chair)), 0.3))
 
 
 def test_yolox_gets_bgr_grey_levels(scoring):
@@ -144,13 +144,9 @@ def test_yolox_gets_bgr_grey_levels(scoring):
 
 def test_yolox_sees_the_photo_at_the_top_left_and_grey_elsewhere(scoring):
     photo = np.full((SIDE // 2, SIDE, 3), 250, np.uint8)
-    assert scoring((0, 0, 0), 250.0).infer(photo, 0.5, 0.65).scores == pytest.approx([1.0])
-    assert scoring((0, SIDE - 1, SIDE - 1), 114.0).infer(photo, 0.5, 0.65).scores == pytest.approx(
-        [1.0]
-    )
-    assert scoring((0, SIDE // 2 - 1, 0), 250.0).infer(photo, 0.5, 0.65).scores == pytest.approx(
-        [1.0]
-    )
+    for y, x, level in ((0, 0, 250.0), (SIDE // 2 - 1, 0, 250.0), (SIDE - 1, SIDE - 1, 114.0)):
+        found = scoring((0, y, x), level).infer(photo, 0.5, 0.65)
+        assert found.scores == pytest.approx([1.0])
 
 
 @pytest.mark.parametrize("labels", [False, True])

@@ -78,27 +78,19 @@ def script(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("gain", [255.0, 1.0], ids=["grey levels", "from 0 to 1"])
-def test_lama_gets_1_in_the_hole_and_colours_from_0_to_1(lama, loaded, photo, mask, gain):
+@pytest.mark.parametrize(
+    "of",
+    [{"gain": 255.0}, {"gain": 1.0}, {"size": ("h", "w")}, None],
+    ids=["grey levels", "from 0 to 1", "of any size", "TorchScript"],
+)
+def test_lama_gets_1_in_the_hole_and_colours_from_0_to_1(lama, script, loaded, photo, mask, of):
     """Half of the brightest value of each channel: of 0..255, or with the mask the other way round,
     it would not be.
     """
     bright = photo // 2 + np.array([100, 60, 20], np.uint8)
-    filled = loaded(Lama, lama(gain)).infer(bright, mask)
+    filled = loaded(Lama, script if of is None else lama(**of)).infer(bright, mask)
     assert (np.abs(filled[mask].astype(int) - bright.max((0, 1)) // 2) <= 2).all()
     assert (filled[~mask] == bright[~mask]).all()
-
-
-def test_lama_of_any_size_sees_the_whole_photo(lama, loaded, photo, mask):
-    filled = loaded(Lama, lama(size=("h", "w"))).infer(photo, mask)
-    assert (np.abs(filled[mask].astype(int) - photo.max((0, 1)) // 2) <= 1).all()
-
-
-def test_lama_runs_from_a_torchscript_file(script, loaded, photo, mask):
-    """130 x 90 px are padded to multiples of 8; the mask is 1 in the hole."""
-    filled = loaded(Lama, script).infer(photo, mask)
-    assert (np.abs(filled[mask].astype(int) - photo.max((0, 1)) // 2) <= 1).all()
-    assert (filled[~mask] == photo[~mask]).all()
 
 
 def test_a_file_that_is_no_torchscript_is_refused(tmp_path):
@@ -137,16 +129,13 @@ def test_far_holes_have_crops_of_their_own():
         assert y1 - y0 == x1 - x0 == 600
 
 
-def test_near_holes_share_a_crop():
-    hole = np.zeros((900, 1600), bool)
-    hole[200:500, 100:200] = hole[200:500, 230:330] = True
-    assert len(hole_crops(hole, 2.0, 512)) == 1
-
-
-def test_many_specks_have_few_crops():
-    hole = np.zeros((1200, 1200), bool)
-    hole[::100, ::100] = True
-    assert 1 <= len(hole_crops(hole, 2.0, 64)) <= MOST_CROPS
+def test_near_holes_share_a_crop_and_many_specks_have_few():
+    near = np.zeros((900, 1600), bool)
+    near[200:500, 100:200] = near[200:500, 230:330] = True
+    specks = np.zeros((1200, 1200), bool)
+    specks[::100, ::100] = True
+    assert len(hole_crops(near, 2.0, 512)) == 1
+    assert 1 <= len(hole_crops(specks, 2.0, 64)) <= MOST_CROPS
 
 
 def test_a_crop_shows_more_than_hole():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from physic_core.errors import BackendError, WeightsMissingError
+from physic_core.errors import BackendError
 from physic_core.weights import read_manifest
 from physic_onnx.depth_anything import DepthAnything
 
@@ -35,7 +35,3 @@ class TestFile:
         held = "0.onnx, 1.onnx" if count else "none"
         with pytest.raises(BackendError, match=f"holds {held}: give the path of the file itself"):
             DepthAnything(weights=str(tmp_path)).graph_file()
-
-    def test_an_unknown_name_gets_a_known_one_suggested(self):
-        with pytest.raises(WeightsMissingError, match="Did you mean 'depth-anything-v2-large'"):
-            DepthAnything(weights="depth-anything-v2-larg").graph_file()

@@ -12,16 +12,16 @@ import tarfile
 from pathlib import Path
 
 import cv2
-import numpy as np
 import pytest
 
 from physic_core import load_backend
-from physic_core.adapters.people import Detections
 from physic_core.weights import missing, read_manifest
 from physic_onnx.sam2 import Sam2, Sam2Options
 from physic_onnx.sam2_networks import open_sam2
 from physic_onnx.sessions import OnnxOptions
 from physic_testing import load_world
+
+from .pose_worlds import KnownBoxes
 
 PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
 
@@ -66,16 +66,6 @@ def test_a_file_with_another_hash_is_not_kept(tool, tmp_path):
     assert tool.is_right(tmp_path / "set" / "network.onnx", good)
 
 
-class SeesWorlds:
-    """A detector that knows the boxes of a world."""
-
-    def __init__(self):
-        self.boxes = np.zeros((0, 4))
-
-    def infer(self, image, score, overlap):
-        return Detections(self.boxes.astype(float), np.linspace(0.9, 0.8, len(self.boxes)))
-
-
 @pytest.fixture(scope="module")
 def networks():
     from physic_core.weights import locate
@@ -86,7 +76,7 @@ def networks():
 @pytest.fixture
 def sam2(networks):
     backend = Sam2(Sam2Options(weights="sam2-hiera-tiny"))
-    backend._network = networks, SeesWorlds()
+    backend._network = networks, KnownBoxes()
     return backend
 
 

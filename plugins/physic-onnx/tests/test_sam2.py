@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.adapters.people import Detections
 from physic_core.errors import BackendError
 from physic_core.types import Keypoints, People
 from physic_onnx.sam2 import Sam2, Sam2Options
 from physic_onnx.sam2_floor import feet_positions
 from physic_onnx.sam2_networks import Sam2Networks, find_sam2_files, open_sam2
 from physic_onnx.sessions import OnnxOptions
+
+from .pose_worlds import KnownBoxes
 
 FEATURES = {
     "transformers.js": ("image_embeddings.0", "image_embeddings.1", "image_embeddings.2"),
@@ -337,16 +338,6 @@ def test_the_real_class_answers_boxes_and_points_the_same(real):
         assert ours == pytest.approx(own[0], abs=1e-6)
 
 
-class Boxes:
-    """A detector that finds what is given."""
-
-    def __init__(self, *boxes):
-        self.boxes = np.array(boxes, float).reshape(-1, 4)
-
-    def infer(self, image, score, overlap):
-        return Detections(self.boxes, np.linspace(0.9, 0.8, len(self.boxes)))
-
-
 def rectangles(feed):
     """Three masks for each box, of which the best is its lower half; points get the lowest rows."""
     y, x = np.mgrid[:256, :256] * 4 + 2
@@ -367,7 +358,7 @@ def test_people_are_the_best_masks_in_their_boxes_and_one_encoding_serves_the_fl
     boxes = [(10.0, 20, 50, 180), (60.0, 20, 100, 180)][:people]
     encoder, decoder = networks_of("transformers.js", stand_in_network, rectangles)
     backend = Sam2(Sam2Options())
-    backend._network = Sam2Networks(encoder, decoder), Boxes(*boxes)
+    backend._network = Sam2Networks(encoder, decoder), KnownBoxes(boxes)
     found = backend.infer(np.zeros((200, 120, 3), np.uint8))
     assert encoder.runs == min(people, 1)
     assert len(found) == people

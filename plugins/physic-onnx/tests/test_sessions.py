@@ -151,9 +151,9 @@ class TestProviders:
         with pytest.raises(DeviceError, match=words):
             select_provider(name, device, ["AzureExecutionProvider", CPU])
 
-    @pytest.mark.parametrize(("provider", "words"), [("cuda", "CUDA"), ("tensorrt", "TensorRT")])
+    @pytest.mark.parametrize("provider", ["cuda", "tensorrt"])
     def test_a_provider_that_does_not_start_is_an_error_and_not_the_cpu(
-        self, doubler, monkeypatch, provider, words
+        self, doubler, monkeypatch, provider
     ):
         """onnxruntime goes on with the CPU where CUDA's libraries do not fit, and raises
         nothing.

@@ -62,20 +62,17 @@ def vitpose(tmp_path, graph, node, loaded):
             {"column": np.array([-1, 1, 1, 1])} if plus else {}
         )
         size = (HEIGHT // 4, WIDTH // 4)
-        if batch == 1:
-            constants["size"] = np.array([1, count, *size], np.int64)
-        else:  # a free batch: the size follows the picture
-            constants |= {
-                "rest": np.array([count, *size]),
-                "zero": np.array([0]),
-                "one": np.array([1]),
-            }
-            nodes = [
-                node("Shape", [picture], ["shape"]),
-                node("Slice", ["shape", "zero", "one"], ["rows"]),
-                node("Concat", ["rows", "rest"], ["size"], axis=0),
-                *nodes,
-            ]
+        constants |= {
+            "rest": np.array([count, *size]),
+            "zero": np.array([0]),
+            "one": np.array([1]),
+        }
+        nodes = [
+            node("Shape", [picture], ["shape"]),
+            node("Slice", ["shape", "zero", "one"], ["rows"]),
+            node("Concat", ["rows", "rest"], ["size"], axis=0),
+            *nodes,
+        ]
         joints = count if stated else "joints"
         path = graph(
             tmp_path / "net.onnx",

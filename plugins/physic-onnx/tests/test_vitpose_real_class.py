@@ -4,7 +4,7 @@ own pipeline.
 
 from __future__ import annotations
 
-from pathlib import Path
+import warnings
 
 import numpy as np
 import pytest
@@ -13,26 +13,48 @@ from physic_core.types import People
 from physic_onnx.vitpose import HUB, PLUS, VitPose
 
 from .pose_worlds import region
-from .tiny_classes import vitpose
 
 transformers = pytest.importorskip("transformers")
 
 
-@pytest.fixture(params=[False, True], ids=["plain", "plus"])
-def network(request, exported):
+@pytest.fixture(params=[1, 3], ids=["plain", "plus"])
+def network(request, tmp_path):
+    """A small network of one or more experts, and its file."""
     import torch
+    from transformers import VitPoseBackboneConfig, VitPoseConfig, VitPoseForPoseEstimation
 
+    experts = request.param
     torch.manual_seed(0)
-    model = vitpose(experts=3 if request.param else 1).eval()
-    free = {0: "batch"}
-    inputs = {"pixel_values": (torch.rand(2, 3, 256, 192), free)}
-    if request.param:
-        inputs["dataset_index"] = (torch.zeros(2, dtype=torch.int64), free)
+    backbone = VitPoseBackboneConfig(
+        image_size=[256, 192], patch_size=[16, 16], hidden_size=16, num_hidden_layers=2, num_attention_heads=2,  # noqa: E501
+        mlp_ratio=2, num_experts=experts, part_features=4 if experts > 1 else 0, out_indices=[2],
+    )  # fmt: skip
+    model = VitPoseForPoseEstimation(VitPoseConfig(backbone_config=backbone, num_labels=17)).eval()
+    inputs = {"pixel_values": torch.rand(2, 3, 256, 192)}
+    if experts > 1:
+        inputs["dataset_index"] = torch.zeros(2, dtype=torch.int64)
 
-    def heat_maps(model, *values):
-        return model(**dict(zip(inputs, values, strict=True))).heatmaps
+    class Graph(torch.nn.Module):
+        def __init__(self):
+            super().__init__()
+            self.model = model
 
-    return model, Path(exported(model, heat_maps, inputs, {"heatmaps": free})), request.param
+        def forward(self, *values):
+            return self.model(**dict(zip(inputs, values, strict=True))).heatmaps
+
+    with torch.no_grad(), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        torch.onnx.export(
+            Graph().eval(),
+            tuple(inputs.values()),
+            str(tmp_path / "model.onnx"),
+            input_names=list(inputs),
+            output_names=["heatmaps"],
+            dynamic_axes={name: {0: "batch"} for name in (*inputs, "heatmaps")},
+            opset_version=17,
+            dynamo=False,
+        )
+    return model, tmp_path / "model.onnx", experts > 1
 
 
 def test_the_exported_class_answers_as_transformers_own_pipeline(network, loaded):

@@ -185,7 +185,7 @@ def sam3_video():
     return Sam3VideoModel(Sam3VideoConfig(detector_config=detector, tracker_config=tracker))
 
 
-def depth_pro(*, use_fov_model=True):
+def depth_pro():
     from transformers import DepthProConfig, DepthProForDepthEstimation
 
     encoder = {
@@ -199,7 +199,7 @@ def depth_pro(*, use_fov_model=True):
             intermediate_hook_ids=[1, 0],
             intermediate_feature_dims=[8, 8],
             scaled_images_feature_dims=[8, 8, 8],
-            use_fov_model=use_fov_model,
+            use_fov_model=True,
             num_fov_head_layers=2,
             image_model_config=dict(encoder),
             patch_model_config=dict(encoder),
@@ -215,6 +215,16 @@ _TOKENIZERS = {
 }
 
 
+@pytest.fixture(autouse=True)
+def _own_places(monkeypatch, tmp_path):
+    """Neither the user's weights nor the network are for the tests."""
+    from huggingface_hub import constants
+
+    monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "weights"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path / "hub"))
+
+
 @pytest.fixture(scope="session")
 def saved(tmp_path_factory):
     """The folder of a tiny network by the name of its function here, written once."""
@@ -223,18 +233,17 @@ def saved(tmp_path_factory):
 
     done = {}
 
-    def folder(name, *args, **kwargs):
-        key = (name, args, tuple(kwargs.items()))
-        if key not in done:
+    def folder(name):
+        if name not in done:
             make = globals()[name]
-            done[key] = tmp_path_factory.mktemp(name)
+            done[name] = tmp_path_factory.mktemp(name)
             logging.disable_progress_bar()
             with torch.random.fork_rng():
                 torch.manual_seed(0)
-                make(*args, **kwargs).save_pretrained(str(done[key]))
+                make().save_pretrained(str(done[name]))
             logging.enable_progress_bar()
             if make in _TOKENIZERS:
-                _TOKENIZERS[make](done[key])
-        return done[key]
+                _TOKENIZERS[make](done[name])
+        return done[name]
 
     return folder

@@ -23,16 +23,6 @@ BACKENDS = (GroundedSam2, Sam3, DepthPro)
 GREY = np.full((60, 80, 3), 128, np.uint8)
 
 
-@pytest.fixture(autouse=True)
-def _own_places(monkeypatch, tmp_path):
-    """Neither the user's weights nor the network are for the tests."""
-    from huggingface_hub import constants
-
-    monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "weights"))
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path / "hub"))
-
-
 def test_a_model_is_found_by_its_name_in_a_folder_of_weights(saved, tmp_path):
     name = DepthProOptions().weights
     backend = DepthPro()

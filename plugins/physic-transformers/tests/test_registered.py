@@ -16,15 +16,6 @@ SETS = {
 }
 
 
-@pytest.fixture(autouse=True)
-def _nothing_here(monkeypatch, tmp_path):
-    from huggingface_hub import constants
-
-    monkeypatch.setenv("PHYSIC_WEIGHTS", "")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path / "hub"))
-
-
 @pytest.mark.parametrize("offer", OFFERS, ids=lambda offer: offer.name)
 def test_a_backend_without_weights_names_them_and_fails_no_check(offer):
     lacking = load_class(offer)().missing()

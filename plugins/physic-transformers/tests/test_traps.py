@@ -47,10 +47,9 @@ class Recorded:
         )
         return self.output_kind.pop(0) if len(self.output_kind) > 1 else self.output_kind[0]
 
-    def shown(self, call=0):
-        """The pixels of a call."""
-        found = self.asked[call][1]["pixel_values"]
-        return found
+    def shown(self):
+        """The pixels of the first call."""
+        return self.asked[0][1]["pixel_values"]
 
 
 def given(backend, **networks):
