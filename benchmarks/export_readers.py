@@ -160,9 +160,21 @@ def read_colmap(files: Files) -> Opened:
     return Opened(None, apart(places, files.points(files.result.scene.points[rows, columns])))
 
 
+def _picture(path: str | Path) -> Array:
+    """Return a picture as it is in its file.
+
+    Raises:
+        ValueError: OpenCV cannot read it.
+    """
+    picture = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if picture is None:
+        raise ValueError(f"OpenCV cannot read {path}")
+    return np.asarray(picture)
+
+
 def _masks(files: Files) -> int:
     """Return how many masks of people are those of the result."""
-    masks = [cv2.imread(path, cv2.IMREAD_UNCHANGED) > 0 for path in files.ending(".png")]
+    masks = [_picture(path) > 0 for path in files.ending(".png")]
     return sum(any(np.array_equal(one, person.mask) for one in masks) for _, person in files.bodies)
 
 
@@ -175,7 +187,7 @@ def _depth_difference(files: Files, depth: Array, given: Array, farthest: float)
 
 
 def read_depth(files: Files) -> Opened:
-    depth = cv2.imread(files.ending("depth.png")[0], cv2.IMREAD_UNCHANGED) / 1000
+    depth = _picture(files.ending("depth.png")[0]) / 1000
     return Opened(_masks(files), _depth_difference(files, depth, depth > 0, _FARTHEST_M))
 
 
@@ -307,7 +319,7 @@ def read_nerfstudio(files: Files) -> Opened:
     path = Path(files.ending("transforms.json")[0])
     camera = json.loads(path.read_text(encoding="utf-8"))
     frame = camera["frames"][0]
-    depth = cv2.imread(str(path.with_name(frame["depth_file_path"])), cv2.IMREAD_UNCHANGED)
+    depth = _picture(path.with_name(frame["depth_file_path"]))
     known = files.known(_FARTHEST_M)
     if not np.array_equal(depth > 0, known):
         return Opened(None, np.inf)
