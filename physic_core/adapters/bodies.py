@@ -18,6 +18,8 @@ from physic_core.types import Bodies, BodyParameters
 from physic_core.types.skeletons import SIDES, is_finger
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
     from physic_core.types import BoolArray, FloatArray, Keypoints, Mesh
 
 
@@ -217,6 +219,8 @@ _PELVIS = JOINT_INDEX["pelvis"]
 _CHEST = JOINT_INDEX["spine3"]
 _LOWER_SPINE = [JOINT_INDEX[name] for name in ("spine1", "spine2")]
 _FACE = [JOINT_INDEX[name] for name in ("neck", "head", "jaw", "left_eye", "right_eye")]
+_FOOT_POINTS = ("big_toe", "small_toe", "heel", "foot_tip")
+_FACE_POINTS = ("nose", *(f"{side}_{name}_surface" for side in SIDES for name in ("eye", "ear")))
 
 
 def observed_joints(
@@ -245,32 +249,36 @@ def observed_joints(
         return None
     inside = (keypoints.points > -0.5) & (keypoints.points < np.array([width, height]) - 0.5)
     seen: BoolArray = np.asarray(inside.all(axis=-1) & (keypoints.confidence >= least))
-
-    def seen_of(*names: str) -> BoolArray:
-        return seen[:, [row[name] for name in names if name in row]]
-
-    observed: BoolArray = np.zeros((len(seen), NUM_JOINTS), bool)
-    for k, side in enumerate(SIDES):
-        for joint, pair in _LIMBS.items():
-            observed[:, pair[k]] = seen[:, row[f"{side}_{joint}"]]
-        wrist: BoolArray = observed[:, _LIMBS["wrist"][k]]
-        ankle: BoolArray = observed[:, _LIMBS["ankle"][k]]
-        foot = seen_of(*(f"{side}_{name}" for name in ("big_toe", "small_toe", "heel", "foot_tip")))
-        hand = seen_of(
-            *(
-                name
-                for name in row
-                if name.startswith(side) and (is_finger(name) or "hand_root" in name)
-            )
-        )
-        observed[:, _FEET[k]] = foot.any(axis=1) if foot.shape[1] else ankle
-        observed[:, _COLLARS[k]] = observed[:, _LIMBS["shoulder"][k]]
-        share = hand.mean(axis=1, keepdims=True) if hand.shape[1] else np.ones((len(seen), 1))
-        observed[:, _FINGERS[k]] = np.logical_and(wrist[:, None], share >= finger_share)
-    face = seen_of("nose", *(f"{side}_{name}_surface" for side in SIDES for name in ("eye", "ear")))
+    observed = _observed_limbs(seen, row, finger_share)
     shoulders, hips = (observed[:, _LIMBS[name]].any(axis=1) for name in ("shoulder", "hip"))
-    observed[:, _FACE] = face.any(axis=1, keepdims=True)
+    observed[:, _FACE] = _seen_of(_FACE_POINTS, seen, row).any(axis=1, keepdims=True)
     observed[:, _PELVIS] = hips
     observed[:, _CHEST] = shoulders
     observed[:, _LOWER_SPINE] = np.asarray(hips & shoulders)[:, None]
     return observed
+
+
+def _observed_limbs(seen: BoolArray, row: Mapping[str, int], finger_share: float) -> BoolArray:
+    """Return which joints (N, 55) of arms, legs, hands and feet are visible, from the visible
+    keypoints (N, J) and the row of each name.
+    """
+    observed: BoolArray = np.zeros((len(seen), NUM_JOINTS), bool)
+    for k, side in enumerate(SIDES):
+        for joint, pair in _LIMBS.items():
+            observed[:, pair[k]] = seen[:, row[f"{side}_{joint}"]]
+        wrist, ankle, shoulder = (
+            observed[:, _LIMBS[name][k]] for name in ("wrist", "ankle", "shoulder")
+        )
+        foot = _seen_of((f"{side}_{name}" for name in _FOOT_POINTS), seen, row)
+        own = (name for name in row if name.startswith(side))
+        hand = _seen_of((n for n in own if is_finger(n) or "hand_root" in n), seen, row)
+        share = hand.mean(axis=1, keepdims=True) if hand.shape[1] else np.ones((len(seen), 1))
+        observed[:, _FEET[k]] = foot.any(axis=1) if foot.shape[1] else ankle
+        observed[:, _COLLARS[k]] = shoulder
+        observed[:, _FINGERS[k]] = np.logical_and(wrist[:, None], share >= finger_share)
+    return observed
+
+
+def _seen_of(names: Iterable[str], seen: BoolArray, row: Mapping[str, int]) -> BoolArray:
+    """Return the columns of the names that the skeleton has."""
+    return seen[:, [row[name] for name in names if name in row]]

@@ -163,6 +163,7 @@ def open_session(
             content, options, providers=providers, disabled_optimizers=list(without)
         )
 
+    # onnxruntime reads ``contents`` while it creates the session: they must live until then.
     def create_compared(options: SessionOptions) -> InferenceSession:
         contents = {
             name: _read_compared(path.with_name(name), sha256, broken)
@@ -176,24 +177,14 @@ def open_session(
 
     def optimise(graph: Path, weights: str) -> InferenceSession:
         options = _session_options(threads, chosen)
-        options.optimized_model_filepath = str(graph)
-        options.add_session_config_entry(
-            "session.optimized_model_external_initializers_file_name", weights
-        )
-        options.add_session_config_entry(
-            "session.optimized_model_external_initializers_min_size_in_bytes", "1024"
-        )
+        _keep_optimised(options, graph, weights)
         return create_compared(options)
 
     def open_kept(kept: KeptGraph) -> InferenceSession | None:
         if (content := kept.read()) is None:
             return None
         options = _session_options(threads, chosen)
-        # For a graph that is opened by its path, it would refuse links to other folders.
-        options.add_session_config_entry(
-            "session.model_external_initializers_file_folder_path", str(kept.kept.path)
-        )
-        options.graph_optimization_level = ort.GraphOptimizationLevel.ORT_DISABLE_ALL
+        _use_optimised(options, kept.kept.path)
         try:
             return create(content, options)
         except Exception:  # onnxruntime's own exceptions share no public base class
@@ -220,15 +211,7 @@ def open_session(
             raise BackendError(
                 f"onnxruntime cannot open {path} with {chosen.name}: {cause}. {broken}"
             ) from cause
-    running = session.get_providers()
-    if chosen.key not in running:
-        raise DeviceError(
-            f"onnxruntime {ort.__version__} offers {chosen.name} but could not start it on this "
-            f"machine, and would "
-            f"run {path.name} with {', '.join(running)}: check that the driver and its libraries "
-            f"fit this "
-            "onnxruntime, or use the CPU"
-        )
+    _require_provider(session, chosen, path)
     runtime = f"{chosen.name}, onnxruntime {ort.__version__}"
     _LOG.info("%s runs on %s", path.name, runtime)
     made_of = " ".join((*published.values(), runtime, f"{threads} threads")) if published else ""
@@ -319,6 +302,41 @@ def _read_compared(path: Path, sha256: str, broken: str) -> bytes:
             f"{path} is damaged: its SHA-256 is {found} instead of {sha256}. {broken}"
         )
     return content
+
+
+def _keep_optimised(options: SessionOptions, graph: Path, weights: str) -> None:
+    """Let a session write its optimised graph, and the weights to a file beside it."""
+    options.optimized_model_filepath = str(graph)
+    options.add_session_config_entry(
+        "session.optimized_model_external_initializers_file_name", weights
+    )
+    options.add_session_config_entry(
+        "session.optimized_model_external_initializers_min_size_in_bytes", "1024"
+    )
+
+
+def _use_optimised(options: SessionOptions, folder: Path) -> None:
+    """Let a session run an optimised graph, whose weights are in a folder."""
+    import onnxruntime as ort
+
+    # For a graph that is opened by its path, it would refuse links to other folders.
+    options.add_session_config_entry(
+        "session.model_external_initializers_file_folder_path", str(folder)
+    )
+    options.graph_optimization_level = ort.GraphOptimizationLevel.ORT_DISABLE_ALL
+
+
+def _require_provider(session: InferenceSession, chosen: ExecutionProvider, path: Path) -> None:
+    """Raise DeviceError if a session does not run with the chosen provider."""
+    import onnxruntime as ort
+
+    running = session.get_providers()
+    if chosen.key not in running:
+        raise DeviceError(
+            f"onnxruntime {ort.__version__} offers {chosen.name} but could not start it on this "
+            f"machine, and would run {path.name} with {', '.join(running)}: check that the driver "
+            "and its libraries fit this onnxruntime, or use the CPU"
+        )
 
 
 @cache

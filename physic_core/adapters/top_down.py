@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 
 if TYPE_CHECKING:
-    from physic_core.types import FloatArray, UInt8Array
+    from physic_core.types import BoolArray, FloatArray, UInt8Array
 
 PixelAlignment = Literal["corners", "halves", "areas"]
 
@@ -179,6 +179,22 @@ def heatmap_peaks(heatmaps: FloatArray) -> tuple[FloatArray, FloatArray]:
     return points, np.take_along_axis(flat, index[..., None], -1)[..., 0].astype(np.float64)
 
 
+def _newton_step(values: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return the step (..., 2), right and down, from the middle of 3 x 3 values (3, 3, ...) to
+    their peak, and whether they have one.
+    """
+    (up_left, up, _), (left, middle, right), (_, down, down_right) = values
+    dx = (right - left) / 2
+    dy = (down - up) / 2
+    dxx = right - 2 * middle + left
+    dyy = down - 2 * middle + up
+    dxy = (down_right - right - down + 2 * middle - left - up + up_left) / 2
+    determinant = dxx * dyy - dxy**2
+    peaked = (dxx < 0) & (determinant > 1e-12)
+    safe = np.where(peaked, determinant, 1.0)
+    return np.stack([dxy * dy - dyy * dx, dxy * dx - dxx * dy], -1) / safe[..., None], peaked
+
+
 def subpixel_peaks(
     heatmaps: FloatArray, *, sigma: float = 0.8, radius: int = 5
 ) -> tuple[FloatArray, FloatArray]:
@@ -207,22 +223,9 @@ def subpixel_peaks(
     n, j = value.shape
     person = np.arange(n)[:, None]
     joint = np.arange(j)[None]
-    column = cells[..., 0].astype(int) + 1
-    row = cells[..., 1].astype(int) + 1
-
-    def at(right: int, down: int) -> FloatArray:
-        found: FloatArray = logs[person, joint, row + down, column + right]
-        return found
-
-    dx = (at(1, 0) - at(-1, 0)) / 2
-    dy = (at(0, 1) - at(0, -1)) / 2
-    dxx = at(1, 0) - 2 * at(0, 0) + at(-1, 0)
-    dyy = at(0, 1) - 2 * at(0, 0) + at(0, -1)
-    dxy = (at(1, 1) - at(1, 0) - at(0, 1) + 2 * at(0, 0) - at(-1, 0) - at(0, -1) + at(-1, -1)) / 2
-    determinant = dxx * dyy - dxy**2
-    peaked = (dxx < 0) & (determinant > 1e-12)
-    safe = np.where(peaked, determinant, 1.0)
-    step = np.stack([dxy * dy - dyy * dx, dxy * dx - dxx * dy], -1) / safe[..., None]
+    columns = cells[..., 0].astype(int) + np.arange(3)[:, None, None]
+    rows = cells[..., 1].astype(int) + np.arange(3)[:, None, None]
+    step, peaked = _newton_step(logs[person, joint, rows[:, None], columns])
     near = peaked & (np.abs(step) <= _FARTHEST).all(-1)
     return cells + np.where(near[..., None], step, 0.0), value
 

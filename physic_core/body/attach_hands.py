@@ -58,9 +58,7 @@ def attach_hands(parameters: BodyParameters, hands: Hands, model: BodyModel) -> 
         model: the body model that the parameters are for.
     """
     assert hands.wrists is not None
-    confidence = np.asarray(hands.confidence, np.float64)
-    x = np.clip((confidence - _MIN_CONFIDENCE) / (_FULL_CONFIDENCE - _MIN_CONFIDENCE), 0.0, 1.0)
-    share = x * x * (3 - 2 * x)  # smooth, and 0 at the lowest confidence
+    share = _weight(np.asarray(hands.confidence, np.float64))
     rows = np.flatnonzero((share > 0).any(1) & np.isfinite(parameters.global_orient).all(1))
     if not len(rows):
         return parameters
@@ -82,6 +80,13 @@ def attach_hands(parameters: BodyParameters, hands: Hands, model: BodyModel) -> 
     for side, joints in enumerate(_HANDS):
         local[:, joints] = slerp(local[:, joints], fingers[:, side], share[rows, side, None])
     return _with_arms(parameters, rows, local, given[..., 0])
+
+
+def _weight(confidence: _Array) -> _Array:
+    """Return the weight (N, 2) of hands: smooth, 0 at the lowest confidence and 1 at full."""
+    x = np.clip((confidence - _MIN_CONFIDENCE) / (_FULL_CONFIDENCE - _MIN_CONFIDENCE), 0.0, 1.0)
+    weight: _Array = x * x * (3 - 2 * x)
+    return weight
 
 
 def _rotate_towards(

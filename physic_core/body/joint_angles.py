@@ -32,6 +32,7 @@ _LIMBS = {
 }
 """Joints that turn each limb, names of its turns about z, x and y, and the parts that show them."""
 
+_TRUNK_TURNS = ("flexion", "bending", "rotation")
 _TRUNK = {"trunk": ("spine1", "spine2", "spine3"), "neck": ("neck", "head")}
 
 
@@ -50,15 +51,8 @@ def joint_angles(body_pose: FloatArray) -> dict[str, float]:
     pose = np.asarray(body_pose, np.float64).reshape(21, 3)
     turns = _ISB @ rotvec_to_rotmat_numpy(np.nan_to_num(pose)) @ _ISB.T
     turns[np.isnan(pose).any(1)] = np.nan
-
-    def turned(*joints: str) -> NDArray[np.float64]:
-        whole = np.eye(3)
-        for joint in joints:
-            whole = whole @ turns[JOINT_INDEX[joint] - 1]
-        return whole
-
     found = [
-        ((f"{name}_flexion", f"{name}_bending", f"{name}_rotation"), (-1, 1, 1), turned(*joints))
+        (tuple(f"{name}_{word}" for word in _TRUNK_TURNS), (-1, 1, 1), _product(turns, joints))
         for name, joints in _TRUNK.items()
     ]
     elevations: dict[str, float] = {}
@@ -66,12 +60,11 @@ def joint_angles(body_pose: FloatArray) -> dict[str, float]:
         # the arm of the T-pose, lowered to the side
         lowered = rotvec_to_rotmat_numpy(np.array([sign * np.pi / 2, 0.0, 0.0]))
         for limb, (joints, words, _) in _LIMBS.items():
-            turn = turned(*(f"{side}_{joint}" for joint in joints))
+            turn = _product(turns, tuple(f"{side}_{joint}" for joint in joints))
             if limb in ("shoulder", "elbow"):
                 turn = (lowered if limb == "elbow" else np.eye(3)) @ turn @ lowered.T
-            flexion, abduction, rotation = (f"{side}_{limb}_{word}" for word in words)
-            signs = (-1 if limb == "knee" else 1, -sign, sign)
-            found.append(((flexion, abduction, rotation), signs, turn))
+            names = tuple(f"{side}_{limb}_{word}" for word in words)
+            found.append((names, (-1 if limb == "knee" else 1, -sign, sign), turn))
             if limb == "shoulder":
                 elevation = np.degrees(np.arccos(np.clip(turn[1, 1], -1, 1)))
                 elevations[f"{side}_shoulder_elevation"] = float(elevation)
@@ -82,6 +75,14 @@ def joint_angles(body_pose: FloatArray) -> dict[str, float]:
         for name, sign, angle in zip(names, signs, row, strict=True)
     }
     return {name: angle + 0.0 for name, angle in (angles | elevations).items()}  # no "-0"
+
+
+def _product(turns: NDArray[np.float64], joints: tuple[str, ...]) -> NDArray[np.float64]:
+    """Return the rotation of the last of some joints against the segment above the first."""
+    whole = np.eye(3)
+    for joint in joints:
+        whole = whole @ turns[JOINT_INDEX[joint] - 1]
+    return whole
 
 
 def segment_axes(turn: NDArray[np.float64]) -> NDArray[np.float64]:

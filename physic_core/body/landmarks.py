@@ -181,8 +181,7 @@ _FOOT_DEPTH = 0.045
 def contact_set_vertices(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
     """Return the vertex ids of each set in CONTACT_SETS, ascending, without cavities."""
     part = label_parts(mesh.weights)
-    x = mesh.vertices[:, 0]
-    y = mesh.vertices[:, 1]
+    x, y, _ = mesh.vertices.T
     down = -mesh.normals[:, 1]
     back = -mesh.normals[:, 2]
 
@@ -235,9 +234,26 @@ def pick_surface_points(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
     A landmark is the mean of its vertices.
     """
     part = label_parts(mesh.weights)
+    picks = _pick_face(mesh, part == PART_NAMES.index("head"))
+    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
+        for finger in ("thumb", "index", "middle", "ring", "pinky"):
+            last = JOINT_INDEX[f"{side}_{finger}3"]
+            tip = mesh.outer & (mesh.weights.argmax(1) == last)
+            along = mesh.joints[last] - mesh.joints[last - 1]
+            picks[f"{side}_{finger}_tip"] = _furthest(mesh, tip, along, 4)
+        foot = mesh.outer & (part == PART_NAMES.index(f"{side}_foot"))
+        picks |= _pick_foot(mesh, foot, side, sign)
+    return {name: picks[name] for name in SURFACE_POINTS}
+
+
+def _pick_face(mesh: TPoseMesh, whole_head: NDArray[np.bool_]) -> dict[str, NDArray[np.int64]]:
+    """Return the vertex ids of nose, eyes, mouth and ears.
+
+    Args:
+        mesh: of the body.
+        whole_head: (V,) with lids or eyeballs, which are not part of the outer surface.
+    """
     joint = {name: mesh.joints[i] for name, i in JOINT_INDEX.items()}
-    # with the lids or eyeballs, which are not part of the outer surface
-    whole_head = part == PART_NAMES.index("head")
     head = mesh.outer & whole_head
     picks: dict[str, NDArray[np.int64]] = {}
     middle = head & (np.abs(mesh.vertices[:, 0]) < 0.015)
@@ -255,16 +271,9 @@ def pick_surface_points(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
         picks[f"{side}_mouth_corner_surface"] = _in_front(mesh, head, corner, 3)
         rim = mesh.vertices[_furthest(mesh, head, np.array([sign, 0.0, 0.0]), 40)].mean(0)
         canal = rim + np.array([-sign * _EAR_DEPTH, 0.0, _EAR_FORWARD])
-        picks[f"{side}_ear_surface"] = _nearest(mesh, head, canal, 8)
-        for finger in ("thumb", "index", "middle", "ring", "pinky"):
-            last = JOINT_INDEX[f"{side}_{finger}3"]
-            tip = mesh.outer & (mesh.weights.argmax(1) == last)
-            along = mesh.joints[last] - mesh.joints[last - 1]
-            picks[f"{side}_{finger}_tip"] = _furthest(mesh, tip, along, 4)
-        picks.update(
-            _pick_foot(mesh, mesh.outer & (part == PART_NAMES.index(f"{side}_foot")), side, sign)
-        )
-    return {name: picks[name] for name in SURFACE_POINTS}
+        apart = np.linalg.norm(mesh.vertices - canal, axis=1)
+        picks[f"{side}_ear_surface"] = _first(head, apart, 8)
+    return picks
 
 
 def _pick_foot(
@@ -294,13 +303,6 @@ def _furthest(
 ) -> NDArray[np.int64]:
     """Return the ids of the ``count`` vertices of the mask that are furthest along a direction."""
     return _first(mask, -(mesh.vertices @ direction), count)
-
-
-def _nearest(
-    mesh: TPoseMesh, mask: NDArray[np.bool_], point: NDArray[np.float64], count: int
-) -> NDArray[np.int64]:
-    """Return the ids of the ``count`` vertices of the mask nearest to a point."""
-    return _first(mask, np.linalg.norm(mesh.vertices - point, axis=1), count)
 
 
 def _in_front(

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import torch
 
+from physic_core.body.posing import turns_above
+
 if TYPE_CHECKING:
     from torch import Tensor
 
@@ -79,40 +81,27 @@ def point_motions(
     rest = kinematics.rest_joints(coefficients)
     world, skinning = kinematics.transforms(rotations, rest)
     total = rest.shape[1]
-    upper = kinematics.parents
     turns = skinning[..., :3]
-    place = world[:, :joints, :, 3]
     # A joint is a point that its own bone carries.
-    eye = torch.eye(total, dtype=rest.dtype, device=rest.device)
-    weights = torch.cat([eye, skin.weights], 1)
+    weights = torch.cat([torch.eye(total).to(rest), skin.weights], 1)
     family = tree.family[:joints]
     rest_by_shape = kinematics.directions[:shapes].view(shapes, total, 3)
     directions = torch.cat([rest_by_shape.mT, skin.directions[:shapes]], 2)  # (K, 3, P)
-    shaped = torch.addmm(
-        skin.template.reshape(1, -1), coefficients, skin.directions[:shapes].flatten(1)
-    ).view(batch, 3, -1)
-    shaped = torch.cat([rest.mT, shaped], 2)  # (B, 3, P)
+    shaped = torch.cat([rest.mT, _shaped(skin, coefficients)], 2)  # (B, 3, P)
 
     bones = (turns @ shaped[:, None] + skinning[..., 3:]) * weights[:, None]  # (B, J, 3, P)
     moments = (family @ bones.flatten(2)).view(batch, joints, 3, -1)
-    moments = moments - place[..., None] * (family @ weights)[:, None]
+    moments = moments - world[:, :joints, :, 3, None] * (family @ weights)[:, None]
 
-    above = turns[:, upper].clone()
-    above[:, 0] = eye[:3, :3]
-    steps = tree.incidence @ rest_by_shape  # (K, J, 3), of each bone
-    places = (above[:, None] @ steps[..., None])[..., 0]
-    places = tree.family.T @ places  # (B, K, J, 3), of each joint
+    places = _joints_by_shape(tree, turns, rest_by_shape)
     shifts = places - (turns[:, None] @ rest_by_shape[..., None])[..., 0]
     blended = (turns.flatten(2).mT @ weights).view(batch, 1, 3, 3, -1)
     by_shape = (blended * directions[:, None]).sum(3) + shifts.mT @ weights
-
-    parents = world[:, upper[:joints], :, :3].clone()
-    parents[:, 0] = eye[:3, :3]
     return PointMotions(
         moments.mT,
         by_shape.mT,
         world[:, :joints, :, :3],
-        parents,
+        turns_above(world[..., :3], kinematics.parents[:joints]),
         family,
         weights,
         directions,
@@ -120,3 +109,19 @@ def point_motions(
         shifts,
         places[:, :, :joints],
     )
+
+
+def _shaped(skin: Skin, coefficients: Tensor) -> Tensor:
+    """Return the vertices (B, 3, V) of a shape in the bind pose."""
+    directions = skin.directions[: coefficients.shape[1]].flatten(1)
+    shaped = torch.addmm(skin.template.reshape(1, -1), coefficients, directions)
+    return shaped.view(len(coefficients), 3, -1)
+
+
+def _joints_by_shape(tree: JointTree, turns: Tensor, rest_by_shape: Tensor) -> Tensor:
+    """Return the change (B, K, J, 3) of posed joints with the shape, from that at rest
+    (K, J, 3).
+    """
+    steps = tree.incidence @ rest_by_shape  # of each bone
+    above = turns_above(turns, tree.kinematics.parents)
+    return tree.family.T @ (above[:, None] @ steps[..., None])[..., 0]

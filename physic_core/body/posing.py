@@ -246,6 +246,18 @@ class JointTree:
         )
 
 
+def turns_above(turns: Tensor, parents: Tensor) -> Tensor:
+    """Return the rotation (B, n, 3, 3) of the bone above each of n joints, identity for the root.
+
+    Args:
+        turns: (B, J, 3, 3) of all bones.
+        parents: (n,) of the first n joints.
+    """
+    above = turns.index_select(1, parents)
+    above[:, 0] = torch.eye(3, dtype=turns.dtype, device=turns.device)
+    return above
+
+
 def _across_joints(matrix: Tensor, values: Tensor) -> Tensor:
     """Return ``matrix @ values`` of each body, (J, J) and (B, J, k), by one product for all
     bodies.
@@ -305,68 +317,75 @@ class _Pose(torch.autograd.Function):
         vertices = columns[:, 3] + transl[..., None]
         for axis in range(3):
             vertices.addcmul_(columns[:, axis], shaped[:, axis])
-        ctx.save_for_backward(rotations, rest, world, skinning, shaped, columns)
+        ctx.save_for_backward(rest, world, skinning, shaped, columns)
         ctx.model = tree, skin, coefficients.shape[1]
         return vertices.transpose(1, 2).contiguous(), world[..., 3] + transl[:, None]
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        rotations, rest, world, skinning, shaped, columns = ctx.saved_tensors
+        rest, world, skinning, shaped, columns = ctx.saved_tensors
         tree, skin, num_shape = ctx.model
         kinematics = tree.kinematics
-        batch, joints = rotations.shape[:2]
         by_vertex = gradients[0].transpose(1, 2).contiguous()
         by_joint = gradients[1]
         by_transl = by_vertex.sum(-1) + by_joint.sum(1)
-
-        # Skinning: gradients of the bone motions (B, J, 3, 4) and of the shaped vertices.
-        by_column = (by_vertex[:, None] * shaped).view(batch * 12, -1)
-        by_skinning = (
-            skin.blend_gradient(by_column).reshape(batch, 4, 3, joints).permute(0, 3, 2, 1)
-        )
-        by_shaped = columns[:, :3, 0] * by_vertex[:, :1]
-        for axis in (1, 2):
-            by_shaped.addcmul_(columns[:, :3, axis], by_vertex[:, axis, None])
-        count = num_shape if len(skin.directions) <= num_shape else len(skin.directions)
-        by_shape = by_shaped.flatten(1) @ skin.directions[:count].flatten(1).T
+        by_skinning, by_shape = _through_skin(skin, by_vertex, shaped, columns)
 
         # From bone motions about the origin of the bind pose to bone rotations and joint positions.
-        turn = world[..., :3]
-        place = world[..., 3]
         by_shift = by_skinning[..., 3]
         by_turn = by_skinning[..., :3] - by_shift[..., None] * rest[..., None, :]
         by_rest = -(by_shift[..., None, :] @ skinning[..., :3])[..., 0, :]
         if kinematics.bind_rot is not None:
             by_turn = by_turn @ kinematics.bind_rot.transpose(-1, -2)
-
-        # Along the tree. With b_j the sum of gradients at j and its descendants, and C_j = dL/dG_j
-        # G_j^T, C_j = S_j + sum over its children of C_c + b_c (p_c - p_j)^T.
-        pull = _across_joints(tree.family, by_joint + by_shift)
-        bones = place - place.index_select(1, kinematics.parents)
-        own = by_turn @ turn.transpose(-1, -2)
-        lever = pull[..., None] * bones[..., None, :]
-        twist = _across_joints(tree.family, (own + lever).flatten(2)).reshape(own.shape) - lever
-        upper = turn.index_select(1, kinematics.parents)
-        upper = torch.cat(
-            [
-                torch.eye(3, dtype=turn.dtype, device=turn.device).expand(batch, 1, 3, 3),
-                upper[:, 1:],
-            ],
-            1,
-        )
-        by_rotations = upper.transpose(-1, -2) @ twist @ turn
-
-        by_offset = (pull[..., None, :] @ upper)[..., 0, :]
-        if kinematics.bind_rot is not None:
-            turned = by_offset[:, 1:, None] @ kinematics.bind_rot.index_select(
-                0, kinematics.parents[1:]
-            )
-            by_offset = torch.cat([by_offset[:, :1], turned[:, :, 0]], 1)
-        by_rest = by_rest + _across_joints(tree.incidence.T, by_offset)
+        by_rotations, by_bones = _along_tree(tree, world, by_turn, by_joint + by_shift)
+        by_rest = by_rest + by_bones
         by_coefficients = (
             by_shape[:, :num_shape] + by_rest.flatten(1) @ kinematics.directions[:num_shape].T
         )
-        if count > num_shape:
-            by_rotations[:, 1:] += by_shape[:, num_shape:].view(batch, joints - 1, 3, 3)
+        if by_shape.shape[1] > num_shape:
+            by_rotations[:, 1:] += by_shape[:, num_shape:].view_as(by_rotations[:, 1:])
         return by_rotations, by_coefficients, by_transl, None, None
+
+
+def _through_skin(
+    skin: Skin, by_vertex: Tensor, shaped: Tensor, columns: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Return the gradients of the bone motions (B, J, 3, 4) and of all coefficients (B, D), from
+    that of the posed vertices (B, 3, V).
+    """
+    batch = len(by_vertex)
+    by_column = (by_vertex[:, None] * shaped).view(batch * 12, -1)
+    by_skinning = skin.blend_gradient(by_column).reshape(batch, 4, 3, -1).permute(0, 3, 2, 1)
+    by_shaped = columns[:, :3, 0] * by_vertex[:, :1]
+    for axis in (1, 2):
+        by_shaped.addcmul_(columns[:, :3, axis], by_vertex[:, axis, None])
+    return by_skinning, by_shaped.flatten(1) @ skin.directions.flatten(1).T
+
+
+def _along_tree(
+    tree: JointTree, world: Tensor, by_turn: Tensor, by_place: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Return the gradients of the rotations (B, J, 3, 3) and of the joints at rest (B, J, 3), from
+    those of the bones' rotations and places in the pose.
+
+    With b_j the sum of gradients at j and its descendants, and C_j = dL/dG_j G_j^T, C_j = S_j + sum
+    over its children of C_c + b_c (p_c - p_j)^T.
+    """
+    kinematics = tree.kinematics
+    turn = world[..., :3]
+    place = world[..., 3]
+    pull = _across_joints(tree.family, by_place)
+    bones = place - place.index_select(1, kinematics.parents)
+    own = by_turn @ turn.transpose(-1, -2)
+    lever = pull[..., None] * bones[..., None, :]
+    twist = _across_joints(tree.family, (own + lever).flatten(2)).reshape(own.shape) - lever
+    upper = turns_above(turn, kinematics.parents)
+    by_offset = (pull[..., None, :] @ upper)[..., 0, :]
+    if kinematics.bind_rot is not None:
+        turned = by_offset[:, 1:, None] @ kinematics.bind_rot.index_select(
+            0, kinematics.parents[1:]
+        )
+        by_offset = torch.cat([by_offset[:, :1], turned[:, :, 0]], 1)
+    by_rotations = upper.transpose(-1, -2) @ twist @ turn
+    return by_rotations, _across_joints(tree.incidence.T, by_offset)

@@ -68,19 +68,23 @@ def sample_plane(
     while len(close) > max(_MAX_POINTS // 2, len(middles)):
         fine *= math.sqrt(2 * len(close) / _MAX_POINTS) * 1.01
         close = _disc_points(middles, _NEAR_M, fine)
-    left = _MAX_POINTS - len(close)
-    area = float((high - low).clamp(min=1e-6).prod())
-    coarse = max(fine, math.sqrt(area / left))
-    counts = ((high - low) / coarse).floor().clamp(min=0).long() + 1
-    while int(counts.prod()) > left:
-        coarse *= 1.02
-        counts = ((high - low) / coarse).floor().clamp(min=0).long() + 1
-    lines = [
-        float(low[i]) + coarse * torch.arange(int(counts[i]), dtype=flat.dtype) for i in (0, 1)
-    ]
-    wide = torch.cartesian_prod(*lines).to(flat)
+    wide = _grid_points(low, high, fine, _MAX_POINTS - len(close)).to(flat)
     wide = wide[(torch.cdist(wide, middles) > _NEAR_M).all(-1)]
     return origin + torch.cat((close, wide)) @ axes
+
+
+def _grid_points(low: Tensor, high: Tensor, spacing: float, most: int) -> Tensor:
+    """Return points (n, 2) of a rectangle, at least a spacing apart, and at most so many."""
+    area = float((high - low).clamp(min=1e-6).prod())
+    spacing = max(spacing, math.sqrt(area / most))
+    counts = ((high - low) / spacing).floor().clamp(min=0).long() + 1
+    while int(counts.prod()) > most:
+        spacing *= 1.02
+        counts = ((high - low) / spacing).floor().clamp(min=0).long() + 1
+    lines = [
+        float(low[i]) + spacing * torch.arange(int(counts[i]), dtype=low.dtype) for i in (0, 1)
+    ]
+    return torch.cartesian_prod(*lines)
 
 
 def _disc_points(middles: Tensor, radius: float, spacing: float) -> Tensor:

@@ -37,14 +37,11 @@ def rasterize(pixels: Tensor, z: Tensor, faces: Tensor, height: int, width: int)
     depth = z[:, faces].flatten(0, 1)
     body = torch.arange(batch, device=device).repeat_interleave(len(faces))
     name = torch.arange(len(faces), device=device).repeat(batch)
-    edge1 = corner[:, 1] - corner[:, 0]
-    edge2 = corner[:, 2] - corner[:, 0]
-    doubled = edge1[:, 0] * edge2[:, 1] - edge1[:, 1] * edge2[:, 0]
     low = corner.amin(1).ceil().clamp(min=0)
     high = torch.minimum(corner.amax(1).floor(), pixels.new_tensor([width - 1, height - 1]))
     extent = (high - low + 1).amax(1)
     # Image rows go down: a counter-clockwise triangle that faces the camera has a negative area.
-    drawn = (doubled < 0) & (depth.amin(1) > _NEAR_M) & (low <= high).all(1)
+    drawn = (_doubled_areas(corner) < 0) & (depth.amin(1) > _NEAR_M) & (low <= high).all(1)
     triangles = _Triangles(corner, depth, low, high, body, name)
     least = 0
     for side in _sides(max(height, width)):
@@ -66,20 +63,35 @@ class _Triangles(NamedTuple):
     name: Tensor  # (n,) int64, index of the face
 
 
+def _doubled_areas(corner: Tensor) -> Tensor:
+    """Return the signed doubled areas (n,) of triangles (n, 3, 2)."""
+    first = corner[:, 1] - corner[:, 0]
+    second = corner[:, 2] - corner[:, 0]
+    return first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+
+
+def _doubled_parts(corner: Tensor, x: Tensor, y: Tensor) -> list[Tensor]:
+    """Return the signed doubled areas (n, H, W) between each pixel of columns x (n, W) and rows y
+    (n, H) and the edge opposite to each corner of the triangles (n, 3, 2).
+    """
+    a, b, c = corner.unbind(1)
+    parts = []
+    for p, q in ((b, c), (c, a), (a, b)):
+        run = q - p
+        parts.append(
+            run[:, :1, None] * (y - p[:, 1:])[:, :, None]
+            - run[:, 1:, None] * (x - p[:, :1])[:, None, :]
+        )
+    return parts
+
+
 def _draw(pictures: Tensor, triangles: _Triangles, side: int) -> None:
     """Draw the triangles of one bucket into the depth buffers."""
     corner, depth, low, high, body, name = triangles
     _, height, width = pictures.shape
     steps = torch.arange(side, device=corner.device, dtype=corner.dtype)
     x, y = (low[:, k, None] + steps for k in range(2))  # (n, side)
-    a, b, c = corner.unbind(1)
-    weights = []
-    for p, q in ((b, c), (c, a), (a, b)):
-        run = q - p
-        weights.append(
-            run[:, :1, None] * (y - p[:, 1:])[:, :, None]
-            - run[:, 1:, None] * (x - p[:, :1])[:, None, :]
-        )
+    weights = _doubled_parts(corner, x, y)
     total = weights[0] + weights[1] + weights[2]
     covered = (weights[0] <= 0) & (weights[1] <= 0) & (weights[2] <= 0) & (total < 0)
     covered &= ((x <= high[:, :1])[:, None, :]) & ((y <= high[:, 1:])[:, :, None])

@@ -79,9 +79,6 @@ def align_similarity(
     Raises:
         PhysicError: the shapes differ.
     """
-    import roma
-    import torch
-
     require_same_shape("joints", predicted, truth)
     counted = (
         np.ones(truth.shape[:-1], bool)
@@ -98,19 +95,33 @@ def align_similarity(
     # Centred for accuracy far from the origin.
     source_mean = (weights[..., None] * source[usable]).sum(-2, keepdims=True)
     target_mean = (weights[..., None] * target[usable]).sum(-2, keepdims=True)
+    least = 1e-12 * (1.0 + np.abs(source_mean).max((-2, -1)))
     centred = source[usable] - source_mean
-    goal = target[usable] - target_mean
-    size = np.sqrt((weights * np.square(centred).sum(-1)).sum(-1))
-    flat = size <= 1e-12 * (1.0 + np.abs(source_mean).max((-2, -1)))
-    rotation, scale = roma.rigid_vectors_registration(
-        *(torch.from_numpy(np.ascontiguousarray(array)) for array in (centred, goal, weights)),
-        compute_scaling=True,
-    )
-    linear = rotation.numpy() * np.where(flat, 0.0, scale.numpy())[:, None, None]
+    linear = _turn_and_scale(centred, target[usable] - target_mean, weights, least)
     with np.errstate(invalid="ignore"):  # invalid points may not be finite
         every = np.asarray(predicted, np.float64)[usable] - source_mean
         aligned[usable] = np.einsum("nij,nkj->nki", linear, every) + target_mean
     return aligned
+
+
+def _turn_and_scale(
+    source: FloatArray, target: FloatArray, weights: FloatArray, least: FloatArray
+) -> FloatArray:
+    """Return the scaled rotations (n, 3, 3) from centred points (n, J, 3) to others; 0 of points
+    that are not larger than ``least`` (n,).
+    """
+    import roma
+    import torch
+
+    size = np.sqrt((weights * np.square(source).sum(-1)).sum(-1))
+    rotation, scale = roma.rigid_vectors_registration(
+        *(torch.from_numpy(np.ascontiguousarray(array)) for array in (source, target, weights)),
+        compute_scaling=True,
+    )
+    linear: FloatArray = (
+        rotation.numpy() * np.where(size <= least, 0.0, scale.numpy())[:, None, None]
+    )
+    return linear
 
 
 def _mean_distance_mm(

@@ -134,38 +134,52 @@ def scene_distance(
     Raises:
         PhysicError: the shapes of points and normals differ.
     """
-    from scipy.spatial import KDTree
-
     require_same_shape("points and normals", points, normals)
     flat = np.asarray(vertices, np.float64).reshape(-1, 3)
-    answer = np.full(len(flat), np.inf)
-    towards = np.zeros((len(flat), 3))
-    if len(flat):
-        spacing = point_spacing(points, normals, valid)
-        low = flat.min(0) - reach
-        high = flat.max(0) + reach
-        with np.errstate(invalid="ignore"):
-            near = valid & (points >= low).all(-1) & (points <= high).all(-1)
-        cloud, facing, gap = (np.asarray(a[near], np.float64) for a in (points, normals, spacing))
-        if len(cloud):
-            distance, row = KDTree(cloud).query(flat, distance_upper_bound=reach)
-            found = np.isfinite(distance)
-            row = row[found]
-            way = flat[found] - cloud[row]
-            along = (facing[row] * way).sum(1)
-            beside = np.linalg.norm(way - along[:, None] * facing[row], axis=1)
-            to_surface = np.hypot(along, np.maximum(beside - gap[row], 0.0))
-            oriented = (facing[row] ** 2).sum(1) > 0.5
-            size = np.where(oriented, to_surface, distance[found])
-            free = ~_behind(flat[found], np.where(valid, points[..., 2], np.inf), intrinsics, 0.0)
-            answer[found] = np.where(oriented & (along < 0) & ~free, -size, size)
-            towards[found] = facing[row]
+    answer, towards = _distance_to_points(flat, points, normals, valid, intrinsics, reach)
     if floor is not None:
         height = flat @ np.asarray(floor.normal, np.float64) + floor.offset
         plane = ((np.abs(height) < reach) & (np.abs(height) < np.abs(answer))) | (height <= -reach)
         answer = np.where(plane, np.maximum(height, -reach), answer)
         towards[plane] = floor.normal
     return SignedDistances(answer.reshape(vertices.shape[:-1]), towards.reshape(vertices.shape))
+
+
+def _distance_to_points(
+    flat: FloatArray,
+    points: FloatArray,
+    normals: FloatArray,
+    valid: BoolArray,
+    intrinsics: Intrinsics,
+    reach: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Return distance and normal of vertices (n, 3) without the floor, as :func:`scene_distance`
+    does.
+    """
+    from scipy.spatial import KDTree
+
+    answer = np.full(len(flat), np.inf)
+    towards = np.zeros((len(flat), 3))
+    spacing = point_spacing(points, normals, valid)
+    low = flat.min(0, initial=np.inf) - reach
+    high = flat.max(0, initial=-np.inf) + reach
+    with np.errstate(invalid="ignore"):
+        near = valid & (points >= low).all(-1) & (points <= high).all(-1)
+    if near.any():
+        cloud, facing, gap = (np.asarray(a[near], np.float64) for a in (points, normals, spacing))
+        distance, row = KDTree(cloud).query(flat, distance_upper_bound=reach)
+        found = np.isfinite(distance)
+        row = row[found]
+        way = flat[found] - cloud[row]
+        along = (facing[row] * way).sum(1)
+        beside = np.linalg.norm(way - along[:, None] * facing[row], axis=1)
+        to_surface = np.hypot(along, np.maximum(beside - gap[row], 0.0))
+        oriented = (facing[row] ** 2).sum(1) > 0.5
+        size = np.where(oriented, to_surface, distance[found])
+        free = ~_behind(flat[found], np.where(valid, points[..., 2], np.inf), intrinsics, 0.0)
+        answer[found] = np.where(oriented & (along < 0) & ~free, -size, size)
+        towards[found] = facing[row]
+    return answer, towards
 
 
 def hidden_by_depth_map(

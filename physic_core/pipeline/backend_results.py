@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         Bodies,
         BoolArray,
         ContactProbability,
+        FloatArray,
         Hands,
         Keypoints,
         People,
@@ -53,39 +54,52 @@ def real_people(people: People, prompt: PeoplePrompt | None = None) -> BoolArray
     smaller than its joints; of a real person behind another one, the photo shows more. Or it has
     the trunk of another one, with a lower score.
     """
-    import cv2
-
     keypoints = people.keypoints
     count = len(people)
     if keypoints is None or count < 2 or (prompt is not None and prompt.masks is not None):
         return np.ones(count, bool)
-    height, width = people.masks.shape[1:]
     names = [name.removesuffix("_surface") for name in keypoints.joint_set.names]
     columns = [j for j, name in enumerate(names) if name.split("_")[-1] in _JOINTS]
-    x, y = np.moveaxis(keypoints.points[:, columns], -1, 0).round()
-    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
-    rows, across = (np.where(inside, values, 0).astype(int) for values in (y, x))
-    on_mask = np.array([(mask[rows, across] & inside).sum(1) for mask in people.masks])
-    share = on_mask.T / np.maximum(inside.sum(1), 1)[:, None]
+    share, small = _joints_on_masks(keypoints.points[:, columns], people.masks)
     own = np.diag(share)
     few = own < _FEW_OWN_JOINTS
-    hulls = [
-        cv2.contourArea(cv2.convexHull(points[known].astype(np.float32))) if known.any() else 0.0
-        for points, known in zip(keypoints.points[:, columns], inside, strict=True)
-    ]
-    small = people.masks.sum((1, 2)) < _VISIBLE * np.array(hulls)
     double = np.zeros(count, bool)
     if set(_TRUNK) <= set(names):
         trunks = keypoints.points[:, [names.index(name) for name in _TRUNK]]
-        lengths = np.linalg.norm(trunks[:, :2].mean(1) - trunks[:, 2:].mean(1), axis=-1)
-        apart = np.linalg.norm(trunks[:, None] - trunks, axis=-1).mean(-1)
-        same = apart < _SAME_TRUNK * np.minimum(lengths[:, None], lengths)
-        rank = np.argsort(np.argsort(-people.scores, kind="stable"))
-        double = (same & (rank[:, None] > rank)).any(1)
+        double = _repeat_trunks(trunks, people.scores)
     none = np.eye(count, dtype=bool) | few | small | double
     others = np.where(none, 0.0, share).max(1)
     false: BoolArray = double | (few & (others > _MOST_JOINTS)) | (small & (others > own))
     return ~false
+
+
+def _joints_on_masks(points: FloatArray, masks: BoolArray) -> tuple[FloatArray, BoolArray]:
+    """Return the share (N, N) of each person's joints (N, J, 2) in the photo that lie on each mask,
+    and whose mask (N,) is much smaller than the joints' hull.
+    """
+    import cv2
+
+    height, width = masks.shape[1:]
+    x, y = np.moveaxis(points, -1, 0).round()
+    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    rows, across = (np.where(inside, values, 0).astype(int) for values in (y, x))
+    on_mask = np.array([(mask[rows, across] & inside).sum(1) for mask in masks])
+    hulls = [
+        cv2.contourArea(cv2.convexHull(own[known].astype(np.float32))) if known.any() else 0.0
+        for own, known in zip(points, inside, strict=True)
+    ]
+    share = on_mask.T / np.maximum(inside.sum(1), 1)[:, None]
+    return share, masks.sum((1, 2)) < _VISIBLE * np.array(hulls)
+
+
+def _repeat_trunks(trunks: FloatArray, scores: FloatArray) -> BoolArray:
+    """Return which people (N,) have the trunk (N, 4, 2) of another one with a higher score."""
+    lengths = np.linalg.norm(trunks[:, :2].mean(1) - trunks[:, 2:].mean(1), axis=-1)
+    apart = np.linalg.norm(trunks[:, None] - trunks, axis=-1).mean(-1)
+    same = apart < _SAME_TRUNK * np.minimum(lengths[:, None], lengths)
+    rank = np.argsort(np.argsort(-scores, kind="stable"))
+    repeat: BoolArray = (same & (rank[:, None] > rank)).any(1)
+    return repeat
 
 
 def replace_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:

@@ -76,6 +76,11 @@ def as_reconstruction(
     )
 
 
+def _age(estimates: Estimates, person: int) -> float | None:
+    age = math.nan if estimates.ages is None else float(estimates.ages[person])
+    return age if math.isfinite(age) else None
+
+
 def _people(
     estimates: Estimates, state: State, touch: Contact, measures: Sequence[Measures]
 ) -> tuple[Person, ...]:
@@ -97,7 +102,6 @@ def _people(
     people = []
     for i, (stature, sigma) in enumerate(sizes):
         has_body = bool(torch.isfinite(stature))
-        age = math.nan if estimates.ages is None else float(estimates.ages[i])
         people.append(
             Person(
                 box=found.boxes[i],
@@ -110,7 +114,7 @@ def _people(
                 support=touch.supports[i],
                 world_contact=_world_contact(touch, i),
                 unseen=unseen[i] if has_body else (),
-                age=age if math.isfinite(age) else None,
+                age=_age(estimates, i),
                 stature=float(stature) if has_body else None,
                 stature_sigma=sigma if has_body else None,
                 sizes=_sizes(state, i) if has_body else {},

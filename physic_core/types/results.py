@@ -182,6 +182,13 @@ class Person(ShortRepr):
         return place
 
     @property
+    def has_body(self) -> bool:
+        """Whether the person has a body, of finite vertices."""
+        import numpy as np
+
+        return len(self.vertices) > 0 and bool(np.isfinite(self.vertices).all())
+
+    @property
     def joint_angles(self) -> dict[str, float]:
         """Angles in degrees by the names of the ISB, such as "left_knee_flexion", see
         :func:`physic_core.body.joint_angles.joint_angles`; NaN without a body.
@@ -211,14 +218,13 @@ class Person(ShortRepr):
         Raises:
             InputError: the person has no body, or is not part of a ``Reconstruction``.
         """
-        import numpy as np
         import trimesh
 
         if self.faces is None:
             raise InputError(
                 "this person has no faces: take it from the people of a Reconstruction"
             )
-        if not np.isfinite(self.vertices).all():
+        if not self.has_body:
             raise InputError(
                 "this person has no body: the body estimator returned no finite values for them"
             )

@@ -33,7 +33,7 @@ from physic_core.visual.palette import (
 )
 from physic_core.visual.rig import Rig, bound_in_pose, rigs
 from physic_core.visual.supports import SLAB_FACES, assumed_supports
-from physic_core.visual.surface import BACKDROP, SceneMesh, scene_meshes, scene_reach, unit_normals
+from physic_core.visual.surface import BACKDROP, scene_meshes, scene_reach, unit_normals
 from physic_core.visual.textures.dressed import (
     GUESSED,
     dressed_bodies,
@@ -47,7 +47,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import Intrinsics, Reconstruction, UInt8Array
-    from physic_core.visual.export.request import ExportFrame
     from physic_core.visual.textures.raster import TextureCoordinates
 
 _WEIGHT_LOSS = 1e-3
@@ -89,26 +88,6 @@ class Appearance:
     accessors: Mapping[str, int] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class _Background:
-    """Meshes of the scene, their texture, and the floor.
-
-    Attributes:
-        surface: in the camera frame.
-        backdrop: what is farther, see :func:`mesh_backdrop`, in the camera frame.
-        jpeg: the photo without people.
-        size: width and height of this picture, px.
-        floor: vertices and faces of what is drawn of it, see :func:`drawn_floor`; None without a
-            floor.
-    """
-
-    surface: SceneMesh
-    backdrop: SceneMesh
-    jpeg: bytes
-    size: tuple[int, int]
-    floor: tuple[NDArray[np.float64], NDArray[np.int64]] | None
-
-
 def combined_glb(result: Reconstruction) -> bytes:
     """Return the content of ``combined.glb``: the file that :func:`export_glb` writes, also without
     a body model.
@@ -116,9 +95,7 @@ def combined_glb(result: Reconstruction) -> bytes:
     Bodies of SMPL-X files have no skeleton here, and ``extras`` of the scene states why: their
     skinning weights are the user's, and not copied unasked.
     """
-    posed = tuple(
-        index for index, person in enumerate(result.people) if np.isfinite(person.vertices).all()
-    )
+    posed = tuple(index for index, person in enumerate(result.people) if person.has_body)
     request = ExportRequest(
         result, posed, export_frame(result.scene.level, "y"), "combined", ".glb"
     )
@@ -131,9 +108,7 @@ def combined_glb(result: Reconstruction) -> bytes:
             reason = str(error)
     else:
         reason = "it is in a file of yours; `physic export --to glb` writes it"
-    return build_glb(
-        request, textured_scene(result, request.frame), skins, add_dressed, reason
-    ).content()
+    return build_glb(request, skins, add_dressed, reason).content()
 
 
 def export_glb(request: ExportRequest) -> ExportedFiles:
@@ -147,8 +122,7 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
         InputError: the skeleton of the bodies is not known.
     """
     skins = _posed_rigs(request)
-    background = textured_scene(request.result, request.frame) if request.scene else None
-    content = build_glb(request, background, skins, add_dressed).content()
+    content = build_glb(request, skins, add_dressed).content()
     return ExportedFiles({f"{request.stem}{request.suffix}": content}, glb_notes(request, skins))
 
 
@@ -268,7 +242,6 @@ def add_dressed(glb: GlbBuilder, index: int, request: ExportRequest) -> Appearan
 
 def build_glb(
     request: ExportRequest,
-    background: _Background | None,
     skins: Mapping[int, Rig],
     look: Callable[[GlbBuilder, int, ExportRequest], Appearance],
     reason: str = "",
@@ -277,7 +250,6 @@ def build_glb(
 
     Args:
         request: of any up axis.
-        background: the scene, or None to leave it and the floor out.
         skins: person -> rig, of those that get a skeleton.
         look: called with the file, to which it can add textures, and the person.
         reason: why others get no skeleton.
@@ -286,9 +258,9 @@ def build_glb(
     result = request.result
     frame = request.frame
     nodes: list[int] = []
-    if background is not None:
-        nodes += _add_scene(glb, background, request)
-        nodes += _add_floor(glb, background, request)
+    if request.scene:
+        nodes += _add_scene(glb, request)
+        nodes += _add_floor(glb, request)
         nodes += _add_assumed(glb, request)
     for index in request.person:
         nodes += _add_person(glb, index, request, skins.get(index), look(glb, index, request))
@@ -374,30 +346,48 @@ def _add_person(
     tops = list[int]()
     skin = dict[str, int]()
     if rig is not None:
-        top, joints = add_joints(glb, f"{name}_skeleton", rig)
+        top, skin["skin"] = _add_skin(glb, name, rig)
         tops.append(top)
-        inverse = glb.accessor(rig.inverse_bind.astype(np.float32))
-        entry = {"name": name, "inverseBindMatrices": inverse, "joints": joints, "skeleton": top}
-        skin = {"skin": glb.add("skins", entry)}
-        indices, weights = skin_influences(rig.weights)
-        for group in range(indices.shape[1] // 4):
-            columns = slice(4 * group, 4 * group + 4)
-            attributes[f"JOINTS_{group}"] = glb.accessor(indices[own, columns], ARRAY)
-            attributes[f"WEIGHTS_{group}"] = glb.accessor(weights[own, columns], ARRAY)
+        attributes |= _skin_attributes(glb, rig, own)
     tops.append(
         _add_mesh(glb, name, attributes, faces if look.faces is None else look.faces, look, **skin)
     )
     if toes := dressed_bodies(result).shoes.get(index, ()):
         shod, turned = with_shoes(vertices, normals.astype(np.float64), toes)
-        # Not as sparse accessors, with which VTK reads no file or other steps.
-        moves, turns = (
-            glb.accessor(step[own].astype(np.float32), ARRAY, bounds=True)
-            for step in (shod - vertices, turned - normals)
-        )
-        mesh = glb.tree["meshes"][-1]
-        mesh["primitives"][0]["targets"] = [{"POSITION": moves, "NORMAL": turns}]
-        mesh |= {"weights": [1.0], "extras": {"targetNames": ["shoes"]}}
+        _add_target(glb, "shoes", (shod - vertices)[own], (turned - normals)[own])
     return tops
+
+
+def _add_skin(glb: GlbBuilder, name: str, rig: Rig) -> tuple[int, int]:
+    """Add a skeleton, and return the indices of the node above it and of its skin."""
+    top, joints = add_joints(glb, f"{name}_skeleton", rig)
+    inverse = glb.accessor(rig.inverse_bind.astype(np.float32))
+    entry = {"name": name, "inverseBindMatrices": inverse, "joints": joints, "skeleton": top}
+    return top, glb.add("skins", entry)
+
+
+def _skin_attributes(glb: GlbBuilder, rig: Rig, vertices: Any) -> dict[str, int]:
+    """Return the accessors of the joints and weights of chosen vertices, four influences each."""
+    indices, weights = skin_influences(rig.weights)
+    attributes = {}
+    for group in range(indices.shape[1] // 4):
+        columns = slice(4 * group, 4 * group + 4)
+        attributes[f"JOINTS_{group}"] = glb.accessor(indices[vertices, columns], ARRAY)
+        attributes[f"WEIGHTS_{group}"] = glb.accessor(weights[vertices, columns], ARRAY)
+    return attributes
+
+
+def _add_target(
+    glb: GlbBuilder, name: str, moves: NDArray[np.float64], turns: NDArray[np.float64]
+) -> None:
+    """Add the steps (U, 3) of vertices and normals to a target that the last mesh shows."""
+    # Not as sparse accessors, with which VTK reads no file or other steps.
+    position, normal = (
+        glb.accessor(step.astype(np.float32), ARRAY, bounds=True) for step in (moves, turns)
+    )
+    mesh = glb.tree["meshes"][-1]
+    mesh["primitives"][0]["targets"] = [{"POSITION": position, "NORMAL": normal}]
+    mesh |= {"weights": [1.0], "extras": {"targetNames": [name]}}
 
 
 def add_joints(glb: GlbBuilder, name: str, rig: Rig) -> tuple[int, list[int]]:
@@ -452,45 +442,29 @@ def _primitive(
     }
 
 
-def textured_scene(result: Reconstruction, frame: ExportFrame) -> _Background:
-    """Return mesh and texture of the scene, and its floor in a frame."""
-    surface, backdrop = scene_meshes(result)
-    return _Background(
-        surface, backdrop, *_power_of_two(result.scene.colors), drawn_floor(result, frame, surface)
-    )
-
-
-def _add_scene(glb: GlbBuilder, background: _Background, request: ExportRequest) -> list[int]:
+def _add_scene(glb: GlbBuilder, request: ExportRequest) -> list[int]:
     """Add the textured meshes of scene and backdrop, and return the indices of their nodes; none of
     an empty mesh.
     """
-    meshes = {"scene": background.surface, "backdrop": background.backdrop}
+    surface, backdrop = scene_meshes(request.result)
+    meshes = {"scene": surface, "backdrop": backdrop}
     if not any(len(mesh.faces) for mesh in meshes.values()):
         return []
     _use(glb, "KHR_materials_unlit")
-    photo = body_material("photo", texture=glb.texture(background.jpeg, "image/jpeg", "photo"))
+    jpeg, size = _power_of_two(request.result.scene.colors)
+    photo = body_material("photo", texture=glb.texture(jpeg, "image/jpeg", "photo"))
     photo |= {"extensions": {"KHR_materials_unlit": {}}}
     nodes = []
     for name, mesh in meshes.items():
         if len(mesh.faces):
             vertices = transform_points(request.frame.from_camera, mesh.vertices).astype(np.float32)
-            places = ((mesh.pixels + 0.5) / background.size).astype(np.float32)
+            places = ((mesh.pixels + 0.5) / size).astype(np.float32)
             # From outside, the backdrop must not hide what is before it.
-            look = Appearance(photo | {"name": name, "doubleSided": mesh is background.surface})
-            primitives = []
-            first = mesh.faces.min(1)
-            for start in range(0, len(vertices), _PART_VERTICES):
-                faces = mesh.faces[(start <= first) & (first < start + _PART_VERTICES)]
-                if len(faces):
-                    own = slice(start, faces.max() + 1)
-                    attributes = {
-                        "POSITION": glb.accessor(vertices[own], ARRAY, bounds=True),
-                        "TEXCOORD_0": glb.accessor(places[own], ARRAY),
-                    }
-                    primitives.append(_primitive(glb, attributes, faces - start, look))
+            look = Appearance(photo | {"name": name, "doubleSided": mesh is surface})
+            primitives = _in_parts(glb, vertices, places, mesh.faces, look)
             entry = glb.add("meshes", {"name": name, "primitives": primitives})
             nodes.append(glb.add("nodes", {"name": name, "mesh": entry}))
-    if len(background.backdrop.faces):
+    if len(backdrop.faces):
         glb.tree["nodes"][nodes[-1]]["extras"] = {
             "meaning": BACKDROP,
             "radius_m": round(scene_reach(request.result), 3),
@@ -498,11 +472,36 @@ def _add_scene(glb: GlbBuilder, background: _Background, request: ExportRequest)
     return nodes
 
 
-def _add_floor(glb: GlbBuilder, background: _Background, request: ExportRequest) -> list[int]:
+def _in_parts(
+    glb: GlbBuilder,
+    vertices: NDArray[np.float32],
+    places: NDArray[np.float32],
+    faces: NDArray[np.int64],
+    look: Appearance,
+) -> list[dict[str, Any]]:
+    """Return primitives of faces (F, 3) with texture coordinates ``places``, whose indices are
+    small.
+    """
+    primitives = []
+    first = faces.min(1)
+    for start in range(0, len(vertices), _PART_VERTICES):
+        part = faces[(start <= first) & (first < start + _PART_VERTICES)]
+        if len(part):
+            own = slice(start, part.max() + 1)
+            attributes = {
+                "POSITION": glb.accessor(vertices[own], ARRAY, bounds=True),
+                "TEXCOORD_0": glb.accessor(places[own], ARRAY),
+            }
+            primitives.append(_primitive(glb, attributes, part - start, look))
+    return primitives
+
+
+def _add_floor(glb: GlbBuilder, request: ExportRequest) -> list[int]:
     """Add what is drawn of the floor, if there is one, and return the index of its node."""
-    if background.floor is None:
+    floor = drawn_floor(request.result, request.frame, scene_meshes(request.result)[0])
+    if floor is None:
         return []
-    vertices, faces = background.floor
+    vertices, faces = floor
     if not len(faces):
         return [glb.add("nodes", {"name": "floor"})]
     normals = np.broadcast_to(request.frame.up_vector, vertices.shape)

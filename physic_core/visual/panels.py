@@ -6,6 +6,7 @@ The table has each person's contact, grade, distance, and the checks that the gr
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -171,45 +172,56 @@ def render_contact_views(
     vertices = transform_points(matrix, person.vertices)
     joints = transform_points(matrix, person.joints)
     picture = np.tile((np.array(PAGE_RGB) / 255).astype(np.float32), (height, width, 1))
-    if not np.isfinite(vertices).all():
+    if not person.has_body:
         return picture_bytes(picture)
     edges = np.linspace(0, width, len(CONTACT_VIEWS) + 1).astype(int)
-    boxes = []
-    fits = []
-    for (right, top), room in zip(_view_axes(joints), np.diff(edges), strict=True):
-        axes = np.stack([right, top, np.cross(right, top)])
-        low = (vertices @ axes.T).min(0)
-        high = (vertices @ axes.T).max(0)
-        boxes.append((axes, axes.T @ ((low + high) / 2)))
-        fits.append(min(room / (high[0] - low[0] + 0.1), height / (high[1] - low[1] + 0.1)))
-    upright = min(fits[:2])
-    scales = upright, upright, min(fits[2], 1.5 * upright)
-    # Squares at the middles of small triangles are drawn faster than triangles.
+    views = _contact_cameras(vertices, joints, np.diff(edges), height)
     paint = painted_contact(person, reconstruction.contact_partners) / 255.0
     corners = np.concatenate([vertices, paint], 1)[reconstruction.faces]
-    normals, doubled = _normals(corners)
-    while (
-        np.percentile(doubled, _LARGE) > (_SPOT_PX / 2 / upright) ** 2
-        and len(corners) < _MOST_SPOTS
-    ):
-        beside = 0.5 * (corners + np.roll(corners, -1, axis=1))
-        outer = [np.stack([corners[:, k], beside[:, k], beside[:, k - 1]], 1) for k in range(3)]
-        corners = np.concatenate([*outer, beside])
-        normals, doubled = _normals(corners)
+    corners, normals = _small_triangles(corners, (_SPOT_PX / views[0].focal[0]) ** 2)
+    # Squares at the middles of small triangles are drawn faster than triangles.
     middles, colors = np.split(corners.mean(1), 2, axis=1)
-    for (axes, middle), scale, left, end in zip(boxes, scales, edges[:-1], edges[1:], strict=True):
-        size = int(end - left), height
-        view = View.orthographic(axes, middle, 2 * scale, (2 * size[0], 2 * size[1]))
-        front = normals @ axes[2] > 0
-        layer = render_points(
-            view, middles[front], shade(normals[front], view.axes, colors[front]), _SPOT_PX // 2
-        )
+    for view, left, end in zip(views, edges[:-1], edges[1:], strict=True):
+        front = normals @ view.axes[2] < 0
+        shaded = shade(normals[front], view.axes, colors[front])
+        layer = render_points(view, middles[front], shaded, _SPOT_PX // 2)
         color, alpha = (
-            cv2.resize(one, size, interpolation=cv2.INTER_AREA)
+            cv2.resize(one, (int(end - left), height), interpolation=cv2.INTER_AREA)
             for one in (layer.color, layer.alpha)
         )
         picture[:, left:end] = blend_over(RenderedLayer(color, alpha, alpha), picture[:, left:end])
     return picture_bytes(picture)
+
+
+def _contact_cameras(
+    vertices: Array, joints: Array, widths: NDArray[np.int64], height: int
+) -> list[View]:
+    """Return the cameras of ``CONTACT_VIEWS`` of a person, for pictures of twice a size in px."""
+    sides = _view_axes(joints)
+    reach = np.stack([vertices @ axes.T for axes in sides])
+    low = reach.min(1)
+    high = reach.max(1)
+    extent = high - low + 0.1
+    fits = np.minimum(widths / extent[:, 0], height / extent[:, 1])
+    upright = fits[:2].min()
+    scales = upright, upright, min(fits[2], 1.5 * upright)
+    return [
+        View.orthographic(axes, axes.T @ middle, 2 * scale, (2 * int(width), 2 * height))
+        for axes, middle, scale, width in zip(sides, (low + high) / 2, scales, widths, strict=True)
+    ]
+
+
+def _small_triangles(corners: Array, doubled_area: float) -> tuple[Array, Array]:
+    """Divide triangles (F, 3, n), of which the first values are positions, until nearly all are
+    smaller than a doubled area, and return them with their unit normals.
+    """
+    normals, doubled = _normals(corners)
+    while np.percentile(doubled, _LARGE) > doubled_area and len(corners) < _MOST_SPOTS:
+        beside = 0.5 * (corners + np.roll(corners, -1, axis=1))
+        outer = [np.stack([corners[:, k], beside[:, k], beside[:, k - 1]], 1) for k in range(3)]
+        corners = np.concatenate([*outer, beside])
+        normals, doubled = _normals(corners)
+    return corners, normals
 
 
 def _normals(corners: Array) -> tuple[Array, Array]:
@@ -222,8 +234,10 @@ def _normals(corners: Array) -> tuple[Array, Array]:
     return normals / np.maximum(doubled, 1e-12)[:, None], doubled
 
 
-def _view_axes(joints: Array) -> list[tuple[Array, Array]]:
-    """Return right and top axes (upright frame) of each of ``CONTACT_VIEWS`` of one person."""
+def _view_axes(joints: Array) -> list[Array]:
+    """Return the axes (3, 3) to the right, the top and the eye (upright frame) of each of
+    ``CONTACT_VIEWS`` of one person.
+    """
     up = np.array([0.0, 1.0, 0.0])
     left = joints[_LEFT_HIP] - joints[_RIGHT_HIP] + joints[_LEFT_SHOULDER] - joints[_RIGHT_SHOULDER]
     spine = _unit(joints[_NECK] - joints[_PELVIS], up)
@@ -235,7 +249,8 @@ def _view_axes(joints: Array) -> list[tuple[Array, Array]]:
     level = _unit(
         level if np.linalg.norm(level) > 0.5 else top - (top @ up) * up, np.array([0.0, 0.0, 1.0])
     )
-    return [(np.cross(top, front), top), (np.cross(front, top), top), (np.cross(level, -up), level)]
+    sides = (np.cross(top, front), top), (np.cross(front, top), top), (np.cross(level, -up), level)
+    return [np.stack([right, above, np.cross(right, above)]) for right, above in sides]
 
 
 def _unit(vector: Array, otherwise: Array) -> Array:
@@ -255,9 +270,12 @@ def draw_text(
     text: str,
     size: int,
     color: tuple[int, int, int] = INK_RGB,
+    anchor: str = "la",
 ) -> None:
-    """Draw one line of text with its upper left corner at a spot, px."""
-    pen.text(spot, text.translate(_PLAIN), font=font(size), fill=color)
+    """Draw one line of text with its upper left corner, or another of Pillow's anchors, at a spot,
+    px.
+    """
+    pen.text(spot, text.translate(_PLAIN), font=font(size), fill=color, anchor=anchor)
 
 
 def wrap(text: str, size: int, width: float, between: str = " ") -> list[str]:
@@ -292,40 +310,53 @@ def people_table(reconstruction: Reconstruction, width: int) -> Image.Image:
     """
     people = range(min(len(reconstruction.people), MAX_PEOPLE))
     tall = int(np.clip(500 / len(people), 100, 160))  # px of the figures
-    figures = 2 * tall
-    free = width - figures - _NUMBER - _GRADE - _DISTANCE
-    columns = np.cumsum([0, _NUMBER, figures, _GRADE, _DISTANCE, 0.45 * free]).tolist()
-    names = ("", "", "grade", "distance", "touches (probability)", "why")
-    rooms = [end - start - 28 for start, end in zip(columns, [*columns[1:], width], strict=True)]
-    rows = [_cells(reconstruction, index, rooms[4], rooms[5]) for index in people]
-    heights = [max(tall, _LINE * max(map(len, row))) + _PAD for row in rows]
+    free = width - 2 * tall - _NUMBER - _GRADE - _DISTANCE
+    columns = np.cumsum([0, _NUMBER, 2 * tall, _GRADE, _DISTANCE, 0.45 * free]).tolist()
+    rows = [_person_row(reconstruction, index, [*columns, width], tall) for index in people]
+    below = _HEAD + sum(row.height for row in rows)
     left_out = len(reconstruction.people) - len(people)
-    table = Image.new("RGB", (width, _HEAD + sum(heights) + (_LINE if left_out else 0)), PAGE_RGB)
+    table = Image.new("RGB", (width, below + (_LINE if left_out else 0)), PAGE_RGB)
     pen = ImageDraw.Draw(table)
+    names = ("", "", "grade", "distance", "touches (probability)", "why")
     for name, x in zip(names, columns, strict=True):
         draw_text(pen, (x, 2), name, _TEXT, SOFT_RGB)
     for place, name in enumerate(CONTACT_VIEWS):
-        middle = columns[1] + (place + 0.5) * (figures - 16) / len(CONTACT_VIEWS)
-        pen.text((middle, 2), name, font=font(_TEXT), fill=SOFT_RGB, anchor="ma")
+        middle = columns[1] + (place + 0.5) * (2 * tall - 16) / len(CONTACT_VIEWS)
+        draw_text(pen, (middle, 2), name, _TEXT, SOFT_RGB, "ma")
     top = _HEAD
-    for index, cells, height in zip(people, rows, heights, strict=True):
-        pen.line((0, top, width, top), fill=_RULE_RGB)
-        draw_person_number(pen, 16, top + 20, index)
-        picture = render_contact_views(reconstruction, index, figures - 16, height - _PAD)
-        table.paste(Image.fromarray(picture), (int(columns[1]), top + _PAD // 2))
-        for x, lines in zip(columns[2:], cells, strict=True):
-            for number, (text, color) in enumerate(lines):
-                draw_text(pen, (x, top + 8 + _LINE * number), text, _TEXT, color)
-        top += height
+    for row in rows:
+        table.paste(row, (0, top))
+        top += row.height
     if left_out:
-        draw_text(
-            pen,
-            (0, top),
-            f"{left_out} more people: see report.html or reconstruction.json",
-            _TEXT,
-            SOFT_RGB,
-        )
+        more = f"{left_out} more people: see report.html or reconstruction.json"
+        draw_text(pen, (0, below), more, _TEXT, SOFT_RGB)
     return table
+
+
+def _person_row(
+    reconstruction: Reconstruction, index: int, edges: Sequence[float], tall: int
+) -> Image.Image:
+    """Draw the row of a person.
+
+    Args:
+        reconstruction: with the person.
+        index: of the person.
+        edges: (7,) of the columns, px.
+        tall: least height of the figures, px.
+    """
+    _, left, after, *_, touches, why, width = edges
+    cells = _cells(reconstruction, index, why - touches - 28, width - why - 28)
+    height = max(tall, _LINE * max(map(len, cells))) + _PAD
+    row = Image.new("RGB", (int(width), height), PAGE_RGB)
+    pen = ImageDraw.Draw(row)
+    pen.line((0, 0, width, 0), fill=_RULE_RGB)
+    draw_person_number(pen, 16, 20, index)
+    picture = render_contact_views(reconstruction, index, int(after - left) - 16, height - _PAD)
+    row.paste(Image.fromarray(picture), (int(left), _PAD // 2))
+    for x, lines in zip(edges[2:-1], cells, strict=True):
+        for number, (text, color) in enumerate(lines):
+            draw_text(pen, (x, 8 + _LINE * number), text, _TEXT, color)
+    return row
 
 
 def draw_person_number(pen: ImageDraw.ImageDraw, x: float, y: float, index: int) -> None:
@@ -333,7 +364,7 @@ def draw_person_number(pen: ImageDraw.ImageDraw, x: float, y: float, index: int)
     pen.ellipse(
         (x - 11, y - 11, x + 11, y + 11), fill=person_color(index), outline=(255, 255, 255), width=2
     )
-    pen.text((x, y), str(index), font=font(14), fill=(20, 20, 20), anchor="mm")
+    draw_text(pen, (x, y), str(index), 14, (20, 20, 20), "mm")
 
 
 def _cells(

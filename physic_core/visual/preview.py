@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 from PIL.PngImagePlugin import PngInfo
 
 from physic_core.files.atomic import MARK
@@ -54,6 +54,7 @@ from physic_core.visual.views import (
 
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction, UInt8Array
+    from physic_core.visual.views import PreviewGeometry
 
 _BOX_RGB = (255, 214, 64)
 _LABEL_RGB = (32, 34, 38)
@@ -67,7 +68,7 @@ def unposed_boxes(reconstruction: Reconstruction) -> list[tuple[_Box, str]]:
     """Return the boxes (px of the image) and reasons of all people without a body."""
     found = [(one.box, one.reason) for one in reconstruction.unposed]
     for index, person in enumerate(reconstruction.people):
-        if not np.isfinite(person.vertices).all():
+        if not person.has_body:
             x0, y0, x1, y1 = (float(edge) for edge in person.box)
             found.append(((x0, y0, x1, y1), f"person {index}: no body"))
     return found
@@ -85,15 +86,14 @@ def draw_unposed(
     height px.
     """
     rows, columns = reconstruction.image.shape[:2]
-    font = ImageFont.load_default(_FONT_PX)
     for box, reason in unposed_boxes(reconstruction):
         edges = np.array(box) * ([width / columns, height / rows] * 2)
         x0, y0, x1, y1 = np.clip(edges, 0, [width - 1, height - 1] * 2) + np.array([x, y] * 2)
         _draw_dashed(pen, [(x0, y0), (x1, y0), (x1, y1), (x0, y1)], _BOX_RGB)
-        wide = font.getlength(reason)
+        wide = font(_FONT_PX).getlength(reason)
         if wide + 4 <= x1 - x0:  # in a smaller box of a crowd, the summary names the reason
             pen.rectangle((x0 + 1, y1 - _FONT_PX - 4, x0 + wide + 5, y1 - 1), fill=_LABEL_RGB)
-            pen.text((x0 + 3, y1 - 3), reason, font=font, fill=_BOX_RGB, anchor="ls")
+            draw_text(pen, (x0 + 3, y1 - 3), reason, _FONT_PX, _BOX_RGB, "ls")
 
 
 def _draw_dashed(
@@ -144,8 +144,6 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
     """Render photo, overlay, depth, three views and a table of people in one image, 1280 px
     wide.
     """
-    import cv2
-
     height, width = reconstruction.image.shape[:2]
     geometry = build_preview_geometry(reconstruction)
     room = _WIDTH - 2 * _MARGIN
@@ -163,45 +161,60 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
     draw_text(pen, (_MARGIN, _MARGIN - 6), _title(reconstruction), 30)
     for line, fact in enumerate(facts):
         draw_text(pen, (_MARGIN, _MARGIN + 38 + 24 * line), fact, 17, SOFT_RGB)
-    photo, mesh, depth, aside, side, above = frames
-    _draw_panel(page, photo, "Photo", photo_panel(reconstruction.image, photo.width, photo.height))
-    _draw_panel(
-        page,
-        mesh,
-        "People over the photo",
-        overlay_panel(reconstruction, geometry, mesh.width, mesh.height),
-    )
-    draw_unposed(pen, reconstruction, mesh.x, mesh.y, mesh.width, mesh.height)
-    heads = heads_in_photo(reconstruction, mesh.width, mesh.height)
-    draw_numbers(pen, (mesh.x, mesh.y), heads, (mesh.width, mesh.height))
-    for name, (column, row) in surfaces_in_photo(reconstruction, mesh.width, mesh.height).items():
+    _draw_photo_panels(page, frames[:3], reconstruction, geometry)
+    _draw_views(page, frames[3:], geometry, has_up=reconstruction.scene.level is not None)
+    if table is not None:
+        title = "Contact and checks"
+        draw_text(pen, (_MARGIN, below), title, 18)
+        beside = _MARGIN + font(18).getlength(title) + 24
+        _contact_legend(pen, (beside, below + 6), reconstruction)
+        page.paste(table, (_MARGIN, below + _TITLE))
+    for row, (text, color) in enumerate(lines):
+        draw_text(pen, (_MARGIN, messages + 24 * row), text, 16, color)
+    return page
+
+
+def _draw_photo_panels(
+    page: Image.Image,
+    frames: Sequence[_Frame],
+    reconstruction: Reconstruction,
+    geometry: PreviewGeometry,
+) -> None:
+    """Draw the photo, its people with numbers and names of surfaces, and its depth."""
+    import cv2
+
+    photo, mesh, depth = frames
+    size = photo.width, photo.height
+    pen = ImageDraw.Draw(page)
+    _draw_panel(page, photo, "Photo", photo_panel(reconstruction.image, *size))
+    overlay = overlay_panel(reconstruction, geometry, *size)
+    _draw_panel(page, mesh, "People over the photo", overlay)
+    draw_unposed(pen, reconstruction, mesh.x, mesh.y, *size)
+    draw_numbers(pen, (mesh.x, mesh.y), heads_in_photo(reconstruction, *size), size)
+    for name, (column, row) in surfaces_in_photo(reconstruction, *size).items():
         _draw_over(pen, (mesh.x + column, mesh.y + row), name, PAGE_RGB, "mm")
-    depths = depth_panel(reconstruction, depth.width, depth.height)
+    depths = depth_panel(reconstruction, *size)
     _draw_panel(page, depth, _DEPTH_TITLE, depths)
     _depth_bar(page, depth, depth_range(reconstruction))
     # a pixel is not seen
     if cv2.erode((depths == UNKNOWN_RGB).all(-1).astype(np.uint8), np.ones((3, 3))).any():
         at = depth.x + 6, depth.y + depth.height - 6
         _draw_over(pen, at, "grey: distance unknown", UNKNOWN_RGB, "ls")
-    up = "" if reconstruction.scene.level else " (up is the camera's)"
-    _draw_panel(page, aside, "At an angle", view_from_aside(geometry, aside.width, aside.height))
-    _draw_view(page, side, f"From the side{up}", side_view(geometry, side.width, side.height))
-    _draw_view(page, above, "From above", top_view(geometry, above.width, above.height))
+
+
+def _draw_views(
+    page: Image.Image, frames: Sequence[_Frame], geometry: PreviewGeometry, *, has_up: bool
+) -> None:
+    """Draw people and scene at an angle, from the side and from above."""
+    aside, side, above = frames
+    size = aside.width, aside.height
+    up = "" if has_up else " (up is the camera's)"
+    _draw_panel(page, aside, "At an angle", view_from_aside(geometry, *size))
+    _draw_view(page, side, f"From the side{up}", side_view(geometry, *size))
+    _draw_view(page, above, "From above", top_view(geometry, *size))
     if geometry.crowns:
-        pen.text(
-            (aside.x + aside.width, aside.y - 8), GUESSED, font=font(14), fill=SOFT_RGB, anchor="rs"
-        )
-    if table is not None:
-        draw_text(pen, (_MARGIN, below), "Contact and checks", 18)
-        _contact_legend(
-            pen,
-            (_MARGIN + font(18).getlength("Contact and checks") + 24, below + 6),
-            reconstruction,
-        )
-        page.paste(table, (_MARGIN, below + _TITLE))
-    for row, (text, color) in enumerate(lines):
-        draw_text(pen, (_MARGIN, messages + 24 * row), text, 16, color)
-    return page
+        at = aside.x + aside.width, aside.y - 8
+        draw_text(ImageDraw.Draw(page), at, GUESSED, 14, SOFT_RGB, "rs")
 
 
 def _draw_over(
@@ -303,43 +316,43 @@ def _depth_bar(page: Image.Image, frame: _Frame, ends: tuple[float, float]) -> N
     y = frame.y - 13
     shades = np.geomspace(near, far, width)[None].repeat(9, 0)
     page.paste(Image.fromarray(colored_depth(shades, near, far)), (x, y))
-    pen.text((x, y - 4), f"{near:.2g} m", font=font(13), fill=INK_RGB, anchor="lb")
-    pen.text((x + width, y - 4), f"{far:.2g} m", font=font(13), fill=INK_RGB, anchor="rb")
+    draw_text(pen, (x, y - 4), f"{near:.2g} m", 13, anchor="lb")
+    draw_text(pen, (x + width, y - 4), f"{far:.2g} m", 13, anchor="rb")
 
 
 def _draw_view(page: Image.Image, frame: _Frame, title: str, plan: LabeledView) -> None:
     _draw_panel(page, frame, title, plan.picture)
     pen = ImageDraw.Draw(page, "RGBA")
+    right = frame.x + frame.width
     if plan.floor_row is not None and 0 <= plan.floor_row < frame.height:
         row = frame.y + plan.floor_row
-        pen.line(
-            (frame.x, row + 1, frame.x + frame.width - 1, row + 1), fill=(*FLOOR_RGB, 200), width=1
-        )
-        pen.text(
-            (frame.x + frame.width - 8, row + 3),
-            "floor",
-            font=font(14),
-            fill=FLOOR_RGB,
-            anchor="ra",
-        )
+        pen.line((frame.x, row + 1, right - 1, row + 1), fill=(*FLOOR_RGB, 200), width=1)
+        draw_text(pen, (right - 8, row + 3), "floor", 14, FLOOR_RGB, "ra")
     if plan.camera is not None:
         x = frame.x + plan.camera[0]
         y = frame.y + plan.camera[1]
         pen.ellipse((x - 5, y - 5, x + 5, y + 5), fill=INK_RGB)
-        pen.text((x + 10, y - 4), "camera", font=font(13), fill=INK_RGB, anchor="lm")
-    length = next((bar for bar in (1, 2, 5, 10) if bar * plan.pixels_per_metre >= 40), 20)
-    x = frame.x + 16
-    y = frame.y + 28
-    end = x + length * plan.pixels_per_metre
-    pen.rectangle((x - 10, y - 23, end + 10, y + 10), fill=(*PAGE_RGB, 210))
-    scale_bar = (x - 10 - frame.x, y - 23 - frame.y, end + 10 - frame.x, y + 10 - frame.y)
-    pen.line((x, y, end, y), fill=INK_RGB, width=3)
-    for edge in (x, end):
-        pen.line((edge, y - 5, edge, y + 5), fill=INK_RGB, width=2)
-    pen.text(((x + end) / 2, y - 5), f"{length} m", font=font(14), fill=INK_RGB, anchor="mb")
+        draw_text(pen, (x + 10, y - 4), "camera", 13, anchor="lm")
+    scale_bar = _draw_scale_bar(pen, frame, plan.pixels_per_metre)
     _draw_assumed(page, frame, plan)
     crowns = {index: (column, row - 16) for index, (column, row) in plan.crowns.items()}
     draw_numbers(pen, (frame.x, frame.y), crowns, (frame.width, frame.height), [scale_bar])
+
+
+def _draw_scale_bar(pen: ImageDraw.ImageDraw, frame: _Frame, pixels_per_metre: float) -> _Box:
+    """Draw a scale of metres in the upper left corner of a frame, and return its box in the
+    frame.
+    """
+    length = next((bar for bar in (1, 2, 5, 10) if bar * pixels_per_metre >= 40), 20)
+    x = frame.x + 16
+    y = frame.y + 28
+    end = x + length * pixels_per_metre
+    pen.rectangle((x - 10, y - 23, end + 10, y + 10), fill=(*PAGE_RGB, 210))
+    pen.line((x, y, end, y), fill=INK_RGB, width=3)
+    for edge in (x, end):
+        pen.line((edge, y - 5, edge, y + 5), fill=INK_RGB, width=2)
+    draw_text(pen, ((x + end) / 2, y - 5), f"{length} m", 14, anchor="mb")
+    return 6, 5, end + 10 - frame.x, 38
 
 
 def _draw_assumed(page: Image.Image, frame: _Frame, plan: LabeledView) -> None:
@@ -377,10 +390,10 @@ def _contact_legend(
     x, y = spot
     for name, color in contact_legend(reconstruction).items():
         pen.rectangle((x, y, x + 11, y + 11), fill=color)
-        pen.text((x + 16, y + 6), name, font=font(14), fill=SOFT_RGB, anchor="lm")
+        draw_text(pen, (x + 16, y + 6), name, 14, SOFT_RGB, "lm")
         x += 30 + font(14).getlength(name)
     if has_faint_contact(reconstruction):
-        pen.text((x, y + 6), FAINT, font=font(14), fill=SOFT_RGB, anchor="lm")
+        draw_text(pen, (x, y + 6), FAINT, 14, SOFT_RGB, "lm")
 
 
 def _message_lines(mark: str, texts: Sequence[str]) -> list[str]:

@@ -162,11 +162,7 @@ def render_mesh(shapes: RayCaster, viewer: View, colors: Array) -> RenderedLayer
     width, height = viewer.size
     color = np.zeros((height, width, colors.shape[1] + 1), np.float32)
     distance = np.full((height, width), np.inf, np.float32)
-    spots = viewer.project(shapes.vertices)[:, :2]
-    low = np.nan_to_num(np.nanmin(spots, 0, initial=np.inf))
-    high = np.nan_to_num(np.nanmax(spots, 0, initial=-np.inf))
-    x0, y0 = np.clip(np.floor(low) - 1, 0, viewer.size).astype(int).tolist()
-    x1, y1 = np.clip(np.ceil(high) + 2, 0, viewer.size).astype(int).tolist()
+    (x0, y0), (x1, y1) = _box_around(viewer.project(shapes.vertices)[:, :2], viewer.size)
     if x0 < x1 and y0 < y1:
         columns, rows = np.meshgrid(
             np.arange(x0, x1, dtype=np.float64), np.arange(y0, y1, dtype=np.float64)
@@ -186,6 +182,17 @@ def render_mesh(shapes: RayCaster, viewer: View, colors: Array) -> RenderedLayer
         color[y0:y1, x0:x1] = coarse
         distance[y0:y1, x0:x1] = depth
     return RenderedLayer(color[..., :-1], color[..., -1], distance)
+
+
+def _box_around(spots: AnyFloat, size: tuple[int, int]) -> list[list[int]]:
+    """Return the first column and row of the pixels that contain spots (N, 2), and those behind the
+    last.
+    """
+    low = np.nan_to_num(np.nanmin(spots, 0, initial=np.inf))
+    high = np.nan_to_num(np.nanmax(spots, 0, initial=-np.inf))
+    ends = np.stack([np.floor(low) - 1, np.ceil(high) + 2])
+    box: list[list[int]] = np.clip(ends, 0, size).astype(int).tolist()
+    return box
 
 
 def blend_over(

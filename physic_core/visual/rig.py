@@ -29,6 +29,9 @@ body file.
 """
 
 
+_GIVE_FILE = "give the SMPL-X file that the result was made with (--body-model FILE)"
+
+
 @dataclass(frozen=True)
 class Rig:
     """Skinned mesh of one person: ``sum_k w_k G_k B_k v`` gives the posed vertices.
@@ -128,32 +131,18 @@ def pose_rig(body: BodyArrays, person: Person, frame: ExportFrame) -> Rig:
         InputError: the body model does not give the vertices of the person.
     """
     p = person.parameters
+    shape = np.concatenate([p.betas[0], p.expression[0]]).astype(np.float64)
+    _check_size(body, person, len(shape))
     turns = [getattr(p, name).reshape(count, 3) for name, count in ROTATION_FIELDS]
     local = rotvec_to_rotmat_numpy(np.concatenate(turns).astype(np.float64))
-    shape = np.concatenate([p.betas[0], p.expression[0]]).astype(np.float64)
-    give_file = "give the SMPL-X file that the result was made with (--body-model FILE)"
-    if len(body.template) != len(person.vertices):
-        raise InputError(
-            f"the body model has {len(body.template)} vertices, a body of the result "
-            f"{len(person.vertices)}: {give_file}"
-        )
-    if len(body.joint_directions) != len(shape):
-        raise InputError(
-            f"the body model has {len(body.joint_directions)} components of shape, a body of the "
-            f"result {len(shape)}: {give_file}"
-        )
     rest = body.rest_joints(shape)
-    coefficients = shape
-    if len(body.directions) > len(shape):
-        coefficients = np.concatenate([shape, (local[1:] - np.eye(3)).ravel()])
-    vertices = body.template + np.tensordot(coefficients, body.directions, 1)
-    count = len(JOINT_NAMES)
+    vertices = _shaped(body, shape, local)
     bind = (
-        np.tile(np.eye(3), (count, 1, 1))
+        np.tile(np.eye(3), (len(rest), 1, 1))
         if body.bind_rot is None
         else body.bind_rot.astype(np.float64)
     )
-    inverse = np.tile(np.eye(4), (count, 1, 1))
+    inverse = np.tile(np.eye(4), (len(rest), 1, 1))
     inverse[:, :3, :3] = bind
     inverse[:, :3, 3] = -(bind @ rest[..., None])[..., 0]
     offsets = rest.copy()
@@ -164,14 +153,41 @@ def pose_rig(body: BodyArrays, person: Person, frame: ExportFrame) -> Rig:
     offsets[0] = matrix[:3, :3] @ (rest[0] + p.transl[0]) + matrix[:3, 3]
     weights = body.weights.astype(np.float64)
     rig = Rig(JOINT_NAMES, PARENTS, vertices, body.faces, weights, inverse, local, offsets)
-    apart = float(np.abs(rig.posed() - transform_points(matrix, person.vertices)).max())
+    _check_pose(rig, person, frame)
+    return rig
+
+
+def _shaped(body: BodyArrays, shape: Array, local: Array) -> Array:
+    """Return the vertices (V, 3) of a shape in the bind pose, with the body's correctives of the
+    pose.
+    """
+    coefficients = shape
+    if len(body.directions) > len(shape):
+        coefficients = np.concatenate([shape, (local[1:] - np.eye(3)).ravel()])
+    vertices: Array = body.template + np.tensordot(coefficients, body.directions, 1)
+    return vertices
+
+
+def _check_size(body: BodyArrays, person: Person, num_shape: int) -> None:
+    for what, given, wanted in (
+        ("vertices", len(body.template), len(person.vertices)),
+        ("components of shape", len(body.joint_directions), num_shape),
+    ):
+        if given != wanted:
+            raise InputError(
+                f"the body model has {given} {what}, a body of the result {wanted}: {_GIVE_FILE}"
+            )
+
+
+def _check_pose(rig: Rig, person: Person, frame: ExportFrame) -> None:
+    vertices = transform_points(frame.from_camera, person.vertices)
+    apart = float(np.abs(rig.posed() - vertices).max())
     rounding = float(np.spacing(np.abs(person.vertices).max()))  # of a float32 far from the camera
     if not apart < _SAME_BODY_M + 2 * rounding:
         raise InputError(
             f"the body model gives vertices {1000 * apart:.0f} mm from those of the result: "
-            f"{give_file}"
+            f"{_GIVE_FILE}"
         )
-    return rig
 
 
 def rigs(request: ExportRequest) -> list[tuple[int, Rig]]:

@@ -51,7 +51,7 @@ def assumed_supports(result: Reconstruction) -> list[AssumedSupport]:
     found = list[AssumedSupport]()
     up = np.asarray(up_in_camera(result.scene.level), np.float64)
     for index, person in enumerate(result.people):
-        if person.contact_partner is None or not np.isfinite(person.vertices).all():
+        if person.contact_partner is None or not person.has_body:
             continue
         vertices = person.vertices.astype(np.float64)
         for number, partner in enumerate(result.contact_partners):

@@ -129,35 +129,40 @@ def mesh_scene(scene: Scene, limit: float, max_vertices: int = _MAX_VERTICES) ->
     grid = np.ix_(rows, columns)
     points = np.asarray(scene.points[grid], np.float32)
     normals = np.asarray(scene.normals[grid], np.float32)
-    depth = points[..., 2]
     usable = scene.valid[grid] & is_near(points, limit)
     points = np.where(usable[..., None], points, 1.0)
-
-    def joined(first: tuple[slice, slice], second: tuple[slice, slice]) -> NDArray[np.bool_]:
-        return usable[first] & usable[second] & _on_same_surface(points, normals, first, second)
-
-    up = slice(None, -1)
-    down = slice(1, None)
-    left = slice(None, -1)
-    right = slice(1, None)
-    across = joined((slice(None), left), (slice(None), right))
-    along = joined((up, slice(None)), (down, slice(None)))
-    diagonal = joined((down, left), (up, right))
-    upper = across[:-1] & along[:, :-1] & diagonal
-    lower = across[1:] & along[:, 1:] & diagonal
-    ids = np.arange(depth.size).reshape(depth.shape)
-    faces = np.concatenate(
-        [
-            np.stack([ids[up, left], ids[down, left], ids[up, right]], -1)[upper],
-            np.stack([ids[up, right], ids[down, left], ids[down, right]], -1)[lower],
-        ]
-    )
-    faces = _remove_small_components(faces, depth.size)
-    used = np.zeros(depth.size, bool)
+    faces = _remove_small_components(_surface_faces(points, normals, usable), usable.size)
+    used = np.zeros(usable.size, bool)
     used[faces] = True
     new_ids = np.cumsum(used) - 1
     pixels = np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
     return SceneMesh(points.reshape(-1, 3)[used], new_ids[faces], pixels[used], stride)
+
+
+def _surface_faces(
+    points: NDArray[Any], normals: NDArray[Any], usable: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """Return triangles (F, 3) of usable points (H, W, 3) that are neighbours on one surface."""
+
+    def joined(first: Any, second: Any) -> NDArray[np.bool_]:
+        same = _on_same_surface(points, normals, first, second)
+        return np.asarray(usable[first] & usable[second] & same)
+
+    across = joined(np.s_[:, :-1], np.s_[:, 1:])
+    along = joined(np.s_[:-1], np.s_[1:])
+    diagonal = joined(np.s_[1:, :-1], np.s_[:-1, 1:])
+    upper = across[:-1] & along[:, :-1] & diagonal
+    lower = across[1:] & along[:, 1:] & diagonal
+    return _halves(np.arange(usable.size).reshape(usable.shape), upper, lower)
+
+
+def _halves(
+    ids: NDArray[np.int64], upper: NDArray[np.bool_], lower: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """Return the triangles (F, 3) of the chosen upper and lower halves of a grid's squares."""
+    first = np.stack([ids[:-1, :-1], ids[1:, :-1], ids[:-1, 1:]], -1)
+    second = np.stack([ids[:-1, 1:], ids[1:, :-1], ids[1:, 1:]], -1)
+    return np.concatenate([first[upper], second[lower]])
 
 
 def is_near(points: NDArray[np.floating[Any]], limit: float) -> NDArray[np.bool_]:
@@ -184,28 +189,16 @@ def mesh_backdrop(result: Reconstruction, surface: SceneMesh) -> SceneMesh:
     import cv2
 
     height, width = result.scene.valid.shape
-    side = max(height, width)
-    covered = np.zeros((height, width), np.uint8)
-    covered[surface.pixels[:, 1], surface.pixels[:, 0]] = 1
-    crack = np.ones((max(3, round(_CRACK * side)),) * 2, np.uint8)
-    far = 1 - cv2.dilate(covered, np.ones((2 * surface.stride + 1,) * 2, np.uint8))
-    far = cv2.morphologyEx(far, cv2.MORPH_OPEN, crack, borderType=cv2.BORDER_REPLICATE)
-    _, piece, boxes, _ = cv2.connectedComponentsWithStats(far)
-    far[boxes[piece, cv2.CC_STAT_AREA] < _MIN_COMPONENT_SHARE * far.size] = 0
-    cell = max(_LEAST_CELL_PX, side / _SHELL_CELLS)
+    cell = max(_LEAST_CELL_PX, max(height, width) / _SHELL_CELLS)
     cells = max(1, round(width / cell)), max(1, round(height / cell))
-    kept = (
-        cv2.resize(cv2.dilate(far, crack).astype(np.float32), cells, interpolation=cv2.INTER_AREA)
-        > 0.5
-    )
+    far = _far_pixels(surface, (height, width)).astype(np.float32)
+    kept = cv2.resize(far, cells, interpolation=cv2.INTER_AREA) > 0.5
     columns, rows = (
         np.linspace(0, size - 1, count + 1)
         for size, count in zip((width, height), cells, strict=True)
     )
     ids = np.arange(len(rows) * len(columns)).reshape(len(rows), len(columns))
-    corners = ids[:-1, :-1][kept], ids[1:, :-1][kept], ids[:-1, 1:][kept], ids[1:, 1:][kept]
-    a, b, c, d = corners
-    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([c, b, d], 1)])
+    faces = _halves(ids, kept, kept)
     spots = _smooth_outline(np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2), kept, ids)
     used = np.unique(faces)
     pixels = np.round(spots[used]).astype(np.int64)
@@ -213,6 +206,22 @@ def mesh_backdrop(result: Reconstruction, surface: SceneMesh) -> SceneMesh:
     rays = np.c_[(pixels - [camera.cx, camera.cy]) / [camera.fx, camera.fy], np.ones(len(used))]
     vertices = scene_reach(result) * rays / np.linalg.norm(rays, axis=1, keepdims=True)
     return SceneMesh(vertices.astype(np.float32), np.searchsorted(used, faces), pixels)
+
+
+def _far_pixels(surface: SceneMesh, size: tuple[int, int]) -> NDArray[np.integer[Any]]:
+    """Return pixels (H, W), 1 where the photo shows what is not on a surface, and a little
+    beyond.
+    """
+    import cv2
+
+    covered = np.zeros(size, np.uint8)
+    covered[surface.pixels[:, 1], surface.pixels[:, 0]] = 1
+    crack = np.ones((max(3, round(_CRACK * max(size))),) * 2, np.uint8)
+    far = 1 - cv2.dilate(covered, np.ones((2 * surface.stride + 1,) * 2, np.uint8))
+    far = cv2.morphologyEx(far, cv2.MORPH_OPEN, crack, borderType=cv2.BORDER_REPLICATE)
+    _, piece, boxes, _ = cv2.connectedComponentsWithStats(far)
+    far[boxes[piece, cv2.CC_STAT_AREA] < _MIN_COMPONENT_SHARE * far.size] = 0
+    return np.asarray(cv2.dilate(far, crack))
 
 
 def _smooth_outline(

@@ -84,7 +84,7 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     finite = [
         (index, np.asarray(person.vertices, np.float64))
         for index, person in enumerate(reconstruction.people)
-        if np.isfinite(person.vertices).all()
+        if person.has_body
     ]
     bodies = [vertices for _, vertices in finite]
     colors = [
@@ -246,11 +246,23 @@ def view_from_aside(geometry: PreviewGeometry, width: int, height: int) -> UInt8
     """Render the people from beside and above the photo's camera, with the scene and what is
     farther behind them.
     """
-    turn = geometry.upright[:3, :3]
-    eye = geometry.upright[:3, 3]
-    corners = np.stack(
-        np.meshgrid(*np.stack([geometry.low - 0.1, geometry.high + 0.1], 1)), -1
-    ).reshape(-1, 3)
+    low = geometry.low - 0.1
+    high = geometry.high + 0.1
+    corners = np.stack(np.meshgrid(*np.stack([low, high], 1)), -1).reshape(-1, 3)
+    shown = replace(
+        geometry,
+        points=np.concatenate([geometry.points, geometry.backdrop]),
+        point_colors=np.concatenate([geometry.point_colors, geometry.backdrop_colors]),
+    )
+    return _draw(shown, _aside(geometry.upright, corners, width, height), math.inf, radius=2)
+
+
+def _aside(upright: Array, corners: Array, width: int, height: int) -> View:
+    """Return the nearest camera, beside and above the photo's, that sees all corners (N, 3,
+    upright frame).
+    """
+    turn = upright[:3, :3]
+    eye = upright[:3, 3]
     middle = corners.mean(0)
     azimuth = math.atan2(eye[0] - middle[0], eye[2] - middle[2]) + math.radians(_ASIDE)
     rise = math.radians(_ABOVE)
@@ -260,7 +272,6 @@ def view_from_aside(geometry: PreviewGeometry, width: int, height: int) -> UInt8
     right = np.cross([0.0, 1.0, 0.0], back) / math.cos(rise)
     axes = np.stack([right, np.cross(back, right), back])
     focal = _FILLED * height / (2 * math.tan(_FIELD / 2))
-    # The nearest place in this direction from which all corners are seen.
     spots = corners @ axes.T
     distance = 0.0
     place = np.zeros(3)
@@ -272,7 +283,7 @@ def view_from_aside(geometry: PreviewGeometry, width: int, height: int) -> UInt8
         distance = max(distance, (most + least) / 2 / slope)
     origin = turn.T @ (place + distance * back - eye)
     centre = (np.array([width, height]) - 1) / 2
-    view = View(
+    return View(
         axes * [[1.0], [-1.0], [-1.0]] @ turn,
         origin,
         np.full(2, focal),
@@ -280,17 +291,41 @@ def view_from_aside(geometry: PreviewGeometry, width: int, height: int) -> UInt8
         (width, height),
         False,
     )
-    shown = replace(
-        geometry,
-        points=np.concatenate([geometry.points, geometry.backdrop]),
-        point_colors=np.concatenate([geometry.point_colors, geometry.backdrop_colors]),
-    )
-    return _draw(shown, view, math.inf, radius=2)
 
 
 def _render(geometry: PreviewGeometry, direction: _Direction, size: tuple[int, int]) -> LabeledView:
     """Render people and points; points nearer to the eye than people are skipped, distant ones are
     faint.
+    """
+    view, full_colour_m = _fitted(geometry, direction, size)
+    scale = float(view.focal[0])
+    radius = int(np.clip(round(_POINT_RADIUS * geometry.spacing * scale), 1, _MAX_RADIUS_PX))
+    camera = -(geometry.upright[:3, :3].T @ geometry.upright[:3, 3])
+    spots = view.project(np.stack([camera, np.zeros(3), *geometry.crowns.values()]))[:, :2]
+    inside = np.asarray(((spots >= 0) & (spots < size)).all(1))
+    ground, own, *crowns = map(tuple, spots.tolist())
+    return LabeledView(
+        _draw(geometry, view, full_colour_m, radius),
+        scale,
+        floor_row=ground[1] if direction is _SIDE and geometry.has_floor else None,
+        camera=own if inside[1] else None,
+        crowns={
+            index: spot
+            for index, spot, shown in zip(geometry.crowns, crowns, inside[2:], strict=True)
+            if shown
+        },
+        assumed=[
+            (one.name, view.project(one.vertices)[:, :2].astype(np.float64))
+            for one in geometry.assumed
+        ],
+    )
+
+
+def _fitted(
+    geometry: PreviewGeometry, direction: _Direction, size: tuple[int, int]
+) -> tuple[View, float]:
+    """Return the view of people in a direction, and the distance up to which it shows points in
+    full colour, metres.
     """
     turn = geometry.upright[:3, :3]
     eye = geometry.upright[:3, 3]
@@ -310,25 +345,7 @@ def _render(geometry: PreviewGeometry, direction: _Direction, size: tuple[int, i
         middle[1] = start[1] + size[1] / scale / 2
     center = turn.T @ (axes[:2].T @ middle - eye)
     view = View.orthographic(axes @ turn, center, scale, size, start=float(near))
-    radius = int(np.clip(round(_POINT_RADIUS * geometry.spacing * scale), 1, _MAX_RADIUS_PX))
-    picture = _draw(geometry, view, float(near - far), radius)
-    spots = view.project(np.stack([-(turn.T @ eye), np.zeros(3), *geometry.crowns.values()]))
-    column, row = (float(value) for value in spots[1, :2])
-    return LabeledView(
-        picture,
-        scale,
-        float(spots[0, 1]) if is_level and geometry.has_floor else None,
-        (column, row) if 0 <= column < size[0] and 0 <= row < size[1] else None,
-        {
-            index: (float(spot[0]), float(spot[1]))
-            for index, spot in zip(geometry.crowns, spots[2:], strict=True)
-            if 0 <= spot[0] < size[0] and 0 <= spot[1] < size[1]
-        },
-        [
-            (one.name, view.project(one.vertices)[:, :2].astype(np.float64))
-            for one in geometry.assumed
-        ],
-    )
+    return view, float(near - far)
 
 
 def _with_camera(ends: Array, direction: _Direction, eye: Array, size: tuple[int, int]) -> Array:

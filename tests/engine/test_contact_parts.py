@@ -36,7 +36,7 @@ def touch(state, **changed):
     are other distances.
     """
     near = near_of(state, replace(METHOD, people=False))
-    vertices, parts = scene_contact(state, replace(near, **changed))
+    _, vertices, parts = scene_contact(state, replace(near, **changed))
     return vertices[0], {name: float(value) for name, value in parts.items()}
 
 

@@ -124,7 +124,7 @@ def test_a_person_without_a_body_stays_and_the_other_is_unchanged(world, sound, 
     assert lost.trust == 0
     assert kept.failed_checks == sound.people[KEPT].failed_checks
     check_unspoilt(kept, sound, alone, world)
-    assert kept.contact.any()
+    assert kept.contact_probability.any()
     assert np.isfinite(result.scene.points[result.scene.valid]).all()
     result.save(str(tmp_path / "out"))
     again = Reconstruction.load(str(tmp_path / "out"))

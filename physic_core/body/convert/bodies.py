@@ -118,20 +118,7 @@ def convert_with_residuals(
         if mesh is None
         else finite_rows(mesh.vertices.reshape(len(usable), -1))
     )
-    surface_m = None
-    if not usable.any():
-        fit = BodyFit(
-            np.zeros((0, NUM_JOINTS, 3, 3)), np.zeros((0, model.num_betas)), np.zeros((0, 3))
-        )
-    elif mesh is not None:
-        fit, surface_m = _fit_to_surface(model, replace(mesh, vertices=mesh.vertices[usable]), find)
-    else:
-        world = None
-        if bodies.body_model in _SHARED:
-            world = rotations_from_tpose(
-                rotations_from_parameters(bodies.parameters[usable], dtype=torch.float64).numpy()
-            )
-        fit = fit_joints(BoneOffsets.of(model), joints[usable], world)
+    fit, surface_m = _fit(bodies, model, joints, mesh, usable, find)
     posed = BoneOffsets.of(model).pose(fit.world, fit.betas, fit.transl)[:, _BODY]
     apart = np.linalg.norm(posed - np.nan_to_num(joints[usable][:, _BODY]), axis=-1)
     seen = known[usable][:, _BODY]
@@ -142,6 +129,27 @@ def convert_with_residuals(
         _spread_rows(mean_apart, usable),
         None if surface_m is None else _spread_rows(surface_m, usable),
     )
+
+
+def _fit(
+    bodies: Bodies,
+    model: BodyModel,
+    joints: _Array,
+    mesh: Mesh | None,
+    rows: _Bools,
+    find: _FindCorrespondence,
+) -> tuple[BodyFit, _Array | None]:
+    """Return the fits to chosen people's meshes, with mean distances, or to their joints."""
+    if not rows.any():
+        none = np.zeros((0, NUM_JOINTS, 3, 3)), np.zeros((0, model.num_betas)), np.zeros((0, 3))
+        return BodyFit(*none), None
+    if mesh is not None:
+        return _fit_to_surface(model, replace(mesh, vertices=mesh.vertices[rows]), find)
+    world = None
+    if bodies.body_model in _SHARED:
+        turns = rotations_from_parameters(bodies.parameters[rows], dtype=torch.float64)
+        world = rotations_from_tpose(turns.numpy())
+    return fit_joints(BoneOffsets.of(model), joints[rows], world), None
 
 
 def convert_contact(

@@ -96,38 +96,37 @@ def closest_barycentric(corners: _Array, points: _Array) -> _Array:
     first = b - a
     second = c - a
     there = points - a
-
-    def dot(u: _Array, v: _Array) -> _Array:
-        product: _Array = (u * v).sum(-1)
-        return product
-
-    d11 = dot(first, first)
-    d12 = dot(first, second)
-    d22 = dot(second, second)
-    d1 = dot(there, first)
-    d2 = dot(there, second)
+    d11 = _dot(first, first)
+    d12 = _dot(first, second)
+    d22 = _dot(second, second)
+    d1 = _dot(there, first)
+    d2 = _dot(there, second)
     area = np.maximum(d11 * d22 - d12 * d12, 1e-30)
     v = (d22 * d1 - d12 * d2) / area
     w = (d11 * d2 - d12 * d1) / area
     inside = (v >= 0) & (w >= 0) & (v + w <= 1)
-    # Otherwise it is on the nearest edge.
-    along = [
-        np.clip(d1 / np.maximum(d11, 1e-30), 0, 1),
-        np.clip(d2 / np.maximum(d22, 1e-30), 0, 1),
-        np.clip(dot(points - b, c - b) / np.maximum(dot(c - b, c - b), 1e-30), 0, 1),
-    ]
-    zero = np.zeros_like(v)
-    edges = np.stack(
-        [
-            np.stack([1 - along[0], along[0], zero], -1),
-            np.stack([1 - along[1], zero, along[1]], -1),
-            np.stack([zero, 1 - along[2], along[2]], -1),
-        ],
-        -2,
-    )
+    middle = np.stack([1 - v - w, v, w], -1)
+    return np.where(inside[..., None], middle, _closest_on_edges(corners, points))
+
+
+def _closest_on_edges(corners: _Array, points: _Array) -> _Array:
+    """Return barycentric coordinates (..., 3) of the points on the edges of triangles that are
+    nearest to ``points``.
+    """
+    edges = np.zeros((*corners.shape[:-1], 3))
+    for edge, (start, end) in enumerate(((0, 1), (0, 2), (1, 2))):
+        origin = corners[..., start, :]
+        step = corners[..., end, :] - origin
+        along = _dot(points - origin, step) / np.maximum(_dot(step, step), 1e-30)
+        edges[..., edge, end] = np.clip(along, 0, 1)
+        edges[..., edge, start] = 1 - edges[..., edge, end]
     apart = ((edges @ corners - points[..., None, :]) ** 2).sum(-1)
-    nearest = np.take_along_axis(edges, apart.argmin(-1)[..., None, None], -2)[..., 0, :]
-    return np.where(inside[..., None], np.stack([1 - v - w, v, w], -1), nearest)
+    return np.take_along_axis(edges, apart.argmin(-1)[..., None, None], -2)[..., 0, :]
+
+
+def _dot(u: _Array, v: _Array) -> _Array:
+    product: _Array = (u * v).sum(-1)
+    return product
 
 
 CORRESPONDENCE_VERSION = 1

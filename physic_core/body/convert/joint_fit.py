@@ -133,17 +133,23 @@ def _set_trunk(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> No
     world[:, _SPINE3] = high
     world[:, _SPINE1] = slerp(low, high, 1 / 3)
     world[:, _SPINE2] = slerp(low, high, 2 / 3)
+    _set_collars(world, joints, rest, known)
+
+
+def _set_collars(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> None:
+    """Set the rotations of collars to the elevation and protraction of the shoulders: their
+    distance depends on shape.
+    """
+    chest = world[:, _SPINE3]
+    wide = np.asarray(known[:, _SHOULDERS].all(-1))[:, None, None]
     for collar, shoulder in zip(_COLLARS, _SHOULDERS, strict=True):
-        # The distance of the shoulders depends on shape, so only their elevation and protraction
-        # are used.
-        seen = known[:, shoulder]
-        middle_of = joints[:, _SHOULDERS].mean(1) - rotate(
-            high, rest[:, _SHOULDERS].mean(1) - rest[:, collar]
+        middle = joints[:, _SHOULDERS].mean(1) - rotate(
+            chest, rest[:, _SHOULDERS].mean(1) - rest[:, collar]
         )
         turn = rotation_between(
-            rotate(high, rest[:, shoulder] - rest[:, collar]), joints[:, shoulder] - middle_of
+            rotate(chest, rest[:, shoulder] - rest[:, collar]), joints[:, shoulder] - middle
         )
-        world[:, collar] = np.where((seen[:, None] & wide)[..., None], turn @ high, high)
+        world[:, collar] = np.where(wide, turn @ chest, chest)
 
 
 def _set_head(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> None:
@@ -174,7 +180,7 @@ def _set_head(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> Non
 
 
 def _set_limbs(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> None:
-    """Set the rotations of arms, legs and feet."""
+    """Set the rotations of arms, legs and feet, from those of pelvis and collars."""
     above = world[:, [_PELVIS, _PELVIS, *_COLLARS]]
     first, second = (rest[:, b] - rest[:, a] for a, b in ((_UPPER, _LOWER), (_LOWER, _END)))
     upper_known = known[:, _UPPER] & known[:, _LOWER]
@@ -187,12 +193,9 @@ def _set_limbs(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> No
     lower = np.where(
         lower_known[..., None], joints[:, _END] - joints[:, _LOWER], rotate(default @ above, second)
     )
-    bend = cross(unit(upper), unit(lower))
-    sine = np.sqrt((bend * bend).sum(-1, keepdims=True))
-    weight = np.clip((sine - _MIN_BEND) / (_FULL_BEND - _MIN_BEND), 0.0, 1.0)
     hint = _BY_TRUNK * trunk
     hint[:, :2] += _BY_FOOT * _axis_by_foot(joints, known, lower[:, :2])
-    axis = weight * unit(bend) + (1 - weight) * unit(hint)
+    axis = _hinge_axes(upper, lower, hint)
     frames = [
         frame_from_axes(bone, np.broadcast_to(_HINGES, bone.shape)) for bone in (first, second)
     ]
@@ -203,6 +206,21 @@ def _set_limbs(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> No
         turn = frame_from_axes(bones, axis) @ np.swapaxes(frame, -1, -2)
         parent = world[:, [PARENTS[row] for row in rows]]
         world[:, rows] = np.where(seen[..., None, None], turn, parent)
+    _set_feet(world, joints, rest, known)
+
+
+def _hinge_axes(upper: _Array, lower: _Array, hint: _Array) -> _Array:
+    """Return the axis (B, 4, 3) about which each limb bends, from its two bones; near to a hint if
+    the limb is straight.
+    """
+    bend = cross(unit(upper), unit(lower))
+    sine = np.sqrt((bend * bend).sum(-1, keepdims=True))
+    weight = np.clip((sine - _MIN_BEND) / (_FULL_BEND - _MIN_BEND), 0.0, 1.0)
+    axis: _Array = weight * unit(bend) + (1 - weight) * unit(hint)
+    return axis
+
+
+def _set_feet(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> None:
     foot = rest[:, _FEET] - rest[:, _ANKLES]
     shin = world[:, _KNEES]
     tread = rotation_between(rotate(shin, foot), joints[:, _FEET] - joints[:, _ANKLES]) @ shin

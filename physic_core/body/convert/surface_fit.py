@@ -245,43 +245,46 @@ def fit_surface(
     """
     points = targets.points
     weights = targets.weights
-    normals = targets.normals
-    batch = len(points)
     held = (patches.rotation_weights[None] * weights[:, None]).sum(-1) > _MIN_WEIGHT
     if start is None:
         world = _follow_parents(_kabsch_rotations(patches, points, weights), held)
         at_rest, slopes = patches.linear(world)
         start = BodyFit(world, *fit_shape(slopes, at_rest, points, weights / sigma_m**2))
-    world = start.world
-    betas = start.betas
-    transl = start.transl
-    root = np.sqrt(weights)[..., None] / sigma_m
-    shapes = betas.shape[1]
+    fit = start
+    shapes = fit.betas.shape[1]
     stay = np.concatenate(
         [np.full(3 * NUM_JOINTS, stay_m2 / sigma_m**2), np.ones(shapes), np.zeros(3)]
     )
     for _ in range(rounds):
-        at_rest, slopes = patches.linear(world)
-        gap = root * (
-            points - at_rest - (slopes @ betas[:, None, :, None])[..., 0] - transl[:, None]
-        )
-        levers = root[..., None] * patches.lever_arms(world, betas)
-        places = np.broadcast_to(np.eye(3), (*points.shape, 3))
-        linear = root[..., None] * np.concatenate([slopes, places], -1)
-        normal, pull = _normal_equations(levers, linear, gap)
-        if normals is not None:
-            across, along = _normal_equations_along(levers, linear, gap, normals)
-            normal = _TANGENT_WEIGHT * normal + across
-            pull = _TANGENT_WEIGHT * pull + along
-        pull[:, -shapes - 3 : -3] -= betas
+        normal, pull = _step_equations(patches, targets, fit, sigma_m)
+        pull[:, -shapes - 3 : -3] -= fit.betas
         step = cholesky_solve(normal + np.diag(stay), pull)
-        world = _follow_parents(
-            rotvec_to_rotmat_numpy(step[:, : 3 * NUM_JOINTS].reshape(batch, NUM_JOINTS, 3)) @ world,
-            held,
+        turns = rotvec_to_rotmat_numpy(step[:, : 3 * NUM_JOINTS].reshape(-1, NUM_JOINTS, 3))
+        fit = BodyFit(
+            _follow_parents(turns @ fit.world, held),
+            fit.betas + step[:, -shapes - 3 : -3],
+            fit.transl + step[:, -3:],
         )
-        betas = betas + step[:, -shapes - 3 : -3]
-        transl = transl + step[:, -3:]
-    return BodyFit(world, betas, transl)
+    return fit
+
+
+def _step_equations(
+    patches: SampledBodyModel, targets: SurfaceTargets, fit: BodyFit, sigma_m: float
+) -> tuple[_Array, _Array]:
+    """Return the normal equations of a step of rotations, shape and translation."""
+    points = targets.points
+    root = np.sqrt(targets.weights)[..., None] / sigma_m
+    at_rest, slopes = patches.linear(fit.world)
+    moved = (slopes @ fit.betas[:, None, :, None])[..., 0]
+    gap = root * (points - at_rest - moved - fit.transl[:, None])
+    levers = root[..., None] * patches.lever_arms(fit.world, fit.betas)
+    places = np.broadcast_to(np.eye(3), (*points.shape, 3))
+    linear = root[..., None] * np.concatenate([slopes, places], -1)
+    normal, pull = _normal_equations(levers, linear, gap)
+    if targets.normals is None:
+        return normal, pull
+    across, along = _normal_equations_along(levers, linear, gap, targets.normals)
+    return _TANGENT_WEIGHT * normal + across, _TANGENT_WEIGHT * pull + along
 
 
 def _kabsch_rotations(patches: SampledBodyModel, points: _Array, weights: _Array) -> _Array:
@@ -339,18 +342,18 @@ def _normal_equations(levers: _Array, slopes: _Array, gap: _Array) -> tuple[_Arr
         .astype(np.float64)
         .reshape(batch, NUM_JOINTS, 3, NUM_JOINTS, 3)
     )
-    normal = np.empty((batch, turns + others, turns + others))
-    trace = met[:, :, 0, :, 0] + met[:, :, 1, :, 1] + met[:, :, 2, :, 2]
+    trace = np.trace(met, axis1=2, axis2=4)
     corner = trace[:, :, None, :, None] * np.eye(3)[:, None, :] - met.transpose(0, 1, 4, 3, 2)
-    normal[:, :turns, :turns] = corner.reshape(batch, turns, turns)
     both = matmul(flat, linear).reshape(batch, NUM_JOINTS, 3, 3, others)
-    normal[:, :turns, turns:] = (
-        _curl(both.transpose(0, 1, 4, 2, 3)).transpose(0, 1, 3, 2).reshape(batch, turns, others)
-    )
-    normal[:, turns:, :turns] = np.swapaxes(normal[:, :turns, turns:], 1, 2)
+    side = _curl(both.transpose(0, 1, 4, 2, 3)).transpose(0, 1, 3, 2).reshape(batch, turns, others)
     design = slopes.reshape(batch, 3 * points, others)
     across = np.swapaxes(design, 1, 2)
-    normal[:, turns:, turns:] = matmul(across, design)
+    normal = np.block(
+        [
+            [corner.reshape(batch, turns, turns), side],
+            [np.swapaxes(side, 1, 2), matmul(across, design)],
+        ]
+    )
     pull = np.concatenate(
         [
             _curl(matmul(flat, gap).reshape(batch, NUM_JOINTS, 3, 3)).reshape(batch, turns),

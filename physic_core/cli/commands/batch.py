@@ -23,7 +23,7 @@ from physic_core.cli.output import echo
 from physic_core.errors import InputError, OutputError
 
 if TYPE_CHECKING:
-    from physic_core.batch.photos import PhotoItem
+    from physic_core.batch.photos import PhotoItem, Shard
     from physic_core.batch.process import BatchJob
     from physic_core.batch.run import BatchPlan, Executor
 
@@ -46,6 +46,11 @@ them took.
 """
 
 _LEVELS = ("pictures", "numbers", "people", "none")
+
+
+def _logs(out: Path, part: Shard | None) -> Path:
+    logs = out.absolute() / "logs"
+    return logs if part is None else logs / f"{part.number}-of-{part.count}"
 
 
 @click.command()
@@ -121,10 +126,7 @@ def batch(
         _write_tables(out, with_sheet=with_sheet)
         return
     part = None if shard is None else Shard.parse(shard)
-    logs = out.absolute() / "logs"
-    if part is not None:
-        logs = logs / f"{part.number}-of-{part.count}"
-    run = _executor(logs, options)
+    run = _executor(_logs(out, part), options)
     listed = list_photos(photos)
     items = [item for item in listed.photos if part is None or item.id in part]
     default = "pictures" if with_sheet and len(listed.photos) <= _FEW else "numbers"
@@ -137,10 +139,9 @@ def batch(
         least=options["save"] or "numbers",
     )
     todo = plan.todo[:limit]
-    now = f"; {len(todo):,} of them now (--limit)" if len(todo) < len(plan.todo) else ""
     if listed.skipped:
         echo(f"files skipped (not photos, hidden, or of results): {listed.skipped:,}", err=True)
-    echo(_describe(plan, len(items)) + now, err=True)
+    echo(_describe(plan, len(items), limit), err=True)
     if dry_run:
         _print_forecast(todo, job)
         return
@@ -155,18 +156,9 @@ def batch(
         else:
             echo(f"tables of all shards, when they are done: physic batch --tables -o {folder}")
 
-    try:
-        with _stopped_by_signals():
-            run_batch(todo, job, run, folder / shard_journal(part), progress.add)
-    except BaseException as error:  # a batch that is stopped has the tables of its rows, too
-        if progress.done:
-            with suppress(OutputError):
-                finish(f"stopped after {progress.done:,} of {len(todo):,} photos: ")
-        if isinstance(error, KeyboardInterrupt):
-            command = shlex.join(["physic", *sys.argv[1:]])
-            echo(f"stopped; the same command continues: {command}", err=True)
-        raise
-    finish("")
+    journal = folder / shard_journal(part)
+    with _finished(finish, progress), _stopped_by_signals():
+        run_batch(todo, job, run, journal, progress.add)
 
 
 def _tables(folder: Path, *, with_sheet: bool) -> list[Path]:
@@ -242,7 +234,7 @@ def _executor(logs: Path, options: Mapping[str, Any]) -> Executor:
     return open_executor(options["executor"], settings)
 
 
-def _describe(plan: BatchPlan, photos: int) -> str:
+def _describe(plan: BatchPlan, photos: int, limit: int | None) -> str:
     failed = sum(plan.failed.values())
     reasons = ", ".join(f"{number:,} {reason}" for reason, number in plan.why.items())
     parts = [f"{photos:,} photos: {plan.done:,} done before"]
@@ -256,7 +248,25 @@ def _describe(plan: BatchPlan, photos: int) -> str:
         )
     if plan.damaged:
         parts.append(f"{plan.damaged:,} damaged lines of the journal are skipped")
+    if limit is not None and limit < len(plan.todo):
+        parts.append(f"{limit:,} of them now (--limit)")
     return "; ".join(parts)
+
+
+@contextmanager
+def _finished(finish: Callable[[str], None], progress: _Progress) -> Iterator[None]:
+    """Call ``finish`` at the end with what its line begins with."""
+    try:
+        yield
+    except BaseException as error:  # a batch that is stopped has the tables of its rows, too
+        if progress.done:
+            with suppress(OutputError):
+                finish(f"stopped after {progress.done:,} of {progress.total:,} photos: ")
+        if isinstance(error, KeyboardInterrupt):
+            command = shlex.join(["physic", *sys.argv[1:]])
+            echo(f"stopped; the same command continues: {command}", err=True)
+        raise
+    finish("")
 
 
 class _Progress:
@@ -268,6 +278,7 @@ class _Progress:
         write: writes the tables; None to write none in between.
 
     Attributes:
+        total: number of photos.
         done: number of rows so far.
         counts: the same by the class of the error, "" of those that are done.
     """
@@ -275,7 +286,7 @@ class _Progress:
     def __init__(self, total: int, write: Callable[[], Any] | None) -> None:
         self.done = 0
         self.counts = Counter[str]()
-        self._total = total
+        self.total = total
         self._write = write
         self._start = self._next_write = time.monotonic()
         self._unwritten = 0
@@ -289,9 +300,9 @@ class _Progress:
         reason = f": {row['error']}: {message}" if row["error"] else ""
         failed = self.done - self.counts[""]
         failures = f", {failed} failed" if failed else ""
-        left = _duration((self._total - self.done) * seconds / self.done)
+        left = _duration((self.total - self.done) * seconds / self.done)
         rate = f"{60 * self.done / seconds:.1f} photos/min, {left} left{failures}"
-        echo(f"[{self.done}/{self._total}] {row['state']} {row['path']}{reason} ({rate})", err=True)
+        echo(f"[{self.done}/{self.total}] {row['state']} {row['path']}{reason} ({rate})", err=True)
         self._unwritten += 1
         if (
             self._write is not None

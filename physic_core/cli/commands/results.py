@@ -14,7 +14,21 @@ from physic_core.cli.arguments import AnyPath, ResultPath
 from physic_core.cli.output import echo, echo_json, format_table
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from physic_core.batch.comparison import Comparison
     from physic_core.errors import PhysicError
+
+
+def _print_comparison(photos: Sequence[Comparison], about: Sequence[tuple[str, list[str]]]) -> None:
+    """Print what was compared, a table of photos and people, and the summary of all photos."""
+    from physic_core.batch.comparison import HEAD, table_rows
+
+    for title, lines in about[:-1]:
+        echo(f"{title}: {'; '.join(lines)}")
+    rows = [row for photo in photos for row in table_rows(photo)]
+    echo(format_table([HEAD, *rows]))
+    echo("\n".join(about[-1][1]))
 
 
 @click.command()
@@ -32,14 +46,12 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
     The distance of a photo is the median depth of its scene.
     """
     from physic_core.batch.comparison import (
-        HEAD,
         PICTURE_HEIGHT,
         changed_lines,
         compare_results,
         comparison_page,
         pair_results,
         summary_lines,
-        table_rows,
     )
     from physic_core.batch.contact_sheet import result_link, thumbnail_jpeg
     from physic_core.errors import InputError
@@ -53,23 +65,23 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
     photos = []
     pictures = []
     links = []
-    failed = None
+    failures = []
     for pair in paired.both:
         try:
             results = [load_reconstruction(folder) for folder in pair]
             photos.append(compare_results(results[0], results[1], pair[0].resolve().name))
         except InputError as error:
-            if failed is not None:
-                echo(f"Error: {failed}", err=True)
-            failed = error
+            failures.append(error)
         else:
             if page is not None:
                 pictures.append(
                     [thumbnail_jpeg(one, PICTURE_HEIGHT, numbered=True) for one in results]
                 )
                 links.append([result_link(page.parent, folder) for folder in pair])
-    if failed is not None and not photos:
-        raise failed
+    for failure in failures[:-1]:
+        echo(f"Error: {failure}", err=True)
+    if failures and not photos:
+        raise failures[-1]
     about = [
         ("A", [str(a)]),
         ("B", [str(b)]),
@@ -83,18 +95,12 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
         }
         echo_json({"a": str(a), "b": str(b), "photos": split(photos, {}), **only})
     else:
-        for title, lines in about[:-1]:
-            echo(f"{title}: {'; '.join(lines)}")
-        rows = [row for photo in photos for row in table_rows(photo)]
-        echo(format_table([HEAD, *rows]))
-        echo("\n".join(about[-1][1]))
+        _print_comparison(photos, about)
     if page is not None:
-        echo(
-            f"wrote {write_own(page, comparison_page(photos, pictures, links, about).encode())}",
-            err=as_json,
-        )
-    if failed is not None:
-        raise failed
+        html = comparison_page(photos, pictures, links, about)
+        echo(f"wrote {write_own(page, html.encode())}", err=as_json)
+    if failures:
+        raise failures[-1]
 
 
 @click.command()

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from physic_core.cli.arguments import AnyPath, Device, Number, Numbers, configuration_options
 from physic_core.cli.output import collect_plugin_messages, echo, reserve_folder, show_progress
+
+if TYPE_CHECKING:
+    from physic_core.types import Reconstruction
 
 
 def _setting(
@@ -56,6 +59,23 @@ def _only_photo(ctx: click.Context, parameter: click.Parameter, photos: tuple[Pa
             "1.7,1.8 or --set KEY=VALUE"
         )
     return photos[0]
+
+
+def _suggest_focal_length(result: Reconstruction) -> None:
+    if not result.intrinsics.known:
+        what = "widths and heights in the scene" if result.scene.measured else "all distances"
+        echo(
+            f"{what} follow the focal length: if you know it, give --focal-px PX, in px of the "
+            "photo file, or --intrinsics fx,fy,cx,cy",
+            err=True,
+        )
+
+
+def _check_flags(flags: Collection[str], *, open_page: bool, report: bool | None) -> None:
+    if "--focal-px" in flags and "--intrinsics" in flags:
+        raise click.UsageError("--focal-px and --intrinsics both set the camera: give only one")
+    if open_page and report is False:
+        raise click.UsageError("--no-report writes no page that --open could show: leave one out")
 
 
 @click.command()
@@ -201,10 +221,7 @@ def run(
     folders.
     """
     flags: dict[str, dict[str, Any]] = ctx.ensure_object(dict)
-    if "--focal-px" in flags and "--intrinsics" in flags:
-        raise click.UsageError("--focal-px and --intrinsics both set the camera: give only one")
-    if open_page and report is False:
-        raise click.UsageError("--no-report writes no page that --open could show: leave one out")
+    _check_flags(flags, open_page=open_page, report=report)
     from physic_core.configuration.resolve import load_plan
 
     # Fast checks come first: no network is loaded before config, files, device and output folder
@@ -239,14 +256,7 @@ def run(
 
         record = record_of(result, {path.name: file_digest(path) for path in written[1:]})
         print_summary(folder, record, verbose=verbose)
-    if not quiet and not result.intrinsics.known:
-        what = "widths and heights in the scene" if result.scene.measured else "all distances"
-        echo(
-            f"{what} follow the focal length: if you know it, give --focal-px PX, in px of the "
-            f"photo file, or "
-            "--intrinsics fx,fy,cx,cy",
-            err=True,
-        )
+        _suggest_focal_length(result)
     if open_page:
         import webbrowser
 

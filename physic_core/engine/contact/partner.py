@@ -4,7 +4,7 @@ support.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -60,36 +60,29 @@ def assign_partners(
     """
     index = torch.full(touched.shape, NO_PARTNER, dtype=torch.int16, device=touched.device)
     table: list[ContactPartner] = []
-
-    def add(rows: Tensor, partner: ContactPartner) -> None:
+    for rows, partner in _partners(touched, near, regions, up, on_carriers):
         if bool(rows.any()):
             index[rows] = len(table)
             table.append(partner)
+    return tuple(table), index
 
-    surfaces = near.surface
-    parts = near.parts
+
+def _partners(
+    touched: Tensor,
+    near: Distances,
+    regions: ContactRegions,
+    up: Tensor,
+    on_carriers: Sequence[tuple[str, Tensor]],
+) -> Iterator[tuple[Tensor, ContactPartner]]:
+    """Yield the vertices (N, V) bool of each partner; there may be none."""
     on_scene = touched == KINDS.index("scene")
     for number, (name, carried) in enumerate(on_carriers):
-        add(carried & on_scene, ContactPartner("scene", name, id=number))
+        yield carried & on_scene, ContactPartner("scene", name, id=number)
         hidden = carried & ((touched == HIDDEN) | (touched == HIDDEN_SEAT))
-        add(hidden, ContactPartner("hidden", name, id=number))
+        yield hidden, ContactPartner("hidden", name, id=number)
         on_scene = on_scene & ~carried
         touched = torch.where(hidden, -1, touched)
-    ground = surfaces.on_floor
-    if len(parts.ground):
-        ground = ground | (torch.isfinite(surfaces.scene) & parts.ground[surfaces.point])
-    add(on_scene & ground, ContactPartner("floor", "floor"))
-    on_scene = on_scene & ~ground
-    if bool(on_scene.any()):
-        surface = parts.surface[surfaces.point]
-        rests = _resting(near.normals @ up, on_scene, regions)
-        for number, own in enumerate(torch.unique(surface[on_scene]).tolist(), len(on_carriers)):
-            rows = on_scene & (surface == own)
-            label = int(parts.label[surfaces.point[rows]].mode().values)
-            name = parts.names[label] if label >= 0 else ""
-            nameless = rests if name in UPRIGHT_CLASSES else torch.zeros_like(rests)
-            add(rows & ~nameless, ContactPartner("scene", name, id=number))
-            add(rows & nameless, ContactPartner("scene", id=number))
+    yield from _surfaces(on_scene, near, regions, up, len(on_carriers))
     for kind, skin in (("person", near.people), ("own body", near.own)):
         on_skin = touched == KINDS.index(kind)
         person = skin.person if kind == "person" else torch.zeros_like(skin.person)
@@ -101,10 +94,34 @@ def assign_partners(
                 if kind == "person"
                 else ContactPartner("self")
             )
-            add(on_skin & (pair == code), replace(whose, part=regions.names[part]))
-    add(touched == HIDDEN_SEAT, ContactPartner("hidden", "seat"))
-    add(touched == HIDDEN, ContactPartner("hidden"))
-    return tuple(table), index
+            yield on_skin & (pair == code), replace(whose, part=regions.names[part])
+    yield touched == HIDDEN_SEAT, ContactPartner("hidden", "seat")
+    yield touched == HIDDEN, ContactPartner("hidden")
+
+
+def _surfaces(
+    on_scene: Tensor, near: Distances, regions: ContactRegions, up: Tensor, first: int
+) -> Iterator[tuple[Tensor, ContactPartner]]:
+    """Yield the vertices (N, V) bool of the scene's floor and of each other surface, numbered from
+    the first one.
+    """
+    surfaces = near.surface
+    parts = near.parts
+    ground = surfaces.on_floor
+    if len(parts.ground):
+        ground = ground | (torch.isfinite(surfaces.scene) & parts.ground[surfaces.point])
+    yield on_scene & ground, ContactPartner("floor", "floor")
+    on_scene = on_scene & ~ground
+    if bool(on_scene.any()):
+        surface = parts.surface[surfaces.point]
+        rests = _resting(near.normals @ up, on_scene, regions)
+        for number, own in enumerate(torch.unique(surface[on_scene]).tolist(), first):
+            rows = on_scene & (surface == own)
+            label = int(parts.label[surfaces.point[rows]].mode().values)
+            name = parts.names[label] if label >= 0 else ""
+            nameless = rests if name in UPRIGHT_CLASSES else torch.zeros_like(rests)
+            yield rows & ~nameless, ContactPartner("scene", name, id=number)
+            yield rows & nameless, ContactPartner("scene", id=number)
 
 
 def _resting(facing: Tensor, on_scene: Tensor, regions: ContactRegions) -> Tensor:

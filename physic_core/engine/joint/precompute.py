@@ -22,6 +22,17 @@ _STEPS_PER_M = float(1 << 20)  # resolution to which positions are rounded
 _CONTACT_PROBABILITY = 0.5  # minimum of a contact vertex
 
 
+def _log_depth(depth: Tensor | None) -> Tensor | None:
+    """Return the logarithm of a depth map, NaN where depth is unknown."""
+    return None if depth is None else torch.where(depth > 0, depth, torch.nan).log()
+
+
+def _in_photo(points: Tensor, state: State) -> Tensor:
+    """Return whether the photo shows the place of each point (N, P, 3): (N, P) bool."""
+    height, width = state.masks.shape[-2:]
+    return inside_image(project(points, state.K), height, width)
+
+
 @torch.no_grad()
 def precompute(state: State, method: JointMethod) -> Sampling:
     """Compute the constants of one joint optimisation of finite people."""
@@ -29,14 +40,12 @@ def precompute(state: State, method: JointMethod) -> Sampling:
     state, model = method.prepare(state), state.model
     start = model(state.rotations, state.betas, state.transl, state.expression)
     observed = state.observed_anywhere
-    height, width = state.masks.shape[-2:]
     probability = torch.nan_to_num(state.contact_prior)
     is_contact = probability >= _CONTACT_PROBABILITY
     area = vertex_areas(start.vertices, model.faces)
     ids, area = subsample_vertices(
         model, is_contact.any(0), method.visibility.vertex_spacing_m, area
     )
-    depth = state.photo_depth
     around = method.surroundings(state)
     faces, faces_of_vertices = faces_around_vertices(model.faces, model.faces_of_vertices[ids])
     sampling = Sampling(
@@ -58,9 +67,8 @@ def precompute(state: State, method: JointMethod) -> Sampling:
         person_px=_person_px(state, start.joints[:, 0]),
         start=start,
         relative=root_relative(start.vertices[:, ids], start.joints[:, 0], state.rotations[:, 0]),
-        feet_visible=observed[:, _ANKLES]
-        & inside_image(project(start.joints[:, _ANKLES], state.K), height, width),
-        log_depth=None if depth is None else torch.where(depth > 0, depth, torch.nan).log(),
+        feet_visible=observed[:, _ANKLES] & _in_photo(start.joints[:, _ANKLES], state),
+        log_depth=_log_depth(state.photo_depth),
         fronts=None if around.depth is None else front_depth(around.depth),
     )
     return replace(

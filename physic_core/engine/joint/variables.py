@@ -82,6 +82,33 @@ class Estimate(ShortRepr):
     log_scales: Tensor
 
 
+def _check_groups(groups: Sequence[str]) -> None:
+    unknown = sorted(set(groups) - set(PARAMETER_GROUPS))
+    if unknown:
+        raise PhysicError(
+            f"cannot freeze {', '.join(unknown)}: the groups are {', '.join(PARAMETER_GROUPS)}"
+        )
+
+
+def _fixed_turns(rotations: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the rotations (B, n, 3, 3) before and after a free turn: of the root it is the last,
+    of other joints the first.
+    """
+    others = torch.cat([rotations[:, BODY], rotations[:, HANDS]], 1)
+    one = torch.eye(3).to(rotations).expand(len(rotations), 1, 3, 3)
+    before = torch.cat([one, others], 1)
+    return before, torch.cat([rotations[:, :1], one.expand_as(others)], 1)
+
+
+def _turn_sigmas(like: Tensor) -> Tensor:
+    """Return the expected corrections (n, 3) of the root, the body's joints and those of hands."""
+    pose = like.new_empty(len(JOINT_NAMES[BODY]), 3)
+    for row, name in zip(pose, JOINT_NAMES[BODY], strict=True):
+        row[:] = row.new_tensor(_POSE_SIGMAS[name.rpartition("_")[2].rstrip("123")])
+    hands = like.new_full((len(JOINT_NAMES[HANDS]), 3), _HAND_SIGMA)
+    return torch.cat([like.new_full((1, 3), _ROOT_SIGMA), pose, hands])
+
+
 class Variables:
     """Free parameters of B people and their scene.
 
@@ -117,14 +144,8 @@ class Variables:
         scale_sigma: float = DEPTH_SCALE_SIGMA,
         offset_sigma: float | Tensor = 0.2,
     ) -> None:
-        unknown = sorted(set(frozen) - set(PARAMETER_GROUPS))
-        if unknown:
-            raise PhysicError(
-                f"cannot freeze {', '.join(unknown)}: the groups are {', '.join(PARAMETER_GROUPS)}"
-            )
+        _check_groups(frozen)
         people = len(rotations)
-        device = rotations.device
-        dtype = rotations.dtype
         self.start = Estimate(
             rotations.detach(),
             betas.detach(),
@@ -134,27 +155,14 @@ class Variables:
             rotations.new_zeros(people),
         )
         self._pelvis = pelvis.detach()
-        pose_sigmas = torch.empty(len(JOINT_NAMES[BODY]), 3, device=device, dtype=dtype)
-        for row, name in zip(pose_sigmas, JOINT_NAMES[BODY], strict=True):
-            row[:] = row.new_tensor(_POSE_SIGMAS[name.rpartition("_")[2].rstrip("123")])
         self._sigmas: dict[str, Tensor | float] = {
             "betas": _BETA_SIGMA,
-            "translation": torch.tensor(
-                [_RAY_SIGMA, _RAY_SIGMA, _DEPTH_SIGMA], device=device, dtype=dtype
-            ),
+            "translation": rotations.new_tensor([_RAY_SIGMA, _RAY_SIGMA, _DEPTH_SIGMA]),
             "scale": scale_sigma,
             "offset": offset_sigma,
         }
-        body = rotations[:, BODY].detach()
-        hands = rotations[:, HANDS].detach()
-        root_sigma = transl.new_full((1, 3), _ROOT_SIGMA)
-        hand_sigmas = transl.new_full((hands.shape[1], 3), _HAND_SIGMA)
-        self._turn_sigmas = torch.cat([root_sigma, pose_sigmas, hand_sigmas])
-        one = torch.eye(3, device=device, dtype=dtype).expand(people, 1, 3, 3)
-        self._before = torch.cat([one, body, hands], 1)
-        self._after = torch.cat(
-            [rotations[:, :1].detach(), one.expand(-1, body.shape[1] + hands.shape[1], 3, 3)], 1
-        )
+        self._turn_sigmas = _turn_sigmas(rotations)
+        self._before, self._after = _fixed_turns(rotations.detach())
         self._ray = self._pelvis / self._pelvis[:, 2:]
         self._across = transl.new_tensor([1.0, 1.0, 0.0])
         self.offset_free = (transl.new_zeros(people) + offset_sigma) > 0

@@ -33,6 +33,8 @@ CAP = 0.5
 _REASONS = 2  # that are named
 _LEAST_LOSS = 0.25  # log odds that a named reason takes away
 _NOTHING = "no check lowers it much"
+# What readers found wrong of people without a failed check.
+_LOOK = "compare how head and trunk are turned, arms in depth and lifted feet with the photo"
 
 
 @dataclass(frozen=True)
@@ -158,12 +160,12 @@ def person_trust(checks: Sequence[CheckResult], person: int) -> Trust:
             named.append(name)
     probability = probability_of(values, trust_model())
     good = Grade.of(probability) is Grade.GOOD
-    if not named and not good:
-        named.append(min((name for name in shares if name in own), key=shares.__getitem__))
     why = _sentence([own[name] for name in named[:_REASONS]])
     if not good and not any(check.failed for check in own.values()):
         least = trust_text(LEAST_TRUST[Grade.GOOD])
         why += f"; no check failed, but {trust_text(probability)} lies below {least}"
+        if not named:
+            why += f": {_LOOK}"
     return Trust(probability, why)
 
 

@@ -13,7 +13,7 @@ from physic_core.metrics.matching import assign
 from physic_core.types.skeletons import keypoint_in_words
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from physic_core.io.keypoint_file import GivenKeypoints
     from physic_core.types import BoolArray, FloatArray, Keypoints, People
@@ -64,25 +64,11 @@ def corrected_keypoints(
     names = keypoints.joint_set.names
     given, missing = _known_joints(given, names)
     columns = [_column(joint, names) for joint in given.joint]
-    scores = np.ones(len(columns)) if given.confidence is None else given.confidence
     rows, strangers = _people_of(given, people)
     points = np.array(keypoints.points)
     confidence = np.array(keypoints.confidence)
     world, sigma = (None if x is None else np.array(x) for x in (keypoints.world, keypoints.sigma))
-    wanted = np.array(points, np.float64)
-    changed = np.zeros(confidence.shape, bool)
-    sure = np.ones(confidence.shape)
-    for number, column, at, score in zip(
-        given.person, columns, given.points, scores.tolist(), strict=True
-    ):
-        if (person := rows.get(number)) is not None:
-            wanted[person, column] = at
-            sure[person, column] = score
-            is_new = (
-                confidence[person, column] == 0
-                or np.abs(at - points[person, column]).max() > _SAME_PX
-            )
-            changed[person, column] = is_new
+    wanted, sure, changed = _given_values(keypoints, given, columns, rows)
     for person, column in np.argwhere(changed):
         at = wanted[person, column]
         (side, _, joint) = names[column].partition("_")
@@ -102,6 +88,30 @@ def corrected_keypoints(
     corrected = replace(keypoints, points=points, confidence=confidence, world=world, sigma=sigma)
     what = _what_changed(keypoints, corrected, changed, given.file_px)
     return corrected, changed, (*given.notes, *missing, what, *strangers)
+
+
+def _given_values(
+    keypoints: Keypoints, given: GivenKeypoints, columns: Sequence[int], rows: Mapping[int, int]
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return points (N, J, 2) and confidence (N, J) with the given ones, and which ones these
+    change.
+    """
+    scores = np.ones(len(columns)) if given.confidence is None else given.confidence
+    points = keypoints.points
+    wanted = np.array(points, np.float64)
+    changed = np.zeros(keypoints.confidence.shape, bool)
+    sure = np.ones(keypoints.confidence.shape)
+    for number, column, at, score in zip(
+        given.person, columns, given.points, scores.tolist(), strict=True
+    ):
+        if (person := rows.get(number)) is not None:
+            wanted[person, column] = at
+            sure[person, column] = score
+            changed[person, column] = (
+                keypoints.confidence[person, column] == 0
+                or np.abs(at - points[person, column]).max() > _SAME_PX
+            )
+    return wanted, sure, changed
 
 
 def contradicted_keypoints(

@@ -87,39 +87,19 @@ def prepare_photo(
     else:
         photo, inside = limit_inside(photo, inside, settings.max_side)
     height, width = photo.image.shape[:2]
-    if people is None and (settings.person or settings.box):
-        people = PeoplePrompt(settings.person, settings.box)
-    if settings.ignore:
-        if people is not None:
-            raise ConfigError(
-                "photo.ignore leaves people out, and people are chosen: give only one"
-            )
-        people = PeoplePrompt(settings.ignore, ignored=True)
-    prompt = (
-        None
-        if people is None
-        else resize_prompt(checked_prompt(people, *file_size), file_size, (width, height))
-    )
+    size = width, height
+    chosen = _chosen_people(people, settings)
+    prompt = None
+    if chosen is not None:
+        prompt = resize_prompt(checked_prompt(chosen, *file_size), file_size, size)
     given = check_lengths(settings.known_sizes(known), *file_size)
     sizes = given.resized(width / file_size[0], height / file_size[1])
-    keypoints = None
-    if settings.keypoints is not None:
-        keypoints = read_keypoints(settings.keypoints, file_size[0], file_size[1], photo.name)
-    if keypoints is not None:
-        keypoints = keypoints.moved(
-            lambda pixels: (pixels + 0.5) * np.divide((width, height), file_size) - 0.5
-        )
-        keypoints = replace(keypoints, file_px=file_size[0] / width)
+    keypoints = _given_keypoints(settings, photo.name, file_size, size)
+    prepared = PreparedPhoto(photo, prompt, sizes, None, keypoints=keypoints)
     if inside is not None:
-        corner = np.array([inside[1].start, inside[0].start])
-        border = Border(photo.image, inside)
-        moved = move_pixels(
-            prompt, sizes, lambda pixels: pixels - corner, lambda mask: mask[inside]
-        )
-        keypoints = None if keypoints is None else keypoints.moved(lambda pixels: pixels - corner)
-        return PreparedPhoto(cut_border(photo, inside), *moved, None, border, keypoints)
+        return _without_border(prepared, inside)
     if settings.distortion is None or photo.intrinsics is None:
-        return PreparedPhoto(photo, prompt, sizes, None, keypoints=keypoints)
+        return prepared
     camera = photo.intrinsics
     lens = Lens(camera.resized(*file_size), settings.distortion)
     undistorted = undistort(photo, prompt, sizes, lens.distortion)
@@ -130,6 +110,45 @@ def prepare_photo(
             lambda pixels: undistort_pixels(pixels, camera, lens.distortion)
         )
     return PreparedPhoto(*undistorted, lens, keypoints=keypoints)
+
+
+def _given_keypoints(
+    settings: PhotoSettings, photo: str, file_size: tuple[int, int], size: tuple[int, int]
+) -> GivenKeypoints | None:
+    """Return the keypoints of the settings' file, px of a photo of a size, width and height."""
+    if settings.keypoints is None:
+        return None
+    keypoints = read_keypoints(settings.keypoints, file_size[0], file_size[1], photo).moved(
+        lambda pixels: (pixels + 0.5) * np.divide(size, file_size) - 0.5
+    )
+    return replace(keypoints, file_px=file_size[0] / size[0])
+
+
+def _without_border(prepared: PreparedPhoto, inside: tuple[slice, slice]) -> PreparedPhoto:
+    """Return the part of a photo inside a border, with people, sizes and keypoints in its px."""
+    photo = prepared.photo
+    corner = np.array([inside[1].start, inside[0].start])
+    prompt, sizes = move_pixels(
+        prepared.people, prepared.known, lambda pixels: pixels - corner, lambda mask: mask[inside]
+    )
+    keypoints = prepared.keypoints and prepared.keypoints.moved(lambda pixels: pixels - corner)
+    border = Border(photo.image, inside)
+    return PreparedPhoto(cut_border(photo, inside), prompt, sizes, None, border, keypoints)
+
+
+def _chosen_people(people: PeoplePrompt | None, settings: PhotoSettings) -> PeoplePrompt | None:
+    """Return the given people, or those of the settings; None for all people.
+
+    Raises:
+        ConfigError: people are both chosen and left out.
+    """
+    if people is None and (settings.person or settings.box):
+        people = PeoplePrompt(settings.person, settings.box)
+    if not settings.ignore:
+        return people
+    if people is not None:
+        raise ConfigError("photo.ignore leaves people out, and people are chosen: give only one")
+    return PeoplePrompt(settings.ignore, ignored=True)
 
 
 def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:

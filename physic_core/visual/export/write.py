@@ -9,8 +9,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from physic_core.discovery.hooks import ExporterRecord
 from physic_core.discovery.plugins import Found, call_item, find_exporter
 from physic_core.errors import ConfigError, InputError, OutputError, PluginError
@@ -123,7 +121,7 @@ def _people(
         InputError: the format needs a body, and the result has none.
     """
     count = len(result.people)
-    bodiless = {i for i, one in enumerate(result.people) if not np.isfinite(one.vertices).all()}
+    bodiless = {i for i, one in enumerate(result.people) if not one.has_body}
     chosen = range(count) if person is None else person
     wanted = [chosen] if isinstance(chosen, int) else list(dict.fromkeys(chosen))
     for index in wanted:

@@ -99,26 +99,15 @@ class DressedBodies:
 @kept_for_next_picture
 def dressed_bodies(result: Reconstruction) -> DressedBodies:
     """Return the colours of the people of a result."""
-    people = enumerate(result.people)
-    posed = {
-        i: one.vertices.astype(np.float64) for i, one in people if np.isfinite(one.vertices).all()
-    }
     faces = np.asarray(result.faces, np.int64)
-    model = _model(result) if posed else None
-    normals = {i: vertex_normals(vertices, faces) for i, vertices in posed.items()}
-    shoes = (
-        {}
-        if model is None
-        else {i: worn_shoes(result, i, posed[i], normals[i], model) for i in posed}
-    )
-    for index, toes in shoes.items():
-        posed[index], normals[index] = with_shoes(posed[index], normals[index], toes)
+    model = _model(result) if any(one.has_body for one in result.people) else None
+    posed, normals, shoes = _shod(result, faces, model)
     bodies = prepare_meshes(list(posed.values()), faces, longest_edge=LONGEST_BODY_EDGE_M)
     mesh = embedded_coordinates() if model is not None and model.name == "embedded" else None
-    colors = dict[int, "UInt8Array"]()
-    fill = dict[int, "Array"]()
-    filled = dict[int, "NDArray[np.float32]"]()
-    shown = dict[int, float]()
+    colors: dict[int, UInt8Array] = {}
+    fill: dict[int, Array] = {}
+    filled: dict[int, NDArray[np.float32]] = {}
+    shown: dict[int, float] = {}
     others, parts, pull = _sides_and_parts(model, len(result.people[0].vertices) if posed else 0)
     laplacian = _laplacian(faces, len(others)) if posed else None
     for index, vertices in posed.items():
@@ -130,6 +119,23 @@ def dressed_bodies(result: Reconstruction) -> DressedBodies:
         areas = vertex_areas(vertices, faces)
         shown[index] = float(areas[seen > SHOWN].sum() / max(areas.sum(), 1e-12))
     return DressedBodies(colors, fill, filled, shown, shoes, posed, normals, mesh, bodies)
+
+
+def _shod(
+    result: Reconstruction, faces: NDArray[np.int64], model: BodyArrays | None
+) -> tuple[dict[int, Array], dict[int, Array], dict[int, Sequence[Array]]]:
+    """Return person -> vertices and normals, both with shoes, and the shoes, of those with a
+    body.
+    """
+    people = enumerate(result.people)
+    posed = {i: one.vertices.astype(np.float64) for i, one in people if one.has_body}
+    normals = {i: vertex_normals(vertices, faces) for i, vertices in posed.items()}
+    shoes: dict[int, Sequence[Array]] = {}
+    if model is not None:
+        for i in posed:
+            shoes[i] = worn_shoes(result, i, posed[i], normals[i], model)
+            posed[i], normals[i] = with_shoes(posed[i], normals[i], shoes[i])
+    return posed, normals, shoes
 
 
 @kept_for_next_picture
@@ -255,14 +261,12 @@ def _hair(
         return None
     (head, neck), outline = (points @ matrix[:2].T / points[:, 2:] for points in (joints, face))
     radius = float(_HAIR_M * matrix[0, 0] / joints[0, 2])
-    size = person.mask.shape[::-1]
     low, high = (
-        np.clip(np.round(head + side * radius), 0, size).astype(np.int64) for side in (-1, 1)
+        np.clip(np.round(head + side * radius), 0, person.mask.shape[::-1]).astype(np.int64)
+        for side in (-1, 1)
     )
     window = slice(low[1], high[1]), slice(low[0], high[0])
-    rows, columns = np.mgrid[window]
-    beyond = np.stack([columns, rows], -1) - head
-    around = person.mask[window] & ((beyond**2).sum(-1) < radius**2) & (beyond @ (head - neck) > 0)
+    around = person.mask[window] & _is_above(window, head, neck, radius)
     if not around.size:
         return None
     # the rim has colours of the background
@@ -272,6 +276,18 @@ def _hair(
         return None
     color: Array = np.percentile(result.image[window][shown > 0], _DARKER, axis=0)
     return color
+
+
+def _is_above(
+    window: tuple[slice, slice], head: Array, neck: Array, radius: float
+) -> NDArray[np.bool_]:
+    """Return which pixels of a window are nearer than a radius to a head, and beyond it as seen
+    from the neck, px.
+    """
+    rows, columns = np.mgrid[window]
+    beyond = np.stack([columns, rows], -1) - head
+    above: NDArray[np.bool_] = ((beyond**2).sum(-1) < radius**2) & (beyond @ (head - neck) > 0)
+    return above
 
 
 def _laplacian(faces: NDArray[np.int64], count: int) -> csr_matrix:

@@ -15,7 +15,10 @@ from physic_core.cli.output import echo
 from physic_core.errors import InputError
 
 if TYPE_CHECKING:
-    from physic_bench.datasets.base import DataSet
+    from collections.abc import Callable, Sequence
+
+    from physic_bench.contract import Frame
+    from physic_bench.datasets.base import DataSet, FrameSet
     from physic_bench.run import Method
     from physic_core.configuration.model import Config
 
@@ -130,6 +133,36 @@ def _command_of(chosen: DataSet) -> click.Command:
     return click.Command(chosen.name, params=[*_COMMON, *chosen.options], callback=run, help=about)
 
 
+def _require_complete(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
+    missing = chosen.missing(given.root, given.reconstructs, **options)
+    if missing:
+        lines = "\n".join(f"  {sentence}" for sentence in missing)
+        raise InputError(
+            f"{given.root} is not complete; `physic evaluate {chosen.name} --help` says what to "
+            f"get:\n{lines}"
+        )
+
+
+def _require_frames(found: FrameSet, root: Path) -> None:
+    if not found.frames:
+        reason = next(iter(found.left_out.values()), "it is empty")
+        raise InputError(f"no frame of {root} can be evaluated: {reason}")
+
+
+def _reconstructed(
+    frames: Sequence[Frame], config: Config, given: _Given, report: Callable[[str], None]
+) -> Method:
+    """Reconstruct all frames, and return where the results are."""
+    from physic_bench.run import Method, reconstruct_frames
+
+    folder = given.out / "reconstructions"
+    failures = reconstruct_frames(
+        frames, folder, config, given.workers, report, with_camera=not given.no_camera
+    )
+    name = given.preset or (given.config.stem if given.config else "embedded")
+    return Method(f"physic {name}", "physic", folder, failures)
+
+
 def _evaluate(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
     """Check everything that can be wrong before anything is computed; then reconstruct, score and
     write.
@@ -138,16 +171,10 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
         raise click.UsageError(
             '--preset cannot be combined with --config: write extends = "NAME" into the file'
         )
-    missing = chosen.missing(given.root, given.reconstructs, **options)
-    if missing:
-        lines = "\n".join(f"  {sentence}" for sentence in missing)
-        raise InputError(
-            f"{given.root} is not complete; `physic evaluate {chosen.name} --help` says what to "
-            f"get:\n{lines}"
-        )
+    _require_complete(chosen, options, given)
     from physic_bench.bodies import BodyFiles
     from physic_bench.datasets.base import Choice
-    from physic_bench.run import Method, evaluate_methods, reconstruct_frames
+    from physic_bench.run import evaluate_methods
     from physic_bench.scoring import columns_for
     from physic_bench.tables import Tables, check_results, write_results
     from physic_core.files.atomic import MARK, check_writable
@@ -158,18 +185,11 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
     methods = _methods(given)
     config = _config(given) if given.reconstructs else None
     found = chosen.frames(given.root, Choice(given.frames, given.limit), files, **options)
-    if not found.frames:
-        reason = next(iter(found.left_out.values()), "it is empty")
-        raise InputError(f"no frame of {given.root} can be evaluated: {reason}")
+    _require_frames(found, given.root)
     for note in (f"{len(found.frames)} frames", *found.notes):
         report(note)
     if config is not None:
-        folder = given.out / "reconstructions"
-        failures = reconstruct_frames(
-            found.frames, folder, config, given.workers, report, with_camera=not given.no_camera
-        )
-        name = given.preset or (given.config.stem if given.config else "embedded")
-        methods.insert(0, Method(f"physic {name}", "physic", folder, failures))
+        methods.insert(0, _reconstructed(found.frames, config, given, report))
     records, scored = evaluate_methods(found, methods, files)
     every = [record for own in records.values() for record in own]
     columns = columns_for(

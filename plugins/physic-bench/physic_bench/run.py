@@ -69,6 +69,13 @@ class Method:
         return found, "" if found is not None else self.failures.get(frame.id, "no result")
 
 
+def _settings_of(frame: Frame) -> dict[str, Any]:
+    """Return the settings of a photo with the true camera of a frame."""
+    settings = {"intrinsics": frame.camera.K[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()}
+    lens = list(frame.camera.distortion)
+    return {**settings, "distortion": lens} if any(lens) else settings
+
+
 def reconstruct_frames(
     frames: Sequence[Frame],
     out: Path,
@@ -109,14 +116,9 @@ def reconstruct_frames(
             path = picture_file(frame, out / "pictures")
         except InputError as error:
             failed[frame.id] = str(error)
-            continue
-        K = frame.camera.K
-        lens = list(frame.camera.distortion)
-        camera = {
-            "intrinsics": K[[0, 1, 0, 1], [0, 1, 2, 2]].tolist(),
-            **({"distortion": lens} if any(lens) else {}),
-        }
-        items.append(PhotoItem(frame.id, str(path.resolve()), camera if with_camera else {}))
+        else:
+            camera = _settings_of(frame) if with_camera else {}
+            items.append(PhotoItem(frame.id, str(path.resolve()), camera))
     plan = plan_batch(items, job)
     report(f"{len(items)} pictures: {len(plan.todo)} to reconstruct, {plan.done} done before")
     executor = partial(

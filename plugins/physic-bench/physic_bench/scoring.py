@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
     from physic_bench.bodies import BodyFiles
     from physic_bench.contract import BenchPerson, Frame, Prediction, Surface, Truth
+    from physic_core.types import BoolArray, FloatArray
 
     Array = NDArray[np.float64]
     Bools = NDArray[np.bool_]
@@ -186,6 +187,19 @@ def match_to_truth(frame: Frame, truth: Truth, prediction: Prediction) -> dict[i
     return match_by_boxes(predicted, true, MIN_IOU).predicted_of
 
 
+def _joint_errors(
+    own: FloatArray, true: FloatArray, known: BoolArray, hips: Sequence[FloatArray]
+) -> Record:
+    """Return the errors of joints (J, 3) of which the truth is known (J,), and of the hips."""
+    return {
+        "me_mpjpe": float(mpjpe_mm(own, true, known)),
+        "ca_mpjpe": float(mpjpe_mm(own - hips[0], true - hips[1], known)),
+        "pa_mpjpe": float(pa_mpjpe_mm(own, true, known)),
+        "rt_error": 1000 * float(np.linalg.norm(hips[0] - hips[1])),
+        "depth_ratio": float(hips[0][2] / hips[1][2]),
+    }
+
+
 def pose_errors(
     found: BenchPerson, person: BenchPerson, files: BodyFiles, unmeasured: list[str]
 ) -> Record:
@@ -198,14 +212,8 @@ def pose_errors(
         known = np.asarray(np.isfinite(true).all(-1))
         pair = [k for k, name in enumerate(names) if name in ("left_hip", "right_hip") and known[k]]
         hips = [joints[pair].mean(0) if pair else np.full(3, np.nan) for joints in (own, true)]
-        record |= {
-            "me_mpjpe": float(mpjpe_mm(own, true, known)),
-            "ca_mpjpe": float(mpjpe_mm(own - hips[0], true - hips[1], known)),
-            "pa_mpjpe": float(pa_mpjpe_mm(own, true, known)),
-            "rt_error": 1000 * float(np.linalg.norm(hips[0] - hips[1])),
-            "depth_ratio": float(hips[0][2] / hips[1][2]),
-            "joints": f"{known.sum()} ({person.joint_source})",
-        }
+        record |= _joint_errors(own, true, known, hips)
+        record["joints"] = f"{known.sum()} ({person.joint_source})"
     elif person.joints is not None:
         unmeasured.append("the result has no joints by name")
     if person.vertices is None or found.vertices is None:

@@ -123,7 +123,7 @@ def test_a_body_hidden_by_something_nearer_is_not_drawn_into_its_mask(
     with_pillar = fitted(backend, seen, depth_of(seen, hidden))
     without_pillar = fitted(backend, seen, depth_of(seen))
     np.testing.assert_allclose(with_pillar, without, rtol=0, atol=2e-3)
-    assert np.abs(without_pillar - without).max() > 0.005
+    assert np.abs(without_pillar - without).max() > 4e-3
 
 
 def test_hidden_legs_are_not_drawn_into_a_mask():

@@ -16,7 +16,6 @@ from physic_core.visual.glb import (
     build_glb,
     glb_notes,
     photo_appearance,
-    textured_scene,
 )
 from physic_core.visual.palette import BODY_RGB
 from physic_core.visual.rig import rigs
@@ -48,7 +47,6 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     Raises:
         InputError: the skeleton of the bodies is not known.
     """
-    result = request.result
     options = request.options
     style = str(options["names"])
     up = request.frame.up_vector
@@ -62,8 +60,7 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     def look(glb: GlbBuilder, index: int, _: ExportRequest) -> Appearance:
         return body_look(glb, index, colors)
 
-    background = textured_scene(result, request.frame) if request.scene else None
-    glb = build_glb(request, background, skins, look=look)
+    glb = build_glb(request, skins, look=look)
     if skins:
         joints = [skin["joints"] for skin in glb.tree["skins"]]
         keys = [

@@ -232,28 +232,33 @@ def body_segments(rig: Rig, vertices: Array, ground: Mapping[str, float]) -> lis
     volumes = np.array([_volume(*hull) for hull in hulls])
     masses = DENSITY_KG_M3 * _volume(vertices, rig.faces) * volumes / volumes.sum()
     lowest = [float(vertices[part == joint, 2].min()) for joint in range(NUM_BODIES)]
-    owner = part[rig.faces]
-    owner = np.where(owner[:, 1] == owner[:, 2], owner[:, 1], owner[:, 0])
+    owner = _owner_of_faces(part[rig.faces])
     made = []
-    for joint in range(NUM_BODIES):
-        parent = PARENTS[joint]
-        name = JOINT_NAMES[joint]
-        pose = poses[joint] if parent < 0 else np.linalg.inv(poses[parent]) @ poses[joint]
-        hinges, rest = ((), pose[:3, :3]) if parent < 0 else _hinges(name, rig.rotations[joint])
-        zero = pose.copy()
-        zero[:3, :3] = rest
-        local = (vertices - poses[joint][:3, 3]) @ poses[joint][:3, :3]
+    for joint, name in enumerate(JOINT_NAMES[:NUM_BODIES]):
+        pose, zero, hinges = _joint(rig, poses, joint)
+        place = poses[joint][:3, 3]
+        turn = poses[joint][:3, :3]
+        local = (vertices - place) @ turn
         used, faces = np.unique(rig.faces[owner == joint], return_inverse=True)
         soles = np.zeros((0, 3))
         if name.endswith(("ankle", "foot")) or lowest[joint] < FLAT_M:
             level = _sole_level(name, lowest, ground)
             soles = _soles(local[part == joint], poses[joint][2, :3], lowest[joint] - level)
-        hull = (hulls[joint][0] - poses[joint][:3, 3]) @ poses[joint][:3, :3], hulls[joint][1]
+        hull = (hulls[joint][0] - place) @ turn, hulls[joint][1]
         capsule = _capsule(name, local[part == joint], poses, joint)
         skin = local[used], faces.reshape(-1, 3)
         made.append(
             Segment(
-                name, parent, pose, zero, hinges, float(masses[joint]), skin, hull, capsule, soles
+                name,
+                PARENTS[joint],
+                pose,
+                zero,
+                hinges,
+                float(masses[joint]),
+                skin,
+                hull,
+                capsule,
+                soles,
             )
         )
     return made
@@ -317,6 +322,24 @@ def _capsule(name: str, points: Array, poses: Array, joint: int) -> Capsule | No
     half = max(float(high - low) / 2 - radius, 1e-3)
     ends = np.array([-half, half]) + (low + high) / 2
     return Capsule(center + ends[:, None] * axis, radius)
+
+
+def _owner_of_faces(parts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the part (F,) of most of the corners (F, 3) of each face; of three, the first."""
+    return np.where(parts[:, 1] == parts[:, 2], parts[:, 1], parts[:, 0])
+
+
+def _joint(rig: Rig, poses: Array, joint: int) -> tuple[Array, Array, tuple[Hinge, ...]]:
+    """Return the pose (4, 4) of a joint in the frame of its parent, the same with all hinges at 0,
+    and its hinges.
+    """
+    parent = PARENTS[joint]
+    if parent < 0:
+        return poses[joint], poses[joint].copy(), ()
+    pose = np.linalg.inv(poses[parent]) @ poses[joint]
+    zero = pose.copy()
+    hinges, zero[:3, :3] = _hinges(JOINT_NAMES[joint], rig.rotations[joint])
+    return pose, zero, hinges
 
 
 def _sole_level(name: str, lowest: Sequence[float], ground: Mapping[str, float]) -> float:

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.body.arrays import BodyArrays
-    from physic_core.types import Person
+    from physic_core.types import Intrinsics, Person
 
 RGBA = "0.77 0.75 0.73 1"
 FRICTION = "0.8 0.005 0.0001"
@@ -254,15 +254,7 @@ def _mjcf_tree(
     ElementTree.SubElement(
         root, "option", gravity="0 0 -9.81", timestep="0.002", integrator="implicitfast"
     )
-    visual = ElementTree.SubElement(root, "visual")
-    camera = result.intrinsics
-    ElementTree.SubElement(
-        visual, "global", offwidth=str(camera.width), offheight=str(camera.height)
-    )
-    ElementTree.SubElement(
-        visual, "headlight", ambient="0.4 0.4 0.4", diffuse="0.6 0.6 0.6", specular="0 0 0"
-    )
-    ElementTree.SubElement(visual, "map", znear="0.01")
+    _add_visual(root, result.intrinsics)
     if jointed:
         ElementTree.SubElement(
             ElementTree.SubElement(root, "default"), "joint", armature=f"{_ARMATURE:g}"
@@ -272,15 +264,11 @@ def _mjcf_tree(
     if jointed:
         ElementTree.SubElement(root, "actuator")
     if result.scene.floor is not None:
-        plane = {"name": "floor", "type": "plane", "size": "0 0 1", "rgba": _FLOOR}
-        ElementTree.SubElement(world, "geom", plane | {"friction": FRICTION})
-    for number, tile in enumerate(tiles):
-        name = f"scene_{number}"
-        add_mesh(asset, name, transform_points(matrix, tile.vertices), tile.faces)
-        rgba = " ".join(f"{v:.3f}" for v in [*tile.color, 1.0])
         ElementTree.SubElement(
-            world, "geom", {"name": name, "type": "mesh", "mesh": name, "rgba": rgba} | _HARD
+            world, "geom", name="floor", type="plane", size="0 0 1", rgba=_FLOOR, friction=FRICTION
         )
+    for number, tile in enumerate(tiles):
+        _add_tile(asset, world, f"scene_{number}", tile, matrix)
     if rigid := [index for index in request.person if index not in {one.index for one in jointed}]:
         model = body_of_result(result, request.body_file)
         for index in rigid:
@@ -295,18 +283,47 @@ def _mjcf_tree(
     if resting:
         _add_t_pose(root, resting)
     _exclude_touching(root, jointed)
-    pose = camera_pose(request.frame)
-    quaternion = rotmat_to_quat(pose[:3, :3])
+    _add_camera(world, result.intrinsics, camera_pose(request.frame))
+    return root
+
+
+def _add_visual(root: ElementTree.Element, camera: Intrinsics) -> None:
+    """Add the size of pictures, and the light and the near plane of views."""
+    visual = ElementTree.SubElement(root, "visual")
+    ElementTree.SubElement(
+        visual, "global", offwidth=str(camera.width), offheight=str(camera.height)
+    )
+    ElementTree.SubElement(
+        visual, "headlight", ambient="0.4 0.4 0.4", diffuse="0.6 0.6 0.6", specular="0 0 0"
+    )
+    ElementTree.SubElement(visual, "map", znear="0.01")
+
+
+def _add_tile(
+    asset: ElementTree.Element,
+    world: ElementTree.Element,
+    name: str,
+    tile: Tile,
+    matrix: NDArray[np.float64],
+) -> None:
+    """Add a collision mesh of the scene."""
+    add_mesh(asset, name, transform_points(matrix, tile.vertices), tile.faces)
+    rgba = " ".join(f"{v:.3f}" for v in [*tile.color, 1.0])
+    ElementTree.SubElement(
+        world, "geom", {"name": name, "type": "mesh", "mesh": name, "rgba": rgba} | _HARD
+    )
+
+
+def _add_camera(world: ElementTree.Element, camera: Intrinsics, pose: NDArray[np.float64]) -> None:
     ElementTree.SubElement(
         world,
         "camera",
         name="photo",
         pos=numbers(pose[:3, 3]),
-        quat=numbers(quaternion[[3, 0, 1, 2]]),
+        quat=numbers(rotmat_to_quat(pose[:3, :3])[[3, 0, 1, 2]]),
         fovy=f"{math.degrees(2 * math.atan(camera.height / camera.fy / 2)):.6f}",
         resolution=f"{camera.width} {camera.height}",
     )
-    return root
 
 
 def _exclude_touching(root: ElementTree.Element, people: Sequence[ExportedPerson]) -> None:

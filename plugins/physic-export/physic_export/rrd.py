@@ -12,7 +12,7 @@ import numpy as np
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.geometry.upright import transform_points
 from physic_core.types import grade_text
-from physic_core.visual.surface import is_near, mesh_backdrop, mesh_scene, scene_reach
+from physic_core.visual.surface import is_near, scene_meshes, scene_reach
 from physic_export.meshes import person_meshes
 from physic_export.skins import skins_of
 
@@ -55,22 +55,7 @@ def export_rrd(request: ExportRequest) -> ExportedFiles:
         if name == "photo":
             _log_photo(recording, request)
         elif name == "scene" and request.scene:
-            scene = request.result.scene
-            depth = np.where(scene.valid, scene.points[..., 2], np.nan).astype(np.float32)
-            recording.log("world/camera/depth", rr.DepthImage(depth, meter=1.0))
-            near = scene.valid & is_near(scene.points, scene_reach(request.result))
-            matrix = request.frame.from_camera
-            points = transform_points(matrix, scene.points[near])
-            recording.log("world/scene", rr.Points3D(points, colors=scene.colors[near]))
-            backdrop = mesh_backdrop(request.result, mesh_scene(scene, scene_reach(request.result)))
-            if len(backdrop.faces):
-                shell = rr.Mesh3D(
-                    vertex_positions=transform_points(matrix, backdrop.vertices),
-                    triangle_indices=backdrop.faces,
-                    vertex_texcoords=(backdrop.pixels + 0.5) / scene.valid.shape[::-1],
-                    albedo_texture=scene.colors,
-                )
-                recording.log("world/backdrop", shell)
+            _log_scene(recording, request)
         elif name in ("people", "contact"):
             for mesh in person_meshes(request, touched if name == "contact" else skins):
                 body = rr.Mesh3D(
@@ -81,6 +66,28 @@ def export_rrd(request: ExportRequest) -> ExportedFiles:
                 )
                 recording.log(f"world/{mesh.name}", body)
     return ExportedFiles({f"{request.stem}{request.suffix}": stream.read() or b""}, skins.notes)
+
+
+def _log_scene(recording: rr.RecordingStream, request: ExportRequest) -> None:
+    """Log depth and points of the scene, and the backdrop."""
+    import rerun as rr
+
+    scene = request.result.scene
+    depth = np.where(scene.valid, scene.points[..., 2], np.nan).astype(np.float32)
+    recording.log("world/camera/depth", rr.DepthImage(depth, meter=1.0))
+    near = scene.valid & is_near(scene.points, scene_reach(request.result))
+    matrix = request.frame.from_camera
+    points = transform_points(matrix, scene.points[near])
+    recording.log("world/scene", rr.Points3D(points, colors=scene.colors[near]))
+    _, backdrop = scene_meshes(request.result)
+    if len(backdrop.faces):
+        shell = rr.Mesh3D(
+            vertex_positions=transform_points(matrix, backdrop.vertices),
+            triangle_indices=backdrop.faces,
+            vertex_texcoords=(backdrop.pixels + 0.5) / scene.valid.shape[::-1],
+            albedo_texture=scene.colors,
+        )
+        recording.log("world/backdrop", shell)
 
 
 def _log_photo(recording: rr.RecordingStream, request: ExportRequest) -> None:

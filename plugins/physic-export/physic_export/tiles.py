@@ -255,11 +255,7 @@ def _deviation(points: Array) -> float:
 
 def _skin(result: Reconstruction) -> tuple[Array, Array]:
     """Return vertices and outward normals (n, 3) of all people with a body."""
-    bodies = [
-        np.asarray(one.vertices, np.float64)
-        for one in result.people
-        if np.isfinite(one.vertices).all()
-    ]
+    bodies = [np.asarray(one.vertices, np.float64) for one in result.people if one.has_body]
     faces = np.asarray(result.faces, np.int64)
     normals = [vertex_normals(body, faces) for body in bodies]
     return np.concatenate([np.zeros((0, 3)), *bodies]), np.concatenate([np.zeros((0, 3)), *normals])

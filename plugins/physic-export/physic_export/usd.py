@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
+from physic_core.body.joints import NUM_JOINTS
 from physic_core.errors import PhysicError
 from physic_core.geometry.rotations import rotmat_to_quat
 from physic_core.visual.export.request import camera_pose, drawn_floor
@@ -24,10 +25,45 @@ from physic_export.skeleton import named_rig, t_pose
 from physic_export.skins import Skins, skins_of
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
     from numpy.typing import NDArray
 
     from physic_core.types import Intrinsics
     from physic_core.visual.rig import Rig
+
+
+def _add_variants(top: Any, mesh: Any, looks: Mapping[str, Any], shown: str) -> None:
+    """Add a variant of the prim for each material of its mesh, and show one of them."""
+    from pxr import UsdShade
+
+    variants = top.GetVariantSets().AddVariantSet("skin")
+    UsdShade.MaterialBindingAPI.Apply(mesh)
+    for name, material in looks.items():
+        variants.AddVariant(name)
+        variants.SetVariantSelection(name)
+        with variants.GetVariantEditContext():
+            UsdShade.MaterialBindingAPI(mesh).Bind(material)
+    variants.SetVariantSelection(shown if shown in looks else "neutral")
+
+
+def _set_poses(animation: Any, poses: Iterable[tuple[int | None, Rig]]) -> None:
+    """Set the rotations and places of the joints of an animation by time; None for all times.
+    Their sizes stay.
+    """
+    from pxr import Gf, Vt
+
+    translations = animation.CreateTranslationsAttr()
+    rotations = animation.CreateRotationsAttr()
+    animation.CreateScalesAttr(Vt.Vec3hArray([Gf.Vec3h(1, 1, 1)] * NUM_JOINTS))
+    for time, posed in poses:
+        places = Vt.Vec3fArray.FromNumpy(posed.offsets.astype(np.float32))
+        turns = rotmat_to_quat(posed.rotations)
+        quaternions = Vt.QuatfArray(
+            [Gf.Quatf(float(w), float(x), float(y), float(z)) for x, y, z, w in turns]
+        )
+        for attribute, value in ((translations, places), (rotations, quaternions)):
+            attribute.Set(value) if time is None else attribute.Set(value, time)
 
 
 def add_skeleton(stage: Any, path: str, mesh: Any, rig: Rig, up: NDArray[np.float64]) -> None:
@@ -53,17 +89,7 @@ def add_skeleton(stage: Any, path: str, mesh: Any, rig: Rig, up: NDArray[np.floa
     skeleton.CreateRestTransformsAttr(_matrices(rest))
     animation = UsdSkel.Animation.Define(stage, f"{path}/animation")
     animation.CreateJointsAttr(joints)
-    translations = animation.CreateTranslationsAttr()
-    rotations = animation.CreateRotationsAttr()
-    animation.CreateScalesAttr(Vt.Vec3hArray([Gf.Vec3h(1, 1, 1)] * len(joints)))
-    for time, posed in ((None, rig), (0, standing), (1, rig)):
-        places = Vt.Vec3fArray.FromNumpy(posed.offsets.astype(np.float32))
-        turns = rotmat_to_quat(posed.rotations)
-        quaternions = Vt.QuatfArray(
-            [Gf.Quatf(float(w), float(x), float(y), float(z)) for x, y, z, w in turns]
-        )
-        for attribute, value in ((translations, places), (rotations, quaternions)):
-            attribute.Set(value) if time is None else attribute.Set(value, time)
+    _set_poses(animation, ((None, rig), (0, standing), (1, rig)))
     UsdSkel.BindingAPI.Apply(skeleton.GetPrim()).CreateAnimationSourceRel().SetTargets(
         [animation.GetPath()]
     )
@@ -117,7 +143,7 @@ def export_usd(request: ExportRequest) -> ExportedFiles:
     Scene, floor and people are static colliders, exact or, for people, by their convex
     decomposition.
     """
-    from pxr import Usd, UsdGeom, UsdUtils, Vt
+    from pxr import UsdUtils
 
     frame = request.frame
     skins = skins_of(request)
@@ -135,20 +161,7 @@ def export_usd(request: ExportRequest) -> ExportedFiles:
             Path(folder)
             / f"{request.stem}{'.usdc' if request.suffix == '.usdz' else request.suffix}"
         )
-        stage = Usd.Stage.CreateNew(str(path))
-        UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-        UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z if frame.up == "z" else UsdGeom.Tokens.y)
-        stage.SetTimeCodesPerSecond(24)
-        stage.SetStartTimeCode(1)
-        stage.SetEndTimeCode(1)
-        stage.SetMetadata("comment", f"PhySIC; metres; {frame.axes}")
-        legend = [
-            f"{name}: sRGB {rgb[0]} {rgb[1]} {rgb[2]}"  # names have blanks: no keys of a dictionary
-            for name, rgb in contact_legend(request.result).items()
-        ]
-        stage.SetMetadata("customLayerData", {"contact_colors": Vt.StringArray(legend)})
-        root = UsdGeom.Xform.Define(stage, "/physic")
-        stage.SetDefaultPrim(root.GetPrim())
+        stage = _new_stage(path, request)
         for index, mesh in zip(request.person, person_meshes(request, skins), strict=True):
             _add_person(stage, mesh, skins, index, rigged.get(index))
         if request.scene:
@@ -168,14 +181,34 @@ def export_usd(request: ExportRequest) -> ExportedFiles:
     return ExportedFiles({f"{request.stem}{request.suffix}": content, **pictures}, tuple(notes))
 
 
+def _new_stage(path: Path, request: ExportRequest) -> Any:
+    """Return a stage with units, axes and the legend of contact, and the default prim."""
+    from pxr import Usd, UsdGeom, Vt
+
+    frame = request.frame
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z if frame.up == "z" else UsdGeom.Tokens.y)
+    stage.SetTimeCodesPerSecond(24)
+    stage.SetStartTimeCode(1)
+    stage.SetEndTimeCode(1)
+    stage.SetMetadata("comment", f"PhySIC; metres; {frame.axes}")
+    legend = [
+        f"{name}: sRGB {rgb[0]} {rgb[1]} {rgb[2]}"  # names have blanks: no keys of a dictionary
+        for name, rgb in contact_legend(request.result).items()
+    ]
+    stage.SetMetadata("customLayerData", {"contact_colors": Vt.StringArray(legend)})
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/physic").GetPrim())
+    return stage
+
+
 def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Rig | None) -> None:
     """Add a person: a mesh in the bind pose with a skeleton, or posed without one, and its
     collider.
     """
-    from pxr import Sdf, UsdGeom, UsdPhysics, UsdShade, UsdSkel, Vt
+    from pxr import Sdf, UsdGeom, UsdPhysics, UsdSkel, Vt
 
     path = f"/physic/{mesh.name}"
-    stem = skins.request.stem
     top = UsdSkel.Root.Define(stage, path) if rig is not None else UsdGeom.Xform.Define(stage, path)
     drawn = mesh
     if rig is not None:  # in the bind pose
@@ -195,20 +228,10 @@ def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Ri
         _add_extents(top, made, mesh.vertices)
     looks = {"neutral": _add_material(stage, f"{path}/looks/neutral", color=BODY_RGB)}
     if skins.textured is not None:
-        looks["photo"] = _add_material(
-            stage, f"{path}/looks/photo", picture=f"{stem}_{mesh.name}.jpg"
-        )
-        looks["contact"] = _add_material(
-            stage, f"{path}/looks/contact", picture=f"{stem}_{mesh.name}_contact.png"
-        )
-    variants = top.GetPrim().GetVariantSets().AddVariantSet("skin")
-    UsdShade.MaterialBindingAPI.Apply(made.GetPrim())
-    for name, material in looks.items():
-        variants.AddVariant(name)
-        variants.SetVariantSelection(name)
-        with variants.GetVariantEditContext():
-            UsdShade.MaterialBindingAPI(made.GetPrim()).Bind(material)
-    variants.SetVariantSelection(skins.kind if skins.kind in looks else "neutral")
+        stem = f"{skins.request.stem}_{mesh.name}"
+        for name, picture in (("photo", f"{stem}.jpg"), ("contact", f"{stem}_contact.png")):
+            looks[name] = _add_material(stage, f"{path}/looks/{name}", picture=picture)
+    _add_variants(top.GetPrim(), made.GetPrim(), looks, skins.kind)
     collider = _add_mesh(stage, f"{path}/collider", mesh)
     collider.CreatePurposeAttr(UsdGeom.Tokens.guide)
     _collide(collider, UsdPhysics.Tokens.convexDecomposition)

@@ -389,47 +389,79 @@ def _person_blocks(
     """Yield the residuals of the keypoints of person ``p`` in photo ``v``, of the body there, and
     of its turn.
     """
-    views, people, joints = (*observations.shown.shape, state.points.shape[1])
-    errors = measured_errors()
-    share, landmark_m = _errors_of(observations.names)
+    yield _keypoint_block(observations, state, v, p, settings)
+    yield _landmark_block(observations, state, v, p)
+    about, tilt = 1 / np.radians(measured_errors().turn_deg)
+    middle = observations.landmarks[v, p].mean(axis=0)
+    turning = _along_and_across(middle, np.array([about]), np.array([tilt]))
+    vector = Rotation.from_matrix(state.turn[v, p]).as_rotvec()
+    turn = _turn_columns(state, v, p)[None]
+    yield ResidualBlock((turning[0] @ vector)[None], turning, turn, robust=False)
+
+
+def _in_camera(state: Bundle, v: int, p: int) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Return the points (J, 3) of person ``p`` in the frame of camera ``v``, their derivatives
+    (J, 3, 9) by the camera (6) and the points (3), and the columns (J, 9) of these.
+    """
+    views = len(state.rotation)
+    joints = state.points.shape[1]
     each = np.broadcast_to(np.eye(3), (joints, 3, 3))
     turned = state.points[p] @ state.rotation[v].T
-    local = turned + state.translation[v]
-    # Derivatives of the points in the camera's frame by the camera (6) and themselves (3).
     moves = np.concatenate(
         [-_cross(turned), each, np.broadcast_to(state.rotation[v], (joints, 3, 3))], axis=2
     )
     camera = np.broadcast_to(np.arange(6 * v, 6 * v + 6), (joints, 6))
     at = 7 * views + 3 * (p * joints + np.arange(joints))[:, None] + np.arange(3)
+    return turned + state.translation[v], moves, np.concatenate([camera, at], axis=1)
 
+
+def _turn_columns(state: Bundle, v: int, p: int) -> IntArray:
+    """Return the columns (3,) of the turn of person ``p`` in photo ``v``."""
+    views, people = state.turn.shape[:2]
+    turn: IntArray = 7 * views + state.points.size + 3 * (v * people + p) + np.arange(3)
+    return turn
+
+
+def _keypoint_block(
+    observations: MomentObservations, state: Bundle, v: int, p: int, settings: BundleSettings
+) -> ResidualBlock:
+    """Return the residuals of the keypoints of a person in a photo."""
+    local, moves, columns = _in_camera(state, v, p)
+    share, _ = _errors_of(observations.names)
     uv, by_local, by_focal = _projection(local, observations.K[v], state.log_focal[v])
     confidence = observations.confidence[v, p]
-    unit = settings.keypoint * errors.keypoint_sigma(confidence) * observations.size_px[v, p]
+    sigma = measured_errors().keypoint_sigma(confidence)
+    unit = settings.keypoint * sigma * observations.size_px[v, p]
     weight = np.sqrt(share) * (confidence > 0) / unit
     seen = weight > 0
-    columns = np.concatenate([camera, at, np.full((joints, 1), 6 * views + v)], axis=1)
+    focal = np.full((len(local), 1), 6 * len(state.rotation) + v)
     jacobian = weight[:, None, None] * np.concatenate(
         [by_local @ moves, by_focal[..., None]], axis=2
     )
     residual = weight[:, None] * (uv - observations.points[v, p])
-    yield ResidualBlock(
+    columns = np.concatenate([columns, focal], axis=1)
+    return ResidualBlock(
         residual[seen], jacobian[seen], columns[seen], group=observations.limb[seen]
     )
 
+
+def _landmark_block(
+    observations: MomentObservations, state: Bundle, v: int, p: int
+) -> ResidualBlock:
+    """Return the residuals of the body of a person in a photo."""
+    local, moves, columns = _in_camera(state, v, p)
+    _, landmark_m = _errors_of(observations.names)
     middle = observations.landmarks[v, p].mean(axis=0)
     body = (observations.landmarks[v, p] - middle) @ state.turn[v, p].T
-    turn = 7 * views + state.points.size + 3 * (v * people + p) + np.arange(3)
-    own = np.broadcast_to(np.concatenate([turn, state.place.size + turn]), (joints, 6))
+    turn = _turn_columns(state, v, p)
+    own = np.broadcast_to(np.concatenate([turn, state.place.size + turn]), (len(local), 6))
     scaled = _along_and_across(middle, *(1 / landmark_m).T)
     residual = np.einsum("jab,jb->ja", scaled, local - body - middle - state.place[v, p])
+    each = np.broadcast_to(np.eye(3), (len(local), 3, 3))
     jacobian = scaled @ np.concatenate([moves, _cross(body), -each], axis=2)
-    yield ResidualBlock(
-        residual, jacobian, np.concatenate([camera, at, own], axis=1), group=observations.limb
+    return ResidualBlock(
+        residual, jacobian, np.concatenate([columns, own], axis=1), group=observations.limb
     )
-    about, tilt = 1 / np.radians(errors.turn_deg)
-    turning = _along_and_across(middle, np.array([about]), np.array([tilt]))
-    vector = Rotation.from_matrix(state.turn[v, p]).as_rotvec()
-    yield ResidualBlock((turning[0] @ vector)[None], turning, turn[None], robust=False)
 
 
 @cache

@@ -14,7 +14,31 @@ import click
 from physic_core.cli.arguments import AnyPath, Number, Numbers, configuration_options
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from physic_core import KnownSizes
+    from physic_scene.calibration import KnownCamera
     from physic_scene.types import SceneResult
+
+
+def _known_sizes(stature: tuple[float, ...] | None, age: float | None) -> KnownSizes:
+    from physic_core import KnownSizes
+
+    try:
+        return KnownSizes(stature=stature or (), age=() if age is None else (age,))
+    except ValueError as error:  # which names the size
+        raise click.UsageError(str(error)) from error
+
+
+def _warn_of_order(photos: Sequence[Path], cameras: Sequence[KnownCamera | None]) -> None:
+    from physic_core.cli.output import echo
+
+    pairs = zip(photos, cameras, strict=True)
+    order = ", ".join(f"{photo.name} is {one and one.name}" for photo, one in pairs)
+    echo(
+        f"warning: no photo has the name of a camera, so cameras are taken in order: {order}",
+        err=True,
+    )
 
 
 @click.command()
@@ -63,17 +87,14 @@ def scene(
     the photo that shows most people.
     """
     start = time.monotonic()
-    from physic_core import KnownSizes, load_config
+    from physic_core import load_config
     from physic_core.cli.output import echo, reserve_folder
     from physic_core.cli.result_summary import print_summary
     from physic_scene.calibration import read_calibration
     from physic_scene.output import FILES, save_scene
     from physic_scene.scene import ScenePipeline
 
-    try:
-        known = KnownSizes(stature=stature or (), age=() if age is None else (age,))
-    except ValueError as error:  # which names the size
-        raise click.UsageError(str(error)) from error
+    known = _known_sizes(stature, age)
     if unit_m is not None and calibration is None:
         raise click.UsageError(
             "--camera-unit is the unit of a file of --cameras: give both, or leave it out"
@@ -81,14 +102,7 @@ def scene(
     sizes, digests = _read(photos)
     cameras = None if calibration is None else read_calibration(calibration, photos, sizes, unit_m)
     if cameras and any(one and one.by_order for one in cameras):
-        order = ", ".join(
-            f"{photo.name} is {one and one.name}"
-            for photo, one in zip(photos, cameras, strict=True)
-        )
-        echo(
-            f"warning: no photo has the name of a camera, so cameras are taken in order: {order}",
-            err=True,
-        )
+        _warn_of_order(photos, cameras)
     all_photos = " ".join(digests)
 
     def progress(name: str, done: int, total: int) -> None:

@@ -145,6 +145,31 @@ def _answers(
         yield pairs
 
 
+def _summed_odds(
+    one: Mapping[int, int], two: Mapping[int, int], matches: Mapping[tuple[int, int], PairMatch]
+) -> float:
+    """Return the summed log odds that two groups of views show one person."""
+    pairs = (sorted(pair) for pair in itertools.product(one.items(), two.items()))
+    return float(sum(matches[a, b].odds[i, j] for (a, i), (b, j) in pairs))
+
+
+def _next_pair(
+    groups: Sequence[Mapping[int, int]],
+    linked: Sequence[set[int]],
+    matches: Mapping[tuple[int, int], PairMatch],
+) -> tuple[int, int] | None:
+    """Return the groups to join next; None if no more are one person and all photos are linked."""
+    gain = {
+        (g, h): _summed_odds(groups[g], groups[h], matches)
+        for g, h in itertools.combinations(range(len(groups)), 2)
+        if not groups[g].keys() & groups[h].keys()
+    }
+    chosen = [pair for pair, value in gain.items() if value > 0] or [
+        (g, h) for g, h in gain if not any({*groups[g], *groups[h]} <= s for s in linked)
+    ]
+    return max(chosen, key=lambda pair: gain[pair], default=None)
+
+
 def join_tracks(
     people: Sequence[PhotoPeople], matches: Mapping[tuple[int, int], PairMatch]
 ) -> IntArray:
@@ -163,30 +188,8 @@ def join_tracks(
     """
     groups = [{v: i} for v, photo in enumerate(people) for i in range(len(photo))]
     linked = [{v} for v in range(len(people))]
-
-    def together(one: dict[int, int], two: dict[int, int]) -> float:
-        pairs = [
-            ((a, i), (b, j)) if a < b else ((b, j), (a, i))
-            for a, i in one.items()
-            for b, j in two.items()
-        ]
-        return float(sum(matches[a, b].odds[i, j] for (a, i), (b, j) in pairs))
-
-    while True:
-        gain = {
-            (g, h): together(groups[g], groups[h])
-            for g, h in itertools.combinations(range(len(groups)), 2)
-            if not groups[g].keys() & groups[h].keys()
-        }
-        apart = {
-            (g, h): value
-            for (g, h), value in gain.items()
-            if not any({*groups[g], *groups[h]} <= s for s in linked)
-        }
-        sure = {pair: value for pair, value in gain.items() if value > 0}
-        if not (chosen := sure or apart):
-            break
-        g, h = max(chosen, key=lambda pair: chosen[pair])
+    while pair := _next_pair(groups, linked, matches):
+        g, h = pair
         groups[g] |= groups.pop(h)
         own = [photos for photos in linked if photos & groups[g].keys()]
         linked = [photos for photos in linked if photos not in own] + [set().union(*own)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -17,8 +17,17 @@ from physic_scene.measured import measured_errors
 from physic_scene.rigid import CameraPose
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from physic_core.body.model import BodyModel
-    from physic_core.types import BoolArray, FloatArray, Intrinsics, Reconstruction, Skeleton
+    from physic_core.types import (
+        BoolArray,
+        FloatArray,
+        Intrinsics,
+        Person,
+        Reconstruction,
+        Skeleton,
+    )
 
 COLOUR_GROUPS = (
     ("torso",),
@@ -77,6 +86,41 @@ class PhotoPeople:
         return len(self.points)
 
 
+def _keypoints_of(result: Reconstruction, people: Sequence[Person]) -> Keypoints:
+    """Return the keypoints of people of a result."""
+    if not people:
+        return Keypoints(np.zeros((0, 17, 2)), np.zeros((0, 17)), "coco17")
+    return Keypoints(
+        np.stack([person.keypoints for person in people]),
+        np.stack([person.keypoint_confidence for person in people]),
+        result.skeleton,
+    )
+
+
+def _confidence_inside(keypoints: Keypoints, camera: Intrinsics) -> FloatArray:
+    """Return the confidence (N, J), 0 outside the photo and where a number is not finite."""
+    points = keypoints.points
+    size = np.array([camera.width, camera.height])
+    inside = ((points > -0.5) & (points < size - 0.5)).all(-1)
+    finite = np.isfinite(points).all(-1) & np.isfinite(keypoints.confidence)
+    return np.where(inside & finite, keypoints.confidence, 0.0)
+
+
+def _parameters_of(people: Sequence[Person], model: BodyModel) -> tuple[Tensor, Tensor, Tensor]:
+    """Return local rotations, betas and translations of people, float64."""
+    if not people:
+        return model.zero_pose(0)
+    parameters = [person.parameters for person in people]
+    rotations = [rotations_from_parameters(own, dtype=torch.float64) for own in parameters]
+    betas, transl = (
+        torch.from_numpy(
+            np.concatenate([getattr(own, name) for own in parameters]).astype(np.float64)
+        )
+        for name in ("betas", "transl")
+    )
+    return torch.cat(rotations), betas, transl
+
+
 def observe(
     result: Reconstruction,
     rows: Sequence[int],
@@ -98,33 +142,12 @@ def observe(
     camera = result.intrinsics
     floor = result.scene.floor
 
-    def stack(values: list[Any], *shape: int) -> Any:
-        return np.stack(values) if values else np.zeros((0, *shape))
-
-    keypoints = Keypoints(
-        stack([person.keypoints for person in people], 17, 2),
-        stack([person.keypoint_confidence for person in people], 17),
-        result.skeleton if people else "coco17",
-    )
-    found = keypoints_on_body(keypoints)
-    rotations, betas, transl = model.zero_pose(0)
-    if people:
-        rotations = torch.cat(
-            [rotations_from_parameters(p.parameters, dtype=torch.float64) for p in people]
-        )
-        betas, transl = (
-            torch.from_numpy(
-                np.concatenate([getattr(p.parameters, name) for p in people]).astype(np.float64)
-            )
-            for name in ("betas", "transl")
-        )
+    found = keypoints_on_body(_keypoints_of(result, people))
+    rotations, betas, transl = _parameters_of(people, model)
     with torch.inference_mode():
         body = model(rotations, betas, transl)
         landmarks = model.landmarks(body, found.joint_set).numpy()
         stature = model.stature(betas).numpy()
-    size = np.array([camera.width, camera.height])
-    inside = ((found.points > -0.5) & (found.points < size - 0.5)).all(-1)
-    finite = np.isfinite(found.points).all(-1) & np.isfinite(found.confidence)
     joints = body.joints.numpy()
     vertices = body.vertices.numpy()
     colours = [_colours(result, vertices[i], person.mask, model) for i, person in enumerate(people)]
@@ -133,7 +156,7 @@ def observe(
         focal_sigma=_focal_sigma(camera),
         skeleton=found.joint_set,
         points=np.nan_to_num(np.asarray(found.points, np.float64)),
-        confidence=np.where(inside & finite, found.confidence, 0.0),
+        confidence=_confidence_inside(found, camera),
         landmarks=landmarks,
         joints=joints,
         rotations=rotations.numpy(),

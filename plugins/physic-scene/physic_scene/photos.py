@@ -62,9 +62,7 @@ class ScenePhoto(ShortRepr):
             pose: (4, 4) from the frame of its camera to that of a calibrated rig, metres; None
                 where unknown.
         """
-        rows = tuple(
-            i for i, person in enumerate(result.people) if np.isfinite(person.vertices).all()
-        )
+        rows = tuple(i for i, person in enumerate(result.people) if person.has_body)
         known = np.full(len(rows), np.nan)
         if len(statures) and rows:
             middles = [result.people[i].box[0] + result.people[i].box[2] for i in rows]

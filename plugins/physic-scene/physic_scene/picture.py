@@ -15,7 +15,9 @@ from physic_core.visual.render import View
 from physic_core.visual.views import PAGE_RGB, build_preview_geometry
 
 if TYPE_CHECKING:
-    from physic_scene.types import SceneResult
+    from physic_core.types import Reconstruction
+    from physic_core.visual.views import PreviewGeometry
+    from physic_scene.types import SceneResult, SolvedPhoto
 
 _HEIGHT = 440  # px, of a photo
 _MARGIN = 24  # px, around it
@@ -25,39 +27,9 @@ _TITLE = 30  # px, of its name
 def photos_png(scene: SceneResult) -> bytes:
     """Draw a row for each photo, the reference first, and encode them as PNG."""
     result = scene.reconstruction
-    rows = []
     geometry = build_preview_geometry(result)
-    for photo in sorted(scene.photos, key=lambda one: one.index != scene.reference):
-        image = photo.result.image
-        camera = photo.camera
-        width = max(1, round(_HEIGHT * image.shape[1] / image.shape[0]))
-        plain = photo_panel(image, width, _HEIGHT)
-        view = replace(
-            View.perspective(camera.intrinsics, width, _HEIGHT),
-            axes=camera.rotation.astype(np.float64),
-            origin=camera.centre.astype(np.float64),
-        )
-        row = Image.new("RGB", (2 * width + 3 * _MARGIN, _HEIGHT + _TITLE + _MARGIN), PAGE_RGB)
-        row.paste(Image.fromarray(plain), (_MARGIN, _TITLE))
-        row.paste(
-            Image.fromarray(bodies_over(plain, view, geometry)), (width + 2 * _MARGIN, _TITLE)
-        )
-        pen = ImageDraw.Draw(row)
-        shift = np.linalg.norm(camera.centre)
-        where = (
-            f"{shift:.2f} m ±{camera.position_sigma:.2f} m from the first camera"
-            if shift
-            else "the first camera"
-        )
-        draw_text(pen, (_MARGIN, 4), f"{photo.name}: {where}", 18)
-        for index in photo.shown:
-            head = result.people[index].joints[[JOINT_INDEX["head"]]].astype(np.float64)
-            column, line, _ = view.project(head)[0]
-            if np.isfinite([column, line]).all():
-                x = np.clip(column, 12, width - 12)
-                y = np.clip(line, 12, _HEIGHT - 12)
-                draw_person_number(pen, width + 2 * _MARGIN + float(x), _TITLE + float(y), index)
-        rows.append(row)
+    photos = sorted(scene.photos, key=lambda one: one.index != scene.reference)
+    rows = [_photo_row(photo, result, geometry) for photo in photos]
     page = Image.new(
         "RGB", (max(row.width for row in rows), sum(row.height for row in rows)), PAGE_RGB
     )
@@ -66,3 +38,38 @@ def photos_png(scene: SceneResult) -> bytes:
     buffer = io.BytesIO()
     page.save(buffer, "PNG", compress_level=2)
     return buffer.getvalue()
+
+
+def _photo_row(
+    photo: SolvedPhoto, result: Reconstruction, geometry: PreviewGeometry
+) -> Image.Image:
+    """Draw a photo, and beside it the people of a result, over the photo."""
+    image = photo.result.image
+    camera = photo.camera
+    width = max(1, round(_HEIGHT * image.shape[1] / image.shape[0]))
+    plain = photo_panel(image, width, _HEIGHT)
+    view = replace(
+        View.perspective(camera.intrinsics, width, _HEIGHT),
+        axes=camera.rotation.astype(np.float64),
+        origin=camera.centre.astype(np.float64),
+    )
+    row = Image.new("RGB", (2 * width + 3 * _MARGIN, _HEIGHT + _TITLE + _MARGIN), PAGE_RGB)
+    row.paste(Image.fromarray(plain), (_MARGIN, _TITLE))
+    over = bodies_over(plain, view, geometry)
+    row.paste(Image.fromarray(over), (width + 2 * _MARGIN, _TITLE))
+    pen = ImageDraw.Draw(row)
+    shift = np.linalg.norm(camera.centre)
+    where = (
+        f"{shift:.2f} m ±{camera.position_sigma:.2f} m from the first camera"
+        if shift
+        else "the first camera"
+    )
+    draw_text(pen, (_MARGIN, 4), f"{photo.name}: {where}", 18)
+    for index in photo.shown:
+        head = result.people[index].joints[[JOINT_INDEX["head"]]].astype(np.float64)
+        column, line, _ = view.project(head)[0]
+        if np.isfinite([column, line]).all():
+            x = np.clip(column, 12, width - 12)
+            y = np.clip(line, 12, _HEIGHT - 12)
+            draw_person_number(pen, width + 2 * _MARGIN + float(x), _TITLE + float(y), index)
+    return row

@@ -87,17 +87,11 @@ class ReferenceInput(ShortRepr):
             np.float32
         )
         sigma = max(solved.scale_sigma, _KNOWN_SCALE)
-        parts = [person.parameters for person in people]
         given = [
             [photos[w].result.people[row].age for w, row in one.shown.items()] for one in people
         ]
         ages = np.array([next(filter(None, own), np.nan) for own in given])
-        parameters = BodyParameters(
-            **{
-                name: np.concatenate([getattr(part, name) for part in parts])
-                for name in vars(parts[0])
-            }
-        )
+        parameters = _joined([person.parameters for person in people])
         shown = np.array([v in person.shown for person in people])
         # What the other photos show of each person is in their views.
         observed = _observed(_keypoints(people, photos, v), result.image.shape[:2])
@@ -302,6 +296,13 @@ def _view(solved: SolvedScene, people: Sequence[PersonOfScene], view: int) -> Ot
     observed = torch.from_numpy(_observed(keypoints, masks.shape[1:]))
     return OtherView(
         rotation, translation, K, points, confidence, torch.from_numpy(masks), observed
+    )
+
+
+def _joined(parts: Sequence[BodyParameters]) -> BodyParameters:
+    """Return the parameters of all people in one batch."""
+    return BodyParameters(
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])}
     )
 
 

@@ -72,75 +72,15 @@ def make_app(jobs: Jobs, hosts: Collection[str], examples: Mapping[str, Path]) -
         examples: photos to click, by name.
     """
 
-    def find(request: Request) -> Job:
-        if (job := jobs.get(request.path_params["id"])) is None:
-            raise HTTPException(404, "there is no such result: the server deletes all when it ends")
-        return job
-
-    def start(request: Request) -> Response:
-        earlier = [job for name in _own_results(request) if (job := jobs.get(name))]
-        values = {"settings": _SETTINGS, "examples": examples, "earlier": earlier}
-        return _TEMPLATES.TemplateResponse(request, "start.html", values)
-
-    async def upload(request: Request) -> Response:
-        try:
-            return await take(request)
-        except ClientDisconnect:  # the browser broke the upload off, and reads no answer
-            return Response(status_code=400)
-        except OSError as error:
-            why = (
-                f"the server cannot store the photo: {error.strerror}; make room, or start it again"
-            )
-            raise HTTPException(507, why) from error
-
-    async def take(request: Request) -> Response:
-        async with request.form(max_files=1, max_fields=8) as form:
-            file = form.get("photo")
-            example = str(form.get("example", ""))
-            if isinstance(file, UploadFile):
-                photo = await file.read()
-                title = str(file.filename)[:_LONGEST_TITLE]
-            elif example in examples:
-                photo = examples[example].read_bytes()
-                title = example
-            else:
-                raise HTTPException(400, "there is no photo: choose one")
-            settings = {name: _number(str(text)) for name in _SETTINGS if (text := form.get(name))}
-        job = jobs.add(photo, title, settings)
-        response = RedirectResponse(f"/jobs/{job.id}", 303)
-        listed = " ".join([job.id, *_own_results(request)][:_MOST_LISTED])
-        response.set_cookie(_COOKIE, listed, httponly=True, samesite="strict")
-        return response
-
-    def page(request: Request) -> Response:
-        job = find(request)
-        paths = job.files
-        names = [*filter(paths.get, _MEANINGS), *(name for name in paths if name not in _MEANINGS)]
-        rows = [(name, _MEANINGS.get(name, ""), paths[name].stat().st_size) for name in names]
-        values = {"job": job, "rows": rows, "report": REPORT_FILE}
-        return _TEMPLATES.TemplateResponse(
-            request, "job.html", values, headers={"Cache-Control": "no-store"}
-        )
-
-    def stop(request: Request) -> Response:
-        job = find(request)
-        jobs.stop(job)
-        return RedirectResponse(f"/jobs/{job.id}", 303)
-
-    def download(request: Request) -> Response:
-        return _file(find(request).files, request)
-
-    def example(request: Request) -> Response:
-        return _file(examples, request)
-
+    pages = _Pages(jobs, examples)
     return Starlette(
         routes=[
-            Route("/", start),
-            Route("/jobs", upload, methods=["POST"]),
-            Route("/jobs/{id}", page),
-            Route("/jobs/{id}/stop", stop, methods=["POST"]),
-            Route("/jobs/{id}/files/{name}", download),
-            Route("/examples/{name}", example),
+            Route("/", pages.start),
+            Route("/jobs", pages.upload, methods=["POST"]),
+            Route("/jobs/{id}", pages.page),
+            Route("/jobs/{id}/stop", pages.stop, methods=["POST"]),
+            Route("/jobs/{id}/files/{name}", pages.download),
+            Route("/examples/{name}", pages.example),
             Mount("/static", StaticFiles(packages=[("physic_serve", "static")])),
         ],
         middleware=[
@@ -150,6 +90,80 @@ def make_app(jobs: Jobs, hosts: Collection[str], examples: Mapping[str, Path]) -
         exception_handlers={HTTPException: _error_page},
         max_body_size=MAX_UPLOAD_BYTES,
     )
+
+
+class _Pages:
+    """Answers of the server to requests for its pages and files.
+
+    Args:
+        jobs: with the results.
+        examples: photos to click, by name.
+    """
+
+    def __init__(self, jobs: Jobs, examples: Mapping[str, Path]) -> None:
+        self._jobs = jobs
+        self._examples = examples
+
+    def _find(self, request: Request) -> Job:
+        if (job := self._jobs.get(request.path_params["id"])) is None:
+            raise HTTPException(404, "there is no such result: the server deletes all when it ends")
+        return job
+
+    def start(self, request: Request) -> Response:
+        earlier = [job for name in _own_results(request) if (job := self._jobs.get(name))]
+        values = {"settings": _SETTINGS, "examples": self._examples, "earlier": earlier}
+        return _TEMPLATES.TemplateResponse(request, "start.html", values)
+
+    async def upload(self, request: Request) -> Response:
+        try:
+            return await self._take(request)
+        except ClientDisconnect:  # the browser broke the upload off, and reads no answer
+            return Response(status_code=400)
+        except OSError as error:
+            why = (
+                f"the server cannot store the photo: {error.strerror}; make room, or start it again"
+            )
+            raise HTTPException(507, why) from error
+
+    async def _take(self, request: Request) -> Response:
+        async with request.form(max_files=1, max_fields=8) as form:
+            file = form.get("photo")
+            example = str(form.get("example", ""))
+            if isinstance(file, UploadFile):
+                photo = await file.read()
+                title = str(file.filename)[:_LONGEST_TITLE]
+            elif example in self._examples:
+                photo = self._examples[example].read_bytes()
+                title = example
+            else:
+                raise HTTPException(400, "there is no photo: choose one")
+            settings = {name: _number(str(text)) for name in _SETTINGS if (text := form.get(name))}
+        job = self._jobs.add(photo, title, settings)
+        response = RedirectResponse(f"/jobs/{job.id}", 303)
+        listed = " ".join([job.id, *_own_results(request)][:_MOST_LISTED])
+        response.set_cookie(_COOKIE, listed, httponly=True, samesite="strict")
+        return response
+
+    def page(self, request: Request) -> Response:
+        job = self._find(request)
+        paths = job.files
+        names = [*filter(paths.get, _MEANINGS), *(name for name in paths if name not in _MEANINGS)]
+        rows = [(name, _MEANINGS.get(name, ""), paths[name].stat().st_size) for name in names]
+        values = {"job": job, "rows": rows, "report": REPORT_FILE}
+        return _TEMPLATES.TemplateResponse(
+            request, "job.html", values, headers={"Cache-Control": "no-store"}
+        )
+
+    def stop(self, request: Request) -> Response:
+        job = self._find(request)
+        self._jobs.stop(job)
+        return RedirectResponse(f"/jobs/{job.id}", 303)
+
+    def download(self, request: Request) -> Response:
+        return _file(self._find(request).files, request)
+
+    def example(self, request: Request) -> Response:
+        return _file(self._examples, request)
 
 
 class _OwnSite:

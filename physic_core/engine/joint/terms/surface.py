@@ -25,6 +25,7 @@ from physic_core.engine.joint.term import (
     RobustSum,
     Snapshot,
     SurfacePlace,
+    SurfaceResidual,
     SurfaceTerm,
     Term,
 )
@@ -82,21 +83,13 @@ class _SurfaceEnergies(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, data: SurfaceInputs, *variables: Tensor) -> tuple[Tensor, Tensor]:
         vertices, pelvis, root, log_scale, offset = variables
-        points = vertices.transpose(1, 2).contiguous()
+        points = vertices.mT.contiguous()
         none = torch.zeros_like(offset)
         unit = 1.0 / log_scale.exp().reshape(-1, 1)
-
-        ahead = signed = over = height = torch.zeros_like(data.plane_distance)
-        if data.normals is not None:
-            ahead = unit * (data.normals * points).sum(1)
-            signed = ahead - data.plane_distance
-        if data.floor_normal is not None:
-            over = unit * (data.floor_normal @ points)
-            height = over + data.floor_offset
-
+        ahead, over = _projections(data, points, unit)
         at = SurfacePlace(
-            scene=signed,
-            floor=height,
+            scene=ahead if data.normals is None else ahead - data.plane_distance,
+            floor=over if data.floor_normal is None else over + data.floor_offset,
             last_floor=over + unit * (data.floor_offset * data.last_scale),
             log_depth=points[:, 2].clamp(min=MIN_DEPTH_M).log(),
             log_scale=(log_scale + offset)[:, None],
@@ -110,10 +103,8 @@ class _SurfaceEnergies(torch.autograd.Function):
         deviation = (points - pelvis[..., None]) - root @ data.relative
         mesh_slope = 2.0 * data.mesh_weight[:, None] * deviation
         mesh = 0.5 * (mesh_slope * deviation).sum((1, 2))
-        feet = [
-            sole[lowest_sole_indices(height[:, sole])] if len(sole) else None for sole in data.soles
-        ]
-        lowest = [none if foot is None else height.gather(1, foot).mean(1) for foot in feet]
+        feet = [_lowest(sole, at.floor) for sole in data.soles]
+        lowest = [none if foot is None else at.floor.gather(1, foot).mean(1) for foot in feet]
 
         ctx.data = data
         ctx.residuals = residuals
@@ -130,29 +121,14 @@ class _SurfaceEnergies(torch.autograd.Function):
         data: SurfaceInputs = ctx.data
         points, ahead, over, unit = ctx.saved_tensors
         of_terms = gradients[0][..., None].unbind(0)
-        of_feet = gradients[1].unbind(1)
         by_scale = torch.zeros_like(points[:, 0, 0])
-        by_offset = by_log = None
-
-        # Gradients by the distance to the scene, by the height over the floor, and by that height
-        # at the last scale.
-        by_signed = by_height = by_last = torch.zeros_like(ahead)
-        for of_term, slope, residual in zip(of_terms, ctx.slopes, ctx.residuals, strict=False):
-            own = of_term * slope
-            if residual.by_scene is not None:
-                by_signed = by_signed + residual.by_scene * own
-            if residual.by_floor is not None:
-                by_height = by_height + residual.by_floor * own
-            if residual.by_last_floor is not None:
-                by_last = by_last + residual.by_last_floor * own
-            if residual.by_depth is not None:
-                by_own = residual.by_depth * own
-                by_log = by_own if by_log is None else by_log + by_own
-        for foot, of_foot in zip(ctx.feet, of_feet, strict=True):
-            if foot is not None:
-                by_height = by_height.scatter_add(
-                    1, foot, (of_foot / foot.shape[1])[:, None].expand_as(foot)
-                )
+        by_offset = None
+        slopes = [own * slope for own, slope in zip(of_terms, ctx.slopes, strict=False)]
+        by_signed, by_height, by_last, by_log = _by_distances(
+            ctx.residuals, slopes, torch.zeros_like(ahead)
+        )
+        for foot, of_foot in zip(ctx.feet, gradients[1].unbind(1), strict=True):
+            by_height = _with_foot(by_height, foot, of_foot)
 
         by_point = torch.zeros_like(points)
         if data.normals is not None:
@@ -186,6 +162,52 @@ surface_energies: Callable[
     [SurfaceInputs, Tensor, Tensor, Tensor, Tensor, Tensor], tuple[Tensor, Tensor]
 ] = _SurfaceEnergies.apply
 """The function of :class:`_SurfaceEnergies`."""
+
+
+def _lowest(sole: Tensor, height: Tensor) -> Tensor | None:
+    """Return the columns (B, k) of the lowest vertices of a sole; None without vertices."""
+    return sole[lowest_sole_indices(height[:, sole])] if len(sole) else None
+
+
+def _with_foot(by_height: Tensor, foot: Tensor | None, of_foot: Tensor) -> Tensor:
+    """Add the gradient (B,) by a foot's mean height to that of its lowest vertices."""
+    if foot is None:
+        return by_height
+    own = (of_foot / foot.shape[1])[:, None].expand_as(foot)
+    return by_height.scatter_add(1, foot, own)
+
+
+def _projections(data: SurfaceInputs, points: Tensor, unit: Tensor) -> tuple[Tensor, Tensor]:
+    """Return unscaled lengths (B, n) of points along the normals of scene and floor; 0 without
+    one.
+    """
+    ahead = over = torch.zeros_like(data.plane_distance)
+    if data.normals is not None:
+        ahead = unit * (data.normals * points).sum(1)
+    if data.floor_normal is not None:
+        over = unit * (data.floor_normal @ points)
+    return ahead, over
+
+
+def _by_distances(
+    residuals: Sequence[SurfaceResidual], slopes: Sequence[Tensor], none: Tensor
+) -> tuple[Tensor, Tensor, Tensor, Tensor | None]:
+    """Return the gradients (B, n) by the distance to the scene, by the height over the floor, by
+    that height at the last scale, and by the logarithm of depth, if a term has one.
+    """
+    by_signed = by_height = by_last = none
+    by_log = None
+    for own, residual in zip(slopes, residuals, strict=True):
+        if residual.by_scene is not None:
+            by_signed = by_signed + residual.by_scene * own
+        if residual.by_floor is not None:
+            by_height = by_height + residual.by_floor * own
+        if residual.by_last_floor is not None:
+            by_last = by_last + residual.by_last_floor * own
+        if residual.by_depth is not None:
+            by_own = residual.by_depth * own
+            by_log = by_own if by_log is None else by_log + by_own
+    return by_signed, by_height, by_last, by_log
 
 
 class SurfaceTerms(Term):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from physic_core.metrics import BODY_JOINTS, contact_scores, mask_iou, mpjpe_mm, pa_mpjpe_mm
-from physic_testing.conformance.check import CheckSkipped, expect
+from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.truth import (
     comparable_keypoints,
     contact_on_embedded,

@@ -22,8 +22,8 @@ from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.interfaces import INTERFACES, Backend
 from physic_core.interfaces.backend import call
 from physic_testing.conformance.cases import EVIDENCE, EVIDENCE_OF_HANDS, SIZE, build_case
-from physic_testing.conformance.check import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.contract import case_violations
+from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.field_comparison import changed_fields
 from physic_testing.conformance.network_and_memory import no_network
 from physic_testing.conformance.requests import build_request
@@ -34,8 +34,7 @@ if TYPE_CHECKING:
 
     from physic_core.discovery.entry_points import Offer
     from physic_core.interfaces import Request
-    from physic_testing.conformance.cases import Case
-    from physic_testing.conformance.readings import Truth, Values
+    from physic_testing.conformance.cases import Case, Truth, Values
     from physic_testing.worlds import World
 
 CAPABILITIES: dict[str, str] = {

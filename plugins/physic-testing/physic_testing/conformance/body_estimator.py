@@ -10,7 +10,8 @@ import numpy as np
 
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy
-from physic_testing.conformance.check import BLIND, Check, CheckSkipped, expect
+from physic_testing.conformance.check import BLIND, Check
+from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.output_checks import NOBODY, ROWS, WITHOUT_HINTS
 from physic_testing.conformance.readings import Group, Reading, Table, plus, reordered, times
 from physic_testing.conformance.truth import (
@@ -23,8 +24,7 @@ from physic_testing.conformance.truth import (
 if TYPE_CHECKING:
     from physic_core.types import Bodies, BodyParameters, FloatArray
     from physic_testing.conformance.backend_under_test import BackendUnderTest
-    from physic_testing.conformance.cases import Case
-    from physic_testing.conformance.readings import Truth, Values
+    from physic_testing.conformance.cases import Case, Truth, Values
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
 """Factors of a point whose mirror is the plane x = 0; those of a rotation vector are the

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -24,6 +24,12 @@ from physic_testing.worlds import BLAZEPOSE, load_world
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, IntArray, Intrinsics, UInt8Array
     from physic_testing.worlds import World
+
+Values: TypeAlias = "dict[str, Any]"
+"""An output in the form in which it is compared: names -> arrays."""
+
+Truth: TypeAlias = "dict[str, Any]"
+"""The same of the truth; ``case`` is the photo."""
 
 SIZE = (320, 240)
 """Default width and height of the standard photos, px."""

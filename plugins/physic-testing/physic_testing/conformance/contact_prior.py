@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.errors import BodyModelError
-from physic_testing.conformance.check import BLIND, Check, CheckFailed, CheckSkipped, expect
+from physic_testing.conformance.check import BLIND, Check
+from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.output_checks import NOBODY, ROWS
 from physic_testing.conformance.readings import (
     MIN_UNITS,
@@ -26,8 +27,7 @@ from physic_testing.conformance.truth import contact_on_embedded, embedded_body
 if TYPE_CHECKING:
     from physic_core.types import ContactProbability, FloatArray, IntArray
     from physic_testing.conformance.backend_under_test import BackendUnderTest
-    from physic_testing.conformance.cases import Case
-    from physic_testing.conformance.readings import Truth, Values
+    from physic_testing.conformance.cases import Case, Truth, Values
 
 
 def _values(answer: ContactProbability, case: Case) -> tuple[Values, Truth]:

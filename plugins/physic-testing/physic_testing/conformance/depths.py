@@ -9,7 +9,8 @@ import numpy as np
 
 from physic_core.types import AffineAmbiguity, DepthMap
 from physic_testing.conformance.accuracy import fit_ambiguity
-from physic_testing.conformance.check import BLIND, Check, CheckSkipped, expect, warn_unless
+from physic_testing.conformance.check import BLIND, Check
+from physic_testing.conformance.expect import CheckSkipped, expect, warn_unless
 from physic_testing.conformance.output_checks import COLOURS, WITHOUT_HINTS
 from physic_testing.conformance.readings import (
     Group,
@@ -26,8 +27,7 @@ from physic_testing.worlds.world import pixel_rays
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Intrinsics, Pointmap
     from physic_testing.conformance.backend_under_test import BackendUnderTest
-    from physic_testing.conformance.cases import Case
-    from physic_testing.conformance.readings import Truth, Values
+    from physic_testing.conformance.cases import Case, Truth, Values
 
 MIN_COVERAGE = 0.3
 """Minimum share of pixels with known depth."""

@@ -15,7 +15,8 @@ from physic_testing.conformance.body_estimator import (
     expect_radians,
     shortest,
 )
-from physic_testing.conformance.check import Check, CheckSkipped, expect
+from physic_testing.conformance.check import Check
+from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.output_checks import NOBODY, ROWS
 from physic_testing.conformance.readings import Group, Reading, Table, flipped, times
 from physic_testing.conformance.truth import rotation_errors_deg, true_hands, true_wrists
@@ -23,8 +24,7 @@ from physic_testing.conformance.truth import rotation_errors_deg, true_hands, tr
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hands
     from physic_testing.conformance.backend_under_test import BackendUnderTest
-    from physic_testing.conformance.cases import Case
-    from physic_testing.conformance.readings import Truth, Values
+    from physic_testing.conformance.cases import Case, Truth, Values
 
 MAX_WRIST_ERROR_DEG = 60.0
 _MIRRORING = (

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_testing.conformance.check import Check, expect
+from physic_testing.conformance.check import Check
+from physic_testing.conformance.expect import expect
 from physic_testing.conformance.readings import Group, Reading, Table, flipped, shifted, times
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, UInt8Array
     from physic_testing.conformance.backend_under_test import BackendUnderTest
-    from physic_testing.conformance.cases import Case
-    from physic_testing.conformance.readings import Truth, Values
+    from physic_testing.conformance.cases import Case, Truth, Values
 
 _VISIBLE_CHANGE = 8  # grey levels by which a pixel visibly differs
 _SOFT_PX = 6  # width of a soft border

@@ -10,15 +10,15 @@ import numpy as np
 
 from physic_core.errors import BodyModelError
 from physic_core.types import SKELETONS, Skeleton
-from physic_testing.conformance.check import BLIND, Check, CheckSkipped, expect
+from physic_testing.conformance.cases import Truth, Values
+from physic_testing.conformance.check import BLIND, Check
+from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.output_checks import COLOURS, NOBODY, ROWS
 from physic_testing.conformance.readings import (
     MIN_UNITS,
     Group,
     Reading,
     Table,
-    Truth,
-    Values,
     is_sigmoid_of_probability,
     plus,
     shares,

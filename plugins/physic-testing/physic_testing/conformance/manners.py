@@ -6,7 +6,8 @@ import gc
 import time
 from typing import TYPE_CHECKING
 
-from physic_testing.conformance.check import Check, CheckSkipped, expect, warn_unless
+from physic_testing.conformance.check import Check
+from physic_testing.conformance.expect import CheckSkipped, expect, warn_unless
 from physic_testing.conformance.network_and_memory import resident_megabytes
 
 if TYPE_CHECKING:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_testing.conformance.check import BLIND, Check, CheckSkipped, expect
+from physic_testing.conformance.check import BLIND, Check
+from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.output_checks import COLOURS, NOBODY, ROWS
 from physic_testing.conformance.readings import Group, Reading, Table, reordered
 from physic_testing.conformance.truth import mirrored_order, true_touch
@@ -17,8 +18,7 @@ from physic_testing.conformance.truth import mirrored_order, true_touch
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Observations
     from physic_testing.conformance.backend_under_test import BackendUnderTest
-    from physic_testing.conformance.cases import Case
-    from physic_testing.conformance.readings import Truth, Values
+    from physic_testing.conformance.cases import Case, Truth, Values
 
 MIRROR_TOLERANCE = 0.1
 """Difference of probabilities, or of flexions over 180 degrees, that may be an error."""

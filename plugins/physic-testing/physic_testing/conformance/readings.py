@@ -18,18 +18,13 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from physic_testing.conformance.check import BLIND, Check, CheckFailed, CheckSkipped
+from physic_testing.conformance.check import BLIND, Check
+from physic_testing.conformance.expect import CheckFailed, CheckSkipped
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
     from physic_testing.conformance.backend_under_test import BackendUnderTest
-    from physic_testing.conformance.cases import Case
-
-Values: TypeAlias = "dict[str, Any]"
-"""An output in the form in which it is compared: names -> arrays."""
-
-Truth: TypeAlias = "dict[str, Any]"
-"""The same of the truth; ``case`` is the photo."""
+    from physic_testing.conformance.cases import Case, Truth, Values
 
 Make: TypeAlias = "Callable[[Any, Truth], Any]"
 """Value of the truth, and the whole truth -> the value with a mistake."""

@@ -15,7 +15,7 @@ from physic_core.discovery.error_text import describe_error
 from physic_core.errors import PhysicError
 from physic_core.interfaces import INTERFACES
 from physic_testing.conformance.accuracy import mean_accuracy
-from physic_testing.conformance.check import CheckFailed, CheckSkipped
+from physic_testing.conformance.expect import CheckFailed, CheckSkipped
 from physic_testing.conformance.report import Report, Result
 
 if TYPE_CHECKING:

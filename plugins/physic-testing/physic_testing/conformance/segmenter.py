@@ -8,15 +8,15 @@ import numpy as np
 
 from physic_core.adapters.people import boxes_from_masks
 from physic_core.metrics import mask_iou
-from physic_testing.conformance.check import Check, CheckSkipped, expect
+from physic_testing.conformance.check import Check
+from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.output_checks import COLOURS, NOBODY
 from physic_testing.conformance.readings import Group, Reading, Table, flipped, plus, shifted
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, People
     from physic_testing.conformance.backend_under_test import BackendUnderTest
-    from physic_testing.conformance.cases import Case
-    from physic_testing.conformance.readings import Truth, Values
+    from physic_testing.conformance.cases import Case, Truth, Values
 
 MIN_IOU = 0.3
 """Minimum IoU with the true mask; it detects wrong pixels and does not judge the accuracy."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.types.skeletons import SIDES
-from physic_testing.conformance.check import CheckSkipped
+from physic_testing.conformance.expect import CheckSkipped
 
 if TYPE_CHECKING:
     from physic_core.body.convert.correspondence import Correspondence

@@ -23,7 +23,6 @@ from physic_core.visual.textures.dressed import GUESSED
 from physic_viewer.report.people import people_records
 from physic_viewer.report.surfaces import (
     MAX_FULL_BODIES,
-    is_posed,
     pack_bodies,
     pack_scene,
     photo_jpeg,
@@ -55,13 +54,7 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
         "checked": summarize_checks(reconstruction.checks),
         "width": camera.width,
         "height": camera.height,
-        "camera": {
-            "fx": camera.fx,
-            "fy": camera.fy,
-            "cx": camera.cx,
-            "cy": camera.cy,
-            "source": camera.source,
-        },
+        "camera": {key: getattr(camera, key) for key in ("fx", "fy", "cx", "cy", "source")},
         "photo": photo_jpeg(reconstruction.image, _PHOTO_PX, 80 if crowd else 85),
         "background": photo_jpeg(scene.colors, _BACKGROUND_PX, 75 if crowd else 82),
         "upright": gltf_from_camera(scene.level).ravel().tolist(),
@@ -70,6 +63,27 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
         "scale_sigma": scene.scale_sigma,
         "distance_sigma": reconstruction.distance_sigma,
         "body_model": reconstruction.body_model,
+        **_meaning_of_colors(reconstruction),
+        "scene": pack_scene(reconstruction),
+        "bodies": pack_bodies(reconstruction),
+        "assumed": [
+            {"person": one.person, "name": one.name, "corners": one.vertices.ravel().tolist()}
+            for one in assumed_supports(reconstruction)
+        ],
+        "people": people_records(reconstruction),
+        "main": [i for i in main_people([one.box for one in people]) if people[i].has_body],
+        "unposed": [{"box": one.box, "reason": one.reason} for one in reconstruction.unposed],
+        "warnings": list(reconstruction.warnings),
+        "notes": list(reconstruction.notes),
+        "checks": [_check(check) for check in reconstruction.checks],
+        "licenses": _licenses(reconstruction.stages),
+    }
+    ready: dict[str, Any] = _finite(contents)
+    return ready
+
+
+def _meaning_of_colors(reconstruction: Reconstruction) -> dict[str, Any]:
+    return {
         "colors": {
             "contact": CONTACT_RGB,
             "floor": FLOOR_RGB,
@@ -86,22 +100,7 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
             {"title": one.title, "color": contact_color(one)}
             for one in reconstruction.contact_partners
         ],
-        "scene": pack_scene(reconstruction),
-        "bodies": pack_bodies(reconstruction),
-        "assumed": [
-            {"person": one.person, "name": one.name, "corners": one.vertices.ravel().tolist()}
-            for one in assumed_supports(reconstruction)
-        ],
-        "people": people_records(reconstruction),
-        "main": [i for i in main_people([one.box for one in people]) if is_posed(people[i])],
-        "unposed": [{"box": one.box, "reason": one.reason} for one in reconstruction.unposed],
-        "warnings": list(reconstruction.warnings),
-        "notes": list(reconstruction.notes),
-        "checks": [_check(check) for check in reconstruction.checks],
-        "licenses": _licenses(reconstruction.stages),
     }
-    ready: dict[str, Any] = _finite(contents)
-    return ready
 
 
 def _check(check: CheckResult) -> dict[str, Any]:

@@ -10,14 +10,13 @@ from physic_core.errors import PhysicError
 from physic_core.geometry.mesh import vertex_areas
 from physic_core.types.contacts import part_words, partner_titles
 from physic_core.visual.palette import contact_color, contact_colors, person_color, person_tint
-from physic_viewer.report.surfaces import is_posed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.spatial import cKDTree
 
     from physic_core.body.model import BodyModel
-    from physic_core.types import BodyContact, Person, Reconstruction
+    from physic_core.types import Person, Reconstruction
 
 # Vertices of all people between which gaps are measured; of a crowd, every n-th.
 _MAX_COMPARED = 120_000
@@ -68,7 +67,7 @@ def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
     """
     model = (
         body_model_of(reconstruction)
-        if any(is_posed(person) for person in reconstruction.people)
+        if any(person.has_body for person in reconstruction.people)
         else None
     )
     gaps = _gaps(reconstruction)
@@ -83,14 +82,11 @@ def _record(
     gaps: dict[tuple[int, int], float],
     model: BodyModel | None,
 ) -> dict[str, Any]:
-    people = reconstruction.people
     person = reconstruction.people[index]
-    posed = is_posed(person)
+    posed = person.has_body
     pelvis = np.asarray(person.joints[_PELVIS], np.float64)
-    titles = partner_titles(contact.partner for contact in person.contacts)
     fits = posed and model is not None and model.num_vertices == len(person.vertices)
     body = model if fits else None
-    others = [(other, gap) for (first, other), gap in gaps.items() if first == index]
     return {
         "grade": None if person.grade is None else str(person.grade),
         "trust": person.trust,
@@ -101,7 +97,7 @@ def _record(
         "posed": posed,
         "contact_vertices": int(np.sum(person.contact)),
         "vertices": len(person.vertices),
-        "contacts": [_contact(contact, titles[contact.partner]) for contact in person.contacts],
+        "contacts": _contacts(person),
         "support": None if person.support is None else str(person.support),
         "stature": None if body is None else _stature(person, body),
         "stature_sigma": None if body is None else person.stature_sigma,
@@ -113,26 +109,33 @@ def _record(
         "pelvis": pelvis.tolist() if posed else None,
         **_heights(reconstruction, person),
         "others": [
-            {
-                "person": other,
-                "pelvis": float(np.linalg.norm(pelvis - people[other].joints[_PELVIS])),
-                "gap": gap,
-            }
-            for other, gap in others
+            {"person": other, "pelvis": _between(person, reconstruction.people[other]), "gap": gap}
+            for (first, other), gap in gaps.items()
+            if first == index
         ],
         "contact": None if body is None else _contact_by_part(reconstruction, person, body),
     }
 
 
-def _contact(contact: BodyContact, partner: str) -> dict[str, Any]:
-    return {
-        "part": part_words(contact.part),
-        "partner": partner,
-        "color": list(contact_color(contact.partner)),
-        "probability": contact.probability,
-        "likely": contact.likely,
-        "assumed": contact.assumed,
-    }
+def _between(person: Person, other: Person) -> float:
+    """Return the distance of two people's pelvises, metres."""
+    pelvis = np.asarray(person.joints[_PELVIS], np.float64)
+    return float(np.linalg.norm(pelvis - other.joints[_PELVIS]))
+
+
+def _contacts(person: Person) -> list[dict[str, Any]]:
+    titles = partner_titles(contact.partner for contact in person.contacts)
+    return [
+        {
+            "part": part_words(contact.part),
+            "partner": titles[contact.partner],
+            "color": list(contact_color(contact.partner)),
+            "probability": contact.probability,
+            "likely": contact.likely,
+            "assumed": contact.assumed,
+        }
+        for contact in person.contacts
+    ]
 
 
 def _stature(person: Person, model: BodyModel) -> float | None:
@@ -150,7 +153,7 @@ def _heights(reconstruction: Reconstruction, person: Person) -> dict[str, Any]:
     or a body.
     """
     floor = reconstruction.scene.floor
-    if floor is None or not is_posed(person):
+    if floor is None or not person.has_body:
         return {"pelvis_height": None, "lowest": None}
     normal = np.asarray(floor.normal, np.float64)
     length = float(np.linalg.norm(normal))
@@ -166,7 +169,7 @@ def _gaps(reconstruction: Reconstruction) -> dict[tuple[int, int], float]:
     """
     from scipy.spatial import cKDTree
 
-    posed = [index for index, person in enumerate(reconstruction.people) if is_posed(person)]
+    posed = [index for index, person in enumerate(reconstruction.people) if person.has_body]
     total = sum(len(reconstruction.people[index].vertices) for index in posed)
     stride = max(1, -(-total // _MAX_COMPARED))
     points = {

@@ -144,7 +144,7 @@ def pack_bodies(reconstruction: Reconstruction) -> dict[str, Any]:
     people = reconstruction.people
     dressed = dressed_bodies(reconstruction)
     faces = np.asarray(reconstruction.faces, np.int64)
-    bodies = [person for person in people if is_posed(person)]
+    bodies = [person for person in people if person.has_body]
     ids = np.arange(len(bodies[0].vertices)) if bodies else np.zeros(0, np.int64)
     groups = ids
     mesh = dressed.mesh
@@ -157,19 +157,13 @@ def pack_bodies(reconstruction: Reconstruction) -> dict[str, Any]:
     images = {} if mesh is None else dressed_images(reconstruction)
 
     def pack(index: int, person: Person) -> dict[str, Any]:
-        strength = np.zeros(len(ids))
-        np.maximum.at(strength, groups, contact_strength(person))
         texture = None if mesh is None else photo_jpeg(images[index], len(images[index]), 88)
-        shod = dressed.vertices[index]
-        moved = np.flatnonzero((shod != person.vertices).any(1))
         return {
             "points": pack_points(person.vertices[ids]),
-            "shoes": {"vertices": pack_indices(moved), "points": pack_points(shod[moved])}
-            if whole
-            else None,
+            "shoes": _pack_shoes(person, dressed.vertices[index]) if whole else None,
             "texture": texture,
             "colors": pack_bytes(dressed.colors[index][ids]) if texture is None else None,
-            "contact": pack_bytes(np.ceil(255 * strength)),
+            "contact": _pack_contact(person, groups, len(ids)),
             "partner": _pack_partner(person, groups, len(ids)),
         }
 
@@ -178,14 +172,9 @@ def pack_bodies(reconstruction: Reconstruction) -> dict[str, Any]:
         "split": None if mesh is None else pack_indices(mesh.vertex[len(ids) :]),
         "uv": None if mesh is None else pack_indices(np.round(65535 * mesh.uv).astype(np.int64)),
         "people": [
-            pack(index, person) if is_posed(person) else None for index, person in enumerate(people)
+            pack(index, person) if person.has_body else None for index, person in enumerate(people)
         ],
     }
-
-
-def is_posed(person: Person) -> bool:
-    """Whether the person has a body of finite vertices."""
-    return len(person.vertices) > 0 and bool(np.isfinite(person.vertices).all())
 
 
 def _coarse(
@@ -202,6 +191,19 @@ def _coarse(
     parts = torch.zeros(len(vertices), dtype=torch.int64)
     mesh = coarse_mesh(body, torch.from_numpy(faces), parts, _COARSE_M)
     return mesh.ids.numpy(), mesh.faces.numpy(), mesh.of_vertex.numpy()
+
+
+def _pack_shoes(person: Person, shod: NDArray[np.float64]) -> dict[str, Any]:
+    """Pack the vertices that shoes move, and their places there."""
+    moved = np.flatnonzero((shod != person.vertices).any(1))
+    return {"vertices": pack_indices(moved), "points": pack_points(shod[moved])}
+
+
+def _pack_contact(person: Person, groups: NDArray[np.int64], count: int) -> str:
+    """Pack the contact of each of ``count`` groups of vertices, the strongest of its vertices."""
+    strength = np.zeros(count)
+    np.maximum.at(strength, groups, contact_strength(person))
+    return pack_bytes(np.ceil(255 * strength))
 
 
 def _pack_partner(person: Person, groups: NDArray[np.int64], count: int) -> dict[str, Any] | None:

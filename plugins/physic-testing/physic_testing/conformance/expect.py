@@ -1,0 +1,45 @@
+"""Exceptions with which a check fails, warns or is skipped."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+
+class CheckFailed(AssertionError):
+    """Exception of a failed check: the backend violates the contract of its interface.
+
+    Args:
+        expected: what the contract requires, with units.
+        got: what the backend returned or did, with units.
+        hint: a likely cause; empty where none suggests itself.
+    """
+
+    outcome: Literal["failed", "warned"] = "failed"
+
+    def __init__(self, expected: str, got: str, hint: str = "") -> None:
+        self.expected = expected
+        self.got = got
+        self.hint = hint
+        super().__init__(f"expected {expected}; got {got}{f'. {hint}' if hint else ''}")
+
+
+class CheckWarned(CheckFailed):
+    """Exception of a check that only warns: the contract does not forbid what the backend does."""
+
+    outcome: Literal["failed", "warned"] = "warned"
+
+
+class CheckSkipped(Exception):
+    """Exception of a skipped check; the message gives the reason."""
+
+
+def expect(condition: bool, expected: str, got: str, hint: str = "") -> None:
+    """Raise CheckFailed with the other arguments unless the condition is true."""
+    if not condition:
+        raise CheckFailed(expected, got, hint)
+
+
+def warn_unless(condition: bool, expected: str, got: str, hint: str = "") -> None:
+    """Raise CheckWarned with the other arguments unless the condition is true."""
+    if not condition:
+        raise CheckWarned(expected, got, hint)
