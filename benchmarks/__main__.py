@@ -13,6 +13,7 @@ BENCHMARKS = {
     "observer": "benchmarks.observer.command",
     "up": "benchmarks.up",
     "lifter": "benchmarks.lifter",
+    "exports_opened": "benchmarks.exports_opened",
     "run_cost": "benchmarks.run_cost",
 }
 """Name -> module, whose ``main`` reads the command line."""
