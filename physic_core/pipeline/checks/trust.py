@@ -163,9 +163,8 @@ def person_trust(checks: Sequence[CheckResult], person: int) -> Trust:
     why = _sentence([own[name] for name in named[:_REASONS]])
     if not good and not any(check.failed for check in own.values()):
         least = trust_text(LEAST_TRUST[Grade.GOOD])
-        why += f"; no check failed, but {trust_text(probability)} lies below {least}"
-        if not named:
-            why += f": {_LOOK}"
+        unfailed = f"no check failed, but {trust_text(probability)} lies below {least}"
+        why = f"{why}; {unfailed}" if named else f"{unfailed}: {_LOOK}"
     return Trust(probability, why)
 
 
