@@ -9,8 +9,8 @@ body, a camera, keypoints with the detector's errors, and a body with the errors
 bones turned in depth, a lean, wrong lengths. The network learns to undo them. Every tenth motion is
 left out, and its error printed. With ``--write`` the numbers go into the plugin.
 
-The sizes of the errors are round numbers that nobody measured; sizes half as large again gained no
-more on films for fits.
+The sizes of the errors are round numbers that were not measured; sizes half as large again gained
+no more on films for fits.
 """
 
 from __future__ import annotations

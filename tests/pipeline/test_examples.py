@@ -57,7 +57,7 @@ def joints_alone(pipeline):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("top", "bottom"), [(0.2, 0.6), (0.0, 0.35), (0.5, 1.0)])
-def test_a_false_person_within_a_person_moves_nobody(pipeline, joints_alone, top, bottom):
+def test_a_false_person_within_a_person_moves_no_other(pipeline, joints_alone, top, bottom):
     within = (MAN[0] + 20, MAN[1] + top * 624, MAN[2] - 20, MAN[1] + bottom * 624)
     both = pipeline(PHOTOS["slope"], people=PeoplePrompt(boxes=(MAN, within)))
     (person,) = both.people

@@ -73,6 +73,7 @@ _OUTLINE_SIGMA = 0.015  # distance between the outlines of body and mask, in siz
 _OUTLINE_LIMIT = 2.0
 # Error of a lifted joint on motions that took no part in the fit of the lifter.
 _LIFTED_SIGMA_M = 0.05
+_LIFTED_LIMIT = 3.0  # standard deviations at which a lifted joint pulls most
 
 
 @dataclass(frozen=True)
@@ -337,7 +338,8 @@ class FitProblem:
         if self.lifted is not None:
             limbs = joints[:, LIMB_ROWS] - joints[:, _HIPS].mean(1, keepdim=True)
             apart = (limbs @ self.turn - self.lifted.joints) / _LIFTED_SIGMA_M
-            robust = 9 * torch.log1p(apart.square().sum(-1) / 9)
+            limit = _LIFTED_LIMIT**2
+            robust = limit * torch.log1p(apart.square().sum(-1) / limit)
             constraints = constraints + (self.lifted.weight * robust).sum(1)
         return loss, constraints
 

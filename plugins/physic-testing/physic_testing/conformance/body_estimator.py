@@ -12,7 +12,7 @@ from physic_core.body.joints import JOINT_NAMES
 from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect
-from physic_testing.conformance.output_checks import NOBODY, ROWS, WITHOUT_HINTS
+from physic_testing.conformance.output_checks import ROWS, WITHOUT_HINTS, WITHOUT_PEOPLE
 from physic_testing.conformance.readings import Group, Reading, Table, plus, reordered, times
 from physic_testing.conformance.truth import (
     embedded_body,
@@ -336,7 +336,7 @@ def check_observed_is_true_in_sight(subject: BackendUnderTest) -> None:
 TABLE = Table(
     _values,
     (
-        NOBODY,
+        WITHOUT_PEOPLE,
         WITHOUT_HINTS,
         Check(check_bodies_can_be_posed),
         Check(check_bodies_are_in_front, after=("bodies_can_be_posed",)),

@@ -12,7 +12,7 @@ import numpy as np
 from physic_core.errors import BodyModelError
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
-from physic_testing.conformance.output_checks import NOBODY, ROWS
+from physic_testing.conformance.output_checks import ROWS, WITHOUT_PEOPLE
 from physic_testing.conformance.readings import (
     MIN_UNITS,
     Group,
@@ -150,7 +150,7 @@ def _circular_fit(likely: FloatArray, truth: FloatArray) -> FloatArray:
 TABLE = Table(
     _values,
     (
-        NOBODY,
+        WITHOUT_PEOPLE,
         Check(check_mesh_is_known),
         Check(
             check_contact_is_more_likely_where_bodies_touch,

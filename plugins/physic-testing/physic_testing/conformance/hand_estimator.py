@@ -17,7 +17,7 @@ from physic_testing.conformance.body_estimator import (
 )
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckSkipped, expect
-from physic_testing.conformance.output_checks import NOBODY, ROWS
+from physic_testing.conformance.output_checks import ROWS, WITHOUT_PEOPLE
 from physic_testing.conformance.readings import Group, Reading, Table, flipped, times
 from physic_testing.conformance.truth import rotation_errors_deg, true_hands, true_wrists
 
@@ -106,7 +106,7 @@ def _photo_with_hands(subject: BackendUnderTest) -> str:
 TABLE = Table(
     _values,
     (
-        NOBODY,
+        WITHOUT_PEOPLE,
         Check(check_angles_are_radians),
         Check(check_wrists_are_in_the_cameras_frame, after=("angles_are_radians",)),
         *ROWS,

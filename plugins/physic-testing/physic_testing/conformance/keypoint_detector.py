@@ -13,7 +13,7 @@ from physic_core.types import SKELETONS, Skeleton
 from physic_testing.conformance.cases import Truth, Values
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect
-from physic_testing.conformance.output_checks import COLOURS, NOBODY, ROWS
+from physic_testing.conformance.output_checks import COLOURS, ROWS, WITHOUT_PEOPLE
 from physic_testing.conformance.readings import (
     MIN_UNITS,
     Group,
@@ -216,7 +216,7 @@ def check_world_points_are_metres(subject: BackendUnderTest) -> None:
 TABLE = Table(
     _values,
     (
-        NOBODY,
+        WITHOUT_PEOPLE,
         Check(check_skeleton_is_known),
         Check(check_confidence_tells_hidden_joints, after=("skeleton_is_known",), unless=BLIND),
         Check(

@@ -282,7 +282,7 @@ CHECKS: tuple[Check, ...] = (
 WITHOUT_HINTS = Check(check_works_without_hints, read="physic_core.types.Hints")
 """Check of interfaces whose ``infer`` receives hints."""
 
-NOBODY = Check(check_accepts_a_photo_without_people)
+WITHOUT_PEOPLE = Check(check_accepts_a_photo_without_people)
 """Check of interfaces whose output has one row per person."""
 
 ROWS = (

@@ -11,7 +11,7 @@ import numpy as np
 
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect
-from physic_testing.conformance.output_checks import COLOURS, NOBODY, ROWS
+from physic_testing.conformance.output_checks import COLOURS, ROWS, WITHOUT_PEOPLE
 from physic_testing.conformance.readings import Group, Reading, Table, reordered
 from physic_testing.conformance.truth import mirrored_order, true_touch
 
@@ -79,7 +79,7 @@ def _sides(answer: Observations) -> FloatArray:
 
 TABLE = Table(
     _values,
-    (NOBODY, Check(check_mirrored_photo_exchanges_sides, unless=BLIND), *ROWS, COLOURS),
+    (WITHOUT_PEOPLE, Check(check_mirrored_photo_exchanges_sides, unless=BLIND), *ROWS, COLOURS),
     (
         Group(
             "touch_is_that_of_the_parts",

@@ -10,7 +10,7 @@ from physic_core.adapters.people import boxes_from_masks
 from physic_core.metrics import mask_iou
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckSkipped, expect
-from physic_testing.conformance.output_checks import COLOURS, NOBODY
+from physic_testing.conformance.output_checks import COLOURS, WITHOUT_PEOPLE
 from physic_testing.conformance.readings import Group, Reading, Table, flipped, plus, shifted
 
 if TYPE_CHECKING:
@@ -185,7 +185,7 @@ def check_floor_mask_excludes_people(subject: BackendUnderTest) -> None:
 TABLE = Table(
     _values,
     (
-        NOBODY,
+        WITHOUT_PEOPLE,
         Check(check_masks_lie_on_people),
         Check(check_boxes_enclose_their_masks),
         Check(check_floor_mask_excludes_people),
