@@ -46,7 +46,15 @@ def test_a_short_block_of_zeros_is_found(kind):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("share", [0.9, 0.5, 0.1])
 def test_a_cut_with_the_end_put_back_is_found(kind, share):
-    refuse(cut(encoded(kind), int(share * len(encoded(kind)))))
+    whole = encoded(kind)
+    refuse(cut(whole, int(share * len(whole))))
+
+
+@pytest.mark.parametrize("kind", JPEGS)
+def test_a_jpeg_that_is_cut_is_found(kind):
+    whole = encoded(kind)
+    for end in (*range(picture_start(whole), len(whole), len(whole) // 9), len(whole) - 9):
+        refuse(whole[:end])
 
 
 @pytest.mark.parametrize("kind", KINDS)

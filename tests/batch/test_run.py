@@ -265,16 +265,6 @@ def todo(job, photos, **options):
     ]
 
 
-def test_another_configuration_does_all_anew_but_threads_and_cache_do_not(tmp_path, out):
-    photos = make_photos(tmp_path / "photos", "a", "b")
-    finished(job_for(out), photos)
-    assert (
-        todo(job_for(out, "run.threads=2", "run.cache=false", "run.low_memory=true"), photos) == []
-    )
-    assert todo(job_for(out, "photo.max_side=640"), photos) == ["a", "b"]
-    assert todo(job_for(out, level="numbers"), photos) == ["a", "b"]
-
-
 OWN_DEPTH = """
 from physic_mock.depths import MetricDepthOptions, MockMetricDepth
 

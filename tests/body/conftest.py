@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import roma
 import torch
 
 from physic_core.body import JOINT_INDEX, JOINT_NAMES, load_body
 from physic_core.body.model import BodyArrays, build_body_model
 from physic_core.geometry.rotations import rotvec_to_rotmat_numpy
+from physic_core.geometry.rotvecs import rotvec_to_rotmat
 
 sys.path.append(str(Path(__file__).parent))  # other_body.py, which tests of this folder share
 
@@ -38,7 +38,7 @@ def random_pose(embedded):
     """Three bodies far from rest: rotations, betas, transl."""
     draws = torch.randn(3, 168 + embedded.num_betas, generator=torch.Generator().manual_seed(7))
     turns, transl, betas = draws.split([165, 3, embedded.num_betas], 1)
-    rotations = roma.rotvec_to_rotmat(0.4 * turns.view(3, 55, 3))
+    rotations = rotvec_to_rotmat(0.4 * turns.view(3, 55, 3))
     return {"rotations": rotations, "betas": betas, "transl": 3 * transl}
 
 

@@ -10,12 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import roma
 import torch
 from scipy.sparse import coo_matrix, csr_matrix
 
 from physic_core.body import JOINT_INDEX, JOINT_NAMES, PARENTS
 from physic_core.body.bones import rotations_from_parameters
+from physic_core.geometry.rotvecs import rotvec_to_rotmat
 
 SHIFTS_MM = {
     "pelvis": (0, 30, 0),
@@ -69,7 +69,7 @@ def make(embedded, vertices):
             rotvecs[0, JOINT_INDEX[f"{side}_{name}"]] = torch.deg2rad(
                 torch.tensor([x, sign * y, sign * z]).float()
             )
-    rotations = roma.rotvec_to_rotmat(rotvecs)
+    rotations = rotvec_to_rotmat(rotvecs)
     shapes = torch.cat([torch.zeros(1, embedded.num_betas), torch.eye(embedded.num_betas)])
     out = embedded(rotations.repeat(len(shapes), 1, 1, 1), shapes, torch.zeros(len(shapes), 3))
     posed = out.vertices.double().numpy()

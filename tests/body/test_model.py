@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-import roma
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
@@ -18,6 +17,7 @@ from torch.testing import assert_close
 
 from physic_core.body import JOINT_INDEX, JOINT_NAMES, PARENTS, load_body
 from physic_core.errors import BodyModelError
+from physic_core.geometry.rotvecs import rotvec_to_rotmat
 
 pytestmark = pytest.mark.quick
 
@@ -25,9 +25,7 @@ pytestmark = pytest.mark.quick
 def turned(joint, rotvec, model):
     """Rotations (1, 55, 3, 3) of the T-pose with one joint turned."""
     rotations = model.zero_pose()[0]
-    rotations[0, JOINT_INDEX[joint]] = roma.rotvec_to_rotmat(
-        torch.tensor(rotvec, dtype=rotations.dtype)
-    )
+    rotations[0, JOINT_INDEX[joint]] = rotvec_to_rotmat(torch.tensor(rotvec, dtype=rotations.dtype))
     return rotations
 
 
@@ -170,10 +168,10 @@ def test_the_small_model_has_values_of_the_whole_and_slopes_of_finite_difference
     )
 
     def vertices_and_joints(turns, betas, transl):
-        points = small(roma.rotvec_to_rotmat(turns), betas, transl)
+        points = small(rotvec_to_rotmat(turns), betas, transl)
         return points["vertices"], points["joints"][:, ::9]
 
-    whole = model64(roma.rotvec_to_rotmat(inputs[0]), *inputs[1:], vertex_ids=ids)
+    whole = model64(rotvec_to_rotmat(inputs[0]), *inputs[1:], vertex_ids=ids)
     assert_close(vertices_and_joints(*inputs), (whole.vertices, whole.joints[:, ::9]))
     moving = [one.requires_grad_() for one in inputs]
     assert torch.autograd.gradcheck(vertices_and_joints, moving, fast_mode=True)

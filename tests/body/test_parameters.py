@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import roma
 import torch
 from numpy.testing import assert_allclose
 
 from physic_core.body import JOINT_INDEX
 from physic_core.body.bones import parameters_from_rotations, rotations_from_parameters
 from physic_core.errors import BodyModelError
+from physic_core.geometry.rotvecs import rotvec_to_rotmat
 
 pytestmark = pytest.mark.quick
 
@@ -52,7 +52,7 @@ def parameters_of(rotations):
 def test_every_field_holds_its_joints(joint, field, first):
     rotvec = torch.tensor([0.1, -0.2, 0.3])
     rotations = torch.eye(3).repeat(1, 55, 1, 1)
-    rotations[0, JOINT_INDEX[joint]] = roma.rotvec_to_rotmat(rotvec)
+    rotations[0, JOINT_INDEX[joint]] = rotvec_to_rotmat(rotvec)
     parameters = parameters_of(rotations)
     assert_allclose(getattr(parameters, field)[0, first : first + 3], rotvec, atol=1e-6)
     total = sum(np.abs(getattr(parameters, name)).sum() for name in vars(parameters))

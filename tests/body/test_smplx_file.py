@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import roma
 import torch
 
 from physic_core.body import load_body
 from physic_core.body.files import load_smplx
 from physic_core.body.landmarks import CONTACT_SETS
 from physic_core.errors import BodyModelError
+from physic_core.geometry.rotvecs import rotvec_to_rotmat
 
 
 @pytest.fixture
@@ -38,7 +38,7 @@ def pose():
 
 
 def pose_by(path, pose):
-    rotations = roma.rotvec_to_rotmat(pose["rotvecs"])
+    rotations = rotvec_to_rotmat(pose["rotvecs"])
     return load_body(path)(rotations, pose["betas"], pose["transl"], pose["expression"])
 
 

@@ -110,9 +110,14 @@ def test_another_input_has_another_cache_key(cache, other):
     assert ask(cache, **other).name != ask(cache).name
 
 
-def test_the_version_of_the_interface_is_part_of_the_cache_key(cache, monkeypatch):
+@pytest.mark.parametrize(
+    ("kind", "name", "value"),
+    [(interfaces.MetricDepth, "api", 99), (Depth, "stated", "revision 2")],
+    ids=["version of the interface", "fingerprint of the backend"],
+)
+def test_what_a_class_states_is_part_of_the_cache_key(cache, monkeypatch, kind, name, value):
     before = ask(cache).name
-    monkeypatch.setattr(interfaces.INTERFACES["metric_depth"], "api", 99)
+    monkeypatch.setattr(kind, name, value)
     assert ask(cache).name != before
 
 
@@ -139,12 +144,6 @@ def test_the_content_of_an_option_file_is_part_of_the_cache_key(cache, tmp_path)
     weights.write_text("2")
     os.utime(weights, ns=(time, time))
     assert len({absent, before, ask(cache, who).name}) == 3
-
-
-def test_the_fingerprint_of_the_backend_is_part_of_the_cache_key(cache, monkeypatch):
-    before = ask(cache).name
-    monkeypatch.setattr(Depth, "stated", "revision 2")
-    assert ask(cache).name != before
 
 
 def test_backends_that_are_not_cacheable_or_have_no_name_are_not_cached(cache, monkeypatch):

@@ -170,14 +170,9 @@ def test_a_lack_of_memory_is_a_message(pipeline, physic):
         (run("--intrinsics", "1,2,3"), "comma-separated numbers: fx,fy,cx,cy"),
         (run("-o", ""), "'-o' / '--out': it is empty"),
         (
-            ("config", "show", "--preset", "mock", "--config", "x.toml"),
-            "--preset cannot be combined with --config",
-        ),
-        (
             ("batch", "a.jpg", "-o", "out", "--preset", "mock", "--config", "x.toml"),
             "cannot be combined with --config",
         ),
-        (("serve", "--preset", "mock", "--config", "x.toml"), "cannot be combined with --config"),
     ],
 )
 def test_a_wrong_use_exits_with_2(arguments, expected, pipeline):

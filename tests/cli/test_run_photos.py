@@ -53,8 +53,6 @@ DEFAULT_FILES = ["combined.glb", "people.csv", "preview.png", *ARRAYS, "report.h
     ("arguments", "names"),
     [
         ((), DEFAULT_FILES),
-        (("--no-report",), DEFAULT_FILES[:-1]),
-        (("--save", "numbers"), ["people.csv", *ARRAYS]),
         (("--save", "numbers", "--report"), ["people.csv", *ARRAYS, "report.html"]),
         (("--save", "people"), ["people.csv", *ARRAYS]),
     ],

@@ -15,14 +15,8 @@ INFINITE = {"far_m", "robust_px_share", "robust_m"}
 """Settings whose documentation gives infinity a meaning."""
 
 
-def models():
-    found = {"photo": PhotoSettings, "run": RunSettings}
-    for preset in engine_preset_names():
-        found |= {f"{preset} {stage}": model for stage, model in stage_models(preset).items()}
-    for offer in list_backends():
-        if offer.distribution.startswith("physic-"):
-            found[f"{offer.interface} {offer.name}"] = load_class(offer).Options
-    return [pytest.param(model, id=name) for name, model in found.items()]
+STAGES = [(preset, stage) for preset in engine_preset_names() for stage in stage_models(preset)]
+OFFERS = [offer for offer in list_backends() if offer.distribution.startswith("physic-")]
 
 
 def extremes(model):
@@ -80,8 +74,22 @@ def numbers(value):
     return [n for item in value for n in numbers(item)] if isinstance(value, list) else [value]
 
 
-@pytest.mark.parametrize("model", models())
-def test_every_setting_is_bounded(model):
+@pytest.mark.parametrize("model", [PhotoSettings, RunSettings])
+def test_every_setting_of_photo_and_run_is_bounded(model):
+    check_bounds(model)
+
+
+@pytest.mark.parametrize(("preset", "stage"), STAGES)
+def test_every_setting_of_the_engine_is_bounded(preset, stage):
+    check_bounds(stage_models(preset)[stage])
+
+
+@pytest.mark.parametrize("offer", OFFERS, ids=str)
+def test_every_option_is_bounded(offer):
+    check_bounds(load_class(offer).Options)
+
+
+def check_bounds(model):
     for path, value in extremes(model):
         assert path[-1] in INFINITE or all(
             isinstance(n, str) or math.isfinite(n) for n in numbers(value)

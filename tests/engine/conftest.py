@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-import roma
 import torch
 import trimesh
 
@@ -18,6 +17,7 @@ from physic_core.engine.scene_state import SceneState
 from physic_core.engine.state import State
 from physic_core.geometry.camera import project
 from physic_core.geometry.floor import PlaneFit
+from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_core.types import Intrinsics
 from physic_testing.worlds import BLAZEPOSE
 
@@ -49,7 +49,7 @@ def upright(bends):
     turns[JOINT_INDEX["right_shoulder"], 2] = 1.2
     for name, turn in bends.items():
         turns[JOINT_INDEX[name]] = torch.tensor(list(turn))
-    rotations = roma.rotvec_to_rotmat(turns)
+    rotations = rotvec_to_rotmat(turns)
     rotations[0] = torch.diag(torch.tensor([1.0, -1.0, -1.0])) @ rotations[0]
     return rotations
 

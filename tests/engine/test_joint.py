@@ -9,7 +9,6 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-import roma
 import torch
 from torch.testing import assert_close
 
@@ -22,6 +21,7 @@ from physic_core.engine.joint.terms import picture
 from physic_core.engine.joint.terms.scene import lowest_height
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import project
+from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_paper.paper import PaperOptimisation
 from physic_paper.published import UnwhitenedVariables
 
@@ -48,7 +48,7 @@ def moved(state, *, by=(0.0, 0.0, 0.0), turn=0.0, seed=0):
     """
     noise = turn * normal(len(state), 54, 3, seed=seed).float()
     rotations = torch.cat(
-        [state.rotations[:, :1], state.rotations[:, 1:] @ roma.rotvec_to_rotmat(noise)], 1
+        [state.rotations[:, :1], state.rotations[:, 1:] @ rotvec_to_rotmat(noise)], 1
     )
     return replace(state, transl=state.transl + torch.tensor(by), rotations=rotations)
 

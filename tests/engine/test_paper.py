@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-import roma
 import torch
 from torch.testing import assert_close
 
 from physic_core import engine_preset
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.geometry.camera import project
+from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_paper.terms.reprojection import confidence_weights
 
 from .adjusted import adjusted, with_points, with_scene
@@ -33,7 +33,7 @@ def start(two):
     state = floor_grid(two.state)
     return replace(
         state,
-        rotations=state.rotations @ roma.rotvec_to_rotmat(turns),
+        rotations=state.rotations @ rotvec_to_rotmat(turns),
         transl=state.transl + torch.tensor([[0.03, -0.04, 0.1], [-0.02, 0.03, -0.1]]),
         keypoints=state.keypoints + 2 * normal(*state.keypoints.shape, seed=1).float(),
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import partial
 
 import pytest
-import roma
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -17,6 +16,7 @@ from physic_core.engine.joint.terms.body import hinge_angles, limit_energy
 from physic_core.engine.joint.terms.picture import reprojection_energy
 from physic_core.engine.joint.terms.scene import lowest_height, sole_energy
 from physic_core.geometry.robust import cauchy
+from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_paper.terms.chamfer import chamfer_energy
 from physic_paper.terms.point_penetration import point_penetration_energy
 
@@ -53,7 +53,7 @@ def test_gradient_of_chamfer():
 
 
 def test_gradient_of_joint_limits():
-    check(lambda x: limit_energy(roma.rotvec_to_rotmat(x)), rand(2, 55, 3, low=-0.9, high=0.9))
+    check(lambda x: limit_energy(rotvec_to_rotmat(x)), rand(2, 55, 3, low=-0.9, high=0.9))
 
 
 # ---- values
@@ -92,7 +92,7 @@ def turned(**joints):
     x = torch.zeros(1, 55, 3, dtype=torch.float64)
     for name, turn in joints.items():
         x[0, JOINT_INDEX[name]] = torch.tensor(turn, dtype=torch.float64)
-    return roma.rotvec_to_rotmat(x)
+    return rotvec_to_rotmat(x)
 
 
 def test_hinges_measure_flexion_whatever_the_twist():
@@ -134,8 +134,8 @@ def test_knees_and_elbows_bend_as_the_body_does(body):
 def test_regularisation_does_not_see_where_a_body_is_and_how_it_is_turned(seed):
     vertices = normal(2, 6, 3, seed=seed)
     pelvis = normal(2, 3, seed=seed + 1)
-    root = roma.rotvec_to_rotmat(3 * normal(2, 3, seed=seed + 2))
-    turn = roma.rotvec_to_rotmat(3 * normal(3, seed=seed + 3))
+    root = rotvec_to_rotmat(3 * normal(2, 3, seed=seed + 2))
+    turn = rotvec_to_rotmat(3 * normal(3, seed=seed + 3))
     move = normal(3, seed=seed + 4)
     here = root_relative(vertices, pelvis, root)
     there = root_relative(vertices @ turn.T + move, pelvis @ turn.T + move, turn @ root)

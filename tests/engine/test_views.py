@@ -8,7 +8,6 @@ import math
 from dataclasses import replace
 
 import pytest
-import roma
 import torch
 from torch.testing import assert_close
 
@@ -21,6 +20,7 @@ from physic_core.engine.joint.terms.picture import ViewsTerm
 from physic_core.engine.state import OtherView
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import project
+from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_core.geometry.visibility import inside_image
 from physic_testing.worlds import BLAZEPOSE
 
@@ -38,7 +38,7 @@ def view_of(stage, turn_deg):
     """A camera at the same distance and height, turned about the first person."""
     state = stage.state
     middle = torch.tensor([0.0, 0.0, PLACE[2]])
-    rotation = roma.rotvec_to_rotmat(torch.tensor([0.0, math.radians(turn_deg), 0.0]))
+    rotation = rotvec_to_rotmat(torch.tensor([0.0, math.radians(turn_deg), 0.0]))
     translation = middle - rotation @ middle
     vertices = stage.vertices @ rotation.T + translation
     body = state.model(state.rotations, state.betas, state.transl)
@@ -76,7 +76,7 @@ def hide_left_arm(state):
     rotations = state.rotations.clone()
     for name, guess in (("left_shoulder", (0.0, 0.0, -1.2)), ("left_elbow", (0.0, 0.0, 0.0))):
         mean = (2 * torch.tensor(RAISED[name]) + torch.tensor(guess)) / 3
-        rotations[:, JOINT_INDEX[name]] = roma.rotvec_to_rotmat(mean)
+        rotations[:, JOINT_INDEX[name]] = rotvec_to_rotmat(mean)
     return replace(state, observed=observed, keypoint_confidence=confidence, rotations=rotations)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-import roma
 import torch
 import trimesh
 from hypothesis import given, settings
@@ -11,6 +10,7 @@ from hypothesis import strategies as st
 
 from physic_core.body import load_body
 from physic_core.geometry.mesh import cluster_points, coarse_mesh
+from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_core.geometry.visibility import self_occlusion
 
 pytestmark = pytest.mark.quick
@@ -49,7 +49,7 @@ def test_it_hides_the_limbs_that_the_whole_mesh_hides():
     turns = 0.5 * torch.randn(12, 55, 3, generator=generator)
     turns[:, 0] = 2 * torch.randn(12, 3, generator=generator)
     places = torch.tensor([0.0, 0.0, 3.5]).expand(12, 3)
-    bodies = model(roma.rotvec_to_rotmat(turns), torch.zeros(12, model.num_betas), places).vertices
+    bodies = model(rotvec_to_rotmat(turns), torch.zeros(12, model.num_betas), places).vertices
     every = range(len(model.part_names))
     fine = self_occlusion(bodies, model.faces, model.part_of_vertex, every)[1]
     coarse = self_occlusion(bodies, model.faces, model.part_of_vertex, every, coarse=model.coarse)[

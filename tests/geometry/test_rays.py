@@ -7,13 +7,13 @@ import sys
 
 import numpy as np
 import pytest
-import roma
 import torch
 import trimesh
 from numpy.testing import assert_allclose
 
 from physic_core.body import load_body
 from physic_core.geometry.rays import RayCaster
+from physic_core.geometry.rotvecs import rotvec_to_rotmat
 
 pytestmark = pytest.mark.quick
 
@@ -30,7 +30,7 @@ def posed_body():
     turns = 0.4 * torch.randn(1, 55, 3, generator=torch.Generator().manual_seed(0))
     turns[:, 0] = 0
     _, betas, _ = model.zero_pose()
-    posed = model(roma.rotvec_to_rotmat(turns), betas, torch.tensor([[0.1, 0.2, 3.0]]))
+    posed = model(rotvec_to_rotmat(turns), betas, torch.tensor([[0.1, 0.2, 3.0]]))
     return posed.vertices[0].double().numpy(), model.faces.numpy()
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 
 import pytest
-import roma
 import torch
 from torch.nn.functional import normalize
 from torch.testing import assert_close
@@ -16,6 +15,14 @@ from physic_core.geometry.rotations import rotmat_to_euler, rotmat_to_quat
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
 
 pytestmark = pytest.mark.quick
+
+
+@pytest.fixture(scope="module")
+def roma():
+    import roma  # which imports torch._dynamo, for longer than a second
+
+    return roma
+
 
 ANGLES = [0.0, 1e-8, 1e-4, 0.03, 0.04, 0.49, 0.51, 1.0, 3.0, math.pi, 5.0]
 
@@ -27,7 +34,7 @@ def turns(angle, dtype):
 
 @pytest.mark.parametrize("angle", ANGLES)
 @pytest.mark.parametrize(("dtype", "tolerance"), [(torch.float32, 2e-6), (torch.float64, 2e-12)])
-def test_value_and_gradient_agree_with_roma(angle, dtype, tolerance):
+def test_value_and_gradient_agree_with_roma(roma, angle, dtype, tolerance):
     rotvec = turns(angle, dtype)
     weights = torch.randn(20, 3, 3, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
     got = rotvec_to_rotmat(rotvec)
@@ -49,7 +56,7 @@ def test_rotations_may_have_any_leading_dimensions():
 
 
 @pytest.mark.parametrize("axes", ["XYZ", "ZXY", "xyz"])
-def test_angles_and_quaternions_of_matrices_are_those_of_roma(axes):
+def test_angles_and_quaternions_of_matrices_are_those_of_roma(roma, axes):
     matrices = roma.random_rotmat(50).double()
     angles = rotmat_to_euler(axes, matrices.numpy())
     assert torch.allclose(roma.euler_to_rotmat(axes, torch.from_numpy(angles)), matrices, atol=1e-7)
@@ -57,7 +64,7 @@ def test_angles_and_quaternions_of_matrices_are_those_of_roma(axes):
     assert torch.allclose(roma.unitquat_to_rotmat(turns), matrices, atol=1e-7)
 
 
-def test_coinciding_axes_give_angles_of_the_same_rotation_without_a_warning():
+def test_coinciding_axes_give_angles_of_the_same_rotation_without_a_warning(roma):
     matrix = roma.euler_to_rotmat("xyz", torch.tensor([0.3, math.pi / 2, 0.4], dtype=torch.float64))
     angles = rotmat_to_euler("xyz", matrix.numpy())
     assert angles.shape == (3,)

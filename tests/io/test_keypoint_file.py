@@ -137,11 +137,6 @@ def test_points_and_scores_apart_are_read(tmp_path, document):
     assert given.joint[-1] == "left_ankle"
 
 
-def test_an_unknown_form_is_refused_with_what_it_has(tmp_path):
-    with pytest.raises(InputError, match="shapes"):
-        read_keypoints(written(tmp_path, {"shapes": [], "version": "5"}), *SLOPE)
-
-
 def test_a_file_most_of_whose_points_lie_outside_is_refused():
     with pytest.raises(InputError, match="another picture"):
         read("couple_low_scores", (400, 300))

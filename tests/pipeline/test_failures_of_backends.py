@@ -113,7 +113,6 @@ FAILS = f"RuntimeError: no weights in w.pt ({FILE}:{fail.__code__.co_firstlineno
     ("optional", "change", "reason"),
     [
         (HANDS, fail, FAILS),
-        (HANDS, lambda a: None, "expected Hands, got NoneType"),
         (CONTACT, nans("probability"), "probability must lie in [0, 1], got nan to nan"),
         (CONTACT, lambda a: replace(a, topology="smpl"), "topology must be 'physic-embedded-1'"),
     ],

@@ -196,7 +196,6 @@ def test_keypoints_that_are_given_as_they_were_detected_change_nothing(tmp_path)
         ("{", "a.json", "COCO JSON"),
         ("{}", "a.json", "form is not known"),
         ('[{"image_id": 1, "keypoints": [1, 2]}]', "a.json", "2 numbers for 17, 23, 26 or 133"),
-        ('[{"image_id": 1}, {"image_id": 2}]', "a.json", "2 images"),
     ],
 )
 def test_a_bad_file_is_refused_with_its_path_and_what_is_wrong(tmp_path, text, name, said):

@@ -9,11 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import roma
-import torch
 import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from physic_core.body import load_body
 from physic_core.body.joints import JOINT_NAMES, joint_pair
@@ -56,9 +55,7 @@ def node_poses(tree):
         node = tree.nodes[index]
         own = np.eye(4)
         if node.rotation:
-            own[:3, :3] = roma.unitquat_to_rotmat(
-                torch.tensor(node.rotation, dtype=torch.float64)
-            ).numpy()
+            own[:3, :3] = Rotation.from_quat(node.rotation).as_matrix()
         if node.translation:
             own[:3, 3] = node.translation
         poses[index] = parent @ own

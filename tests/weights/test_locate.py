@@ -86,9 +86,6 @@ def test_a_snapshot_is_the_folder_of_a_set_that_lies_in_it_as_listed(lists, tmp_
     assert locate(folder, "net", "config.json") == there[0]
 
 
-FETCH = "`physic weights fetch net`"
-
-
 def test_missing_weights_are_named_with_size_licence_command_and_searched_folders(
     lists, own_cache, tmp_path, monkeypatch
 ):
@@ -105,7 +102,6 @@ def test_missing_weights_are_named_with_size_licence_command_and_searched_folder
 @pytest.mark.parametrize(
     ("keys", "way"),
     [
-        ({}, "`physic weights fetch net`"),
         (
             {"commercial": False},
             "`physic weights fetch net --accept-licence` (commercial use NOT allowed)",
@@ -117,7 +113,8 @@ def test_missing_weights_are_named_with_size_licence_command_and_searched_folder
         ),
         (
             {"account": True},
-            f"{FETCH[:-1]} --accept-licence` (an account with access, commercial use allowed)",
+            "`physic weights fetch net --accept-licence` (an account with access, commercial use "
+            "allowed)",
         ),
     ],
 )

@@ -4,13 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-import roma
 import torch
 from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.bones import rotations_from_parameters
 from physic_core.engine.sizes.stature import ADULT_STATURE_M, adult_shape
+from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_core.types import (
     SKELETONS,
     Hints,
@@ -101,8 +101,8 @@ def truth(
     betas=ADULT,
 ):
     count = len(poses)
-    rotations = roma.rotvec_to_rotmat(torch.as_tensor(np.array(poses), dtype=torch.float32))
-    turn = roma.rotvec_to_rotmat(torch.tensor([0.0, float(np.radians(yaw_deg)), 0.0]))
+    rotations = rotvec_to_rotmat(torch.as_tensor(np.array(poses), dtype=torch.float32))
+    turn = rotvec_to_rotmat(torch.tensor([0.0, float(np.radians(yaw_deg)), 0.0]))
     rotations[:, 0] = torch.as_tensor(UPRIGHT, dtype=torch.float32) @ turn
     transl = torch.tensor(places)
     out = MODEL(rotations, betas.reshape(1, -1).expand(count, -1), transl)

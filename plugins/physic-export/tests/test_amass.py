@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import roma
 import torch
 import trimesh
 from other_body import posed, smplx_file_arrays
@@ -15,6 +14,7 @@ from scipy.spatial import cKDTree
 from physic_core.body import load_body
 from physic_core.body.convert.bodies import convert_with_residuals
 from physic_core.errors import InputError
+from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_core.types import Bodies
 
 
@@ -61,7 +61,7 @@ def read(model, path):
     with np.load(path) as arrays:
         poses, trans = (torch.from_numpy(arrays[name][:1]) for name in ("poses", "trans"))
         betas, expression = (torch.from_numpy(arrays[name]) for name in ("betas", "expression"))
-    turns = roma.rotvec_to_rotmat(poses.reshape(1, 55, 3))
+    turns = rotvec_to_rotmat(poses.reshape(1, 55, 3))
     out = model.to(dtype=torch.float64)(turns, betas[None], trans, expression[:1])
     return out.vertices[0].numpy(), out.joints[0].numpy()
 

@@ -14,13 +14,13 @@ from physic_onnx.vitpose import HUB, PLUS, VitPose
 
 from .pose_worlds import region
 
-transformers = pytest.importorskip("transformers")
-
 
 @pytest.fixture(params=[1, 3], ids=["plain", "plus"])
 def network(request, tmp_path):
     """A small network of one or more experts, and its file."""
     import torch
+
+    pytest.importorskip("transformers")
     from transformers import VitPoseBackboneConfig, VitPoseConfig, VitPoseForPoseEstimation
 
     experts = request.param

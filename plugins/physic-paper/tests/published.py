@@ -8,7 +8,6 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-import roma
 import torch
 
 from physic_core.body.joints import PART_NAMES
@@ -154,6 +153,8 @@ class Published:
 
     def rotations(self, tag):
         """(1, 55, 3, 3) of a state."""
+        import roma  # which imports torch._dynamo, for longer than a second
+
         raw = self.raw(tag)
         rotations = torch.eye(3).repeat(1, 55, 1, 1)
         for group, rows in (

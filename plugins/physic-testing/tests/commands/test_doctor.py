@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sys
-
 SICK = (
     "import os, time\n"
     "from physic_core.errors import BackendError\n"
@@ -61,37 +58,3 @@ def test_a_backend_that_hangs_is_broken_after_the_time_limit(site, monkeypatch, 
     assert line.startswith("BROKEN")
     assert "'hanging'" in line
     assert "2 s" in line
-
-
-def test_the_doctor_accepts_backends_with_missing_files(site, monkeypatch, physic):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-sick,physic-testing")
-    install(site, *NAMES)
-    done = physic("plugins", "doctor", "lacking", "--json")
-    assert done.exit_code == 0
-    (finding,) = json.loads(done.stdout)
-    assert finding["state"] == "missing"
-    assert finding["message"] == "no checkpoint at /x: get it from /y"
-
-
-def test_a_class_that_no_plugin_registers_is_loaded(monkeypatch, tmp_path, physic):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    (tmp_path / "doctor_fill.py").write_text(
-        "from physic_core.interfaces import Inpainter\n"
-        "class Fill(Inpainter):\n"
-        "    def infer(self, image, mask): return image\n"
-    )
-    done = physic("plugins", "doctor", "doctor_fill:Fill")
-    assert done.exit_code == 0
-    assert done.stdout.startswith("ok       inpainter 'doctor_fill:Fill' (named in the config): ")
-
-
-def test_another_version_and_a_missing_module_are_broken(site, monkeypatch, physic):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-new,physic-gone,physic-testing")
-    site.offer("physic-new", "segmenter", "new", api=2)
-    site.install("physic-gone", "", entry="gone = json.gone:C", group="physic.segmenter")
-    done = physic("plugins", "doctor", "--interface", "segmenter")
-    (gone,) = (line for line in done.stdout.splitlines() if "physic-gone" in line)
-    (new,) = (line for line in done.stdout.splitlines() if "physic-new" in line)
-    assert "No module named 'json.gone'" in gone
-    assert "upgrade physic-core" in new

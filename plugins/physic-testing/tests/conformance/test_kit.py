@@ -83,8 +83,6 @@ def test_a_name_of_several_interfaces_needs_the_interface(site):
     site.put({"metric_depth": RightMetricDepth, "segmenter": RightSegmenter}, "right")
     with pytest.raises(BackendError, match="metric_depth, segmenter"):
         check_backend("right")
-    with pytest.raises(BackendError, match=r"^no interface named 'depth'; valid are: segmenter, "):
-        check_backend("right", "depth")
 
 
 # ---- what comes of it
@@ -109,12 +107,6 @@ def test_the_summary_counts_passed_failed_and_skipped_checks(failed):
     total = len(checks_for("metric_depth"))
     assert f"{total} checks: {total - 6} passed, 1 failed, 5 skipped" in failed.summary
     assert sum(failed.counts.values()) == total
-
-
-def test_the_last_line_says_whether_the_backend_passed(failed):
-    assert failed.text.endswith("\nfailed: depth_is_in_metres")
-    passed = check_backend(RightMetricDepth, size=SIZE)
-    assert passed.text.rpartition("\n")[2] == f"passed: {passed.counts['passed']} checks"
 
 
 def test_an_expected_failure_counts_as_a_failure_only_if_it_passes():
@@ -182,12 +174,7 @@ def test_backends_are_compared_in_one_table():
     assert hundred.errors["abs-rel"] == pytest.approx(99, abs=1e-3)
     assert right.errors["delta1"] == 1
     assert (right.completed, missing.completed) == (2, 0)
-    head, first, _, third, note, about = found.text.splitlines()
-    assert head.split("  ")[0] == "backend"
-    assert "*" in first
-    assert third.endswith("0 of 2")
-    assert note.endswith(f": not ready: {NO_WEIGHTS}")
-    assert all(word in about for word in ("metric_depth", "160 x 120 px", *worlds))
+    assert f": not ready: {NO_WEIGHTS}\n" in found.text
     json.dumps(found.as_dict(), allow_nan=False)
 
 
