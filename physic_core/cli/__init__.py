@@ -6,6 +6,8 @@ plugins.
 
 from __future__ import annotations
 
+import shlex
+import sys
 from io import StringIO
 from typing import Any
 
@@ -32,14 +34,19 @@ _OUT_OF_MEMORY = (
 
 class _Main(ExtensibleGroup):
     def invoke(self, ctx: click.Context) -> Any:
-        """Run a command; print a PhysicError, and exit with the code of its class."""
+        """Run a command; print a PhysicError, and exit with the code of its class.
+
+        The message of a KeyboardInterrupt says what the command has kept.
+        """
         from physic_core.discovery.plugin_code import own_stdout
 
         try:
             with own_stdout(), printed_logs():
                 return super().invoke(ctx)
-        except (KeyboardInterrupt, click.Abort):
-            echo("Aborted!", err=True)
+        except (KeyboardInterrupt, click.Abort) as error:
+            kept = f": {error}" if str(error) else ""
+            again = shlex.join(["physic", *sys.argv[1:]])
+            echo(f"stopped{kept}; to continue: {again}", err=True)
             ctx.exit(INTERRUPTED)
         except click.ClickException as error:
             shown = StringIO()

@@ -147,7 +147,7 @@ def test_a_batch_that_is_stopped_has_its_tables(folder, monkeypatch, name, physi
         "stopped after 3 of 45 photos: 0 done, 3 failed (3 Timeout); --retry failed"
     )
     assert "contact-sheet.html" in stopped.stdout
-    assert f"the same command continues: physic {' '.join(words)}\n" in stopped.stderr
+    assert f" 3 photos are kept; to continue: physic {' '.join(words)}\n" in stopped.stderr
     assert "42 to do" in physic(*words, "--dry-run").stderr
 
 

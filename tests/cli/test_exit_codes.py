@@ -42,8 +42,10 @@ def test_ctrl_c_ends_every_command_with_130(monkeypatch, physic):
 
     monkeypatch.setattr("physic_core.discovery.entry_points._read_entry_points", interrupted)
     for command in (("plugins",), ("config", "check"), ("weights", "list"), ("run", "photo.jpg")):
+        monkeypatch.setattr("sys.argv", ["physic", *command])
         done = physic(*command)
-        assert (done.exit_code, done.stderr) == (130, "Aborted!\n"), command
+        assert done.exit_code == 130
+        assert shlex.join(command) in done.stderr
 
 
 PLUGIN = """

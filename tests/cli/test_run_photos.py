@@ -109,10 +109,11 @@ def test_a_run_that_is_broken_off_leaves_nothing(world):
                 time.sleep(0.02)
             assert Path("new/out").is_dir()
             process.send_signal(signal.SIGINT)
-            process.communicate(timeout=60)
+            said = process.communicate(timeout=60)[1].decode()
         finally:
             process.kill()
     assert process.returncode == 130
+    assert "cache" in said.splitlines()[-1]
     assert {path.name for path in Path().iterdir()} - {"__pycache__"} == {
         "a.png",
         "asleep",

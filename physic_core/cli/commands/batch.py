@@ -4,9 +4,7 @@ table and a page.
 
 from __future__ import annotations
 
-import shlex
 import signal
-import sys
 import threading
 import time
 from collections import Counter
@@ -263,8 +261,7 @@ def _finished(finish: Callable[[str], None], progress: _Progress) -> Iterator[No
             with suppress(OutputError):
                 finish(f"stopped after {progress.done:,} of {progress.total:,} photos: ")
         if isinstance(error, KeyboardInterrupt):
-            command = shlex.join(["physic", *sys.argv[1:]])
-            echo(f"stopped; the same command continues: {command}", err=True)
+            raise KeyboardInterrupt(f"results of {progress.done:,} photos are kept") from error
         raise
     finish("")
 

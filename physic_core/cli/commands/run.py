@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -231,7 +232,11 @@ def run(
     from physic_core.io.result_folder import file_digest
 
     folder = out or Path(f"{photo.stem}-physic")
-    with reserve_folder(folder, file_digest(photo), overwrite=overwrite):
+    cached = plan.config.run.cache
+    with (
+        _tells_what_is_kept(folder, cached=cached),
+        reserve_folder(folder, file_digest(photo), overwrite=overwrite),
+    ):
         from physic_core.pipeline.run import reconstruct
 
         with collect_plugin_messages() as messages, show_progress(quiet) as progress:
@@ -263,6 +268,20 @@ def run(
         page = folder / "report.html"
         if not webbrowser.open(page.absolute().as_uri()):
             echo(f"no browser was found: open {page} yourself", err=True)
+
+
+@contextmanager
+def _tells_what_is_kept(folder: Path, *, cached: bool) -> Iterator[None]:
+    """Inside the block, Ctrl-C says what it leaves in the folder and in the cache."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        kept = (
+            "outputs of the backends that had ended are in the cache"
+            if cached
+            else "without the cache nothing is kept"
+        )
+        raise KeyboardInterrupt(f"no new result in {folder}; {kept}") from error
 
 
 def _writes_report(wanted: bool | None, save: str, *, quiet: bool) -> bool:

@@ -21,7 +21,7 @@ from physic_embedded.networks.sessions import PackagedBackend, Products
 from physic_embedded.segmentation.chosen import DetectedPeople, choose_poses
 from physic_embedded.segmentation.cut_heads import doubt_cut_heads, doubt_hidden_hips
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, floor_mask
-from physic_embedded.segmentation.framed import figurine_note, framed_note
+from physic_embedded.segmentation.framed import question_people
 from physic_embedded.segmentation.people import detect_poses, mask_box, unposed_person
 from physic_embedded.segmentation.person_masks import person_mask, resolve_overlaps
 from physic_embedded.segmentation.unposed import count_heads, segment_unposed
@@ -153,9 +153,6 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         poses = [person.pose for person in found]
         people = np.asarray(masks.any(axis=0))
         surfaces, framed = self._surfaces(image, people)
-        notes = _left_out_note(left_out)
-        if prompt is None:
-            notes += framed_note(masks, framed)
         decoder = networks["mobilesam_decoder"]
         reported, unposed_mask = segment_unposed(
             decoder, embedding, unposed, poses, people, surfaces
@@ -167,18 +164,15 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
                 floor_mask(decoder, embedding, poses, people) if poses else np.zeros_like(people)
             )
             floor = _with_labelled_floor(floor, surfaces, people)
-        result = self._people(found, masks, floor, surfaces, image)
-        if prompt is None:
-            notes += figurine_note(result)
-        heads = count_heads(unposed, poses, masks)
-        return replace(
-            result,
-            heads=heads,
+        result = replace(
+            self._people(found, masks, floor, surfaces, image),
+            heads=count_heads(unposed, poses, masks),
             unposed=reported,
             unposed_mask=unposed_mask,
             carriers=carriers,
-            notes=notes,
+            notes=_left_out_note(left_out),
         )
+        return question_people(result, framed) if prompt is None else result
 
     def _surfaces(
         self, image: UInt8Array, people: BoolArray

@@ -1,4 +1,4 @@
-"""People in frames and mirrors and on tables are named; those who stand before one are not."""
+"""People in frames and mirrors and on tables count half; those who stand before one do not."""
 
 from __future__ import annotations
 
@@ -6,41 +6,55 @@ import numpy as np
 import pytest
 
 from physic_core.types import SKELETONS, SURFACE_NAMES, Keypoints, People, SurfaceLabels
-from physic_embedded.segmentation.framed import figurine_note, framed_note
+from physic_embedded.segmentation.framed import question_people
 
-PEOPLE = np.zeros((2, 100, 200), bool)
-PEOPLE[0, 30:70, 20:40] = True
-PEOPLE[1, 10:90, 120:150] = True
-
-
-@pytest.mark.parametrize(
-    ("frame", "named"),
-    [((20, 80, 10, 50), True), ((20, 50, 10, 32), False), ((0, 100, 90, 130), False)],
-)
-def test_a_person_around_whom_a_frame_is_may_be_a_picture(frame, named):
-    top, bottom, left, right = frame
-    framed = np.zeros(PEOPLE.shape[1:], bool)
-    framed[top:bottom, left:right] = True
-    notes = framed_note(PEOPLE, framed)
-    assert ["(20, 30, 40, 70)" in note and "--ignore" in note for note in notes] == [True] * named
+MASKS = np.zeros((2, 100, 200), bool)
+MASKS[0, 30:70, 20:40] = True
+MASKS[1, 10:90, 120:150] = True
 
 
-@pytest.mark.parametrize(
-    ("ankle", "under", "named"),
-    [(0.9, "table", True), (0.1, "table", False), (0.9, "floor", False)],
-)
-def test_a_person_whose_feet_stand_on_a_table_may_be_a_figurine(ankle, under, named):
-    labels = np.full(PEOPLE.shape[1:], SURFACE_NAMES.index("wall"), np.uint8)
-    labels[65:] = SURFACE_NAMES.index(under)
-    names = SKELETONS["coco17"].names
+def people_on(surface, ankle):
+    labels = np.full(MASKS.shape[1:], SURFACE_NAMES.index("wall"), np.uint8)
+    labels[65:] = SURFACE_NAMES.index(surface)
     confidence = np.zeros((2, 17))
-    confidence[0, names.index("left_ankle")] = ankle
-    people = People(
-        masks=PEOPLE,
+    confidence[0, SKELETONS["coco17"].names.index("left_ankle")] = ankle
+    return People(
+        masks=MASKS,
         boxes=np.array([[20, 30, 40, 70], [120, 0, 150, 90]], float),
-        scores=np.ones(2),
+        scores=np.array([0.9, 0.8]),
         keypoints=Keypoints(np.zeros((2, 17, 2)), confidence, "coco17"),
         surfaces=SurfaceLabels(labels),
     )
-    notes = figurine_note(people)
-    assert ["(20, 30, 40, 70)" in note and "--ignore" in note for note in notes] == [True] * named
+
+
+def is_questioned(found):
+    """Return whether the first person, who has the lower score then, was asked about."""
+    if not found.notes:
+        np.testing.assert_array_equal(found.scores, [0.9, 0.8])
+        return False
+    (note,) = found.notes
+    assert "(20, 30, 40, 70)" in note
+    assert "--ignore" in note
+    np.testing.assert_allclose(found.scores, [0.8, 0.45])
+    np.testing.assert_array_equal(found.masks[::-1], MASKS)
+    return True
+
+
+@pytest.mark.parametrize(
+    ("frame", "asked"),
+    [((20, 80, 10, 50), True), ((20, 50, 10, 32), False), ((0, 100, 90, 130), False)],
+)
+def test_a_person_around_whom_a_frame_is_may_be_a_picture(frame, asked):
+    top, bottom, left, right = frame
+    framed = np.zeros(MASKS.shape[1:], bool)
+    framed[top:bottom, left:right] = True
+    assert is_questioned(question_people(people_on("floor", 0.9), framed)) == asked
+
+
+@pytest.mark.parametrize(
+    ("ankle", "under", "asked"),
+    [(0.9, "table", True), (0.1, "table", False), (0.9, "floor", False)],
+)
+def test_a_person_whose_feet_stand_on_a_table_may_be_a_figurine(ankle, under, asked):
+    nothing = np.zeros(MASKS.shape[1:], bool)
+    assert is_questioned(question_people(people_on(under, ankle), nothing)) == asked

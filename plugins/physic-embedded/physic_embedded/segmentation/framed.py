@@ -1,7 +1,8 @@
-"""Name people who may not be in the room: a frame is around them, or they stand on a table."""
+"""Ask about people who may not be in the room: a frame is around them, or they stand on a table."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import cv2
@@ -9,6 +10,7 @@ import numpy as np
 
 from physic_core.adapters.people import boxes_from_masks
 from physic_core.types import skeleton_named
+from physic_core.types.arrays import select_people
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -21,28 +23,39 @@ _RIM = 0.08  # width of the rim, over the longer side of the person's box
 _SHARE = 0.5
 _FEET = 0.1  # of the height of the box, lowest part
 _SMALL = 0.75  # of the height of the largest box in the photo; the label errs on bare ground
+_IN_ROOM = 0.5  # probability that a person who is asked about is one in the room
 _SEEN = 0.5  # confidence of an ankle: those of people who sit behind a table have less
 
 
-def framed_note(people: BoolArray, framed: BoolArray) -> tuple[str, ...]:
-    """Return a note about those people (N, H, W) around whom a painting or a mirror (H, W) is."""
-    places = [
-        place
-        for place, rim in zip(_places(people), _rims(people), strict=True)
-        if rim.any() and framed[rim].mean() > _SHARE
-    ]
-    if not places:
-        return ()
-    return (
-        f"who is in {' and '.join(places)} may be a picture, on a screen or a reflection, since a "
-        f"frame or mirror is around them: --ignore x,y leaves them out",
+def question_people(people: People, framed: BoolArray) -> People:
+    """Return people, sorted by score, with the score of those halved who may not be in the room,
+    and with a note about them.
+
+    Args:
+        people: with keypoints and labels of surfaces.
+        framed: (H, W) bool, pixels of paintings and mirrors.
+    """
+    rims = list(_rims(people.masks))
+    pictures = np.array([rim.any() and framed[rim].mean() > _SHARE for rim in rims], bool)
+    figurines = _on_tables(people, rims)
+    notes = (
+        _note(people, pictures, "is in a frame or a mirror: a picture, a screen, a reflection?"),
+        _note(people, figurines, "stands on a table: a figurine?"),
     )
+    scores = np.where(pictures | figurines, _IN_ROOM, 1) * people.scores
+    asked = replace(
+        people,
+        scores=scores.astype(people.scores.dtype),
+        notes=people.notes + tuple(filter(None, notes)),
+    )
+    return select_people(asked, np.argsort(-scores, kind="stable"))
 
 
-def figurine_note(people: People) -> tuple[str, ...]:
-    """Return a note about those people who stand on a table, small beside others or alone."""
+def _on_tables(people: People, rims: list[BoolArray]) -> BoolArray:
+    """Return which people (N,) stand on a table, small beside others or alone."""
+    found = np.zeros(len(people), bool)
     if people.surfaces is None or people.keypoints is None:
-        return ()
+        return found
     names = skeleton_named(people.keypoints.skeleton).names
     ankles = [names.index(f"{side}_ankle") for side in ("left", "right")]
     seen = people.keypoints.confidence[:, ankles].max(1, initial=0.0) > _SEEN
@@ -50,25 +63,23 @@ def figurine_note(people: People) -> tuple[str, ...]:
     small = (heights < _SMALL * heights.max(initial=0.0)) | (len(people) == 1)
     table = people.surfaces.mask("table")
     rows = np.arange(table.shape[0])[:, None]
-    places = []
-    for i, (place, rim) in enumerate(zip(_places(people.masks), _rims(people.masks), strict=True)):
+    for i, rim in enumerate(rims):
         top, bottom = people.boxes[i, [1, 3]]
-        rim = rim & (rows > bottom - _FEET * (bottom - top))
-        if seen[i] and small[i] and rim.any() and table[rim].mean() > _SHARE:
-            places.append(place)
-    if not places:
-        return ()
+        below = rim & (rows > bottom - _FEET * (bottom - top))
+        found[i] = seen[i] and small[i] and below.any() and table[below].mean() > _SHARE
+    return found
+
+
+def _note(people: People, asked: BoolArray, why: str) -> str:
+    """Return a note about the people (N,) who are ``asked`` about, or ""."""
+    if not asked.any():
+        return ""
+    boxes = boxes_from_masks(people.masks[asked]).round().astype(int).tolist()
+    places = " and ".join(f"({x0}, {y0}, {x1}, {y1})" for x0, y0, x1, y1 in boxes)
     return (
-        f"who is in {' and '.join(places)} stands on a table: a figurine? --ignore x,y leaves it "
-        f"out, and its size is then no evidence for that of the rest",
+        f"who is in {places} {why} Half as much weight is on this size; --ignore x,y leaves the "
+        f"person out, and --person x,y, for each person to keep, says that it is one"
     )
-
-
-def _places(people: BoolArray) -> list[str]:
-    """Return the boxes of people (N, H, W) as text."""
-    return [
-        "({}, {}, {}, {})".format(*edges.round().astype(int)) for edges in boxes_from_masks(people)
-    ]
 
 
 def _rims(people: BoolArray) -> Iterator[BoolArray]:
