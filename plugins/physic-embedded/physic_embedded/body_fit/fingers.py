@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     Float = NDArray[np.floating[Any]]
@@ -114,26 +116,27 @@ def fit_fingers(landmarks: Float, rest: RestHand) -> Float:
             axis=1,
         )
 
-    def jacobian(x: Float) -> Float:
-        """Return the Jacobian by forward differences, all columns in one call."""
-        step = 1e-6
-        ahead = residuals(np.concatenate([x[None], x + step * np.eye(len(x))]))
-        columns: Float = (ahead[1:] - ahead[0]).T / step
-        return columns
-
     inner = 1e-3
     first = np.clip(_initial_angles(bones, palm, start, rest, joints), low + inner, high - inner)
     wide = np.full(3, np.pi)
     found = least_squares(
         lambda x: residuals(x[None])[0],
         np.concatenate([np.zeros(3), first]),
-        jac=jacobian,
+        jac=lambda x: _jacobian(residuals, x),
         bounds=(np.concatenate([-wide, low]), np.concatenate([wide, high])),
         max_nfev=30,
         ftol=1e-5,
         xtol=1e-5,
     ).x[None]
     return np.asarray(_rotvecs(found[:, 3:], rest, joints)[0])
+
+
+def _jacobian(residuals: Callable[[Float], Float], x: Float) -> Float:
+    """Return the Jacobian (R, U) at unknowns (U,) by forward differences, in one call."""
+    step = 1e-6
+    ahead = residuals(np.concatenate([x[None], x + step * np.eye(len(x))]))
+    columns: Float = (ahead[1:] - ahead[0]).T / step
+    return columns
 
 
 def _rotvecs(angles: Float, rest: RestHand, joints: NDArray[np.intp]) -> Float:
