@@ -15,7 +15,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.body.model import BodyModel
-    from physic_core.types import Bodies, Hints, Intrinsics, Keypoints, People, Skeleton
+    from physic_core.types import (
+        Bodies,
+        Hints,
+        Intrinsics,
+        Keypoints,
+        Observations,
+        People,
+        Skeleton,
+    )
     from physic_embedded.body_fit.fit import FittedBodies
     from physic_embedded.body_fit.observations import BodyObservations
     from physic_embedded.body_fit.problem import InitialPose
@@ -104,61 +112,37 @@ class EmbeddedBodies(BodyEstimator):
         from physic_core.adapters.devices import limited_threads
         from physic_core.body.bones import parameters_from_rotations
         from physic_core.types import Bodies, Observations
-        from physic_core.types.observations import POSTURES
-        from physic_embedded.body_fit.fit import fit_outlines, lifted_limbs
         from physic_embedded.body_fit.hidden_legs import (
             legs_hidden,
             pitch_sigma,
             with_hidden_legs,
         )
         from physic_embedded.body_fit.limb_keypoints import limb_keypoints
-        from physic_embedded.body_fit.multi_start import fit_without_world_landmarks
-        from physic_embedded.body_fit.newton import covariance
         from physic_embedded.body_fit.observations import observe_people
         from physic_embedded.body_fit.problem import UPRIGHT_SIGMA
-        from physic_embedded.body_fit.silhouette import outline_pairs, without_legs
 
         if self._model is None:
             raise BackendError("the embedded body is not loaded: call load() before infer()")
         keypoints = limb_keypoints(keypoints)
-        camera = intrinsics.matrix
         observed = observed_joints(keypoints, intrinsics.height, intrinsics.width, finger_share=0)
         if not len(people):
             rotations, betas, transl = self._model.zero_pose(0)
             return Bodies(
                 parameters_from_rotations(rotations, betas, None, transl), "embedded", observed
             )
-        skeleton = keypoints.joint_set
         said = hints.observations or Observations.unknown(len(people))
-        known = hints.up if hints.floor is None else hints.floor.normal
+        known = _known_up(hints)
         up = np.array([0.0, -1.0, 0.0]) if known is None else known
-        observations = with_hidden_legs(
-            observe_people(keypoints, people, intrinsics, said), skeleton, said, up
-        )
-        cut = legs_hidden(observations, skeleton)
-        lies = said.posture[:, POSTURES.index("lie")] > _LIES
-        trunk = (cut & ~lies) | (known is not None)
+        observations = observe_people(keypoints, people, intrinsics, said)
+        observations = with_hidden_legs(observations, keypoints.joint_set, said, up)
+        cut = legs_hidden(observations, keypoints.joint_set)
+        trunk = (cut & ~_lies(said)) | (known is not None)
         with torch.enable_grad(), limited_threads():
-            fit = (
-                _fit_with_world_landmarks
-                if observations.world is not None
-                else fit_without_world_landmarks
-            )(self._model, observations, camera, skeleton)
-            upright = np.zeros(len(people), bool)
-            if trunk.any() and keypoints.depth_sigma is None:
-                fit, upright = self._upright(fit, observations, camera, skeleton, up, trunk)
-            pairs = outline_pairs(self._model, fit, observations, people, camera, hints.original)
-            lifted = None
-            if observations.world is not None and keypoints.depth_sigma is None:
-                lifted = lifted_limbs(fit, observations, skeleton, camera, known, cut)
-            fit = fit_outlines(self._model, fit, without_legs(self._model, pairs, cut), lifted)
-        rotation_sigma = None
-        if keypoints.depth_sigma is not None:
-            with torch.enable_grad(), limited_threads():
-                spread = fit.problem.rotation_sigma(covariance(fit.problem, fit.unknowns))
-            rotation_sigma = np.minimum(spread.numpy(), np.pi)
-        elif observations.world is not None:
-            rotation_sigma = np.tile(_rotation_sigma(), (len(people), 1))
+            fit, upright = self._fit(
+                observations, intrinsics.matrix, keypoints.joint_set, up, trunk
+            )
+            fit = self._with_outlines(fit, observations, people, intrinsics.matrix, hints, cut)
+            rotation_sigma = _rotation_sigma(fit, observations)
         return Bodies(
             parameters_from_rotations(fit.rotations, fit.betas, None, fit.transl),
             "embedded",
@@ -166,6 +150,49 @@ class EmbeddedBodies(BodyEstimator):
             rotation_sigma=rotation_sigma,
             lean_sigma=np.where(upright, UPRIGHT_SIGMA, np.where(cut, pitch_sigma(said), np.nan)),
         )
+
+    def _fit(
+        self,
+        observations: BodyObservations,
+        camera: FloatArray,
+        skeleton: Skeleton,
+        up: FloatArray,
+        trunk: BoolArray,
+    ) -> tuple[FittedBodies, BoolArray]:
+        """Fit bodies to keypoints and landmarks, and to the vertical where the ``trunk`` (N,) is
+        known and the detector states no errors. Return the fit, and who was set upright: (N,) bool.
+        """
+        from physic_embedded.body_fit.multi_start import fit_without_world_landmarks
+
+        assert self._model is not None
+        fit = (
+            fit_without_world_landmarks if observations.world is None else _fit_with_world_landmarks
+        )(self._model, observations, camera, skeleton)
+        if trunk.any() and observations.depth_sigma is None:
+            return self._upright(fit, observations, camera, skeleton, up, trunk)
+        return fit, np.zeros(len(trunk), bool)
+
+    def _with_outlines(
+        self,
+        fit: FittedBodies,
+        observations: BodyObservations,
+        people: People,
+        camera: FloatArray,
+        hints: Hints,
+        cut: BoolArray,
+    ) -> FittedBodies:
+        """Continue a fit with the outlines of masks and the limbs of the lifter, without the legs
+        of people who are ``cut`` (N,).
+        """
+        from physic_embedded.body_fit.fit import fit_outlines, lifted_limbs
+        from physic_embedded.body_fit.silhouette import outline_pairs, without_legs
+
+        assert self._model is not None
+        pairs = outline_pairs(self._model, fit, observations, people, camera, hints.original)
+        lifted = None
+        if observations.world is not None and observations.depth_sigma is None:
+            lifted = lifted_limbs(fit, observations, camera, _known_up(hints), cut)
+        return fit_outlines(self._model, fit, without_legs(self._model, pairs, cut), lifted)
 
     def _upright(
         self,
@@ -217,7 +244,33 @@ class EmbeddedBodies(BodyEstimator):
         return again, upright
 
 
-def _rotation_sigma() -> FloatArray:
+def _known_up(hints: Hints) -> FloatArray | None:
+    """Return the normal of the floor, else up (3,), or None."""
+    return hints.up if hints.floor is None else hints.floor.normal
+
+
+def _lies(said: Observations) -> BoolArray:
+    """Return which of N people probably lie, (N,) bool."""
+    from physic_core.types.observations import POSTURES
+
+    return np.asarray(said.posture[:, POSTURES.index("lie")] > _LIES)
+
+
+def _rotation_sigma(fit: FittedBodies, observations: BodyObservations) -> FloatArray | None:
+    """Return the standard deviations (N, 22) of the rotations of pelvis and body joints, radians;
+    None without 3D landmarks.
+    """
+    from physic_embedded.body_fit.newton import covariance
+
+    if observations.depth_sigma is not None:
+        spread = fit.problem.rotation_sigma(covariance(fit.problem, fit.unknowns))
+        return np.asarray(np.minimum(spread.numpy(), np.pi))
+    if observations.world is not None:
+        return np.tile(_landmark_sigma(), (len(observations.points), 1))
+    return None
+
+
+def _landmark_sigma() -> FloatArray:
     """Return the standard deviations (22,) of the rotations of pelvis and body joints, radians; NaN
     where unknown.
     """

@@ -137,9 +137,6 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             self.network[_DEPTH], image, short_side, self.options.max_tokens, keep_tokens=of_photo
         )
         camera, segments, notes = self._camera(image, hints)
-        low = np.percentile(raw, 1)
-        span = max(float(np.percentile(raw, 99) - low), 1e-6)
-
         found = _match_to_scene(raw, hints) if hints.scene is not None else None
         up = None
         disparity_sigma: float | None = None
@@ -163,26 +160,13 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             )
         else:
             infinity, scale = found
-        gap = np.maximum(raw - infinity, _MIN_GAP * span)
-        too_far = (raw - infinity < _MIN_RELIABLE_GAP * span) | (raw < _SKY_DISPARITY * span)
-        lost = flying_pixels(gap) | too_far
-        if lost.all():
-            raise BackendError(
-                "the depth network saw no structure in the photo: no pixel has a reliable depth"
-            )
+        gap, lost = _gap_from_infinity(raw, infinity)
         unit = float(np.median(gap[~lost])) if found is None else 1 / scale
         depth = 1 / resize_map((gap / unit).astype(np.float32), height, width)
-        valid = resize_map(lost.astype(np.float32), height, width) < 0.5
-        columns = np.arange(width, dtype=np.float32)
-        rows = np.arange(height, dtype=np.float32)
-        points = np.empty((height, width, 3), np.float32)
-        points[..., 0] = depth * ((columns - camera.cx) / camera.fx)[None, :]
-        points[..., 1] = depth * ((rows - camera.cy) / camera.fy)[:, None]
-        points[..., 2] = depth
         shift_sigma = None if disparity_sigma is None else disparity_sigma / unit
         return Pointmap(
-            points,
-            valid,
+            _unproject(depth, camera),
+            resize_map(lost.astype(np.float32), height, width) < 0.5,
             "inverse_scale_shift",
             camera,
             tuple(notes),
@@ -242,6 +226,36 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             f"the focal length is a {source}, and may be off by {sigma:.0%}, as all distances are"
         )
         return replace(camera, focal_sigma=sigma), note
+
+
+def _gap_from_infinity(raw: FloatArray, infinity: float) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return the disparities (h, w) above that of infinity, and where depth is not reliable.
+
+    Raises:
+        BackendError: it is nowhere.
+    """
+    low = np.percentile(raw, 1)
+    span = max(float(np.percentile(raw, 99) - low), 1e-6)
+    gap = np.maximum(raw - infinity, _MIN_GAP * span)
+    too_far = (raw - infinity < _MIN_RELIABLE_GAP * span) | (raw < _SKY_DISPARITY * span)
+    lost = flying_pixels(gap) | too_far
+    if lost.all():
+        raise BackendError(
+            "the depth network saw no structure in the photo: no pixel has a reliable depth"
+        )
+    return gap, lost
+
+
+def _unproject(depth: FloatArray, camera: Intrinsics) -> NDArray[np.float32]:
+    """Return the points (H, W, 3) float32 at depths (H, W)."""
+    height, width = depth.shape
+    columns = np.arange(width, dtype=np.float32)
+    rows = np.arange(height, dtype=np.float32)
+    points = np.empty((height, width, 3), np.float32)
+    points[..., 0] = depth * ((columns - camera.cx) / camera.fx)[None, :]
+    points[..., 1] = depth * ((rows - camera.cy) / camera.fy)[:, None]
+    points[..., 2] = depth
+    return points
 
 
 def _directions(

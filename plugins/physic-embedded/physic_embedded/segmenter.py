@@ -119,13 +119,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             max_people=options.max_people,
         )
         if not found and not unposed and prompt is None:
-            empty_mask = np.zeros(image.shape[:2], bool)
-            surfaces, _ = self._surfaces(image, empty_mask)
-            floor = (
-                _with_labelled_floor(empty_mask, surfaces, empty_mask) if options.floor else None
-            )
-            empty = self._people([], np.zeros((0, *empty_mask.shape), bool), floor, surfaces, image)
-            return replace(empty, notes=_left_out_note(left_out))
+            return replace(self._nobody(image), notes=_left_out_note(left_out))
         embedding = embed_image(networks["mobilesam_encoder"], image)
         masks = self._masks(embedding, [person.pose for person in found])
         if prompt is not None:
@@ -137,33 +131,18 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
                 found,
                 masks,
             )
-            found = choose_poses(detected, prompt)
+            found, masks = self._chosen(detected, prompt)
             unposed = []
-            masks = self._masks(embedding, [person.pose for person in found])
-            sure = np.array(
-                [any(one.pose is other.pose for other in detected.found) for one in found]
-            )
-            if sure.any() and not sure.all():
-                alone = self._masks(embedding, [found[i].pose for i in np.flatnonzero(sure)])
-                masks = _without_parts(masks, sure, alone)
-            masks = _with_given_masks(masks, prompt)
         else:
             found, masks, low = self._leave_out_low(found, masks)
             unposed += low
         poses = [person.pose for person in found]
         people = np.asarray(masks.any(axis=0))
         surfaces, framed = self._surfaces(image, people)
-        decoder = networks["mobilesam_decoder"]
         reported, unposed_mask = segment_unposed(
-            decoder, embedding, unposed, poses, people, surfaces
+            networks["mobilesam_decoder"], embedding, unposed, poses, people, surfaces
         )
-        floor = None
-        if options.floor:
-            people = people | unposed_mask
-            floor = (
-                floor_mask(decoder, embedding, poses, people) if poses else np.zeros_like(people)
-            )
-            floor = _with_labelled_floor(floor, surfaces, people)
+        floor = self._floor(embedding, poses, people | unposed_mask, surfaces)
         result = replace(
             self._people(found, masks, floor, surfaces, image),
             heads=count_heads(unposed, poses, masks),
@@ -173,6 +152,40 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             notes=_left_out_note(left_out),
         )
         return question_people(result, framed) if prompt is None else result
+
+    def _nobody(self, image: UInt8Array) -> People:
+        """Return the surfaces of an image without people."""
+        people = np.zeros(image.shape[:2], bool)
+        surfaces, _ = self._surfaces(image, people)
+        floor = _with_labelled_floor(people, surfaces, people) if self.options.floor else None
+        return self._people([], np.zeros((0, *people.shape), bool), floor, surfaces, image)
+
+    def _chosen(
+        self, detected: DetectedPeople, prompt: PeoplePrompt
+    ) -> tuple[list[DetectedPose], BoolArray]:
+        """Return the people of a prompt, and their masks (N, H, W)."""
+        found = choose_poses(detected, prompt)
+        masks = self._masks(detected.embedding, [person.pose for person in found])
+        sure = np.array([any(one.pose is other.pose for other in detected.found) for one in found])
+        if sure.any() and not sure.all():
+            alone = self._masks(detected.embedding, [found[i].pose for i in np.flatnonzero(sure)])
+            masks = _without_parts(masks, sure, alone)
+        return found, _with_given_masks(masks, prompt)
+
+    def _floor(
+        self,
+        embedding: ImageEmbedding,
+        poses: list[Pose],
+        people: BoolArray,
+        surfaces: SurfaceLabels | None,
+    ) -> BoolArray | None:
+        """Return the floor (H, W) outside the people, or None if ``floor`` is not set."""
+        if not self.options.floor:
+            return None
+        floor = np.zeros_like(people)
+        if poses:
+            floor = floor_mask(self.network["mobilesam_decoder"], embedding, poses, people)
+        return _with_labelled_floor(floor, surfaces, people)
 
     def _surfaces(
         self, image: UInt8Array, people: BoolArray

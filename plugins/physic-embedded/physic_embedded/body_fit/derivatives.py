@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from physic_core.body.motions import PointMotions
-    from physic_embedded.body_fit.problem import FitProblem
+    from physic_embedded.body_fit.problem import DecodedUnknowns, FitProblem
 
 _STEP_SIZE = 1e-5  # of an unknown: the difference of two gradients is a row of the Hessian
 
@@ -38,26 +38,13 @@ def derivatives(problem: FitProblem, unknowns: Tensor) -> tuple[Tensor, Tensor, 
     body = problem.decode(unknowns)
     motions = point_motions(model.tree, model.skin, body.rotations, body.betas, NUM_TURNED)
     posed = problem.used(model(body.rotations, body.betas, body.transl))
-    moments = _used(problem, motions.moments)
-
     # the first row is zero
     steps = _STEP_SIZE * torch.eye(width + 1, width, dtype=unknowns.dtype).roll(1, 0)
     at = (unknowns[:, None] + steps).flatten(0, 1).requires_grad_(True)
-    people = torch.arange(count).repeat_interleave(width + 1)
-    rows = problem.select(people)
+    rows = problem.select(torch.arange(count).repeat_interleave(width + 1))
     moved = rows.decode(at)
-    turned = moved.rotations[:, :NUM_TURNED] - body.rotations[people, :NUM_TURNED]
-    turned = turned.view(count, width + 1, NUM_TURNED, 3, 3)
-    turned = motions.parents[:, None] @ turned @ motions.world[:, None].mT  # (N, W + 1, 22, 3, 3)
-    shift = (moved.transl - body.transl[people]).view(count, -1, 3, 1)
-    shape = (moved.betas - body.betas[people]).view(count, width + 1, -1)
-    # The translation is one more column, with the share that each point has of it.
-    shares = _used(problem, torch.ones_like(motions.by_shape[:, :1]))[..., 0]
-    columns = torch.cat([turned.transpose(2, 3).flatten(3), shift], 3).flatten(1, 2)
-    carried = columns @ torch.cat([moments.mT.flatten(1, 2), shares], 1)
-    by_shape = _used(problem, motions.by_shape).flatten(2)
-    shaped = torch.baddbmm(torch.cat(posed, 1).flatten(1)[:, None], shape, by_shape)
-    points = shaped.view(count, width + 1, -1, 3) + carried.view(count, width + 1, 3, -1).mT
+    turned = _turns(motions, body, moved)
+    points = _linear_points(problem, motions, torch.cat(posed, 1), turned, body, moved)
     parts = torch.split(points.flatten(0, 1), [part.shape[1] for part in posed], 1)
     data, constraints = rows.terms_of_points(at, moved, parts)
     losses = data + constraints
@@ -69,6 +56,44 @@ def derivatives(problem: FitProblem, unknowns: Tensor) -> tuple[Tensor, Tensor, 
     together = _together(problem, motions, turned.detach(), twist[:, 0], pull[:, 0])
     hessian[:, : together.shape[1], : together.shape[1]] += together
     return losses.detach().view(count, -1)[:, 0], gradients[:, 0], hessian
+
+
+def _turns(motions: PointMotions, body: DecodedUnknowns, moved: DecodedUnknowns) -> Tensor:
+    """Return by how much (N, S, 22, 3, 3) joints turn in S steps from ``body`` to ``moved``."""
+    turned = moved.rotations.view(len(body.rotations), -1, *body.rotations.shape[1:])
+    turned = turned[:, :, :NUM_TURNED] - body.rotations[:, None, :NUM_TURNED]
+    return motions.parents[:, None] @ turned @ motions.world[:, None].mT
+
+
+def _linear_points(
+    problem: FitProblem,
+    motions: PointMotions,
+    posed: Tensor,
+    turned: Tensor,
+    body: DecodedUnknowns,
+    moved: DecodedUnknowns,
+) -> Tensor:
+    """Return the points (N, S, P, 3) of the loss after S small steps, linear in all of them.
+
+    Args:
+        problem: of N people.
+        motions: of joints and vertices.
+        posed: (N, P, 3) points before the steps.
+        turned: (N, S, 22, 3, 3), see :func:`_turns`.
+        body: N bodies before the steps.
+        moved: N times S bodies after them.
+    """
+    steps = turned.shape[:2]
+    shift = moved.transl.view(*steps, 3, 1) - body.transl[:, None, :, None]
+    shape = moved.betas.view(*steps, -1) - body.betas[:, None]
+    # The translation is one more column, with the share that each point has of it.
+    shares = _used(problem, torch.ones_like(motions.by_shape[:, :1]))[..., 0]
+    moments = _used(problem, motions.moments).mT.flatten(1, 2)
+    columns = torch.cat([turned.transpose(2, 3).flatten(3), shift], 3).flatten(1, 2)
+    carried = columns @ torch.cat([moments, shares], 1)
+    by_shape = _used(problem, motions.by_shape).flatten(2)
+    shaped = torch.baddbmm(posed.flatten(1)[:, None], shape, by_shape)
+    return shaped.view(*steps, -1, 3) + carried.view(*steps, 3, -1).mT
 
 
 def _together(

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     Float = NDArray[np.floating[Any]]
@@ -100,31 +102,11 @@ def fit_fingers(landmarks: Float, rest: RestHand) -> Float:
     start = Rotation.align_vectors(palm, rest.palm)[0].as_matrix()
     joints, low, high, usual, spread = _degrees_of_freedom()
 
-    def rotvecs(angles: Float) -> Float:
-        """Convert angles (P, 26) to rotation vectors (P, 15, 3)."""
-        turned = angles[..., None] * rest.axes.reshape(45, 3)[joints]
-        out = np.zeros((len(angles), 15, 3))
-        np.add.at(out, (slice(None), joints // 3), turned)  # type: ignore[arg-type]  # a slice is an index
-        return out
-
-    def directions(x: Float) -> tuple[Float, Float]:
-        """Convert palm rotation and angles (P, 29) to bone directions (P, 5, 3, 3) and palm
-        directions (P, 4, 3).
-        """
-        root = Rotation.from_rotvec(x[:, :3]).as_matrix() @ start
-        turns = (
-            Rotation.from_rotvec(rotvecs(x[:, 3:]).reshape(-1, 3))
-            .as_matrix()
-            .reshape(len(x), 5, 3, 3, 3)
-        )
-        first = root[:, None] @ turns[:, :, 0]
-        second = first @ turns[:, :, 1]
-        chain = np.stack([first, second, second @ turns[:, :, 2]], axis=2)
-        return (chain @ rest.bones[..., None])[..., 0], rest.palm @ root.transpose(0, 2, 1)
-
     def residuals(x: Float) -> Float:
-        """Return the residuals (P, R) of unknowns (P, 29)."""
-        b, p = directions(x)
+        """Return the residuals (P, R) of palm rotation and angles (P, 29)."""
+        root = Rotation.from_rotvec(x[:, :3]).as_matrix() @ start
+        b = _bone_directions(root, _rotvecs(x[:, 3:], rest, joints), rest)
+        p = rest.palm @ root.transpose(0, 2, 1)
         return np.concatenate(
             [
                 ((b - bones) / DIRECTION_SIGMA).reshape(len(x), -1),
@@ -134,26 +116,48 @@ def fit_fingers(landmarks: Float, rest: RestHand) -> Float:
             axis=1,
         )
 
-    def jacobian(x: Float) -> Float:
-        """Return the Jacobian by forward differences, all columns in one call."""
-        step = 1e-6
-        ahead = residuals(np.concatenate([x[None], x + step * np.eye(len(x))]))
-        columns: Float = (ahead[1:] - ahead[0]).T / step
-        return columns
-
     inner = 1e-3
     first = np.clip(_initial_angles(bones, palm, start, rest, joints), low + inner, high - inner)
     wide = np.full(3, np.pi)
     found = least_squares(
         lambda x: residuals(x[None])[0],
         np.concatenate([np.zeros(3), first]),
-        jac=jacobian,
+        jac=lambda x: _jacobian(residuals, x),
         bounds=(np.concatenate([-wide, low]), np.concatenate([wide, high])),
         max_nfev=30,
         ftol=1e-5,
         xtol=1e-5,
     ).x[None]
-    return np.asarray(rotvecs(found[:, 3:])[0])
+    return np.asarray(_rotvecs(found[:, 3:], rest, joints)[0])
+
+
+def _jacobian(residuals: Callable[[Float], Float], x: Float) -> Float:
+    """Return the Jacobian (R, U) at unknowns (U,) by forward differences, in one call."""
+    step = 1e-6
+    ahead = residuals(np.concatenate([x[None], x + step * np.eye(len(x))]))
+    columns: Float = (ahead[1:] - ahead[0]).T / step
+    return columns
+
+
+def _rotvecs(angles: Float, rest: RestHand, joints: NDArray[np.intp]) -> Float:
+    """Convert angles (P, 26) of degrees of freedom (26,) to rotation vectors (P, 15, 3)."""
+    turned = angles[..., None] * rest.axes.reshape(45, 3)[joints]
+    out = np.zeros((len(angles), 15, 3))
+    np.add.at(out, (slice(None), joints // 3), turned)  # type: ignore[arg-type]  # a slice is an index
+    return out
+
+
+def _bone_directions(root: Float, rotvecs: Float, rest: RestHand) -> Float:
+    """Return the directions (P, 5, 3, 3) of bones of hands with palm rotations (P, 3, 3) and
+    rotation vectors (P, 15, 3).
+    """
+    from scipy.spatial.transform import Rotation
+
+    turns = Rotation.from_rotvec(rotvecs.reshape(-1, 3)).as_matrix().reshape(-1, 5, 3, 3, 3)
+    first = root[:, None] @ turns[:, :, 0]
+    second = first @ turns[:, :, 1]
+    chain = np.stack([first, second, second @ turns[:, :, 2]], axis=2)
+    return np.asarray((chain @ rest.bones[..., None])[..., 0])
 
 
 def _degrees_of_freedom() -> tuple[NDArray[np.intp], Float, Float, Float, Float]:

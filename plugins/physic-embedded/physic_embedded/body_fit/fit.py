@@ -125,7 +125,6 @@ def fit_outlines(
 def lifted_limbs(
     fit: FittedBodies,
     observations: BodyObservations,
-    skeleton: Skeleton,
     camera: FloatArray,
     up: FloatArray | None,
     cut: BoolArray,
@@ -135,12 +134,11 @@ def lifted_limbs(
     Args:
         fit: the bodies.
         observations: the keypoints that they were fitted to.
-        skeleton: joint set of the keypoints.
         camera: (3, 3) intrinsics matrix, px.
         up: (3,) unit vector, None where unknown.
         cut: (N,) people whose legs are hidden: nothing is told of their knees and ankles.
     """
-    index = keypoint_indices(skeleton)
+    index = keypoint_indices(fit.problem.skeleton)
     columns = [index[name] for name in LIMBS]
     joints = fit.joints.double().numpy()[:, LIMB_ROWS]
     middle = joints[:, HIPS].mean(1, keepdims=True)

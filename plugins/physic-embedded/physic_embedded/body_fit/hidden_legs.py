@@ -95,11 +95,10 @@ def with_hidden_legs(
         return replace(observations, weight=weight)
     world = observations.world.copy()
     world_weight = observations.world_weight.copy()
-    seated = [POSTURES.index(name) for name in _SEATED_POSTURES]
-    sits = np.nan_to_num(said.posture[:, seated].sum(1)) > 0.5
+    sits = _sits(said)
     unsaid = np.isnan(said.posture[:, 0])
     sigma = pitch_sigma(said)
-    usual = _usual_bends(said)
+    bends = _bends(said)
     for i in map(int, np.flatnonzero(seen < _HIDDEN)):
         above = observations.turn[i].T @ up  # in the axes of the view
         lies = said.posture[i, POSTURES.index("lie")] > 0.5
@@ -111,9 +110,7 @@ def with_hidden_legs(
         if seen[i] > (_GUESSED if sits[i] else SEEN_CONFIDENCE):
             continue
         weight[i, legs] = world_weight[i, legs] = 0
-        bends = np.radians(np.where(np.isnan(said.flexion[i]), usual[i], said.flexion[i]))
-        places = _places_of_legs(world[i], row, -above, bends)
-        for joint, place in places.items():
+        for joint, place in _places_of_legs(world[i], row, -above, bends[i]).items():
             world[i, joint] = place
             world_weight[i, joint] = LEAST_WORLD_WEIGHT
     return replace(observations, weight=weight, world=world, world_weight=world_weight)
@@ -129,15 +126,22 @@ def pitch_sigma(said: Observations) -> FloatArray:
     return np.asarray(np.sqrt(np.where(np.isnan(mixed), usual, mixed)))
 
 
-def _usual_bends(said: Observations) -> FloatArray:
-    """Return the bends (N, 4) of left hip, right hip, left knee and right knee by the postures,
-    degrees; 0 where nothing is said.
+def _sits(said: Observations) -> BoolArray:
+    """Return which of N people probably sit, (N,) bool."""
+    seated = [POSTURES.index(name) for name in _SEATED_POSTURES]
+    return np.asarray(np.nan_to_num(said.posture[:, seated].sum(1)) > 0.5)
+
+
+def _bends(said: Observations) -> FloatArray:
+    """Return the bends (N, 4) of left hip, right hip, left knee and right knee, radians: as said,
+    else by the postures; 0 where nothing is said.
 
     Postures count by their squared probabilities, since legs between two postures are unlikely.
     """
     share = np.nan_to_num(said.posture.astype(np.float64)) ** 2
     share /= share.sum(1, keepdims=True) + 1e-9
-    return np.repeat(share @ np.array([_BENDS_DEG[name] for name in POSTURES]), 2, axis=1)
+    usual = np.repeat(share @ np.array([_BENDS_DEG[name] for name in POSTURES]), 2, axis=1)
+    return np.radians(np.where(np.isnan(said.flexion), usual, said.flexion))
 
 
 def _upright(

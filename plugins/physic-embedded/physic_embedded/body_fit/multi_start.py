@@ -68,13 +68,16 @@ def fit_without_world_landmarks(
                     [initial_translation(points[i], observations, i, camera) for i in range(count)]
                 )
             )
-    tiled = replace(
-        observations,
-        **{
-            field.name: np.concatenate([getattr(observations, field.name)] * len(starts))
-            for field in fields(observations)
-            if getattr(observations, field.name) is not None
-        },
-    )
+    tiled = _tile(observations, len(starts))
     start = InitialPose(np.concatenate(roots), np.concatenate(poses), np.concatenate(places))
     return fit_bodies(model, tiled, camera, skeleton, start, starts=len(starts))
+
+
+def _tile(observations: BodyObservations, times: int) -> BodyObservations:
+    """Repeat the observations of all people a number of times."""
+    arrays = {
+        field.name: np.concatenate([getattr(observations, field.name)] * times)
+        for field in fields(observations)
+        if getattr(observations, field.name) is not None
+    }
+    return replace(observations, **arrays)

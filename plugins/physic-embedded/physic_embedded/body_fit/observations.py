@@ -105,15 +105,6 @@ def observe_people(
         None if keypoints.world is None else np.asarray(keypoints.world, np.float64)
     )
     middle = points[:, hips].mean(1)
-    rays = np.stack(
-        [
-            (middle[:, 0] - intrinsics.cx) / intrinsics.fx,
-            (middle[:, 1] - intrinsics.cy) / intrinsics.fy,
-            np.ones(len(points)),
-        ],
-        -1,
-    )
-    turn = np.stack([rotation_to_ray(ray) for ray in rays]) if len(rays) else np.zeros((0, 3, 3))
     if world is None:
         size = _size_without_landmarks(points, row, people)
     else:
@@ -130,7 +121,7 @@ def observe_people(
         weight,
         confidence,
         size,
-        turn,
+        _rotations_to(middle, intrinsics),
         world,
         world_weight,
         stance_in_picture(
@@ -139,6 +130,19 @@ def observe_people(
         keypoints.sigma,
         keypoints.depth_sigma,
     )
+
+
+def _rotations_to(pixels: FloatArray, intrinsics: Intrinsics) -> FloatArray:
+    """Return the smallest rotations (N, 3, 3) from the z axis to the rays of pixels (N, 2)."""
+    rays = np.stack(
+        [
+            (pixels[:, 0] - intrinsics.cx) / intrinsics.fx,
+            (pixels[:, 1] - intrinsics.cy) / intrinsics.fy,
+            np.ones(len(pixels)),
+        ],
+        -1,
+    )
+    return np.stack([rotation_to_ray(ray) for ray in rays]) if len(rays) else np.zeros((0, 3, 3))
 
 
 def _without_lost(

@@ -25,7 +25,7 @@ from physic_embedded.body_fit.pose_prior import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
     from torch import Tensor
@@ -285,63 +285,94 @@ class FitProblem:
         :meth:`used`.
         """
         points, joints, vertices = posed
-
-        homogeneous = points @ self.camera.T
-        projected = homogeneous[..., :2] / homogeneous[..., 2:].clamp(min=0.1)
-        miss = (projected - self.points) / self.point_sigma[..., None]
-        loss = (self.weight * 25 * torch.log1p(miss.square().sum(-1) / 25)).sum(1)
-
+        data = self._keypoint_loss(points)
         if self.world is not None:
-            hips = points[:, self.hips].mean(1, keepdim=True)
-            seen = (points - hips) @ self.turn  # rows times the rotation: back into the view's axes
-            lean = body.lean[:, None] + body.trunk_lean[:, None] * self.upper
-            cos = torch.cos(lean)
-            sin = torch.sin(lean)
-            x, y, z = (self.world * body.landmark_size[:, None, None]).unbind(-1)
-            turned = torch.stack([x, cos * y - sin * z, sin * y + cos * z], -1)
-            rest = ((seen - turned) / self.world_sigma).square().sum(-1)
-            loss = loss + (self.world_weight * 9 * torch.log1p(rest / 9)).sum(1)
+            data = data + self._landmark_loss(self.world, points, body)
+        for prior in self._priors(unknowns, body):
+            data = data + prior
+        soles, outline = vertices.tensor_split([sum(self.soles)], 1)
+        constraints = (
+            self._upright_loss(joints, body) + self._trunk_loss(joints) + self._level_loss(soles)
+        )
+        if self.outlines is not None:
+            constraints = constraints + self._outline_loss(self.outlines, outline)
+        if self.lifted is not None:
+            constraints = constraints + self._lifted_loss(self.lifted, joints)
+        return data, constraints
 
-        loss = loss + ((body.pose - self.mean) / self.sigma).square().sum((1, 2))
+    def _project(self, points: Tensor) -> Tensor:
+        """Project points (N, n, 3) to px (N, n, 2)."""
+        homogeneous = points @ self.camera.T
+        return homogeneous[..., :2] / homogeneous[..., 2:].clamp(min=0.1)
+
+    def _keypoint_loss(self, points: Tensor) -> Tensor:
+        """Return the loss (N,) of points (N, J, 3) that do not project onto their keypoints."""
+        miss = (self._project(points) - self.points) / self.point_sigma[..., None]
+        return (self.weight * 25 * torch.log1p(miss.square().sum(-1) / 25)).sum(1)
+
+    def _landmark_loss(self, world: Tensor, points: Tensor, body: DecodedUnknowns) -> Tensor:
+        """Return the loss (N,) of points (N, J, 3) that do not lie as their landmarks do."""
+        hips = points[:, self.hips].mean(1, keepdim=True)
+        seen = (points - hips) @ self.turn  # rows times the rotation: back into the view's axes
+        lean = body.lean[:, None] + body.trunk_lean[:, None] * self.upper
+        cos = torch.cos(lean)
+        sin = torch.sin(lean)
+        x, y, z = (world * body.landmark_size[:, None, None]).unbind(-1)
+        turned = torch.stack([x, cos * y - sin * z, sin * y + cos * z], -1)
+        rest = ((seen - turned) / self.world_sigma).square().sum(-1)
+        return (self.world_weight * 9 * torch.log1p(rest / 9)).sum(1)
+
+    def _priors(self, unknowns: Tensor, body: DecodedUnknowns) -> Iterator[Tensor]:
+        """Yield the losses (N,) of pose, shape, stature, landmark size with leans, and hinges."""
+        yield ((body.pose - self.mean) / self.sigma).square().sum((1, 2))
         shape = body.betas - self.adult
-        loss = loss + _SHAPE_WEIGHT * shape.square().sum(1)
-        loss = loss + (shape @ self.stature / _STATURE_SIGMA_M).square()
-        loss = loss + unknowns[:, -3:].square().sum(1)
+        yield _SHAPE_WEIGHT * shape.square().sum(1)
+        yield (shape @ self.stature / _STATURE_SIGMA_M).square()
+        yield unknowns[:, -3:].square().sum(1)
         for hinge in hinge_joints():
             bend = hinge.sign * body.pose[:, hinge.row, hinge.axis]
-            loss = loss + (_HINGE_WEIGHT * torch.relu(-bend)).square()
-            loss = loss + (_HINGE_WEIGHT * torch.relu(bend - MAX_HINGE_ANGLE)).square()
+            yield (_HINGE_WEIGHT * torch.relu(-bend)).square()
+            yield (_HINGE_WEIGHT * torch.relu(bend - MAX_HINGE_ANGLE)).square()
 
-        column = ((joints[:, 12] - joints[:, 7:9].mean(1))[:, None] @ self.turn)[:, 0]
-        angle = torch.atan2(column[:, 2], -column[:, 1]) - self.up_angle
-        soles, outline = vertices.tensor_split([sum(self.soles)], 1)
+    def _pitch(self, line: Tensor) -> Tensor:
+        """Return the angles (N,) of lines (N, 3) from the vertical, seen from the side, radians."""
+        column = (line[:, None] @ self.turn)[:, 0]
+        return torch.atan2(column[:, 2], -column[:, 1]) - self.up_angle
+
+    def _upright_loss(self, joints: Tensor, body: DecodedUnknowns) -> Tensor:
+        """Return the loss (N,) of a line from ankles to neck that is not vertical, and of knees
+        that bend to make it so.
+        """
+        angle = self._pitch(joints[:, 12] - joints[:, 7:9].mean(1))
+        knees = ((body.pose - self.pose)[:, _KNEES, 0] / _KNEE_SIGMA).square().sum(1)
+        return self.upright * ((angle / UPRIGHT_SIGMA).square() + knees)
+
+    def _trunk_loss(self, joints: Tensor) -> Tensor:
+        """Return the loss (N,) of trunks that are not vertical.
+
+        By Welsch's function, a trunk that is bent by more than about twice the limit is not pulled
+        at all.
+        """
+        tilt = self._pitch(joints[:, _SHOULDERS].mean(1) - joints[:, _HIPS].mean(1))
+        tilt = torch.atan2(torch.sin(tilt), torch.cos(tilt))
+        bent = 1 - torch.exp(-(tilt / _TRUNK_LIMIT).square())
+        return self.trunk * ((_TRUNK_LIMIT / _TRUNK_SIGMA) ** 2 * bent)
+
+    def _level_loss(self, soles: Tensor) -> Tensor:
+        """Return the loss (N,) of lowest points of the left and the right sole that differ."""
         heights = (soles @ self.up).tensor_split([self.soles[0]], 1)
         left, right = (
             -torch.logsumexp(-_SMOOTH_MIN_SHARPNESS * h, 1) / _SMOOTH_MIN_SHARPNESS for h in heights
         )  # a smooth minimum
-        level = self.feet * 8 * torch.log1p(((left - right) / _LEVEL_SIGMA_M).square() / 8)
-        knees = ((body.pose - self.pose)[:, _KNEES, 0] / _KNEE_SIGMA).square().sum(1)
-        vertical = self.upright * ((angle / UPRIGHT_SIGMA).square() + knees)
-        spine = ((joints[:, _SHOULDERS].mean(1) - joints[:, _HIPS].mean(1))[:, None] @ self.turn)[
-            :, 0
-        ]
-        tilt = torch.atan2(spine[:, 2], -spine[:, 1]) - self.up_angle
-        tilt = torch.atan2(torch.sin(tilt), torch.cos(tilt))
-        # Welsch's function: a trunk that is bent by more than about twice the limit is not pulled
-        # at all.
-        trunk = (_TRUNK_LIMIT / _TRUNK_SIGMA) ** 2 * (
-            1 - torch.exp(-(tilt / _TRUNK_LIMIT).square())
-        )
-        constraints = vertical + self.trunk * trunk + level
-        if self.outlines is not None:
-            constraints = constraints + self._outline_loss(self.outlines, outline)
-        if self.lifted is not None:
-            limbs = joints[:, LIMB_ROWS] - joints[:, _HIPS].mean(1, keepdim=True)
-            apart = (limbs @ self.turn - self.lifted.joints) / _LIFTED_SIGMA_M
-            limit = _LIFTED_LIMIT**2
-            robust = limit * torch.log1p(apart.square().sum(-1) / limit)
-            constraints = constraints + (self.lifted.weight * robust).sum(1)
-        return loss, constraints
+        return self.feet * 8 * torch.log1p(((left - right) / _LEVEL_SIGMA_M).square() / 8)
+
+    def _lifted_loss(self, lifted: LiftedLimbs, joints: Tensor) -> Tensor:
+        """Return the loss (N,) of limbs that do not lie as the lifter tells."""
+        limbs = joints[:, LIMB_ROWS] - joints[:, _HIPS].mean(1, keepdim=True)
+        apart = (limbs @ self.turn - lifted.joints) / _LIFTED_SIGMA_M
+        limit = _LIFTED_LIMIT**2
+        robust = limit * torch.log1p(apart.square().sum(-1) / limit)
+        return (lifted.weight * robust).sum(1)
 
     def _outline_loss(self, pairs: OutlinePairs, vertices: Tensor) -> Tensor:
         """Return the loss (N,) of bodies that reach outside their masks, and masks outside their
@@ -349,8 +380,7 @@ class FitProblem:
 
         Each pair has the loss of Geman and McClure (1987), which tends to a constant.
         """
-        chosen = vertices.gather(1, pairs.vertex[..., None].expand(-1, -1, 3)) @ self.camera.T
-        pixels = chosen[..., :2] / chosen[..., 2:].clamp(min=0.1)
+        pixels = self._project(vertices.gather(1, pairs.vertex[..., None].expand(-1, -1, 3)))
         excess = torch.relu((pairs.normal * pixels).sum(-1) - pairs.offset) / _OUTLINE_SIGMA
         # A square that starts as a cube: Newton's method needs second derivatives without jumps.
         square = excess.pow(3) / (excess + 0.5)
@@ -373,28 +403,40 @@ def fit_problem(
         # A copy: torch takes neither read-only arrays nor negative strides.
         return torch.as_tensor(np.array(array, order="C"), dtype=model.dtype)
 
-    count = len(observations.points)
     index = keypoint_indices(skeleton)
     used = [name for name in index if not any(twin in name for twin in _DUPLICATE_POINTS)]
     rows = [index[name] for name in used]
     mean, sigma = pose_prior(tight=observations.world is None)
-    up = np.zeros(3)
-    up_angle = np.zeros(count)
-    feet = np.zeros(count)
-    upright: BoolArray | FloatArray = np.zeros(count)
-    lean: FloatArray = np.zeros(count)
-    trunk: BoolArray | FloatArray = np.zeros(count)
-    if floor is not None:
-        trunk = floor.trunk
-        up = np.asarray(floor.up, np.float64)
-        upright = floor.upright
-        lean = floor.lean
-        seen_up = np.einsum("nij,i->nj", observations.turn, up)
-        up_angle = np.arctan2(seen_up[:, 2], -seen_up[:, 1])
-        ankles = observations.confidence[:, [index["left_ankle"], index["right_ankle"]]].min(1)
-        # The picture decides whether both feet stand: a raised foot looks like one that is farther
-        # away.
-        feet = (ankles > _SEEN) * trunk * observations.touch.prod(1)
+    arrays = {
+        **{name: array[:, rows] for name, array in _keypoint_arrays(observations).items()},
+        **_start_arrays(start),
+        **_floor_arrays(observations, index, floor),
+    }
+    stature = _stature_per_component(model)
+    soles = _soles(model)
+    return FitProblem(
+        landmarks=model.landmarks_only([skeleton], torch.cat(soles)),
+        skeleton=skeleton,
+        rows=torch.as_tensor(rows),
+        hips=(used.index("left_hip"), used.index("right_hip")),
+        turn=tensor(observations.turn),
+        world=None if observations.world is None else tensor(observations.world[:, rows]),
+        camera=tensor(camera),
+        mean=tensor(mean),
+        sigma=tensor(sigma),
+        fingers=rotvec_to_rotmat(tensor(relaxed_finger_pose())),
+        soles=(len(soles[0]), len(soles[1])),
+        outlines=None,
+        lifted=None,
+        upper=tensor([not any(part in name for part in _LEGS) for name in used]),
+        stature=stature,
+        adult=adult_shape(float(model.stature(torch.zeros_like(stature)[None])), stature),
+        **{name: tensor(array) for name, array in arrays.items()},
+    )
+
+
+def _keypoint_arrays(observations: BodyObservations) -> dict[str, FloatArray]:
+    """Return the fields of :class:`FitProblem` that have a value for each of J keypoints."""
     shape = observations.weight.shape
     point_sigma = np.broadcast_to(_KEYPOINT_SIGMA * observations.size[:, None], shape)
     world_sigma = np.broadcast_to(_WORLD_SIGMA_M, (*shape, 3))
@@ -404,42 +446,46 @@ def fit_problem(
     if observations.depth_sigma is not None:  # then right and down are those of the points
         depth = np.hypot(observations.depth_sigma, _JOINT_SIGMA_M)
         world_sigma = np.stack([np.full(shape, np.inf), np.full(shape, np.inf), depth], -1)
-    stature = _stature_per_component(model)
-    soles = _soles(model)
+    return {
+        "points": observations.points,
+        "weight": observations.weight,
+        "world_weight": observations.world_weight,
+        "point_sigma": point_sigma,
+        "world_sigma": world_sigma,
+    }
+
+
+def _start_arrays(start: InitialPose) -> dict[str, FloatArray]:
+    """Return the fields of :class:`FitProblem` that an initial pose sets."""
     z = start.transl[:, 2:]
-    return FitProblem(
-        landmarks=model.landmarks_only([skeleton], torch.cat(soles)),
-        skeleton=skeleton,
-        rows=torch.as_tensor(rows),
-        hips=(used.index("left_hip"), used.index("right_hip")),
-        points=tensor(observations.points[:, rows]),
-        weight=tensor(observations.weight[:, rows]),
-        turn=tensor(observations.turn),
-        world=None if observations.world is None else tensor(observations.world[:, rows]),
-        world_weight=tensor(observations.world_weight[:, rows]),
-        point_sigma=tensor(point_sigma[:, rows]),
-        world_sigma=tensor(world_sigma[:, rows]),
-        camera=tensor(camera),
-        root=tensor(start.root),
-        pose=tensor(start.pose),
-        mean=tensor(mean),
-        sigma=tensor(sigma),
-        fingers=rotvec_to_rotmat(tensor(relaxed_finger_pose())),
-        log_z=tensor(np.log(z)),
-        side=tensor(start.transl[:, :2] / z),
-        lean=tensor(lean),
-        up_angle=tensor(up_angle),
-        up=tensor(up),
-        feet=tensor(feet),
-        soles=(len(soles[0]), len(soles[1])),
-        outlines=None,
-        lifted=None,
-        upright=tensor(upright),
-        trunk=tensor(trunk),
-        upper=tensor([not any(part in name for part in _LEGS) for name in used]),
-        stature=stature,
-        adult=adult_shape(float(model.stature(torch.zeros_like(stature)[None])), stature),
-    )
+    return {
+        "root": start.root,
+        "pose": start.pose,
+        "log_z": np.log(z),
+        "side": start.transl[:, :2] / z,
+    }
+
+
+def _floor_arrays(
+    observations: BodyObservations, index: Mapping[str, int], floor: FloorConstraint | None
+) -> dict[str, BoolArray | FloatArray]:
+    """Return the fields of :class:`FitProblem` that a floor sets, zero without one."""
+    if floor is None:
+        names = ("up_angle", "feet", "upright", "trunk", "lean")
+        return {"up": np.zeros(3), **dict.fromkeys(names, np.zeros(len(observations.points)))}
+    up = np.asarray(floor.up, np.float64)
+    seen_up = np.einsum("nij,i->nj", observations.turn, up)
+    ankles = observations.confidence[:, [index["left_ankle"], index["right_ankle"]]].min(1)
+    return {
+        "up": up,
+        "up_angle": np.arctan2(seen_up[:, 2], -seen_up[:, 1]),
+        # The picture decides whether both feet stand: a raised foot looks like one that is farther
+        # away.
+        "feet": (ankles > _SEEN) * floor.trunk * observations.touch.prod(1),
+        "upright": floor.upright,
+        "trunk": floor.trunk,
+        "lean": floor.lean,
+    }
 
 
 def with_outlines(

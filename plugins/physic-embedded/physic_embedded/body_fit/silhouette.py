@@ -82,33 +82,31 @@ def outline_pairs(
     """
     with torch.no_grad():
         vertices = model(fit.rotations, fit.betas, fit.transl).vertices.numpy()
-    depth = None
-    if photo is not None:
-        depth = np.where(photo.valid, photo.points[..., 2], np.inf)
+    depth = None if photo is None else np.where(photo.valid, photo.points[..., 2], np.inf)
     masks = np.asarray(people.masks, bool)
-    coarse = model.coarse.ids.numpy()
-    nearest = model.coarse.of_vertex.numpy()
-    vertex = np.full((len(masks), 2 * _PAIRS), coarse[0], np.int64)
+    first = model.coarse.ids.numpy()[0]
+    vertex = np.full((len(masks), 2 * _PAIRS), first, np.int64)
     normal = np.zeros((*vertex.shape, 2))
     offset = np.zeros(vertex.shape)
-    weight = np.zeros(vertex.shape)
+    weight = np.zeros_like(offset)
     for i, mask in enumerate(masks):
         size = float(observations.size[i])
         if not _usable(mask, observations.points[i], observations.confidence[i], size):
             continue
-        others = masks[np.arange(len(masks)) != i].any(0)
-        lines = _person_pairs(model, _crop(model, vertices[i], (mask, others), depth, camera, size))
+        both = mask, np.asarray(np.delete(masks, i, 0).any(0))
+        lines = _person_pairs(model, _crop(model, vertices[i], both, depth, camera, size))
         if lines is None:
             continue
         normal[i] = lines.normal
         weight[i] = lines.weight
-        vertex[i] = np.where(weight[i] > 0, coarse[nearest[lines.vertex]], coarse[0])
+        vertex[i] = np.where(weight[i] > 0, lines.vertex, first)
         # Vertices lie beside the outline, at an offset that stays constant.
         off = lines.point - _project(vertices[i][vertex[i]], camera)
         offset[i] = lines.offset - (normal[i] * off).sum(-1)
     used, rows = np.unique(vertex, return_inverse=True)
-    arrays = (used, rows.reshape(vertex.shape), normal, offset, weight)
-    return OutlinePairs(*map(torch.from_numpy, arrays))
+    return OutlinePairs(
+        *map(torch.from_numpy, (used, rows.reshape(vertex.shape), normal, offset, weight))
+    )
 
 
 def _usable(mask: BoolArray, points: FloatArray, confidence: FloatArray, size: float) -> bool:
@@ -182,7 +180,7 @@ class _Lines:
 
 
 def _person_pairs(model: BodyModel, crop: _Crop) -> _Lines | None:
-    """Return the pairs of one person, or None if mask or body is not in the crop."""
+    """Return the pairs of one person at coarse vertices, or None if mask or body is not there."""
     mask = _outline(crop.mask)
     body = _outline(crop.face >= 0)
     if mask is None or body is None:
@@ -194,7 +192,8 @@ def _person_pairs(model: BodyModel, crop: _Crop) -> _Lines | None:
         np.concatenate([getattr(d, f.name) for d in (drawn_out, drawn_in)]) for f in fields(_Lines)
     ]
     lines = _Lines(*parts)
-    return replace(lines, weight=lines.weight * ~_is_finger(model)[lines.vertex])
+    coarse = model.coarse.ids.numpy()[model.coarse.of_vertex.numpy()[lines.vertex]]
+    return replace(lines, vertex=coarse, weight=lines.weight * ~_is_finger(model)[lines.vertex])
 
 
 def _crop(
@@ -208,10 +207,7 @@ def _crop(
     """Draw a body (V, 3) and cut out its masks, of the person and of all others."""
     own, others = masks
     pixels = _project(vertices, camera)
-    rows, columns = np.nonzero(own)
-    limits = np.array([own.shape[1], own.shape[0]], float)
-    low = np.maximum(np.minimum(pixels.min(0), [columns.min(), rows.min()]) - 2, -0.5 * limits)
-    high = np.minimum(np.maximum(pixels.max(0), [columns.max(), rows.max()]) + 2, 1.5 * limits)
+    low, high = _crop_corners(pixels, own)
     scale = _CROP_SIDE / float((high - low).max())
     width, height = (int(v) for v in np.maximum(np.ceil((high - low) * scale).astype(int) + 1, 2))
     to_crop = np.array([[scale, 0, -scale * low[0]], [0, scale, -scale * low[1]]])
@@ -238,6 +234,17 @@ def _crop(
         scale=scale,
         size=size,
     )
+
+
+def _crop_corners(pixels: FloatArray, mask: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and the highest corner (2,) px of a crop around pixels (V, 2) of a body and
+    its mask, up to half a photo outside the photo.
+    """
+    rows, columns = np.nonzero(mask)
+    limits = np.array([mask.shape[1], mask.shape[0]], float)
+    low = np.maximum(np.minimum(pixels.min(0), [columns.min(), rows.min()]) - 2, -0.5 * limits)
+    high = np.minimum(np.maximum(pixels.max(0), [columns.max(), rows.max()]) + 2, 1.5 * limits)
+    return low, high
 
 
 def _drawn_out(crop: _Crop, mask: _Outline, body: _Outline, corner: IntArray) -> _Lines:

@@ -38,16 +38,13 @@ def pose_from_landmarks(landmarks: FloatArray, skeleton: Skeleton) -> tuple[Floa
     def at(name: str) -> FloatArray:
         return np.asarray(landmarks[row[name]])
 
-    def log(matrix: FloatArray) -> FloatArray:
-        return np.asarray(Rotation.from_matrix(matrix).as_rotvec())
-
     hips = at("left_hip") - at("right_hip")
     shoulders = at("left_shoulder") - at("right_shoulder")
     up = (at("left_shoulder") + at("right_shoulder") - at("left_hip") - at("right_hip")) / 2
     pelvis = _frame_from_x(hips + 0.3 * shoulders, up)
     chest = _frame_from_y(up, shoulders)
     pose = np.zeros((21, 3))
-    twist = log(pelvis.T @ chest)
+    twist = _rotvec(pelvis.T @ chest)
     twist = twist * min(1.0, _SPINE_LIMIT / (float(np.linalg.norm(twist)) + 1e-9))
     for name in ("spine1", "spine2", "spine3"):
         pose[JOINT_INDEX[name] - 1] = twist / 3
@@ -55,29 +52,41 @@ def pose_from_landmarks(landmarks: FloatArray, skeleton: Skeleton) -> tuple[Floa
     for side, sign in (("left", 1.0), ("right", -1.0)):
         thigh = _normalise(at(f"{side}_knee") - at(f"{side}_hip"))
         shank = _normalise(at(f"{side}_ankle") - at(f"{side}_knee"))
-        axis = np.cross(thigh, shank)
-        if np.linalg.norm(axis) < _STRAIGHT or axis @ pelvis[:, 0] < -0.2 * np.linalg.norm(axis):
-            axis = pelvis[:, 0]
-        leg = _frame_from_y(-thigh, axis)
-        pose[JOINT_INDEX[f"{side}_hip"] - 1] = log(pelvis.T @ leg)
-        local = leg.T @ shank
-        pose[JOINT_INDEX[f"{side}_knee"] - 1, 0] = np.clip(
-            np.arctan2(-local[2], -local[1]), 0.0, 2.6
-        )
-
+        pose[JOINT_INDEX[f"{side}_hip"] - 1], bend = _bent_leg(thigh, shank, pelvis)
+        pose[JOINT_INDEX[f"{side}_knee"] - 1, 0] = bend
         upper = _normalise(at(f"{side}_elbow") - at(f"{side}_shoulder"))
         fore = _normalise(at(f"{side}_wrist") - at(f"{side}_elbow"))
-        axis = np.cross(upper, fore)
-        if np.linalg.norm(axis) < _STRAIGHT:
-            swing = _rotation_between(np.array([sign, 0.0, 0.0]), chest.T @ upper)
-            arm = chest @ swing
-        else:
-            arm = _frame_from_x(sign * upper, -sign * axis)
-        pose[JOINT_INDEX[f"{side}_shoulder"] - 1] = log(chest.T @ arm)
-        pose[JOINT_INDEX[f"{side}_elbow"] - 1, 1] = -sign * np.arctan2(
-            np.linalg.norm(axis), upper @ fore
-        )
+        pose[JOINT_INDEX[f"{side}_shoulder"] - 1], bend = _bent_arm(upper, fore, chest, sign)
+        pose[JOINT_INDEX[f"{side}_elbow"] - 1, 1] = bend
     return pelvis, pose
+
+
+def _bent_leg(thigh: FloatArray, shank: FloatArray, pelvis: FloatArray) -> tuple[FloatArray, float]:
+    """Return rotation vector (3,) of the hip and bend of the knee, radians, for unit directions
+    (3,) and a pelvis (3, 3).
+    """
+    axis = np.cross(thigh, shank)
+    if np.linalg.norm(axis) < _STRAIGHT or axis @ pelvis[:, 0] < -0.2 * np.linalg.norm(axis):
+        axis = pelvis[:, 0]
+    leg = _frame_from_y(-thigh, axis)
+    local = leg.T @ shank
+    return _rotvec(pelvis.T @ leg), float(np.clip(np.arctan2(-local[2], -local[1]), 0.0, 2.6))
+
+
+def _bent_arm(
+    upper: FloatArray, fore: FloatArray, chest: FloatArray, sign: float
+) -> tuple[FloatArray, float]:
+    """Return rotation vector (3,) of the shoulder and bend of the elbow, radians, for unit
+    directions (3,), a chest (3, 3), and 1 for the left or -1 for the right arm.
+    """
+    axis = np.cross(upper, fore)
+    arm: FloatArray
+    if np.linalg.norm(axis) < _STRAIGHT:
+        arm = chest @ _rotation_between(np.array([sign, 0.0, 0.0]), chest.T @ upper)
+    else:
+        arm = _frame_from_x(sign * upper, -sign * axis)
+    bend = -sign * float(np.arctan2(np.linalg.norm(axis), upper @ fore))
+    return _rotvec(chest.T @ arm), bend
 
 
 def translation_from_points(
@@ -122,6 +131,11 @@ def initial_translation(
         return found
     ray = observations.turn[i][:, 2]
     return np.asarray(ray / ray[2] * camera[1, 1] * SIZE_STATURE_M / observations.size[i])
+
+
+def _rotvec(matrix: FloatArray) -> FloatArray:
+    """Convert a rotation (3, 3) to a rotation vector (3,)."""
+    return np.asarray(Rotation.from_matrix(matrix).as_rotvec())
 
 
 def _normalise(vector: FloatArray) -> FloatArray:

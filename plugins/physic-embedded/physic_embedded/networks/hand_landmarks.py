@@ -174,26 +174,10 @@ def find_hand(
         side: "left" or "right"; of two hands at one wrist, the one of this side is taken.
         threshold: lowest score of a palm.
     """
-    anchors = anchor_centers(DETECTOR_SIZE, DETECTOR_LAYERS)
     starts = []
     for angle in (0.0, arm_angle):
         view = RotatedSquare(around.center, around.side, angle)
-        cut = picture.crop(view, DETECTOR_SIZE)
-        boxes, scores = detector.run(
-            ["boxes", "scores"], {"image": cut[None].astype(np.float32) / 255.0}
-        )
-        for palm in decode_detections(boxes[0], scores[0, :, 0], anchors, DETECTOR_SIZE, threshold)[
-            :2
-        ]:
-            center = view.to_photo((palm.box[:2] + palm.box[2:]) / 2, DETECTOR_SIZE)
-            length = (
-                max(palm.box[2] - palm.box[0], palm.box[3] - palm.box[1])
-                * view.side
-                / DETECTOR_SIZE
-            )
-            keys = view.to_photo(palm.keypoints, DETECTOR_SIZE)
-            box = np.concatenate([center - length / 2, center + length / 2])
-            starts.append(square_from_palm(box, keys[0], keys[2]))
+        starts += _palm_squares(detector, picture, view, threshold)
     # No palm is visible: the pose gives the place of the hand.
     starts.append(RotatedSquare(around.center, around.side / 1.5, arm_angle))
     best = None
@@ -207,3 +191,25 @@ def find_hand(
             best = square_from_landmarks(points)
             most = worth
     return None if best is None else predict_hand_landmarks(landmarker, picture, best)
+
+
+def _palm_squares(
+    detector: OnnxSession, picture: ImagePyramid, view: RotatedSquare, threshold: float
+) -> list[RotatedSquare]:
+    """Return the landmark network's input squares for the two best palms in a square."""
+    cut = picture.crop(view, DETECTOR_SIZE)
+    boxes, scores = detector.run(
+        ["boxes", "scores"], {"image": cut[None].astype(np.float32) / 255.0}
+    )
+    anchors = anchor_centers(DETECTOR_SIZE, DETECTOR_LAYERS)
+    palms = decode_detections(boxes[0], scores[0, :, 0], anchors, DETECTOR_SIZE, threshold)
+    squares = []
+    for palm in palms[:2]:
+        center = view.to_photo((palm.box[:2] + palm.box[2:]) / 2, DETECTOR_SIZE)
+        length = (
+            max(palm.box[2] - palm.box[0], palm.box[3] - palm.box[1]) * view.side / DETECTOR_SIZE
+        )
+        keys = view.to_photo(palm.keypoints, DETECTOR_SIZE)
+        box = np.concatenate([center - length / 2, center + length / 2])
+        squares.append(square_from_palm(box, keys[0], keys[2]))
+    return squares

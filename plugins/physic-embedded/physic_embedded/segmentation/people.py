@@ -183,10 +183,7 @@ def detect_poses(
         if is_person(pose, score, SURE_SCORE)
         and not things.other_at(mask_box(pose), lowest, SAME_THING)
     ]
-    kept: list[DetectedPose] = []
-    for person in sorted(found, key=lambda person: -person.score):
-        if not any(is_same_person(person, other) for other in kept):
-            kept.append(person)
+    kept = _without_repeats(found)
     unposed = _add_hidden_people(landmarker, image, boxes, kept, box_score)
     unposed += [
         unposed_person(
@@ -199,6 +196,15 @@ def detect_poses(
     ]
     carriers = things.carriers(box_score)
     return FoundPeople(kept[:max_people], unposed, left_out, carriers)
+
+
+def _without_repeats(found: list[DetectedPose]) -> list[DetectedPose]:
+    """Return the best pose of each person, best first."""
+    kept: list[DetectedPose] = []
+    for person in sorted(found, key=lambda person: -person.score):
+        if not any(is_same_person(person, other) for other in kept):
+            kept.append(person)
+    return kept
 
 
 def _without_others(things: Found, box_score: float) -> tuple[Detections, list[str]]:
@@ -425,20 +431,9 @@ def detect_people(
     short = min(picture.width, picture.height) / max(picture.width, picture.height)
     if fractions and short < min(fractions):
         fractions = [*fractions, short]
-    # The smallest copy of the photo whose tiles still fill the network's input.
-    smallest = min([1.0, *fractions])
-    image = [
-        v
-        for v in picture.levels
-        if max(v.shape[:2]) * smallest >= DETECTOR_SIZE or v is picture.levels[0]
-    ][-1]
+    image = _smallest_level(picture, min([1.0, *fractions]))
     h, w = image.shape[:2]
     scale = np.array([picture.width / w, picture.height / h])
-
-    def to_photo(points: Float) -> Float:
-        at: Float = (points + 0.5) * scale - 0.5
-        return at
-
     anchors = anchor_centers(DETECTOR_SIZE, DETECTOR_LAYERS)
     found: list[BoxDetection] = []
     for x, y, side, lowest in [
@@ -452,13 +447,30 @@ def detect_people(
                 ["boxes", "scores"], {"image": pixels[None].astype(np.float32) / 127.5 - 1.0}
             )
             for d in decode_detections(boxes[0], scores[0, :, 0], anchors, DETECTOR_SIZE, lowest):
-                points = np.concatenate([d.box.reshape(2, 2), d.keypoints])
-                if mirrored:
-                    points[:, 0] = DETECTOR_SIZE - points[:, 0]
-                    points[:2, 0] = points[1::-1, 0]
-                points = to_photo(square.to_photo(points, DETECTOR_SIZE))
+                points = square.to_photo(_points_of(d, mirrored), DETECTOR_SIZE)
+                points = (points + 0.5) * scale - 0.5
                 found.append(BoxDetection(points[:2].ravel(), points[2:], d.score))
     return merge_candidates(found)
+
+
+def _smallest_level(picture: ImagePyramid, fraction: float) -> NDArray[np.uint8]:
+    """Return the smallest copy of the photo of whose long side a fraction still fills the network's
+    input.
+    """
+    return [
+        v
+        for v in picture.levels
+        if max(v.shape[:2]) * fraction >= DETECTOR_SIZE or v is picture.levels[0]
+    ][-1]
+
+
+def _points_of(found: BoxDetection, mirrored: bool) -> Float:
+    """Return corners of the box and keypoints (2 + K, 2) in the input before mirroring, px."""
+    points = np.concatenate([found.box.reshape(2, 2), found.keypoints])
+    if mirrored:
+        points[:, 0] = DETECTOR_SIZE - points[:, 0]
+        points[:2, 0] = points[1::-1, 0]
+    return points
 
 
 def merge_candidates(

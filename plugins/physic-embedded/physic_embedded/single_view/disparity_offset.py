@@ -85,31 +85,16 @@ def disparity_at_infinity(
     """
     focal = focal_px / max(disparity.shape)
     farthest, span = _farthest(disparity)
-    share = floor.inlier_share if floor is not None else 0.0
-    # Outdoors the network saturates at 0, and the ground fills the lower part: read off 20 photos.
-    # With labels, the mean log score of 54 others is -.19 in place of -.42.
-    odds = (
-        (0.014 - farthest / span) / 0.004
-        + float(np.clip((share - 0.3) / 0.1, -2, 2))
-        + _LABELS * open_air
-    )
-    outdoors = float(1 / (1 + np.exp(-np.clip(odds, -30, 30))))
-
+    outdoors = _outdoors(farthest / span, floor, open_air)
     gaps = np.geomspace(*_CANDIDATES)
     candidates = farthest - gaps * span
-
-    def prior(median: float, sigma: float) -> FloatArray:
-        return np.asarray(np.exp(-0.5 * (np.log(gaps / median) / sigma) ** 2))
-
     level: FloatArray = np.zeros(len(gaps))
     trust = 0.0
     if floor is not None and horizon is not None:
         level, trust = _horizon_cost(floor, candidates, horizon, disparity.shape)
     sky = outdoors * (1 - (1 - _FLAT) * trust)
-    below_sky = _OUTDOORS[0] + max(farthest, 0.0) / span
-    cost = -2 * np.log(sky * prior(below_sky, _OUTDOORS[1]) + (1 - sky) * prior(*_INDOORS) + 1e-6)
-    cost = cost + level
-    if floor is not None and share > _FLOOR_SHARE:
+    cost = _prior_cost(gaps, sky, max(farthest, 0.0) / span) + level
+    if floor is not None and floor.inlier_share > _FLOOR_SHARE:
         cost = cost + _floor_cost(floor, candidates, focal, pitch=pitch, walls=walls, bodies=bodies)
     if frame is not None and surfaces is not None and len(surfaces):
         axes, trust = frame
@@ -117,11 +102,39 @@ def disparity_at_infinity(
     weight = np.exp(-(cost - cost.min()) / 2)
     gap = float(np.exp(np.average(np.log(gaps), weights=weight)))
     infinity = farthest - gap * span
-    sigma, disparity_sigma = (
-        float(np.sqrt(np.average((values - mean) ** 2, weights=weight)))
-        for values, mean in ((np.log(gaps), np.log(gap)), (candidates, infinity))
+    sigma = _spread(np.log(gaps), np.log(gap), weight)
+    return InfinityEstimate(infinity, sigma, _spread(candidates, infinity, weight), outdoors > 0.5)
+
+
+def _spread(values: FloatArray, mean: float, weight: FloatArray) -> float:
+    """Return the standard deviation of weighted values (C,)."""
+    return float(np.sqrt(np.average((values - mean) ** 2, weights=weight)))
+
+
+def _outdoors(farthest: float, floor: DisparityFloor | None, open_air: float) -> float:
+    """Return the probability of outdoors by the disparity of the farthest pixels in ranges of the
+    map, the share of the floor, and the labels, -1 to 1.
+
+    Outdoors the network saturates at 0, and the ground fills the lower part: read off 20 photos.
+    With labels, the mean log score of 54 others is -.19 in place of -.42.
+    """
+    share = 0.0 if floor is None else floor.inlier_share
+    odds = (
+        (0.014 - farthest) / 0.004 + float(np.clip((share - 0.3) / 0.1, -2, 2)) + _LABELS * open_air
     )
-    return InfinityEstimate(infinity, sigma, disparity_sigma, outdoors > 0.5)
+    return float(1 / (1 + np.exp(-np.clip(odds, -30, 30))))
+
+
+def _prior_cost(gaps: FloatArray, sky: float, sky_disparity: float) -> FloatArray:
+    """Return the cost (C,) of gaps from infinity to the farthest pixels, which are sky of a
+    disparity, in ranges of the map, with probability ``sky``.
+    """
+
+    def prior(median: float, sigma: float) -> FloatArray:
+        return np.asarray(np.exp(-0.5 * (np.log(gaps / median) / sigma) ** 2))
+
+    outdoors = prior(_OUTDOORS[0] + sky_disparity, _OUTDOORS[1])
+    return np.asarray(-2 * np.log(sky * outdoors + (1 - sky) * prior(*_INDOORS) + 1e-6))
 
 
 def _floor_cost(
