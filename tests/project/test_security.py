@@ -34,7 +34,7 @@ TABLES = {
         "the current folder": "test_physic_imports_nothing_of_the_current_folder",
     },
     "Limits of what is read": {
-        "a setting": "test_every_setting_is_bounded",
+        "a setting": "test_every_option_is_bounded",
         "a file that an argument or a "
         "setting names": "test_a_mistake_is_one_message_with_the_code_of_its_kind",
         "a photo": "test_decoding_the_largest_image_of_each_format",
