@@ -289,7 +289,7 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
                         name: float(e.keypoints.points[i, j, 1] * factor[1])
                         for name, j in rows.items()
                     },
-                    "lower": np.nan_to_num(e.stance.lower[i]).tolist(),
+                    "lower": np.nan_to_num(e.ground.stance.lower[i]).tolist(),
                     "skin": skin[i] if skin else [],
                     "hands": hands[i] if hands else 0.0,
                 }

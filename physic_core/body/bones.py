@@ -19,6 +19,7 @@ from physic_core.body.joints import NUM_JOINTS, PARENTS, ROTATION_FIELDS
 from physic_core.errors import BodyModelError
 from physic_core.geometry.rotations import rotmat_to_rotvec
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
+from physic_core.geometry.tensors import tensor
 from physic_core.types import BodyParameters
 
 if TYPE_CHECKING:
@@ -48,6 +49,19 @@ def rotations_from_parameters(
         own = torch.from_numpy(np.require(value, requirements=["C", "W"]))
         columns.append(own.to(device=device, dtype=dtype).view(rows, count, 3))
     return rotvec_to_rotmat(torch.cat(columns, 1))
+
+
+def pose_from_parameters(
+    parameters: BodyParameters,
+    device: torch.device | str = "cpu",
+    dtype: torch.dtype = torch.float32,
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Return the arguments of a body model: rotations (N, 55, 3, 3), betas (N, K), transl (N, 3)
+    and expression (N, E).
+    """
+    rest = (parameters.betas, parameters.transl, parameters.expression)
+    betas, transl, expression = (tensor(value).to(device, dtype) for value in rest)
+    return rotations_from_parameters(parameters, device, dtype), betas, transl, expression
 
 
 def parameters_from_rotations(

@@ -108,7 +108,7 @@ def _with_keypoints(
 def body_size_sigmas(estimates: Estimates, state: State) -> list[float]:
     """Return the standard deviation of the logarithm of each body's size."""
     sigma = state.scale_sigma if state.views or state.size_ratio is not None else None
-    measured = estimates.measured_scale is not None
+    measured = estimates.ground.measured is not None
     if sigma is not None and measured and not estimates.intrinsics.known:
         # lengths across a measured depth
         sigma = math.hypot(sigma, estimates.intrinsics.focal_sigma or 0.0)

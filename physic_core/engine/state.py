@@ -6,20 +6,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyModel
+from physic_core.engine.ground.floor_and_scale import Ground
 from physic_core.engine.ground.stance import Stance
 from physic_core.engine.limbs import observed_parts
+from physic_core.engine.photo import PhotoContent
 from physic_core.engine.scene_state import SceneState, Surroundings
-from physic_core.engine.sizes.evidence import MeasuredScale
 from physic_core.engine.sizes.known_sizes import KnownGeometry
 from physic_core.errors import PhysicError
 from physic_core.geometry.alignment import Alignment
-from physic_core.geometry.floor import FloorSearch
 from physic_core.types import (
     Bodies,
     ContactProbability,
@@ -33,6 +34,7 @@ from physic_core.types import (
 )
 from physic_core.types.arrays import PER_PERSON, select_people, shape, wrong_rows
 from physic_core.types.contacts import BodyContact, ContactPartner, Support
+from physic_core.types.known_sizes import KnownPeople
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import SIDES, Skeleton
 
@@ -90,8 +92,7 @@ class Estimates(ShortRepr):
         inpainted: (H, W, 3) uint8 RGB, the photo without its people and what they hold.
         scene: relative point map of ``inpainted``.
         original: relative point map of ``image``.
-        floor: in the scene.
-        stance: of N people, NaN and without labels for those without a body.
+        ground: floor, stance and scale; average feet for those without a body.
         bodies: N bodies with their hands, of the configured body model.
         contact: contact prior, zero if no backend was configured.
         depth: metric depth of ``inpainted``.
@@ -103,12 +104,6 @@ class Estimates(ShortRepr):
         known: sizes that the user knows, in px of ``image``.
         statures: (N,) known ones, metres, NaN where unknown; None if no stature is known.
         ages: (N,) known ones, years, NaN where unknown; None if no age is known.
-        measured_scale: of the scene by a measured metric depth; ``depth`` then has the scale of the
-            people.
-        scale_guess: warning that the scale of ``depth`` is a guess, or "".
-        scale_by_people: whether the sizes of people give the scale of ``depth``.
-        small: person -> stature on the floor of others, metres, of those too small for adults.
-        witnesses: "floor" and "scale" -> rows of what spoke for each answer, and how surely.
         views: what other cameras show of the same people.
         given_keypoints: (N, J), which of ``keypoints`` the user gave; None if none.
         contradicted_px: (N, J), how far mask and detector contradict them, px; None if none.
@@ -124,8 +119,7 @@ class Estimates(ShortRepr):
     inpainted: UInt8Array
     scene: Pointmap
     original: Pointmap
-    floor: FloorSearch
-    stance: Stance = field(metadata=PER_PERSON)
+    ground: Ground = field(metadata=PER_PERSON)
     bodies: Bodies = field(metadata=PER_PERSON)
     contact: ContactProbability = field(metadata=PER_PERSON)
     depth: DepthMap
@@ -133,13 +127,8 @@ class Estimates(ShortRepr):
     missing_results: tuple[tuple[str, ...], ...] = field(metadata=PER_PERSON)
     depth_by: str = "metric depth"
     known: KnownSizes = field(default_factory=KnownSizes)
-    measured_scale: MeasuredScale | None = None
     statures: FloatArray | None = field(default=None, metadata=PER_PERSON)
     ages: FloatArray | None = field(default=None, metadata=PER_PERSON)
-    scale_guess: str = ""
-    scale_by_people: bool = False
-    small: Mapping[int, float] = field(default_factory=dict)
-    witnesses: Mapping[str, list[dict[str, Any]]] = field(default_factory=dict)
     views: tuple[OtherView, ...] = ()
     given_keypoints: BoolArray | None = field(default=None, metadata=PER_PERSON)
     contradicted_px: FloatArray | None = field(default=None, metadata=PER_PERSON)
@@ -152,6 +141,20 @@ class Estimates(ShortRepr):
             wrong += wrong_rows(view, count, f"views[{i}].")
         if wrong:
             raise PhysicError(f"estimates of {count} people: {'; '.join(wrong)}")
+
+    @cached_property
+    def photo(self) -> PhotoContent:
+        """What the photo shows, its point map not yet aligned to the scene."""
+        return PhotoContent(
+            people=self.people,
+            keypoints=self.keypoints,
+            observations=self.observations,
+            known=KnownPeople(self.ages, self.statures),
+            camera=self.intrinsics,
+            inpainted=self.hole,
+            scene_map=self.scene,
+            photo_map=self.original,
+        )
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ import torch
 from torch import Tensor
 
 from physic_core.geometry.tensors import all_finite, quantiles, select_pixels
+from physic_core.types import Plane
 
 LOWER_SHARE = 0.6
 """Height of the lower part of the image, in which a floor is searched without a mask."""
@@ -313,6 +314,10 @@ class PlaneFit:
     def beneath(self) -> bool:
         """Whether people lie on the plane, and the camera looks down on them."""
         return self.source == "people who lie"
+
+    def to_plane(self) -> Plane:
+        """Return normal and offset as an array and a number."""
+        return Plane(self.normal.numpy(), float(self.offset))
 
 
 @dataclass(frozen=True)

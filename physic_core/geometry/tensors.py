@@ -74,6 +74,15 @@ def quantiles(values: torch.Tensor, shares: Sequence[float], most: int = 50_000)
     return [float(some[round(share * (len(some) - 1))]) for share in shares]
 
 
+def median(values: torch.Tensor) -> torch.Tensor:
+    """Return the median (...) of values (M, ...), M > 0: the mean of the two middle ones.
+
+    ``torch.median`` is the lower one of them.
+    """
+    ordered = values.sort(0).values
+    return (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]) / 2
+
+
 def all_finite(points: torch.Tensor) -> torch.Tensor:
     """Return whether all coordinates of points (..., 3) are finite: (...) bool."""
     # A matrix product sums three columns several times faster than a reduction.

@@ -7,10 +7,10 @@ people. OpenCV camera frame.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -65,7 +65,8 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.configuration.resolve import ResolvedPipeline
     from physic_core.engine.ground.floor import FloorCandidate, FloorEvidence
-    from physic_core.engine.ground.floor_and_scale import FloorAndScale
+    from physic_core.engine.ground.floor_and_scale import Ground
+    from physic_core.engine.photo import PhotoContent
     from physic_core.engine.settings import EngineSettings
     from physic_core.engine.state import Estimates
     from physic_core.interfaces import Request
@@ -109,7 +110,8 @@ class Findings:
         camera: of scene and people.
         own: metric depth that comes with a scale of its own, without the hole; None without one.
         measured: the depth of the whole photo if it was measured, or None.
-        aligned: point map of the photo, aligned to the scene.
+        content: what the photo shows, with its point map aligned to the scene.
+        ground: of the people with bodies.
         embodied: (N,) bool, people with finite bodies. Backends that need bodies get only these.
         others: as of :class:`Estimates`.
     """
@@ -128,13 +130,13 @@ class Findings:
     measured: DepthMap | None = None
     original: Pointmap
     observations: Observations
-    aligned: Pointmap
+    content: PhotoContent
     evidence: FloorEvidence
     floors: tuple[FloorCandidate, ...]
     bodies: Bodies
     embodied: BoolArray
     contact: ContactProbability
-    floor_and_scale: FloorAndScale
+    ground: Ground
     depth: DepthMap
 
     def __init__(
@@ -188,10 +190,12 @@ class Findings:
         """Return what all steps have found."""
         from physic_core.engine.state import Estimates
 
-        found = self.floor_and_scale
-        embodied = self.embodied
         keypoints = self.given.keypoints
-        by_people = not found.warning and found.measured is None
+        ground = self.ground.expanded(self.embodied)
+        if self.own is not None:  # the metres of a depth that did not vote stay
+            ground = replace(ground, by_people=ground.by_people and ground.depth is not None)
+        if self.depth.scale_sigma is not None or self.own is not None:
+            ground = replace(ground, guess="")
         return Estimates(
             image=self.image,
             intrinsics=self.camera,
@@ -202,8 +206,7 @@ class Findings:
             inpainted=self.inpainted,
             scene=self.scene,
             original=self.original,
-            floor=found.search,
-            stance=found.stance.expanded(embodied),
+            ground=ground,
             bodies=self.bodies,
             contact=self.contact,
             depth=self.depth,
@@ -214,30 +217,12 @@ class Findings:
                 for i in range(len(self.people))
             ),
             ages=self.known.years,
-            scale_guess=found.warning
-            if self.own is None and self.depth.scale_sigma is None
-            else "",
-            scale_by_people=by_people and (self.own is None or found.depth is not None),
-            small={int(np.flatnonzero(embodied)[i]): tall for i, tall in found.small.items()},
-            witnesses=_numbered(found.witnesses, embodied),
             known=self.given.known,
-            measured_scale=found.measured,
             statures=self.known.stature,
             given_keypoints=self.changed,
             contradicted_px=self.contradicted,
             file_px=1.0 if keypoints is None else keypoints.file_px,
         )
-
-
-def _numbered(
-    witnesses: Mapping[str, list[dict[str, Any]]], embodied: BoolArray
-) -> dict[str, list[dict[str, Any]]]:
-    """Return witnesses with the numbers of all people in place of those of people with a body."""
-    numbers = np.flatnonzero(embodied).tolist()
-    return {
-        name: [row | {"person": numbers[row["person"]]} if "person" in row else row for row in rows]
-        for name, rows in witnesses.items()
-    }
 
 
 def _people(found: Findings, step: Step) -> None:
@@ -257,7 +242,7 @@ def _people(found: Findings, step: Step) -> None:
         found.known = known_people(sizes, found.people)
         found.stages.note(*who_got_which(sizes, found.known, found.people))
         return
-    found.known = known_people(sizes, people, chosen=True).select(real)
+    found.known = select_people(known_people(sizes, people, chosen=True), real)
     if not real.all():
         # The others have their pixels back only in a segmentation without the false persons.
         found.people = _segmented(found, step, prompt.select(real), required=True)
@@ -336,7 +321,7 @@ def _inpainted(found: Findings, step: Step) -> None:
 
 def _scene(found: Findings, step: Step) -> None:
     """Fill scene, of the inpainted photo, and camera."""
-    from physic_core.engine.ground.up import with_up_of_file
+    from physic_core.engine.up import with_up_of_file
 
     camera = found.given.photo.intrinsics
     hints = Hints(camera, found.people, found.keypoints, found.hole, photo=found.image)
@@ -404,29 +389,37 @@ def _observations(found: Findings, step: Step) -> None:
 
 
 def _floors(found: Findings, _: Step) -> None:
-    """Fill aligned, evidence and floors."""
+    """Fill content, evidence and floors."""
     from physic_core.engine.ground.floor import best_candidate, chosen_floor
-    from physic_core.engine.ground.floor_and_scale import candidates_in, floor_evidence, plane_of
-    from physic_core.engine.ground.up import up_of_pointmap
+    from physic_core.engine.ground.floor_and_scale import candidates_in, floor_evidence
+    from physic_core.engine.photo import PhotoContent
 
     scene = found.scene
-    hole = found.hole
     engine = found.plan.engine
-    found.aligned = _aligned(found.original, scene, hole, engine) if hole.any() else scene
-    evidence = floor_evidence(
-        found.people, hole, found.keypoints, found.camera, found.observations, found.aligned
+    photo = PhotoContent(
+        people=found.people,
+        keypoints=found.keypoints,
+        observations=found.observations,
+        known=found.known,
+        camera=found.camera,
+        inpainted=found.hole,
+        scene_map=scene,
+        photo_map=found.original if found.hole.any() else scene,
     )
-    up = up_of_pointmap(scene)
-    found.evidence = replace(evidence, up=up, shift_sigma=scene.shift_sigma or 0.0)
+    if found.hole.any():
+        photo = replace(photo, photo_map=_aligned(photo, engine))
+    found.content = photo
+    found.evidence = floor_evidence(photo)
     searched = engine.scene.floor != "off"
-    found.floors = candidates_in(scene, found.evidence, searched=searched)
-    chosen = chosen_floor(found.floors, best_candidate(found.floors), found.evidence)
+    found.floors = candidates_in(photo.scene, found.evidence, searched=searched)
+    floor = chosen_floor(found.floors, best_candidate(found.floors), found.evidence).plane
+    known_up = scene.up_sigma is not None and scene.up_sigma < KNOWN_UP_SIGMA_DEG
     found.hints = replace(
         found.hints,
-        floor=plane_of(chosen),
-        original=found.aligned,
+        floor=None if floor is None else floor.to_plane(),
+        original=photo.photo_map,
         observations=found.observations,
-        up=None if up is None or up.sigma >= KNOWN_UP_SIGMA_DEG else up.direction.numpy(),
+        up=np.asarray(scene.up, np.float64) if known_up and scene.up is not None else None,
     )
 
 
@@ -517,27 +510,17 @@ def _depth_of_own_scale(found: Findings, step: Step) -> None:
 
 
 def _floor_and_scale(found: Findings, _: Step) -> None:
-    """Fill floor_and_scale."""
-    from physic_core.engine.ground.floor_and_scale import PeopleInScene, find_floor_and_scale
-    from physic_core.engine.ground.up import contradiction
+    """Fill ground."""
+    from physic_core.engine.ground.floor_and_scale import find_ground
+    from physic_core.engine.up import contradiction
 
-    embodied = found.embodied
-    people = PeopleInScene(
-        found.scene,
-        found.aligned,
-        found.camera,
-        select_people(found.people, embodied),
-        select_people(found.keypoints, embodied),
-        select_people(found.bodies, embodied),
-        found.known.select(embodied),
-        select_people(found.observations, embodied),
-    )
+    photo = select_people(found.content, found.embodied)
+    bodies = select_people(found.bodies, found.embodied)
+    evidence = found.evidence
     witness = found.own if found.plan.engine.scene.rescales_depth else None
-    found.floor_and_scale = find_floor_and_scale(
-        found.floors, found.evidence, people, found.model, witness
-    )
-    plane = found.floor_and_scale.search.plane
-    found.stages.warn(*contradiction(plane, found.evidence.up, found.evidence.slope))
+    found.ground = find_ground(photo, bodies, found.model, found.floors, evidence, witness)
+    plane = found.ground.search.plane
+    found.stages.warn(*contradiction(plane, evidence.up, evidence.slope))
 
 
 def _depth_of_scale(found: Findings, step: Step) -> None:
@@ -547,11 +530,11 @@ def _depth_of_scale(found: Findings, step: Step) -> None:
     """
     from physic_core.engine.sizes.scale_vote import scaled_depth
 
-    scale = found.floor_and_scale.scale
-    depth = found.floor_and_scale.depth or found.own
+    scale = found.ground.scale
+    depth = found.ground.depth or found.own
     reads = found.plan.backends[step.interface].backend.reads or ()
     if depth is None and "scale" in reads:
-        hints = replace(found.hints, floor=found.floor_and_scale.plane, scale=scale)
+        hints = replace(found.hints, floor=found.ground.plane, scale=scale)
         with suppress(NoPersonError):
             depth = found.call(step, MetricDepthRequest(found.inpainted, hints))
     if depth is None:
@@ -580,28 +563,26 @@ def _no_bodies(model: BodyModel) -> Bodies:
 
 
 def _camera_of(pointmap: Pointmap) -> Intrinsics:
+    from physic_core.engine.photo import PixelPoints
     from physic_core.geometry.pointmap import intrinsics_from_pointmap
-    from physic_core.geometry.tensors import tensor
 
     height, width = pointmap.valid.shape
-    fx, fy, cx, cy = intrinsics_from_pointmap(tensor(pointmap.points), tensor(pointmap.valid))
+    found = PixelPoints.of(pointmap)
+    fx, fy, cx, cy = intrinsics_from_pointmap(found.points, found.valid)
     return Intrinsics(fx, fy, cx, cy, width, height, "point map")
 
 
-def _aligned(
-    original: Pointmap, scene: Pointmap, hole: BoolArray, settings: EngineSettings
-) -> Pointmap:
+def _aligned(photo: PhotoContent, settings: EngineSettings) -> Pointmap:
+    """Return the point map of a photo with its people, aligned to the scene."""
     from physic_core.engine.placement.solve import align_photo_points_to_scene
     from physic_core.geometry.alignment import apply_alignment
-    from physic_core.geometry.tensors import tensor
 
-    points = tensor(scene.points)
-    valid = tensor(scene.valid)
+    scene = photo.scene
     alignment = align_photo_points_to_scene(
-        original, tensor(hole), points, valid, settings.placement
+        photo.photo, photo.hole, scene.points, scene.valid, settings.placement
     )
-    aligned = apply_alignment(tensor(original.points), alignment).numpy()
-    return replace(original, points=aligned, unknown=scene.unknown)
+    aligned = apply_alignment(photo.photo.points, alignment).numpy()
+    return replace(photo.photo_map, points=aligned, unknown=scene.unknown)
 
 
 STEPS = (

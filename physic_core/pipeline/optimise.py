@@ -38,8 +38,8 @@ def run_engine(
     with stages.time_engine("scene"):
         state = solve_scene(estimates, model, settings.scene)
     is_sized = state.known is not None and state.known.unscaled is not None
-    if estimates.scale_guess and not is_sized:
-        stages.warn(estimates.scale_guess)
+    if estimates.ground.guess and not is_sized:
+        stages.warn(estimates.ground.guess)
     if not len(estimates.people):
         return as_reconstruction(estimates, state)
     with stages.time_engine("placement"):

@@ -165,7 +165,7 @@ def _world_contact(touch: Contact, person: int) -> Mapping[str, float] | None:
 
 def _diagnostics(estimates: Estimates, state: State) -> dict[str, Any]:
     """Return numbers by stage; those of the scene alone without people."""
-    scene = {"scene": dict(state.scene.diagnostics), "witnesses": dict(estimates.witnesses)}
+    scene = {"scene": dict(state.scene.diagnostics), "witnesses": dict(estimates.ground.witnesses)}
     if state.photo_alignment is None:
         return scene
     losses = {name: {"start": a, "end": b} for name, (a, b) in state.losses.items()}
@@ -212,7 +212,7 @@ def _scene(estimates: Estimates, state: State) -> Scene:
         floor=floor,
         scale=scale,
         scale_sigma=state.scale_sigma,
-        measured=estimates.measured_scale is not None,
+        measured=estimates.ground.measured is not None,
         up=scene.up.direction.numpy(),
         up_sigma=scene.up.sigma,
         up_source=scene.up.source,
@@ -250,13 +250,13 @@ def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
     """
     people = result.people
     notes = []
-    plane = estimates.floor.plane
+    plane = estimates.ground.search.plane
     lie = plane is not None and plane.beneath
     if lie:
         notes.append(
             "people seem to lie, and the camera to look down on them: the floor is what they lie on"
         )
-    if estimates.scale_by_people and not estimates.known:
+    if estimates.ground.by_people and not estimates.known:
         bodies = sum(person.support is not None for person in people)
         contacts = [person.contacts for person in people]
         notes.append(scale_note(contacts, bodies, result.scene.floor, lie))
@@ -274,7 +274,7 @@ def warn_of_small_people(estimates: Estimates, result: Reconstruction) -> list[s
     return [
         f"person {i} would be {stature:.1f} m tall on the floor of the others: if this is a "
         f"child, give --age"
-        for i, stature in estimates.small.items()
+        for i, stature in estimates.ground.small.items()
         if on_floor[i] and sum(on_floor) > 1
     ]
 

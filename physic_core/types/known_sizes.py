@@ -5,13 +5,14 @@ pixels.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+from physic_core.types.arrays import PER_PERSON
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
-    from physic_core.types.arrays import BoolArray, FloatArray
+    from physic_core.types.arrays import FloatArray
 
 _STATURES_M = (0.4, 1.7, 2.6)  # least, usual and most
 _HEIGHTS_M = (0.01, 1.6, 100)  # the same of a camera over the floor
@@ -111,12 +112,8 @@ class KnownPeople(ShortRepr):
         stature: (N,) metres, NaN where unknown; None if none is known.
     """
 
-    years: FloatArray | None = None
-    stature: FloatArray | None = None
-
-    def select(self, rows: BoolArray) -> KnownPeople:
-        """Return what is known of a selection (N,) of the people."""
-        return KnownPeople(*(None if x is None else x[rows] for x in (self.years, self.stature)))
+    years: FloatArray | None = field(default=None, metadata=PER_PERSON)
+    stature: FloatArray | None = field(default=None, metadata=PER_PERSON)
 
     def filled(self, count: int) -> tuple[FloatArray, FloatArray]:
         """Return statures and years (N,) of N people, NaN where unknown."""

@@ -20,12 +20,8 @@ from physic_core.engine.ground.floor import (
     chosen_floor,
     standing_score,
 )
-from physic_core.engine.ground.floor_and_scale import (
-    PeopleInScene,
-    candidates_in,
-    find_floor_and_scale,
-    floor_evidence,
-)
+from physic_core.engine.ground.floor_and_scale import candidates_in, find_ground, floor_evidence
+from physic_core.engine.photo import PhotoContent
 from physic_core.engine.sizes.evidence import depth_witness
 from physic_core.engine.sizes.scale_vote import Witnesses, scaled_depth
 from physic_core.geometry.floor import PlaneFit
@@ -111,38 +107,36 @@ class World:
         self.original = self.depth
         for depth in bodies:
             self.original = np.where(np.isfinite(depth), depth, self.original)
-        self.given = PeopleInScene(
-            in_units(self.depth),
-            in_units(self.original),
-            CAMERA,
-            people_of(np.isfinite(bodies)),
-            keypoints_of(len(places)),
-            Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded"),
-            NONE_KNOWN,
-            Observations.unknown(len(places)),
+        self.photo = PhotoContent(
+            people=people_of(np.isfinite(bodies)),
+            keypoints=keypoints_of(len(places)),
+            observations=Observations.unknown(len(places)),
+            known=NONE_KNOWN,
+            camera=CAMERA,
+            inpainted=EMPTY,
+            scene_map=in_units(self.depth),
+            photo_map=in_units(self.original),
         )
+        self.bodies = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded")
 
-    def answer(self, candidates=FLOOR, depth=None, **changed):
-        given = self.given._replace(**changed)
-        evidence = floor_evidence(
-            given.people, EMPTY, given.keypoints, given.camera, given.observations
-        )
-        return find_floor_and_scale(candidates, evidence, given, load_body("embedded"), depth)
+    def answer(self, candidates=FLOOR, depth=None, bodies=None, **changed):
+        photo = replace(self.photo, **changed)
+        evidence = floor_evidence(photo)
+        model = load_body("embedded")
+        return find_ground(photo, bodies or self.bodies, model, candidates, evidence, depth)
 
     def with_depth(self, factor, sigma=None, **changed):
         """The answer with a metric depth that is this many times the true one."""
         depth = DepthMap((self.depth * factor).astype(np.float32), None, sigma, ("a network",))
         return self.answer(depth=depth, **changed)
 
-    def candidates(self, people=None, searched=True, **changed):
-        given = self.given._replace(people=people or self.given.people, **changed)
-        hole = self.given.people.masks.any(0)
-        evidence = floor_evidence(given.people, hole, given.keypoints, CAMERA, given.observations)
-        return candidates_in(given.scene, evidence, searched=searched)
+    def candidates(self, searched=True, **changed):
+        photo = replace(self.photo, inpainted=self.photo.people.masks.any(0), **changed)
+        return candidates_in(photo.scene, floor_evidence(photo), searched=searched)
 
     def labelled(self, name, ground, **masks):
         labels = SurfaceLabels(ground.astype(np.uint8), ("unknown", name))
-        return replace(self.given.people, surfaces=labels, **masks)
+        return replace(self.photo.people, surfaces=labels, **masks)
 
     def soles(self):
         """Heels and big toes of people with their soles in sight."""
@@ -157,24 +151,24 @@ class World:
         return keypoints
 
     def without_feet(self, *people):
-        observed = np.ones((len(self.given.people), 55), bool)
+        observed = np.ones((len(self.photo.people), 55), bool)
         observed[np.ix_(people, ANKLES)] = False
-        return replace(self.given.bodies, observed=observed)
+        return replace(self.bodies, observed=observed)
 
     def placed(self, places):
-        parameters = replace(self.given.bodies.parameters, transl=places)
-        return replace(self.given.bodies, parameters=parameters)
+        parameters = replace(self.bodies.parameters, transl=places)
+        return replace(self.bodies, parameters=parameters)
 
     def moved(self, person, factor):
         """The feet of one person this many times as far away, at the same pixels."""
-        places = self.given.bodies.parameters.transl.copy()
+        places = self.bodies.parameters.transl.copy()
         feet = np.array([places[person, 0], CAMERA_HEIGHT, places[person, 2]])
         places[person] += (factor - 1) * feet
         return self.placed(places)
 
     def error(self, found):
         """Logarithm of the depth by an answer over the true one."""
-        depth = scaled_depth(self.given.scene, found.scale, CAMERA).depth
+        depth = scaled_depth(self.photo.scene_map, found.scale, CAMERA).depth
         return float(np.log(np.nanmedian(depth / self.depth)))
 
 
@@ -192,7 +186,7 @@ def test_soles_on_the_floor_give_the_scale(world):
     assert found.scale.sigma == pytest.approx(0.08, abs=0.02)
     assert found.search.reason == "found"
     assert (found.stance.stands > 0.8).all()
-    assert not found.warning
+    assert not found.guess
 
 
 def test_the_answer_names_who_spoke_for_floor_and_scale_and_who_contradicts():
@@ -330,7 +324,7 @@ def test_people_of_known_stature_or_age_are_surer_witnesses(world, known):
 
 def test_a_metric_depth_of_small_error_keeps_its_metres(world):
     """Two children with sizes of adults do not change a measured depth."""
-    farther = 1.3 * world.given.bodies.parameters.transl
+    farther = 1.3 * world.bodies.parameters.transl
     found = world.with_depth(1.0, 0.01, bodies=world.placed(farther))
     assert found.measured is not None
     in_result = found.depth.depth * found.measured.factor
@@ -355,16 +349,16 @@ def test_a_metric_depth_that_is_far_off_counts_little(world):
 def test_a_metric_depth_is_converted_to_the_focal_length_of_the_bodies(world):
     estimated = Intrinsics.from_focal(0.8 * CAMERA.fx, WIDTH, HEIGHT)
     depth = DepthMap((0.8 * world.depth).astype(np.float32), estimated, 0.01)
-    witness = depth_witness(depth, world.given.scene, CAMERA, NO_WITNESSES)
+    witness = depth_witness(depth, world.photo.scene_map, CAMERA, NO_WITNESSES)
     assert witness.scale == pytest.approx(UNIT)
     known = replace(depth, intrinsics=replace(estimated, trust=CameraTrust.KNOWN))
-    witness = depth_witness(known, world.given.scene, CAMERA, NO_WITNESSES)
+    witness = depth_witness(known, world.photo.scene_map, CAMERA, NO_WITNESSES)
     assert witness.scale == pytest.approx(0.8 * UNIT)
 
 
 def test_a_metric_depth_without_a_pixel_of_the_scene_says_nothing(world):
     nothing = DepthMap(np.full(EMPTY.shape, np.nan, np.float32))
-    assert depth_witness(nothing, world.given.scene, CAMERA, NO_WITNESSES) is None
+    assert depth_witness(nothing, world.photo.scene_map, CAMERA, NO_WITNESSES) is None
 
 
 def test_people_at_several_depths_show_the_shift_of_the_inverse_depth():
@@ -377,15 +371,15 @@ def test_people_at_several_depths_show_the_shift_of_the_inverse_depth():
     floor = replace(FLOOR[0], plane=replace(FLOOR[0].plane, normal=normal, offset=1 / length))
     photo = in_units(1 / (1 / world.original + shift / UNIT))
     scene = in_units(shifted, shift_sigma=0.3)
-    found = world.answer((floor, NO_FLOOR), scene=scene, photo=photo)
+    found = world.answer((floor, NO_FLOOR), scene_map=scene, photo_map=photo)
     ratio = scaled_depth(scene, found.scale, CAMERA).depth / world.depth
     assert np.nanquantile(ratio, [0.02, 0.98]) == pytest.approx([1, 1], abs=0.1)
-    certain = world.answer((floor, NO_FLOOR), scene=in_units(shifted), photo=photo)
+    certain = world.answer((floor, NO_FLOOR), scene_map=in_units(shifted), photo_map=photo)
     assert certain.scale.shift == 0
 
 
 def test_without_people_the_scale_is_a_guess_that_names_its_assumption(world):
-    bodies = replace(world.given.bodies, parameters=world.given.bodies.parameters[0:0])
+    bodies = replace(world.bodies, parameters=world.bodies.parameters[0:0])
     no_people = {
         "people": people_of(EMPTY[None][:0]),
         "bodies": bodies,
@@ -394,8 +388,8 @@ def test_without_people_the_scale_is_a_guess_that_names_its_assumption(world):
     }
     found = world.answer(**no_people)
     assert found.scale.sigma is None
-    assert "1.45 m above the floor" in found.warning
-    assert "3 m" in world.answer((NO_FLOOR,), **no_people).warning
+    assert "1.45 m above the floor" in found.guess
+    assert "3 m" in world.answer((NO_FLOOR,), **no_people).guess
 
 
 @pytest.mark.parametrize("name", ["water", "sky", "wall"])
@@ -406,7 +400,7 @@ def test_no_label_hides_the_ground_under_soles_that_agree(world, name):
     answers = []
     for label in ("floor", name):
         people = world.labelled(label, (ROW > 0.1) & ~lower)
-        given = {"scene": scene, "people": people, "keypoints": world.soles()}
+        given = {"scene_map": scene, "people": people, "keypoints": world.soles()}
         candidates = world.candidates(**given)
         planes = [c for c in candidates if c.plane is not None]
         likeliest = max(planes, key=lambda c: c.log_score).plane
@@ -424,7 +418,7 @@ def test_people_on_a_box_do_not_lift_the_floor_off_the_ground_that_is_seen(world
         street[y - 12 : y + 13, x - 12 : x + 13] = False
     scene = in_units(np.where(street, level(CAMERA_HEIGHT + 0.35), world.depth))
     people = world.labelled("ground", street & (ROW > 0.25))
-    given = {"scene": scene, "people": people, "keypoints": soles}
+    given = {"scene_map": scene, "people": people, "keypoints": soles}
     found = world.answer(world.candidates(**given), **given)
     assert found.plane.offset * UNIT == pytest.approx(CAMERA_HEIGHT + 0.35, rel=0.03)
     assert found.scale.scale > 0.88 * UNIT
@@ -435,7 +429,7 @@ def test_masks_labels_and_other_masks_are_candidates(world):
     rows = np.indices(EMPTY.shape)[0]
     lower = rows >= 100
     people = world.labelled("floor", rows >= 120, floor=lower, floor_candidates=(lower,))
-    candidates = world.candidates(people)
+    candidates = world.candidates(people=people)
     sources = [c.plane.source for c in candidates if c.plane is not None]
     assert sources[:4] == ["floor mask", "floor mask", "labels", "lower image"]
     assert len(sources) <= 6

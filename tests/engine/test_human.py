@@ -16,6 +16,7 @@ from torch.nn.functional import normalize
 from torch.testing import assert_close
 
 from physic_core import engine_preset
+from physic_core.engine.photo import PixelPoints
 from physic_core.engine.placement import method, terms
 from physic_core.engine.placement.solve import (
     align_photo_points_to_scene,
@@ -28,7 +29,6 @@ from physic_core.engine.placement.terms import (
     gauss_newton,
 )
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays, project
-from physic_core.types import Pointmap
 from physic_paper import outliers
 
 from .drawn import normal, uniform
@@ -275,7 +275,7 @@ EVERYWHERE = torch.ones_like(PERSON)
 
 def align(points, scene, people=PERSON, **options):
     """Align a photo of unknown scale to a scene, both valid everywhere."""
-    photo = Pointmap(points.numpy(), EVERYWHERE.numpy(), "scale")
+    photo = PixelPoints(points, EVERYWHERE, "scale")
     return align_photo_points_to_scene(photo, people, scene, EVERYWHERE, **options)
 
 

@@ -14,12 +14,8 @@ from physic_core import load_config, reconstruct
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.bones import parameters_from_rotations
 from physic_core.body.posture import photo_turned_deg
-from physic_core.engine.ground.floor_and_scale import (
-    PeopleInScene,
-    candidates_in,
-    find_floor_and_scale,
-    floor_evidence,
-)
+from physic_core.engine.ground.floor_and_scale import candidates_in, find_ground, floor_evidence
+from physic_core.engine.photo import PhotoContent
 from physic_core.geometry.camera import project
 from physic_core.types import (
     Bodies,
@@ -79,10 +75,12 @@ def answer(turned=False, floor_m=None, gap_m=0.0, label=None, posture=None):
         said.posture[:] = 0.01 / 0.92
         said.posture[:, POSTURES.index(posture)] = 0.92
         said = replace(said, posture_share=np.full(9, 1 / 9))
-    given = PeopleInScene(scene, photo, CAMERA, people, keypoints, bodies, KnownPeople(), said)
-    evidence = floor_evidence(people, mask, keypoints, CAMERA, said, photo)
-    floors = candidates_in(scene, evidence)
-    return find_floor_and_scale(floors, evidence, given, model)
+    content = PhotoContent(
+        people, keypoints, said, KnownPeople(), CAMERA, mask, scene_map=scene, photo_map=photo
+    )
+    evidence = floor_evidence(content)
+    floors = candidates_in(content.scene, evidence)
+    return find_ground(content, bodies, model, floors, evidence)
 
 
 @pytest.mark.parametrize("turned", [False, True], ids=["head up", "head down"])

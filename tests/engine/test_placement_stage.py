@@ -15,6 +15,7 @@ from torch.testing import assert_close
 from physic_core import engine_preset
 from physic_core.engine.ground.stance import Stance
 from physic_core.engine.joint.solve import optimize
+from physic_core.engine.photo import PixelPoints
 from physic_core.engine.placement.solve import solve_placement
 from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry, scale_scene
 from physic_core.geometry.plane import height_over_plane
@@ -34,10 +35,11 @@ def estimated_too_far(make_stage, stands_at):
     state = make_stage([({}, (0.3, 0.0, 3.0))], stands_at=stands_at).state
     depth = state.scene.points[..., 2]
     photo = torch.where(state.photo_depth.isnan(), depth, state.photo_depth)
-    original = pointmap_of(0.5 * photo.numpy(), CAMERA, "scale")
+    points = PixelPoints.of(pointmap_of(0.5 * photo.numpy(), CAMERA, "scale"))
     scene = replace(state.scene, diagnostics={"floor": {}})
     state = replace(state, transl=state.transl + AWAY, scene=scene)
-    return SimpleNamespace(original=original, hole=state.masks.any(0).numpy()), state
+    content = SimpleNamespace(photo=points, hole=state.masks.any(0))
+    return SimpleNamespace(photo=content), state
 
 
 @pytest.fixture(scope="module")

@@ -13,9 +13,9 @@ from torch.testing import assert_close
 
 from physic_core import engine_preset
 from physic_core.engine.ground.floor import FloorEvidence
+from physic_core.engine.photo import PixelPoints
 from physic_core.engine.scene import solve
 from physic_core.engine.scene.method import Cameras, SceneMethod
-from physic_core.engine.scene.solve import SceneInput
 from physic_core.geometry import pointmap
 from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project
 from physic_core.geometry.plane import height_over_plane
@@ -95,8 +95,8 @@ def build_scene(
 ):
     cameras = Cameras(K, K_metric, K_pointmap)
     floor = FloorEvidence(mask=floor_mask, feet_px=feet_px)
-    given = SceneInput(points, valid, unknown, metric_depth, cameras, floor)
-    return solve.build_scene(given, settings or SceneMethod())
+    relative = PixelPoints(points, valid, unknown)
+    return solve.build_scene(relative, metric_depth, cameras, floor, settings or SceneMethod())
 
 
 def scene(**options):

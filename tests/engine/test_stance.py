@@ -107,7 +107,10 @@ def test_what_is_observed_of_a_part_moves_its_touch_and_no_other():
             assert np.delete(found, column).tolist() == np.delete(average, column).tolist()
 
 
-def prior(gap, raised=None):
+NOWHERE = np.zeros((1, 2), bool)
+
+
+def prior(gap, raised=NOWHERE):
     return standing_prior(np.array([[0.8, 0.2]]), np.full((1, 2), gap), raised)
 
 
@@ -128,7 +131,7 @@ def test_a_gap_too_large_for_a_lifted_foot_makes_the_depth_wrong_and_not_the_foo
 
 def test_feet_of_people_who_ride_are_not_on_the_floor():
     walks, rides = (
-        standing_prior(np.array([[0.9, 0.9]]), np.full((1, 2), np.nan), None, np.array([p]))[0]
+        standing_prior(np.array([[0.9, 0.9]]), np.full((1, 2), np.nan), NOWHERE, np.array([p]))[0]
         for p in (0.0, 0.95)
     )
     assert rides.max() < 0.1 * walks.min()
@@ -167,11 +170,12 @@ def people_of(state):
 def test_feet_over_the_floor_have_a_gap_and_may_be_among_seats_and_tables(make_stage):
     on_floor, over_it = (make_stage([({}, (0.0, 0.0, 3.0))], stands_at=y).state for y in (1.3, 1.0))
     low, high = (
-        depth_gaps_at_feet(*people_of(p), floor_depth(p), None)[0] for p in (on_floor, over_it)
+        depth_gaps_at_feet(*people_of(p), floor_depth(p), torch.zeros_like(p.masks[0]))[0]
+        for p in (on_floor, over_it)
     )
     assert low.max() < 0.1
     # The visible foot is a few centimetres higher than its sole.
-    assert high.mean().item() == pytest.approx(math.log(1.3 / (1.3 - 0.33)), abs=0.05)
+    assert high.mean() == pytest.approx(math.log(1.3 / (1.3 - 0.33)), abs=0.05)
     for raised in (False, True):
         labels = torch.full_like(over_it.masks[0], raised)
         _, among = depth_gaps_at_feet(*people_of(over_it), floor_depth(over_it), labels)
@@ -182,8 +186,9 @@ def test_keypoints_that_are_not_seen_have_no_gap(make_stage):
     state = make_stage([({}, (0.0, 0.0, 3.0))]).state
     left = torch.tensor([name.startswith("left_") for name in state.skeleton.names])
     unseen = replace(state, keypoint_confidence=torch.where(left, 0.1, state.keypoint_confidence))
-    gap, _ = depth_gaps_at_feet(*people_of(unseen), floor_depth(state), None)
-    assert gap.isnan().tolist() == [[True, False]]
+    nowhere = torch.zeros_like(state.masks[0])
+    gap, _ = depth_gaps_at_feet(*people_of(unseen), floor_depth(state), nowhere)
+    assert np.isnan(gap).tolist() == [[True, False]]
 
 
 def test_a_foot_that_hardly_touches_stays_lifted(make_stage):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.engine.ground.up import (
+from physic_core.engine.up import (
     Up,
     angle_deg,
     camera_axis,

@@ -159,18 +159,20 @@ def case(**changes):
     evidence = SimpleNamespace(
         bodies=SimpleNamespace(observed=observed),
         views=(),
-        measured_scale=None,
+        ground=SimpleNamespace(
+            measured=None,
+            stance=replace(Stance.unknown(1), stands=np.array([known["stands"]])),
+            witnesses={"scale": known["witness"]},
+            search=SimpleNamespace(
+                plane=None if known["floor"] != "found" else plane(known["source"]),
+                in_mask=known["floor"] == "found" and known["mask"],
+            ),
+        ),
         given_keypoints=None,
         contradicted_px=None,
-        stance=replace(Stance.unknown(1), stands=np.array([known["stands"]])),
         depth=SimpleNamespace(intrinsics=None, depth=known["depth"], scale_sigma=0.03),
         depth_by="metric_depth 'x'",
-        witnesses={"scale": known["witness"]},
         missing_results=(known["lost"],),
-        floor=SimpleNamespace(
-            plane=None if known["floor"] != "found" else plane(known["source"]),
-            in_mask=known["floor"] == "found" and known["mask"],
-        ),
         image=photo_of(known["colours"]),
         hole=np.zeros((480, 640), bool),
         keypoints=keypoints_at(joints, known["camera"], known["off"], known["moved"]),

@@ -270,7 +270,10 @@ def test_a_check_of_several_people_counts_with_its_worst_value(result, values, w
         (lambda e: {"people": replace(e.people, heads=np.ones(2, int))}, "people.heads has 2 rows"),
         (lambda e: {"missing_results": ()}, "missing_results has 0 rows"),
         (lambda e: {"ages": np.ones(3)}, "ages has 3 rows"),
-        (lambda e: {"stance": Stance.unknown(2)}, "stance.lower has 2 rows"),
+        (
+            lambda e: {"ground": replace(e.ground, stance=Stance.unknown(2))},
+            "ground.stance.lower has 2 rows",
+        ),
     ],
 )
 def test_estimates_completed_from_elsewhere_have_a_row_for_each_person(world, changes, word):

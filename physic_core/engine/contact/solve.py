@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -121,14 +120,9 @@ def _classify_points(estimates: Estimates, state: State) -> tuple[tuple[str, ...
     """Return names and labels (M,) of the valid scene points, -1 where inpainted; all unknown if
     the segmenter labels none.
     """
-    surfaces = estimates.people.surfaces
-    names = ("unknown",) if surfaces is None else surfaces.names
-    labels = np.zeros(estimates.hole.shape, np.int64)
-    if surfaces is not None:
-        labels += surfaces.labels
-    labels[estimates.hole] = -1
-    (known,) = select_pixels(state.scene.valid, tensor(labels))
-    return names, known
+    photo = estimates.photo
+    (known,) = select_pixels(state.scene.valid, torch.where(photo.hole, -1, photo.labels))
+    return photo.label_names, known
 
 
 def _find_supports(

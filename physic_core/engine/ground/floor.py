@@ -23,7 +23,7 @@ from torch import Tensor
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.body.posture import LYING_DEG, standing_legs, trunk_tilt_deg
 from physic_core.engine.ground.lying import LYING_RATE, Background, surface_beneath
-from physic_core.engine.ground.up import Up, angle_deg, level_plane
+from physic_core.engine.up import Up, angle_deg, level_plane
 from physic_core.geometry.floor import (
     HOLE_WEIGHT,
     LOWER_SHARE,
@@ -452,11 +452,11 @@ def standing_score(normal: Tensor, joints: Tensor) -> float:
 
     The camera axis that points up distinguishes people who lie straight from people who stand.
     """
-    tilt = np.sort(np.abs(trunk_tilt_deg(joints.cpu().numpy(), normal.cpu().numpy()) - 90.0))
+    people, up = (values.cpu().numpy() for values in (joints, normal))
+    tilt = np.sort(np.abs(trunk_tilt_deg(people, up) - 90.0))
     lie = len(tilt) and tilt[len(tilt) // 2] < LYING_DEG
     rate = math.log(LYING_RATE / (1 - LYING_RATE)) if lie else 0.0
-    straight = torch.from_numpy(standing_legs(joints.cpu().numpy()).all(1))
-    axes = joints[straight].double()
+    axes = joints[torch.from_numpy(standing_legs(people).all(1))].double()
     axes = torch.nn.functional.normalize(
         axes[:, JOINT_INDEX["neck"]] - axes[:, joint_pair("ankle")].mean(1), dim=-1
     )

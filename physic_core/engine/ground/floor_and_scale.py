@@ -18,7 +18,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from physic_core.body.bones import rotations_from_parameters
+from physic_core.body.bones import pose_from_parameters
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.model import BodyModel
 from physic_core.engine.ground.carriers import carried_people
@@ -31,14 +31,13 @@ from physic_core.engine.ground.floor import (
     odds_at_height,
     standing_score,
 )
-from physic_core.engine.ground.lying import Background, backgrounds
+from physic_core.engine.ground.lying import backgrounds
 from physic_core.engine.ground.stance import (
     Stance,
     depth_gaps_at_feet,
     stance_in_picture,
     standing_prior,
 )
-from physic_core.engine.ground.up import slope_sigma
 from physic_core.engine.sizes.evidence import (
     USUAL_CAMERA_HEIGHT_M,
     USUAL_CAMERA_HEIGHT_SIGMA,
@@ -54,27 +53,27 @@ from physic_core.engine.sizes.evidence import (
 )
 from physic_core.engine.sizes.scale_vote import ScaleVote, Witnesses, vote_on_scale
 from physic_core.engine.sizes.stature import ADULT_STATURE_M, adult_probability, stature_sigmas
-from physic_core.geometry.floor import FloorSearch
+from physic_core.geometry.floor import FloorSearch, PlaneFit
 from physic_core.geometry.pointmap import pointmap_normals
-from physic_core.geometry.tensors import optional_tensors, tensor
+from physic_core.geometry.tensors import tensor
 from physic_core.types import Plane, SceneScale
-from physic_core.types.arrays import select_people
+from physic_core.types.arrays import PER_PERSON, select_people
 from physic_core.types.contacts import has_sole_on_floor
 from physic_core.types.known_sizes import KnownPeople
 from physic_core.types.observations import POSTURES
+from physic_core.types.people import GROUND_SURFACES
+from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
+    from physic_core.engine.photo import PhotoContent, PixelPoints
     from physic_core.types import (
         Bodies,
         BodyContact,
         BoolArray,
         DepthMap,
         FloatArray,
-        Intrinsics,
         Keypoints,
-        Observations,
-        People,
         Pointmap,
     )
 
@@ -114,29 +113,33 @@ _LIMBS = ("shoulder", "hip", "knee", "ankle")
 
 
 @dataclass(frozen=True)
-class FloorAndScale:
-    """Answer for one photo with N people.
+class Ground(ShortRepr):
+    """What carries the N people of a photo, and how large everything is.
 
     Attributes:
-        search: the floor.
+        search: the floor in the scene.
+        evidence: of the photo about it.
         scale: of the scene.
-        warning: that the scale is a guess, or "".
-        stance: of the N people.
+        stance: of the people.
+        guess: warning that the scale is a guess, or "".
+        by_people: whether the sizes of people give the scale.
         depth: the given metric depth, at this scale; None without one, and if no size of a person
             gives the scale.
-        small: stature in metres of each person who stands on the floor of others and is much too
-            small for an adult, until the contacts are known.
         measured: scale by that depth if it was measured; this scale is then that of the people
             alone.
+        small: person -> stature on the floor of others, metres, of those much too small for an
+            adult, until the contacts are known.
         witnesses: "floor" -> a row for each candidate: source, pitch of the camera in degrees,
             probability, and nats by witness; "scale" -> a row for each witness: whose, logarithm of
             its scale over the answer, sigma, and probability to be right.
     """
 
     search: FloorSearch
+    evidence: FloorEvidence
     scale: SceneScale
-    warning: str
-    stance: Stance
+    stance: Stance = field(metadata=PER_PERSON)
+    guess: str = ""
+    by_people: bool = False
     depth: DepthMap | None = None
     measured: MeasuredScale | None = None
     small: Mapping[int, float] = field(default_factory=dict)
@@ -145,70 +148,59 @@ class FloorAndScale:
     @property
     def plane(self) -> Plane | None:
         """The floor in the units of the scene; None without one."""
-        return plane_of(self.search)
+        fit = self.search.plane
+        return None if fit is None else fit.to_plane()
+
+    def expanded(self, rows: BoolArray) -> Ground:
+        """Return the ground of N people from that of those selected by ``rows`` (N,)."""
+        number = np.flatnonzero(rows).tolist()
+        witnesses = {
+            name: [
+                row | {"person": number[row["person"]]} if "person" in row else row for row in group
+            ]
+            for name, group in self.witnesses.items()
+        }
+        return replace(
+            self,
+            stance=self.stance.expanded(rows),
+            small={number[i]: stature for i, stature in self.small.items()},
+            witnesses=witnesses,
+        )
 
 
-def floor_evidence(
-    people: People,
-    hole: BoolArray,
-    keypoints: Keypoints,
-    camera: Intrinsics,
-    observations: Observations,
-    photo: Pointmap | None = None,
-) -> FloorEvidence:
-    """Return the evidence of segmenter, feet and camera about the floor.
-
-    Args:
-        people: in the photo.
-        hole: (H, W) bool, inpainted pixels.
-        keypoints: of the people.
-        camera: of the photo.
-        observations: of the people.
-        photo: points of the photo with its people, aligned to the scene. Used to find people
-            who lie beneath the camera; None if these are not looked for.
-    """
-    labels = people.surfaces
-    uncovered = ~people.masks.any(0)
-    ground = None if labels is None else labels.ground & uncovered
-    touch = stance_in_picture(keypoints.points, keypoints.joint_set.names, observations).touch
-    soles = _ground_at_soles(people, hole, keypoints, touch[:, :2])
-    no_ground = None if labels is None else labels.mask(*_NO_FLOORS) & uncovered
-    mask, hole_, feet, floor, other = optional_tensors(
-        people.floor, hole, feet_pixels(keypoints, *hole.shape), ground, no_ground
-    )
-    others = optional_tensors(*people.floor_candidates)
-    masks = tuple(m for m in others if m is not None)
-    focal_sigma = 0.0 if camera.known else camera.focal_sigma or 0.0
-    around: tuple[Background, ...] = ()
-    if photo is not None:
-        lie = observations.evidence("posture")[:, POSTURES.index("lie")] >= 0
-        some = select_people(keypoints, lie)
-        around = backgrounds(some, people.masks[lie], ~hole, photo, labels)
+def floor_evidence(photo: PhotoContent) -> FloorEvidence:
+    """Return the evidence of segmenter, feet, camera and people who lie about the floor."""
+    masks = (photo.people.floor, *photo.people.floor_candidates)
+    floor, *others = (None if mask is None else tensor(mask) for mask in masks)
+    uncovered = ~photo.masks.any(0)
+    observed = photo.observations
+    lie = observed.evidence("posture")[:, POSTURES.index("lie")] >= 0
     return FloorEvidence(
-        mask,
-        hole_,
-        feet,
-        masks,
-        floor,
-        other,
-        soles,
-        around,
-        slope=slope_sigma(labels),
-        focal_sigma=focal_sigma,
+        mask=floor,
+        hole=photo.hole,
+        feet_px=tensor(feet_pixels(photo.keypoints, *photo.hole.shape)),
+        others=tuple(mask for mask in others if mask is not None),
+        ground=photo.labelled(*GROUND_SURFACES) & uncovered,
+        no_ground=photo.labelled(*_NO_FLOORS) & uncovered,
+        soles=_ground_at_soles(photo),
+        around=backgrounds(select_people(photo, lie)),
+        up=photo.up,
+        slope=photo.slope,
+        focal_sigma=0.0 if photo.camera.known else photo.camera.focal_sigma or 0.0,
+        shift_sigma=photo.scene_map.shift_sigma or 0.0,
     )
 
 
-def _ground_at_soles(
-    people: People, hole: BoolArray, keypoints: Keypoints, touch: FloatArray
-) -> tuple[GroundAtSoles, ...]:
-    """Return the visible ground beside the soles of each person, if the photo shows it; feet touch
-    something with the probability (N, 2).
-    """
-    height, width = hole.shape
-    labels = people.surfaces
+def _ground_at_soles(photo: PhotoContent) -> tuple[GroundAtSoles, ...]:
+    """Return the visible ground beside the soles of each person, if the photo shows it."""
+    height, width = photo.hole.shape
+    visible = ~photo.hole
+    raised = photo.labelled(*RAISED_SURFACES)
+    keypoints = photo.keypoints
+    names = keypoints.joint_set.names
+    touch = stance_in_picture(keypoints.points, names, photo.observations).touch[:, :2]
     found = []
-    visible = torch.from_numpy(~hole)
-    for i, mask in enumerate(people.masks):
+    for i, mask in enumerate(photo.masks):
         reach = _BESIDE_SOLES * float(mask.any(1).sum()) + _BESIDE_SOLES_PHOTO * max(height, width)
         window = torch.zeros_like(visible)
         for x, y in feet_pixels(select_people(keypoints, np.array([i])), height, width):
@@ -219,10 +211,10 @@ def _ground_at_soles(
         ground = (window & visible).nonzero()
         if len(ground) >= _FEWEST_PIXELS:
             at = ground[:, 0], ground[:, 1]
-            among_raised = labels is not None and labels.mask(*RAISED_SURFACES)[at].mean() > 0.5
+            among_raised = float(raised[at].double().mean()) > 0.5
             share = _ON_FLOOR_AMONG_RAISED if among_raised else _ON_FLOOR
             stands = share * float(1 - (1 - touch[i]).prod())
-            found.append(GroundAtSoles(*at, stands, float(people.scores[i]), i))
+            found.append(GroundAtSoles(*at, stands, float(photo.people.scores[i]), i))
     return tuple(found)
 
 
@@ -243,68 +235,46 @@ def feet_pixels(
 
 
 def candidates_in(
-    scene: Pointmap, evidence: FloorEvidence, *, searched: bool = True
+    scene: PixelPoints, evidence: FloorEvidence, *, searched: bool = True
 ) -> tuple[FloorCandidate, ...]:
     """Return the candidates for the floor of a relative scene; only "no floor" if it is not
     searched.
     """
     if not searched:
         return (FloorCandidate(None, {}),)
-    points = tensor(scene.points)
-    valid = tensor(scene.valid)
-    return floor_candidates(points, valid, evidence, pointmap_normals(points, valid))
+    normals = pointmap_normals(scene.points, scene.valid)
+    return floor_candidates(scene.points, scene.valid, evidence, normals)
 
 
-def plane_of(search: FloorSearch) -> Plane | None:
-    """Return the plane of a floor search as arrays."""
-    return (
-        None
-        if search.plane is None
-        else Plane(search.plane.normal.numpy(), float(search.plane.offset))
-    )
-
-
-class PeopleInScene(NamedTuple):
-    """N people with their bodies, and point maps in one relative unit: of the scene, and of the
-    photo with people.
-    """
-
-    scene: Pointmap
-    photo: Pointmap
-    camera: Intrinsics
-    people: People
-    keypoints: Keypoints
-    bodies: Bodies
-    known: KnownPeople
-    observations: Observations
-
-
-def find_floor_and_scale(
+def find_ground(
+    photo: PhotoContent,
+    bodies: Bodies,
+    model: BodyModel,
     candidates: tuple[FloorCandidate, ...],
     evidence: FloorEvidence,
-    given: PeopleInScene,
-    model: BodyModel,
     depth: DepthMap | None = None,
-) -> FloorAndScale:
+) -> Ground:
     """Choose the floor, and find the scale of the scene and who stands.
 
     Args:
+        photo: of N people.
+        bodies: of the people.
+        model: of the bodies.
         candidates: of :func:`candidates_in`.
         evidence: of the floor.
-        given: of the same photo.
-        model: of the bodies.
         depth: metric depth of the scene with a scale of its own: it votes, too, or decides if it
             was measured.
     """
-    seen = _people_seen(given, model)
-    scene = given.scene
+    seen = _people_seen(photo, bodies, model)
+    scene = photo.scene_map
+    beside = _ground_at_soles(photo) if evidence.seen_ground is not None else ()
     planes = [
-        _on_plane(candidate, seen, _on_it(candidate, evidence, given)) for candidate in candidates
+        _on_plane(candidate, seen, _on_it(candidate, photo, beside)) for candidate in candidates
     ]
     scores = [sum(p.evidence.values()) for p in planes]
     kinds = [(p.soles, p.camera) for p in planes]
     shift_sigma = scene.shift_sigma if scene.unknown == "inverse_scale_shift" else None
-    own = None if depth is None else depth_witness(depth, scene, given.camera, seen.torsos)
+    own = None if depth is None else depth_witness(depth, scene, photo.camera, seen.torsos)
     decides = depth is not None and is_measured(depth)
     anywhere = {"size": seen.torsos, "usual depth of scenes": _usual_depth(scene)}
     if own is not None and not decides:
@@ -317,7 +287,8 @@ def find_floor_and_scale(
     soles = planes[best].soles
     sized = np.isfinite([seen.torsos.scale, *(p.soles.scale for p in planes)]).any()
     if vote is None or not sized:
-        return FloorAndScale(search, *_guessed(scene, plane_of(search)), seen.stance)
+        scale, guess = _guessed(scene, search.plane)
+        return Ground(search, evidence, scale, seen.stance, guess)
     stands = sum(
         w * p.on[:, None] * _stands(vote, p, seen)
         for w, p in zip(vote.weights.tolist(), planes, strict=True)
@@ -331,14 +302,22 @@ def find_floor_and_scale(
         if depth is not None and own is not None and decides
         else None
     )
-    small = _too_small(vote, soles, seen.feet & (seen.stance.stands > _STANDS), given.known)
+    small = _too_small(vote, soles, seen.feet & (seen.stance.stands > _STANDS), photo.known)
     of_plane = {"soles": soles, "usual height of cameras": planes[best].camera}
     witnesses = {
         "floor": _floor_witnesses(candidates, planes, vote.weights),
         "scale": _scale_witnesses(anywhere | of_plane, vote),
     }
-    return FloorAndScale(
-        search, replace(vote.scale, notes=notes), "", stance, rescaled, measured, small, witnesses
+    return Ground(
+        search,
+        evidence,
+        replace(vote.scale, notes=notes),
+        stance,
+        by_people=measured is None,
+        depth=rescaled,
+        measured=measured,
+        small=small,
+        witnesses=witnesses,
     )
 
 
@@ -360,31 +339,25 @@ class _Seen(NamedTuple):
     torsos: Witnesses
 
 
-def _people_seen(given: PeopleInScene, model: BodyModel) -> _Seen:
+def _people_seen(photo: PhotoContent, bodies: Bodies, model: BodyModel) -> _Seen:
     """Return people with their torsos as witnesses, and their stance before a floor is known."""
-    p = given.bodies.parameters
-    count = len(given.people)
+    count = len(photo.people)
     with torch.no_grad():
-        rotations = rotations_from_parameters(p, model.device, model.dtype)
-        posed = model(
-            rotations, *(tensor(x).to(model.device, model.dtype) for x in (p.betas, p.transl))
-        )
+        posed = model(*pose_from_parameters(bodies.parameters, model.device, model.dtype)[:3])
     vertices = posed.vertices.double().cpu().numpy()
     observed = (
-        np.ones((count, 55), bool)
-        if given.bodies.observed is None
-        else np.asarray(given.bodies.observed, bool)
+        np.ones((count, 55), bool) if bodies.observed is None else np.asarray(bodies.observed, bool)
     )
     feet = np.stack(
         [observed[:, [JOINT_INDEX[f"{s}_{j}"] for j in ("ankle", "foot")]].all(1) for s in SIDES], 1
     )
-    sizes = given.known.filled(count)
-    sigma = _size_sigmas(given, *sizes)
-    real = given.people.scores * adult_probability(*sizes, given.observations.child)
-    farther, spread = given.photo.people_farther or (0.0, _TORSO_SIGMA)
-    stance, depth_right = _stance_without_floor(given)
+    sizes = photo.known.filled(count)
+    sigma = _size_sigmas(photo, *sizes)
+    real = photo.people.scores * adult_probability(*sizes, photo.observations.child)
+    farther, spread = photo.photo_map.people_farther or (0.0, _TORSO_SIGMA)
+    stance, depth_right = _stance_without_floor(photo)
     by_torsos = scales_by_torsos(
-        vertices, model, given.people.masks, given.photo, given.camera.matrix
+        vertices, model, photo.people.masks, photo.photo_map, photo.camera.matrix
     )
     torsos = Witnesses(
         scale=by_torsos * math.exp(farther),
@@ -397,48 +370,39 @@ def _people_seen(given: PeopleInScene, model: BodyModel) -> _Seen:
     return _Seen(model, vertices, posed.joints.cpu(), observed, feet, real, stance, sigma, torsos)
 
 
-def _stance_without_floor(given: PeopleInScene) -> tuple[Stance, FloatArray]:
+def _stance_without_floor(photo: PhotoContent) -> tuple[Stance, FloatArray]:
     """Return the stance of N people by keypoints and depth, and the probability (N,) that their
     depth is right.
     """
-    people = given.people
-    keypoints = given.keypoints
-    photo, scene = (
-        tensor(np.where(m.valid, m.points[..., 2], np.nan)) for m in (given.photo, given.scene)
+    keypoints = photo.keypoints
+    observed = photo.observations
+    stance = stance_in_picture(keypoints.points, keypoints.joint_set.names, observed)
+    raised = photo.labelled(*RAISED_SURFACES)
+    gap, among = depth_gaps_at_feet(
+        keypoints, photo.masks, photo.photo.depth, photo.scene.depth, raised
     )
-    (raised,) = optional_tensors(
-        None if people.surfaces is None else people.surfaces.mask(*RAISED_SURFACES)
-    )
-    masks = tensor(people.masks)
-    shown = keypoints.points, keypoints.joint_set.names
-    observed = given.observations
-    stance = stance_in_picture(*shown, observed)
-    gap, among = depth_gaps_at_feet(keypoints, masks, photo, scene, raised)
-    stands, right = standing_prior(
-        stance.touch[:, :2],
-        gap.numpy(),
-        None if raised is None else among.numpy(),
-        np.nan_to_num(observed.posture[:, POSTURES.index("ride")]),
-    )
-    carried = carried_people(people.carriers, keypoints) if people.carriers else None
+    rides = np.nan_to_num(observed.posture[:, POSTURES.index("ride")])
+    stands, right = standing_prior(stance.touch[:, :2], gap, among, rides)
+    carriers = photo.people.carriers
+    carried = carried_people(carriers, keypoints) if carriers else None
     return replace(stance, stands=stands, carried=carried), right
 
 
-def _size_sigmas(given: PeopleInScene, stature: FloatArray, years: FloatArray) -> FloatArray:
+def _size_sigmas(photo: PhotoContent, stature: FloatArray, years: FloatArray) -> FloatArray:
     """Return the standard deviation (N,) of the log size of each person, larger for less visible
     people.
 
     Visibility is the square root of the mask's area, times the confidence of shoulders, hips, knees
     and ankles.
     """
-    keypoints = given.keypoints
+    keypoints = photo.keypoints
     sigma = stature_sigmas(stature, years)
     row = {name: i for i, name in enumerate(keypoints.joint_set.names)}
     used = [
         row[f"{side}_{joint}"] for side in SIDES for joint in _LIMBS if f"{side}_{joint}" in row
     ]
     confidence = np.maximum(keypoints.confidence[:, used].mean(1), 1e-3) if used else 1.0
-    shown = np.sqrt(np.maximum(np.asarray(given.people.masks).sum((1, 2)), 1)) * confidence
+    shown = np.sqrt(np.maximum(photo.people.masks.sum((1, 2)), 1)) * confidence
     share = np.maximum(shown / shown.max(initial=1e-9), _LEAST_SHOWN)
     return np.asarray(np.maximum(sigma, _LEAST_SIZE_SIGMA) / np.sqrt(share))
 
@@ -455,22 +419,24 @@ class _OnPlane(NamedTuple):
     camera: Witnesses
 
 
-def _on_it(candidate: FloorCandidate, evidence: FloorEvidence, given: PeopleInScene) -> FloatArray:
+def _on_it(
+    candidate: FloorCandidate, photo: PhotoContent, soles: Sequence[GroundAtSoles]
+) -> FloatArray:
     """Return by how much (N,), at most 1, the ground beside their soles leaves people on a floor.
 
-    A photo that shows no ground does not show whether they stand on something else.
+    A photo that shows no ground does not show whether they stand on something else: then the ground
+    beside no soles is given.
     """
-    on = np.ones(len(given.people))
-    plane = candidate.plane
-    if plane is None or evidence.seen_ground is None or evidence.hole is None:
+    on = np.ones(len(photo.people))
+    if candidate.plane is None:
         return on
-    touch = np.ones((len(on), 2))
-    hole = evidence.hole.numpy()
-    for beside in _ground_at_soles(given.people, hole, given.keypoints, touch):
-        at = beside.rows.numpy(), beside.columns.numpy()
-        points = given.scene.points[at][given.scene.valid[at]].astype(np.float64)
+    plane = candidate.plane.to_plane()
+    for beside in soles:
+        rows, columns = (each.numpy() for each in (beside.rows, beside.columns))
+        known = photo.scene_map.valid[rows, columns]
+        points = photo.scene_map.points[rows, columns][known].astype(np.float64)
         if len(points):
-            height = float(np.median(points @ plane.normal.numpy())) / plane.offset + 1
+            height = float(np.median(points @ plane.normal)) / plane.offset + 1
             on[beside.person] = min(1.0, odds_at_height(height))
     return on
 
@@ -483,7 +449,7 @@ def _on_plane(candidate: FloorCandidate, seen: _Seen, on: FloatArray) -> _OnPlan
     if candidate.plane is None:
         score["no height of the camera"] = _NO_CAMERA_NATS
     else:
-        plane = Plane(candidate.plane.normal.numpy(), float(candidate.plane.offset))
+        plane = candidate.plane.to_plane()
         by_soles = scales_by_soles(seen.vertices, seen.model, seen.observed, plane)
         height = plane.offset
         if candidate.beneath:  # no sole stands on what people lie on
@@ -512,7 +478,7 @@ def _below_hidden_feet(search: FloorSearch, seen: _Seen, scale: float) -> FloorS
     plane = search.plane
     if plane is None or seen.feet.any() or not len(seen.feet):
         return search
-    low = (seen.vertices @ plane.normal.numpy().astype(float)).min(1) / seen.torsos.scale
+    low = (seen.vertices @ plane.normal.double().numpy()).min(1) / seen.torsos.scale
     below = -float(np.nanmedian(low)) - plane.offset if np.isfinite(low).any() else 0.0
     if below * scale < _CUTS_M:
         return search
@@ -545,7 +511,7 @@ def _stands(vote: ScaleVote, plane: _OnPlane, seen: _Seen) -> FloatArray:
     return np.nan_to_num(np.stack(found, 1))
 
 
-def _guessed(scene: Pointmap, plane: Plane | None) -> tuple[SceneScale, str]:
+def _guessed(scene: Pointmap, plane: PlaneFit | None) -> tuple[SceneScale, str]:
     """Scale a scene of unknown size to a usual one; the warning names the assumption."""
     if plane is not None:
         scale = USUAL_CAMERA_HEIGHT_M / plane.offset

@@ -11,15 +11,15 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from physic_core.geometry.tensors import dilate_square, tensor
+from physic_core.geometry.tensors import dilate_square, median
 from physic_core.types.skeletons import SEEN_CONFIDENCE, SIDES
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, FloatArray, Keypoints, Pointmap, SurfaceLabels
+    from physic_core.engine.photo import PhotoContent
+    from physic_core.types import Keypoints
 
 LYING_RATE = 0.05
 """Share of photos in which people lie beneath the camera."""
@@ -89,63 +89,45 @@ class SurfaceBeneath:
     log_odds: float
 
 
-def backgrounds(
-    keypoints: Keypoints,
-    masks: BoolArray,
-    visible: BoolArray,
-    photo: Pointmap,
-    surfaces: SurfaceLabels | None,
-) -> tuple[Background, ...]:
-    """Return the background around each person whose shoulders and ankles are seen.
-
-    Args:
-        keypoints: of N people.
-        masks: (N, H, W) bool.
-        visible: (H, W) bool, background that is not inpainted.
-        photo: of the photo with its people, aligned to the scene.
-        surfaces: labels of surfaces, or None.
-    """
-    soft, wall = (
-        np.zeros(visible.shape, bool) if surfaces is None else surfaces.mask(*names)
-        for names in (_SOFT, _WALL)
-    )
+def backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
+    """Return the background around each person whose shoulders and ankles are seen."""
+    soft, wall = (photo.labelled(*names) for names in (_SOFT, _WALL))
     found = []
-    for i, mask in enumerate(masks):
-        ends = _shoulders_and_ankles(keypoints, i)
+    for i, mask in enumerate(photo.masks):
+        ends = _shoulders_and_ankles(photo.keypoints, i)
         if ends is None:
             continue
         start = ends[0]
         way = ends[1] - ends[0]
-        length = float(np.linalg.norm(way))
+        length = float(torch.linalg.vector_norm(way))
         if length < _SMALLEST * mask.shape[0]:
             continue
-        ring = dilate_square(tensor(mask), max(2, round(_RING * length))).numpy() & visible
-        rows, columns = np.nonzero(ring)
-        body = np.stack(np.nonzero(mask & photo.valid), 1)
-        places = ((body[:, ::-1] - start) @ way) / length**2
+        ring = dilate_square(mask, max(2, round(_RING * length))) & ~photo.hole
+        rows, columns = ring.nonzero(as_tuple=True)
+        body = (mask & photo.photo.valid).nonzero()
+        places = (body.flip(1) - start) @ way / length**2
         parts = [body[(places > low) & (places < high)] for low, high in _PARTS]
         if min(len(rows), *map(len, parts)) < _FEWEST:
             continue
-        points = [
-            np.median(photo.points[part[:, 0], part[:, 1]].astype(np.float64), axis=0)
-            for part in parts
-        ]
-        depth = np.array([point[2] for point in points])
+        points = torch.stack(
+            [median(photo.photo.points[part.unbind(1)].double()) for part in parts]
+        )
+        depth = points[:, 2]
         found.append(
             Background(
-                torch.from_numpy(rows),
-                torch.from_numpy(columns),
-                torch.from_numpy(((np.stack([columns, rows], 1) - start) @ way) / length**2),
-                float(soft[rows, columns].mean()),
-                float(wall[rows, columns].mean()),
-                torch.from_numpy(np.stack(points) / depth[:, None]),
-                torch.from_numpy(depth),
+                rows,
+                columns,
+                (torch.stack([columns, rows], 1) - start) @ way / length**2,
+                float(soft[ring].double().mean()),
+                float(wall[ring].double().mean()),
+                points / depth[:, None],
+                depth,
             )
         )
     return tuple(found)
 
 
-def _shoulders_and_ankles(keypoints: Keypoints, person: int) -> FloatArray | None:
+def _shoulders_and_ankles(keypoints: Keypoints, person: int) -> Tensor | None:
     """Return the middles (2, 2) px of the shoulders and of the ankles of a person; None if they are
     not seen.
     """
@@ -157,9 +139,9 @@ def _shoulders_and_ankles(keypoints: Keypoints, person: int) -> FloatArray | Non
         both = [row[f"{side}_{joint}"] for side in SIDES]
         if not (keypoints.confidence[person, both] >= SEEN_CONFIDENCE).all():
             return None
-        middles.append(keypoints.points[person, both].mean(0))
-    found = np.array(middles, np.float64)
-    return found if np.isfinite(found).all() else None
+        middles.append(keypoints.points[person, both].mean(0).tolist())
+    found = torch.tensor(middles, dtype=torch.float64)
+    return found if bool(torch.isfinite(found).all()) else None
 
 
 def surface_beneath(

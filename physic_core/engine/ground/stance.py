@@ -22,7 +22,7 @@ from torch import Tensor
 
 from physic_core.engine.ground.carriers import NOTHING, Carried
 from physic_core.engine.ground.touch import LEAST_PROBABILITY, LOWER, OBSERVED, touch_log_odds
-from physic_core.geometry.tensors import dilate_square, tensors
+from physic_core.geometry.tensors import dilate_square
 from physic_core.types.arrays import PER_PERSON
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import SEEN_CONFIDENCE, SIDES
@@ -179,7 +179,7 @@ def _height_px(mask: Tensor) -> float:
 def standing_prior(
     touch: FloatArray,
     gap: FloatArray,
-    on_furniture: BoolArray | None,
+    on_furniture: BoolArray,
     rides: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the probability that feet stand on the floor, and that the photo's depth of people is
@@ -191,14 +191,12 @@ def standing_prior(
     Args:
         touch: (N, 2) probability that the feet touch something.
         gap: (N, 2) of :func:`depth_gaps_at_feet`.
-        on_furniture: (N, 2) of the same; None without labels.
+        on_furniture: (N, 2) bool of the same.
         rides: (N,) probability that people ride: then their feet are on pedals or in stirrups.
     """
-    share = _ON_FLOOR_SHARE * np.where(
-        False if on_furniture is None else on_furniture, _FURNITURE_SHARE, 1.0
-    )
+    share = _ON_FLOOR_SHARE * np.where(on_furniture, _FURNITURE_SHARE, 1.0)
     prior = share * touch * (1.0 if rides is None else 1 - rides[:, None])
-    known = np.isfinite(gap) & ~np.asarray(False if on_furniture is None else on_furniture)
+    known = np.isfinite(gap) & ~on_furniture
 
     def density(mean: float, spread: float) -> FloatArray:
         return np.asarray(
@@ -215,8 +213,8 @@ def standing_prior(
 
 
 def depth_gaps_at_feet(
-    keypoints: Keypoints, masks: Tensor, photo: Tensor, scene: Tensor, raised: Tensor | None
-) -> tuple[Tensor, Tensor]:
+    keypoints: Keypoints, masks: Tensor, photo: Tensor, scene: Tensor, raised: Tensor
+) -> tuple[FloatArray, BoolArray]:
     """Measure the depth gap behind each foot: (B, 2), NaN where unknown; and which feet are on
     furniture, (B, 2) bool.
 
@@ -228,14 +226,13 @@ def depth_gaps_at_feet(
         masks: (B, H, W) bool, visible pixels of each person.
         photo: (H, W) depth of the photo, any unit, NaN where unknown.
         scene: (H, W) depth of the scene without people, in the same unit, NaN where unknown.
-        raised: (H, W) bool, surfaces that can carry a foot above the ground, or None.
+        raised: (H, W) bool, surfaces that can carry a foot above the ground.
     """
-    points, confidence = tensors(keypoints.points, keypoints.confidence)
     log_ratio = scene.log() - photo.log()
     background = ~dilate_square(masks.any(0), _MARGIN_PX)
     row = {name: j for j, name in enumerate(keypoints.joint_set.names)}
-    gaps = torch.full((len(masks), 2), torch.nan, dtype=torch.float64)
-    on_furniture = torch.zeros(len(masks), 2, dtype=torch.bool)
+    gaps = np.full((len(masks), 2), np.nan)
+    on_furniture = np.zeros((len(masks), 2), bool)
     for i, mask in enumerate(masks):
         size = _height_px(mask)
         for k, side in enumerate(SIDES):
@@ -243,20 +240,19 @@ def depth_gaps_at_feet(
             ends = [
                 j
                 for j in (row.get(f"{side}_heel"), toe)
-                if j is not None and confidence[i, j] >= SEEN_CONFIDENCE
+                if j is not None and keypoints.confidence[i, j] >= SEEN_CONFIDENCE
             ]
-            places = points[i, ends]
-            if len(places) < 2 or not bool(torch.isfinite(places).all()):
+            places = keypoints.points[i, ends]
+            if len(places) < 2 or not np.isfinite(places).all():
                 continue
             values = [
                 _around(log_ratio, mask, place, max(2.0, _RADIUS_SHARE * size)) for place in places
             ]
             ring = places.mean(0), _MARGIN_PX + _RING_SHARE * size
             ground = _around(log_ratio, background, *ring)
-            if raised is not None:
-                on_furniture[i, k] = (
-                    float(_around(raised.float(), background, *ring).mean()) > _MAX_RAISED_SHARE
-                )
+            on_furniture[i, k] = (
+                float(_around(raised.float(), background, *ring).mean()) > _MAX_RAISED_SHARE
+            )
             across, down = (float(x) for x in places[1] - places[0])
             pitch = math.degrees(math.atan2(down, abs(across)))
             lower = values[1] if pitch > 0 else values[0]
@@ -266,21 +262,15 @@ def depth_gaps_at_feet(
                 continue
             off = ground.double().median()
             if abs(float(off)) < _MAX_BACKGROUND_GAP:
-                gaps[i, k] = lower.double().median() - off
+                gaps[i, k] = float(lower.double().median() - off)
     return gaps, on_furniture
 
 
-def _around(
-    values: Tensor, mask: Tensor, place: Tensor, radius: float, *, below: bool = False
-) -> Tensor:
-    """Return the finite values (n,) of a mask in a square around a place (2,) px, or only in its
-    lower half.
-    """
+def _around(values: Tensor, mask: Tensor, place: FloatArray, radius: float) -> Tensor:
+    """Return the finite values (n,) of a mask in a square around a place (2,) px."""
     height, width = mask.shape
     x, y = (float(v) for v in place)
     columns = slice(max(0, round(x - radius)), min(width, max(0, round(x + radius) + 1)))
-    rows = slice(
-        max(0, round(y if below else y - radius)), min(height, max(0, round(y + radius) + 1))
-    )
+    rows = slice(max(0, round(y - radius)), min(height, max(0, round(y + radius) + 1)))
     chosen = values[rows, columns][mask[rows, columns]]
     return chosen[torch.isfinite(chosen)]

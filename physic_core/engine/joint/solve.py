@@ -18,7 +18,6 @@ from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.scene_state import SceneState
 from physic_core.engine.state import Estimates, State
 from physic_core.geometry.pointmap import edge_ratio, pointmap_normals
-from physic_core.geometry.tensors import tensor
 from physic_core.geometry.visibility import move_behind_bodies
 
 _INVALID_START = "the start has non-finite parameters or is behind the camera"
@@ -135,7 +134,7 @@ def finalize_scene(estimates: Estimates, state: State, settings: SceneMethod) ->
         return state
     bodies = state.vertices[finite] / state.scene_scale
     masks = state.masks[finite]
-    hole = tensor(estimates.hole)
+    hole = estimates.photo.hole
     scene = _carved(state.scene, bodies, state.model.faces, masks, hole, settings)
     return replace(state, scene=scene)
 

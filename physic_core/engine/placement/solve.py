@@ -17,6 +17,7 @@ from torch import Tensor
 
 from physic_core.body.joints import joint_pair
 from physic_core.engine.ground.touch import LEAST_PROBABILITY
+from physic_core.engine.photo import PixelPoints
 from physic_core.engine.placement.method import PlacementMethod
 from physic_core.engine.placement.terms import PlacementProblem
 from physic_core.engine.sizes.known_sizes import KnownGeometry, size_by_scene
@@ -24,8 +25,7 @@ from physic_core.engine.sizes.stature import resize_bodies, stature_factor
 from physic_core.engine.state import Estimates, State
 from physic_core.geometry.alignment import Alignment, apply_alignment, fit_alignment
 from physic_core.geometry.pointmap import depth_to_pointmap
-from physic_core.geometry.tensors import all_finite, dilate_square, quantiles, tensor
-from physic_core.types import Pointmap
+from physic_core.geometry.tensors import all_finite, dilate_square, quantiles
 from physic_core.types.observations import POSTURES
 
 _FAR_M = 50.0  # maximum background depth used by the alignment
@@ -42,10 +42,11 @@ def solve_placement(estimates: Estimates, state: State, method: PlacementMethod)
     if state.known is not None and state.known.unscaled is not None:
         state = _resized(estimates, state, state.known, feet_seen, method)
     if method.stance and state.stance is not None:
-        touch = torch.from_numpy(state.stance.touch).to(state.transl)
-        rides = tensor(np.nan_to_num(estimates.observations.posture[:, POSTURES.index("ride")]))
+        likely = state.stance.touch
+        rides = np.nan_to_num(estimates.observations.posture[:, POSTURES.index("ride")])
         # feet on pedals or in stirrups touch, but not the ground
-        touch[:, :2] *= 1 - (rides.to(touch) * touch[:, 4])[:, None]
+        likely[:, :2] *= 1 - (rides * likely[:, 4])[:, None]
+        touch = torch.from_numpy(likely).to(state.transl)
         feet_seen = feet_seen & (touch[:, :2] >= LEAST_PROBABILITY).any(1)
         state = replace(state, touch=touch)
     return _place(estimates, state, feet_seen, method)
@@ -54,18 +55,15 @@ def solve_placement(estimates: Estimates, state: State, method: PlacementMethod)
 def _place(estimates: Estimates, state: State, feet_seen: Tensor, method: PlacementMethod) -> State:
     """Align the photo to the scene, and place the bodies in it."""
     scene = state.scene
-    original = estimates.original
-    people = tensor(estimates.hole)
-    points = tensor(original.points)
-    valid = tensor(original.valid)
+    photo = estimates.photo.photo
     alignment = align_photo_points_to_scene(
-        original, people, scene.points, scene.valid, method, far=_FAR_M
+        photo, estimates.photo.hole, scene.points, scene.valid, method, far=_FAR_M
     )
-    aligned = move_photo_points_to_scene(points, alignment, scene.K)
-    clouds = tuple(human_points(aligned, valid, mask, method) for mask in state.masks)
+    aligned = move_photo_points_to_scene(photo.points, alignment, scene.K)
+    clouds = tuple(human_points(aligned, photo.valid, mask, method) for mask in state.masks)
     fits = [method.fit(person) for person in people_to_place(state, clouds, feet_seen, method)]
     agrees = alignment.inlier_share > 0
-    depth = torch.where(valid & all_finite(aligned), aligned[..., 2], torch.nan)
+    depth = torch.where(photo.valid & all_finite(aligned), aligned[..., 2], torch.nan)
     return replace(
         state,
         photo_alignment=alignment,
@@ -135,7 +133,7 @@ def _on_cpu(x: Tensor) -> Tensor:
 
 
 def align_photo_points_to_scene(
-    photo: Pointmap,
+    photo: PixelPoints,
     people: Tensor,
     scene_points: Tensor,
     scene_valid: Tensor,
@@ -145,7 +143,7 @@ def align_photo_points_to_scene(
     """Align the original photo's point map to the scene's point map on background pixels (Eq. 1).
 
     Args:
-        photo: point map of the original photo.
+        photo: points of the original photo.
         people: (H, W) bool, pixels of all people.
         scene_points: (H, W, 3) point map of the scene, any unit.
         scene_valid: (H, W) bool.
@@ -156,15 +154,14 @@ def align_photo_points_to_scene(
         The alignment; ``inlier_share`` is 0 without common pixels.
     """
     method = method or PlacementMethod()
-    points = tensor(photo.points)
-    valid = tensor(photo.valid)
+    points = photo.points
     grown = dilate_square(people, round(method.mask_growth * max(people.shape)))
     background = ~grown & (scene_points[..., 2] <= far)
     weight = None
     if method.weighs_background:
-        inverse = torch.where(valid & (points[..., 2] > 0), 1 / points[..., 2], 0.0)
+        inverse = torch.where(photo.valid & (points[..., 2] > 0), 1 / points[..., 2], 0.0)
         weight = _weigh_background(inverse, people, background)
-    usable = valid & scene_valid & background
+    usable = photo.valid & scene_valid & background
     return fit_alignment(
         points, scene_points, usable, photo.unknown, options=method.alignment, weight=weight
     )

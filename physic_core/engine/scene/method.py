@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.ground.floor import FloorEvidence, find_floor
-from physic_core.engine.ground.up import level_plane
+from physic_core.engine.up import level_plane
 from physic_core.geometry.alignment import AlignmentOptions
 from physic_core.geometry.camera import focal_px, intrinsics_matrix, mean_camera
 from physic_core.geometry.floor import FloorSearch, PlaneFit, ray_to_floor, refit_floor

@@ -7,64 +7,36 @@ The relative point map gives the shape, and the metric depth the scale (Eq. 1). 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from physic_core.body.bones import rotations_from_parameters
+from physic_core.body.bones import pose_from_parameters
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.landmarks import keypoints_on_body
 from physic_core.body.model import BodyModel
 from physic_core.engine.ground.floor import FloorEvidence
-from physic_core.engine.ground.floor_and_scale import floor_evidence
-from physic_core.engine.ground.up import surest_up, up_of_pointmap
+from physic_core.engine.photo import PixelPoints
 from physic_core.engine.scene.method import Cameras, SceneMethod, scene_camera
 from physic_core.engine.scene_state import SceneState
 from physic_core.engine.sizes.known_sizes import scale_scene_to_known_sizes
 from physic_core.engine.state import Estimates, State
+from physic_core.engine.up import surest_up
 from physic_core.errors import BackendOutputError
 from physic_core.geometry.alignment import Alignment, apply_alignment, fit_alignment
 from physic_core.geometry.camera import unproject
 from physic_core.geometry.floor import FloorSearch, PlaneFit
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.pointmap import depth_to_pointmap
-from physic_core.geometry.tensors import (
-    all_finite,
-    select_pixels,
-    tensor,
-    tensors,
-    to_device,
-)
-from physic_core.types import AffineAmbiguity
+from physic_core.geometry.tensors import all_finite, select_pixels, tensor, to_device
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Intrinsics
 
 _FLOOR_THICKNESS = 0.01  # of the depth
-
-
-@dataclass(frozen=True)
-class SceneInput:
-    """Input of stage 1 for a photo.
-
-    Attributes:
-        points: (H, W, 3) relative point map of the inpainted photo.
-        valid: (H, W) bool.
-        unknown: ambiguity of the point map: scale, or scale and z-shift.
-        metric_depth: (H, W) metres along z, NaN where unknown.
-        cameras: known cameras.
-        floor: floor mask, inpainted pixels and feet.
-    """
-
-    points: Tensor
-    valid: Tensor
-    unknown: AffineAmbiguity
-    metric_depth: Tensor
-    cameras: Cameras = field(default_factory=Cameras)
-    floor: FloorEvidence = field(default_factory=FloorEvidence)
 
 
 def solve_scene(estimates: Estimates, model: BodyModel, method: SceneMethod) -> State:
@@ -79,23 +51,11 @@ def solve_scene(estimates: Estimates, model: BodyModel, method: SceneMethod) -> 
     Raises:
         BackendOutputError: the metric depth has no valid pixel, or the camera cannot be estimated.
     """
-    scene = build_scene(_scene_input(estimates), method)
+    ground = estimates.ground
+    evidence = replace(ground.evidence, found=ground.search)
+    depth = tensor(estimates.depth.depth)
+    scene = build_scene(estimates.photo.scene, depth, _cameras(estimates), evidence, method)
     return _with_known_sizes(estimates, _initial_state(estimates, model, scene))
-
-
-def _scene_input(estimates: Estimates) -> SceneInput:
-    scene = estimates.scene
-    people = estimates.people
-    evidence = floor_evidence(
-        people,
-        estimates.hole,
-        estimates.keypoints,
-        estimates.intrinsics,
-        estimates.observations,
-    )
-    points, valid, depth = tensors(scene.points, scene.valid, estimates.depth.depth)
-    floor = replace(evidence, found=estimates.floor, up=up_of_pointmap(scene))
-    return SceneInput(points, valid, scene.unknown, depth, _cameras(estimates), floor)
 
 
 def _cameras(estimates: Estimates) -> Cameras:
@@ -110,9 +70,10 @@ def _cameras(estimates: Estimates) -> Cameras:
     if keep and metric is not None and metric.known:
         metric = None  # its depth does not depend on the camera
     return Cameras(
-        given=torch.from_numpy(estimates.intrinsics.matrix) if keep else None,
-        metric_depth=None if metric is None else torch.from_numpy(metric.matrix),
-        pointmap=None if pointmap is None else torch.from_numpy(pointmap.matrix),
+        *(
+            None if camera is None else torch.from_numpy(camera.matrix)
+            for camera in (estimates.intrinsics if keep else None, metric, pointmap)
+        )
     )
 
 
@@ -125,7 +86,7 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
     """Return the people as estimated, in the type and on the device of the model."""
     bodies = estimates.bodies
     detected = keypoints_on_body(estimates.keypoints)
-    masks = tensor(estimates.people.masks)
+    masks = estimates.photo.masks
     observed = bodies.observed
 
     def own(array: FloatArray) -> Tensor:
@@ -133,6 +94,9 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
 
     if observed is None:
         observed = np.ones((len(masks), NUM_JOINTS), bool)
+    rotations, betas, transl, expression = pose_from_parameters(
+        bodies.parameters, model.device, model.dtype
+    )
     return State(
         model=model,
         skeleton=detected.joint_set,
@@ -141,15 +105,15 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
         masks=masks.to(model.device),
         observed=tensor(observed).to(model.device),
         contact_prior=own(estimates.contact.probability),
-        rotations=rotations_from_parameters(bodies.parameters, model.device, model.dtype),
-        betas=own(bodies.parameters.betas),
-        expression=own(bodies.parameters.expression),
-        transl=own(bodies.parameters.transl),
+        rotations=rotations,
+        betas=betas,
+        expression=expression,
+        transl=transl,
         rotation_sigma=None if bodies.rotation_sigma is None else own(bodies.rotation_sigma),
         lean_sigma=None if bodies.lean_sigma is None else own(bodies.lean_sigma),
         scene=scene,
         K=scene.K.to(model.device, model.dtype),
-        stance=estimates.stance,
+        stance=estimates.ground.stance,
         scale_sigma=estimates.depth.scale_sigma,
         views=to_device(estimates.views, model.device, model.dtype),
     )
@@ -157,7 +121,7 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
 
 def _with_known_sizes(estimates: Estimates, state: State) -> State:
     """Return the state with the scene scaled by the user's known sizes or a measured depth."""
-    measured = estimates.measured_scale
+    measured = estimates.ground.measured
     people = len(estimates.people)
     if not estimates.known and measured is None:
         return state
@@ -170,18 +134,30 @@ def _with_known_sizes(estimates: Estimates, state: State) -> State:
     return replace(state, scene=scene, known=known, scale_sigma=sigma)
 
 
-def build_scene(given: SceneInput, method: SceneMethod) -> SceneState:
+def build_scene(
+    relative: PixelPoints,
+    depth: Tensor,
+    cameras: Cameras,
+    evidence: FloorEvidence,
+    method: SceneMethod,
+) -> SceneState:
     """Build the scene: scale the point map to metres, estimate camera, normals and floor, remove
     edges and outliers.
+
+    Args:
+        relative: points of the photo without its people.
+        depth: (H, W) metres along z, NaN where unknown.
+        cameras: known ones.
+        evidence: of the floor.
+        method: of stage 1.
 
     Raises:
         BackendOutputError: the metric depth has no valid pixel, or the camera cannot be estimated.
     """
-    evidence = given.floor
-    points, depth, cameras = method.share_camera(given.points, given.metric_depth, given.cameras)
-    given = replace(given, points=points, metric_depth=depth, cameras=cameras)
-    alignment = _align_to_metric(given, method)
-    placed, known, camera = _metric_points(given, alignment, method)
+    points, depth, cameras = method.share_camera(relative.points, depth, cameras)
+    relative = replace(relative, points=points)
+    alignment = _align_to_metric(relative, depth, cameras, method)
+    placed, known, camera = _metric_points(relative, depth, cameras, alignment, method)
     surface, edges, outliers = method.surface(placed, known)
     search = method.search_floor(placed, known & ~outliers, surface, evidence)
     floor = search.plane
@@ -224,10 +200,10 @@ def build_scene(given: SceneInput, method: SceneMethod) -> SceneState:
     )
 
 
-def _align_to_metric(given: SceneInput, method: SceneMethod) -> Alignment:
+def _align_to_metric(
+    relative: PixelPoints, metric_depth: Tensor, cameras: Cameras, method: SceneMethod
+) -> Alignment:
     """Align the point map to the metric depth (Eq. 1); without any camera, align z only."""
-    metric_depth = given.metric_depth
-    cameras = given.cameras
     metric_valid = _positive(metric_depth)
     if not bool(metric_valid.any()):
         raise BackendOutputError(
@@ -241,13 +217,16 @@ def _align_to_metric(given: SceneInput, method: SceneMethod) -> Alignment:
     else:
         target = torch.stack((torch.zeros_like(depth), torch.zeros_like(depth), depth), -1)
     options = replace(method.alignment, axes="z") if camera is None else method.alignment
-    return fit_alignment(
-        given.points, target, given.valid & metric_valid, given.unknown, options=options
-    )
+    common = relative.valid & metric_valid
+    return fit_alignment(relative.points, target, common, relative.unknown, options=options)
 
 
 def _metric_points(
-    given: SceneInput, alignment: Alignment, method: SceneMethod
+    relative: PixelPoints,
+    metric_depth: Tensor,
+    cameras: Cameras,
+    alignment: Alignment,
+    method: SceneMethod,
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Return metric points (H, W, 3), their validity (H, W) and their camera (3, 3).
 
@@ -255,14 +234,14 @@ def _metric_points(
     inliers.
     """
     if method.uses_pointmap and alignment.inlier_share > 0:
-        placed = apply_alignment(given.points, alignment)
-        known = given.valid
+        placed = apply_alignment(relative.points, alignment)
+        known = relative.valid
     else:
-        camera = scene_camera(given.points, given.valid, given.cameras)
-        placed = depth_to_pointmap(given.metric_depth, camera)
-        known = _positive(given.metric_depth)
+        camera = scene_camera(relative.points, relative.valid, cameras)
+        placed = depth_to_pointmap(metric_depth, camera)
+        known = _positive(metric_depth)
     known = known & all_finite(placed) & (placed[..., 2] > 0)
-    placed, camera = method.place_on_rays(placed, known, given.cameras)
+    placed, camera = method.place_on_rays(placed, known, cameras)
     placed = torch.where(known[..., None], placed, 0.0)
     return placed, known & (placed[..., 2] <= method.far_m), camera
 

@@ -22,10 +22,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from physic_core.body.bones import rotations_from_parameters
+from physic_core.body.bones import pose_from_parameters
 from physic_core.body.model import BodyModel
 from physic_core.engine.sizes.evidence import FACTOR_SPREAD, KNOWN_SIZE_SIGMA
-from physic_core.geometry.tensors import tensor
 
 if TYPE_CHECKING:
     from physic_core.types import Bodies, FloatArray
@@ -293,30 +292,24 @@ def bodies_of_stature(
     if not chosen.any():
         return bodies
     rows = parameters[chosen]
-    exact = model.double
-    betas, transl, ratio = resize_bodies(
-        exact,
-        rotations_from_parameters(rows).double(),
-        tensor(rows.betas).double(),
-        tensor(rows.transl).double(),
-        torch.from_numpy(statures[chosen]),
-        None if near is None else torch.from_numpy(near[chosen]),
-    )
+    rotations, betas, transl, _ = (each.double() for each in pose_from_parameters(rows))
+    wanted = torch.from_numpy(statures[chosen])
+    start = betas if near is None else torch.from_numpy(near[chosen])
+    resized = resize_bodies(model.double, rotations, betas, transl, wanted, start)
+    taller, moved, ratio = (each.numpy() for each in resized)
 
-    def changed(values: FloatArray, new: Tensor) -> FloatArray:
+    def changed(values: FloatArray, new: FloatArray) -> FloatArray:
         out = np.array(values)
-        out[chosen] = new.numpy()
+        out[chosen] = new
         return out
 
-    factor = np.ones(len(statures))
-    factor[chosen] = ratio.numpy()
-    factor = factor[:, None, None]
+    factor = changed(np.ones(len(statures)), ratio)[:, None, None]
     return replace(
         bodies,
         parameters=replace(
             parameters,
-            betas=changed(parameters.betas, betas),
-            transl=changed(parameters.transl, transl),
+            betas=changed(parameters.betas, taller),
+            transl=changed(parameters.transl, moved),
         ),
         joints=None
         if bodies.joints is None

@@ -218,7 +218,7 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     joints = result.people[person].joints
     if not np.isfinite(joints).all():
         return None
-    if (carried := estimates.stance.carried) is not None and carried.rides[person]:
+    if (carried := estimates.ground.stance.carried) is not None and carried.rides[person]:
         return None, "people who ride may lean"
     floor = result.scene.level or Plane(np.array([0.0, -1.0, 0.0]), 0.0)
     parts: list[Literal["body", "trunk"]] = ["trunk"]
@@ -226,7 +226,7 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
         parts.append("body")
     part = max((lean_deg(joints, floor, of)[1] for of in parts), key=abs)
     if abs(part) > _LIES_DEG:
-        plane = estimates.floor.plane
+        plane = estimates.ground.search.plane
         if plane is not None and plane.beneath:
             return None, "this person lies"
         return abs(part), (
@@ -392,7 +392,7 @@ def _stands_on_seen_legs(estimates: Estimates, result: Reconstruction, person: i
     visible = _visible(estimates, person)
     if not (visible[_KNEES] | visible[_ANKLES]).all():
         return False
-    return bool(estimates.stance.stands_on_both_feet[person])
+    return bool(estimates.ground.stance.stands_on_both_feet[person])
 
 
 def _visible(estimates: Estimates, person: int) -> BoolArray:

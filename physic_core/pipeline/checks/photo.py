@@ -110,7 +110,7 @@ def floor_shown(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return the share of the floor's visible pixels whose neighbourhood varies by more than one of
     255 levels; or, if it is larger and the floor is the segmenter's, of those in its mask.
     """
-    plane = estimates.floor.plane
+    plane = estimates.ground.search.plane
     if result.scene.floor is None or plane is None:
         return None
     visible = plane.inliers.cpu().numpy() & ~estimates.hole
@@ -118,7 +118,7 @@ def floor_shown(estimates: Estimates, result: Reconstruction) -> Measured:
         return None
     textured = float((_texture(estimates.image)[visible] > 1).mean())
     mask = estimates.people.floor
-    if mask is None or not estimates.floor.in_mask:
+    if mask is None or not estimates.ground.search.in_mask:
         return textured
     return max(textured, float(mask[visible].mean()))
 
@@ -157,7 +157,7 @@ def given_depth(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return the difference of the scales by a measured depth and by people, in standard
     deviations.
     """
-    measured = estimates.measured_scale
+    measured = estimates.ground.measured
     if measured is None:
         return None
     from physic_core.engine.sizes.evidence import likely_unit
@@ -179,7 +179,7 @@ def depth_scale(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return the difference of the scale by the metric depth from that of everything, in standard
     deviations.
     """
-    rows = estimates.witnesses.get("scale", ())
+    rows = estimates.ground.witnesses.get("scale", ())
     row = next((row for row in rows if row["by"] == "metric depth"), None)
     if row is None:
         return None

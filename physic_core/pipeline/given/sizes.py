@@ -49,7 +49,7 @@ def check_placed_people(estimates: Estimates, before: State, placed: State) -> l
     impossible = []
     surely = []
     measured = 0
-    limit = CONTRADICTION if estimates.measured_scale is None else 0.0
+    limit = CONTRADICTION if estimates.ground.measured is None else 0.0
     for i, (stature, shown) in enumerate(zip(statures.tolist(), shown_m.tolist(), strict=True)):
         if abs(math.log(shown / stature)) > CONTRADICTION:
             raise ConfigError(
@@ -80,9 +80,9 @@ def check_placed_people(estimates: Estimates, before: State, placed: State) -> l
 
 def _unit_question(estimates: Estimates) -> str:
     """Return a question about the unit of a measured depth, or ""."""
-    if estimates.measured_scale is None:
+    if estimates.ground.measured is None:
         return ""
-    factor = estimates.measured_scale.factor
+    factor = estimates.ground.measured.factor
     return (
         f"; the depth is {factor:.3g} times that by the people: {likely_unit(factor)} Then "
         f"give --depth-unit"

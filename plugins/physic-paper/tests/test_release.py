@@ -20,10 +20,11 @@ from physic_core.engine.ground.floor import FloorEvidence
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.limbs import limb_part_indices
+from physic_core.engine.photo import PixelPoints
 from physic_core.engine.placement.solve import human_points
 from physic_core.engine.placement.terms import PlacementProblem, term_energy
 from physic_core.engine.scene.method import Cameras
-from physic_core.engine.scene.solve import SceneInput, build_scene
+from physic_core.engine.scene.solve import build_scene
 from physic_core.types import SKELETONS
 from physic_paper.contact import DistanceContact
 from physic_paper.outliers import image_outliers
@@ -266,15 +267,13 @@ def test_stage_one_is_the_published_one(published):
     # float32.
     assert int((off > 1e-5).sum()) <= 1
     assert float(off.max()) < 1e-4
-    given = SceneInput(
-        torch.where(valid[..., None], points, 0.0),
-        valid,
-        "scale",
+    scene = build_scene(
+        PixelPoints(torch.where(valid[..., None], points, 0.0), valid, "scale"),
         torch.where(valid, points[..., 2], torch.nan),
         Cameras(published["camera/K"].double()),
         FloorEvidence(published.bits("one/in/floor_mask")),
+        RELEASE.scene,
     )
-    scene = build_scene(given, RELEASE.scene)
     # ties among neighbours
     assert int((scene.valid != published.bits("one/out/pre/inlier")).sum()) <= 8
     assert len(scene.floor_points) == len(published.floor)

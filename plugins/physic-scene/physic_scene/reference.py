@@ -137,7 +137,7 @@ class ReferenceInput(ShortRepr):
             ),
             contact=expand_people(estimates.contact, self.shown),
             missing_results=(*estimates.missing_results, *[()] * len(others)),
-            stance=estimates.stance.expanded(self.shown),
+            ground=estimates.ground.expanded(self.shown),
             observations=estimates.observations.expanded(self.shown),
             **added,
         )

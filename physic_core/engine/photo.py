@@ -1,0 +1,128 @@
+"""What one photo shows before its bodies are placed. OpenCV camera frame, pixels, any unit.
+
+Numbers of people stay arrays, and pixels become tensors, once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import torch
+from torch import Tensor
+
+from physic_core.engine.up import Up, slope_sigma, up_of_pointmap
+from physic_core.geometry.tensors import tensor
+from physic_core.types.arrays import PER_PERSON
+from physic_core.types.short_repr import ShortRepr
+
+if TYPE_CHECKING:
+    from physic_core.types import (
+        AffineAmbiguity,
+        BoolArray,
+        Intrinsics,
+        Keypoints,
+        Observations,
+        People,
+        Pointmap,
+    )
+    from physic_core.types.known_sizes import KnownPeople
+
+
+@dataclass(frozen=True)
+class PixelPoints(ShortRepr):
+    """A point map as tensors on the CPU.
+
+    Attributes:
+        points: (H, W, 3).
+        valid: (H, W) bool.
+        unknown: transformation from these points to metric ones.
+    """
+
+    points: Tensor
+    valid: Tensor
+    unknown: AffineAmbiguity
+
+    @classmethod
+    def of(cls, pointmap: Pointmap) -> PixelPoints:
+        """Return the points of a point map of a backend."""
+        return cls(tensor(pointmap.points), tensor(pointmap.valid), pointmap.unknown)
+
+    @property
+    def depth(self) -> Tensor:
+        """Depth (H, W) along z; NaN where it is not valid."""
+        return torch.where(self.valid, self.points[..., 2], torch.nan)
+
+
+@dataclass(frozen=True)
+class PhotoContent(ShortRepr):
+    """What one photo shows: N people, and two point maps in one relative unit.
+
+    Attributes:
+        people: masks, scores and labels of surfaces.
+        keypoints: of the people.
+        observations: of the people.
+        known: what the user knows of the people.
+        camera: of the photo.
+        inpainted: (H, W) bool, pixels of the people and what they hold.
+        scene_map: of the photo without its people.
+        photo_map: of the photo with its people, aligned to the scene if ground is searched.
+    """
+
+    people: People = field(metadata=PER_PERSON)
+    keypoints: Keypoints = field(metadata=PER_PERSON)
+    observations: Observations = field(metadata=PER_PERSON)
+    known: KnownPeople = field(metadata=PER_PERSON)
+    camera: Intrinsics
+    inpainted: BoolArray
+    scene_map: Pointmap
+    photo_map: Pointmap
+
+    @cached_property
+    def masks(self) -> Tensor:
+        """Visible pixels (N, H, W) bool of each person."""
+        return tensor(self.people.masks)
+
+    @cached_property
+    def hole(self) -> Tensor:
+        """Inpainted pixels (H, W) bool."""
+        return tensor(self.inpainted)
+
+    @cached_property
+    def scene(self) -> PixelPoints:
+        """Points of the photo without its people."""
+        return PixelPoints.of(self.scene_map)
+
+    @cached_property
+    def photo(self) -> PixelPoints:
+        """Points of the photo with its people."""
+        return PixelPoints.of(self.photo_map)
+
+    @cached_property
+    def up(self) -> Up | None:
+        """Up by other evidence than the floor; None without any."""
+        return up_of_pointmap(self.scene_map)
+
+    @property
+    def slope(self) -> float:
+        """Standard deviation of the floor's normal from up, degrees."""
+        return slope_sigma(self.people.surfaces)
+
+    @property
+    def label_names(self) -> tuple[str, ...]:
+        """Names of the labels of surfaces; "unknown" alone without labels."""
+        surfaces = self.people.surfaces
+        return ("unknown",) if surfaces is None else surfaces.names
+
+    @cached_property
+    def labels(self) -> Tensor:
+        """Labels (H, W) int64 of surfaces, indices into their names."""
+        surfaces = self.people.surfaces
+        if surfaces is None:
+            return torch.zeros(self.hole.shape, dtype=torch.int64)
+        return tensor(surfaces.labels).long()
+
+    def labelled(self, *names: str) -> Tensor:
+        """Return the pixels (H, W) bool with one of some labels; none without labels."""
+        return torch.tensor([name in names for name in self.label_names])[self.labels]
