@@ -21,9 +21,8 @@ from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.raster import rasterize
-from physic_core.geometry.tensors import dilate_square
+from physic_core.geometry.tensors import dilate_square, exact_arrays
 from physic_core.types import Measures
-from physic_core.types.known_sizes import KnownPeople
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -112,7 +111,7 @@ def body_size_sigmas(estimates: Estimates, state: State) -> list[float]:
     if sigma is not None and measured and not estimates.intrinsics.known:
         # lengths across a measured depth
         sigma = math.hypot(sigma, estimates.intrinsics.focal_sigma or 0.0)
-    stature, years = KnownPeople(estimates.ages, estimates.statures).filled(len(state))
+    stature, years = estimates.photo.known.filled(len(state))
     child = estimates.observations.child
     sigmas: list[float] = size_sigmas(stature, years, child, sigma).tolist()
     return sigmas
@@ -176,10 +175,11 @@ def compare_statures(
     Returns:
         The measures, with the statures of people of known age or stature.
     """
-    before, after = (one.model.stature(one.betas).double().log().numpy() for one in (placed, state))
+    before, after = exact_arrays(
+        *(one.model.stature(one.betas).double().log() for one in (placed, state))
+    )
     after = after + off_floor
-    given = KnownPeople(estimates.ages, estimates.statures)
-    stature, years = given.filled(len(before))
+    stature, years = estimates.photo.known.filled(len(before))
     is_sized = state.known is not None and state.known.unscaled is not None
     sigma = stature_sigmas(stature, years)
     found = list(measured)

@@ -5,6 +5,7 @@ To query a scene scaled by a factor, the vertices are divided by it, so that the
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -14,6 +15,7 @@ import torch
 from scipy.spatial import cKDTree
 
 from physic_core.errors import PhysicError
+from physic_core.geometry.tensors import exact_arrays
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -26,6 +28,17 @@ def search_tree(points: np.ndarray) -> cKDTree:
     # For pixel samples and skins, and a bounded distance, this tree is built faster and searched
     # up to three times as fast.
     return cKDTree(points, leafsize=_LEAF, balanced_tree=False, compact_nodes=False)
+
+
+def nearest_rows(tree: cKDTree, places: Tensor, radius: float = math.inf) -> tuple[Tensor, Tensor]:
+    """Return the row (n,) int64 of the nearest point of a tree to each place (n, 3), and its
+    distance (n,); 0 and inf beyond the radius.
+    """
+    distance, row = tree.query(*exact_arrays(places), distance_upper_bound=radius)
+    # SciPy returns the number of points if none is found
+    found = np.where(np.isfinite(distance), row, 0).astype(np.int64), distance
+    rows, distances = (torch.from_numpy(each).to(places.device) for each in found)
+    return rows, distances.to(places.dtype)
 
 
 @dataclass(frozen=True)
@@ -69,7 +82,7 @@ class NearestPointSearch:
     @cached_property
     def tree(self) -> cKDTree:
         """The k-d tree of the points, built when it is first used."""
-        return search_tree(self.points.cpu().double().numpy())
+        return search_tree(*exact_arrays(self.points))
 
     def query(self, vertices: Tensor, scale: float = 1.0, radius: float | None = None) -> Nearest:
         """Find the nearest scene point of each vertex; not differentiable.
@@ -103,15 +116,7 @@ class NearestPointSearch:
         A subclass may search in another way. Beyond the radius, the index may be any, and the
         distance any that is larger than the radius.
         """
-        distance, index = self.tree.query(
-            places.cpu().double().numpy(), distance_upper_bound=radius
-        )
-        # SciPy returns the number of points if none is found
-        index = np.where(np.isfinite(distance), index, 0)
-        return (
-            torch.from_numpy(index.astype(np.int64)).to(places.device),
-            torch.from_numpy(distance).to(places.device, places.dtype),
-        )
+        return nearest_rows(self.tree, places, radius)
 
 
 def inside_body_boxes(points: Tensor, vertices: Tensor, margin: float) -> Tensor:

@@ -44,6 +44,12 @@ def arrays(**named: torch.Tensor) -> dict[str, Any]:
     }
 
 
+def exact_arrays(*given: torch.Tensor) -> tuple[NDArray[Any], ...]:
+    """Convert each tensor to an array on the CPU: floats to float64, other types unchanged."""
+    exact = (values.double() if values.is_floating_point() else values for values in given)
+    return tuple(values.detach().cpu().numpy() for values in exact)
+
+
 def select_pixels(mask: torch.Tensor, *maps: torch.Tensor) -> tuple[torch.Tensor, ...]:
     """Return the values (M, ...) of maps (H, W, ...) at the M pixels of a mask (H, W), row by row.
 

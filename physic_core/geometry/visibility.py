@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from physic_core.geometry.rays import RayCaster
+from physic_core.geometry.tensors import exact_arrays
 
 if TYPE_CHECKING:
     from physic_core.geometry.mesh import CoarseMesh
@@ -88,9 +89,8 @@ def hidden_from_camera(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]
         face: (..., V) int64, the face in front of a hidden vertex; -1 for the others.
     """
     shape = vertices.shape[:-1]
-    bodies = vertices.detach().reshape(-1, *vertices.shape[-2:])
-    triangles = faces.cpu().numpy()
-    pairs = [_cast_rays(body.cpu().double().numpy(), triangles) for body in bodies]
+    people, triangles = exact_arrays(vertices.reshape(-1, *vertices.shape[-2:]), faces)
+    pairs = [_cast_rays(body, triangles) for body in people]
     hidden, face = (
         torch.from_numpy(np.stack(part)).to(vertices.device) for part in zip(*pairs, strict=True)
     )
@@ -220,14 +220,13 @@ def move_behind_bodies(
         points: (N, 3), moved.
         moved: (N,) bool.
     """
-    start: _Array = points.detach().cpu().double().numpy()
+    start, triangles, people, visible = exact_arrays(points, faces, bodies, shown)
     rays = start / np.maximum(np.linalg.norm(start, axis=1), 1e-9)[:, None]
     along = np.zeros(len(start))
     if not len(start):
         return points, torch.zeros(0, dtype=torch.bool, device=points.device)
-    triangles = faces.cpu().numpy()
-    casters = [RayCaster(body, triangles) for body in bodies.detach().cpu().double().numpy()]
-    for caster, here in zip(casters, shown.cpu().numpy(), strict=True):
+    casters = [RayCaster(body, triangles) for body in people]
+    for caster, here in zip(casters, visible, strict=True):
         along[here] = np.maximum(
             along[here], _distance_to_front(caster, start[here], rays[here], reach)
         )
@@ -243,9 +242,11 @@ def move_behind_bodies(
         if not len(moving):
             break
     along = np.where(along <= reach, along, 0.0)
-    moved = torch.from_numpy(start + along[:, None] * rays).to(points)
-    out = torch.from_numpy(along > 0).to(points.device)
-    return torch.where(out[:, None], moved, points), out
+    moved, out = (
+        torch.from_numpy(each).to(points.device)
+        for each in (start + along[:, None] * rays, along > 0)
+    )
+    return torch.where(out[:, None], moved.to(points), points), out
 
 
 def _distance_to_front(caster: RayCaster, points: _Array, rays: _Array, reach: float) -> _Array:

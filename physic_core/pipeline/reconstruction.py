@@ -17,7 +17,7 @@ from physic_core.body.bones import parameters_from_rotations
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.posture import photo_turned_deg
 from physic_core.engine.contact.partner import DECIMALS
-from physic_core.engine.ground.floor_and_scale import scale_note
+from physic_core.engine.ground.report import scale_note
 from physic_core.engine.limbs import limb_part_indices, observed_parts
 from physic_core.engine.measures import body_size_sigmas
 from physic_core.engine.scene.solve import alignment_diagnostics
@@ -36,7 +36,6 @@ from physic_core.types import (
     Grade,
     Intrinsics,
     Person,
-    Plane,
     Reconstruction,
     Scene,
 )
@@ -200,7 +199,7 @@ def _scene(estimates: Estimates, state: State) -> Scene:
     scale = state.scene_scale
     floor = None
     if scene.floor is not None:
-        floor = Plane(scene.floor.normal.numpy(), float(scene.floor.offset * scale))
+        floor = replace(scene.floor, offset=scene.floor.offset * scale).to_plane()
     maps = arrays(
         points=scene.points * scale,
         normals=scene.normals,

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from physic_core.body.bones import (
     BoneOffsets,
     parameters_from_rotations,
+    pose_from_parameters,
     rotations_from_parameters,
     rotations_from_parents,
     rotations_from_tpose,
@@ -176,13 +177,9 @@ def convert_contact(
 
 def replace_mesh_with_joints(bodies: Bodies, model: BodyModel) -> Bodies:
     """Return bodies with the posed joints of their body model, and without a mesh."""
-    p = bodies.parameters
-    given = (
-        torch.from_numpy(np.array(value, np.float32)) for value in (p.betas, p.transl, p.expression)
-    )
     with torch.no_grad():
-        joints = model(rotations_from_parameters(p), *given, joints_only=True).joints.cpu().numpy()
-    return replace(bodies, joints=joints, mesh=None)
+        joints = model(*pose_from_parameters(bodies.parameters), joints_only=True).joints
+    return replace(bodies, joints=joints.cpu().numpy(), mesh=None)
 
 
 def rest_mesh_of_model(model: BodyModel) -> RestMesh:
@@ -218,10 +215,8 @@ def _joints_and_mesh(bodies: Bodies, model: BodyModel) -> tuple[_Array, Mesh | N
         from physic_core.body import load_body
 
         own = load_body("embedded")
-        p = bodies.parameters
         with torch.no_grad():
-            given = (torch.from_numpy(np.array(value, np.float32)) for value in (p.betas, p.transl))
-            out = own(rotations_from_parameters(p), *given)
+            out = own(*pose_from_parameters(bodies.parameters)[:3])
         rest = rest_mesh_of_model(own)
         joints = out.joints.numpy()
         mesh = Mesh(rest.topology, out.vertices.numpy(), rest.faces, rest.vertices)

@@ -26,6 +26,7 @@ from physic_core.engine.contact.parts import SceneParts
 from physic_core.engine.scene_state import Surroundings
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes, search_tree
 from physic_core.geometry.plane import height_over_plane
+from physic_core.geometry.tensors import exact_arrays
 
 KINDS = ("scene", "person", "own body")
 """What a vertex may touch; floor and scene are one kind."""
@@ -184,7 +185,7 @@ def people_distances(
         outer: (V,) bool, vertices that may touch and be touched.
         radius: of the search, metres.
     """
-    ids = np.flatnonzero(outer.cpu().numpy())
+    (ids,) = exact_arrays(outer.nonzero()[:, 0])
     people = _finite_people(vertices)
     searches = [(j, ids, [(i, ids) for i in people if i != j]) for j in people]
     return _nearest_skin(vertices, normals, searches, radius)
@@ -206,14 +207,13 @@ def own_distances(
         rest: (V, 3) vertices in the rest pose, metres.
         radius: of the search, metres.
     """
-    ids = np.flatnonzero(outer.cpu().numpy())
-    parts = part.cpu().numpy()[ids]
+    ids, parts, at_rest = exact_arrays(outer.nonzero()[:, 0], part[outer], rest)
     searches = [
         (i, ids[parts == p], [(i, ids[parts != p])])
         for i in _finite_people(vertices)
         for p in np.unique(parts)
     ]
-    return _nearest_skin(vertices, normals, searches, radius, rest.detach().cpu().double().numpy())
+    return _nearest_skin(vertices, normals, searches, radius, at_rest)
 
 
 def _finite_people(vertices: Tensor) -> list[int]:
@@ -238,7 +238,7 @@ def _nearest_skin(
         radius: of the search, metres.
         rest: (V, 3) vertices in the rest pose, metres, where skin of the same body is searched.
     """
-    points, outwards = (t.detach().cpu().double().numpy() for t in (vertices, normals))
+    points, outwards = exact_arrays(vertices, normals)
     distance = np.full(points.shape[:2], np.inf)
     person = np.zeros(distance.shape, np.int64)
     vertex = np.zeros(distance.shape, np.int64)
@@ -266,23 +266,39 @@ def _nearest_skin(
             nearest = targets[np.where(found, index, 0)]
             offset = points[i, ids][:, None] - points[j, nearest]
             outward = outwards[j, nearest]
-            along = (offset * outward).sum(-1)
-            beside = np.linalg.norm(offset - along[..., None] * outward, axis=-1)
-            size = np.sqrt(along**2 + np.maximum(beside - _SPACING_M, 0) ** 2)
             found &= (outwards[i, ids][:, None] * outward).sum(-1) < _MAX_COSINE
             if rest is not None:
                 found &= np.linalg.norm(rest[ids][:, None] - rest[nearest], axis=-1) > _SAME_SKIN_M
-            size = np.where(found, size, np.inf)
-            rows = np.arange(len(ids))
-            best = size.argmin(1)
-            signed = np.copysign(size[rows, best], along[rows, best])
+            signed, best = _signed_distances(offset, outward, found)
             closer = np.abs(signed) < np.abs(distance[i, ids])
             chosen = ids[closer]
             distance[i, chosen] = signed[closer]
             person[i, chosen] = j
-            vertex[i, chosen] = nearest[rows, best][closer]
-    others = (torch.from_numpy(array).to(vertices.device) for array in (person, vertex))
-    return SkinDistances(torch.from_numpy(distance).to(vertices), *others)
+            vertex[i, chosen] = nearest[np.arange(len(ids)), best][closer]
+    near, *others = (
+        torch.from_numpy(each).to(vertices.device) for each in (distance, person, vertex)
+    )
+    return SkinDistances(near.to(vertices), *others)
+
+
+def _signed_distances(
+    offset: np.ndarray, outward: np.ndarray, found: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the smallest distance (n,) of n vertices from k pieces of skin, signed along its
+    normal, and the piece (n,) int64; inf if none is found.
+
+    Args:
+        offset: (n, k, 3) from the skin, metres.
+        outward: (n, k, 3) unit, out of the skin.
+        found: (n, k) bool.
+    """
+    along = (offset * outward).sum(-1)
+    beside = np.linalg.norm(offset - along[..., None] * outward, axis=-1)
+    size = np.sqrt(along**2 + np.maximum(beside - _SPACING_M, 0) ** 2)
+    size = np.where(found, size, np.inf)
+    best = size.argmin(1)
+    rows = np.arange(len(best))
+    return np.copysign(size[rows, best], along[rows, best]), best
 
 
 @dataclass(frozen=True)

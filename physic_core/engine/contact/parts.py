@@ -16,6 +16,7 @@ from torch import Tensor
 
 from physic_core.body.model import BodyModel
 from physic_core.geometry.neighbors import NearestPointSearch
+from physic_core.geometry.tensors import exact_arrays
 from physic_core.types.people import GROUND_SURFACES
 
 _OWN_REGIONS = {"gluteus": "seat", "back": "back"}
@@ -148,11 +149,9 @@ def scene_parts(
     if height is not None:
         off = height.cpu().abs()
         ground = ground | (off < _CELL_M) | (mistaken & (off < _RAISED_M))
-    surface = _connected(
-        points.cpu().double().numpy(), normals.cpu().double().numpy(), label.numpy(), ground.numpy()
-    )
+    surface = torch.from_numpy(_connected(*exact_arrays(points, normals, label, ground)))
     at = points.device
-    return SceneParts(names, label.to(at), torch.from_numpy(surface).to(at), ground.to(at))
+    return SceneParts(names, label.to(at), surface.to(at), ground.to(at))
 
 
 def _labels(
@@ -167,15 +166,14 @@ def _labels(
     floors = _among(given, names, GROUND_SURFACES)
     seen = (given >= 0) & ~_among(given, names, _NO_SURFACE)
     label[seen] = given[seen]
-    at = points.cpu().double().numpy()
     for hidden, source in ((~seen & ~raised, seen), (~seen & raised, seen & ~floors)):
         if bool(hidden.any()) and bool(source.any()):
-            distance, index = cKDTree(
-                at[source.numpy()], balanced_tree=False, compact_nodes=False
-            ).query(at[hidden.numpy()], distance_upper_bound=_NEIGHBOUR_M)
-            found = torch.from_numpy(np.isfinite(distance))
-            near = torch.from_numpy(np.where(np.isfinite(distance), index, 0))
-            label[hidden] = torch.where(found, given[source][near], -1)
+            shown, unknown = exact_arrays(points.cpu()[source], points.cpu()[hidden])
+            tree = cKDTree(shown, balanced_tree=False, compact_nodes=False)
+            _, row = tree.query(unknown, distance_upper_bound=_NEIGHBOUR_M)
+            # SciPy returns the number of points if none is found
+            known = torch.cat([given[source], given.new_tensor([-1])])
+            label[hidden] = known[torch.from_numpy(row)]
     return label
 
 

@@ -43,6 +43,7 @@ from physic_core.engine.ground.touch import (
 )
 from physic_core.engine.limbs import hip_bends
 from physic_core.engine.state import State
+from physic_core.geometry.tensors import exact_arrays
 from physic_core.types.skeletons import SIDES
 
 _LOG_UNIT_M = 0.01
@@ -131,7 +132,7 @@ def scene_contact(state: State, near: Distances) -> tuple[Tensor, Tensor, dict[s
 
 def _lies(state: State) -> Tensor:
     """Return whether the trunk of each person (N,) bool is nearly horizontal."""
-    tilt = trunk_tilt_deg(state.joints.cpu().numpy(), state.up.cpu().numpy())
+    tilt = trunk_tilt_deg(*exact_arrays(state.joints, state.up))
     return torch.as_tensor(np.abs(tilt - 90.0) < LYING_DEG).to(state.joints.device)
 
 
@@ -325,8 +326,7 @@ def part_gaps(distance: Tensor, group: Tensor) -> Tensor:
         distance: (N, V) signed, metres; inf where nothing is near.
         group: (N, V) int64; vertices of one person and group share their errors.
     """
-    values = distance.detach().cpu().numpy()
-    groups = group.cpu().numpy()
+    values, groups = exact_arrays(distance, group)
     gaps = np.full(values.shape, np.inf)
     for own, number, gap in zip(values, groups, gaps, strict=True):
         known = np.flatnonzero(np.isfinite(own))

@@ -43,7 +43,7 @@ from physic_core.geometry.floor import (
     ray_to_floor,
 )
 from physic_core.geometry.plane import estimate_up, sample_normals
-from physic_core.geometry.tensors import quantiles, select_pixels
+from physic_core.geometry.tensors import exact_arrays, quantiles, select_pixels
 
 MIN_UP_CONFIDENCE = 0.11
 """Confidence of an up direction that counts fully, see
@@ -452,7 +452,7 @@ def standing_score(normal: Tensor, joints: Tensor) -> float:
 
     The camera axis that points up distinguishes people who lie straight from people who stand.
     """
-    people, up = (values.cpu().numpy() for values in (joints, normal))
+    people, up = exact_arrays(joints, normal)
     tilt = np.sort(np.abs(trunk_tilt_deg(people, up) - 90.0))
     lie = len(tilt) and tilt[len(tilt) // 2] < LYING_DEG
     rate = math.log(LYING_RATE / (1 - LYING_RATE)) if lie else 0.0

@@ -32,6 +32,13 @@ from physic_core.engine.ground.floor import (
     standing_score,
 )
 from physic_core.engine.ground.lying import backgrounds
+from physic_core.engine.ground.report import (
+    floor_witnesses,
+    rival_note,
+    scale_witnesses,
+    size_notes,
+    too_small,
+)
 from physic_core.engine.ground.stance import (
     Stance,
     depth_gaps_at_feet,
@@ -52,14 +59,12 @@ from physic_core.engine.sizes.evidence import (
     scales_by_torsos,
 )
 from physic_core.engine.sizes.scale_vote import ScaleVote, Witnesses, vote_on_scale
-from physic_core.engine.sizes.stature import ADULT_STATURE_M, adult_probability, stature_sigmas
+from physic_core.engine.sizes.stature import adult_probability, stature_sigmas
 from physic_core.geometry.floor import FloorSearch, PlaneFit
 from physic_core.geometry.pointmap import pointmap_normals
-from physic_core.geometry.tensors import tensor
+from physic_core.geometry.tensors import exact_arrays, tensor
 from physic_core.types import Plane, SceneScale
 from physic_core.types.arrays import PER_PERSON, select_people
-from physic_core.types.contacts import has_sole_on_floor
-from physic_core.types.known_sizes import KnownPeople
 from physic_core.types.observations import POSTURES
 from physic_core.types.people import GROUND_SURFACES
 from physic_core.types.short_repr import ShortRepr
@@ -69,7 +74,6 @@ if TYPE_CHECKING:
     from physic_core.engine.photo import PhotoContent, PixelPoints
     from physic_core.types import (
         Bodies,
-        BodyContact,
         BoolArray,
         DepthMap,
         FloatArray,
@@ -105,10 +109,6 @@ _NOT_ON_PLANE_NATS = -1.2  # of a person with visible soles, without a floor to 
 _CUTS_M = 0.25  # of a body below a floor, from which on the floor is that of another surface
 _NO_CAMERA_NATS = -1.0  # if there is no floor over which the camera has a height
 _STANDS = 0.5  # probability, of feet that are named in a note
-_DISAGREES = 0.25  # logarithm of a scale, of people who are named in a note
-_RIVAL = 0.2  # probability of other floors, from which on a note names the likeliest
-_RIVAL_DEG = 5.0  # off the chosen floor
-_FEWEST_ON_FLOOR = 2  # people from whom each other's size follows
 _LIMBS = ("shoulder", "hip", "knee", "ankle")
 
 
@@ -275,9 +275,8 @@ def find_ground(
     kinds = [(p.soles, p.camera) for p in planes]
     shift_sigma = scene.shift_sigma if scene.unknown == "inverse_scale_shift" else None
     own = None if depth is None else depth_witness(depth, scene, photo.camera, seen.torsos)
-    decides = depth is not None and is_measured(depth)
     anywhere = {"size": seen.torsos, "usual depth of scenes": _usual_depth(scene)}
-    if own is not None and not decides:
+    if own is not None and depth is not None and not is_measured(depth):
         anywhere["metric depth"] = own
     vote = vote_on_scale([*anywhere.values()], kinds, scores, shift_sigma or 0.0)
     best = int(np.argmax(scores if vote is None else vote.weights))
@@ -289,36 +288,27 @@ def find_ground(
     if vote is None or not sized:
         scale, guess = _guessed(scene, search.plane)
         return Ground(search, evidence, scale, seen.stance, guess)
-    stands = sum(
-        w * p.on[:, None] * _stands(vote, p, seen)
-        for w, p in zip(vote.weights.tolist(), planes, strict=True)
-    )
-    stance = replace(seen.stance, stands=np.where(seen.feet, stands, seen.stance.stands))
-    notes = _notes(vote, soles, seen.torsos, seen.feet & (stance.stands > _STANDS))
-    notes += _rival_note(candidates, vote.weights, best)
-    rescaled = None if depth is None or own is None else rescaled_depth(depth, own, vote, notes)
-    measured = (
-        measured_scale(depth, own, vote)
-        if depth is not None and own is not None and decides
-        else None
-    )
-    small = _too_small(vote, soles, seen.feet & (seen.stance.stands > _STANDS), photo.known)
+    stance = _stance(vote, planes, seen)
+    notes = size_notes(vote, soles, seen.torsos, seen.feet & (stance.stands > _STANDS))
+    notes += rival_note(candidates, vote.weights, best)
     of_plane = {"soles": soles, "usual height of cameras": planes[best].camera}
-    witnesses = {
-        "floor": _floor_witnesses(candidates, planes, vote.weights),
-        "scale": _scale_witnesses(anywhere | of_plane, vote),
-    }
-    return Ground(
+    ground = Ground(
         search,
         evidence,
         replace(vote.scale, notes=notes),
         stance,
-        by_people=measured is None,
-        depth=rescaled,
-        measured=measured,
-        small=small,
-        witnesses=witnesses,
+        by_people=True,
+        small=too_small(vote, soles, seen.feet & (seen.stance.stands > _STANDS), photo.known),
+        witnesses={
+            "floor": floor_witnesses(candidates, [p.evidence for p in planes], vote.weights),
+            "scale": scale_witnesses(anywhere | of_plane, vote),
+        },
     )
+    if depth is None or own is None:
+        return ground
+    measured = measured_scale(depth, own, vote) if is_measured(depth) else None
+    rescaled = rescaled_depth(depth, own, vote, notes)
+    return replace(ground, by_people=measured is None, depth=rescaled, measured=measured)
 
 
 class _Seen(NamedTuple):
@@ -344,7 +334,7 @@ def _people_seen(photo: PhotoContent, bodies: Bodies, model: BodyModel) -> _Seen
     count = len(photo.people)
     with torch.no_grad():
         posed = model(*pose_from_parameters(bodies.parameters, model.device, model.dtype)[:3])
-    vertices = posed.vertices.double().cpu().numpy()
+    (vertices,) = exact_arrays(posed.vertices)
     observed = (
         np.ones((count, 55), bool) if bodies.observed is None else np.asarray(bodies.observed, bool)
     )
@@ -432,7 +422,7 @@ def _on_it(
         return on
     plane = candidate.plane.to_plane()
     for beside in soles:
-        rows, columns = (each.numpy() for each in (beside.rows, beside.columns))
+        rows, columns = exact_arrays(beside.rows, beside.columns)
         known = photo.scene_map.valid[rows, columns]
         points = photo.scene_map.points[rows, columns][known].astype(np.float64)
         if len(points):
@@ -478,7 +468,7 @@ def _below_hidden_feet(search: FloorSearch, seen: _Seen, scale: float) -> FloorS
     plane = search.plane
     if plane is None or seen.feet.any() or not len(seen.feet):
         return search
-    low = (seen.vertices @ plane.normal.double().numpy()).min(1) / seen.torsos.scale
+    low = (seen.vertices @ plane.to_plane().normal.astype(float)).min(1) / seen.torsos.scale
     below = -float(np.nanmedian(low)) - plane.offset if np.isfinite(low).any() else 0.0
     if below * scale < _CUTS_M:
         return search
@@ -502,13 +492,23 @@ def _witness(scale: float, sigma: float, sure: float) -> Witnesses:
     return Witnesses(np.array([scale]), unknown, np.array([sigma]), np.array([sure]), 0.0)
 
 
-def _stands(vote: ScaleVote, plane: _OnPlane, seen: _Seen) -> FloatArray:
-    """Return the probability (N, 2) that feet stand on a plane, at the scale of the vote; 0 off
-    it.
+def _stance(vote: ScaleVote, planes: Sequence[_OnPlane], seen: _Seen) -> Stance:
+    """Return the stance by the probability that feet stand on each plane, at the scale of the
+    vote.
     """
+    stands = sum(
+        weight * p.on[:, None] * np.nan_to_num(_right_feet(vote, p, seen))
+        for weight, p in zip(vote.weights.tolist(), planes, strict=True)
+    )
+    return replace(seen.stance, stands=np.where(seen.feet, stands, seen.stance.stands))
+
+
+def _right_feet(vote: ScaleVote, plane: _OnPlane, seen: _Seen) -> FloatArray:
+    """Return the probability (N, 2) that feet stand on a plane; NaN off it."""
     feet = zip(plane.by_soles.T, seen.stance.stands.T, strict=True)
-    found = [vote.right(replace(plane.soles, scale=scale, sure=sure)) for scale, sure in feet]
-    return np.nan_to_num(np.stack(found, 1))
+    return np.stack(
+        [vote.right(replace(plane.soles, scale=scale, sure=sure)) for scale, sure in feet], 1
+    )
 
 
 def _guessed(scene: Pointmap, plane: PlaneFit | None) -> tuple[SceneScale, str]:
@@ -526,131 +526,3 @@ def _guessed(scene: Pointmap, plane: PlaneFit | None) -> tuple[SceneScale, str]:
         f"network to get metres"
     )
     return SceneScale(scale), warning
-
-
-def _notes(
-    vote: ScaleVote, soles: Witnesses, torsos: Witnesses, stands: BoolArray
-) -> tuple[str, ...]:
-    """Return a note about each person whose size contradicts a vote on the scale; ``stands`` (N, 2)
-    bool are feet.
-    """
-    on_floor = np.isfinite(soles.scale) & stands.any(1)
-    ratio = (
-        np.where(on_floor, vote.residuals(soles), np.nan)
-        if on_floor.any()
-        else vote.residuals(torsos)
-    )
-    return tuple(
-        f"person {i} seems to be {math.exp(-ratio[i]):.2g} times as tall as assumed, by the floor "
-        f"and the rest of the photo: "
-        + (
-            "a child (--age in years), a small person (--stature in m), a figure or a picture "
-            "(--ignore x,y)?"
-            if ratio[i] > 0
-            else "give --stature in m, or --camera-height in m if the floor lies elsewhere"
-        )
-        for i in np.flatnonzero(np.abs(ratio) > _DISAGREES).tolist()
-    )
-
-
-def _rival_note(
-    candidates: Sequence[FloorCandidate], weights: FloatArray, best: int
-) -> tuple[str, ...]:
-    """Return a note about the answers that contradict the chosen floor, if they are likely."""
-    chosen = candidates[best].plane
-    if chosen is None:
-        return ()
-    rivals = []
-    for candidate, weight in zip(candidates, weights.tolist(), strict=True):
-        if candidate.plane is None:
-            rivals.append((weight, "the photo shows none"))
-            continue
-        cosine = float(candidate.plane.normal @ chosen.normal)
-        angle = math.degrees(math.acos(min(1.0, cosine)))
-        if angle > _RIVAL_DEG:
-            rivals.append((weight, f"it is tilted by {angle:.0f} degrees against the one found"))
-    if (total := sum(weight for weight, _ in rivals)) < _RIVAL:
-        return ()
-    return (
-        f"the floor may be wrong, with probability {total:.2f}: perhaps {max(rivals)[1]}; compare "
-        f"its line in the preview's view from the side with the photo",
-    )
-
-
-def _floor_witnesses(
-    candidates: Sequence[FloorCandidate], planes: Sequence[_OnPlane], weights: FloatArray
-) -> list[dict[str, Any]]:
-    """Return a row for each candidate, the likeliest first: where it is from, pitch of the camera,
-    probability, and the nats of each witness.
-    """
-    rows = []
-    for candidate, plane, weight in zip(candidates, planes, weights.tolist(), strict=True):
-        fit = candidate.plane
-        row: dict[str, Any] = {"source": "no floor" if fit is None else fit.source}
-        if fit is not None:
-            row["pitch_deg"] = -math.degrees(math.asin(float(fit.normal[2])))
-        rows.append(row | {"probability": weight, "nats": dict(plane.evidence)})
-    return sorted(rows, key=lambda row: -row["probability"])
-
-
-def _scale_witnesses(kinds: Mapping[str, Witnesses], vote: ScaleVote) -> list[dict[str, Any]]:
-    """Return a row for each witness: logarithm of its scale over the answer, standard deviation of
-    that, and the probability that it is right.
-    """
-    rows = []
-    for name, kind in kinds.items():
-        numbers = (vote.residuals(kind), np.hypot(kind.sigma, kind.shared_sigma), vote.right(kind))
-        for i, (away, sigma, right) in enumerate(np.stack(numbers, 1).tolist()):
-            if math.isfinite(away):
-                row: dict[str, Any] = {"by": name}
-                if name in ("size", "soles"):
-                    row["person"] = i
-                rows.append(row | {"log_ratio": away, "sigma": sigma, "right": right})
-    return rows
-
-
-def _too_small(
-    vote: ScaleVote, soles: Witnesses, stands: BoolArray, known: KnownPeople
-) -> dict[int, float]:
-    """Return the stature of people of unknown size who are too small for adults; feet ``stands``
-    (N, 2) bool stand.
-    """
-    on_floor = np.isfinite(soles.scale) & stands.any(1)
-    unknown = np.isnan(known.filled(len(stands))).all(0)
-    if on_floor.sum() < _FEWEST_ON_FLOOR:
-        return {}
-    ratio = np.where(on_floor & unknown, vote.residuals(soles), -np.inf)
-    return {
-        int(i): ADULT_STATURE_M * math.exp(-ratio[i]) for i in np.flatnonzero(ratio > _DISAGREES)
-    }
-
-
-def scale_note(
-    contacts: Sequence[Sequence[BodyContact]], bodies: int, floor: Plane | None, lie: bool
-) -> str:
-    """Return a note about the people who give the scale.
-
-    Args:
-        contacts: final ones of each person.
-        bodies: number of people with a body.
-        floor: of the result.
-        lie: whether the floor is what people lie on.
-    """
-    stand = sum(has_sole_on_floor(person) for person in contacts)
-    if floor is not None and stand and not lie:
-        return f"all sizes are from the soles of {_people(stand)} on the floor"
-    if lie:
-        why = "who seem to lie"
-    elif stand:
-        why = "since the plane of the floor is not found"
-    else:
-        why = "since no soles on a floor are seen"
-    return (
-        f"all sizes are from the usual height of {_people(bodies)}, {why}: give --stature in m if "
-        f"you know it"
-    )
-
-
-def _people(count: int) -> str:
-    """Format the number of people."""
-    return "1 person" if count == 1 else f"{count} people"

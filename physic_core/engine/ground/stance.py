@@ -245,25 +245,34 @@ def depth_gaps_at_feet(
             places = keypoints.points[i, ends]
             if len(places) < 2 or not np.isfinite(places).all():
                 continue
-            values = [
-                _around(log_ratio, mask, place, max(2.0, _RADIUS_SHARE * size)) for place in places
-            ]
             ring = places.mean(0), _MARGIN_PX + _RING_SHARE * size
+            share = float(_around(raised.float(), background, *ring).mean())
+            on_furniture[i, k] = share > _MAX_RAISED_SHARE
+            radius = max(2.0, _RADIUS_SHARE * size)
+            values = [_around(log_ratio, mask, place, radius) for place in places]
             ground = _around(log_ratio, background, *ring)
-            on_furniture[i, k] = (
-                float(_around(raised.float(), background, *ring).mean()) > _MAX_RAISED_SHARE
-            )
-            across, down = (float(x) for x in places[1] - places[0])
-            pitch = math.degrees(math.atan2(down, abs(across)))
-            lower = values[1] if pitch > 0 else values[0]
-            if abs(pitch) < _PITCH_DEG or len(lower) < _MIN_PIXELS:
-                lower = torch.cat(values)
-            if min(len(lower), len(ground)) < _MIN_PIXELS:
-                continue
-            off = ground.double().median()
-            if abs(float(off)) < _MAX_BACKGROUND_GAP:
-                gaps[i, k] = float(lower.double().median() - off)
+            gaps[i, k] = _gap_behind(places[1] - places[0], values, ground)
     return gaps, on_furniture
+
+
+def _gap_behind(way: FloatArray, foot: Sequence[Tensor], ground: Tensor) -> float:
+    """Return the gap behind a foot; NaN where it is unknown.
+
+    Args:
+        way: (2,) px from heel to toe.
+        foot: log ratios of depth (n,) around both.
+        ground: the same (m,) around the foot.
+    """
+    across, down = (float(x) for x in way)
+    pitch = math.degrees(math.atan2(down, abs(across)))
+    lower = foot[1] if pitch > 0 else foot[0]
+    if abs(pitch) < _PITCH_DEG or len(lower) < _MIN_PIXELS:
+        lower = torch.cat(list(foot))
+    if min(len(lower), len(ground)) < _MIN_PIXELS:
+        return math.nan
+    off = ground.double().median()
+    known = abs(float(off)) < _MAX_BACKGROUND_GAP
+    return float(lower.double().median() - off) if known else math.nan
 
 
 def _around(values: Tensor, mask: Tensor, place: FloatArray, radius: float) -> Tensor:

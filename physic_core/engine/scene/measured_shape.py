@@ -11,12 +11,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import torch
 
+from physic_core.engine.photo import PixelPoints
 from physic_core.engine.scene.method import METRIC_DEPTH_TOLERANCE
 from physic_core.engine.sizes.evidence import USUAL_DEPTH_M
 from physic_core.geometry.alignment import AlignmentOptions, apply_alignment, fit_alignment
 from physic_core.geometry.pointmap import depth_to_pointmap
-from physic_core.geometry.tensors import tensor
+from physic_core.geometry.tensors import tensor, tensors
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, DepthMap, FloatArray, Intrinsics, Pointmap
@@ -54,15 +56,16 @@ def with_measured_shape(pointmap: Pointmap, depth: DepthMap, camera: Intrinsics)
         depth: measured.
         camera: of the point map.
     """
-    rays = tensor(camera.matrix)
-    measured = np.isfinite(depth.depth) & (depth.depth > 0)
-    target = depth_to_pointmap(tensor(np.where(measured, depth.depth, 1.0)), rays)
+    rays, metres = tensors(camera.matrix, depth.depth)
+    shown = torch.isfinite(metres) & (metres > 0)
+    target = depth_to_pointmap(torch.where(shown, metres, 1.0), rays)
     options = AlignmentOptions(METRIC_DEPTH_TOLERANCE)
-    common = tensor(pointmap.valid & measured)
+    given = PixelPoints.of(pointmap)
     alignment = fit_alignment(
-        tensor(pointmap.points), target, common, pointmap.unknown, options=options
+        given.points, target, given.valid & shown, given.unknown, options=options
     )
-    own = apply_alignment(tensor(pointmap.points), alignment)[..., 2].numpy()
+    aligned = apply_alignment(given.points, alignment)[..., 2]
+    own, measured = (each.numpy() for each in (aligned, shown))
     valid = pointmap.valid & np.isfinite(own) & (own > 0)
     known = valid & measured
     if not known.any():

@@ -17,6 +17,7 @@ import numpy as np
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.sizes.scale_vote import Witnesses
+from physic_core.geometry.tensors import exact_arrays
 from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
@@ -178,7 +179,7 @@ def scales_by_soles(
         return scale
     normal = np.asarray(floor.normal, np.float64)
     for k, side in enumerate(SIDES):
-        ids = model.contact_sets[f"{side}_sole"].cpu().numpy()
+        (ids,) = exact_arrays(model.contact_sets[f"{side}_sole"])
         lowest = (-vertices[:, ids] @ normal).max(1) / floor.offset
         seen = observed[:, JOINT_INDEX[f"{side}_ankle"]] & observed[:, JOINT_INDEX[f"{side}_foot"]]
         scale[:, k] = np.where(seen & (lowest > 0), lowest, np.nan)
@@ -201,8 +202,8 @@ def scales_by_torsos(
     Returns:
         (N,) NaN for people whose torso is not visible, or mostly at infinity in the point map.
     """
-    faces = model.faces.cpu().numpy()
-    torso = model.part_of_vertex.cpu().numpy()[faces[:, 0]] == model.part_names.index("torso")
+    faces, part = exact_arrays(model.faces, model.part_of_vertex)
+    torso = part[faces[:, 0]] == model.part_names.index("torso")
     return np.array(
         [
             _scale_by_torso(body, faces, torso, mask, photo, camera)

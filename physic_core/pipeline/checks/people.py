@@ -15,6 +15,7 @@ from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.body.posture import lean_deg, standing_legs
 from physic_core.engine.contact.probability import SEAT
 from physic_core.engine.joint.terms.picture import ReprojectionSettings
+from physic_core.geometry.tensors import exact_arrays
 from physic_core.pipeline.checks.photo import NO_FLOOR, relative_difference
 from physic_core.pipeline.checks.spec import YES, check
 from physic_core.types import Plane, skeleton_named
@@ -400,5 +401,5 @@ def _visible(estimates: Estimates, person: int) -> BoolArray:
     observed = estimates.bodies.observed
     if observed is None:
         return np.ones(55, bool)
-    others = (view.observed[person].cpu().numpy() for view in estimates.views)
+    others = exact_arrays(*(view.observed[person] for view in estimates.views))
     return np.asarray(np.any([observed[person], *others], axis=0))

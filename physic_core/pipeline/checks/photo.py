@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.geometry.tensors import exact_arrays
 from physic_core.pipeline.checks.spec import YES, check
 from physic_core.types.contacts import has_sole_on_floor
 from physic_core.types.results import main_people
@@ -113,7 +114,8 @@ def floor_shown(estimates: Estimates, result: Reconstruction) -> Measured:
     plane = estimates.ground.search.plane
     if result.scene.floor is None or plane is None:
         return None
-    visible = plane.inliers.cpu().numpy() & ~estimates.hole
+    (on_plane,) = exact_arrays(plane.inliers)
+    visible = on_plane & ~estimates.hole
     if not visible.any():
         return None
     textured = float((_texture(estimates.image)[visible] > 1).mean())

@@ -127,12 +127,10 @@ def embedded_surface(bodies: Bodies) -> tuple[FloatArray, FloatArray]:
     """
     import torch
 
-    from physic_core.body.bones import rotations_from_parameters
-    from physic_core.geometry.tensors import tensor
+    from physic_core.body.bones import pose_from_parameters
 
-    p = embedded_parameters(bodies)
     with torch.no_grad():
-        out = embedded_body()(rotations_from_parameters(p), tensor(p.betas), tensor(p.transl))
+        out = embedded_body()(*pose_from_parameters(embedded_parameters(bodies))[:3])
     return out.vertices.double().numpy(), out.joints.double().numpy()
 
 

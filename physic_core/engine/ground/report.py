@@ -1,0 +1,154 @@
+"""What is told of floor and scale beside the answer: rows of each witness, and notes about people
+and planes that contradict it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_core.engine.ground.floor import FloorCandidate
+from physic_core.engine.sizes.scale_vote import ScaleVote, Witnesses
+from physic_core.engine.sizes.stature import ADULT_STATURE_M
+from physic_core.types import Plane
+from physic_core.types.contacts import has_sole_on_floor
+from physic_core.types.known_sizes import KnownPeople
+
+if TYPE_CHECKING:
+    from physic_core.types import BodyContact, BoolArray, FloatArray
+
+_DISAGREES = 0.25  # logarithm of a scale, of people who are named in a note
+_RIVAL = 0.2  # probability of other floors, from which on a note names the likeliest
+_RIVAL_DEG = 5.0  # off the chosen floor
+_FEWEST_ON_FLOOR = 2  # people from whom each other's size follows
+
+
+def size_notes(
+    vote: ScaleVote, soles: Witnesses, torsos: Witnesses, stands: BoolArray
+) -> tuple[str, ...]:
+    """Return a note about each person whose size contradicts a vote on the scale; ``stands`` (N, 2)
+    bool are feet.
+    """
+    on_floor = np.isfinite(soles.scale) & stands.any(1)
+    ratio = (
+        np.where(on_floor, vote.residuals(soles), np.nan)
+        if on_floor.any()
+        else vote.residuals(torsos)
+    )
+    return tuple(
+        f"person {i} seems to be {math.exp(-ratio[i]):.2g} times as tall as assumed, by the floor "
+        f"and the rest of the photo: "
+        + (
+            "a child (--age in years), a small person (--stature in m), a figure or a picture "
+            "(--ignore x,y)?"
+            if ratio[i] > 0
+            else "give --stature in m, or --camera-height in m if the floor lies elsewhere"
+        )
+        for i in np.flatnonzero(np.abs(ratio) > _DISAGREES).tolist()
+    )
+
+
+def rival_note(
+    candidates: Sequence[FloorCandidate], weights: FloatArray, best: int
+) -> tuple[str, ...]:
+    """Return a note about the answers that contradict the chosen floor, if they are likely."""
+    chosen = candidates[best].plane
+    if chosen is None:
+        return ()
+    rivals = []
+    for candidate, weight in zip(candidates, weights.tolist(), strict=True):
+        if candidate.plane is None:
+            rivals.append((weight, "the photo shows none"))
+            continue
+        cosine = float(candidate.plane.normal @ chosen.normal)
+        angle = math.degrees(math.acos(min(1.0, cosine)))
+        if angle > _RIVAL_DEG:
+            rivals.append((weight, f"it is tilted by {angle:.0f} degrees against the one found"))
+    if (total := sum(weight for weight, _ in rivals)) < _RIVAL:
+        return ()
+    return (
+        f"the floor may be wrong, with probability {total:.2f}: perhaps {max(rivals)[1]}; compare "
+        f"its line in the preview's view from the side with the photo",
+    )
+
+
+def floor_witnesses(
+    candidates: Sequence[FloorCandidate], nats: Sequence[Mapping[str, float]], weights: FloatArray
+) -> list[dict[str, Any]]:
+    """Return a row for each candidate, the likeliest first: where it is from, pitch of the camera,
+    probability, and the nats of each witness.
+    """
+    rows = []
+    for candidate, own, weight in zip(candidates, nats, weights.tolist(), strict=True):
+        fit = candidate.plane
+        row: dict[str, Any] = {"source": "no floor" if fit is None else fit.source}
+        if fit is not None:
+            row["pitch_deg"] = -math.degrees(math.asin(float(fit.normal[2])))
+        rows.append(row | {"probability": weight, "nats": dict(own)})
+    return sorted(rows, key=lambda row: -row["probability"])
+
+
+def scale_witnesses(kinds: Mapping[str, Witnesses], vote: ScaleVote) -> list[dict[str, Any]]:
+    """Return a row for each witness: logarithm of its scale over the answer, standard deviation of
+    that, and the probability that it is right.
+    """
+    rows = []
+    for name, kind in kinds.items():
+        numbers = (vote.residuals(kind), np.hypot(kind.sigma, kind.shared_sigma), vote.right(kind))
+        for i, (away, sigma, right) in enumerate(np.stack(numbers, 1).tolist()):
+            if math.isfinite(away):
+                row: dict[str, Any] = {"by": name}
+                if name in ("size", "soles"):
+                    row["person"] = i
+                rows.append(row | {"log_ratio": away, "sigma": sigma, "right": right})
+    return rows
+
+
+def too_small(
+    vote: ScaleVote, soles: Witnesses, stands: BoolArray, known: KnownPeople
+) -> dict[int, float]:
+    """Return the stature of people of unknown size who are too small for adults; feet ``stands``
+    (N, 2) bool stand.
+    """
+    on_floor = np.isfinite(soles.scale) & stands.any(1)
+    unknown = np.isnan(known.filled(len(stands))).all(0)
+    if on_floor.sum() < _FEWEST_ON_FLOOR:
+        return {}
+    ratio = np.where(on_floor & unknown, vote.residuals(soles), -np.inf)
+    return {
+        int(i): ADULT_STATURE_M * math.exp(-ratio[i]) for i in np.flatnonzero(ratio > _DISAGREES)
+    }
+
+
+def scale_note(
+    contacts: Sequence[Sequence[BodyContact]], bodies: int, floor: Plane | None, lie: bool
+) -> str:
+    """Return a note about the people who give the scale.
+
+    Args:
+        contacts: final ones of each person.
+        bodies: number of people with a body.
+        floor: of the result.
+        lie: whether the floor is what people lie on.
+    """
+    stand = sum(has_sole_on_floor(person) for person in contacts)
+    if floor is not None and stand and not lie:
+        return f"all sizes are from the soles of {_people(stand)} on the floor"
+    if lie:
+        why = "who seem to lie"
+    elif stand:
+        why = "since the plane of the floor is not found"
+    else:
+        why = "since no soles on a floor are seen"
+    return (
+        f"all sizes are from the usual height of {_people(bodies)}, {why}: give --stature in m if "
+        f"you know it"
+    )
+
+
+def _people(count: int) -> str:
+    """Format the number of people."""
+    return "1 person" if count == 1 else f"{count} people"
