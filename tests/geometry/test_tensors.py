@@ -1,11 +1,12 @@
-"""Selection of pixels and tests of points equal those by masks and reductions."""
+"""Selection of pixels, tests of points and medians equal those by masks, reductions and NumPy."""
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 import torch
 
-from physic_core.geometry.tensors import all_finite, select_pixels
+from physic_core.geometry.tensors import all_finite, median, select_pixels
 
 pytestmark = pytest.mark.quick
 
@@ -25,3 +26,9 @@ def test_a_point_is_finite_with_all_of_its_coordinates():
         [[1.0, -2.0, 3.0], [torch.nan, 0, 0], [0, torch.inf, -torch.inf], [0, 0, -torch.inf]]
     )
     assert all_finite(points).tolist() == [True, False, False, False]
+
+
+@pytest.mark.parametrize("count", [1, 4, 7])
+def test_the_median_is_the_mean_of_the_two_middle_values(count):
+    values = np.random.default_rng(0).normal(size=(count, 3))
+    assert median(torch.from_numpy(values)).tolist() == np.median(values, axis=0).tolist()
