@@ -28,14 +28,21 @@ from torch import nn
 
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.files.npz import read_arrays
-from physic_embedded.body_fit.lifter import BONES, HIPS, LIMB_SUM_M, LIMBS, NUMBERS, inputs
+from physic_embedded.body_fit.lifter import (
+    BONES,
+    HIPS,
+    LIMB_SUM_M,
+    LIMBS,
+    NUMBERS,
+    LimbView,
+    inputs,
+)
 
 if TYPE_CHECKING:
     from numpy.random import Generator
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
-    Inputs = tuple[Array, Array, Array, Array, Array]
 
 WIDTH = 192
 LAYERS = 6
@@ -104,7 +111,7 @@ def main() -> int:
     rng = np.random.default_rng(given.seed + 1)
     seen, truth = project(poses[apart][rng.integers(0, apart.sum(), 4000)], rng)
     with torch.no_grad():
-        moved = network(_tensor(inputs(*seen))).numpy().reshape(truth.shape)
+        moved = network(_tensor(inputs(seen))).numpy().reshape(truth.shape)
     before, after = (
         1000 * np.linalg.norm(joints - truth, axis=-1).mean()
         for joints in (seen[0], seen[0] + moved)
@@ -154,13 +161,13 @@ def fit(poses: Array, clips: NDArray[np.int64], steps: int, seed: int) -> Lifter
     _, motion, counts = np.unique(clips, return_inverse=True, return_counts=True)
     share = 1 / np.sqrt(counts[motion])
     share /= share.sum()
-    network = Lifter(inputs(*project(poses[:BATCH], rng)[0]).shape[1])
+    network = Lifter(inputs(project(poses[:BATCH], rng)[0]).shape[1])
     optimiser = torch.optim.Adam(network.parameters())
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, LEARNING_RATE, total_steps=steps)
     for _ in range(steps):
         seen, truth = project(poses[rng.choice(len(poses), BATCH, p=share)], rng)
         wanted = _tensor((truth - seen[0]).reshape(BATCH, -1))
-        loss = (network(_tensor(inputs(*seen))) - wanted).square().sum(1).mean()
+        loss = (network(_tensor(inputs(seen))) - wanted).square().sum(1).mean()
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
@@ -181,11 +188,8 @@ def read_motions(file: Path) -> tuple[Array, NDArray[np.int64]]:
     return arrays["P"][:, order].astype(np.float64), arrays["clip"].astype(np.int64)
 
 
-def project(poses: Array, rng: Generator) -> tuple[Inputs, Array]:
-    """Return what the lifter would see of poses (N, 12, 3), and the true joints (N, 12, 3).
-
-    The first are the arguments of :func:`physic_embedded.body_fit.lifter.inputs`.
-    """
+def project(poses: Array, rng: Generator) -> tuple[LimbView, Array]:
+    """Return what the lifter would see of poses (N, 12, 3), and the true joints (N, 12, 3)."""
     count = len(poses)
     person = _proportions(rng, count)
     people = _with_lengths(poses, *person)
@@ -205,7 +209,7 @@ def project(poses: Array, rng: Generator) -> tuple[Inputs, Array]:
     up = camera[:, :, 1] + np.radians(_UP) * rng.standard_normal((count, 3))
     up /= np.linalg.norm(up, axis=-1, keepdims=True)
     up[rng.random(count) < _UNKNOWN_UP] = 0
-    return (joints, points, confidence, up, depth), truth
+    return LimbView(joints, points, confidence, up, depth), truth
 
 
 def _detected(truth: Array, depth: Array, rng: Generator) -> tuple[Array, Array]:

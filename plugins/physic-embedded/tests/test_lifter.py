@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_embedded.body_fit.lifter import HIPS, LIMBS, lift
+from physic_embedded.body_fit.lifter import HIPS, LIMBS, LimbView, lift
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
 SWAPPED = [row ^ 1 for row in range(len(LIMBS))]
@@ -31,7 +31,7 @@ def seen(joints):
 def told(joints, points, up=(0.0, -1.0, 0.0), depth=DEPTH):
     count = len(joints)
     sure = np.full((count, len(LIMBS)), 0.95)
-    return lift(joints, points, sure, np.tile(up, (count, 1)), np.full(count, depth))
+    return lift(LimbView(joints, points, sure, np.tile(up, (count, 1)), np.full(count, depth)))
 
 
 def leaning(degrees):

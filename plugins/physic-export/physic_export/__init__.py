@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from physic_core import ExporterRecord, hookimpl
 
 __all__: list[str] = []
@@ -14,11 +16,18 @@ _TEXTURES: dict[str, tuple[str | bool, ...]] = {
 }
 
 
+def _record(
+    name: str, suffixes: str, audience: str, content: str, *, module: str = "", **more: Any
+) -> ExporterRecord:
+    """Return the record of the function ``export_NAME`` in the module NAME, or another one."""
+    target = f"physic_export.{module or name}:export_{name}"
+    return ExporterRecord(name, tuple(suffixes.split()), target, audience, content, **more)
+
+
 _FORMATS = (
-    ExporterRecord(
+    _record(
         "amass",
-        (".npz",),
-        "physic_export.amass:export_amass",
+        ".npz",
         "Blender's SMPL-X add-on, AMASS tools",
         "SMPL-X parameters, one file per person",
         ups=("z", "y", "camera"),
@@ -26,10 +35,9 @@ _FORMATS = (
         per_person=True,
         needs="an SMPL-X file of yours (--body-model)",
     ),
-    ExporterRecord(
+    _record(
         "bvh",
-        (".bvh",),
-        "physic_export.bvh:export_bvh",
+        ".bvh",
         "Blender, Maya, MotionBuilder",
         "skeleton, T-pose and pose, one file per person",
         ups=("y", "z"),
@@ -38,36 +46,32 @@ _FORMATS = (
         per_person=True,
         options={"names": ("mixamo", "smplx", "unreal", "unity", "lafan")},
     ),
-    ExporterRecord(
+    _record(
         "coco",
-        (".json",),
-        "physic_export.coco:export_coco",
+        ".json",
         "CVAT, FiftyOne, pycocotools",
         "2D keypoints, boxes and masks of people, px of the photo file",
         ups=("camera",),
         bodies="required",
     ),
-    ExporterRecord(
+    _record(
         "colmap",
-        (".bin",),
-        "physic_export.colmap:export_colmap",
+        ".bin",
         "COLMAP, gsplat, Gaussian splatting",
         "camera, photo, mask without people, points of the scene",
         ups=("camera", "z", "y"),
         stem="sparse/0/cameras",
     ),
-    ExporterRecord(
+    _record(
         "depth",
-        (".png",),
-        "physic_export.depth:export_depth",
+        ".png",
         "OpenCV, Open3D, Python",
         "depth of the scene in millimetres, photo, masks of people, camera",
         ups=("camera",),
     ),
-    ExporterRecord(
+    _record(
         "exr",
-        (".exr",),
-        "physic_export.exr:export_exr",
+        ".exr",
         "Blender, Nuke, OpenCV",
         "depth in metres without and with people, mask of what is inpainted, camera",
         ups=("camera",),
@@ -75,28 +79,25 @@ _FORMATS = (
         packages=("OpenEXR",),
         extra="exr",
     ),
-    ExporterRecord(
+    _record(
         "glb",
-        (".glb",),
-        "physic_export.glb:export_glb",
+        ".glb",
         "Blender, Unity, Unreal, three.js",
         "textured bodies, skeletons, T-pose and pose, contact, scene, floor, camera",
         stem="skinned",
         options=_NAMES | _SKIN | _TEXTURES,
     ),
-    ExporterRecord(
+    _record(
         "keypoints",
-        (".csv",),
-        "physic_export.keypoints:export_keypoints",
+        ".csv",
         "physic run --keypoints, pandas",
         "2D keypoints of people, px of the photo file",
         ups=("camera",),
         bodies="required",
     ),
-    ExporterRecord(
+    _record(
         "mjcf",
-        (".xml", ".mjcf"),
-        "physic_export.mjcf:export_mjcf",
+        ".xml .mjcf",
         "MuJoCo",
         "people with joints and actuators, textured scene with collision meshes, floor, gravity",
         ups=("z",),
@@ -104,51 +105,50 @@ _FORMATS = (
         needs="a floor in the result",
         options={"rigid": (False, True), "keep_lean": (False, True)},
     ),
-    ExporterRecord(
+    _record(
         "mot",
-        (".mot",),
-        "physic_export.opensim:export_mot",
+        ".mot",
         "OpenSim",
         "pose as coordinates of the Rajagopal model, one file per person",
+        module="opensim",
         ups=("y",),
         stem="motion",
         bodies="required",
         per_person=True,
     ),
-    ExporterRecord(
+    _record(
         "nerfstudio",
-        (".json",),
-        "physic_export.depth:export_nerfstudio",
+        ".json",
         "nerfstudio, Gaussian splatting",
         "transforms.json with photo, depth, mask and camera",
+        module="depth",
         ups=("z", "y", "camera"),
         stem="transforms",
         needs="a floor in the result, for z up",
     ),
-    ExporterRecord(
+    _record(
         "obj",
-        (".obj",),
-        "physic_export.meshes:export_obj",
+        ".obj",
         "MeshLab, Blender, 3ds Max",
         "meshes of scene and people with textures and normals",
+        module="meshes",
         ups=("y", "z", "camera"),
         stem="meshes",
         options=_SKIN | {"texture_size": _TEXTURES["texture_size"]},
     ),
-    ExporterRecord(
+    _record(
         "ply",
-        (".ply",),
-        "physic_export.meshes:export_ply",
+        ".ply",
         "MeshLab, CloudCompare, Open3D",
         "all scene points, meshes, colours, normals, contact",
+        module="meshes",
         ups=("y", "z", "camera"),
         stem="points",
         options=_SKIN,
     ),
-    ExporterRecord(
+    _record(
         "rrd",
-        (".rrd",),
-        "physic_export.rrd:export_rrd",
+        ".rrd",
         "Rerun",
         "photo, depth, points, bodies, contact and camera on a timeline",
         ups=("y", "z", "camera"),
@@ -157,21 +157,20 @@ _FORMATS = (
         extra="rrd",
         options=_SKIN,
     ),
-    ExporterRecord(
+    _record(
         "trc",
-        (".trc",),
-        "physic_export.opensim:export_trc",
+        ".trc",
         "OpenSim, Visual3D",
         "joints as markers in millimetres, one file per person",
+        module="opensim",
         ups=("y",),
         stem="markers",
         bodies="required",
         per_person=True,
     ),
-    ExporterRecord(
+    _record(
         "urdf",
-        (".urdf",),
-        "physic_export.urdf:export_urdf",
+        ".urdf",
         "ROS, PyBullet, Isaac Sim, Drake",
         "a robot with joints, meshes and masses, and the pose (.json), one of each per person",
         ups=("z",),
@@ -181,10 +180,9 @@ _FORMATS = (
         needs="a floor in the result",
         options={"keep_lean": (False, True)},
     ),
-    ExporterRecord(
+    _record(
         "usd",
-        (".usdc", ".usda", ".usd", ".usdz"),
-        "physic_export.usd:export_usd",
+        ".usdc .usda .usd .usdz",
         "Omniverse, Isaac Sim, Houdini",
         "textured meshes, skeletons, colliders, contact, camera",
         ups=("z", "y"),

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from scipy.optimize import minimize
 
-from physic_embedded.body_fit.lifter import HIPS, LIMBS, lift
+from physic_embedded.body_fit.lifter import HIPS, LIMBS, LimbView, lift
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 from physic_embedded.body_fit.newton import minimize_newton
 from physic_embedded.body_fit.problem import (
@@ -147,11 +147,13 @@ def lifted_limbs(
     rays = np.concatenate([pixels, np.ones_like(pixels[..., :1])], -1) @ np.linalg.inv(camera).T
     seen = rays @ observations.turn
     told = lift(
-        (joints - middle) @ observations.turn,
-        seen[..., :2] / seen[..., 2:] * depth[:, None, None],
-        observations.confidence[:, columns],
-        observations.turn.transpose(0, 2, 1) @ (np.zeros(3) if up is None else up),
-        depth,
+        LimbView(
+            (joints - middle) @ observations.turn,
+            seen[..., :2] / seen[..., 2:] * depth[:, None, None],
+            observations.confidence[:, columns],
+            observations.turn.transpose(0, 2, 1) @ (np.zeros(3) if up is None else up),
+            depth,
+        )
     )
     weight = np.ones(told.shape[:2])
     for row, name in enumerate(LIMBS):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -50,50 +50,50 @@ _HIP_WEIGHT = 0.5  # networks mark hips on the surface
 _POINT_GAIN = 4.0  # brings offsets of keypoints to the size of the other inputs
 
 
-def lift(
-    joints: FloatArray,
-    points: FloatArray,
-    confidence: FloatArray,
-    up: FloatArray,
-    depth: FloatArray,
-) -> FloatArray:
+class LimbView(NamedTuple):
+    """What the network sees of N people; x right, y down, z away from a camera that looks at the
+    person, metres.
+
+    Attributes:
+        joints: (N, 12, 3) of fitted bodies, relative to the middle of the hips.
+        points: (N, 12, 2) keypoints on the plane through the middle of the hips.
+        confidence: (N, 12) of the keypoints, in [0, 1].
+        up: (N, 3) unit vectors, 0 where unknown.
+        depth: (N,) from the camera to the middle of the hips.
+    """
+
+    joints: FloatArray
+    points: FloatArray
+    confidence: FloatArray
+    up: FloatArray
+    depth: FloatArray
+
+
+def lift(view: LimbView) -> FloatArray:
     """Return the joints (N, 12, 3) that the network tells, relative to the middle of the hips.
 
-    A mirror image of the inputs gives the mirror image of the joints.
-
-    Args:
-        joints: (N, 12, 3) metres of fitted bodies, relative to the middle of the hips; x right, y
-            down, z away from a camera that looks at the person.
-        points: (N, 12, 2) keypoints on the plane through the middle of the hips, in the same axes.
-        confidence: (N, 12) of the keypoints, in [0, 1].
-        up: (N, 3) unit vectors in the same axes, 0 where unknown.
-        depth: (N,) metres from the camera to the middle of the hips.
+    A mirror image of the view gives the mirror image of the joints.
     """
-    told = _told(joints, points, confidence, up, depth)
-    mirrored = _told(
+    joints, points, confidence, up, depth = view
+    mirrored = LimbView(
         (joints * _MIRROR)[:, _SWAPPED],
         (points * _MIRROR[:2])[:, _SWAPPED],
         confidence[:, _SWAPPED],
         up * _MIRROR,
         depth,
     )
-    found = joints + (told + (mirrored * _MIRROR)[:, _SWAPPED]) / 2
+    found = joints + (_told(view) + (_told(mirrored) * _MIRROR)[:, _SWAPPED]) / 2
     return np.asarray(found - found[:, HIPS].mean(1, keepdims=True))
 
 
-def inputs(
-    joints: FloatArray,
-    points: FloatArray,
-    confidence: FloatArray,
-    up: FloatArray,
-    depth: FloatArray,
-) -> FloatArray:
-    """Return the inputs (N, 76) of the network; arguments as in :func:`lift`, lengths in
-    units of :func:`unit_of`.
+def inputs(view: LimbView) -> FloatArray:
+    """Return the inputs (N, 76) of the network for a view with lengths in units of
+    :func:`unit_of`.
 
     The fit has put the body where it projects onto the keypoints; what is left of a common offset
     is no error of a limb.
     """
+    joints, points, confidence, up, depth = view
     count = len(joints)
     projected = joints[..., :2] * (depth[:, None] / (joints[..., 2] + depth[:, None]))[..., None]
     weight = np.array(confidence, np.float64)[..., None]
@@ -111,21 +111,19 @@ def unit_of(joints: FloatArray) -> FloatArray:
     return np.asarray(lengths.sum(1)[:, None, None] / LIMB_SUM_M)
 
 
-def _told(
-    joints: FloatArray,
-    points: FloatArray,
-    confidence: FloatArray,
-    up: FloatArray,
-    depth: FloatArray,
-) -> FloatArray:
+def _told(view: LimbView) -> FloatArray:
     """Return how far (N, 12, 3) the network moves the joints, metres."""
-    unit = unit_of(joints)
-    x = inputs(joints / unit, points / unit, confidence, up, depth / unit[:, 0, 0])
+    unit = unit_of(view.joints)
+    x = inputs(
+        view._replace(
+            joints=view.joints / unit, points=view.points / unit, depth=view.depth / unit[:, 0, 0]
+        )
+    )
     layers = _layers()
     hidden = np.maximum(_affine(layers[0], x), 0)
     for first, second in zip(layers[1:-1:2], layers[2:-1:2], strict=True):
         hidden = hidden + np.maximum(_affine(second, np.maximum(_affine(first, hidden), 0)), 0)
-    return np.asarray(_affine(layers[-1], hidden).reshape(joints.shape) * unit)
+    return np.asarray(_affine(layers[-1], hidden).reshape(view.joints.shape) * unit)
 
 
 def _affine(layer: tuple[FloatArray, FloatArray], x: FloatArray) -> FloatArray:
