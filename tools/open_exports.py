@@ -5,7 +5,7 @@ what else arrives.
 
 RESULT is the folder of a result with a floor and a person. The ``physic`` command of ``.venv``
 writes the files; the programs are installed in temporary environments, with the versions below.
-``docs/exports.md`` has the rows.
+``docs/exports-opened.md`` has the rows.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ VERSIONS = {
     "OpenSim": "4.6",
     "pycolmap": "4.2.1",
 }
-"""Release that the table of ``docs/exports.md`` states for each program of ``read_exports.py``."""
+"""Release of each program of ``read_exports.py`` in the table of ``docs/exports-opened.md``."""
 
 FORMATS = ("glb", "ply", "usd", "mjcf", "urdf", "coco", "colmap", "bvh", "trc", "mot")
 NEAR_M = 1e-3
@@ -82,7 +82,7 @@ def place_error(result: Reconstruction, row: dict[str, Any]) -> float | None:
 
 
 def table_row(program: str, row: dict[str, Any], error: float | None) -> str:
-    """Return the row of the table in ``docs/exports.md``."""
+    """Return the row of the table in ``docs/exports-opened.md``."""
     cells = [
         f"{program} {row['version']}",
         ", ".join(f"`{name}`" for name in row["files"].split(", ")),

@@ -165,7 +165,7 @@ def test_how_it_works_lists_each_term_of_the_default_energy():
 
 def test_the_page_of_exports_has_each_format_as_it_is_registered():
     text = (ROOT / "docs" / "exports.md").read_text()
-    rows = re.findall(r"^\| \[`(\w+)`\]\(#\S+\) \| (.+?) \| (.+?) \| (.*)\|$", text, re.M)
+    rows = re.findall(r"^\| \[`(\w+)`\]\(\S+\) \| (.+?) \| (.+?) \| (.*)\|$", text, re.M)
     listed = {
         name: (audience, *(tuple(re.findall(r"`(.+?)`", cell)) for cell in cells))
         for name, audience, *cells in rows

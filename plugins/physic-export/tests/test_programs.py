@@ -1,4 +1,4 @@
-"""Other programs open the exports: the table of docs/exports.md, row by row."""
+"""Other programs open the exports: the table of docs/exports-opened.md, row by row."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).parents[3]
 TABLE = {
     cells[0].rpartition(" ")[0]: cells
-    for line in (ROOT / "docs" / "exports.md").read_text(encoding="utf-8").splitlines()
+    for line in (ROOT / "docs" / "exports-opened.md").read_text(encoding="utf-8").splitlines()
     if len(cells := [cell.strip() for cell in line.strip("|").split("|")]) == 7
     and re.search(r"\d", cells[0])
 }
