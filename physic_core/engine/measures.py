@@ -263,15 +263,13 @@ def compare_silhouettes(
     found = []
     for body, mask in zip(vertices.to("cpu", torch.float32), masks, strict=True):
         depth = _depth_of_body(body, faces.cpu(), K, size)
-        silhouette = torch.isfinite(depth)
-        others = masks.any(0) & ~mask
-        side = math.sqrt(float(mask.sum()))
-        seen = silhouette & ~others
+        rim = max(1, round(_RIM * math.sqrt(float(mask.sum()))))
+        seen = torch.isfinite(depth) & (mask | ~masks.any(0))
         if scene is not None:
-            seen = seen & ~(scene < depth - _IN_FRONT_M)
+            seen &= ~(scene < depth - _IN_FRONT_M)
         found.append(
             (
-                _share(seen & dilate_square(mask, max(1, round(_RIM * side))), seen & mask.any()),
+                _share(seen & dilate_square(mask, rim), seen & mask.any()),
                 None if photo is None else _low_depth_ratio(depth, mask, photo),
             )
         )

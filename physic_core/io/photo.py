@@ -253,8 +253,7 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
     if _is_raw(image):
         raise source.raw()
     notes = list(_frame_notes(image))
-    xmp = image.info.get("xmp") or image.info.get("XML:com.adobe.xmp") or ""
-    xmp = xmp.decode("latin-1") if isinstance(xmp, bytes) else str(xmp)
+    xmp = _xmp(image)
     deep = _is_deep(image)  # before decoding, which discards the mode of the file
     factor = math.ceil(math.sqrt(stored[0] * stored[1] / _KEEP_PIXELS))
     if factor > 1:
@@ -303,6 +302,12 @@ def _frame_notes(image: Image.Image) -> tuple[str, ...]:
         several = True
     # The MPO file of a phone has a preview or a depth image after the photo, which is not needed.
     return ("only the first of its frames is used",) if several and image.format != "MPO" else ()
+
+
+def _xmp(image: Image.Image) -> str:
+    """Return the XMP data of a file, "" without any."""
+    xmp = image.info.get("xmp") or image.info.get("XML:com.adobe.xmp") or ""
+    return xmp.decode("latin-1") if isinstance(xmp, bytes) else str(xmp)
 
 
 def _is_deep(image: Image.Image) -> bool:

@@ -109,17 +109,14 @@ def batch(
     Run the same command again to resume. A photo that fails becomes a row of the journal with the
     reason.
     """
-    from physic_core.batch.contact_sheet import check_contact_sheet
-    from physic_core.batch.journal import check_tables, shard_journal
+    from physic_core.batch.journal import shard_journal
     from physic_core.batch.photos import Shard, list_photos
     from physic_core.batch.run import plan_batch, run_batch
 
     if tables == bool(photos):
         raise click.UsageError("--tables takes no photos" if tables else "name photos, or --tables")
-    check_tables(out)
     with_sheet = not options["no_thumbnails"]
-    if with_sheet:
-        check_contact_sheet(out)
+    _check_tables(out, with_sheet=with_sheet)
     if tables:
         _write_tables(out, with_sheet=with_sheet)
         return
@@ -157,6 +154,16 @@ def batch(
     journal = folder / shard_journal(part)
     with _finished(finish, progress), _stopped_by_signals():
         run_batch(todo, job, run, journal, progress.add)
+
+
+def _check_tables(folder: Path, *, with_sheet: bool) -> None:
+    """Raise OutputError if tables or contact sheet would replace a file of another kind."""
+    from physic_core.batch.contact_sheet import check_contact_sheet
+    from physic_core.batch.journal import check_tables
+
+    check_tables(folder)
+    if with_sheet:
+        check_contact_sheet(folder)
 
 
 def _tables(folder: Path, *, with_sheet: bool) -> list[Path]:

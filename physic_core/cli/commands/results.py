@@ -78,10 +78,7 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
                     [thumbnail_jpeg(one, PICTURE_HEIGHT, numbered=True) for one in results]
                 )
                 links.append([result_link(page.parent, folder) for folder in pair])
-    for failure in failures[:-1]:
-        echo(f"Error: {failure}", err=True)
-    if failures and not photos:
-        raise failures[-1]
+    _report_failures(failures, last=not photos)
     about = [
         ("A", [str(a)]),
         ("B", [str(b)]),
@@ -89,10 +86,7 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
         ("all photos", summary_lines(photos, paired.only)),
     ]
     if as_json:
-        only = {
-            f"only_{name}": list(map(str, folders))
-            for name, folders in zip("ab", paired.only, strict=True)
-        }
+        only = {f"only_{x}": list(map(str, y)) for x, y in zip("ab", paired.only, strict=True)}
         echo_json({"a": str(a), "b": str(b), "photos": split(photos, {}), **only})
     else:
         _print_comparison(photos, about)
@@ -100,6 +94,14 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
         html = comparison_page(photos, pictures, links, about)
         echo(f"wrote {write_own(page, html.encode())}", err=as_json)
     if failures:
+        raise failures[-1]
+
+
+def _report_failures(failures: Sequence[PhysicError], *, last: bool) -> None:
+    """Print all failures but the last one, and raise that if nothing else follows."""
+    for failure in failures[:-1]:
+        echo(f"Error: {failure}", err=True)
+    if failures and last:
         raise failures[-1]
 
 

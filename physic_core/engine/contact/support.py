@@ -124,8 +124,7 @@ def find_support(
         if assume and not bool(seat.any()) and int(patch.sum()) >= _MIN_VERTICES:
             outside = distance_to_hull(centre, vertices[contact | patch], up)
             return PersonSupport(SupportState.ASSUMED, contact, patch, patch, outside, centre)
-    hands = _members(model, *(f"{side}_hand" for side in SIDES))
-    hold = contact & hands & ((vertices - centre) @ up > 0)
+    hold = _hold(model, person, centre, up)
     for state, carrying in _carrying(contact, level & ~hold, hold):
         outside = distance_to_hull(centre, vertices[carrying], up)
         if outside <= _BALANCE_M:
@@ -194,6 +193,12 @@ def _level(model: BodyModel, person: PersonContact, up: Tensor) -> Tensor:
     level = person.contact & (person.normals @ up < _DOWNWARD)
     on_part = torch.bincount(model.part_of_vertex[level], minlength=len(model.part_names))
     return level & (on_part >= _MIN_VERTICES)[model.part_of_vertex]
+
+
+def _hold(model: BodyModel, person: PersonContact, centre: Tensor, up: Tensor) -> Tensor:
+    """Return the contacts (V,) bool of hands above the centre of mass."""
+    hands = _members(model, *(f"{side}_hand" for side in SIDES))
+    return person.contact & hands & ((person.vertices - centre) @ up > 0)
 
 
 def _carrying(

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from physic_core import interfaces
-from physic_core.types import POSTURES, Observations
+from physic_core.types import POSTURES, TOUCH_PARTS, Observations
 from physic_core.types.skeletons import SIDES
 from physic_mock.noise import FLEXION_DEG, LOG_ODDS, LOG_ODDS_SIGMA, Noise
 from physic_mock.recognition import MockOptions, match_masks_to_world, recognise_world
@@ -18,6 +18,13 @@ if TYPE_CHECKING:
     from physic_testing.worlds import World
 
 _CHILD_YEARS = 12
+_SHARES: dict[str, Any] = {
+    "posture_share": np.full(len(POSTURES), 1 / len(POSTURES), np.float32),
+    "touch_share": np.full(len(TOUCH_PARTS), 0.5, np.float32),
+    "holds_share": np.full(2, 0.5, np.float32),
+    "in_air_share": 0.5,
+    "child_share": 0.5,
+}
 
 
 class MockPersonObserver(interfaces.PersonObserver):
@@ -50,31 +57,29 @@ class MockPersonObserver(interfaces.PersonObserver):
         def probability(truth: BoolArray) -> FloatArray:
             return np.asarray(1 / (1 + np.exp(-log_odds(truth))), np.float32)
 
-        touch = true_touch(world)
         bent = true_flexion(world)
         least, added = FLEXION_DEG
         added *= noise.factor
         drawn = added * rng.normal(size=bent.shape)
         posture = np.full((len(rows), len(POSTURES)), np.nan, np.float32)
         if (name := world.name.partition("_")[0]) in POSTURES:
-            truth = np.tile(np.array(POSTURES) == name, (len(bent), 1))
-            odds = np.exp(log_odds(truth))
+            odds = np.exp(log_odds(np.tile(np.array(POSTURES) == name, (len(bent), 1))))
             posture = np.asarray(odds / odds.sum(1, keepdims=True), np.float32)
-        nothing = np.asarray(~world.contact.any(1) & (world.touched_person < 0).all(1))
         return Observations(
             posture=posture,
-            touch=probability(touch),
+            touch=probability(true_touch(world)),
             holds=probability(_held(world)),
-            in_air=probability(nothing),
+            in_air=probability(_nothing(world)),
             child=probability(np.asarray(world.ages < _CHILD_YEARS)),
             flexion=np.clip(bent + drawn, 0, 180)[rows].astype(np.float32),
             flexion_sigma=np.full((len(rows), 4), np.hypot(least, added), np.float32),
-            posture_share=np.full(len(POSTURES), 1 / len(POSTURES), np.float32),
-            touch_share=np.full(touch.shape[1], 0.5, np.float32),
-            holds_share=np.full(2, 0.5, np.float32),
-            in_air_share=0.5,
-            child_share=0.5,
+            **_SHARES,
         )
+
+
+def _nothing(world: World) -> BoolArray:
+    """Return which people (N,) touch neither the scene nor another person."""
+    return np.asarray(~world.contact.any(1) & (world.touched_person < 0).all(1))
 
 
 def _held(world: World) -> BoolArray:

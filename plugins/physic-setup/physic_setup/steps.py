@@ -117,43 +117,16 @@ def setup_steps(config: Config, preset: str, folder: Path, missing: tuple[str, .
         BackendError: a backend is broken, or the manifest of a plugin is invalid.
     """
     if uninstalled := (*missing, *_uninstalled(config)):
-        commands = tuple(
-            f"python -m pip install{_constraints()} {_source(name)}" for name in uninstalled
-        )
-        return Setup(
-            (
-                SetupStep(
-                    "Plugins of the preset; then run the same command again for the other steps",
-                    False,
-                    commands,
-                ),
-            )
-        )
+        return Setup((_plugins(uninstalled),))
     plan = resolve(config)
     sets = named_weights(plan)
     repositories = _unique(plan, Repository)
     files = _unique(plan, UserFile)
     absent = {file for _, file in files if not file.is_here}
-    lacking = [
-        (weights, file)
-        for weights in sets
-        for file in weights.files
-        if file.path not in locate_files(weights)
-    ]
-    sizes = [(weights.name, file.bytes) for weights, file in lacking]
-    sizes += [(file.name, file.bytes) for file in absent]
-    accounts = [
-        weights.homepage for weights in sets if weights.needs_account and not _is_complete(weights)
-    ]
-    accounts += [file.account for file in absent if file.account]
+    sizes = [*_missing_weights(sets), *((file.name, file.bytes) for file in absent)]
+    accounts = [*_accounts(sets), *(file.account for file in absent if file.account)]
     gpu = _unique(plan, GpuMemory)
-    unpinned = [
-        f"{weights.name}/{file.path}"
-        for weights in sets
-        for file in weights.files
-        if not file.is_pinned
-    ]
-    unpinned += [one.url for _, one in repositories if not one.commit]
+    unpinned = _unpinned(sets, repositories)
     steps = (
         _packages(plan),
         _free_weights(sets),
@@ -171,10 +144,46 @@ def setup_steps(config: Config, preset: str, folder: Path, missing: tuple[str, .
         if plan.device != "cpu"
         else (),
         accounts=tuple(dict.fromkeys(accounts)),
-        unpinned=tuple(unpinned),
+        unpinned=unpinned,
         pinned=sum(len(weights.files) for weights in sets) + len(repositories) - len(unpinned),
         keeps_graphs=plan.device == "cpu" and users_cache("graphs") is not None,
     )
+
+
+def _plugins(distributions: tuple[str, ...]) -> SetupStep:
+    install = f"python -m pip install{_constraints()}"
+    return SetupStep(
+        "Plugins of the preset; then run the same command again for the other steps",
+        False,
+        tuple(f"{install} {_source(name)}" for name in distributions),
+    )
+
+
+def _accounts(sets: tuple[WeightSet, ...]) -> Iterator[str]:
+    """Yield the web address of each missing set that needs an account."""
+    for weights in sets:
+        if weights.needs_account and not _is_complete(weights):
+            yield weights.homepage
+
+
+def _missing_weights(sets: tuple[WeightSet, ...]) -> Iterator[tuple[str, int | None]]:
+    """Yield the set of each missing file, and its bytes if they are published."""
+    for weights in sets:
+        here = locate_files(weights)
+        yield from ((weights.name, file.bytes) for file in weights.files if file.path not in here)
+
+
+def _unpinned(
+    sets: tuple[WeightSet, ...], repositories: list[tuple[str, Repository]]
+) -> tuple[str, ...]:
+    """Return the files and repositories that have neither a hash nor a revision."""
+    files = (
+        f"{weights.name}/{file.path}"
+        for weights in sets
+        for file in weights.files
+        if not file.is_pinned
+    )
+    return (*files, *(one.url for _, one in repositories if not one.commit))
 
 
 def _unique(plan: ResolvedPipeline, kind: type[_Kind]) -> list[tuple[str, _Kind]]:

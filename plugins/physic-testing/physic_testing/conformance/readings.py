@@ -224,13 +224,9 @@ def compare(subject: BackendUnderTest, values: ValuesOf, group: Group) -> None:
     known = [unit for unit in off if np.isfinite(unit).any()]
     if len(known) < MIN_UNITS:
         raise CheckSkipped(f"{len(known)} people or photos to compare, {MIN_UNITS} are needed")
-    readings = (*group.readings, *_order(group, evidence))
-    if _is_constant(off, true):
-        readings = ()
-    elif BLIND & subject.capabilities:
-        readings = tuple(reading for reading in readings if reading.of_blind)
+    readings = _readings(group, evidence, blind=bool(BLIND & subject.capabilities))
     made = []
-    for reading in readings:
+    for reading in [] if _is_constant(off, true) else readings:
         mistakes = less_truth(reading.make(truth[group.key], truth) for _, truth in evidence)
         share = _agreed(shares(off, mistakes, centred=group.centred), reading)
         left = _left(off, mistakes, share)
@@ -240,13 +236,24 @@ def compare(subject: BackendUnderTest, values: ValuesOf, group: Group) -> None:
     words = f"an error of {rough:.3g} {group.unit} in the median"
     if made:
         _, share, reading = min(made, key=lambda item: item[0])
-        if reading.size:
-            words = f"{share * reading.size:+.3g}{reading.unit} {reading.words}"
-        else:
-            words = f"{words}: it is {reading.words}"
-        raise CheckFailed(group.what, words, reading.hint)
+        raise CheckFailed(group.what, _words(reading, share, words), reading.hint)
     if rough > group.rough:
         raise CheckFailed(group.what, words)
+
+
+def _readings(
+    group: Group, evidence: Sequence[tuple[Values, Truth]], *, blind: bool
+) -> list[Reading]:
+    """Return the readings of a group that an output can show, which may ignore the image."""
+    readings = [*group.readings, *_order(group, evidence)]
+    return [reading for reading in readings if reading.of_blind or not blind]
+
+
+def _words(reading: Reading, share: float, error: str) -> str:
+    """Return what is said of an output that has a share of a known mistake, and an error."""
+    if reading.size:
+        return f"{share * reading.size:+.3g}{reading.unit} {reading.words}"
+    return f"{error}: it is {reading.words}"
 
 
 def _is_constant(off: Sequence[FloatArray], true: Sequence[FloatArray]) -> bool:

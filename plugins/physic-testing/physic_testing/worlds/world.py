@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.body.model import BodyModel
-    from physic_core.types import BoolArray, FloatArray, UInt8Array
+    from physic_core.types import BoolArray, FloatArray, Skeleton, UInt8Array
 
 __all__ = ["WORLDS", "World", "load_world", "pixel_rays", "project", "world_of"]
 
@@ -34,6 +34,12 @@ _DATA = Path(__file__).with_name("data")
 _STEP_M = 1e-4  # of lengths in the files
 _RATIO = 4 / 3  # of the sides of all photos
 _MOST_RATIO_ERROR = 0.02
+_PARAMETERS = tuple(field.name for field in fields(BodyParameters))
+_FACTS = (
+    *("camera_rotation", "camera_position", "joints_visible", "ages", "contact"),
+    *("touched_surface", "touched_own_part", "touched_person", "touched_item"),
+)
+"""Fields of a world that its file holds under their names."""
 
 WORLDS: tuple[str, ...] = tuple(sorted(path.stem for path in _DATA.glob("*.npz")))
 """Names of the worlds: what people do, and ``_other`` where no shape of the body model fits."""
@@ -151,7 +157,13 @@ def load_world(name: str = "stand", size: tuple[int, int] = (320, 240)) -> World
     """
     if name not in WORLDS:
         raise InputError(f"There is no world named {name!r}: choose one of {', '.join(WORLDS)}.")
-    return _load(name, int(max(size)), int(min(size)))
+    long, short = int(max(size)), int(min(size))
+    if short < labels.SMALLEST_PX or abs(long / short / _RATIO - 1) > _MOST_RATIO_ERROR:
+        raise InputError(
+            f"A world has photos in the ratio 4 : 3, of at least {labels.SMALLEST_PX} px, "
+            f"got {long} x {short} px."
+        )
+    return _load(name, long, short)
 
 
 def world_of(image: UInt8Array) -> World | None:
@@ -187,35 +199,19 @@ def _load(name: str, long: int, short: int) -> World:
     fx, fy, cx, cy, width, height = file["intrinsics"].tolist()
     stored = Intrinsics(fx, fy, cx, cy, int(width), int(height))
     size = (long, short) if width > height else (short, long)
-    if short < labels.SMALLEST_PX or abs(long / short / _RATIO - 1) > _MOST_RATIO_ERROR:
-        raise InputError(
-            f"A world has photos in the ratio 4 : 3, of at least {labels.SMALLEST_PX} px, "
-            f"got {long} x {short} px."
-        )
     intrinsics = stored.resized(*size)
-    parameters = BodyParameters(
-        **{field.name: file[field.name] for field in fields(BodyParameters)}
-    )
+    parameters = BodyParameters(**{name: file[name] for name in _PARAMETERS})
     vertices, joints = _posed(model, parameters, file)
-    keypoints = {}
-    for key, skeleton in SKELETONS.items():
-        regressor = model.regressor(skeleton)
-        ends = torch.from_numpy(vertices[:, regressor.vertex_ids.numpy()])
-        keypoints[key] = project(regressor(torch.from_numpy(joints), ends).numpy(), intrinsics)
-    facts = {
-        name: file[name]
-        for name in (
-            *("camera_rotation", "camera_position", "joints_visible", "ages", "contact"),
-            *("touched_surface", "touched_own_part", "touched_person", "touched_item"),
-        )
-    }
     world = World(
         name=name,
         **_pictures(file, name, stored, size),
         intrinsics=intrinsics,
         **_views(file, vertices, model.faces.numpy(), intrinsics),
         floor=Plane(file["floor"][:3], float(file["floor"][3])),
-        keypoints=keypoints,
+        keypoints={
+            key: project(_points_of(model, skeleton, vertices, joints), intrinsics)
+            for key, skeleton in SKELETONS.items()
+        },
         visible={key: file[f"visible_{key}"] for key in SKELETONS},
         parameters=parameters,
         body_model=model.name,
@@ -227,7 +223,7 @@ def _load(name: str, long: int, short: int) -> World:
         parts=model.part_names,
         items=tuple(file["items"].tolist()),
         distance=file["distance_mm"].astype(np.float32) / 1000,
-        **facts,
+        **{name: file[name] for name in _FACTS},
     )
     _make_read_only(world)
     return world
@@ -250,6 +246,17 @@ def _posed(
         vertices = body.vertices.numpy()
         joints = body.joints.numpy()
     return vertices + _STEP_M * file["vertex_offset"], joints + _STEP_M * file["joint_offset"]
+
+
+def _points_of(
+    model: BodyModel, skeleton: Skeleton, vertices: FloatArray, joints: FloatArray
+) -> FloatArray:
+    """Return the points (N, J, 3) of a skeleton on posed bodies, m."""
+    import torch
+
+    regressor = model.regressor(skeleton)
+    ends = torch.from_numpy(vertices[:, regressor.vertex_ids.numpy()])
+    return np.asarray(regressor(torch.from_numpy(joints), ends).numpy())
 
 
 def _pictures(
@@ -277,35 +284,19 @@ def _views(
 ) -> dict[str, Any]:
     """Return depth, normals, masks and surfaces with and without people."""
     rays = pixel_rays(intrinsics)
-    origin = np.zeros(3)
     people = len(vertices)
     corners = _STEP_M * file["scene_vertices"]
     scene = file["scene_faces"].astype(np.int64)
 
-    def hits(caster: RayCaster) -> tuple[NDArray[np.int64], FloatArray]:
-        found = caster.first(origin, rays.reshape(-1, 3))
-        return found.face.reshape(rays.shape[:2]), found.distance.reshape(rays.shape[:2])
-
-    # Of each face, and last of no face: its person, its small object (-1 for none) and its surface.
-    of_people = people * len(faces)
-    owner = np.concatenate(
-        [np.full(len(scene), -1), np.repeat(np.arange(people), len(faces)), [-1]]
-    )
-    item = np.concatenate([file["face_item"], np.full(of_people + 1, -1)])
-    nothing = np.full(of_people + 1, SURFACE_NAMES.index("sky"))
-    surface = np.concatenate([file["face_surface"], nothing]).astype(np.uint8)
+    owner, item, surface = _facts_of_faces(file, people, len(faces))
     ground = np.isin(surface, [SURFACE_NAMES.index(name) for name in ("floor", "ground")])
-
     own = [faces + len(corners) + i * vertices.shape[1] for i in range(people)]
-    face, depth = hits(
-        RayCaster(np.concatenate([corners, *vertices]), np.concatenate([scene, *own]))
-    )
+    everything = RayCaster(np.concatenate([corners, *vertices]), np.concatenate([scene, *own]))
+    face, depth = _first_hits(everything, rays)
     scenery = np.append(np.flatnonzero(file["face_item"] < 0), len(owner) - 1)
     caster = RayCaster(corners, scene[scenery[:-1]])
-    empty_face, empty_depth = hits(caster)
-    normals = np.where((empty_face >= 0)[..., None], caster.normals[empty_face], 0)
-    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
-    normals *= -np.sign((normals * rays).sum(axis=-1, keepdims=True))
+    empty_face, empty_depth = _first_hits(caster, rays)
+    normals = _normals_towards_camera(caster.normals, empty_face, rays)
     empty_face = scenery[empty_face]
     masks = np.stack([owner[face] == i for i in range(people)])
     return {
@@ -321,6 +312,38 @@ def _views(
             -1, *face.shape
         ),
     }
+
+
+def _first_hits(caster: RayCaster, rays: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+    """Return the first face (H, W) at each ray (H, W, 3) from the camera, -1 for none, and its
+    depth.
+    """
+    found = caster.first(np.zeros(3), rays.reshape(-1, 3))
+    return found.face.reshape(rays.shape[:2]), found.distance.reshape(rays.shape[:2])
+
+
+def _facts_of_faces(
+    file: Mapping[str, Any], people: int, faces: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], UInt8Array]:
+    """Return person, small object (-1 for none) and surface of each face of the scene, of each of
+    the ``faces`` of each person, and last of no face.
+    """
+    scene = len(file["scene_faces"])
+    owner = np.concatenate([np.full(scene, -1), np.repeat(np.arange(people), faces), [-1]])
+    others = people * faces + 1
+    item = np.concatenate([file["face_item"], np.full(others, -1)])
+    nothing = np.full(others, SURFACE_NAMES.index("sky"))
+    return owner, item, np.concatenate([file["face_surface"], nothing]).astype(np.uint8)
+
+
+def _normals_towards_camera(
+    normals: FloatArray, face: NDArray[np.int64], rays: FloatArray
+) -> FloatArray:
+    """Return the unit normals (H, W, 3) of the faces (H, W) at pixels; zero for face -1."""
+    found = np.where((face >= 0)[..., None], normals[face], 0)
+    found /= np.maximum(np.linalg.norm(found, axis=-1, keepdims=True), 1e-12)
+    found *= -np.sign((found * rays).sum(axis=-1, keepdims=True))
+    return found
 
 
 def _make_read_only(thing: Any) -> None:
