@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import csv
 import signal
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -126,10 +127,13 @@ def test_the_tables_are_written_every_20_photos(folder, monkeypatch, physic):
 
 
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
-def test_a_batch_that_is_stopped_has_its_tables(folder, monkeypatch, name, physic):
+def test_a_batch_that_is_stopped_has_its_tables(folder, monkeypatch, name, physic, request):
     number = getattr(signal, name, None)
     if number is None:
         pytest.skip("no such signal")
+    if name != "SIGINT":  # under nohup it would be ignored
+        request.addfinalizer(partial(signal.signal, number, signal.getsignal(number)))
+        signal.signal(number, signal.SIG_DFL)
 
     def rows(items, job):
         for item in items[:3]:
