@@ -413,13 +413,14 @@ def _floors(found: Findings, _: Step) -> None:
     searched = engine.scene.floor != "off"
     found.floors = candidates_in(photo.scene, found.evidence, searched=searched)
     floor = chosen_floor(found.floors, best_candidate(found.floors), found.evidence).plane
-    known_up = scene.up_sigma is not None and scene.up_sigma < KNOWN_UP_SIGMA_DEG
     found.hints = replace(
         found.hints,
         floor=None if floor is None else floor.to_plane(),
         original=photo.photo_map,
         observations=found.observations,
-        up=np.asarray(scene.up, np.float64) if known_up and scene.up is not None else None,
+        up=photo.up.direction.numpy()
+        if photo.up is not None and photo.up.sigma < KNOWN_UP_SIGMA_DEG
+        else None,
     )
 
 

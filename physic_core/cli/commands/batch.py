@@ -268,7 +268,7 @@ def _finished(finish: Callable[[str], None], progress: _Progress) -> Iterator[No
             with suppress(OutputError):
                 finish(f"stopped after {progress.done:,} of {progress.total:,} photos: ")
         if isinstance(error, KeyboardInterrupt):
-            raise KeyboardInterrupt(f"results of {progress.done:,} photos are kept") from error
+            raise KeyboardInterrupt(f"the rows of {progress.done:,} photos are kept") from error
         raise
     finish("")
 

@@ -86,7 +86,10 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
         ("all photos", summary_lines(photos, paired.only)),
     ]
     if as_json:
-        only = {f"only_{x}": list(map(str, y)) for x, y in zip("ab", paired.only, strict=True)}
+        only = {
+            f"only_{name}": list(map(str, folders))
+            for name, folders in zip("ab", paired.only, strict=True)
+        }
         echo_json({"a": str(a), "b": str(b), "photos": split(photos, {}), **only})
     else:
         _print_comparison(photos, about)

@@ -70,10 +70,9 @@ def _cameras(estimates: Estimates) -> Cameras:
     if keep and metric is not None and metric.known:
         metric = None  # its depth does not depend on the camera
     return Cameras(
-        *(
-            None if camera is None else torch.from_numpy(camera.matrix)
-            for camera in (estimates.intrinsics if keep else None, metric, pointmap)
-        )
+        given=torch.from_numpy(estimates.intrinsics.matrix) if keep else None,
+        metric_depth=None if metric is None else torch.from_numpy(metric.matrix),
+        pointmap=None if pointmap is None else torch.from_numpy(pointmap.matrix),
     )
 
 

@@ -18,13 +18,6 @@ if TYPE_CHECKING:
     from physic_testing.worlds import World
 
 _CHILD_YEARS = 12
-_SHARES: dict[str, Any] = {
-    "posture_share": np.full(len(POSTURES), 1 / len(POSTURES), np.float32),
-    "touch_share": np.full(len(TOUCH_PARTS), 0.5, np.float32),
-    "holds_share": np.full(2, 0.5, np.float32),
-    "in_air_share": 0.5,
-    "child_share": 0.5,
-}
 
 
 class MockPersonObserver(interfaces.PersonObserver):
@@ -73,8 +66,19 @@ class MockPersonObserver(interfaces.PersonObserver):
             child=probability(np.asarray(world.ages < _CHILD_YEARS)),
             flexion=np.clip(bent + drawn, 0, 180)[rows].astype(np.float32),
             flexion_sigma=np.full((len(rows), 4), np.hypot(least, added), np.float32),
-            **_SHARES,
+            **_shares(),
         )
+
+
+def _shares() -> dict[str, Any]:
+    """Return the share of "yes" of each question: all answers are equally frequent."""
+    return {
+        "posture_share": np.full(len(POSTURES), 1 / len(POSTURES), np.float32),
+        "touch_share": np.full(len(TOUCH_PARTS), 0.5, np.float32),
+        "holds_share": np.full(2, 0.5, np.float32),
+        "in_air_share": 0.5,
+        "child_share": 0.5,
+    }
 
 
 def _nothing(world: World) -> BoolArray:

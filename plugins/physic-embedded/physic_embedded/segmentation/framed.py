@@ -23,7 +23,7 @@ _RIM = 0.08  # width of the rim, over the longer side of the person's box
 _SHARE = 0.5
 _FEET = 0.1  # of the height of the box, lowest part
 _SMALL = 0.75  # of the height of the largest box in the photo; the label errs on bare ground
-_IN_ROOM = 0.5  # probability that a person who is asked about is one in the room
+_IN_ROOM = 0.5  # probability that a person who is asked about is in the room; assumed, not fitted
 _SEEN = 0.5  # confidence of an ankle: those of people who sit behind a table have less
 
 
