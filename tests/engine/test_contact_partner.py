@@ -157,6 +157,16 @@ def test_the_list_by_body_part_has_the_most_probable_contact_first():
     assert body_contacts(index, None, dent, table, regions)[0].probability is None
 
 
+def test_a_part_that_no_pixel_shows_is_listed_once_on_what_most_of_it_touches():
+    table = (FLOOR_PARTNER, SEAT_PARTNER)
+    index = torch.tensor([0] * 4 + [1] * 5)
+    regions = ContactRegions(("left_foot",), torch.zeros(9, dtype=torch.int64))
+    person = index, torch.full((9,), 0.8), torch.full((9,), torch.nan), table, regions
+    assert {one.partner for one in body_contacts(*person)} == set(table)
+    assumed = body_contacts(*person, assumed={"left_foot": 0.7})
+    assert assumed == (BodyContact("left_foot", SEAT_PARTNER, 0.7, 5, assumed=True),)
+
+
 def test_own_parts_are_listed_once_from_the_outer_one_and_adjacent_ones_are_not():
     names = ("left_hand", "head", "left_upper_arm", "torso")
     table = tuple(ContactPartner("self", part=name) for name in names)

@@ -165,7 +165,7 @@ def body_contacts(
         table: partners.
         regions: body parts.
         assumed: body parts that no pixel shows -> their probability of contact with scene and
-            floor. Their contacts with skin are not listed.
+            floor. Of each, only the partner of most vertices is listed, and no skin.
         least: minimum probability of a listed part.
     """
     touching = index >= 0
@@ -197,6 +197,8 @@ def body_contacts(
         for one in found
         if one.partner.kind != "self" or _is_listed(one.part, one.partner.part, on_self)
     ]
+    most = {one.part: one for one in sorted(found, key=lambda one: one.vertices)}
+    found = [one for one in found if not one.assumed or one is most[one.part]]
     return tuple(sorted(found, key=lambda one: (-(one.probability or 0.0), -one.vertices)))
 
 

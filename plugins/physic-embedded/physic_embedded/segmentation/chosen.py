@@ -12,14 +12,14 @@ from physic_core.errors import NoPersonError
 from physic_embedded.networks.crops import ImagePyramid
 from physic_embedded.networks.mobile_sam import predict_masks
 from physic_embedded.networks.pose import predict_pose
-from physic_embedded.segmentation.hidden_people import grey_out
+from physic_embedded.segmentation.hidden_people import grey_out, without_covered
 from physic_embedded.segmentation.people import (
     DetectedPose,
     box_fit,
     mask_box,
     square_around,
-    square_from_upper_half,
 )
+from physic_embedded.segmentation.upper_bodies import square_from_upper_half
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -158,8 +158,10 @@ def _poses(detected: DetectedPeople, box: FloatArray, others: Sequence[Pose]) ->
     grey = ImagePyramid.from_image(grey_out(detected.image, others))
     return [
         predict_pose(detected.landmarker, clear, square_around(box)),
-        predict_pose(detected.landmarker, grey, square_around(box), passes=1),
-        predict_pose(detected.landmarker, grey, square_from_upper_half(box), passes=1),
+        *(
+            without_covered(predict_pose(detected.landmarker, grey, square, passes=1), others)
+            for square in (square_around(box), square_from_upper_half(box))
+        ),
     ]
 
 

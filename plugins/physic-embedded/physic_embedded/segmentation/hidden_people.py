@@ -1,7 +1,8 @@
-"""Cover the people whose poses are known, to find those behind them."""
+"""Cover the people whose poses are known, to find those beside and behind them."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,3 +35,13 @@ def grey_out(image: NDArray[np.uint8], poses: Sequence[Pose]) -> NDArray[np.uint
             )
             grey[y0:y1, x0:x1][pose.mask_at(grid) > 0] = GREY
     return grey
+
+
+def without_covered(pose: Pose, others: Sequence[Pose]) -> Pose:
+    """Return a pose found with other people in grey, with visibility 0 at the joints that they
+    cover: the network takes grey for clothes.
+    """
+    visibility = pose.visibility.copy()
+    for other in others:
+        visibility[other.mask_at(pose.points[None])[0] > 0] = 0
+    return replace(pose, visibility=visibility)

@@ -8,7 +8,7 @@ boards as people: boxes that YOLOX scores higher as one of these are left out.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -29,7 +29,8 @@ from physic_embedded.networks.single_shot_detection import (
 )
 from physic_embedded.networks.tiles import tiles
 from physic_embedded.networks.yolox import detect_boxes
-from physic_embedded.segmentation.hidden_people import grey_out
+from physic_embedded.segmentation.hidden_people import grey_out, without_covered
+from physic_embedded.segmentation.upper_bodies import square_from_upper_half, with_upper_bodies
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -195,7 +196,10 @@ def detect_poses(
         if person.box is not None
     ]
     carriers = things.carriers(box_score)
-    return FoundPeople(kept[:max_people], unposed, left_out, carriers)
+    kept = kept[:max_people]
+    poses = with_upper_bodies(landmarker, image, [person.pose for person in kept])
+    kept = [replace(person, pose=pose) for person, pose in zip(kept, poses, strict=True)]
+    return FoundPeople(kept, unposed, left_out, carriers)
 
 
 def _without_repeats(found: list[DetectedPose]) -> list[DetectedPose]:
@@ -238,19 +242,18 @@ def _add_hidden_people(
         The boxes that still have no pose, without those of weak score.
     """
     unposed = []
-    greyed = 0  # people in grey in ``picture``
+    grey: list[Pose] = []  # people in grey in ``picture``
     picture = ImagePyramid.from_image(image)
     for box, score in zip(boxes.boxes, boxes.scores, strict=True):
         if any(person.box is not None and np.array_equal(person.box, box) for person in kept):
             continue
-        if greyed != len(kept):
-            picture = ImagePyramid.from_image(grey_out(image, [person.pose for person in kept]))
-            greyed = len(kept)
+        if len(grey) != len(kept):
+            grey = [person.pose for person in kept]
+            picture = ImagePyramid.from_image(grey_out(image, grey))
         least = MIN_BOX_FIT if score >= box_score else MIN_WEAK_FIT
         for pose in _poses_of_hidden_person(landmarker, picture, box, least):
-            person = DetectedPose(
-                pose, float(score * pose.score * np.sqrt(box_fit(pose, box))), box
-            )
+            fit = float(score * pose.score * np.sqrt(box_fit(pose, box)))
+            person = DetectedPose(without_covered(pose, grey), fit, box)
             if all(
                 not is_same_person(person, other)
                 and mask_overlap(pose, other.pose) <= MAX_SHARED_MASK
@@ -349,14 +352,6 @@ def square_around(box: Float) -> RotatedSquare:
     """Return the upright square that the landmark network needs for a person in a box (4,)."""
     center = np.array([(box[0] + box[2] - 1) / 2, (box[1] + box[3] - 1) / 2])
     return RotatedSquare(center, 1.25 * float(max(box[2] - box[0], box[3] - box[1])), 0.0)
-
-
-def square_from_upper_half(box: Float) -> RotatedSquare:
-    """Return the upright square that the landmark network needs if a box (4,) is around the upper
-    half of a person.
-    """
-    center = np.array([(box[0] + box[2] - 1) / 2, box[3]])
-    return RotatedSquare(center, 2.5 * float(max(box[2] - box[0], box[3] - box[1])), 0.0)
 
 
 def box_fit(pose: Pose, box: Float) -> float:
