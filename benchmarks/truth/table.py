@@ -220,22 +220,29 @@ def rows_of(
                 percent=True,
             ),
         ]
+    rows += up_rows(of(floors))
     rows += [
         row("CPU seconds a photo", of(photos, error=""), pooled("cpu_s"), "<= 20 (720p)", digits=1),
-        row(
-            "up: angle deg, rms",
-            known(of(floors), "up_angle_deg"),
-            pooled("up_angle_deg", rms_of),
-            digits=1,
-        ),
-        row(
-            "up: error over its sigma, rms",
-            known(of(floors), "up_in_sigmas"),
-            pooled("up_in_sigmas", rms_of),
-            digits=2,
-        ),
         row("seconds a photo", of(photos, error=""), pooled("wall_s"), digits=1),
     ]
+    return rows
+
+
+def up_rows(floors: Sequence[Record]) -> list[Row]:
+    """Errors of up, of the floor's normal and of the stated sigma of up, by data set."""
+    rows = []
+    for name in CAMERA_SETS:
+        mine = [r for r in floors if r["set"] == name]
+        for key, words, average, digits in (
+            ("up_angle_deg", "up: angle deg, rms", rms_of, 1),
+            ("up_angle_deg", "  median", median_of, 1),
+            ("up_in_sigmas", "  over its sigma, rms", rms_of, 2),
+            ("floor_angle_deg", "  of the floor's normal, rms", rms_of, 1),
+            ("floor_angle_deg", "  median of that", median_of, 1),
+        ):
+            known = [r for r in mine if math.isfinite(r[key])]
+            of = figure(known, pooled(key, average))
+            rows.append(Row(f"{words}, {name}", of, "", digits))
     return rows
 
 

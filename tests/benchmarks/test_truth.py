@@ -290,6 +290,19 @@ def test_errors_are_divided_by_the_stated_ones(joints):
     )
 
 
+def test_up_and_the_floor_are_judged_by_their_angles_and_up_by_its_stated_error_too(joints):
+    tilt = math.radians(4)
+    up = [0.0, -math.cos(tilt), math.sin(tilt)]
+    answer = answer_with(person_of(joints), floor=[0, -1, 0, 1.0]) | {"up": up, "up_sigma": 2.0}
+    records = command.compared([alone(joints)], [answer])
+    rows = table.rows_of(records["people"], records["floors"], records["photos"])
+    found = {r.name.strip(): r.figure.value for r in rows if r.name.endswith(", mpi_inf_3dhp")}
+    assert found["up: angle deg, rms, mpi_inf_3dhp"] == pytest.approx(4)
+    assert found["median, mpi_inf_3dhp"] == pytest.approx(4)
+    assert found["over its sigma, rms, mpi_inf_3dhp"] == pytest.approx(2**0.5)
+    assert found["of the floor's normal, rms, mpi_inf_3dhp"] == pytest.approx(0)
+
+
 @pytest.mark.parametrize("scale", [0.7, 1.3])
 def test_a_person_a_third_off_is_wrong_whatever_the_grade(joints, scale):
     for grade, wrong in (("good", 1), ("doubtful", math.nan)):
