@@ -393,6 +393,7 @@ def _floors(found: Findings, _: Step) -> None:
     from physic_core.engine.ground.floor import best_candidate, chosen_floor
     from physic_core.engine.ground.floor_and_scale import candidates_in, floor_evidence
     from physic_core.engine.photo import PhotoContent
+    from physic_core.engine.up import surest_up
 
     scene = found.scene
     engine = found.plan.engine
@@ -413,14 +414,13 @@ def _floors(found: Findings, _: Step) -> None:
     searched = engine.scene.floor != "off"
     found.floors = candidates_in(photo.scene, found.evidence, searched=searched)
     floor = chosen_floor(found.floors, best_candidate(found.floors), found.evidence).plane
+    up = surest_up(floor, photo.up, photo.slope)
     found.hints = replace(
         found.hints,
         floor=None if floor is None else floor.to_plane(),
         original=photo.photo_map,
         observations=found.observations,
-        up=photo.up.direction.numpy()
-        if photo.up is not None and photo.up.sigma < KNOWN_UP_SIGMA_DEG
-        else None,
+        up=up.direction.numpy() if floor is not None or up.sigma < KNOWN_UP_SIGMA_DEG else None,
     )
 
 

@@ -125,8 +125,8 @@ class Hints(ShortRepr):
             given if that model is a file of the user's, which no backend can load.
         photo: (H, W, 3) uint8 RGB, the original photo, if the given image is inpainted.
         observations: what the people do.
-        up: (3,) unit vector against gravity where no floor need tell it; None if only the camera's
-            axis does.
+        up: (3,) unit vector against gravity, by the surest of the floor and other evidence; None
+            without a floor if only the camera's axis tells it.
     """
 
     intrinsics: Intrinsics | None = None

@@ -86,7 +86,9 @@ def fit_people(
     skeleton = keypoints.joint_set
     camera = intrinsics.matrix
     said = hints.observations or Observations.unknown(len(people))
-    known = hints.up if hints.floor is None else hints.floor.normal
+    known = hints.up
+    if known is None and hints.floor is not None:
+        known = hints.floor.normal
     up = np.array([0.0, -1.0, 0.0]) if known is None else known
     observations = with_hidden_legs(
         observe_people(keypoints, people, intrinsics, said), skeleton, said, up

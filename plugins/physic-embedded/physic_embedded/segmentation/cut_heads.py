@@ -1,5 +1,5 @@
-"""Doubt the head of a person whom the border of the image cuts off below the head, and hips at the
-lower end of what is seen.
+"""Doubt the head of a person whom the border of the image cuts off below the head, hips at the
+lower end of what is seen, and all below a trunk that is too short for its face.
 """
 
 from __future__ import annotations
@@ -14,13 +14,17 @@ if TYPE_CHECKING:
 
 # Points of blazepose33.
 _HEAD = slice(0, 11)
+_EYES = [2, 5]
+_MOUTH = slice(9, 11)
 _SHOULDERS = slice(11, 13)
 _HIPS = slice(23, 25)
 _LEGS = slice(25, 29)  # knees and ankles
+_BELOW_TRUNK = slice(23, 33)
 
 _SEEN_LEG = 0.3  # confidence of a knee or an ankle that is seen
 _LEAST_BELOW = 0.4  # lengths of the trunk that are seen below hips whose place is known
 _DOUBTFUL = 0.2
+_SQUEEZED = 0.25  # from eyes to mouth in lengths of the trunk: more than of children
 
 
 def doubt_cut_heads(keypoints: Keypoints, masks: BoolArray) -> Keypoints:
@@ -45,15 +49,27 @@ def doubt_hidden_hips(keypoints: Keypoints, masks: BoolArray) -> Keypoints:
     """Lower the confidence of hips of people who are seen only down to the hips.
 
     BlazePose puts the hips of people whom something hides below the waist to the lower end of what
-    is seen, with full confidence. The trunk then looks short, and bends forward. Arguments as in
-    :func:`doubt_cut_heads`.
+    is seen, with full confidence. The trunk then looks short, and bends forward. Where the trunk is
+    too short for the face, the legs are squeezed too. Arguments as in :func:`doubt_cut_heads`.
     """
     confidence = keypoints.confidence.copy()
+    squeezed = face_ratios(keypoints.points) > _SQUEEZED
+    confidence[squeezed, _BELOW_TRUNK] = confidence[squeezed, _BELOW_TRUNK].clip(max=_DOUBTFUL)
     hidden = confidence[:, _LEGS].max(1, initial=0) < _SEEN_LEG
     for i in np.flatnonzero(hidden):
         if _below_hips(keypoints.points[i], masks[i]) < _LEAST_BELOW:
             confidence[i, _HIPS] = confidence[i, _HIPS].clip(max=_DOUBTFUL)
     return replace(keypoints, confidence=confidence)
+
+
+def face_ratios(points: FloatArray) -> FloatArray:
+    """Return the lengths (N,) from eyes to mouth over those of the trunk, joints (N, 33, 2) px."""
+
+    def length(first: slice | list[int], second: slice) -> FloatArray:
+        ends = points[:, first].mean(axis=1) - points[:, second].mean(axis=1)
+        return np.asarray(np.linalg.norm(ends, axis=-1))
+
+    return length(_EYES, _MOUTH) / np.maximum(length(_SHOULDERS, _HIPS), 1e-6)
 
 
 def _below_hips(points: FloatArray, mask: BoolArray) -> float:

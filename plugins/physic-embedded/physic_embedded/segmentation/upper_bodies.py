@@ -14,6 +14,7 @@ import numpy as np
 
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
 from physic_embedded.networks.pose import predict_scored_pose
+from physic_embedded.segmentation.cut_heads import face_ratios
 from physic_embedded.segmentation.hidden_people import grey_out, without_covered
 
 if TYPE_CHECKING:
@@ -96,8 +97,7 @@ def _square_from_face(pose: Pose) -> RotatedSquare:
 
 
 def _face_ratio(pose: Pose) -> float:
-    """Return the length from eyes to mouth over that of the trunk."""
-    return _face_length(pose) / max(pose.torso_length, 1e-6)
+    return float(face_ratios(pose.points[None])[0])
 
 
 def _face_length(pose: Pose) -> float:
