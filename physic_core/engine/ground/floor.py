@@ -11,7 +11,7 @@ OpenCV camera frame, any unit.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
 from typing import NamedTuple
@@ -162,17 +162,20 @@ class FloorCandidate:
     Attributes:
         plane: moved to the feet; None for no floor.
         evidence: what speaks for it -> nats: "pixels" with their labels, "gravity" and "soles".
-        beneath: whether people lie on it, if it is the floor.
     """
 
     plane: PlaneFit | None
     evidence: Mapping[str, float]
-    beneath: bool = False
 
     @property
     def log_score(self) -> float:
         """The evidence together, nats."""
         return sum(self.evidence.values())
+
+    @property
+    def beneath(self) -> bool:
+        """Whether people lie on it, if it is the floor."""
+        return self.plane is not None and self.plane.beneath
 
 
 def find_floor(
@@ -183,7 +186,7 @@ def find_floor(
     return chosen_floor(candidates, best_candidate(candidates), evidence)
 
 
-def best_candidate(candidates: tuple[FloorCandidate, ...]) -> int:
+def best_candidate(candidates: Sequence[FloorCandidate]) -> int:
     """Return the candidate with the largest score by the pixels alone."""
     return max(range(len(candidates)), key=lambda i: candidates[i].log_score)
 
@@ -256,64 +259,81 @@ def floor_candidates(
     view = inverse_depth_map(points, valid, evidence.hole)
     if view is None:
         return (FloorCandidate(None, {}),)
-    known = None if normals is None else sample_normals(select_pixels(view.valid, normals)[0])
-    shown = None if known is None else estimate_up(known)
-    up = shown.up if shown is not None and shown.confidence >= MIN_UP_CONFIDENCE else None
-    if evidence.up is not None and evidence.up.sigma < _UP_SIGMA_DEG:
-        up = evidence.up.direction.to(view.rays.device)
+    sample = None if normals is None else sample_normals(select_pixels(view.valid, normals)[0])
+    up = _up_of_floors(evidence, sample)
     pixels = _scored_pixels(view, evidence)
 
-    def score(
-        plane: Tensor, fit: PlaneFit, heights: list[tuple[float, float, float]]
-    ) -> dict[str, float]:
-        return {
+    def candidate(plane: Tensor, fit: PlaneFit, moved: PlaneFit) -> FloorCandidate:
+        nats = {
             "pixels": _pixel_score(view, plane, pixels),
-            "gravity": _gravity_score(fit, evidence, known),
-            "soles": _sole_score(heights),
+            "gravity": _gravity_score(fit, evidence, sample),
+            "soles": _sole_score(_heights_at_soles(view, plane, evidence.soles)),
         }
-
-    found = []
-    best = None
-    for plane, fit, mask in _planes(view, evidence, normals, up):
-        heights = _heights_at_soles(view, plane, evidence.soles)
-        scored = score(plane, fit, heights)
-        moved = move_to_feet(view, plane, fit, mask, evidence.feet_px)
-        moved = _through_soles(fit, heights) or moved
-        if _off_ground(view, moved, evidence) and not _off_ground(view, fit, evidence):
-            moved = fit  # those feet stand on something else
         if _off_ground(view, moved, evidence):
-            scored["ground that is seen"] = _OFF_GROUND_NATS
-        found.append(FloorCandidate(_levelled(view, moved, evidence), scored))
-        best = found[-1] if best is None or found[-1].log_score > best.log_score else best
-    feet = evidence.feet_px
-    if feet is not None and len(feet):
-        level = up
-        if level is None and best is not None and best.plane is not None:
-            level = best.plane.normal
-        at_feet = None if level is None else plane_at_feet(view, level, feet)
-        if at_feet is not None:
-            plane, fit = at_feet
-            heights = _heights_at_soles(view, plane, evidence.soles)
-            scored = score(plane, fit, heights)
-            if _off_ground(view, fit, evidence):
-                scored["ground that is seen"] = _OFF_GROUND_NATS
-            found.append(FloorCandidate(_levelled(view, fit, evidence), scored))
+            nats["ground that is seen"] = _OFF_GROUND_NATS
+        return FloorCandidate(_levelled(view, moved, evidence), nats)
+
+    found = [
+        candidate(plane, fit, _moved_to_people(view, plane, fit, mask, evidence))
+        for plane, fit, mask in _planes(view, evidence, normals, up)
+    ]
+    if up is None and found and (likeliest := found[best_candidate(found)].plane) is not None:
+        up = likeliest.normal
+    if up is not None and evidence.feet_px is not None and len(evidence.feet_px):
+        at_feet = plane_at_feet(view, up, evidence.feet_px)
+        found += [] if at_feet is None else [candidate(*at_feet, at_feet[1])]
     found.append(FloorCandidate(None, {"no pixel to explain": _NO_FLOOR_NATS}))
-    beneath = surface_beneath(view.rays, view.inverse, evidence.around)
-    if beneath is not None:
-        # All other candidates are floors of people who do not lie beneath the camera.
-        samples = average_blocks(view.rays, view.inverse, view.valid, None, view.hole)
-        shares = plane_inlier_shares(samples, beneath.plane, view.tolerance)
-        fit = plane_as_fit(view, beneath.plane, shares, "people who lie", MASK_SLACK)
-        odds = max(one.log_score for one in found) + beneath.log_odds
-        # A camera that looks down has a level horizontal axis, and the sky is not below it. A plane
-        # that it sees at a flatter angle is behind people rather than beneath them.
-        x, y, z = (math.degrees(math.asin(float(value))) for value in fit.normal.clamp(-1, 1))
-        odds += _robust(x / _ROLL_SIGMA_DEG) + _robust(max(0.0, y) / _ROLL_SIGMA_DEG)
-        odds += _up_score(fit, evidence)
-        odds -= 0.5 * ((90 + z) / _DOWN_SIGMA_DEG) ** 2
-        found.insert(0, FloorCandidate(fit, {"people who lie": odds}, beneath=True))
-    return tuple(found)
+    beneath = _candidate_beneath(view, evidence, found)
+    return tuple(found) if beneath is None else (beneath, *found)
+
+
+def _up_of_floors(evidence: FloorEvidence, normals: Tensor | None) -> Tensor | None:
+    """Return the up direction (3,) of floors by surfaces with normals (M, 3), and rather by what
+    else shows it; None if neither is sure.
+    """
+    if evidence.up is not None and evidence.up.sigma < _UP_SIGMA_DEG:
+        return evidence.up.direction
+    shown = None if normals is None else estimate_up(normals)
+    return shown.up if shown is not None and shown.confidence >= MIN_UP_CONFIDENCE else None
+
+
+def _moved_to_people(
+    view: InverseDepthMap,
+    plane: Tensor,
+    fit: PlaneFit,
+    mask: Tensor | None,
+    evidence: FloorEvidence,
+) -> PlaneFit:
+    """Return a plane moved to the ground beside soles, or else to the feet; where they stand on
+    something else than the ground that is seen, it stays.
+    """
+    moved = _through_soles(fit, _heights_at_soles(view, plane, evidence.soles))
+    moved = moved or move_to_feet(view, plane, fit, mask, evidence.feet_px)
+    off = _off_ground(view, moved, evidence) and not _off_ground(view, fit, evidence)
+    return fit if off else moved
+
+
+def _candidate_beneath(
+    view: InverseDepthMap, evidence: FloorEvidence, others: Sequence[FloorCandidate]
+) -> FloorCandidate | None:
+    """Return the plane on which people lie beneath the camera; None without evidence of it.
+
+    All other candidates are floors of people who do not lie beneath the camera.
+    """
+    plane, odds = surface_beneath(view.rays, view.inverse, evidence.around)
+    if plane is None:
+        return None
+    samples = average_blocks(view.rays, view.inverse, view.valid, None, view.hole)
+    shares = plane_inlier_shares(samples, plane, view.tolerance)
+    fit = plane_as_fit(view, plane, shares, "people who lie", MASK_SLACK)
+    odds = others[best_candidate(others)].log_score + odds
+    # A camera that looks down has a level horizontal axis, and the sky is not below it. A plane
+    # that it sees at a flatter angle is behind people rather than beneath them.
+    x, y, z = (math.degrees(math.asin(float(value))) for value in fit.normal.clamp(-1, 1))
+    odds += _robust(x / _ROLL_SIGMA_DEG) + _robust(max(0.0, y) / _ROLL_SIGMA_DEG)
+    odds += _up_score(fit, evidence)
+    odds -= 0.5 * ((90 + z) / _DOWN_SIGMA_DEG) ** 2
+    return FloorCandidate(fit, {"people who lie": odds})
 
 
 def _planes(

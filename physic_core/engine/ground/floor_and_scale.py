@@ -80,6 +80,7 @@ if TYPE_CHECKING:
         Keypoints,
         Pointmap,
     )
+    from physic_core.types.known_sizes import KnownPeople
 
 RAISED_SURFACES = ("seat", "bed", "table", "cabinet", "vehicle")
 """Surfaces that can carry a foot above the ground."""
@@ -268,46 +269,61 @@ def find_ground(
     seen = _people_seen(photo, bodies, model)
     scene = photo.scene_map
     beside = _ground_at_soles(photo) if evidence.seen_ground is not None else ()
-    planes = [
-        _on_plane(candidate, seen, _on_it(candidate, photo, beside)) for candidate in candidates
-    ]
+    planes = [_on_plane(candidate, seen, photo, beside) for candidate in candidates]
     scores = [sum(p.evidence.values()) for p in planes]
-    kinds = [(p.soles, p.camera) for p in planes]
-    shift_sigma = scene.shift_sigma if scene.unknown == "inverse_scale_shift" else None
     own = None if depth is None else depth_witness(depth, scene, photo.camera, seen.torsos)
-    anywhere = {"size": seen.torsos, "usual depth of scenes": _usual_depth(scene)}
+    kinds = {"size": seen.torsos, "usual depth of scenes": _usual_depth(scene)}
     if own is not None and depth is not None and not is_measured(depth):
-        anywhere["metric depth"] = own
-    vote = vote_on_scale([*anywhere.values()], kinds, scores, shift_sigma or 0.0)
-    best = int(np.argmax(scores if vote is None else vote.weights))
-    search = chosen_floor(candidates, best, evidence)
-    if vote is not None and not candidates[best].beneath:
-        search = _below_hidden_feet(search, seen, vote.scale.scale)
-    soles = planes[best].soles
-    sized = np.isfinite([seen.torsos.scale, *(p.soles.scale for p in planes)]).any()
-    if vote is None or not sized:
+        kinds["metric depth"] = own
+    on_planes = [(p.soles, p.camera) for p in planes]
+    shift_sigma = scene.shift_sigma if scene.unknown == "inverse_scale_shift" else None
+    vote = vote_on_scale([*kinds.values()], on_planes, scores, shift_sigma or 0.0)
+    if vote is None or not np.isfinite([seen.torsos.scale, *(p.soles.scale for p in planes)]).any():
+        best = int(np.argmax(scores if vote is None else vote.weights))
+        search = chosen_floor(candidates, best, evidence)
         scale, guess = _guessed(scene, search.plane)
         return Ground(search, evidence, scale, seen.stance, guess)
+    ground = _ground_by_vote(vote, planes, seen, kinds, evidence, photo.known)
+    return ground if depth is None or own is None else _with_depth(ground, depth, own, vote)
+
+
+def _ground_by_vote(
+    vote: ScaleVote,
+    planes: Sequence[_OnPlane],
+    seen: _Seen,
+    kinds: Mapping[str, Witnesses],
+    evidence: FloorEvidence,
+    known: KnownPeople,
+) -> Ground:
+    """Return the likeliest floor of a vote with its scale, who stands, and what speaks against
+    them; ``kinds`` are the witnesses that do not depend on the floor.
+    """
+    candidates = tuple(p.candidate for p in planes)
+    best = int(np.argmax(vote.weights))
+    soles = planes[best].soles
     stance = _stance(vote, planes, seen)
     notes = size_notes(vote, soles, seen.torsos, seen.feet & (stance.stands > _STANDS))
-    notes += rival_note(candidates, vote.weights, best)
     of_plane = {"soles": soles, "usual height of cameras": planes[best].camera}
-    ground = Ground(
-        search,
+    return Ground(
+        _below_hidden_feet(chosen_floor(candidates, best, evidence), seen, vote.scale.scale),
         evidence,
-        replace(vote.scale, notes=notes),
+        replace(vote.scale, notes=notes + rival_note(candidates, vote.weights, best)),
         stance,
         by_people=True,
-        small=too_small(vote, soles, seen.feet & (seen.stance.stands > _STANDS), photo.known),
+        small=too_small(vote, soles, seen.feet & (seen.stance.stands > _STANDS), known),
         witnesses={
             "floor": floor_witnesses(candidates, [p.evidence for p in planes], vote.weights),
-            "scale": scale_witnesses(anywhere | of_plane, vote),
+            "scale": scale_witnesses({**kinds, **of_plane}, vote),
         },
     )
-    if depth is None or own is None:
-        return ground
-    measured = measured_scale(depth, own, vote) if is_measured(depth) else None
-    rescaled = rescaled_depth(depth, own, vote, notes)
+
+
+def _with_depth(ground: Ground, depth: DepthMap, witness: Witnesses, vote: ScaleVote) -> Ground:
+    """Return the ground with a metric depth at its scale; a measured one took no part in the
+    vote.
+    """
+    measured = measured_scale(depth, witness, vote) if is_measured(depth) else None
+    rescaled = rescaled_depth(depth, witness, vote, ground.scale.notes)
     return replace(ground, by_people=measured is None, depth=rescaled, measured=measured)
 
 
@@ -402,6 +418,7 @@ class _OnPlane(NamedTuple):
     that depend on it.
     """
 
+    candidate: FloorCandidate
     evidence: Mapping[str, float]
     on: FloatArray
     by_soles: FloatArray
@@ -431,8 +448,11 @@ def _on_it(
     return on
 
 
-def _on_plane(candidate: FloorCandidate, seen: _Seen, on: FloatArray) -> _OnPlane:
+def _on_plane(
+    candidate: FloorCandidate, seen: _Seen, photo: PhotoContent, beside: Sequence[GroundAtSoles]
+) -> _OnPlane:
     """Return the evidence of feet and camera if a candidate is the floor."""
+    on = _on_it(candidate, photo, beside)
     score = dict(candidate.evidence)
     height = math.nan
     by_soles = np.full((len(seen.feet), 2), np.nan)
@@ -456,7 +476,7 @@ def _on_plane(candidate: FloorCandidate, seen: _Seen, on: FloatArray) -> _OnPlan
         lower, seen.torsos.depth, np.hypot(seen.sigma, _SOLE_SIGMA), sure, _FLOOR_SIGMA
     )
     camera = _witness(USUAL_CAMERA_HEIGHT_M / height, USUAL_CAMERA_HEIGHT_SIGMA, _CAMERA_SURE)
-    return _OnPlane(score, on, by_soles, soles, camera)
+    return _OnPlane(candidate, score, on, by_soles, soles, camera)
 
 
 def _below_hidden_feet(search: FloorSearch, seen: _Seen, scale: float) -> FloorSearch:
@@ -466,7 +486,7 @@ def _below_hidden_feet(search: FloorSearch, seen: _Seen, scale: float) -> FloorS
     The scale is metres per unit of the scene.
     """
     plane = search.plane
-    if plane is None or seen.feet.any() or not len(seen.feet):
+    if plane is None or plane.beneath or seen.feet.any() or not len(seen.feet):
         return search
     low = (seen.vertices @ plane.to_plane().normal.astype(float)).min(1) / seen.torsos.scale
     below = -float(np.nanmedian(low)) - plane.offset if np.isfinite(low).any() else 0.0

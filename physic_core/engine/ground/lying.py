@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import torch
@@ -76,19 +77,6 @@ class Background:
     depth: Tensor
 
 
-@dataclass(frozen=True)
-class SurfaceBeneath:
-    """Plane on which people may lie.
-
-    Attributes:
-        plane: (3,) inverse depth by ray.
-        log_odds: that they lie on it, against every other posture, nats.
-    """
-
-    plane: Tensor
-    log_odds: float
-
-
 def backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
     """Return the background around each person whose shoulders and ankles are seen."""
     soft, wall = (photo.labelled(*names) for names in (_SOFT, _WALL))
@@ -146,21 +134,24 @@ def _shoulders_and_ankles(keypoints: Keypoints, person: int) -> Tensor | None:
 
 def surface_beneath(
     rays: Tensor, inverse: Tensor, people: tuple[Background, ...]
-) -> SurfaceBeneath | None:
-    """Return the plane on which people lie more probably than on others; None without evidence.
+) -> tuple[Tensor | None, float]:
+    """Return the plane (3,) in inverse depth by ray on which people lie more probably than on
+    others, and the log odds that they do, nats; None without evidence.
 
     Args:
         rays: (H, W, 3) of the scene without people.
         inverse: (H, W) inverse depth, 0 where unknown.
         people: their backgrounds.
     """
-    found = []
+    best: tuple[Tensor | None, float] = None, -math.inf
     for person in people:
         plane = _plane_around(rays, inverse, person)
         if plane is not None:
             nats = sum(_person_nats(rays, inverse, other, plane) for other in people)
-            found.append(SurfaceBeneath(plane, math.log(LYING_RATE / (1 - LYING_RATE)) + nats))
-    return max(found, key=lambda one: one.log_odds, default=None)
+            best = max(
+                best, (plane, math.log(LYING_RATE / (1 - LYING_RATE)) + nats), key=itemgetter(1)
+            )
+    return best
 
 
 def _plane_around(rays: Tensor, inverse: Tensor, person: Background) -> Tensor | None:
