@@ -263,11 +263,7 @@ def run(
         print_summary(folder, record, verbose=verbose)
         _suggest_focal_length(result)
     if open_page:
-        import webbrowser
-
-        page = folder / "report.html"
-        if not webbrowser.open(page.absolute().as_uri()):
-            echo(f"no browser was found: open {page} yourself", err=True)
+        _open_in_browser(folder / "report.html")
 
 
 @contextmanager
@@ -282,6 +278,13 @@ def _tells_what_is_kept(folder: Path, *, cached: bool) -> Iterator[None]:
             else "without the cache nothing is kept"
         )
         raise KeyboardInterrupt(f"no new result in {folder}; {kept}") from error
+
+
+def _open_in_browser(page: Path) -> None:
+    import webbrowser
+
+    if not webbrowser.open(page.absolute().as_uri()):
+        echo(f"no browser was found: open {page} yourself", err=True)
 
 
 def _writes_report(wanted: bool | None, save: str, *, quiet: bool) -> bool:

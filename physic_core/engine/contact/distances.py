@@ -14,7 +14,7 @@ Camera frame, metres.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -222,10 +222,14 @@ def _finite_people(vertices: Tensor) -> list[int]:
     return finite
 
 
+_Skin: TypeAlias = tuple[int, np.ndarray]
+"""A person, and (n,) vertices."""
+
+
 def _nearest_skin(
     vertices: Tensor,
     normals: Tensor,
-    searches: Iterable[tuple[int, np.ndarray, Sequence[tuple[int, np.ndarray]]]],
+    searches: Iterable[tuple[int, np.ndarray, Sequence[_Skin]]],
     radius: float,
     rest: np.ndarray | None = None,
 ) -> SkinDistances:
@@ -243,32 +247,12 @@ def _nearest_skin(
     person = np.zeros(distance.shape, np.int64)
     vertex = np.zeros(distance.shape, np.int64)
     for j, targets, searchers in searches:
-        if not len(targets):
-            continue
-        skin = points[j, targets]
-        low = skin.min(0) - radius
-        high = skin.max(0) + radius
-        count = min(_CANDIDATES, len(targets))
-        tree = None
-        for i, candidates in searchers:
-            inside = ((points[i, candidates] > low) & (points[i, candidates] < high)).all(1)
-            ids = candidates[inside]
-            if not len(ids):
-                continue
-            tree = tree or search_tree(skin)
-            gap, index = tree.query(points[i, ids], k=count, distance_upper_bound=radius)
-            gap = gap.reshape(len(ids), count)
-            index = index.reshape(len(ids), count)
-            near = np.isfinite(gap[:, 0])
-            ids = ids[near]
-            found = np.isfinite(gap[near])
-            index = index[near]
-            nearest = targets[np.where(found, index, 0)]
-            offset = points[i, ids][:, None] - points[j, nearest]
+        for i, ids, nearest, found in _neighbours(points, (j, targets), searchers, radius):
             outward = outwards[j, nearest]
             found &= (outwards[i, ids][:, None] * outward).sum(-1) < _MAX_COSINE
             if rest is not None:
                 found &= np.linalg.norm(rest[ids][:, None] - rest[nearest], axis=-1) > _SAME_SKIN_M
+            offset = points[i, ids][:, None] - points[j, nearest]
             signed, best = _signed_distances(offset, outward, found)
             closer = np.abs(signed) < np.abs(distance[i, ids])
             chosen = ids[closer]
@@ -279,6 +263,39 @@ def _nearest_skin(
         torch.from_numpy(each).to(vertices.device) for each in (distance, person, vertex)
     )
     return SkinDistances(near.to(vertices), *others)
+
+
+def _neighbours(
+    points: np.ndarray, searched: _Skin, searchers: Iterable[_Skin], radius: float
+) -> Iterator[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield each person with vertices near the skin of another, these n vertices, the k vertices
+    (n, k) of that skin nearest to each, and which of them (n, k) bool are within the radius.
+
+    Args:
+        points: (N, V, 3) metres.
+        searched: the other person, and the vertices of the skin.
+        searchers: people, and their vertices.
+        radius: of the search, metres.
+    """
+    other, targets = searched
+    if not len(targets):
+        return
+    skin = points[other, targets]
+    low = skin.min(0) - radius
+    high = skin.max(0) + radius
+    count = min(_CANDIDATES, len(targets))
+    tree = None
+    for i, candidates in searchers:
+        inside = ((points[i, candidates] > low) & (points[i, candidates] < high)).all(1)
+        ids = candidates[inside]
+        if not len(ids):
+            continue
+        tree = tree or search_tree(skin)
+        gap, index = tree.query(points[i, ids], k=count, distance_upper_bound=radius)
+        found = np.isfinite(gap.reshape(len(ids), count))
+        nearest = targets[np.where(found, index.reshape(found.shape), 0)]
+        near = found[:, 0]
+        yield i, ids[near], nearest[near], found[near]
 
 
 def _signed_distances(

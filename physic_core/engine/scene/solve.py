@@ -69,11 +69,8 @@ def _cameras(estimates: Estimates) -> Cameras:
         pointmap = None
     if keep and metric is not None and metric.known:
         metric = None  # its depth does not depend on the camera
-    return Cameras(
-        given=torch.from_numpy(estimates.intrinsics.matrix) if keep else None,
-        metric_depth=None if metric is None else torch.from_numpy(metric.matrix),
-        pointmap=None if pointmap is None else torch.from_numpy(pointmap.matrix),
-    )
+    cameras = estimates.intrinsics if keep else None, metric, pointmap
+    return Cameras(*(None if one is None else torch.from_numpy(one.matrix) for one in cameras))
 
 
 def _trust(camera: Intrinsics) -> int:
@@ -160,25 +157,20 @@ def build_scene(
     surface, edges, outliers = method.surface(placed, known)
     search = method.search_floor(placed, known & ~outliers, surface, evidence)
     floor = search.plane
+    clean = known & ~edges & ~outliers
+    floor_points = placed.new_zeros((0, 3))
     if floor is not None:
         # A floor at a grazing angle resembles a depth edge: keep points on its plane.
-        z = placed[..., 2]
-        on_floor = (
-            known
-            & floor.inliers
-            & (height_over_plane(placed, floor.normal, floor.offset).abs() < _FLOOR_THICKNESS * z)
-        )
-        edges = edges & ~on_floor
-        outliers = outliers & ~on_floor
+        height = height_over_plane(placed, floor.normal, floor.offset)
+        on_floor = known & floor.inliers & (height.abs() < _FLOOR_THICKNESS * placed[..., 2])
+        edges &= ~on_floor
+        outliers &= ~on_floor
+        clean |= on_floor
         bare = on_floor & (surface == 0).all(-1)
         surface = torch.where(bare[..., None], floor.normal.to(surface), surface)
-    clean = known & ~edges & ~outliers
-    if floor is None:
-        floor_points = placed.new_zeros((0, 3))
-    else:
         feet = _intersect_feet(floor, evidence.feet_px, camera, method.far_m)
-        all_points, clean_points = (select_pixels(pixels, placed)[0] for pixels in (known, clean))
-        floor_points = method.sample_floor(floor, all_points, clean_points, feet)
+        points, clean_points = (select_pixels(pixels, placed)[0] for pixels in (known, clean))
+        floor_points = method.sample_floor(floor, points, clean_points, feet)
     return SceneState(
         points=placed,
         normals=surface,

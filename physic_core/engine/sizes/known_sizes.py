@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import torch
@@ -24,31 +24,14 @@ if TYPE_CHECKING:
 _NEIGHBOURS = 4  # vertices that give the depth of a body at a pixel
 _FACING_DEG = 89.0
 
-
-@dataclass(frozen=True)
-class BodyPoint:
-    """Point of a body at a pixel: on its ray, at the weighted mean depth of the nearest visible
-    vertices.
-
-    Attributes:
-        ids: (k,) int64.
-        weight: (k,), sums to 1.
-        ray: (3,) with z = 1.
-    """
-
-    ids: Tensor
-    weight: Tensor
-    ray: Tensor
-
-    def __call__(self, vertices: Tensor) -> Tensor:
-        """Return the point (3,) on a body with vertices (V, 3); differentiable."""
-        point: Tensor = self.ray * (vertices[self.ids, 2] @ self.weight)
-        return point
+BodyPoint: TypeAlias = Callable[[Tensor], Tensor]
+"""Point (3,) of a body at a pixel, on its ray, by the vertices (V, 3) of the body; differentiable.
+"""
 
 
-def vertices_at_ray(vertices: Tensor, normals: Tensor, ray: Tensor, K: Tensor) -> BodyPoint:
+def point_at_ray(vertices: Tensor, normals: Tensor, ray: Tensor, K: Tensor) -> BodyPoint:
     """Choose the vertices of a body (V, 3) with normals (V, 3) that give its depth at a pixel's ray
-    (3,).
+    (3,) with z = 1: its point there is at the weighted mean depth of the nearest visible ones.
     """
     seen = facing_camera(normals, vertices, _FACING_DEG)
     seen = seen if bool(seen.any()) else torch.ones_like(seen)
@@ -58,7 +41,8 @@ def vertices_at_ray(vertices: Tensor, normals: Tensor, ray: Tensor, K: Tensor) -
     # A vertex of a limb behind can project between those of the limb in front.
     front = vertices[ids, 2] < vertices[ids, 2].amin() + 0.1
     weight = front / (nearest + 0.25)
-    return BodyPoint(ids, weight / weight.sum(), ray)
+    weight = weight / weight.sum()
+    return lambda body: ray * (body[ids, 2] @ weight)
 
 
 def size_by_scene(
@@ -149,7 +133,7 @@ class KnownDistances(ShortRepr):
         """
         return [
             tuple(
-                vertices_at_ray(vertices[person], normals[person], ray, K) if person >= 0 else None
+                point_at_ray(vertices[person], normals[person], ray, K) if person >= 0 else None
                 for person, ray in zip(people, rays, strict=True)
             )
             for people, rays in zip(self.person.tolist(), self.rays, strict=True)
@@ -265,47 +249,49 @@ def _known_geometry(
     known: KnownSizes, stature: Sequence[float], masks: Tensor, scene: SceneState
 ) -> KnownGeometry:
     """Find the scene points and people at the pixels of known lengths."""
-    masks, height, width = masks.cpu(), *scene.valid.shape
-    area = masks.flatten(1).sum(1)
-    inverse = torch.linalg.inv(scene.K.double().cpu())
-    nothing = torch.full((3,), torch.nan, dtype=torch.float64)
-    person = [torch.zeros(0, 2)]
-    at = [nothing.expand(0, 2, -1)]
-    rays = [nothing.expand(0, 2, -1)]
-    used = []
-    unused = []
+    masks = masks.cpu()
+    used = {}
     for i, length in enumerate(known.lengths):
-        pixels = torch.tensor([length.start, length.end], dtype=torch.float64)
-        people = []
-        points = []
-        for x, y in pixels.round().long().tolist():
-            inside = 0 <= x < width and 0 <= y < height
-            shown = masks[:, y, x].nonzero().flatten().tolist() if inside else []
-            people.append(min(shown, key=lambda p: int(area[p])) if shown else -1)
-            points.append(None if shown or not inside else _scene_point(scene, x, y))
-        if any(person < 0 and point is None for person, point in zip(people, points, strict=True)):
-            unused.append(i)
-            continue
-        person.append(torch.tensor([people]))
-        at.append(torch.stack([nothing if p is None else p for p in points])[None])
-        rays.append(
-            (torch.cat([pixels, torch.ones(2, 1, dtype=torch.float64)], 1) @ inverse.T)[None]
-        )
-        used.append(i)
-    metres = torch.tensor([known.lengths[i].metres for i in used], dtype=torch.float64)
-    index = torch.tensor(used, dtype=torch.int64)
+        start, end = (_end_at(pixel, masks, scene) for pixel in (length.start, length.end))
+        if start is not None and end is not None:
+            used[i] = start, end
+    lengths = [known.lengths[i] for i in used]
+    ends = [end for both in used.values() for end in both]
+    pixels = torch.tensor([(n.start, n.end) for n in lengths], dtype=torch.float64).view(-1, 2, 2)
+    homogeneous = torch.cat([pixels, torch.ones_like(pixels[..., :1])], -1)
     distances = KnownDistances(
-        metres, torch.cat(person).long(), torch.cat(at), torch.cat(rays), index
+        metres=torch.tensor([n.metres for n in lengths], dtype=torch.float64),
+        person=torch.tensor([person for person, _ in ends], dtype=torch.int64).view(-1, 2),
+        points=torch.tensor([point for _, point in ends], dtype=torch.float64).view(-1, 2, 3),
+        rays=homogeneous @ torch.linalg.inv(scene.K.double().cpu()).T,
+        index=torch.tensor([*used], dtype=torch.int64),
     )
     return KnownGeometry(
         torch.tensor(list(stature), dtype=torch.float64),
         known.camera_height,
         distances,
-        tuple(unused),
+        tuple(i for i in range(len(known.lengths)) if i not in used),
     )
 
 
-def _scene_point(scene: SceneState, x: int, y: int) -> Tensor | None:
+def _end_at(
+    pixel: Sequence[float], masks: Tensor, scene: SceneState
+) -> tuple[int, list[float]] | None:
+    """Return the person at a pixel and NaN (3,), or -1 and the point (3,) of the scene; None if
+    neither is there.
+    """
+    x, y = (round(value) for value in pixel)
+    height, width = scene.valid.shape
+    if not (0 <= x < width and 0 <= y < height):
+        return None
+    shown = masks[:, y, x].nonzero().flatten().tolist()
+    if shown:
+        return min(shown, key=lambda p: int(masks[p].sum())), [math.nan] * 3
+    point = _scene_point(scene, x, y)
+    return None if point is None else (-1, point)
+
+
+def _scene_point(scene: SceneState, x: int, y: int) -> list[float] | None:
     """Return the valid scene point (3,) nearest to a pixel, moved onto its ray; None if there is
     none nearby.
     """
@@ -316,8 +302,8 @@ def _scene_point(scene: SceneState, x: int, y: int) -> Tensor | None:
     if not len(rows):
         return None
     nearest = int(((rows + top - y).square() + (columns + left - x).square()).argmin())
-    point: Tensor = scene.points[int(rows[nearest]) + top, int(columns[nearest]) + left]
-    return point.detach().cpu().double()
+    point: list[float] = scene.points[rows[nearest] + top, columns[nearest] + left].tolist()
+    return point
 
 
 def scale_scene(

@@ -110,11 +110,7 @@ def vote_on_scale(
         shift_sigma: standard deviation of the shift of inverse depth, 1 / unit; 0 if it is known.
     """
     everyone = [w for kind in (kinds, *on_planes) for w in kind]
-    depths = (
-        np.concatenate([w.depth[np.isfinite(w.scale)] for w in everyone])
-        if everyone
-        else np.zeros(0)
-    )
+    depths = np.concatenate([np.zeros(0), *(w.depth[np.isfinite(w.scale)] for w in everyone)])
     if not len(depths):
         return None
     depths = depths[np.isfinite(depths)]
@@ -133,6 +129,13 @@ def vote_on_scale(
             for prior, plane in zip(log_prior, on_planes, strict=True)
         ]
     )
+    return _vote_of_density(log_density, shifts, reference)
+
+
+def _vote_of_density(log_density: FloatArray, shifts: FloatArray, reference: float) -> ScaleVote:
+    """Return the means of a density (P, T, S) of candidates for the floor, shifts (T,) and the grid
+    of log scales of a person at the reference depth.
+    """
     density = np.exp(log_density - log_density.max())
     density /= density.sum()
     of_log = density.sum((0, 1))
