@@ -326,16 +326,17 @@ def part_gaps(distance: Tensor, group: Tensor) -> Tensor:
         distance: (N, V) signed, metres; inf where nothing is near.
         group: (N, V) int64; vertices of one person and group share their errors.
     """
-    values, groups = exact_arrays(distance, group)
-    gaps = np.full(values.shape, np.inf)
-    for own, number, gap in zip(values, groups, gaps, strict=True):
-        known = np.flatnonzero(np.isfinite(own))
-        order = known[np.lexsort((own[known], number[known]))]
-        _, first, inverse, count = np.unique(
-            number[order], return_index=True, return_inverse=True, return_counts=True
+    gaps = torch.full_like(distance, torch.inf)
+    for own, number, gap in zip(distance.detach(), group, gaps, strict=True):
+        order = torch.isfinite(own).nonzero()[:, 0]
+        order = order[own[order].argsort(stable=True)]
+        order = order[number[order].argsort(stable=True)]
+        _, inverse, count = number[order].unique_consecutive(
+            return_inverse=True, return_counts=True
         )
-        gap[order] = own[order][first + np.minimum(count, _GAP_VERTICES) - 1][inverse]
-    return torch.from_numpy(gaps).to(distance)
+        fifth = count.cumsum(0) - count + count.clamp(max=_GAP_VERTICES) - 1
+        gap[order] = own[order][fifth[inverse]]
+    return gaps
 
 
 def _parts(model: BodyModel, *endings: str) -> Tensor:
