@@ -117,21 +117,9 @@ class Comparison:
     people: tuple[PersonPair, ...]
 
 
-@dataclass(frozen=True)
-class PairedFolders:
-    """Folders of the results in two folders A and B, paired by photo.
-
-    Attributes:
-        both: (result in A, result in B) of each photo that both folders hold.
-        only: (results only in A, results only in B).
-    """
-
-    both: tuple[tuple[Path, Path], ...]
-    only: tuple[tuple[Path, ...], tuple[Path, ...]]
-
-
-def pair_results(a: Path, b: Path) -> PairedFolders:
-    """Find the results of the same photos, by the digests of the photos.
+def pair_results(a: Path, b: Path) -> tuple[list[tuple[Path, Path]], tuple[list[Path], list[Path]]]:
+    """Return the pairs of results of one photo in A and B, by the digests of the photos, and the
+    results only in A and only in B.
 
     Two results of one photo each are one pair.
 
@@ -143,14 +131,12 @@ def pair_results(a: Path, b: Path) -> PairedFolders:
         InputError: a folder has no result.
     """
     if is_result(a) and is_result(b):
-        return PairedFolders(((a, b),), ((), ()))
-    found = _by_photo(a), _by_photo(b)
-    both = tuple((folder, found[1][key]) for key, folder in found[0].items() if key in found[1])
-    only = [
-        tuple(folder for key, folder in one.items() if key not in other)
-        for one, other in (found, found[::-1])
-    ]
-    return PairedFolders(both, (only[0], only[1]))
+        return [(a, b)], ([], [])
+    in_a, in_b = _by_photo(a), _by_photo(b)
+    both = [(folder, in_b[key]) for key, folder in in_a.items() if key in in_b]
+    only_a = [folder for key, folder in in_a.items() if key not in in_b]
+    only_b = [folder for key, folder in in_b.items() if key not in in_a]
+    return both, (only_a, only_b)
 
 
 def compare_results(a: Reconstruction, b: Reconstruction, name: str = "") -> Comparison:

@@ -127,9 +127,9 @@ def test_a_grade_has_changed_only_beyond_the_noise_of_the_probability(result, tr
 def test_photos_of_folders_are_paired_by_their_digests(result, tmp_path):
     for place, photo in {"a/1": "x", "a/2": "y", "b/one": "y", "b/two": "z"}.items():
         save_reconstruction(replace(result, photo=f"sha256:{photo}"), tmp_path / place, "numbers")
-    paired = pair_results(tmp_path / "a", tmp_path / "b")
-    assert paired.both == ((tmp_path / "a/2", tmp_path / "b/one"),)
-    assert paired.only == ((tmp_path / "a/1",), (tmp_path / "b/two",))
+    both, only = pair_results(tmp_path / "a", tmp_path / "b")
+    assert both == [(tmp_path / "a/2", tmp_path / "b/one")]
+    assert only == ([tmp_path / "a/1"], [tmp_path / "b/two"])
 
 
 @pytest.fixture

@@ -61,12 +61,12 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
 
     if page is not None:
         check_own(page)
-    paired = pair_results(a, b)
+    both, only = pair_results(a, b)
     photos = []
     pictures = []
     links = []
     failures = []
-    for pair in paired.both:
+    for pair in both:
         try:
             results = [load_reconstruction(folder) for folder in pair]
             photos.append(compare_results(results[0], results[1], pair[0].resolve().name))
@@ -83,14 +83,14 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
         ("A", [str(a)]),
         ("B", [str(b)]),
         ("changed", changed_lines(photos)),
-        ("all photos", summary_lines(photos, paired.only)),
+        ("all photos", summary_lines(photos, only)),
     ]
     if as_json:
-        only = {
+        alone = {
             f"only_{name}": list(map(str, folders))
-            for name, folders in zip("ab", paired.only, strict=True)
+            for name, folders in zip("ab", only, strict=True)
         }
-        echo_json({"a": str(a), "b": str(b), "photos": split(photos, {}), **only})
+        echo_json({"a": str(a), "b": str(b), "photos": split(photos, {}), **alone})
     else:
         _print_comparison(photos, about)
     if page is not None:

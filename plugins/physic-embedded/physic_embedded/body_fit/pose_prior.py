@@ -7,12 +7,12 @@ about +x, the left elbow about -y and the right one about +y.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from physic_core.body import JOINT_INDEX, JOINT_NAMES
+from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -43,21 +43,6 @@ _ARM_DOWN = 0.9
 _KNEE_BENT = 0.2
 _ELBOW_BENT = 0.3
 _FINGER_CURL = 0.25
-
-
-@dataclass(frozen=True)
-class HingeJoint:
-    """Joint that bends about one axis in one direction.
-
-    Attributes:
-        row: index among joints 1 to 21.
-        axis: 0, 1 or 2.
-        sign: of the angle when it bends as it should.
-    """
-
-    row: int
-    axis: int
-    sign: float
 
 
 def _side(name: str) -> float:
@@ -102,13 +87,12 @@ def pose_prior(*, tight: bool = False) -> tuple[FloatArray, FloatArray]:
     return mean, sigma
 
 
-def hinge_joints() -> tuple[HingeJoint, ...]:
-    """Return the hinge joints: knees and elbows."""
-    knees = [HingeJoint(JOINT_INDEX[f"{side}_knee"] - 1, 0, 1.0) for side in ("left", "right")]
-    elbows = [
-        HingeJoint(JOINT_INDEX[f"{side}_elbow"] - 1, 1, -_side(f"{side}_"))
-        for side in ("left", "right")
-    ]
+def hinge_joints() -> tuple[tuple[int, int, float], ...]:
+    """Return, for each joint that bends about one axis in one direction (knees and elbows), its
+    index among joints 1 to 21, the axis, and the sign of the angle when it bends as it should.
+    """
+    knees = [(JOINT_INDEX[f"{side}_knee"] - 1, 0, 1.0) for side in SIDES]
+    elbows = [(JOINT_INDEX[f"{side}_elbow"] - 1, 1, -_side(f"{side}_")) for side in SIDES]
     return (*knees, *elbows)
 
 

@@ -329,8 +329,8 @@ class FitProblem:
         yield _SHAPE_WEIGHT * shape.square().sum(1)
         yield (shape @ self.stature / _STATURE_SIGMA_M).square()
         yield unknowns[:, -3:].square().sum(1)
-        for hinge in hinge_joints():
-            bend = hinge.sign * body.pose[:, hinge.row, hinge.axis]
+        for row, axis, sign in hinge_joints():
+            bend = sign * body.pose[:, row, axis]
             yield (_HINGE_WEIGHT * torch.relu(-bend)).square()
             yield (_HINGE_WEIGHT * torch.relu(bend - MAX_HINGE_ANGLE)).square()
 
