@@ -154,68 +154,101 @@ def open_session(
 
     threads = threads or _own_cores()
     chosen, settings = select_provider(provider, device, ort.get_available_providers())
-    # The CPU runs the few operators that another provider does not implement.
-    providers = settings if chosen.name == "CPU" else [*settings, "CPUExecutionProvider"]
     _register_shared_arena()
-
-    def create(content: bytes | str, options: SessionOptions) -> InferenceSession:
-        return ort.InferenceSession(
-            content, options, providers=providers, disabled_optimizers=list(without)
-        )
-
-    # onnxruntime reads ``contents`` while it creates the session: they must live until then.
-    def create_compared(options: SessionOptions) -> InferenceSession:
-        contents = {
-            name: _read_compared(path.with_name(name), sha256, broken)
-            for name, sha256 in published.items()
-        }
-        graph = contents.pop(path.name)
-        options.add_external_initializers_from_files_in_memory(
-            list(contents), list(contents.values()), list(map(len, contents.values()))
-        )
-        return create(graph, options)
-
-    def optimise(graph: Path, weights: str) -> InferenceSession:
-        options = _session_options(threads, chosen)
-        _keep_optimised(options, graph, weights)
-        return create_compared(options)
-
-    def open_kept(kept: KeptGraph) -> InferenceSession | None:
-        if (content := kept.read()) is None:
-            return None
-        options = _session_options(threads, chosen)
-        _use_optimised(options, kept.kept.path)
-        try:
-            return create(content, options)
-        except Exception:  # onnxruntime's own exceptions share no public base class
-            kept.delete()
-            return None
-
-    session = None
-    kept = (
-        KeptGraph.of(path.stem, " ".join(published.values()))
-        if published and chosen.name == "CPU"
-        else None
-    )
-    if kept is not None and (session := open_kept(kept)) is None:
-        session = kept.write(optimise)
-        # The kept weights are mapped into memory, those of the session that wrote them are copies.
-        session = (session and open_kept(kept)) or session
-    if session is None:
-        options = _session_options(threads, chosen)
-        try:
-            session = create_compared(options) if published else create(str(path), options)
-        except BackendError:
-            raise
-        except Exception as cause:
-            raise BackendError(
-                f"onnxruntime cannot open {path} with {chosen.name}: {cause}. {broken}"
-            ) from cause
+    file = _OnnxFile(path, published, chosen, settings, threads, without, broken)
+    session = file.open_optimised() or file.open()
     _require_provider(session, chosen, path)
     runtime = f"{chosen.name}, onnxruntime {ort.__version__}"
     _LOG.info("%s runs on %s", path.name, runtime)
     made_of = " ".join((*published.values(), runtime, f"{threads} threads")) if published else ""
     return OnnxSession(session, chosen, path.stem, made_of)
+
+
+@dataclass(frozen=True)
+class _OnnxFile:
+    """An ONNX file, and how to open it: see :func:`open_session`."""
+
+    path: Path
+    published: Mapping[str, str]
+    provider: ExecutionProvider
+    settings: list[str | tuple[str, dict[str, str]]]
+    threads: int
+    without: Sequence[str]
+    broken: str
+
+    def open_optimised(self) -> InferenceSession | None:
+        """Open the graph that onnxruntime optimised for the CPU from the cache, where it is written
+        if it is not there; None if there is none.
+        """
+        if not self.published or self.provider.name != "CPU":
+            return None
+        kept = KeptGraph.of(self.path.stem, " ".join(self.published.values()))
+        if kept is None:
+            return None
+        if (session := self._open_kept(kept)) is not None:
+            return session
+        session = kept.write(self._optimise)
+        # The kept weights are mapped into memory, those of the session that wrote them are copies.
+        return (session and self._open_kept(kept)) or session
+
+    def open(self) -> InferenceSession:
+        """Open the file itself.
+
+        Raises:
+            BackendError: a file is broken, missing, or has another SHA-256.
+        """
+        options = _session_options(self.threads, self.provider)
+        try:
+            if self.published:
+                return self._create_compared(options)
+            return self._create(str(self.path), options)
+        except BackendError:
+            raise
+        except Exception as cause:
+            raise BackendError(
+                f"onnxruntime cannot open {self.path} with {self.provider.name}: {cause}. "
+                f"{self.broken}"
+            ) from cause
+
+    def _create(self, content: bytes | str, options: SessionOptions) -> InferenceSession:
+        import onnxruntime as ort
+
+        # The CPU runs the few operators that another provider does not implement.
+        cpu = [] if self.provider.name == "CPU" else ["CPUExecutionProvider"]
+        return ort.InferenceSession(
+            content,
+            options,
+            providers=[*self.settings, *cpu],
+            disabled_optimizers=list(self.without),
+        )
+
+    # onnxruntime reads ``contents`` while it creates the session: they must live until then.
+    def _create_compared(self, options: SessionOptions) -> InferenceSession:
+        contents = {
+            name: _read_compared(self.path.with_name(name), sha256, self.broken)
+            for name, sha256 in self.published.items()
+        }
+        graph = contents.pop(self.path.name)
+        options.add_external_initializers_from_files_in_memory(
+            list(contents), list(contents.values()), list(map(len, contents.values()))
+        )
+        return self._create(graph, options)
+
+    def _optimise(self, graph: Path, weights: str) -> InferenceSession:
+        options = _session_options(self.threads, self.provider)
+        _keep_optimised(options, graph, weights)
+        return self._create_compared(options)
+
+    def _open_kept(self, kept: KeptGraph) -> InferenceSession | None:
+        if (content := kept.read()) is None:
+            return None
+        options = _session_options(self.threads, self.provider)
+        _use_optimised(options, kept.kept.path)
+        try:
+            return self._create(content, options)
+        except Exception:  # onnxruntime's own exceptions share no public base class
+            kept.delete()
+            return None
 
 
 def _own_cores() -> int:
