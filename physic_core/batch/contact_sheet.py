@@ -8,7 +8,7 @@ import base64
 import io
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,6 +25,12 @@ if TYPE_CHECKING:
 
 _MAX_PHOTOS = 5000
 """Most photos of one page, which then has about 60 MB."""
+
+_SHOWN = (
+    *("id", "path", "state", "error", "message", "grade", "trust", "people", "checks_failed"),
+    *("save", "folder"),
+)
+"""Columns of a photo's row that its card needs."""
 
 _FILE = "contact-sheet.html"
 _MARK = "<title>PhySIC contact sheet</title>"
@@ -61,25 +67,30 @@ def write_contact_sheet(
         index = JournalIndex(journals)
     if index is not None:
         ids = index.ids()
-        shown = [row for row in index.rows(ids[:_MAX_PHOTOS], whole=False) if row is not None]
+        rows = [
+            {name: row[name] for name in _SHOWN if name in row}
+            for row in filter(None, index.rows(ids[:_MAX_PHOTOS], whole=False))
+        ]
         hidden = len(ids[_MAX_PHOTOS:])
-        above = _common_folder([str(row.get("path", "")) for row in shown])
-        cards = [_photo_card(out, row, above) for row in shown]
+        above = _common_folder([str(row.get("path", "")) for row in rows])
+        cards = [_photo_card(out, row, above) for row in rows]
     else:
         cards = [_result_card(check_writable(out), result) for result in results[:_MAX_PHOTOS]]
         hidden = max(0, len(results) - _MAX_PHOTOS)
-    page = contact_sheet(cards, hidden)
-    with atomic_write(out) as temporary:
-        temporary(_FILE).write_text(page, encoding="utf-8")
+    with (
+        atomic_write(out) as temporary,
+        temporary(_FILE).open("w", encoding="utf-8") as file,
+    ):
+        file.writelines(contact_sheet(cards, hidden))
     return out / _FILE
 
 
-def contact_sheet(cards: Sequence[Mapping[str, Any]], hidden: int = 0) -> str:
-    """Return the page.
+def contact_sheet(cards: Sequence[Mapping[str, Any]], hidden: int = 0) -> Iterator[str]:
+    """Yield the parts of the page.
 
     Args:
         cards: of photos: name (its id), title, link, lacks_page (whether its page can still be
-            written), thumbnail (base64 JPEG), state, error, message,
+            written), thumbnail (base64 JPEG, or its file), state, error, message,
             grade, trust, people, checks.
         hidden: number of photos that are not on the page; the page states it.
     """
@@ -92,7 +103,15 @@ def contact_sheet(cards: Sequence[Mapping[str, Any]], hidden: int = 0) -> str:
             "and links it."
         )
     labels = {spec.name: spec.label for spec in CHECKS.values()}
-    return fill_page("contact_sheet.html", NOTES=notes, LABELS=labels, DATA=list(cards))
+    page = fill_page("contact_sheet.html", NOTES=notes, LABELS=labels)
+    before, _, after = page.partition("@DATA@")
+    yield f"{before}["
+    for number, card in enumerate(cards):
+        thumbnail = card["thumbnail"]
+        if isinstance(thumbnail, Path):
+            card = {**card, "thumbnail": base64.b64encode(thumbnail.read_bytes()).decode()}
+        yield f"{', ' if number else ''}{_in_script(card)}"
+    yield f"]{after}"
 
 
 def fill_page(name: str, **data: Any) -> str:
@@ -105,11 +124,13 @@ def fill_page(name: str, **data: Any) -> str:
     page = (package / name).read_text(encoding="utf-8").replace("@MARK@", MARK)
     page = page.replace("@STYLE@", (package / "page.css").read_text(encoding="utf-8"))
     for key, value in data.items():
-        # "<" could end the script element.
-        page = page.replace(
-            f"@{key}@", json.dumps(value, ensure_ascii=True).replace("<", "\\u003c")
-        )
+        page = page.replace(f"@{key}@", _in_script(value))
     return page
+
+
+def _in_script(value: Any) -> str:
+    """Return JSON without "<", which could end the script element."""
+    return json.dumps(value, ensure_ascii=True).replace("<", "\\u003c")
 
 
 def find_results(folder: Path) -> list[Path]:
@@ -163,9 +184,7 @@ def _photo_card(out: Path, row: Mapping[str, Any], above: str) -> dict[str, Any]
         "lacks_page": done
         and row.get("save") in ("pictures", "numbers")
         and not link.endswith(REPORT_FILE),
-        "thumbnail": base64.b64encode(thumbnail.read_bytes()).decode()
-        if done and thumbnail.is_file()
-        else "",
+        "thumbnail": thumbnail if done and thumbnail.is_file() else "",
         "state": row["state"],
         "error": row.get("error", ""),
         "message": message.removeprefix(f"{title}: "),

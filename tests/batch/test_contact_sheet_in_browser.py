@@ -35,7 +35,7 @@ def page(chromium, tmp_path_factory):
     cards = [card(number, grade) for number, grade in enumerate(GRADES)]
     cards[1]["checks"] = ["limb_keypoints"]
     cards[2]["people"] = 0
-    path.write_text(contact_sheet(cards, 3), encoding="utf-8")
+    path.write_text("".join(contact_sheet(cards, 3)), encoding="utf-8")
     page = chromium.open(path.as_uri(), 960, 480)
     page.wait("document.getElementById('count').textContent")
     yield page
