@@ -278,6 +278,9 @@ PITCH_SIGMA = math.radians(1.5)
 degrees.
 """
 
+FOCAL_PITCH_DEG = 23.0
+"""Error of that pitch by the logarithmic error of the focal length: 6 degrees of a default one."""
+
 _TOLERANCE = 0.02  # largest error of an inlier, as a share of the range of inverse depth
 _LEAST_RISE = 0.05  # least increase of inverse depth from top to bottom, as a share of its range
 _REANCHOR_RANGE = (0.5, 2.0)

@@ -25,6 +25,7 @@ from physic_core.body.posture import LYING_DEG, standing_legs, trunk_tilt_deg
 from physic_core.engine.ground.lying import LYING_RATE, Background, surface_beneath
 from physic_core.engine.up import Up, angle_deg, level_plane
 from physic_core.geometry.floor import (
+    FOCAL_PITCH_DEG,
     HOLE_WEIGHT,
     LOWER_SHARE,
     MASK_SLACK,
@@ -89,9 +90,6 @@ _PITCH_DEG = 6.0  # median, down
 _PITCH_SIGMA_DEG = 9.0
 # Least cosine between up and the normal of a horizontal pixel.
 _LEVEL_COSINE = math.cos(math.radians(25.0))
-
-# Error of the pitch by the log error of the focal length: 6 degrees of a default one.
-_FOCAL_PITCH_DEG = 23.0
 
 
 class GroundAtSoles(NamedTuple):
@@ -217,7 +215,7 @@ def chosen_floor(
 
 def _plane_sigma(plane: PlaneFit, evidence: FloorEvidence) -> float:
     """Return the error of the camera's pitch over a plane by its pixels, radians."""
-    by_focal = math.radians(_FOCAL_PITCH_DEG) * evidence.focal_sigma
+    by_focal = math.radians(FOCAL_PITCH_DEG) * evidence.focal_sigma
     # A shift of inverse depth is added to the last component of normal over offset.
     by_shift = evidence.shift_sigma * plane.offset * math.sqrt(1 - float(plane.normal[2]) ** 2)
     return math.hypot(PITCH_SIGMA, by_focal, by_shift)

@@ -294,6 +294,7 @@ def _disparity_at_infinity(
         fit_disparity_floor(raw, hole, ground),
         focal,
         pitch=None if up is None else up.pitch,
+        focal_sigma=0.0 if camera.known else camera.focal_sigma or 0.0,
         walls=None if walls is None else wall_planes(raw, walls, focal),
         bodies=body_planes(hints.keypoints, (camera.cx, camera.cy), camera.fx),
         frame=frame,

@@ -113,6 +113,16 @@ def test_the_disparity_of_infinity_of_a_room_comes_back_from_its_gravity(ahead):
     assert not found.sky
 
 
+def test_a_pitch_tells_less_of_infinity_if_the_focal_length_is_a_guess():
+    disparity, _ = disparity_of(inverse_depth_of_a_room(turned("yx", 8, 6), 6.0).max(0))
+    floor = fit_disparity_floor(disparity)
+    known, guessed = (
+        disparity_at_infinity(disparity, floor, FOCAL, pitch=(6.0, 1.0), focal_sigma=sigma)
+        for sigma in (0.0, 0.25)
+    )
+    assert guessed.sigma > 1.5 * known.sigma
+
+
 @pytest.mark.parametrize(("pitch", "roll"), [(10, 0), (30, -20), (45, 10)])
 def test_walls_upright_on_the_floor_settle_the_disparity_of_infinity(pitch, roll):
     turn = turned("yxz", 25, pitch, roll)

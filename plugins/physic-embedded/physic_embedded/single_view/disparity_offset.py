@@ -8,6 +8,7 @@ The prior is whether the farthest pixels are practically at infinity, as outdoor
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -58,6 +59,7 @@ def disparity_at_infinity(
     focal_px: float,
     *,
     pitch: tuple[float, float] | None = None,
+    focal_sigma: float = 0.0,
     walls: FloatArray | None = None,
     bodies: FloatArray | None = None,
     frame: tuple[FloatArray, float] | None = None,
@@ -95,6 +97,10 @@ def disparity_at_infinity(
     sky = outdoors * (1 - (1 - _FLAT) * trust)
     cost = _prior_cost(gaps, sky, max(farthest, 0.0) / span) + level
     if floor is not None and floor.inlier_share > _FLOOR_SHARE:
+        if pitch is not None:
+            from physic_core.geometry.floor import FOCAL_PITCH_DEG
+
+            pitch = pitch[0], math.hypot(pitch[1], FOCAL_PITCH_DEG * focal_sigma)
         cost = cost + _floor_cost(floor, candidates, focal, pitch=pitch, walls=walls, bodies=bodies)
     if frame is not None and surfaces is not None and len(surfaces):
         axes, trust = frame
