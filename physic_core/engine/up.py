@@ -74,7 +74,7 @@ def with_up_of_file(pointmap: Pointmap, stated: FloatArray | None) -> tuple[Poin
         return pointmap, ""
     gimbal = Up(torch.from_numpy(stated), GIMBAL_SIGMA_DEG, "the gimbal")
     seen = up_of_pointmap(pointmap)
-    both = gimbal if seen is None else fused_up(_surest_first([gimbal, seen]))
+    both = gimbal if seen is None else fused_up([gimbal, seen])
     warning = ""
     if seen is not None and apart(gimbal, seen) > DISAGREE:
         off = angle_deg(gimbal.direction, seen.direction)
@@ -98,29 +98,24 @@ def slope_sigma(labels: SurfaceLabels | None) -> float:
 def surest_up(floor: PlaneFit | None, up: Up | None, slope: float) -> Up:
     """Return the surest of a floor after :func:`level_plane`, up without it, and the camera.
 
-    An up that is too unsure to turn a floor is averaged with it, the less the farther it is off.
+    An up that is too unsure to turn a floor does not replace it: steep views look level.
     """
-    witnesses = [camera_axis()] if up is None else [up, camera_axis()]
+    sure = up is not None and up.sigma < _LEAST_SURE_DEG
+    witnesses = [camera_axis()]
+    if up is not None and (sure or floor is None):
+        witnesses.append(up)
     if floor is not None:
-        unsure = up is not None and up.sigma >= _LEAST_SURE_DEG
-        sigma = floor.plane_sigma if unsure else floor.pitch_sigma
-        own = Up(floor.normal.double(), math.hypot(math.degrees(sigma), slope), "the floor")
-        if up is not None and unsure:
-            return fused_up([own, up])
-        witnesses.append(own)
-    return _surest_first(witnesses)[0]
-
-
-def _surest_first(witnesses: Sequence[Up]) -> list[Up]:
-    return sorted(witnesses, key=lambda one: one.sigma)
+        sigma = math.degrees(floor.pitch_sigma if sure else floor.plane_sigma)
+        witnesses.append(Up(floor.normal.double(), math.hypot(sigma, slope), "the floor"))
+    return min(witnesses, key=lambda one: one.sigma)
 
 
 def fused_up(witnesses: Sequence[Up]) -> Up:
     """Return the mean of witnesses by their precisions.
 
-    The farther a witness is from the first one, the less it counts: one of them may be wrong.
+    The farther a witness is from the surest one, the less it counts: one of them may be wrong.
     """
-    first = witnesses[0]
+    first = min(witnesses, key=lambda one: one.sigma)
     precision = torch.tensor([1 / one.sigma**2 / (1 + apart(first, one) ** 2) for one in witnesses])
     total = precision.double() @ torch.stack([one.direction for one in witnesses])
     direction = torch.nn.functional.normalize(total, dim=0)
@@ -155,7 +150,7 @@ def level_plane(plane: PlaneFit, up: Up | None, slope: float, ray: Tensor) -> Pl
         return replace(plane, pitch_sigma=math.radians(off))
     if up.sigma >= _LEAST_SURE_DEG:
         return plane
-    both = fused_up(_surest_first([own, level]))
+    both = fused_up([own, level])
     sigma = math.radians(both.sigma)
     normal = both.direction.to(plane.normal)
     at = ray.to(plane.normal)

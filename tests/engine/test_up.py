@@ -107,14 +107,9 @@ def test_the_surest_witness_tells_up(plane, up, pitch, sigma):
     assert found.sigma == pytest.approx(sigma)
 
 
-def test_an_unsure_up_and_a_floor_that_agree_are_averaged():
-    found = surest_up(floor(14, 7.0), edges(8, 7.0), 0.0)
-    assert 9 < math.degrees(math.asin(-found.direction[2])) < 13
-    assert found.sigma < 7
-
-
 def test_a_steep_view_that_looks_level_has_the_up_of_its_floor():
-    found = surest_up(floor(49, 8.0), edges(15, 7.0), 0.0)
-    assert angle_deg(found.direction, looking_down(49)) < 5
-    contradicted = level_plane(floor(49, 8.0), edges(15, 7.0), 0.0, FEET)
-    assert surest_up(contradicted, edges(15, 7.0), 0.0).sigma == found.sigma < 8
+    steep = floor(49, 8.0)
+    for plane in (steep, level_plane(steep, edges(15, 7.0), 0.0, FEET)):
+        found = surest_up(plane, edges(15, 7.0), 0.0)
+        assert angle_deg(found.direction, looking_down(49)) < 1e-5
+        assert found.sigma == pytest.approx(8.0)
