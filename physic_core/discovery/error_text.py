@@ -41,14 +41,14 @@ def describe_error(error: BaseException, *owners: str | type) -> str:
         owners: the plugin's modules, by name, or its classes.
     """
     error = plugin_error(error)
-    message = message_of(error)
+    message = bounded_message(error)
     text = f"{type(error).__name__}: {message}" if message else type(error).__name__
     # The message of a SyntaxError contains its place.
     place = "" if isinstance(error, SyntaxError) else _place(error, owners)
     return f"{text} ({place})" if place else text
 
 
-def message_of(error: BaseException) -> str:
+def bounded_message(error: BaseException) -> str:
     """Return the message of an exception of a plugin, with at most 4,096 characters of it."""
     try:
         message = str(error)

@@ -218,7 +218,7 @@ def find_exporters() -> tuple[Found[ExporterRecord], ...]:
     return tuple(sorted(found, key=lambda exporter: exporter.record.name))
 
 
-def missing_formats(exporters: Sequence[Found[ExporterRecord]]) -> tuple[str, ...]:
+def missing_formats_hint(exporters: Sequence[Found[ExporterRecord]]) -> tuple[str, ...]:
     """Return a sentence about the project's formats that are not installed, or none if these
     exporters have them.
     """
@@ -262,7 +262,7 @@ def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
         )
         raise ConfigError(f"the format can be {offers}: {choose}")
     known = ", ".join(each.record.name for each in exporters)
-    choose = "; ".join((f"choose one of {known}", *missing_formats(exporters)))
+    choose = "; ".join((f"choose one of {known}", *missing_formats_hint(exporters)))
     what = (
         f"'{name or suffix}' is not an export format"
         if name or suffix

@@ -20,8 +20,8 @@ from physic_core.adapters.devices import check_device
 from physic_core.cache.results import canonicalize, network_results_in
 from physic_core.configuration.resolve import resolve_one
 from physic_core.discovery.error_text import (
+    bounded_message,
     describe_error,
-    message_of,
     plugin_error,
     traceback_text,
 )
@@ -343,7 +343,7 @@ def wrap_plugin_errors(
         kind = type(error)
         # other classes may need other arguments
         known = kind if kind.__module__ == errors.__name__ else BackendError
-        raise known(f"{title}: {message_of(error)}") from error
+        raise known(f"{title}: {bounded_message(error)}") from error
     except Exception as cause:
         raise BackendError(
             f"{title}: {describe_error(cause, type(resolved.backend))}"

@@ -10,7 +10,7 @@ from physic_core.engine.joint.sampling import root_relative
 from physic_core.engine.joint.terms.picture import MIN_DEPTH_M
 from physic_core.engine.joint.terms.scene import SLACK_M, lowest_height
 from physic_core.geometry.plane import height_over_plane
-from physic_paper.terms.printed_regularisation import mesh_energy
+from physic_paper.terms.printed_regularisation import mesh_energies
 
 
 def contact_energy(squared, weight, rho):
@@ -114,7 +114,7 @@ def reference_surface_energies(
         above = torch.where(term.eligible, height, invisible)
         energies["floor"] = penetration_energy(above, s.weight, 0.0, s.sigma, s.rho)
     relative = root_relative(vertices, pelvis, root)
-    energies["mesh"] = mesh_energy(relative, data.relative.transpose(1, 2), data.mesh_weight)
+    energies["mesh"] = mesh_energies(relative, data.relative.transpose(1, 2), data.mesh_weight)
     lowest = [
         lowest_height(height.index_select(1, rows)) if len(rows) else zero for rows in data.soles
     ]

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from physic_core.engine.contact.method import ContactMethod
-from physic_core.engine.contact.probability import contact_parts, scene_contact
+from physic_core.engine.contact.probability import contact_part_masks, scene_contact
 from physic_core.engine.contact.solve import contact_of
 from physic_core.engine.ground.stance import Stance
 from physic_core.engine.ground.touch import LEAST_PROBABILITY
@@ -54,7 +54,7 @@ def raised(state, height):
 
 
 def test_each_outer_vertex_belongs_to_one_part(body):
-    parts = contact_parts(body)
+    parts = contact_part_masks(body)
     assert {"left_foot", "right_hand", "seat", "back", "torso", "left_lower_arm"} <= set(parts)
     assert torch.equal(torch.stack(list(parts.values())).sum(0), body.outer.long())
 
@@ -68,14 +68,14 @@ def test_parts_touch_less_the_farther_the_scene_is(person):
 
 def test_a_vertex_touches_at_most_as_its_part_and_more_the_nearer_it_is(person):
     vertices, parts = touch(person)
-    foot = contact_parts(person.model)["left_foot"]
+    foot = contact_part_masks(person.model)["left_foot"]
     height = person.vertices[0, foot, 1] + person.scene.floor.offset
     sole = height < 0.01
     assert vertices[foot].max() <= parts["left_foot"]
     assert vertices[foot][sole].max() > 0.9 * parts["left_foot"]
     instep = (height > 0.04) & (height < 0.06)
     assert vertices[foot][sole].mean() > vertices[foot][instep].mean() + 0.2
-    assert vertices[contact_parts(person.model)["left_hand"]].max() <= parts["left_hand"]
+    assert vertices[contact_part_masks(person.model)["left_hand"]].max() <= parts["left_hand"]
     assert vertices[~person.model.outer].max() == 0
 
 
@@ -102,7 +102,7 @@ def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stag
     over = alone(body, (torch.tensor([0.0, -1.0, 0.0]), 3.0), Stance.unknown(1))
     sits = replace(over, vertices=stage.vertices, joints=stage.joints)
     found = contact(observed(sits, np.array([0.0, 0.0, -4.0, -4.0, 4.0])))
-    assert set(found.parts) == set(contact_parts(body))
+    assert set(found.parts) == set(contact_part_masks(body))
     assert {one.partner for one in found.contacts[0]} == {ContactPartner("hidden", "seat")}
     assert LEAST_PROBABILITY <= float(found.parts["seat"]) < 1
     assert all(float(found.parts[f"{side}_hand"]) < LEAST_PROBABILITY for side in SIDES)
@@ -146,7 +146,7 @@ def test_contacts_of_limbs_that_no_pixel_shows_are_listed_as_assumed(person):
     assert [one.probability for one in feet] == pytest.approx(
         [float(cut.parts["left_foot"][0])] * 2, abs=1e-4
     )
-    vertices = cut.probability[0, contact_parts(person.model)["left_foot"]]
+    vertices = cut.probability[0, contact_part_masks(person.model)["left_foot"]]
     assert vertices.max() <= cut.parts["left_foot"][0] + 0.02
 
 

@@ -13,7 +13,7 @@ from physic_core.types import Keypoints, Skeleton
 from physic_mock.keypoints import KeypointOptions, MockKeypointDetector
 from physic_mock.recognition import match_masks_to_world, recognise_world
 from physic_testing.conformance import check_backend
-from physic_testing.conformance.true_keypoints import world_keypoints
+from physic_testing.conformance.true_keypoints import true_keypoints_px
 
 SIDES = ("left", "right")
 BLENDS = {
@@ -38,7 +38,7 @@ class MarkerDetector(MockKeypointDetector):
 
     def infer(self, image, people):
         found = recognise_world(image)
-        points, visible = world_keypoints(found.world, MARKERS)
+        points, visible = true_keypoints_px(found.world, MARKERS)
         rows = match_masks_to_world(found, people)
         return Keypoints(points[rows], np.where(visible[rows], 0.95, 0.3), MARKERS)
 

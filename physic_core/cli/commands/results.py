@@ -193,7 +193,7 @@ def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
     if not wanted:
         return
     from physic_core.cli.output import format_table
-    from physic_core.discovery.plugins import find_exporters, missing_formats
+    from physic_core.discovery.plugins import find_exporters, missing_formats_hint
 
     rows = [("format", "suffix", "for", "content", "needs")]
     exporters = find_exporters()
@@ -213,7 +213,7 @@ def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
             )
         )
     echo(format_table(rows))
-    for text in missing_formats(exporters):
+    for text in missing_formats_hint(exporters):
         echo(text)
     ctx.exit()
 

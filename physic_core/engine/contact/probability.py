@@ -76,7 +76,7 @@ def mean_of_surest(vertices: Tensor) -> float:
     return float(vertices.double().topk(min(SUREST_VERTICES, len(vertices))).values.mean())
 
 
-def contact_parts(model: BodyModel) -> dict[str, Tensor]:
+def contact_part_masks(model: BodyModel) -> dict[str, Tensor]:
     """Return the vertices (V,) bool of each body part: the contact regions, with thighs and
     buttocks as one part.
     """
@@ -145,7 +145,7 @@ def _like_feet(distance: Tensor) -> Tensor:
 def unseen_parts(state: State, near: Distances) -> dict[str, Tensor]:
     """Return part -> (N,) bool: no pixel shows the part, nor a confident keypoint at its end."""
     shown = state.seen | near.in_mask
-    parts = contact_parts(state.model)
+    parts = contact_part_masks(state.model)
     return {
         name: shown[:, chosen].double().mean(1) < _SHOWN_SHARE for name, chosen in parts.items()
     }
@@ -155,8 +155,8 @@ class NearScene(NamedTuple):
     """Distances of N people's parts and vertices from the scene.
 
     Attributes:
-        gap: (N, P) signed distance of each part of :func:`contact_parts`, metres; inf if nothing is
-            near.
+        gap: (N, P) signed distance of each part of :func:`contact_part_masks`, metres; inf if
+            nothing is near.
         rise: (N, V) how much farther the vertex is than its part, metres, at least 0; inf if it is
             far.
         facing: (N, V) cosine between the skin and the surface that it faces.
@@ -215,7 +215,7 @@ def part_features(state: State, gap: Tensor) -> dict[str, dict[str, Tensor]]:
     observed = torch.tensor(stance.observed).to(joints)
     bend = hip_bends(joints).amin(1).clamp(max=_MOST_BEND).nan_to_num()
     found: dict[str, dict[str, Tensor]] = {}
-    for name, own in zip(contact_parts(state.model), gap.T, strict=True):
+    for name, own in zip(contact_part_masks(state.model), gap.T, strict=True):
         found[name] = {DISTANCE: torch.relu(own).clamp(max=SEARCH_RADIUS_M) / _SIGMA_M}
         side = SIDES.index(name.partition("_")[0]) if name.startswith(SIDES) else 0
         column = {"foot": side, "hand": 2 + side, SEAT: 4}.get(kind_of_part(name))
@@ -227,15 +227,15 @@ def part_features(state: State, gap: Tensor) -> dict[str, dict[str, Tensor]]:
 
 def _gaps(model: BodyModel, distance: Tensor) -> Tensor:
     """Return the fifth smallest of the distances (N, V) of each part, (N, P)."""
-    parts = contact_parts(model).values()
+    parts = contact_part_masks(model).values()
     return torch.stack([distance[:, chosen].kthvalue(_GAP_VERTICES).values for chosen in parts], 1)
 
 
 def _groups(model: BodyModel) -> Tensor:
-    """Return the row (V,) int64 of the part of each vertex in :func:`contact_parts`; 0 for inner
-    vertices.
+    """Return the row (V,) int64 of the part of each vertex in :func:`contact_part_masks`; 0 for
+    inner vertices.
     """
-    parts = torch.stack(list(contact_parts(model).values()))
+    parts = torch.stack(list(contact_part_masks(model).values()))
     return parts.int().argmax(0)
 
 

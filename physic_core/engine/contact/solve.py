@@ -30,7 +30,7 @@ from physic_core.engine.contact.partner import (
 from physic_core.engine.contact.parts import contact_regions, scene_parts
 from physic_core.engine.contact.probability import (
     SEAT,
-    contact_parts,
+    contact_part_masks,
     part_of_region,
     unseen_parts,
 )
@@ -175,7 +175,7 @@ def _on_carriers(state: State) -> list[tuple[str, Tensor]]:
     if not carried:
         return []
     ridden, board = tensors(carried.ridden[:, None], carried.board[:, None])
-    parts = contact_parts(state.model)
+    parts = contact_part_masks(state.model)
     feet, hands = (parts[f"left_{limb}"] | parts[f"right_{limb}"] for limb in ("foot", "hand"))
     limbs = feet | hands | parts[SEAT]
     return [
@@ -193,7 +193,7 @@ def _off_the_scene(state: State, touch: Touch) -> Tensor:
     if not carried or not touch.parts:
         return found
     rides = tensor(carried.rides)
-    parts = contact_parts(state.model)
+    parts = contact_part_masks(state.model)
     for side in SIDES:
         for limb, skin in (("foot", "sole"), ("hand", "hand")):
             part = parts[f"{side}_{limb}"]
@@ -214,7 +214,7 @@ def _with_hidden(state: State, touch: Touch, carried: tuple[PersonSupport | None
     kind = touch.kind.clone()
     probability = None if touch.probability is None else touch.probability.clone()
     likely = {name: values.clone() for name, values in touch.parts.items()}
-    vertices = contact_parts(state.model) if likely else {}
+    vertices = contact_part_masks(state.model) if likely else {}
     ridden = _off_the_scene(state, touch)
     kind[ridden] = HIDDEN
     if probability is not None:

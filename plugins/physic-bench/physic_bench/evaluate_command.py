@@ -175,7 +175,7 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
     from physic_bench.bodies import BodyFiles
     from physic_bench.datasets.base import Choice
     from physic_bench.run import evaluate_methods
-    from physic_bench.scoring import columns_for
+    from physic_bench.scoring import columns_with_contact_truths
     from physic_bench.tables import Tables, check_results, write_results
     from physic_core.files.atomic import MARK, check_writable
 
@@ -192,7 +192,7 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
         methods.insert(0, _reconstructed(found.frames, config, given, report))
     records, scored = evaluate_methods(found, methods, files)
     every = [record for own in records.values() for record in own]
-    columns = columns_for(
+    columns = columns_with_contact_truths(
         list(dict.fromkeys(name for record in every for name in record["contact"]))
     )
     document = {

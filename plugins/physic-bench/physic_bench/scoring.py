@@ -114,7 +114,7 @@ aligned. Pelvis means the middle of both hips.
 """
 
 
-def columns_for(contact_truths: Sequence[str]) -> tuple[Column, ...]:
+def columns_with_contact_truths(contact_truths: Sequence[str]) -> tuple[Column, ...]:
     """Return all columns, with those of each contact truth ("2 cm", "annotated")."""
     contact = [
         contact_columns(partial(_counts_of, rule=rule), f"@{rule}") for rule in contact_truths

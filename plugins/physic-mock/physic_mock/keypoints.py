@@ -21,7 +21,7 @@ from physic_mock.noise import (
     Noise,
 )
 from physic_mock.recognition import MockOptions, match_masks_to_world, recognise_world
-from physic_testing.conformance.true_keypoints import world_keypoints
+from physic_testing.conformance.true_keypoints import true_keypoints_px
 from physic_testing.conformance.truth import mirrored_order
 from physic_testing.worlds import SKELETONS
 
@@ -66,7 +66,7 @@ class MockKeypointDetector(interfaces.KeypointDetector):
         rng = noise.rng("keypoints")
         skeleton = SKELETONS.get(self.options.skeleton) or skeleton_named(self.options.skeleton)
         names = skeleton.names
-        truth, visible = world_keypoints(found.world, skeleton)
+        truth, visible = true_keypoints_px(found.world, skeleton)
         boxes = found.world.boxes
         size = (boxes[:, 2:] - boxes[:, :2]).max(axis=1)[:, None]
         sigma = noise.factor * np.where(visible, POINT_SIGMA, HIDDEN_POINT_SIGMA) * size

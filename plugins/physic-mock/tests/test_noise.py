@@ -18,7 +18,7 @@ from physic_mock.backends import (
     MockSegmenter,
 )
 from physic_mock.humans import log_stature_gradient
-from physic_testing.conformance.true_keypoints import world_keypoints
+from physic_testing.conformance.true_keypoints import true_keypoints_px
 from physic_testing.worlds import SKELETONS, load_world
 
 
@@ -48,7 +48,7 @@ def test_ragged_masks_stay_near_the_truth():
 
 @pytest.mark.slow
 def test_keypoints_have_the_stated_tails(world):
-    truth, visible = world_keypoints(world, SKELETONS["blazepose33"])
+    truth, visible = true_keypoints_px(world, SKELETONS["blazepose33"])
     size = (world.boxes[:, 2:] - world.boxes[:, :2]).max(1)[:, None]
     error = []
     confidence = []

@@ -15,7 +15,7 @@ from physic_core.engine.joint.variables import Variables
 from physic_paper.terms.printed_regularisation import (
     PrintedRegularisationSettings,
     PrintedRegularisationTerm,
-    mesh_energy,
+    mesh_energies,
 )
 
 _ROOT_WEIGHT = 50.0
@@ -78,7 +78,7 @@ class ReleasedRegularisationTerm(PrintedRegularisationTerm):
         unrotated = unrotated_vertices(
             sampling.pose, estimate.rotations, estimate.betas, sampling.state.expression
         )
-        mesh = mesh_energy(unrotated, self._start, self.weights["regularisation"])
+        mesh = mesh_energies(unrotated, self._start, self.weights["regularisation"])
         people = mesh + parameter_energy(bodies.deviation, self._parameter_weight)
         people = people + (estimate.transl - self._translation).square().sum(-1)
         return {"regularisation": self._settings.weight * people}

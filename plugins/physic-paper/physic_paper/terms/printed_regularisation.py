@@ -31,7 +31,7 @@ class PrintedRegularisationSettings:
     """Weight of visible vertices."""
 
 
-def mesh_energy(relative: Tensor, start: Tensor, weight: Tensor) -> Tensor:
+def mesh_energies(relative: Tensor, start: Tensor, weight: Tensor) -> Tensor:
     """Return L_reg of the mesh, ``sum_v w_v |v - v0|^2``, (B,).
 
     Args:
@@ -77,7 +77,7 @@ class PrintedRegularisationTerm(Term):
         relative = root_relative(
             bodies.vertices, bodies.joints[:, 0], bodies.estimate.rotations[:, 0]
         )
-        mesh = mesh_energy(relative, sampling.relative, self.weights["regularisation"])
+        mesh = mesh_energies(relative, sampling.relative, self.weights["regularisation"])
         moved = (bodies.estimate.transl - sampling.state.transl).square().sum(-1)
         return {"regularisation": self._settings.weight * (mesh + moved)}
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from physic_testing.worlds import World
 
 
-def world_keypoints(world: World, skeleton: Skeleton | str) -> tuple[FloatArray, BoolArray]:
+def true_keypoints_px(world: World, skeleton: Skeleton | str) -> tuple[FloatArray, BoolArray]:
     """Return the keypoints of a world's N people in a skeleton, and their visibility in the photo.
 
     Args:

@@ -39,13 +39,13 @@ def comparable_keypoints(
         CheckSkipped: the skeleton is that of a single hand, or has no point on a body.
     """
     from physic_core.body.landmarks import keypoints_on_body
-    from physic_testing.conformance.true_keypoints import world_keypoints
+    from physic_testing.conformance.true_keypoints import true_keypoints_px
 
     known = keypoints_on_body(answer)
     skeleton = known.joint_set
     if "hand21" in skeleton.name or not len(skeleton):
         raise CheckSkipped(f"worlds have no ground truth for the skeleton {skeleton.name!r}")
-    return known, *world_keypoints(world, skeleton)
+    return known, *true_keypoints_px(world, skeleton)
 
 
 def mirrored_order(names: tuple[str, ...]) -> list[int]:
