@@ -156,16 +156,14 @@ def cut_border(photo: Photo, inside: Inside) -> Photo:
     """Return the picture inside a photo, with its camera."""
     height, width = photo.image.shape[:2]
     image = np.ascontiguousarray(photo.image[inside])
-    note = "a border of one colour was cut for the computation; the picture inside has "
+    note = (
+        f"a border of one colour was cut off for the computation, which leaves {image.shape[1]} x "
+        f"{image.shape[0]} px. Pixels of the results still count in the whole photo"
+    )
     camera = (
         None if photo.intrinsics is None else cut_camera(photo.intrinsics, (height, width), inside)
     )
-    return replace(
-        photo,
-        image=image,
-        intrinsics=camera,
-        notes=(*photo.notes, f"{note}{image.shape[1]} x {image.shape[0]} px"),
-    )
+    return replace(photo, image=image, intrinsics=camera, notes=(*photo.notes, note))
 
 
 @dataclass(frozen=True)

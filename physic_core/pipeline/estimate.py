@@ -182,7 +182,7 @@ class Findings:
         """Return some (N,) bool of the people, with a note why each other one is left out."""
         for i in np.flatnonzero(~real):
             x0, y0, x1, y1 = people.boxes[i].round().astype(int).tolist()
-            self.stages.note(f"left out the person in ({x0}, {y0}, {x1}, {y1}): {reason}")
+            self.stages.note(f"left out the person in the box {x0},{y0},{x1},{y1} px: {reason}")
         self.missing.update({name: missing[real] for name, missing in self.missing.items()})
         return select_people(people, real)
 
@@ -236,7 +236,9 @@ def _people(found: Findings, step: Step) -> None:
     if ignored is not None:
         people = _without(found, people, ignored)
     real = real_people(people, prompt)
-    found.people = found.select(people, real, "its joints lie on another person")
+    found.people = found.select(
+        people, real, "its joints lie on another person, who seems the same"
+    )
     sizes = found.given.known
     if prompt is None:
         found.known = known_people(sizes, found.people)

@@ -40,6 +40,7 @@ from physic_core.types import (
     Scene,
 )
 from physic_core.types.contacts import NO_PARTNER, has_sole_on_floor
+from physic_core.types.known_sizes import size_option
 from physic_core.types.results import main_people
 
 if TYPE_CHECKING:
@@ -271,8 +272,8 @@ def warn_of_small_people(estimates: Estimates, result: Reconstruction) -> list[s
     """Return a warning about each person who stands on the floor of others and is too small."""
     on_floor = [has_sole_on_floor(person.contacts) for person in result.people]
     return [
-        f"person {i} would be {stature:.1f} m tall on the floor of the others: if this is a "
-        f"child, give --age"
+        f"person {i} would be {stature:.1f} m tall on the floor on which others stand. Of a child "
+        f"give {size_option('--age YEARS', len(on_floor))}; else the distance is doubtful"
         for i, stature in estimates.ground.small.items()
         if on_floor[i] and sum(on_floor) > 1
     ]

@@ -126,6 +126,11 @@ class KnownPeople(ShortRepr):
         )
 
 
+def size_option(option: str, people: int) -> str:
+    """Return how the command line takes a size that is known of some of the people."""
+    return option if people == 1 else f"{option},... (left to right, 0 where unknown)"
+
+
 def _check(what: str, size: float, metres: tuple[float, float, float], unknown: str = "") -> None:
     """Raise ValueError if a size is not between the least and the most; the message states the unit
     in which it is nearest to a usual one.

@@ -148,9 +148,7 @@ class CheckResult:
         object.__setattr__(self, "state", CheckState(self.state))
 
     def __str__(self) -> str:
-        """Return label, value and bound: "Limbs off their keypoints: 3.3 % of the box diagonal
-        (limit 3.5 %)".
-        """
+        """Return label, value and bound: "Heads within this person's outline: 2 (limit 1)"."""
         bound = "" if self.value is None else f" ({self.bound_text})"
         return f"{self.title}: {self.value_text}{bound}"
 

@@ -7,6 +7,7 @@ import json
 import pytest
 
 from physic_core.batch.contact_sheet import contact_sheet
+from physic_core.pipeline.checks import CHECKS
 
 GRADES = ("good", "bad", "doubtful", "good", "")
 TRUST = {"good": 0.914, "bad": 0.1, "doubtful": None}
@@ -73,9 +74,8 @@ def test_totals_and_notes_stand_above_the_photos(page):
     assert text(page, "#totals").split("\n") == ["2 good", "1 doubtful", "1 bad", "1 failed"]
     assert text(page, "#count") == "5 photos"
     assert "3 more photos are in the summary table only." in text(page, "header")
-    assert "Failed: Limbs off their keypoints" in page.evaluate(
-        "document.querySelector('main').textContent"
-    )
+    failed = f"Failed: {CHECKS['limb_keypoints'].label}"
+    assert failed in page.evaluate("document.querySelector('main').textContent")
 
 
 def test_the_probability_stands_beside_the_grade(page):

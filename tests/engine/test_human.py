@@ -195,7 +195,7 @@ def test_few_keypoints_leave_it_to_the_points():
     picture.keypoints[0, 5] = math.nan
     near = TRUE + torch.tensor([0.02, 0.0, 0.1])
     placed = picture.place(start=near)
-    assert placed.fits[0].problem.startswith("2 keypoints have confidence 0.3 or more")
+    assert placed.fits[0].problem.startswith("2 joints")
     assert error_cm(placed)[0] < 2
     assert error_cm(placed)[1] < 0.1
 
@@ -204,7 +204,7 @@ def test_few_points_leave_it_to_the_keypoints():
     picture = Picture()
     picture.points[0] = picture.points[0][:10]
     placed = picture.place()
-    assert placed.fits[0].problem.startswith("10 points and ")
+    assert placed.fits[0].problem.startswith("10 points ")
     assert error_cm(placed).max() < 0.1
 
 

@@ -15,7 +15,7 @@ from physic_core.engine.sizes.scale_vote import ScaleVote, Witnesses
 from physic_core.engine.sizes.stature import ADULT_STATURE_M
 from physic_core.types import Plane
 from physic_core.types.contacts import has_sole_on_floor
-from physic_core.types.known_sizes import KnownPeople
+from physic_core.types.known_sizes import KnownPeople, size_option
 
 if TYPE_CHECKING:
     from physic_core.types import BodyContact, BoolArray, FloatArray
@@ -39,13 +39,14 @@ def size_notes(
         else vote.residuals(torsos)
     )
     return tuple(
-        f"person {i} seems to be {math.exp(-ratio[i]):.2g} times as tall as assumed, by the floor "
-        f"and the rest of the photo: "
+        f"by the rest of the photo person {i} is {math.exp(-ratio[i]):.2g} times as tall as "
+        f"estimated. "
         + (
-            "a child (--age in years), a small person (--stature in m), a figure or a picture "
-            "(--ignore x,y)?"
+            f"Of a child give {size_option('--age YEARS', len(ratio))}, of a small person "
+            f"--stature METRES in the same order; leave out a figure or picture by --ignore x,y"
             if ratio[i] > 0
-            else "give --stature in m, or --camera-height in m if the floor lies elsewhere"
+            else f"If you know the height, give {size_option('--stature METRES', len(ratio))}; "
+            f"else this person's distance is doubtful"
         )
         for i in np.flatnonzero(np.abs(ratio) > _DISAGREES).tolist()
     )
@@ -61,17 +62,17 @@ def rival_note(
     rivals = []
     for candidate, weight in zip(candidates, weights.tolist(), strict=True):
         if candidate.plane is None:
-            rivals.append((weight, "the photo shows none"))
+            rivals.append((weight, "the photo shows no floor"))
             continue
         cosine = float(candidate.plane.normal @ chosen.normal)
         angle = math.degrees(math.acos(min(1.0, cosine)))
         if angle > _RIVAL_DEG:
-            rivals.append((weight, f"it is tilted by {angle:.0f} degrees against the one found"))
+            rivals.append((weight, f"the right one is tilted by {angle:.0f} degrees against it"))
     if (total := sum(weight for weight, _ in rivals)) < _RIVAL:
         return ()
     return (
-        f"the floor may be wrong, with probability {total:.2f}: perhaps {max(rivals)[1]}; compare "
-        f"its line in the preview's view from the side with the photo",
+        f"the floor may be wrong (probability {total:.2f}): perhaps {max(rivals)[1]}. Compare its "
+        f"line with the photo, from the side in preview.png, before you use heights over it",
     )
 
 
@@ -136,17 +137,17 @@ def scale_note(
     """
     stand = sum(has_sole_on_floor(person) for person in contacts)
     if floor is not None and stand and not lie:
-        return f"all sizes are from the soles of {_people(stand)} on the floor"
-    if lie:
-        why = "who seem to lie"
-    elif stand:
-        why = "since the plane of the floor is not found"
+        origin = f"where the feet of {_people(stand)} touch the floor, and on the body's height"
     else:
-        why = "since no soles on a floor are seen"
-    return (
-        f"all sizes are from the usual height of {_people(bodies)}, {why}: give --stature in m if "
-        f"you know it"
-    )
+        if lie:
+            why = "who seem to lie"
+        elif stand:
+            why = "since the plane of the floor is not found"
+        else:
+            why = "since no feet on a floor are seen"
+        origin = f"the usual height of {_people(bodies)}, {why}"
+    option = size_option("--stature METRES", len(contacts))
+    return f"all sizes rest mainly on {origin}. If you know a height, give {option}"
 
 
 def _people(count: int) -> str:

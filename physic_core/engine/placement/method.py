@@ -265,8 +265,9 @@ class PlacementMethod:
             by_keypoints = found if _is_in_view(person, found) else by_keypoints
         else:
             problem = (
-                f"{len(person.keypoints)} keypoints have confidence {self.min_confidence:g} or "
-                f"more, but {FEWEST_KEYPOINTS} are needed to place a body"
+                f"{len(person.keypoints)} joints are detected with confidence "
+                f"{self.min_confidence:g} or more, but {FEWEST_KEYPOINTS} are needed to place a "
+                f"body. Do not use this person"
             )
         fit = Fit(by_keypoints)
         if self.chamfer_weight > 0:
@@ -275,8 +276,9 @@ class PlacementMethod:
                 fit = self.fit_points(person, by_keypoints, seen)
             elif not problem:
                 problem = (
-                    f"{len(person.points)} points and {int(seen.sum())} camera-facing vertices of "
-                    f"the person, but {FEWEST_POINTS} of each are needed: placed by keypoints alone"
+                    f"{len(person.points)} points of depth and {int(seen.sum())} of the body are "
+                    f"visible of this person, but {FEWEST_POINTS} of each are needed. The distance "
+                    f"follows from joints in the photo and body size alone, and is doubtful"
                 )
         x = self.finish(person, fit)
         if not _is_in_view(person, x):

@@ -25,6 +25,7 @@ from torch import Tensor
 from physic_core.body.bones import pose_from_parameters
 from physic_core.body.model import BodyModel
 from physic_core.engine.sizes.evidence import FACTOR_SPREAD, KNOWN_SIZE_SIGMA
+from physic_core.types.known_sizes import size_option
 
 if TYPE_CHECKING:
     from physic_core.types import Bodies, FloatArray
@@ -364,8 +365,9 @@ def resize_children(
     for i in np.flatnonzero(seems & has_body).tolist():
         statures[i] = np.exp(mean)
         notes.append(
-            f"person {i} seems to be a child, and is taken as {statures[i]:.2f} m "
-            f"± {100 * sigma:.0f} % tall: give --age"
+            f"person {i} seems to be a child, and has a child's usual height, {statures[i]:.2f} m "
+            f"± {100 * sigma:.0f} %. If you know the age, give "
+            f"{size_option('--age YEARS', len(betas))}"
         )
     near = None
     if model.name == "embedded":

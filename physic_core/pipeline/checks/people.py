@@ -29,8 +29,9 @@ if TYPE_CHECKING:
 _KNEES = joint_pair("knee")
 _ANKLES = joint_pair("ankle")
 _SEATED = ("sit", "ride")  # postures of people on a seat
-_NO_BODY = "no body was estimated, or none of it can be measured"
-_ASSUMED_SUPPORT = "a support not visible in the scene is assumed to carry this person"
+_NO_BODY = "no body was found for this person"
+_ASSUMED_SUPPORT = "what carries this person is assumed, since the photo does not show it"
+_FROM_THE_SIDE = "the view from the side in preview.png"
 
 _LIMB_JOINTS = tuple(
     f"{side}_{name}"
@@ -48,7 +49,13 @@ _QUANTILE = 0.9  # two joints of a dozen may be wrong
 _check = partial(check, "person")
 
 
-@_check("Placed by keypoints, depth and floor", at_least=1, unit=YES, contradicts=True, warns=True)
+@_check(
+    "Placed by joints in the photo, depth and floor",
+    at_least=1,
+    unit=YES,
+    contradicts=True,
+    warns=True,
+)
 def placed(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return whether all backends have results for this person, keypoints, depth and floor place
     the body, and the joint fit includes it.
@@ -63,15 +70,15 @@ def placed(estimates: Estimates, result: Reconstruction, person: int) -> Measure
     if failure := result.people[person].measures.joint_problem:
         return 0.0, f"pose and position are those before the joint fit: {failure}"
     if result.scene.floor is None:
-        return None, f"{NO_FLOOR}: the position is by size and scene alone"
+        return None, f"{NO_FLOOR}, so that body size and depth alone give the distance"
     return 1.0
 
 
 @_check(
-    "Detected as one person, score",
+    "Score of the detection as one person",
     at_least=0.5,
-    advice="the segmenter is not sure of this person: see the outline in preview.png, or point at "
-    "the person with --person x,y",
+    advice="the detector is unsure. Check the outline in preview.png. If it is no person in the "
+    "room, leave it out by --ignore x,y, a pixel on it",
 )
 def detected(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the score of the segmenter."""
@@ -81,12 +88,13 @@ def detected(estimates: Estimates, result: Reconstruction, person: int) -> Measu
 # Of 355 people in photos, 10 have a second head: of 9 of them, mask or pose is mixed up with
 # another person's.
 @_check(
-    "Heads in the mask",
+    "Heads within this person's outline",
     at_most=1,
     unit="count",
     contradicts=True,
     warns=True,
-    advice="two people may be one, or mixed up: another head lies in this person's mask",
+    advice="two people are merged, or one was found twice: see the outlines in preview.png. Then "
+    "give one --person x,y for each person to keep",
     unmeasured="no pixel of the photo shows this person",
 )
 def heads(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
@@ -112,12 +120,14 @@ def heads(estimates: Estimates, result: Reconstruction, person: int) -> Measured
 
 # Right bodies 0.013-0.033; bodies of the wrong person 0.036-0.15.
 @_check(
-    "Limbs off their keypoints",
+    "Limb joints off those seen in the photo, 9 of 10 at most",
     at_most=0.035,
     contradicts=True,
-    share_of="the box diagonal",
-    advice="a limb misses its keypoints: its pose is doubtful, check the overlay in preview.png",
-    unmeasured="too few limb joints have a confident keypoint",
+    share_of="the diagonal of the person's box",
+    advice="a limb is wrong: compare the people over the photo in preview.png. If a joint was "
+    "detected wrongly: physic export FOLDER --to keypoints, correct that file, and give it as "
+    "--keypoints FILE",
+    unmeasured="the photo shows fewer than 4 limb joints clearly",
 )
 def limb_keypoints(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return :func:`limb_keypoint_error` of this person."""
@@ -133,23 +143,26 @@ def limb_keypoints(estimates: Estimates, result: Reconstruction, person: int) ->
 
 # Right bodies 0.90-1.00; bodies of people who are hardly visible 0.65-0.85.
 @_check(
-    "Body within the person",
+    "Body within the person's outline",
     at_least=0.85,
-    share_of="the silhouette",
-    advice="the body reaches beyond the person in the photo: the pose, the size or the mask is "
-    "wrong, or an object "
-    "hides a part",
+    share_of="its visible silhouette",
+    advice="pose, size or outline is wrong, or an object hides a part of the person: compare the "
+    "people over the photo in preview.png",
     unmeasured=_NO_BODY,
 )
 def body_in_mask(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the share of the visible silhouette within the mask."""
-    return result.people[person].measures.body_in_mask_share
+    who = result.people[person]
+    share = who.measures.body_in_mask_share
+    if share is None and np.isfinite(who.joints).all():
+        return None, "no visible part of this body can be compared"
+    return share
 
 
 # Bodies that touch 0; placed or posed wrongly, or above a wrong floor, 0.16-2.4. Soles on floors
 # that are right 0-0.08, and 0.25 on a treadmill.
 @_check(
-    "Off the surface that carries the person",
+    "Distance from the floor or surface that carries the person",
     at_most=0.1,
     unit="m",
     contradicts=True,
@@ -166,7 +179,11 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
     if measures.clearance_m is not None and not measures.assumed_support:
         gap = measures.clearance_m
         found.append(
-            (gap, f"the nearest surface that could support this person is {gap:.2f} m away")
+            (
+                gap,
+                f"the nearest surface that could carry this person is {gap:.2f} m away. Unless "
+                f"the person is in the air, person or surface lies wrong: see {_FROM_THE_SIDE}",
+            )
         )
     stands = _stands_on_seen_legs(estimates, result, person)
     if height is not None and (height < 0 or stands):
@@ -174,8 +191,8 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
         found.append(
             (
                 abs(height),
-                f"the lower sole is {abs(height):.2f} m {side} the floor: the floor or the "
-                f"person's distance is wrong",
+                f"the lower foot is {abs(height):.2f} m {side} the floor, so that the floor or "
+                f"the person's distance is wrong: see {_FROM_THE_SIDE}. Do not use this distance",
             )
         )
     if found:
@@ -185,7 +202,7 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
 
 # Of people whom readers find right 0.59 in the median, of others 0.40.
 @_check(
-    "Contact of feet, hands and seat as listed, probability",
+    "Probability that all listed contacts of feet, hands and seat are right",
     at_least=0.5,
     unmeasured="there is no body, or this preset estimates no probabilities",
 )
@@ -198,19 +215,27 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
         return None
     value = math.prod(max(likely[part], 1 - likely[part]) for part in _CONTACT_PARTS)
     if who.posture in _SEATED and likely["seat"] < 0.5:
-        seen = f"{who.posture} with probability {who.posture_probability:.2f}"
-        return value, f"this person seems to {seen}, and no seat is found under the body"
+        seen = f"{who.posture} (probability {who.posture_probability:.2f})"
+        return value, (
+            f"this person seems to {seen}, but no seat is found under the body: see "
+            f"{_FROM_THE_SIDE}"
+        )
     least = min(_CONTACT_PARTS, key=lambda part: abs(likely[part] - 0.5))
     return (
         value,
-        f"least sure: the {least.replace('_', ' ')} touches something with probability "
-        f"{likely[least]:.2f}",
+        f"the least sure is the {least.replace('_', ' ')}, which touches something with "
+        f"probability {likely[least]:.2f}. Compare the listed contacts with the photo",
     )
 
 
 # Of people whom readers find right 5 in the median, of others 15. Sideways tilt is visible in the
 # photo and not checked.
-@_check("Leans towards the camera or away", at_most=15, unit="deg", unmeasured=_NO_BODY)
+@_check(
+    "Lean of body or trunk towards the camera or away",
+    at_most=15,
+    unit="deg",
+    unmeasured=_NO_BODY,
+)
 def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the larger tilt towards the camera or away of body and trunk, degrees.
 
@@ -220,7 +245,7 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     if not np.isfinite(joints).all():
         return None
     if (carried := estimates.ground.stance.carried) is not None and carried.rides[person]:
-        return None, "people who ride may lean"
+        return None, "this person rides, and may lean"
     floor = result.scene.level or Plane(np.array([0.0, -1.0, 0.0]), 0.0)
     parts: list[Literal["body", "trunk"]] = ["trunk"]
     if _visible(estimates, person)[_ANKLES].any() and standing_legs(joints).any():
@@ -231,20 +256,19 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
         if plane is not None and plane.beneath:
             return None, "this person lies"
         return abs(part), (
-            "this person lies, or the floor is wrong: see in preview.png how far the camera looks "
-            "down"
+            f"the person lies, or body or floor is wrong: compare {_FROM_THE_SIDE} with the photo"
         )
     return abs(part), (
-        f"this person leans {abs(part):.0f} degrees {'towards' if part > 0 else 'away from'} the "
-        "camera, which one photo hardly shows: see the view from the side"
+        f"one photo hardly shows a lean {'towards' if part > 0 else 'away from'} the camera: "
+        f"compare {_FROM_THE_SIDE} with the photo"
     )
 
 
 # Right people on right floors 0-0.2; seats and floors that are wrong 0.26-0.9.
 @_check(
-    "Depth at feet or seat differs from the body's",
+    "Depth of the photo at feet or seat differs from the body's by",
     at_most=0.25,
-    advice="person and ground may not meet: see the view from the side",
+    advice=f"person and ground may not meet, and contact with it be wrong: see {_FROM_THE_SIDE}",
     unmeasured="too few pixels at the lower end of the body are visible and have a depth",
 )
 def low_depth(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
@@ -319,7 +343,7 @@ def given_keypoints(estimates: Estimates, result: Reconstruction, person: int) -
 @_check(
     "Given keypoints against mask and detector",
     at_most=0.1,
-    share_of="the box diagonal",
+    share_of="the diagonal of the person's box",
     contradicts=True,
     warns=True,
     optional=True,

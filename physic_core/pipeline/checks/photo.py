@@ -23,12 +23,14 @@ if TYPE_CHECKING:
     from physic_core.pipeline.checks.spec import Measured
     from physic_core.types import BoolArray, FloatArray, Reconstruction, UInt8Array
 
-NO_FLOOR = "no plane was found for the floor"
+NO_FLOOR = "no floor was found"
 _WHY_NO_FLOOR = {
-    "no_pixels": "too few pixels to search",
+    "no_pixels": "too few pixels may be of it",
     "no_consensus": "no horizontal plane explains enough pixels",
 }
 _NO_PEOPLE = "there is no person in the result"
+_OTHER_INPAINTER = "Try --set inpainter.backend=telea"
+_FLOOR_LINE = "compare the floor's line with the photo, from the side in preview.png"
 _COVERED_SHARE = 0.5  # of a box that holds parts of a person who has a body
 _CORRELATED_PX = 200  # of the long side
 _SAME = 0.999  # correlation with the point map, of a depth that is derived from it
@@ -38,7 +40,7 @@ _check = partial(check, "photo", warns=True)
 
 
 @_check(
-    "Photo agrees with the inpainted photo",
+    "Depth with and without the people agrees",
     at_least=0.5,
     share_of="the background",
     unmeasured=_NO_PEOPLE,
@@ -51,19 +53,18 @@ def photo_alignment(estimates: Estimates, result: Reconstruction) -> Measured:
     if share == 0:
         return (
             share,
-            "the photo and the inpainted photo have no background in common: people are placed by "
-            "size alone",
+            "the photos with and without people have no background in common, so that body size "
+            f"alone gives people's distance. {_OTHER_INPAINTER}",
         )
     return share, (
-        f"people's distance to the scene is doubtful: the photo and the inpainted photo agree on "
-        f"{share:.0%} of the "
-        "background: try another backend for inpainting or point map"
+        f"people's distance to the scene is doubtful: depth with and without them agrees on only "
+        f"{share:.0%} of the background. {_OTHER_INPAINTER}"
     )
 
 
 # Without the segmenter's floor pixels, half of the floors in photos are walls, tables or wrong by
 # 10 degrees.
-@_check("Floor where the segmenter sees it", at_least=1, unit=YES)
+@_check("Floor found where the photo is labelled as floor", at_least=1, unit=YES)
 def floor(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return whether a floor was found and lies in the segmenter's floor mask."""
     report = result.diagnostics["scene"]["floor"]
@@ -73,37 +74,37 @@ def floor(estimates: Estimates, result: Reconstruction) -> Measured:
         return None, "the engine settings disable the floor search"
     if reason != "found":
         cure = (
-            "the ground at the feet is known by its label alone"
+            "Feet on the ground are known by the label of the ground alone"
             if any(has_sole_on_floor(person.contacts) for person in result.people)
-            else "use a photo that shows the ground at the feet"
+            else "A photo that shows the ground at the feet may have one"
         )
         return 0.0, (
-            f"{NO_FLOOR}: {_WHY_NO_FLOOR.get(reason, reason)}; people are not constrained to the "
-            f"ground, and heights are unknown: {cure}"
+            f"{NO_FLOOR}: {_WHY_NO_FLOOR.get(reason, reason)}. Nobody is set on the ground, and "
+            f"no height above it is known. {cure}"
         )
     plane = result.scene.floor
     pitch = 0.0 if plane is None else math.degrees(math.asin(float(plane.normal[2])))
     if pitch > _MOST_PITCH_DEG:
         return (
             0.0,
-            f"by this floor the camera looks up by {pitch:.0f} degrees, which is rare: the floor "
-            f"is doubtful",
+            f"by this floor the camera looks up by {pitch:.0f} degrees, which is rare: "
+            f"{_FLOOR_LINE}",
         )
     if in_mask is None:
-        return None, "the segmenter returned no floor pixels"
+        return None, "no pixel of the photo is labelled as floor"
     return float(in_mask), (
-        "the pixels that were segmented as floor were not followed, since another plane of the "
-        "lower part of the photo is more likely: see the line of the floor in preview.png"
+        "the floor is not where the photo is labelled as floor, since another plane in its lower "
+        f"part is likelier: {_FLOOR_LINE}"
     )
 
 
 # 0 where people stand on one colour; of 147 photos 0.51 and more.
 @_check(
-    "Floor with texture or a label",
+    "Floor that the photo shows, by texture or label",
     at_least=0.05,
     share_of="the floor's pixels",
-    advice="the photo shows nothing where the floor was found, so that the floor is invented: use "
-    "a photo that shows the ground",
+    advice="the photo has one colour where the floor was found, so that the floor is invented. Do "
+    "not use heights and distances, or take a photo that shows the ground",
     contradicts=True,
     optional=True,
 )
@@ -127,24 +128,19 @@ def floor_shown(estimates: Estimates, result: Reconstruction) -> Measured:
 
 # Soles on a floor give 0.08, sizes of people 0.20 and more.
 @_check(
-    "Uncertainty of the scale",
+    "Uncertainty of all lengths, one standard deviation",
     at_most=0.15,
     unit="log",
-    unmeasured="the metric depth backend does not estimate its scale error",
+    unmeasured="the backend of metric_depth does not estimate its scale error",
 )
 def scale_sigma(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return the standard deviation of log(scale)."""
     sigma = result.scene.scale_sigma
     if sigma is None:
         return None
-    cure = (
-        "give a known length, or --stature"
-        if any(has_sole_on_floor(person.contacts) for person in result.people)
-        else "use a metric depth network, or a photo with feet on the floor"
-    )
     return sigma, (
-        f"all lengths may be off by {sigma:.0%} (one standard deviation): the photo gives no "
-        f"better scale; {cure}"
+        f"all lengths may be off by {sigma:.0%} (one standard deviation). Give one that you know: "
+        f"--known-length X1,Y1,X2,Y2,METRES between two points of the scene"
     )
 
 
@@ -197,7 +193,7 @@ def depth_scale(estimates: Estimates, result: Reconstruction) -> Measured:
 
 # Of mirrored depths of 40 worlds 39 give 0.3 and more, the others -0.1 and less.
 @_check(
-    "Mirrored depth fits the point map better",
+    "Depth fits the point map better if it is mirrored, gain of",
     at_most=0.3,
     unit="correlation",
     optional=True,
@@ -217,8 +213,8 @@ def depth_order(estimates: Estimates, result: Reconstruction) -> Measured:
     if not known.any() or own > _SAME:
         return None
     return mirrored - own, (
-        f"left and right of {estimates.depth_by} fit those of the point map better if they are "
-        f"exchanged: one of both is mirrored"
+        f"the depth of {estimates.depth_by} fits the point map better if left and right are "
+        f"exchanged. Check that a file you gave is not mirrored; else do not use the depth"
     )
 
 
@@ -278,10 +274,10 @@ def focal_agreement(estimates: Estimates, result: Reconstruction) -> Measured:
     )
 
 
-_POINT = "point at each person with --person x,y"
+_BOX = "one --box x0,y0,x1,y1 for each person to keep may find one"
 
 
-@_check("People without a body", at_most=0, unit="count")
+@_check("Large people in the photo without a body", at_most=0, unit="count")
 def unposed_people(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return the number of boxes without a body that are as large as main people, and not of people
     with a body.
@@ -297,10 +293,10 @@ def unposed_people(estimates: Estimates, result: Reconstruction) -> Measured:
     ]
     who = "1 person" if len(lacking) == 1 else f"{len(lacking)} people"
     # a reason that the segmenter can cure ends with what to do
-    cures = dict.fromkeys(reason.partition(": ")[2] or _POINT for reason in lacking)
+    cures = dict.fromkeys(reason.partition(": ")[2] or _BOX for reason in lacking)
     return float(len(lacking)), (
-        f"no body was found for {who} in the photo, whom dashed boxes in preview and page show: "
-        f"{', or '.join(cures)}"
+        f"no body was found for {who} whom dashed boxes in preview.png show, mostly since they "
+        f"are hidden or cut off: {', or '.join(cures)}"
     )
 
 

@@ -32,9 +32,9 @@ CAP = 0.5
 
 _REASONS = 2  # that are named
 _LEAST_LOSS = 0.25  # log odds that a named reason takes away
-_NOTHING = "no check lowers it much"
+_NOTHING = "no check lowers the trust much"
 # What readers found wrong of people without a failed check.
-_LOOK = "compare how head and trunk are turned, arms in depth and lifted feet with the photo"
+_LOOK = "Compare head, trunk, arms in depth and lifted feet with the photo"
 
 
 @dataclass(frozen=True)
@@ -160,12 +160,15 @@ def person_trust(checks: Sequence[CheckResult], person: int) -> Trust:
             named.append(name)
     probability = probability_of(values, trust_model())
     good = Grade.of(probability) is Grade.GOOD
-    why = _sentence([own[name] for name in named[:_REASONS]])
-    if not good and not any(check.failed for check in own.values()):
+    why = [part for name in named[:_REASONS] for part in _reason(own[name])]
+    if not good and not any(check.failed for check in own.values() if check.person == person):
         least = trust_text(LEAST_TRUST[Grade.GOOD])
-        unfailed = f"no check failed, but {trust_text(probability)} lies below {least}"
-        why = f"{why}; {unfailed}" if named else f"{unfailed}: {_LOOK}"
-    return Trust(probability, why)
+        why += [
+            f"no check of this person failed, but the trust of {trust_text(probability)} lies "
+            f"below {least}, from which on people are good",
+            _LOOK,
+        ]
+    return Trust(probability, " ".join(f"{one[0].upper()}{one[1:]}." for one in why or [_NOTHING]))
 
 
 def no_trust(checks: Sequence[CheckResult], person: int) -> Trust:
@@ -191,11 +194,9 @@ def capped(probability: float, contradictions: int) -> float:
     return min(probability, CAP**contradictions) if contradictions else probability
 
 
-def _sentence(checks: Sequence[CheckResult]) -> str:
-    """Return what lowers a probability, with its value, and what to do."""
-    parts = []
-    for check in checks:
-        advice = CHECKS[check.name].advice
-        said = check.message if check.failed or check.value is None else advice
-        parts.append(f"{check.title}: {check.value_text}{f' ({said})' if said else ''}")
-    return "; ".join(parts) or _NOTHING
+def _reason(check: CheckResult) -> list[str]:
+    """Return sentences on a check that lowers a probability: its value, and what to do."""
+    if check.value is None:
+        return [f"{check.title}, {check.message}"]
+    said = check.message if check.failed else CHECKS[check.name].advice
+    return [str(check), said] if said else [str(check)]

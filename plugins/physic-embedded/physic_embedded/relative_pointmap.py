@@ -154,9 +154,9 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             disparity_sigma = estimate.disparity_sigma
             factor = float(np.exp(estimate.sigma))
             (warnings if factor > _DOUBTFUL_FACTOR else notes).append(
-                f"the farthest background may be {factor:.2g} times as far as it is here, or as "
-                f"near, since it is only assumed to be {'sky' if estimate.sky else 'a wall'}: "
-                f"people and things near them are less affected"
+                f"the farthest background, taken to be {'outdoors' if estimate.sky else 'indoors'}"
+                f", may be {factor:.2g} times farther or nearer (one standard deviation). Do not "
+                f"measure there; people and things near them are less affected"
             )
         else:
             infinity, scale = found
@@ -223,7 +223,8 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         trust = CameraTrust.ESTIMATED if sigma <= _SURE_FOCAL_SIGMA else CameraTrust.GUESSED
         camera = Intrinsics.from_focal(focal, width, height, source, trust)
         note = (
-            f"the focal length is a {source}, and may be off by {sigma:.0%}, as all distances are"
+            f"the focal length is a {source}, so that all distances may be off by {sigma:.0%} (one "
+            f"standard deviation). Give the camera's own file, which may state it, or --focal-px PX"
         )
         return replace(camera, focal_sigma=sigma), note
 

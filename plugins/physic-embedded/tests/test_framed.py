@@ -33,7 +33,7 @@ def is_questioned(found):
         np.testing.assert_array_equal(found.scores, [0.9, 0.8])
         return False
     (note,) = found.notes
-    assert "(20, 30, 40, 70)" in note
+    assert "20,30,40,70" in note
     assert "--ignore" in note
     np.testing.assert_allclose(found.scores, [0.8, 0.45])
     np.testing.assert_array_equal(found.masks[::-1], MASKS)

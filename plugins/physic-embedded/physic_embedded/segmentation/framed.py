@@ -75,10 +75,10 @@ def _note(people: People, asked: BoolArray, why: str) -> str:
     if not asked.any():
         return ""
     boxes = boxes_from_masks(people.masks[asked]).round().astype(int).tolist()
-    places = " and ".join(f"({x0}, {y0}, {x1}, {y1})" for x0, y0, x1, y1 in boxes)
+    places = " and ".join(",".join(map(str, box)) for box in boxes)
     return (
-        f"who is in {places} {why} Half as much weight is on this size; --ignore x,y leaves the "
-        f"person out, and --person x,y, for each person to keep, says that it is one"
+        f"who is in the box {places} px {why} Then leave it out by --ignore x,y. If not, give one "
+        f"--person x,y for each person to keep; until then this size counts half"
     )
 
 
