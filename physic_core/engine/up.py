@@ -98,16 +98,17 @@ def slope_sigma(labels: SurfaceLabels | None) -> float:
 def surest_up(floor: PlaneFit | None, up: Up | None, slope: float) -> Up:
     """Return the surest of a floor after :func:`level_plane`, up without it, and the camera.
 
-    An up that is too unsure to turn a floor does not replace it: steep views look level.
+    An up that is too unsure to turn a floor replaces it only where the camera's axis would: steep
+    views look level.
     """
-    sure = up is not None and up.sigma < _LEAST_SURE_DEG
-    witnesses = [camera_axis()]
-    if up is not None and (sure or floor is None):
-        witnesses.append(up)
-    if floor is not None:
-        sigma = math.degrees(floor.pitch_sigma if sure else floor.plane_sigma)
-        witnesses.append(Up(floor.normal.double(), math.hypot(sigma, slope), "the floor"))
-    return min(witnesses, key=lambda one: one.sigma)
+    other = camera_axis() if up is None else up
+    if floor is None:
+        return other
+    sure = other.sigma < _LEAST_SURE_DEG
+    sigma = math.degrees(floor.pitch_sigma if sure else floor.plane_sigma)
+    own = Up(floor.normal.double(), math.hypot(sigma, slope), "the floor")
+    limit = other.sigma if sure else AXIS_SIGMA_DEG
+    return own if own.sigma < limit else other
 
 
 def fused_up(witnesses: Sequence[Up]) -> Up:

@@ -98,8 +98,9 @@ def test_a_street_may_slope_and_a_floor_may_not():
         (None, edges(20), 20.0, 1.5),
         (floor(12), None, 12.0, 6.0),
         (floor(33), edges(5), 5.0, 1.5),
+        (floor(33, 24.0), edges(5, 7.0), 5.0, 7.0),
     ],
-    ids=["the camera", "edges", "the floor", "edges against the floor"],
+    ids=["the camera", "edges", "the floor", "edges against the floor", "a floor that is a guess"],
 )
 def test_the_surest_witness_tells_up(plane, up, pitch, sigma):
     found = surest_up(plane, up, 0.0)
