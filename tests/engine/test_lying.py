@@ -41,10 +41,10 @@ DOWN = np.array([0.0, 0.0, -1.0])
 """Normal of a floor below a camera that looks straight down."""
 
 
-def answer(turned=False, floor_m=None, gap_m=0.0, label=None, posture=None):
+def answer(turned=False, floor_m=None, gap_m=0.0, label=None, posture=None, up=None):
     """Floor and scale of a person before a surface that faces the camera; upside down in the
     picture if turned, and on a level floor below the camera, if it has a height. The surface may
-    have a label.
+    have a label, and the picture a direction up.
     """
     model = load_body("embedded")
     rotations, betas, _ = model.zero_pose(1)
@@ -69,6 +69,8 @@ def answer(turned=False, floor_m=None, gap_m=0.0, label=None, posture=None):
         pointmap_of(z, CAMERA, people_farther=(0.0, 0.1))
         for z in (depth, np.where(mask, own, depth))
     )
+    if up is not None:
+        scene = replace(scene, up=np.array(up), up_sigma=2.0, up_source="edges")
     bodies = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded")
     said = Observations.unknown(1)
     if posture is not None:
@@ -104,6 +106,13 @@ def test_people_who_stand_at_a_wall_on_a_floor_do_not_lie_on_the_wall(gap_m):
 def test_people_lie_only_where_the_observer_does_not_speak_against_it(posture, down):
     plane = answer(posture=posture).plane
     assert (0.0 if plane is None else plane.normal @ DOWN) == pytest.approx(down, abs=0.2)
+
+
+@pytest.mark.parametrize(("posture", "steep"), [(None, 60.0), ("lie", 30.0)])
+def test_people_do_not_lie_on_what_the_up_of_the_picture_shows_to_be_steep(posture, steep):
+    tilt = np.radians(90.0 - steep)
+    plane = answer(posture=posture, up=[0.0, -np.cos(tilt), -np.sin(tilt)]).plane
+    assert plane is None or plane.normal @ DOWN < 0.9
 
 
 def test_a_surface_with_the_label_of_a_wall_is_not_lain_on():
