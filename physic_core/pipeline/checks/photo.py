@@ -295,8 +295,7 @@ def unposed_people(estimates: Estimates, result: Reconstruction) -> Measured:
     # a reason that the segmenter can cure ends with what to do
     cures = dict.fromkeys(reason.partition(": ")[2] or _BOX for reason in lacking)
     return float(len(lacking)), (
-        f"no body was found for {who} whom dashed boxes in preview.png show, mostly since they "
-        f"are hidden or cut off: {', or '.join(cures)}"
+        f"no body was found for {who} in the photo (dashed in preview.png): {', or '.join(cures)}"
     )
 
 
