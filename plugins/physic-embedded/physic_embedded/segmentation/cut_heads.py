@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
 # Points of blazepose33.
 _HEAD = slice(0, 11)
-_EYES = [2, 5]
-_MOUTH = slice(9, 11)
 _SHOULDERS = slice(11, 13)
 _HIPS = slice(23, 25)
 _LEGS = slice(25, 29)  # knees and ankles
@@ -24,7 +22,14 @@ _BELOW_TRUNK = slice(23, 33)
 _SEEN_LEG = 0.3  # confidence of a knee or an ankle that is seen
 _LEAST_BELOW = 0.4  # lengths of the trunk that are seen below hips whose place is known
 _DOUBTFUL = 0.2
-_SQUEEZED = 0.25  # from eyes to mouth in lengths of the trunk: more than of children
+_SQUEEZED = 1.4  # more than of children
+_MIDDLES = {"eyes": [2, 5], "mouth": [9, 10], "shoulders": [11, 12], "hips": [23, 24]}
+_FACE_OF_TRUNK = 0.18
+"""From eyes to mouth, in lengths of the trunk, from where a trunk is short. Of 85 labelled people
+with visible legs 90 % have less than .171, of 44 without most have more than .187."""
+_FACE_OF_LEG = 0.24
+"""The same in lengths of the longest thigh or shank. Of people with a short trunk, those who bend
+have less, and most of those who are squeezed have more."""
 
 
 def doubt_cut_heads(keypoints: Keypoints, masks: BoolArray) -> Keypoints:
@@ -53,7 +58,7 @@ def doubt_hidden_hips(keypoints: Keypoints, masks: BoolArray) -> Keypoints:
     too short for the face, the legs are squeezed too. Arguments as in :func:`doubt_cut_heads`.
     """
     confidence = keypoints.confidence.copy()
-    squeezed = face_ratios(keypoints.points) > _SQUEEZED
+    squeezed = squeezes(keypoints.points) > _SQUEEZED
     confidence[squeezed, _BELOW_TRUNK] = confidence[squeezed, _BELOW_TRUNK].clip(max=_DOUBTFUL)
     hidden = confidence[:, _LEGS].max(1, initial=0) < _SEEN_LEG
     for i in np.flatnonzero(hidden):
@@ -62,14 +67,22 @@ def doubt_hidden_hips(keypoints: Keypoints, masks: BoolArray) -> Keypoints:
     return replace(keypoints, confidence=confidence)
 
 
-def face_ratios(points: FloatArray) -> FloatArray:
-    """Return the lengths (N,) from eyes to mouth over those of the trunk, joints (N, 33, 2) px."""
+def squeezes(points: FloatArray) -> FloatArray:
+    """Return how much too large the faces of N people are for trunk and legs, (N,): above 1 where
+    the network squeezed them into what it saw, joints (N, 33, 2) px.
 
-    def length(first: slice | list[int], second: slice) -> FloatArray:
-        ends = points[:, first].mean(axis=1) - points[:, second].mean(axis=1)
-        return np.asarray(np.linalg.norm(ends, axis=-1))
+    A trunk may look short where it leans, and a leg where it is bent, but seldom all of them.
+    """
 
-    return length(_EYES, _MOUTH) / np.maximum(length(_SHOULDERS, _HIPS), 1e-6)
+    def length(first: list[int], second: list[int]) -> FloatArray:
+        return np.asarray(np.linalg.norm(points[:, first] - points[:, second], axis=-1).max(axis=1))
+
+    middle = {name: points[:, rows].mean(axis=1) for name, rows in _MIDDLES.items()}
+    face = np.linalg.norm(middle["eyes"] - middle["mouth"], axis=-1)
+    trunk = np.linalg.norm(middle["shoulders"] - middle["hips"], axis=-1)
+    leg = np.maximum(length([23, 24], [25, 26]), length([25, 26], [27, 28]))
+    usual = np.maximum(_FACE_OF_TRUNK * trunk, _FACE_OF_LEG * leg)
+    return np.asarray(face / np.maximum(usual, 1e-6))
 
 
 def _below_hips(points: FloatArray, mask: BoolArray) -> float:

@@ -2,8 +2,7 @@
 
 In the square of a whole body, the landmark network squeezes hips and legs into what it sees of the
 upper part, with full confidence. The trunk then seems short, and leans. The face tells it: from
-eyes to mouth it is about an eighth of the trunk, and whoever leans towards the camera shows it
-shorter too.
+eyes to mouth it is about an eighth of the trunk, and a sixth of thigh or shank.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import numpy as np
 
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
 from physic_embedded.networks.pose import predict_scored_pose
-from physic_embedded.segmentation.cut_heads import face_ratios
+from physic_embedded.segmentation.cut_heads import squeezes
 from physic_embedded.segmentation.hidden_people import grey_out, without_covered
 
 if TYPE_CHECKING:
@@ -31,17 +30,14 @@ _EYES = [2, 5]
 _MOUTH = [9, 10]
 _FACE = slice(0, 11)
 
-_LARGE_FACE = 0.18
-"""From eyes to mouth, in lengths of the trunk, from where the trunk is squeezed. Of 85 labelled
-people with visible legs 90 % have less than .171, of 44 without most have more than .187."""
-_FACE_OF_TRUNK = 0.135  # the usual ratio
+_FACE_OF_TRUNK = 0.135  # usual length from eyes to mouth in lengths of the trunk
 _HIPS_BELOW_EYES = 1.45  # lengths of the trunk
 _RADIUS = 1.85  # from hips to the end of a body, in lengths of the trunk
 _LOOKS = 3  # the square grows at each
 _LEAST_SCORE = 0.7
 _LARGEST_MIRROR_GAP = 0.05
 _SAME_HEAD = 0.7  # mean distance of the points of two faces, in lengths from eyes to mouth
-_LESS_SQUEEZED = 0.85  # of the ratio before
+_LESS_SQUEEZED = 0.85  # of the squeeze before
 
 
 def square_from_upper_half(box: Float) -> RotatedSquare:
@@ -69,7 +65,7 @@ def _whole_body(
 ) -> Pose:
     """Return the pose of one person, looked for again while it is squeezed and gets better."""
     for _ in range(_LOOKS):
-        if _face_ratio(pose) < _LARGE_FACE:
+        if _squeeze(pose) < 1:
             break
         picture = ImagePyramid.from_image(grey_out(image, others))
         again = predict_scored_pose(landmarker, picture, _square_from_face(pose), _LEAST_SCORE)
@@ -85,7 +81,7 @@ def _is_better(again: Pose, pose: Pose) -> bool:
     return bool(
         apart < _SAME_HEAD * _face_length(pose)
         and again.mirror_gap < _LARGEST_MIRROR_GAP
-        and _face_ratio(again) < _LESS_SQUEEZED * _face_ratio(pose)
+        and _squeeze(again) < _LESS_SQUEEZED * _squeeze(pose)
     )
 
 
@@ -96,8 +92,8 @@ def _square_from_face(pose: Pose) -> RotatedSquare:
     return RotatedSquare(hips, 2.5 * _RADIUS * trunk, 0.0)
 
 
-def _face_ratio(pose: Pose) -> float:
-    return float(face_ratios(pose.points[None])[0])
+def _squeeze(pose: Pose) -> float:
+    return float(squeezes(pose.points[None])[0])
 
 
 def _face_length(pose: Pose) -> float:
