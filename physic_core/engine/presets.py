@@ -32,12 +32,12 @@ from physic_core.engine.joint.terms.people import PeopleTerm
 from physic_core.engine.joint.terms.picture import (
     DepthSettings,
     DepthTerm,
-    ReprojectionSettings,
     ViewsTerm,
     depth_offset_sigmas,
     keypoint_weights,
     robust_reprojection,
 )
+from physic_core.engine.joint.terms.reprojection_settings import ReprojectionSettings
 from physic_core.engine.joint.terms.scene import (
     CONTACT_RANGE_M,
     ContactTerm,

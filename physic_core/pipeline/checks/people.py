@@ -13,12 +13,11 @@ import numpy as np
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.body.posture import lean_deg, standing_legs
-from physic_core.engine.contact.probability import SEAT
-from physic_core.engine.joint.terms.picture import ReprojectionSettings
-from physic_core.geometry.tensors import exact_arrays
+from physic_core.engine.joint.terms.reprojection_settings import ReprojectionSettings
 from physic_core.pipeline.checks.photo import NO_FLOOR, relative_difference
 from physic_core.pipeline.checks.spec import YES, check
 from physic_core.types import Plane, skeleton_named
+from physic_core.types.observations import TOUCH_PARTS
 from physic_core.types.skeletons import SIDES, keypoint_in_words
 
 if TYPE_CHECKING:
@@ -38,7 +37,6 @@ _LIMB_JOINTS = tuple(
     for name in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
     for side in SIDES
 )
-_CONTACT_PARTS = ("left_foot", "right_foot", "left_hand", "right_hand", SEAT)
 _HEAD = ("nose", "eye_surface", "ear_surface")
 _FEWEST_HEAD = 3
 _CONFIDENT = 0.5
@@ -213,14 +211,14 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
     who = result.people[person]
     if not (likely := who.world_contact):
         return None
-    value = math.prod(max(likely[part], 1 - likely[part]) for part in _CONTACT_PARTS)
+    value = math.prod(max(likely[part], 1 - likely[part]) for part in TOUCH_PARTS)
     if who.posture in _SEATED and likely["seat"] < 0.5:
         seen = f"{who.posture} (probability {who.posture_probability:.2f})"
         return value, (
             f"this person seems to {seen}, but no seat is found under the body: see "
             f"{_FROM_THE_SIDE}"
         )
-    least = min(_CONTACT_PARTS, key=lambda part: abs(likely[part] - 0.5))
+    least = min(TOUCH_PARTS, key=lambda part: abs(likely[part] - 0.5))
     return (
         value,
         f"the least sure is the {least.replace('_', ' ')}, which touches something with "
@@ -425,5 +423,7 @@ def _visible(estimates: Estimates, person: int) -> BoolArray:
     observed = estimates.bodies.observed
     if observed is None:
         return np.ones(55, bool)
+    from physic_core.geometry.tensors import exact_arrays
+
     others = exact_arrays(*(view.observed[person] for view in estimates.views))
     return np.asarray(np.any([observed[person], *others], axis=0))

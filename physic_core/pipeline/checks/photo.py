@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.geometry.tensors import exact_arrays
 from physic_core.pipeline.checks.spec import YES, check
 from physic_core.types.contacts import has_sole_on_floor
 from physic_core.types.results import main_people
@@ -115,6 +114,8 @@ def floor_shown(estimates: Estimates, result: Reconstruction) -> Measured:
     plane = estimates.ground.search.plane
     if result.scene.floor is None or plane is None:
         return None
+    from physic_core.geometry.tensors import exact_arrays
+
     (on_plane,) = exact_arrays(plane.inliers)
     visible = on_plane & ~estimates.hole
     if not visible.any():

@@ -22,6 +22,7 @@ from physic_core.engine.joint.term import (
     SurfaceTerm,
     Term,
 )
+from physic_core.engine.joint.terms.reprojection_settings import ReprojectionSettings
 from physic_core.engine.joint.variables import Variables
 from physic_core.engine.limbs import keypoints_of_observed_limbs
 from physic_core.engine.state import State
@@ -29,23 +30,11 @@ from physic_core.errors import PhysicError
 from physic_core.geometry.camera import project
 from physic_core.geometry.robust import robust_loss
 from physic_core.geometry.visibility import inside_image
-from physic_core.types.bounds import NotNegative, Positive
+from physic_core.types.bounds import NotNegative
 from physic_core.types.skeletons import SEEN_CONFIDENCE
 
 INVISIBLE_WEIGHT = 0.4
 """Weight of keypoints on invisible limbs, which detectors extrapolate from the visible ones."""
-
-
-@dataclass(frozen=True)
-class ReprojectionSettings:
-    """Settings of the reprojection term: projected joints of the body against keypoints."""
-
-    weight: NotNegative = 1.0
-    """Lambda_j2d of Eq. 5; 0 removes the term."""
-    sigma: Positive = 0.01
-    """Expected error, as a share of the person's stature in px."""
-    outlier_sigmas: Positive = 5.0
-    """Beyond this many sigmas a keypoint counts as an outlier (Cauchy)."""
 
 
 def reprojection_energy(
