@@ -195,11 +195,16 @@ def detect_poses(
         for person in kept[max_people:]
         if person.box is not None
     ]
-    carriers = things.carriers(box_score)
-    kept = kept[:max_people]
-    poses = with_upper_bodies(landmarker, image, [person.pose for person in kept])
-    kept = [replace(person, pose=pose) for person, pose in zip(kept, poses, strict=True)]
-    return FoundPeople(kept, unposed, left_out, carriers)
+    kept = _with_upper_bodies(landmarker, image, kept[:max_people])
+    return FoundPeople(kept, unposed, left_out, things.carriers(box_score))
+
+
+def _with_upper_bodies(
+    landmarker: OnnxSession, image: NDArray[np.uint8], people: Sequence[DetectedPose]
+) -> list[DetectedPose]:
+    """Return the people, those of whom only the upper part is visible with another pose."""
+    poses = with_upper_bodies(landmarker, image, [person.pose for person in people])
+    return [replace(person, pose=pose) for person, pose in zip(people, poses, strict=True)]
 
 
 def _without_repeats(found: list[DetectedPose]) -> list[DetectedPose]:

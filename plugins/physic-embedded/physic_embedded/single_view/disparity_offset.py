@@ -75,6 +75,7 @@ def disparity_at_infinity(
         floor: of the same map, or None.
         focal_px: focal length at the resolution of ``disparity``, px.
         pitch: how far the camera looks down by upright edges and its standard deviation, degrees.
+        focal_sigma: standard deviation of the logarithm of the focal length; 0 if it is known.
         walls: (M, 3) local planes of walls, see
             :func:`~physic_embedded.single_view.upright.wall_planes`.
         bodies: (N, 3) planes of standing people, see
@@ -97,11 +98,9 @@ def disparity_at_infinity(
     sky = outdoors * (1 - (1 - _FLAT) * trust)
     cost = _prior_cost(gaps, sky, max(farthest, 0.0) / span) + level
     if floor is not None and floor.inlier_share > _FLOOR_SHARE:
-        if pitch is not None:
-            from physic_core.geometry.floor import FOCAL_PITCH_DEG
-
-            pitch = pitch[0], math.hypot(pitch[1], FOCAL_PITCH_DEG * focal_sigma)
-        cost = cost + _floor_cost(floor, candidates, focal, pitch=pitch, walls=walls, bodies=bodies)
+        cost = cost + _floor_cost(
+            floor, candidates, (focal, focal_sigma), pitch=pitch, walls=walls, bodies=bodies
+        )
     if frame is not None and surfaces is not None and len(surfaces):
         axes, trust = frame
         cost = cost + trust * frame_cost(surfaces, candidates, axes)
@@ -146,18 +145,25 @@ def _prior_cost(gaps: FloatArray, sky: float, sky_disparity: float) -> FloatArra
 def _floor_cost(
     floor: DisparityFloor,
     candidates: FloatArray,
-    focal: float,
+    focal: tuple[float, float],
     *,
     pitch: tuple[float, float] | None,
     walls: FloatArray | None,
     bodies: FloatArray | None,
 ) -> FloatArray:
-    """Return the cost (C,) of the floor's tilt for candidates (C,) of the disparity at infinity."""
-    down = np.array([floor.normal(c, focal) for c in candidates])
+    """Return the cost (C,) of the floor's tilt for candidates (C,) of the disparity at infinity.
+
+    ``focal`` is the focal length in long sides, and the standard deviation of its logarithm, which
+    turns the floor.
+    """
+    down = np.array([floor.normal(c, focal[0]) for c in candidates])
     cost = np.zeros(len(candidates))
     if pitch is not None:
+        from physic_core.geometry.floor import FOCAL_PITCH_DEG
+
+        sigma = math.hypot(pitch[1], FOCAL_PITCH_DEG * focal[1])
         of_floor = np.degrees(np.arctan2(down[:, 2], down[:, 1]))
-        cost = cost + _robust((of_floor - pitch[0]) / pitch[1])
+        cost = cost + _robust((of_floor - pitch[0]) / sigma)
     if walls is not None and len(walls):
         cost = cost + walls_cost(walls, candidates, down)
     if bodies is not None and len(bodies):
