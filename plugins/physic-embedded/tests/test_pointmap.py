@@ -263,9 +263,8 @@ def test_points_lie_on_their_pixels_rays_at_a_median_depth_of_one(scene):
     assert camera.fx * points[:, 0] / points[:, 2] + camera.cx == pytest.approx(columns, abs=1e-2)
     assert camera.fy * points[:, 1] / points[:, 2] + camera.cy == pytest.approx(rows, abs=1e-2)
     assert f"{camera.focal_sigma:.0%}" in scene.notes[0]
-    factor, wall = re.search(r"may be ([\d.]+) times .* to be (.*?):", scene.notes[1]).groups()
-    assert float(factor) > 1
-    assert wall == "a wall"
+    assert float(re.search(r"([\d.]+) times", scene.notes[1])[1]) > 1
+    assert "indoors" in scene.notes[1]
 
 
 def test_up_is_told_by_edges_of_a_room_else_by_the_look_of_the_picture(backend, image, scene):
