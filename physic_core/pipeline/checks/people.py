@@ -118,7 +118,7 @@ def heads(estimates: Estimates, result: Reconstruction, person: int) -> Measured
 
 # Right bodies 0.013-0.033; bodies of the wrong person 0.036-0.15.
 @_check(
-    "Limb joints off those seen in the photo, 9 of 10 at most",
+    "Distance of limb joints from those seen in the photo, which 90 % do not exceed",
     at_most=0.035,
     contradicts=True,
     share_of="the diagonal of the person's box",
@@ -200,7 +200,7 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
 
 # Of people whom readers find right 0.59 in the median, of others 0.40.
 @_check(
-    "Probability that all listed contacts of feet, hands and seat are right",
+    "Probability that it is right which of feet, hands and seat touch something",
     at_least=0.5,
     unmeasured="there is no body, or this preset estimates no probabilities",
 )
@@ -219,10 +219,11 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
             f"{_FROM_THE_SIDE}"
         )
     least = min(TOUCH_PARTS, key=lambda part: abs(likely[part] - 0.5))
+    taken = "to touch something" if likely[least] >= 0.5 else "not to touch anything"
     return (
         value,
-        f"the least sure is the {least.replace('_', ' ')}, which touches something with "
-        f"probability {likely[least]:.2f}. Compare the listed contacts with the photo",
+        f"the least sure is the {least.replace('_', ' ')}, taken {taken} (probability of touch "
+        f"{likely[least]:.2f}): look whether it is so in the photo",
     )
 
 
@@ -257,8 +258,9 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
             f"the person lies, or body or floor is wrong: compare {_FROM_THE_SIDE} with the photo"
         )
     return abs(part), (
-        f"one photo hardly shows a lean {'towards' if part > 0 else 'away from'} the camera: "
-        f"compare {_FROM_THE_SIDE} with the photo"
+        f"the lean is {'towards' if part > 0 else 'away from'} the camera, which one photo hardly "
+        f"shows: if the person looks upright there, do not use the depth of this pose; see "
+        f"{_FROM_THE_SIDE}"
     )
 
 

@@ -198,5 +198,7 @@ def _reason(check: CheckResult) -> list[str]:
     """Return sentences on a check that lowers a probability: its value, and what to do."""
     if check.value is None:
         return [f"{check.title}, {check.message}"]
-    said = check.message if check.failed else CHECKS[check.name].advice
-    return [str(check), said] if said else [str(check)]
+    if check.failed:
+        return [str(check), check.message] if check.message else [str(check)]
+    advice = CHECKS[check.name].advice
+    return [str(check), f"this check passes, but narrowly: {advice}"] if advice else [str(check)]
