@@ -129,10 +129,10 @@ def _fit(pose: Pose, mask: BoolArray) -> float:
         return pose.score
     step = max(1, int(max(np.ptp(xs), np.ptp(ys)) / 96))
     pad = int(0.25 * max(np.ptp(xs), np.ptp(ys)))
-    y, x = np.mgrid[
-        max(0, ys.min() - pad) : min(mask.shape[0], ys.max() + pad + 1) : step,
-        max(0, xs.min() - pad) : min(mask.shape[1], xs.max() + pad + 1) : step,
-    ]
-    own = pose.mask_at(np.stack([x, y], axis=-1).astype(float)) > 0
-    given = mask[y, x]
+    y, x = (
+        np.arange(max(0, at.min() - pad), min(size, at.max() + pad + 1), step)
+        for at, size in zip((ys, xs), mask.shape, strict=True)
+    )
+    own = pose.mask_on_grid(x, y) > 0
+    given = mask[np.ix_(y, x)]
     return float(pose.score * (own & given).sum() / max((own | given).sum(), 1))

@@ -23,7 +23,7 @@ from physic_embedded.segmentation.cut_heads import doubt_cut_heads, doubt_hidden
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, floor_mask
 from physic_embedded.segmentation.framed import question_people
 from physic_embedded.segmentation.people import detect_poses, mask_box, unposed_person
-from physic_embedded.segmentation.person_masks import person_mask, resolve_overlaps
+from physic_embedded.segmentation.person_masks import person_masks, resolve_overlaps
 from physic_embedded.segmentation.unposed import count_heads, segment_unposed
 
 if TYPE_CHECKING:
@@ -199,10 +199,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
 
     def _masks(self, embedding: ImageEmbedding, poses: list[Pose]) -> BoolArray:
         """Return the masks (N, H, W) of people with poses."""
-        decoder = self.network["mobilesam_decoder"]
-        alone = [
-            person_mask(decoder, embedding, p, [q for q in poses if q is not p]) for p in poses
-        ]
+        alone = person_masks(self.network["mobilesam_decoder"], embedding, poses)
         return resolve_overlaps(alone, embedding)
 
     def _leave_out_low(

@@ -75,7 +75,7 @@ def test_boxes_of_people_who_have_a_pose_and_of_chairs_are_left_out(monkeypatch)
     embedding = ImageEmbedding(np.zeros((1, 256, 64, 64)), 100, 200, 1024 / 200)
 
     def predict_masks(session, embedding, inside, outside, box):
-        grid = embedding.grid_points()
+        grid = np.stack(np.meshgrid(*embedding.grid_axes()), axis=-1)
         logits = np.where(
             (grid >= box[:2] - 0.5).all(-1) & (grid < box[2:] - 0.5).all(-1), 1.0, -1.0
         )

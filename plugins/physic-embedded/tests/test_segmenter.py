@@ -215,7 +215,7 @@ def embedding_of(height, width):
 @pytest.mark.parametrize(("height", "width"), [(480, 640), (1500, 700), (90, 333)])
 def test_grid_values_land_on_the_pixels_that_the_grid_names(height, width):
     embedding = embedding_of(height, width)
-    ramp = embedding.to_photo(embedding.grid_points()[..., 0])
+    ramp = embedding.to_photo(np.meshgrid(*embedding.grid_axes())[0])
     inner = slice(20, width - 20)
     np.testing.assert_allclose(ramp[height // 2, inner], np.arange(width)[inner], atol=0.2)
 

@@ -55,15 +55,11 @@ class ImageEmbedding:
         """Side of one pixel of the low-resolution mask, in photo px."""
         return FRAME_SIZE / MASK_SIZE / self.scale
 
-    def grid_points(self) -> Float:
-        """Return the centres (rows, columns, 2) of the low-resolution mask's pixels, in photo
-        px.
-        """
-
+    def grid_axes(self) -> tuple[Float, Float]:
+        """Return the centres of the low-resolution mask's columns and rows, in photo px."""
         rows, columns = self.grid_shape
-        y, x = np.mgrid[:rows, :columns]
-        points: Float = (np.stack([x, y], axis=-1) + 0.5) * self.cell - 0.5
-        return points
+        x, y = ((np.arange(count) + 0.5) * self.cell - 0.5 for count in (columns, rows))
+        return x, y
 
     def to_photo(self, logits: Float) -> NDArray[np.float32]:
         """Resample a low-resolution mask (rows, columns) to photo pixels (H, W), bilinear."""

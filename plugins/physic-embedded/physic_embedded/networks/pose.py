@@ -67,13 +67,30 @@ class Pose:
         return float(np.linalg.norm(self.points[[11, 12]].mean(0) - self.points[[23, 24]].mean(0)))
 
     def mask_at(self, points: Float) -> Float:
-        """Sample the mask logits at photo pixels (R, C, 2); -30 outside ``square``."""
+        """Sample the mask logits at photo pixels (N, 2); (N,), -30 outside ``square``."""
+        u, v = (self.square.from_photo(points, LANDMARK_SIZE) - 0.5).T
+        logits: Float = self._sample(u[None], v[None])[0]
+        return logits
+
+    def mask_on_grid(self, x: Float, y: Float) -> Float:
+        """Sample the mask logits at columns ``x`` (C,) and rows ``y`` (R,) of the photo, px;
+        (R, C), -30 outside ``square``.
+        """
+        origin, *axes = self.square.from_photo(np.array([[0.0, 0], [1, 0], [0, 1]]), LANDMARK_SIZE)
+        along, down = (axis - origin for axis in axes)
+        u, v = (
+            np.add.outer(y * down[i] + origin[i] - 0.5, x * along[i], dtype=np.float32)
+            for i in (0, 1)
+        )
+        return self._sample(u, v)
+
+    def _sample(self, u: Float, v: Float) -> Float:
+        """Sample the mask logits at columns ``u`` and rows ``v`` (R, C) of the mask."""
         import cv2
 
-        at = (self.square.from_photo(points, LANDMARK_SIZE) - 0.5).astype(np.float32)
         logits: Float = cv2.remap(
-            self.mask.astype(np.float32), at[..., 0], at[..., 1], cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_CONSTANT, borderValue=-30.0,
+            self.mask.astype(np.float32), u.astype(np.float32), v.astype(np.float32),
+            cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=-30.0,
         )  # fmt: skip
         return logits
 

@@ -110,9 +110,7 @@ def _at_point(detected: DetectedPeople, point: FloatArray) -> DetectedPose | Non
     mask = detected.embedding.to_photo(answer.logits[WHOLE]) > 0
     person = _in_box(detected, boxes_from_masks(mask[None])[0]) if mask.any() else None
     # The mask of a wall or a table has a box that contains other people.
-    return (
-        person if person is not None and person.pose.mask_at(point[None, None])[0, 0] > 0 else None
-    )
+    return person if person is not None and person.pose.mask_at(point[None])[0] > 0 else None
 
 
 def _in_box(detected: DetectedPeople, box: FloatArray) -> DetectedPose | None:
@@ -139,11 +137,13 @@ def _in_mask(detected: DetectedPeople, mask: BoolArray) -> DetectedPose | None:
     poses = [person.pose for person in detected.found] + _poses(detected, box, neighbours)
 
     def overlap(pose: Pose) -> float:
-        grid = detected.embedding.grid_points()
-        own = pose.mask_at(grid) > 0
-        x, y = np.rint(grid).astype(int).reshape(-1, 2).T
-        height, width = mask.shape
-        given = mask[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)].reshape(own.shape)
+        x, y = detected.embedding.grid_axes()
+        own = pose.mask_on_grid(x, y) > 0
+        rows, columns = (
+            np.clip(np.rint(at).astype(int), 0, size - 1)
+            for at, size in zip((y, x), mask.shape, strict=True)
+        )
+        given = mask[np.ix_(rows, columns)]
         return float((own & given).sum() / max((own | given).sum(), 1))
 
     best = max(poses, key=lambda pose: pose.score * overlap(pose))

@@ -30,10 +30,8 @@ def grey_out(image: NDArray[np.uint8], poses: Sequence[Pose]) -> NDArray[np.uint
         x0, y0 = np.maximum(np.floor(corners.min(axis=0)), 0).astype(int)
         x1, y1 = np.minimum(np.ceil(corners.max(axis=0)) + 1, [width, height]).astype(int)
         if x0 < x1 and y0 < y1:
-            grid = np.stack(np.meshgrid(np.arange(x0, x1), np.arange(y0, y1)), axis=-1).astype(
-                float
-            )
-            grey[y0:y1, x0:x1][pose.mask_at(grid) > 0] = GREY
+            mask = pose.mask_on_grid(np.arange(x0, x1), np.arange(y0, y1))
+            grey[y0:y1, x0:x1][mask > 0] = GREY
     return grey
 
 
@@ -43,5 +41,5 @@ def without_covered(pose: Pose, others: Sequence[Pose]) -> Pose:
     """
     visibility = pose.visibility.copy()
     for other in others:
-        visibility[other.mask_at(pose.points[None])[0] > 0] = 0
+        visibility[other.mask_at(pose.points) > 0] = 0
     return replace(pose, visibility=visibility)

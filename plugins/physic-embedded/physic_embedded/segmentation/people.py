@@ -396,9 +396,9 @@ def mask_overlap(a: Pose, b: Pose, cells: int = 96) -> float:
     low = both[:, :2].min(axis=0)
     high = both[:, 2:].max(axis=0)
     step = max(float((high - low).max()) / cells, 1.0)
-    grid = np.stack(np.meshgrid(*(np.arange(low[i], high[i], step) for i in (0, 1))), axis=-1)
-    first = a.mask_at(grid) > 0
-    second = b.mask_at(grid) > 0
+    x, y = (np.arange(low[i], high[i], step) for i in (0, 1))
+    first = a.mask_on_grid(x, y) > 0
+    second = b.mask_on_grid(x, y) > 0
     return float((first & second).sum() / max(min(first.sum(), second.sum()), 1))
 
 

@@ -26,40 +26,60 @@ WRISTS = [15, 16]
 MIN_CONFIDENCE = 0.6
 MIN_WRIST_CONFIDENCE = 0.9
 """Confidence from which a joint, or a thin joint, is a prompt."""
+_MOST_OUTSIDE = 8  # prompts on other people
 
 
-def person_mask(
+def person_masks(
+    decoder: OnnxSession, embedding: ImageEmbedding, poses: Sequence[Pose]
+) -> list[tuple[Float, Float]]:
+    """Segment the people of some poses.
+
+    Args:
+        decoder: session of ``mobilesam_decoder``.
+        embedding: of the photo.
+        poses: of all people.
+
+    Returns:
+        For each person logits (rows, columns) on the grid of the embedding, above 0 inside, before
+        overlaps are resolved; and pixels (P, 2) of the photo that are surely on the person.
+    """
+    grid = embedding.grid_axes()
+    softs = [pose.mask_on_grid(*grid) for pose in poses]
+    return [
+        _person_mask(
+            decoder,
+            embedding,
+            pose,
+            soft,
+            [*poses[:i], *poses[i + 1 :]],
+            np.max([*softs[:i], *softs[i + 1 :]], axis=0, initial=-np.inf),
+        )
+        for i, (pose, soft) in enumerate(zip(poses, softs, strict=True))
+    ]
+
+
+def _person_mask(
     decoder: OnnxSession,
     embedding: ImageEmbedding,
     pose: Pose,
+    soft: Float,
     others: Sequence[Pose],
-    most_others: int = 8,
+    theirs: Float,
 ) -> tuple[Float, Float]:
     """Segment one person: select the mask proposal that agrees best with the pose network's mask
     and with the joints.
 
-    Joints of the person are the points inside; noses and trunks of the nearest ``others`` the
-    points outside. The decoder runs with and without a box, and once more with the best mask as
-    input.
+    Joints of the person are the points inside; noses and trunks of the nearest others the points
+    outside. The decoder runs with and without a box, and once more with the best mask as input.
 
     Args:
         decoder: session of ``mobilesam_decoder``.
         embedding: of the photo.
         pose: of the person.
+        soft: mask logits (rows, columns) of the pose network.
         others: poses of the other people.
-        most_others: number of points on other people.
-
-    Returns:
-        Logits (rows, columns) on the grid of the embedding, above 0 inside, before overlaps are
-        resolved; and pixels (P, 2) of the photo that are surely on the person.
+        theirs: the largest mask logits (rows, columns) of the pose network for them.
     """
-    cells = embedding.grid_points()
-    soft = pose.mask_at(cells)
-    theirs = (
-        np.max([o.mask_at(cells) for o in others], axis=0)
-        if others
-        else np.full_like(soft, -np.inf)
-    )
     rough = soft > 0
     # A joint hidden behind another person would prompt for that person.
     inside = _points_in_mask(_own_points(pose, embedding), rough & (soft > theirs), embedding)
@@ -67,7 +87,7 @@ def person_mask(
         return soft, inside
     outside = _points_in_mask(_trunks(others), ~rough | (theirs > soft), embedding)
     near = np.argsort(np.linalg.norm(outside - inside.mean(axis=0), axis=1), kind="stable")[
-        :most_others
+        :_MOST_OUTSIDE
     ]
     outside = outside[near]
 
@@ -96,7 +116,7 @@ def resolve_overlaps(
     masks: Sequence[tuple[Float, Float]], embedding: ImageEmbedding, speck: float = 0.1
 ) -> Bool:
     """Assign each pixel to the person with the largest logit, and return masks (N, H, W) at photo
-    size of people by :func:`person_mask`.
+    size of people by :func:`person_masks`.
 
     A piece of a mask that holds none of the person's own points and is smaller than ``speck`` times
     the whole mask counts as part of another person.

@@ -65,14 +65,16 @@ def _whole_body(
     landmarker: OnnxSession, image: NDArray[np.uint8], pose: Pose, others: Sequence[Pose]
 ) -> Pose:
     """Return the pose of one person, looked for again while it is squeezed and gets better."""
+    if _squeeze(pose) < 1:
+        return pose
+    picture = ImagePyramid.from_image(grey_out(image, others))
     for _ in range(_LOOKS):
-        if _squeeze(pose) < 1:
-            break
-        picture = ImagePyramid.from_image(grey_out(image, others))
         again = predict_scored_pose(landmarker, picture, _square_from_face(pose), _LEAST_SCORE)
         if again is None or not _is_better(again, pose):
             break
         pose = without_covered(again, others)
+        if _squeeze(pose) < 1:
+            break
     return pose
 
 
