@@ -451,10 +451,10 @@ def cut_pictures(
     from physic_core import Pipeline, load_config
     from physic_core.errors import PhysicError
 
-    photos = [s for s in samples if s.frame is None and _digest(picture_name(s)) % 2 == 1]
+    photos = [s for s in samples if s.frame is None and digest(picture_name(s)) % 2 == 1]
     rows: dict[str, list[tuple[float, bool]]] = {}
     with Pipeline(load_config(config, preset="embedded")) as pipeline:
-        for sample in sorted(photos, key=lambda s: _digest(s.name + "cut"))[:count]:
+        for sample in sorted(photos, key=lambda s: digest(s.name + "cut"))[:count]:
             people = judged_parts(
                 sample, json.loads((out / f"{sample.set}-{sample.name}.json").read_text())
             )
@@ -512,10 +512,11 @@ def name_in_sets(photo: str) -> str:
 
 def half_of(picture: str) -> str:
     """Return the half of a photo with this :func:`picture_name`."""
-    return HALVES[_digest(picture) % 2]
+    return HALVES[digest(picture) % 2]
 
 
-def _digest(text: str) -> int:
+def digest(text: str) -> int:
+    """Return a number below 256 that depends on a text alone."""
     return hashlib.sha256(text.encode()).digest()[0]
 
 
@@ -638,12 +639,12 @@ def left_out(
     """
     found = []
     for fold in range(10):
-        others = [case for case in cases if _digest(case.picture + "fold") % 10 != fold]
+        others = [case for case in cases if digest(case.picture + "fold") % 10 != fold]
         w = fit_of(others, kind, shares)
         own = (
             c
             for c in cases
-            if c.kind == kind and c.weight == 1 and _digest(c.picture + "fold") % 10 == fold
+            if c.kind == kind and c.weight == 1 and digest(c.picture + "fold") % 10 == fold
         )
         found += [(case, chance(case, w)) for case in own]
     return found

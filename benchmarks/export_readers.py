@@ -1,4 +1,5 @@
-"""Readers of the exported files, and what each has of a result: people, and the largest difference.
+"""Readers of the exported files, and what each has of a result: people, the largest difference, and
+what else.
 
 Every reader is the library that a user of the format has. Where it only gives what the file says,
 the rules of the format are applied here: skinning of glTF, unprojection of depth.
@@ -10,7 +11,7 @@ import contextlib
 import csv
 import json
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,9 @@ Array = NDArray[Any]
 
 _FARTHEST_M = 65.535
 """Largest depth that 16 bits hold in millimetres."""
+
+_CONTACT_SHARE = 0.02
+"""Vertices on seams count more than once in some formats."""
 
 _BODY_JOINTS = JOINT_NAMES[:22]
 _ANGLES = {
@@ -77,6 +81,10 @@ class Files:
     def joints(self, person: Person) -> Array:
         return self.points(person.joints)
 
+    def box(self, person: Person) -> Array:
+        """Return the least and the largest corner (2, 3) of a person."""
+        return _box(self.vertices(person))
+
     def known(self, farthest: float = np.inf) -> Array:
         """Return which pixels (H, W) of the scene have a depth up to a limit."""
         scene = self.result.scene
@@ -85,10 +93,13 @@ class Files:
 
 @dataclass(frozen=True)
 class Opened:
-    """What a reader has: people (None in a format without people), and the largest difference."""
+    """What a reader has: people (None in a format without people), the largest difference, and what
+    else in words.
+    """
 
     people: int | None
     difference: float
+    more: str = ""
 
 
 def apart(got: Any, wanted: Any) -> float:
@@ -102,13 +113,51 @@ def apart(got: Any, wanted: Any) -> float:
     return float(away.max(initial=0.0))
 
 
-def _compare(files: Files, found: Iterable[Any], wanted: Callable[[Person], Array]) -> Opened:
+def _compare(
+    files: Files, found: Iterable[Any], wanted: Callable[[Person], Array], more: str = ""
+) -> Opened:
     """Return how what a reader has of each person differs from what the result has."""
     got = list(found)
     pairs = zip(got, files.bodies, strict=False)
-    return Opened(
-        len(got), max((apart(one, wanted(person)) for one, (_, person) in pairs), default=0.0)
-    )
+    worst = max((apart(one, wanted(person)) for one, (_, person) in pairs), default=0.0)
+    return Opened(len(got), worst, more)
+
+
+def _compare_named(
+    files: Files,
+    meshes: Mapping[str, Any],
+    box_of: Callable[[Any], Any],
+    more_of: Callable[[Any, Person], str],
+) -> Opened:
+    """Compare the corners of the meshes that are named after people; what else is of the first."""
+    present = [
+        (meshes[name], person) for i, person in files.bodies if (name := f"person_{i}") in meshes
+    ]
+    more = more_of(*present[0]) if present else ""
+    return _compare(files, (box_of(mesh) for mesh, _ in present), files.box, more)
+
+
+def _compare_objects(files: Files, places: Array, objects: Array, more: str = "") -> Opened:
+    """Compare the vertices of people, who are objects 0 and more of a point cloud."""
+    present = [n for n in np.unique(objects) if n >= 0]
+    return _compare(files, (places[objects == n] for n in present), files.vertices, more)
+
+
+def _compare_cloud(files: Files, places: Array, more: str) -> Opened:
+    """Compare the vertices of people with the nearest points of a cloud (n, 3)."""
+    cloud = cKDTree(places)
+    away = [cloud.query(files.vertices(person))[0].max() for _, person in files.bodies]
+    return Opened(None, float(max(away, default=0.0)), more)
+
+
+def _box(points: Any) -> Array:
+    return np.stack([np.min(points, 0), np.max(points, 0)])
+
+
+def _contact(values: Any, person: Person) -> str:
+    """Say whether the share of vertices in contact is that of a person."""
+    share = float((np.ravel(values) > 0.5).mean())
+    return "contact" if abs(share - person.contact.mean()) < _CONTACT_SHARE else "other contact"
 
 
 def read_amass(files: Files) -> Opened:
@@ -154,10 +203,14 @@ def read_colmap(files: Files) -> Opened:
     import pycolmap
 
     model = pycolmap.Reconstruction(str(Path(files.ending("cameras.bin")[0]).parent))
-    pixels = list(model.images[1].points2D)
-    columns, rows = (np.array([one.xy for one in pixels]) - 0.5).round().astype(int).T
-    places = [model.points3D[one.point3D_id].xyz for one in pixels]
-    return Opened(None, apart(places, files.points(files.result.scene.points[rows, columns])))
+    image = model.images[1]
+    pixels = np.array([one.xy for one in image.points2D])
+    columns, rows = (pixels - 0.5).round().astype(int).T
+    places = [model.points3D[one.point3D_id].xyz for one in image.points2D]
+    off = apart([image.project_point(place) for place in places], pixels)
+    more = f"projected within {max(off, 1e-3):.3f} px"
+    wanted = files.points(files.result.scene.points[rows, columns])
+    return Opened(None, apart(places, wanted), more)
 
 
 def _picture(path: str | Path) -> Array:
@@ -199,12 +252,78 @@ def read_exr(files: Files) -> Opened:
     return Opened(_masks(files), _depth_difference(files, depth, depth < 1e9, np.inf))
 
 
+def read_trimesh(files: Files) -> Opened:
+    import trimesh
+
+    def more(mesh: Any, person: Person) -> str:
+        return f"{mesh.visual.kind}, {_contact(mesh.vertex_attributes['_CONTACT'], person)}"
+
+    meshes = trimesh.load_scene(files.ending(".glb")[0]).geometry
+    return _compare_named(files, meshes, lambda mesh: mesh.bounds, more)
+
+
+def read_open3d(files: Files) -> Opened:
+    import open3d
+
+    model = open3d.io.read_triangle_model(files.ending(".glb")[0])
+    return _compare_named(
+        files,
+        {one.mesh_name: one.mesh for one in model.meshes},
+        lambda mesh: [mesh.get_min_bound(), mesh.get_max_bound()],
+        lambda mesh, _: "texture" if mesh.has_triangle_uvs() else "",
+    )
+
+
+def read_pymeshlab(files: Files) -> Opened:
+    import pymeshlab
+
+    meshes = pymeshlab.MeshSet()
+    meshes.load_new_mesh(files.ending(".glb")[0])
+    named = {one.label(): one for one in meshes}
+    return _compare_named(files, named, lambda mesh: _box(mesh.vertex_matrix()), lambda *_: "")
+
+
+def read_assimp(files: Files) -> Opened:
+    import assimp_py
+
+    scene = assimp_py.import_file(files.ending(".glb")[0], assimp_py.Process_Triangulate)
+    return _compare_named(
+        files,
+        {mesh.name: mesh for mesh in scene.meshes},
+        lambda mesh: _box(np.reshape(mesh.vertices, (-1, 3))),
+        lambda mesh, _: "texture" if mesh.texcoords else "",
+    )
+
+
+def read_blender(files: Files) -> Opened:
+    """Read the pose at frame 1."""
+    import bpy
+
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.import_scene.gltf(filepath=files.ending(".glb")[0], disable_bone_shape=True)
+    bpy.context.scene.frame_set(1)
+
+    def box(body: Any) -> Array:
+        posed = body.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
+        points = np.array([body.matrix_world @ vertex.co for vertex in posed.vertices])
+        return _box(points[:, [0, 2, 1]] * [1, 1, -1])
+
+    def more(body: Any, person: Person) -> str:
+        contact = _contact([one.value for one in body.data.attributes["_CONTACT"].data], person)
+        texture = "texture, " if body.data.uv_layers else ""
+        bones = len(bpy.data.objects[f"{body.name}_skeleton"].data.bones)
+        return f"{texture}{contact}, {bones} joints"
+
+    return _compare_named(files, bpy.data.objects, box, more)
+
+
 def read_glb(files: Files) -> Opened:
     import pygltflib
 
     tree = pygltflib.GLTF2().load(files.ending(".glb")[0])
     world = _gltf_world(tree)
     found = []
+    more = ""
     for index, person in files.bodies:
         (node,) = (one for one in tree.nodes if one.name == f"person_{index}" and one.mesh)
         names = tree.meshes[node.mesh].primitives[0].attributes
@@ -222,7 +341,9 @@ def read_glb(files: Files) -> Opened:
         )
         blended = np.einsum("vj,vjab->vab", weights[:count], turns[joints[:count].astype(int)])
         found.append(np.einsum("vab,vb->va", blended, place)[:, :3])
-    return _compare(files, found, files.vertices)
+        contact = _contact(_gltf_array(tree, names._CONTACT)[:count], person)
+        more = f"{contact}, {len(skin.joints)} joints"
+    return _compare(files, found, files.vertices, more)
 
 
 def _gltf_array(tree: Any, number: int) -> Array:
@@ -294,7 +415,9 @@ def read_mjcf(files: Files) -> Opened:
         if f"person_{index}" in names:
             own = [f"person_{index}", *(f"person_{index}_{one}" for one in _BODY_JOINTS[1:])]
             found.append(_shape_of([data.body(name).xpos for name in own]))
-    return _compare(files, found, lambda person: _shape_of(files.joints(person)[:22]))
+    heavy = model.body_subtreemass[model.body("person_0").id] if "person_0" in names else 0.0
+    more = f"{heavy:.1f} kg" if heavy else ""
+    return _compare(files, found, lambda person: _shape_of(files.joints(person)[:22]), more)
 
 
 def read_mot(files: Files) -> Opened:
@@ -302,6 +425,7 @@ def read_mot(files: Files) -> Opened:
 
     opensim.Logger.setLevelString("error")
     found = []
+    more = ""
     for path in files.ending(".mot"):
         motion = opensim.Storage(path)
         labels = motion.getColumnLabels()
@@ -310,8 +434,9 @@ def read_mot(files: Files) -> Opened:
         # the first label is the time, which is no value
         row = {labels.get(n): unit * values.get(n - 1) for n in range(1, labels.getSize())}
         found.append([row[name] for name in _ANGLES])
+        more = f"{len(row)} coordinates in {'degrees' if motion.isInDegrees() else 'radians'}"
     return _compare(
-        files, found, lambda one: np.array([one.joint_angles[n] for n in _ANGLES.values()])
+        files, found, lambda one: np.array([one.joint_angles[n] for n in _ANGLES.values()]), more
     )
 
 
@@ -354,21 +479,55 @@ def read_ply(files: Files) -> Opened:
     from plyfile import PlyData
 
     table = PlyData.read(files.ending(".ply")[0])["vertex"]
-    places = np.stack([table[axis] for axis in "xyz"], 1)
-    present = [n for n in np.unique(table["object"]) if n >= 0]
-    return _compare(files, (places[table["object"] == n] for n in present), files.vertices)
+    return _compare_objects(files, np.stack([table[axis] for axis in "xyz"], 1), table["object"])
+
+
+def read_open3d_points(files: Files) -> Opened:
+    import open3d
+
+    cloud = open3d.t.io.read_point_cloud(files.ending(".ply")[0]).point
+    names = [name for name in ("colors", "contact", "object", "quality") if name in cloud]
+    objects = cloud["object"].numpy().ravel()
+    return _compare_objects(files, cloud["positions"].numpy(), objects, ", ".join(names))
+
+
+def read_pymeshlab_points(files: Files) -> Opened:
+    import pymeshlab
+
+    meshes = pymeshlab.MeshSet()
+    meshes.load_new_mesh(files.ending(".ply")[0])
+    cloud = meshes.current_mesh()
+    more = ["colours"] if cloud.has_vertex_color() else []
+    more += ["probability of contact as quality"] if cloud.vertex_scalar_array().any() else []
+    return _compare_cloud(files, cloud.vertex_matrix(), ", ".join(more))
+
+
+def read_vtk(files: Files) -> Opened:
+    import vtk
+    from vtk.util.numpy_support import vtk_to_numpy
+
+    reader = vtk.vtkPLYReader()
+    reader.SetFileName(files.ending(".ply")[0])
+    reader.Update()
+    cloud = reader.GetOutput()
+    more = "colours" if cloud.GetPointData().HasArray("RGB") else ""
+    return _compare_cloud(files, vtk_to_numpy(cloud.GetPoints().GetData()), more)
 
 
 def read_rrd(files: Files) -> Opened:
     from rerun.chunk import RrdReader
 
     found = {}
+    colours: list[Any] = []
     for chunk in RrdReader(files.ending(".rrd")[0]).stream().to_chunks():
         batch = chunk.to_record_batch()
         if "Mesh3D:vertex_positions" in batch.schema.names and "person_" in chunk.entity_path:
             (index,) = [int(chunk.entity_path.rpartition("_")[2])]
             found[index] = batch.column("Mesh3D:vertex_positions").to_pylist()[0]
-    return _compare(files, (found[index] for index in sorted(found)), files.vertices)
+        if "Mesh3D:vertex_colors" in batch.schema.names and "person_0" in chunk.entity_path:
+            colours += batch.column("Mesh3D:vertex_colors").to_pylist()
+    more = "contact as colours of the last step" if colours and colours[0] != colours[-1] else ""
+    return _compare(files, (found[index] for index in sorted(found)), files.vertices, more)
 
 
 def read_trc(files: Files) -> Opened:
@@ -401,16 +560,62 @@ def read_urdf(files: Files) -> Opened:
     return _compare(files, found, lambda person: _shape_of(files.joints(person)[:22]))
 
 
+def _compare_robots(files: Files, read: Callable[[str], tuple[Iterable[str], str]]) -> Opened:
+    """Compare the names of the joints of each person's URDF with those of its pose."""
+    off = 0
+    more = ""
+    paths = [path for path in files.ending(".urdf") if not path.endswith("_scene.urdf")]
+    for path in paths:
+        names, more = read(path)
+        pose = json.loads(Path(path).with_suffix(".json").read_text(encoding="utf-8"))
+        off = max(off, len({*names} ^ {*pose["joints"]}))
+    return Opened(len(paths), off, more)
+
+
+def read_pybullet(files: Files) -> Opened:
+    import pybullet
+
+    pybullet.connect(pybullet.DIRECT)
+
+    def read(path: str) -> tuple[list[str], str]:
+        body = pybullet.loadURDF(path, flags=pybullet.URDF_USE_INERTIA_FROM_FILE)
+        joints = range(pybullet.getNumJoints(body))
+        mass = sum(pybullet.getDynamicsInfo(body, link)[0] for link in (-1, *joints))
+        names = [pybullet.getJointInfo(body, joint)[1].decode() for joint in joints]
+        return names, f"{len(names)} joints, {mass:.1f} kg with the links between axes"
+
+    return _compare_robots(files, read)
+
+
+def read_pinocchio(files: Files) -> Opened:
+    import pinocchio
+
+    def read(path: str) -> tuple[list[str], str]:
+        free = pinocchio.JointModelFreeFlyer()
+        folder = str(Path(path).parent)
+        model, shapes, _ = pinocchio.buildModelsFromUrdf(path, [folder], free)
+        names = list(model.names)[2:]  # without the universe and the free flyer
+        mass = pinocchio.computeTotalMass(model)
+        return names, f"{len(names)} joints, {mass:.1f} kg, {shapes.ngeoms} shapes"
+
+    return _compare_robots(files, read)
+
+
 def read_usd(files: Files) -> Opened:
     from pxr import Usd, UsdGeom, UsdSkel
 
     stage = Usd.Stage.Open(files.ending(".usdc")[0])
     UsdSkel.BakeSkinning(stage.Traverse())
     found = []
-    for index, _ in files.bodies:
+    more = ""
+    for index, person in files.bodies:
         if prim := stage.GetPrimAtPath(f"/physic/person_{index}/mesh"):
             points = np.array(UsdGeom.Mesh(prim).GetPointsAttr().Get(1))
             # rows are vectors in USD
             place = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(1)).T
             found.append(transform_points(place, points.astype(np.float64)))
-    return _compare(files, found, files.vertices)
+            values = UsdGeom.PrimvarsAPI(prim).GetPrimvar("contact").Get()
+            skeleton = UsdSkel.Skeleton(stage.GetPrimAtPath(f"/physic/person_{index}/skeleton"))
+            joints = len(skeleton.GetJointsAttr().Get())
+            more = f"{_contact(values, person)}, {joints} joints"
+    return _compare(files, found, files.vertices, more)

@@ -1,13 +1,13 @@
-"""Export results to every format, and open each file with a reader that a user has.
+"""Export results to every format, and open each file with the programs that users have.
 
     python -m benchmarks exports_opened RESULT ... [--format NAME ...] [--body-model FILE]
 
-A row of the table is a format: how many of the exported results its reader opened with all people,
-and the largest difference between what it reads and what the result has, of all people and all
-their vertices, joints or keypoints, in the frame and unit of the file. A result that a format
-refuses counts apart, with our reason below the table. A reader that is not installed opens nothing,
-and its row says what to install. Returns 1 if a reader fails, a person is missing, or a difference
-exceeds the limit of its row.
+A row of the table is a format and a program: how many of the exported results it opened with all
+people, the largest difference between what it reads and what the result has, of all people, in the
+frame and unit of the file, and what else of the first result arrives. A result that a format
+refuses counts apart, with our reason below the table. A program that is not installed opens
+nothing, and its row says what to install. Returns 1 if a program fails, a person is missing, or a
+difference exceeds the limit of its row.
 """
 
 from __future__ import annotations
@@ -21,18 +21,22 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from multiprocessing import get_context
+from pathlib import Path
 
-from physic_core import InputError, Reconstruction, find_exporter, find_exporters
+from physic_core import InputError, Reconstruction, find_exporter
+from physic_core.io.result_folder import GLB_FILE
 from physic_core.visual.export.request import export_frame
+from physic_core.visual.glb import combined_glb
 
 from . import export_readers as readers
 
 
 @dataclass(frozen=True)
 class Reader:
-    """Reader of a format.
+    """Program that opens a format.
 
     Attributes:
+        form: format, or ``combined.glb``, which a run writes.
         distribution: that a user installs; "" for Python itself.
         module: that it is imported as.
         read: opens the files.
@@ -41,6 +45,7 @@ class Reader:
         options: of the export.
     """
 
+    form: str
     distribution: str
     module: str
     read: Callable[[readers.Files], readers.Opened]
@@ -49,40 +54,53 @@ class Reader:
     options: dict[str, bool] = field(default_factory=dict)
 
     @property
+    def lacking(self) -> str:
+        """What to install; "" if the program is there."""
+        there = not self.distribution or importlib.util.find_spec(self.module) is not None
+        return "" if there else f"not opened: pip install {self.distribution}"
+
+    @property
     def title(self) -> str:
-        """Distribution and version; what to install if it is not there."""
+        """Distribution and version."""
         if not self.distribution:
             return "Python"
-        if importlib.util.find_spec(self.module) is None:
-            return f"{_MISSING}pip install {self.distribution}"
         return f"{self.distribution} {importlib.metadata.version(self.distribution)}"
 
 
-_MISSING = "not opened: "
-_NO_READER = f"{_MISSING}this script has no reader"
 _CV2 = "opencv-python-headless", "cv2"
 _LEAN = {"keep_lean": True}  # people are not turned until they balance
+_BOX = "bounds, m", 1e-3
+_NAMES = "names of joints", 0.5
 
-READERS = {
-    "amass": Reader("numpy", "numpy", readers.read_amass, "pelvis, m", 0.05),
-    "bvh": Reader("bvhio", "bvhio", readers.read_bvh, "55 joints, m", 1e-4),
-    "coco": Reader("pycocotools", "pycocotools", readers.read_coco, "keypoints, px", 1e-3),
-    "colmap": Reader("pycolmap", "pycolmap", readers.read_colmap, "scene, m", 1e-4),
-    "depth": Reader(*_CV2, readers.read_depth, "depth, m", 6e-4),
-    "exr": Reader("OpenEXR", "OpenEXR", readers.read_exr, "depth, m", 1e-4),
-    "glb": Reader("pygltflib", "pygltflib", readers.read_glb, "vertices, m", 1e-3),
-    "keypoints": Reader("", "csv", readers.read_keypoints, "keypoints, px", 0.01),
-    "mjcf": Reader("mujoco", "mujoco", readers.read_mjcf, "22 joints, m", 1e-3, _LEAN),
-    "mot": Reader("opensim", "opensim", readers.read_mot, "hips and knees, degrees", 1e-3),
-    "nerfstudio": Reader(*_CV2, readers.read_nerfstudio, "scene, m", 2e-3),
-    "obj": Reader("trimesh", "trimesh", readers.read_obj, "vertices, m", 1e-4),
-    "ply": Reader("plyfile", "plyfile", readers.read_ply, "vertices, m", 1e-4),
-    "rrd": Reader("rerun-sdk", "rerun", readers.read_rrd, "vertices, m", 1e-4),
-    "trc": Reader("opensim", "opensim", readers.read_trc, "22 joints, m", 1e-4),
-    "urdf": Reader("yourdfpy", "yourdfpy", readers.read_urdf, "22 joints, m", 1e-3, _LEAN),
-    "usd": Reader("usd-core", "pxr", readers.read_usd, "vertices, m", 1e-3),
-}
-"""Format -> its reader."""
+READERS = (
+    Reader("amass", "numpy", "numpy", readers.read_amass, "pelvis, m", 0.05),
+    Reader("bvh", "bvhio", "bvhio", readers.read_bvh, "55 joints, m", 1e-4),
+    Reader("coco", "pycocotools", "pycocotools", readers.read_coco, "keypoints, px", 1e-3),
+    Reader("colmap", "pycolmap", "pycolmap", readers.read_colmap, "scene, m", 1e-4),
+    Reader(GLB_FILE, "trimesh", "trimesh", readers.read_trimesh, *_BOX),
+    Reader(GLB_FILE, "open3d", "open3d", readers.read_open3d, *_BOX),
+    Reader(GLB_FILE, "pymeshlab", "pymeshlab", readers.read_pymeshlab, *_BOX),
+    Reader(GLB_FILE, "assimp-py", "assimp_py", readers.read_assimp, *_BOX),
+    Reader("depth", *_CV2, readers.read_depth, "depth, m", 6e-4),
+    Reader("exr", "OpenEXR", "OpenEXR", readers.read_exr, "depth, m", 1e-4),
+    Reader("glb", "pygltflib", "pygltflib", readers.read_glb, "vertices, m", 1e-3),
+    Reader("glb", "bpy", "bpy", readers.read_blender, *_BOX),
+    Reader("keypoints", "", "csv", readers.read_keypoints, "keypoints, px", 0.01),
+    Reader("mjcf", "mujoco", "mujoco", readers.read_mjcf, "22 joints, m", 1e-3, _LEAN),
+    Reader("mot", "opensim", "opensim", readers.read_mot, "hips and knees, degrees", 1e-3),
+    Reader("nerfstudio", *_CV2, readers.read_nerfstudio, "scene, m", 2e-3),
+    Reader("obj", "trimesh", "trimesh", readers.read_obj, "vertices, m", 1e-4),
+    Reader("ply", "plyfile", "plyfile", readers.read_ply, "vertices, m", 1e-4),
+    Reader("ply", "open3d", "open3d", readers.read_open3d_points, "vertices, m", 1e-4),
+    Reader("ply", "pymeshlab", "pymeshlab", readers.read_pymeshlab_points, "vertices, m", 1e-4),
+    Reader("ply", "vtk", "vtk", readers.read_vtk, "vertices, m", 1e-4),
+    Reader("rrd", "rerun-sdk", "rerun", readers.read_rrd, "vertices, m", 1e-4),
+    Reader("trc", "opensim", "opensim", readers.read_trc, "22 joints, m", 1e-4),
+    Reader("urdf", "yourdfpy", "yourdfpy", readers.read_urdf, "22 joints, m", 1e-3, _LEAN),
+    Reader("urdf", "pybullet", "pybullet", readers.read_pybullet, *_NAMES, _LEAN),
+    Reader("urdf", "pin", "pinocchio", readers.read_pinocchio, *_NAMES, _LEAN),
+    Reader("usd", "usd-core", "pxr", readers.read_usd, "vertices, m", 1e-3),
+)
 
 
 @dataclass(frozen=True)
@@ -93,70 +111,79 @@ class Outcome:
         difference: the largest; None if it was not opened with all people.
         refused: why the format refuses the result; "" if it was exported.
         fault: why it was not opened; "" if it was.
+        more: what else arrives.
     """
 
     difference: float | None = None
     refused: str = ""
     fault: str = ""
+    more: str = ""
 
 
-def outcome_of(form: str, folder: str, body_model: str | None = None) -> Outcome:
-    """Export the result of a folder to a format, open the files, and compare."""
-    reader = READERS[form]
+def outcome_of(reader: Reader, folder: str, body_model: str | None = None) -> Outcome:
+    """Export the result of a folder to the format of a reader, open the files, and compare."""
     result = Reconstruction.load(folder)
-    up = find_exporter(form).record.ups[0]
     with tempfile.TemporaryDirectory() as made:
-        try:
-            paths = result.export(made, form, body_model=body_model, **reader.options).files
-        except InputError as error:
-            return Outcome(refused=str(error))
-        matrix = export_frame(result.scene.level, up).from_camera
-        files = readers.Files(result, paths, matrix)
+        if reader.form == GLB_FILE:
+            up = "y"
+            paths = [Path(made, GLB_FILE)]
+            paths[0].write_bytes(combined_glb(result))
+        else:
+            up = find_exporter(reader.form).record.ups[0]
+            try:
+                paths = result.export(
+                    made, reader.form, body_model=body_model, **reader.options
+                ).files
+            except InputError as error:
+                return Outcome(refused=str(error))
+        files = readers.Files(result, paths, export_frame(result.scene.level, up).from_camera)
         try:
             got = reader.read(files)
         except Exception as error:  # whatever a reader raises is what its user sees
             return Outcome(fault=f"{type(error).__name__}: {error}")
     if got.people not in (None, len(files.bodies)):
         return Outcome(fault=f"{got.people} of {len(files.bodies)} people")
-    return Outcome(got.difference)
+    return Outcome(got.difference, more=got.more)
 
 
-def outcomes_of(form: str, folders: Sequence[str], body_model: str | None) -> list[Outcome]:
+def outcomes_of(reader: Reader, folders: Sequence[str], body_model: str | None) -> list[Outcome]:
     """Return the outcome of each folder.
 
-    Each format has a process of its own: the libraries exclude one another, and some end the
+    Each reader has a process of its own: the libraries exclude one another, and some end the
     process on a file that they do not like.
     """
     made = []
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
         for folder in folders:
             try:
-                made.append(pool.submit(outcome_of, form, folder, body_model).result())
+                made.append(pool.submit(outcome_of, reader, folder, body_model).result())
             except BrokenProcessPool:
                 made.append(Outcome(fault="the reader ended the process"))
                 break
     return made + [Outcome(fault="not tried")] * (len(folders) - len(made))
 
 
-def row_of(form: str, outcomes: Sequence[Outcome]) -> str:
-    """Return the row of a format."""
-    reader = READERS[form]
+def row_of(reader: Reader, outcomes: Sequence[Outcome]) -> str:
+    """Return the row of a reader."""
     written = [one for one in outcomes if not one.refused]
-    differences = [one.difference for one in written if one.difference is not None]
+    opened = [one for one in written if one.difference is not None]
     cells = (
-        f"`{form}`",
+        f"`{reader.form}`",
         reader.title,
-        f"{len(differences)} of {len(written)}",
+        f"{len(opened)} of {len(written)}",
         str(len(outcomes) - len(written) or ""),
         reader.compares,
-        f"{max(differences):.2g}" if differences else "",
+        f"{max(one.difference for one in opened if one.difference is not None):.2g}"
+        if opened
+        else "",
+        next((one.more for one in opened), ""),
     )
     return f"| {' | '.join(cells)} |".replace("|  |", "| |").replace("|  |", "| |")
 
 
-def is_wrong(form: str, outcome: Outcome) -> bool:
+def is_wrong(reader: Reader, outcome: Outcome) -> bool:
     """Return whether a result was not opened, or differs by more than the limit."""
-    too_far = outcome.difference is not None and outcome.difference > READERS[form].limit
+    too_far = outcome.difference is not None and outcome.difference > reader.limit
     return bool(outcome.fault) or too_far
 
 
@@ -166,26 +193,30 @@ def main() -> int:
         prog="python -m benchmarks exports_opened", description=(__doc__ or "").partition("\n")[0]
     )
     parser.add_argument("results", nargs="+", help="folders of results")
-    parser.add_argument("--format", nargs="+", help="formats (default: all)")
+    forms = list(dict.fromkeys(reader.form for reader in READERS))
+    parser.add_argument("--format", nargs="+", choices=forms, default=forms, metavar="NAME")
     parser.add_argument("--body-model", help="SMPL-X file of yours, for amass")
     args = parser.parse_args()
-    print("| format | reader | opened | refused | compared, unit | largest difference |")
-    print("|---|---|---:|---:|---|---:|")
+    print(
+        "| format | reader | opened | refused | compared, unit | largest difference | what else |",
+        "|---|---|---:|---:|---|---:|---|",
+        sep="\n",
+    )
     said: list[str] = []
     wrong = False
-    for form in args.format or [one.record.name for one in find_exporters()]:
-        if form not in READERS or READERS[form].title.startswith(_MISSING):
-            print(
-                f"| `{form}` | {READERS[form].title if form in READERS else _NO_READER} | | | | |"
-            )
+    for reader in (one for one in READERS if one.form in args.format):
+        if reader.lacking:
+            print(f"| `{reader.form}` | {reader.lacking} | | | | | |")
             wrong = True
             continue
-        outcomes = outcomes_of(form, args.results, args.body_model)
-        print(row_of(form, outcomes), flush=True)
+        outcomes = outcomes_of(reader, args.results, args.body_model)
+        print(row_of(reader, outcomes), flush=True)
         for folder, one in zip(args.results, outcomes, strict=True):
-            if is_wrong(form, one):
+            if is_wrong(reader, one):
                 wrong = True
-                said.append(f"{form}, {folder}: {one.fault or f'differs by {one.difference:.3g}'}")
-        said += sorted({f"{form} refuses: {one.refused}" for one in outcomes if one.refused})
-    print("", *said, sep="\n")
+                why = one.fault or f"differs by {one.difference:.3g}"
+                said.append(f"{reader.form}, {reader.title}, {folder}: {why}")
+            if one.refused:
+                said.append(f"{reader.form} refuses: {one.refused}")
+    print("", *dict.fromkeys(said), sep="\n")
     return int(wrong)

@@ -28,6 +28,7 @@ from torch import nn
 
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.files.npz import read_arrays
+from physic_core.geometry.rotations import unit
 from physic_embedded.body_fit.lifter import (
     BONES,
     HIPS,
@@ -207,7 +208,7 @@ def project(poses: Array, rng: Generator) -> tuple[LimbView, Array]:
     confidence, points = _detected(truth, depth, rng)
     joints = _fitted(truth, person[0], confidence, rng)
     up = camera[:, :, 1] + np.radians(_UP) * rng.standard_normal((count, 3))
-    up /= np.linalg.norm(up, axis=-1, keepdims=True)
+    up = unit(up)
     up[rng.random(count) < _UNKNOWN_UP] = 0
     return LimbView(joints, points, confidence, up, depth), truth
 
@@ -234,7 +235,7 @@ def _fitted(truth: Array, lengths: Array, confidence: Array, rng: Generator) -> 
     """Return joints (N, 12, 3) of bodies with the errors of the body fit."""
     count = len(truth)
     upper, lower = np.array(BONES).T
-    bones = _unit(truth[:, lower] - truth[:, upper])
+    bones = unit(truth[:, lower] - truth[:, upper])
     hidden = 1 - confidence[:, lower]
     whole = _turn(rng, count, "x", _LEAN) @ _turn(rng, count, "y", _TWIST)
     bones = bones @ whole.transpose(0, 2, 1)
@@ -291,9 +292,9 @@ def _with_lengths(
 ) -> Array:
     """Return poses (N, 12, 3) with other lengths and the same directions."""
     upper, lower = np.array(BONES).T
-    left, right = (_unit(poses[:, a] - poses[:, b]) for a, b in (HIPS, _SHOULDERS))
-    spine = _unit(poses[:, _SHOULDERS].mean(1) - poses[:, HIPS].mean(1))
-    bones = _unit(poses[:, lower] - poses[:, upper])
+    left, right = (unit(poses[:, a] - poses[:, b]) for a, b in (HIPS, _SHOULDERS))
+    spine = unit(poses[:, _SHOULDERS].mean(1) - poses[:, HIPS].mean(1))
+    bones = unit(poses[:, lower] - poses[:, upper])
     return _assembled(hips * left, shoulders * right, trunk * spine, bones, lengths)
 
 
@@ -302,7 +303,7 @@ def _assembled(hips: Array, shoulders: Array, trunk: Array, bones: Array, length
     directions (N, 8, 3) and lengths (N, 8) of the bones.
     """
     joints = np.zeros((len(hips), len(LIMBS), 3))
-    bones = lengths[..., None] * (bones / np.linalg.norm(bones, axis=-1, keepdims=True))
+    bones = lengths[..., None] * unit(bones)
     for (left, right), across in ((HIPS, hips), (_SHOULDERS, shoulders)):
         joints[:, left] = across / 2
         joints[:, right] = -across / 2
@@ -320,11 +321,6 @@ def _turn(rng: Generator, count: int, axis: str, degrees: float) -> Array:
 def _about(axis: str, degrees: Array) -> Array:
     """Return rotations (N, 3, 3) about an axis by angles (N,)."""
     return np.asarray(Rotation.from_euler(axis, degrees[:, None], degrees=True).as_matrix())
-
-
-def _unit(vectors: Array) -> Array:
-    """Return vectors (..., 3) of length one."""
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
 def _tensor(values: NDArray[np.floating]) -> torch.Tensor:

@@ -19,7 +19,6 @@ import json
 import os
 import platform
 import statistics
-import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -31,14 +30,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tools"))
 
 import docs_numbers
 import numpy as np
-from docs_numbers import ROOT
+from docs_numbers import CODE, ROOT, git
 
 from benchmarks.processes import run_measured
 
 PHOTOS = ("examples/slope.jpg", "examples/couple.jpg")
 """One person and two, both 1280 px on the long side once the tool has read them."""
-CODE = ("physic_core", "plugins")
-"""What the figures are of: the last commit that changed it is named."""
 
 
 @dataclass(frozen=True)
@@ -126,12 +123,6 @@ def _difference(before: np.ndarray, after: np.ndarray) -> str:
     if before.shape != after.shape:
         return f"not the same people: {before.shape} and {after.shape}"
     return f"largest difference {np.abs(before - after).max() * 1000:.3f} mm"
-
-
-def git(*arguments: str) -> str:
-    return subprocess.run(
-        ["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=True
-    ).stdout.strip()
 
 
 def main() -> None:

@@ -19,7 +19,6 @@ tenth of both halves by a fit to the rest, which is nearly as large as that of t
 from __future__ import annotations
 
 import argparse
-import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -32,7 +31,7 @@ from physic_core.metrics import match_by_boxes, resampled_interval
 from physic_core.pipeline.checks.spec import CHECKS
 from physic_core.pipeline.checks.trust import CAP, load_of, probability_of, trust_model_of
 
-from .contact_on_photos import HALVES, half_of, name_in_sets
+from .contact_on_photos import HALVES, digest, half_of, name_in_sets
 from .truth.measures import probability_scores
 
 Array = NDArray[np.float64]
@@ -237,7 +236,7 @@ def left_out(rows: Sequence[Row]) -> Array:
 
 def fold_of(photo: str) -> int:
     """Return the tenth of a photo."""
-    return hashlib.sha256(f"{name_in_sets(photo)}fold".encode()).digest()[0] % FOLDS
+    return digest(f"{name_in_sets(photo)}fold") % FOLDS
 
 
 def described(rows: Sequence[Row], likely: Array, constant: float | None = None) -> dict[str, Any]:

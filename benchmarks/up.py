@@ -15,17 +15,16 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import cv2
 import numpy as np
 
+from benchmarks.observer.command import opened
 from benchmarks.observer.regression import Examples, left_out
 from physic_core.files.npz import read_arrays, write_arrays
 from physic_embedded.networks.depth_anything import patch_tokens
-from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.single_view.gravity import (
     NUMBERS,
     PICTURE_PATCHES,
@@ -35,8 +34,6 @@ from physic_embedded.single_view.gravity import (
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-    from physic_core.adapters.onnx_sessions import OnnxSession
 
     Array = NDArray[np.float64]
     Picture = NDArray[np.uint8]
@@ -146,14 +143,9 @@ def _seen(panorama: Picture, seed: Sequence[int]) -> tuple[Array, tuple[float, f
         roll = -roll
     picture = _developed(picture, rng)
     tokens = patch_tokens(
-        "depth_anything_v2_vits", _opened, picture, PICTURE_SIDE_PX, PICTURE_PATCHES
+        "depth_anything_v2_vits", opened, picture, PICTURE_SIDE_PX, PICTURE_PATCHES
     )
     return np.asarray(means_of_parts(tokens)), (view.along, view.pitch, roll)
-
-
-@cache
-def _opened(graph: str) -> OnnxSession:
-    return open_packaged_session(graph, 1)
 
 
 def random_view(rng: np.random.Generator) -> View:

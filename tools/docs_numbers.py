@@ -189,10 +189,13 @@ def write_numbers(name: str, source: str, pictures: Iterable[str], result: Recon
 
 def commit_of_code() -> str:
     """Return the last commit that changed the code, which figures are of."""
-    command = ["git", "log", "-1", "--format=%h", "--abbrev=7", "--", *CODE]
-    return subprocess.run(
-        command, cwd=ROOT, capture_output=True, text=True, check=True
-    ).stdout.strip()
+    return git("log", "-1", "--format=%h", "--abbrev=7", "--", *CODE)
+
+
+def git(*arguments: str) -> str:
+    """Return what git prints in this checkout."""
+    done = subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=True)
+    return done.stdout.strip()
 
 
 def marked_lines(text: str) -> dict[str, str]:

@@ -144,7 +144,7 @@ def embedded_encoder(
     """Return the tokens of the packaged depth network's encoder, as the embedded backend reads
     them.
     """
-    return patch_tokens(graph, _opened, picture, short_side, 3600)
+    return patch_tokens(graph, opened, picture, short_side, 3600)
 
 
 OTHER_ENCODERS: Mapping[str, Encoder] = {
@@ -155,7 +155,8 @@ OTHER_ENCODERS: Mapping[str, Encoder] = {
 
 
 @cache
-def _opened(graph: str) -> OnnxSession:
+def opened(graph: str) -> OnnxSession:
+    """Return a session of a packaged network, opened once."""
     return open_packaged_session(graph, 1)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.body.posture import angle_deg
 from physic_core.metrics import match_by_masks
 
 from .variants import GRID
@@ -126,9 +127,7 @@ def change(photo: Answer, variant: Answer) -> Change:
     both = np.isfinite(photo.depth) & np.isfinite(variant.depth)
     angle = height = math.nan
     if photo.floor is not None and variant.floor is not None:
-        sine = np.linalg.norm(np.cross(photo.floor[:3], variant.floor[:3]))
-        cosine = photo.floor[:3] @ variant.floor[:3]
-        angle = math.degrees(math.atan2(sine, cosine))
+        angle = float(angle_deg(photo.floor[:3], variant.floor[:3]))
         height = math.log(variant.floor[3] / photo.floor[3])
     return Change(
         people=tuple(

@@ -27,7 +27,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmarks.contact_on_photos import samples_of
+from benchmarks.contact_on_photos import HALVES, half_of, samples_of
 from benchmarks.truth.sets import Sample, picture_of
 from physic_core.metrics import aligned_table, markdown_table
 
@@ -42,8 +42,6 @@ MOST_PEOPLE = 4
 
 CROWDS = ("lisa__jackma",)
 """Photos of more people, most of whom are not labelled: twenty take minutes."""
-
-HALVES = ("development", "held")
 
 
 def main() -> int:
@@ -108,16 +106,11 @@ def drawn(samples: Sequence[Sample], count: int, seed: int) -> list[Sample]:
     chosen = [
         s for s in samples if 1 <= len(s.truth["people"]) <= MOST_PEOPLE and s.name not in CROWDS
     ]
-    return sorted(chosen, key=lambda sample: _digest(f"{seed} {sample.name}"))[:count]
 
+    def order(sample: Sample) -> bytes:
+        return hashlib.sha256(f"{seed} {sample.name}".encode()).digest()
 
-def half_of(name: str) -> str:
-    """Return the half of a photo."""
-    return HALVES[_digest(name)[0] % 2]
-
-
-def _digest(text: str) -> bytes:
-    return hashlib.sha256(text.encode()).digest()
+    return sorted(chosen, key=order)[:count]
 
 
 def embedded_pipeline(overrides: Sequence[str] = ()) -> Pipeline:

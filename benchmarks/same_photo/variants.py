@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from physic_core.types.skeletons import other_side
+
 if TYPE_CHECKING:
     from physic_core import Intrinsics, Reconstruction
 
@@ -166,7 +168,7 @@ def answer_of(result: Reconstruction, variant: Variant, width: int, height: int)
     people = []
     for person in result.people:
         parts = {
-            _other_side(p) if variant.mirrored else p: v
+            other_side(p) if variant.mirrored else p: v
             for p, v in (person.world_contact or {}).items()
         }
         people.append(
@@ -218,12 +220,3 @@ def _grid(variant: Variant, width: int, height: int) -> tuple[Array, Array, NDAr
     x = (shares * width - left) / (right - left)
     inside = ((y >= 0) & (y < 1))[:, None] & ((x >= 0) & (x < 1))
     return y, 1 - x if variant.mirrored else x, inside
-
-
-def _other_side(part: str) -> str:
-    side, _, rest = part.partition("_")
-    return (
-        f"{ {'left': 'right', 'right': 'left'}[side] }_{rest}"
-        if side in ("left", "right")
-        else part
-    )

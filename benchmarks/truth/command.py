@@ -26,7 +26,7 @@ import numpy as np
 from .contact import film_records, film_rows, part_tables, table_of_parts
 from .run import answer_of
 from .scores import photo_record, score_annotated, score_moment, score_parkour, score_single
-from .sets import SETS, Sample, with_stature
+from .sets import SETS, Sample
 from .table import as_json, rows_of, text_table
 
 
@@ -65,16 +65,13 @@ def main() -> int:
         help="do not give the tool the camera, where it is known",
     )
     parser.add_argument(
-        "--stature-key", metavar="KEY", help="measure also with the true stature in this setting, m"
-    )
-    parser.add_argument(
         "--triangulated", type=Path, metavar="FILE", help="joints of an earlier run, as truth"
     )
     parser.add_argument("--no-run", action="store_true", help="only what --out holds already")
     given = parser.parse_args()
     if unknown := sorted(set(given.sets.split(",")) - set(SETS)):
         parser.error(f"no data set is called {', '.join(unknown)}: choose of {', '.join(SETS)}")
-    samples = samples_of(given.data, given.sets.split(","), given.photos, given.stature_key)
+    samples = samples_of(given.data, given.sets.split(","), given.photos)
     if not samples:
         print(
             "No data set found: nothing to measure. Name folders that hold some; see "
@@ -141,9 +138,7 @@ def main() -> int:
     return 0
 
 
-def samples_of(
-    folders: Sequence[Path], sets: Sequence[str], photos: int | None, stature_key: str | None
-) -> list[Sample]:
+def samples_of(folders: Sequence[Path], sets: Sequence[str], photos: int | None) -> list[Sample]:
     """The first ``photos`` of each data set that is there; says which is not."""
     samples: list[Sample] = []
     for name in sets:
@@ -154,10 +149,7 @@ def samples_of(
                 f"{' or '.join(map(str, folders)) or 'any folder, as none is named'}; skipped"
             )
             continue
-        mine = SETS[name](places[0])[:photos]
-        samples += mine
-        if stature_key and name == "mpi_inf_3dhp":
-            samples += [with_stature(sample, stature_key) for sample in mine]
+        samples += SETS[name](places[0])[:photos]
     return samples
 
 
@@ -187,7 +179,7 @@ def compared(
         if sample.set == "mpi_inf_3dhp":
             own, ground = score_single(sample, answer)
             people += own
-            floors += [] if sample.settings else ground
+            floors += ground
         elif sample.set == "people2d":
             people += score_annotated(sample, answer)
         elif sample.set == "parkour":

@@ -9,6 +9,7 @@ import numpy as np
 
 from benchmarks.truth.joints import bone_lengths, root
 from physic_core.adapters.people import box_iou
+from physic_core.body.posture import angle_deg
 from physic_core.metrics import assign, mpjpe_mm, pa_mpjpe_mm
 
 if TYPE_CHECKING:
@@ -63,11 +64,9 @@ def floor_errors(floor: Array | None, up: Array, height: float) -> dict[str, Any
             "floor_angle_deg": float("nan"),
             "camera_height_ratio": float("nan"),
         }
-    sine = np.linalg.norm(np.cross(floor[:3], up))
-    cosine = floor[:3] @ up
     return {
         "floor": True,
-        "floor_angle_deg": float(np.degrees(np.arctan2(sine, cosine))),
+        "floor_angle_deg": float(angle_deg(floor[:3], up)),
         "camera_height_ratio": float(floor[3] / height),
     }
 
@@ -76,7 +75,7 @@ def up_errors(said: Array | None, sigma: float | None, up: Array) -> dict[str, f
     """Of an up direction (3,), and of its stated error in each of two directions, degrees."""
     if said is None or not sigma:
         return {"up_angle_deg": float("nan"), "up_in_sigmas": float("nan")}
-    angle = float(np.degrees(np.arctan2(np.linalg.norm(np.cross(said, up)), said @ up)))
+    angle = float(angle_deg(said, up))
     return {"up_angle_deg": angle, "up_in_sigmas": angle / sigma / 2**0.5}
 
 
@@ -86,11 +85,6 @@ def box_of(points: Array) -> Array:
     high = np.nanmax(points, 0)
     margin = 0.1 * float((high - low).max())
     return np.concatenate([low - margin, high + margin])
-
-
-def _iou(boxes: Sequence[Sequence[float]], true_boxes: Sequence[Sequence[float]]) -> Array:
-    """(N, M) of found and true boxes x0, y0, x1, y1."""
-    return box_iou(*(np.array(some, np.float64).reshape(-1, 4) for some in (boxes, true_boxes)))
 
 
 def share_inside(points: Array, box: Sequence[float]) -> float:
@@ -112,7 +106,7 @@ def match_people(
     lie in the found box and most of the found ones in the true box: boxes of half hidden people
     differ by what is guessed of them.
     """
-    iou = _iou(boxes, true_boxes)
+    iou = box_iou(*(np.array(some, np.float64).reshape(-1, 4) for some in (boxes, true_boxes)))
     truth = list(zip(true_boxes, true_points, strict=True))
     mutual = np.array(
         [

@@ -36,7 +36,7 @@ def answer_of(
     Raises:
         RuntimeError: the command failed for another reason than the photo.
     """
-    arguments = [*options, *(part for setting in sample.settings for part in ("--set", setting))]
+    arguments = [*options]
     if sample.K is not None and with_camera:
         arguments += [
             "--intrinsics",

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import pairwise, zip_longest
+from dataclasses import dataclass, field
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,9 +18,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
     Picture = NDArray[np.uint8]
-
-ANKLE_HEIGHT = 0.08
-"""Metres from the sole to the joint of the ankle."""
 
 FRAME_STEP = 5
 
@@ -49,7 +46,6 @@ class Sample:
         K: (3, 3) px of the picture that the tool gets, or None if unknown.
         distortion: OpenCV's five numbers; the picture is undistorted before the tool gets it.
         truth: what was measured, per set.
-        settings: KEY=VALUE given to the tool for this photo.
     """
 
     set: str
@@ -62,7 +58,6 @@ class Sample:
     K: Any = None
     distortion: Any = None
     truth: Mapping[str, Any] = field(default_factory=dict)
-    settings: tuple[str, ...] = ()
 
     @property
     def changed(self) -> bool:
@@ -288,25 +283,6 @@ def rotated(items: list[int], by: int) -> list[int]:
     """From another item on, so that the first of several films are not all of their beginnings."""
     start = by % max(len(items), 1)
     return items[start:] + items[:start]
-
-
-def stature_m(joints: Mapping[str, Sequence[float]]) -> float:
-    """How tall somebody is, by the joints of mpi_inf_3dhp: head, neck, pelvis, knee, ankle and sole
-    along the body.
-    """
-    p = {name: np.array(place, np.float64) for name, place in joints.items()}
-
-    def length(*names: str) -> float:
-        return sum(float(np.linalg.norm(p[a] - p[b])) for a, b in pairwise(names))
-
-    legs = [length(f"{side}_hip", f"{side}_knee", f"{side}_ankle") for side in ("l", "r")]
-    return length("head_top", "neck", "spine", "pelvis") + sum(legs) / 2 + ANKLE_HEIGHT
-
-
-def with_stature(sample: Sample, key: str) -> Sample:
-    """The sample once more, with the true stature given by a setting of the tool."""
-    height = stature_m(sample.truth["joints"])
-    return replace(sample, name=f"{sample.name}+stature", settings=(f"{key}={height:.3f}",))
 
 
 def camera_of(sample: Sample) -> Camera:

@@ -53,9 +53,7 @@ def rows_of(
         return [
             r
             for r in records
-            if (not sets or r["set"] in sets)
-            and not r["photo"].endswith("+stature")
-            and all(r.get(k) == v for k, v in fixed.items())
+            if (not sets or r["set"] in sets) and all(r.get(k) == v for k, v in fixed.items())
         ]
 
     def known(records: Sequence[Record], key: str) -> list[Record]:
@@ -70,7 +68,6 @@ def rows_of(
     ) -> Row:
         return Row(name, figure(records, statistic), goal, **how)
 
-    stature = [r for r in people if r["photo"].endswith("+stature") and r["found"]]
     everybody = of(people, *CAMERA_SETS)
     found = of(people, *CAMERA_SETS, found=True)
     rows = [
@@ -116,7 +113,6 @@ def rows_of(
         rows += [
             row(f"  {name}", of(mine, name), pooled(key), digits=digits) for name in CAMERA_SETS
         ]
-    rows.append(row("MPJPE mm with the true stature given", stature, pooled("mpjpe_mm"), "<= 130"))
     rows += [
         row(
             "floor: angle deg",

@@ -13,12 +13,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from physic_core.body.bones import (
     BoneOffsets,
-    parameters_from_rotations,
     rotations_from_parameters,
     rotations_from_parents,
     rotations_from_tpose,
@@ -137,20 +135,15 @@ def _with_arms(
     """Replace elbows, wrists and fingers of ``rows`` where ``given`` (n, 2); all other values stay
     identical.
     """
-    some = parameters[rows]
-    tensors = (
-        torch.from_numpy(np.array(value)) for value in (some.betas, some.expression, some.transl)
-    )
-    betas, expression, transl = tensors
-    turned = parameters_from_rotations(torch.from_numpy(local), betas, expression, transl)
     changed = {
         name: getattr(parameters, name).copy()
         for name in ("body_pose", "left_hand_pose", "right_hand_pose")
     }
     for side, name in enumerate(("left_hand_pose", "right_hand_pose")):
+        own = local[given[:, side]]
         people = rows[given[:, side]]
-        changed[name][people] = getattr(turned, name)[given[:, side]]
+        changed[name][people] = rotmat_to_rotvec(own[:, _HANDS[side]]).reshape(len(people), 45)
         for joint in (_ELBOWS[side], _WRISTS[side]):
             columns = slice(3 * joint - 3, 3 * joint)
-            changed["body_pose"][people, columns] = turned.body_pose[given[:, side], columns]
+            changed["body_pose"][people, columns] = rotmat_to_rotvec(own[:, joint])
     return replace(parameters, **changed)

@@ -182,6 +182,12 @@ and pinky, each from base to tip: the order of OpenPose and of MediaPipe.
 """
 
 
+def other_side(name: str) -> str:
+    """Return the name of the point on the other side of the body; that of a point without one."""
+    side, _, rest = name.partition("_")
+    return {"left": f"right_{rest}", "right": f"left_{rest}"}.get(side, name)
+
+
 def is_finger(name: str) -> bool:
     """Return whether a point is a joint or the tip of a finger, by its name ("left_index1",
     "right_thumb_tip").

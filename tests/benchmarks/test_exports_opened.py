@@ -1,23 +1,38 @@
-"""``benchmarks/exports_opened``: files of a result agree with it, and what is not so is said."""
+"""``benchmarks/exports_opened``: files of a result agree with it, what is not so is said, and the
+table of docs/exports-opened.md is what the programs read.
+"""
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from benchmarks import exports_opened
 from benchmarks.export_readers import Opened
-from benchmarks.exports_opened import READERS, Outcome, is_wrong, outcome_of, row_of
+from benchmarks.exports_opened import READERS, Outcome, is_wrong, outcome_of, outcomes_of, row_of
 from physic_core import find_exporters
+from physic_core.io.result_folder import GLB_FILE
+
+DEPTH, KEYPOINTS, AMASS = (
+    next(reader for reader in READERS if reader.form == form)
+    for form in ("depth", "keypoints", "amass")
+)
+ROWS = {
+    (cells[0].strip("`"), cells[1].split(" ")[0]): cells
+    for line in (Path(__file__).parents[2] / "docs" / "exports-opened.md").read_text().splitlines()
+    if len(cells := [cell.strip() for cell in line.strip("|").split("|")]) == 7
+}
 
 
-@pytest.mark.parametrize("form", ["keypoints", "depth"])
-def test_a_file_opens_with_all_people_and_agrees_with_the_result(form, saved_pair):
-    outcome = outcome_of(form, str(saved_pair))
+@pytest.mark.parametrize("reader", [KEYPOINTS, DEPTH])
+def test_a_file_opens_with_all_people_and_agrees_with_the_result(reader, saved_pair):
+    outcome = outcome_of(reader, str(saved_pair))
     assert not outcome.fault
-    assert not is_wrong(form, outcome)
-    assert "| 1 of 1 |" in row_of(form, [outcome])
+    assert not is_wrong(reader, outcome)
+    assert "| 1 of 1 |" in row_of(reader, [outcome])
 
 
 @pytest.mark.parametrize(
@@ -27,36 +42,51 @@ def test_a_file_opens_with_all_people_and_agrees_with_the_result(form, saved_pai
         (lambda files: [][0], "IndexError"),
     ],
 )
-def test_a_missing_person_or_an_error_of_the_reader_is_no_opened_file(
-    read, said, saved_pair, monkeypatch
-):
-    monkeypatch.setitem(READERS, "keypoints", replace(READERS["keypoints"], read=read))
-    outcome = outcome_of("keypoints", str(saved_pair))
+def test_a_missing_person_or_an_error_of_the_reader_is_no_opened_file(read, said, saved_pair):
+    reader = replace(KEYPOINTS, read=read)
+    outcome = outcome_of(reader, str(saved_pair))
     assert said in outcome.fault
-    assert is_wrong("keypoints", outcome)
-    assert "| 0 of 1 |" in row_of("keypoints", [outcome])
+    assert is_wrong(reader, outcome)
+    assert "| 0 of 1 |" in row_of(reader, [outcome])
 
 
 def test_a_format_that_refuses_a_result_is_neither_opened_nor_wrong(saved_pair):
-    outcome = outcome_of("amass", str(saved_pair))
+    outcome = outcome_of(AMASS, str(saved_pair))
     assert "SMPL-X" in outcome.refused
-    assert not is_wrong("amass", outcome)
-    assert "| 0 of 0 | 1 |" in row_of("amass", [outcome])
+    assert not is_wrong(AMASS, outcome)
+    assert "| 0 of 0 | 1 |" in row_of(AMASS, [outcome])
 
 
 def test_a_difference_above_the_limit_of_the_row_is_wrong():
-    limit = READERS["depth"].limit
-    assert not is_wrong("depth", Outcome(limit))
-    assert is_wrong("depth", Outcome(2 * limit))
+    assert not is_wrong(DEPTH, Outcome(DEPTH.limit))
+    assert is_wrong(DEPTH, Outcome(2 * DEPTH.limit))
 
 
 def test_a_reader_that_is_not_installed_opens_nothing(saved_pair, monkeypatch, capsys):
-    absent = replace(READERS["depth"], distribution="no-such-reader", module="no_such_reader")
-    monkeypatch.setitem(READERS, "depth", absent)
+    absent = replace(DEPTH, distribution="no-such-reader", module="no_such_reader")
+    monkeypatch.setattr(exports_opened, "READERS", (absent,))
     monkeypatch.setattr("sys.argv", ["", str(saved_pair), "--format", "depth"])
     assert exports_opened.main() == 1
     assert "not opened: pip install no-such-reader" in capsys.readouterr().out
 
 
 def test_each_format_of_the_project_has_a_reader():
-    assert set(READERS) == {one.record.name for one in find_exporters()}
+    forms = {reader.form for reader in READERS}
+    assert forms == {GLB_FILE, *(one.record.name for one in find_exporters())}
+
+
+def test_the_table_of_the_documentation_has_a_row_for_each_reader():
+    assert {(one.form, one.distribution or "Python") for one in READERS} <= set(ROWS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "reader", READERS, ids=lambda reader: f"{reader.form}-{reader.distribution}"
+)
+def test_what_the_table_says_arrives(reader, saved_pair):
+    if reader.lacking:
+        pytest.skip(reader.lacking)
+    (outcome,) = outcomes_of(reader, [str(saved_pair)], None)
+    assert not is_wrong(reader, outcome)
+    wanted = "" if outcome.refused else ROWS[reader.form, reader.distribution or "Python"][-1]
+    assert re.sub(r"[\d,.]+", "", outcome.more) == re.sub(r"[\d,.]+", "", wanted)

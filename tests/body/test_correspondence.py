@@ -13,11 +13,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from physic_core.body.convert.bodies import convert_contact, rest_mesh_of_model
-from physic_core.body.convert.correspondence import (
-    SurfaceIndex,
-    closest_barycentric,
-    find_correspondence,
-)
+from physic_core.body.convert.correspondence import SurfaceIndex, find_correspondence
 from physic_core.cache import correspondences as module
 from physic_core.cache.correspondences import cached_correspondence
 from physic_core.errors import BodyModelError
@@ -43,7 +39,9 @@ def test_nearest_points_of_triangles_are_found():
     rng = np.random.default_rng(0)
     corners = rng.random((40, 3, 3))
     points = 2 * rng.random((40, 3)) - 0.5
-    shares = closest_barycentric(corners, points)
+    index = [SurfaceIndex(own, np.array([[0, 1, 2]])) for own in corners]
+    pairs = zip(index, points, strict=True)
+    shares = np.concatenate([one.nearest(p[None], one.normals).shares for one, p in pairs])
     assert (shares >= 0).all()
     assert_allclose(shares.sum(-1), 1, atol=1e-12)
     u, v = (g.ravel() for g in np.meshgrid(np.linspace(0, 1, 301), np.linspace(0, 1, 301)))

@@ -74,59 +74,22 @@ class SurfaceIndex:
 
     def nearest(self, points: _Array, normals: _Array) -> SurfacePoints:
         """Find the nearest surface points for ``points`` (n, 3) with unit ``normals`` (n, 3)."""
+        from trimesh.triangles import closest_point, points_to_barycentric
+
         features = np.concatenate([points, _NORMAL_M * normals], 1)
         _, candidates = self._tree.query(features, k=min(_CANDIDATES, len(self.faces)))
         candidates = candidates.reshape(len(points), -1)
-        shares = closest_barycentric(self._corners[candidates], points[:, None])
-        touched = (shares[..., None] * self._corners[candidates]).sum(-2)
+        corners = self._corners[candidates]
+        every = np.repeat(points, candidates.shape[1], axis=0)
+        touched = closest_point(corners.reshape(-1, 3, 3), every).reshape(*candidates.shape, 3)
         apart = np.linalg.norm(touched - points[:, None], axis=-1)
         facing = (self.normals[candidates] * normals[:, None]).sum(-1)
         best = (apart + _NORMAL_M * (1 - facing)).argmin(1)
         row = np.arange(len(points))
-        return SurfacePoints(
-            candidates[row, best], shares[row, best], apart[row, best], facing[row, best]
-        )
-
-
-def closest_barycentric(corners: _Array, points: _Array) -> _Array:
-    """Return barycentric coordinates (..., 3) of the points of triangles (..., 3, 3) nearest to
-    ``points`` (..., 3).
-    """
-    a, b, c = (corners[..., k, :] for k in range(3))
-    first = b - a
-    second = c - a
-    there = points - a
-    d11 = _dot(first, first)
-    d12 = _dot(first, second)
-    d22 = _dot(second, second)
-    d1 = _dot(there, first)
-    d2 = _dot(there, second)
-    area = np.maximum(d11 * d22 - d12 * d12, 1e-30)
-    v = (d22 * d1 - d12 * d2) / area
-    w = (d11 * d2 - d12 * d1) / area
-    inside = (v >= 0) & (w >= 0) & (v + w <= 1)
-    middle = np.stack([1 - v - w, v, w], -1)
-    return np.where(inside[..., None], middle, _closest_on_edges(corners, points))
-
-
-def _closest_on_edges(corners: _Array, points: _Array) -> _Array:
-    """Return barycentric coordinates (..., 3) of the points on the edges of triangles that are
-    nearest to ``points``.
-    """
-    edges = np.zeros((*corners.shape[:-1], 3))
-    for edge, (start, end) in enumerate(((0, 1), (0, 2), (1, 2))):
-        origin = corners[..., start, :]
-        step = corners[..., end, :] - origin
-        along = _dot(points - origin, step) / np.maximum(_dot(step, step), 1e-30)
-        edges[..., edge, end] = np.clip(along, 0, 1)
-        edges[..., edge, start] = 1 - edges[..., edge, end]
-    apart = ((edges @ corners - points[..., None, :]) ** 2).sum(-1)
-    return np.take_along_axis(edges, apart.argmin(-1)[..., None, None], -2)[..., 0, :]
-
-
-def _dot(u: _Array, v: _Array) -> _Array:
-    product: _Array = (u * v).sum(-1)
-    return product
+        # Rounding gives points on an edge a share below 0.
+        shares = points_to_barycentric(corners[row, best], touched[row, best]).clip(0)
+        shares /= shares.sum(-1, keepdims=True)
+        return SurfacePoints(candidates[row, best], shares, apart[row, best], facing[row, best])
 
 
 CORRESPONDENCE_VERSION = 1

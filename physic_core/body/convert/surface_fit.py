@@ -280,11 +280,28 @@ def _step_equations(
     levers = root[..., None] * patches.lever_arms(fit.world, fit.betas)
     places = np.broadcast_to(np.eye(3), (*points.shape, 3))
     linear = root[..., None] * np.concatenate([slopes, places], -1)
-    normal, pull = _normal_equations(levers, linear, gap)
+    # A turn moves a vertex by w x lever, along an axis e by w . (lever x e).
+    turns = cross(levers[:, :, None], np.eye(3)[:, None]).reshape(*points.shape, -1)
+    design = np.concatenate([turns, linear], -1)
+    parameters = design.shape[-1]
+    normal, pull = _normal_equations(
+        design.reshape(len(points), -1, parameters), gap.reshape(len(points), -1)
+    )
     if targets.normals is None:
         return normal, pull
-    across, along = _normal_equations_along(levers, linear, gap, targets.normals)
+    normals = targets.normals
+    across, along = _normal_equations(
+        (normals[:, :, None] @ design)[:, :, 0], (normals * gap).sum(-1)
+    )
     return _TANGENT_WEIGHT * normal + across, _TANGENT_WEIGHT * pull + along
+
+
+def _normal_equations(design: _Array, gap: _Array) -> tuple[_Array, _Array]:
+    """Return the normal equations (B, M, M) and (B, M) of residuals (B, n) with derivatives
+    (B, n, M).
+    """
+    across = np.swapaxes(design, 1, 2)
+    return matmul(across, design), matmul(across, gap[..., None])[..., 0]
 
 
 def _kabsch_rotations(patches: SampledBodyModel, points: _Array, weights: _Array) -> _Array:
@@ -314,74 +331,3 @@ def _follow_parents(world: _Array, held: NDArray[np.bool_]) -> _Array:
         loose = ~held[:, joint]
         turned[loose, joint] = turned[loose, PARENTS[joint]]
     return turned
-
-
-def _normal_equations(levers: _Array, slopes: _Array, gap: _Array) -> tuple[_Array, _Array]:
-    """Return the normal equations of small bone rotations w_j and of linear parameters.
-
-    A turn moves a vertex by ``w_j x lever``; with ``Q = sum lever_j lever_k^T``, two bones meet in
-    ``tr(Q) 1 - Q^T``.
-
-    Args:
-        levers: (B, n, 55, 3).
-        slopes: (B, n, 3, M).
-        gap: (B, n, 3) residuals.
-
-    Returns:
-        (B, 165 + M, 165 + M) and (B, 165 + M).
-    """
-    batch, points = gap.shape[:2]
-    turns = 3 * NUM_JOINTS
-    others = slopes.shape[-1]
-    flat = np.swapaxes(levers.reshape(batch, points, turns), 1, 2)
-    linear = slopes.reshape(batch, points, 3 * others)
-    # float32 is enough for this product: convergence is the same, and the residual is in float64.
-    short = flat.astype(np.float32)
-    met = (
-        matmul(short, np.swapaxes(short, 1, 2))
-        .astype(np.float64)
-        .reshape(batch, NUM_JOINTS, 3, NUM_JOINTS, 3)
-    )
-    trace = np.trace(met, axis1=2, axis2=4)
-    corner = trace[:, :, None, :, None] * np.eye(3)[:, None, :] - met.transpose(0, 1, 4, 3, 2)
-    both = matmul(flat, linear).reshape(batch, NUM_JOINTS, 3, 3, others)
-    side = _curl(both.transpose(0, 1, 4, 2, 3)).transpose(0, 1, 3, 2).reshape(batch, turns, others)
-    design = slopes.reshape(batch, 3 * points, others)
-    across = np.swapaxes(design, 1, 2)
-    normal = np.block(
-        [
-            [corner.reshape(batch, turns, turns), side],
-            [np.swapaxes(side, 1, 2), matmul(across, design)],
-        ]
-    )
-    pull = np.concatenate(
-        [
-            _curl(matmul(flat, gap).reshape(batch, NUM_JOINTS, 3, 3)).reshape(batch, turns),
-            matmul(across, gap.reshape(batch, 3 * points, 1))[..., 0],
-        ],
-        1,
-    )
-    return normal, pull
-
-
-def _normal_equations_along(
-    levers: _Array, slopes: _Array, gap: _Array, normals: _Array
-) -> tuple[_Array, _Array]:
-    """Return the normal equations of the residual along unit ``normals`` (B, n, 3).
-
-    ``n . (w x lever) = w . (lever x n)``.
-    """
-    turns = cross(levers, normals[:, :, None])
-    design = np.concatenate(
-        [turns.reshape(*gap.shape[:2], -1), (normals[:, :, None] @ slopes)[:, :, 0]], -1
-    )
-    across = np.swapaxes(design, 1, 2)
-    return matmul(across, design), matmul(across, (normals * gap).sum(-1, keepdims=True))[..., 0]
-
-
-def _curl(products: _Array) -> _Array:
-    """Return ``sum a x b`` (..., 3) from ``sum a b^T`` (..., 3, 3)."""
-    p = products
-    return np.stack(
-        [p[..., 1, 2] - p[..., 2, 1], p[..., 2, 0] - p[..., 0, 2], p[..., 0, 1] - p[..., 1, 0]], -1
-    )

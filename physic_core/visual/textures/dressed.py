@@ -292,12 +292,12 @@ def _is_above(
 
 def _laplacian(faces: NDArray[np.int64], count: int) -> csr_matrix:
     """Return the graph Laplacian (count, count) of the edges of a mesh."""
-    import scipy.sparse as sp
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import laplacian
 
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    links = sp.coo_matrix((np.ones(len(edges)), tuple(edges.T)), (count, count)).tocsr()
-    links = ((links + links.T) > 0).astype(np.float64)
-    return sp.diags(np.asarray(links.sum(1)).ravel()) - links
+    links = coo_matrix((np.ones(len(edges)), tuple(edges.T)), (count, count)).tocsr()
+    return laplacian(((links + links.T) > 0).astype(np.float64))
 
 
 def _fill(

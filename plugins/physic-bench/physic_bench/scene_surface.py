@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.body.convert.correspondence import closest_barycentric
 from physic_core.errors import InputError
 from physic_core.metrics import PROXIMITY_RADIUS_M
 
@@ -118,9 +117,10 @@ class SceneIndex:
         """Return the signed distance (N,) of points to the nearest of their triangles, of pairs
         (P,) of both.
         """
+        from trimesh.triangles import closest_point
+
         corners = self.corners[triangle]
-        on = (closest_barycentric(corners, points[point])[..., None] * corners).sum(-2)
-        way = points[point] - on
+        way = points[point] - closest_point(corners, points[point])
         distance = np.linalg.norm(way, axis=-1)
         height = (way * self.normals[triangle]).sum(-1)
         least = np.full(len(points), np.inf)

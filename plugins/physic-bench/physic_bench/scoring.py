@@ -14,6 +14,7 @@ from physic_bench.cameras import box_of_points, project
 from physic_bench.figures import Column, contact_columns, mean_column
 from physic_bench.scene_surface import SceneIndex, contact_by_rule
 from physic_core.body.joints import JOINT_NAMES
+from physic_core.body.posture import angle_deg
 from physic_core.metrics import (
     PROXIMITY_RADIUS_M,
     contact_counts,
@@ -324,11 +325,8 @@ def _physics(
 def _floor_errors(truth: Truth, prediction: Prediction) -> Record:
     if truth.up is None or prediction.floor is None:
         return {}
-    normal = prediction.floor[:3]
-    up = truth.up
-    angle = np.arctan2(np.linalg.norm(np.cross(normal, up)), normal @ up)
     return {
-        "floor_angle_deg": float(np.degrees(angle)),
+        "floor_angle_deg": float(angle_deg(prediction.floor[:3], truth.up)),
         "camera_height_ratio": float(prediction.floor[3] / truth.camera_height),
     }
 

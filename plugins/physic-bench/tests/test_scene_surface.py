@@ -8,7 +8,6 @@ import trimesh
 
 from physic_bench.contract import Surface
 from physic_bench.scene_surface import SceneIndex, contact_by_rule
-from physic_core.body.convert.correspondence import closest_barycentric
 from physic_core.errors import InputError
 
 
@@ -43,8 +42,9 @@ def test_near_points_are_exact_on_a_scan_of_mixed_triangles():
     both = trimesh.util.concatenate([mesh, floor])
     points = rng.uniform(-0.8, 0.8, (150, 3))
     corners = both.vertices[both.faces]
-    shares = closest_barycentric(np.broadcast_to(corners, (150, *corners.shape)), points[:, None])
-    apart = np.linalg.norm((shares[..., None] * corners).sum(-2) - points[:, None], axis=-1).min(1)
+    every = np.repeat(points, len(corners), axis=0)
+    on = trimesh.triangles.closest_point(np.tile(corners, (150, 1, 1)), every)
+    apart = np.linalg.norm(on - every, axis=-1).reshape(150, -1).min(1)
     found = np.abs(SceneIndex.build(surface(both)).signed_distance(points))
     near = apart < 0.15
     assert near.sum() > 50

@@ -13,7 +13,7 @@ from scipy.optimize import linprog, minimize
 from scipy.spatial import ConvexHull
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy
+from physic_core.geometry.rotations import rotation_between, rotmat_to_rotvec
 from physic_core.geometry.upright import transform_points
 from physic_core.types import SupportState
 from physic_core.types.skeletons import SIDES
@@ -25,7 +25,6 @@ from physic_export.humanoid import (
     body_segments,
     vertex_segments,
 )
-from physic_export.skeleton import skinned
 from physic_export.tiles import FLOOR_M, Tile, convex_tiles, step_under, tiles_without
 
 if TYPE_CHECKING:
@@ -241,7 +240,7 @@ def balanced(person: ExportedPerson) -> ExportedPerson:
         if np.linalg.norm(centre[:2] - aim) < _NEAR_M:
             break
         rig = _turned(turned.rig, centre, aim, person.feet)
-        turned = _set_down(replace(turned, rig=rig, vertices=skinned(rig)), height)
+        turned = _set_down(replace(turned, rig=rig, vertices=rig.posed()), height)
         edges, centre = _sole_edges(turned)
     change = rotmat_to_rotvec(turned.rig.rotations[0] @ person.rig.rotations[0].T)
     angle = float(np.rad2deg(np.linalg.norm(change)))
@@ -260,10 +259,7 @@ def _turned(rig: Rig, centre: Array, aim: Array, feet: Sequence[str]) -> Rig:
     arm = centre - pivot
     to = np.append(aim - pivot[:2], 0.0)
     to[2] = np.sqrt(max(float(arm @ arm - to @ to), 1e-6))
-    axis = np.cross(arm, to)
-    angle = np.arctan2(np.linalg.norm(axis), arm @ to)
-    axis *= angle / max(float(np.linalg.norm(axis)), 1e-12)
-    turn = rotvec_to_rotmat_numpy(axis)
+    turn = rotation_between(arm, to)
     rotations = rig.rotations.copy()
     offsets = rig.offsets.copy()
     rotations[0] = turn @ rotations[0]

@@ -20,7 +20,7 @@ from physic_core.errors import ConfigError
 from physic_core.geometry.rotations import rotmat_to_quat
 from physic_core.geometry.upright import transform_points
 from physic_core.visual.textures.photo import encode_image
-from physic_export.depth import mask_picture
+from physic_export.depth import mask_picture, pixels_of_people
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -71,9 +71,7 @@ def export_colmap(request: ExportRequest) -> ExportedFiles:
             "this format has points of the scene: leave out --no-scene (scene=False in Python)"
         )
     result = request.result
-    people = np.any(
-        [np.zeros_like(result.scene.valid), *(person.mask for person in result.people)], axis=0
-    )
+    people = pixels_of_people(result)
     shown = result.scene.valid & np.isfinite(result.scene.points).all(-1) & ~people
     step = max(1, math.ceil(math.sqrt(shown.sum() / _MAX_POINTS)))
     rows, columns = (step * places for places in np.nonzero(shown[::step, ::step]))

@@ -18,6 +18,7 @@ from physic_core.visual.export.request import camera_pose
 from physic_core.visual.textures.photo import encode_image
 
 if TYPE_CHECKING:
+    from physic_core.types import Reconstruction
     from physic_core.types.arrays import BoolArray, FloatArray
 
 UNIT_M = 0.001
@@ -97,6 +98,12 @@ def depth_of_scene(request: ExportRequest, unknown: float) -> FloatArray:
     return np.where(scene.valid, scene.points[..., 2], np.float32(unknown))
 
 
+def pixels_of_people(result: Reconstruction) -> BoolArray:
+    """Return the pixels (H, W) that show a person."""
+    masks = [np.zeros_like(result.scene.valid), *(person.mask for person in result.people)]
+    return np.asarray(np.any(masks, axis=0))
+
+
 def mask_picture(mask: BoolArray) -> bytes:
     """Return a mask (H, W) as a PNG of 8 bits: 255 where it is True, else 0."""
     return encode_image(np.where(mask, 255, 0).astype(np.uint8), "PNG")
@@ -114,9 +121,6 @@ def export_nerfstudio(request: ExportRequest) -> ExportedFiles:
         f"{request.stem}_{name}" for name in ("photo.jpg", "depth.png", "mask.png")
     )
     depth, notes = depth_picture(request)
-    without_people = ~np.any(
-        [np.zeros_like(result.scene.valid), *(person.mask for person in result.people)], axis=0
-    )
     document = {
         "camera_model": "OPENCV",
         "fl_x": camera.fx,
@@ -139,7 +143,7 @@ def export_nerfstudio(request: ExportRequest) -> ExportedFiles:
     files = {
         photo: encode_image(result.image, "JPEG"),
         depth_file: depth,
-        mask: mask_picture(without_people),
+        mask: mask_picture(~pixels_of_people(result)),
     }
     text = json.dumps(document, indent=2) + "\n"
     return ExportedFiles({f"{request.stem}{request.suffix}": text.encode(), **files}, notes)

@@ -55,7 +55,6 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
         names = tuple(f"mixamorig:{name}" for name in bone_names(style))
         skins = {index: with_ends(replace(rig, names=names)) for index, rig in skins.items()}
     colors = skins_of(request)
-    textured = colors.textured
 
     def look(glb: GlbBuilder, index: int, _: ExportRequest) -> Appearance:
         return body_look(glb, index, colors)
@@ -69,24 +68,22 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
         ]
         add_animation(glb, (0.0, _FRAME_S), keys)
     files = {f"{request.stem}{request.suffix}": glb.content()}
-    if options["contact_texture"] and textured is not None:
+    if options["contact_texture"] and colors.source:
         for index in request.person:
-            files[f"{request.stem}_contact_{index}.png"] = encode_image(
-                textured.contact_image(index), "PNG"
-            )
+            picture = encode_image(colors.contact_image(index), "PNG")
+            files[f"{request.stem}_contact_{index}.png"] = picture
     return ExportedFiles(files, (*colors.notes, *glb_notes(request, skins)))
 
 
 def body_look(glb: GlbBuilder, index: int, colors: Skins) -> Appearance:
     """Return the materials of a person, as variants, and their texture coordinates."""
-    textured = colors.textured
     request = colors.request
-    if textured is None:
+    mesh = colors.mesh
+    if mesh is None:
         return Appearance(body_material("body", BODY_RGB))
     dressed = dressed_bodies(request.result)
-    mesh = textured.mesh
-    contact = encode_image(textured.contact_image(index), "PNG"), "image/png"
-    photo = encode_image(textured.photo_images(index)[0], "JPEG")
+    contact = encode_image(colors.contact_image(index), "PNG"), "image/png"
+    photo = encode_image(colors.photo_images(index)[0], "JPEG")
     skin = str(request.options["skin"])
     look = photo_appearance(
         glb, f"person_{index}", photo, contact, mesh, dressed.shown[index], skin

@@ -231,9 +231,9 @@ def export_obj(request: ExportRequest) -> ExportedFiles:
     for mesh in person_meshes(request, skins):
         uv = np.zeros((0, 2))
         corners = None
-        if skins.textured is not None:
-            uv = skins.textured.mesh.uv.astype(np.float64)
-            corners = skins.textured.mesh.faces
+        if skins.mesh is not None:
+            uv = skins.mesh.uv.astype(np.float64)
+            corners = skins.mesh.faces
         at = _write(text, mesh, f"{mesh.name}_{skins.kind}", uv, corners, at)
     files[f"{request.stem}.mtl"] = _materials(request, skins, scene is not None).encode("ascii")
     return ExportedFiles(
@@ -293,18 +293,14 @@ def _materials(request: ExportRequest, skins: Skins, scene: bool) -> str:
     for index in request.person:
         name = f"person_{index}"
         made.append(_MATERIAL.format(name=f"{name}_neutral", color=grey))
-        if skins.textured is not None:
+        if skins.source:
             photo = _MATERIAL.format(name=f"{name}_photo", color=white)
             made.append(
                 f"# {request.stem}_{name}_filled.png is white where the photo does not show the "
                 f"body\n{photo}"
                 f"map_Kd {request.stem}_{name}.jpg\n"
             )
-        contact = _MATERIAL.format(
-            name=f"{name}_contact", color=white if skins.textured is not None else grey
-        )
-        made.append(
-            contact
-            + (f"map_Kd {request.stem}_{name}_contact.png\n" if skins.textured is not None else "")
-        )
+        contact = _MATERIAL.format(name=f"{name}_contact", color=white if skins.source else grey)
+        picture = f"map_Kd {request.stem}_{name}_contact.png\n" if skins.source else ""
+        made.append(contact + picture)
     return "\n".join(made)

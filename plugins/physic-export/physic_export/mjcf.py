@@ -39,7 +39,6 @@ from physic_export.meshes import scene_mesh
 from physic_export.tiles import Tile, parts_that_meet, tile_errors
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from physic_core.body.arrays import BodyArrays
@@ -393,13 +392,11 @@ def _person(
     vertices = transform_points(matrix, person.vertices) - pelvis
     body = ElementTree.SubElement(world, "body", name=name, mocap="true", pos=numbers(pelvis))
     add_mesh(asset, name, vertices, model.faces)
-    skin = ElementTree.SubElement(
-        body, "geom", name=f"{name}_skin", type="mesh", mesh=name, rgba=RGBA
-    )
-    skin.attrib.update(contype="0", conaffinity="0", group="2", mass="0")
+    skin = {"name": f"{name}_skin", "type": "mesh", "mesh": name, "rgba": RGBA, "mass": "0"}
+    ElementTree.SubElement(body, "geom", skin | _DRAWN)
     parts = model.part_of_vertex
     for number, part in enumerate(PART_NAMES):
         own = f"{name}_{part}"
         add_mesh(asset, own, *convex_hull(vertices[parts == number]))
-        shape = ElementTree.SubElement(body, "geom", name=own, type="mesh", mesh=own, rgba=RGBA)
-        shape.attrib.update(friction=FRICTION, group="3")
+        shape = {"name": own, "type": "mesh", "mesh": own, "rgba": RGBA}
+        ElementTree.SubElement(body, "geom", shape | _HARD)

@@ -180,17 +180,5 @@ def t_pose(rig: Rig, up: NDArray[np.float64]) -> Rig:
     rotations[pelvis] = np.stack([np.cross(up, forward), up, forward], 1)
     standing = replace(rig, rotations=rotations)
     offsets = rig.offsets.copy()
-    offsets[pelvis] -= (skinned(standing) @ up).min() * up
+    offsets[pelvis] -= (standing.posed() @ up).min() * up
     return replace(standing, offsets=offsets)
-
-
-def skinned(rig: Rig) -> NDArray[np.float64]:
-    """Return the vertices (V, 3) of a rig in its pose."""
-    bones = (rig.world() @ rig.inverse_bind)[:, :3]
-    moved = rig.weights @ bones.reshape(len(bones), 12)
-    points: NDArray[np.float64] = np.einsum(
-        "vij,vj->vi",
-        moved.reshape(-1, 3, 4),
-        np.pad(rig.vertices, ((0, 0), (0, 1)), constant_values=1.0),
-    )
-    return points

@@ -115,8 +115,8 @@ def step_under(foot: Array, to_camera: Array) -> Tile:
     corners = itertools.product(
         (low[0], high[0]), (low[1], high[1]), (float(top) - THICKNESS_M, float(top))
     )
-    vertices, faces = convex_hull(transform_points(to_camera, np.array(list(corners))))
-    return Tile(vertices, faces, np.full(3, 0.5))
+    hull = convex_hull(transform_points(to_camera, np.array(list(corners))))
+    return Tile(*hull, np.full(3, 0.5))
 
 
 def tiles_without(tiles: Sequence[Tile], bodies: Sequence[Array]) -> list[Tile]:
@@ -202,10 +202,8 @@ def tile_errors(result: Reconstruction, tiles: Sequence[Tile]) -> tuple[float, f
 
 def _cells(surface: SceneMesh) -> NDArray[np.int64]:
     """Return the row and column (F, 2) of the grid square that each face lies in."""
-    columns = np.unique(surface.pixels[:, 0])
-    stride = int(np.diff(columns).min()) if len(columns) > 1 else 1
     corners = surface.pixels[surface.faces]
-    lowest: NDArray[np.int64] = corners.min(1)[:, ::-1] // stride
+    lowest: NDArray[np.int64] = corners.min(1)[:, ::-1] // surface.stride
     return lowest
 
 
@@ -302,15 +300,6 @@ def _thicken(
     depth = min(THICKNESS_M, max(THINNEST_M, _depth_to_skin(points, axis, skin, normals, tree)))
     both = np.concatenate([points, points + depth * axis])
     try:
-        hull = ConvexHull(both)
+        return Tile(*convex_hull(both), color)
     except QhullError:  # all points on one line
         return None
-    new = np.full(len(both), -1)
-    new[hull.vertices] = np.arange(len(hull.vertices))
-    faces = new[hull.simplices]
-    vertices = both[hull.vertices]
-    corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inward = (normals * hull.equations[:, :3]).sum(1) < 0
-    faces[inward] = faces[inward][:, ::-1]
-    return Tile(vertices, faces.astype(np.int64), color)

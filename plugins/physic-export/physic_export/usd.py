@@ -137,8 +137,7 @@ def export_usd(request: ExportRequest) -> ExportedFiles:
       ``contact`` and ``filled`` are in 0-1 per vertex.
     - ``/physic/scene``: a mesh. ``/physic/floor``: the plane, which is not drawn;
       ``/physic/drawn_floor``: a mesh of the floor where the scene does not show it.
-    - ``/physic/camera``: the photo's field of view and principal point; ``/physic/camera_1``, ...
-      of further photos.
+    - ``/physic/camera``: the photo's field of view and principal point.
 
     Scene, floor and people are static colliders, exact or, for people, by their convex
     decomposition.
@@ -217,9 +216,9 @@ def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Ri
     made.CreateDoubleSidedAttr(False)
     primvars = UsdGeom.PrimvarsAPI(made)
     values = {"contact": mesh.contact.astype(np.float32)}
-    if skins.textured is not None:
+    if skins.mesh is not None:
         values["filled"] = dressed_bodies(skins.request.result).filled[index]
-        _add_uv(made, skins.textured.mesh.uv, skins.textured.mesh.faces)
+        _add_uv(made, skins.mesh.uv, skins.mesh.faces)
     for name, numbers in values.items():
         primvar = primvars.CreatePrimvar(name, Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex)
         primvar.Set(Vt.FloatArray.FromNumpy(numbers))
@@ -227,7 +226,7 @@ def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Ri
         add_skeleton(stage, path, made, rig, skins.request.frame.up_vector)
         _add_extents(top, made, mesh.vertices)
     looks = {"neutral": _add_material(stage, f"{path}/looks/neutral", color=BODY_RGB)}
-    if skins.textured is not None:
+    if skins.source:
         stem = f"{skins.request.stem}_{mesh.name}"
         for name, picture in (("photo", f"{stem}.jpg"), ("contact", f"{stem}_contact.png")):
             looks[name] = _add_material(stage, f"{path}/looks/{name}", picture=picture)

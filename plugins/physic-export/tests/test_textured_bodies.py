@@ -11,12 +11,13 @@ from physic_core import ExportRequest
 from physic_core.errors import InputError
 from physic_core.visual.export.request import export_frame
 from physic_core.visual.textures.dressed import dressed_bodies
-from physic_export.skins import textured_bodies
+from physic_export.skins import textured_skins
 
 
 def request_of(result):
     frame = export_frame(result.scene.floor, "y")
-    return ExportRequest(result, tuple(range(len(result.people))), frame, "a", ".glb")
+    people = tuple(range(len(result.people)))
+    return ExportRequest(result, people, frame, "a", ".glb", options={"skin": "photo"})
 
 
 def test_a_body_has_the_colour_of_the_photo_where_it_is_seen(result):
@@ -25,10 +26,10 @@ def test_a_body_has_the_colour_of_the_photo_where_it_is_seen(result):
     colors = ([200, 30, 30], [20, 40, 220])
     for person, color in zip(result.people, colors, strict=True):
         image[person.mask] = color
-    textured = textured_bodies(request_of(replace(result, image=image)), 256)
+    textured = textured_skins(request_of(replace(result, image=image)), 256)
     for index, color in enumerate(colors):
         picture, filled = textured.photo_images(index)
-        assert 0.15 < dressed_bodies(textured.result).shown[index] < 0.5
+        assert 0.15 < dressed_bodies(textured.request.result).shown[index] < 0.5
         assert (filled < 128).any()
         assert (filled > 128).any()
         np.testing.assert_allclose(picture[filled == 0], np.tile(color, ((filled == 0).sum(), 1)))
@@ -40,4 +41,4 @@ def test_a_body_has_the_colour_of_the_photo_where_it_is_seen(result):
 def test_bodies_of_another_mesh_have_no_texture(result):
     person = replace(result.people[0], vertices=result.people[0].vertices[:100])
     with pytest.raises(InputError, match="13348 vertices"):
-        textured_bodies(request_of(replace(result, people=(person,))), 128)
+        textured_skins(request_of(replace(result, people=(person,))), 128)

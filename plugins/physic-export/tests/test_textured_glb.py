@@ -13,7 +13,7 @@ from physic_core import ExportRequest
 from physic_core.errors import ConfigError
 from physic_core.visual.export.request import export_frame
 from physic_core.visual.rig import rigs
-from physic_export.skeleton import BONE_NAMES, bone_names, skinned, t_pose, with_ends
+from physic_export.skeleton import BONE_NAMES, bone_names, t_pose, with_ends
 
 pygltflib = pytest.importorskip("pygltflib")
 
@@ -119,9 +119,9 @@ def test_the_end_joints_of_mixamo_are_where_the_skin_ends_and_move_none(result):
     up = np.array([0.0, 1.0, 0.0])
     plain = t_pose(rig, up)
     standing = t_pose(whole, up)
-    np.testing.assert_allclose(skinned(standing), skinned(plain), atol=1e-9)
+    np.testing.assert_allclose(standing.posed(), plain.posed(), atol=1e-9)
     places = dict(zip(standing.names, standing.world()[:, :3, 3], strict=True))
-    body = skinned(standing)
+    body = standing.posed()
     assert places["HeadTop_End"][1] == pytest.approx(body[:, 1].max(), abs=0.02)
     assert places["LeftToe_End"][1] < 0.1
     for name in ("LeftToe_End", "RightToe_End", "LeftHandIndex4", "RightHandMiddle4"):

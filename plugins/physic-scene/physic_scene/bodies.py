@@ -89,8 +89,6 @@ def _mean_parameters(
         views = np.flatnonzero(row >= 0).tolist()
         own = np.stack([people[v].rotations[row[v]] for v in views])
         own[:, 0] = np.einsum("vji,vjk->vik", bundle.rotation[views], own[:, 0])
-        rotations.append(
-            np.stack([mean_rotation(own[:, j], np.ones(len(views))) for j in range(own.shape[1])])
-        )
+        rotations.append(np.stack([mean_rotation(own[:, j]) for j in range(own.shape[1])]))
         betas.append(np.mean([people[v].betas[row[v]] for v in views], axis=0))
     return torch.from_numpy(np.stack(rotations)), torch.from_numpy(np.stack(betas))

@@ -304,19 +304,14 @@ def energy(
     return _normal_equations(observations, state, reference, settings)[2]
 
 
-def uncertainties(
-    observations: MomentObservations,
-    state: Bundle,
-    reference: int,
-    settings: BundleSettings = SOLVED_CAMERAS,
-) -> FloatArray:
+def uncertainties(observations: MomentObservations, state: Bundle, reference: int) -> FloatArray:
     """Return the standard deviations (V, 3) of each camera, from the curvature of the energy and
     the factors on them.
 
     They are those of the rotation relative to the reference, radians, of the camera centre, metres,
     and of the logarithm of the focal length.
     """
-    normal, _, _ = _normal_equations(observations, state, reference, settings)
+    normal, _, _ = _normal_equations(observations, state, reference, SOLVED_CAMERAS)
     views = len(state.rotation)
     covariance = splu(csc_array(normal)).solve(np.eye(normal.shape[0], 7 * views))[: 7 * views]
     variances = np.empty((views, 3))

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from physic_core.geometry.rotations import nearest_rotation
+
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
 
@@ -58,20 +60,18 @@ def fit_rotation(source: FloatArray, target: FloatArray, weight: FloatArray) -> 
     """Return the rotation (3, 3) with the least weighted squares of ``rotation @ source - target``;
     points (n, 3).
     """
-    u, _, vt = np.linalg.svd((weight[:, None] * target).T @ source)
-    sign = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
-    rotation: FloatArray = (u * sign) @ vt
-    return rotation
+    return nearest_rotation((weight[:, None] * target).T @ source)
 
 
-def mean_rotation(rotations: FloatArray, weight: FloatArray) -> FloatArray:
+def mean_rotation(rotations: FloatArray) -> FloatArray:
     """Return the robust mean (3, 3) of rotations (n, 3, 3): one step of reweighting drops far
     ones.
     """
-    mean = Rotation.from_matrix(rotations).mean(weight)
+    turns = Rotation.from_matrix(rotations)
+    mean = turns.mean()
     for _ in range(3):
-        away = (mean.inv() * Rotation.from_matrix(rotations)).magnitude()
-        mean = Rotation.from_matrix(rotations).mean(weight / np.maximum(away, np.radians(3)))
+        away = (mean.inv() * turns).magnitude()
+        mean = turns.mean(1 / np.maximum(away, np.radians(3)))
     found: FloatArray = mean.as_matrix()
     return found
 

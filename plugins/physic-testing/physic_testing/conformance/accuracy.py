@@ -188,7 +188,7 @@ def _inpainter(answer: UInt8Array, case: Case) -> dict[str, Any]:
 
 def _metric_depth(answer: DepthMap, case: Case) -> dict[str, Any]:
     truth = case.truth.empty_depth.astype(np.float64)
-    both = np.isfinite(answer.depth) & _away_from_the_sky(truth)
+    both = np.isfinite(answer.depth) & inside(np.isfinite(truth))
     ratio = answer.depth[both] / truth[both]
     fitted = ratio / np.median(ratio)
     return {
@@ -201,7 +201,7 @@ def _metric_depth(answer: DepthMap, case: Case) -> dict[str, Any]:
 
 def _relative_pointmap(answer: Pointmap, case: Case) -> dict[str, Any]:
     truth = case.truth.empty_depth.astype(np.float64)
-    both = answer.valid & _away_from_the_sky(truth)
+    both = answer.valid & inside(np.isfinite(truth))
     ratio = fit_ambiguity(answer.points[..., 2][both], truth[both], answer.unknown)
     return {"abs-rel, aligned": np.abs(ratio - 1), "delta1, aligned": _is_near(ratio)}
 
@@ -211,15 +211,15 @@ def _is_near(ratio: FloatArray) -> BoolArray:
     return near
 
 
-def _away_from_the_sky(depth: FloatArray) -> BoolArray:
-    """Return where (H, W) a depth map has no sky within SKY_BORDER_PX, with which resampling would
-    mix it.
+def inside(mask: BoolArray) -> BoolArray:
+    """Return the pixels of a mask (H, W) that are not within SKY_BORDER_PX of its border, where
+    resampling mixes depths.
     """
     import cv2
 
     brush = np.ones((2 * SKY_BORDER_PX + 1,) * 2, np.uint8)
-    away: BoolArray = cv2.erode(np.isfinite(depth).astype(np.uint8), brush) > 0
-    return away
+    inner: BoolArray = cv2.erode(mask.astype(np.uint8), brush, borderValue=1) > 0
+    return inner
 
 
 def _keypoint_detector(answer: Keypoints, case: Case) -> dict[str, Any]:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
+from physic_core.body.posture import angle_deg
 from physic_core.types import AffineAmbiguity, DepthMap
-from physic_testing.conformance.accuracy import fit_ambiguity
+from physic_testing.conformance.accuracy import fit_ambiguity, inside
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect, warn_unless
 from physic_testing.conformance.output_checks import COLOURS, WITHOUT_HINTS
@@ -58,7 +59,6 @@ MIN_POINTS = 64
 _SAME = 0.98  # share of the pixels of a row that repeats another
 _COMPARED = 20000  # pixels of a photo
 _BLUR_PX = 1.2
-_BORDER_PX = 3
 _IN_FRONT = 0.1  # log of the depth behind a person over the person's
 
 
@@ -295,7 +295,7 @@ def check_depth_is_where_it_can_be_known(subject: BackendUnderTest) -> None:
             f"{repeated:.0%} of the rows or columns as the one before {where}",
             "Is the output of a smaller grid repeated? Resize it by interpolation.",
         )
-        sky = known[_inside(~np.isfinite(truth["z"]))]
+        sky = known[inside(~np.isfinite(truth["z"]))]
         warn_unless(
             sky.size < MIN_POINTS or sky.mean() < MAX_SKY,
             "no depth in the sky, which is infinitely far",
@@ -315,14 +315,6 @@ def _repeated(z: FloatArray) -> float:
         varies = np.nanmax(lines[1:], axis=1) > np.nanmin(lines[1:], axis=1)  # not clipped
         shares.append(float((same & varies).mean()))
     return max(shares)
-
-
-def _inside(mask: BoolArray) -> BoolArray:
-    import cv2
-
-    brush = np.ones((2 * _BORDER_PX + 1,) * 2, np.uint8)
-    inner: BoolArray = cv2.erode(mask.astype(np.uint8), brush, borderValue=1) > 0
-    return inner
 
 
 def check_unknown_names_the_ambiguity(subject: BackendUnderTest) -> None:
@@ -405,7 +397,8 @@ def check_up_is_against_gravity(subject: BackendUnderTest) -> None:
     if not stated:
         raise CheckSkipped("of no photo it tells which way is up")
     apart = [
-        _angle_deg(answer.up, case.truth.floor.normal) / answer.up_sigma for case, answer in stated
+        float(angle_deg(answer.up, case.truth.floor.normal)) / answer.up_sigma
+        for case, answer in stated
     ]
     middle = float(np.median(apart))
     expect(
@@ -417,7 +410,7 @@ def check_up_is_against_gravity(subject: BackendUnderTest) -> None:
     for case, answer in stated:
         again = _of_mirrored(subject, case)
         if again is not None and again.up is not None:
-            off = _angle_deg(again.up * [-1, 1, 1], answer.up)
+            off = float(angle_deg(again.up * [-1, 1, 1], answer.up))
             expect(
                 off < MAX_UP_SIGMAS * answer.up_sigma,
                 "up with the other sign of x for a mirrored photo",
@@ -438,11 +431,6 @@ def _of_mirrored(subject: BackendUnderTest, case: Case) -> Any:
     )
     wanted = "valid output for a mirrored photo, or a PhysicError"
     return subject.call(wanted, case, given, may_refuse=True)
-
-
-def _angle_deg(first: FloatArray, second: FloatArray) -> float:
-    cosine = float(first @ second) / float(np.linalg.norm(first) * np.linalg.norm(second))
-    return float(np.degrees(np.arccos(min(1.0, max(-1.0, cosine)))))
 
 
 _OF_BOTH = (

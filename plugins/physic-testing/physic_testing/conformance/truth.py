@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.types.skeletons import SIDES
+from physic_core.body.posture import angle_deg
+from physic_core.types.skeletons import SIDES, other_side
 from physic_testing.conformance.expect import CheckSkipped
 
 if TYPE_CHECKING:
@@ -51,12 +52,7 @@ def comparable_keypoints(
 def mirrored_order(names: tuple[str, ...]) -> list[int]:
     """Return for each joint the index (J,) of its left-right counterpart, or its own index."""
     place = {name: i for i, name in enumerate(names)}
-
-    def twin(name: str) -> str:
-        side, _, rest = name.partition("_")
-        return {"left": f"right_{rest}", "right": f"left_{rest}"}.get(side, name)
-
-    return [place.get(twin(name), i) for i, name in enumerate(names)]
+    return [place.get(other_side(name), i) for i, name in enumerate(names)]
 
 
 def true_touch(world: World) -> BoolArray:
@@ -71,14 +67,12 @@ def true_flexion(world: World) -> FloatArray:
     joints = world.joints.astype(np.float64)
 
     def bone(start: str, end: str) -> FloatArray:
-        along = joints[:, JOINT_INDEX[end]] - joints[:, JOINT_INDEX[start]]
-        return np.asarray(along / np.linalg.norm(along, axis=1, keepdims=True))
+        return joints[:, JOINT_INDEX[end]] - joints[:, JOINT_INDEX[start]]
 
     thighs = [bone(f"{side}_hip", f"{side}_knee") for side in SIDES]
     shanks = [bone(f"{side}_knee", f"{side}_ankle") for side in SIDES]
     pairs = zip([bone("neck", "pelvis")] * 2 + thighs, thighs + shanks, strict=True)
-    cosines = np.stack([(one * other).sum(1) for one, other in pairs], 1)
-    return np.asarray(np.degrees(np.arccos(np.clip(cosines, -1, 1))))
+    return np.stack([angle_deg(one, other) for one, other in pairs], 1)
 
 
 def true_hands(world: World) -> FloatArray:
