@@ -25,12 +25,13 @@ _DEPTH = re.compile(r"(?:^|\.)depth(?:\.[zvy])?$", re.IGNORECASE)
 
 
 def read_exr(path: Path) -> NDArray[np.generic]:
-    """Return the depth channel (H, W) of an EXR file, float16 or float32 as it is stored.
+    """Return the depth channel (H, W) of an EXR file, float16 or float32 as it is stored, on the
+    display window, NaN where the data window ends before it.
 
     Raises:
         PackageMissingError: the package OpenEXR is not installed.
-        InputError: the file is damaged or too large, or none or several of its channels may be
-            depth.
+        InputError: the file is damaged or too large, none or several of its channels may be depth,
+            or none of its pixels is displayed.
     """
     with open_regular(path) as file:
         if file.read(4) != _MAGIC:
@@ -55,7 +56,7 @@ def read_exr(path: Path) -> NDArray[np.generic]:
             )
         parts = OpenEXR.File(str(path), separate_channels=True).parts
         found = {
-            _name(part, name): channel.pixels
+            _name(part, name): _displayed(channel.pixels, part.header, path)
             for part in parts
             for name, channel in part.channels.items()
         }
@@ -67,9 +68,39 @@ def read_exr(path: Path) -> NDArray[np.generic]:
 
 
 def _bytes(header: Mapping[str, Any]) -> int:
-    low, high = header["dataWindow"]
-    width, height = (int(b) - int(a) + 1 for a, b in zip(low, high, strict=True))
-    return max(0, width) * max(0, height) * _VALUE_BYTES * len(header["channels"])
+    """Return the bytes of all channels on the larger of the two windows."""
+    sizes = [_window(header, name) for name in ("dataWindow", "displayWindow")]
+    pixels = max(max(0, x1 - x0) * max(0, y1 - y0) for x0, y0, x1, y1 in sizes)
+    return pixels * _VALUE_BYTES * len(header["channels"])
+
+
+def _window(header: Mapping[str, Any], name: str) -> tuple[int, int, int, int]:
+    """Return a window's x0, y0, x1 and y1, of which the last two are outside."""
+    (x0, y0), (x1, y1) = header[name]
+    return int(x0), int(y0), int(x1) + 1, int(y1) + 1
+
+
+def _displayed(
+    pixels: NDArray[np.generic], header: Mapping[str, Any], path: Path
+) -> NDArray[np.generic]:
+    """Return a channel on the display window. Channels of whole numbers stay as they are."""
+    stored = _window(header, "dataWindow")
+    shown = _window(header, "displayWindow")
+    if stored == shown or not np.issubdtype(pixels.dtype, np.floating):
+        return pixels
+    x0, y0, x1, y1 = (
+        pick(a, b) for pick, a, b in zip((max, max, min, min), stored, shown, strict=True)
+    )
+    if x0 >= x1 or y0 >= y1:
+        raise InputError(
+            f"cannot read the depth map {path}: its data window {stored} lies outside of its "
+            f"display window {shown}; write the file anew with both of the photo's size"
+        )
+    placed = np.full((shown[3] - shown[1], shown[2] - shown[0]), np.nan, pixels.dtype)
+    placed[y0 - shown[1] : y1 - shown[1], x0 - shown[0] : x1 - shown[0]] = pixels[
+        y0 - stored[1] : y1 - stored[1], x0 - stored[0] : x1 - stored[0]
+    ]
+    return placed
 
 
 def _name(part: Any, channel: str) -> str:

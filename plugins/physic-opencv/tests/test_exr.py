@@ -45,10 +45,36 @@ def test_a_position_is_no_depth():
         read_depth(FILES / "XYZ.exr", 1.0, None)
 
 
-def written(path, channels):
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+def written(path, channels, **windows):
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **windows}
     OpenEXR.File(header, channels).write(str(path))
     return path
+
+
+@pytest.mark.parametrize(
+    ("first", "display"),
+    [((2, 1), ((0, 0), (7, 5))), ((-1, -1), ((0, 0), (2, 1))), ((11, 21), ((10, 20), (12, 24)))],
+    ids=["cropped", "overscan", "displayed from another pixel"],
+)
+def test_depth_lies_where_the_windows_put_it(tmp_path, first, display):
+    values = np.linspace(1, 8, 12, dtype=np.float32).reshape(3, 4)
+    x, y = first
+    window = {"dataWindow": (first, (x + 3, y + 2)), "displayWindow": display}
+    depth, _ = read_depth(written(tmp_path / "d.exr", {"Z": values}, **window), 1.0, None)
+    (left, top), (right, bottom) = display
+    known = {(y + j, x + i): values[j, i] for j in range(3) for i in range(4)}
+    want = [
+        [known.get((row, column), np.nan) for column in range(left, right + 1)]
+        for row in range(top, bottom + 1)
+    ]
+    np.testing.assert_array_equal(depth, np.array(want, np.float32))
+
+
+def test_a_data_window_beside_the_picture_is_refused(tmp_path):
+    window = {"dataWindow": ((8, 0), (13, 3)), "displayWindow": ((0, 0), (5, 3))}
+    path = written(tmp_path / "d.exr", {"Z": np.ones((4, 6), np.float32)}, **window)
+    with pytest.raises(InputError, match="outside of its display window"):
+        read_depth(path, 1.0, None)
 
 
 @pytest.mark.parametrize("dtype", [np.float16, np.float32])
