@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -21,20 +20,9 @@ from physic_core.engine.scene_state import SceneState, Surroundings
 from physic_core.engine.sizes.known_sizes import KnownGeometry
 from physic_core.errors import PhysicError
 from physic_core.geometry.alignment import Alignment
-from physic_core.types import (
-    Bodies,
-    ContactProbability,
-    DepthMap,
-    Intrinsics,
-    Keypoints,
-    KnownSizes,
-    Observations,
-    People,
-    Pointmap,
-)
+from physic_core.types import Bodies, ContactProbability, DepthMap, KnownSizes
 from physic_core.types.arrays import PER_PERSON, select_people, shape, wrong_rows
 from physic_core.types.contacts import BodyContact, ContactPartner, Support
-from physic_core.types.known_sizes import KnownPeople
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import SIDES, Skeleton
 
@@ -81,80 +69,53 @@ class OtherView(ShortRepr):
 
 @dataclass(frozen=True)
 class Estimates(ShortRepr):
-    """Results of all backends for one photo, in the camera frame of ``intrinsics``.
+    """Results of all backends for one photo, in the frame of its camera.
 
     All arrays of people, and those of the views, have a row for each of the N people.
 
     Attributes:
         image: (H, W, 3) uint8 RGB.
-        camera_given: whether the user or the file gave ``intrinsics``.
-        hole: (H, W) bool, inpainted pixels.
+        camera_given: whether the user or the file gave the camera.
+        photo: what it shows.
         inpainted: (H, W, 3) uint8 RGB, the photo without its people and what they hold.
-        scene: relative point map of ``inpainted``.
-        original: relative point map of ``image``.
         ground: floor, stance and scale; average feet for those without a body.
         bodies: N bodies with their hands, of the configured body model.
         contact: contact prior, zero if no backend was configured.
         depth: metric depth of ``inpainted``.
-        observations: what the N people do; NaN if no backend was configured, or if it failed.
         depth_by: name of what estimated it, in messages.
         missing_results: per person, the interfaces whose backend returned no valid values for them.
             Such a person has keypoints of confidence 0, a body of NaN, flat hands or no prior
             contact.
         known: sizes that the user knows, in px of ``image``.
-        statures: (N,) known ones, metres, NaN where unknown; None if no stature is known.
-        ages: (N,) known ones, years, NaN where unknown; None if no age is known.
         views: what other cameras show of the same people.
-        given_keypoints: (N, J), which of ``keypoints`` the user gave; None if none.
+        given_keypoints: (N, J), which of the keypoints the user gave; None if none.
         contradicted_px: (N, J), how far mask and detector contradict them, px; None if none.
         file_px: px of the photo file in one px of ``image``, stated if ``given_keypoints`` are.
     """
 
     image: UInt8Array
-    intrinsics: Intrinsics
     camera_given: bool
-    people: People = field(metadata=PER_PERSON)
-    keypoints: Keypoints = field(metadata=PER_PERSON)
-    hole: BoolArray
+    photo: PhotoContent = field(metadata=PER_PERSON)
     inpainted: UInt8Array
-    scene: Pointmap
-    original: Pointmap
     ground: Ground = field(metadata=PER_PERSON)
     bodies: Bodies = field(metadata=PER_PERSON)
     contact: ContactProbability = field(metadata=PER_PERSON)
     depth: DepthMap
-    observations: Observations = field(metadata=PER_PERSON)
     missing_results: tuple[tuple[str, ...], ...] = field(metadata=PER_PERSON)
     depth_by: str = "metric depth"
     known: KnownSizes = field(default_factory=KnownSizes)
-    statures: FloatArray | None = field(default=None, metadata=PER_PERSON)
-    ages: FloatArray | None = field(default=None, metadata=PER_PERSON)
     views: tuple[OtherView, ...] = ()
     given_keypoints: BoolArray | None = field(default=None, metadata=PER_PERSON)
     contradicted_px: FloatArray | None = field(default=None, metadata=PER_PERSON)
     file_px: float = 1.0
 
     def __post_init__(self) -> None:
-        count = len(self.people)
+        count = len(self.photo.people)
         wrong = [*wrong_rows(self, count)]
         for i, view in enumerate(self.views):
             wrong += wrong_rows(view, count, f"views[{i}].")
         if wrong:
             raise PhysicError(f"estimates of {count} people: {'; '.join(wrong)}")
-
-    @cached_property
-    def photo(self) -> PhotoContent:
-        """What the photo shows, its point map not yet aligned to the scene."""
-        return PhotoContent(
-            people=self.people,
-            keypoints=self.keypoints,
-            observations=self.observations,
-            known=KnownPeople(self.ages, self.statures),
-            camera=self.intrinsics,
-            inpainted=self.hole,
-            scene_map=self.scene,
-            photo_map=self.original,
-        )
 
 
 @dataclass(frozen=True)

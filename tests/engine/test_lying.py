@@ -78,7 +78,15 @@ def answer(turned=False, floor_m=None, gap_m=0.0, label=None, posture=None, up=N
         said.posture[:, POSTURES.index(posture)] = 0.92
         said = replace(said, posture_share=np.full(9, 1 / 9))
     content = PhotoContent(
-        people, keypoints, said, KnownPeople(), CAMERA, mask, scene_map=scene, photo_map=photo
+        people=people,
+        keypoints=keypoints,
+        observations=said,
+        known=KnownPeople(),
+        camera=CAMERA,
+        hole=torch.tensor(mask),
+        scene_map=scene,
+        photo_map=photo,
+        aligned_map=photo,
     )
     evidence = floor_evidence(content)
     floors = candidates_in(content.scene, evidence)

@@ -61,7 +61,7 @@ def test_placement_recovers_the_true_place_of_a_person(given):
 def test_feet_on_pedals_do_not_draw_the_floor_to_them(make_stage):
     """A rider's soles are 25 cm over the ground, and the scene keeps its size."""
     estimates, state = estimated_too_far(make_stage, FLOOR_Y - 0.25)
-    estimates.observations = replace(Observations.unknown(1), posture=RIDES)
+    estimates.photo.observations = replace(Observations.unknown(1), posture=RIDES)
     observed = np.array([[4.0, 4.0, 0.0, 0.0, 6.0]])
     state = replace(state, stance=replace(Stance.unknown(1), observed=observed))
     found = optimize(solve_placement(estimates, state, DEFAULT), engine_preset("default").joint)

@@ -360,10 +360,10 @@ def _people_seen(photo: PhotoContent, bodies: Bodies, model: BodyModel) -> _Seen
     sizes = photo.known.filled(count)
     sigma = _size_sigmas(photo, *sizes)
     real = photo.people.scores * adult_probability(*sizes, photo.observations.child)
-    farther, spread = photo.photo_map.people_farther or (0.0, _TORSO_SIGMA)
+    farther, spread = photo.aligned_map.people_farther or (0.0, _TORSO_SIGMA)
     stance, depth_right = _stance_without_floor(photo)
     by_torsos = scales_by_torsos(
-        vertices, model, photo.people.masks, photo.photo_map, photo.camera.matrix
+        vertices, model, photo.people.masks, photo.aligned_map, photo.camera.matrix
     )
     torsos = Witnesses(
         scale=by_torsos * math.exp(farther),
@@ -385,7 +385,7 @@ def _stance_without_floor(photo: PhotoContent) -> tuple[Stance, FloatArray]:
     stance = stance_in_picture(keypoints.points, keypoints.joint_set.names, observed)
     raised = photo.labelled(*RAISED_SURFACES)
     gap, among = depth_gaps_at_feet(
-        keypoints, photo.masks, photo.photo.depth, photo.scene.depth, raised
+        keypoints, photo.masks, photo.aligned.depth, photo.scene.depth, raised
     )
     rides = np.nan_to_num(observed.posture[:, POSTURES.index("ride")])
     stands, right = standing_prior(stance.touch[:, :2], gap, among, rides)

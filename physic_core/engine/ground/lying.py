@@ -92,13 +92,13 @@ def backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
             continue
         ring = dilate_square(mask, max(2, round(_RING * length))) & ~photo.hole
         rows, columns = ring.nonzero(as_tuple=True)
-        body = (mask & photo.photo.valid).nonzero()
+        body = (mask & photo.aligned.valid).nonzero()
         places = (body.flip(1) - start) @ way / length**2
         parts = [body[(places > low) & (places < high)] for low, high in _PARTS]
         if min(len(rows), *map(len, parts)) < _FEWEST:
             continue
         points = torch.stack(
-            [median(photo.photo.points[part.unbind(1)].double()) for part in parts]
+            [median(photo.aligned.points[part.unbind(1)].double()) for part in parts]
         )
         depth = points[:, 2]
         found.append(

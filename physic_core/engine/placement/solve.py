@@ -43,7 +43,7 @@ def solve_placement(estimates: Estimates, state: State, method: PlacementMethod)
         state = _resized(estimates, state, state.known, feet_seen, method)
     if method.stance and state.stance is not None:
         likely = state.stance.touch
-        rides = np.nan_to_num(estimates.observations.posture[:, POSTURES.index("ride")])
+        rides = np.nan_to_num(estimates.photo.observations.posture[:, POSTURES.index("ride")])
         # feet on pedals or in stirrups touch, but not the ground
         likely[:, :2] *= 1 - (rides * likely[:, 4])[:, None]
         touch = torch.from_numpy(likely).to(state.transl)

@@ -13,7 +13,6 @@ from physic_core.engine.sizes.evidence import CONTRADICTION, likely_unit
 from physic_core.engine.sizes.stature import STATURES_M
 from physic_core.errors import ConfigError
 from physic_core.pipeline.checks import CHECKS
-from physic_core.types.known_sizes import KnownPeople
 
 if TYPE_CHECKING:
     from physic_core.engine.sizes.known_sizes import KnownGeometry
@@ -44,7 +43,7 @@ def check_placed_people(estimates: Estimates, before: State, placed: State) -> l
     assert known is not None
     sizes = _scene_sizes(known)
     least, most = STATURES_M
-    statures, _ = KnownPeople(stature=estimates.statures).filled(len(ratio))
+    statures, _ = estimates.photo.known.filled(len(ratio))
     shown_m = before.model.stature(before.betas) * ratio
     impossible = []
     surely = []
