@@ -12,8 +12,8 @@ import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyModel
+from physic_core.engine.ground.carriers import Carried
 from physic_core.engine.ground.floor_and_scale import Ground
-from physic_core.engine.ground.stance import Stance
 from physic_core.engine.limbs import observed_parts
 from physic_core.engine.photo import PhotoContent
 from physic_core.engine.scene_state import SceneState, Surroundings
@@ -167,7 +167,13 @@ class State(ShortRepr):
             NaN where unknown; None if the body estimator states none.
         lean_sigma: (N,) radians, stated errors of the lean towards the camera, NaN where unknown;
             None if the body estimator states none.
-        stance: of the people; None if unknown.
+        stands: (N, 2) probability that the foot stands on the floor; None if unknown.
+        observed_touch: (N, 5) log odds of the person observer that feet, hands and seat touch the
+            world, beyond those of its base rate; None if unknown.
+        touch: (N, 5) probability by the picture that feet, hands and seat touch something; by stage
+            2 less for feet of people who ride. It weights their attraction to floor and scene; None
+            counts as 1.
+        carried: what people ride, and boards below their feet; None without any in the picture.
         scale_sigma: standard deviation of log(scale) of the scene, or None.
         known: sizes that the user knows; None without any.
         views: views of the same people from other cameras; their start is then based on all photos.
@@ -177,8 +183,6 @@ class State(ShortRepr):
         human_points: per person (M_i, 3) metres, aligned to the scene; None as ``photo_depth``.
         estimated_transl: (N, 3) metres, by the body estimator.
         keypoint_transl: (N, 3) metres, by the keypoints alone (Eq. 2).
-        touch: (N, 5) probability that feet, hands and seat touch something, which weights their
-            attraction to floor and scene, less for feet of people who ride; None counts as 1.
         size_ratio: (N,) factor by which to enlarge people so that a scene of known size matches
             the photo, NaN where unknown; None if the size of the scene is unknown.
         unplaced: per person, why keypoints, depth and floor did not place the body, or "".
@@ -211,7 +215,10 @@ class State(ShortRepr):
     K: Tensor = field(metadata=shape(3, 3))
     rotation_sigma: Tensor | None = field(default=None, metadata=shape("N", 22))
     lean_sigma: Tensor | None = field(default=None, metadata=shape("N"))
-    stance: Stance | None = None
+    stands: Tensor | None = field(default=None, metadata=shape("N", 2))
+    observed_touch: Tensor | None = field(default=None, metadata=shape("N", 5))
+    touch: Tensor | None = field(default=None, metadata=shape("N", 5))
+    carried: Carried | None = None
     scale_sigma: float | None = None
     known: KnownGeometry | None = None
     views: tuple[OtherView, ...] = ()
@@ -220,7 +227,6 @@ class State(ShortRepr):
     human_points: tuple[Tensor, ...] | None = None
     estimated_transl: Tensor | None = field(default=None, metadata=shape("N", 3))
     keypoint_transl: Tensor | None = field(default=None, metadata=shape("N", 3))
-    touch: Tensor | None = field(default=None, metadata=shape("N", 5))
     size_ratio: Tensor | None = field(default=None, metadata=shape("N"))
     unplaced: tuple[str, ...] = ()
 

@@ -53,7 +53,7 @@ def test_the_gap_of_a_part_is_its_fifth_smallest_distance():
     assert gaps[6:].tolist() == [0.5, 0.5, math.inf]
 
 
-def alone(body, plane=None, stance=None):
+def alone(body, plane=None, **known):
     """A person in the rest pose who is near no point of a scene."""
     posed = body(*body.zero_pose())
     return state_of(
@@ -67,7 +67,7 @@ def alone(body, plane=None, stance=None):
         keypoint_confidence=torch.zeros(1, 17),
         masks=torch.zeros(1, 2, 2, dtype=torch.bool),
         contact_prior=torch.full(posed.vertices.shape[:2], 0.5),
-        stance=stance,
+        **known,
         vertices=posed.vertices,
         joints=posed.joints,
     )

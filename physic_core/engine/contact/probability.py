@@ -28,7 +28,6 @@ from physic_core.body.model import BodyModel
 from physic_core.body.posture import LYING_DEG, trunk_tilt_deg
 from physic_core.engine.contact.distances import SEARCH_RADIUS_M, Distances
 from physic_core.engine.contact.parts import are_adjacent, contact_regions
-from physic_core.engine.ground.stance import Stance
 from physic_core.engine.ground.touch import (
     DISTANCE,
     HAND,
@@ -44,6 +43,7 @@ from physic_core.engine.ground.touch import (
 from physic_core.engine.limbs import hip_bends
 from physic_core.engine.state import State
 from physic_core.geometry.tensors import exact_arrays
+from physic_core.types.observations import TOUCH_PARTS
 from physic_core.types.skeletons import SIDES
 
 _LOG_UNIT_M = 0.01
@@ -203,7 +203,7 @@ def part_features(state: State, gap: Tensor) -> dict[str, dict[str, Tensor]]:
     part with the scene.
 
     "distance" is that of the part in standard deviations, 0 inside, and at most that of the search
-    radius. "observed" is that of the stance. "bend at the hips" is the smaller angle between trunk
+    radius. "observed" is that of the person observer. "bend at the hips" is the smaller angle between trunk
     and thighs, radians; 0 is straight.
 
     Args:
@@ -211,8 +211,9 @@ def part_features(state: State, gap: Tensor) -> dict[str, dict[str, Tensor]]:
         gap: (N, P) distance of each part, metres; inf if nothing is near.
     """
     joints = state.joints
-    stance = state.stance or Stance.unknown(len(joints))
-    observed = torch.tensor(stance.observed).to(joints)
+    observed = state.observed_touch
+    if observed is None:
+        observed = joints.new_zeros(len(joints), len(TOUCH_PARTS))
     bend = hip_bends(joints).amin(1).clamp(max=_MOST_BEND).nan_to_num()
     found: dict[str, dict[str, Tensor]] = {}
     for name, own in zip(contact_part_masks(state.model), gap.T, strict=True):

@@ -171,8 +171,8 @@ def _on_carriers(state: State) -> list[tuple[str, Tensor]]:
     """Return the name of each carrier, and the vertices (N, V) bool of limbs that it carries: feet
     on a board; feet, hands and seat of people who ride.
     """
-    carried = state.stance and state.stance.carried
-    if not carried:
+    carried = state.carried
+    if carried is None:
         return []
     ridden, board = tensors(carried.ridden[:, None], carried.board[:, None])
     parts = contact_part_masks(state.model)
@@ -189,8 +189,8 @@ def _off_the_scene(state: State, touch: Touch) -> Tensor:
     what they ride, and nothing of the scene.
     """
     found = torch.zeros_like(state.model.outer).expand(touch.kind.shape).clone()
-    carried = state.stance and state.stance.carried
-    if not carried or not touch.parts:
+    carried = state.carried
+    if carried is None or not touch.parts:
         return found
     rides = tensor(carried.rides)
     parts = contact_part_masks(state.model)

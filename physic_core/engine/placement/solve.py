@@ -11,7 +11,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -25,7 +24,7 @@ from physic_core.engine.sizes.stature import resize_bodies, stature_factor
 from physic_core.engine.state import Estimates, State
 from physic_core.geometry.alignment import Alignment, apply_alignment, fit_alignment
 from physic_core.geometry.pointmap import depth_to_pointmap
-from physic_core.geometry.tensors import all_finite, dilate_square, quantiles
+from physic_core.geometry.tensors import all_finite, dilate_square, quantiles, tensor
 from physic_core.types.observations import POSTURES
 
 _FAR_M = 50.0  # maximum background depth used by the alignment
@@ -41,12 +40,13 @@ def solve_placement(estimates: Estimates, state: State, method: PlacementMethod)
     feet_seen = state.observed[:, _ANKLES].any(1)
     if state.known is not None and state.known.unscaled is not None:
         state = _resized(estimates, state, state.known, feet_seen, method)
-    if method.stance and state.stance is not None:
-        likely = state.stance.touch
-        rides = np.nan_to_num(estimates.photo.observations.posture[:, POSTURES.index("ride")])
+    if not method.stance:
+        state = replace(state, touch=None)
+    elif state.touch is not None:
+        rides = tensor(estimates.photo.observations.posture)[:, POSTURES.index("ride")]
         # feet on pedals or in stirrups touch, but not the ground
-        likely[:, :2] *= 1 - (rides * likely[:, 4])[:, None]
-        touch = torch.from_numpy(likely).to(state.transl)
+        on_ground = 1 - rides.nan_to_num().to(state.touch) * state.touch[:, 4]
+        touch = torch.cat((state.touch[:, :2] * on_ground[:, None], state.touch[:, 2:]), 1)
         feet_seen = feet_seen & (touch[:, :2] >= LEAST_PROBABILITY).any(1)
         state = replace(state, touch=touch)
     return _place(estimates, state, feet_seen, method)

@@ -90,6 +90,11 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
 
     if observed is None:
         observed = np.ones((len(masks), NUM_JOINTS), bool)
+    stance = estimates.ground.stance
+    stands, observed_touch, touch = (
+        torch.from_numpy(each).to(model.device, model.dtype)
+        for each in (stance.stands, stance.observed, stance.touch)
+    )
     rotations, betas, transl, expression = pose_from_parameters(
         bodies.parameters, model.device, model.dtype
     )
@@ -109,7 +114,10 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
         lean_sigma=None if bodies.lean_sigma is None else own(bodies.lean_sigma),
         scene=scene,
         K=scene.K.to(model.device, model.dtype),
-        stance=estimates.ground.stance,
+        stands=stands,
+        observed_touch=observed_touch,
+        touch=touch,
+        carried=stance.carried,
         scale_sigma=estimates.depth.scale_sigma,
         views=to_device(estimates.views, model.device, model.dtype),
     )
