@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from physic_core.body.model import BodyModel
-from physic_core.geometry.neighbors import NearestPointSearch
+from physic_core.geometry.neighbors import NearestPointSearch, nearest_rows, search_tree
 from physic_core.geometry.tensors import exact_arrays
 from physic_core.types.people import GROUND_SURFACES
 
@@ -168,12 +168,9 @@ def _labels(
     label[seen] = given[seen]
     for hidden, source in ((~seen & ~raised, seen), (~seen & raised, seen & ~floors)):
         if bool(hidden.any()) and bool(source.any()):
-            shown, unknown = exact_arrays(points.cpu()[source], points.cpu()[hidden])
-            tree = cKDTree(shown, balanced_tree=False, compact_nodes=False)
-            _, row = tree.query(unknown, distance_upper_bound=_NEIGHBOUR_M)
-            # SciPy returns the number of points if none is found
-            known = torch.cat([given[source], given.new_tensor([-1])])
-            label[hidden] = known[torch.from_numpy(row)]
+            tree = search_tree(*exact_arrays(points.cpu()[source]))
+            nearest, away = nearest_rows(tree, points.cpu()[hidden], _NEIGHBOUR_M)
+            label[hidden] = torch.where(away.isfinite(), given[source][nearest], -1)
     return label
 
 

@@ -115,7 +115,7 @@ def scene_contact(state: State, near: Distances) -> tuple[Tensor, Tensor, dict[s
     for name in sorted(of_parts, key=lambda part: kind_of_part(part) != "hand"):
         features = of_parts[name] | {HANDS: hands}
         kind = kind_of_part(name)
-        odds = torch.as_tensor(touch_log_odds(kind, features))
+        odds = touch_log_odds(kind, features)
         if kind in _RATED:
             odds = torch.where(unseen[name], touch_log_odds(f"unseen {kind}", features), odds)
         if name in _CARRY_LYING:
@@ -139,7 +139,7 @@ def _lies(state: State) -> Tensor:
 def _like_feet(distance: Tensor) -> Tensor:
     """Return the log odds of parts that carry people who lie, as feet carry people who stand."""
     unknown = dict.fromkeys(touch_model()["foot"], torch.zeros_like(distance))
-    return torch.as_tensor(touch_log_odds("foot", unknown | {DISTANCE: distance}))
+    return touch_log_odds("foot", unknown | {DISTANCE: distance})
 
 
 def unseen_parts(state: State, near: Distances) -> dict[str, Tensor]:
@@ -190,7 +190,7 @@ def _nearness(model: BodyModel, rise: Tensor, facing: Tensor) -> Tensor:
         rise: (N, V) how much farther the vertex is than its part, metres.
         facing: (N, V) cosine between the skin and the surface that it faces.
     """
-    limbs = _parts(model, "hand", "foot")
+    limbs = model.on_parts("hand", "foot")
     far_m, power = (
         torch.where(limbs, of_limbs, otherwise)
         for of_limbs, otherwise in zip(_NEARNESS_OF_LIMBS, _NEARNESS, strict=True)
@@ -267,7 +267,7 @@ def skin_contact(state: State, near: Distances) -> tuple[Tensor, Tensor]:
     of_vertices = []
     for skin, at in zip((near.people, near.own), near_skin(state, near), strict=True):
         touches = torch.isfinite(at.gap)
-        odds = torch.as_tensor(touch_log_odds(SKIN, at.features))
+        odds = touch_log_odds(SKIN, at.features)
         sure = torch.where(touches, torch.sigmoid(odds), 0.0)
         facing = -(near.normals * near.normals[skin.person, skin.vertex]).sum(-1)
         rise = torch.where(touches, skin.distance - at.gap, 0.0)
@@ -292,7 +292,7 @@ class NearSkin(NamedTuple):
 def near_skin(state: State, near: Distances) -> tuple[NearSkin, NearSkin]:
     """Return where vertices are beside the skin of other people, and of their own bodies."""
     names, region = contact_regions(state.model)
-    hands = _parts(state.model, "hand")
+    hands = state.model.on_parts("hand")
     meet = torch.tensor(
         [[one == other or are_adjacent(one, other) for other in names] for one in names]
     )
@@ -338,12 +338,6 @@ def part_gaps(distance: Tensor, group: Tensor) -> Tensor:
         fifth = count.cumsum(0) - count + count.clamp(max=_GAP_VERTICES) - 1
         gap[order] = own[order][fifth[inverse]]
     return gaps
-
-
-def _parts(model: BodyModel, *endings: str) -> Tensor:
-    """Return the vertices (V,) bool of body parts whose names have one of these suffixes."""
-    chosen = torch.tensor([name.endswith(endings) for name in model.part_names])
-    return chosen.to(model.part_of_vertex.device)[model.part_of_vertex]
 
 
 def _log_cm(distance: Tensor) -> Tensor:

@@ -199,8 +199,7 @@ def _off_the_scene(state: State, touch: Touch) -> Tensor:
             part = parts[f"{side}_{limb}"]
             likely = touch.parts[f"{side}_{limb}"] >= LEAST_PROBABILITY
             alone = ~((touch.kind >= 0) & part).any(1)
-            chosen = torch.zeros_like(part)
-            chosen[state.model.contact_sets[f"{side}_{skin}"]] = True
+            chosen = state.model.in_contact_sets(f"{side}_{skin}")
             found |= (rides & likely & alone)[:, None] & chosen & part
     return found
 

@@ -172,8 +172,7 @@ def _is_unsteady(model: BodyModel, vertices: Tensor, carrying: Tensor, up: Tenso
     """Return whether feet alone carry a person, and their heels rest on too little ground to stay
     up.
     """
-    feet = torch.tensor([name.endswith("_foot") for name in model.part_names])
-    others = carrying & ~feet.to(carrying.device)[model.part_of_vertex]
+    others = carrying & ~model.on_parts("_foot")
     if int(others.sum()) >= _MIN_VERTICES:
         return False
     height = vertices @ up
@@ -289,11 +288,8 @@ def _directions(up: Tensor) -> Tensor:
 
 
 def _members(model: BodyModel, *names: str) -> Tensor:
-    """Return the vertices (V,) bool of contact sets."""
-    chosen = torch.zeros_like(model.outer)
-    for name in names:
-        chosen[model.contact_sets[name]] = True
-    return chosen & model.outer
+    """Return the outer vertices (V,) bool of contact sets."""
+    return model.in_contact_sets(*names) & model.outer
 
 
 def _lowest(person: PersonContact, chosen: Tensor, up: Tensor) -> Tensor:

@@ -11,7 +11,7 @@ OpenCV camera frame, any unit.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
 from typing import NamedTuple
@@ -34,12 +34,11 @@ from physic_core.geometry.floor import (
     FloorSource,
     InverseDepthMap,
     PlaneFit,
-    average_blocks,
     inverse_depth_map,
+    lower_inlier_shares,
     move_to_feet,
     plane_as_fit,
     plane_at_feet,
-    plane_inlier_shares,
     plane_of_pixels,
     ray_to_floor,
 )
@@ -259,11 +258,11 @@ def floor_candidates(
         return (FloorCandidate(None, {}),)
     sample = None if normals is None else sample_normals(select_pixels(view.valid, normals)[0])
     up = _up_of_floors(evidence, sample)
-    pixels = _scored_pixels(view, evidence)
+    pixel_score = _pixel_score(view, evidence)
 
     def candidate(plane: Tensor, fit: PlaneFit, moved: PlaneFit) -> FloorCandidate:
         nats = {
-            "pixels": _pixel_score(view, plane, pixels),
+            "pixels": pixel_score(plane),
             "gravity": _gravity_score(fit, evidence, sample),
             "soles": _sole_score(_heights_at_soles(view, plane, evidence.soles)),
         }
@@ -321,8 +320,7 @@ def _candidate_beneath(
     plane, odds = surface_beneath(view.rays, view.inverse, evidence.around)
     if plane is None:
         return None
-    samples = average_blocks(view.rays, view.inverse, view.valid, None, view.hole)
-    shares = plane_inlier_shares(samples, plane, view.tolerance)
+    shares = lower_inlier_shares(view, plane)
     fit = plane_as_fit(view, plane, shares, "people who lie", MASK_SLACK)
     odds = others[best_candidate(others)].log_score + odds
     # A camera that looks down has a level horizontal axis, and the sky is not below it. A plane
@@ -361,20 +359,10 @@ def _planes(
     return found
 
 
-@dataclass(frozen=True)
-class _Pixels:
-    """M pixels that score: row and column, weight with the sum 1, and odds (M, 3) of their
-    labels.
+def _pixel_score(view: InverseDepthMap, evidence: FloorEvidence) -> Callable[[Tensor], float]:
+    """Return the function from a plane (3,) to its tempered log likelihood ratio over no plane, by
+    the pixels of the lower part of the image and those with the label of a floor, nats.
     """
-
-    rows: Tensor
-    columns: Tensor
-    weight: Tensor
-    odds: Tensor
-
-
-def _scored_pixels(view: InverseDepthMap, evidence: FloorEvidence) -> _Pixels:
-    """Return the pixels of the lower part of the image and those with the label of a floor."""
     height, width = view.valid.shape
     step = max(1, math.ceil(math.sqrt(height * width / _SAMPLES)))
     rows, columns = torch.meshgrid(
@@ -395,22 +383,20 @@ def _scored_pixels(view: InverseDepthMap, evidence: FloorEvidence) -> _Pixels:
     ):
         if mask is not None:
             odds = torch.where(mask[rows, columns][:, None], weight.new_tensor(known), odds)
-    return _Pixels(rows, columns, weight / weight.sum(), odds)
+    weight = weight / weight.sum()
+    on, front, behind = odds.unbind(-1)
+    rays = view.rays[rows, columns].double()
+    inverse = view.inverse[rows, columns].double()
 
+    def score(plane: Tensor) -> float:
+        error = (inverse - rays @ plane) / (MASK_SLACK * view.tolerance)
+        likelihood = on * torch.exp(-0.5 * error.square()) / math.sqrt(2 * math.pi)
+        likelihood = likelihood + 2 / _BANDS * (
+            front * torch.sigmoid(2 * error) + behind * torch.sigmoid(-2 * error)
+        )
+        return _PIXEL_NATS * float((weight * (likelihood * _BANDS).log()).sum())
 
-def _pixel_score(view: InverseDepthMap, plane: Tensor, pixels: _Pixels) -> float:
-    """Return the tempered log likelihood ratio of a plane (3,) over no plane, by the pixels,
-    nats.
-    """
-    rays = view.rays[pixels.rows, pixels.columns].double()
-    inverse = view.inverse[pixels.rows, pixels.columns].double()
-    error = (inverse - rays @ plane) / (MASK_SLACK * view.tolerance)
-    on, front, behind = pixels.odds.unbind(-1)
-    likelihood = on * torch.exp(-0.5 * error.square()) / math.sqrt(2 * math.pi)
-    likelihood = likelihood + 2 / _BANDS * (
-        front * torch.sigmoid(2 * error) + behind * torch.sigmoid(-2 * error)
-    )
-    return _PIXEL_NATS * float((pixels.weight * (likelihood * _BANDS).log()).sum())
+    return score
 
 
 def _heights_at_soles(

@@ -54,6 +54,7 @@ from physic_core.engine.sizes.evidence import (
     depth_witness,
     is_measured,
     measured_scale,
+    median_depth,
     rescaled_depth,
     scales_by_soles,
     scales_by_torsos,
@@ -62,7 +63,7 @@ from physic_core.engine.sizes.scale_vote import ScaleVote, Witnesses, vote_on_sc
 from physic_core.engine.sizes.stature import adult_probability, stature_sigmas
 from physic_core.geometry.floor import FloorSearch, PlaneFit
 from physic_core.geometry.pointmap import pointmap_normals
-from physic_core.geometry.tensors import exact_arrays, tensor
+from physic_core.geometry.tensors import exact_arrays, optional_tensors, tensor, tensors
 from physic_core.types import Plane, SceneScale
 from physic_core.types.arrays import PER_PERSON, select_people
 from physic_core.types.observations import POSTURES
@@ -171,8 +172,7 @@ class Ground(ShortRepr):
 
 def floor_evidence(photo: PhotoContent) -> FloorEvidence:
     """Return the evidence of segmenter, feet, camera and people who lie about the floor."""
-    masks = (photo.people.floor, *photo.people.floor_candidates)
-    floor, *others = (None if mask is None else tensor(mask) for mask in masks)
+    (floor,) = optional_tensors(photo.people.floor)
     uncovered = ~photo.masks.any(0)
     observed = photo.observations
     lie = observed.evidence("posture")[:, POSTURES.index("lie")] >= 0
@@ -180,7 +180,7 @@ def floor_evidence(photo: PhotoContent) -> FloorEvidence:
         mask=floor,
         hole=photo.hole,
         feet_px=tensor(feet_pixels(photo.keypoints, *photo.hole.shape)),
-        others=tuple(mask for mask in others if mask is not None),
+        others=tensors(*photo.people.floor_candidates),
         ground=photo.labelled(*GROUND_SURFACES) & uncovered,
         no_ground=photo.labelled(*_NO_FLOORS) & uncovered,
         soles=_ground_at_soles(photo),
@@ -198,8 +198,7 @@ def _ground_at_soles(photo: PhotoContent) -> tuple[GroundAtSoles, ...]:
     visible = ~photo.hole
     raised = photo.labelled(*RAISED_SURFACES)
     keypoints = photo.keypoints
-    names = keypoints.joint_set.names
-    touch = stance_in_picture(keypoints.points, names, photo.observations).touch[:, :2]
+    touch = _picture_stance(photo).touch[:, :2]
     found = []
     for i, mask in enumerate(photo.masks):
         reach = _BESIDE_SOLES * float(mask.any(1).sum()) + _BESIDE_SOLES_PHOTO * max(height, width)
@@ -272,7 +271,8 @@ def find_ground(
     planes = [_on_plane(candidate, seen, photo, beside) for candidate in candidates]
     scores = [sum(p.evidence.values()) for p in planes]
     own = None if depth is None else depth_witness(depth, scene, photo.camera, seen.torsos)
-    kinds = {"size": seen.torsos, "usual depth of scenes": _usual_depth(scene)}
+    usual = _witness(USUAL_DEPTH_M / median_depth(scene), USUAL_DEPTH_SIGMA, 1.0)
+    kinds = {"size": seen.torsos, "usual depth of scenes": usual}
     if own is not None and depth is not None and not is_measured(depth):
         kinds["metric depth"] = own
     on_planes = [(p.soles, p.camera) for p in planes]
@@ -376,18 +376,23 @@ def _people_seen(photo: PhotoContent, bodies: Bodies, model: BodyModel) -> _Seen
     return _Seen(model, vertices, posed.joints.cpu(), observed, feet, real, stance, sigma, torsos)
 
 
+def _picture_stance(photo: PhotoContent) -> Stance:
+    """Return the stance of N people by keypoints and observations alone."""
+    keypoints = photo.keypoints
+    return stance_in_picture(keypoints.points, keypoints.joint_set.names, photo.observations)
+
+
 def _stance_without_floor(photo: PhotoContent) -> tuple[Stance, FloatArray]:
     """Return the stance of N people by keypoints and depth, and the probability (N,) that their
     depth is right.
     """
     keypoints = photo.keypoints
-    observed = photo.observations
-    stance = stance_in_picture(keypoints.points, keypoints.joint_set.names, observed)
+    stance = _picture_stance(photo)
     raised = photo.labelled(*RAISED_SURFACES)
     gap, among = depth_gaps_at_feet(
         keypoints, photo.masks, photo.aligned.depth, photo.scene.depth, raised
     )
-    rides = np.nan_to_num(observed.posture[:, POSTURES.index("ride")])
+    rides = np.nan_to_num(photo.observations.posture[:, POSTURES.index("ride")])
     stands, right = standing_prior(stance.touch[:, :2], gap, among, rides)
     carriers = photo.people.carriers
     carried = carried_people(carriers, keypoints) if carriers else None
@@ -497,15 +502,6 @@ def _below_hidden_feet(search: FloorSearch, seen: _Seen, scale: float) -> FloorS
     return replace(search, plane=moved)
 
 
-def _usual_depth(scene: Pointmap) -> Witnesses:
-    """Return the scale of a scene by the usual depth of scenes with people."""
-    return _witness(USUAL_DEPTH_M / _median_depth(scene), USUAL_DEPTH_SIGMA, 1.0)
-
-
-def _median_depth(scene: Pointmap) -> float:
-    return float(np.median(scene.points[scene.valid, 2]))
-
-
 def _witness(scale: float, sigma: float, sure: float) -> Witnesses:
     """Return one witness of a scale, of unknown depth."""
     unknown = np.array([math.nan])
@@ -538,7 +534,7 @@ def _guessed(scene: Pointmap, plane: PlaneFit | None) -> tuple[SceneScale, str]:
         assumed = f"the camera is assumed to be {USUAL_CAMERA_HEIGHT_M:g} m above the floor"
         option = "camera-height, as in a view from above,"
     else:
-        scale = USUAL_DEPTH_M / _median_depth(scene)
+        scale = USUAL_DEPTH_M / median_depth(scene)
         assumed = f"the median depth is assumed to be {USUAL_DEPTH_M:g} m"
         option = "known-length"
     warning = (

@@ -18,6 +18,7 @@ from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.scene_state import SceneState
 from physic_core.engine.state import Estimates, State
 from physic_core.geometry.pointmap import edge_ratio, pointmap_normals
+from physic_core.geometry.tensors import span_of_true
 from physic_core.geometry.visibility import move_behind_bodies
 
 _INVALID_START = "the start has non-finite parameters or is behind the camera"
@@ -158,16 +159,10 @@ def _carved(
     changed[unseen] = out
     if not bool(out.any()):
         return scene
-    rows, columns = (_span(changed.any(dim)) for dim in (1, 0))
+    rows, columns = (span_of_true(changed.any(dim), 1) for dim in (1, 0))
     ratio = edge_ratio(*hole.shape)
     fresh = pointmap_normals(points[rows, columns], scene.valid[rows, columns], ratio)
     renewed = changed[rows, columns] & (fresh.square().sum(-1) > 0)
     surface = scene.normals.clone()
     surface[rows, columns] = torch.where(renewed[..., None], fresh, surface[rows, columns])
     return replace(scene, points=points, normals=surface)
-
-
-def _span(hit: Tensor) -> slice:
-    """Return the span of the true elements of ``hit`` (n,) with one neighbour on each side."""
-    at = hit.nonzero()
-    return slice(max(0, int(at[0]) - 1), int(at[-1]) + 2)

@@ -24,7 +24,7 @@ from physic_core.engine.sizes.stature import resize_bodies, stature_factor
 from physic_core.engine.state import Estimates, State
 from physic_core.geometry.alignment import Alignment, apply_alignment, fit_alignment
 from physic_core.geometry.pointmap import depth_to_pointmap
-from physic_core.geometry.tensors import all_finite, dilate_square, quantiles, tensor
+from physic_core.geometry.tensors import all_finite, dilate_square, quantiles, span_of_true, tensor
 from physic_core.types.observations import POSTURES
 
 _FAR_M = 50.0  # maximum background depth used by the alignment
@@ -221,18 +221,12 @@ def human_points(
     """
     if not bool(mask.any()):
         return points.new_zeros((0, 3))
-    box = _span(mask.any(1)), _span(mask.any(0))
+    box = span_of_true(mask.any(1), _MARGIN_PX), span_of_true(mask.any(0), _MARGIN_PX)
     cloud = points[box]
     inside = mask[box]
     known = valid[box] & all_finite(cloud) & (cloud[..., 2] > 0)
     cloud = torch.where(known[..., None], cloud, 0.0)
     return (method or PlacementMethod()).clean_points(cloud, known, inside, mask.shape)
-
-
-def _span(hit: Tensor) -> slice:
-    """Return the span of the true elements of ``hit`` (n,) with a margin."""
-    at = hit.nonzero()
-    return slice(max(0, int(at[0]) - _MARGIN_PX), min(len(hit), int(at[-1]) + 1 + _MARGIN_PX))
 
 
 def _resized(

@@ -299,6 +299,11 @@ def depth_witness(
     )
 
 
+def median_depth(pointmap: Pointmap) -> float:
+    """Return the median depth of the valid points of a point map, in its unit."""
+    return float(np.median(pointmap.points[pointmap.valid, 2]))
+
+
 def is_measured(depth: DepthMap) -> bool:
     """Return whether a metric depth states so small an error that it decides the scale."""
     return depth.scale_sigma is not None and depth.scale_sigma <= MEASURED_SIGMA

@@ -12,6 +12,7 @@ from physic_core.engine.measures import compare_statures, measure_known_sizes, p
 from physic_core.engine.sizes.evidence import CONTRADICTION, likely_unit
 from physic_core.engine.sizes.stature import STATURES_M
 from physic_core.errors import ConfigError
+from physic_core.geometry.tensors import exact_arrays
 from physic_core.pipeline.checks import CHECKS
 
 if TYPE_CHECKING:
@@ -148,7 +149,7 @@ def _growth_to_floor(people: list[Measures], state: State) -> FloatArray:
         if floor is None or height is None or abs(height) <= CHECKS["support"].threshold:
             continue
         # Not the stance: a body of a wrong size is placed where it seems not to stand.
-        if standing_legs(state.joints[i].float().cpu().numpy()).all():
+        if standing_legs(*exact_arrays(state.joints[i])).all():
             # A person grows about the camera; a height near the camera's would need an infinite
             # factor.
             found[i] = -math.log1p(-min(height / float(floor.offset * state.scene_scale), 0.9))

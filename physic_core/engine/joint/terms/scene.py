@@ -135,10 +135,7 @@ class ContactTerm(SurfaceTerm):
         probability = sampling.contact_prior
         prior = torch.where(sampling.is_contact, probability, torch.zeros_like(probability))
         if settings.static_weight:
-            model = sampling.state.model
-            static = torch.zeros(model.num_vertices, dtype=torch.bool, device=prior.device)
-            for name in STATIC_CONTACT_PARTS:
-                static[model.contact_sets[name]] = True
+            static = sampling.state.model.in_contact_sets(*STATIC_CONTACT_PARTS)
             prior = torch.where(
                 static[sampling.ids], prior.clamp(min=settings.static_weight), prior
             )
