@@ -249,7 +249,7 @@ class State(ShortRepr):
         return Surroundings.of(self.scene, self.transl)
 
     @property
-    def finite(self) -> Tensor:
+    def finite_people(self) -> Tensor:
         """People (N,) bool whose vertices are finite; the others touch nothing."""
         return torch.isfinite(self.vertices).flatten(1).all(1)
 
@@ -261,25 +261,25 @@ class State(ShortRepr):
         return up.to(self.transl)
 
     @property
-    def observed_anywhere(self) -> Tensor:
+    def observed_in_any_photo(self) -> Tensor:
         """Joints (N, 55) bool that are visible in any photo."""
         seen = [self.observed.bool(), *(view.observed.bool() for view in self.views)]
         return torch.stack(seen).any(0)
 
     @property
-    def seen(self) -> Tensor:
+    def visible_vertices(self) -> Tensor:
         """Vertices (N, V) bool of limbs that any photo shows."""
-        parts = observed_parts(self.model.part_names, self.observed_anywhere)
+        parts = observed_parts(self.model.part_names, self.observed_in_any_photo)
         return parts[:, self.model.part_of_vertex]
 
     @property
-    def photos(self) -> Tensor:
+    def photo_counts(self) -> Tensor:
         """Number of photos (N,) that show each person; at least 1, for the photo of the state."""
         here = torch.ones(len(self), device=self.K.device, dtype=torch.bool)
         shown = [(view.keypoint_confidence > 0).any(1) for view in self.views]
         return torch.stack([here, *shown]).sum(0)
 
-    def seen_by(self, view: OtherView) -> State:
+    def from_view(self, view: OtherView) -> State:
         """Return a copy with the camera and the detections of another view.
 
         Bodies stay in the photo's frame, and joints count as visible that are visible in any photo.
@@ -290,12 +290,12 @@ class State(ShortRepr):
             keypoints=view.keypoints,
             keypoint_confidence=view.keypoint_confidence,
             masks=view.masks,
-            observed=self.observed_anywhere,
+            observed=self.observed_in_any_photo,
             photo_depth=None,
             views=(),
         )
 
-    def weight_of_parts(self) -> Tensor:
+    def touch_weights(self) -> Tensor:
         """Return the probability (N, V) that the part of each vertex touches something: of feet,
         hands, thighs, buttocks, and of the back that of the seat; 1 elsewhere.
         """
@@ -332,7 +332,7 @@ class State(ShortRepr):
         if faults:
             raise PhysicError(f"{name}: " + "; ".join(faults))
         for i, view in enumerate(self.views):
-            self.seen_by(view).check(f"{name}, view {i}")
+            self.from_view(view).check(f"{name}, view {i}")
 
     def select_people(self, rows: Tensor) -> State:
         """Return a copy with the tensors of a selection of the people, (n,) int64."""

@@ -30,7 +30,7 @@ def search_tree(points: np.ndarray) -> cKDTree:
     return cKDTree(points, leafsize=_LEAF, balanced_tree=False, compact_nodes=False)
 
 
-def nearest_rows(tree: cKDTree, places: Tensor, radius: float = math.inf) -> tuple[Tensor, Tensor]:
+def nearest_indices(tree: cKDTree, places: Tensor, radius: float = math.inf) -> tuple[Tensor, Tensor]:
     """Return the row (n,) int64 of the nearest point of a tree to each place (n, 3), and its
     distance (n,); 0 and inf beyond the radius.
     """
@@ -116,7 +116,7 @@ class NearestPointSearch:
         A subclass may search in another way. Beyond the radius, the index may be any, and the
         distance any that is larger than the radius.
         """
-        return nearest_rows(self.tree, places, radius)
+        return nearest_indices(self.tree, places, radius)
 
 
 def inside_body_boxes(points: Tensor, vertices: Tensor, margin: float) -> Tensor:

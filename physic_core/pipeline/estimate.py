@@ -386,8 +386,8 @@ def _observations(found: Findings, step: Step) -> None:
 
 def _floors(found: Findings, _: Step) -> None:
     """Fill photo, evidence and floors."""
-    from physic_core.engine.ground.floor import best_candidate, chosen_floor
-    from physic_core.engine.ground.floor_and_scale import candidates_in, floor_evidence
+    from physic_core.engine.ground.floor import best_index, chosen_floor
+    from physic_core.engine.ground.floor_and_scale import scene_floor_candidates, floor_evidence
     from physic_core.engine.photo import PhotoContent
     from physic_core.engine.up import surest_up
     from physic_core.geometry.tensors import tensor
@@ -408,8 +408,8 @@ def _floors(found: Findings, _: Step) -> None:
     )
     found.evidence = floor_evidence(photo)
     searched = engine.scene.floor != "off"
-    found.floors = candidates_in(photo.scene, found.evidence, searched=searched)
-    floor = chosen_floor(found.floors, best_candidate(found.floors), found.evidence).plane
+    found.floors = scene_floor_candidates(photo.scene, found.evidence, searched=searched)
+    floor = chosen_floor(found.floors, best_index(found.floors), found.evidence).plane
     up = surest_up(floor, photo.up, photo.slope)
     found.hints = replace(
         found.hints,
@@ -509,7 +509,7 @@ def _depth_of_own_scale(found: Findings, step: Step) -> None:
 def _floor_and_scale(found: Findings, _: Step) -> None:
     """Fill ground."""
     from physic_core.engine.ground.floor_and_scale import find_ground
-    from physic_core.engine.up import contradiction
+    from physic_core.engine.up import slope_warnings
 
     photo = select_people(found.photo, found.embodied)
     bodies = select_people(found.bodies, found.embodied)
@@ -517,7 +517,7 @@ def _floor_and_scale(found: Findings, _: Step) -> None:
     witness = found.own if found.plan.engine.scene.rescales_depth else None
     found.ground = find_ground(photo, bodies, found.model, found.floors, evidence, witness)
     plane = found.ground.search.plane
-    found.stages.warn(*contradiction(plane, evidence.up, evidence.slope))
+    found.stages.warn(*slope_warnings(plane, evidence.up, evidence.slope))
 
 
 def _depth_of_scale(found: Findings, step: Step) -> None:

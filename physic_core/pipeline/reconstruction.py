@@ -147,7 +147,7 @@ def _observed(said: Observations, person: int) -> dict[str, Any]:
 def _unseen(state: State) -> list[tuple[str, ...]]:
     """Return the limbs of each person at whose end no photo has a confident keypoint."""
     names = state.model.part_names
-    seen = observed_parts(names, state.observed_anywhere).tolist()
+    seen = observed_parts(names, state.observed_in_any_photo).tolist()
     limbs = limb_part_indices(names)
     return [tuple(names[i] for i in limbs if not shown[i]) for shown in seen]
 

@@ -11,7 +11,7 @@ import torch
 
 from physic_core.engine.contact.method import ContactMethod
 from physic_core.engine.contact.probability import contact_part_masks, scene_contact
-from physic_core.engine.contact.solve import contact_of
+from physic_core.engine.contact.solve import find_contact
 from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.types import ContactPartner
 from physic_core.types.skeletons import SIDES
@@ -39,7 +39,7 @@ def touch(state, **changed):
 
 
 def contact(state):
-    return contact_of(state, near_of(state, METHOD), METHOD)
+    return find_contact(state, near_of(state, METHOD), METHOD)
 
 
 def observed(state, odds):

@@ -20,7 +20,7 @@ from physic_core.engine.ground.floor import (
     chosen_floor,
     standing_score,
 )
-from physic_core.engine.ground.floor_and_scale import candidates_in, find_ground, floor_evidence
+from physic_core.engine.ground.floor_and_scale import scene_floor_candidates, find_ground, floor_evidence
 from physic_core.engine.photo import PhotoContent
 from physic_core.engine.sizes.evidence import depth_witness
 from physic_core.engine.sizes.scale_vote import Witnesses, scaled_depth
@@ -133,7 +133,7 @@ class World:
 
     def candidates(self, searched=True, **changed):
         photo = replace(self.photo, hole=self.photo.masks.any(0), **changed)
-        return candidates_in(photo.scene, floor_evidence(photo), searched=searched)
+        return scene_floor_candidates(photo.scene, floor_evidence(photo), searched=searched)
 
     def labelled(self, name, ground, **masks):
         labels = SurfaceLabels(ground.astype(np.uint8), ("unknown", name))

@@ -107,7 +107,7 @@ def scene_contact(state: State, near: Distances) -> tuple[Tensor, Tensor, dict[s
     """
     at = near_scene(state, near)
     unseen = unseen_parts(state, near)
-    lies = _lies(state)
+    lies = _lying_people(state)
     parts = {}
     of_parts = part_features(state, at.gap)
     hands = torch.zeros_like(state.joints[:, 0, 0])
@@ -121,22 +121,22 @@ def scene_contact(state: State, near: Distances) -> tuple[Tensor, Tensor, dict[s
         if name in _CARRY_LYING:
             distance = features[DISTANCE]
             beneath = distance <= of_parts[_CARRY_LYING[name]][DISTANCE]
-            odds = torch.where(lies & beneath, _like_feet(distance), odds)
+            odds = torch.where(lies & beneath, _odds_of_feet(distance), odds)
         parts[name] = torch.sigmoid(odds)
         if kind == "hand":
             hands = hands.maximum(parts[name])
     parts = {name: parts[name] for name in of_parts}
-    of_vertex = torch.stack(list(parts.values()), 1)[:, _groups(state.model)]
-    return of_vertex, of_vertex * _nearness(state.model, at.rise, at.facing), parts
+    of_vertex = torch.stack(list(parts.values()), 1)[:, _part_of_vertex(state.model)]
+    return of_vertex, of_vertex * _vertex_share(state.model, at.rise, at.facing), parts
 
 
-def _lies(state: State) -> Tensor:
+def _lying_people(state: State) -> Tensor:
     """Return whether the trunk of each person (N,) bool is nearly horizontal."""
     tilt = trunk_tilt_deg(*exact_arrays(state.joints, state.up))
     return torch.as_tensor(np.abs(tilt - 90.0) < LYING_DEG).to(state.joints.device)
 
 
-def _like_feet(distance: Tensor) -> Tensor:
+def _odds_of_feet(distance: Tensor) -> Tensor:
     """Return the log odds of parts that carry people who lie, as feet carry people who stand."""
     unknown = dict.fromkeys(touch_model()["foot"], torch.zeros_like(distance))
     return touch_log_odds("foot", unknown | {DISTANCE: distance})
@@ -144,7 +144,7 @@ def _like_feet(distance: Tensor) -> Tensor:
 
 def unseen_parts(state: State, near: Distances) -> dict[str, Tensor]:
     """Return part -> (N,) bool: no pixel shows the part, nor a confident keypoint at its end."""
-    shown = state.seen | near.in_mask
+    shown = state.visible_vertices | near.in_mask
     parts = contact_part_masks(state.model)
     return {
         name: shown[:, chosen].double().mean(1) < _SHOWN_SHARE for name, chosen in parts.items()
@@ -172,17 +172,17 @@ def near_scene(state: State, near: Distances) -> NearScene:
 
     A part with nothing near it is compared with a level surface under its lowest vertices.
     """
-    distance, facing = _to_scene(state, near)
+    distance, facing = _scene_distance_and_facing(state, near)
     height = torch.where(state.model.outer, state.vertices @ state.up, torch.inf)
-    group = _groups(state.model)
-    gap = _gaps(state.model, distance)
-    lowest = _gaps(state.model, height)
+    group = _part_of_vertex(state.model)
+    gap = _gaps_of_parts(state.model, distance)
+    lowest = _gaps_of_parts(state.model, height)
     lost = torch.isinf(gap)[:, group]
     rise = torch.where(lost, height - lowest[:, group], distance - gap[:, group])
     return NearScene(gap, torch.relu(rise), torch.where(lost, -(near.normals @ state.up), facing))
 
 
-def _nearness(model: BodyModel, rise: Tensor, facing: Tensor) -> Tensor:
+def _vertex_share(model: BodyModel, rise: Tensor, facing: Tensor) -> Tensor:
     """Return the share (N, V) of the probability of a part that its vertices have.
 
     Args:
@@ -226,13 +226,13 @@ def part_features(state: State, gap: Tensor) -> dict[str, dict[str, Tensor]]:
     return found
 
 
-def _gaps(model: BodyModel, distance: Tensor) -> Tensor:
+def _gaps_of_parts(model: BodyModel, distance: Tensor) -> Tensor:
     """Return the fifth smallest of the distances (N, V) of each part, (N, P)."""
     parts = contact_part_masks(model).values()
     return torch.stack([distance[:, chosen].kthvalue(_GAP_VERTICES).values for chosen in parts], 1)
 
 
-def _groups(model: BodyModel) -> Tensor:
+def _part_of_vertex(model: BodyModel) -> Tensor:
     """Return the row (V,) int64 of the part of each vertex in :func:`contact_part_masks`; 0 for
     inner vertices.
     """
@@ -240,7 +240,7 @@ def _groups(model: BodyModel) -> Tensor:
     return parts.int().argmax(0)
 
 
-def _to_scene(state: State, near: Distances) -> tuple[Tensor, Tensor]:
+def _scene_distance_and_facing(state: State, near: Distances) -> tuple[Tensor, Tensor]:
     """Return the distance (N, V) of outer vertices to scene or floor, and the cosine (N, V) with
     which they face it.
 
@@ -272,7 +272,7 @@ def skin_contact(state: State, near: Distances) -> tuple[Tensor, Tensor]:
         facing = -(near.normals * near.normals[skin.person, skin.vertex]).sum(-1)
         rise = torch.where(touches, skin.distance - at.gap, 0.0)
         of_parts.append(sure)
-        of_vertices.append(sure * _nearness(state.model, torch.relu(rise), facing))
+        of_vertices.append(sure * _vertex_share(state.model, torch.relu(rise), facing))
     return torch.stack(of_parts), torch.stack(of_vertices)
 
 

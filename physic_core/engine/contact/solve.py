@@ -58,17 +58,17 @@ def solve_contact(estimates: Estimates, state: State, method: ContactMethod) -> 
     nothing.
     """
     around = state.surroundings
-    bodies = state.vertices[state.finite]
+    bodies = state.vertices[state.finite_people]
     surfaces = method.surfaces(around, bodies, state.scene_scale)
     near = measure_distances(state, surfaces, _classify_points(estimates, state), method)
-    return replace(state, contact=contact_of(state, near, method))
+    return replace(state, contact=find_contact(state, near, method))
 
 
-def contact_of(state: State, near: Distances, method: ContactMethod) -> Contact:
+def find_contact(state: State, near: Distances, method: ContactMethod) -> Contact:
     """Return the contact of people by their distances."""
     touch = method.touch(state, near)
     carried = _find_supports(state, near, touch, method)
-    return _describe_contacts(state, near, _with_hidden(state, touch, carried), carried)
+    return _describe_contacts(state, near, _add_hidden_contacts(state, touch, carried), carried)
 
 
 def measure_distances(
@@ -136,9 +136,9 @@ def _find_supports(
     # the pose leaves a gap only to floor and scene, which do not move
     height = torch.where(touch.kind == _SCENE, near.surface.nearest, 0.0)
     height = torch.where(touch.kind >= 0, height, torch.inf)
-    seen = state.seen
+    seen = state.visible_vertices
     found: list[PersonSupport | None] = []
-    for i, finite in enumerate(state.finite.tolist()):
+    for i, finite in enumerate(state.finite_people.tolist()):
         if not finite:
             found.append(None)
             continue
@@ -147,16 +147,16 @@ def _find_supports(
             normals=near.normals[i],
             contact=outward[i],
             seen=seen[i],
-            feet=_both(touch, "foot", i),
+            feet=_limbs_touch(touch, "foot", i),
             sits=bool(touch.parts) and float(touch.parts[SEAT][i]) >= LEAST_PROBABILITY,
-            holds=_both(touch, "hand", i),
+            holds=_limbs_touch(touch, "hand", i),
             height=height[i],
         )
         found.append(find_support(state.model, person, state.up, assume=method.assume_supports))
     return tuple(found)
 
 
-def _both(touch: Touch, limb: str, person: int) -> Tensor | None:
+def _limbs_touch(touch: Touch, limb: str, person: int) -> Tensor | None:
     """Return whether the left and the right limb of a person probably touch the scene, (2,) bool;
     None if unknown.
     """
@@ -167,7 +167,7 @@ def _both(touch: Touch, limb: str, person: int) -> Tensor | None:
     )
 
 
-def _on_carriers(state: State) -> list[tuple[str, Tensor]]:
+def _carried_limbs(state: State) -> list[tuple[str, Tensor]]:
     """Return the name of each carrier, and the vertices (N, V) bool of limbs that it carries: feet
     on a board; feet, hands and seat of people who ride.
     """
@@ -184,7 +184,7 @@ def _on_carriers(state: State) -> list[tuple[str, Tensor]]:
     ]
 
 
-def _off_the_scene(state: State, touch: Touch) -> Tensor:
+def _touching_carriers(state: State, touch: Touch) -> Tensor:
     """Return the vertices (N, V) bool of soles and hands of people who ride that probably touch
     what they ride, and nothing of the scene.
     """
@@ -204,7 +204,7 @@ def _off_the_scene(state: State, touch: Touch) -> Tensor:
     return found
 
 
-def _with_hidden(state: State, touch: Touch, carried: tuple[PersonSupport | None, ...]) -> Touch:
+def _add_hidden_contacts(state: State, touch: Touch, carried: tuple[PersonSupport | None, ...]) -> Touch:
     """Add contacts of hidden supports.
 
     The probability of a seat, found or hidden, is that of sitting; other hidden supports are more
@@ -214,7 +214,7 @@ def _with_hidden(state: State, touch: Touch, carried: tuple[PersonSupport | None
     probability = None if touch.probability is None else touch.probability.clone()
     likely = {name: values.clone() for name, values in touch.parts.items()}
     vertices = contact_part_masks(state.model) if likely else {}
-    ridden = _off_the_scene(state, touch)
+    ridden = _touching_carriers(state, touch)
     kind[ridden] = HIDDEN
     if probability is not None:
         for name, chosen in vertices.items():
@@ -242,7 +242,7 @@ def _describe_contacts(
 ) -> Contact:
     """Name partners and supports, and list the contacts of each body part."""
     regions = contact_regions(state.model)
-    carriers = _on_carriers(state)
+    carriers = _carried_limbs(state)
     partners, index = assign_partners(touch.kind, near, regions, state.up, carriers)
     dents = dent_depths(near.surface.scene, largest_dents(near.surface, near.parts))
     dents = torch.where(touch.kind == KINDS.index("scene"), dents, torch.nan)

@@ -22,7 +22,7 @@ from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.body.posture import LYING_DEG, standing_legs, trunk_tilt_deg
-from physic_core.engine.ground.lying import LYING_RATE, Background, surface_beneath
+from physic_core.engine.ground.lying import LYING_RATE, Background, plane_beneath_people
 from physic_core.engine.up import Up, angle_deg, level_plane
 from physic_core.geometry.floor import (
     FOCAL_PITCH_DEG,
@@ -180,10 +180,10 @@ def find_floor(
 ) -> FloorSearch:
     """Return the most likely floor by the pixels alone; see :func:`floor_candidates`."""
     candidates = floor_candidates(points, valid, evidence, normals)
-    return chosen_floor(candidates, best_candidate(candidates), evidence)
+    return chosen_floor(candidates, best_index(candidates), evidence)
 
 
-def best_candidate(candidates: Sequence[FloorCandidate]) -> int:
+def best_index(candidates: Sequence[FloorCandidate]) -> int:
     """Return the candidate with the largest score by the pixels alone."""
     return max(range(len(candidates)), key=lambda i: candidates[i].log_score)
 
@@ -206,13 +206,13 @@ def chosen_floor(
     shares = [float(plane.inliers[mask].double().mean()) for mask in masks]
     in_mask = max(shares) > _IN_MASK_SHARE if shares else None
     other = _pitch_spread(candidates, plane)
-    own = math.hypot(_plane_sigma(plane, evidence), other)
+    own = math.hypot(_pitch_sigma(plane, evidence), other)
     levelled = own if evidence.up is None else math.hypot(plane.pitch_sigma, other)
     plane = replace(plane, pitch_sigma=levelled, plane_sigma=own)
     return FloorSearch(plane, "found", plane.inlier_share, plane.below_share, in_mask)
 
 
-def _plane_sigma(plane: PlaneFit, evidence: FloorEvidence) -> float:
+def _pitch_sigma(plane: PlaneFit, evidence: FloorEvidence) -> float:
     """Return the error of the camera's pitch over a plane by its pixels, radians."""
     by_focal = math.radians(FOCAL_PITCH_DEG) * evidence.focal_sigma
     # A shift of inverse depth is added to the last component of normal over offset.
@@ -220,9 +220,9 @@ def _plane_sigma(plane: PlaneFit, evidence: FloorEvidence) -> float:
     return math.hypot(PITCH_SIGMA, by_focal, by_shift)
 
 
-def _levelled(view: InverseDepthMap, plane: PlaneFit, evidence: FloorEvidence) -> PlaneFit:
+def _levelled_plane(view: InverseDepthMap, plane: PlaneFit, evidence: FloorEvidence) -> PlaneFit:
     """Return a plane with its error, turned towards up about the feet on it."""
-    sigma = _plane_sigma(plane, evidence)
+    sigma = _pitch_sigma(plane, evidence)
     plane = replace(plane, plane_sigma=sigma, pitch_sigma=sigma)
     ray = ray_to_floor(view.rays, plane, evidence.feet_px)
     return level_plane(plane, evidence.up, evidence.slope, ray)
@@ -257,7 +257,7 @@ def floor_candidates(
     if view is None:
         return (FloorCandidate(None, {}),)
     sample = None if normals is None else sample_normals(select_pixels(view.valid, normals)[0])
-    up = _up_of_floors(evidence, sample)
+    up = _floor_up(evidence, sample)
     pixel_score = _pixel_score(view, evidence)
 
     def candidate(plane: Tensor, fit: PlaneFit, moved: PlaneFit) -> FloorCandidate:
@@ -266,25 +266,25 @@ def floor_candidates(
             "gravity": _gravity_score(fit, evidence, sample),
             "soles": _sole_score(_heights_at_soles(view, plane, evidence.soles)),
         }
-        if _off_ground(view, moved, evidence):
+        if _misses_ground(view, moved, evidence):
             nats["ground that is seen"] = _OFF_GROUND_NATS
-        return FloorCandidate(_levelled(view, moved, evidence), nats)
+        return FloorCandidate(_levelled_plane(view, moved, evidence), nats)
 
     found = [
-        candidate(plane, fit, _moved_to_people(view, plane, fit, mask, evidence))
-        for plane, fit, mask in _planes(view, evidence, normals, up)
+        candidate(plane, fit, _plane_at_people(view, plane, fit, mask, evidence))
+        for plane, fit, mask in _fitted_planes(view, evidence, normals, up)
     ]
-    if up is None and found and (likeliest := found[best_candidate(found)].plane) is not None:
+    if up is None and found and (likeliest := found[best_index(found)].plane) is not None:
         up = likeliest.normal
     if up is not None and evidence.feet_px is not None and len(evidence.feet_px):
         at_feet = plane_at_feet(view, up, evidence.feet_px)
         found += [] if at_feet is None else [candidate(*at_feet, at_feet[1])]
     found.append(FloorCandidate(None, {"no pixel to explain": _NO_FLOOR_NATS}))
-    beneath = _candidate_beneath(view, evidence, found)
+    beneath = _candidate_of_lying_people(view, evidence, found)
     return tuple(found) if beneath is None else (beneath, *found)
 
 
-def _up_of_floors(evidence: FloorEvidence, normals: Tensor | None) -> Tensor | None:
+def _floor_up(evidence: FloorEvidence, normals: Tensor | None) -> Tensor | None:
     """Return the up direction (3,) of floors by surfaces with normals (M, 3), and rather by what
     else shows it; None if neither is sure.
     """
@@ -294,7 +294,7 @@ def _up_of_floors(evidence: FloorEvidence, normals: Tensor | None) -> Tensor | N
     return shown.up if shown is not None and shown.confidence >= MIN_UP_CONFIDENCE else None
 
 
-def _moved_to_people(
+def _plane_at_people(
     view: InverseDepthMap,
     plane: Tensor,
     fit: PlaneFit,
@@ -304,35 +304,35 @@ def _moved_to_people(
     """Return a plane moved to the ground beside soles, or else to the feet; where they stand on
     something else than the ground that is seen, it stays.
     """
-    moved = _through_soles(fit, _heights_at_soles(view, plane, evidence.soles))
+    moved = _plane_through_soles(fit, _heights_at_soles(view, plane, evidence.soles))
     moved = moved or move_to_feet(view, plane, fit, mask, evidence.feet_px)
-    off = _off_ground(view, moved, evidence) and not _off_ground(view, fit, evidence)
+    off = _misses_ground(view, moved, evidence) and not _misses_ground(view, fit, evidence)
     return fit if off else moved
 
 
-def _candidate_beneath(
+def _candidate_of_lying_people(
     view: InverseDepthMap, evidence: FloorEvidence, others: Sequence[FloorCandidate]
 ) -> FloorCandidate | None:
     """Return the plane on which people lie beneath the camera; None without evidence of it.
 
     All other candidates are floors of people who do not lie beneath the camera.
     """
-    plane, odds = surface_beneath(view.rays, view.inverse, evidence.around)
+    plane, odds = plane_beneath_people(view.rays, view.inverse, evidence.around)
     if plane is None:
         return None
     shares = lower_inlier_shares(view, plane)
     fit = plane_as_fit(view, plane, shares, "people who lie", MASK_SLACK)
-    odds = others[best_candidate(others)].log_score + odds
+    odds = others[best_index(others)].log_score + odds
     # A camera that looks down has a level horizontal axis, and the sky is not below it. A plane
     # that it sees at a flatter angle is behind people rather than beneath them.
     x, y, z = (math.degrees(math.asin(float(value))) for value in fit.normal.clamp(-1, 1))
-    odds += _robust(x / _ROLL_SIGMA_DEG) + _robust(max(0.0, y) / _ROLL_SIGMA_DEG)
+    odds += _robust_nats(x / _ROLL_SIGMA_DEG) + _robust_nats(max(0.0, y) / _ROLL_SIGMA_DEG)
     odds += _up_score(fit, evidence)
     odds -= 0.5 * ((90 + z) / _DOWN_SIGMA_DEG) ** 2
     return FloorCandidate(fit, {"people who lie": odds})
 
 
-def _planes(
+def _fitted_planes(
     view: InverseDepthMap, evidence: FloorEvidence, normals: Tensor | None, up: Tensor | None
 ) -> list[tuple[Tensor, PlaneFit, Tensor | None]]:
     """Return the planes of masks, lower part and horizontal surfaces, each as (3,), as a fit, and
@@ -427,11 +427,11 @@ def _sole_score(heights: list[tuple[float, float, float]]) -> float:
     score = 0.0
     for height, stands, real in heights:
         on_floor = stands * real
-        score += math.log(1 - on_floor + on_floor * odds_at_height(height))
+        score += math.log(1 - on_floor + on_floor * standing_odds(height))
     return score * min(1.0, _MOST_SOLES / max(len(heights), 1))
 
 
-def odds_at_height(height: float) -> float:
+def standing_odds(height: float) -> float:
     """Return how much likelier ground beside soles is so high over the floor if the person stands
     on it than if not; heights of the camera.
     """
@@ -439,7 +439,7 @@ def odds_at_height(height: float) -> float:
     return density / (_SOLE_SIGMA * math.sqrt(2 * math.pi) * _ELSEWHERE)
 
 
-def _through_soles(fit: PlaneFit, heights: list[tuple[float, float, float]]) -> PlaneFit | None:
+def _plane_through_soles(fit: PlaneFit, heights: list[tuple[float, float, float]]) -> PlaneFit | None:
     """Return the plane moved to the median ground beside the soles of people who stand; None if it
     is far off.
     """
@@ -466,7 +466,7 @@ def standing_score(normal: Tensor, joints: Tensor) -> float:
     )
     axes = axes[-axes[:, 1] > _STANDS]
     angles = sorted(angle_deg(axis, normal) for axis in axes)
-    return rate + (_robust(angles[len(angles) // 2] / _AXIS_SIGMA_DEG) if angles else 0.0)
+    return rate + (_robust_nats(angles[len(angles) // 2] / _AXIS_SIGMA_DEG) if angles else 0.0)
 
 
 def _gravity_score(plane: PlaneFit, evidence: FloorEvidence, normals: Tensor | None) -> float:
@@ -477,13 +477,13 @@ def _gravity_score(plane: PlaneFit, evidence: FloorEvidence, normals: Tensor | N
     x, y, z = (float(v) for v in normal)
     roll = math.degrees(math.atan2(x, -y))
     pitch = math.degrees(math.atan2(-z, math.hypot(x, y)))
-    score = _robust(roll / _ROLL_SIGMA_DEG) + _robust((pitch - _PITCH_DEG) / _PITCH_SIGMA_DEG)
+    score = _robust_nats(roll / _ROLL_SIGMA_DEG) + _robust_nats((pitch - _PITCH_DEG) / _PITCH_SIGMA_DEG)
     if evidence.up is not None:
         return score + _up_score(plane, evidence)
     estimate = None if normals is None else estimate_up(normals, normal)
     if estimate is not None:
         trust = min(1.0, estimate.confidence / MIN_UP_CONFIDENCE)
-        score += trust * _robust(angle_deg(estimate.up, normal) / _UP_SIGMA_DEG)
+        score += trust * _robust_nats(angle_deg(estimate.up, normal) / _UP_SIGMA_DEG)
     return score
 
 
@@ -491,12 +491,12 @@ def _up_score(plane: PlaneFit, evidence: FloorEvidence) -> float:
     """Return the score of a floor by its angle to up, nats; 0 if up is not known."""
     if evidence.up is None:
         return 0.0
-    sigma = math.degrees(_plane_sigma(plane, evidence))
+    sigma = math.degrees(_pitch_sigma(plane, evidence))
     angle = angle_deg(evidence.up.direction, plane.normal)
-    return _robust(angle / math.hypot(sigma, evidence.slope, evidence.up.sigma))
+    return _robust_nats(angle / math.hypot(sigma, evidence.slope, evidence.up.sigma))
 
 
-def _off_ground(view: InverseDepthMap, plane: PlaneFit, evidence: FloorEvidence) -> bool:
+def _misses_ground(view: InverseDepthMap, plane: PlaneFit, evidence: FloorEvidence) -> bool:
     """Return whether all pixels that are labelled as ground lie off a floor, on one side."""
     seen = evidence.seen_ground
     if seen is None or not bool((seen := seen & view.valid).any()):
@@ -506,6 +506,6 @@ def _off_ground(view: InverseDepthMap, plane: PlaneFit, evidence: FloorEvidence)
     return low > _OFF_GROUND or high < -_OFF_GROUND
 
 
-def _robust(sigmas: float) -> float:
+def _robust_nats(sigmas: float) -> float:
     """Return a log likelihood, nats, which a wrong cue cannot lower without bound."""
     return -2 * math.log1p(sigmas**2 / 4)

@@ -74,7 +74,7 @@ class Sampling:
             None.
         fronts: of the scene, see :mod:`physic_core.geometry.visibility`; None without a depth of
             the scene.
-        views: the same for each other camera, with its state (``State.seen_by``), keypoints and
+        views: the same for each other camera, with its state (``State.from_view``), keypoints and
             sizes in px.
     """
 

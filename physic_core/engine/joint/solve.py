@@ -60,7 +60,7 @@ def optimize(
     unknown = torch.full_like(state.transl[:, 0], torch.nan)
     state = replace(state, failures=tuple(failures), depth_offset=unknown)
     if energy is None:
-        return _posed(state)
+        return _posed_state(state)
     origin = energy.variables.pack()
     minimised = settings.optimiser.minimise(energy, progress)
     late, optimiser = settings.late_terms(energy.sampling)
@@ -68,7 +68,7 @@ def optimize(
     if groups is not None:
         again = optimiser.minimise(energy, groups=groups)
         minimised = join_results(energy, origin, minimised, again)
-    return _with_optimised(state, energy, minimised, healthy.nonzero(as_tuple=True)[0])
+    return _merged_people(state, energy, minimised, healthy.nonzero(as_tuple=True)[0])
 
 
 def _has_valid_start(state: State) -> Tensor:
@@ -99,14 +99,14 @@ def _finite_energy(energy: JointEnergy) -> Tensor:
 
 
 @torch.no_grad()
-def _posed(state: State) -> State:
+def _posed_state(state: State) -> State:
     """Return the state with vertices and joints of its bodies."""
     output = state.model(state.rotations, state.betas, state.transl, state.expression)
     return replace(state, vertices=output.vertices, joints=output.joints)
 
 
 @torch.no_grad()
-def _with_optimised(
+def _merged_people(
     state: State, energy: JointEnergy, minimised: MinimisationResult, rows: Tensor
 ) -> State:
     """Return the optimised people, ``rows`` of all, together with the start of the others."""
@@ -122,7 +122,7 @@ def _with_optimised(
         evaluations=minimised.evaluations,
         steps=minimised.steps,
     )
-    return _posed(optimised)
+    return _posed_state(optimised)
 
 
 def finalize_scene(estimates: Estimates, state: State, settings: SceneMethod) -> State:
@@ -130,17 +130,17 @@ def finalize_scene(estimates: Estimates, state: State, settings: SceneMethod) ->
 
     The scene's scale is not applied.
     """
-    finite = state.finite
+    finite = state.finite_people
     if not settings.carve_m or not bool(finite.any()):
         return state
     bodies = state.vertices[finite] / state.scene_scale
     masks = state.masks[finite]
     hole = estimates.photo.hole
-    scene = _carved(state.scene, bodies, state.model.faces, masks, hole, settings)
+    scene = _carved_scene(state.scene, bodies, state.model.faces, masks, hole, settings)
     return replace(state, scene=scene)
 
 
-def _carved(
+def _carved_scene(
     scene: SceneState,
     bodies: Tensor,
     faces: Tensor,

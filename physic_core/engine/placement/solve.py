@@ -19,7 +19,7 @@ from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.engine.photo import PixelPoints
 from physic_core.engine.placement.method import PlacementMethod
 from physic_core.engine.placement.terms import PlacementProblem
-from physic_core.engine.sizes.known_sizes import KnownGeometry, size_by_scene
+from physic_core.engine.sizes.known_sizes import KnownGeometry, size_factors
 from physic_core.engine.sizes.stature import resize_bodies, stature_factor
 from physic_core.engine.state import Estimates, State
 from physic_core.geometry.alignment import Alignment, apply_alignment, fit_alignment
@@ -250,7 +250,7 @@ def _resized(
     vertices = posed + (placed.keypoint_transl - state.transl)[:, None]
     floor = placed.scene.floor_plane
     clouds = placed.human_points or (vertices[0, :0],) * len(posed)
-    ratio = known.factor * size_by_scene(vertices, model.soles, feet_seen.tolist(), floor, clouds)
+    ratio = known.factor * size_factors(vertices, model.soles, feet_seen.tolist(), floor, clouds)
     own = model.stature(state.betas)
     unknown = ~torch.isfinite(known.stature.to(own))
     wanted = torch.where(unknown, own * stature_factor(ratio, own), own)

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from physic_core.geometry.camera import project
-from physic_core.geometry.neighbors import nearest_rows, search_tree
+from physic_core.geometry.neighbors import nearest_indices, search_tree
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.robust import cauchy
 from physic_core.geometry.tensors import exact_arrays
@@ -128,8 +128,8 @@ class ChamferTerm:
         of each point.
         """
         factor = math.exp(float(x[-1]))
-        point, _ = nearest_rows(self.point_tree, (self.vertices + x[:-1]) / factor)
-        vertex, _ = nearest_rows(self.vertex_tree, self.points * factor - x[:-1])
+        point, _ = nearest_indices(self.point_tree, (self.vertices + x[:-1]) / factor)
+        vertex, _ = nearest_indices(self.vertex_tree, self.points * factor - x[:-1])
         return self.points[point], self.vertices[vertex]
 
     def residuals(self, x: Tensor) -> list[Residuals]:

@@ -134,7 +134,7 @@ def likely_unit(factor: float) -> str:
     return "is it in metres along the optical axis, or only relative?"
 
 
-def combine(evidence: Sequence[ScaleEvidence]) -> ScaleEvidence | None:
+def combined_scale(evidence: Sequence[ScaleEvidence]) -> ScaleEvidence | None:
     """Return the mean weighted by precision, in which the most certain evidence dominates; None
     without evidence.
 

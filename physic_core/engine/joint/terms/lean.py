@@ -58,7 +58,7 @@ class LeanTerm(Term):
 
 def ankles_observed(state: State) -> Tensor:
     """Return the people (B,) bool of whom a photo shows an ankle."""
-    return state.observed_anywhere[:, _ANKLES].any(1)
+    return state.observed_in_any_photo[:, _ANKLES].any(1)
 
 
 def lean_precision(state: State) -> Tensor | None:

@@ -102,7 +102,7 @@ def keypoint_weights(state: State) -> Tensor:
     visible in any photo.
     """
     points, confidence = finite_keypoints(state)
-    seen = keypoints_of_observed_limbs(state.skeleton, state.observed_anywhere)
+    seen = keypoints_of_observed_limbs(state.skeleton, state.observed_in_any_photo)
     weight = torch.where(confidence < SEEN_CONFIDENCE, 0.0, confidence)
     weight = torch.where(seen, weight, INVISIBLE_WEIGHT * confidence)
     return weights_inside_image(state, points, weight)

@@ -139,7 +139,7 @@ class ContactTerm(SurfaceTerm):
             prior = torch.where(
                 static[sampling.ids], prior.clamp(min=settings.static_weight), prior
             )
-        self.prior = prior * sampling.state.weight_of_parts()[:, sampling.ids]
+        self.prior = prior * sampling.state.touch_weights()[:, sampling.ids]
         self.weights: dict[str, Tensor] = {}
         self.on_scene = self.touching = torch.zeros_like(sampling.is_contact)
 
