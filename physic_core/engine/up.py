@@ -117,7 +117,9 @@ def fused_up(witnesses: Sequence[Up]) -> Up:
     The farther a witness is from the surest one, the less it counts: one of them may be wrong.
     """
     first = min(witnesses, key=lambda one: one.sigma)
-    precision = torch.tensor([1 / one.sigma**2 / (1 + difference_sigmas(first, one) ** 2) for one in witnesses])
+    precision = torch.tensor(
+        [1 / one.sigma**2 / (1 + difference_sigmas(first, one) ** 2) for one in witnesses]
+    )
     total = precision.double() @ torch.stack([one.direction for one in witnesses])
     direction = torch.nn.functional.normalize(total, dim=0)
     return Up(direction, 1 / math.sqrt(float(precision.sum())), first.source)

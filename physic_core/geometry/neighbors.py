@@ -30,7 +30,9 @@ def search_tree(points: np.ndarray) -> cKDTree:
     return cKDTree(points, leafsize=_LEAF, balanced_tree=False, compact_nodes=False)
 
 
-def nearest_indices(tree: cKDTree, places: Tensor, radius: float = math.inf) -> tuple[Tensor, Tensor]:
+def nearest_indices(
+    tree: cKDTree, places: Tensor, radius: float = math.inf
+) -> tuple[Tensor, Tensor]:
     """Return the row (n,) int64 of the nearest point of a tree to each place (n, 3), and its
     distance (n,); 0 and inf beyond the radius.
     """
@@ -96,7 +98,7 @@ class NearestPointSearch:
         flat = vertices.detach().reshape(-1, 3) / scale
         # cKDTree raises on non-finite queries.
         finite = torch.isfinite(flat).all(-1)
-        flat = torch.where(finite[:, None], flat, torch.zeros_like(flat))
+        flat = torch.where(finite[:, None], flat, 0.0)
         if len(self.points) == 0:
             index = torch.zeros(len(flat), dtype=torch.int64, device=flat.device)
             distance = torch.full((len(flat),), torch.inf, dtype=flat.dtype, device=flat.device)
@@ -104,8 +106,8 @@ class NearestPointSearch:
             index, distance = self.lookup(flat, radius / scale)
         distance = distance * scale
         found = (distance < radius) & finite
-        index = torch.where(found, index, torch.zeros_like(index))
-        distance = torch.where(found, distance, torch.full_like(distance, torch.inf))
+        index = torch.where(found, index, 0)
+        distance = torch.where(found, distance, torch.inf)
         shape = vertices.shape[:-1]
         return Nearest(index.reshape(shape), distance.reshape(shape), found.reshape(shape))
 

@@ -387,7 +387,7 @@ def _observations(found: Findings, step: Step) -> None:
 def _floors(found: Findings, _: Step) -> None:
     """Fill photo, evidence and floors."""
     from physic_core.engine.ground.floor import best_index, chosen_floor
-    from physic_core.engine.ground.floor_and_scale import scene_floor_candidates, floor_evidence
+    from physic_core.engine.ground.floor_and_scale import floor_evidence, scene_floor_candidates
     from physic_core.engine.photo import PhotoContent
     from physic_core.engine.up import surest_up
     from physic_core.geometry.tensors import tensor

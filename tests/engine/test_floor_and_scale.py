@@ -20,7 +20,11 @@ from physic_core.engine.ground.floor import (
     chosen_floor,
     standing_score,
 )
-from physic_core.engine.ground.floor_and_scale import scene_floor_candidates, find_ground, floor_evidence
+from physic_core.engine.ground.floor_and_scale import (
+    find_ground,
+    floor_evidence,
+    scene_floor_candidates,
+)
 from physic_core.engine.photo import PhotoContent
 from physic_core.engine.sizes.evidence import depth_witness
 from physic_core.engine.sizes.scale_vote import Witnesses, scaled_depth

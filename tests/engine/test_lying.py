@@ -14,7 +14,11 @@ from physic_core import load_config, reconstruct
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.bones import parameters_from_rotations
 from physic_core.body.posture import photo_turned_deg
-from physic_core.engine.ground.floor_and_scale import scene_floor_candidates, find_ground, floor_evidence
+from physic_core.engine.ground.floor_and_scale import (
+    find_ground,
+    floor_evidence,
+    scene_floor_candidates,
+)
 from physic_core.engine.photo import PhotoContent
 from physic_core.geometry.camera import project
 from physic_core.types import (

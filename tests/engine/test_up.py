@@ -12,9 +12,9 @@ from physic_core.engine.up import (
     Up,
     angle_deg,
     camera_axis,
-    slope_warnings,
     level_plane,
     slope_sigma,
+    slope_warnings,
     surest_up,
 )
 from physic_core.geometry.floor import PlaneFit

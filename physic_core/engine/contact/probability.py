@@ -203,8 +203,8 @@ def part_features(state: State, gap: Tensor) -> dict[str, dict[str, Tensor]]:
     part with the scene.
 
     "distance" is that of the part in standard deviations, 0 inside, and at most that of the search
-    radius. "observed" is that of the person observer. "bend at the hips" is the smaller angle between trunk
-    and thighs, radians; 0 is straight.
+    radius. "observed" is that of the person observer. "bend at the hips" is the smaller angle
+    between trunk and thighs, radians; 0 is straight.
 
     Args:
         state: bodies, and what the photo shows of them.

@@ -204,7 +204,9 @@ def _touching_carriers(state: State, touch: Touch) -> Tensor:
     return found
 
 
-def _add_hidden_contacts(state: State, touch: Touch, carried: tuple[PersonSupport | None, ...]) -> Touch:
+def _add_hidden_contacts(
+    state: State, touch: Touch, carried: tuple[PersonSupport | None, ...]
+) -> Touch:
     """Add contacts of hidden supports.
 
     The probability of a seat, found or hidden, is that of sitting; other hidden supports are more

@@ -439,7 +439,9 @@ def standing_odds(height: float) -> float:
     return density / (_SOLE_SIGMA * math.sqrt(2 * math.pi) * _ELSEWHERE)
 
 
-def _plane_through_soles(fit: PlaneFit, heights: list[tuple[float, float, float]]) -> PlaneFit | None:
+def _plane_through_soles(
+    fit: PlaneFit, heights: list[tuple[float, float, float]]
+) -> PlaneFit | None:
     """Return the plane moved to the median ground beside the soles of people who stand; None if it
     is far off.
     """
@@ -477,7 +479,9 @@ def _gravity_score(plane: PlaneFit, evidence: FloorEvidence, normals: Tensor | N
     x, y, z = (float(v) for v in normal)
     roll = math.degrees(math.atan2(x, -y))
     pitch = math.degrees(math.atan2(-z, math.hypot(x, y)))
-    score = _robust_nats(roll / _ROLL_SIGMA_DEG) + _robust_nats((pitch - _PITCH_DEG) / _PITCH_SIGMA_DEG)
+    score = _robust_nats(roll / _ROLL_SIGMA_DEG) + _robust_nats(
+        (pitch - _PITCH_DEG) / _PITCH_SIGMA_DEG
+    )
     if evidence.up is not None:
         return score + _up_score(plane, evidence)
     estimate = None if normals is None else estimate_up(normals, normal)

@@ -318,7 +318,9 @@ def _ground_by_vote(
     )
 
 
-def _ground_with_depth(ground: Ground, depth: DepthMap, witness: Witnesses, vote: ScaleVote) -> Ground:
+def _ground_with_depth(
+    ground: Ground, depth: DepthMap, witness: Witnesses, vote: ScaleVote
+) -> Ground:
     """Return the ground with a metric depth at its scale; a measured one took no part in the
     vote.
     """
@@ -373,7 +375,9 @@ def _people_evidence(photo: PhotoContent, bodies: Bodies, model: BodyModel) -> _
         shared_sigma=_PEOPLE_SIGMA,
         shared_wrong=_PEOPLE_WRONG,
     )
-    return _PeopleEvidence(model, vertices, posed.joints.cpu(), observed, feet, real, stance, sigma, torsos)
+    return _PeopleEvidence(
+        model, vertices, posed.joints.cpu(), observed, feet, real, stance, sigma, torsos
+    )
 
 
 def _picture_stance(photo: PhotoContent) -> Stance:
@@ -454,7 +458,10 @@ def _weights_by_ground(
 
 
 def _floor_hypothesis(
-    candidate: FloorCandidate, seen: _PeopleEvidence, photo: PhotoContent, beside: Sequence[GroundAtSoles]
+    candidate: FloorCandidate,
+    seen: _PeopleEvidence,
+    photo: PhotoContent,
+    beside: Sequence[GroundAtSoles],
 ) -> _FloorHypothesis:
     """Return the evidence of feet and camera if a candidate is the floor."""
     on = _weights_by_ground(candidate, photo, beside)
@@ -508,7 +515,9 @@ def _lone_witness(scale: float, sigma: float, sure: float) -> Witnesses:
     return Witnesses(np.array([scale]), unknown, np.array([sigma]), np.array([sure]), 0.0)
 
 
-def _stance_by_vote(vote: ScaleVote, planes: Sequence[_FloorHypothesis], seen: _PeopleEvidence) -> Stance:
+def _stance_by_vote(
+    vote: ScaleVote, planes: Sequence[_FloorHypothesis], seen: _PeopleEvidence
+) -> Stance:
     """Return the stance by the probability that feet stand on each plane, at the scale of the
     vote.
     """
@@ -519,7 +528,9 @@ def _stance_by_vote(vote: ScaleVote, planes: Sequence[_FloorHypothesis], seen: _
     return replace(seen.stance, stands=np.where(seen.feet, stands, seen.stance.stands))
 
 
-def _standing_probabilities(vote: ScaleVote, plane: _FloorHypothesis, seen: _PeopleEvidence) -> FloatArray:
+def _standing_probabilities(
+    vote: ScaleVote, plane: _FloorHypothesis, seen: _PeopleEvidence
+) -> FloatArray:
     """Return the probability (N, 2) that feet stand on a plane; NaN off it."""
     feet = zip(plane.by_soles.T, seen.stance.stands.T, strict=True)
     return np.stack(

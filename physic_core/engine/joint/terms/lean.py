@@ -75,5 +75,5 @@ def lean_precision(state: State) -> Tensor | None:
     pitch = math.radians(state.scene.up.sigma) if floor is None else floor.pitch_sigma
     stands = 1 - (1 - state.stands).prod(1)
     stands = stands * (floor is not None)
-    stated = torch.where(ankles_observed(state), stands, torch.ones_like(stands))
+    stated = torch.where(ankles_observed(state), stands, 1.0)
     return torch.nan_to_num(stated / (state.lean_sigma.square() + pitch**2))
