@@ -311,29 +311,6 @@ class State(ShortRepr):
             weight[:, part] = self.touch[:, column, None].to(weight)
         return weight
 
-    def check(self, name: str = "joint optimisation") -> None:
-        """Raise PhysicError if fields have wrong shapes; the message starts with the name and lists
-        all such fields.
-        """
-        model = self.model
-        height, width = self.masks.shape[-2:]
-        sizes = {"N": len(self), "J": self.keypoints.shape[1], "H": height, "W": width}
-        sizes |= {"K": model.num_betas, "E": model.num_expression, "V": model.num_vertices}
-        faults = []
-        for each in fields(self):
-            value = getattr(self, each.name)
-            dims = each.metadata.get("shape")
-            if dims is not None and value is not None and value is not _UNKNOWN:
-                expected = tuple(sizes.get(part, part) for part in dims)
-                if tuple(value.shape) != expected:
-                    faults.append(f"{each.name} must be {expected}, got {tuple(value.shape)}")
-        if self.human_points is not None and len(self.human_points) != len(self):
-            faults.append(f"human_points must be {len(self)} tensors, got {len(self.human_points)}")
-        if faults:
-            raise PhysicError(f"{name}: " + "; ".join(faults))
-        for i, view in enumerate(self.views):
-            self.from_view(view).check(f"{name}, view {i}")
-
     def select_people(self, rows: Tensor) -> State:
         """Return a copy with the tensors of a selection of the people, (n,) int64."""
         changed: dict[str, Any] = {}

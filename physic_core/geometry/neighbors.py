@@ -14,7 +14,6 @@ import numpy as np
 import torch
 from scipy.spatial import cKDTree
 
-from physic_core.errors import PhysicError
 from physic_core.geometry.tensors import exact_arrays
 
 if TYPE_CHECKING:
@@ -65,18 +64,9 @@ class NearestPointSearch:
         points: (M, 3) metres, camera frame; M may be 0.
         normals: (M, 3) unit, or zero where unknown; stored for the caller.
         radius: search radius, metres.
-
-    Raises:
-        PhysicError: the shapes do not match.
     """
 
     def __init__(self, points: Tensor, normals: Tensor, radius: float = 0.15) -> None:
-        if points.ndim != 2 or points.shape[-1] != 3 or normals.shape != points.shape:
-            raise PhysicError(
-                f"scene points and normals must both be (M, 3), got {tuple(points.shape)} and "
-                f"{tuple(normals.shape)}: "
-                "flatten the point map first"
-            )
         self.points = points.detach()
         self.normals = normals.detach()
         self.radius = radius

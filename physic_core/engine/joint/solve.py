@@ -39,9 +39,8 @@ def optimize(
         progress: called with the completed share of the work, 0-1.
 
     Raises:
-        PhysicError: inconsistent shapes, or the data of the depth term is missing.
+        PhysicError: the data of the depth term is missing.
     """
-    state.check()
     failures = [""] * len(state)
     healthy = _has_valid_start(state)
     for i in (~healthy).nonzero().flatten().tolist():

@@ -137,7 +137,7 @@ def align_photo_points_to_scene(
     people: Tensor,
     scene_points: Tensor,
     scene_valid: Tensor,
-    method: PlacementMethod | None = None,
+    method: PlacementMethod,
     far: float = math.inf,
 ) -> Alignment:
     """Align the original photo's point map to the scene's point map on background pixels (Eq. 1).
@@ -147,13 +147,12 @@ def align_photo_points_to_scene(
         people: (H, W) bool, pixels of all people.
         scene_points: (H, W, 3) point map of the scene, any unit.
         scene_valid: (H, W) bool.
-        method: of stage 2; that of preset "default" if None.
+        method: of stage 2.
         far: largest depth of scene pixels used, in the unit of the scene.
 
     Returns:
         The alignment; ``inlier_share`` is 0 without common pixels.
     """
-    method = method or PlacementMethod()
     points = photo.points
     grown = dilate_square(people, round(method.mask_growth * max(people.shape)))
     background = ~grown & (scene_points[..., 2] <= far)
@@ -187,13 +186,13 @@ def _weigh_background(inverse: Tensor, people: Tensor, background: Tensor) -> Te
     return _FAR_WEIGHT + (1 - _FAR_WEIGHT) * torch.exp(-0.5 * gap.square())
 
 
-def move_photo_points_to_scene(points: Tensor, alignment: Alignment, K: Tensor | None) -> Tensor:
+def move_photo_points_to_scene(points: Tensor, alignment: Alignment, K: Tensor) -> Tensor:
     """Apply the alignment to the original photo's point map (H, W, 3).
 
     Args:
         points: (H, W, 3), any unit.
         alignment: to the scene.
-        K: (3, 3) px, on whose rays the points are moved; None leaves them.
+        K: (3, 3) px, camera of the scene, on whose rays the points are moved.
 
     Returns:
         (H, W, 3) metres; NaN if the alignment has no inliers, since the distance of people is then
@@ -201,12 +200,11 @@ def move_photo_points_to_scene(points: Tensor, alignment: Alignment, K: Tensor |
     """
     if alignment.inlier_share == 0:
         return torch.full_like(points, math.nan)
-    aligned = apply_alignment(points, alignment)
-    return aligned if K is None else depth_to_pointmap(aligned[..., 2], K)
+    return depth_to_pointmap(apply_alignment(points, alignment)[..., 2], K)
 
 
 def human_points(
-    points: Tensor, valid: Tensor, mask: Tensor, method: PlacementMethod | None = None
+    points: Tensor, valid: Tensor, mask: Tensor, method: PlacementMethod
 ) -> Tensor:
     """Return the points of one person, without depth edges and outliers.
 
@@ -214,7 +212,7 @@ def human_points(
         points: (H, W, 3) metres, of the original photo, aligned to the scene.
         valid: (H, W) bool.
         mask: (H, W) bool, the person's visible pixels.
-        method: of stage 2; that of preset "default" if None.
+        method: of stage 2.
 
     Returns:
         (M, 3) metres; M = 0 if the mask has no valid point.
@@ -226,7 +224,7 @@ def human_points(
     inside = mask[box]
     known = valid[box] & all_finite(cloud) & (cloud[..., 2] > 0)
     cloud = torch.where(known[..., None], cloud, 0.0)
-    return (method or PlacementMethod()).clean_points(cloud, known, inside, mask.shape)
+    return method.clean_points(cloud, known, inside, mask.shape)
 
 
 def _resized(
