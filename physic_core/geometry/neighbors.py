@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,14 +19,17 @@ from physic_core.geometry.tensors import exact_arrays
 if TYPE_CHECKING:
     from torch import Tensor
 
-_LEAF = 32  # points of a leaf of the tree
+array_tree = partial(cKDTree, leafsize=32, balanced_tree=False, compact_nodes=False)
+"""k-d tree of an array (M, 3) float64.
+
+For pixel samples and skins, and a bounded distance, it is built faster and searched up to three
+times as fast as SciPy's default.
+"""
 
 
-def search_tree(points: np.ndarray) -> cKDTree:
-    """Return a k-d tree of points (M, 3) float64."""
-    # For pixel samples and skins, and a bounded distance, this tree is built faster and searched
-    # up to three times as fast.
-    return cKDTree(points, leafsize=_LEAF, balanced_tree=False, compact_nodes=False)
+def search_tree(points: Tensor) -> cKDTree:
+    """Return a k-d tree of points (M, 3), on the CPU and in float64."""
+    return array_tree(*exact_arrays(points))
 
 
 def nearest_indices(
@@ -74,7 +77,7 @@ class NearestPointSearch:
     @cached_property
     def tree(self) -> cKDTree:
         """The k-d tree of the points, built when it is first used."""
-        return search_tree(*exact_arrays(self.points))
+        return search_tree(self.points)
 
     def query(self, vertices: Tensor, scale: float = 1.0, radius: float | None = None) -> Nearest:
         """Find the nearest scene point of each vertex; not differentiable.

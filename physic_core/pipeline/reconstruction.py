@@ -85,15 +85,7 @@ def _people(
     parameters = parameters_from_rotations(
         state.rotations, state.betas, state.expression, state.transl
     )
-    rows = arrays(
-        vertices=state.vertices,
-        joints=state.joints,
-        contact=touch.partner != NO_PARTNER,
-        distance=touch.distance,
-        contact_partner=touch.partner,
-    )
-    if touch.probability is not None:
-        rows["contact_probability"] = touch.probability.cpu().numpy().astype(np.float16)
+    rows = _arrays_of_people(state, touch)
     sizes = zip(state.model.stature(state.betas), body_size_sigmas(estimates, state), strict=True)
     unseen = _unseen(state)
     people = []
@@ -121,6 +113,20 @@ def _people(
             )
         )
     return tuple(people)
+
+
+def _arrays_of_people(state: State, touch: Contact) -> dict[str, Any]:
+    """Return the arrays with a row for each person, as fields of a Person."""
+    rows = arrays(
+        vertices=state.vertices,
+        joints=state.joints,
+        contact=touch.partner != NO_PARTNER,
+        distance=touch.distance,
+        contact_partner=touch.partner,
+    )
+    if touch.probability is not None:
+        rows["contact_probability"] = touch.probability.cpu().numpy().astype(np.float16)
+    return rows
 
 
 def _sizes(state: State, person: int) -> dict[str, float]:

@@ -168,7 +168,7 @@ def _point_labels(
     label[seen] = given[seen]
     for hidden, source in ((~seen & ~raised, seen), (~seen & raised, seen & ~floors)):
         if bool(hidden.any()) and bool(source.any()):
-            tree = search_tree(*exact_arrays(points.cpu()[source]))
+            tree = search_tree(points.cpu()[source])
             nearest, away = nearest_indices(tree, points.cpu()[hidden], _NEIGHBOUR_M)
             label[hidden] = torch.where(away.isfinite(), given[source][nearest], -1)
     return label

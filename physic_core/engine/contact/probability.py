@@ -247,15 +247,9 @@ def _scene_distance_and_facing(state: State, near: Distances) -> tuple[Tensor, T
     The floor's plane is fitted to many points, so it gives the distance to the floor within reach.
     """
     surface = near.surface
-    parts = near.parts
-    by_plane = surface.on_floor
-    towards = torch.zeros_like(near.normals)
-    if len(parts.ground):
-        ground = parts.ground[surface.point] & torch.isfinite(surface.scene)
-        by_plane = by_plane | (ground & torch.isfinite(surface.floor))
-        towards = near.surface_normals
+    by_plane = surface.on_floor | (near.on_ground & torch.isfinite(surface.floor))
     distance = torch.where(by_plane, surface.floor, surface.scene)
-    towards = torch.where(by_plane[..., None], state.up, towards)
+    towards = torch.where(by_plane[..., None], state.up, surface.normals)
     return torch.where(state.model.outer, distance, torch.inf), -(near.normals * towards).sum(-1)
 
 

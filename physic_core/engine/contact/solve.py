@@ -109,9 +109,6 @@ def measure_distances(
         parts=parts,
         people=people,
         own=own,
-        surface_normals=scene.normals[surface.point].to(vertices)
-        if len(scene.points)
-        else torch.zeros_like(normals),
         in_mask=inside_mask(project(vertices, state.K), state.masks),
     )
 

@@ -375,16 +375,8 @@ def _pixel_score(view: InverseDepthMap, evidence: FloorEvidence) -> Callable[[Te
     weight = 1.0 + rows.double() / height
     if evidence.hole is not None:
         weight = weight * torch.where(evidence.hole[rows, columns], HOLE_WEIGHT, 1.0)
-    odds = weight.new_tensor(_NO_LABEL).expand(len(rows), 3)
-    for mask, known in (
-        (evidence.mask, _MASK),
-        (evidence.ground, _GROUND),
-        (evidence.no_ground, _NO_GROUND),
-    ):
-        if mask is not None:
-            odds = torch.where(mask[rows, columns][:, None], weight.new_tensor(known), odds)
     weight = weight / weight.sum()
-    on, front, behind = odds.unbind(-1)
+    on, front, behind = _label_odds(evidence, rows, columns).unbind(-1)
     rays = view.rays[rows, columns].double()
     inverse = view.inverse[rows, columns].double()
 
@@ -397,6 +389,19 @@ def _pixel_score(view: InverseDepthMap, evidence: FloorEvidence) -> Callable[[Te
         return _PIXEL_NATS * float((weight * (likelihood * _BANDS).log()).sum())
 
     return score
+
+
+def _label_odds(evidence: FloorEvidence, rows: Tensor, columns: Tensor) -> Tensor:
+    """Return the shares (M, 3) on, in front of and behind the floor of pixels with their labels."""
+    odds = rows.new_tensor(_NO_LABEL, dtype=torch.float64).expand(len(rows), 3)
+    for mask, known in (
+        (evidence.mask, _MASK),
+        (evidence.ground, _GROUND),
+        (evidence.no_ground, _NO_GROUND),
+    ):
+        if mask is not None:
+            odds = torch.where(mask[rows, columns][:, None], odds.new_tensor(known), odds)
+    return odds
 
 
 def _heights_at_soles(

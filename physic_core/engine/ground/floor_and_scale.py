@@ -271,7 +271,7 @@ def find_ground(
     planes = [_floor_hypothesis(candidate, seen, photo, beside) for candidate in candidates]
     scores = [sum(p.evidence.values()) for p in planes]
     own = None if depth is None else depth_witness(depth, scene, photo.camera, seen.torsos)
-    usual = _lone_witness(USUAL_DEPTH_M / median_depth(scene), USUAL_DEPTH_SIGMA, 1.0)
+    usual = Witnesses.alone(USUAL_DEPTH_M / median_depth(scene), USUAL_DEPTH_SIGMA, 1.0)
     kinds = {"size": seen.torsos, "usual depth of scenes": usual}
     if own is not None and depth is not None and not is_measured(depth):
         kinds["metric depth"] = own
@@ -339,7 +339,6 @@ class _PeopleEvidence(NamedTuple):
     model: BodyModel
     vertices: FloatArray
     joints: Tensor
-    observed: BoolArray
     feet: BoolArray
     real: FloatArray
     stance: Stance
@@ -375,9 +374,7 @@ def _people_evidence(photo: PhotoContent, bodies: Bodies, model: BodyModel) -> _
         shared_sigma=_PEOPLE_SIGMA,
         shared_wrong=_PEOPLE_WRONG,
     )
-    return _PeopleEvidence(
-        model, vertices, posed.joints.cpu(), observed, feet, real, stance, sigma, torsos
-    )
+    return _PeopleEvidence(model, vertices, posed.joints.cpu(), feet, real, stance, sigma, torsos)
 
 
 def _picture_stance(photo: PhotoContent) -> Stance:
@@ -472,7 +469,7 @@ def _floor_hypothesis(
         score["no height of the camera"] = _NO_CAMERA_NATS
     else:
         plane = candidate.plane.to_plane()
-        by_soles = scales_by_soles(seen.vertices, seen.model, seen.observed, plane)
+        by_soles = scales_by_soles(seen.vertices, seen.model, seen.feet, plane)
         height = plane.offset
         if candidate.beneath:  # no sole stands on what people lie on
             by_soles[:] = np.nan
@@ -487,7 +484,9 @@ def _floor_hypothesis(
     soles = Witnesses(
         lower, seen.torsos.depth, np.hypot(seen.sigma, _SOLE_SIGMA), sure, _FLOOR_SIGMA
     )
-    camera = _lone_witness(USUAL_CAMERA_HEIGHT_M / height, USUAL_CAMERA_HEIGHT_SIGMA, _CAMERA_SURE)
+    camera = Witnesses.alone(
+        USUAL_CAMERA_HEIGHT_M / height, USUAL_CAMERA_HEIGHT_SIGMA, _CAMERA_SURE
+    )
     return _FloorHypothesis(candidate, score, on, by_soles, soles, camera)
 
 
@@ -507,12 +506,6 @@ def _floor_below_bodies(search: FloorSearch, seen: _PeopleEvidence, scale: float
     factor = plane.offset / (plane.offset + below)
     moved = replace(plane, offset=plane.offset + below, reanchored=plane.reanchored * factor)
     return replace(search, plane=moved)
-
-
-def _lone_witness(scale: float, sigma: float, sure: float) -> Witnesses:
-    """Return one witness of a scale, of unknown depth."""
-    unknown = np.array([math.nan])
-    return Witnesses(np.array([scale]), unknown, np.array([sigma]), np.array([sure]), 0.0)
 
 
 def _stance_by_vote(

@@ -73,11 +73,15 @@ class Stance(ShortRepr):
     carried: Carried | None = field(default=None, metadata=PER_PERSON)
 
     @staticmethod
+    def by_touch(lower: FloatArray, observed: FloatArray) -> Stance:
+        """Return the stance of people of whom a usual share of the feet that touch stands."""
+        stance = Stance(lower, observed, lower)
+        return replace(stance, stands=_ON_FLOOR_SHARE * stance.touch[:, :2])
+
+    @staticmethod
     def unknown(count: int) -> Stance:
         """Return the stance of N average people."""
-        feet = np.full((count, 2), np.nan)
-        stance = Stance(feet, np.zeros((count, 5)), feet)
-        return replace(stance, stands=_ON_FLOOR_SHARE * stance.touch[:, :2])
+        return Stance.by_touch(np.full((count, 2), np.nan), np.zeros((count, 5)))
 
     @property
     def touch(self) -> FloatArray:
@@ -120,12 +124,7 @@ def stance_in_picture(
     """Return the stance of N people by named keypoints (N, J, 2), px, and what is observed of
     them; feet that touch stand with the usual share.
     """
-    stance = replace(
-        Stance.unknown(len(points)),
-        lower=foot_drops(points, names),
-        observed=observations.evidence("touch"),
-    )
-    return replace(stance, stands=_ON_FLOOR_SHARE * stance.touch[:, :2])
+    return Stance.by_touch(foot_drops(points, names), observations.evidence("touch"))
 
 
 def foot_drops(points: FloatArray, names: Sequence[str]) -> FloatArray:

@@ -203,9 +203,7 @@ def move_photo_points_to_scene(points: Tensor, alignment: Alignment, K: Tensor) 
     return depth_to_pointmap(apply_alignment(points, alignment)[..., 2], K)
 
 
-def human_points(
-    points: Tensor, valid: Tensor, mask: Tensor, method: PlacementMethod
-) -> Tensor:
+def human_points(points: Tensor, valid: Tensor, mask: Tensor, method: PlacementMethod) -> Tensor:
     """Return the points of one person, without depth edges and outliers.
 
     Args:

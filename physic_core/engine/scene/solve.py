@@ -7,7 +7,7 @@ The relative point map gives the shape, and the metric depth the scale (Eq. 1). 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -246,13 +246,8 @@ def _metric_points(
 
 def alignment_diagnostics(alignment: Alignment) -> dict[str, Any]:
     """Return the diagnostics of an alignment as a dictionary; an infinite residual becomes None."""
-    return {
-        "unknown": alignment.unknown,
-        "scale": alignment.scale,
-        "shift": alignment.shift,
-        "inlier_share": alignment.inlier_share,
-        "residual": alignment.residual if math.isfinite(alignment.residual) else None,
-    }
+    found = asdict(alignment)
+    return found if math.isfinite(alignment.residual) else found | {"residual": None}
 
 
 def _positive(depth: Tensor) -> Tensor:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -162,13 +162,7 @@ class KnownDistances(ShortRepr):
         return found
 
     def __getitem__(self, rows: Tensor) -> KnownDistances:
-        return KnownDistances(
-            self.metres[rows],
-            self.person[rows],
-            self.points[rows],
-            self.rays[rows],
-            self.index[rows],
-        )
+        return KnownDistances(*(getattr(self, each.name)[rows] for each in fields(self)))
 
 
 @dataclass(frozen=True)
