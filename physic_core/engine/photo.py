@@ -91,7 +91,7 @@ class PhotoContent(ShortRepr):
         return PixelPoints.of(self.scene_map)
 
     @cached_property
-    def photo(self) -> PixelPoints:
+    def with_people(self) -> PixelPoints:
         """Points of the photo with its people."""
         return PixelPoints.of(self.photo_map)
 

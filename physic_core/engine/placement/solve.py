@@ -55,7 +55,7 @@ def solve_placement(estimates: Estimates, state: State, method: PlacementMethod)
 def _place(estimates: Estimates, state: State, feet_seen: Tensor, method: PlacementMethod) -> State:
     """Align the photo to the scene, and place the bodies in it."""
     scene = state.scene
-    photo = estimates.photo.photo
+    photo = estimates.photo.with_people
     alignment = align_photo_points_to_scene(
         photo, estimates.photo.hole, scene.points, scene.valid, method, far=_FAR_M
     )
