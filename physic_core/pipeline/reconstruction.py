@@ -188,7 +188,7 @@ def _intrinsics(estimates: Estimates, state: State) -> Intrinsics:
     height, width = estimates.photo.hole.shape
     fx, fy, cx, cy = (float(v) for v in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))
     for camera in (estimates.photo.camera, estimates.depth.intrinsics):
-        if camera is not None and torch.equal(K, torch.from_numpy(camera.matrix)):
+        if camera and (fx, fy, cx, cy) == (camera.fx, camera.fy, camera.cx, camera.cy):
             return Intrinsics(
                 fx, fy, cx, cy, width, height, camera.source, camera.trust, camera.focal_sigma
             )
