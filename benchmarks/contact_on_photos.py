@@ -276,9 +276,11 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
         for one in ("shoulder", "hip", "knee", "ankle", "wrist")
     }
     for e in estimates if kept else ():
-        rows = {name: j for j, name in enumerate(e.keypoints.joint_set.names) if name in joints}
+        rows = {
+            name: j for j, name in enumerate(e.photo.keypoints.joint_set.names) if name in joints
+        }
         factor = width / e.image.shape[1], height / e.image.shape[0]
-        for i, box in enumerate(np.asarray(e.people.boxes, np.float64)):
+        for i, box in enumerate(np.asarray(e.photo.people.boxes, np.float64)):
             people.append(
                 {
                     "box": (box * np.tile(factor, 2)).tolist(),
@@ -286,7 +288,7 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
                         part: {k: v[i] for k, v in each.items()} for part, each in kept[0].items()
                     },
                     "y": {
-                        name: float(e.keypoints.points[i, j, 1] * factor[1])
+                        name: float(e.photo.keypoints.points[i, j, 1] * factor[1])
                         for name, j in rows.items()
                     },
                     "lower": np.nan_to_num(e.ground.stance.lower[i]).tolist(),

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from physic_core.metrics import match_by_boxes, resampled_interval
 from physic_core.pipeline.checks.spec import CHECKS
-from physic_core.pipeline.checks.trust import CAP, load_of, probability_of, trust_model_of
+from physic_core.pipeline.checks.trust import CAP, load_of, probability_of
 
 from .contact_on_photos import HALVES, digest, half_of, name_in_sets
 from .truth.measures import probability_scores
@@ -220,7 +220,7 @@ def loads_of_row(row: Row) -> dict[str, float | None]:
 
 def probabilities(rows: Sequence[Row], model: Mapping[str, Any]) -> Array:
     """Return the probability (n,) of each person by a fitted file, with its caps."""
-    return np.array([probability_of(row["checks"], trust_model_of(model)) for row in rows])
+    return np.array([probability_of(row["checks"], model) for row in rows])
 
 
 def left_out(rows: Sequence[Row]) -> Array:

@@ -81,12 +81,11 @@ def draw(name: str, picture: Any, width: int = 640) -> str:
 
 def detections(estimates: Any) -> Any:
     picture = estimates.image.astype(np.float32)
-    for i, mask in enumerate(estimates.people.masks):
+    for i, mask in enumerate(estimates.photo.people.masks):
         picture[mask] = 0.5 * picture[mask] + 0.5 * np.array(person_color(i))
     picture = np.ascontiguousarray(picture.astype(np.uint8))
-    for points, confidence in zip(
-        estimates.keypoints.points, estimates.keypoints.confidence, strict=True
-    ):
+    keypoints = estimates.photo.keypoints
+    for points, confidence in zip(keypoints.points, keypoints.confidence, strict=True):
         for x, y in points[confidence > 0.4]:
             cv2.circle(
                 picture, (round(float(x)), round(float(y))), 3, (20, 20, 20), -1, cv2.LINE_AA
@@ -150,10 +149,11 @@ def draw_result(name: str) -> None:
 def draw_method(result: Reconstruction, estimates: Any) -> list[str]:
     """Draw the pictures of the page "How it works"."""
     overlay = overlay_panel(result, build_preview_geometry(result), 640, 480)
+    scene = estimates.photo.scene_map
     return [
         draw("method-1-people", detections(estimates)),
         draw("method-2-inpainted", estimates.inpainted),
-        draw("method-3-pointmap", depth(estimates.scene.points, estimates.scene.valid)),
+        draw("method-3-pointmap", depth(scene.points, scene.valid)),
         draw("method-4-scene", view(result, top_view)),
         draw("method-7-overlay", overlay),
         draw("method-8-contact", contact(result, 0)),

@@ -86,7 +86,7 @@ def _with_keypoints(
     measured: list[Measures], given: BoolArray, estimates: Estimates, state: State
 ) -> list[Measures]:
     """Measure how far the given keypoints (N, J) bool lie from those of the bodies."""
-    given = given[:, estimates.keypoints.joint_set.fitted]
+    given = given[:, estimates.photo.keypoints.joint_set.fitted]
     names = state.skeleton.names
     regressor = state.model.regressor(state.skeleton)
     points = regressor(state.joints, state.vertices[:, regressor.vertex_ids])
@@ -108,11 +108,11 @@ def body_size_sigmas(estimates: Estimates, state: State) -> list[float]:
     """Return the standard deviation of the logarithm of each body's size."""
     sigma = state.scale_sigma if state.views or state.size_ratio is not None else None
     measured = estimates.ground.measured is not None
-    if sigma is not None and measured and not estimates.intrinsics.known:
+    if sigma is not None and measured and not estimates.photo.camera.known:
         # lengths across a measured depth
-        sigma = math.hypot(sigma, estimates.intrinsics.focal_sigma or 0.0)
+        sigma = math.hypot(sigma, estimates.photo.camera.focal_sigma or 0.0)
     stature, years = estimates.photo.known.filled(len(state))
-    child = estimates.observations.child
+    child = estimates.photo.observations.child
     sigmas: list[float] = size_sigmas(stature, years, child, sigma).tolist()
     return sigmas
 

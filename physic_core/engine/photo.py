@@ -1,4 +1,4 @@
-"""What one photo shows before its bodies are placed. OpenCV camera frame, pixels, any unit.
+"""What one photo shows before its bodies are estimated. OpenCV camera frame, pixels, any unit.
 
 Numbers of people stay arrays, and pixels become tensors, once.
 """
@@ -20,7 +20,6 @@ from physic_core.types.short_repr import ShortRepr
 if TYPE_CHECKING:
     from physic_core.types import (
         AffineAmbiguity,
-        BoolArray,
         Intrinsics,
         Keypoints,
         Observations,
@@ -57,17 +56,18 @@ class PixelPoints(ShortRepr):
 
 @dataclass(frozen=True)
 class PhotoContent(ShortRepr):
-    """What one photo shows: N people, and two point maps in one relative unit.
+    """What one photo shows of N people and their scene.
 
     Attributes:
         people: masks, scores and labels of surfaces.
         keypoints: of the people.
-        observations: of the people.
+        observations: what the people do; NaN if no backend was configured, or if it failed.
         known: what the user knows of the people.
         camera: of the photo.
-        inpainted: (H, W) bool, pixels of the people and what they hold.
-        scene_map: of the photo without its people.
-        photo_map: of the photo with its people, aligned to the scene if ground is searched.
+        hole: (H, W) bool, inpainted pixels: those of the people and what they hold.
+        scene_map: relative point map of the photo without its people.
+        photo_map: relative point map of the photo with its people.
+        aligned_map: the same in the unit of the scene, to which it is aligned outside the people.
     """
 
     people: People = field(metadata=PER_PERSON)
@@ -75,9 +75,10 @@ class PhotoContent(ShortRepr):
     observations: Observations = field(metadata=PER_PERSON)
     known: KnownPeople = field(metadata=PER_PERSON)
     camera: Intrinsics
-    inpainted: BoolArray
+    hole: Tensor
     scene_map: Pointmap
     photo_map: Pointmap
+    aligned_map: Pointmap
 
     @cached_property
     def masks(self) -> Tensor:
@@ -85,19 +86,19 @@ class PhotoContent(ShortRepr):
         return tensor(self.people.masks)
 
     @cached_property
-    def hole(self) -> Tensor:
-        """Inpainted pixels (H, W) bool."""
-        return tensor(self.inpainted)
-
-    @cached_property
     def scene(self) -> PixelPoints:
         """Points of the photo without its people."""
         return PixelPoints.of(self.scene_map)
 
     @cached_property
-    def photo(self) -> PixelPoints:
+    def with_people(self) -> PixelPoints:
         """Points of the photo with its people."""
         return PixelPoints.of(self.photo_map)
+
+    @cached_property
+    def aligned(self) -> PixelPoints:
+        """The same in the unit of the scene."""
+        return PixelPoints.of(self.aligned_map)
 
     @cached_property
     def up(self) -> Up | None:

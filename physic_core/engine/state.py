@@ -6,35 +6,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor
 
 from physic_core.body.model import BodyModel
+from physic_core.engine.ground.carriers import Carried
 from physic_core.engine.ground.floor_and_scale import Ground
-from physic_core.engine.ground.stance import Stance
 from physic_core.engine.limbs import observed_parts
 from physic_core.engine.photo import PhotoContent
 from physic_core.engine.scene_state import SceneState, Surroundings
 from physic_core.engine.sizes.known_sizes import KnownGeometry
 from physic_core.errors import PhysicError
 from physic_core.geometry.alignment import Alignment
-from physic_core.types import (
-    Bodies,
-    ContactProbability,
-    DepthMap,
-    Intrinsics,
-    Keypoints,
-    KnownSizes,
-    Observations,
-    People,
-    Pointmap,
-)
+from physic_core.types import Bodies, ContactProbability, DepthMap, KnownSizes
 from physic_core.types.arrays import PER_PERSON, select_people, shape, wrong_rows
 from physic_core.types.contacts import BodyContact, ContactPartner, Support
-from physic_core.types.known_sizes import KnownPeople
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import SIDES, Skeleton
 
@@ -81,80 +69,53 @@ class OtherView(ShortRepr):
 
 @dataclass(frozen=True)
 class Estimates(ShortRepr):
-    """Results of all backends for one photo, in the camera frame of ``intrinsics``.
+    """Results of all backends for one photo, in the frame of its camera.
 
     All arrays of people, and those of the views, have a row for each of the N people.
 
     Attributes:
         image: (H, W, 3) uint8 RGB.
-        camera_given: whether the user or the file gave ``intrinsics``.
-        hole: (H, W) bool, inpainted pixels.
+        camera_given: whether the user or the file gave the camera.
+        photo: what it shows.
         inpainted: (H, W, 3) uint8 RGB, the photo without its people and what they hold.
-        scene: relative point map of ``inpainted``.
-        original: relative point map of ``image``.
         ground: floor, stance and scale; average feet for those without a body.
         bodies: N bodies with their hands, of the configured body model.
         contact: contact prior, zero if no backend was configured.
         depth: metric depth of ``inpainted``.
-        observations: what the N people do; NaN if no backend was configured, or if it failed.
         depth_by: name of what estimated it, in messages.
         missing_results: per person, the interfaces whose backend returned no valid values for them.
             Such a person has keypoints of confidence 0, a body of NaN, flat hands or no prior
             contact.
         known: sizes that the user knows, in px of ``image``.
-        statures: (N,) known ones, metres, NaN where unknown; None if no stature is known.
-        ages: (N,) known ones, years, NaN where unknown; None if no age is known.
         views: what other cameras show of the same people.
-        given_keypoints: (N, J), which of ``keypoints`` the user gave; None if none.
+        given_keypoints: (N, J), which of the keypoints the user gave; None if none.
         contradicted_px: (N, J), how far mask and detector contradict them, px; None if none.
         file_px: px of the photo file in one px of ``image``, stated if ``given_keypoints`` are.
     """
 
     image: UInt8Array
-    intrinsics: Intrinsics
     camera_given: bool
-    people: People = field(metadata=PER_PERSON)
-    keypoints: Keypoints = field(metadata=PER_PERSON)
-    hole: BoolArray
+    photo: PhotoContent = field(metadata=PER_PERSON)
     inpainted: UInt8Array
-    scene: Pointmap
-    original: Pointmap
     ground: Ground = field(metadata=PER_PERSON)
     bodies: Bodies = field(metadata=PER_PERSON)
     contact: ContactProbability = field(metadata=PER_PERSON)
     depth: DepthMap
-    observations: Observations = field(metadata=PER_PERSON)
     missing_results: tuple[tuple[str, ...], ...] = field(metadata=PER_PERSON)
     depth_by: str = "metric depth"
     known: KnownSizes = field(default_factory=KnownSizes)
-    statures: FloatArray | None = field(default=None, metadata=PER_PERSON)
-    ages: FloatArray | None = field(default=None, metadata=PER_PERSON)
     views: tuple[OtherView, ...] = ()
     given_keypoints: BoolArray | None = field(default=None, metadata=PER_PERSON)
     contradicted_px: FloatArray | None = field(default=None, metadata=PER_PERSON)
     file_px: float = 1.0
 
     def __post_init__(self) -> None:
-        count = len(self.people)
+        count = len(self.photo.people)
         wrong = [*wrong_rows(self, count)]
         for i, view in enumerate(self.views):
             wrong += wrong_rows(view, count, f"views[{i}].")
         if wrong:
             raise PhysicError(f"estimates of {count} people: {'; '.join(wrong)}")
-
-    @cached_property
-    def photo(self) -> PhotoContent:
-        """What the photo shows, its point map not yet aligned to the scene."""
-        return PhotoContent(
-            people=self.people,
-            keypoints=self.keypoints,
-            observations=self.observations,
-            known=KnownPeople(self.ages, self.statures),
-            camera=self.intrinsics,
-            inpainted=self.hole,
-            scene_map=self.scene,
-            photo_map=self.original,
-        )
 
 
 @dataclass(frozen=True)
@@ -206,7 +167,13 @@ class State(ShortRepr):
             NaN where unknown; None if the body estimator states none.
         lean_sigma: (N,) radians, stated errors of the lean towards the camera, NaN where unknown;
             None if the body estimator states none.
-        stance: of the people; None if unknown.
+        stands: (N, 2) probability that the foot stands on the floor; None if unknown.
+        observed_touch: (N, 5) log odds of the person observer that feet, hands and seat touch the
+            world, beyond those of its base rate; None if unknown.
+        touch: (N, 5) probability by the picture that feet, hands and seat touch something; by stage
+            2 less for feet of people who ride. It weights their attraction to floor and scene; None
+            counts as 1.
+        carried: what people ride, and boards below their feet; None without any in the picture.
         scale_sigma: standard deviation of log(scale) of the scene, or None.
         known: sizes that the user knows; None without any.
         views: views of the same people from other cameras; their start is then based on all photos.
@@ -216,8 +183,6 @@ class State(ShortRepr):
         human_points: per person (M_i, 3) metres, aligned to the scene; None as ``photo_depth``.
         estimated_transl: (N, 3) metres, by the body estimator.
         keypoint_transl: (N, 3) metres, by the keypoints alone (Eq. 2).
-        touch: (N, 5) probability that feet, hands and seat touch something, which weights their
-            attraction to floor and scene, less for feet of people who ride; None counts as 1.
         size_ratio: (N,) factor by which to enlarge people so that a scene of known size matches
             the photo, NaN where unknown; None if the size of the scene is unknown.
         unplaced: per person, why keypoints, depth and floor did not place the body, or "".
@@ -250,7 +215,10 @@ class State(ShortRepr):
     K: Tensor = field(metadata=shape(3, 3))
     rotation_sigma: Tensor | None = field(default=None, metadata=shape("N", 22))
     lean_sigma: Tensor | None = field(default=None, metadata=shape("N"))
-    stance: Stance | None = None
+    stands: Tensor | None = field(default=None, metadata=shape("N", 2))
+    observed_touch: Tensor | None = field(default=None, metadata=shape("N", 5))
+    touch: Tensor | None = field(default=None, metadata=shape("N", 5))
+    carried: Carried | None = None
     scale_sigma: float | None = None
     known: KnownGeometry | None = None
     views: tuple[OtherView, ...] = ()
@@ -259,7 +227,6 @@ class State(ShortRepr):
     human_points: tuple[Tensor, ...] | None = None
     estimated_transl: Tensor | None = field(default=None, metadata=shape("N", 3))
     keypoint_transl: Tensor | None = field(default=None, metadata=shape("N", 3))
-    touch: Tensor | None = field(default=None, metadata=shape("N", 5))
     size_ratio: Tensor | None = field(default=None, metadata=shape("N"))
     unplaced: tuple[str, ...] = ()
 
@@ -282,7 +249,7 @@ class State(ShortRepr):
         return Surroundings.of(self.scene, self.transl)
 
     @property
-    def finite(self) -> Tensor:
+    def finite_people(self) -> Tensor:
         """People (N,) bool whose vertices are finite; the others touch nothing."""
         return torch.isfinite(self.vertices).flatten(1).all(1)
 
@@ -294,25 +261,25 @@ class State(ShortRepr):
         return up.to(self.transl)
 
     @property
-    def observed_anywhere(self) -> Tensor:
+    def observed_in_any_photo(self) -> Tensor:
         """Joints (N, 55) bool that are visible in any photo."""
         seen = [self.observed.bool(), *(view.observed.bool() for view in self.views)]
         return torch.stack(seen).any(0)
 
     @property
-    def seen(self) -> Tensor:
+    def visible_vertices(self) -> Tensor:
         """Vertices (N, V) bool of limbs that any photo shows."""
-        parts = observed_parts(self.model.part_names, self.observed_anywhere)
+        parts = observed_parts(self.model.part_names, self.observed_in_any_photo)
         return parts[:, self.model.part_of_vertex]
 
     @property
-    def photos(self) -> Tensor:
+    def photo_counts(self) -> Tensor:
         """Number of photos (N,) that show each person; at least 1, for the photo of the state."""
         here = torch.ones(len(self), device=self.K.device, dtype=torch.bool)
         shown = [(view.keypoint_confidence > 0).any(1) for view in self.views]
         return torch.stack([here, *shown]).sum(0)
 
-    def seen_by(self, view: OtherView) -> State:
+    def from_view(self, view: OtherView) -> State:
         """Return a copy with the camera and the detections of another view.
 
         Bodies stay in the photo's frame, and joints count as visible that are visible in any photo.
@@ -323,12 +290,12 @@ class State(ShortRepr):
             keypoints=view.keypoints,
             keypoint_confidence=view.keypoint_confidence,
             masks=view.masks,
-            observed=self.observed_anywhere,
+            observed=self.observed_in_any_photo,
             photo_depth=None,
             views=(),
         )
 
-    def weight_of_parts(self) -> Tensor:
+    def touch_weights(self) -> Tensor:
         """Return the probability (N, V) that the part of each vertex touches something: of feet,
         hands, thighs, buttocks, and of the back that of the seat; 1 elsewhere.
         """
@@ -343,29 +310,6 @@ class State(ShortRepr):
             part = model.part_of_vertex == model.part_names.index(name)
             weight[:, part] = self.touch[:, column, None].to(weight)
         return weight
-
-    def check(self, name: str = "joint optimisation") -> None:
-        """Raise PhysicError if fields have wrong shapes; the message starts with the name and lists
-        all such fields.
-        """
-        model = self.model
-        height, width = self.masks.shape[-2:]
-        sizes = {"N": len(self), "J": self.keypoints.shape[1], "H": height, "W": width}
-        sizes |= {"K": model.num_betas, "E": model.num_expression, "V": model.num_vertices}
-        faults = []
-        for each in fields(self):
-            value = getattr(self, each.name)
-            dims = each.metadata.get("shape")
-            if dims is not None and value is not None and value is not _UNKNOWN:
-                expected = tuple(sizes.get(part, part) for part in dims)
-                if tuple(value.shape) != expected:
-                    faults.append(f"{each.name} must be {expected}, got {tuple(value.shape)}")
-        if self.human_points is not None and len(self.human_points) != len(self):
-            faults.append(f"human_points must be {len(self)} tensors, got {len(self.human_points)}")
-        if faults:
-            raise PhysicError(f"{name}: " + "; ".join(faults))
-        for i, view in enumerate(self.views):
-            self.seen_by(view).check(f"{name}, view {i}")
 
     def select_people(self, rows: Tensor) -> State:
         """Return a copy with the tensors of a selection of the people, (n,) int64."""

@@ -76,7 +76,7 @@ def with_up_of_file(pointmap: Pointmap, stated: FloatArray | None) -> tuple[Poin
     seen = up_of_pointmap(pointmap)
     both = gimbal if seen is None else fused_up([gimbal, seen])
     warning = ""
-    if seen is not None and apart(gimbal, seen) > DISAGREE:
+    if seen is not None and difference_sigmas(gimbal, seen) > DISAGREE:
         off = angle_deg(gimbal.direction, seen.direction)
         warning = (
             f"the pitch of the drone's gimbal contradicts the {seen.source} of the photo by "
@@ -117,13 +117,15 @@ def fused_up(witnesses: Sequence[Up]) -> Up:
     The farther a witness is from the surest one, the less it counts: one of them may be wrong.
     """
     first = min(witnesses, key=lambda one: one.sigma)
-    precision = torch.tensor([1 / one.sigma**2 / (1 + apart(first, one) ** 2) for one in witnesses])
+    precision = torch.tensor(
+        [1 / one.sigma**2 / (1 + difference_sigmas(first, one) ** 2) for one in witnesses]
+    )
     total = precision.double() @ torch.stack([one.direction for one in witnesses])
     direction = torch.nn.functional.normalize(total, dim=0)
     return Up(direction, 1 / math.sqrt(float(precision.sum())), first.source)
 
 
-def apart(first: Up, second: Up) -> float:
+def difference_sigmas(first: Up, second: Up) -> float:
     """Return how far two witnesses differ, in joint standard deviations."""
     joint = math.hypot(first.sigma, second.sigma)
     return angle_deg(first.direction, second.direction) / joint
@@ -146,7 +148,7 @@ def level_plane(plane: PlaneFit, up: Up | None, slope: float, ray: Tensor) -> Pl
         return plane
     level = replace(up, sigma=math.hypot(up.sigma, slope))
     own = Up(plane.normal.double(), math.degrees(plane.plane_sigma), "the floor")
-    if apart(own, level) > DISAGREE:
+    if difference_sigmas(own, level) > DISAGREE:
         off = math.hypot(own.sigma, angle_deg(own.direction, up.direction))
         return replace(plane, pitch_sigma=math.radians(off))
     if up.sigma >= _LEAST_SURE_DEG:
@@ -166,12 +168,12 @@ def level_plane(plane: PlaneFit, up: Up | None, slope: float, ray: Tensor) -> Pl
 _GRAZING = 0.02
 
 
-def contradiction(floor: PlaneFit | None, up: Up | None, slope: float) -> tuple[str, ...]:
+def slope_warnings(floor: PlaneFit | None, up: Up | None, slope: float) -> tuple[str, ...]:
     """Return a warning if a floor contradicts up; nothing if it does not."""
     if floor is None or floor.beneath or up is None:
         return ()
     own = Up(floor.normal.double(), math.degrees(floor.plane_sigma), "the floor")
-    if apart(own, replace(up, sigma=math.hypot(up.sigma, slope))) <= DISAGREE:
+    if difference_sigmas(own, replace(up, sigma=math.hypot(up.sigma, slope))) <= DISAGREE:
         return ()
     off = angle_deg(floor.normal, up.direction)
     return (

@@ -153,7 +153,7 @@ def apply_alignment(points: Tensor, alignment: Alignment) -> Tensor:
     z = points[..., 2]
     # Z = Z' / (s + t Z') keeps the direction: the whole point is divided.
     divisor = alignment.scale + alignment.shift * z
-    factor = torch.where(divisor > 0, divisor.reciprocal(), torch.full_like(divisor, math.inf))
+    factor = torch.where(divisor > 0, divisor.reciprocal(), math.inf)
     return torch.where(torch.isinf(factor)[..., None], math.inf, points * factor[..., None])
 
 

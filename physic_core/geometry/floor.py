@@ -60,18 +60,14 @@ class BlockMeans(NamedTuple):
     lower: Tensor
 
 
-def average_blocks(
-    rays: Tensor, inverse: Tensor, valid: Tensor, mask: Tensor | None, hole: Tensor | None
-) -> BlockMeans:
+def average_blocks(view: InverseDepthMap, mask: Tensor | None) -> BlockMeans:
     """Average the rays and inverse depths of a point map over square blocks of pixels.
 
     Args:
-        rays: (H, W, 3), X / Z.
-        inverse: (H, W), 1 / Z.
-        valid: (H, W) bool.
+        view: the point map.
         mask: (H, W) bool, candidate pixels; None takes the lower part of the image.
-        hole: (H, W) bool, inpainted pixels, or None.
     """
+    rays, inverse, valid, *_, hole = view
     rows, columns = valid.shape
     block = max(1, math.ceil(math.sqrt(rows * columns / _SAMPLES)))
     while True:
@@ -231,6 +227,11 @@ def refit(rays: Tensor, inverse: Tensor, tolerance: float) -> Tensor:
         plane = again
         weight = (1 - ((inverse - rays @ plane) / tolerance).square()).clamp(min=0).square()
     return plane
+
+
+def lower_inlier_shares(view: InverseDepthMap, plane: Tensor) -> tuple[float, float]:
+    """Return :func:`plane_inlier_shares` of the lower part of the image."""
+    return plane_inlier_shares(average_blocks(view, None), plane, view.tolerance)
 
 
 def plane_inlier_shares(
@@ -400,15 +401,15 @@ def plane_of_pixels(
     Returns:
         (3,) inverse depth of the plane by ray, and the plane.
     """
-    samples = average_blocks(view.rays, view.inverse, view.valid, mask, view.hole)
+    samples = average_blocks(view, mask)
     if int(samples.candidate.sum()) < FEWEST_SAMPLES:
         return None
-    plane = fit_plane(samples, slack * view.tolerance, view.least_rise, up)
+    tolerance = slack * view.tolerance
+    plane = fit_plane(samples, tolerance, view.least_rise, up)
     if plane is None:
         return None
-    return plane, plane_as_fit(
-        view, plane, plane_inlier_shares(samples, plane, slack * view.tolerance), source, slack
-    )
+    shares = plane_inlier_shares(samples, plane, tolerance)
+    return plane, plane_as_fit(view, plane, shares, source, slack)
 
 
 def plane_as_fit(
@@ -445,9 +446,7 @@ def plane_at_feet(
     if not bool(seen.any()):
         return None
     plane = -up.double() * (inverse[seen] / slope[seen]).quantile(0.5)
-    samples = average_blocks(view.rays, view.inverse, view.valid, None, view.hole)
-    shares = plane_inlier_shares(samples, plane, view.tolerance)
-    return plane, plane_as_fit(view, plane, shares, "soles")
+    return plane, plane_as_fit(view, plane, lower_inlier_shares(view, plane), "soles")
 
 
 _SAME_PLANE = 0.5  # least cosine between the normals of a plane in two point maps

@@ -7,30 +7,34 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from scipy.spatial import cKDTree
 
-from physic_core.errors import PhysicError
 from physic_core.geometry.tensors import exact_arrays
 
 if TYPE_CHECKING:
     from torch import Tensor
 
-_LEAF = 32  # points of a leaf of the tree
+array_tree = partial(cKDTree, leafsize=32, balanced_tree=False, compact_nodes=False)
+"""k-d tree of an array (M, 3) float64.
+
+For pixel samples and skins, and a bounded distance, it is built faster and searched up to three
+times as fast as SciPy's default.
+"""
 
 
-def search_tree(points: np.ndarray) -> cKDTree:
-    """Return a k-d tree of points (M, 3) float64."""
-    # For pixel samples and skins, and a bounded distance, this tree is built faster and searched
-    # up to three times as fast.
-    return cKDTree(points, leafsize=_LEAF, balanced_tree=False, compact_nodes=False)
+def search_tree(points: Tensor) -> cKDTree:
+    """Return a k-d tree of points (M, 3), on the CPU and in float64."""
+    return array_tree(*exact_arrays(points))
 
 
-def nearest_rows(tree: cKDTree, places: Tensor, radius: float = math.inf) -> tuple[Tensor, Tensor]:
+def nearest_indices(
+    tree: cKDTree, places: Tensor, radius: float = math.inf
+) -> tuple[Tensor, Tensor]:
     """Return the row (n,) int64 of the nearest point of a tree to each place (n, 3), and its
     distance (n,); 0 and inf beyond the radius.
     """
@@ -63,18 +67,9 @@ class NearestPointSearch:
         points: (M, 3) metres, camera frame; M may be 0.
         normals: (M, 3) unit, or zero where unknown; stored for the caller.
         radius: search radius, metres.
-
-    Raises:
-        PhysicError: the shapes do not match.
     """
 
     def __init__(self, points: Tensor, normals: Tensor, radius: float = 0.15) -> None:
-        if points.ndim != 2 or points.shape[-1] != 3 or normals.shape != points.shape:
-            raise PhysicError(
-                f"scene points and normals must both be (M, 3), got {tuple(points.shape)} and "
-                f"{tuple(normals.shape)}: "
-                "flatten the point map first"
-            )
         self.points = points.detach()
         self.normals = normals.detach()
         self.radius = radius
@@ -82,7 +77,7 @@ class NearestPointSearch:
     @cached_property
     def tree(self) -> cKDTree:
         """The k-d tree of the points, built when it is first used."""
-        return search_tree(*exact_arrays(self.points))
+        return search_tree(self.points)
 
     def query(self, vertices: Tensor, scale: float = 1.0, radius: float | None = None) -> Nearest:
         """Find the nearest scene point of each vertex; not differentiable.
@@ -96,7 +91,7 @@ class NearestPointSearch:
         flat = vertices.detach().reshape(-1, 3) / scale
         # cKDTree raises on non-finite queries.
         finite = torch.isfinite(flat).all(-1)
-        flat = torch.where(finite[:, None], flat, torch.zeros_like(flat))
+        flat = torch.where(finite[:, None], flat, 0.0)
         if len(self.points) == 0:
             index = torch.zeros(len(flat), dtype=torch.int64, device=flat.device)
             distance = torch.full((len(flat),), torch.inf, dtype=flat.dtype, device=flat.device)
@@ -104,8 +99,8 @@ class NearestPointSearch:
             index, distance = self.lookup(flat, radius / scale)
         distance = distance * scale
         found = (distance < radius) & finite
-        index = torch.where(found, index, torch.zeros_like(index))
-        distance = torch.where(found, distance, torch.full_like(distance, torch.inf))
+        index = torch.where(found, index, 0)
+        distance = torch.where(found, distance, torch.inf)
         shape = vertices.shape[:-1]
         return Nearest(index.reshape(shape), distance.reshape(shape), found.reshape(shape))
 
@@ -116,7 +111,7 @@ class NearestPointSearch:
         A subclass may search in another way. Beyond the radius, the index may be any, and the
         distance any that is larger than the radius.
         """
-        return nearest_rows(self.tree, places, radius)
+        return nearest_indices(self.tree, places, radius)
 
 
 def inside_body_boxes(points: Tensor, vertices: Tensor, margin: float) -> Tensor:

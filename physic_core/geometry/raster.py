@@ -49,7 +49,7 @@ def rasterize(pixels: Tensor, z: Tensor, faces: Tensor, height: int, width: int)
         least = side
         for rows in torch.split(chosen, max(1, _BLOCK // (side * side))):
             _draw(pictures, _Triangles(*(part[rows] for part in triangles)), side)
-    return torch.where(pictures == nothing, torch.full_like(pictures, -1), pictures & 0xFFFFFFFF)
+    return torch.where(pictures == nothing, -1, pictures & 0xFFFFFFFF)
 
 
 class _Triangles(NamedTuple):

@@ -26,9 +26,7 @@ def geman_mcclure(squared: Tensor, c: float | Tensor) -> Tensor:
 def absolute(squared: Tensor) -> Tensor:
     """Return the absolute residuals of squared residuals (...), with derivative zero at zero."""
     off = squared > 0
-    return torch.where(
-        off, torch.sqrt(torch.where(off, squared, torch.ones_like(squared))), squared
-    )
+    return torch.where(off, torch.sqrt(torch.where(off, squared, 1.0)), squared)
 
 
 def cauchy(squared: Tensor, c: float | Tensor) -> Tensor:
@@ -103,7 +101,7 @@ def loss_with_slope(kind: str, q: Tensor, c: float | Tensor) -> tuple[Tensor, Te
             (loss, slope) if kind == "pseudo_huber" else (loss / (2.0 * c**2), slope / (2.0 * c**2))
         )
     loss = robust_loss(kind, q * c**2, c) / c**2
-    return loss, torch.where(q > 0, 0.5 / (c**2 * loss), torch.zeros_like(loss))
+    return loss, torch.where(q > 0, 0.5 / (c**2 * loss), 0.0)
 
 
 _BY_NAME = {"pseudo_huber": pseudo_huber, "cauchy": cauchy, "geman_mcclure": geman_mcclure}

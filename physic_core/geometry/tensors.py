@@ -70,6 +70,12 @@ def dilate_square(mask: torch.Tensor, radius: int) -> torch.Tensor:
     return torch.from_numpy(grown.view(bool)).to(mask.device)
 
 
+def span_of_true(hit: torch.Tensor, margin: int) -> slice:
+    """Return the span of the true elements of ``hit`` (n,) bool, at least one, with a margin."""
+    at = hit.nonzero()
+    return slice(max(0, int(at[0]) - margin), int(at[-1]) + 1 + margin)
+
+
 def quantiles(values: torch.Tensor, shares: Sequence[float], most: int = 50_000) -> list[float]:
     """Return quantiles of values (M,) without interpolation, of an even subsample of about ``most``
     if there are more.

@@ -70,7 +70,7 @@ def inside_mask(uv: Tensor, mask: Tensor) -> Tensor:
     """
     height, width = mask.shape[-2:]
     inside = inside_image(uv, height, width)
-    safe = torch.where(inside[..., None], uv, torch.zeros_like(uv)).round().long()
+    safe = torch.where(inside[..., None], uv, 0.0).round().long()
     flat = safe[..., 1] * width + safe[..., 0]
     return torch.gather(mask.flatten(-2), -1, flat) & inside
 
@@ -169,7 +169,7 @@ def front_depth(depth: Tensor) -> Tensor:
 
     Four pixels, since at a depth edge a single one may show the background.
     """
-    known = torch.where(torch.isfinite(depth), depth, torch.full_like(depth, torch.inf))
+    known = torch.where(torch.isfinite(depth), depth, torch.inf)
     rows = torch.minimum(known[:-1], known[1:])
     return torch.minimum(rows[:, :-1], rows[:, 1:])
 
@@ -187,12 +187,12 @@ def in_free_space(points: Tensor, front: Tensor, K: Tensor) -> Tensor:
     K = K.to(points)
     z = points[..., 2]
     ahead = z > 1e-6
-    away = torch.where(ahead, z, torch.ones_like(z))
+    away = torch.where(ahead, z, 1.0)
     column = (K[0, 0] * points[..., 0] / away + K[0, 2]).floor()
     row = (K[1, 1] * points[..., 1] / away + K[1, 2]).floor()
     height, width = front.shape
     inside = ahead & (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    flat = torch.where(inside, row * width + column, torch.zeros_like(row)).long()
+    flat = torch.where(inside, row * width + column, 0).long()
     return ~(inside & (front.flatten()[flat] < z))
 
 

@@ -62,6 +62,8 @@ from physic_core.types.arrays import select_people
 from physic_core.types.results import KNOWN_UP_SIGMA_DEG
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from physic_core.body.model import BodyModel
     from physic_core.configuration.resolve import ResolvedPipeline
     from physic_core.engine.ground.floor import FloorCandidate, FloorEvidence
@@ -110,7 +112,7 @@ class Findings:
         camera: of scene and people.
         own: metric depth that comes with a scale of its own, without the hole; None without one.
         measured: the depth of the whole photo if it was measured, or None.
-        content: what the photo shows, with its point map aligned to the scene.
+        photo: what the photo shows, before bodies are estimated.
         ground: of the people with bodies.
         embodied: (N,) bool, people with finite bodies. Backends that need bodies get only these.
         others: as of :class:`Estimates`.
@@ -130,7 +132,7 @@ class Findings:
     measured: DepthMap | None = None
     original: Pointmap
     observations: Observations
-    content: PhotoContent
+    photo: PhotoContent
     evidence: FloorEvidence
     floors: tuple[FloorCandidate, ...]
     bodies: Bodies
@@ -198,27 +200,19 @@ class Findings:
             ground = replace(ground, guess="")
         return Estimates(
             image=self.image,
-            intrinsics=self.camera,
             camera_given=self.given.photo.intrinsics is not None,
-            people=self.people,
-            keypoints=self.keypoints,
-            hole=self.hole,
+            photo=self.photo,
             inpainted=self.inpainted,
-            scene=self.scene,
-            original=self.original,
             ground=ground,
             bodies=self.bodies,
             contact=self.contact,
             depth=self.depth,
-            observations=self.observations,
             depth_by=self.plan.backends["metric_depth"].title,
             missing_results=tuple(
                 tuple(name for name, who in self.missing.items() if who[i])
                 for i in range(len(self.people))
             ),
-            ages=self.known.years,
             known=self.given.known,
-            statures=self.known.stature,
             given_keypoints=self.changed,
             contradicted_px=self.contradicted,
             file_px=1.0 if keypoints is None else keypoints.file_px,
@@ -391,36 +385,36 @@ def _observations(found: Findings, step: Step) -> None:
 
 
 def _floors(found: Findings, _: Step) -> None:
-    """Fill content, evidence and floors."""
-    from physic_core.engine.ground.floor import best_candidate, chosen_floor
-    from physic_core.engine.ground.floor_and_scale import candidates_in, floor_evidence
+    """Fill photo, evidence and floors."""
+    from physic_core.engine.ground.floor import best_index, chosen_floor
+    from physic_core.engine.ground.floor_and_scale import floor_evidence, scene_floor_candidates
     from physic_core.engine.photo import PhotoContent
     from physic_core.engine.up import surest_up
+    from physic_core.geometry.tensors import tensor
 
-    scene = found.scene
     engine = found.plan.engine
-    photo = PhotoContent(
+    hole = tensor(found.hole)
+    scene = found.scene
+    found.photo = photo = PhotoContent(
         people=found.people,
         keypoints=found.keypoints,
         observations=found.observations,
         known=found.known,
         camera=found.camera,
-        inpainted=found.hole,
+        hole=hole,
         scene_map=scene,
-        photo_map=found.original if found.hole.any() else scene,
+        photo_map=found.original,
+        aligned_map=_aligned(found.original, scene, hole, engine) if found.hole.any() else scene,
     )
-    if found.hole.any():
-        photo = replace(photo, photo_map=_aligned(photo, engine))
-    found.content = photo
     found.evidence = floor_evidence(photo)
     searched = engine.scene.floor != "off"
-    found.floors = candidates_in(photo.scene, found.evidence, searched=searched)
-    floor = chosen_floor(found.floors, best_candidate(found.floors), found.evidence).plane
+    found.floors = scene_floor_candidates(photo.scene, found.evidence, searched=searched)
+    floor = chosen_floor(found.floors, best_index(found.floors), found.evidence).plane
     up = surest_up(floor, photo.up, photo.slope)
     found.hints = replace(
         found.hints,
         floor=None if floor is None else floor.to_plane(),
-        original=photo.photo_map,
+        original=photo.aligned_map,
         observations=found.observations,
         up=up.direction.numpy() if floor is not None or up.sigma < KNOWN_UP_SIGMA_DEG else None,
     )
@@ -515,15 +509,15 @@ def _depth_of_own_scale(found: Findings, step: Step) -> None:
 def _floor_and_scale(found: Findings, _: Step) -> None:
     """Fill ground."""
     from physic_core.engine.ground.floor_and_scale import find_ground
-    from physic_core.engine.up import contradiction
+    from physic_core.engine.up import slope_warnings
 
-    photo = select_people(found.content, found.embodied)
+    photo = select_people(found.photo, found.embodied)
     bodies = select_people(found.bodies, found.embodied)
     evidence = found.evidence
     witness = found.own if found.plan.engine.scene.rescales_depth else None
     found.ground = find_ground(photo, bodies, found.model, found.floors, evidence, witness)
     plane = found.ground.search.plane
-    found.stages.warn(*contradiction(plane, evidence.up, evidence.slope))
+    found.stages.warn(*slope_warnings(plane, evidence.up, evidence.slope))
 
 
 def _depth_of_scale(found: Findings, step: Step) -> None:
@@ -575,17 +569,20 @@ def _camera_of(pointmap: Pointmap) -> Intrinsics:
     return Intrinsics(fx, fy, cx, cy, width, height, "point map")
 
 
-def _aligned(photo: PhotoContent, settings: EngineSettings) -> Pointmap:
-    """Return the point map of a photo with its people, aligned to the scene."""
+def _aligned(
+    original: Pointmap, scene: Pointmap, hole: Tensor, settings: EngineSettings
+) -> Pointmap:
+    """Return the point map of a photo with its people, aligned to the scene outside the hole."""
+    from physic_core.engine.photo import PixelPoints
     from physic_core.engine.placement.solve import align_photo_points_to_scene
     from physic_core.geometry.alignment import apply_alignment
 
-    scene = photo.scene
+    photo, behind = map(PixelPoints.of, (original, scene))
     alignment = align_photo_points_to_scene(
-        photo.photo, photo.hole, scene.points, scene.valid, settings.placement
+        photo, hole, behind.points, behind.valid, settings.placement
     )
-    aligned = apply_alignment(photo.photo.points, alignment).numpy()
-    return replace(photo.photo_map, points=aligned, unknown=scene.unknown)
+    aligned = apply_alignment(photo.points, alignment).numpy()
+    return replace(original, points=aligned, unknown=scene.unknown)
 
 
 STEPS = (

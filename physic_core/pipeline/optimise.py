@@ -40,7 +40,7 @@ def run_engine(
     is_sized = state.known is not None and state.known.unscaled is not None
     if estimates.ground.guess and not is_sized:
         stages.warn(estimates.ground.guess)
-    if not len(estimates.people):
+    if not len(estimates.photo.people):
         return as_reconstruction(estimates, state)
     with stages.time_engine("placement"):
         placed = solve_placement(estimates, state, settings.placement)

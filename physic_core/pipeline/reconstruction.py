@@ -69,34 +69,23 @@ def as_reconstruction(
         people=() if touch is None else _people(estimates, state, touch, measures),
         faces=state.model.faces.int().numpy(),
         body_model=state.model.name,
-        skeleton=estimates.keypoints.skeleton,
+        skeleton=estimates.photo.keypoints.skeleton,
         diagnostics=_diagnostics(estimates, state),
-        unposed=tuple(estimates.people.unposed),
+        unposed=tuple(estimates.photo.people.unposed),
         contact_partners=() if touch is None else touch.partners,
     )
-
-
-def _age(estimates: Estimates, person: int) -> float | None:
-    age = math.nan if estimates.ages is None else float(estimates.ages[person])
-    return age if math.isfinite(age) else None
 
 
 def _people(
     estimates: Estimates, state: State, touch: Contact, measures: Sequence[Measures]
 ) -> tuple[Person, ...]:
-    found = estimates.people
+    photo = estimates.photo
+    found = photo.people
+    _, years = photo.known.filled(len(found))
     parameters = parameters_from_rotations(
         state.rotations, state.betas, state.expression, state.transl
     )
-    rows = arrays(
-        vertices=state.vertices,
-        joints=state.joints,
-        contact=touch.partner != NO_PARTNER,
-        distance=touch.distance,
-        contact_partner=touch.partner,
-    )
-    if touch.probability is not None:
-        rows["contact_probability"] = touch.probability.cpu().numpy().astype(np.float16)
+    rows = _arrays_of_people(state, touch)
     sizes = zip(state.model.stature(state.betas), body_size_sigmas(estimates, state), strict=True)
     unseen = _unseen(state)
     people = []
@@ -107,23 +96,37 @@ def _people(
                 box=found.boxes[i],
                 score=float(found.scores[i]),
                 mask=found.masks[i],
-                keypoints=estimates.keypoints.points[i],
-                keypoint_confidence=estimates.keypoints.confidence[i],
+                keypoints=photo.keypoints.points[i],
+                keypoint_confidence=photo.keypoints.confidence[i],
                 parameters=parameters[i : i + 1],
                 contacts=touch.contacts[i],
                 support=touch.supports[i],
                 world_contact=_world_contact(touch, i),
                 unseen=unseen[i] if has_body else (),
-                age=_age(estimates, i),
+                age=float(years[i]) if math.isfinite(years[i]) else None,
                 stature=float(stature) if has_body else None,
                 stature_sigma=sigma if has_body else None,
                 sizes=_sizes(state, i) if has_body else {},
                 measures=measures[i],
-                **_observed(estimates.observations, i),
+                **_observed(photo.observations, i),
                 **{name: array[i] for name, array in rows.items()},
             )
         )
     return tuple(people)
+
+
+def _arrays_of_people(state: State, touch: Contact) -> dict[str, Any]:
+    """Return the arrays with a row for each person, as fields of a Person."""
+    rows = arrays(
+        vertices=state.vertices,
+        joints=state.joints,
+        contact=touch.partner != NO_PARTNER,
+        distance=touch.distance,
+        contact_partner=touch.partner,
+    )
+    if touch.probability is not None:
+        rows["contact_probability"] = touch.probability.cpu().numpy().astype(np.float16)
+    return rows
 
 
 def _sizes(state: State, person: int) -> dict[str, float]:
@@ -150,7 +153,7 @@ def _observed(said: Observations, person: int) -> dict[str, Any]:
 def _unseen(state: State) -> list[tuple[str, ...]]:
     """Return the limbs of each person at whose end no photo has a confident keypoint."""
     names = state.model.part_names
-    seen = observed_parts(names, state.observed_anywhere).tolist()
+    seen = observed_parts(names, state.observed_in_any_photo).tolist()
     limbs = limb_part_indices(names)
     return [tuple(names[i] for i in limbs if not shown[i]) for shown in seen]
 
@@ -182,10 +185,10 @@ def _diagnostics(estimates: Estimates, state: State) -> dict[str, Any]:
 
 def _intrinsics(estimates: Estimates, state: State) -> Intrinsics:
     K = state.scene.K
-    height, width = estimates.hole.shape
+    height, width = estimates.photo.hole.shape
     fx, fy, cx, cy = (float(v) for v in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))
-    for camera in (estimates.intrinsics, estimates.depth.intrinsics):
-        if camera is not None and torch.equal(K, torch.from_numpy(camera.matrix)):
+    for camera in (estimates.photo.camera, estimates.depth.intrinsics):
+        if camera and (fx, fy, cx, cy) == (camera.fx, camera.fy, camera.cx, camera.cy):
             return Intrinsics(
                 fx, fy, cx, cy, width, height, camera.source, camera.trust, camera.focal_sigma
             )

@@ -4,13 +4,21 @@ fused ones.
 
 from __future__ import annotations
 
+from functools import partial
+
 import torch
 
 from physic_core.engine.joint.sampling import root_relative
 from physic_core.engine.joint.terms.picture import MIN_DEPTH_M
 from physic_core.engine.joint.terms.scene import SLACK_M, lowest_height
 from physic_core.geometry.plane import height_over_plane
+from physic_core.geometry.robust import robust_loss
 from physic_paper.terms.printed_regularisation import mesh_energies
+
+
+def rho_of(total):
+    """Return the robust loss of a sum, of squared residuals in units of its expected residual."""
+    return partial(robust_loss, total.kind, c=total.scale)
 
 
 def contact_energy(squared, weight, rho):
@@ -95,16 +103,16 @@ def reference_surface_energies(
             log_scale[:, None],
             offset,
             s.sigma,
-            s.rho,
+            rho_of(s),
         )
         energies["depth"] = s.weight.sum(1) * mean
     if "contact" in on:
         term, s = on["contact"]
         distance = torch.where(term.on_scene, signed, height)
-        energies["contact"] = contact_energy((distance / s.sigma).square(), s.weight, s.rho)
+        energies["contact"] = contact_energy((distance / s.sigma).square(), s.weight, rho_of(s))
     if "penetration" in on:
         _, s = on["penetration"]
-        energies["penetration"] = penetration_energy(signed, s.weight, SLACK_M, s.sigma, s.rho)
+        energies["penetration"] = penetration_energy(signed, s.weight, SLACK_M, s.sigma, rho_of(s))
     if "floor" in on:
         term, s = on["floor"]
         # Invisible legs give the scale no gradient: they use the scale at the last refresh.
@@ -112,7 +120,7 @@ def reference_surface_energies(
             height * scale + data.floor_offset * (data.last_scale - scale)
         ) / scale.detach()
         above = torch.where(term.eligible, height, invisible)
-        energies["floor"] = penetration_energy(above, s.weight, 0.0, s.sigma, s.rho)
+        energies["floor"] = penetration_energy(above, s.weight, 0.0, s.sigma, rho_of(s))
     relative = root_relative(vertices, pelvis, root)
     energies["mesh"] = mesh_energies(relative, data.relative.transpose(1, 2), data.mesh_weight)
     lowest = [

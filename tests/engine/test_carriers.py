@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
 
 from physic_core.engine.contact.method import ContactMethod
-from physic_core.engine.contact.solve import contact_of
+from physic_core.engine.contact.solve import find_contact
 from physic_core.engine.ground.carriers import NOTHING, Carried, carried_people
-from physic_core.engine.ground.stance import Stance
 from physic_core.types import SKELETONS, Carrier, Keypoints
 
 from .test_contact_probability import alone, near_of
@@ -89,10 +86,10 @@ def test_people_touch_what_carries_them(body, name, ridden, board, gap, feet, ha
     """
     soles = float(body(*body.zero_pose()).vertices[..., 1].min())
     carried = Carried((name,), np.array([ridden]), np.array([board]))
-    observed = np.full((1, 5), 0.0 if ridden == NOTHING else 4.0)
-    stance = replace(Stance.unknown(1), carried=carried, observed=observed)
-    state = alone(body, (torch.tensor([0.0, 1.0, 0.0]), gap - soles), stance)
-    found = contact_of(state, near_of(state, ContactMethod()), ContactMethod())
+    observed = torch.full((1, 5), 0.0 if ridden == NOTHING else 4.0)
+    floor = torch.tensor([0.0, 1.0, 0.0]), gap - soles
+    state = alone(body, floor, carried=carried, observed_touch=observed)
+    found = find_contact(state, near_of(state, ContactMethod()), ContactMethod())
     touched = {one.part: one.partner.title for one in found.contacts[0]}
     assert [touched.get(f"{side}_foot") for side in ("left", "right")] == [feet] * 2
     assert [touched.get(f"{side}_hand") for side in ("left", "right")] == [hands] * 2

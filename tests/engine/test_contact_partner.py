@@ -35,9 +35,8 @@ BACK = torch.tensor([0.0, 0.0, -1.0])
 
 def distances_of(normals, surface, parts, skin):
     """Distances of people to whom the skin of others is as near as their own."""
-    nothing = torch.zeros_like(normals)
     hidden = torch.zeros(normals.shape[:2], dtype=torch.bool)
-    return Distances(normals, surface, parts, skin, skin, nothing, hidden)
+    return Distances(normals, surface, parts, skin, skin, hidden)
 
 
 def square(height, x=0.0):
@@ -99,8 +98,9 @@ def assigned(touched, scene, floor, point):
     count = len(touched)
     one = torch.ones(1, count, dtype=torch.int64)
     skin = SkinDistances(torch.zeros(1, count), one, one)
-    surface = SurfaceDistances(torch.tensor([scene]), torch.tensor([floor]), torch.tensor([point]))
-    near = distances_of(torch.zeros(1, count, 3), surface, parts, skin)
+    none = torch.zeros(1, count, 3)
+    surface = SurfaceDistances(*(torch.tensor([each]) for each in (scene, floor, point)), none)
+    near = distances_of(none, surface, parts, skin)
     regions = ContactRegions(("head", "left_hand"), torch.tensor([0, 1] * 8)[: max(count, 2)])
     table, index = assign_partners(torch.tensor([touched]), near, regions, UP)
     return [table[i] if i != NO_PARTNER else None for i in index[0].tolist()]
@@ -135,7 +135,7 @@ def test_a_part_that_rests_on_a_surface_does_not_rest_on_a_wall(label, facing, n
     far = torch.full((1, 4), torch.inf)
     touched = torch.zeros(1, 4, dtype=torch.int64)
     skin = SkinDistances(far, touched, touched)
-    surface = SurfaceDistances(torch.zeros(1, 4), far, torch.arange(4)[None])
+    surface = SurfaceDistances(torch.zeros(1, 4), far, torch.arange(4)[None], torch.zeros(1, 4, 3))
     down = torch.tensor([0.0, facing, 1 - facing]).expand(1, 4, 3)
     regions = ContactRegions(("left_foot",), torch.zeros(4, dtype=torch.int64))
     table, _ = assign_partners(touched, distances_of(down, surface, parts, skin), regions, UP)

@@ -6,14 +6,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
 
 from physic_core.engine.contact.method import ContactMethod
 from physic_core.engine.contact.probability import contact_part_masks, scene_contact
-from physic_core.engine.contact.solve import contact_of
-from physic_core.engine.ground.stance import Stance
+from physic_core.engine.contact.solve import find_contact
 from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.types import ContactPartner
 from physic_core.types.skeletons import SIDES
@@ -28,7 +26,7 @@ METHOD = ContactMethod()
 def person(body):
     """A person in the rest pose, head up, who stands on a floor."""
     soles = float(body(*body.zero_pose()).vertices[..., 1].min())
-    return alone(body, (torch.tensor([0.0, 1.0, 0.0]), -soles), Stance.unknown(1))
+    return alone(body, (torch.tensor([0.0, 1.0, 0.0]), -soles))
 
 
 def touch(state, **changed):
@@ -41,12 +39,12 @@ def touch(state, **changed):
 
 
 def contact(state):
-    return contact_of(state, near_of(state, METHOD), METHOD)
+    return find_contact(state, near_of(state, METHOD), METHOD)
 
 
 def observed(state, odds):
     """The same state whose feet, hands and seat are observed to touch with these log odds."""
-    return replace(state, stance=replace(state.stance, observed=np.broadcast_to(odds, (1, 5))))
+    return replace(state, observed_touch=torch.tensor(odds).expand(1, 5))
 
 
 def raised(state, height):
@@ -85,8 +83,8 @@ def test_parts_that_are_observed_to_touch_do_so_more(person, part):
     assert more[part] > less[part]
 
 
-def test_without_a_stance_feet_are_those_of_an_average_person(person):
-    assert touch(replace(person, stance=None))[1] == touch(person)[1]
+def test_without_an_observer_feet_are_those_of_an_average_person(person):
+    assert touch(observed(person, 0.0))[1] == touch(person)[1]
 
 
 def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stage):
@@ -99,9 +97,9 @@ def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stag
         for joint, sign in (("hip", -1), ("knee", 1))
     }
     stage = make_stage([(bends, (0.0, 0.0, 3.0))])
-    over = alone(body, (torch.tensor([0.0, -1.0, 0.0]), 3.0), Stance.unknown(1))
+    over = alone(body, (torch.tensor([0.0, -1.0, 0.0]), 3.0))
     sits = replace(over, vertices=stage.vertices, joints=stage.joints)
-    found = contact(observed(sits, np.array([0.0, 0.0, -4.0, -4.0, 4.0])))
+    found = contact(observed(sits, [0.0, 0.0, -4.0, -4.0, 4.0]))
     assert set(found.parts) == set(contact_part_masks(body))
     assert {one.partner for one in found.contacts[0]} == {ContactPartner("hidden", "seat")}
     assert LEAST_PROBABILITY <= float(found.parts["seat"]) < 1

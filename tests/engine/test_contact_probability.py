@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from physic_core import engine_preset
 from physic_core.engine.contact.distances import KINDS, ContactSurfaces
 from physic_core.engine.contact.probability import part_gaps
-from physic_core.engine.contact.solve import contact_of, measure_distances
+from physic_core.engine.contact.solve import find_contact, measure_distances
 from physic_core.engine.ground.touch import (
     HAND,
     INSIDE,
@@ -53,7 +53,7 @@ def test_the_gap_of_a_part_is_its_fifth_smallest_distance():
     assert gaps[6:].tolist() == [0.5, 0.5, math.inf]
 
 
-def alone(body, plane=None, stance=None):
+def alone(body, plane=None, **known):
     """A person in the rest pose who is near no point of a scene."""
     posed = body(*body.zero_pose())
     return state_of(
@@ -67,7 +67,7 @@ def alone(body, plane=None, stance=None):
         keypoint_confidence=torch.zeros(1, 17),
         masks=torch.zeros(1, 2, 2, dtype=torch.bool),
         contact_prior=torch.full(posed.vertices.shape[:2], 0.5),
-        stance=stance,
+        **known,
         vertices=posed.vertices,
         joints=posed.joints,
     )
@@ -132,7 +132,7 @@ def test_a_thigh_beside_the_thigh_of_another_does_not_sit(body, monkeypatch):
     )
     always_touched(monkeypatch, 0.9)
     method = engine_preset("default").contact
-    found = contact_of(given, near_of(given, method), method)
+    found = find_contact(given, near_of(given, method), method)
     thighs = torch.cat([body.contact_sets["thighs"], body.contact_sets["gluteus"]])
     touched = {
         found.partners[number].kind

@@ -26,6 +26,7 @@ def test_only_named_classes_give_way():
         torch.zeros(1, len(label)),
         torch.full((1, len(label)), torch.inf),
         torch.arange(len(label))[None],
+        torch.zeros(1, len(label), 3),
     )
     give = largest_dents(near, SceneParts(SURFACE_NAMES, label, none, none.bool()))[0]
     assert set(GIVE_M) < set(SURFACE_NAMES)

@@ -20,7 +20,11 @@ from physic_core.engine.ground.floor import (
     chosen_floor,
     standing_score,
 )
-from physic_core.engine.ground.floor_and_scale import candidates_in, find_ground, floor_evidence
+from physic_core.engine.ground.floor_and_scale import (
+    find_ground,
+    floor_evidence,
+    scene_floor_candidates,
+)
 from physic_core.engine.photo import PhotoContent
 from physic_core.engine.sizes.evidence import depth_witness
 from physic_core.engine.sizes.scale_vote import Witnesses, scaled_depth
@@ -113,9 +117,10 @@ class World:
             observations=Observations.unknown(len(places)),
             known=NONE_KNOWN,
             camera=CAMERA,
-            inpainted=EMPTY,
+            hole=torch.tensor(EMPTY),
             scene_map=in_units(self.depth),
             photo_map=in_units(self.original),
+            aligned_map=in_units(self.original),
         )
         self.bodies = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded")
 
@@ -131,8 +136,8 @@ class World:
         return self.answer(depth=depth, **changed)
 
     def candidates(self, searched=True, **changed):
-        photo = replace(self.photo, inpainted=self.photo.people.masks.any(0), **changed)
-        return candidates_in(photo.scene, floor_evidence(photo), searched=searched)
+        photo = replace(self.photo, hole=self.photo.masks.any(0), **changed)
+        return scene_floor_candidates(photo.scene, floor_evidence(photo), searched=searched)
 
     def labelled(self, name, ground, **masks):
         labels = SurfaceLabels(ground.astype(np.uint8), ("unknown", name))
@@ -381,10 +386,10 @@ def test_people_at_several_depths_show_the_shift_of_the_inverse_depth():
     floor = replace(FLOOR[0], plane=replace(FLOOR[0].plane, normal=normal, offset=1 / length))
     photo = in_units(1 / (1 / world.original + shift / UNIT))
     scene = in_units(shifted, shift_sigma=0.3)
-    found = world.answer((floor, NO_FLOOR), scene_map=scene, photo_map=photo)
+    found = world.answer((floor, NO_FLOOR), scene_map=scene, aligned_map=photo)
     ratio = scaled_depth(scene, found.scale, CAMERA).depth / world.depth
     assert np.nanquantile(ratio, [0.02, 0.98]) == pytest.approx([1, 1], abs=0.1)
-    certain = world.answer((floor, NO_FLOOR), scene_map=in_units(shifted), photo_map=photo)
+    certain = world.answer((floor, NO_FLOOR), scene_map=in_units(shifted), aligned_map=photo)
     assert certain.scale.shift == 0
 
 

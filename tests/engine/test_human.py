@@ -271,12 +271,13 @@ PERSON[20:80, 45:75] = True
 BACKGROUND = (1.5 / RAYS[..., 1].clamp(min=0.05)).clamp(max=6.0)
 SCENE = RAYS * BACKGROUND[..., None]
 EVERYWHERE = torch.ones_like(PERSON)
+CAMERA = intrinsics_matrix(150.0, 150.0, 59.5, 44.5, TRUE[0, 0])
 
 
-def align(points, scene, people=PERSON, **options):
+def align(points, scene, people=PERSON, method=DEFAULT, **options):
     """Align a photo of unknown scale to a scene, both valid everywhere."""
     photo = PixelPoints(points, EVERYWHERE, "scale")
-    return align_photo_points_to_scene(photo, people, scene, EVERYWHERE, **options)
+    return align_photo_points_to_scene(photo, people, scene, EVERYWHERE, method, **options)
 
 
 def test_the_photo_is_aligned_outside_its_people_and_carries_them_along():
@@ -287,7 +288,7 @@ def test_the_photo_is_aligned_outside_its_people_and_carries_them_along():
     found = align(relative, SCENE)
     assert found.scale == pytest.approx(3.0)
     assert found.inlier_share > 0.95
-    placed = move_photo_points_to_scene(relative, found, None)
+    placed = move_photo_points_to_scene(relative, found, CAMERA)
     assert_close(placed[PERSON][:, 2], torch.full_like(placed[PERSON][:, 2], 2.0))
 
 
@@ -308,18 +309,17 @@ def test_far_background_takes_no_part_where_that_is_wanted():
 
 
 def test_aligned_points_are_put_on_the_rays_of_the_scenes_camera():
-    K = intrinsics_matrix(150.0, 150.0, 59.5, 44.5, TRUE[0, 0])
     found = align(SCENE / 2, SCENE)
-    placed = move_photo_points_to_scene(SCENE / 2, found, K)
-    expected = pixel_rays(ROWS, COLUMNS, K) * BACKGROUND[..., None]
+    placed = move_photo_points_to_scene(SCENE / 2, found, CAMERA)
+    expected = pixel_rays(ROWS, COLUMNS, CAMERA) * BACKGROUND[..., None]
     assert_close(placed, expected)
 
 
 def test_without_a_common_background_no_person_has_points():
     found = align(SCENE, SCENE, people=EVERYWHERE)
     assert found.inlier_share == 0
-    placed = move_photo_points_to_scene(SCENE, found, None)
-    assert len(human_points(placed, EVERYWHERE, PERSON)) == 0
+    placed = move_photo_points_to_scene(SCENE, found, CAMERA)
+    assert len(human_points(placed, EVERYWHERE, PERSON, DEFAULT)) == 0
 
 
 def test_points_that_float_at_the_rim_are_no_human_points():

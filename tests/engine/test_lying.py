@@ -14,7 +14,11 @@ from physic_core import load_config, reconstruct
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.bones import parameters_from_rotations
 from physic_core.body.posture import photo_turned_deg
-from physic_core.engine.ground.floor_and_scale import candidates_in, find_ground, floor_evidence
+from physic_core.engine.ground.floor_and_scale import (
+    find_ground,
+    floor_evidence,
+    scene_floor_candidates,
+)
 from physic_core.engine.photo import PhotoContent
 from physic_core.geometry.camera import project
 from physic_core.types import (
@@ -78,10 +82,18 @@ def answer(turned=False, floor_m=None, gap_m=0.0, label=None, posture=None, up=N
         said.posture[:, POSTURES.index(posture)] = 0.92
         said = replace(said, posture_share=np.full(9, 1 / 9))
     content = PhotoContent(
-        people, keypoints, said, KnownPeople(), CAMERA, mask, scene_map=scene, photo_map=photo
+        people=people,
+        keypoints=keypoints,
+        observations=said,
+        known=KnownPeople(),
+        camera=CAMERA,
+        hole=torch.tensor(mask),
+        scene_map=scene,
+        photo_map=photo,
+        aligned_map=photo,
     )
     evidence = floor_evidence(content)
-    floors = candidates_in(content.scene, evidence)
+    floors = scene_floor_candidates(content.scene, evidence)
     return find_ground(content, bodies, model, floors, evidence)
 
 

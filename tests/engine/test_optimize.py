@@ -12,7 +12,6 @@ import torch
 from torch.testing import assert_close
 
 from physic_core.engine.joint.optimiser import (
-    Gradient,
     LbfgsHistory,
     LbfgsOptimiser,
     keep_lowest_energy,
@@ -209,7 +208,7 @@ def directions_of(hessians, count, generator, groups=None, coupled=None):
         g = torch.einsum("bij,bj->bi", hessians, torch.cat([x, t.expand(people, 1)], 1))
         if coupled is not None:
             g[:, :-1] += (coupled @ x.reshape(-1)).view_as(x)
-        return Gradient(g[:, :-1], g[:, -1])
+        return g[:, :-1], g[:, -1]
 
     zero = gradient_at(torch.zeros(people, size).double(), torch.zeros(()).double())
     history.direction(zero)
@@ -217,7 +216,7 @@ def directions_of(hessians, count, generator, groups=None, coupled=None):
         x, t = random_step()
         change = gradient_at(x, t)
         history.add(x, t, zero, change)
-        pairs.append((flat(x, t), flat(change.people, change.scale.sum())))
+        pairs.append((flat(x, t), flat(change[0], change[1].sum())))
     return history, pairs, gradient_at(*random_step())
 
 
@@ -237,7 +236,7 @@ def test_one_group_has_the_direction_of_the_two_loop_recursion(count, people):
     history, pairs, gradient = directions_of(
         random_hessians(people, 30, g), count, g, torch.zeros(people, dtype=torch.int64)
     )
-    want = two_loops(pairs[-40:], flat(gradient.people, gradient.scale.sum()))
+    want = two_loops(pairs[-40:], flat(gradient[0], gradient[1].sum()))
     assert_close(
         flat(*history.direction(gradient)), want, rtol=1e-6, atol=1e-6 * want.norm().item()
     )
@@ -261,7 +260,7 @@ def test_a_history_for_each_group_gives_steps_nearer_to_newtons_than_one_history
     for i, hessian in enumerate(hessians):
         rows = torch.tensor([*range(i * size, (i + 1) * size), people * size])
         whole[rows[:, None], rows] += hessian
-    newton = -torch.linalg.solve(whole, flat(gradient.people, gradient.scale.sum()))
+    newton = -torch.linalg.solve(whole, flat(gradient[0], gradient[1].sum()))
     found = flat(*history.direction(gradient))
     of_all = torch.zeros(people, dtype=torch.int64)
     pooled, _, _ = directions_of(hessians, 12, g, of_all, coupled)
@@ -272,12 +271,12 @@ def test_a_history_for_each_group_gives_steps_nearer_to_newtons_than_one_history
 
 def test_a_step_of_negative_curvature_is_not_stored_for_that_person():
     history = LbfgsHistory()
-    gradient = Gradient(torch.tensor([[3.0, 4.0], [0.0, 0.0]]), None)
+    gradient = torch.tensor([[3.0, 4.0], [0.0, 0.0]]), None
     before, _ = history.direction(gradient)
-    assert_close(before, -0.1 * gradient.people)  # half a unit long
-    after = Gradient(gradient.people + torch.tensor([[-1.0, 0.0], [2.0, 0.0]]), None)
+    assert_close(before, -0.1 * gradient[0])  # half a unit long
+    after = gradient[0] + torch.tensor([[-1.0, 0.0], [2.0, 0.0]]), None
     history.add(torch.tensor([[1.0, 0.0], [1.0, 0.0]]), None, gradient, after)
     same, _ = history.direction(gradient)
     assert_close(same, before)
-    other, _ = history.direction(Gradient(torch.tensor([[3.0, 4.0], [1.0, 0.0]]), None))
+    other, _ = history.direction((torch.tensor([[3.0, 4.0], [1.0, 0.0]]), None))
     assert_close(other[1], torch.tensor([-0.5, 0.0]))

@@ -38,7 +38,7 @@ def estimated_too_far(make_stage, stands_at):
     points = PixelPoints.of(pointmap_of(0.5 * photo.numpy(), CAMERA, "scale"))
     scene = replace(state.scene, diagnostics={"floor": {}})
     state = replace(state, transl=state.transl + AWAY, scene=scene)
-    content = SimpleNamespace(photo=points, hole=state.masks.any(0))
+    content = SimpleNamespace(with_people=points, hole=state.masks.any(0))
     return SimpleNamespace(photo=content), state
 
 
@@ -61,9 +61,10 @@ def test_placement_recovers_the_true_place_of_a_person(given):
 def test_feet_on_pedals_do_not_draw_the_floor_to_them(make_stage):
     """A rider's soles are 25 cm over the ground, and the scene keeps its size."""
     estimates, state = estimated_too_far(make_stage, FLOOR_Y - 0.25)
-    estimates.observations = replace(Observations.unknown(1), posture=RIDES)
+    estimates.photo.observations = replace(Observations.unknown(1), posture=RIDES)
     observed = np.array([[4.0, 4.0, 0.0, 0.0, 6.0]])
-    state = replace(state, stance=replace(Stance.unknown(1), observed=observed))
+    touch = torch.tensor(replace(Stance.unknown(1), observed=observed).touch)
+    state = replace(state, touch=touch.to(state.transl))
     found = optimize(solve_placement(estimates, state, DEFAULT), engine_preset("default").joint)
     assert found.scene_scale == pytest.approx(1.0, abs=0.03)
     lowest = float(found.vertices[..., 1].max())

@@ -7,18 +7,18 @@ import math
 import numpy as np
 import pytest
 
-from physic_core.engine.sizes.evidence import KNOWN_SCALE_SIGMA, ScaleEvidence, combine
+from physic_core.engine.sizes.evidence import KNOWN_SCALE_SIGMA, ScaleEvidence, combined_scale
 from physic_core.engine.sizes.scale_vote import Witnesses, vote_on_scale
 
 
 def test_known_sizes_give_their_geometric_mean_and_dominate_a_guess():
     known = [ScaleEvidence.by_known_size(metres, 1.0) for metres in (2.0, 2.1)]
-    both = combine(known)
+    both = combined_scale(known)
     assert math.exp(both.log_scale) == pytest.approx(math.sqrt(2.0 * 2.1))
     assert both.sigma == KNOWN_SCALE_SIGMA
-    with_guess = combine([*known, ScaleEvidence(math.log(4.0), 0.5)])
+    with_guess = combined_scale([*known, ScaleEvidence(math.log(4.0), 0.5)])
     assert with_guess.log_scale == pytest.approx(both.log_scale, abs=1e-3)
-    assert combine([]) is None
+    assert combined_scale([]) is None
 
 
 def vote(scales, sigma=0.06, sure=0.9, shared=0.0):

@@ -13,7 +13,7 @@ from physic_core import engine_preset
 from physic_core.engine.ground.stance import (
     Stance,
     depth_gaps_at_feet,
-    lower_than_the_other,
+    foot_drops,
     stance_in_picture,
     standing_prior,
 )
@@ -71,7 +71,7 @@ def test_both_feet_of_people_who_stand_touch_and_one_raised_behind_touches_less(
 
 
 def test_the_height_of_feet_is_in_lengths_of_the_trunk_at_any_size_of_the_picture():
-    lower = lower_than_the_other(7.0 * person(left=RAISED), NAMES)
+    lower = foot_drops(7.0 * person(left=RAISED), NAMES)
     assert lower.tolist() == pytest.approx(np.array([[-0.75, 0.75]]))
 
 
@@ -89,7 +89,7 @@ def test_legs_without_keypoints_are_those_of_an_average_foot(unknown):
         points[0, 2] = np.nan
     else:
         names = tuple(name.replace("heel", "sole") for name in NAMES)
-    assert np.isnan(lower_than_the_other(points, names)).all()
+    assert np.isnan(foot_drops(points, names)).all()
     found = touch_of(points, names)[0]
     assert found[0] == found[1]
     assert 0.5 < found[0] < 0.97

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 
 from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.ground.stance import Stance
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
@@ -73,14 +72,14 @@ def test_unknown_errors_and_those_of_limbs_that_the_photo_does_not_show_count_no
 def test_energies_of_the_paper_do_not_ask_for_stated_errors(bent, preset):
     told = {"rotation_sigma": stated(0.02), "lean_sigma": torch.tensor([0.03])}
     short = adjusted(engine_preset(preset).joint, optimiser__steps=2)
-    standing = replace(bent, stance=stance(1.0))
+    standing = replace(bent, stands=standing_feet(1.0))
     plain, sure = (optimize(state, short) for state in (standing, replace(standing, **told)))
     assert torch.equal(plain.rotations, sure.rotations)
 
 
-def stance(stands):
-    """Stance of one person whose feet stand with a probability."""
-    return replace(Stance.unknown(1), stands=np.array([[stands, 0.0]]))
+def standing_feet(stands):
+    """Probability that the feet of one person stand, whose left one does with a probability."""
+    return torch.tensor([[stands, 0.0]])
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +90,7 @@ def short_legged(standing):
     feet = [i for i, name in enumerate(state.skeleton.names) if name.endswith(ends)]
     keypoints = state.keypoints.clone()
     keypoints[:, feet, 1] -= 0.02 * 1.7 / 3.5 * state.K[1, 1]
-    return replace(state, keypoints=keypoints, stance=stance(1.0))
+    return replace(state, keypoints=keypoints, stands=standing_feet(1.0))
 
 
 def lean(state):
@@ -123,7 +122,7 @@ def test_a_stated_lean_is_kept_less_over_a_floor_of_unsure_pitch(short_legged):
 def test_the_lean_of_people_who_do_not_stand_or_were_not_set_upright_is_free(
     short_legged, stands, sigma
 ):
-    plain = replace(short_legged, stance=stance(stands))
+    plain = replace(short_legged, stands=standing_feet(stands))
     told = replace(plain, lean_sigma=torch.tensor([sigma]))
     assert torch.equal(optimize(plain, SHORT).joints, optimize(told, SHORT).joints)
 

@@ -12,9 +12,9 @@ from physic_core.engine.up import (
     Up,
     angle_deg,
     camera_axis,
-    contradiction,
     level_plane,
     slope_sigma,
+    slope_warnings,
     surest_up,
 )
 from physic_core.geometry.floor import PlaneFit
@@ -51,13 +51,13 @@ def test_a_floor_that_agrees_turns_to_the_surer_witness_about_the_feet():
     assert torch.allclose(place_of_feet(level), place_of_feet(plane))
     assert math.degrees(level.pitch_sigma) < 1.6
     assert level.plane_sigma == plane.plane_sigma
-    assert contradiction(level, edges(9), 0.5) == ()
+    assert slope_warnings(level, edges(9), 0.5) == ()
 
 
 def test_a_witness_that_is_less_sure_than_floors_are_turns_none_and_may_contradict_one():
     plane = floor(9)
     assert level_plane(plane, edges(20, 7.0), 0.0, FEET) is plane
-    assert contradiction(plane, edges(20, 7.0), 0.0) == ()
+    assert slope_warnings(plane, edges(20, 7.0), 0.0) == ()
     far = level_plane(plane, edges(40, 7.0), 0.0, FEET)
     assert torch.equal(far.normal, plane.normal)
     assert math.degrees(far.pitch_sigma) > 30
@@ -78,7 +78,7 @@ def test_a_floor_that_contradicts_up_stays_and_is_less_sure():
     assert torch.equal(same.normal, plane.normal)
     assert same.offset == plane.offset
     assert math.degrees(same.pitch_sigma) > 28
-    assert "28 degrees" in contradiction(same, edges(5), 0.5)[0]
+    assert "28 degrees" in slope_warnings(same, edges(5), 0.5)[0]
 
 
 def test_a_street_may_slope_and_a_floor_may_not():

@@ -162,13 +162,6 @@ def test_what_another_camera_shows_takes_part_in_contact(raised):
         assert on_hand.float().mean() == shown
 
 
-def test_shapes_of_a_view_are_checked(two):
-    view = view_of(two, 40.0)
-    broken = replace(two.state, views=(view, replace(view, masks=view.masks[:1])))
-    with pytest.raises(PhysicError, match="view 1: masks must be"):
-        optimize(broken, SETTINGS)
-
-
 def test_an_energy_without_other_cameras_refuses_them(two):
     state = replace(two.state, views=(view_of(two, 40.0),), human_points=(torch.zeros(9, 3),) * 2)
     with pytest.raises(PhysicError, match=r"^only the engine preset 'default' uses other cameras"):

@@ -37,10 +37,14 @@ def evidence():
 
 
 def with_cameras(evidence, pointmap, metric):
+    photo = replace(
+        evidence.photo,
+        camera=pointmap or evidence.photo.camera,
+        scene_map=replace(evidence.photo.scene_map, intrinsics=pointmap),
+    )
     seen = replace(
         evidence,
-        intrinsics=pointmap or evidence.intrinsics,
-        scene=replace(evidence.scene, intrinsics=pointmap),
+        photo=photo,
         depth=replace(evidence.depth, intrinsics=metric),
     )
     return run_engine(seen, QUICK, load_body("embedded"), StageRunner("cpu", 8))
@@ -74,7 +78,7 @@ def test_known_cameras_precede_estimated_and_guessed_ones(
 
 
 def test_depths_follow_the_focal_length_unless_they_were_measured(evidence):
-    own = evidence.scene.intrinsics
+    own = evidence.photo.scene_map.intrinsics
     longer = Intrinsics.from_focal(1.3 * own.fx, *SIZE, source="a network")
     agreed = with_cameras(evidence, own, replace(own, source="a network")).scene
 

@@ -33,6 +33,7 @@ from physic_core.types import (
     UnposedPerson,
     skeleton_named,
 )
+from physic_core.types.known_sizes import KnownPeople
 
 CAMERA = Intrinsics.from_focal(500, 640, 480, "EXIF")
 GIVEN = replace(CAMERA, trust=CameraTrust.KNOWN)
@@ -155,7 +156,7 @@ def case(**changes):
     observed[0, [4, 7]] = known["legs"]
     joints = standing(known["lean"]) if known["joints"] is None else known["joints"]
     points = np.stack([SLOPE] * 3, -1)
-    maps = {"scene": known["scene_camera"], "original": None}
+    maps = {"scene_map": known["scene_camera"], "photo_map": None}
     evidence = SimpleNamespace(
         bodies=SimpleNamespace(observed=observed),
         views=(),
@@ -174,20 +175,22 @@ def case(**changes):
         depth_by="metric_depth 'x'",
         missing_results=(known["lost"],),
         image=photo_of(known["colours"]),
-        hole=np.zeros((480, 640), bool),
-        keypoints=keypoints_at(joints, known["camera"], known["off"], known["moved"]),
-        people=SimpleNamespace(
-            boxes=np.array([[0.0, 0.0, 300.0, 400.0]]),
-            scores=np.array([known["score"]]),
-            unposed=known["unposed"],
-            masks=np.eye(1, 480 * 640, dtype=bool).reshape(1, 480, 640),
-            floor=np.ones((480, 640), bool) if known["mask"] else None,
-            heads=np.array([known["heads"]]),
+        photo=SimpleNamespace(
+            hole=torch.zeros(480, 640, dtype=torch.bool),
+            keypoints=keypoints_at(joints, known["camera"], known["off"], known["moved"]),
+            people=SimpleNamespace(
+                boxes=np.array([[0.0, 0.0, 300.0, 400.0]]),
+                scores=np.array([known["score"]]),
+                unposed=known["unposed"],
+                masks=np.eye(1, 480 * 640, dtype=bool).reshape(1, 480, 640),
+                floor=np.ones((480, 640), bool) if known["mask"] else None,
+                heads=np.array([known["heads"]]),
+            ),
+            **{
+                name: SimpleNamespace(intrinsics=camera, points=points, valid=points[..., 2] > 0)
+                for name, camera in maps.items()
+            },
         ),
-        **{
-            name: SimpleNamespace(intrinsics=camera, points=points, valid=points[..., 2] > 0)
-            for name, camera in maps.items()
-        },
     )
     floor = FLOOR if known["floor"] == "found" else None
     person = SimpleNamespace(
@@ -283,7 +286,7 @@ def test_a_metric_depth_within_three_sigma_is_right():
 
 def test_a_far_stranger_and_a_box_of_somebody_with_a_body_take_no_grade_away():
     estimates, result = case(unposed=(stranger(199), stranger(400, left=0.0)))
-    estimates.people.masks[0, :400, :26] = True
+    estimates.photo.people.masks[0, :400, :26] = True
     assert not [check for check in run_checks(estimates, result) if check.failed]
 
 
@@ -333,21 +336,22 @@ def test_a_fault_of_a_person_fails_its_checks(changes, names):
 
 def test_a_mask_with_the_head_of_another_person_is_never_good():
     evidence, result = case()
-    keypoints = evidence.keypoints
+    photo = evidence.photo
+    keypoints = photo.keypoints
     beside = keypoints.points + np.array([150.0, 0.0])
-    evidence.keypoints = SimpleNamespace(
+    photo.keypoints = SimpleNamespace(
         points=np.concatenate([keypoints.points, beside]),
         confidence=np.ones((2, 17)),
         skeleton="coco17",
     )
     result.people *= 2
-    evidence.people.masks = np.repeat(evidence.people.masks, 2, axis=0)
+    photo.people.masks = np.repeat(photo.people.masks, 2, axis=0)
     for heads in (1, 2):
         found = [CHECKS["heads"].compare(CHECKS["heads"].measure(evidence, result, 0), 0)]
         assert found[0].value == heads
         trust = person_trust((*run_checks(*case()), *found), 0)
         assert (trust.probability <= CAP) == (heads == 2)
-        evidence.people.masks[0, :, 100:] = True  # with the head of the other
+        photo.people.masks[0, :, 100:] = True  # with the head of the other
     assert warning_messages(found) == (f"person 0: {found[0].message}",)
 
 
@@ -447,17 +451,17 @@ def test_a_floor_by_which_the_camera_looks_far_up_is_doubtful(pitch_deg, failed)
     ("known", "sigmas", "message"),
     [
         (
-            {"ages": [6.0], "statures": None},
+            KnownPeople(np.array([6.0])),
             3.1,
             "the photo shows 1.70 m, and 1.15 m is usual at 6 years: ",
         ),
         (
-            {"ages": [6.0], "statures": [1.15]},
+            KnownPeople(np.array([6.0]), np.array([1.15])),
             3.1,
             "the photo shows 1.70 m, and 1.15 m was given: ",
         ),
         (
-            {"ages": [6.0], "statures": [1.15]},
+            KnownPeople(np.array([6.0]), np.array([1.15])),
             2.9,
             "Size against the given one: 2.90 sigma (limit 3 sigma)",
         ),
@@ -466,7 +470,7 @@ def test_a_floor_by_which_the_camera_looks_far_up_is_doubtful(pitch_deg, failed)
 def test_a_given_size_that_the_photo_contradicts_makes_a_person_doubtful(known, sigmas, message):
     report = {"given_stature_m": 1.15, "shown_stature_m": 1.7, "stature_sigmas": sigmas}
     estimates, result = case(report=report)
-    vars(estimates).update(known)
+    estimates.photo.known = known
     found = next(d for d in run_checks(estimates, result) if d.name == "given_size")
     assert found.message.startswith(message)
     trust = person_trust((*run_checks(*case()), found), 0)

@@ -12,6 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 
 from physic_core import (
@@ -25,9 +26,11 @@ from physic_core import (
     reconstruct,
 )
 from physic_core.engine.ground.stance import Stance
+from physic_core.engine.state import OtherView
 from physic_core.interfaces import MetricDepth
 from physic_core.io.photo import read_photo
 from physic_core.types import CheckResult, DepthMap, People
+from physic_core.types.known_sizes import KnownPeople
 from physic_mock import backends
 
 pytestmark = pytest.mark.usefixtures("few_steps")
@@ -267,13 +270,22 @@ def test_a_check_of_several_people_counts_with_its_worst_value(result, values, w
 @pytest.mark.parametrize(
     ("changes", "word"),
     [
-        (lambda e: {"people": replace(e.people, heads=np.ones(2, int))}, "people.heads has 2 rows"),
+        (
+            lambda e: {
+                "photo": replace(e.photo, people=replace(e.photo.people, heads=np.ones(2, int)))
+            },
+            "photo.people.heads has 2 rows",
+        ),
         (lambda e: {"missing_results": ()}, "missing_results has 0 rows"),
-        (lambda e: {"ages": np.ones(3)}, "ages has 3 rows"),
+        (
+            lambda e: {"photo": replace(e.photo, known=KnownPeople(np.ones(3)))},
+            "photo.known.years has 3 rows",
+        ),
         (
             lambda e: {"ground": replace(e.ground, stance=Stance.unknown(2))},
             "ground.stance.lower has 2 rows",
         ),
+        (lambda e: {"views": (OtherView(*[torch.zeros(0)] * 7),)}, r"views\[0\].masks has 0 rows"),
     ],
 )
 def test_estimates_completed_from_elsewhere_have_a_row_for_each_person(world, changes, word):

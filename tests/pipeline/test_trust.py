@@ -11,7 +11,7 @@ from physic_core.pipeline.checks.trust import CAP, load_of, probability_of, trus
 from physic_core.types import Grade, grade_text
 
 MODEL = trust_model()
-TERMS = sorted(MODEL.terms)
+TERMS = sorted(MODEL["terms"])
 
 
 def value_at(name, load):
@@ -24,7 +24,7 @@ def value_at(name, load):
 
 def best():
     """The best values of all checks of the model."""
-    return {name: value_at(name, 0.0) for name in MODEL.terms}
+    return {name: value_at(name, 0.0) for name in MODEL["terms"]}
 
 
 def results(**values):
@@ -47,18 +47,18 @@ def test_a_worse_value_never_raises_the_probability(name):
 
 
 def test_some_value_of_a_check_lowers_the_probability():
-    worst = {name: value_at(name, 3.0) for name in MODEL.terms}
+    worst = {name: value_at(name, 3.0) for name in MODEL["terms"]}
     assert probability_of(best(), MODEL) >= 0.8
     assert probability_of(worst, MODEL) < 0.1
 
 
 def test_what_was_not_measured_has_a_number_of_its_own():
-    for name, term in MODEL.terms.items():
-        usual = best() | {name: value_at(name, term.usual)}
+    for name, term in MODEL["terms"].items():
+        usual = best() | {name: value_at(name, term["usual"])}
         if not CHECKS[name].contradicts:
             gain = probability_of(best() | {name: None}, MODEL) - probability_of(usual, MODEL)
-            assert (gain > 1e-9) == (term.unmeasured > 0)
-            assert (gain < -1e-9) == (term.unmeasured < 0)
+            assert (gain > 1e-9) == (term["unmeasured"] > 0)
+            assert (gain < -1e-9) == (term["unmeasured"] < 0)
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_two_contradictions_make_a_person_bad():
 
 def test_the_two_checks_that_lower_the_probability_most_are_named():
     assert ";" not in person_trust(results(), 0).why
-    lowest = sorted(MODEL.terms, key=lambda name: MODEL.terms[name].slope)
+    lowest = sorted(MODEL["terms"], key=lambda name: MODEL["terms"][name]["slope"])
     worst = [name for name in lowest if not CHECKS[name].contradicts][:3]
     checks = results(**{name: value_at(name, 3.0) for name in worst})
     why = person_trust(checks, 0).why
@@ -148,8 +148,10 @@ def test_a_grade_is_a_range_of_the_probability(trust, grade, text):
 
 
 def test_a_person_whom_no_check_lowers_is_told_where_to_look():
-    usual = {name: value_at(name, term.usual) for name, term in MODEL.terms.items()}
+    usual = {name: value_at(name, term["usual"]) for name, term in MODEL["terms"].items()}
     trust = person_trust(results(**usual), 0)
     assert Grade.of(trust.probability) is not Grade.GOOD
-    assert not any(CHECKS[name].compare(usual[name], 0).title in trust.why for name in MODEL.terms)
+    assert not any(
+        CHECKS[name].compare(usual[name], 0).title in trust.why for name in MODEL["terms"]
+    )
     assert "compare" in trust.why.lower()

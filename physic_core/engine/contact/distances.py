@@ -24,7 +24,7 @@ from torch import Tensor
 
 from physic_core.engine.contact.parts import SceneParts
 from physic_core.engine.scene_state import Surroundings
-from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes, search_tree
+from physic_core.geometry.neighbors import NearestPointSearch, array_tree, inside_body_boxes
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.tensors import exact_arrays
 
@@ -75,11 +75,13 @@ class SurfaceDistances:
         floor: (..., V); inf without a plane.
         point: (..., V) int64, nearest point of ``ContactSurfaces.scene``; 0 if none is within the
             search radius.
+        normals: (..., V, 3) unit, of these points; zero where unknown.
     """
 
     scene: Tensor
     floor: Tensor
     point: Tensor
+    normals: Tensor
 
     @property
     def nearest(self) -> Tensor:
@@ -123,14 +125,14 @@ def surface_distances(
         height = height_over_plane(vertices, normal.to(vertices), vertices.new_tensor(offset))
         height = torch.where(height.abs() < SEARCH_RADIUS_M, height, far)
     if not len(scene.points):
-        return SurfaceDistances(far, height, nearest.index)
+        return SurfaceDistances(far, height, nearest.index, torch.zeros_like(vertices))
     normals = scene.normals[nearest.index].to(vertices)
     offsets = vertices - scene.points[nearest.index]
     along = (normals * offsets).sum(-1)
     inside = along < 0 if free is None else (along < 0) & ~free
     magnitude = measure(offsets, normals, nearest.distance)
     signed = torch.where(nearest.found, torch.where(inside, -magnitude, magnitude), far)
-    return SurfaceDistances(signed, height, nearest.index)
+    return SurfaceDistances(signed, height, nearest.index, normals)
 
 
 def distance_along_normal(offsets: Tensor, normals: Tensor, distance: Tensor) -> Tensor:
@@ -290,7 +292,7 @@ def _neighbours(
         ids = candidates[inside]
         if not len(ids):
             continue
-        tree = tree or search_tree(skin)
+        tree = tree or array_tree(skin)
         gap, index = tree.query(points[i, ids], k=count, distance_upper_bound=radius)
         found = np.isfinite(gap.reshape(len(ids), count))
         nearest = targets[np.where(found, index.reshape(found.shape), 0)]
@@ -329,7 +331,6 @@ class Distances:
         parts: of the scene's points, which ``surface.point`` indexes.
         people: to the skin of other people.
         own: to the skin of other parts of the same body.
-        surface_normals: (N, V, 3) unit, of the nearest points of the scene; zero where unknown.
         in_mask: (N, V) bool, vertices at pixels of the person's mask.
     """
 
@@ -338,8 +339,13 @@ class Distances:
     parts: SceneParts
     people: SkinDistances
     own: SkinDistances
-    surface_normals: Tensor
     in_mask: Tensor
+
+    @property
+    def on_ground(self) -> Tensor:
+        """Vertices (N, V) bool whose nearest point of the scene is of the floor."""
+        near = torch.isfinite(self.surface.scene)
+        return near & self.parts.ground[self.surface.point] if len(self.parts.ground) else near
 
     @property
     def by_kind(self) -> Tensor:

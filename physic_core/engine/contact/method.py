@@ -94,7 +94,7 @@ class ContactMethod:
         probabilities = torch.cat([on_scene[None], on_skin])
         sure = torch.cat([of_parts[None], part_on_skin]) >= LEAST_PROBABILITY
         likely = 1 - (1 - probabilities).prod(0)
-        likely = torch.where(state.model.outer & state.finite[:, None], likely, 0.0)
+        likely = torch.where(state.model.outer & state.finite_people[:, None], likely, 0.0)
         rank = torch.where(torch.isfinite(near.by_kind) & sure, probabilities, -1.0)
         touches = (likely >= self.threshold) & (rank.amax(0) >= 0)
         return replace(Touch.of_rank(rank, touches, likely), parts=parts)

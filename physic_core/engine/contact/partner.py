@@ -107,9 +107,7 @@ def _surfaces(
     """
     surfaces = near.surface
     parts = near.parts
-    ground = surfaces.on_floor
-    if len(parts.ground):
-        ground = ground | (torch.isfinite(surfaces.scene) & parts.ground[surfaces.point])
+    ground = surfaces.on_floor | near.on_ground
     yield on_scene & ground, ContactPartner("floor", "floor")
     on_scene = on_scene & ~ground
     if bool(on_scene.any()):

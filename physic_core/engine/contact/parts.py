@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from physic_core.body.model import BodyModel
-from physic_core.geometry.neighbors import NearestPointSearch, search_tree
+from physic_core.geometry.neighbors import NearestPointSearch, nearest_indices, search_tree
 from physic_core.geometry.tensors import exact_arrays
 from physic_core.types.people import GROUND_SURFACES
 
@@ -50,8 +50,8 @@ def are_adjacent(part: str, other: str) -> bool:
     """Return whether two parts of one body meet at a joint, or are both thighs: their skin touches
     in many poses.
     """
-    side, name = _side_and_name(part)
-    other_side, other_name = _side_and_name(other)
+    side, name = _split_part(part)
+    other_side, other_name = _split_part(other)
     if name in _TRUNK or other_name in _TRUNK:
         return {name, other_name} <= {*_TRUNK, "head", *(chain[-1] for chain in _CHAINS)}
     if name == other_name:
@@ -66,11 +66,11 @@ def are_adjacent(part: str, other: str) -> bool:
 
 def is_farther_out(part: str, other: str) -> bool:
     """Return whether a part is more distal than another; of two equal ones, the left one is."""
-    keys = [(_OUTER_FIRST.index(name), side) for side, name in map(_side_and_name, (part, other))]
+    keys = [(_OUTER_FIRST.index(name), side) for side, name in map(_split_part, (part, other))]
     return keys[0] < keys[1]
 
 
-def _side_and_name(part: str) -> tuple[str, str]:
+def _split_part(part: str) -> tuple[str, str]:
     """Return side and name of a part, such as ("left", "hand"); no side for the trunk and the
     head.
     """
@@ -139,22 +139,22 @@ def scene_parts(
     raised = (
         torch.zeros(len(points), dtype=torch.bool) if height is None else height.cpu() > _RAISED_M
     )
-    label = _labels(points, row, names, labels, raised)
-    mistaken = _among(label, names, _CARRIES_NOBODY) & (
+    label = _point_labels(points, row, names, labels, raised)
+    mistaken = _has_label(label, names, _CARRIES_NOBODY) & (
         (normals @ up.to(normals)).cpu() > _FACES_UP
     )
     label[mistaken] = -1
     ground = row.cpu() < 0
-    ground = ground | (_among(label, names, GROUND_SURFACES) & ~raised)
+    ground = ground | (_has_label(label, names, GROUND_SURFACES) & ~raised)
     if height is not None:
         off = height.cpu().abs()
         ground = ground | (off < _CELL_M) | (mistaken & (off < _RAISED_M))
-    surface = torch.from_numpy(_connected(*exact_arrays(points, normals, label, ground)))
+    surface = torch.from_numpy(_connected_surfaces(*exact_arrays(points, normals, label, ground)))
     at = points.device
     return SceneParts(names, label.to(at), surface.to(at), ground.to(at))
 
 
-def _labels(
+def _point_labels(
     points: Tensor, row: Tensor, names: tuple[str, ...], labels: Tensor, raised: Tensor
 ) -> Tensor:
     """Return the label (n,) of each point on the CPU; -1 where it is unknown."""
@@ -163,21 +163,18 @@ def _labels(
         return label
     row = row.cpu()
     given = torch.where(row >= 0, labels.cpu()[row], -1)
-    floors = _among(given, names, GROUND_SURFACES)
-    seen = (given >= 0) & ~_among(given, names, _NO_SURFACE)
+    floors = _has_label(given, names, GROUND_SURFACES)
+    seen = (given >= 0) & ~_has_label(given, names, _NO_SURFACE)
     label[seen] = given[seen]
     for hidden, source in ((~seen & ~raised, seen), (~seen & raised, seen & ~floors)):
         if bool(hidden.any()) and bool(source.any()):
-            shown, unknown = exact_arrays(points.cpu()[source], points.cpu()[hidden])
-            tree = search_tree(shown)
-            _, row = tree.query(unknown, distance_upper_bound=_NEIGHBOUR_M)
-            # SciPy returns the number of points if none is found
-            known = torch.cat([given[source], given.new_tensor([-1])])
-            label[hidden] = known[torch.from_numpy(row)]
+            tree = search_tree(points.cpu()[source])
+            nearest, away = nearest_indices(tree, points.cpu()[hidden], _NEIGHBOUR_M)
+            label[hidden] = torch.where(away.isfinite(), given[source][nearest], -1)
     return label
 
 
-def _among(label: Tensor, names: tuple[str, ...], chosen: tuple[str, ...]) -> Tensor:
+def _has_label(label: Tensor, names: tuple[str, ...], chosen: tuple[str, ...]) -> Tensor:
     """Return which labels (n,) bool have one of the chosen names."""
     return torch.isin(
         label,
@@ -185,7 +182,7 @@ def _among(label: Tensor, names: tuple[str, ...], chosen: tuple[str, ...]) -> Te
     )
 
 
-def _connected(
+def _connected_surfaces(
     points: np.ndarray, normals: np.ndarray, label: np.ndarray, ground: np.ndarray
 ) -> np.ndarray:
     """Return the connected surface (n,) of each point; the floor is one surface."""

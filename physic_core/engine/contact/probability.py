@@ -28,7 +28,6 @@ from physic_core.body.model import BodyModel
 from physic_core.body.posture import LYING_DEG, trunk_tilt_deg
 from physic_core.engine.contact.distances import SEARCH_RADIUS_M, Distances
 from physic_core.engine.contact.parts import are_adjacent, contact_regions
-from physic_core.engine.ground.stance import Stance
 from physic_core.engine.ground.touch import (
     DISTANCE,
     HAND,
@@ -44,6 +43,7 @@ from physic_core.engine.ground.touch import (
 from physic_core.engine.limbs import hip_bends
 from physic_core.engine.state import State
 from physic_core.geometry.tensors import exact_arrays
+from physic_core.types.observations import TOUCH_PARTS
 from physic_core.types.skeletons import SIDES
 
 _LOG_UNIT_M = 0.01
@@ -107,7 +107,7 @@ def scene_contact(state: State, near: Distances) -> tuple[Tensor, Tensor, dict[s
     """
     at = near_scene(state, near)
     unseen = unseen_parts(state, near)
-    lies = _lies(state)
+    lies = _lying_people(state)
     parts = {}
     of_parts = part_features(state, at.gap)
     hands = torch.zeros_like(state.joints[:, 0, 0])
@@ -115,36 +115,36 @@ def scene_contact(state: State, near: Distances) -> tuple[Tensor, Tensor, dict[s
     for name in sorted(of_parts, key=lambda part: kind_of_part(part) != "hand"):
         features = of_parts[name] | {HANDS: hands}
         kind = kind_of_part(name)
-        odds = torch.as_tensor(touch_log_odds(kind, features))
+        odds = touch_log_odds(kind, features)
         if kind in _RATED:
             odds = torch.where(unseen[name], touch_log_odds(f"unseen {kind}", features), odds)
         if name in _CARRY_LYING:
             distance = features[DISTANCE]
             beneath = distance <= of_parts[_CARRY_LYING[name]][DISTANCE]
-            odds = torch.where(lies & beneath, _like_feet(distance), odds)
+            odds = torch.where(lies & beneath, _odds_of_feet(distance), odds)
         parts[name] = torch.sigmoid(odds)
         if kind == "hand":
             hands = hands.maximum(parts[name])
     parts = {name: parts[name] for name in of_parts}
-    of_vertex = torch.stack(list(parts.values()), 1)[:, _groups(state.model)]
-    return of_vertex, of_vertex * _nearness(state.model, at.rise, at.facing), parts
+    of_vertex = torch.stack(list(parts.values()), 1)[:, _part_of_vertex(state.model)]
+    return of_vertex, of_vertex * _vertex_share(state.model, at.rise, at.facing), parts
 
 
-def _lies(state: State) -> Tensor:
+def _lying_people(state: State) -> Tensor:
     """Return whether the trunk of each person (N,) bool is nearly horizontal."""
     tilt = trunk_tilt_deg(*exact_arrays(state.joints, state.up))
     return torch.as_tensor(np.abs(tilt - 90.0) < LYING_DEG).to(state.joints.device)
 
 
-def _like_feet(distance: Tensor) -> Tensor:
+def _odds_of_feet(distance: Tensor) -> Tensor:
     """Return the log odds of parts that carry people who lie, as feet carry people who stand."""
     unknown = dict.fromkeys(touch_model()["foot"], torch.zeros_like(distance))
-    return torch.as_tensor(touch_log_odds("foot", unknown | {DISTANCE: distance}))
+    return touch_log_odds("foot", unknown | {DISTANCE: distance})
 
 
 def unseen_parts(state: State, near: Distances) -> dict[str, Tensor]:
     """Return part -> (N,) bool: no pixel shows the part, nor a confident keypoint at its end."""
-    shown = state.seen | near.in_mask
+    shown = state.visible_vertices | near.in_mask
     parts = contact_part_masks(state.model)
     return {
         name: shown[:, chosen].double().mean(1) < _SHOWN_SHARE for name, chosen in parts.items()
@@ -172,17 +172,17 @@ def near_scene(state: State, near: Distances) -> NearScene:
 
     A part with nothing near it is compared with a level surface under its lowest vertices.
     """
-    distance, facing = _to_scene(state, near)
+    distance, facing = _scene_distance_and_facing(state, near)
     height = torch.where(state.model.outer, state.vertices @ state.up, torch.inf)
-    group = _groups(state.model)
-    gap = _gaps(state.model, distance)
-    lowest = _gaps(state.model, height)
+    group = _part_of_vertex(state.model)
+    gap = _gaps_of_parts(state.model, distance)
+    lowest = _gaps_of_parts(state.model, height)
     lost = torch.isinf(gap)[:, group]
     rise = torch.where(lost, height - lowest[:, group], distance - gap[:, group])
     return NearScene(gap, torch.relu(rise), torch.where(lost, -(near.normals @ state.up), facing))
 
 
-def _nearness(model: BodyModel, rise: Tensor, facing: Tensor) -> Tensor:
+def _vertex_share(model: BodyModel, rise: Tensor, facing: Tensor) -> Tensor:
     """Return the share (N, V) of the probability of a part that its vertices have.
 
     Args:
@@ -190,7 +190,7 @@ def _nearness(model: BodyModel, rise: Tensor, facing: Tensor) -> Tensor:
         rise: (N, V) how much farther the vertex is than its part, metres.
         facing: (N, V) cosine between the skin and the surface that it faces.
     """
-    limbs = _parts(model, "hand", "foot")
+    limbs = model.on_parts("hand", "foot")
     far_m, power = (
         torch.where(limbs, of_limbs, otherwise)
         for of_limbs, otherwise in zip(_NEARNESS_OF_LIMBS, _NEARNESS, strict=True)
@@ -203,16 +203,17 @@ def part_features(state: State, gap: Tensor) -> dict[str, dict[str, Tensor]]:
     part with the scene.
 
     "distance" is that of the part in standard deviations, 0 inside, and at most that of the search
-    radius. "observed" is that of the stance. "bend at the hips" is the smaller angle between trunk
-    and thighs, radians; 0 is straight.
+    radius. "observed" is that of the person observer. "bend at the hips" is the smaller angle
+    between trunk and thighs, radians; 0 is straight.
 
     Args:
         state: bodies, and what the photo shows of them.
         gap: (N, P) distance of each part, metres; inf if nothing is near.
     """
     joints = state.joints
-    stance = state.stance or Stance.unknown(len(joints))
-    observed = torch.tensor(stance.observed).to(joints)
+    observed = state.observed_touch
+    if observed is None:
+        observed = joints.new_zeros(len(joints), len(TOUCH_PARTS))
     bend = hip_bends(joints).amin(1).clamp(max=_MOST_BEND).nan_to_num()
     found: dict[str, dict[str, Tensor]] = {}
     for name, own in zip(contact_part_masks(state.model), gap.T, strict=True):
@@ -225,13 +226,13 @@ def part_features(state: State, gap: Tensor) -> dict[str, dict[str, Tensor]]:
     return found
 
 
-def _gaps(model: BodyModel, distance: Tensor) -> Tensor:
+def _gaps_of_parts(model: BodyModel, distance: Tensor) -> Tensor:
     """Return the fifth smallest of the distances (N, V) of each part, (N, P)."""
     parts = contact_part_masks(model).values()
     return torch.stack([distance[:, chosen].kthvalue(_GAP_VERTICES).values for chosen in parts], 1)
 
 
-def _groups(model: BodyModel) -> Tensor:
+def _part_of_vertex(model: BodyModel) -> Tensor:
     """Return the row (V,) int64 of the part of each vertex in :func:`contact_part_masks`; 0 for
     inner vertices.
     """
@@ -239,22 +240,16 @@ def _groups(model: BodyModel) -> Tensor:
     return parts.int().argmax(0)
 
 
-def _to_scene(state: State, near: Distances) -> tuple[Tensor, Tensor]:
+def _scene_distance_and_facing(state: State, near: Distances) -> tuple[Tensor, Tensor]:
     """Return the distance (N, V) of outer vertices to scene or floor, and the cosine (N, V) with
     which they face it.
 
     The floor's plane is fitted to many points, so it gives the distance to the floor within reach.
     """
     surface = near.surface
-    parts = near.parts
-    by_plane = surface.on_floor
-    towards = torch.zeros_like(near.normals)
-    if len(parts.ground):
-        ground = parts.ground[surface.point] & torch.isfinite(surface.scene)
-        by_plane = by_plane | (ground & torch.isfinite(surface.floor))
-        towards = near.surface_normals
+    by_plane = surface.on_floor | (near.on_ground & torch.isfinite(surface.floor))
     distance = torch.where(by_plane, surface.floor, surface.scene)
-    towards = torch.where(by_plane[..., None], state.up, towards)
+    towards = torch.where(by_plane[..., None], state.up, surface.normals)
     return torch.where(state.model.outer, distance, torch.inf), -(near.normals * towards).sum(-1)
 
 
@@ -266,12 +261,12 @@ def skin_contact(state: State, near: Distances) -> tuple[Tensor, Tensor]:
     of_vertices = []
     for skin, at in zip((near.people, near.own), near_skin(state, near), strict=True):
         touches = torch.isfinite(at.gap)
-        odds = torch.as_tensor(touch_log_odds(SKIN, at.features))
+        odds = touch_log_odds(SKIN, at.features)
         sure = torch.where(touches, torch.sigmoid(odds), 0.0)
         facing = -(near.normals * near.normals[skin.person, skin.vertex]).sum(-1)
         rise = torch.where(touches, skin.distance - at.gap, 0.0)
         of_parts.append(sure)
-        of_vertices.append(sure * _nearness(state.model, torch.relu(rise), facing))
+        of_vertices.append(sure * _vertex_share(state.model, torch.relu(rise), facing))
     return torch.stack(of_parts), torch.stack(of_vertices)
 
 
@@ -291,7 +286,7 @@ class NearSkin(NamedTuple):
 def near_skin(state: State, near: Distances) -> tuple[NearSkin, NearSkin]:
     """Return where vertices are beside the skin of other people, and of their own bodies."""
     names, region = contact_regions(state.model)
-    hands = _parts(state.model, "hand")
+    hands = state.model.on_parts("hand")
     meet = torch.tensor(
         [[one == other or are_adjacent(one, other) for other in names] for one in names]
     )
@@ -337,12 +332,6 @@ def part_gaps(distance: Tensor, group: Tensor) -> Tensor:
         fifth = count.cumsum(0) - count + count.clamp(max=_GAP_VERTICES) - 1
         gap[order] = own[order][fifth[inverse]]
     return gaps
-
-
-def _parts(model: BodyModel, *endings: str) -> Tensor:
-    """Return the vertices (V,) bool of body parts whose names have one of these suffixes."""
-    chosen = torch.tensor([name.endswith(endings) for name in model.part_names])
-    return chosen.to(model.part_of_vertex.device)[model.part_of_vertex]
 
 
 def _log_cm(distance: Tensor) -> Tensor:

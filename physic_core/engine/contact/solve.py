@@ -58,17 +58,17 @@ def solve_contact(estimates: Estimates, state: State, method: ContactMethod) -> 
     nothing.
     """
     around = state.surroundings
-    bodies = state.vertices[state.finite]
+    bodies = state.vertices[state.finite_people]
     surfaces = method.surfaces(around, bodies, state.scene_scale)
     near = measure_distances(state, surfaces, _classify_points(estimates, state), method)
-    return replace(state, contact=contact_of(state, near, method))
+    return replace(state, contact=find_contact(state, near, method))
 
 
-def contact_of(state: State, near: Distances, method: ContactMethod) -> Contact:
+def find_contact(state: State, near: Distances, method: ContactMethod) -> Contact:
     """Return the contact of people by their distances."""
     touch = method.touch(state, near)
     carried = _find_supports(state, near, touch, method)
-    return _describe_contacts(state, near, _with_hidden(state, touch, carried), carried)
+    return _describe_contacts(state, near, _add_hidden_contacts(state, touch, carried), carried)
 
 
 def measure_distances(
@@ -109,9 +109,6 @@ def measure_distances(
         parts=parts,
         people=people,
         own=own,
-        surface_normals=scene.normals[surface.point].to(vertices)
-        if len(scene.points)
-        else torch.zeros_like(normals),
         in_mask=inside_mask(project(vertices, state.K), state.masks),
     )
 
@@ -136,9 +133,9 @@ def _find_supports(
     # the pose leaves a gap only to floor and scene, which do not move
     height = torch.where(touch.kind == _SCENE, near.surface.nearest, 0.0)
     height = torch.where(touch.kind >= 0, height, torch.inf)
-    seen = state.seen
+    seen = state.visible_vertices
     found: list[PersonSupport | None] = []
-    for i, finite in enumerate(state.finite.tolist()):
+    for i, finite in enumerate(state.finite_people.tolist()):
         if not finite:
             found.append(None)
             continue
@@ -147,16 +144,16 @@ def _find_supports(
             normals=near.normals[i],
             contact=outward[i],
             seen=seen[i],
-            feet=_both(touch, "foot", i),
+            feet=_limbs_touch(touch, "foot", i),
             sits=bool(touch.parts) and float(touch.parts[SEAT][i]) >= LEAST_PROBABILITY,
-            holds=_both(touch, "hand", i),
+            holds=_limbs_touch(touch, "hand", i),
             height=height[i],
         )
         found.append(find_support(state.model, person, state.up, assume=method.assume_supports))
     return tuple(found)
 
 
-def _both(touch: Touch, limb: str, person: int) -> Tensor | None:
+def _limbs_touch(touch: Touch, limb: str, person: int) -> Tensor | None:
     """Return whether the left and the right limb of a person probably touch the scene, (2,) bool;
     None if unknown.
     """
@@ -167,12 +164,12 @@ def _both(touch: Touch, limb: str, person: int) -> Tensor | None:
     )
 
 
-def _on_carriers(state: State) -> list[tuple[str, Tensor]]:
+def _carried_limbs(state: State) -> list[tuple[str, Tensor]]:
     """Return the name of each carrier, and the vertices (N, V) bool of limbs that it carries: feet
     on a board; feet, hands and seat of people who ride.
     """
-    carried = state.stance and state.stance.carried
-    if not carried:
+    carried = state.carried
+    if carried is None:
         return []
     ridden, board = tensors(carried.ridden[:, None], carried.board[:, None])
     parts = contact_part_masks(state.model)
@@ -184,13 +181,13 @@ def _on_carriers(state: State) -> list[tuple[str, Tensor]]:
     ]
 
 
-def _off_the_scene(state: State, touch: Touch) -> Tensor:
+def _touching_carriers(state: State, touch: Touch) -> Tensor:
     """Return the vertices (N, V) bool of soles and hands of people who ride that probably touch
     what they ride, and nothing of the scene.
     """
     found = torch.zeros_like(state.model.outer).expand(touch.kind.shape).clone()
-    carried = state.stance and state.stance.carried
-    if not carried or not touch.parts:
+    carried = state.carried
+    if carried is None or not touch.parts:
         return found
     rides = tensor(carried.rides)
     parts = contact_part_masks(state.model)
@@ -199,13 +196,14 @@ def _off_the_scene(state: State, touch: Touch) -> Tensor:
             part = parts[f"{side}_{limb}"]
             likely = touch.parts[f"{side}_{limb}"] >= LEAST_PROBABILITY
             alone = ~((touch.kind >= 0) & part).any(1)
-            chosen = torch.zeros_like(part)
-            chosen[state.model.contact_sets[f"{side}_{skin}"]] = True
+            chosen = state.model.in_contact_sets(f"{side}_{skin}")
             found |= (rides & likely & alone)[:, None] & chosen & part
     return found
 
 
-def _with_hidden(state: State, touch: Touch, carried: tuple[PersonSupport | None, ...]) -> Touch:
+def _add_hidden_contacts(
+    state: State, touch: Touch, carried: tuple[PersonSupport | None, ...]
+) -> Touch:
     """Add contacts of hidden supports.
 
     The probability of a seat, found or hidden, is that of sitting; other hidden supports are more
@@ -215,7 +213,7 @@ def _with_hidden(state: State, touch: Touch, carried: tuple[PersonSupport | None
     probability = None if touch.probability is None else touch.probability.clone()
     likely = {name: values.clone() for name, values in touch.parts.items()}
     vertices = contact_part_masks(state.model) if likely else {}
-    ridden = _off_the_scene(state, touch)
+    ridden = _touching_carriers(state, touch)
     kind[ridden] = HIDDEN
     if probability is not None:
         for name, chosen in vertices.items():
@@ -243,7 +241,7 @@ def _describe_contacts(
 ) -> Contact:
     """Name partners and supports, and list the contacts of each body part."""
     regions = contact_regions(state.model)
-    carriers = _on_carriers(state)
+    carriers = _carried_limbs(state)
     partners, index = assign_partners(touch.kind, near, regions, state.up, carriers)
     dents = dent_depths(near.surface.scene, largest_dents(near.surface, near.parts))
     dents = torch.where(touch.kind == KINDS.index("scene"), dents, torch.nan)

@@ -115,17 +115,17 @@ def find_support(
     centre = centre_of_mass(vertices, model.faces)
     none = torch.zeros_like(contact)
     outside = float("inf")
-    level = _level(model, person, up)
+    level = _level_contacts(model, person, up)
     seat = none
     if person.sits:
-        under = _members(model, "thighs", "gluteus")
+        under = _outer_vertices(model, "thighs", "gluteus")
         seat = level & under
-        patch = _lowest(person, under, up)
+        patch = _lowest_layer(person, under, up)
         if assume and not bool(seat.any()) and int(patch.sum()) >= _MIN_VERTICES:
             outside = distance_to_hull(centre, vertices[contact | patch], up)
             return PersonSupport(SupportState.ASSUMED, contact, patch, patch, outside, centre)
-    hold = _hold(model, person, centre, up)
-    for state, carrying in _carrying(contact, level & ~hold, hold):
+    hold = _overhead_hands(model, person, centre, up)
+    for state, carrying in _carrying_candidates(contact, level & ~hold, hold):
         outside = distance_to_hull(centre, vertices[carrying], up)
         if outside <= _BALANCE_M:
             if _is_unsteady(model, vertices, carrying, up):
@@ -147,13 +147,13 @@ def find_support(
     return best
 
 
-def _heels(model: BodyModel) -> Iterator[Tensor]:
+def _heel_masks(model: BodyModel) -> Iterator[Tensor]:
     """Yield the skin (V,) bool of heel and instep of each foot: without toes, which are too weak to
     balance a body.
     """
     joint = model.skin.weights.argmax(0)
     for side in SIDES:
-        yield _members(model, f"{side}_foot") & (joint == JOINT_INDEX[f"{side}_ankle"])
+        yield _outer_vertices(model, f"{side}_foot") & (joint == JOINT_INDEX[f"{side}_ankle"])
 
 
 def _raised_heels(model: BodyModel, person: PersonContact) -> Tensor:
@@ -162,7 +162,7 @@ def _raised_heels(model: BodyModel, person: PersonContact) -> Tensor:
     """
     raised = torch.zeros_like(person.contact)
     if person.height is not None:
-        for heel in _heels(model):
+        for heel in _heel_masks(model):
             if float(person.height[heel].amin()) >= _HEEL_REACH_M:
                 raised |= heel
     return raised
@@ -172,21 +172,20 @@ def _is_unsteady(model: BodyModel, vertices: Tensor, carrying: Tensor, up: Tenso
     """Return whether feet alone carry a person, and their heels rest on too little ground to stay
     up.
     """
-    feet = torch.tensor([name.endswith("_foot") for name in model.part_names])
-    others = carrying & ~feet.to(carrying.device)[model.part_of_vertex]
+    others = carrying & ~model.on_parts("_foot")
     if int(others.sum()) >= _MIN_VERTICES:
         return False
     height = vertices @ up
     rests = torch.zeros_like(carrying)
-    for heel in _heels(model):
+    for heel in _heel_masks(model):
         touching = heel & carrying
         if int(touching.sum()) >= _MIN_VERTICES:
             rests |= touching & (height < height[touching].amin() + _HEEL_FLATTENS_M)
-    across = vertices[rests] @ _directions(up).T
+    across = vertices[rests] @ _horizontal_directions(up).T
     return not len(across) or float((across.amax(0) - across.amin(0)).amin()) < _STEADY_M
 
 
-def _level(model: BodyModel, person: PersonContact, up: Tensor) -> Tensor:
+def _level_contacts(model: BodyModel, person: PersonContact, up: Tensor) -> Tensor:
     """Return the contacts (V,) bool whose skin faces down, on body parts with enough of them to
     carry.
     """
@@ -195,13 +194,13 @@ def _level(model: BodyModel, person: PersonContact, up: Tensor) -> Tensor:
     return level & (on_part >= _MIN_VERTICES)[model.part_of_vertex]
 
 
-def _hold(model: BodyModel, person: PersonContact, centre: Tensor, up: Tensor) -> Tensor:
+def _overhead_hands(model: BodyModel, person: PersonContact, centre: Tensor, up: Tensor) -> Tensor:
     """Return the contacts (V,) bool of hands above the centre of mass."""
-    hands = _members(model, *(f"{side}_hand" for side in SIDES))
+    hands = _outer_vertices(model, *(f"{side}_hand" for side in SIDES))
     return person.contact & hands & ((person.vertices - centre) @ up > 0)
 
 
-def _carrying(
+def _carrying_candidates(
     contact: Tensor, level: Tensor, hold: Tensor
 ) -> Iterator[tuple[SupportState, Tensor]]:
     """Yield the contacts (V,) bool that may carry the person, the most certain first, with the
@@ -216,12 +215,12 @@ def _carrying(
 
 def _hidden_supports(model: BodyModel, person: PersonContact, up: Tensor) -> Iterator[Tensor]:
     """Yield the vertices (V,) bool on each support that the photo cannot show."""
-    soles = _members(model, *(f"{side}_sole" for side in SIDES))
+    soles = _outer_vertices(model, *(f"{side}_sole" for side in SIDES))
     if not person.in_air and not bool((person.seen & soles).any()):
-        yield _lowest(person, soles, up)
+        yield _lowest_layer(person, soles, up)
     if person.in_air and person.holds is not None and bool(person.holds.any()):
         held = (f"{side}_hand" for side, holds in zip(SIDES, person.holds, strict=True) if holds)
-        yield _members(model, *held)
+        yield _outer_vertices(model, *held)
 
 
 def support_record(
@@ -275,10 +274,10 @@ def distance_to_hull(centre: Tensor, points: Tensor, up: Tensor) -> float:
     """
     if not len(points):
         return float("inf")
-    return float(((centre - points) @ _directions(up).T).amin(0).max())
+    return float(((centre - points) @ _horizontal_directions(up).T).amin(0).max())
 
 
-def _directions(up: Tensor) -> Tensor:
+def _horizontal_directions(up: Tensor) -> Tensor:
     """Return horizontal unit vectors (_DIRECTIONS, 3) all around."""
     axis = torch.eye(3).to(up)[int(up.abs().argmin())]
     first = torch.nn.functional.normalize(torch.linalg.cross(up, axis), dim=0)
@@ -288,15 +287,12 @@ def _directions(up: Tensor) -> Tensor:
     return around
 
 
-def _members(model: BodyModel, *names: str) -> Tensor:
-    """Return the vertices (V,) bool of contact sets."""
-    chosen = torch.zeros_like(model.outer)
-    for name in names:
-        chosen[model.contact_sets[name]] = True
-    return chosen & model.outer
+def _outer_vertices(model: BodyModel, *names: str) -> Tensor:
+    """Return the outer vertices (V,) bool of contact sets."""
+    return model.in_contact_sets(*names) & model.outer
 
 
-def _lowest(person: PersonContact, chosen: Tensor, up: Tensor) -> Tensor:
+def _lowest_layer(person: PersonContact, chosen: Tensor, up: Tensor) -> Tensor:
     """Return the lowest layer of the chosen vertices (V,) bool that face down."""
     chosen = chosen & (person.normals @ up < _DOWNWARD)
     if not bool(chosen.any()):

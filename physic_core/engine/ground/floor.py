@@ -11,7 +11,7 @@ OpenCV camera frame, any unit.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
 from typing import NamedTuple
@@ -22,7 +22,7 @@ from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.body.posture import LYING_DEG, standing_legs, trunk_tilt_deg
-from physic_core.engine.ground.lying import LYING_RATE, Background, surface_beneath
+from physic_core.engine.ground.lying import LYING_RATE, Background, plane_beneath_people
 from physic_core.engine.up import Up, angle_deg, level_plane
 from physic_core.geometry.floor import (
     FOCAL_PITCH_DEG,
@@ -34,12 +34,11 @@ from physic_core.geometry.floor import (
     FloorSource,
     InverseDepthMap,
     PlaneFit,
-    average_blocks,
     inverse_depth_map,
+    lower_inlier_shares,
     move_to_feet,
     plane_as_fit,
     plane_at_feet,
-    plane_inlier_shares,
     plane_of_pixels,
     ray_to_floor,
 )
@@ -181,10 +180,10 @@ def find_floor(
 ) -> FloorSearch:
     """Return the most likely floor by the pixels alone; see :func:`floor_candidates`."""
     candidates = floor_candidates(points, valid, evidence, normals)
-    return chosen_floor(candidates, best_candidate(candidates), evidence)
+    return chosen_floor(candidates, best_index(candidates), evidence)
 
 
-def best_candidate(candidates: Sequence[FloorCandidate]) -> int:
+def best_index(candidates: Sequence[FloorCandidate]) -> int:
     """Return the candidate with the largest score by the pixels alone."""
     return max(range(len(candidates)), key=lambda i: candidates[i].log_score)
 
@@ -207,13 +206,13 @@ def chosen_floor(
     shares = [float(plane.inliers[mask].double().mean()) for mask in masks]
     in_mask = max(shares) > _IN_MASK_SHARE if shares else None
     other = _pitch_spread(candidates, plane)
-    own = math.hypot(_plane_sigma(plane, evidence), other)
+    own = math.hypot(_pitch_sigma(plane, evidence), other)
     levelled = own if evidence.up is None else math.hypot(plane.pitch_sigma, other)
     plane = replace(plane, pitch_sigma=levelled, plane_sigma=own)
     return FloorSearch(plane, "found", plane.inlier_share, plane.below_share, in_mask)
 
 
-def _plane_sigma(plane: PlaneFit, evidence: FloorEvidence) -> float:
+def _pitch_sigma(plane: PlaneFit, evidence: FloorEvidence) -> float:
     """Return the error of the camera's pitch over a plane by its pixels, radians."""
     by_focal = math.radians(FOCAL_PITCH_DEG) * evidence.focal_sigma
     # A shift of inverse depth is added to the last component of normal over offset.
@@ -221,9 +220,9 @@ def _plane_sigma(plane: PlaneFit, evidence: FloorEvidence) -> float:
     return math.hypot(PITCH_SIGMA, by_focal, by_shift)
 
 
-def _levelled(view: InverseDepthMap, plane: PlaneFit, evidence: FloorEvidence) -> PlaneFit:
+def _levelled_plane(view: InverseDepthMap, plane: PlaneFit, evidence: FloorEvidence) -> PlaneFit:
     """Return a plane with its error, turned towards up about the feet on it."""
-    sigma = _plane_sigma(plane, evidence)
+    sigma = _pitch_sigma(plane, evidence)
     plane = replace(plane, plane_sigma=sigma, pitch_sigma=sigma)
     ray = ray_to_floor(view.rays, plane, evidence.feet_px)
     return level_plane(plane, evidence.up, evidence.slope, ray)
@@ -258,34 +257,34 @@ def floor_candidates(
     if view is None:
         return (FloorCandidate(None, {}),)
     sample = None if normals is None else sample_normals(select_pixels(view.valid, normals)[0])
-    up = _up_of_floors(evidence, sample)
-    pixels = _scored_pixels(view, evidence)
+    up = _floor_up(evidence, sample)
+    pixel_score = _pixel_score(view, evidence)
 
     def candidate(plane: Tensor, fit: PlaneFit, moved: PlaneFit) -> FloorCandidate:
         nats = {
-            "pixels": _pixel_score(view, plane, pixels),
+            "pixels": pixel_score(plane),
             "gravity": _gravity_score(fit, evidence, sample),
             "soles": _sole_score(_heights_at_soles(view, plane, evidence.soles)),
         }
-        if _off_ground(view, moved, evidence):
+        if _misses_ground(view, moved, evidence):
             nats["ground that is seen"] = _OFF_GROUND_NATS
-        return FloorCandidate(_levelled(view, moved, evidence), nats)
+        return FloorCandidate(_levelled_plane(view, moved, evidence), nats)
 
     found = [
-        candidate(plane, fit, _moved_to_people(view, plane, fit, mask, evidence))
-        for plane, fit, mask in _planes(view, evidence, normals, up)
+        candidate(plane, fit, _plane_at_people(view, plane, fit, mask, evidence))
+        for plane, fit, mask in _fitted_planes(view, evidence, normals, up)
     ]
-    if up is None and found and (likeliest := found[best_candidate(found)].plane) is not None:
+    if up is None and found and (likeliest := found[best_index(found)].plane) is not None:
         up = likeliest.normal
     if up is not None and evidence.feet_px is not None and len(evidence.feet_px):
         at_feet = plane_at_feet(view, up, evidence.feet_px)
         found += [] if at_feet is None else [candidate(*at_feet, at_feet[1])]
     found.append(FloorCandidate(None, {"no pixel to explain": _NO_FLOOR_NATS}))
-    beneath = _candidate_beneath(view, evidence, found)
+    beneath = _candidate_of_lying_people(view, evidence, found)
     return tuple(found) if beneath is None else (beneath, *found)
 
 
-def _up_of_floors(evidence: FloorEvidence, normals: Tensor | None) -> Tensor | None:
+def _floor_up(evidence: FloorEvidence, normals: Tensor | None) -> Tensor | None:
     """Return the up direction (3,) of floors by surfaces with normals (M, 3), and rather by what
     else shows it; None if neither is sure.
     """
@@ -295,7 +294,7 @@ def _up_of_floors(evidence: FloorEvidence, normals: Tensor | None) -> Tensor | N
     return shown.up if shown is not None and shown.confidence >= MIN_UP_CONFIDENCE else None
 
 
-def _moved_to_people(
+def _plane_at_people(
     view: InverseDepthMap,
     plane: Tensor,
     fit: PlaneFit,
@@ -305,36 +304,35 @@ def _moved_to_people(
     """Return a plane moved to the ground beside soles, or else to the feet; where they stand on
     something else than the ground that is seen, it stays.
     """
-    moved = _through_soles(fit, _heights_at_soles(view, plane, evidence.soles))
+    moved = _plane_through_soles(fit, _heights_at_soles(view, plane, evidence.soles))
     moved = moved or move_to_feet(view, plane, fit, mask, evidence.feet_px)
-    off = _off_ground(view, moved, evidence) and not _off_ground(view, fit, evidence)
+    off = _misses_ground(view, moved, evidence) and not _misses_ground(view, fit, evidence)
     return fit if off else moved
 
 
-def _candidate_beneath(
+def _candidate_of_lying_people(
     view: InverseDepthMap, evidence: FloorEvidence, others: Sequence[FloorCandidate]
 ) -> FloorCandidate | None:
     """Return the plane on which people lie beneath the camera; None without evidence of it.
 
     All other candidates are floors of people who do not lie beneath the camera.
     """
-    plane, odds = surface_beneath(view.rays, view.inverse, evidence.around)
+    plane, odds = plane_beneath_people(view.rays, view.inverse, evidence.around)
     if plane is None:
         return None
-    samples = average_blocks(view.rays, view.inverse, view.valid, None, view.hole)
-    shares = plane_inlier_shares(samples, plane, view.tolerance)
+    shares = lower_inlier_shares(view, plane)
     fit = plane_as_fit(view, plane, shares, "people who lie", MASK_SLACK)
-    odds = others[best_candidate(others)].log_score + odds
+    odds = others[best_index(others)].log_score + odds
     # A camera that looks down has a level horizontal axis, and the sky is not below it. A plane
     # that it sees at a flatter angle is behind people rather than beneath them.
     x, y, z = (math.degrees(math.asin(float(value))) for value in fit.normal.clamp(-1, 1))
-    odds += _robust(x / _ROLL_SIGMA_DEG) + _robust(max(0.0, y) / _ROLL_SIGMA_DEG)
+    odds += _robust_nats(x / _ROLL_SIGMA_DEG) + _robust_nats(max(0.0, y) / _ROLL_SIGMA_DEG)
     odds += _up_score(fit, evidence)
     odds -= 0.5 * ((90 + z) / _DOWN_SIGMA_DEG) ** 2
     return FloorCandidate(fit, {"people who lie": odds})
 
 
-def _planes(
+def _fitted_planes(
     view: InverseDepthMap, evidence: FloorEvidence, normals: Tensor | None, up: Tensor | None
 ) -> list[tuple[Tensor, PlaneFit, Tensor | None]]:
     """Return the planes of masks, lower part and horizontal surfaces, each as (3,), as a fit, and
@@ -361,20 +359,10 @@ def _planes(
     return found
 
 
-@dataclass(frozen=True)
-class _Pixels:
-    """M pixels that score: row and column, weight with the sum 1, and odds (M, 3) of their
-    labels.
+def _pixel_score(view: InverseDepthMap, evidence: FloorEvidence) -> Callable[[Tensor], float]:
+    """Return the function from a plane (3,) to its tempered log likelihood ratio over no plane, by
+    the pixels of the lower part of the image and those with the label of a floor, nats.
     """
-
-    rows: Tensor
-    columns: Tensor
-    weight: Tensor
-    odds: Tensor
-
-
-def _scored_pixels(view: InverseDepthMap, evidence: FloorEvidence) -> _Pixels:
-    """Return the pixels of the lower part of the image and those with the label of a floor."""
     height, width = view.valid.shape
     step = max(1, math.ceil(math.sqrt(height * width / _SAMPLES)))
     rows, columns = torch.meshgrid(
@@ -387,30 +375,33 @@ def _scored_pixels(view: InverseDepthMap, evidence: FloorEvidence) -> _Pixels:
     weight = 1.0 + rows.double() / height
     if evidence.hole is not None:
         weight = weight * torch.where(evidence.hole[rows, columns], HOLE_WEIGHT, 1.0)
-    odds = weight.new_tensor(_NO_LABEL).expand(len(rows), 3)
+    weight = weight / weight.sum()
+    on, front, behind = _label_odds(evidence, rows, columns).unbind(-1)
+    rays = view.rays[rows, columns].double()
+    inverse = view.inverse[rows, columns].double()
+
+    def score(plane: Tensor) -> float:
+        error = (inverse - rays @ plane) / (MASK_SLACK * view.tolerance)
+        likelihood = on * torch.exp(-0.5 * error.square()) / math.sqrt(2 * math.pi)
+        likelihood = likelihood + 2 / _BANDS * (
+            front * torch.sigmoid(2 * error) + behind * torch.sigmoid(-2 * error)
+        )
+        return _PIXEL_NATS * float((weight * (likelihood * _BANDS).log()).sum())
+
+    return score
+
+
+def _label_odds(evidence: FloorEvidence, rows: Tensor, columns: Tensor) -> Tensor:
+    """Return the shares (M, 3) on, in front of and behind the floor of pixels with their labels."""
+    odds = rows.new_tensor(_NO_LABEL, dtype=torch.float64).expand(len(rows), 3)
     for mask, known in (
         (evidence.mask, _MASK),
         (evidence.ground, _GROUND),
         (evidence.no_ground, _NO_GROUND),
     ):
         if mask is not None:
-            odds = torch.where(mask[rows, columns][:, None], weight.new_tensor(known), odds)
-    return _Pixels(rows, columns, weight / weight.sum(), odds)
-
-
-def _pixel_score(view: InverseDepthMap, plane: Tensor, pixels: _Pixels) -> float:
-    """Return the tempered log likelihood ratio of a plane (3,) over no plane, by the pixels,
-    nats.
-    """
-    rays = view.rays[pixels.rows, pixels.columns].double()
-    inverse = view.inverse[pixels.rows, pixels.columns].double()
-    error = (inverse - rays @ plane) / (MASK_SLACK * view.tolerance)
-    on, front, behind = pixels.odds.unbind(-1)
-    likelihood = on * torch.exp(-0.5 * error.square()) / math.sqrt(2 * math.pi)
-    likelihood = likelihood + 2 / _BANDS * (
-        front * torch.sigmoid(2 * error) + behind * torch.sigmoid(-2 * error)
-    )
-    return _PIXEL_NATS * float((pixels.weight * (likelihood * _BANDS).log()).sum())
+            odds = torch.where(mask[rows, columns][:, None], odds.new_tensor(known), odds)
+    return odds
 
 
 def _heights_at_soles(
@@ -441,11 +432,11 @@ def _sole_score(heights: list[tuple[float, float, float]]) -> float:
     score = 0.0
     for height, stands, real in heights:
         on_floor = stands * real
-        score += math.log(1 - on_floor + on_floor * odds_at_height(height))
+        score += math.log(1 - on_floor + on_floor * standing_odds(height))
     return score * min(1.0, _MOST_SOLES / max(len(heights), 1))
 
 
-def odds_at_height(height: float) -> float:
+def standing_odds(height: float) -> float:
     """Return how much likelier ground beside soles is so high over the floor if the person stands
     on it than if not; heights of the camera.
     """
@@ -453,7 +444,9 @@ def odds_at_height(height: float) -> float:
     return density / (_SOLE_SIGMA * math.sqrt(2 * math.pi) * _ELSEWHERE)
 
 
-def _through_soles(fit: PlaneFit, heights: list[tuple[float, float, float]]) -> PlaneFit | None:
+def _plane_through_soles(
+    fit: PlaneFit, heights: list[tuple[float, float, float]]
+) -> PlaneFit | None:
     """Return the plane moved to the median ground beside the soles of people who stand; None if it
     is far off.
     """
@@ -480,7 +473,7 @@ def standing_score(normal: Tensor, joints: Tensor) -> float:
     )
     axes = axes[-axes[:, 1] > _STANDS]
     angles = sorted(angle_deg(axis, normal) for axis in axes)
-    return rate + (_robust(angles[len(angles) // 2] / _AXIS_SIGMA_DEG) if angles else 0.0)
+    return rate + (_robust_nats(angles[len(angles) // 2] / _AXIS_SIGMA_DEG) if angles else 0.0)
 
 
 def _gravity_score(plane: PlaneFit, evidence: FloorEvidence, normals: Tensor | None) -> float:
@@ -491,13 +484,15 @@ def _gravity_score(plane: PlaneFit, evidence: FloorEvidence, normals: Tensor | N
     x, y, z = (float(v) for v in normal)
     roll = math.degrees(math.atan2(x, -y))
     pitch = math.degrees(math.atan2(-z, math.hypot(x, y)))
-    score = _robust(roll / _ROLL_SIGMA_DEG) + _robust((pitch - _PITCH_DEG) / _PITCH_SIGMA_DEG)
+    score = _robust_nats(roll / _ROLL_SIGMA_DEG) + _robust_nats(
+        (pitch - _PITCH_DEG) / _PITCH_SIGMA_DEG
+    )
     if evidence.up is not None:
         return score + _up_score(plane, evidence)
     estimate = None if normals is None else estimate_up(normals, normal)
     if estimate is not None:
         trust = min(1.0, estimate.confidence / MIN_UP_CONFIDENCE)
-        score += trust * _robust(angle_deg(estimate.up, normal) / _UP_SIGMA_DEG)
+        score += trust * _robust_nats(angle_deg(estimate.up, normal) / _UP_SIGMA_DEG)
     return score
 
 
@@ -505,12 +500,12 @@ def _up_score(plane: PlaneFit, evidence: FloorEvidence) -> float:
     """Return the score of a floor by its angle to up, nats; 0 if up is not known."""
     if evidence.up is None:
         return 0.0
-    sigma = math.degrees(_plane_sigma(plane, evidence))
+    sigma = math.degrees(_pitch_sigma(plane, evidence))
     angle = angle_deg(evidence.up.direction, plane.normal)
-    return _robust(angle / math.hypot(sigma, evidence.slope, evidence.up.sigma))
+    return _robust_nats(angle / math.hypot(sigma, evidence.slope, evidence.up.sigma))
 
 
-def _off_ground(view: InverseDepthMap, plane: PlaneFit, evidence: FloorEvidence) -> bool:
+def _misses_ground(view: InverseDepthMap, plane: PlaneFit, evidence: FloorEvidence) -> bool:
     """Return whether all pixels that are labelled as ground lie off a floor, on one side."""
     seen = evidence.seen_ground
     if seen is None or not bool((seen := seen & view.valid).any()):
@@ -520,6 +515,6 @@ def _off_ground(view: InverseDepthMap, plane: PlaneFit, evidence: FloorEvidence)
     return low > _OFF_GROUND or high < -_OFF_GROUND
 
 
-def _robust(sigmas: float) -> float:
+def _robust_nats(sigmas: float) -> float:
     """Return a log likelihood, nats, which a wrong cue cannot lower without bound."""
     return -2 * math.log1p(sigmas**2 / 4)

@@ -28,16 +28,16 @@ from physic_core.engine.ground.floor import (
     GroundAtSoles,
     chosen_floor,
     floor_candidates,
-    odds_at_height,
+    standing_odds,
     standing_score,
 )
-from physic_core.engine.ground.lying import backgrounds
+from physic_core.engine.ground.lying import people_backgrounds
 from physic_core.engine.ground.report import (
     floor_witnesses,
     rival_note,
     scale_witnesses,
     size_notes,
-    too_small,
+    small_statures,
 )
 from physic_core.engine.ground.stance import (
     Stance,
@@ -54,6 +54,7 @@ from physic_core.engine.sizes.evidence import (
     depth_witness,
     is_measured,
     measured_scale,
+    median_depth,
     rescaled_depth,
     scales_by_soles,
     scales_by_torsos,
@@ -62,7 +63,7 @@ from physic_core.engine.sizes.scale_vote import ScaleVote, Witnesses, vote_on_sc
 from physic_core.engine.sizes.stature import adult_probability, stature_sigmas
 from physic_core.geometry.floor import FloorSearch, PlaneFit
 from physic_core.geometry.pointmap import pointmap_normals
-from physic_core.geometry.tensors import exact_arrays, tensor
+from physic_core.geometry.tensors import exact_arrays, optional_tensors, tensor, tensors
 from physic_core.types import Plane, SceneScale
 from physic_core.types.arrays import PER_PERSON, select_people
 from physic_core.types.observations import POSTURES
@@ -171,8 +172,7 @@ class Ground(ShortRepr):
 
 def floor_evidence(photo: PhotoContent) -> FloorEvidence:
     """Return the evidence of segmenter, feet, camera and people who lie about the floor."""
-    masks = (photo.people.floor, *photo.people.floor_candidates)
-    floor, *others = (None if mask is None else tensor(mask) for mask in masks)
+    (floor,) = optional_tensors(photo.people.floor)
     uncovered = ~photo.masks.any(0)
     observed = photo.observations
     lie = observed.evidence("posture")[:, POSTURES.index("lie")] >= 0
@@ -180,11 +180,11 @@ def floor_evidence(photo: PhotoContent) -> FloorEvidence:
         mask=floor,
         hole=photo.hole,
         feet_px=tensor(feet_pixels(photo.keypoints, *photo.hole.shape)),
-        others=tuple(mask for mask in others if mask is not None),
+        others=tensors(*photo.people.floor_candidates),
         ground=photo.labelled(*GROUND_SURFACES) & uncovered,
         no_ground=photo.labelled(*_NO_FLOORS) & uncovered,
         soles=_ground_at_soles(photo),
-        around=backgrounds(select_people(photo, lie)),
+        around=people_backgrounds(select_people(photo, lie)),
         up=photo.up,
         slope=photo.slope,
         focal_sigma=0.0 if photo.camera.known else photo.camera.focal_sigma or 0.0,
@@ -198,8 +198,7 @@ def _ground_at_soles(photo: PhotoContent) -> tuple[GroundAtSoles, ...]:
     visible = ~photo.hole
     raised = photo.labelled(*RAISED_SURFACES)
     keypoints = photo.keypoints
-    names = keypoints.joint_set.names
-    touch = stance_in_picture(keypoints.points, names, photo.observations).touch[:, :2]
+    touch = _picture_stance(photo).touch[:, :2]
     found = []
     for i, mask in enumerate(photo.masks):
         reach = _BESIDE_SOLES * float(mask.any(1).sum()) + _BESIDE_SOLES_PHOTO * max(height, width)
@@ -235,7 +234,7 @@ def feet_pixels(
     return chosen
 
 
-def candidates_in(
+def scene_floor_candidates(
     scene: PixelPoints, evidence: FloorEvidence, *, searched: bool = True
 ) -> tuple[FloorCandidate, ...]:
     """Return the candidates for the floor of a relative scene; only "no floor" if it is not
@@ -261,18 +260,19 @@ def find_ground(
         photo: of N people.
         bodies: of the people.
         model: of the bodies.
-        candidates: of :func:`candidates_in`.
+        candidates: of :func:`scene_floor_candidates`.
         evidence: of the floor.
         depth: metric depth of the scene with a scale of its own: it votes, too, or decides if it
             was measured.
     """
-    seen = _people_seen(photo, bodies, model)
+    seen = _people_evidence(photo, bodies, model)
     scene = photo.scene_map
     beside = _ground_at_soles(photo) if evidence.seen_ground is not None else ()
-    planes = [_on_plane(candidate, seen, photo, beside) for candidate in candidates]
+    planes = [_floor_hypothesis(candidate, seen, photo, beside) for candidate in candidates]
     scores = [sum(p.evidence.values()) for p in planes]
     own = None if depth is None else depth_witness(depth, scene, photo.camera, seen.torsos)
-    kinds = {"size": seen.torsos, "usual depth of scenes": _usual_depth(scene)}
+    usual = Witnesses.alone(USUAL_DEPTH_M / median_depth(scene), USUAL_DEPTH_SIGMA, 1.0)
+    kinds = {"size": seen.torsos, "usual depth of scenes": usual}
     if own is not None and depth is not None and not is_measured(depth):
         kinds["metric depth"] = own
     on_planes = [(p.soles, p.camera) for p in planes]
@@ -281,16 +281,16 @@ def find_ground(
     if vote is None or not np.isfinite([seen.torsos.scale, *(p.soles.scale for p in planes)]).any():
         best = int(np.argmax(scores if vote is None else vote.weights))
         search = chosen_floor(candidates, best, evidence)
-        scale, guess = _guessed(scene, search.plane)
+        scale, guess = _guessed_scale(scene, search.plane)
         return Ground(search, evidence, scale, seen.stance, guess)
     ground = _ground_by_vote(vote, planes, seen, kinds, evidence, photo.known)
-    return ground if depth is None or own is None else _with_depth(ground, depth, own, vote)
+    return ground if depth is None or own is None else _ground_with_depth(ground, depth, own, vote)
 
 
 def _ground_by_vote(
     vote: ScaleVote,
-    planes: Sequence[_OnPlane],
-    seen: _Seen,
+    planes: Sequence[_FloorHypothesis],
+    seen: _PeopleEvidence,
     kinds: Mapping[str, Witnesses],
     evidence: FloorEvidence,
     known: KnownPeople,
@@ -301,16 +301,16 @@ def _ground_by_vote(
     candidates = tuple(p.candidate for p in planes)
     best = int(np.argmax(vote.weights))
     soles = planes[best].soles
-    stance = _stance(vote, planes, seen)
+    stance = _stance_by_vote(vote, planes, seen)
     notes = size_notes(vote, soles, seen.torsos, seen.feet & (stance.stands > _STANDS))
     of_plane = {"soles": soles, "usual height of cameras": planes[best].camera}
     return Ground(
-        _below_hidden_feet(chosen_floor(candidates, best, evidence), seen, vote.scale.scale),
+        _floor_below_bodies(chosen_floor(candidates, best, evidence), seen, vote.scale.scale),
         evidence,
         replace(vote.scale, notes=notes + rival_note(candidates, vote.weights, best)),
         stance,
         by_people=True,
-        small=too_small(vote, soles, seen.feet & (seen.stance.stands > _STANDS), known),
+        small=small_statures(vote, soles, seen.feet & (seen.stance.stands > _STANDS), known),
         witnesses={
             "floor": floor_witnesses(candidates, [p.evidence for p in planes], vote.weights),
             "scale": scale_witnesses({**kinds, **of_plane}, vote),
@@ -318,7 +318,9 @@ def _ground_by_vote(
     )
 
 
-def _with_depth(ground: Ground, depth: DepthMap, witness: Witnesses, vote: ScaleVote) -> Ground:
+def _ground_with_depth(
+    ground: Ground, depth: DepthMap, witness: Witnesses, vote: ScaleVote
+) -> Ground:
     """Return the ground with a metric depth at its scale; a measured one took no part in the
     vote.
     """
@@ -327,7 +329,7 @@ def _with_depth(ground: Ground, depth: DepthMap, witness: Witnesses, vote: Scale
     return replace(ground, by_people=measured is None, depth=rescaled, measured=measured)
 
 
-class _Seen(NamedTuple):
+class _PeopleEvidence(NamedTuple):
     """N people and the evidence of their sizes: sigma (N,) of each size, and visible feet (N, 2)
     bool.
 
@@ -337,7 +339,6 @@ class _Seen(NamedTuple):
     model: BodyModel
     vertices: FloatArray
     joints: Tensor
-    observed: BoolArray
     feet: BoolArray
     real: FloatArray
     stance: Stance
@@ -345,7 +346,7 @@ class _Seen(NamedTuple):
     torsos: Witnesses
 
 
-def _people_seen(photo: PhotoContent, bodies: Bodies, model: BodyModel) -> _Seen:
+def _people_evidence(photo: PhotoContent, bodies: Bodies, model: BodyModel) -> _PeopleEvidence:
     """Return people with their torsos as witnesses, and their stance before a floor is known."""
     count = len(photo.people)
     with torch.no_grad():
@@ -360,10 +361,10 @@ def _people_seen(photo: PhotoContent, bodies: Bodies, model: BodyModel) -> _Seen
     sizes = photo.known.filled(count)
     sigma = _size_sigmas(photo, *sizes)
     real = photo.people.scores * adult_probability(*sizes, photo.observations.child)
-    farther, spread = photo.photo_map.people_farther or (0.0, _TORSO_SIGMA)
+    farther, spread = photo.aligned_map.people_farther or (0.0, _TORSO_SIGMA)
     stance, depth_right = _stance_without_floor(photo)
     by_torsos = scales_by_torsos(
-        vertices, model, photo.people.masks, photo.photo_map, photo.camera.matrix
+        vertices, model, photo.people.masks, photo.aligned_map, photo.camera.matrix
     )
     torsos = Witnesses(
         scale=by_torsos * math.exp(farther),
@@ -373,7 +374,13 @@ def _people_seen(photo: PhotoContent, bodies: Bodies, model: BodyModel) -> _Seen
         shared_sigma=_PEOPLE_SIGMA,
         shared_wrong=_PEOPLE_WRONG,
     )
-    return _Seen(model, vertices, posed.joints.cpu(), observed, feet, real, stance, sigma, torsos)
+    return _PeopleEvidence(model, vertices, posed.joints.cpu(), feet, real, stance, sigma, torsos)
+
+
+def _picture_stance(photo: PhotoContent) -> Stance:
+    """Return the stance of N people by keypoints and observations alone."""
+    keypoints = photo.keypoints
+    return stance_in_picture(keypoints.points, keypoints.joint_set.names, photo.observations)
 
 
 def _stance_without_floor(photo: PhotoContent) -> tuple[Stance, FloatArray]:
@@ -381,13 +388,12 @@ def _stance_without_floor(photo: PhotoContent) -> tuple[Stance, FloatArray]:
     depth is right.
     """
     keypoints = photo.keypoints
-    observed = photo.observations
-    stance = stance_in_picture(keypoints.points, keypoints.joint_set.names, observed)
+    stance = _picture_stance(photo)
     raised = photo.labelled(*RAISED_SURFACES)
     gap, among = depth_gaps_at_feet(
-        keypoints, photo.masks, photo.photo.depth, photo.scene.depth, raised
+        keypoints, photo.masks, photo.aligned.depth, photo.scene.depth, raised
     )
-    rides = np.nan_to_num(observed.posture[:, POSTURES.index("ride")])
+    rides = np.nan_to_num(photo.observations.posture[:, POSTURES.index("ride")])
     stands, right = standing_prior(stance.touch[:, :2], gap, among, rides)
     carriers = photo.people.carriers
     carried = carried_people(carriers, keypoints) if carriers else None
@@ -413,20 +419,20 @@ def _size_sigmas(photo: PhotoContent, stature: FloatArray, years: FloatArray) ->
     return np.asarray(np.maximum(sigma, _LEAST_SIZE_SIGMA) / np.sqrt(share))
 
 
-class _OnPlane(NamedTuple):
+class _FloorHypothesis(NamedTuple):
     """A candidate for the floor: evidence in nats, scales (N, 2) by the soles, and the witnesses
     that depend on it.
     """
 
     candidate: FloorCandidate
     evidence: Mapping[str, float]
-    on: FloatArray
+    ground_weights: FloatArray
     by_soles: FloatArray
     soles: Witnesses
     camera: Witnesses
 
 
-def _on_it(
+def _weights_by_ground(
     candidate: FloorCandidate, photo: PhotoContent, soles: Sequence[GroundAtSoles]
 ) -> FloatArray:
     """Return by how much (N,), at most 1, the ground beside their soles leaves people on a floor.
@@ -444,15 +450,18 @@ def _on_it(
         points = photo.scene_map.points[rows, columns][known].astype(np.float64)
         if len(points):
             height = float(np.median(points @ plane.normal)) / plane.offset + 1
-            on[beside.person] = min(1.0, odds_at_height(height))
+            on[beside.person] = min(1.0, standing_odds(height))
     return on
 
 
-def _on_plane(
-    candidate: FloorCandidate, seen: _Seen, photo: PhotoContent, beside: Sequence[GroundAtSoles]
-) -> _OnPlane:
+def _floor_hypothesis(
+    candidate: FloorCandidate,
+    seen: _PeopleEvidence,
+    photo: PhotoContent,
+    beside: Sequence[GroundAtSoles],
+) -> _FloorHypothesis:
     """Return the evidence of feet and camera if a candidate is the floor."""
-    on = _on_it(candidate, photo, beside)
+    on = _weights_by_ground(candidate, photo, beside)
     score = dict(candidate.evidence)
     height = math.nan
     by_soles = np.full((len(seen.feet), 2), np.nan)
@@ -460,7 +469,7 @@ def _on_plane(
         score["no height of the camera"] = _NO_CAMERA_NATS
     else:
         plane = candidate.plane.to_plane()
-        by_soles = scales_by_soles(seen.vertices, seen.model, seen.observed, plane)
+        by_soles = scales_by_soles(seen.vertices, seen.model, seen.feet, plane)
         height = plane.offset
         if candidate.beneath:  # no sole stands on what people lie on
             by_soles[:] = np.nan
@@ -475,11 +484,13 @@ def _on_plane(
     soles = Witnesses(
         lower, seen.torsos.depth, np.hypot(seen.sigma, _SOLE_SIGMA), sure, _FLOOR_SIGMA
     )
-    camera = _witness(USUAL_CAMERA_HEIGHT_M / height, USUAL_CAMERA_HEIGHT_SIGMA, _CAMERA_SURE)
-    return _OnPlane(candidate, score, on, by_soles, soles, camera)
+    camera = Witnesses.alone(
+        USUAL_CAMERA_HEIGHT_M / height, USUAL_CAMERA_HEIGHT_SIGMA, _CAMERA_SURE
+    )
+    return _FloorHypothesis(candidate, score, on, by_soles, soles, camera)
 
 
-def _below_hidden_feet(search: FloorSearch, seen: _Seen, scale: float) -> FloorSearch:
+def _floor_below_bodies(search: FloorSearch, seen: _PeopleEvidence, scale: float) -> FloorSearch:
     """Move a floor that cuts people whose feet are not visible down to their low ends.
 
     Such a plane is a table, a seat or a hedge. Visible feet show where the floor is.
@@ -497,33 +508,22 @@ def _below_hidden_feet(search: FloorSearch, seen: _Seen, scale: float) -> FloorS
     return replace(search, plane=moved)
 
 
-def _usual_depth(scene: Pointmap) -> Witnesses:
-    """Return the scale of a scene by the usual depth of scenes with people."""
-    return _witness(USUAL_DEPTH_M / _median_depth(scene), USUAL_DEPTH_SIGMA, 1.0)
-
-
-def _median_depth(scene: Pointmap) -> float:
-    return float(np.median(scene.points[scene.valid, 2]))
-
-
-def _witness(scale: float, sigma: float, sure: float) -> Witnesses:
-    """Return one witness of a scale, of unknown depth."""
-    unknown = np.array([math.nan])
-    return Witnesses(np.array([scale]), unknown, np.array([sigma]), np.array([sure]), 0.0)
-
-
-def _stance(vote: ScaleVote, planes: Sequence[_OnPlane], seen: _Seen) -> Stance:
+def _stance_by_vote(
+    vote: ScaleVote, planes: Sequence[_FloorHypothesis], seen: _PeopleEvidence
+) -> Stance:
     """Return the stance by the probability that feet stand on each plane, at the scale of the
     vote.
     """
     stands = sum(
-        weight * p.on[:, None] * np.nan_to_num(_right_feet(vote, p, seen))
+        weight * p.ground_weights[:, None] * np.nan_to_num(_standing_probabilities(vote, p, seen))
         for weight, p in zip(vote.weights.tolist(), planes, strict=True)
     )
     return replace(seen.stance, stands=np.where(seen.feet, stands, seen.stance.stands))
 
 
-def _right_feet(vote: ScaleVote, plane: _OnPlane, seen: _Seen) -> FloatArray:
+def _standing_probabilities(
+    vote: ScaleVote, plane: _FloorHypothesis, seen: _PeopleEvidence
+) -> FloatArray:
     """Return the probability (N, 2) that feet stand on a plane; NaN off it."""
     feet = zip(plane.by_soles.T, seen.stance.stands.T, strict=True)
     return np.stack(
@@ -531,14 +531,14 @@ def _right_feet(vote: ScaleVote, plane: _OnPlane, seen: _Seen) -> FloatArray:
     )
 
 
-def _guessed(scene: Pointmap, plane: PlaneFit | None) -> tuple[SceneScale, str]:
+def _guessed_scale(scene: Pointmap, plane: PlaneFit | None) -> tuple[SceneScale, str]:
     """Scale a scene of unknown size to a usual one; the warning names the assumption."""
     if plane is not None:
         scale = USUAL_CAMERA_HEIGHT_M / plane.offset
         assumed = f"the camera is assumed to be {USUAL_CAMERA_HEIGHT_M:g} m above the floor"
         option = "camera-height, as in a view from above,"
     else:
-        scale = USUAL_DEPTH_M / _median_depth(scene)
+        scale = USUAL_DEPTH_M / median_depth(scene)
         assumed = f"the median depth is assumed to be {USUAL_DEPTH_M:g} m"
         option = "known-length"
     warning = (

@@ -77,12 +77,12 @@ class Background:
     depth: Tensor
 
 
-def backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
+def people_backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
     """Return the background around each person whose shoulders and ankles are seen."""
     soft, wall = (photo.labelled(*names) for names in (_SOFT, _WALL))
     found = []
     for i, mask in enumerate(photo.masks):
-        ends = _shoulders_and_ankles(photo.keypoints, i)
+        ends = _body_ends(photo.keypoints, i)
         if ends is None:
             continue
         start = ends[0]
@@ -92,13 +92,13 @@ def backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
             continue
         ring = dilate_square(mask, max(2, round(_RING * length))) & ~photo.hole
         rows, columns = ring.nonzero(as_tuple=True)
-        body = (mask & photo.photo.valid).nonzero()
+        body = (mask & photo.aligned.valid).nonzero()
         places = (body.flip(1) - start) @ way / length**2
         parts = [body[(places > low) & (places < high)] for low, high in _PARTS]
         if min(len(rows), *map(len, parts)) < _FEWEST:
             continue
         points = torch.stack(
-            [median(photo.photo.points[part.unbind(1)].double()) for part in parts]
+            [median(photo.aligned.points[part.unbind(1)].double()) for part in parts]
         )
         depth = points[:, 2]
         found.append(
@@ -115,7 +115,7 @@ def backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
     return tuple(found)
 
 
-def _shoulders_and_ankles(keypoints: Keypoints, person: int) -> Tensor | None:
+def _body_ends(keypoints: Keypoints, person: int) -> Tensor | None:
     """Return the middles (2, 2) px of the shoulders and of the ankles of a person; None if they are
     not seen.
     """
@@ -132,7 +132,7 @@ def _shoulders_and_ankles(keypoints: Keypoints, person: int) -> Tensor | None:
     return found if bool(torch.isfinite(found).all()) else None
 
 
-def surface_beneath(
+def plane_beneath_people(
     rays: Tensor, inverse: Tensor, people: tuple[Background, ...]
 ) -> tuple[Tensor | None, float]:
     """Return the plane (3,) in inverse depth by ray on which people lie more probably than on
@@ -141,20 +141,20 @@ def surface_beneath(
     Args:
         rays: (H, W, 3) of the scene without people.
         inverse: (H, W) inverse depth, 0 where unknown.
-        people: their backgrounds.
+        people: their people_backgrounds.
     """
     best: tuple[Tensor | None, float] = None, -math.inf
     for person in people:
-        plane = _plane_around(rays, inverse, person)
+        plane = _background_plane(rays, inverse, person)
         if plane is not None:
-            nats = sum(_person_nats(rays, inverse, other, plane) for other in people)
+            nats = sum(_lying_nats(rays, inverse, other, plane) for other in people)
             best = max(
                 best, (plane, math.log(LYING_RATE / (1 - LYING_RATE)) + nats), key=itemgetter(1)
             )
     return best
 
 
-def _plane_around(rays: Tensor, inverse: Tensor, person: Background) -> Tensor | None:
+def _background_plane(rays: Tensor, inverse: Tensor, person: Background) -> Tensor | None:
     """Return the plane (3,) on which most of the background around a person lies."""
     near = inverse[person.rows, person.columns].double()
     known = near > 0
@@ -184,7 +184,7 @@ def _plane_around(rays: Tensor, inverse: Tensor, person: Background) -> Tensor |
     return plane
 
 
-def _person_nats(rays: Tensor, inverse: Tensor, person: Background, plane: Tensor) -> float:
+def _lying_nats(rays: Tensor, inverse: Tensor, person: Background, plane: Tensor) -> float:
     """Return the log likelihood ratio of a person who lies on a plane to one who does not."""
     near = inverse[person.rows, person.columns].double()
     on_plane = rays[person.rows, person.columns].double() @ plane

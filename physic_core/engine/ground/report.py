@@ -108,7 +108,7 @@ def scale_witnesses(kinds: Mapping[str, Witnesses], vote: ScaleVote) -> list[dic
     return rows
 
 
-def too_small(
+def small_statures(
     vote: ScaleVote, soles: Witnesses, stands: BoolArray, known: KnownPeople
 ) -> dict[int, float]:
     """Return the stature of people of unknown size who are too small for adults; feet ``stands``

@@ -73,11 +73,15 @@ class Stance(ShortRepr):
     carried: Carried | None = field(default=None, metadata=PER_PERSON)
 
     @staticmethod
+    def by_touch(lower: FloatArray, observed: FloatArray) -> Stance:
+        """Return the stance of people of whom a usual share of the feet that touch stands."""
+        stance = Stance(lower, observed, lower)
+        return replace(stance, stands=_ON_FLOOR_SHARE * stance.touch[:, :2])
+
+    @staticmethod
     def unknown(count: int) -> Stance:
         """Return the stance of N average people."""
-        feet = np.full((count, 2), np.nan)
-        stance = Stance(feet, np.zeros((count, 5)), feet)
-        return replace(stance, stands=_ON_FLOOR_SHARE * stance.touch[:, :2])
+        return Stance.by_touch(np.full((count, 2), np.nan), np.zeros((count, 5)))
 
     @property
     def touch(self) -> FloatArray:
@@ -120,15 +124,10 @@ def stance_in_picture(
     """Return the stance of N people by named keypoints (N, J, 2), px, and what is observed of
     them; feet that touch stand with the usual share.
     """
-    stance = replace(
-        Stance.unknown(len(points)),
-        lower=lower_than_the_other(points, names),
-        observed=observations.evidence("touch"),
-    )
-    return replace(stance, stands=_ON_FLOOR_SHARE * stance.touch[:, :2])
+    return Stance.by_touch(foot_drops(points, names), observations.evidence("touch"))
 
 
-def lower_than_the_other(points: FloatArray, names: Sequence[str]) -> FloatArray:
+def foot_drops(points: FloatArray, names: Sequence[str]) -> FloatArray:
     """Return how much lower each foot is than the other one in the picture (N, 2), in lengths of
     the trunk.
 
@@ -138,7 +137,7 @@ def lower_than_the_other(points: FloatArray, names: Sequence[str]) -> FloatArray
         points: (N, J, 2) px; y points down.
         names: of the J keypoints, such as "left_heel".
     """
-    row = _rows_in_trunks(points, names)
+    row = _joint_heights(points, names)
     left, right = (
         np.max([row(f"{side}_{end}") for end in ("ankle", "heel", "toe")], axis=0) for side in SIDES
     )
@@ -146,7 +145,7 @@ def lower_than_the_other(points: FloatArray, names: Sequence[str]) -> FloatArray
     return np.stack([lower, -lower], 1)
 
 
-def _rows_in_trunks(points: FloatArray, names: Sequence[str]) -> Callable[[str], FloatArray]:
+def _joint_heights(points: FloatArray, names: Sequence[str]) -> Callable[[str], FloatArray]:
     """Return a function from a joint's name to its row in the picture (N,), in lengths of the
     trunk; NaN if unknown.
     """
@@ -246,16 +245,16 @@ def depth_gaps_at_feet(
             if len(places) < 2 or not np.isfinite(places).all():
                 continue
             ring = places.mean(0), _MARGIN_PX + _RING_SHARE * size
-            share = float(_around(raised.float(), background, *ring).mean())
+            share = float(_finite_values_around(raised.float(), background, *ring).mean())
             on_furniture[i, k] = share > _MAX_RAISED_SHARE
             radius = max(2.0, _RADIUS_SHARE * size)
-            values = [_around(log_ratio, mask, place, radius) for place in places]
-            ground = _around(log_ratio, background, *ring)
-            gaps[i, k] = _gap_behind(places[1] - places[0], values, ground)
+            values = [_finite_values_around(log_ratio, mask, place, radius) for place in places]
+            ground = _finite_values_around(log_ratio, background, *ring)
+            gaps[i, k] = _depth_gap(places[1] - places[0], values, ground)
     return gaps, on_furniture
 
 
-def _gap_behind(way: FloatArray, foot: Sequence[Tensor], ground: Tensor) -> float:
+def _depth_gap(way: FloatArray, foot: Sequence[Tensor], ground: Tensor) -> float:
     """Return the gap behind a foot; NaN where it is unknown.
 
     Args:
@@ -275,7 +274,7 @@ def _gap_behind(way: FloatArray, foot: Sequence[Tensor], ground: Tensor) -> floa
     return float(lower.double().median() - off) if known else math.nan
 
 
-def _around(values: Tensor, mask: Tensor, place: FloatArray, radius: float) -> Tensor:
+def _finite_values_around(values: Tensor, mask: Tensor, place: FloatArray, radius: float) -> Tensor:
     """Return the finite values (n,) of a mask in a square around a place (2,) px."""
     height, width = mask.shape
     x, y = (float(v) for v in place)

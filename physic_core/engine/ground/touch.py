@@ -55,8 +55,8 @@ ride.
 Values = TypeVar("Values", NDArray[np.floating[Any]], Tensor)
 
 
-def touch_log_odds(kind: str, features: Mapping[str, Values]) -> Values | float:
-    """Return the log odds (...) that parts touch; a number for a kind without features.
+def touch_log_odds(kind: str, features: Mapping[str, Values]) -> Values:
+    """Return the log odds (...) that parts touch; one number for a kind without features.
 
     Args:
         kind: of the parts: "foot", "hand", "seat" or "other"; "foot in the picture" and so on
@@ -68,10 +68,11 @@ def touch_log_odds(kind: str, features: Mapping[str, Values]) -> Values | float:
         KeyError: a feature is missing.
     """
     constant, *weights = touch_model()[kind].items()
-    odds: Values | float = constant[1]
+    odds: Any = constant[1]
     for name, weight in weights:
         odds = odds + weight * features[name]
-    return odds
+    found: Values = odds
+    return found
 
 
 @cache

@@ -14,7 +14,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import torch
 from torch import Tensor
@@ -301,18 +301,12 @@ class LbfgsOptimiser(Optimiser):
         return partial(_lbfgs_block, energy, self.tolerance, LbfgsHistory(groups))
 
 
-@dataclass(frozen=True)
-class Gradient:
-    """Gradient of the energy of B people with D parameters each, and of the scale that they share.
+Gradient: TypeAlias = tuple[Tensor, Tensor | None]
+"""Gradient (B, D) of the energy of B people by their D parameters, and (B,) of each person's energy
+by the scale that they share; None if the scale is not free.
 
-    Attributes:
-        people: (B, D).
-        scale: (B,) of each person's energy by the scale; None if the scale is not free.
-            Contributions that do not belong to one person are shared equally.
-    """
-
-    people: Tensor
-    scale: Tensor | None
+Contributions that do not belong to one person are shared equally.
+"""
 
 
 @dataclass(frozen=True)
@@ -340,7 +334,7 @@ def _evaluate(energy: Energy, at: Tensor) -> _Point:
     if scale is not None:
         scale = flat[-1] + (scale - flat[-1].sum()) / len(people)
     finite = math.isfinite(value) and math.isfinite(checksum)
-    return _Point(at, value if finite else math.inf, gradient, Gradient(people, scale))
+    return _Point(at, value if finite else math.inf, gradient, (people, scale))
 
 
 def _lbfgs_block(
@@ -439,12 +433,12 @@ class LbfgsHistory:
         is negative.
         """
         s = step.double()
-        y = (after.people - before.people).double()
+        y = (after[0] - before[0]).double()
         t = s.new_zeros(len(s))
         z = s.new_zeros(len(s))
-        if scale_step is not None and before.scale is not None and after.scale is not None:
+        if scale_step is not None and before[1] is not None and after[1] is not None:
             t = t + scale_step.double()
-            z = self._by_group((after.scale - before.scale).double())
+            z = self._by_group((after[1] - before[1]).double())
         sy, ss, yy = (self._by_group((a * b).sum(1)) for a, b in ((s, y), (s, s), (y, y)))
         curvature = sy + t * z
         length = yy + z * z
@@ -459,8 +453,8 @@ class LbfgsHistory:
 
     def direction(self, gradient: Gradient) -> tuple[Tensor, Tensor | None]:
         """Return the quasi-Newton step of people (B, D) and of the scale ()."""
-        g = gradient.people.double()
-        h = gradient.scale
+        people, h = gradient
+        g = people.double()
         total = g.square().sum() if h is None else g.square().sum() + h.double().sum().square()
         if self._gamma is None:
             self._gamma = (
@@ -469,7 +463,7 @@ class LbfgsHistory:
         none = g.new_zeros(len(g))
         if h is None:
             step, _ = self._apply_inverse(g[..., None], none[:, None])
-            return -step[..., 0].to(gradient.people), None
+            return -step[..., 0].to(people), None
         ones = torch.ones_like(none)
         P, q = self._apply_inverse(
             torch.stack([g, torch.zeros_like(g)], 2), torch.stack([none, ones], 1)
@@ -482,7 +476,7 @@ class LbfgsHistory:
             P[..., 1] * (factor if self._groups is None else factor[self._groups])[:, None]
             - P[..., 0]
         )
-        return step.to(gradient.people), scale.to(h)
+        return step.to(people), scale.to(h)
 
     def _by_group(self, of_people: Tensor) -> Tensor:
         """Sum numbers (B, ...) of people over their groups: (B, ...), 0 for indices without a

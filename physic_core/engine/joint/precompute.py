@@ -27,7 +27,7 @@ def _log_depth(depth: Tensor | None) -> Tensor | None:
     return None if depth is None else torch.where(depth > 0, depth, torch.nan).log()
 
 
-def _in_photo(points: Tensor, state: State) -> Tensor:
+def _inside_photo(points: Tensor, state: State) -> Tensor:
     """Return whether the photo shows the place of each point (N, P, 3): (N, P) bool."""
     height, width = state.masks.shape[-2:]
     return inside_image(project(points, state.K), height, width)
@@ -39,7 +39,7 @@ def precompute(state: State, method: JointMethod) -> Sampling:
     person_weights = method.weigh_people(state)
     state, model = method.prepare(state), state.model
     start = model(state.rotations, state.betas, state.transl, state.expression)
-    observed = state.observed_anywhere
+    observed = state.observed_in_any_photo
     probability = torch.nan_to_num(state.contact_prior)
     is_contact = probability >= _CONTACT_PROBABILITY
     area = vertex_areas(start.vertices, model.faces)
@@ -62,12 +62,12 @@ def precompute(state: State, method: JointMethod) -> Sampling:
         contact_prior=probability[:, ids],
         is_contact=is_contact[:, ids],
         on_visible_part=observed_parts(model.part_names, observed)[:, model.part_of_vertex[ids]],
-        soles=_sole_rows(model, ids),
+        soles=_sole_indices(model, ids),
         keypoint_weights=method.weigh_keypoints(state),
         person_px=_person_px(state, start.joints[:, 0]),
         start=start,
         relative=root_relative(start.vertices[:, ids], start.joints[:, 0], state.rotations[:, 0]),
-        feet_visible=observed[:, _ANKLES] & _in_photo(start.joints[:, _ANKLES], state),
+        feet_visible=observed[:, _ANKLES] & _inside_photo(start.joints[:, _ANKLES], state),
         log_depth=_log_depth(state.photo_depth),
         fronts=None if around.depth is None else front_depth(around.depth),
     )
@@ -78,7 +78,7 @@ def precompute(state: State, method: JointMethod) -> Sampling:
 
 def _sampling_of_view(sampling: Sampling, view: OtherView, method: JointMethod) -> Sampling:
     """Return the constants with the camera and the detections of another view."""
-    state = sampling.state.seen_by(view)
+    state = sampling.state.from_view(view)
     return replace(
         sampling,
         state=state,
@@ -132,7 +132,7 @@ def subsample_vertices(
     return ids[order], torch.cat([area[:, kept], summed], 1)[:, order]
 
 
-def _sole_rows(model: BodyModel, ids: Tensor) -> tuple[Tensor, Tensor]:
+def _sole_indices(model: BodyModel, ids: Tensor) -> tuple[Tensor, Tensor]:
     """Return the rows of ``ids`` that are on the left and on the right sole."""
     row = torch.full((model.num_vertices,), -1, dtype=torch.int64, device=ids.device)
     row[ids] = torch.arange(len(ids), device=ids.device)

@@ -74,7 +74,7 @@ class Sampling:
             None.
         fronts: of the scene, see :mod:`physic_core.geometry.visibility`; None without a depth of
             the scene.
-        views: the same for each other camera, with its state (``State.seen_by``), keypoints and
+        views: the same for each other camera, with its state (``State.from_view``), keypoints and
             sizes in px.
     """
 
@@ -123,10 +123,8 @@ def with_static_contacts(state: State) -> State:
     """Return the state with contact of :data:`STATIC_CONTACT_PARTS` of all people, instead of the
     prior's.
     """
-    probability = torch.zeros_like(state.contact_prior)
-    for name in STATIC_CONTACT_PARTS:
-        probability[:, state.model.contact_sets[name]] = 1.0
-    return replace(state, contact_prior=probability)
+    static = state.model.in_contact_sets(*STATIC_CONTACT_PARTS)
+    return replace(state, contact_prior=static.to(state.contact_prior).expand(len(state), -1))
 
 
 def root_relative(vertices: Tensor, pelvis: Tensor, root: Tensor) -> Tensor:

@@ -18,6 +18,7 @@ from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.scene_state import SceneState
 from physic_core.engine.state import Estimates, State
 from physic_core.geometry.pointmap import edge_ratio, pointmap_normals
+from physic_core.geometry.tensors import span_of_true
 from physic_core.geometry.visibility import move_behind_bodies
 
 _INVALID_START = "the start has non-finite parameters or is behind the camera"
@@ -38,9 +39,8 @@ def optimize(
         progress: called with the completed share of the work, 0-1.
 
     Raises:
-        PhysicError: inconsistent shapes, or the data of the depth term is missing.
+        PhysicError: the data of the depth term is missing.
     """
-    state.check()
     failures = [""] * len(state)
     healthy = _has_valid_start(state)
     for i in (~healthy).nonzero().flatten().tolist():
@@ -59,7 +59,7 @@ def optimize(
     unknown = torch.full_like(state.transl[:, 0], torch.nan)
     state = replace(state, failures=tuple(failures), depth_offset=unknown)
     if energy is None:
-        return _posed(state)
+        return _posed_state(state)
     origin = energy.variables.pack()
     minimised = settings.optimiser.minimise(energy, progress)
     late, optimiser = settings.late_terms(energy.sampling)
@@ -67,7 +67,7 @@ def optimize(
     if groups is not None:
         again = optimiser.minimise(energy, groups=groups)
         minimised = join_results(energy, origin, minimised, again)
-    return _with_optimised(state, energy, minimised, healthy.nonzero(as_tuple=True)[0])
+    return _merged_people(state, energy, minimised, healthy.nonzero(as_tuple=True)[0])
 
 
 def _has_valid_start(state: State) -> Tensor:
@@ -98,14 +98,14 @@ def _finite_energy(energy: JointEnergy) -> Tensor:
 
 
 @torch.no_grad()
-def _posed(state: State) -> State:
+def _posed_state(state: State) -> State:
     """Return the state with vertices and joints of its bodies."""
     output = state.model(state.rotations, state.betas, state.transl, state.expression)
     return replace(state, vertices=output.vertices, joints=output.joints)
 
 
 @torch.no_grad()
-def _with_optimised(
+def _merged_people(
     state: State, energy: JointEnergy, minimised: MinimisationResult, rows: Tensor
 ) -> State:
     """Return the optimised people, ``rows`` of all, together with the start of the others."""
@@ -121,7 +121,7 @@ def _with_optimised(
         evaluations=minimised.evaluations,
         steps=minimised.steps,
     )
-    return _posed(optimised)
+    return _posed_state(optimised)
 
 
 def finalize_scene(estimates: Estimates, state: State, settings: SceneMethod) -> State:
@@ -129,17 +129,17 @@ def finalize_scene(estimates: Estimates, state: State, settings: SceneMethod) ->
 
     The scene's scale is not applied.
     """
-    finite = state.finite
+    finite = state.finite_people
     if not settings.carve_m or not bool(finite.any()):
         return state
     bodies = state.vertices[finite] / state.scene_scale
     masks = state.masks[finite]
     hole = estimates.photo.hole
-    scene = _carved(state.scene, bodies, state.model.faces, masks, hole, settings)
+    scene = _carved_scene(state.scene, bodies, state.model.faces, masks, hole, settings)
     return replace(state, scene=scene)
 
 
-def _carved(
+def _carved_scene(
     scene: SceneState,
     bodies: Tensor,
     faces: Tensor,
@@ -158,16 +158,10 @@ def _carved(
     changed[unseen] = out
     if not bool(out.any()):
         return scene
-    rows, columns = (_span(changed.any(dim)) for dim in (1, 0))
+    rows, columns = (span_of_true(changed.any(dim), 1) for dim in (1, 0))
     ratio = edge_ratio(*hole.shape)
     fresh = pointmap_normals(points[rows, columns], scene.valid[rows, columns], ratio)
     renewed = changed[rows, columns] & (fresh.square().sum(-1) > 0)
     surface = scene.normals.clone()
     surface[rows, columns] = torch.where(renewed[..., None], fresh, surface[rows, columns])
     return replace(scene, points=points, normals=surface)
-
-
-def _span(hit: Tensor) -> slice:
-    """Return the span of the true elements of ``hit`` (n,) with one neighbour on each side."""
-    at = hit.nonzero()
-    return slice(max(0, int(at[0]) - 1), int(at[-1]) + 2)

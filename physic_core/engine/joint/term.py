@@ -13,7 +13,7 @@ from torch import Tensor
 
 from physic_core.engine.joint.snapshot import ContactState, Visibility
 from physic_core.engine.joint.variables import Estimate
-from physic_core.geometry.robust import loss_with_slope, robust_loss
+from physic_core.geometry.robust import loss_with_slope
 from physic_core.types.short_repr import ShortRepr
 
 
@@ -44,10 +44,6 @@ class RobustSum:
         weights (B, n).
         """
         return cls(kind, scale, sigma, weight, weight * scale**2, weight * (2.0 / sigma**2))
-
-    def rho(self, squared: Tensor) -> Tensor:
-        """Return the robust loss of squared residuals ``r^2 / sigma^2``, differentiable."""
-        return robust_loss(self.kind, squared, self.scale)
 
     def value_and_slope(self, residual: Tensor) -> tuple[Tensor, Tensor]:
         """Return the sum of each person (B,) and its derivative with respect to the residuals (B,

@@ -14,7 +14,6 @@ from torch import Tensor
 
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.engine.sizes.evidence import DEPTH_SCALE_SIGMA
-from physic_core.errors import PhysicError
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_core.types.short_repr import ShortRepr
 
@@ -82,14 +81,6 @@ class Estimate(ShortRepr):
     log_scales: Tensor
 
 
-def _check_groups(groups: Sequence[str]) -> None:
-    unknown = sorted(set(groups) - set(PARAMETER_GROUPS))
-    if unknown:
-        raise PhysicError(
-            f"cannot freeze {', '.join(unknown)}: the groups are {', '.join(PARAMETER_GROUPS)}"
-        )
-
-
 def _fixed_turns(rotations: Tensor) -> tuple[Tensor, Tensor]:
     """Return the rotations (B, n, 3, 3) before and after a free turn: of the root it is the last,
     of other joints the first.
@@ -128,9 +119,6 @@ class Variables:
         scale_sigma: expected size of log(scale).
         offset_sigma: expected size of the log depth offsets; (B,) differs per person. 0 fixes the
             offset.
-
-    Raises:
-        PhysicError: unknown parameter group.
     """
 
     def __init__(
@@ -144,7 +132,6 @@ class Variables:
         scale_sigma: float = DEPTH_SCALE_SIGMA,
         offset_sigma: float | Tensor = 0.2,
     ) -> None:
-        _check_groups(frozen)
         people = len(rotations)
         self.start = Estimate(
             rotations.detach(),
@@ -261,11 +248,7 @@ class Variables:
 
     @torch.no_grad()
     def load(self, packed: Tensor) -> None:
-        """Set all free parameters from a vector of :meth:`pack`.
-
-        Raises:
-            PhysicError: the vector has the wrong length.
-        """
+        """Set all free parameters from a vector of :meth:`pack`."""
         for value, part in zip(self.parameters(), self._parts(packed), strict=True):
             value.copy_(part.view_as(value))
 
@@ -319,9 +302,4 @@ class Variables:
 
     def _parts(self, packed: Tensor) -> tuple[Tensor, ...]:
         """Split a packed vector into the free parameter groups."""
-        sizes = [v.numel() for v in self.parameters()]
-        if packed.shape != (sum(sizes),):
-            raise PhysicError(
-                f"the packed state must be ({sum(sizes)},), got {tuple(packed.shape)}"
-            )
-        return torch.split(packed, sizes)
+        return torch.split(packed, [v.numel() for v in self.parameters()])

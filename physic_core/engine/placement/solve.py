@@ -11,7 +11,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -20,12 +19,12 @@ from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.engine.photo import PixelPoints
 from physic_core.engine.placement.method import PlacementMethod
 from physic_core.engine.placement.terms import PlacementProblem
-from physic_core.engine.sizes.known_sizes import KnownGeometry, size_by_scene
+from physic_core.engine.sizes.known_sizes import KnownGeometry, size_factors
 from physic_core.engine.sizes.stature import resize_bodies, stature_factor
 from physic_core.engine.state import Estimates, State
 from physic_core.geometry.alignment import Alignment, apply_alignment, fit_alignment
 from physic_core.geometry.pointmap import depth_to_pointmap
-from physic_core.geometry.tensors import all_finite, dilate_square, quantiles
+from physic_core.geometry.tensors import all_finite, dilate_square, quantiles, span_of_true, tensor
 from physic_core.types.observations import POSTURES
 
 _FAR_M = 50.0  # maximum background depth used by the alignment
@@ -41,12 +40,13 @@ def solve_placement(estimates: Estimates, state: State, method: PlacementMethod)
     feet_seen = state.observed[:, _ANKLES].any(1)
     if state.known is not None and state.known.unscaled is not None:
         state = _resized(estimates, state, state.known, feet_seen, method)
-    if method.stance and state.stance is not None:
-        likely = state.stance.touch
-        rides = np.nan_to_num(estimates.observations.posture[:, POSTURES.index("ride")])
+    if not method.stance:
+        state = replace(state, touch=None)
+    elif state.touch is not None:
+        rides = tensor(estimates.photo.observations.posture)[:, POSTURES.index("ride")]
         # feet on pedals or in stirrups touch, but not the ground
-        likely[:, :2] *= 1 - (rides * likely[:, 4])[:, None]
-        touch = torch.from_numpy(likely).to(state.transl)
+        on_ground = 1 - rides.nan_to_num().to(state.touch) * state.touch[:, 4]
+        touch = torch.cat((state.touch[:, :2] * on_ground[:, None], state.touch[:, 2:]), 1)
         feet_seen = feet_seen & (touch[:, :2] >= LEAST_PROBABILITY).any(1)
         state = replace(state, touch=touch)
     return _place(estimates, state, feet_seen, method)
@@ -55,7 +55,7 @@ def solve_placement(estimates: Estimates, state: State, method: PlacementMethod)
 def _place(estimates: Estimates, state: State, feet_seen: Tensor, method: PlacementMethod) -> State:
     """Align the photo to the scene, and place the bodies in it."""
     scene = state.scene
-    photo = estimates.photo.photo
+    photo = estimates.photo.with_people
     alignment = align_photo_points_to_scene(
         photo, estimates.photo.hole, scene.points, scene.valid, method, far=_FAR_M
     )
@@ -137,7 +137,7 @@ def align_photo_points_to_scene(
     people: Tensor,
     scene_points: Tensor,
     scene_valid: Tensor,
-    method: PlacementMethod | None = None,
+    method: PlacementMethod,
     far: float = math.inf,
 ) -> Alignment:
     """Align the original photo's point map to the scene's point map on background pixels (Eq. 1).
@@ -147,13 +147,12 @@ def align_photo_points_to_scene(
         people: (H, W) bool, pixels of all people.
         scene_points: (H, W, 3) point map of the scene, any unit.
         scene_valid: (H, W) bool.
-        method: of stage 2; that of preset "default" if None.
+        method: of stage 2.
         far: largest depth of scene pixels used, in the unit of the scene.
 
     Returns:
         The alignment; ``inlier_share`` is 0 without common pixels.
     """
-    method = method or PlacementMethod()
     points = photo.points
     grown = dilate_square(people, round(method.mask_growth * max(people.shape)))
     background = ~grown & (scene_points[..., 2] <= far)
@@ -187,13 +186,13 @@ def _weigh_background(inverse: Tensor, people: Tensor, background: Tensor) -> Te
     return _FAR_WEIGHT + (1 - _FAR_WEIGHT) * torch.exp(-0.5 * gap.square())
 
 
-def move_photo_points_to_scene(points: Tensor, alignment: Alignment, K: Tensor | None) -> Tensor:
+def move_photo_points_to_scene(points: Tensor, alignment: Alignment, K: Tensor) -> Tensor:
     """Apply the alignment to the original photo's point map (H, W, 3).
 
     Args:
         points: (H, W, 3), any unit.
         alignment: to the scene.
-        K: (3, 3) px, on whose rays the points are moved; None leaves them.
+        K: (3, 3) px, camera of the scene, on whose rays the points are moved.
 
     Returns:
         (H, W, 3) metres; NaN if the alignment has no inliers, since the distance of people is then
@@ -201,38 +200,29 @@ def move_photo_points_to_scene(points: Tensor, alignment: Alignment, K: Tensor |
     """
     if alignment.inlier_share == 0:
         return torch.full_like(points, math.nan)
-    aligned = apply_alignment(points, alignment)
-    return aligned if K is None else depth_to_pointmap(aligned[..., 2], K)
+    return depth_to_pointmap(apply_alignment(points, alignment)[..., 2], K)
 
 
-def human_points(
-    points: Tensor, valid: Tensor, mask: Tensor, method: PlacementMethod | None = None
-) -> Tensor:
+def human_points(points: Tensor, valid: Tensor, mask: Tensor, method: PlacementMethod) -> Tensor:
     """Return the points of one person, without depth edges and outliers.
 
     Args:
         points: (H, W, 3) metres, of the original photo, aligned to the scene.
         valid: (H, W) bool.
         mask: (H, W) bool, the person's visible pixels.
-        method: of stage 2; that of preset "default" if None.
+        method: of stage 2.
 
     Returns:
         (M, 3) metres; M = 0 if the mask has no valid point.
     """
     if not bool(mask.any()):
         return points.new_zeros((0, 3))
-    box = _span(mask.any(1)), _span(mask.any(0))
+    box = span_of_true(mask.any(1), _MARGIN_PX), span_of_true(mask.any(0), _MARGIN_PX)
     cloud = points[box]
     inside = mask[box]
     known = valid[box] & all_finite(cloud) & (cloud[..., 2] > 0)
     cloud = torch.where(known[..., None], cloud, 0.0)
-    return (method or PlacementMethod()).clean_points(cloud, known, inside, mask.shape)
-
-
-def _span(hit: Tensor) -> slice:
-    """Return the span of the true elements of ``hit`` (n,) with a margin."""
-    at = hit.nonzero()
-    return slice(max(0, int(at[0]) - _MARGIN_PX), min(len(hit), int(at[-1]) + 1 + _MARGIN_PX))
+    return method.clean_points(cloud, known, inside, mask.shape)
 
 
 def _resized(
@@ -256,7 +246,7 @@ def _resized(
     vertices = posed + (placed.keypoint_transl - state.transl)[:, None]
     floor = placed.scene.floor_plane
     clouds = placed.human_points or (vertices[0, :0],) * len(posed)
-    ratio = known.factor * size_by_scene(vertices, model.soles, feet_seen.tolist(), floor, clouds)
+    ratio = known.factor * size_factors(vertices, model.soles, feet_seen.tolist(), floor, clouds)
     own = model.stature(state.betas)
     unknown = ~torch.isfinite(known.stature.to(own))
     wanted = torch.where(unknown, own * stature_factor(ratio, own), own)

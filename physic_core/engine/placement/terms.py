@@ -15,10 +15,9 @@ import torch
 from torch import Tensor
 
 from physic_core.geometry.camera import project
-from physic_core.geometry.neighbors import nearest_rows, search_tree
+from physic_core.geometry.neighbors import nearest_indices, search_tree
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.robust import cauchy
-from physic_core.geometry.tensors import exact_arrays
 
 FEWEST_KEYPOINTS = 3
 """Minimum number of confident keypoints to estimate a translation."""
@@ -121,15 +120,16 @@ class ChamferTerm:
         self.points = points
         self.weights = weights
         self.scale = scale
-        self.vertex_tree, self.point_tree = map(search_tree, exact_arrays(vertices, points))
+        self.vertex_tree = search_tree(vertices)
+        self.point_tree = search_tree(points)
 
     def matched(self, x: Tensor) -> tuple[Tensor, Tensor]:
         """Return the nearest point (F, 3) of each vertex, unscaled, and the nearest vertex (M, 3)
         of each point.
         """
         factor = math.exp(float(x[-1]))
-        point, _ = nearest_rows(self.point_tree, (self.vertices + x[:-1]) / factor)
-        vertex, _ = nearest_rows(self.vertex_tree, self.points * factor - x[:-1])
+        point, _ = nearest_indices(self.point_tree, (self.vertices + x[:-1]) / factor)
+        vertex, _ = nearest_indices(self.vertex_tree, self.points * factor - x[:-1])
         return self.points[point], self.vertices[vertex]
 
     def residuals(self, x: Tensor) -> list[Residuals]:

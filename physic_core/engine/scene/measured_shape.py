@@ -15,7 +15,7 @@ import torch
 
 from physic_core.engine.photo import PixelPoints
 from physic_core.engine.scene.method import METRIC_DEPTH_TOLERANCE
-from physic_core.engine.sizes.evidence import USUAL_DEPTH_M
+from physic_core.engine.sizes.evidence import USUAL_DEPTH_M, median_depth
 from physic_core.geometry.alignment import AlignmentOptions, apply_alignment, fit_alignment
 from physic_core.geometry.pointmap import depth_to_pointmap
 from physic_core.geometry.tensors import tensor, tensors
@@ -41,7 +41,7 @@ def in_usual_unit(pointmap: Pointmap) -> Pointmap:
     """Return a point map of any unit whose median depth is that of a scene in metres: of another
     one, such as millimetres, its scale could be beyond those that are voted on.
     """
-    median = float(np.median(pointmap.points[pointmap.valid, 2]))
+    median = median_depth(pointmap)
     low, high = _USUAL_MEDIAN
     factor = 1.0 if low <= median <= high else USUAL_DEPTH_M / median
     return replace(pointmap, points=pointmap.points * np.float32(factor))

@@ -7,7 +7,7 @@ The relative point map gives the shape, and the metric depth the scale (Eq. 1). 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -61,7 +61,7 @@ def solve_scene(estimates: Estimates, model: BodyModel, method: SceneMethod) -> 
 def _cameras(estimates: Estimates) -> Cameras:
     """Return the cameras for stage 1: known ones before estimated ones before guessed ones."""
     metric = estimates.depth.intrinsics
-    pointmap = estimates.scene.intrinsics
+    pointmap = estimates.photo.scene_map.intrinsics
     keep = estimates.camera_given or (
         pointmap is not None and (metric is None or _trust(pointmap) > _trust(metric))
     )
@@ -69,7 +69,7 @@ def _cameras(estimates: Estimates) -> Cameras:
         pointmap = None
     if keep and metric is not None and metric.known:
         metric = None  # its depth does not depend on the camera
-    cameras = estimates.intrinsics if keep else None, metric, pointmap
+    cameras = estimates.photo.camera if keep else None, metric, pointmap
     return Cameras(*(None if one is None else torch.from_numpy(one.matrix) for one in cameras))
 
 
@@ -81,7 +81,7 @@ def _trust(camera: Intrinsics) -> int:
 def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) -> State:
     """Return the people as estimated, in the type and on the device of the model."""
     bodies = estimates.bodies
-    detected = keypoints_on_body(estimates.keypoints)
+    detected = keypoints_on_body(estimates.photo.keypoints)
     masks = estimates.photo.masks
     observed = bodies.observed
 
@@ -90,6 +90,11 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
 
     if observed is None:
         observed = np.ones((len(masks), NUM_JOINTS), bool)
+    stance = estimates.ground.stance
+    stands, observed_touch, touch = (
+        torch.from_numpy(each).to(model.device, model.dtype)
+        for each in (stance.stands, stance.observed, stance.touch)
+    )
     rotations, betas, transl, expression = pose_from_parameters(
         bodies.parameters, model.device, model.dtype
     )
@@ -109,7 +114,10 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
         lean_sigma=None if bodies.lean_sigma is None else own(bodies.lean_sigma),
         scene=scene,
         K=scene.K.to(model.device, model.dtype),
-        stance=estimates.ground.stance,
+        stands=stands,
+        observed_touch=observed_touch,
+        touch=touch,
+        carried=stance.carried,
         scale_sigma=estimates.depth.scale_sigma,
         views=to_device(estimates.views, model.device, model.dtype),
     )
@@ -118,13 +126,12 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
 def _with_known_sizes(estimates: Estimates, state: State) -> State:
     """Return the state with the scene scaled by the user's known sizes or a measured depth."""
     measured = estimates.ground.measured
-    people = len(estimates.people)
     if not estimates.known and measured is None:
         return state
-    statures = [math.nan] * people if estimates.statures is None else estimates.statures.tolist()
+    stature, _ = estimates.photo.known.filled(len(state))
     by_depth = None if measured is None else measured.evidence
     scene, known = scale_scene_to_known_sizes(
-        estimates.known, statures, state.masks, state.scene, by_depth
+        estimates.known, stature.tolist(), state.masks, state.scene, by_depth
     )
     sigma = state.scale_sigma if known.unscaled is None else known.scale_sigma
     return replace(state, scene=scene, known=known, scale_sigma=sigma)
@@ -239,13 +246,8 @@ def _metric_points(
 
 def alignment_diagnostics(alignment: Alignment) -> dict[str, Any]:
     """Return the diagnostics of an alignment as a dictionary; an infinite residual becomes None."""
-    return {
-        "unknown": alignment.unknown,
-        "scale": alignment.scale,
-        "shift": alignment.shift,
-        "inlier_share": alignment.inlier_share,
-        "residual": alignment.residual if math.isfinite(alignment.residual) else None,
-    }
+    found = asdict(alignment)
+    return found if math.isfinite(alignment.residual) else found | {"residual": None}
 
 
 def _positive(depth: Tensor) -> Tensor:

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.sizes.scale_vote import Witnesses
 from physic_core.geometry.tensors import exact_arrays
 from physic_core.types.skeletons import SIDES
@@ -134,7 +133,7 @@ def likely_unit(factor: float) -> str:
     return "is it in metres along the optical axis, or only relative?"
 
 
-def combine(evidence: Sequence[ScaleEvidence]) -> ScaleEvidence | None:
+def combined_scale(evidence: Sequence[ScaleEvidence]) -> ScaleEvidence | None:
     """Return the mean weighted by precision, in which the most certain evidence dominates; None
     without evidence.
 
@@ -148,7 +147,7 @@ def combine(evidence: Sequence[ScaleEvidence]) -> ScaleEvidence | None:
     return ScaleEvidence(mean, least)
 
 
-_RAYS = 4000  # largest number of sampled pixels of each person
+_RAYS = 4000  # largest number of sampled pixels
 _MIN_PIXELS = 30
 _MIN_HITS = 20
 # Of the long side: the depth of the background bleeds into the edge of a mask.
@@ -156,7 +155,7 @@ _ERODED_SHARE = 0.004
 
 
 def scales_by_soles(
-    vertices: FloatArray, model: BodyModel, observed: BoolArray, floor: Plane
+    vertices: FloatArray, model: BodyModel, feet: BoolArray, floor: Plane
 ) -> FloatArray:
     """Return the scale (N, 2), metres per unit, that puts the left and the right sole of each
     person on the floor.
@@ -168,22 +167,17 @@ def scales_by_soles(
     Args:
         vertices: (N, V, 3) metres.
         model: the body.
-        observed: (N, 55) bool, visible joints.
+        feet: (N, 2) bool, visible feet.
         floor: plane in units of the scene.
 
     Returns:
         (N, 2) NaN for feet that are not visible.
     """
-    scale = np.full((len(vertices), 2), np.nan)
-    if floor.offset <= 0:
-        return scale
     normal = np.asarray(floor.normal, np.float64)
-    for k, side in enumerate(SIDES):
-        (ids,) = exact_arrays(model.contact_sets[f"{side}_sole"])
-        lowest = (-vertices[:, ids] @ normal).max(1) / floor.offset
-        seen = observed[:, JOINT_INDEX[f"{side}_ankle"]] & observed[:, JOINT_INDEX[f"{side}_foot"]]
-        scale[:, k] = np.where(seen & (lowest > 0), lowest, np.nan)
-    return scale
+    soles = exact_arrays(*(model.contact_sets[f"{side}_sole"] for side in SIDES))
+    lowest = [(-vertices[:, ids] @ normal).max(1) / floor.offset for ids in soles]
+    scale = np.stack(lowest, 1)
+    return np.where(feet & (scale > 0), scale, np.nan)
 
 
 def scales_by_torsos(
@@ -225,12 +219,9 @@ def _scale_by_torso(
     """
     from physic_core.geometry.rays import RayCaster
 
-    rows, columns = np.nonzero(_erode(mask) & photo.valid)
+    rows, columns = _sampled_pixels(_erode(mask) & photo.valid)
     if len(rows) < _MIN_PIXELS or not np.isfinite(body).all():
         return float("nan")
-    chosen = np.linspace(0, len(rows) - 1, min(_RAYS, len(rows))).astype(int)
-    rows = rows[chosen]
-    columns = columns[chosen]
     directions = np.stack(
         [
             (columns - camera[0, 2]) / camera[0, 0],
@@ -247,6 +238,15 @@ def _scale_by_torso(
     ratio = hits.distance[on_torso] / photo.points[rows[on_torso], columns[on_torso], 2]
     scale = float(np.median(ratio[np.isfinite(ratio)]))
     return scale if scale > 0 else float("nan")
+
+
+def _sampled_pixels(mask: BoolArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return rows and columns (n,) of at most :data:`_RAYS` pixels of a mask (H, W), evenly
+    spaced.
+    """
+    rows, columns = np.nonzero(mask)
+    chosen = np.linspace(0, len(rows) - 1, min(_RAYS, len(rows))).astype(int)
+    return rows[chosen], columns[chosen]
 
 
 def _erode(mask: BoolArray) -> BoolArray:
@@ -292,11 +292,14 @@ def depth_witness(
     scale = float(ratio[order][np.searchsorted(total, 0.5 * total[-1])])
     if depth.intrinsics is not None and not depth.intrinsics.known:
         scale *= math.sqrt(camera.fx * camera.fy / (depth.intrinsics.fx * depth.intrinsics.fy))
-    stated = depth.scale_sigma is not None
-    sigma, sure = (depth.scale_sigma, _SURE_IF_STATED) if stated else (DEPTH_SCALE_SIGMA, _SURE)
-    return Witnesses(
-        np.array([scale]), np.array([np.nan]), np.array([sigma]), np.array([sure]), 0.0
-    )
+    stated = depth.scale_sigma
+    sigma, sure = (DEPTH_SCALE_SIGMA, _SURE) if stated is None else (stated, _SURE_IF_STATED)
+    return Witnesses.alone(scale, sigma, sure)
+
+
+def median_depth(pointmap: Pointmap) -> float:
+    """Return the median depth of the valid points of a point map, in its unit."""
+    return float(np.median(pointmap.points[pointmap.valid, 2]))
 
 
 def is_measured(depth: DepthMap) -> bool:
@@ -311,12 +314,9 @@ def is_inverse(depth: DepthMap, scene: Pointmap) -> bool:
     """Return whether a depth is larger where the scene is nearer, as a disparity is."""
     from scipy.stats import spearmanr
 
-    rows, columns = np.nonzero(scene.valid & (depth.depth > 0))
+    rows, columns = _sampled_pixels(scene.valid & (depth.depth > 0))
     if len(rows) < _MIN_PIXELS:
         return False
-    chosen = np.linspace(0, len(rows) - 1, min(len(rows), _RAYS)).astype(int)
-    rows = rows[chosen]
-    columns = columns[chosen]
     values, points = depth.depth[rows, columns], scene.points[rows, columns, 2]
     if np.ptp(values) == 0 or np.ptp(points) == 0:  # a wall has no order
         return False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.scene_state import SceneState
-from physic_core.engine.sizes.evidence import FACTOR_SPREAD, ScaleEvidence, combine
+from physic_core.engine.sizes.evidence import FACTOR_SPREAD, ScaleEvidence, combined_scale
 from physic_core.geometry.camera import project
 from physic_core.geometry.visibility import facing_camera
 from physic_core.types import KnownSizes
@@ -45,7 +45,7 @@ def point_at_ray(vertices: Tensor, normals: Tensor, ray: Tensor, K: Tensor) -> B
     return lambda body: ray * (body[ids, 2] @ weight)
 
 
-def size_by_scene(
+def size_factors(
     vertices: Tensor,
     soles: Tensor,
     on_floor: Sequence[bool],
@@ -162,13 +162,7 @@ class KnownDistances(ShortRepr):
         return found
 
     def __getitem__(self, rows: Tensor) -> KnownDistances:
-        return KnownDistances(
-            self.metres[rows],
-            self.person[rows],
-            self.points[rows],
-            self.rays[rows],
-            self.index[rows],
-        )
+        return KnownDistances(*(getattr(self, each.name)[rows] for each in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -239,7 +233,7 @@ def scale_scene_to_known_sizes(
     extent = torch.linalg.vector_norm(d.points[on_scene, 0] - d.points[on_scene, 1], dim=-1)
     shown = zip(d.metres[on_scene].tolist(), extent.clamp(min=1e-6).tolist(), strict=True)
     evidence += [ScaleEvidence.by_known_size(metres, length) for metres, length in shown]
-    found = combine(evidence)
+    found = combined_scale(evidence)
     if found is None:
         return scene, geometry
     return scale_scene(scene, replace(geometry, scale_sigma=found.sigma), math.exp(found.log_scale))

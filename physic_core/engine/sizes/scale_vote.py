@@ -58,6 +58,12 @@ class Witnesses:
     shared_sigma: float
     shared_wrong: float = 0.0
 
+    @classmethod
+    def alone(cls, scale: float, sigma: float, sure: float) -> Witnesses:
+        """Return one witness, whose depth does not matter."""
+        m, unknown, error, probability = np.array([[scale], [math.nan], [sigma], [sure]])
+        return cls(m, unknown, error, probability, 0.0)
+
 
 @dataclass(frozen=True)
 class ScaleVote:

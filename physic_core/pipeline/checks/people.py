@@ -80,7 +80,7 @@ def placed(estimates: Estimates, result: Reconstruction, person: int) -> Measure
 )
 def detected(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the score of the segmenter."""
-    return float(estimates.people.scores[person])
+    return float(estimates.photo.people.scores[person])
 
 
 # Of 355 people in photos, 10 have a second head: of 9 of them, mask or pose is mixed up with
@@ -99,10 +99,10 @@ def heads(estimates: Estimates, result: Reconstruction, person: int) -> Measured
     """Return the number of heads in this person's mask: those that the segmenter sees, or those of
     other people.
     """
-    mask = estimates.people.masks[person]
+    mask = estimates.photo.people.masks[person]
     if not mask.any():
         return None
-    keypoints = estimates.keypoints
+    keypoints = estimates.photo.keypoints
     found = 1
     columns = [
         i for i, name in enumerate(skeleton_named(keypoints.skeleton).names) if name.endswith(_HEAD)
@@ -112,7 +112,7 @@ def heads(estimates: Estimates, result: Reconstruction, person: int) -> Measured
         x, y = np.rint(keypoints.points[other, seen]).astype(int).T
         inside = (x >= 0) & (y >= 0) & (x < mask.shape[1]) & (y < mask.shape[0])
         found += len(seen) >= _FEWEST_HEAD and mask[y[inside], x[inside]].sum() > len(seen) / 2
-    counted = estimates.people.heads
+    counted = estimates.photo.people.heads
     return float(found if counted is None else max(found, int(counted[person])))
 
 
@@ -131,10 +131,10 @@ def limb_keypoints(estimates: Estimates, result: Reconstruction, person: int) ->
     """Return :func:`limb_keypoint_error` of this person."""
     return limb_keypoint_error(
         result.people[person].joints,
-        estimates.keypoints.points[person],
-        estimates.keypoints.confidence[person],
-        np.asarray(estimates.people.boxes[person], np.float64),
-        estimates.keypoints.skeleton,
+        estimates.photo.keypoints.points[person],
+        estimates.photo.keypoints.confidence[person],
+        np.asarray(estimates.photo.people.boxes[person], np.float64),
+        estimates.photo.keypoints.skeleton,
         result.intrinsics,
     )
 
@@ -298,13 +298,8 @@ def given_size(estimates: Estimates, result: Reconstruction, person: int) -> Mea
     sigmas = measured.stature_sigmas
     if given is None or shown is None or sigmas is None:
         return None
-    stature = None if estimates.statures is None else estimates.statures[person]
-    age = None if estimates.ages is None else estimates.ages[person]
-    origin = (
-        "was given"
-        if stature is not None and math.isfinite(stature)
-        else f"is usual at {age:g} years"
-    )
+    stature, years = (own[person] for own in estimates.photo.known.filled(len(result.people)))
+    origin = "was given" if math.isfinite(stature) else f"is usual at {years:g} years"
     return sigmas, (
         f"the photo shows {shown:.2f} m, and {given:.2f} m {origin}: check the ages and statures "
         f"that you gave"
@@ -357,9 +352,9 @@ def contradicted_keypoints(estimates: Estimates, result: Reconstruction, person:
     if given is None or contradicted is None or not given[person].any():
         return None
     off = contradicted[person]
-    box = estimates.people.boxes[person]
+    box = estimates.photo.people.boxes[person]
     worst = int(off.argmax())
-    name = keypoint_in_words(estimates.keypoints.joint_set.names[worst])
+    name = keypoint_in_words(estimates.photo.keypoints.joint_set.names[worst])
     return float(off[worst] / np.hypot(box[2] - box[0], box[3] - box[1])), (
         f"the given {name} lies {off[worst] * estimates.file_px:.0f} px from where mask and "
         f"detector have it: "

@@ -116,12 +116,11 @@ def floor_shown(estimates: Estimates, result: Reconstruction) -> Measured:
         return None
     from physic_core.geometry.tensors import exact_arrays
 
-    (on_plane,) = exact_arrays(plane.inliers)
-    visible = on_plane & ~estimates.hole
+    (visible,) = exact_arrays(plane.inliers & ~estimates.photo.hole)
     if not visible.any():
         return None
     textured = float((_texture(estimates.image)[visible] > 1).mean())
-    mask = estimates.people.floor
+    mask = estimates.photo.people.floor
     if mask is None or not estimates.ground.search.in_mask:
         return textured
     return max(textured, float(mask[visible].mean()))
@@ -203,8 +202,8 @@ def depth_order(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return by how much the correlation of metric depth and point map, along rows, grows if one is
     mirrored.
     """
-    step = max(1, max(estimates.hole.shape) // _CORRELATED_PX)
-    scene = estimates.scene
+    step = max(1, max(estimates.photo.hole.shape) // _CORRELATED_PX)
+    scene = estimates.photo.scene_map
     z, depth = (each[::step, ::step] for each in (scene.points[..., 2], estimates.depth.depth))
     known = scene.valid[::step, ::step] & (depth > 0) & np.isfinite(depth)
     known &= known[:, ::-1]
@@ -257,8 +256,8 @@ def focal_agreement(estimates: Estimates, result: Reconstruction) -> Measured:
     if not camera.known:
         return None
     witnesses = [
-        estimates.scene.intrinsics,
-        estimates.original.intrinsics,
+        estimates.photo.scene_map.intrinsics,
+        estimates.photo.photo_map.intrinsics,
         estimates.depth.intrinsics,
     ]
     used = math.sqrt(camera.fx * camera.fy)
@@ -283,7 +282,7 @@ def unposed_people(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return the number of boxes without a body that are as large as main people, and not of people
     with a body.
     """
-    people = estimates.people
+    people = estimates.photo.people
     boxes: list[FloatArray] = list(people.boxes)
     posed: BoolArray = np.any(people.masks, axis=0)
     lacking = [

@@ -15,7 +15,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from physic_core.pipeline.checks.spec import CHECKS
 from physic_core.types import Grade
@@ -37,32 +37,13 @@ _NOTHING = "no check lowers the trust much"
 _LOOK = "Compare head, trunk, arms in depth and lifted feet with the photo"
 
 
-@dataclass(frozen=True)
-class Term:
-    """Share of one check in the log odds.
+TrustModel: TypeAlias = Mapping[str, Any]
+"""Fitted model: "constant", the log odds of a person whose loads are usual; "terms", check -> its
+share in the log odds.
 
-    Attributes:
-        slope: log odds of a load of 1, at most 0.
-        usual: load whose share is 0: the median of people who are right.
-        unmeasured: log odds without a value.
-    """
-
-    slope: float
-    usual: float
-    unmeasured: float
-
-
-@dataclass(frozen=True)
-class TrustModel:
-    """Fitted model.
-
-    Attributes:
-        constant: log odds of a person whose loads are usual.
-        terms: check -> its share.
-    """
-
-    constant: float
-    terms: Mapping[str, Term]
+A share has a "slope", the log odds of a load of 1, at most 0; a "usual" load, whose share is 0: the
+median of people who are right; and "unmeasured", the log odds without a value.
+"""
 
 
 @dataclass(frozen=True)
@@ -82,13 +63,8 @@ class Trust:
 def trust_model() -> TrustModel:
     """Return the fitted model."""
     text = (files("physic_core.pipeline.checks") / "trust.json").read_text(encoding="utf-8")
-    return trust_model_of(json.loads(text))
-
-
-def trust_model_of(fitted: Mapping[str, Any]) -> TrustModel:
-    """Return the model of a fitted file."""
-    terms = {name: Term(**term) for name, term in fitted["terms"].items()}
-    return TrustModel(fitted["constant"], terms)
+    model: TrustModel = json.loads(text)
+    return model
 
 
 def load_of(value: float | None, threshold: float, direction: str, unit: str) -> float | None:
@@ -117,10 +93,12 @@ def log_odds(values: Mapping[str, float | None], model: TrustModel) -> dict[str,
         model: fitted.
     """
     shares = {}
-    for name, term in model.terms.items():
+    for name, term in model["terms"].items():
         spec = CHECKS[name]
         load = load_of(values.get(name), spec.threshold, spec.direction, spec.unit)
-        shares[name] = term.unmeasured if load is None else term.slope * (load - term.usual)
+        shares[name] = (
+            term["unmeasured"] if load is None else term["slope"] * (load - term["usual"])
+        )
     return shares
 
 
@@ -131,7 +109,7 @@ def probability_of(values: Mapping[str, float | None], model: TrustModel) -> flo
         values: as of :func:`log_odds`.
         model: fitted.
     """
-    odds = model.constant + sum(log_odds(values, model).values())
+    odds = model["constant"] + sum(log_odds(values, model).values())
     return capped(1 / (1 + math.exp(-odds)), len(contradictions(values)))
 
 

@@ -12,8 +12,8 @@ from physic_core.engine.measures import compare_statures, measure_known_sizes, p
 from physic_core.engine.sizes.evidence import CONTRADICTION, likely_unit
 from physic_core.engine.sizes.stature import STATURES_M
 from physic_core.errors import ConfigError
+from physic_core.geometry.tensors import exact_arrays
 from physic_core.pipeline.checks import CHECKS
-from physic_core.types.known_sizes import KnownPeople
 
 if TYPE_CHECKING:
     from physic_core.engine.sizes.known_sizes import KnownGeometry
@@ -44,7 +44,7 @@ def check_placed_people(estimates: Estimates, before: State, placed: State) -> l
     assert known is not None
     sizes = _scene_sizes(known)
     least, most = STATURES_M
-    statures, _ = KnownPeople(stature=estimates.statures).filled(len(ratio))
+    statures, _ = estimates.photo.known.filled(len(ratio))
     shown_m = before.model.stature(before.betas) * ratio
     impossible = []
     surely = []
@@ -149,7 +149,7 @@ def _growth_to_floor(people: list[Measures], state: State) -> FloatArray:
         if floor is None or height is None or abs(height) <= CHECKS["support"].threshold:
             continue
         # Not the stance: a body of a wrong size is placed where it seems not to stand.
-        if standing_legs(state.joints[i].float().cpu().numpy()).all():
+        if standing_legs(*exact_arrays(state.joints[i])).all():
             # A person grows about the camera; a height near the camera's would need an infinite
             # factor.
             found[i] = -math.log1p(-min(height / float(floor.offset * state.scene_scale), 0.9))

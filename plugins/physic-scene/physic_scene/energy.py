@@ -143,7 +143,7 @@ class ViewsContact(ContactMethod):
         ]
         reach = torch.where(torch.isfinite(near.by_kind), near.by_kind.abs(), torch.inf)
         nearest = torch.where(torch.isfinite(reach).any(0), reach.argmin(0), HIDDEN)
-        may_touch = state.model.outer & state.finite[:, None]
+        may_touch = state.model.outer & state.finite_people[:, None]
         touches = (probability >= _THRESHOLD) & may_touch
         kind = torch.where(touches, torch.where(own.kind >= 0, own.kind, nearest), -1)
         several = (photos > 0)[:, None]

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -117,11 +117,13 @@ class ReferenceInput(ShortRepr):
         """Return the estimates of the photo with the other photos, and with people whom only these
         show.
         """
-        added: dict[str, Any] = {"views": self.views, "ages": self.ages}
+        photo = estimates.photo
+        sizes = estimates.known
+        known = replace(photo.known, years=self.ages)
         if np.isfinite(self.statures).any():
-            known = KnownSizes(stature=tuple(np.nan_to_num(self.statures).tolist()))
-            added |= {"known": known, "statures": self.statures}
-        people = expand_people(estimates.people, self.shown)
+            sizes = KnownSizes(stature=tuple(np.nan_to_num(self.statures).tolist()))
+            known = replace(known, stature=self.statures)
+        people = expand_people(photo.people, self.shown)
         scores = np.where(self.shown, people.scores, self.scores).astype(people.scores.dtype)
         others = self.bodies.parameters[~self.shown]
         bodies = {
@@ -130,16 +132,21 @@ class ReferenceInput(ShortRepr):
         }
         return replace(
             estimates,
-            people=replace(people, scores=scores),
-            keypoints=expand_people(estimates.keypoints, self.shown),
+            photo=replace(
+                photo,
+                people=replace(people, scores=scores),
+                keypoints=expand_people(photo.keypoints, self.shown),
+                observations=photo.observations.expanded(self.shown),
+                known=known,
+            ),
             bodies=replace(
                 estimates.bodies, parameters=BodyParameters(**bodies), observed=self.bodies.observed
             ),
             contact=expand_people(estimates.contact, self.shown),
             missing_results=(*estimates.missing_results, *[()] * len(others)),
             ground=estimates.ground.expanded(self.shown),
-            observations=estimates.observations.expanded(self.shown),
-            **added,
+            known=sizes,
+            views=self.views,
         )
 
 

@@ -113,7 +113,7 @@ class RegularisationTerm:
         self._settings = settings
         self._sampling = sampling
         self._occlusion_aware = occlusion_aware
-        self._photos = sampling.state.photos
+        self._photos = sampling.state.photo_counts
         self._prior_weight = variables.expand_to_parameters(
             _PARAMETER_WEIGHTS | {"translation": settings.translation_weight}
         )

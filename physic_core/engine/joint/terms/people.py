@@ -134,7 +134,6 @@ def _nearest(i: int, j: int, probes: Tensor, vertices: Tensor, reach: float) -> 
     return torch.stack([torch.full_like(probe, i), probe, torch.full_like(probe, j), other_row])
 
 
-_TOUCHING_PARTS = ("left_hand", "right_hand")
 _REACH_M = 0.06  # of the search, for vertices that are deep inside
 _MAX_GAP_M = 0.04  # of hands that may touch
 _NEARLY_INSIDE_M = 0.02  # other vertices are not expected to come inside before the next refresh
@@ -202,12 +201,8 @@ class PeopleTerm(Term):
         if self._is_on:
             model = sampling.state.model
             self._probes, self._area = select_probes(model, sampling.ids, sampling.area)
-            touching = torch.tensor(
-                [name in _TOUCHING_PARTS for name in model.part_names], device=sampling.ids.device
-            )
-            self._may_touch = (
-                sampling.on_visible_part & touching[model.part_of_vertex[sampling.ids]]
-            )
+            hands = model.on_parts("hand")[sampling.ids]
+            self._may_touch = sampling.on_visible_part & hands
 
     @property
     def links(self) -> Tensor:

@@ -93,8 +93,8 @@ def finite_keypoints(state: State) -> tuple[Tensor, Tensor]:
     points = state.keypoints
     confidence = state.keypoint_confidence
     finite = torch.isfinite(points).all(-1) & torch.isfinite(confidence)
-    points = torch.where(finite[..., None], points, torch.zeros_like(points))
-    return points, torch.where(finite, confidence, torch.zeros_like(confidence))
+    points = torch.where(finite[..., None], points, 0.0)
+    return points, torch.where(finite, confidence, 0.0)
 
 
 def keypoint_weights(state: State) -> Tensor:
@@ -102,7 +102,7 @@ def keypoint_weights(state: State) -> Tensor:
     visible in any photo.
     """
     points, confidence = finite_keypoints(state)
-    seen = keypoints_of_observed_limbs(state.skeleton, state.observed_anywhere)
+    seen = keypoints_of_observed_limbs(state.skeleton, state.observed_in_any_photo)
     weight = torch.where(confidence < SEEN_CONFIDENCE, 0.0, confidence)
     weight = torch.where(seen, weight, INVISIBLE_WEIGHT * confidence)
     return weights_inside_image(state, points, weight)
@@ -186,9 +186,7 @@ class DepthTerm(SurfaceTerm):
         # A slanted surface covers fewer pixels.
         rays = torch.nn.functional.normalize(snapshot.vertices, dim=-1)
         slope = -(visibility.normals * rays).sum(-1)
-        self.weights = {
-            "depth": torch.where(shown, sampling.area * slope, torch.zeros_like(sampling.area))
-        }
+        self.weights = {"depth": torch.where(shown, sampling.area * slope, 0.0)}
 
     def robust_sum(self) -> RobustSum | None:
         """Return the robust sum over differences of log depth; None if the term is off."""
@@ -232,10 +230,10 @@ def _sample(log_depth: Tensor | None, uv: Tensor) -> tuple[Tensor, Tensor]:
         return torch.zeros_like(uv[..., 0]), torch.zeros_like(uv[..., 0], dtype=torch.bool)
     height, width = log_depth.shape
     inside = inside_image(uv, height, width)
-    at = torch.where(inside[..., None], uv, torch.zeros_like(uv)).round().long()
+    at = torch.where(inside[..., None], uv, 0.0).round().long()
     value = log_depth[at[..., 1], at[..., 0]].to(uv.dtype)
     known = inside & torch.isfinite(value)
-    return torch.where(known, value, torch.zeros_like(value)), known
+    return torch.where(known, value, 0.0), known
 
 
 class ViewsTerm(Term):

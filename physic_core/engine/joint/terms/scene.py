@@ -69,7 +69,7 @@ class PenetrationTerm(SurfaceTerm):
         if self._occlusion_aware:
             near = near & ~visibility.hidden
         area = self._sampling.area
-        self.weights = {"penetration": torch.where(near, area, torch.zeros_like(area))}
+        self.weights = {"penetration": torch.where(near, area, 0.0)}
 
     def robust_sum(self) -> RobustSum | None:
         """Return the robust sum over penetration depths beyond ``SLACK_M``; None if the term is
@@ -133,16 +133,13 @@ class ContactTerm(SurfaceTerm):
         self.settings = settings
         self._sampling = sampling
         probability = sampling.contact_prior
-        prior = torch.where(sampling.is_contact, probability, torch.zeros_like(probability))
+        prior = torch.where(sampling.is_contact, probability, 0.0)
         if settings.static_weight:
-            model = sampling.state.model
-            static = torch.zeros(model.num_vertices, dtype=torch.bool, device=prior.device)
-            for name in STATIC_CONTACT_PARTS:
-                static[model.contact_sets[name]] = True
+            static = sampling.state.model.in_contact_sets(*STATIC_CONTACT_PARTS)
             prior = torch.where(
                 static[sampling.ids], prior.clamp(min=settings.static_weight), prior
             )
-        self.prior = prior * sampling.state.weight_of_parts()[:, sampling.ids]
+        self.prior = prior * sampling.state.touch_weights()[:, sampling.ids]
         self.weights: dict[str, Tensor] = {}
         self.on_scene = self.touching = torch.zeros_like(sampling.is_contact)
 
@@ -164,7 +161,7 @@ class ContactTerm(SurfaceTerm):
             min=0.0
         )
         weight = self._sampling.area * self.prior * cosine
-        self.weights = {"contact": torch.where(self.touching, weight, torch.zeros_like(weight))}
+        self.weights = {"contact": torch.where(self.touching, weight, 0.0)}
 
     def robust_sum(self) -> RobustSum | None:
         """Return the robust sum over distances to the touched surface; None if the term is off."""
@@ -208,9 +205,7 @@ class FloorTerm(SurfaceTerm):
         area = self._sampling.area
         self.eligible = snapshot.visibility.eligible
         below = -snapshot.contacts.height.amin(1, keepdim=True).clamp(max=0.0)
-        invisible = torch.where(
-            below < _MAX_FLOOR_DEPTH_M, _UNSEEN_FLOOR_SHARE * area, torch.zeros_like(area)
-        )
+        invisible = torch.where(below < _MAX_FLOOR_DEPTH_M, _UNSEEN_FLOOR_SHARE * area, 0.0)
         weight = torch.where(snapshot.visibility.eligible, area, invisible)
         # People far below contradict the floor or the scene's scale, and must not draw it away from
         # the others.
@@ -290,10 +285,10 @@ def sole_energy(lowest: Tensor, weight: Tensor, lower_weight: Tensor) -> Tensor:
         lower_weight: (B,), 0 for people who may float (invisible feet, or no expected contact).
     """
     seen = weight > 0
-    lower = torch.where(seen, lowest, torch.full_like(lowest, torch.inf)).amin(-1)
+    lower = torch.where(seen, lowest, torch.inf).amin(-1)
     # Invisible feet may have infinite height: mask them, since 0 * inf is NaN.
-    lower = torch.where(seen.any(-1), lower, torch.zeros_like(lower))
-    lowest = torch.where(seen, lowest, torch.zeros_like(lowest))
+    lower = torch.where(seen.any(-1), lower, 0.0)
+    lowest = torch.where(seen, lowest, 0.0)
     near = robust_loss("geman_mcclure", lowest.square() / _SOLE_SIGMA_M**2, _SOLE_OUTLIER_SIGMAS)
     far = robust_loss("cauchy", lower.square() / _LOWER_SIGMA_M**2, _LOWER_OUTLIER_SIGMAS)
     return (weight * near).sum(-1) + lower_weight * far
@@ -327,7 +322,7 @@ class SoleTerm:
         lowest = torch.stack([lowest_height(h) if h.shape[1] else far for h in heights], 1)
         on_floor = sampling.feet_visible & torch.isfinite(lowest)
         likely = torch.stack([sampling.is_contact[:, rows].any(1) for rows in sampling.soles], 1)
-        lower = torch.where(on_floor, lowest, torch.full_like(lowest, torch.inf)).amin(1)
+        lower = torch.where(on_floor, lowest, torch.inf).amin(1)
         pulled = (on_floor & likely).any(1) & (lower.abs() < _MAX_LOWER_HEIGHT_M)
         unseen = ~sampling.feet_visible & (lowest.abs() < _MAX_UNSEEN_SIGMAS * _UNSEEN_SIGMA_M)
         dtype = sampling.area.dtype

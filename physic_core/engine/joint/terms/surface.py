@@ -145,7 +145,7 @@ class _SurfaceEnergies(torch.autograd.Function):
         by_root = -by_deviation @ data.relative.transpose(1, 2)
         if by_log is not None:
             away = points[:, 2]
-            by_point[:, 2] += torch.where(away > MIN_DEPTH_M, by_log / away, torch.zeros_like(away))
+            by_point[:, 2] += torch.where(away > MIN_DEPTH_M, by_log / away, 0.0)
             by_offset = -by_log.sum(1)
             by_scale = by_scale + by_offset
         return (
