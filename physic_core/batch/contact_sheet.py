@@ -206,7 +206,7 @@ def _result_card(folder: Path, result: Path) -> dict[str, Any]:
     card |= {"error": "", "message": "", "grade": "", "trust": None, "people": 0, "checks": []}
     try:
         record = read_record(result)
-        thumbnail = _thumbnail(result)
+        thumbnail = _photo_base64(result)
     except PhysicError as error:
         return card | {
             "state": "failed",
@@ -225,7 +225,7 @@ def _result_card(folder: Path, result: Path) -> dict[str, Any]:
     return card | {"state": "done", "lacks_page": lacks_page}
 
 
-def _thumbnail(result: Path) -> str:
+def _photo_base64(result: Path) -> str:
     """Return the photo of a result as a small JPEG in base64; "" for a result with only people,
     which has no photo.
 

@@ -69,7 +69,7 @@ def _read_environment(module: Any) -> dict[str, str]:
     return {name: value for name, value in module.environ.items() if name not in IMPORTED}
 
 
-def _write_environment(module: Any, before: dict[str, str]) -> None:
+def _restore_environment(module: Any, before: dict[str, str]) -> None:
     for name in _read_environment(module).keys() - before.keys():
         del module.environ[name]
     module.environ.update(before)
@@ -88,7 +88,7 @@ def _read_handlers(module: Any) -> dict[str, Any]:
     return {name: module.getsignal(getattr(module, name)) for name in ("SIGINT", "SIGTERM")}
 
 
-def _write_handlers(module: Any, before: dict[str, Any]) -> None:
+def _restore_handlers(module: Any, before: dict[str, Any]) -> None:
     for name, handler in before.items():
         module.signal(getattr(module, name), handler)
 
@@ -103,7 +103,7 @@ def _read_numpy_generator(module: Any) -> tuple[Any, ...]:
     return (id(generator), values, state["has_gauss"], state["gauss"]), generator, state
 
 
-def _write_numpy_generator(module: Any, value: tuple[Any, ...]) -> None:
+def _restore_numpy_generator(module: Any, value: tuple[Any, ...]) -> None:
     _, generator, state = value
     module.set_bit_generator(generator)
     module.set_state(state)
@@ -123,7 +123,7 @@ def _default_opencv_threads(cv2: Any) -> int:
 _GUARDS = list[Any]()  # a guard of torch ends when it is collected
 
 
-def _write_inference_mode(torch: Any, value: bool) -> None:
+def _restore_inference_mode(torch: Any, value: bool) -> None:
     guard = torch.inference_mode(value)
     guard.__enter__()
     _GUARDS.append(guard)
@@ -138,7 +138,7 @@ def _read_modes(torch: Any) -> tuple[list[Any], list[Any]]:
     )
 
 
-def _write_modes(torch: Any, before: tuple[list[Any], list[Any]]) -> None:
+def _restore_modes(torch: Any, before: tuple[list[Any], list[Any]]) -> None:
     torch.set_default_device(None)
     kinds = torch.overrides, torch.utils._python_dispatch
     for kind, wanted, found in zip(kinds, before, _read_modes(torch), strict=True):
@@ -173,10 +173,10 @@ SETTINGS: tuple[Setting, ...] = (
         describe=_arrow,
     ),
     Setting(
-        "the environment", "os", _read_environment, _write_environment, describe=_changed_names
+        "the environment", "os", _read_environment, _restore_environment, describe=_changed_names
     ),
     Setting(
-        "handlers of signals", "signal", _read_handlers, _write_handlers, describe=_changed_names
+        "handlers of signals", "signal", _read_handlers, _restore_handlers, describe=_changed_names
     ),
     Setting(
         "the generator of `random`",
@@ -188,7 +188,7 @@ SETTINGS: tuple[Setting, ...] = (
         "numpy's random generator",
         "numpy.random",
         _read_numpy_generator,
-        _write_numpy_generator,
+        _restore_numpy_generator,
         same=lambda earlier, later: bool(earlier[0] == later[0]),
     ),
     Setting(
@@ -200,12 +200,12 @@ SETTINGS: tuple[Setting, ...] = (
         describe=_arrow,
     ),
     # The first one of torch: under a mode, tensors of the others may not exist.
-    Setting("torch's modes", "torch", _read_modes, _write_modes, lambda _: ([], [])),
+    Setting("torch's modes", "torch", _read_modes, _restore_modes, lambda _: ([], [])),
     Setting(
         "torch's inference mode",
         "torch",
         lambda m: m.is_inference_mode_enabled(),
-        _write_inference_mode,
+        _restore_inference_mode,
         lambda _: False,
     ),
     Setting(

@@ -101,7 +101,7 @@ class PhotoContent(ShortRepr):
         return PixelPoints.of(self.aligned_map)
 
     @cached_property
-    def up(self) -> Up | None:
+    def up_without_floor(self) -> Up | None:
         """Up by other evidence than the floor; None without any."""
         return up_of_pointmap(self.scene_map)
 

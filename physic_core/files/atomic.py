@@ -120,7 +120,7 @@ class AtomicWrite:
             raise FileNotFoundError(errno.ENOENT, "replaced by another process", name)
 
     def clean(self) -> None:
-        """Delete the files that have no names."""
+        """Delete the files that were not renamed."""
         if self.is_only_copy:
             return
         for part in self._parts.values():

@@ -410,7 +410,7 @@ def _floors(found: Findings, _: Step) -> None:
     searched = engine.scene.floor != "off"
     found.floors = scene_floor_candidates(photo.scene, found.evidence, searched=searched)
     floor = chosen_floor(found.floors, best_index(found.floors), found.evidence).plane
-    up = surest_up(floor, photo.up, photo.slope)
+    up = surest_up(floor, photo.up_without_floor, photo.slope)
     found.hints = replace(
         found.hints,
         floor=None if floor is None else floor.to_plane(),

@@ -90,7 +90,7 @@ class StageRunner:
     @contextmanager
     def time_engine(self, name: str) -> Iterator[None]:
         """Measure the time of one stage of the engine."""
-        self._begin(name)
+        self._report_progress(name)
         start = time.perf_counter()
         yield
         self.records.append(StageRecord(name, time.perf_counter() - start))
@@ -117,7 +117,7 @@ class StageRunner:
             BackendOutputError: the backend returned an invalid result.
         """
         require_image(request.image)
-        self._begin(name)
+        self._report_progress(name)
         interface = interface_of(type(resolved.backend))
         title = f"{resolved.title}, stage '{name}'"
         start = time.perf_counter()
@@ -189,7 +189,7 @@ class StageRunner:
         self._close()
         self.trim_cache()
 
-    def _begin(self, name: str) -> None:
+    def _report_progress(self, name: str) -> None:
         if self.progress is not None:
             self.progress(name, len(self.records), self.total)
 

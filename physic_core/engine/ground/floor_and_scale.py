@@ -185,7 +185,7 @@ def floor_evidence(photo: PhotoContent) -> FloorEvidence:
         no_ground=photo.labelled(*_NO_FLOORS) & uncovered,
         soles=_ground_at_soles(photo),
         around=people_backgrounds(select_people(photo, lie)),
-        up=photo.up,
+        up=photo.up_without_floor,
         slope=photo.slope,
         focal_sigma=0.0 if photo.camera.known else photo.camera.focal_sigma or 0.0,
         shift_sigma=photo.scene_map.shift_sigma or 0.0,

@@ -82,7 +82,7 @@ def people_backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
     soft, wall = (photo.labelled(*names) for names in (_SOFT, _WALL))
     found = []
     for i, mask in enumerate(photo.masks):
-        ends = _body_ends(photo.keypoints, i)
+        ends = _shoulders_and_ankles(photo.keypoints, i)
         if ends is None:
             continue
         start = ends[0]
@@ -115,7 +115,7 @@ def people_backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
     return tuple(found)
 
 
-def _body_ends(keypoints: Keypoints, person: int) -> Tensor | None:
+def _shoulders_and_ankles(keypoints: Keypoints, person: int) -> Tensor | None:
     """Return the middles (2, 2) px of the shoulders and of the ankles of a person; None if they are
     not seen.
     """

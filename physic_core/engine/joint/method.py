@@ -73,7 +73,7 @@ class JointMethod(ABC):
         """Return the state as the energy uses it, such as with other contacts."""
         return state
 
-    def surroundings(self, state: State) -> Surroundings:
+    def select_surroundings(self, state: State) -> Surroundings:
         """Return the surfaces that distances are measured to."""
         return select_surface(state.surroundings)
 

@@ -46,7 +46,7 @@ def precompute(state: State, method: JointMethod) -> Sampling:
     ids, area = subsample_vertices(
         model, is_contact.any(0), method.visibility.vertex_spacing_m, area
     )
-    around = method.surroundings(state)
+    around = method.select_surroundings(state)
     faces, faces_of_vertices = faces_around_vertices(model.faces, model.faces_of_vertices[ids])
     sampling = Sampling(
         state=state,

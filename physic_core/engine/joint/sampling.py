@@ -50,7 +50,7 @@ class Sampling:
 
     Attributes:
         state: as the energy uses it (``JointMethod.prepare``), with finite people only.
-        around: surfaces that distances are measured to (``JointMethod.surroundings``).
+        around: surfaces that distances are measured to (``JointMethod.select_surroundings``).
         person_weights: (B,) weight of each person's terms.
         visibility: settings.
         search_radius_m: of vertices for scene points, metres.

@@ -141,7 +141,7 @@ class PlacementMethod:
         own = known & inside & ~depth_edges(cloud[..., 2], known, ratio)
         return _subsample(cloud[own & ~isolated_pixels(cloud[..., 2], own, ratio)], self.max_points)
 
-    def evidence(self, state: State, vertices: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def problem_inputs(self, state: State, vertices: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Return normals, keypoint weights and masks of the estimated bodies.
 
         Args:

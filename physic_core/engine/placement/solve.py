@@ -95,7 +95,9 @@ def people_to_place(
     scene = state.scene
     model = state.model
     posed = model(state.rotations, state.betas, state.transl, state.expression)
-    normals, weights, masks = (_on_cpu(each) for each in method.evidence(state, posed.vertices))
+    normals, weights, masks = (
+        _on_cpu(each) for each in method.problem_inputs(state, posed.vertices)
+    )
     landmarks = _on_cpu(model.landmarks(posed, state.skeleton))
     vertices = _on_cpu(posed.vertices)
     keypoints = _on_cpu(state.keypoints)

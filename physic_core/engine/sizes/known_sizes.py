@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 _NEIGHBOURS = 4  # vertices that give the depth of a body at a pixel
 _FACING_DEG = 89.0
 
-BodyPoint: TypeAlias = Callable[[Tensor], Tensor]
+PointFollower: TypeAlias = Callable[[Tensor], Tensor]
 """Point (3,) of a body at a pixel, on its ray, by the vertices (V, 3) of the body; differentiable.
 """
 
 
-def point_at_ray(vertices: Tensor, normals: Tensor, ray: Tensor, K: Tensor) -> BodyPoint:
+def point_follower(vertices: Tensor, normals: Tensor, ray: Tensor, K: Tensor) -> PointFollower:
     """Choose the vertices of a body (V, 3) with normals (V, 3) that give its depth at a pixel's ray
     (3,) with z = 1: its point there is at the weighted mean depth of the nearest visible ones.
     """
@@ -105,7 +105,7 @@ def size_beside_others(
 _SEARCH_SHARE = 0.01
 
 
-BodyEnds = tuple[BodyPoint | None, ...]
+BodyEnds = tuple[PointFollower | None, ...]
 """Points of the two ends of a distance on bodies; None for an end on the scene."""
 
 
@@ -133,7 +133,7 @@ class KnownDistances(ShortRepr):
         """
         return [
             tuple(
-                point_at_ray(vertices[person], normals[person], ray, K) if person >= 0 else None
+                point_follower(vertices[person], normals[person], ray, K) if person >= 0 else None
                 for person, ray in zip(people, rays, strict=True)
             )
             for people, rays in zip(self.person.tolist(), self.rays, strict=True)

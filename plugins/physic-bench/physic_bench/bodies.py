@@ -119,14 +119,14 @@ class BodyFiles:
 
     def carry(self, values: Array, source: str, target: str) -> Array | None:
         """Return values (V_source, C) at the vertices of another mesh (V_target, C), or None
-        without a way.
+        if they cannot be transferred.
 
-        A way needs the model files of both meshes, except that of the embedded body.
+        A transfer needs the model files of both meshes, except that of the embedded body.
         """
         if source == target:
             return values
-        way = _way(self, source, target)
-        return None if way is None else way(values)
+        transfer = _vertex_transfer(self, source, target)
+        return None if transfer is None else transfer(values)
 
     def carry_contact(
         self, contact: NDArray[np.bool_], source: str, target: str
@@ -174,7 +174,7 @@ def _model(source: str) -> BodyModel:
 
 
 @lru_cache(maxsize=8)
-def _way(files: BodyFiles, source: str, target: str) -> Callable[[Array], Array] | None:
+def _vertex_transfer(files: BodyFiles, source: str, target: str) -> Callable[[Array], Array] | None:
     """Return what carries values from one mesh to another; found once, half a second each."""
     from scipy.spatial import KDTree
 

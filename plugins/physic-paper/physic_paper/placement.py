@@ -104,7 +104,7 @@ class PaperPlacement(PlacementMethod):
 class ReleasePlacement(PaperPlacement):
     """Stage 2 as released: its reprojection loss, visibility and camera-facing angle."""
 
-    def evidence(self, state: State, vertices: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def problem_inputs(self, state: State, vertices: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Return means of the unit normals of adjacent faces, the released keypoint weights, and
         the union of all masks: a person hidden behind another counts as visible.
         """

@@ -74,7 +74,7 @@ class PublishedOptimisation(JointMethod):
         """Return the state with all limbs visible."""
         return replace(state, observed=torch.ones_like(state.observed))
 
-    def surroundings(self, state: State) -> Surroundings:
+    def select_surroundings(self, state: State) -> Surroundings:
         """Return all finite points of the scene, and no plane of the floor."""
         around = state.surroundings
         finite = torch.isfinite(around.points).all(-1) & torch.isfinite(around.normals).all(-1)

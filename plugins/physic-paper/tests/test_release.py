@@ -197,7 +197,7 @@ def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest
     model = published.body(rotations[0])
     posed = model(rotations, betas, transl)
     method, transl = RELEASE.placement, transl.double()
-    normals, weight, masks = method.evidence(state, posed.vertices)
+    normals, weight, masks = method.problem_inputs(state, posed.vertices)
     vertices = posed.vertices[0].double()
     person = PlacementProblem(
         landmarks=model.landmarks(posed, SKELETON)[0].double(),

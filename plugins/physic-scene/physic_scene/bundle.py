@@ -304,7 +304,7 @@ def energy(
     return _normal_equations(observations, state, reference, settings)[2]
 
 
-def uncertainties(observations: MomentObservations, state: Bundle, reference: int) -> FloatArray:
+def camera_sigmas(observations: MomentObservations, state: Bundle, reference: int) -> FloatArray:
     """Return the standard deviations (V, 3) of each camera, from the curvature of the energy and
     the factors on them.
 

@@ -221,7 +221,7 @@ def _contact(
     total = np.zeros((len(people), model.num_vertices))
     count = np.zeros(len(people))
     for i, person in enumerate(people):
-        for v, row in person.shown.items() if _is_placed(person, solved) else ():
+        for v, row in person.shown.items() if _shown_elsewhere(person, solved) else ():
             probability = photos[v].result.people[row].contact_probability
             if probability is not None:
                 total[i] += probability
@@ -229,7 +229,7 @@ def _contact(
     return total, count
 
 
-def _is_placed(person: PersonOfScene, solved: SolvedScene) -> bool:
+def _shown_elsewhere(person: PersonOfScene, solved: SolvedScene) -> bool:
     """Return whether other photos than the reference determine the place of a person."""
     return set(person.shown) != {solved.reference}
 
@@ -345,7 +345,7 @@ def _alone(solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyMode
     contact, count = _contact(solved, people, model)
     floors = _floors(solved, model)
     return OtherViews(
-        placed=torch.tensor([_is_placed(person, solved) for person in people]),
+        placed=torch.tensor([_shown_elsewhere(person, solved) for person in people]),
         contact=torch.from_numpy(contact),
         photos=torch.from_numpy(count),
         floors=None if floors is None else torch.from_numpy(floors),

@@ -24,7 +24,7 @@ from physic_scene.bundle import (
     Bundle,
     MomentObservations,
     adjust,
-    uncertainties,
+    camera_sigmas,
 )
 from physic_scene.photos import ChosenPhotos, ScenePhoto
 from physic_scene.rigid import CameraPose
@@ -139,7 +139,7 @@ def _solution(
     chosen: ChosenPhotos, moved: Sequence[str], found: _Adjusted, model: BodyModel
 ) -> SolvedScene:
     """Return the solution at the scale of people's sizes, with one body for each person."""
-    sigmas = uncertainties(found.observations, found.bundle, found.reference)
+    sigmas = camera_sigmas(found.observations, found.bundle, found.reference)
     scale, scale_sigma = _scale(found.observations, found.bundle)
     bundle = found.bundle.scaled(scale)
     photos = chosen.photos

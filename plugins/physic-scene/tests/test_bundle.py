@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physic_scene.bundle import Bundle, MomentObservations, adjust, uncertainties
+from physic_scene.bundle import Bundle, MomentObservations, adjust, camera_sigmas
 from physic_scene.rigid import CameraPose, fit_rotation, mean_rotation, rotation_angle_deg
 
 WIDTH = 1000
@@ -110,7 +110,7 @@ def test_the_reference_camera_stays_and_others_have_an_uncertainty():
     seen = observations(np.random.default_rng(2), noise_px=2.0)
     found = adjusted(seen, POSES)
     assert np.allclose(found.rotation[0], np.eye(3), atol=1e-6)
-    first, *others = uncertainties(seen, found, 0)
+    first, *others = camera_sigmas(seen, found, 0)
     assert first[0] < np.radians(0.1)
     assert all(0 < rotation < np.radians(5) and 0 < centre < 0.5 for rotation, centre, _ in others)
 

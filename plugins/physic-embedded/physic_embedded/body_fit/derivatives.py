@@ -53,8 +53,8 @@ def derivatives(problem: FitProblem, unknowns: Tensor) -> tuple[Tensor, Tensor, 
     hessian = (gradients[:, 1:] - gradients[:, :1]) / _STEP_SIZE
     hessian = (hessian + hessian.mT) / 2
 
-    together = _together(problem, motions, turned.detach(), twist[:, 0], pull[:, 0])
-    hessian[:, : together.shape[1], : together.shape[1]] += together
+    cross = _cross_terms(problem, motions, turned.detach(), twist[:, 0], pull[:, 0])
+    hessian[:, : cross.shape[1], : cross.shape[1]] += cross
     return losses.detach().view(count, -1)[:, 0], gradients[:, 0], hessian
 
 
@@ -96,7 +96,7 @@ def _linear_points(
     return shaped.view(*steps, -1, 3) + carried.view(*steps, 3, -1).mT
 
 
-def _together(
+def _cross_terms(
     problem: FitProblem, motions: PointMotions, turned: Tensor, twist: Tensor, pull: Tensor
 ) -> Tensor:
     """Return what two joints, and joints and shape, contribute to the Hessian (N, 66 + K, 66 + K).

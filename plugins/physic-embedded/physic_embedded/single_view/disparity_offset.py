@@ -87,7 +87,7 @@ def disparity_at_infinity(
         horizon: (M, 2) where the sky meets water or ground, px of the map.
     """
     focal = focal_px / max(disparity.shape)
-    farthest, span = _farthest(disparity)
+    farthest, span = _farthest_and_span(disparity)
     outdoors = _outdoors(farthest / span, floor, open_air)
     gaps = np.geomspace(*_CANDIDATES)
     candidates = farthest - gaps * span
@@ -186,7 +186,7 @@ def _horizon_cost(
     return trust * cost, trust
 
 
-def _farthest(disparity: FloatArray) -> tuple[float, float]:
+def _farthest_and_span(disparity: FloatArray) -> tuple[float, float]:
     """Return the disparity of the farthest pixels and the range of the map."""
 
     low, far, high = np.percentile(disparity, [1, 0.5, 99])
