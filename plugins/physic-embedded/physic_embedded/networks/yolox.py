@@ -40,16 +40,27 @@ CLASSES = {
     "bear": 21,
     "zebra": 22,
     "giraffe": 23,
+    "umbrella": 25,
+    "handbag": 26,
+    "suitcase": 28,
+    "frisbee": 29,
     "ski": 30,
     "snowboard": 31,
+    "baseball_bat": 34,
     "skateboard": 36,
     "surfboard": 37,
+    "tennis_racket": 38,
 }
-"""Classes of COCO that are read, and their columns: people, what carries people, and animals and
-boards that look like people.
+"""Classes of COCO that are read, and their columns: people, what carries people, what people carry,
+and animals and boards that look like people.
 """
-UNLIKE_PEOPLE = ("bicycle", "motorcycle")
+ONLY_HELD = ("umbrella", "handbag", "suitcase", "frisbee", "baseball_bat", "tennis_racket")
+HOLDABLE = (*ONLY_HELD, "ski", "snowboard", "skateboard", "surfboard")
+"""Classes of what people hold, the first of which carry nobody."""
+UNLIKE_PEOPLE = ("bicycle", "motorcycle", *ONLY_HELD)
 """Classes that no box of a person shows, whatever their score."""
+SAME_THING = 0.5
+"""Boxes of two classes with a larger intersection over union show one thing."""
 MAX_IOU = 0.6
 """Of two boxes with a larger intersection over union, only the better one is kept."""
 
@@ -62,7 +73,7 @@ class Found(NamedTuple):
 
     Attributes:
         people: boxes of people.
-        others: boxes of animals, boards, bicycles and motorcycles.
+        others: boxes of animals and things.
         names: class of each of ``others``.
     """
 
@@ -83,6 +94,12 @@ class Found(NamedTuple):
         alike = np.array([name not in UNLIKE_PEOPLE for name in self.names], bool)
         better = np.flatnonzero(same & alike & (self.others.scores > score))
         return self.names[better[0]] if len(better) else None
+
+    @property
+    def holdable(self) -> Float:
+        """Boxes (M, 4) of things that people hold, best first; one for each place."""
+        chosen = self.others[[name in HOLDABLE for name in self.names]]
+        return chosen.boxes[nms(chosen.boxes, chosen.scores, SAME_THING)]
 
     def carriers(self, least: float) -> tuple[Carrier, ...]:
         """Return what may carry a person, from a score on."""
