@@ -61,7 +61,7 @@ def test_a_thing_belongs_to_the_nearest_hand_and_no_pixel_to_the_person(box, sid
 @pytest.mark.parametrize(
     ("decoder", "people", "box"),
     [
-        (Decoder(), person(), (130, 95, 180, 110)),  # out of reach
+        (Decoder(), person(), (160, 95, 200, 110)),  # out of reach
         (Decoder(), person(confidence=0.3), (95, 95, 180, 110)),  # a hand that is not seen
         (Decoder(logit=0.8), person(), (95, 95, 180, 110)),  # a border that is not clear
         (Decoder(iou=0.7), person(), (95, 95, 180, 110)),

@@ -40,10 +40,8 @@ CLASSES = {
     "bear": 21,
     "zebra": 22,
     "giraffe": 23,
-    "umbrella": 25,
     "handbag": 26,
     "suitcase": 28,
-    "frisbee": 29,
     "ski": 30,
     "snowboard": 31,
     "baseball_bat": 34,
@@ -54,10 +52,9 @@ CLASSES = {
 """Classes of COCO that are read, and their columns: people, what carries people, what people carry,
 and animals and boards that look like people.
 """
-ONLY_HELD = ("umbrella", "handbag", "suitcase", "frisbee", "baseball_bat", "tennis_racket")
-HOLDABLE = (*ONLY_HELD, "ski", "snowboard", "skateboard", "surfboard")
-"""Classes of what people hold, the first of which carry nobody."""
-UNLIKE_PEOPLE = ("bicycle", "motorcycle", *ONLY_HELD)
+HOLDABLE = ("handbag", "suitcase", "baseball_bat", "tennis_racket")
+"""Classes of what people hold; golf clubs count as bats, and guitars as rackets."""
+UNLIKE_PEOPLE = ("bicycle", "motorcycle", *HOLDABLE)
 """Classes that no box of a person shows, whatever their score."""
 SAME_THING = 0.5
 """Boxes of two classes with a larger intersection over union show one thing."""

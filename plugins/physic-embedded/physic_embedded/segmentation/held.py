@@ -18,7 +18,7 @@ HANDS = [[15, 17, 19], [16, 18, 20]]
 """Landmarks of wrist, little finger and index finger, left and right."""
 LEAST_CONFIDENCE = 0.5
 """Least mean confidence of the landmarks of a hand."""
-REACH = 0.3
+REACH = 0.8
 """Largest distance of a held thing's box from the middle of a hand, in lengths of the trunk."""
 MIN_IOU = 0.85
 MIN_STABILITY = 0.9
