@@ -209,7 +209,7 @@ def _scene(estimates: Estimates, state: State) -> Scene:
     )
     colors = estimates.inpainted
     if (held := estimates.people.held) is not None:
-        colors = np.where(held.any((0, 1))[..., None], estimates.image, colors)
+        colors = np.where(np.asarray(held.any((0, 1)))[..., None], estimates.image, colors)
     return Scene(
         colors=colors,
         floor=floor,

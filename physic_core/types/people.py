@@ -130,7 +130,7 @@ class People(ShortRepr):
         heads: (N,) int, number of heads that the detector sees in each mask; two people may then be
             one. Or None if the backend does not count them.
         held: (N, 2, H, W) bool, visible pixels of what each person's left and right hand hold,
-            outside of all ``masks``: rackets, bats, bags. Or None if the backend finds none.
+            outside of all ``masks``: bats, rackets. Or None if the backend finds none.
         notes: plain sentences for the user ("left out what looks like a person ...").
     """
 

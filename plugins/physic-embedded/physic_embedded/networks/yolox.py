@@ -40,8 +40,6 @@ CLASSES = {
     "bear": 21,
     "zebra": 22,
     "giraffe": 23,
-    "handbag": 26,
-    "suitcase": 28,
     "ski": 30,
     "snowboard": 31,
     "baseball_bat": 34,
@@ -52,12 +50,10 @@ CLASSES = {
 """Classes of COCO that are read, and their columns: people, what carries people, what people carry,
 and animals and boards that look like people.
 """
-HOLDABLE = ("handbag", "suitcase", "baseball_bat", "tennis_racket")
+HOLDABLE = ("baseball_bat", "tennis_racket")
 """Classes of what people hold; golf clubs count as bats, and guitars as rackets."""
 UNLIKE_PEOPLE = ("bicycle", "motorcycle", *HOLDABLE)
 """Classes that no box of a person shows, whatever their score."""
-SAME_THING = 0.5
-"""Boxes of two classes with a larger intersection over union show one thing."""
 MAX_IOU = 0.6
 """Of two boxes with a larger intersection over union, only the better one is kept."""
 
@@ -94,9 +90,8 @@ class Found(NamedTuple):
 
     @property
     def holdable(self) -> Float:
-        """Boxes (M, 4) of things that people hold, best first; one for each place."""
-        chosen = self.others[[name in HOLDABLE for name in self.names]]
-        return chosen.boxes[nms(chosen.boxes, chosen.scores, SAME_THING)]
+        """Boxes (M, 4) of what people hold, best first."""
+        return self.others.boxes[[name in HOLDABLE for name in self.names]]
 
     def carriers(self, least: float) -> tuple[Carrier, ...]:
         """Return what may carry a person, from a score on."""
