@@ -76,8 +76,6 @@ if TYPE_CHECKING:
     from physic_core.types.known_sizes import KnownPeople
 
 
-_HOLDS = 0.5  # least probability that a hand holds an object
-
 _POINT_AT_PEOPLE = "if the photo shows one, point at them with --person x,y or --box x0,y0,x1,y1"
 
 
@@ -384,17 +382,12 @@ def _original(found: Findings, step: Step) -> None:
 
 
 def _observations(found: Findings, step: Step) -> None:
-    """Fill observations, unknown without a backend, and if it fails; things in hands that hold
-    nothing are dropped from people.
-    """
+    """Fill observations; unknown without a backend, and if it fails."""
     unknown = Observations.unknown(len(found.people))
     request = PersonObserverRequest(found.image, found.people, found.keypoints)
     otherwise = "what people do is told by their joints alone"
     seen = found.call_optional(step, request, otherwise=otherwise) if found.wants(step) else None
     found.observations = unknown if seen is None else seen
-    if found.people.held is not None:
-        empty = found.observations.holds < _HOLDS
-        found.people = replace(found.people, held=found.people.held & ~empty[..., None, None])
 
 
 def _floors(found: Findings, _: Step) -> None:

@@ -46,7 +46,7 @@ def segment_held(
     trunk = np.linalg.norm(points[:, [11, 12]].mean(1) - points[:, [23, 24]].mean(1), axis=-1)
     seen = keypoints.confidence[:, HANDS].mean(2) >= LEAST_CONFIDENCE
     free = ~people.masks.any(0)
-    held = np.zeros((len(people), 2, *free.shape), bool)
+    held = None
     for box in boxes:
         away = np.linalg.norm(hands - np.clip(hands, box[:2], box[2:]), axis=-1)
         beside = np.argwhere(seen & (away <= REACH * trunk[:, None]))
@@ -57,9 +57,10 @@ def segment_held(
         if len(spots):
             near = [np.linalg.norm(spots - hands[i, side], axis=1).min() for i, side in beside]
             person, side = beside[np.argmin(near)]
+            held = np.zeros((len(people), 2, *free.shape), bool) if held is None else held
             held[person, side] |= thing
             free &= ~thing
-    return held if held.any() else None
+    return held
 
 
 def _clear_mask(decoder: OnnxSession, embedding: ImageEmbedding, box: FloatArray) -> BoolArray:
