@@ -19,6 +19,14 @@ if TYPE_CHECKING:
     from physic_core.engine.state import Estimates, State
 
 
+def without_held_things(estimates: Estimates, state: State) -> State:
+    """Return the state without the scene's pixels of what people hold, which is not the world."""
+    if estimates.people.held is None:
+        return state
+    thing = tensor(estimates.people.held).flatten(0, 1).any(0)
+    return replace(state, scene=replace(state.scene, valid=state.scene.valid & ~thing))
+
+
 def move_held_things(estimates: Estimates, state: State) -> State:
     """Return the state with the scene's pixels of what people hold at the depth of the hand.
 
