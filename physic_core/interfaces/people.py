@@ -106,6 +106,8 @@ class Segmenter(Backend):
             wrong += check_array("unposed_mask", result.unposed_mask, (height, width), "bool")
         if result.heads is not None:
             wrong += check_array("heads", result.heads, (n,), "int")
+        if result.held is not None:
+            wrong += check_array("held", result.held, (n, 2, height, width), "bool")
         yield from wrong
         yield from _check_boxes("unposed", result.unposed, UnposedPerson)
         yield from _check_boxes("carriers", result.carriers, Carrier)
@@ -162,6 +164,8 @@ def _check_values(people: People, height: int, width: int) -> Iterator[str]:
     yield from wrong
     if people.masks.sum(0, dtype="int64").max() > 1:
         yield "masks of two people overlap: every pixel belongs to one person at most"
+    elif people.held is not None and (people.masks.any(0) & people.held.any((0, 1))).any():
+        yield "held has pixels of people: they belong to masks alone"
     elif not (empty or wrong):
         yield from _check_boxes_of_masks(people.boxes, people.masks)
 

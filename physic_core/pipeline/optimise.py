@@ -12,6 +12,7 @@ from physic_core.engine.contact.solve import solve_contact
 from physic_core.engine.joint.solve import finalize_scene, optimize
 from physic_core.engine.measures import measure_people
 from physic_core.engine.placement.solve import solve_placement
+from physic_core.engine.scene.held import move_held_things, without_held_things
 from physic_core.engine.scene.solve import solve_scene
 from physic_core.pipeline.reconstruction import as_reconstruction
 
@@ -54,9 +55,11 @@ def run_engine(
         state = optimize(placed, settings.joint.without("depth") if blind else settings.joint)
     with stages.time_engine("contact"):
         # Before inpainted points are moved out of people: what carries them is there.
-        state = solve_contact(estimates, state, settings.contact)
-        state = finalize_scene(estimates, state, settings.scene)
+        world = without_held_things(estimates, state)
+        touch = solve_contact(estimates, world, settings.contact).contact
+        state = finalize_scene(estimates, replace(state, contact=touch), settings.scene)
         measures = measure_people(estimates, state)
+        state = move_held_things(estimates, state)
     if not estimates.known:
         return as_reconstruction(estimates, state, measures)
     from physic_core.pipeline.given.sizes import compare_sizes

@@ -210,8 +210,11 @@ def _scene(estimates: Estimates, state: State) -> Scene:
         valid=scene.valid,
         floor_points=scene.floor_points * scale,
     )
+    colors = estimates.inpainted
+    if (held := estimates.people.held) is not None:
+        colors = np.where(np.asarray(held.any((0, 1)))[..., None], estimates.image, colors)
     return Scene(
-        colors=estimates.inpainted,
+        colors=colors,
         floor=floor,
         scale=scale,
         scale_sigma=state.scale_sigma,

@@ -97,6 +97,7 @@ def parameters(**values):
         (PEOPLE, {}),
         (PEOPLE, {"keypoints": None, "surfaces": None}),
         (PEOPLE, {"carriers": (Carrier("ski", (0.0, 0.0, 2.0, 2.0), 0.5),)}),
+        (PEOPLE, {"held": np.stack([~MASKS.any(0)] * 4).reshape(2, 2, H, W)}),
         (PEOPLE, {"surfaces": SurfaceLabels(np.ones((H, W), np.uint8), ("wall", "floor"))}),
         (
             PEOPLE,
@@ -194,6 +195,8 @@ def test_valid_results_have_no_violation(result, changes):
             ["carriers needs boxes x0 y0..."],
         ),
         (PEOPLE, {"carriers": ("ski",)}, ["carriers must be a tuple of..."]),
+        (PEOPLE, {"held": MASKS}, ["held must be..."]),
+        (PEOPLE, {"held": np.stack([MASKS, MASKS], 1)}, ["held has pixels of people..."]),
         (
             KEYPOINTS,
             {"skeleton": 17},

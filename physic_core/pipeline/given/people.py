@@ -132,6 +132,7 @@ def select_chosen(people: People, prompt: PeoplePrompt) -> People:
         floor=floor,
         keypoints=keypoints,
         heads=None,
+        held=None,
     )
 
 

@@ -22,6 +22,7 @@ from physic_embedded.segmentation.chosen import DetectedPeople, choose_poses
 from physic_embedded.segmentation.cut_heads import doubt_cut_heads, doubt_hidden_hips
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, floor_mask
 from physic_embedded.segmentation.framed import question_people
+from physic_embedded.segmentation.held import segment_held
 from physic_embedded.segmentation.people import detect_poses, mask_box, unposed_person
 from physic_embedded.segmentation.person_masks import person_masks, resolve_overlaps
 from physic_embedded.segmentation.unposed import count_heads, segment_unposed
@@ -109,7 +110,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         """
         networks = self.network
         options = self.options
-        found, unposed, left_out, carriers = detect_poses(
+        found, unposed, left_out, carriers, holdable = detect_poses(
             networks["yolox_nano"],
             networks["pose_detection"],
             networks["pose_landmark_heavy"],
@@ -143,8 +144,10 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             networks["mobilesam_decoder"], embedding, unposed, poses, people, surfaces
         )
         floor = self._floor(embedding, poses, people | unposed_mask, surfaces)
+        seen = self._people(found, masks, floor, surfaces, image)
         result = replace(
-            self._people(found, masks, floor, surfaces, image),
+            seen,
+            held=segment_held(networks["mobilesam_decoder"], embedding, holdable, seen),
             heads=count_heads(unposed, poses, masks),
             unposed=reported,
             unposed_mask=unposed_mask,

@@ -120,12 +120,14 @@ class FoundPeople(NamedTuple):
         unposed: boxes of people without a pose.
         left_out: name of the animal or the board in each box that was left out.
         carriers: what may carry a person.
+        holdable: (M, 4) x0 y0 x1 y1 px of what a person may hold.
     """
 
     posed: list[DetectedPose]
     unposed: list[UnposedPerson]
     left_out: list[str]
     carriers: tuple[Carrier, ...]
+    holdable: Float
 
 
 def detect_poses(
@@ -196,7 +198,7 @@ def detect_poses(
         if person.box is not None
     ]
     kept = _with_upper_bodies(landmarker, image, kept[:max_people])
-    return FoundPeople(kept, unposed, left_out, things.carriers(box_score))
+    return FoundPeople(kept, unposed, left_out, things.carriers(box_score), things.holdable)
 
 
 def _with_upper_bodies(
