@@ -10,6 +10,8 @@ import os
 import sys
 from typing import TYPE_CHECKING, Any
 
+from pydantic import BaseModel
+
 from physic_core.discovery import local_modules
 from physic_core.discovery.catalog import BACKENDS, how_to_install
 from physic_core.discovery.entry_points import (
@@ -112,7 +114,7 @@ def load_class(offer: Offer) -> type[Backend]:
         BackendError: the class cannot be imported, or is not a backend of the interface.
     """
     kind: Any = _import_target(offer, str(offer))
-    if problem := class_problem(kind, offer.interface):
+    if problem := class_problem(kind, offer.interface) or _constructor_problem(kind):
         raise BackendError(f"{offer}: {offer.target} {problem}")
     written = getattr(kind, "written_for", None)
     ours = INTERFACES[offer.interface].api
@@ -143,6 +145,9 @@ def class_problem(kind: object, interface: str) -> str:
         return f"is not a subclass of physic_core.interfaces.{wanted.__name__}"
     if missing := sorted(getattr(kind, "__abstractmethods__", ())):
         return f"has no method {' and '.join(missing)}, which the interface {interface} requires"
+    options = getattr(kind, "Options", None)
+    if not (isinstance(options, type) and issubclass(options, BaseModel)):
+        return "has Options that are not a subclass of physic_core.interfaces.Options"
     own: Any = kind
     arguments = list(inspect.signature(vars(wanted)["infer"]).parameters)
     bound = isinstance(inspect.getattr_static(kind, "infer"), (staticmethod, classmethod))
@@ -151,6 +156,19 @@ def class_problem(kind: object, interface: str) -> str:
         taken.bind(*arguments[1:] if bound else arguments)
     except TypeError as error:
         return f"has infer{taken}, which should take {', '.join(arguments[1:])}: {error}"
+    return ""
+
+
+def _constructor_problem(kind: Any) -> str:
+    """Return why a class cannot be constructed with its options, likewise."""
+    taken = inspect.signature(kind.__init__)
+    try:
+        taken.bind(kind, None)
+    except TypeError:
+        return (
+            f"has __init__{taken}, which should take the options, or be left out: "
+            f"def __init__(self, options=None): super().__init__(options)"
+        )
     return ""
 
 

@@ -113,6 +113,15 @@ def test_an_unused_backend_is_not_imported(site, tmp_path):
             ("has infer(self, image), which should take image, mask",),
         ),
         (FILL.replace("Fill", "B"), ("written_for = 1",)),
+        (
+            FILL.replace("Fill", "B") + "    class Options: pass\n",
+            ("has Options that are not a subclass of physic_core.interfaces.Options",),
+        ),
+        (
+            FILL.replace("Fill", "B") + "    def __init__(self): pass\n",
+            ("has __init__(self)", "super().__init__(options)"),
+        ),
+        (FILL.replace("Fill", "B") + "    reads = ('hole')\n", ('reads = ("hole",)',)),
     ],
     ids=[
         "exit",
@@ -124,6 +133,9 @@ def test_an_unused_backend_is_not_imported(site, tmp_path):
         "abstract",
         "signature",
         "no version",
+        "no options",
+        "takes no options",
+        "reads a text",
     ],
 )
 def test_a_hostile_backend_is_named_with_the_fault(site, source, words, physic):
