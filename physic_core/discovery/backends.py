@@ -173,8 +173,8 @@ def _constructor_problem(kind: Any) -> str:
 
 
 def summary_of(kind: type[Backend]) -> str:
-    """Return the first line of the docstring of a backend's class."""
-    return inspect.cleandoc(kind.__doc__ or "").partition("\n")[0]
+    """Return the first paragraph of the docstring of a backend's class, as one line."""
+    return " ".join(inspect.cleandoc(kind.__doc__ or "").partition("\n\n")[0].split())
 
 
 def missing_requirements(backend: Backend) -> tuple[str, ...]:
