@@ -28,6 +28,7 @@ from physic_core.errors import (
     AmbiguousBackendError,
     BackendError,
     BackendNotFoundError,
+    ConfigError,
     WeightsMissingError,
 )
 from physic_core.interfaces import INTERFACES
@@ -38,10 +39,24 @@ if TYPE_CHECKING:
 _IN_CONFIG = "named in the config"
 
 
+def require_interface(name: str) -> None:
+    """Raise ConfigError if no interface has this name."""
+    if name not in INTERFACES:
+        raise ConfigError(
+            f"no interface named '{name}'; there are: {', '.join(INTERFACES)}"
+            f"{did_you_mean(name, INTERFACES)}"
+        )
+
+
 def list_backends(interface: str | None = None) -> tuple[Offer, ...]:
     """Return the installed backends of an interface, or of all, sorted by interface, name and
     distribution.
+
+    Raises:
+        ConfigError: no interface has this name.
     """
+    if interface is not None:
+        require_interface(interface)
     offers = installed_offers() if interface is None else installed_offers(f"physic.{interface}")
     return tuple(offer for offer in offers if offer.interface in INTERFACES)
 

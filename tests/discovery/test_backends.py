@@ -14,7 +14,12 @@ from PIL import Image
 from physic_core import find_backend, list_backends
 from physic_core.discovery.backends import find_by_name, load_class
 from physic_core.discovery.catalog import BACKENDS
-from physic_core.errors import AmbiguousBackendError, BackendError, BackendNotFoundError
+from physic_core.errors import (
+    AmbiguousBackendError,
+    BackendError,
+    BackendNotFoundError,
+    ConfigError,
+)
 from physic_core.interfaces import INTERFACES
 
 pytestmark = pytest.mark.quick
@@ -48,6 +53,7 @@ def test_an_offer_names_its_distribution_and_version(site):
     assert offer in list_backends()
     assert offer in list_backends("inpainter")
     assert offer not in list_backends("segmenter")
+    assert "Did you mean 'inpainter'?" in message(ConfigError, list_backends, "inpaint")
 
 
 def test_the_catalog_says_what_the_plugins_of_the_project_offer():
