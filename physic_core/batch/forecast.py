@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from physic_core.configuration.resolve import check_input_files, resolve_one
 from physic_core.discovery.plugin_code import named_plugin_code
 from physic_core.errors import ConfigError, InputError, PhysicError
-from physic_core.files.atomic import check_regular, unreadable
+from physic_core.files.atomic import unreadable
 from physic_core.types import Hints
 
 if TYPE_CHECKING:
@@ -22,11 +22,13 @@ _MAPS = {"depth": "metric_depth", "pointmap": "relative_pointmap"}
 def expected_failure(item: PhotoItem, config: Config) -> str:
     """Return why a photo will fail; "" if nothing is known against it.
 
-    The photo must be a file, and its settings agree with the configuration; a depth map and a point
-    map are read.
+    The start of the photo's file is read, and its settings must agree with the configuration; a
+    depth map and a point map are read.
     """
+    from physic_core.io.photo import check_photo_file
+
     try:
-        check_regular(Path(item.path))
+        check_photo_file(Path(item.path))
         if item.settings:
             _check_settings(item, config.with_photo(item.settings))
     except OSError as error:

@@ -88,7 +88,7 @@ def list_photos(inputs: Iterable[str]) -> PhotoList:
     in px, or "fx,fy,cx,cy"), "stature" (m), "age" (years), "ignore" (px x,y on each person to leave
     out), "depth" and "pointmap" (files), and "id". Photos of folders are sorted by path. Of these,
     files in and below folders of results, and thumbnails of batches, are skipped, and so are files
-    that are hidden or have a suffix that no photo has.
+    that are hidden or have a suffix that no photo has, and hidden folders.
 
     Raises:
         InputError: an input does not exist, a folder cannot be read, a table is invalid, two photos
@@ -195,6 +195,7 @@ def _files_below(top: str) -> Iterator[tuple[str, bool]]:
     """Yield the files of a folder and its sub-folders, and whether each is a photo."""
     written: set[str] = set()
     for folder, folders, names in os.walk(top, onerror=_raise):
+        folders[:] = (name for name in folders if not name.startswith("."))
         is_result = folder in written or DOCUMENT_FILE in names
         if is_result:
             written.update(os.path.join(folder, name) for name in folders)
@@ -262,7 +263,7 @@ def _hint(row: Mapping[str, Any]) -> str:
 def _rows(table: Path) -> Iterator[dict[str, Any]]:
     try:
         with table.open(newline="", encoding="utf-8-sig") as stream:
-            reader = csv.DictReader(stream)
+            reader = csv.DictReader(stream, skipinitialspace=True)
             for name in reader.fieldnames or ():
                 if mark := re.search("[;\t]", name):
                     kind = "tabs" if mark[0] == "\t" else "semicolons"

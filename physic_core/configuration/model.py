@@ -427,10 +427,12 @@ class Config(_Table):
         Raises:
             ConfigError: a value is invalid; the message lists all errors.
         """
-        changed = _validate_layers(
-            [("config", self.as_dict()), ("settings of this photo", {"photo": settings})]
-        )
-        return self.model_copy(update={"photo": changed.photo})
+        own = "settings of this photo"
+        changed = _validate_layers([("config", self.as_dict()), (own, {"photo": settings})])
+        copy = self.model_copy(update={"photo": changed.photo})
+        given = {path: label for path, label in changed._sources.items() if label == own}
+        copy._sources = {**self._sources, **given}
+        return copy
 
     def source(self, path: str) -> str:
         """Return the source of the value at a dotted path: a file, a flag, "preset embedded" or

@@ -65,6 +65,10 @@ def problems_from_pydantic(
             message = f"unknown {kind}{hint}"
         elif found["type"] == "missing":
             message = "is missing"
+        elif found["type"] in ("model_type", "dict_type"):
+            keys = [".".join(filter(None, [path, *loc, key])) for key in _keys(model, loc)]
+            example = f", such as {keys[0]}" if keys else ""
+            message = f"is a table: set a key of it{example} (got {quoted(found['input'])})"
         elif found["type"] == "tuple_type":
             message = f"should be a list, such as [1.7, 1.8] (got {quoted(found['input'])})"
         else:

@@ -24,9 +24,9 @@ from physic_core.discovery.backends import (
     list_backends,
     load_class,
     missing_requirements,
+    require_interface,
 )
 from physic_core.discovery.entry_points import Offer
-from physic_core.discovery.error_text import did_you_mean
 from physic_core.discovery.plugin_code import named_plugin_code
 from physic_core.discovery.process_state import describe_changes, kept_process_state
 from physic_core.errors import (
@@ -143,7 +143,7 @@ def resolve_one(interface: str, name: str, options: Mapping[str, object]) -> Res
         WeightsMissingError: files of the backend are missing.
         BackendError: its class cannot be imported or constructed.
     """
-    _require_interface(interface)
+    require_interface(interface)
     if name in ("", "none"):
         names = ", ".join(offer.name for offer in list_backends(interface))
         raise ConfigError(f"load_backend: name a backend of {interface}, one of {names}")
@@ -270,14 +270,6 @@ def load_plan(file: str | os.PathLike[str] | None = None, **settings: Any) -> Re
     return plan
 
 
-def _require_interface(name: str) -> None:
-    if name not in INTERFACES:
-        hint = did_you_mean(name, INTERFACES)
-        raise ConfigError(
-            f"backends: no interface named '{name}'; there are: {', '.join(INTERFACES)}{hint}"
-        )
-
-
 def _given_in_python(interface: str, given: object) -> ResolvedBackend:
     """Check an instance given in Python, or construct a class with its default options.
 
@@ -285,7 +277,7 @@ def _given_in_python(interface: str, given: object) -> ResolvedBackend:
         ConfigError: no interface has this name, or the class needs options.
         BackendError: the object is of another interface, or its class is incomplete.
     """
-    _require_interface(interface)
+    require_interface(interface)
     kind: Any = given if isinstance(given, type) else type(given)
     if problem := class_problem(kind, interface):
         raise BackendError(f"backends['{interface}']: the class of {quoted(given)} {problem}")

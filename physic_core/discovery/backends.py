@@ -10,6 +10,8 @@ import os
 import sys
 from typing import TYPE_CHECKING, Any
 
+from pydantic import BaseModel
+
 from physic_core.discovery import local_modules
 from physic_core.discovery.catalog import BACKENDS, how_to_install
 from physic_core.discovery.entry_points import (
@@ -26,6 +28,7 @@ from physic_core.errors import (
     AmbiguousBackendError,
     BackendError,
     BackendNotFoundError,
+    ConfigError,
     WeightsMissingError,
 )
 from physic_core.interfaces import INTERFACES
@@ -36,10 +39,24 @@ if TYPE_CHECKING:
 _IN_CONFIG = "named in the config"
 
 
+def require_interface(name: str) -> None:
+    """Raise ConfigError if no interface has this name."""
+    if name not in INTERFACES:
+        raise ConfigError(
+            f"no interface named '{name}'; there are: {', '.join(INTERFACES)}"
+            f"{did_you_mean(name, INTERFACES)}"
+        )
+
+
 def list_backends(interface: str | None = None) -> tuple[Offer, ...]:
     """Return the installed backends of an interface, or of all, sorted by interface, name and
     distribution.
+
+    Raises:
+        ConfigError: no interface has this name.
     """
+    if interface is not None:
+        require_interface(interface)
     offers = installed_offers() if interface is None else installed_offers(f"physic.{interface}")
     return tuple(offer for offer in offers if offer.interface in INTERFACES)
 
@@ -112,7 +129,7 @@ def load_class(offer: Offer) -> type[Backend]:
         BackendError: the class cannot be imported, or is not a backend of the interface.
     """
     kind: Any = _import_target(offer, str(offer))
-    if problem := class_problem(kind, offer.interface):
+    if problem := class_problem(kind, offer.interface) or _constructor_problem(kind):
         raise BackendError(f"{offer}: {offer.target} {problem}")
     written = getattr(kind, "written_for", None)
     ours = INTERFACES[offer.interface].api
@@ -143,6 +160,9 @@ def class_problem(kind: object, interface: str) -> str:
         return f"is not a subclass of physic_core.interfaces.{wanted.__name__}"
     if missing := sorted(getattr(kind, "__abstractmethods__", ())):
         return f"has no method {' and '.join(missing)}, which the interface {interface} requires"
+    options = getattr(kind, "Options", None)
+    if not (isinstance(options, type) and issubclass(options, BaseModel)):
+        return "has Options that are not a subclass of physic_core.interfaces.Options"
     own: Any = kind
     arguments = list(inspect.signature(vars(wanted)["infer"]).parameters)
     bound = isinstance(inspect.getattr_static(kind, "infer"), (staticmethod, classmethod))
@@ -154,9 +174,22 @@ def class_problem(kind: object, interface: str) -> str:
     return ""
 
 
+def _constructor_problem(kind: Any) -> str:
+    """Return why a class cannot be constructed with its options, likewise."""
+    taken = inspect.signature(kind.__init__)
+    try:
+        taken.bind(kind, None)
+    except TypeError:
+        return (
+            f"has __init__{taken}, which should take the options, or be left out: "
+            f"def __init__(self, options=None): super().__init__(options)"
+        )
+    return ""
+
+
 def summary_of(kind: type[Backend]) -> str:
-    """Return the first line of the docstring of a backend's class."""
-    return inspect.cleandoc(kind.__doc__ or "").partition("\n")[0]
+    """Return the first paragraph of the docstring of a backend's class, as one line."""
+    return " ".join(inspect.cleandoc(kind.__doc__ or "").partition("\n\n")[0].split())
 
 
 def missing_requirements(backend: Backend) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import simplejpeg
-from PIL import Image, ImageFile, PngImagePlugin
+from PIL import Image, ImageFile, PngImagePlugin, UnidentifiedImageError
 
 from physic_core.errors import InputError, PackageMissingError
 
@@ -221,6 +221,13 @@ class ImageSource:
             "or save it again from a program that shows it completely"
         )
 
+    def unusual_tiff(self) -> InputError:
+        """Return the error for a TIFF whose header Pillow does not understand."""
+        return InputError(
+            f"cannot read the {self}: its header is damaged, or its pixels are of an unusual kind, "
+            f"such as floating point in several channels; save it with 8 bits per channel"
+        )
+
     def raw(self) -> InputError:
         """Return the error for a raw file of a camera."""
         return InputError(
@@ -266,7 +273,12 @@ def open_image(source: ImageSource) -> Iterator[tuple[Image.Image, BufferedReade
             _register_heif(source)
         with wrap_decoding_errors(source):
             file.seek(0)
-            image = Image.open(file, formats=["JPEG", "MPO"] if kind == "JPEG" else [kind])
+            try:
+                image = Image.open(file, formats=["JPEG", "MPO"] if kind == "JPEG" else [kind])
+            except UnidentifiedImageError as error:
+                if kind == "TIFF":
+                    raise source.unusual_tiff() from error
+                raise
         with image:
             if image.size[0] * image.size[1] > max_pixels(kind):
                 raise source.too_large(max_pixels(kind))

@@ -196,14 +196,19 @@ class _OptionsAsKeywords(ABCMeta):
     def __call__(cls, *arguments: Any, **named: Any) -> Any:
         accepted = inspect.signature(cls.__init__).parameters  # type: ignore[misc]
         settings = {name: named.pop(name) for name in tuple(named) if name not in accepted}
-        if not settings:
-            return super().__call__(*arguments, **named)
-        if arguments or named:
+        if settings and (arguments or named):
             raise ConfigError(
                 f"{cls.__name__} takes its options as keyword arguments or as one object, not as "
                 f"both"
             )
-        return super().__call__(_options(cls, settings))
+        if settings:
+            arguments = (_options(cls, settings),)
+        backend = super().__call__(*arguments, **named)
+        if not hasattr(backend, "options"):
+            raise TypeError(
+                f"{cls.__name__}.__init__ leaves out the options: call super().__init__(options)"
+            )
+        return backend
 
 
 def _options(kind: Any, settings: dict[str, Any]) -> BaseModel:
@@ -270,6 +275,10 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
         interface.
         """
         super().__init_subclass__(**named)
+        if isinstance(cls.reads, str):
+            raise TypeError(
+                f'{cls.__name__}.reads is one text: write a tuple, reads = ("{cls.reads}",)'
+            )
         if cls.reads is None or not hasattr(cls, "Request"):  # a base class of several interfaces
             return
         known = {field.name for kind in (cls.Request, Hints) for field in fields(kind)}

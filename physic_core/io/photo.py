@@ -237,7 +237,16 @@ def _is_grey_or_rgba(image: object) -> bool:
     return image.ndim == 2 or image.shape[2] in (1, 4)
 
 
-def _read(image: Image.Image, source: ImageSource) -> Photo:
+def check_photo_file(path: Path) -> None:
+    """Raise InputError if the start of a file shows that :func:`read_photo` will refuse it; its
+    pixels are not decoded.
+    """
+    source = ImageSource(str(path), path=path)
+    with open_image(source) as (image, _):
+        _check_header(image, source)
+
+
+def _check_header(image: Image.Image, source: ImageSource) -> None:
     stored = image.size
     if min(stored) < MIN_SIDE:
         raise InputError(
@@ -252,6 +261,11 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
         )
     if _is_raw(image):
         raise source.raw()
+
+
+def _read(image: Image.Image, source: ImageSource) -> Photo:
+    _check_header(image, source)
+    stored = image.size
     notes = list(_frame_notes(image))
     xmp = _xmp(image)
     deep = _is_deep(image)  # before decoding, which discards the mode of the file

@@ -158,7 +158,8 @@ def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
     try:
         if "image" not in arrays:
             raise ValueError(
-                "it was saved without photo and scene: physic_core.load_people reads it"
+                "it was saved without photo and scene (--save people; numbers has both): "
+                "physic_core.load_people reads it"
             )
         camera = join(Intrinsics, document["intrinsics"], {})
         if wrong := [*check_camera(camera, camera.height, camera.width)]:

@@ -29,7 +29,7 @@ from physic_core.errors import ConfigError, PhysicError
 from physic_core.io.photo import Photo, photo_path_for_messages, read_photo
 from physic_core.pipeline.given.photo import prepare_photo
 from physic_core.pipeline.stage_runner import LoadedBackends, StageRunner
-from physic_core.types import CameraTrust, Intrinsics, Reconstruction
+from physic_core.types import CameraTrust, Intrinsics, KnownSizes, PeoplePrompt, Reconstruction
 
 if TYPE_CHECKING:
     import os
@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from physic_core.interfaces import Backend
     from physic_core.io.photo import PhotoSource
     from physic_core.pipeline.stage_runner import Progress
-    from physic_core.types import KnownSizes, PeoplePrompt
 
     Configuration = ResolvedPipeline | Config | Mapping[str, Any] | str | os.PathLike[str] | None
 
@@ -325,6 +324,14 @@ def _naming(photo: str) -> Iterator[None]:
         raise type(error)(f"{photo}: {error}") from error
 
 
+_GIVEN: dict[str, tuple[type, str]] = {
+    "intrinsics": (Intrinsics, "(fx, fy, cx, cy, width, height) in px of the image"),
+    "people": (PeoplePrompt, "(points=((x, y),)) in px of the photo"),
+    "known": (KnownSizes, "(stature=(1.8,)) in metres"),
+}
+"""Fields of `_Given` that users pass -> type, and how it is constructed."""
+
+
 @dataclass(frozen=True)
 class _Given:
     """The user's data for one photo, px of the upright file, and the views of other cameras."""
@@ -335,14 +342,18 @@ class _Given:
     views: tuple[OtherView, ...] = ()
     complete: Callable[[Estimates], Estimates] | None = None
 
+    def __post_init__(self) -> None:
+        """Raise ConfigError for a value of another type."""
+        for name, (kind, example) in _GIVEN.items():
+            value = getattr(self, name)
+            if value is not None and not isinstance(value, kind):
+                raise ConfigError(
+                    f"{name} must be physic_core.{kind.__name__}, got {type(value).__name__}: pass "
+                    f"{kind.__name__}{example}"
+                )
+
     def camera(self) -> Intrinsics | None:
         """Return the given camera; it counts as known unless it is a guess."""
-        if self.intrinsics is not None and not isinstance(self.intrinsics, Intrinsics):
-            raise ConfigError(
-                f"intrinsics must be physic_core.types.Intrinsics, got "
-                f"{type(self.intrinsics).__name__}: "
-                "pass Intrinsics(fx, fy, cx, cy, width, height) in px of the image"
-            )
         if self.intrinsics is not None and not self.intrinsics.guessed:
             return replace(self.intrinsics, trust=CameraTrust.KNOWN)
         return self.intrinsics

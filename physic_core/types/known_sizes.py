@@ -51,8 +51,8 @@ class KnownSizes:
 
     Raises:
         ValueError: a stature is not 0.4 to 2.6 m, a camera height 0.01 to 100 m, a length 0.01 to
-            1000 m, or an age 0 to 120 years; or a length has no extent in px. The message states
-            the likely unit.
+            1000 m, or an age 0 to 120 years; a length has no extent in px; or statures or ages are
+            one number. The message states the likely unit.
     """
 
     stature: tuple[float, ...] = ()
@@ -61,6 +61,9 @@ class KnownSizes:
     age: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
+        for name in ("stature", "age"):
+            if isinstance(value := getattr(self, name), int | float):
+                raise ValueError(f"{name} is a tuple, one value for each person: ({value:g},)")
         comma = "; a comma separates people: write 1.7" if len(self.stature) > 1 else ""
         for height in self.stature:
             if height != 0:

@@ -75,8 +75,9 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path, mon
 def test_a_dry_run_lists_the_photos_and_writes_nothing(tmp_path, monkeypatch, physic):
     monkeypatch.chdir(tmp_path)
     Path("photos").mkdir()
-    for name in ("a.jpg", "b.jpg", "c\x1b.jpg", "notes.txt"):
-        Path("photos", name).write_text("no photo")
+    Path("photos", "notes.txt").write_text("no photo")
+    for name in ("a.jpg", "b.jpg", "c\x1b.jpg"):
+        Image.new("RGB", (64, 64)).save(Path("photos", name))
     done = physic("batch", "photos", "-o", "out", "--preset", "mock", "--dry-run")
     assert done.stdout.splitlines() == [
         f"{tmp_path}/photos/{name}.jpg" for name in ("a", "b", "c\\x1b")
@@ -235,7 +236,14 @@ def test_few_photos_have_previews_for_the_contact_sheet(
     ("row", "words"),
     [
         ("nowhere.png,,,", "nowhere.png: there is no such file"),
-        ("photo.png,nowhere.npy,,", "nowhere.npy: there is no such file"),
+        ("depth.npy,,,", "it is not an image"),
+        ("empty.png,,,", "the file is empty"),
+        ("tiny.png,,,", "it is 8 x 8 px"),
+        (
+            "photo.png,nowhere.npy,,",
+            "settings of this photo: photo.depth: cannot read {folder}/nowhere.npy: there is no "
+            "such file",
+        ),
         ("photo.png,photo.png,,", "photo.png"),
         ("photo.png,flat.npy,,", "flat.npy"),
         ("photo.png,,flat.npy,", "flat.npy"),
@@ -246,6 +254,8 @@ def test_few_photos_have_previews_for_the_contact_sheet(
 def test_a_dry_run_says_which_photos_will_fail(tmp_path, monkeypatch, physic, row, words):
     monkeypatch.chdir(tmp_path)
     Image.fromarray(load_world("stand", (160, 120)).image).save("photo.png")
+    Path("empty.png").touch()
+    Image.new("RGB", (8, 8)).save("tiny.png")
     np.save("depth.npy", np.full((120, 160), 3.0))
     np.save("points.npy", np.full((120, 160, 3), 3.0))
     np.save("flat.npy", np.full(160, 3.0))
@@ -255,7 +265,7 @@ def test_a_dry_run_says_which_photos_will_fail(tmp_path, monkeypatch, physic, ro
     assert done.exit_code == 0, done.output
     assert len(done.stdout.splitlines()) == 1
     assert ("1 of 1 photos will fail" in done.stderr) == bool(words)
-    assert words in done.stderr
+    assert words.format(folder=tmp_path) in done.stderr
     assert not Path("out").exists()
 
 

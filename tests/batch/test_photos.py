@@ -19,7 +19,14 @@ from physic_core.errors import ConfigError, InputError
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    for name in ("b.jpg", "a.PNG", "deep/er/c.webp", "deep/.hidden.jpg", "notes.txt"):
+    for name in (
+        "b.jpg",
+        "a.PNG",
+        "deep/er/c.webp",
+        "deep/.hidden.jpg",
+        ".trash/d.jpg",
+        "notes.txt",
+    ):
         path = tmp_path / "photos" / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()
@@ -43,8 +50,8 @@ def test_files_and_folders_give_each_photo_once(folder):
 
 def test_a_table_gives_cameras_statures_ages_and_ids(folder):
     (folder / "table.csv").write_text(
-        "path,camera,stature,age,id\n"
-        'b.jpg,"900,910,320,240",1.8,,first\na.PNG,700,"1.8,1.6","0,7.5",\ndeep/er/c.webp,,,,\n'
+        "path, camera, stature, age, id\n"
+        'b.jpg, "900,910,320,240",1.8,,first\na.PNG,700,"1.8,1.6","0,7.5",\ndeep/er/c.webp,,,,\n'
     )
     first, second, third = list_photos([str(folder / "table.csv")]).photos
     assert first == PhotoItem(

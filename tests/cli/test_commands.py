@@ -269,6 +269,8 @@ def test_details_show_what_a_backend_is(physic):
     for words in (
         "physic-opencv 0.1.0",
         "physic_opencv.inpaint:Telea",
+        "  Inpainter by fast marching (Telea 2004): fills the hole from its border inwards with a "
+        "weighted mean of known pixels.\n",
         "ready",
         "inpaint.py",
         "radius_px",

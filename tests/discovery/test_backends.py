@@ -14,7 +14,12 @@ from PIL import Image
 from physic_core import find_backend, list_backends
 from physic_core.discovery.backends import find_by_name, load_class
 from physic_core.discovery.catalog import BACKENDS
-from physic_core.errors import AmbiguousBackendError, BackendError, BackendNotFoundError
+from physic_core.errors import (
+    AmbiguousBackendError,
+    BackendError,
+    BackendNotFoundError,
+    ConfigError,
+)
 from physic_core.interfaces import INTERFACES
 
 pytestmark = pytest.mark.quick
@@ -48,6 +53,7 @@ def test_an_offer_names_its_distribution_and_version(site):
     assert offer in list_backends()
     assert offer in list_backends("inpainter")
     assert offer not in list_backends("segmenter")
+    assert "Did you mean 'inpainter'?" in message(ConfigError, list_backends, "inpaint")
 
 
 def test_the_catalog_says_what_the_plugins_of_the_project_offer():
@@ -113,6 +119,15 @@ def test_an_unused_backend_is_not_imported(site, tmp_path):
             ("has infer(self, image), which should take image, mask",),
         ),
         (FILL.replace("Fill", "B"), ("written_for = 1",)),
+        (
+            FILL.replace("Fill", "B") + "    class Options: pass\n",
+            ("has Options that are not a subclass of physic_core.interfaces.Options",),
+        ),
+        (
+            FILL.replace("Fill", "B") + "    def __init__(self): pass\n",
+            ("has __init__(self)", "super().__init__(options)"),
+        ),
+        (FILL.replace("Fill", "B") + "    reads = ('hole')\n", ('reads = ("hole",)',)),
     ],
     ids=[
         "exit",
@@ -124,6 +139,9 @@ def test_an_unused_backend_is_not_imported(site, tmp_path):
         "abstract",
         "signature",
         "no version",
+        "no options",
+        "takes no options",
+        "reads a text",
     ],
 )
 def test_a_hostile_backend_is_named_with_the_fault(site, source, words, physic):

@@ -38,6 +38,11 @@ class Behind(Flat):
         return DepthMap(np.full(image.shape[:2], -1.0))
 
 
+class Forgetful(Flat):
+    def __init__(self, options=None):
+        self.network = None
+
+
 IMAGE = np.zeros((64, 80, 3), np.uint8)
 NOBODY = People(np.zeros((0, 64, 80), bool), np.zeros((0, 4), np.float32), np.zeros(0, np.float32))
 
@@ -52,6 +57,8 @@ def test_options_are_keyword_arguments():
         Flat(metres=-1.0)
     with pytest.raises(ConfigError, match="not as both"):
         Flat(FlatOptions(), metres=3.0)
+    with pytest.raises(TypeError, match=r"Forgetful.*: call super\(\).__init__\(options\)"):
+        Forgetful()
 
 
 def test_a_backend_is_called_with_an_array_and_its_result_is_checked():

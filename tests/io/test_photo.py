@@ -14,6 +14,7 @@ import sys
 import zlib
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from PIL import Image
@@ -110,6 +111,10 @@ REFUSED = {
     "counts.tiff": (
         lambda path: saved(np.full((HEIGHT, WIDTH), 1 << 20, np.int32), path),
         "32 bits",
+    ),
+    "floats.tiff": (
+        lambda path: cv2.imwrite(str(path), np.ones((HEIGHT, WIDTH, 3), np.float32)),
+        "floating point in several channels; save it with 8 bits",
     ),
     **{
         f"{name}.jpg": (lambda path, start=start: path.write_bytes(start + bytes(64)), "raw file")

@@ -204,6 +204,11 @@ def test_an_impossible_size_is_refused(setting, message):
         load_config(preset="mock", overrides=[f"photo.{setting}"])
 
 
+def test_one_number_is_no_list_of_statures():
+    with pytest.raises(ValueError, match=r"stature is a tuple.*: \(1\.8,\)"):
+        KnownSizes(stature=1.8)
+
+
 def test_sizes_of_the_command_line_are_in_the_result(tmp_path, stand, physic):
     from PIL import Image
 

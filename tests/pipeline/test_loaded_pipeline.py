@@ -191,7 +191,7 @@ def test_an_instance_replaces_the_configs_choice_and_is_not_cached(world, tmp_pa
         (
             {"metric_dept": Flat(1.0)},
             ConfigError,
-            "backends: no interface named 'metric_dept'; there are: segmenter",
+            "no interface named 'metric_dept'; there are: segmenter",
         ),
         ({"inpainter": Flat}, BackendError, "backends['inpainter']: "),
         ({"inpainter": "telea"}, BackendError, "backends['inpainter']: "),
@@ -201,6 +201,15 @@ def test_an_instance_replaces_the_configs_choice_and_is_not_cached(world, tmp_pa
 def test_a_given_backend_of_the_wrong_kind(given, kind, message):
     with pytest.raises(kind, match=re.escape(message)):
         Pipeline("mock", backends=given)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("intrinsics", (300, 300, 160, 120)), ("people", ((5, 5),)), ("known", {"stature": 1.8})],
+)
+def test_what_is_given_of_another_type_is_refused_by_name(world, name, value):
+    with Pipeline("mock") as pipeline, pytest.raises(ConfigError, match=f"{name} must be"):
+        pipeline(world.image, **{name: value})
 
 
 def test_a_second_thread_is_refused(world):

@@ -56,9 +56,8 @@ class _Diffusion(interfaces.Inpainter):
 
 
 class Telea(_Diffusion):
-    """Fast marching (A.
-
-    Telea, 2004): fills the hole from its border inwards with a weighted mean of known pixels.
+    """Inpainter by fast marching (Telea 2004): fills the hole from its border inwards with a
+    weighted mean of known pixels.
 
     The weights continue lines of equal brightness into the hole.
     """
@@ -68,9 +67,8 @@ class Telea(_Diffusion):
 
 
 class NavierStokes(_Diffusion):
-    """Navier-Stokes (M.
-
-    Bertalmio et al., 2001): continues lines of equal brightness into the hole as in a fluid.
+    """Inpainter by Navier-Stokes (Bertalmio et al. 2001): continues lines of equal brightness into
+    the hole as in a fluid.
     """
 
     written_for = 1

@@ -15,9 +15,8 @@ _SIGMA = 1.45  # outlier threshold over the mean, in standard deviations; as rel
 
 
 def knn_outliers(points: Tensor, neighbors: int, sigma: float = _SIGMA) -> Tensor:
-    """Return points with an unusually large mean squared distance to their neighbours (paper Sec.
-
-    4.1): (M,) bool.
+    """Return points with an unusually large mean squared distance to their neighbours, (M,) bool
+    (paper Sec. 4.1).
 
     Args:
         points: (M, 3), any unit, finite.

@@ -10,8 +10,7 @@ Get quantitative.zip from prox.is.tue.mpg.de, and SMPLX_MALE.npz from smpl-x.is.
     scenes/vicon.ply                                   the scan
     fittings/mosh/<recording>/meshes/<frame>/000.ply   10475 vertices of SMPL-X
     fittings/mosh/<recording>/results/<frame>/000.pkl  optional: parameters, which give joints
-    keypoints/<recording>/<frame>_keypoints.json       optional: OpenPose, says in which frame the
-    meshes are
+    keypoints/<recording>/<frame>_keypoints.json       optional: OpenPose, tells the meshes' frame
 
 Frames are named RECORDING/FRAME; the paper's list of 178 is not published. A vertex truly touches
 within 2, 4 and 5 cm of the scan, or inside it by up to 15 cm.

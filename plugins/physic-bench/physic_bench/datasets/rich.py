@@ -6,8 +6,9 @@ for non-commercial research, and resource/gender.json from the repository rich_t
 paulchhuang. Files of ROOT:
 
     bodies/<split>/<SEQ>/<FRAME>/<SUB>.pkl                SMPL-X parameters in the frame of camera 0
-    human_scene_contact/<split>/<SEQ>/<FRAME>/<SUB>.pkl   'contact' (6890,); or <SUB>.obj: 10475
-    vertices, contact green images/<split>/<SEQ>/cam_<XX>/<FRAME>_<XX>.jpeg       or .png, .bmp
+    human_scene_contact/<split>/<SEQ>/<FRAME>/<SUB>.pkl   'contact' (6890,); or <SUB>.obj with
+                                                          10475 vertices, contact green
+    images/<split>/<SEQ>/cam_<XX>/<FRAME>_<XX>.jpeg       or .png, .bmp
     scan_calibration/<SCENE>/calibration/<CAM>.xml        CameraMatrix, Intrinsics, Distortion
     scan_calibration/<SCENE>/scan_camcoord.ply            optional: scan in the frame of camera 0
     resource/gender.json                                  gender of each subject

@@ -1,7 +1,4 @@
-"""Regularisation L_reg of mesh and translation as in the paper (sec.
-
-3.3), and parameter priors of PROX.
-"""
+"""Regularisation L_reg of mesh and translation (paper Sec. 3.3), and parameter priors of PROX."""
 
 from __future__ import annotations
 
