@@ -8,11 +8,10 @@ import zipfile
 
 import pytest
 
-from physic_core.errors import DownloadError
 from physic_core.weights import WeightFile, locate, read_manifest
 from physic_setup.fetch import fetch
 
-from .conftest import CONTENT, HASH, weights
+from .conftest import CONTENT, HASH, left, refusal, weights
 
 pytestmark = pytest.mark.quick
 
@@ -21,17 +20,6 @@ def one(source, content=CONTENT, path="model.onnx", **keys):
     return weights(
         WeightFile(path, len(content), hashlib.sha256(content).hexdigest(), source), **keys
     )
-
-
-def refusal(chosen, **settings):
-    with pytest.raises(DownloadError) as caught:
-        fetch(chosen, **settings)
-    return str(caught.value)
-
-
-def left(folder):
-    """What lies in a folder, hidden files included."""
-    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
 
 
 def test_a_file_is_fetched_once_and_found_by_its_name(server, own_cache, lists):
@@ -62,7 +50,7 @@ def test_only_missing_files_of_a_set_are_fetched(server, own_cache):
 
 
 def test_a_lost_connection_leaves_nothing(server, own_cache):
-    url = server.add("/model.onnx", CONTENT, cut=[262_144])
+    url = server.add("/model.onnx", CONTENT, cut=262_144)
     assert refusal(one(url)).startswith(url)
     assert left(own_cache) == []
     fetch(one(url))
