@@ -82,7 +82,6 @@ class Page:
         status: of every answer, where it is not a file.
         headers: more of them.
         cut: bytes after which the first connection is dropped.
-        length: whether it says how long the file is.
     """
 
     content: bytes = b""
@@ -90,7 +89,6 @@ class Page:
     status: int = 200
     headers: dict[str, str] = field(default_factory=dict)
     cut: int = 0
-    length: bool = True
 
 
 class Server:
@@ -131,11 +129,9 @@ class Handler(BaseHTTPRequestHandler):
         self.own.asked.append((self.command, path, dict(self.headers.items())))
         page = self.own.pages.get(path, Page(status=404))
         self.send_response(page.status)
-        headers = page.headers | ({"ETag": page.etag} if page.etag else {})
-        if page.length:
-            headers["Content-Length"] = str(len(page.content))
-        for header in headers.items():
-            self.send_header(*header)
+        headers = {"ETag": page.etag} if page.etag else {}
+        for header in (page.headers | headers | {"Content-Length": len(page.content)}).items():
+            self.send_header(*map(str, header))
         self.end_headers()
         return page
 
