@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from pydantic import Field
-from right_backends import SIZE, RightMetricDepth, RightOptions, RightSegmenter
+from right_backends import SIZE, RightMetricDepth, RightSegmenter
 from wrong_backends import WRONG
 
 from physic_core.errors import BackendError, ConfigError
@@ -31,7 +31,7 @@ class Pointed(RightSegmenter):
 
 
 class PointedAtWorlds(RightSegmenter):
-    class Options(RightOptions):
+    class Options(RightSegmenter.Options):
         people: int = Field(0, description="How many people there are.")
 
     @staticmethod

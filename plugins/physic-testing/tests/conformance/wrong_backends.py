@@ -19,7 +19,7 @@ from faults import fields, pelvis_at
 from pydantic import ConfigDict, Field
 from right_backends import (
     SIZE,
-    Knowing,
+    Loaded,
     RightBodies,
     RightContact,
     RightHands,
@@ -27,7 +27,6 @@ from right_backends import (
     RightKeypoints,
     RightMetricDepth,
     RightObserver,
-    RightOptions,
     RightPointmap,
     RightSegmenter,
 )
@@ -109,7 +108,7 @@ WRONG.append(
 
 
 @wrong("no infer", "class_fits_its_interface")
-class Abstract(Knowing, interfaces.MetricDepth):
+class Abstract(Loaded, interfaces.MetricDepth):
     pass
 
 
@@ -121,25 +120,25 @@ class Narrow(RightMetricDepth):
 
 @wrong("options that take any key", "options_are_complete")
 class Open(RightMetricDepth):
-    class Options(RightOptions):
+    class Options(RightMetricDepth.Options):
         model_config = ConfigDict(extra="ignore")
 
 
 @wrong("an option without default", "options_are_complete")
 class Demanding(RightMetricDepth):
-    class Options(RightOptions):
+    class Options(RightMetricDepth.Options):
         path: str = Field(description="Of the weights.")
 
 
 @wrong("an option without description", "options_are_complete")
 class Silent(RightMetricDepth):
-    class Options(RightOptions):
+    class Options(RightMetricDepth.Options):
         gain: float = 1.0
 
 
 @wrong("an option that JSON cannot hold", "options_are_complete")
 class Unwritable(RightMetricDepth):
-    class Options(RightOptions):
+    class Options(RightMetricDepth.Options):
         dtype: Any = Field(np.float32, description="Type of the answer.")
 
 
