@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from physic_core.errors import BackendError
-from physic_core.weights import read_manifest
 from physic_onnx.depth_anything import DepthAnything
 from physic_onnx.one_graph import GraphSignature, PortSpec, match_signature
 from physic_onnx.sessions import OnnxOptions, open_network
@@ -101,9 +100,6 @@ class TestOneSignature:
 
 
 class TestFile:
-    def test_default_weights_are_in_the_manifest(self):
-        assert DepthAnything.Options().weights in read_manifest(DepthAnything.manifest())
-
     def test_a_folder_with_one_graph_is_taken_as_that_graph(self, tmp_path):
         (tmp_path / "notes.txt").write_text("mine")
         own = tmp_path / "mine.onnx"

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.ndimage import map_coordinates
 
+from physic_core.adapters.pictures import resize_map
 from physic_core.types import Hints, Intrinsics
 from physic_onnx.depth_anything import (
     OTHER,
@@ -21,15 +21,6 @@ from physic_onnx.depth_anything import (
     DepthAnything,
     preprocess,
 )
-
-
-def at(values, rows, columns):
-    """A map at another size, bilinear between pixel centres, by SciPy."""
-    v = (np.arange(rows) + 0.5) * values.shape[0] / rows - 0.5
-    u = (np.arange(columns) + 0.5) * values.shape[1] / columns - 0.5
-    return map_coordinates(
-        values, np.stack(np.meshgrid(v, u, indexing="ij")), order=1, mode="nearest"
-    )
 
 
 def ramp(height, width):
@@ -362,7 +353,7 @@ class TestRealNetwork:
         # them.
         own = predict_disparity(session, photo, short_side=518)
         answer = opened(str(_packaged())).infer(photo, Hints())
-        own = at(own.astype(float), *photo.shape[:2])
+        own = resize_map(own, *photo.shape[:2])
         here = 1 / answer.points[..., 2]
         here *= np.median(own[answer.valid]) / np.median(here[answer.valid])
         spread = np.percentile(own, 99) - np.percentile(own, 1)

@@ -11,7 +11,6 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from scipy.ndimage import map_coordinates
 
 from physic_core.errors import BackendError
 from physic_core.types import CameraTrust, Hints, Intrinsics
@@ -107,27 +106,14 @@ class TestContract:
 
 
 def true_answer(world, feed, *, people):
-    """What a perfect MoGe-2 says: true points without their shift, in a unit of its own, at the
-    size of its feed.
+    """What a perfect MoGe-2 says of a photo that is not reduced: true points without their shift,
+    in a unit of its own.
     """
-    height, width = feed["image"].shape[2:]
-    depth = np.asarray(world.depth if people else world.empty_depth, float)
-    rows, columns = depth.shape
-    v = (np.arange(height) + 0.5) * rows / height - 0.5
-    u = (np.arange(width) + 0.5) * columns / width - 0.5
-    grid = np.meshgrid(v, u, indexing="ij")
-    # Points are asked for between pixels: they are found again on their rays, the depth being that
-    # of the nearest one.
-    z = map_coordinates(depth, grid, order=0, mode="nearest")
-    sky = ~np.isfinite(z)
-    camera = world.intrinsics
-    rays = [(grid[1] - camera.cx) / camera.fx, (grid[0] - camera.cy) / camera.fy, np.ones_like(z)]
-    points = np.stack(rays, -1) * np.where(sky, 1.0, z)[..., None] / UNIT
-    points[..., 2] -= SHIFT
+    points = world.points(people=people)
     return {
-        "points": points[None],
-        "normal": np.zeros((1, height, width, 3)),
-        "mask": (~sky).astype(float)[None],
+        "points": np.nan_to_num(points / UNIT, nan=1.0)[None] - [0, 0, SHIFT],
+        "normal": np.zeros((1, *points.shape)),
+        "mask": np.isfinite(points[..., 2])[None],
         "scale": [UNIT],
     }
 
