@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physic_core import weights
 from physic_core.errors import BackendError, DeviceError
 from physic_core.types import Hints
 from physic_transformers import models
@@ -36,6 +37,16 @@ def test_a_model_is_found_by_its_name_in_a_folder_of_weights(saved, tmp_path):
 def test_a_folder_without_a_model_is_refused(tmp_path):
     with pytest.raises(BackendError, match=r"config\.json"):
         Sam3(Sam3Options(weights=str(tmp_path))).load()
+
+
+@pytest.mark.parametrize("kind", BACKENDS)
+def test_every_default_is_in_the_list_of_weights(kind):
+    known = weights.read_manifest(kind.manifest())
+    backend = kind()
+    for spec in kind.specs:
+        files = {file.path for file in known[getattr(backend.options, spec.option)].files}
+        assert {"config.json", "model.safetensors"} <= files
+        assert ("tokenizer.json" in files) == spec.needs_tokenizer
 
 
 def test_a_model_of_another_type_is_refused(saved):
