@@ -76,7 +76,6 @@ def test_a_name_a_target_a_class_and_an_instance_are_the_same_backend(site):
     ):
         subject = find_backend(backend, interface, size=SIZE)
         assert (subject.kind, subject.interface) == (RightMetricDepth, "metric_depth")
-    assert check_backend("right", size=SIZE).ok
 
 
 def test_a_name_of_several_interfaces_needs_the_interface(site):

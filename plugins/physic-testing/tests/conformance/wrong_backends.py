@@ -8,9 +8,9 @@ import inspect
 import mmap
 import socket
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import cv2
 import numpy as np
@@ -38,17 +38,12 @@ from physic_core.types import DepthMap, Hints, Skeleton
 from physic_testing.conformance.cases import build_case
 
 
-@dataclass(frozen=True)
-class Wrong:
-    """What is wrong, in words, the class that does it, and the one check that catches it.
-
-    ``plugin`` is the source of the module that registers the class, where that is what is wrong.
-    """
+class Wrong(NamedTuple):
+    """What is wrong, in words, the class that does it, and the one check that catches it."""
 
     mistake: str
     kind: type[interfaces.Backend]
     check: str
-    plugin: str = ""
 
     @property
     def id(self):
@@ -94,17 +89,6 @@ def restless(right, mistake, check, fails, error):
 
 # ---- the class and its options
 # ---------------------------------------------------------------------------------------
-
-
-WRONG.append(
-    Wrong(
-        "torch imported at registration",
-        RightMetricDepth,
-        "registration_is_light",
-        "import torch\nfrom physic_core import hookimpl\n@hookimpl\ndef physic_commands():\n    "
-        "return []\n",
-    )
-)
 
 
 @wrong("no infer", "class_fits_its_interface")
