@@ -48,7 +48,7 @@ sizes = st.integers(40, 200)
 
 
 class TestExact:
-    @settings(max_examples=60, deadline=None)
+    @settings(max_examples=25)
     @given(
         height=sizes,
         width=sizes,

@@ -18,15 +18,7 @@ CONFIG = {
     "engine": {"joint": {"optimiser": {"steps": 1}}},
     "run": {"cache": False},
 }
-MOCKS = {
-    "segmenter": backends.MockSegmenter,
-    "relative_pointmap": backends.MockRelativePointmap,
-    "metric_depth": backends.MockMetricDepth,
-    "keypoint_detector": backends.MockKeypointDetector,
-    "body_estimator": backends.MockBodyEstimator,
-    "hand_estimator": backends.MockHandEstimator,
-    "contact_prior": backends.MockContactPrior,
-}
+MOCKS = {mock.interface: mock for mock in (getattr(backends, name) for name in backends.__all__)}
 
 
 def filled(**numbers):

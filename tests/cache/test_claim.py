@@ -22,12 +22,6 @@ ANSWER = DepthMap(np.ones((6, 8), np.float32))
 
 
 @pytest.fixture
-def root(tmp_path, monkeypatch):
-    monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "new" / "cache"))
-    return tmp_path / "new" / "cache"
-
-
-@pytest.fixture
 def _no_umask():
     before = os.umask(0)
     yield

@@ -8,9 +8,8 @@ pytestmark = pytest.mark.quick
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
-    monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "kept"))
-    return tmp_path / "kept" / "results"
+def folder(root):
+    return root / "results"
 
 
 def fill(folder):

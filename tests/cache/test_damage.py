@@ -70,33 +70,31 @@ DAMAGES = [
 @pytest.mark.parametrize("damage", DAMAGES, ids=lambda damage: damage.__name__)
 def test_a_damaged_file_is_dropped_and_made_anew(tmp_path, damage):
     cache = ResultCache(tmp_path, 1 << 30)
-    asked = ASKED
     answer = depth_map()
-    cache.write(asked, answer)
-    path = tmp_path / asked.name
+    cache.write(ASKED, answer)
+    path = tmp_path / ASKED.name
     damage(path)
-    assert cache.read(asked) is None
+    assert cache.read(ASKED) is None
     (note,) = cache.notes
     assert note.startswith(
         f"discarded a damaged cache file, and computed its result again: {path} ("
     )
     assert list(tmp_path.iterdir()) == []
-    cache.write(asked, answer)
-    assert Digester().digest(cache.read(asked)) == Digester().digest(answer)
+    cache.write(ASKED, answer)
+    assert Digester().digest(cache.read(ASKED)) == Digester().digest(answer)
 
 
 def test_a_folder_with_files_in_it_is_left_alone_and_named(tmp_path):
     cache = ResultCache(tmp_path, 1 << 30)
-    asked = ASKED
-    path = tmp_path / asked.name
+    path = tmp_path / ASKED.name
     path.mkdir()
     (path / "mine.txt").write_text("mine")
-    assert cache.read(asked) is None
+    assert cache.read(ASKED) is None
     (note,) = cache.notes
     assert note.startswith(
         f"cannot remove a damaged cache file: {path} (it is not a regular file): "
     )
-    cache.write(asked, depth_map())
+    cache.write(ASKED, depth_map())
     assert "a result of a backend cannot be cached" in cache.notes[1]
     assert (path / "mine.txt").read_text() == "mine"
 

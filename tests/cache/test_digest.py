@@ -36,61 +36,18 @@ def test_equal_contents_have_one_digest_wherever_they_lie():
 
 
 THINGS = [
-    *(
-        None,
-        True,
-        1,
-        1.0,
-        "1",
-        "None",
-        "",
-        (),
-        ((),),
-        (1, 2),
-        ((1,), 2),
-        ("12",),
-        ("1", "2"),
-        {},
-        {"a": 1},
-    ),
-    *(
-        float("nan"),
-        np.float32(1),
-        np.zeros(2),
-        np.zeros((2, 1)),
-        np.zeros((1, 2)),
-        np.zeros(2, np.float32),
-    ),
-    *(
-        np.zeros(16, np.uint8),
-        np.zeros(0),
-        np.zeros((0, 4)),
-        np.array(0.0),
-        -np.zeros(2),
-        np.zeros(2, ">f8"),
-    ),
-    *(
-        keypoints(),
-        keypoints(1),
-        replace(keypoints(), skeleton="coco23"),
-        Hints(keypoints=keypoints()),
-    ),
-    *(
-        Hints(),
-        Plane(np.zeros(3), 1.0),
-        Intrinsics(1, 1, 1, 1, 2, 2),
-        Intrinsics(1, 1, 1, 1, 2, 2, "EXIF"),
-    ),
-]
+    None, True, 1, 1.0, "1", "None", "", (), ((),), (1, 2), ((1,), 2), ("12",), ("1", "2"), {},
+    {"a": 1}, float("nan"), np.float32(1), np.zeros(2), np.zeros((2, 1)), np.zeros((1, 2)),
+    np.zeros(2, np.float32), np.zeros(16, np.uint8), np.zeros(0), np.zeros((0, 4)), np.array(0.0),
+    -np.zeros(2), np.zeros(2, ">f8"), keypoints(), keypoints(1),
+    replace(keypoints(), skeleton="coco23"), Hints(keypoints=keypoints()), Hints(),
+    Plane(np.zeros(3), 1.0), Intrinsics(1, 1, 1, 1, 2, 2), Intrinsics(1, 1, 1, 1, 2, 2, "EXIF"),
+]  # fmt: skip
 
 
 def test_no_two_of_many_things_have_one_digest():
-    digests = [digest(thing) for thing in THINGS]
-    assert [
-        (THINGS[a], THINGS[b])
-        for a, b in combinations(range(len(digests)), 2)
-        if digests[a] == digests[b]
-    ] == []
+    pairs = combinations([(digest(thing), thing) for thing in THINGS], 2)
+    assert [(a, b) for (one, a), (other, b) in pairs if one == other] == []
 
 
 def test_an_array_that_is_shown_again_is_not_read_again():

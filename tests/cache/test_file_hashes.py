@@ -25,12 +25,6 @@ print(remembered_sha256(Path(sys.argv[1])))
 """
 
 
-@pytest.fixture
-def root(tmp_path, monkeypatch):
-    monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "cache"))
-    return tmp_path / "cache"
-
-
 def write_again(path, content):
     """Write a file of the same size in place, with the same time of its last change."""
     before = path.stat()

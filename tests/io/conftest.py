@@ -1,34 +1,36 @@
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass
+import io
 
 import numpy as np
 import pytest
+from PIL import Image, PngImagePlugin
+
+SMALL = np.random.default_rng(0).integers(0, 255, (9, 12, 3), np.uint8)
+PICTURE = Image.fromarray(SMALL).resize((96, 72))
 
 
 @pytest.fixture(scope="session")
-def assert_same():
-    """``assert_same(left, right)``: results are equal to the last bit."""
+def stored():
+    """A function that returns the bytes of a file of a format, with XMP and EXIF tags."""
 
-    def check(left, right, where="reconstruction"):
-        assert type(left) is type(right), where
-        if is_dataclass(left):
-            for field in fields(left):
-                check(
-                    getattr(left, field.name), getattr(right, field.name), f"{where}.{field.name}"
-                )
-        elif isinstance(left, np.ndarray):
-            assert left.dtype == right.dtype, where
-            np.testing.assert_array_equal(left, right, err_msg=where)
-        elif isinstance(left, tuple | list):
-            assert len(left) == len(right), where
-            for index, (one, other) in enumerate(zip(left, right, strict=True)):
-                check(one, other, f"{where}[{index}]")
-        elif isinstance(left, dict):
-            assert list(left) == list(right), where
-            for key in left:
-                check(left[key], right[key], f"{where}[{key!r}]")
-        else:
-            assert left == right or (left != left and right != right), where
+    def store(kind, picture=PICTURE, *, xmp=b"", exif=None, **options):
+        if kind == "TIFF":
+            options["tiffinfo"] = dict(exif or {}) | ({700: xmp} if xmp else {})
+        elif kind == "PNG" and xmp:
+            options["pnginfo"] = PngImagePlugin.PngInfo()
+            options["pnginfo"].add_itxt("XML:com.adobe.xmp", xmp.decode())
+        elif xmp:
+            options["xmp"] = xmp
+        if exif and kind != "TIFF":
+            tags = Image.Exif()
+            tags.update({tag: value for tag, value in exif.items() if tag < 0x9000})
+            tags.get_ifd(0x8769).update(
+                {tag: value for tag, value in exif.items() if tag >= 0x9000}
+            )
+            options["exif"] = tags
+        file = io.BytesIO()
+        picture.save(file, kind, **options)
+        return file.getvalue()
 
-    return check
+    return store

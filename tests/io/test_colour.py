@@ -2,35 +2,28 @@
 
 from __future__ import annotations
 
-import io
-
 import numpy as np
 import pytest
 from PIL import Image, ImageCms, PngImagePlugin
 
 from physic_core.io.photo import read_photo
 
-SMALL = np.random.default_rng(0).integers(0, 255, (9, 12, 3), np.uint8)
-PICTURE = Image.fromarray(SMALL).resize((96, 72))
+from .conftest import PICTURE
+
 SHARES = np.asarray(PICTURE) / 255
 LINEAR = np.where(SHARES > 0.04045, ((SHARES + 0.055) / 1.055) ** 2.4, SHARES / 12.92)
 
 
-def stored(kind, picture=PICTURE, **options):
-    """The bytes of a file of a format."""
-    file = io.BytesIO()
-    picture.save(file, kind, **options)
-    return file.getvalue()
-
-
-def with_gamma(picture, gamma):
+def with_gamma(gamma):
+    """Options of a PNG."""
     info = PngImagePlugin.PngInfo()
     info.add(b"gAMA", round(gamma * 1e5).to_bytes(4))
-    return stored("PNG", picture, pnginfo=info)
+    return {"pnginfo": info}
 
 
-def test_a_linear_png_is_read_as_bright_as_it_is():
-    photo = read_photo(with_gamma(Image.fromarray((255 * LINEAR).round().astype(np.uint8)), 1.0))
+def test_a_linear_png_is_read_as_bright_as_it_is(stored):
+    linear = Image.fromarray((255 * LINEAR).round().astype(np.uint8))
+    photo = read_photo(stored("PNG", linear, **with_gamma(1.0)))
     error = np.abs(photo.image.astype(float) - np.asarray(PICTURE))
     assert error[np.asarray(PICTURE) > 50].max() <= 4
     assert len(photo.notes) == 1
@@ -48,15 +41,15 @@ def wide_profile():
     return bytes(content)
 
 
-def test_the_usual_gamma_and_a_profile_of_srgb_change_nothing():
-    for content in (with_gamma(PICTURE, 0.45455), stored("PNG", icc_profile=profile("sRGB"))):
-        photo = read_photo(content)
+def test_the_usual_gamma_and_a_profile_of_srgb_change_nothing(stored):
+    for options in (with_gamma(0.45455), {"icc_profile": profile("sRGB")}):
+        photo = read_photo(stored("PNG", **options))
         np.testing.assert_array_equal(photo.image, np.asarray(PICTURE))
         assert photo.notes == ()
 
 
 @pytest.mark.parametrize("kind", ["JPEG", "PNG", "TIFF", "WEBP", "AVIF"])
-def test_a_colour_profile_is_followed(kind):
+def test_a_colour_profile_is_followed(stored, kind):
     options = {"WEBP": {"lossless": True}, "JPEG": {"quality": 100, "subsampling": 0}}
     plain = read_photo(stored(kind, **options.get(kind, {})))
     photo = read_photo(stored(kind, icc_profile=wide_profile(), **options.get(kind, {})))
@@ -65,13 +58,13 @@ def test_a_colour_profile_is_followed(kind):
     assert photo.notes == ()
 
 
-def test_an_unreadable_profile_is_named():
+def test_an_unreadable_profile_is_named(stored):
     photo = read_photo(stored("PNG", icc_profile=b"no profile of any kind"))
     np.testing.assert_array_equal(photo.image, np.asarray(PICTURE))
     assert ["colour profile" in note for note in photo.notes] == [True]
 
 
-def test_grey_is_read_by_a_grey_profile():
+def test_grey_is_read_by_a_grey_profile(stored):
     content = bytearray(profile("sRGB"))
     content[16:20] = b"GRAY"
     curve = content.index(b"rTRC")

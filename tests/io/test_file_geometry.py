@@ -2,35 +2,11 @@
 
 from __future__ import annotations
 
-import io
-
 import pytest
-from PIL import Image, PngImagePlugin
+from PIL import Image
 
 from physic_core.errors import InputError
 from physic_core.io.photo import read_photo
-
-PICTURE = Image.effect_noise((96, 72), 60).convert("RGB")
-
-
-def stored(kind, picture=PICTURE, *, xmp=b"", exif=None, **options):
-    """The bytes of a file of a format, with XMP and EXIF tags."""
-    if kind == "TIFF":
-        options["tiffinfo"] = dict(exif or {}) | ({700: xmp} if xmp else {})
-    elif kind == "PNG" and xmp:
-        options["pnginfo"] = PngImagePlugin.PngInfo()
-        options["pnginfo"].add_itxt("XML:com.adobe.xmp", xmp.decode())
-    elif xmp:
-        options["xmp"] = xmp
-    if exif and kind != "TIFF":
-        tags = Image.Exif()
-        tags.update({tag: value for tag, value in exif.items() if tag < 0x9000})
-        tags.get_ifd(0x8769).update({tag: value for tag, value in exif.items() if tag >= 0x9000})
-        options["exif"] = tags
-    file = io.BytesIO()
-    picture.save(file, kind, **options)
-    return file.getvalue()
-
 
 FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "AVIF")
 
@@ -43,12 +19,12 @@ FORMATS = ("JPEG", "PNG", "TIFF", "WEBP", "AVIF")
         b"<GPano:ProjectionType>cylindrical</GPano:ProjectionType>",
     ],
 )
-def test_a_panorama_of_any_shape_is_refused(kind, xmp):
+def test_a_panorama_of_any_shape_is_refused(stored, kind, xmp):
     with pytest.raises(InputError, match="it is a panorama"):
         read_photo(stored(kind, xmp=xmp))
 
 
-def test_a_phones_panorama_is_refused_by_its_tag_and_a_portrait_is_read():
+def test_a_phones_panorama_is_refused_by_its_tag_and_a_portrait_is_read(stored):
     apple = {0x010F: "Apple"}
     with pytest.raises(InputError, match="panorama"):
         read_photo(stored("JPEG", exif={**apple, 0xA401: 6}))
@@ -69,34 +45,39 @@ STRETCHED = {
 
 
 @pytest.mark.parametrize("name", STRETCHED)
-def test_pixels_that_are_not_square_are_named_with_the_size_that_mends_them(name):
+def test_pixels_that_are_not_square_are_named_with_the_size_that_mends_them(stored, name):
     kind, options, size = STRETCHED[name]
     photo = read_photo(stored(kind, **options))
     (warning,) = photo.warnings
     assert warning.endswith(f"resize it to {size}")
 
 
-def jfif(x, y, unit=0):
-    """A JPEG with a density in its header."""
-    content = bytearray(stored("JPEG"))
-    place = content.index(b"JFIF\0") + 7
-    content[place : place + 5] = bytes([unit, 0, x, 0, y])
-    return bytes(content)
+@pytest.fixture
+def jfif(stored):
+    """A JPEG with a density without a unit in its header."""
+
+    def make(x, y):
+        content = bytearray(stored("JPEG"))
+        place = content.index(b"JFIF\0") + 7
+        content[place : place + 5] = bytes([0, 0, x, 0, y])
+        return bytes(content)
+
+    return make
 
 
 @pytest.mark.parametrize(("x", "y"), [(2, 1), (1, 2)])
-def test_a_density_without_a_unit_has_two_readings(x, y):
+def test_a_density_without_a_unit_has_two_readings(jfif, x, y):
     (warning,) = read_photo(jfif(x, y)).warnings
     assert "height" in warning
     assert "width" in warning
 
 
 @pytest.mark.parametrize(("x", "y"), [(1, 1), (100, 101), (200, 72)])
-def test_square_pixels_and_mistakes_are_not_named(x, y):
+def test_square_pixels_and_mistakes_are_not_named(jfif, x, y):
     assert read_photo(jfif(x, y)).warnings == ()
 
 
-def test_the_lens_of_a_photo_with_stretched_pixels_is_not_known():
+def test_the_lens_of_a_photo_with_stretched_pixels_is_not_known(stored):
     exif = {0xA405: 26, **RESOLUTION}
     photo = read_photo(stored("WEBP", exif=exif))
     assert photo.intrinsics is None
@@ -115,7 +96,7 @@ def test_the_lens_of_a_photo_with_stretched_pixels_is_not_known():
         ((960, 720), ""),
     ],
 )
-def test_the_sizes_of_recorders_are_named(size, right):
+def test_the_sizes_of_recorders_are_named(stored, size, right):
     picture = Image.new("RGB", size, (90, 120, 150))
     photo = read_photo(stored("JPEG", picture))
     assert [right in text for text in photo.warnings] == ([True] if right else [])
@@ -131,7 +112,7 @@ def of_drone(pitch, roll="+0.00"):
     ).encode()
 
 
-def test_the_height_that_a_drone_states_is_a_note():
+def test_the_height_that_a_drone_states_is_a_note(stored):
     (note,) = read_photo(stored("JPEG", xmp=of_drone("-35.10"))).notes
     assert "12.4 m" in note
 
@@ -141,11 +122,11 @@ def test_the_height_that_a_drone_states_is_a_note():
     [("+0.00", (0, -1, 0)), ("-90.00", (0, 0, -1)), ("-30.00", (0, -(0.75**0.5), -0.5))],
 )
 @pytest.mark.parametrize("kind", FORMATS)
-def test_up_is_against_gravity_by_the_pitch_of_a_gimbal(kind, pitch, up):
+def test_up_is_against_gravity_by_the_pitch_of_a_gimbal(stored, kind, pitch, up):
     assert read_photo(stored(kind, xmp=of_drone(pitch))).up == pytest.approx(up)
 
 
-def test_a_turned_or_rolled_picture_states_no_up():
+def test_a_turned_or_rolled_picture_states_no_up(stored):
     assert read_photo(stored("JPEG", xmp=of_drone("-20.00", roll="-90.00"))).up is None
     assert read_photo(stored("JPEG", xmp=of_drone("-20.00"), exif={0x0112: 6})).up is None
     assert read_photo(stored("JPEG")).up is None

@@ -9,9 +9,7 @@ import io
 import math
 import os
 import socket
-import struct
 import sys
-import zlib
 from pathlib import Path
 
 import cv2
@@ -50,22 +48,6 @@ def message_of(path):
     return str(caught.value)
 
 
-def save_with_exif(path, orientation=1, size=(WIDTH, HEIGHT), **tags):
-    numbers = {
-        "f35": 0xA405,
-        "f": 0x920A,
-        "px": 0xA002,
-        "py": 0xA003,
-        "rx": 0xA20E,
-        "ry": 0xA20F,
-        "unit": 0xA210,
-    }
-    exif = Image.Exif()
-    exif[0x0112] = orientation
-    exif.get_ifd(0x8769).update({numbers[name]: value for name, value in tags.items()})
-    return saved(corners(*size), path, exif=exif, quality=95)
-
-
 # --- what is refused
 # ----------------------------------------------------------------------------------------------
 
@@ -81,19 +63,8 @@ def sparse(path):
     os.truncate(saved(NOISE, path), 400_000_001)
 
 
-def huge(path):
-    def chunk(kind, data):
-        return (
-            struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-        )
-
-    header = chunk(b"IHDR", struct.pack(">IIBBBBB", 13_000, 30_000, 8, 2, 0, 0, 0))
-    path.write_bytes(
-        b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(b"")) + chunk(b"IEND", b"")
-    )
-
-
 WIDE = corners(512, 256)
+HUGE = 2 * (60_000).to_bytes(2, "little")
 REFUSED = {
     "missing.jpg": (lambda path: None, "no such file"),
     "folder.jpg": (Path.mkdir, "it is a folder"),
@@ -107,7 +78,10 @@ REFUSED = {
     "cut.png": (truncated, "damaged or truncated"),
     "cut.tiff": (truncated, "damaged or truncated"),
     "tiny.png": (lambda path: saved(corners(8, 8), path), "8 x 8 px"),
-    "huge.png": (huge, "150 megapixels"),
+    "huge.gif": (
+        lambda path: path.write_bytes(b"GIF89a%b\0\0\0,\0\0\0\0%b" % (HUGE, HUGE) + bytes(9)),
+        "150 megapixels",
+    ),
     "counts.tiff": (
         lambda path: saved(np.full((HEIGHT, WIDTH), 1 << 20, np.int32), path),
         "32 bits",
@@ -304,14 +278,9 @@ TURNS = {
 
 
 @pytest.mark.parametrize("orientation", TURNS)
-def test_a_turned_photo_comes_upright(tmp_path, orientation):
-    exif = Image.Exif()
-    exif[0x0112] = orientation
-    photo = read_photo(
-        saved(
-            np.ascontiguousarray(TURNS[orientation](corners())), tmp_path / "turned.png", exif=exif
-        )
-    )
+def test_a_turned_photo_comes_upright(stored, orientation):
+    turned = Image.fromarray(np.ascontiguousarray(TURNS[orientation](corners())))
+    photo = read_photo(stored("PNG", turned, exif={0x0112: orientation}))
     np.testing.assert_array_equal(photo.image, corners())
     assert ["upright" in note for note in photo.notes] == [True] * (orientation != 1)
 
@@ -347,39 +316,22 @@ def test_a_photo_that_is_replaced_has_the_digest_of_the_pixels_that_were_read(
 # --------------------------------------------------------------------------
 
 
-def test_the_35_mm_equivalent_is_read_by_the_diagonal(tmp_path):
-    photo = read_photo(save_with_exif(tmp_path / "a.jpg", f35=26))
+def test_the_35_mm_equivalent_is_read_by_the_diagonal(stored):
+    photo = read_photo(stored("JPEG", exif={0xA405: 26}))
     focal = 26 * math.hypot(WIDTH, HEIGHT) / math.hypot(36, 24)
-    assert photo.intrinsics == Intrinsics(
-        focal,
-        focal,
-        47.5,
-        35.5,
-        WIDTH,
-        HEIGHT,
-        "EXIF: 26 mm (35 mm equivalent, by the diagonal)",
-        "known",
+    assert photo.intrinsics == Intrinsics.from_focal(
+        focal, WIDTH, HEIGHT, "EXIF: 26 mm (35 mm equivalent, by the diagonal)", "known"
     )
     assert ["cropped" in note for note in photo.notes] == [True]
 
 
-def test_a_turned_photo_swaps_the_focal_lengths(tmp_path):
-    path = save_with_exif(
-        tmp_path / "a.jpg",
-        orientation=6,
-        size=(360, 240),
-        f=50.0,
-        rx=100.0,
-        ry=110.0,
-        unit=3,
-        px=360,
-        py=240,
-    )
-    intrinsics = read_photo(path).intrinsics
-    assert intrinsics is not None
+def test_a_turned_photo_swaps_the_focal_lengths(stored):
+    plane = {0x920A: 50.0, 0xA20E: 100.0, 0xA20F: 110.0, 0xA210: 3}  # px a centimetre
+    size = {0xA002: 360, 0xA003: 240}
+    picture = Image.fromarray(corners(360, 240))
+    intrinsics = read_photo(stored("JPEG", picture, exif={0x0112: 6} | plane | size)).intrinsics
     assert (intrinsics.width, intrinsics.height) == (240, 360)
-    assert intrinsics.fx == pytest.approx(550, rel=1e-6)
-    assert intrinsics.fy == pytest.approx(500, rel=1e-6)
+    assert (intrinsics.fx, intrinsics.fy) == pytest.approx((550, 500), rel=1e-6)
 
 
 def test_a_broken_exif_block_only_loses_the_camera(tmp_path):

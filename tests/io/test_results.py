@@ -18,6 +18,7 @@ import pytest
 
 import physic_core.io.results as results
 from physic_core import load_people, load_reconstruction, save_reconstruction
+from physic_core.cache.digests import Digester
 from physic_core.errors import ConfigError, InputError, OutputError
 from physic_core.files.atomic import check_writable
 from physic_core.io.result_folder import digest_of
@@ -37,6 +38,11 @@ def document_of(folder):
     return document
 
 
+def digest(result):
+    """Of all that a result holds, to the last bit."""
+    return Digester().digest(result)
+
+
 def on_rays(result):
     """Return a result whose points lie on the rays of their pixels, as those of the engine do."""
     K = result.intrinsics
@@ -52,7 +58,7 @@ def on_rays(result):
 
 
 @pytest.mark.parametrize("people", [0, 1, 2])
-def test_load_gives_back_what_save_took(tmp_path, make, people, assert_same):
+def test_load_gives_back_what_save_took(tmp_path, make, people):
     before = on_rays(make(people=people))
     save_reconstruction(before, tmp_path, "numbers")
     after = load_reconstruction(tmp_path)
@@ -72,14 +78,15 @@ def test_load_gives_back_what_save_took(tmp_path, make, people, assert_same):
             < 1e-6
         )
         bodies.append(replace(one, vertices=other.vertices, joints=other.joints))
-    assert_same(before, replace(after, scene=replace(after.scene, **exact), people=tuple(bodies)))
+    whole = replace(after, scene=replace(after.scene, **exact), people=tuple(bodies))
+    assert digest(whole) == digest(before)
 
 
-def test_a_second_save_loses_nothing_more(tmp_path, reconstruction, assert_same):
+def test_a_second_save_loses_nothing_more(tmp_path, reconstruction):
     save_reconstruction(reconstruction, tmp_path / "a", "numbers")
     once = load_reconstruction(tmp_path / "a")
     save_reconstruction(once, tmp_path / "b", "numbers")
-    assert_same(once, load_reconstruction(tmp_path / "b"))
+    assert digest(load_reconstruction(tmp_path / "b")) == digest(once)
 
 
 def test_points_that_are_not_on_their_rays_are_kept(tmp_path, reconstruction):

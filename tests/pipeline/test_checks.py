@@ -44,6 +44,7 @@ FLOOR = Plane(np.array([0.0, -1.0, 0.0]), 1.5)
 
 FAR = dict.fromkeys(("left_foot", "right_foot", "left_hand", "right_hand", "seat"), 0.01)
 """Probability of contact of people who touch nothing."""
+FEET = {"left_foot": 0.95, "right_foot": 0.95}
 
 
 def standing(lean_deg=0.0):
@@ -128,91 +129,91 @@ def by_depth(log_ratio):
     ]
 
 
-def case(**changes):
-    """Estimates and result of one person where all is well, but for the changes."""
-    known = {
-        "report": {},
-        "failure": "",
-        "legs": True,
-        "sigma": 0.1,
-        "scale": 1.0,
-        "camera": CAMERA,
-        "lean": 0.0,
-        "source": "soles",
-        "colours": 30,
-    }
-    known |= {
-        "joints": None,
-        "photo_share": 0.9,
-        "floor": "found",
-        "mask": True,
-        "lost": (),
-    }
-    known |= {"scene_camera": CAMERA, "off": 0.0, "moved": 0, "unposed": (), "heads": 1}
-    known |= {"stands": (0.9, 0.9), "score": 0.9, "depth": SLOPE, "witness": []}
-    known |= {"likely": {"left_foot": 0.95, "right_foot": 0.95}} | changes
-    assert len(known) == 24, sorted(known)
-    observed = np.ones((1, 55), bool)
-    observed[0, [4, 7]] = known["legs"]
-    joints = standing(known["lean"]) if known["joints"] is None else known["joints"]
+def map_of(camera):
     points = np.stack([SLOPE] * 3, -1)
-    maps = {"scene_map": known["scene_camera"], "photo_map": None}
+    return SimpleNamespace(intrinsics=camera, points=points, valid=points[..., 2] > 0)
+
+
+def case(
+    *,
+    report=None,
+    failure=None,
+    legs=True,
+    sigma=0.1,
+    camera=CAMERA,
+    scene_camera=CAMERA,
+    lean=0.0,
+    source="soles",
+    colours=30,
+    joints=None,
+    photo_share=0.9,
+    floor="found",
+    mask=True,
+    lost=(),
+    off=0.0,
+    moved=0,
+    unposed=(),
+    heads=1,
+    stands=(0.9, 0.9),
+    score=0.9,
+    depth=SLOPE,
+    witness=(),
+    likely=FEET,
+):
+    """Estimates and result of one person where all is well, but for what is given."""
+    observed = np.ones((1, 55), bool)
+    observed[0, [4, 7]] = legs
+    joints = standing(lean) if joints is None else joints
+    is_found = floor == "found"
     evidence = SimpleNamespace(
         bodies=SimpleNamespace(observed=observed),
         views=(),
         ground=SimpleNamespace(
             measured=None,
-            stance=replace(Stance.unknown(1), stands=np.array([known["stands"]])),
-            witnesses={"scale": known["witness"]},
+            stance=replace(Stance.unknown(1), stands=np.array([stands])),
+            witnesses={"scale": witness},
             search=SimpleNamespace(
-                plane=None if known["floor"] != "found" else plane(known["source"]),
-                in_mask=known["floor"] == "found" and known["mask"],
+                plane=plane(source) if is_found else None, in_mask=is_found and mask
             ),
         ),
         given_keypoints=None,
         contradicted_px=None,
-        depth=SimpleNamespace(intrinsics=None, depth=known["depth"], scale_sigma=0.03),
+        depth=SimpleNamespace(intrinsics=None, depth=depth, scale_sigma=0.03),
         depth_by="metric_depth 'x'",
-        missing_results=(known["lost"],),
-        image=photo_of(known["colours"]),
+        missing_results=(lost,),
+        image=photo_of(colours),
         photo=SimpleNamespace(
             hole=torch.zeros(480, 640, dtype=torch.bool),
-            keypoints=keypoints_at(joints, known["camera"], known["off"], known["moved"]),
+            keypoints=keypoints_at(joints, camera, off, moved),
             people=SimpleNamespace(
                 boxes=np.array([[0.0, 0.0, 300.0, 400.0]]),
-                scores=np.array([known["score"]]),
-                unposed=known["unposed"],
+                scores=np.array([score]),
+                unposed=unposed,
                 masks=np.eye(1, 480 * 640, dtype=bool).reshape(1, 480, 640),
-                floor=np.ones((480, 640), bool) if known["mask"] else None,
-                heads=np.array([known["heads"]]),
+                floor=np.ones((480, 640), bool) if mask else None,
+                heads=np.array([heads]),
             ),
-            **{
-                name: SimpleNamespace(intrinsics=camera, points=points, valid=points[..., 2] > 0)
-                for name, camera in maps.items()
-            },
+            scene_map=map_of(scene_camera),
+            photo_map=map_of(None),
         ),
     )
-    floor = FLOOR if known["floor"] == "found" else None
     person = SimpleNamespace(
-        measures=Measures(joint_problem=known["failure"] or None, **known["report"]),
-        world_contact=known["likely"] and FAR | known["likely"],
+        measures=Measures(joint_problem=failure, **report or {}),
+        world_contact=likely and FAR | likely,
         contacts=(),
         posture="stand",
         posture_probability=0.9,
         joints=joints,
     )
+    known = FLOOR if is_found else None
+    found = {"reason": floor, "inlier_share": 0.62, "in_mask": mask if is_found else None}
     result = SimpleNamespace(
         people=(person,),
-        intrinsics=known["camera"],
-        scene=SimpleNamespace(
-            scale=known["scale"], scale_sigma=known["sigma"], floor=floor, level=floor
-        ),
+        intrinsics=camera,
+        scene=SimpleNamespace(scale=1.0, scale_sigma=sigma, floor=known, level=known),
         diagnostics={
-            "scene": {
-                "floor": {"reason": known["floor"], "inlier_share": 0.62}
-                | {"in_mask": known["mask"] if known["floor"] == "found" else None},
-            },
-            "placement": {"alignment": {"inlier_share": known["photo_share"]}},
+            "scene": {"floor": found},
+            "placement": {"alignment": {"inlier_share": photo_share}},
         },
     )
     return evidence, result
@@ -372,15 +373,15 @@ def test_people_lean_without_a_floor_against_the_picture():
     assert failed_checks(found, 0) == ("lean",)
 
 
-def test_one_seen_ankle_is_enough_of_a_leg():
+@pytest.mark.parametrize("in_another_photo", [False, True])
+def test_one_seen_ankle_is_enough_of_a_leg(in_another_photo):
+    """In the photo, or in another one of the moment."""
     evidence, result = case(legs=False, report={"sole_height_m": 0.25})
-    evidence.bodies.observed[0, 7] = True
-    assert failed_checks(run_checks(evidence, result), 0) == ("support",)
-
-
-def test_joints_that_another_photo_of_the_moment_shows_are_visible():
-    evidence, result = case(legs=False, report={"sole_height_m": 0.25})
-    evidence.views = (SimpleNamespace(observed=torch.ones((1, 55), dtype=torch.bool)),)
+    if in_another_photo:
+        ankle = torch.arange(55)[None] == 7
+        evidence.views = (SimpleNamespace(observed=ankle),)
+    else:
+        evidence.bodies.observed[0, 7] = True
     assert failed_checks(run_checks(evidence, result), 0) == ("support",)
 
 

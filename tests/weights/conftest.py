@@ -1,15 +1,17 @@
 from __future__ import annotations
 
 import hashlib
-import socket
 import threading
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
+from physic_core.errors import DownloadError
 from physic_core.weights import WeightSet
+from physic_setup.fetch import fetch
 
 CONTENT = bytes(range(256)) * 4096  # 1 MB
 HASH = hashlib.sha256(CONTENT).hexdigest()
@@ -79,16 +81,14 @@ class Page:
         etag: its tag; none where empty.
         status: of every answer, where it is not a file.
         headers: more of them.
-        cut: bytes after which a connection is dropped, once for each number.
-        length: whether it says how long the file is.
+        cut: bytes after which the first connection is dropped.
     """
 
     content: bytes = b""
     etag: str = ""
     status: int = 200
     headers: dict[str, str] = field(default_factory=dict)
-    cut: list[int] = field(default_factory=list)
-    length: bool = True
+    cut: int = 0
 
 
 class Server:
@@ -97,7 +97,7 @@ class Server:
     def __init__(self):
         self.pages = {}
         self.asked = []
-        self._http = ThreadingHTTPServer(("127.0.0.1", 0), self._handler())
+        self._http = ThreadingHTTPServer(("127.0.0.1", 0), partial(Handler, self))
         self._http.handle_error = lambda request, address: None  # who asked has gone
         self.address = f"http://127.0.0.1:{self._http.server_port}"
         threading.Thread(
@@ -113,51 +113,49 @@ class Server:
         self._http.shutdown()
         self._http.server_close()
 
-    def _handler(self):
-        server = self
 
-        class Handler(BaseHTTPRequestHandler):
-            protocol_version = "HTTP/1.1"
+class Handler(BaseHTTPRequestHandler):
+    """Answers one connection."""
 
-            def log_message(self, *arguments):
-                pass
+    def __init__(self, server, *connection):
+        self.own = server
+        super().__init__(*connection)
 
-            def do_HEAD(self):
-                self._answer(body=False)
+    def log_message(self, *arguments):
+        pass
 
-            def do_GET(self):
-                self._answer(body=True)
+    def do_HEAD(self):
+        path = self.path.partition("?")[0]
+        self.own.asked.append((self.command, path, dict(self.headers.items())))
+        page = self.own.pages.get(path, Page(status=404))
+        self.send_response(page.status)
+        headers = {"ETag": page.etag} if page.etag else {}
+        for header in (page.headers | headers | {"Content-Length": len(page.content)}).items():
+            self.send_header(*map(str, header))
+        self.end_headers()
+        return page
 
-            def _answer(self, body):
-                path = self.path.partition("?")[0]
-                server.asked.append((self.command, path, dict(self.headers.items())))
-                page = server.pages.get(path, Page(status=404))
-                content = page.content
-                status = page.status
-                headers = dict(page.headers)
-                if page.etag:
-                    headers["ETag"] = page.etag
-                self.send_response(status)
-                for name, value in headers.items():
-                    self.send_header(name, value)
-                if page.length:
-                    self.send_header("Content-Length", str(len(content)))
-                else:
-                    self.send_header("Connection", "close")
-                    self.close_connection = True
-                self.end_headers()
-                if not body:
-                    return
-                with suppress(ConnectionError):  # who asked has gone
-                    if page.cut:
-                        self.wfile.write(content[: page.cut.pop(0)])
-                        self.wfile.flush()
-                        self.connection.shutdown(socket.SHUT_RDWR)
-                        self.close_connection = True
-                    else:
-                        self.wfile.write(content)
+    def do_GET(self):
+        page = self.do_HEAD()
+        with suppress(ConnectionError):  # who asked has gone
+            self.wfile.write(page.content[: page.cut or None])
+        page.cut = 0
 
-        return Handler
+
+def refusal(chosen, **settings):
+    """The message with which a set is not fetched."""
+    with pytest.raises(DownloadError) as caught:
+        fetch(chosen, **settings)
+    return str(caught.value)
+
+
+def left(folder):
+    """What lies in a folder, hidden files included, but for locks of Hugging Face's library."""
+    return sorted(
+        str(path.relative_to(folder))
+        for path in folder.rglob("*")
+        if path.is_file() and ".locks" not in path.parts
+    )
 
 
 @pytest.fixture

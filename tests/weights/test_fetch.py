@@ -8,11 +8,10 @@ import zipfile
 
 import pytest
 
-from physic_core.errors import DownloadError
 from physic_core.weights import WeightFile, locate, read_manifest
 from physic_setup.fetch import fetch
 
-from .conftest import CONTENT, HASH, weights
+from .conftest import CONTENT, HASH, left, refusal, weights
 
 pytestmark = pytest.mark.quick
 
@@ -21,17 +20,6 @@ def one(source, content=CONTENT, path="model.onnx", **keys):
     return weights(
         WeightFile(path, len(content), hashlib.sha256(content).hexdigest(), source), **keys
     )
-
-
-def refusal(chosen, **settings):
-    with pytest.raises(DownloadError) as caught:
-        fetch(chosen, **settings)
-    return str(caught.value)
-
-
-def left(folder):
-    """What lies in a folder, hidden files included."""
-    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
 
 
 def test_a_file_is_fetched_once_and_found_by_its_name(server, own_cache, lists):
@@ -62,7 +50,7 @@ def test_only_missing_files_of_a_set_are_fetched(server, own_cache):
 
 
 def test_a_lost_connection_leaves_nothing(server, own_cache):
-    url = server.add("/model.onnx", CONTENT, cut=[262_144])
+    url = server.add("/model.onnx", CONTENT, cut=262_144)
     assert refusal(one(url)).startswith(url)
     assert left(own_cache) == []
     fetch(one(url))
@@ -79,18 +67,9 @@ def test_ctrl_c_leaves_no_part_of_a_file(server, own_cache, monkeypatch):
     assert left(own_cache) == []
 
 
-def test_a_wrong_hash_is_reported_and_the_file_removed(server, own_cache):
-    other = CONTENT[::-1]
-    url = server.add("/model.onnx", other)
-    message = refusal(weights(WeightFile("model.onnx", len(CONTENT), HASH, url)))
-    assert f"{hashlib.sha256(other).hexdigest()} instead of {HASH}" in message
-    assert left(own_cache) == []
-
-
-@pytest.mark.parametrize("length", [True, False], ids=["stated", "not stated"])
 @pytest.mark.parametrize("size", [len(CONTENT) - 7, len(CONTENT) + 7], ids=["longer", "shorter"])
-def test_a_file_of_another_size_is_removed(server, own_cache, size, length):
-    url = server.add("/model.onnx", CONTENT, length=length)
+def test_a_file_of_another_size_is_removed(server, own_cache, size):
+    url = server.add("/model.onnx", CONTENT)
     assert f"{len(CONTENT)} bytes instead of {size}" in refusal(
         weights(WeightFile("model.onnx", size, None, url))
     )
@@ -103,12 +82,6 @@ def test_a_refusal_of_a_server_is_reported_with_the_homepage(server, code):
     message = refusal(one(url, homepage="https://example.org/net"))
     assert str(code) in message
     assert message.endswith("see https://example.org/net")
-
-
-def test_a_missing_network_connection_is_reported(server):
-    url = server.add("/model.onnx", CONTENT)
-    server.close()
-    assert refusal(one(url)).startswith(url)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from physic_core.weights.find import find_weights
 from physic_onnx.sessions import OnnxOptions, open_network
 from physic_setup.fetch import fetch
 
-from .conftest import CONTENT, HASH, weights
+from .conftest import CONTENT, HASH, left, refusal, weights
 
 pytestmark = pytest.mark.quick
 
@@ -92,20 +92,6 @@ def hub(server, monkeypatch, tmp_path):
     (getattr(utils, "close_session", None) or utils.reset_sessions)()
 
 
-def refusal(source, file=None, **settings):
-    with pytest.raises(DownloadError) as caught:
-        fetch(weights(WeightFile("model.onnx", source=source, **(file or {}))), **settings)
-    return str(caught.value)
-
-
-def left(folder):
-    return sorted(
-        str(path.relative_to(folder))
-        for path in folder.rglob("*")
-        if path.is_file() and ".locks" not in path.parts
-    )
-
-
 def test_a_set_of_one_repository_comes_into_the_librarys_cache(hub, lists, own_cache, tmp_path):
     large = {
         "path": "model.onnx",
@@ -163,15 +149,16 @@ def test_a_chosen_folder_gets_copies_from_the_librarys_cache(hub, tmp_path):
 
 
 @pytest.mark.parametrize("to", [None, "stick"])
-def test_a_file_that_differs_from_the_manifest_is_removed(hub, tmp_path, to):
-    source = hub.add("model.onnx", CONTENT)
-    folder = None if to is None else tmp_path / to
-    assert f"its SHA-256 is {HASH} instead of {'ab' * 32}" in refusal(
-        source, {"sha256": "ab" * 32}, to=folder
-    )
-    assert f"it has {len(CONTENT)} bytes instead of 7: removed" in refusal(
-        source, {"bytes": 7}, to=folder
-    )
+@pytest.mark.parametrize(
+    ("stated", "said"),
+    [
+        ({"sha256": "ab" * 32}, f"its SHA-256 is {HASH} instead of {'ab' * 32}"),
+        ({"bytes": 7}, f"it has {len(CONTENT)} bytes instead of 7: removed"),
+    ],
+)
+def test_a_file_that_differs_from_the_manifest_is_removed(hub, tmp_path, to, stated, said):
+    file = WeightFile("model.onnx", source=hub.add("model.onnx", CONTENT), **stated)
+    assert said in refusal(weights(file), to=to and tmp_path / to)
     assert [name for name in left(tmp_path) if "model.onnx" in name or HASH in name] == []
 
 

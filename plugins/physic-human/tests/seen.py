@@ -7,9 +7,10 @@ taken, whether it is mirrored and in which order its channels come, whatever cod
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import binary_erosion
 
 BLUE = 64
 MEAN = np.array([0.485, 0.456, 0.406])
@@ -24,8 +25,7 @@ def coordinates(height, width):
     return picture
 
 
-@dataclass(frozen=True)
-class Place:
+class Place(NamedTuple):
     """Where a crop was taken.
 
     Attributes:
@@ -39,10 +39,6 @@ class Place:
     step: np.ndarray
     side: int
 
-    @property
-    def mirrored(self):
-        return bool(self.step[0] < 0)
-
     def at(self, share):
         """(2,) px of the photo at the same share of both sides, 0.5 being crop pixel side / 2."""
         return self.origin + self.step * share * self.side
@@ -55,22 +51,18 @@ def place_of(crop, height, width):
     Raises:
         AssertionError: its channels come in another order.
     """
-    inside = crop.min(axis=2) > 30
+    # Pixels at the border of the photo are mixed with what is outside.
+    inside = binary_erosion(crop.min(axis=2) > 30, iterations=4)
     assert inside.sum() > 50, "a crop of nothing"
-    assert abs(np.median(crop[inside][:, 2]) - BLUE) < 4, (
-        f"blue is {np.median(crop[inside], axis=0)}"
-    )
-    rows, columns = np.nonzero(inside)
-    origin = np.zeros(2)
-    step = np.zeros(2)
-    for axis, (places, size) in enumerate(((columns, width), (rows, height))):
-        values = (crop[inside][:, axis] - 40) / 200 * size
-        # Pixels at the border of the photo are mixed with what is outside, and count little in a
-        # robust fit.
-        step[axis], origin[axis] = np.polyfit(places, values, 1)
-        error = np.abs(values - origin[axis] - step[axis] * places)
-        near = error <= np.quantile(error, 0.8) + 1e-9
-        step[axis], origin[axis] = np.polyfit(places[near], values[near], 1)
+    seen = crop[inside]
+    assert abs(np.median(seen[:, 2]) - BLUE) < 4, f"blue is {np.median(seen, axis=0)}"
+    lines = [
+        np.polyfit(places, (values - 40) / 200 * size, 1)
+        for places, values, size in zip(
+            np.nonzero(inside)[::-1], seen.T[:2], (width, height), strict=True
+        )
+    ]
+    step, origin = np.transpose(lines)
     return Place(origin, step, crop.shape[1])
 
 

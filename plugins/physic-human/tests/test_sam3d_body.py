@@ -109,11 +109,9 @@ class Transformer(torch.nn.Module):
 }
 
 
-def people(count=2):
-    boxes = np.array([[10.0, 5, 30, 45], [40.0, 10, 60, 40]])[:count]
-    masks = np.zeros((count, 48, 64), bool)
-    masks[:1, 5:45, 10:30] = True
-    return People(masks, boxes, np.ones(count))
+MASKS = np.zeros((2, 48, 64), bool)
+MASKS[0, 5:45, 10:30] = True
+PEOPLE = People(MASKS, np.array([[10.0, 5, 30, 45], [40.0, 10, 60, 40]]), np.ones(2))
 
 
 @pytest.fixture
@@ -144,18 +142,28 @@ def make_sam(stub, tmp_path):
 
 
 @pytest.fixture
-def sam(make_sam):
-    backend = make_sam()
-    TorchBackend.load(backend)
-    return backend
+def load_sam(make_sam):
+    """A loaded one, on the CPU, which its own ``load`` refuses."""
+
+    def load(*names, **options):
+        backend = make_sam(*names, **options)
+        TorchBackend.load(backend)
+        return backend
+
+    return load
+
+
+@pytest.fixture
+def sam(load_sam):
+    return load_sam()
 
 
 def ask(backend, camera=CAMERA):
     image = np.full((48, 64, 3), [200, 100, 10], np.uint8)
-    return backend.infer(image, people(), camera, NUM_KEYPOINTS, Hints())
+    return backend.infer(image, PEOPLE, camera, NUM_KEYPOINTS, Hints())
 
 
-def test_sam_3d_body_gets_boxes_camera_and_rgb_and_masks_if_wanted(sam, make_sam, capsys):
+def test_sam_3d_body_gets_boxes_camera_and_rgb_and_masks_if_wanted(sam, load_sam, capsys):
     ask(sam)
     asked = sam.network.asked
     assert len(asked) == 2
@@ -164,8 +172,7 @@ def test_sam_3d_body_gets_boxes_camera_and_rgb_and_masks_if_wanted(sam, make_sam
     assert asked[0][2] is None
     np.testing.assert_allclose(asked[1][3], [[[500, 0, 32], [0, 510, 24], [0, 0, 1]]])
     assert capsys.readouterr().out == ""
-    masked = make_sam(use_masks=True)
-    TorchBackend.load(masked)
+    masked = load_sam(use_masks=True)
     ask(masked)
     mask = masked.network.asked[0][2]
     assert mask.shape == (1, 48, 64, 1)
@@ -184,17 +191,16 @@ def test_the_translation_is_added_to_surface_and_joints(sam):
 
 
 @pytest.mark.parametrize("decoder", ["", "    USE_INTRIN_CENTER: true\n"])
-def test_bodies_lie_where_the_given_camera_sees_their_boxes(decoder, make_sam):
+def test_bodies_lie_where_the_given_camera_sees_their_boxes(decoder, load_sam):
     """Unless its config says otherwise, the network takes the middle of the photo for the principal
     point.
     """
-    sam = make_sam(decoder="    TYPE: sam\n" + decoder)
-    TorchBackend.load(sam)
+    sam = load_sam(decoder="    TYPE: sam\n" + decoder)
     centre = (12.0, 40.25)
     camera = Intrinsics(500.0, 500.0, *centre, 64, 48)
     place = ask(sam, camera).parameters.transl
     seen = 500 * place[:, :2] / place[:, 2:] + np.array(centre)
-    middles = (people().boxes[:, :2] + people().boxes[:, 2:] - 1) / 2
+    middles = (PEOPLE.boxes[:, :2] + PEOPLE.boxes[:, 2:] - 1) / 2
     np.testing.assert_allclose(seen, middles, atol=1e-4)
 
 
@@ -231,12 +237,12 @@ def test_without_a_folder_for_dinov3_nothing_is_loaded(make_sam, monkeypatch, tm
 
 
 @pytest.mark.parametrize("encoder", [{}, {"backbone.encoder.cls_token": torch.zeros(1, 1, 3)}])
-def test_weights_missing_in_the_checkpoint_are_not_initialised_randomly(encoder, make_sam, stub):
+def test_weights_missing_in_the_checkpoint_are_not_initialised_randomly(encoder, load_sam, stub):
     """Its code goes on with random ones, and another version of DINOv3 has other names."""
     held = {"state_dict": {"gain": torch.ones(1), **encoder}}
-    sam = make_sam("dinov3_vith16plus", held=held, dinov3_checkout=str(stub("dinov3", DINOV3)))
+    dinov3 = str(stub("dinov3", DINOV3))
     with pytest.raises(BackendError, match=r"missing 1 of 5 .* backbone\.encoder\.cls_token"):
-        TorchBackend.load(sam)
+        load_sam("dinov3_vith16plus", held=held, dinov3_checkout=dinov3)
 
 
 def test_other_parameters_that_the_checkpoint_lacks_are_a_warning(make_sam, caplog):
@@ -258,13 +264,12 @@ def test_other_code_is_not_fetched_either(stub, make_sam, monkeypatch):
         make_sam("dinov3_vith16plus").build("cpu")
 
 
-def test_a_checkpoint_with_objects_is_read_only_if_trusted(make_sam):
+def test_a_checkpoint_with_objects_is_read_only_if_trusted(load_sam):
     """Its code reads them whatever they hold."""
     held = {"state_dict": {"gain": torch.ones(1)}, "hyper_parameters": Path("x")}
     with pytest.raises(BackendError, match="set the option trust_checkpoint = true"):
-        make_sam(held=held).build("cpu")
-    trusting = make_sam(held=held, trust_checkpoint=True)
-    TorchBackend.load(trusting)
+        load_sam(held=held)
+    trusting = load_sam(held=held, trust_checkpoint=True)
     assert trusting.network.model.held["hyper_parameters"] == Path("x")
 
 

@@ -74,12 +74,13 @@ def node():
 
 
 class StandInNetwork:
-    """Stands for :class:`physic_onnx.sessions.Network`.
+    """Stands for :class:`physic_onnx.sessions.Network`, and refuses what onnxruntime would refuse.
 
     Args:
         inputs: ports, as for :func:`write_graph`.
-        outputs: ports.
-        answer: given what is fed, returns output -> array.
+        answer: output -> array, or a function that returns it of what is fed.
+        outputs: ports; by default float32 of the shapes of the answer.
+        shares_ranges: as of the network.
 
     Attributes:
         runs: how often it was run.
@@ -88,27 +89,29 @@ class StandInNetwork:
 
     name = "stand_in.onnx"
     provider = "CPU"
-    shares_ranges = False
 
-    def __init__(self, inputs, outputs, answer):
-        self.inputs = ports_of(inputs)
-        self.outputs = ports_of(outputs)
-        self.answer = answer
+    def __init__(self, inputs, answer, outputs=None, *, shares_ranges=False):
+        self.answer = answer if callable(answer) else lambda feed: answer
+        stated = outputs or {name: ("float32", np.shape(value)) for name, value in answer.items()}
+        self.inputs, self.outputs = (
+            {name: Port(name, dtype, tuple(shape)) for name, (dtype, shape) in ports.items()}
+            for ports in (inputs, stated)
+        )
+        self.shares_ranges = shares_ranges
         self.runs = 0
         self.fed = {}
 
     def run(self, feed, outputs):
         assert set(feed) == set(self.inputs), f"fed {sorted(feed)}, wants {sorted(self.inputs)}"
         for name, value in feed.items():
-            assert np.ndim(value) == len(self.inputs[name].shape), name
+            port = self.inputs[name]
+            assert value.dtype.kind == np.dtype(port.dtype).kind, name
+            for side, stated in zip(value.shape, port.shape, strict=True):
+                assert side == stated or isinstance(stated, str), name
         self.runs += 1
         self.fed = dict(feed)
         answers = self.answer(feed)
         return [np.asarray(answers[name], self.outputs[name].dtype) for name in outputs]
-
-
-def ports_of(stated):
-    return {name: Port(name, dtype, tuple(shape)) for name, (dtype, shape) in stated.items()}
 
 
 @pytest.fixture(scope="session")
@@ -118,11 +121,11 @@ def stand_in_network():
 
 @pytest.fixture(scope="session")
 def bound():
-    """``bound(Adapter, inputs, outputs, answer, **options)``: the adapter with a stand-in."""
+    """``bound(Adapter, network, **options)``: the adapter with a stand-in."""
 
-    def bind(kind, inputs, outputs, answer, **options):
+    def bind(kind, network, **options):
         backend = kind(kind.Options(**options))
-        backend._network = backend.match(StandInNetwork(inputs, outputs, answer))
+        backend._network = backend.match(network)
         return backend
 
     return bind

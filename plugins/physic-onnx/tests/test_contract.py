@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from physic_core.errors import BackendError
+from physic_onnx.depth_anything import DepthAnything
 from physic_onnx.one_graph import GraphSignature, PortSpec, match_signature
 from physic_onnx.sessions import OnnxOptions, open_network
 
@@ -22,10 +23,7 @@ def match(network, inputs, outputs, *, by_position=False):
 
 @pytest.fixture
 def file(stand_in_network):
-    def make(inputs, outputs):
-        return stand_in_network(inputs, outputs, lambda feed: {})
-
-    return make
+    return lambda inputs, outputs: stand_in_network(inputs, {}, outputs)
 
 
 def depth(dtype="float32", shape=("batch", "height", "width"), name="depth"):
@@ -99,3 +97,20 @@ class TestOneSignature:
         )
         (answer,) = found.run(network, {"image": -np.ones((1, 3, 2, 2))}, ["positive"])
         np.testing.assert_array_equal(answer, np.zeros((1, 3, 2, 2)))
+
+
+class TestFile:
+    def test_a_folder_with_one_graph_is_taken_as_that_graph(self, tmp_path):
+        (tmp_path / "notes.txt").write_text("mine")
+        own = tmp_path / "mine.onnx"
+        own.write_bytes(b"0")
+        for place in (tmp_path, own):
+            assert DepthAnything(weights=str(place)).graph_file() == own
+
+    @pytest.mark.parametrize("count", [0, 2])
+    def test_a_folder_without_exactly_one_graph_is_refused(self, tmp_path, count):
+        for i in range(count):
+            (tmp_path / f"{i}.onnx").write_bytes(b"0")
+        held = "0.onnx, 1.onnx" if count else "none"
+        with pytest.raises(BackendError, match=f"holds {held}: give the path of the file itself"):
+            DepthAnything(weights=str(tmp_path)).graph_file()

@@ -12,17 +12,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physic_core.adapters.pictures import resize_map
 from physic_core.types import Hints, Intrinsics
 from physic_onnx.depth_anything import (
     OTHER,
     PUBLISHED,
     VIEWS,
     DepthAnything,
-    has_sigmoid,
     preprocess,
 )
 
-from .depth_maps_of_worlds import at, ramp
+
+def ramp(height, width):
+    """Red grows to the right, green upwards, blue is constant."""
+    image = np.zeros((height, width, 3), np.uint8)
+    image[..., 0] = np.linspace(20, 220, width)[None, :]
+    image[..., 1] = np.linspace(200, 30, height)[:, None]
+    image[..., 2] = 77
+    return image
+
 
 IMAGENET_MEAN = np.array([0.485, 0.456, 0.406])
 IMAGENET_STD = np.array([0.229, 0.224, 0.225])
@@ -71,6 +79,18 @@ def contract_graph(graph, node, tmp_path):
 
 
 @pytest.fixture
+def answering(bound, stand_in_network):
+    """A network that answers this map, whatever it is shown."""
+
+    def make(values, **options):
+        inputs = {"pixel_values": ("float32", FREE)}
+        network = stand_in_network(inputs, {"predicted_depth": values[None]})
+        return bound(DepthAnything, network, **options)
+
+    return make
+
+
+@pytest.fixture
 def opened(loaded):
     return partial(loaded, DepthAnything)
 
@@ -104,16 +124,10 @@ class TestExports:
         assert backend.network.signature == signature
         backend.infer(ramp(196, 252), Hints())
 
-    def test_sky_has_no_point(self, bound):
+    def test_sky_has_no_point(self, answering):
         values = np.linspace(3, 1, 518)[:, None] * np.ones((1, 518))
         values[:100] = 0
-        backend = bound(
-            DepthAnything,
-            {"pixel_values": ("float32", (1, 3, 518, 518))},
-            {"predicted_depth": ("float32", (1, 518, 518))},
-            lambda fed: {"predicted_depth": values[None]},
-        )
-        answer = backend.infer(np.zeros((259, 259, 3), np.uint8), Hints())
+        answer = answering(values).infer(np.zeros((259, 259, 3), np.uint8), Hints())
         assert not answer.valid[:48].any()
         assert answer.valid[52:].all()
         assert np.isfinite(answer.points).all()
@@ -128,16 +142,9 @@ class TestExports:
         np.testing.assert_allclose(z, metres[:, 5:-5], rtol=0.03)
         assert "70 x 70 px only" in answer.notes[-1]
 
-    def test_map_of_another_size_than_the_input_is_brought_to_the_photo(self, bound):
+    def test_map_of_another_size_than_the_input_is_brought_to_the_photo(self, answering):
         """Trap: exports whose output keeps the size of the export, whatever they are fed."""
-        backend = bound(
-            DepthAnything,
-            {"pixel_values": ("float32", FREE)},
-            {"predicted_depth": ("float32", FREE_MAP)},
-            lambda fed: {
-                "predicted_depth": np.linspace(1, 2, 28)[None, :, None] * np.ones((1, 28, 28))
-            },
-        )
+        backend = answering(np.linspace(1, 2, 28)[:, None] * np.ones((1, 28)))
         disparity = 1 / backend.infer(ramp(140, 280), Hints()).points[:, 0, 2]
         rows = np.clip(1 + (np.arange(140) + 0.5) / 140 * 28 / 27 - 0.5 / 27, 1, 2)
         np.testing.assert_allclose(disparity * np.median(rows), rows, atol=1e-5)
@@ -150,22 +157,15 @@ class TestExports:
     ):
         image = ramp(196, 252)
         path = contract_graph("depth_anything_v2_vits.onnx", sigmoid=sigmoid)
-        assert has_sigmoid(Path(path)) == sigmoid
         answer = opened(path).infer(image, Hints())
         assert answer.unknown == unknown
         assert (correlation(answer, image) > 0) == sigmoid
 
-    def test_depths_near_the_largest_depth_of_a_metric_network_are_unknown(self, bound):
-        depth = np.full((1, 70, 70), 5.0)
-        depth[..., 35:] = 19.7
-        depth[..., :35, :] += 0.1
-        backend = bound(
-            DepthAnything,
-            {"pixel_values": ("float32", (1, 3, 70, 70))},
-            {"predicted_depth": ("float32", (1, 70, 70))},
-            lambda fed: {"predicted_depth": depth},
-            weights="depth-anything-v2-metric-indoor-small",
-        )
+    def test_depths_near_the_largest_depth_of_a_metric_network_are_unknown(self, answering):
+        depth = np.full((70, 70), 5.0)
+        depth[:, 35:] = 19.7
+        depth[:35] += 0.1
+        backend = answering(depth, weights="depth-anything-v2-metric-indoor-small")
         backend._sigmoid = True
         valid = backend.infer(np.zeros((70, 70, 3), np.uint8), Hints()).valid
         assert valid[:, :35].all()
@@ -183,7 +183,6 @@ class TestNormalisation:
             gives="depth",
             shape=(1, 3, "H", "W"),
             map_shape=(1, "H", "W"),
-            sigmoid=False,
         )
         disparity = image[..., 0] + 4.0
         z = opened(path).infer(image, Hints()).points[..., 2]
@@ -217,11 +216,16 @@ class TestNormalisation:
     ("shape", "map_shape", "sizes"),
     [
         (FREE, FREE_MAP, {(720, 1280): (518, 924), (1280, 720): (924, 518), (97, 131): (378, 518)}),
-        (("b", "n", 3, "h", "w"), ("b", "n", "h", "w"), {(720, 1280): (280, 504)}),
-        (("b", "n", 3, "h", "w"), ("b", "n", "h", "w"), {(640, 480): (504, 378)}),
+        (
+            ("b", "n", 3, "h", "w"),
+            ("b", "n", "h", "w"),
+            {(720, 1280): (280, 504), (640, 480): (504, 378)},
+        ),
     ],
 )
-def test_free_sizes_keep_the_aspect_in_multiples_of_14(bound, shape, map_shape, sizes):
+def test_free_sizes_keep_the_aspect_in_multiples_of_14(
+    bound, stand_in_network, shape, map_shape, sizes
+):
     """The short side becomes 518 of a larger photo and the long one of a smaller; the long one 504
     in version 3.
     """
@@ -231,8 +235,8 @@ def test_free_sizes_keep_the_aspect_in_multiples_of_14(bound, shape, map_shape, 
         seen.append(fed["image"].shape[-2:])
         return {"depth": fed["image"][..., 0, :, :] + 4}
 
-    ports = {"image": ("float32", shape)}, {"depth": ("float32", map_shape)}
-    backend = bound(DepthAnything, *ports, answer)
+    inputs, outputs = {"image": ("float32", shape)}, {"depth": ("float32", map_shape)}
+    backend = bound(DepthAnything, stand_in_network(inputs, answer, outputs))
     for height, width in sizes:
         backend.infer(ramp(height, width), Hints())
     assert seen == list(sizes.values())
@@ -349,7 +353,7 @@ class TestRealNetwork:
         # them.
         own = predict_disparity(session, photo, short_side=518)
         answer = opened(str(_packaged())).infer(photo, Hints())
-        own = at(own.astype(float), *photo.shape[:2])
+        own = resize_map(own, *photo.shape[:2])
         here = 1 / answer.points[..., 2]
         here *= np.median(own[answer.valid]) / np.median(here[answer.valid])
         spread = np.percentile(own, 99) - np.percentile(own, 1)

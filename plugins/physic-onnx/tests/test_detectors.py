@@ -1,6 +1,4 @@
-"""Boxes of people from the files of YOLOX, RT-DETR and RTMO: graphs of their contract, run by
-onnxruntime.
-"""
+"""Boxes of people from the files of YOLOX, RT-DETR and RTMO."""
 
 from __future__ import annotations
 
@@ -8,8 +6,7 @@ import numpy as np
 import pytest
 
 from physic_core.errors import BackendError
-from physic_onnx.detectors import open_detector
-from physic_onnx.sessions import OnnxOptions
+from physic_onnx.detectors import Detector
 
 SIDE = 64
 CELLS = 8 * 8 + 4 * 4 + 2 * 2
@@ -29,64 +26,31 @@ def raw(*placed, cells=CELLS):
 
 
 @pytest.fixture
-def answering(constant_graph, tmp_path):
-    """A detector whose file answers constants, whatever it sees."""
+def answering(stand_in_network):
+    """A detector whose network answers constants, whatever it sees."""
 
     def make(name, shape, **outputs):
-        path = constant_graph(tmp_path / "detector.onnx", {name: ("float32", shape)}, **outputs)
-        return open_detector(path, OnnxOptions(threads=1), "cpu")
+        return Detector(stand_in_network({name: ("float32", shape)}, outputs))
 
     return make
 
 
 @pytest.fixture
-def found_of(answering):
-    """What a YOLOX file that answers these rows finds."""
+def yolox(answering):
+    """A detector whose YOLOX answers these rows."""
 
-    def find(rows, score=0.5):
+    def make(rows):
         detector = answering("images", (1, 3, SIDE, SIDE), output=rows)
         assert detector.signature == "YOLOX"
-        return detector.infer(GREY, score, 0.65)
+        return detector
 
-    return find
+    return make
 
 
 @pytest.fixture
-def scoring(graph, node, tmp_path):
-    """A YOLOX file that sees a person in one place with a score of one value of its input over
-    ``over``.
-    """
-
-    def make(place, over):
-        channel, y, x = place
-        nodes = [
-            node("Slice", ["images", "start", "end"], ["value"]),
-            node("Div", ["value", "over"], ["share"]),
-            node("Reshape", ["share", "scalar"], ["score"]),
-            node("Mul", ["where", "score"], ["scored"]),
-            node("Add", ["rest", "scored"], ["output"]),
-        ]
-        rest = raw((27, row(0.5, 0.5, 0.5, 0.5, something=1.0, person=0.0)))
-        where = np.zeros((1, CELLS, 85), np.float32)
-        where[0, 27, 5] = 1
-        constants = {
-            "start": np.array([0, channel, y, x]),
-            "end": np.array([1, channel + 1, y + 1, x + 1]),
-            "over": np.float32(over),
-            "scalar": np.array([1]),
-            "where": where,
-            "rest": rest,
-        }
-        path = graph(
-            tmp_path / "yolox.onnx",
-            {"images": ("float32", (1, 3, SIDE, SIDE))},
-            {"output": ("float32", (1, CELLS, 85))},
-            nodes,
-            constants,
-        )
-        return open_detector(path, OnnxOptions(threads=1), "cpu")
-
-    return make
+def found_of(yolox):
+    """What a YOLOX that answers these rows finds."""
+    return lambda rows, score=0.5: yolox(rows).infer(GREY, score, 0.65)
 
 
 def test_a_raw_head_is_decoded(found_of):
@@ -127,19 +91,12 @@ def test_boxes_of_other_classes_are_no_people(found_of):
     assert not len(found_of(raw((19, chair)), 0.3))
 
 
-def test_yolox_gets_bgr_grey_levels(scoring):
-    """BGR from 0 to 255: the first channel of a blue photo is 255."""
-    blue = np.zeros((SIDE, SIDE, 3), np.uint8)
-    blue[..., 2] = 255
-    assert scoring((0, 5, 5), 255.0).infer(blue, 0.5, 0.65).scores == pytest.approx([1.0])
-    assert not len(scoring((2, 5, 5), 255.0).infer(blue, 0.1, 0.65))
-
-
-def test_yolox_sees_the_photo_at_the_top_left_and_grey_elsewhere(scoring):
-    photo = np.full((SIDE // 2, SIDE, 3), 250, np.uint8)
-    for y, x, level in ((0, 0, 250.0), (SIDE // 2 - 1, 0, 250.0), (SIDE - 1, SIDE - 1, 114.0)):
-        found = scoring((0, y, x), level).infer(photo, 0.5, 0.65)
-        assert found.scores == pytest.approx([1.0])
+def test_yolox_gets_bgr_grey_levels_at_the_top_left_and_grey_elsewhere(yolox):
+    detector = yolox(raw())
+    detector.infer(np.full((SIDE // 2, SIDE, 3), [10, 20, 250], np.uint8), 0.5, 0.65)
+    (seen,) = detector.network.fed["images"]
+    assert (seen[:, : SIDE // 2].transpose(1, 2, 0) == [250, 20, 10]).all()
+    assert (seen[:, SIDE // 2 :] == 114).all()
 
 
 @pytest.mark.parametrize("labels", [False, True])
@@ -170,7 +127,7 @@ def test_rtmo_gives_joints_too(answering):
     assert found.keypoints.confidence[0, 15] == pytest.approx(0.7)
 
 
-def test_rt_detr_has_centred_boxes_in_shares_of_the_photo(answering):
+def test_rt_detr_has_centred_boxes_in_shares_of_the_photo_and_gets_squashed_rgb(answering):
     logits = np.full((1, 300, 80), -9.0)
     logits[0, 7, 0] = 2.0
     logits[0, 8, 56] = 9.0
@@ -178,43 +135,11 @@ def test_rt_detr_has_centred_boxes_in_shares_of_the_photo(answering):
     boxes[0, 7] = 0.5, 0.25, 0.2, 0.5
     detector = answering("pixel_values", ("batch", 3, SIDE, SIDE), logits=logits, pred_boxes=boxes)
     assert detector.signature == "RT-DETR"
-    found = detector.infer(np.zeros((100, 200, 3), np.uint8), 0.45, 0.65)
+    found = detector.infer(np.full((100, 200, 3), [204, 51, 0], np.uint8), 0.45, 0.65)
     assert found.boxes == pytest.approx(np.array([[80.0, 0, 120, 50]]))
     assert found.scores == pytest.approx([1 / (1 + np.exp(-2))])
-
-
-def test_rt_detr_gets_squashed_rgb_from_0_to_1(graph, node, tmp_path):
-    """A graph whose person's logit is ten times the last value of the first channel: no mean, no
-    deviation, no rim.
-    """
-    where = np.zeros((1, 3, 80), np.float32)
-    where[0, 0, 0] = 10
-    nodes = [
-        node("Slice", ["pixel_values", "start", "end"], ["value"]),
-        node("Reshape", ["value", "scalar"], ["scalar_value"]),
-        node("Mul", ["where", "scalar_value"], ["scored"]),
-        node("Sub", ["scored", "five"], ["logits"]),
-        node("Identity", ["boxes"], ["pred_boxes"]),
-    ]
-    constants = {
-        "start": np.array([0, 0, SIDE - 1, SIDE - 1]),
-        "end": np.array([1, 1, SIDE, SIDE]),
-        "scalar": np.array([1]),
-        "where": where,
-        "five": np.float32(5),
-        "boxes": np.full((1, 3, 4), 0.5, np.float32),
-    }
-    path = graph(
-        tmp_path / "detr.onnx",
-        {"pixel_values": ("float32", ("batch", 3, SIDE, SIDE))},
-        {"logits": ("float32", (1, 3, 80)), "pred_boxes": ("float32", (1, 3, 4))},
-        nodes,
-        constants,
-    )
-    photo = np.zeros((30, 90, 3), np.uint8)
-    photo[..., 0] = 204
-    found = open_detector(path, OnnxOptions(threads=1), "cpu").infer(photo, 0.1, 0.65)
-    assert found.scores == pytest.approx([1 / (1 + np.exp(-3.0))], abs=1e-3)
+    (seen,) = detector.network.fed["pixel_values"]
+    np.testing.assert_allclose(seen.transpose(1, 2, 0) - [0.8, 0.2, 0], 0, atol=1e-6)
 
 
 def test_another_file_is_refused_with_its_inputs_and_outputs(answering):

@@ -1,4 +1,4 @@
-"""LaMa: graphs of its contract, its three forms, the polarity of masks, and crops about holes."""
+"""LaMa: its three forms, the polarity of masks, and crops about holes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from physic_core.errors import BackendError
-from physic_onnx.lama import MOST_CROPS, Lama, LamaOptions, hole_crops
+from physic_onnx.lama import MOST_CROPS, Lama, hole_crops
 
 
 @pytest.fixture(scope="module")
@@ -25,33 +25,21 @@ def mask():
     return mask
 
 
-@pytest.fixture(scope="module")
-def lama(graph, node, tmp_path_factory):
-    """LaMa's contract: paints half of the largest value that it sees where its mask is 1."""
+@pytest.fixture
+def lama(bound, stand_in_network):
+    """LaMa's contract: paints half of the largest value that it sees where its mask is 1, or hands
+    everything through.
+    """
 
-    def make(gain=255.0, size=(512, 512), known="handed through"):
-        nodes = [
-            node("Cast", ["mask"], ["hole"], to=9),
-            node("ReduceMax", ["image"], ["most"], axes=[2, 3]),
-            node("Mul", ["most", "half"], ["paint"]),
-            node("Where", ["hole", "paint", "image"], ["painted"]),
-            node("Mul", ["painted", "gain"], ["output"]),
-        ]
-        if known == "all":
-            nodes = [
-                node("Mul", ["image", "gain"], ["gained"]),
-                node("Mul", ["mask", "nought"], ["no"]),
-            ]
-            nodes += [node("Add", ["gained", "no"], ["output"])]
-        constants = {"half": np.float32(0.5), "gain": np.float32(gain), "nought": np.float32(0)}
-        return graph(
-            tmp_path_factory.mktemp("lama") / "lama.onnx",
-            {"image": ("float32", ("b", 3, *size)), "mask": ("float32", ("b", 1, *size))},
-            {"output": ("float32", ("b", 3, *size))},
-            nodes,
-            constants,
-            17,
-        )
+    def make(gain=255.0, size=(512, 512), *, paints=True):
+        def answer(feed):
+            image = feed["image"]
+            half = image.max((2, 3), keepdims=True) / 2
+            return {"output": gain * np.where(feed["mask"] * paints, half, image)}
+
+        inputs = {"image": ("float32", ("b", 3, *size)), "mask": ("float32", ("b", 1, *size))}
+        outputs = {"output": ("float32", ("b", 3, *size))}
+        return bound(Lama, stand_in_network(inputs, answer, outputs))
 
     return make
 
@@ -88,20 +76,23 @@ def test_lama_gets_1_in_the_hole_and_colours_from_0_to_1(lama, script, loaded, p
     it would not be.
     """
     bright = photo // 2 + np.array([100, 60, 20], np.uint8)
-    filled = loaded(Lama, script if of is None else lama(**of)).infer(bright, mask)
+    backend = loaded(Lama, script) if of is None else lama(**of)
+    filled = backend.infer(bright, mask)
     assert (np.abs(filled[mask].astype(int) - bright.max((0, 1)) // 2) <= 2).all()
     assert (filled[~mask] == bright[~mask]).all()
 
 
-def test_a_file_that_is_no_torchscript_is_refused(tmp_path):
-    path = tmp_path / "big-lama.pt"
-    path.write_bytes(b"nothing")
-    with pytest.raises(BackendError, match="as TorchScript"):
-        Lama(LamaOptions(weights=str(path))).load()
+@pytest.mark.parametrize(
+    ("name", "words"), [("big-lama.pt", "as TorchScript"), ("lama.onnx", "broken or cut short")]
+)
+def test_a_file_without_a_network_is_refused(loaded, tmp_path, name, words):
+    (tmp_path / name).write_bytes(b"nothing")
+    with pytest.raises(BackendError, match=words):
+        loaded(Lama, tmp_path / name)
 
 
 @pytest.mark.parametrize("size", [(300, 400), (1400, 900), (97, 131)])
-def test_inpainted_pixels_land_at_their_places(lama, loaded, size):
+def test_inpainted_pixels_land_at_their_places(lama, size):
     """A network that hands everything through gives the photo back: crops, sizes and mirrors are
     undone.
     """
@@ -112,7 +103,7 @@ def test_inpainted_pixels_land_at_their_places(lama, loaded, size):
     smooth[..., 2] = cv2.GaussianBlur(smooth[..., 2], (0, 0), 9)
     mask = np.zeros(size, bool)
     mask[size[0] // 3 : size[0] // 2, size[1] // 5 : size[1] // 3] = True
-    filled = loaded(Lama, lama(known="all")).infer(smooth, mask)
+    filled = lama(paints=False).infer(smooth, mask)
     off = np.abs(filled.astype(int) - smooth)[mask]
     assert off.mean() < 1
     assert np.percentile(off, 99) <= 4

@@ -1,13 +1,16 @@
-"""MoGe-2 against graphs of the published contract, and with a network that knows the world."""
+"""MoGe-2: what is fed and read, a network that knows the world, and one look for two interfaces."""
 
 from __future__ import annotations
 
+import gc
+import weakref
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from scipy.ndimage import map_coordinates
 
 from physic_core.errors import BackendError
 from physic_core.types import CameraTrust, Hints, Intrinsics
@@ -33,125 +36,86 @@ def outputs_called(scale):
 
 
 @pytest.fixture
-def contract_graph(graph, node, tmp_path):
-    """A MoGe-2 whose points carry what it was fed: x, y, z = R, G, B of the image; the scale is the
-    tokens.
-    """
-
-    def build(name="model.onnx", inputs=INPUTS, outputs=None, mask=0.9):
-        outputs = outputs_called("scale") if outputs is None else outputs
-        points, normal, seen, scale = outputs
-        nodes = [
-            node("Transpose", ["image"], [points], perm=[0, 2, 3, 1]),
-            node("Identity", [points], [normal]),
-            node("ReduceMax", ["image"], ["bright"], axes=[1], keepdims=0),
-            node("Mul", ["bright", "nothing"], ["dark"]),
-            node("Add", ["dark", "how_sure"], [seen]),
-            node("Cast", ["num_tokens"], ["count"], to=1),
-            node("Reshape", ["count", "one"], [scale]),
-        ]
-        constants = {
-            "nothing": np.float32(0),
-            "how_sure": np.float32(mask),
-            "one": np.array([1], np.int64),
-        }
-        return str(graph(tmp_path / name, inputs, outputs, nodes, constants))
-
-    return build
-
-
-class TestContract:
-    """What is fed, and what is read, by a real onnxruntime on a graph of the published form."""
-
-    def raw(self, path, image, **options):
-        backend = Moge2Pointmap(MogeOptions(weights=path, **options))
-        backend.load()
-        try:
-            return backend.runner.run(backend.network, image, backend.options.tokens)
-        finally:
-            backend.close()
-
-    def test_image_is_fed_as_rgb_from_0_to_1_without_mean_and_deviation(self, contract_graph):
-        image = np.zeros((20, 30, 3), np.uint8)
-        image[..., 0] = 255
-        image[..., 1] = 51
-        image[3, 7, 2] = 102
-        points = self.raw(contract_graph(), image).points
-        np.testing.assert_allclose(points[..., 0], 1, atol=1e-6)
-        np.testing.assert_allclose(points[..., 1], 0.2, atol=1e-6)
-        assert points[3, 7, 2] == pytest.approx(0.4, abs=1e-6)
-
-    @pytest.mark.parametrize("scale", ["scale", "metric_scale", "whatever"])
-    def test_fourth_output_is_the_scale_by_either_name_or_by_its_place(self, contract_graph, scale):
-        image = np.full((20, 30, 3), 90, np.uint8)
-        assert (
-            self.raw(contract_graph(outputs=outputs_called(scale)), image, tokens=1500).scale
-            == 1500
-        )
-
-    @pytest.mark.parametrize(("dtype", "shape"), [("int64", ()), ("int64", (1,)), ("int32", ())])
-    def test_number_of_tokens_has_the_dimensions_that_the_file_says(
-        self, contract_graph, dtype, shape
-    ):
-        path = contract_graph(inputs={"image": IMAGE_IN, "num_tokens": (dtype, shape)})
-        assert self.raw(path, np.full((20, 30, 3), 90, np.uint8), tokens=1200).scale == 1200
-
-    def test_large_photo_is_reduced_with_all_of_its_pixels(self, contract_graph):
-        """The graph itself would pick some: stripes of one pixel have to become grey."""
-        stripes = np.zeros((1200, 1600, 3), np.uint8)
-        stripes[:, ::2] = 255
-        points = self.raw(contract_graph(), stripes, tokens=1200).points
-        assert points.shape == (420, 560, 3)
-        assert np.abs(points[:, 2:-2] - 0.5).max() < 0.1
-
-    def test_surface_is_where_the_mask_is_above_one_half(self, contract_graph):
-        image = np.full((20, 30, 3), 90, np.uint8)
-        assert self.raw(contract_graph(mask=0.51), image).mask.all()
-        assert not self.raw(contract_graph("other.onnx", mask=0.5), image).mask.any()
-
-    def test_file_for_photos_of_one_size_is_refused(self, contract_graph):
-        fixed = {"image": ("float32", (1, 3, 518, 518)), "num_tokens": TOKENS_IN}
-        with pytest.raises(BackendError, match="exported for photos of one size"):
-            Moge2Depth(MogeOptions(weights=contract_graph(inputs=fixed))).load()
-
-
-def true_answer(world, feed, *, people):
-    """What a perfect MoGe-2 says: true points without their shift, in a unit of its own, at the
-    size of its feed.
-    """
-    height, width = feed["image"].shape[2:]
-    depth = np.asarray(world.depth if people else world.empty_depth, float)
-    rows, columns = depth.shape
-    v = (np.arange(height) + 0.5) * rows / height - 0.5
-    u = (np.arange(width) + 0.5) * columns / width - 0.5
-    grid = np.meshgrid(v, u, indexing="ij")
-    # Points are asked for between pixels: they are found again on their rays, the depth being that
-    # of the nearest one.
-    z = map_coordinates(depth, grid, order=0, mode="nearest")
-    sky = ~np.isfinite(z)
-    camera = world.intrinsics
-    rays = [(grid[1] - camera.cx) / camera.fx, (grid[0] - camera.cy) / camera.fy, np.ones_like(z)]
-    points = np.stack(rays, -1) * np.where(sky, 1.0, z)[..., None] / UNIT
-    points[..., 2] -= SHIFT
-    return {
-        "points": points[None],
-        "normal": np.zeros((1, height, width, 3)),
-        "mask": (~sky).astype(float)[None],
-        "scale": [UNIT],
-    }
-
-
-@pytest.fixture
 def answering(stand_in_network):
     """``answering(Adapter, answer, **options)``: the adapter with a network that answers so."""
 
-    def make(kind, answer, **options):
-        network = stand_in_network(INPUTS, outputs_called("scale"), answer)
+    def make(kind, answer, inputs=INPUTS, scale="scale", **options):
+        network = stand_in_network(inputs, answer, outputs_called(scale))
         backend = kind(MogeOptions(**options))
         backend._network = backend.runner.open(id(network), lambda: network)
         return backend
 
     return make
+
+
+class TestContract:
+    """What is fed, and what is read."""
+
+    @pytest.fixture
+    def raw(self, answering):
+        """What is read of a MoGe-2 whose points carry what it was fed: x, y, z = R, G, B of the
+        image; the scale is the tokens.
+        """
+
+        def ask(image=np.full((20, 30, 3), 90, np.uint8), mask=0.9, scale="scale", **more):  # noqa: B008
+            def answer(feed):
+                points = feed["image"].transpose(0, 2, 3, 1)
+                tokens = np.reshape(feed["num_tokens"], 1)
+                sure = np.full(points.shape[:3], mask)
+                return {"points": points, "normal": points, "mask": sure, scale: tokens}
+
+            backend = answering(Moge2Pointmap, answer, scale=scale, **more)
+            return backend.runner.run(backend.network, image, backend.options.tokens)
+
+        return ask
+
+    def test_image_is_fed_as_rgb_from_0_to_1_without_mean_and_deviation(self, raw):
+        image = np.full((20, 30, 3), [255, 51, 0], np.uint8)
+        image[3, 7, 2] = 102
+        points = raw(image).points
+        np.testing.assert_allclose(points[..., :2] - [1, 0.2], 0, atol=1e-6)
+        assert points[3, 7, 2] == pytest.approx(0.4, abs=1e-6)
+
+    @pytest.mark.parametrize("scale", ["scale", "metric_scale", "whatever"])
+    def test_fourth_output_is_the_scale_by_either_name_or_by_its_place(self, raw, scale):
+        assert raw(scale=scale, tokens=1500).scale == 1500
+
+    @pytest.mark.parametrize(("dtype", "shape"), [("int64", (1,)), ("int32", ())])
+    def test_number_of_tokens_has_the_dimensions_that_the_file_says(self, raw, dtype, shape):
+        inputs = {"image": IMAGE_IN, "num_tokens": (dtype, shape)}
+        assert raw(inputs=inputs, tokens=1200).scale == 1200
+
+    def test_large_photo_is_reduced_with_all_of_its_pixels(self, raw):
+        """The graph itself would pick some: stripes of one pixel have to become grey."""
+        stripes = np.zeros((1200, 1600, 3), np.uint8)
+        stripes[:, ::2] = 255
+        points = raw(stripes, tokens=1200).points
+        assert points.shape == (420, 560, 3)
+        assert np.abs(points[:, 2:-2] - 0.5).max() < 0.1
+
+    @pytest.mark.parametrize(("mask", "is_surface"), [(0.51, True), (0.5, False)])
+    def test_surface_is_where_the_mask_is_above_one_half(self, raw, mask, is_surface):
+        assert (raw(mask=mask).mask == is_surface).all()
+
+    def test_file_for_photos_of_one_size_is_refused(self, constant_graph, loaded, tmp_path):
+        fixed = {"image": ("float32", (1, 3, 9, 9)), "num_tokens": TOKENS_IN}
+        answer = {"points": np.ones((1, 9, 9, 3)), "mask": np.ones((1, 9, 9)), "scale": [1]}
+        path = constant_graph(tmp_path / "model.onnx", fixed, **answer)
+        with pytest.raises(BackendError, match="exported for photos of one size"):
+            loaded(Moge2Depth, path)
+
+
+def true_answer(world, feed, *, people):
+    """What a perfect MoGe-2 says of a photo that is not reduced: true points without their shift,
+    in a unit of its own.
+    """
+    points = world.points(people=people)
+    return {
+        "points": np.nan_to_num(points / UNIT, nan=1.0)[None] - [0, 0, SHIFT],
+        "normal": np.zeros((1, *points.shape)),
+        "mask": np.isfinite(points[..., 2])[None],
+        "scale": [UNIT],
+    }
 
 
 @pytest.fixture
@@ -229,7 +193,7 @@ class TestOddAnswers:
                 "mask": np.full((1, height, width), mask),
                 "scale": [scale],
             }
-            return answering(kind, lambda feed: answer), np.full((height, width, 3), 128, np.uint8)
+            return answering(kind, answer), np.full((height, width, 3), 128, np.uint8)
 
         return make
 
@@ -292,3 +256,101 @@ def test_the_network_resizes_nothing_of_what_it_gets(size, tokens):
     )
     assert 0.85 * tokens <= asked <= tokens
     assert abs(np.log(aspect * size[0] / size[1])) < 0.01
+
+
+# ---- both interfaces share one look at a photo
+
+
+def slope(feed):
+    """A tilted plane, whatever is shown."""
+    v, u = np.mgrid[:48, :64]
+    z = 2.0 + u / 64
+    points = np.stack([(u - 31.5) / 60 * z, (v - 23.5) / 60 * z, z], -1)
+    return {"points": points[None], "mask": np.ones((1, 48, 64)), "scale": [1.5]}
+
+
+@pytest.fixture
+def network(stand_in_network):
+    return stand_in_network(INPUTS, slope, outputs_called("scale"))
+
+
+@pytest.fixture
+def opened(network):
+    """Opens the file, and counts how often."""
+    return Mock(side_effect=lambda: network)
+
+
+@pytest.fixture
+def photos():
+    return np.random.default_rng(3).integers(0, 255, (3, 48, 64, 3), np.uint8)
+
+
+def open_in(backend, identity, opener):
+    """Load a backend as from a file."""
+    backend.runner.members.add(backend)
+    backend._network = backend.runner.open(identity, opener)
+
+
+def backends(opener=None):
+    """One of each interface, with settings that no other test has, and opened if it is given."""
+    both = [kind(MogeOptions(threads=7)) for kind in (Moge2Pointmap, Moge2Depth)]
+    for backend in both:
+        if opener is not None:
+            open_in(backend, "file", opener)
+    return both
+
+
+def test_both_interfaces_run_the_network_once_a_photo(network, opened, photos):
+    pointmap, depth = backends(opened)
+    inpainted, original, _ = photos
+    scene = pointmap.infer(inpainted, Hints())
+    pointmap.infer(original, Hints(intrinsics=scene.intrinsics))
+    found = depth.infer(inpainted.copy(), Hints(intrinsics=scene.intrinsics))
+    assert network.runs == 2
+    assert opened.call_count == 1
+    np.testing.assert_allclose(found.depth, 1.5 * scene.points[..., 2], rtol=1e-6)
+
+
+def test_pointmap_closed_before_the_depth_is_loaded_leaves_it_the_answers(network, opened, photos):
+    """As the pipeline does where memory is low."""
+    pointmap, depth = backends()
+    open_in(pointmap, "file", opened)
+    pointmap.infer(photos[0], Hints())
+    pointmap.close()
+    open_in(depth, "file", opened)
+    depth.infer(photos[0], Hints())
+    assert network.runs == 1
+    assert opened.call_count == 2
+
+
+def test_last_one_to_close_drops_the_network_and_the_answers(network, opened, photos):
+    pointmap, depth = backends(opened)
+    depth.infer(photos[0], Hints())
+    pointmap.close()
+    depth.infer(photos[1], Hints())
+    depth.close()
+    with pytest.raises(BackendError, match="not loaded"):
+        depth.infer(photos[0], Hints())
+    open_in(depth, "file", opened)
+    depth.infer(photos[0], Hints())
+    assert network.runs == 3
+    assert opened.call_count == 2
+    depth.close()
+    depth.close()
+
+
+def test_threads_that_ask_the_same_wait_for_one_run(network, opened, photos):
+    members = [backend for _ in range(3) for backend in backends(opened)]
+    with ThreadPoolExecutor(len(members)) as pool:
+        list(pool.map(lambda backend: backend.infer(photos[0], Hints()), members))
+    assert network.runs == 1
+
+
+def test_nothing_is_left_when_the_backends_are_gone(opened, photos):
+    pointmap, depth = backends()
+    runner = weakref.ref(depth.runner)
+    open_in(depth, "file", opened)
+    depth.infer(photos[0], Hints())
+    del pointmap, depth
+    gc.collect()
+    assert runner() is None

@@ -62,10 +62,17 @@ class TestRunning:
         )
         assert peaks[0, 0].tolist() == [[0, 0, 0, 0], [0, -1, -1, 0], [0, -1, -1, 0], [0, 0, 0, 0]]
 
+    def test_a_file_with_dynamic_ranges_shares_them_among_its_rows(self, graph, node, tmp_path):
+        outputs = {"y": ("uint8", (2,)), "scale": ("float32", ()), "zero": ("uint8", ())}
+        nodes = [node("DynamicQuantizeLinear", ["x"], list(outputs))]
+        path = graph(tmp_path / "bytes.onnx", {"x": ("float32", (2,))}, outputs, nodes)
+        assert open_network(path, OnnxOptions(), "cpu").shares_ranges
+
     def test_ports_tell_names_types_and_shapes(self, doubler):
         network = open_network(doubler(), OnnxOptions(), "cpu")
         assert network.name == "double.onnx"
         assert network.provider == "CPU"
+        assert not network.shares_ranges
         assert dict(network.inputs) == {
             "image": Port("image", "float32", ("batch", 3, "height", "width")),
             "count": Port("count", "int64", ()),

@@ -9,8 +9,8 @@ from functools import lru_cache
 
 import numpy as np
 import torch
-from faults import fields
-from right_backends import RightBodies, RightContact, RightHands
+from faults import fields, with_world
+from right_backends import RightBodies, RightContact, RightHands, RightKeypoints
 from wrong_backends import altered
 
 from physic_core.body import load_body
@@ -18,6 +18,7 @@ from physic_core.body.bones import rotations_from_parameters, rotations_from_tpo
 from physic_core.body.convert.bodies import rest_mesh_of_model
 from physic_core.geometry.rotations import rotmat_to_rotvec
 from physic_core.types import Bodies, ContactProbability, Mesh, RestMesh
+from physic_mock.recognition import match_masks_to_world, recognise_world
 
 
 @lru_cache(maxsize=1)
@@ -66,18 +67,25 @@ class OtherContact(RightContact):
 
 class WristHands(RightHands):
     def infer(self, image, people, keypoints):
-        case, _, _ = self.look_up(image)
+        found = recognise_world(image)
         world = rotations_from_tpose(
-            rotations_from_parameters(case.bodies.parameters).double().numpy()
+            rotations_from_parameters(found.world.parameters).double().numpy()
         )
         correct = super().infer(image, people, keypoints)
         return replace(
             correct,
-            wrists=rotmat_to_rotvec(world[:, [20, 21]]).astype(np.float32)[self.rows(case, people)],
+            wrists=rotmat_to_rotvec(world[:, [20, 21]]).astype(np.float32)[
+                match_masks_to_world(found, people)
+            ],
         )
 
 
-RIGHT = (OtherBodies, SurfaceBodies, OtherContact, WristHands)
+class WorldKeypoints(RightKeypoints):
+    def infer(self, image, people):
+        return with_world(super().infer(image, people), image, people, right=1)
+
+
+RIGHT = (OtherBodies, SurfaceBodies, OtherContact, WristHands, WorldKeypoints)
 
 
 def hipless(joints):
