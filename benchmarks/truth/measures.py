@@ -217,7 +217,8 @@ def depths_inside_cm(people: Sequence[Person]) -> dict[str, list[float]]:
     return {
         "scene": [100 * float(penetration(body.distance).max_depth) for body in bodies],
         "people": [
-            100 * max((_depth_inside(own, other) for other in meshes if other is not own), default=0)
+            100
+            * max((_depth_inside(own, other) for other in meshes if other is not own), default=0)
             for own in meshes
         ],
     }
