@@ -121,8 +121,8 @@ def keypoint_similarity(
     at = np.asarray(points[:, columns], np.float64)
     sure = confidence[:, columns]
     known = (sure > 0)[..., None]
-    low, high = np.where(known, at, np.inf).min(1), np.where(known, at, -np.inf).max(1)
-    area = np.maximum(high - low, 0.0).prod(-1)
+    sides = np.where(known, at, -np.inf).max(1) - np.where(known, at, np.inf).min(1)
+    area = np.maximum(sides, 0.0).prod(-1)
     scale = np.maximum((area[:, None] + area) / 2, 1.0)[..., None]
     sigmas = 2 * np.array([_OKS_SIGMAS[kinds[j]] for j in columns])
     apart = np.square(at[:, None] - at).sum(-1)

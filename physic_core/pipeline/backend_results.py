@@ -51,7 +51,7 @@ def real_people(people: People, prompt: PeoplePrompt | None = None) -> BoolArray
 
     A false person has most joints on the mask of another one, and few on its own or a mask much
     smaller than its joints; of a real person behind another one, the photo shows more. Or it has
-    the pose of another one, with a lower score.
+    the pose of another one of whom the photo shows more, or else whose score is higher.
     """
     keypoints = people.keypoints
     count = len(people)
@@ -63,7 +63,7 @@ def real_people(people: People, prompt: PeoplePrompt | None = None) -> BoolArray
     own = np.diag(share)
     few = own < _FEW_OWN_JOINTS
     similar = keypoint_similarity(keypoints.points, keypoints.confidence, names) > SAME_PERSON
-    rank = np.argsort(np.argsort(-people.scores, kind="stable"))
+    rank = np.lexsort((-people.scores, few | small)).argsort()
     double = (similar & (rank[:, None] > rank)).any(1)
     none = np.eye(count, dtype=bool) | few | small | double
     others = np.where(none, 0.0, share).max(1)
