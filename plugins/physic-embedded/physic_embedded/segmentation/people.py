@@ -75,8 +75,8 @@ MIN_PART = 0.8
 close together, 45 such boxes of parts have .8 or more, and boxes of others .79 or less.
 """
 MAX_SHARED_MASK = 0.5
-"""A pose whose mask shares more than this with another person's, over the smaller of both, is of
-that person.
+"""A pose without a box, or found with others in grey, whose mask shares more than this with another
+person's, over the smaller of both, is of that person.
 """
 SIMILAR_FIT = 0.7
 """Poses with this share of the best fit are compared by their mirror images."""
@@ -215,9 +215,18 @@ def _without_repeats(found: list[DetectedPose]) -> list[DetectedPose]:
     """Return the best pose of each person, best first."""
     kept: list[DetectedPose] = []
     for person in sorted(found, key=lambda person: -person.score):
-        if not poses_of_same(person.pose, kept):
+        if _is_new(person.pose, kept, 1.0 if person.box is not None else MAX_SHARED_MASK):
             kept.append(person)
     return kept
+
+
+def _is_new(pose: Pose, people: Sequence[DetectedPose], most_shared: float) -> bool:
+    """Return whether a pose is of none of other people, and its mask shares at most this with each
+    of theirs, over the smaller of both.
+    """
+    return not poses_of_same(pose, people) and all(
+        mask_overlap(pose, other.pose) <= most_shared for other in people
+    )
 
 
 def _without_others(things: Found, box_score: float) -> tuple[Detections, list[str]]:
@@ -264,9 +273,7 @@ def _add_hidden_people(
         for pose in _poses_of_hidden_person(landmarker, picture, box, least):
             fit = float(score * pose.score * np.sqrt(box_fit(pose, box)))
             person = DetectedPose(without_covered(pose, grey), fit, box)
-            if not poses_of_same(pose, kept) and all(
-                mask_overlap(pose, other.pose) <= MAX_SHARED_MASK for other in kept
-            ):
+            if _is_new(pose, kept, MAX_SHARED_MASK):
                 kept.append(person)
                 break
         else:
