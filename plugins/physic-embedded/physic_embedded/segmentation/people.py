@@ -78,6 +78,11 @@ MAX_SHARED_MASK = 0.5
 """A pose without a box, or found with others in grey, whose mask shares more than this with another
 person's, over the smaller of both, is of that person.
 """
+SAME_MASK = 0.95
+UNSTEADY = 0.05
+"""The same for a pose in a box whose mirror gap is larger than this: in a box around a part of
+somebody, or around two people, the network mixes them up.
+"""
 SIMILAR_FIT = 0.7
 """Poses with this share of the best fit are compared by their mirror images."""
 SURE_FIT = 0.5
@@ -215,9 +220,16 @@ def _without_repeats(found: list[DetectedPose]) -> list[DetectedPose]:
     """Return the best pose of each person, best first."""
     kept: list[DetectedPose] = []
     for person in sorted(found, key=lambda person: -person.score):
-        if _is_new(person.pose, kept, 1.0 if person.box is not None else MAX_SHARED_MASK):
+        if _is_new(person.pose, kept, _most_shared(person)):
             kept.append(person)
     return kept
+
+
+def _most_shared(person: DetectedPose) -> float:
+    """Return the largest share of the mask of a pose that may lie in another person's mask."""
+    if person.box is None:
+        return MAX_SHARED_MASK
+    return SAME_MASK if person.pose.mirror_gap > UNSTEADY else 1.0
 
 
 def _is_new(pose: Pose, people: Sequence[DetectedPose], most_shared: float) -> bool:
