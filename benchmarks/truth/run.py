@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.processes import run_measured
 from physic_bench.scoring import LIMB_JOINTS
 
-from .measures import depth_errors
+from .measures import depth_errors, depths_inside_cm
 from .sets import Sample, picture_of
 
 if TYPE_CHECKING:
@@ -152,6 +152,7 @@ def measured_fields(
     floor = result.scene.floor
     answer = {
         "people": people,
+        "depths_inside_cm": depths_inside_cm(result.people),
         "camera": [camera.fx, camera.fy, camera.cx, camera.cy],
         "floor": None
         if floor is None

@@ -74,6 +74,10 @@ def photo_record(sample: Sample, answer: Answer) -> Record:
         "bodies": len(people_of(answer)),
         "failed_checks": failed,
         "unknown_checks": unknown,
+        **{
+            f"inside_{other}_cm": answer.get("depths_inside_cm", {}).get(other, [])
+            for other in ("scene", "people")
+        },
         "grade": answer.get("grade"),
         **{
             key: answer.get(key, math.nan)

@@ -218,6 +218,18 @@ def rows_of(
         ]
     rows += up_rows(of(floors))
     rows += [
+        row(
+            "deepest vertex of a body inside scene or floor, cm",
+            of(photos, error=""),
+            of_lists("inside_scene_cm"),
+            digits=1,
+        ),
+        row(
+            "  inside another body, cm, photos of several people",
+            [r for r in of(photos, error="") if r["bodies"] > 1],
+            of_lists("inside_people_cm"),
+            digits=1,
+        ),
         row("CPU seconds a photo", of(photos, error=""), pooled("cpu_s"), "<= 20 (720p)", digits=1),
         row("seconds a photo", of(photos, error=""), pooled("wall_s"), digits=1),
     ]

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.adapters.people import SAME_PERSON, keypoint_similarity
 from physic_core.body.joints import joint_pair
 from physic_core.errors import BodyModelError, ConfigError
 from physic_core.interfaces.bodies import valid_body_rows, valid_contact_rows, valid_hand_rows
@@ -40,10 +41,8 @@ _FEW_OWN_JOINTS = 0.3  # share on the own mask
 _MOST_JOINTS = 0.6  # share on that of another person
 # Of 296 people in 67 photos none has less than .31, or is nearer than .70.
 _VISIBLE = 0.25  # least area of a mask over its joints' hull, with most joints on another mask
-_SAME_TRUNK = 0.5  # distance of the corners of two trunks of one person, over the smaller trunk
 _MOST_CONTACT = 0.6  # share of the vertices; worlds with contact have at most .25
 _IN_CONTACT = 0.5  # least probability
-_TRUNK = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
 
 
 def real_people(people: People, prompt: PeoplePrompt | None = None) -> BoolArray:
@@ -52,7 +51,7 @@ def real_people(people: People, prompt: PeoplePrompt | None = None) -> BoolArray
 
     A false person has most joints on the mask of another one, and few on its own or a mask much
     smaller than its joints; of a real person behind another one, the photo shows more. Or it has
-    the trunk of another one, with a lower score.
+    the pose of another one of whom the photo shows more, or else whose score is higher.
     """
     keypoints = people.keypoints
     count = len(people)
@@ -63,10 +62,9 @@ def real_people(people: People, prompt: PeoplePrompt | None = None) -> BoolArray
     share, small = _joints_on_masks(keypoints.points[:, columns], people.masks)
     own = np.diag(share)
     few = own < _FEW_OWN_JOINTS
-    double = np.zeros(count, bool)
-    if set(_TRUNK) <= set(names):
-        trunks = keypoints.points[:, [names.index(name) for name in _TRUNK]]
-        double = _repeat_trunks(trunks, people.scores)
+    similar = keypoint_similarity(keypoints.points, keypoints.confidence, names) > SAME_PERSON
+    rank = np.lexsort((-people.scores, few | small)).argsort()
+    double = (similar & (rank[:, None] > rank)).any(1)
     none = np.eye(count, dtype=bool) | few | small | double
     others = np.where(none, 0.0, share).max(1)
     false: BoolArray = double | (few & (others > _MOST_JOINTS)) | (small & (others > own))
@@ -90,16 +88,6 @@ def _joints_on_masks(points: FloatArray, masks: BoolArray) -> tuple[FloatArray, 
     ]
     share = on_mask.T / np.maximum(inside.sum(1), 1)[:, None]
     return share, masks.sum((1, 2)) < _VISIBLE * np.array(hulls)
-
-
-def _repeat_trunks(trunks: FloatArray, scores: FloatArray) -> BoolArray:
-    """Return which people (N,) have the trunk (N, 4, 2) of another one with a higher score."""
-    lengths = np.linalg.norm(trunks[:, :2].mean(1) - trunks[:, 2:].mean(1), axis=-1)
-    apart = np.linalg.norm(trunks[:, None] - trunks, axis=-1).mean(-1)
-    same = apart < _SAME_TRUNK * np.minimum(lengths[:, None], lengths)
-    rank = np.argsort(np.argsort(-scores, kind="stable"))
-    repeat: BoolArray = (same & (rank[:, None] > rank)).any(1)
-    return repeat
 
 
 def replace_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:

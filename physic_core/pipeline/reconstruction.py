@@ -211,7 +211,7 @@ def _scene(estimates: Estimates, state: State) -> Scene:
         floor_points=scene.floor_points * scale,
     )
     colors = estimates.inpainted
-    if (held := estimates.people.held) is not None:
+    if (held := estimates.photo.people.held) is not None:
         colors = np.where(np.asarray(held.any((0, 1)))[..., None], estimates.image, colors)
     return Scene(
         colors=colors,

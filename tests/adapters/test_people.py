@@ -11,6 +11,7 @@ from hypothesis.extra.numpy import arrays
 from physic_core.adapters.people import (
     box_iou,
     clip_boxes,
+    keypoint_similarity,
     mask_nms,
     nms,
     people_from_masks,
@@ -42,6 +43,24 @@ def test_nms_keeps_what_a_plain_loop_keeps(rows, overlap):
         if all(box_iou(boxes[i : i + 1], boxes[k : k + 1])[0, 0] <= overlap for k in kept):
             kept.append(i)
     assert nms(boxes, scores, overlap).tolist() == kept
+
+
+def test_a_pose_moved_by_the_errors_of_annotators_has_the_similarity_of_coco():
+    """One joint is moved by two standard deviations, which leaves exp(-.5) of its share."""
+    names = ("left_hip", "right_hip", "left_ankle", "right_ankle", "left_index1")
+    pose = np.array([[0.0, 0], [100, 0], [0, 100], [100, 100], [50, 50]])
+    moved = pose + np.array([[0, 0], [0, 0], [0, -2 * 0.089 * 100], [0, 0], [500, 0]])
+    points = np.stack([pose, moved, pose + 500])
+    sure = np.ones((3, 5))
+    hidden = np.array([[1.0, 1, 0, 1, 1], [1, 1, 1, 1, 1], [0, 0, 0, 0, 0]])
+    found = keypoint_similarity(points, sure, names)
+    assert found[0, 1] == pytest.approx((3 + np.exp(-0.5)) / 4)
+    assert found[0, 2] < 1e-6
+    np.testing.assert_allclose(found, found.T)
+    np.testing.assert_allclose(np.diag(found), 1)
+    half = keypoint_similarity(points, hidden, names)
+    assert half[0, 1] == pytest.approx(1)
+    assert half[2].tolist() == [0, 0, 0]
 
 
 def test_boxes_are_cut_at_the_photo_and_vanish_outside():

@@ -8,9 +8,11 @@ import json
 import math
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import trimesh
 
 from benchmarks.truth import command, measures, run, sets, statistics, table, triangulation
 from benchmarks.truth import contact as touch
@@ -99,6 +101,22 @@ def test_a_person_is_found_by_box_or_keypoints():
     assert match([far, full], [nowhere] * 2, [full], [nowhere]) == {0: 1}
     assert match([full], [points], [full, full], [points] * 2) in ({0: 0}, {1: 0})
     assert match([], [], [full], [points]) == {}
+
+
+def test_depths_inside_scene_and_other_bodies_are_in_cm():
+    def body(x, distance):
+        ball = trimesh.creation.icosphere(subdivisions=4, radius=0.3)
+        ball.apply_translation([x, 0, 3])
+        far = np.full(len(ball.vertices), np.inf)
+        far[:2] = distance
+        return SimpleNamespace(has_body=True, mesh=lambda: ball, distance=far)
+
+    nobody = SimpleNamespace(has_body=False)
+    people = [body(0.0, [-0.04, 0.1]), nobody, body(0.55, [0.0, 0.02]), body(2.0, [-0.01, -0.02])]
+    found = measures.depths_inside_cm(people)
+    assert found["scene"] == pytest.approx([4, 0, 2])
+    assert found["people"] == pytest.approx([5, 5, 0], abs=0.5)
+    assert measures.depths_inside_cm([nobody]) == {"scene": [], "people": []}
 
 
 def test_contact_is_five_percent_of_the_largest_force_of_the_film():

@@ -18,7 +18,7 @@ def test_no_point_of_the_surroundings_is_held(standing, side):
     state = standing.state
     held = np.zeros((1, 2, *state.scene.valid.shape), bool)
     held[0, side, 100:140, 50:90] = True
-    estimates = SimpleNamespace(people=SimpleNamespace(held=held))
+    estimates = SimpleNamespace(photo=SimpleNamespace(held=torch.from_numpy(held)))
     thing = torch.from_numpy(held[0, side]) & state.scene.valid
     left = without_held_things(estimates, state).surroundings.points
     others = state.scene.points[state.scene.valid & ~thing]

@@ -195,7 +195,8 @@ def test_a_person_whose_joints_lie_on_another_one_is_not_real(on_own, real):
     """
     masks = np.zeros((2, 40, 60), bool)
     masks[0, :, :30] = masks[1, :, 30:] = True
-    points = np.full((2, 17, 2), 10.0, np.float32)
+    points = np.full((2, 17, 2), 5.0, np.float32)
+    points[1] = 25
     points[1, :on_own] = 45
     points[1, :on_own, 1] = 20
     keypoints = Keypoints(points, np.ones((2, 17), np.float32), "coco17")
@@ -219,7 +220,7 @@ def test_a_person_with_a_mask_much_smaller_than_the_joints_is_not_real(columns, 
 
 
 @pytest.mark.parametrize(("apart", "real"), [(4, False), (16, True)])
-def test_of_two_people_with_one_trunk_the_lower_score_is_not_real(apart, real):
+def test_of_two_people_with_one_pose_the_lower_score_is_not_real(apart, real):
     masks = np.zeros((2, 40, 60), bool)
     masks[0, :20] = True
     masks[1, 20:] = True

@@ -12,7 +12,6 @@ import torch
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.geometry.pointmap import depth_to_pointmap
-from physic_core.geometry.tensors import tensor
 from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
@@ -21,9 +20,10 @@ if TYPE_CHECKING:
 
 def without_held_things(estimates: Estimates, state: State) -> State:
     """Return the state without the scene's pixels of what people hold, which is not the world."""
-    if estimates.people.held is None:
+    held = estimates.photo.held
+    if held is None:
         return state
-    thing = tensor(estimates.people.held).flatten(0, 1).any(0)
+    thing = held.flatten(0, 1).any(0)
     return replace(state, scene=replace(state.scene, valid=state.scene.valid & ~thing))
 
 
@@ -34,10 +34,11 @@ def move_held_things(estimates: Estimates, state: State) -> State:
         estimates: with the masks of these things.
         state: with the final bodies; the scene's scale is not applied.
     """
-    if estimates.people.held is None:
+    held = estimates.photo.held
+    if held is None:
         return state
     scene = state.scene
-    held = tensor(estimates.people.held) & state.finite[:, None, None, None]
+    held = held & state.finite_people[:, None, None, None]
     moved = held.flatten(0, 1).any(0)
     depth = scene.points[..., 2].clone()
     knuckles = [JOINT_INDEX[f"{side}_middle1"] for side in SIDES]

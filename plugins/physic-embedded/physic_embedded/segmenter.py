@@ -23,7 +23,12 @@ from physic_embedded.segmentation.cut_heads import doubt_cut_heads, doubt_hidden
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, floor_mask
 from physic_embedded.segmentation.framed import question_people
 from physic_embedded.segmentation.held import segment_held
-from physic_embedded.segmentation.people import detect_poses, mask_box, unposed_person
+from physic_embedded.segmentation.people import (
+    detect_poses,
+    mask_box,
+    poses_of_same,
+    unposed_person,
+)
 from physic_embedded.segmentation.person_masks import person_masks, resolve_overlaps
 from physic_embedded.segmentation.unposed import count_heads, segment_unposed
 
@@ -43,9 +48,9 @@ NETWORKS = (
 )
 
 _PART = 0.75
-"""Share of the pixels of a person whom the detector did not find, above which the person is a part
-of others. Of 23 real people left out of its answer one has 1, and the others at most .67; of false
-persons in boxes within a couple, none has less than .77.
+"""Share of the pixels of a person whom the detector did not find, and whose pose is that of
+another one, above which the person is a part of others. A carried person has all pixels in the mask
+of who carries them, but another pose.
 """
 _BOX_SCORE = 0.4  # of a person by YOLOX; 0.1 less if a pose fits the box well
 _LEAST_HEIGHT_PX = 40.0  # of a mask; lower people are omitted
@@ -170,9 +175,11 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         found = choose_poses(detected, prompt)
         masks = self._masks(detected.embedding, [person.pose for person in found])
         sure = np.array([any(one.pose is other.pose for other in detected.found) for one in found])
-        if sure.any() and not sure.all():
-            alone = self._masks(detected.embedding, [found[i].pose for i in np.flatnonzero(sure)])
-            masks = _without_parts(masks, sure, alone)
+        others = [one for one, is_sure in zip(found, sure, strict=True) if is_sure]
+        repeats = np.array([bool(poses_of_same(one.pose, others)) for one in found]) & ~sure
+        if repeats.any():
+            alone = self._masks(detected.embedding, [one.pose for one in others])
+            masks = _without_parts(masks, sure, repeats, alone)
         return found, _with_given_masks(masks, prompt)
 
     def _floor(
@@ -259,13 +266,16 @@ def _with_labelled_floor(
     return floor if surfaces is None else add_labelled_floor(floor, surfaces, people)
 
 
-def _without_parts(masks: BoolArray, sure: BoolArray, alone: BoolArray) -> BoolArray:
+def _without_parts(
+    masks: BoolArray, sure: BoolArray, repeats: BoolArray, alone: BoolArray
+) -> BoolArray:
     """Return masks (N, H, W) in which the people who are ``sure`` (N,) have the pixels that parts
-    of them took: others, most of whose mask is in the masks (S, H, W) of the sure people alone.
+    of them took: ``repeats`` (N,) of their poses, most of whose mask is in the masks (S, H, W) of
+    the sure people alone.
     """
     changed = masks.copy()
     theirs = np.asarray(alone.any(0))
-    for i in np.flatnonzero(~sure):
+    for i in np.flatnonzero(repeats):
         taken = masks[i] & theirs
         if taken.sum() > _PART * masks[i].sum():
             changed[i] &= ~theirs

@@ -27,8 +27,8 @@ from physic_embedded.segmentation.people import (
     DetectedPose,
     box_fit,
     is_person,
-    is_same_person,
     merge_candidates,
+    poses_of_same,
 )
 from physic_embedded.segmentation.person_masks import resolve_overlaps
 from physic_embedded.segmentation.unposed import count_heads
@@ -168,20 +168,19 @@ def test_a_weak_candidate_must_look_the_same_in_a_mirror():
 
 
 @pytest.mark.parametrize(
-    ("other", "has_box", "same"),
+    ("other", "same"),
     [
-        (pose_at((110, 100)), True, True),
-        (pose_at((180, 100)), True, False),
-        (pose_at((140, 100)), True, False),  # 40 px, more than half of a trunk of 60 px
-        (pose_at((140, 100)), False, True),
-        (pose_at((100, 160), height=330), True, True),
+        (pose_at((105, 100)), True),
+        (pose_at((100, 100), confidence=0.1), True),
+        (pose_at((100, 110), height=230), True),
+        (pose_at((140, 100)), False),
+        (pose_at((100, 60), height=100), False),  # a child before the chest
     ],
-    ids=["trunks", "neighbours", "apart", "masks that overlap by 84 %", "masks and noses"],
+    ids=["moved", "hardly seen", "larger", "beside", "carried"],
 )
-def test_two_poses_are_one_person_if_trunks_masks_or_noses_are_together(other, has_box, same):
-    box = np.array([0.0, 0.0, 200.0, 200.0])
-    first = DetectedPose(pose_at((100, 100)), 1.0, box)
-    assert is_same_person(first, DetectedPose(other, 1.0, box if has_box else None)) == same
+def test_poses_are_of_one_person_if_their_joints_are_together(other, same):
+    people = [DetectedPose(pose_at((400, 100)), 1.0), DetectedPose(pose_at((100, 100)), 1.0)]
+    assert poses_of_same(other, people) == people[1:] * same
 
 
 def test_joints_that_poses_agree_about_are_averaged_and_others_are_kept():

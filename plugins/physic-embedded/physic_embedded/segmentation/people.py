@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from physic_core.adapters.people import box_iou
+from physic_core.adapters.people import SAME_PERSON, box_iou, keypoint_similarity
 from physic_core.types import UnposedPerson
+from physic_core.types.skeletons import skeleton_named
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square
 from physic_embedded.networks.pose import (
     average_agreeing,
@@ -47,7 +48,6 @@ if TYPE_CHECKING:
 
 DETECTOR_SIZE = 224
 DETECTOR_LAYERS = ((8, 2), (16, 2), (32, 6))
-TORSO = [11, 12, 23, 24]
 BOX_TILES = (0.5,)
 """Sides of the tiles for YOLOX, over the image's long side."""
 WEAK_MARGIN = 0.1
@@ -70,9 +70,18 @@ MAX_MIRROR_GAP = 0.025
 """Largest difference of the poses of an upper half and of its mirror image, over the square's
 side.
 """
+MIN_PART = 0.8
+"""Least share of a box in that of the person of whom it shows a part. On 65 photos of people close
+together, boxes of somebody else in whom the network finds that person's pose have .79 or less.
+"""
 MAX_SHARED_MASK = 0.5
-"""A pose whose mask shares more than this with another person's, over the smaller of both, is of
-that person.
+"""A pose without a box, or found with others in grey, whose mask shares more than this with another
+person's, over the smaller of both, is of that person.
+"""
+SAME_MASK = 0.95
+UNSTEADY = 0.05
+"""The same for a pose in a box whose mirror gap is larger than this: in a box around a part of
+somebody, or around two people, the network mixes them up.
 """
 SIMILAR_FIT = 0.7
 """Poses with this share of the best fit are compared by their mirror images."""
@@ -187,7 +196,7 @@ def detect_poses(
         and not things.other_at(mask_box(pose), lowest, SAME_THING)
     ]
     kept = _without_repeats(found)
-    unposed = _add_hidden_people(landmarker, image, boxes, kept, box_score)
+    unposed = _add_hidden_people(landmarker, image, posed, kept, box_score)
     unposed += [
         unposed_person(
             person.box,
@@ -213,9 +222,25 @@ def _without_repeats(found: list[DetectedPose]) -> list[DetectedPose]:
     """Return the best pose of each person, best first."""
     kept: list[DetectedPose] = []
     for person in sorted(found, key=lambda person: -person.score):
-        if not any(is_same_person(person, other) for other in kept):
+        if _is_new(person.pose, kept, _most_shared(person)):
             kept.append(person)
     return kept
+
+
+def _most_shared(person: DetectedPose) -> float:
+    """Return the largest share of the mask of a pose that may lie in another person's mask."""
+    if person.box is None:
+        return MAX_SHARED_MASK
+    return SAME_MASK if person.pose.mirror_gap > UNSTEADY else 1.0
+
+
+def _is_new(pose: Pose, people: Sequence[DetectedPose], most_shared: float) -> bool:
+    """Return whether a pose is of none of other people, and its mask shares at most this with each
+    of theirs, over the smaller of both.
+    """
+    return not poses_of_same(pose, people) and all(
+        mask_overlap(pose, other.pose) <= most_shared for other in people
+    )
 
 
 def _without_others(things: Found, box_score: float) -> tuple[Detections, list[str]]:
@@ -239,19 +264,20 @@ def _without_others(things: Found, box_score: float) -> tuple[Detections, list[s
 def _add_hidden_people(
     landmarker: OnnxSession,
     image: NDArray[np.uint8],
-    boxes: Detections,
+    posed: Sequence[tuple[Float, float, Pose]],
     kept: list[DetectedPose],
     box_score: float,
 ) -> list[UnposedPerson]:
     """Add to ``kept`` the people of boxes that gave no pose of their own, with the others in grey.
 
     Returns:
-        The boxes that still have no pose, without those of weak score.
+        The boxes that still have no pose, without those of weak score, and those around a part of
+        somebody, whose pose the landmark network finds from there.
     """
     unposed = []
     grey: list[Pose] = []  # people in grey in ``picture``
     picture = ImagePyramid.from_image(image)
-    for box, score in zip(boxes.boxes, boxes.scores, strict=True):
+    for box, score, own in posed:
         if any(person.box is not None and np.array_equal(person.box, box) for person in kept):
             continue
         if len(grey) != len(kept):
@@ -261,17 +287,25 @@ def _add_hidden_people(
         for pose in _poses_of_hidden_person(landmarker, picture, box, least):
             fit = float(score * pose.score * np.sqrt(box_fit(pose, box)))
             person = DetectedPose(without_covered(pose, grey), fit, box)
-            if all(
-                not is_same_person(person, other)
-                and mask_overlap(pose, other.pose) <= MAX_SHARED_MASK
-                for other in kept
-            ):
+            if _is_new(pose, kept, MAX_SHARED_MASK):
                 kept.append(person)
                 break
         else:
-            if score >= box_score:
+            if score >= box_score and not _is_part(box, own, kept):
                 unposed.append(unposed_person(box, float(score), "no pose fits the box"))
     return unposed
+
+
+def _is_part(box: Float, pose: Pose, people: Sequence[DetectedPose]) -> bool:
+    """Return whether a box (4,) is around a part of somebody: the pose in it is theirs, and it lies
+    in their box. The pose in a box beyond theirs may be of the wrong one of two people.
+    """
+    same = [
+        mask_box(one.pose) if one.box is None else one.box for one in poses_of_same(pose, people)
+    ]
+    sides = [np.minimum(box[2:], own[2:]) - np.maximum(box[:2], own[:2]) for own in same]
+    inside = max((np.maximum(side, 0.0).prod() for side in sides), default=0.0)
+    return bool(inside >= MIN_PART * (box[2:] - box[:2]).prod())
 
 
 def _poses_of_hidden_person(
@@ -516,19 +550,12 @@ def is_person(pose: Pose, detected: float, sure: float) -> bool:
     return pose.score > 0.95 and steady and pose.torso_length > 0.15 * pose.square.side
 
 
-def is_same_person(a: DetectedPose, b: DetectedPose) -> bool:
-    """Return whether two detected poses belong to the same person.
-
-    They do if the corners of their trunks are on average nearer than half a trunk. They also do if
-    their masks overlap, and their noses are together or one of them has no box: the hips of a
-    person who is cut off by the photo's edge are a guess, the head is not.
-    """
-    length = max(a.pose.torso_length, b.pose.torso_length, 1e-6)
-    distances = np.linalg.norm(a.pose.points - b.pose.points, axis=1)
-    if distances[TORSO].mean() < 0.5 * length:
-        return True
-    overlap = mask_overlap(a.pose, b.pose)
-    noses_seen = min(pose.visibility[0] * pose.presence[0] for pose in (a.pose, b.pose)) > 0.5
-    if noses_seen and distances[0] < 0.25 * length and overlap > 0.5:
-        return True
-    return (a.box is None or b.box is None) and overlap > 0.75
+def poses_of_same(pose: Pose, people: Sequence[DetectedPose]) -> list[DetectedPose]:
+    """Return those of other people whose pose is of the same person."""
+    poses = [pose, *(person.pose for person in people)]
+    similar = keypoint_similarity(
+        np.stack([one.points for one in poses]),
+        np.stack([one.visibility * one.presence for one in poses]),
+        skeleton_named("blazepose33").names,
+    )[0, 1:]
+    return [one for one, same in zip(people, similar > SAME_PERSON, strict=True) if same]
