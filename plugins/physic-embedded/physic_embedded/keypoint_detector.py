@@ -14,9 +14,9 @@ from physic_core.types import Keypoints
 from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
 from physic_embedded.networks.pose import person_square, predict_pose
+from physic_embedded.networks.pose_detection import detect_people
 from physic_embedded.networks.sessions import PackagedBackend
 from physic_embedded.segmentation.cut_heads import doubt_cut_heads, doubt_hidden_hips
-from physic_embedded.segmentation.people import detect_people
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

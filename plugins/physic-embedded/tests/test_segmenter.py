@@ -14,6 +14,7 @@ from physic_core.types import SurfaceLabels, UnposedPerson
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square
 from physic_embedded.networks.mobile_sam import ImageEmbedding, embed_image, predict_masks
 from physic_embedded.networks.pose import MIRROR_PAIRS, Pose, average_agreeing
+from physic_embedded.networks.pose_detection import DETECTOR_LAYERS, merge_candidates
 from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.networks.single_shot_detection import (
     BoxDetection,
@@ -22,14 +23,7 @@ from physic_embedded.networks.single_shot_detection import (
 )
 from physic_embedded.networks.tiles import tiles
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, ground_points
-from physic_embedded.segmentation.people import (
-    DETECTOR_LAYERS,
-    DetectedPose,
-    box_fit,
-    is_person,
-    merge_candidates,
-    poses_of_same,
-)
+from physic_embedded.segmentation.people import DetectedPose, box_fit, is_person, poses_of_same
 from physic_embedded.segmentation.person_masks import resolve_overlaps
 from physic_embedded.segmentation.unposed import count_heads
 from physic_testing import violations
