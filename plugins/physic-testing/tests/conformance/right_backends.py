@@ -6,10 +6,12 @@ from __future__ import annotations
 
 import inspect
 from contextlib import suppress
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
 from pydantic import Field
+from stand_ins import answer_of
 
 from physic_core.errors import BackendError
 from physic_mock import backends as mocks
@@ -40,7 +42,7 @@ def right(mock, poor=lambda answer: answer, mirrored=None):
             raise BackendError("not loaded: call load() first")
 
         def ask(*arguments):
-            return mock.infer(self, *arguments)
+            return deepcopy(answer_of(mock, self, arguments))
 
         with suppress(BackendError):
             return ask(image, *rest)
