@@ -21,6 +21,7 @@ from physic_core.cache.digests import CodeDigester
 from physic_core.configuration.model import as_config
 from physic_core.configuration.resolve import (
     ResolvedPipeline,
+    check_input_files,
     require_available,
     resolve,
     resolve_one,
@@ -155,7 +156,7 @@ class Pipeline:
             Everything in metres in the OpenCV camera frame (x right, y down, z forward).
 
         Raises:
-            InputError: the photo cannot be used.
+            InputError: the photo, or a file that ``settings`` name, cannot be used.
             ConfigError: ``settings``, intrinsics, chosen people or known sizes are invalid, or the
                 photo contradicts a known size.
             NoPersonError: one of ``people`` was not found, or the photo shows no person and the
@@ -252,6 +253,7 @@ class Pipeline:
         if not settings:
             return self._plan
         config = self._plan.config.with_photo(settings)
+        check_input_files(config)
         backends = dict(self._plan.backends)
         for name in backends:
             if (choice := config.choice(name)) != self._plan.config.choice(name):

@@ -212,6 +212,15 @@ def test_what_is_given_of_another_type_is_refused_by_name(world, name, value):
         pipeline(world.image, **{name: value})
 
 
+@pytest.mark.parametrize("name", ["depth", "pointmap", "keypoints"])
+def test_a_missing_file_of_a_photo_is_an_unusable_input(world, name):
+    with (
+        Pipeline("mock") as pipeline,
+        pytest.raises(InputError, match=r"nowhere\.npy: there is no"),
+    ):
+        pipeline(world.image, settings={name: "nowhere.npy"})
+
+
 def test_a_second_thread_is_refused(world):
     refused = []
 
