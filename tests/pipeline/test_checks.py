@@ -122,10 +122,13 @@ SLOPE = np.broadcast_to(np.linspace(2, 4, 640), (480, 640))  # metres, farther t
 
 
 def by_depth(log_ratio):
-    """The rows of witnesses with a metric depth whose error is 0.04."""
+    """The rows of witnesses with a metric depth whose error is 0.04. It draws the answer away from
+    people, of whom one is a child.
+    """
     return [
-        {"by": "size", "log_ratio": 1.0, "sigma": 0.1},
-        {"by": "metric depth", "log_ratio": log_ratio, "sigma": 0.04},
+        {"by": "size", "log_ratio": -0.1, "sigma": 0.03, "right": 0.9},
+        {"by": "size", "log_ratio": 1.0, "sigma": 0.03, "right": 0.01},
+        {"by": "metric depth", "log_ratio": log_ratio - 0.1, "sigma": 0.04, "right": 0.9},
     ]
 
 
@@ -265,7 +268,7 @@ def test_nothing_fails_where_all_is_well():
             1.0,
             "give N",
         ),
-        ({"witness": by_depth(math.log(1000))}, "depth_scale", 138.2, "millimetres"),
+        ({"witness": by_depth(math.log(1000))}, "depth_scale", 138.155, "millimetres"),
         ({"witness": by_depth(-0.16)}, "depth_scale", 3.2, "metric_depth 'x'"),
         ({"depth": SLOPE[:, ::-1]}, "depth_order", 1.984, "metric_depth 'x'"),
     ],

@@ -34,6 +34,7 @@ _COVERED_SHARE = 0.5  # of a box that holds parts of a person who has a body
 _CORRELATED_PX = 200  # of the long side
 _SAME = 0.999  # correlation with the point map, of a depth that is derived from it
 _MOST_PITCH_DEG = 15.0  # of a camera that looks up and shows the floor
+_LIKELY = 0.5  # least probability of a witness that counts
 
 _check = partial(check, "photo", warns=True)
 
@@ -174,20 +175,28 @@ def given_depth(estimates: Estimates, result: Reconstruction) -> Measured:
     optional=True,
 )
 def depth_scale(estimates: Estimates, result: Reconstruction) -> Measured:
-    """Return the difference of the scale by the metric depth from that of everything, in standard
-    deviations.
+    """Return the difference of the scale by the metric depth from that by all other witnesses that
+    are likely right, in standard deviations.
     """
-    rows = estimates.ground.witnesses.get("scale", ())
-    row = next((row for row in rows if row["by"] == "metric depth"), None)
-    if row is None:
-        return None
-    from physic_core.engine.sizes.evidence import likely_unit
+    from physic_core.engine.sizes.evidence import ScaleEvidence, combined_scale, likely_unit
 
-    times = math.exp(row["log_ratio"])
-    sigma = math.hypot(row["sigma"], estimates.depth.scale_sigma or 0.0)
-    return abs(row["log_ratio"]) / sigma, (
+    rows = estimates.ground.witnesses.get("scale", ())
+    own = next((row for row in rows if row["by"] == "metric depth"), None)
+    others = combined_scale(
+        [
+            ScaleEvidence(row["log_ratio"], row["sigma"])
+            for row in rows
+            if row is not own and row["right"] > _LIKELY
+        ]
+    )
+    if own is None or others is None:
+        return None
+    away = own["log_ratio"] - others.log_scale
+    times = math.exp(away)
+    followed = "counts beside them" if own["right"] > _LIKELY else "was not followed"
+    return abs(away) / math.hypot(own["sigma"], others.sigma), (
         f"{estimates.depth_by} makes everything {times:.4g} times as large as people and floor "
-        f"suggest, and was not followed: {likely_unit(times)}"
+        f"suggest, and {followed}: {likely_unit(times)}"
     )
 
 
