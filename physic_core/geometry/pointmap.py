@@ -79,9 +79,8 @@ def _max3x3(x: Tensor) -> Tensor:
 
 
 def pointmap_normals(points: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor:
-    """Return unit normals that face the camera, from differences of neighbouring pixels (paper Sec.
-
-    3.1).
+    """Return unit normals that face the camera, from differences of neighbouring pixels (section
+    3.1 of the paper).
 
     Differences across a depth edge are not used. A plane gets its exact normal up to its border.
 

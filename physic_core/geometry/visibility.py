@@ -39,9 +39,9 @@ shows it well: vertices beyond lie at the rim, where one pixel of the mask decid
 
 
 def facing_camera(normals: Tensor, vertices: Tensor, max_angle_deg: float) -> Tensor:
-    """Return whether vertex normals are within an angle of the direction to the camera (paper sec.
+    """Return whether vertex normals are within an angle of the direction to the camera: (...) bool.
 
-    3.2): (...) bool.
+    Section 3.2 of the paper.
 
     Args:
         normals: (..., 3) unit.

@@ -93,12 +93,19 @@ def check(
 )
 @DEVICE
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON.")
+@click.pass_context
 def compare(
-    interface: str, names: tuple[str, ...], worlds: tuple[str, ...], device: str, as_json: bool
+    ctx: click.Context,
+    interface: str,
+    names: tuple[str, ...],
+    worlds: tuple[str, ...],
+    device: str,
+    as_json: bool,
 ) -> None:
     """Print the errors of several backends of INTERFACE on the same synthetic worlds, side by side.
 
-    Each of NAMES may carry options as a TOML table: 'mock{noise=2}'.
+    Each of NAMES may carry options as a TOML table: 'mock{noise=2}'. Ends with code 5 if a backend
+    has no valid result on a world.
     """
     from physic_testing.conformance.compare import DEFAULT_WORLDS
     from physic_testing.conformance.compare import compare as compared
@@ -118,6 +125,7 @@ def compare(
         echo_json(found.as_dict())
     else:
         echo(found.text)
+    ctx.exit(BACKEND if any(row.problem for row in found.rows) else 0)
 
 
 def _values(options: Sequence[str]) -> dict[str, Any]:

@@ -105,3 +105,12 @@ def test_compare_prints_a_table_and_json(offer, physic):
     read = json.loads(done.stdout)
     assert [b["backend"] for b in read["backends"]] == ["flat", "far"]
     assert read["worlds"] == ["stand"]
+
+
+def test_compare_ends_with_5_if_a_backend_has_no_valid_result(offer, physic):
+    offer("physic-flat", 3.0)
+    offer("physic-behind", -3.0)
+    done = physic("plugins", "compare", "metric_depth", "flat", "behind", "--world", "stand")
+    assert done.exit_code == 5, done.output
+    assert "1 of 1" in done.stdout
+    assert "0 of 1" in done.stdout
