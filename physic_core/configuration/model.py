@@ -27,6 +27,7 @@ from pydantic import (
     model_validator,
 )
 
+from physic_core.adapters.devices import DEVICE_PATTERN
 from physic_core.configuration.layers import (
     SettingsLayer,
     environment_layers,
@@ -322,7 +323,6 @@ class RunSettings(_Table):
 
     device: str = Field(
         default="cpu",
-        pattern="^(cpu|cuda(:[0-9]{1,3})?)$",
         description="where the networks run: 'cpu', 'cuda' or 'cuda:N'; the engine stays on the "
         "CPU",
     )
@@ -342,6 +342,13 @@ class RunSettings(_Table):
     cache_mb: int = Field(
         default=2000, ge=0, le=1_000_000_000, description="maximum size of the cache, megabytes"
     )
+
+    @field_validator("device")
+    @classmethod
+    def _is_device(cls, value: str) -> str:
+        if not DEVICE_PATTERN.fullmatch(value):
+            raise ValueError(f"{value!r} is no device: name cpu, cuda or cuda:N")
+        return value
 
 
 class Config(_Table):

@@ -248,6 +248,7 @@ def test_every_fault_is_a_line_with_source_path_and_suggestion(write):
     [
         ("photo.max_side=12.5", "photo.max_side", "integer"),
         ("photo.focal_px=-1", "photo.focal_px", "greater than or equal to 1"),
+        ("run.device=tpu", "run.device", "cuda:N"),
         ("photo.intrinsics=[1, 2, 3]", "photo.intrinsics.3", "missing"),
         ("photo={focal_px=9, intrinsics=[9, 9, 4, 4]}", "photo", "both focal_px and intrinsics"),
         ("photo.distortion=[0, 0, 0, 0, 0]", "photo", "distortion without intrinsics"),
