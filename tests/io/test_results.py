@@ -262,7 +262,7 @@ CX = '"cx": 79.5'
         (FX, '"fx": ' + 5000 * "1", "digits"),
         (f"{FX},", "", "fx"),
         ('"height": 120', '"height": 121', "image"),
-        ('"run": "', '"run": "x', "another run"),
+        pytest.param('"run": "', '"run": "x', "another run", id="run"),
     ],
 )
 def test_a_document_with_invalid_values_is_refused(folder, before, after, word):
