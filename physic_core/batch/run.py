@@ -86,7 +86,7 @@ def plan_batch(
     rows = index.rows((item.id for item in items), whole=False)
     for item, row in zip(items, rows, strict=True):
         item = item.stamped()
-        reason = "new" if row is None else _why(row, item, job, least or job.save)
+        reason = "new" if row is None else _redo_reason(row, item, job, least or job.save)
         if row is None:
             todo.append(item)
         elif reason == _LOST:
@@ -148,7 +148,7 @@ def run_locally(
                 yield {**one.value, "attempts": one.attempts}
 
 
-def _why(row: Mapping[str, Any], item: PhotoItem, job: BatchJob, least: str) -> str:
+def _redo_reason(row: Mapping[str, Any], item: PhotoItem, job: BatchJob, least: str) -> str:
     """Return why a photo is done again; "" if its row is that of today's photo, settings, code and
     files.
     """

@@ -38,7 +38,7 @@ _LOW_SHARE = 0.15  # of the silhouette's height: feet of a standing person, seat
 _FEWEST_PIXELS = 10  # with a depth, for a median
 
 
-def measure_people(estimates: Estimates, state: State) -> list[Measures]:
+def measure_agreement(estimates: Estimates, state: State) -> list[Measures]:
     """Measure how each person agrees with scene, floor, photo and the keypoints that the user gave.
 
     Args:

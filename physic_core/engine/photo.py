@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from physic_core.engine.up import Up, slope_sigma, up_of_pointmap
+from physic_core.engine.up import Up, slope_sigma, stored_up
 from physic_core.geometry.tensors import tensor
 from physic_core.types.arrays import PER_PERSON
 from physic_core.types.short_repr import ShortRepr
@@ -108,7 +108,7 @@ class PhotoContent(ShortRepr):
     @cached_property
     def up_without_floor(self) -> Up | None:
         """Up by other evidence than the floor; None without any."""
-        return up_of_pointmap(self.scene_map)
+        return stored_up(self.scene_map)
 
     @property
     def slope(self) -> float:

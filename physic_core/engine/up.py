@@ -58,7 +58,7 @@ def camera_axis() -> Up:
     return Up(direction, AXIS_SIGMA_DEG, "the camera's axis")
 
 
-def up_of_pointmap(pointmap: Pointmap) -> Up | None:
+def stored_up(pointmap: Pointmap) -> Up | None:
     """Return what a point map says of up; None if it says nothing."""
     if pointmap.up is None or pointmap.up_sigma is None:
         return None
@@ -73,7 +73,7 @@ def with_up_of_file(pointmap: Pointmap, stated: FloatArray | None) -> tuple[Poin
     if stated is None:
         return pointmap, ""
     gimbal = Up(torch.from_numpy(stated), GIMBAL_SIGMA_DEG, "the gimbal")
-    seen = up_of_pointmap(pointmap)
+    seen = stored_up(pointmap)
     both = gimbal if seen is None else fused_up([gimbal, seen])
     warning = ""
     if seen is not None and difference_sigmas(gimbal, seen) > DISAGREE:

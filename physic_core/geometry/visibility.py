@@ -228,7 +228,7 @@ def move_behind_bodies(
     casters = [RayCaster(body, triangles) for body in people]
     for caster, here in zip(casters, visible, strict=True):
         along[here] = np.maximum(
-            along[here], _distance_to_front(caster, start[here], rays[here], reach)
+            along[here], _step_behind_front(caster, start[here], rays[here], reach)
         )
     moving = np.arange(len(start))
     origins = np.ascontiguousarray(start.T)
@@ -249,7 +249,7 @@ def move_behind_bodies(
     return torch.where(out[:, None], moved.to(points), points), out
 
 
-def _distance_to_front(caster: RayCaster, points: _Array, rays: _Array, reach: float) -> _Array:
+def _step_behind_front(caster: RayCaster, points: _Array, rays: _Array, reach: float) -> _Array:
     """Return the distance from each point to the front face behind it on its ray; 0 for others."""
     face = caster.first_faces(np.zeros(3), rays)
     front = (face >= 0) & ((caster.normals[face] * rays).sum(1) < 0)

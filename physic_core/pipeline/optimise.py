@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from physic_core.engine.contact.solve import solve_contact
 from physic_core.engine.joint.solve import finalize_scene, optimize
-from physic_core.engine.measures import measure_people
+from physic_core.engine.measures import measure_agreement
 from physic_core.engine.placement.solve import solve_placement
 from physic_core.engine.scene.held import move_held_things, without_held_things
 from physic_core.engine.scene.solve import solve_scene
@@ -58,7 +58,7 @@ def run_engine(
         world = without_held_things(estimates, state)
         touch = solve_contact(estimates, world, settings.contact).contact
         state = finalize_scene(estimates, replace(state, contact=touch), settings.scene)
-        measures = measure_people(estimates, state)
+        measures = measure_agreement(estimates, state)
         state = move_held_things(estimates, state)
     if not estimates.known:
         return as_reconstruction(estimates, state, measures)

@@ -342,7 +342,7 @@ def test_a_metric_depth_of_small_error_keeps_its_metres(world):
     farther = 1.3 * world.bodies.parameters.transl
     found = world.with_depth(1.0, 0.01, bodies=world.placed(farther))
     assert found.measured is not None
-    in_result = found.depth.depth * found.measured.factor
+    in_result = found.depth.depth * found.measured.depth_over_people
     assert np.nanmedian(in_result / world.depth) == pytest.approx(1, abs=0.02)
     assert found.measured.evidence.sigma == pytest.approx(0.01)
 

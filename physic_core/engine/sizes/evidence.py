@@ -96,7 +96,7 @@ class MeasuredScale:
     people_sigma: float
 
     @property
-    def factor(self) -> float:
+    def depth_over_people(self) -> float:
         """Size of the scene by the depth, over that by people."""
         return math.exp(self.evidence.log_scale)
 

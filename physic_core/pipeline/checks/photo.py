@@ -161,10 +161,10 @@ def given_depth(estimates: Estimates, result: Reconstruction) -> Measured:
         return None
     from physic_core.engine.sizes.evidence import likely_unit
 
+    times = measured.depth_over_people
     return measured.sigmas, (
-        f"by the given depth everything is {measured.factor:.3g} times as large as the people "
-        f"suggest, and it was "
-        f"followed: {likely_unit(measured.factor)} --depth-unit states another unit"
+        f"by the given depth everything is {times:.3g} times as large as the people suggest, and "
+        f"it was followed: {likely_unit(times)} --depth-unit states another unit"
     )
 
 

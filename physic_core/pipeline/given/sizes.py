@@ -82,7 +82,7 @@ def _unit_question(estimates: Estimates) -> str:
     """Return a question about the unit of a measured depth, or ""."""
     if estimates.ground.measured is None:
         return ""
-    factor = estimates.ground.measured.factor
+    factor = estimates.ground.measured.depth_over_people
     return (
         f"; the depth is {factor:.3g} times that by the people: {likely_unit(factor)} Then "
         f"give --depth-unit"

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, People
 
-_RIM = 0.08  # width of the rim, over the longer side of the person's box
-# Of five people in pictures pasted on the wall of a room 1, 1, 1, .87 and .17 of the rim; of 17
+_RIM = 0.08  # width of the band, over the longer side of the person's box
+# Of five people in pictures pasted on the wall of a room 1, 1, 1, .87 and .17 of the band; of 17
 # people in seven photos at most .01.
 _SHARE = 0.5
 _FEET = 0.1  # of the height of the box, lowest part
@@ -35,9 +35,9 @@ def question_people(people: People, framed: BoolArray) -> People:
         people: with keypoints and labels of surfaces.
         framed: (H, W) bool, pixels of paintings and mirrors.
     """
-    rims = list(_rims(people.masks))
-    pictures = np.array([rim.any() and framed[rim].mean() > _SHARE for rim in rims], bool)
-    figurines = _on_tables(people, rims)
+    bands = list(_bands_around(people.masks))
+    pictures = np.array([band.any() and framed[band].mean() > _SHARE for band in bands], bool)
+    figurines = _on_tables(people, bands)
     notes = (
         _note(people, pictures, "is in a frame or a mirror: a picture, a screen, a reflection?"),
         _note(people, figurines, "stands on a table: a figurine?"),
@@ -51,7 +51,7 @@ def question_people(people: People, framed: BoolArray) -> People:
     return select_people(asked, np.argsort(-scores, kind="stable"))
 
 
-def _on_tables(people: People, rims: list[BoolArray]) -> BoolArray:
+def _on_tables(people: People, bands: list[BoolArray]) -> BoolArray:
     """Return which people (N,) stand on a table, small beside others or alone."""
     found = np.zeros(len(people), bool)
     if people.surfaces is None or people.keypoints is None:
@@ -63,9 +63,9 @@ def _on_tables(people: People, rims: list[BoolArray]) -> BoolArray:
     small = (heights < _SMALL * heights.max(initial=0.0)) | (len(people) == 1)
     table = people.surfaces.mask("table")
     rows = np.arange(table.shape[0])[:, None]
-    for i, rim in enumerate(rims):
+    for i, band in enumerate(bands):
         top, bottom = people.boxes[i, [1, 3]]
-        below = rim & (rows > bottom - _FEET * (bottom - top))
+        below = band & (rows > bottom - _FEET * (bottom - top))
         found[i] = seen[i] and small[i] and below.any() and table[below].mean() > _SHARE
     return found
 
@@ -82,10 +82,10 @@ def _note(people: People, asked: BoolArray, why: str) -> str:
     )
 
 
-def _rims(people: BoolArray) -> Iterator[BoolArray]:
-    """Yield the rim (H, W) around each of the people (N, H, W), without anybody's pixels."""
+def _bands_around(people: BoolArray) -> Iterator[BoolArray]:
+    """Yield the band (H, W) around each of the people (N, H, W), without anybody's pixels."""
     anybody = people.any(0)
     for mask, (x0, y0, x1, y1) in zip(people, boxes_from_masks(people).tolist(), strict=True):
         side = 1 + 2 * max(1, round(_RIM * max(x1 - x0, y1 - y0)))
-        rim = cv2.dilate(mask.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
-        yield rim & ~anybody
+        band = cv2.dilate(mask.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
+        yield band & ~anybody

@@ -133,7 +133,7 @@ def _logs(z: FloatArray, truth: Truth, step: int = 1) -> FloatArray:
     return logs
 
 
-def _shape(z: FloatArray, truth: Truth) -> list[FloatArray]:
+def _fitted_log_depths(z: FloatArray, truth: Truth) -> list[FloatArray]:
     return [_logs(z, truth, max(1, round((z.size / _COMPARED) ** 0.5))).ravel()]
 
 
@@ -205,7 +205,7 @@ _BOTH = (
             Reading("along the ray of each pixel", _along_rays, _RAYS),
             Reading("a mean with the mirrored photo", lambda z, _: (z + z[:, ::-1]) / 2, _FLIPPED),
         ),
-        _shape,
+        _fitted_log_depths,
     ),
     Group(
         "depth_is_not_shifted",
