@@ -8,7 +8,6 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from PIL import Image
@@ -132,13 +131,11 @@ def test_a_module_of_the_current_folder_would_be_noticed(poisoned):
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: " ".join(command[:4]))
 def test_physic_imports_nothing_of_the_current_folder(poisoned, command):
-    script = Path(sys.executable).with_name("physic")
-    start = (
-        [str(script)]
-        if script.is_file()
-        else ["-P", "-c", "from physic_core.cli import main; main()"]
+    script = poisoned.parent / "physic"  # as pip makes it
+    script.write_text(
+        "from physic_core.cli import main\n\nif __name__ == '__main__':\n    main()\n"
     )
-    python(poisoned, *start, *command)
+    python(poisoned, str(script), *command)
     assert not (poisoned.parent / "marker").exists(), (poisoned.parent / "marker").read_text()
 
 
