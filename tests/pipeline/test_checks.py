@@ -528,3 +528,10 @@ def test_a_check_reads_as_label_value_and_bound(name, value, text):
     assert str(check) == text
     said = "advice or reason" if check.failed else "not measured: advice or reason"
     assert check.message == (text if check.ok else said)
+
+
+def test_a_metric_depth_that_is_larger_where_the_scene_is_nearer_may_be_a_disparity():
+    found = run_checks(*case(witness=by_depth(-1.0), depth=1 / SLOPE))
+    (failed,) = (one for one in found if one.name == "depth_scale")
+    assert failed.failed
+    assert "disparity" in failed.message

@@ -178,7 +178,12 @@ def depth_scale(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return the difference of the scale by the metric depth from that by all other witnesses that
     are likely right, in standard deviations.
     """
-    from physic_core.engine.sizes.evidence import ScaleEvidence, combined_scale, likely_unit
+    from physic_core.engine.sizes.evidence import (
+        ScaleEvidence,
+        combined_scale,
+        is_inverse,
+        likely_unit,
+    )
 
     rows = estimates.ground.witnesses.get("scale", ())
     own = next((row for row in rows if row["by"] == "metric depth"), None)
@@ -194,9 +199,11 @@ def depth_scale(estimates: Estimates, result: Reconstruction) -> Measured:
     away = own["log_ratio"] - others.log_scale
     times = math.exp(away)
     followed = "counts beside them" if own["right"] > _LIKELY else "was not followed"
+    inverse = is_inverse(estimates.depth, estimates.photo.scene_map)
+    question = "is it a disparity, 1 / depth?" if inverse else likely_unit(times)
     return abs(away) / math.hypot(own["sigma"], others.sigma), (
         f"{estimates.depth_by} makes everything {times:.4g} times as large as people and floor "
-        f"suggest, and {followed}: {likely_unit(times)}"
+        f"suggest, and {followed}: {question}"
     )
 
 
@@ -223,7 +230,8 @@ def depth_order(estimates: Estimates, result: Reconstruction) -> Measured:
         return None
     return mirrored - own, (
         f"the depth of {estimates.depth_by} fits the point map better if left and right are "
-        f"exchanged. Check that a file you gave is not mirrored; else do not use the depth"
+        f"exchanged. Check that a file you gave is neither mirrored nor a disparity; else do not "
+        f"use the depth"
     )
 
 
