@@ -111,12 +111,12 @@ def test_depths_inside_scene_and_other_bodies_are_in_cm():
         far[:2] = distance
         return SimpleNamespace(has_body=True, mesh=lambda: ball, distance=far)
 
-    nobody = SimpleNamespace(has_body=False)
-    people = [body(0.0, [-0.04, 0.1]), nobody, body(0.55, [0.0, 0.02]), body(2.0, [-0.01, -0.02])]
+    bodiless = SimpleNamespace(has_body=False)
+    people = [body(0.0, [-0.04, 0.1]), bodiless, body(0.55, [0.0, 0.02]), body(2.0, [-0.01, -0.02])]
     found = measures.depths_inside_cm(people)
     assert found["scene"] == pytest.approx([4, 0, 2])
     assert found["people"] == pytest.approx([5, 5, 0], abs=0.5)
-    assert measures.depths_inside_cm([nobody]) == {"scene": [], "people": []}
+    assert measures.depths_inside_cm([bodiless]) == {"scene": [], "people": []}
 
 
 def test_contact_is_five_percent_of_the_largest_force_of_the_film():

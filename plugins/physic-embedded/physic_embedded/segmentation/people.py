@@ -72,9 +72,12 @@ MAX_SHARED_MASK = 0.5
 person's, over the smaller of both, is of that person.
 """
 SAME_MASK = 0.95
+"""The same limit for an unsteady pose in a box: set by one photo, of a pose of two people. A limit
+of .5 loses 2 real people of 193.
+"""
 UNSTEADY = 0.05
-"""The same for a pose in a box whose mirror gap is larger than this: in a box around a part of
-somebody, or around two people, the network mixes them up.
+"""Mirror gap from which a pose is unsteady: in a box around a part of a person, or around two
+people, the network mixes them up.
 """
 SIMILAR_FIT = 0.7
 """Poses with this share of the best fit are compared by their mirror images."""
