@@ -18,7 +18,7 @@ MODULES = {
     "physic_core.errors": "Errors",
     "physic_core.batch.process": "Many photos",
     "physic_core.weights": "Weights",
-    "physic_core.metrics": "Metrics",
+    "physic_testing.metrics": "Metrics",
     "physic_core.body": "Body model",
     "physic_core.geometry": "Geometry",
     "physic_core.adapters": "Helpers for adapters",

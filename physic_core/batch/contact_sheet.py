@@ -21,7 +21,11 @@ from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE, PREVIEW_FIL
 from physic_core.io.results import read_image, read_record
 
 if TYPE_CHECKING:
+    from importlib.resources.abc import Traversable
+
     from physic_core.types import Reconstruction
+
+_PACKAGE = files("physic_core.batch")
 
 _MAX_PHOTOS = 5000
 """Most photos of one page, which then has about 60 MB."""
@@ -103,7 +107,7 @@ def contact_sheet(cards: Sequence[Mapping[str, Any]], hidden: int = 0) -> Iterat
             "and links it."
         )
     labels = {spec.name: spec.label for spec in CHECKS.values()}
-    page = fill_page("contact_sheet.html", NOTES=notes, LABELS=labels)
+    page = fill_page(_PACKAGE / "contact_sheet.html", NOTES=notes, LABELS=labels)
     before, _, after = page.partition("@DATA@")
     yield f"{before}["
     for number, card in enumerate(cards):
@@ -114,18 +118,16 @@ def contact_sheet(cards: Sequence[Mapping[str, Any]], hidden: int = 0) -> Iterat
     yield f"]{after}"
 
 
-def fill_page(name: str, **data: Any) -> str:
-    """Return a page of this package with the common style, the mark of PhySIC, and data in place of
-    @NAME@.
+def fill_page(page: Traversable, **data: Any) -> str:
+    """Return a page with the common style, the mark of PhySIC, and data in place of @NAME@.
 
     Texts of the user are in the last ones: a later name in them would be replaced.
     """
-    package = files("physic_core.batch")
-    page = (package / name).read_text(encoding="utf-8").replace("@MARK@", MARK)
-    page = page.replace("@STYLE@", (package / "page.css").read_text(encoding="utf-8"))
+    text = page.read_text(encoding="utf-8").replace("@MARK@", MARK)
+    text = text.replace("@STYLE@", (_PACKAGE / "page.css").read_text(encoding="utf-8"))
     for key, value in data.items():
-        page = page.replace(f"@{key}@", _in_script(value))
-    return page
+        text = text.replace(f"@{key}@", _in_script(value))
+    return text
 
 
 def _in_script(value: Any) -> str:

@@ -78,10 +78,6 @@ _COMMANDS = {
         "Reconstruct many photos in several processes; can resume.",
     ),
     "cache": ("physic_core.cli.commands.weights:cache", "Show or clear the cache."),
-    "compare": (
-        "physic_core.cli.commands.results:compare",
-        "Compare two results, or two folders of results, person by person.",
-    ),
     "config": ("physic_core.cli.commands.config:config", "Check, show or create a configuration."),
     "export": (
         "physic_core.cli.commands.results:export",

@@ -10,7 +10,7 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.metrics import distance_to_sources, geodesic_error, surface_graph
+from physic_testing.metrics import distance_to_sources, geodesic_error, surface_graph
 
 pytestmark = pytest.mark.quick
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.metrics.shapes import require_same_shape
+from physic_testing.metrics.shapes import require_same_shape
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from physic_bench.comparison import changed_lines, compare_results, pair_results, summary_lines
 from physic_core import save_reconstruction
-from physic_core.batch.comparison import changed_lines, compare_results, pair_results, summary_lines
 from physic_core.body import JOINT_NAMES
 from physic_core.configuration.model import load_config
 from physic_core.types import BodyContact, ContactPartner, Grade

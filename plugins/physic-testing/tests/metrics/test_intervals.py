@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from physic_core.metrics import (
+from physic_testing.metrics import (
     aligned_table,
     draw_counts,
     markdown_table,

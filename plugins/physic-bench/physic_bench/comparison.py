@@ -9,6 +9,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
@@ -20,11 +21,11 @@ from physic_core.batch.process import WITHOUT_EFFECT
 from physic_core.body import JOINT_NAMES
 from physic_core.errors import InputError
 from physic_core.io.result_folder import is_result, photo_identity_of_result
-from physic_core.metrics import BODY_JOINTS, match_by_masks, scene_error
 from physic_core.types import Grade, grade_text
 from physic_core.types.contacts import part_words
 from physic_core.types.results import pelvis_distance_m
 from physic_core.visual.palette import contact_label
+from physic_testing.metrics import BODY_JOINTS, match_by_masks, scene_error
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, ContactPartner, FloatArray, Person, Reconstruction
@@ -270,7 +271,8 @@ def comparison_page(
         }
         for photo, pair, two in zip(photos, pictures, links, strict=True)
     ]
-    return fill_page("comparison.html", DATA={"about": about, "photos": cards})
+    page = files("physic_bench") / "comparison.html"
+    return fill_page(page, DATA={"about": about, "photos": cards})
 
 
 def _by_photo(folder: Path) -> dict[tuple[str, int], Path]:

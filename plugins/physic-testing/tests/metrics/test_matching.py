@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.metrics import mask_iou, match_by_masks
+from physic_testing.metrics import mask_iou, match_by_masks
 
 pytestmark = pytest.mark.quick
 

@@ -4,7 +4,7 @@ from here.
 
 from __future__ import annotations
 
-from physic_core.metrics.contact import (
+from physic_testing.metrics.contact import (
     ContactCounts,
     ContactScores,
     GeodesicError,
@@ -15,7 +15,7 @@ from physic_core.metrics.contact import (
     precision_recall_f1,
     surface_graph,
 )
-from physic_core.metrics.intervals import (
+from physic_testing.metrics.intervals import (
     DRAWS,
     ValueWithInterval,
     aligned_table,
@@ -24,9 +24,21 @@ from physic_core.metrics.intervals import (
     percentile_interval,
     resampled_interval,
 )
-from physic_core.metrics.matching import Matching, assign, mask_iou, match_by_boxes, match_by_masks
-from physic_core.metrics.pose import BODY_JOINTS, align_similarity, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
-from physic_core.metrics.scene import (
+from physic_testing.metrics.matching import (
+    Matching,
+    assign,
+    mask_iou,
+    match_by_boxes,
+    match_by_masks,
+)
+from physic_testing.metrics.pose import (
+    BODY_JOINTS,
+    align_similarity,
+    mpjpe_mm,
+    mpvpe_mm,
+    pa_mpjpe_mm,
+)
+from physic_testing.metrics.scene import (
     PROXIMITY_RADIUS_M,
     Penetration,
     SceneError,

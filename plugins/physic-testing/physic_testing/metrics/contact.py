@@ -15,7 +15,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from physic_core.errors import PhysicError
-from physic_core.metrics.shapes import require_bool_dtype, require_same_shape
+from physic_testing.metrics.shapes import require_bool_dtype, require_same_shape
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.metrics import (
+from physic_core.types import Intrinsics, Plane
+from physic_testing.metrics import (
     PROXIMITY_RADIUS_M,
     hidden_by_depth_map,
     point_spacing,
     scene_distance,
 )
-from physic_core.types import Intrinsics, Plane
 from physic_testing.worlds import load_world
 
 pytestmark = pytest.mark.quick

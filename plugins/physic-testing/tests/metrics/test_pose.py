@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from physic_core.metrics import align_similarity, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
+from physic_testing.metrics import align_similarity, mpjpe_mm, mpvpe_mm, pa_mpjpe_mm
 
 pytestmark = pytest.mark.quick
 

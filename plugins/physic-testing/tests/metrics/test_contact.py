@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from physic_core.errors import PhysicError
-from physic_core.metrics import contact_counts, contact_scores, precision_recall_f1
+from physic_testing.metrics import contact_counts, contact_scores, precision_recall_f1
 
 pytestmark = pytest.mark.quick
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.metrics import scene_error
+from physic_testing.metrics import scene_error
 
 pytestmark = pytest.mark.quick
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_core.metrics import contact_gap, penetration
+from physic_testing.metrics import contact_gap, penetration
 
 pytestmark = pytest.mark.quick
 
