@@ -85,8 +85,8 @@ def people_of(results: Path, earlier: Sequence[Row]) -> list[Row]:
     """Return a row for each person of the results below a folder, with the verdicts of earlier
     rows.
     """
+    from physic_batch.contact_sheet import find_results
     from physic_core import load_reconstruction
-    from physic_core.batch.contact_sheet import find_results
 
     rows: list[Row] = []
     for folder in find_results(results):

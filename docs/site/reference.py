@@ -16,7 +16,7 @@ MODULES = {
     "physic_core.types": "Data types",
     "physic_core.interfaces": "Interfaces of backends",
     "physic_core.errors": "Errors",
-    "physic_core.batch.process": "Many photos",
+    "physic_batch.process": "Many photos",
     "physic_core.weights": "Weights",
     "physic_testing.metrics": "Metrics",
     "physic_core.body": "Body model",

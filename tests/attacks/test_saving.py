@@ -15,7 +15,7 @@ import physic_core.visual.glb as glb
 import physic_core.visual.preview as preview
 import physic_core.visual.report as report_page
 from interrupted import Steps
-from physic_core.batch.journal import Journal, read_journals
+from physic_batch.journal import Journal, read_journals
 from physic_core.cache.folders import LruFolder
 from physic_core.errors import InputError, OutputError
 from physic_core.files.atomic import atomic_write

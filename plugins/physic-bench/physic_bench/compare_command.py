@@ -42,6 +42,7 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
     wrists, with the joint that is farthest apart; pose is the same with both pelvises in one place.
     The distance of a photo is the median depth of its scene.
     """
+    from physic_batch.contact_sheet import result_link, thumbnail_jpeg
     from physic_bench.comparison import (
         PICTURE_HEIGHT,
         changed_lines,
@@ -51,7 +52,6 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
         summary_lines,
     )
     from physic_core import load_reconstruction
-    from physic_core.batch.contact_sheet import result_link, thumbnail_jpeg
     from physic_core.errors import InputError
     from physic_core.files.atomic import check_own, write_own
     from physic_core.files.plain import split

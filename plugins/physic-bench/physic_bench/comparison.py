@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.batch.contact_sheet import fill_page, find_results
-from physic_core.batch.process import WITHOUT_EFFECT
+from physic_batch.contact_sheet import fill_page, find_results
+from physic_batch.process import WITHOUT_EFFECT
 from physic_core.body import JOINT_NAMES
 from physic_core.errors import InputError
 from physic_core.io.result_folder import is_result, photo_identity_of_result

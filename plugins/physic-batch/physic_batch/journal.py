@@ -27,7 +27,7 @@ from physic_core.io.result_folder import PEOPLE_TABLE
 from physic_core.types.results import PERSON_COLUMNS, SUMMARY_KEYS
 
 if TYPE_CHECKING:
-    from physic_core.batch.photos import Shard
+    from physic_batch.photos import Shard
 
 COLUMNS: Mapping[str, str] = {
     "id": "of the photo",

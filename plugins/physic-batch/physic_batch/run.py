@@ -13,10 +13,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from physic_core.batch.journal import THUMBNAIL, Journal, JournalIndex, journal_files
-from physic_core.batch.photos import PhotoItem, Shard, photo_folder
-from physic_core.batch.process import OTHER_CODE, BatchJob, PhotoProcessor, failed_row
-from physic_core.batch.workers import WorkerSettings, default_workers, run_in_workers
+from physic_batch.journal import THUMBNAIL, Journal, JournalIndex, journal_files
+from physic_batch.photos import PhotoItem, Shard, photo_folder
+from physic_batch.process import OTHER_CODE, BatchJob, PhotoProcessor, failed_row
+from physic_batch.workers import WorkerSettings, default_workers, run_in_workers
 from physic_core.discovery.catalog import EXECUTORS
 from physic_core.discovery.plugins import find_item, import_item
 from physic_core.errors import ConfigError, PluginError
@@ -114,7 +114,7 @@ def run_batch(
     Args:
         items: photos to do, such as ``plan_batch(...).todo``.
         job: of the batch.
-        executor: such as ``open_executor("local", settings)`` of :mod:`physic_core.batch.run`.
+        executor: such as ``open_executor("local", settings)`` of :mod:`physic_batch.run`.
         journal: file in the output folder, called ``journal*.jsonl``.
         on_row: called after each row.
 
@@ -214,7 +214,7 @@ class ExecutorSettings:
 
     Attributes:
         workers: number of processes or actors; None lets the executor choose.
-        timeout: of one photo, as of :class:`physic_core.batch.workers.WorkerSettings`; None for no
+        timeout: of one photo, as of :class:`physic_batch.workers.WorkerSettings`; None for no
             limit.
         logs: folder for what the workers print; None for none.
         address: of a running cluster; None for none, or for what the executor starts itself.

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import pytest
 
-from physic_core.batch.contact_sheet import write_contact_sheet
-from physic_core.batch.journal import Journal, all_columns, write_tables
-from physic_core.batch.photos import PhotoItem, photo_folder
-from physic_core.batch.process import BatchJob, PhotoProcessor, failed_row
+from physic_batch.contact_sheet import write_contact_sheet
+from physic_batch.journal import Journal, all_columns, write_tables
+from physic_batch.photos import PhotoItem, photo_folder
+from physic_batch.process import BatchJob, PhotoProcessor, failed_row
 from physic_core.configuration.model import load_config
 from physic_core.errors import InputError
 

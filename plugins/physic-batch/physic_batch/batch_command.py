@@ -21,9 +21,9 @@ from physic_core.cli.output import echo
 from physic_core.errors import InputError, OutputError
 
 if TYPE_CHECKING:
-    from physic_core.batch.photos import PhotoItem, Shard
-    from physic_core.batch.process import BatchJob
-    from physic_core.batch.run import BatchPlan, Executor
+    from physic_batch.photos import PhotoItem, Shard
+    from physic_batch.process import BatchJob
+    from physic_batch.run import BatchPlan, Executor
 
 _SAVE = (
     "Files per photo, as in physic run; none: only a row of the tables. [default: pictures of up "
@@ -109,9 +109,9 @@ def batch(
     Run the same command again to resume. A photo that fails becomes a row of the journal with the
     reason.
     """
-    from physic_core.batch.journal import shard_journal
-    from physic_core.batch.photos import Shard, list_photos
-    from physic_core.batch.run import plan_batch, run_batch
+    from physic_batch.journal import shard_journal
+    from physic_batch.photos import Shard, list_photos
+    from physic_batch.run import plan_batch, run_batch
 
     if tables == bool(photos):
         raise click.UsageError("--tables takes no photos" if tables else "name photos, or --tables")
@@ -158,8 +158,8 @@ def batch(
 
 def _check_tables(folder: Path, *, with_sheet: bool) -> None:
     """Raise OutputError if tables or contact sheet would replace a file of another kind."""
-    from physic_core.batch.contact_sheet import check_contact_sheet
-    from physic_core.batch.journal import check_tables
+    from physic_batch.contact_sheet import check_contact_sheet
+    from physic_batch.journal import check_tables
 
     check_tables(folder)
     if with_sheet:
@@ -167,8 +167,8 @@ def _check_tables(folder: Path, *, with_sheet: bool) -> None:
 
 
 def _tables(folder: Path, *, with_sheet: bool) -> list[Path]:
-    from physic_core.batch.contact_sheet import write_contact_sheet
-    from physic_core.batch.journal import JournalIndex, journal_files, write_tables
+    from physic_batch.contact_sheet import write_contact_sheet
+    from physic_batch.journal import JournalIndex, journal_files, write_tables
 
     journals = journal_files(folder)
     if not journals:
@@ -184,7 +184,7 @@ def _write_tables(folder: Path, *, with_sheet: bool) -> None:
 
 def _print_forecast(todo: Sequence[PhotoItem], job: BatchJob) -> None:
     """Print the photos, and to stderr those that will fail as far as that is known."""
-    from physic_core.batch.forecast import expected_failure
+    from physic_batch.forecast import expected_failure
 
     failing = 0
     for item in todo:
@@ -205,7 +205,7 @@ def _job(out: Path, options: Mapping[str, Any], *, write: bool) -> BatchJob:
         options: of the command: what to save, and those of the configuration.
         write: whether to create the folder.
     """
-    from physic_core.batch.process import prepare_job
+    from physic_batch.process import prepare_job
     from physic_core.configuration.model import load_config
 
     file = options["file"]
@@ -225,7 +225,7 @@ def _executor(logs: Path, options: Mapping[str, Any]) -> Executor:
     Raises:
         ConfigError: the executor does not have one of the options.
     """
-    from physic_core.batch.run import ExecutorSettings, open_executor
+    from physic_batch.run import ExecutorSettings, open_executor
 
     given = {}
     for text in options["executor_set"]:

@@ -17,10 +17,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from physic_core.batch.contact_sheet import write_thumbnail
-from physic_core.batch.journal import COLUMNS, PEOPLE_COLUMN, THUMBNAIL
-from physic_core.batch.photos import PhotoItem, photo_folder
-from physic_core.batch.workers import peak_memory_mb
+from physic_batch.contact_sheet import write_thumbnail
+from physic_batch.journal import COLUMNS, PEOPLE_COLUMN, THUMBNAIL
+from physic_batch.photos import PhotoItem, photo_folder
+from physic_batch.workers import peak_memory_mb
 from physic_core.cache.digests import CodeDigester, files_named_by
 from physic_core.cache.results import made_of
 from physic_core.configuration.model import DEFAULT_ENERGY, as_config
@@ -85,7 +85,7 @@ class BatchJob:
     """Configuration and outputs of a batch, the same for each photo; it can be pickled.
 
     Attributes:
-        config: of the pipeline; see :func:`physic_core.batch.process.batch_config`.
+        config: of the pipeline; see :func:`physic_batch.process.batch_config`.
         out: absolute path of the output folder.
         save: which files are written for each photo, one of :data:`physic_core.io.results.SAVE`, or
             "none".
@@ -167,7 +167,7 @@ class PhotoProcessor:
     ) -> None:
         self.job = job
         if reconstruct is None:
-            from physic_core.pipeline.run import Pipeline
+            from physic_core import Pipeline
 
             pipeline = Pipeline(job.config)
             pipeline.warm_up()

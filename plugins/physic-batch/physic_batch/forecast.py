@@ -12,7 +12,7 @@ from physic_core.files.atomic import unreadable
 from physic_core.types import Hints
 
 if TYPE_CHECKING:
-    from physic_core.batch.photos import PhotoItem
+    from physic_batch.photos import PhotoItem
     from physic_core.configuration.model import Config
 
 _MAPS = {"depth": "metric_depth", "pointmap": "relative_pointmap"}
@@ -54,7 +54,7 @@ def _check_settings(item: PhotoItem, config: Config) -> None:
     check_input_files(config)
     maps = [interface for name, interface in _MAPS.items() if name in item.settings]
     if maps:
-        from physic_core.io.photo import read_photo
+        from physic_core import read_photo
         from physic_core.pipeline.given.photo import prepare_photo
 
         image = prepare_photo(read_photo(Path(item.path)), photo, None, None).photo.image

@@ -10,12 +10,12 @@ import shutil
 import pytest
 from click.testing import CliRunner
 
+from physic_batch.contact_sheet import write_thumbnail
+from physic_batch.journal import read_journals
+from physic_batch.photos import list_photos, photo_folder
+from physic_batch.process import BatchJob, PhotoProcessor
+from physic_batch.run import plan_batch, run_batch
 from physic_core import load_reconstruction
-from physic_core.batch.contact_sheet import write_thumbnail
-from physic_core.batch.journal import read_journals
-from physic_core.batch.photos import list_photos, photo_folder
-from physic_core.batch.process import BatchJob, PhotoProcessor
-from physic_core.batch.run import plan_batch, run_batch
 from physic_core.cli import main
 from physic_core.cli.exit_codes import USAGE
 from physic_core.configuration.model import load_config

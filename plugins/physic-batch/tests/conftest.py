@@ -7,7 +7,7 @@ import pytest
 
 STANDIN = Path(__file__).parent / "standin"
 # ``tiny_result``, which has a result without any estimator.
-sys.path.insert(0, str(Path(__file__).parents[1] / "attacks"))
+sys.path.insert(0, str(Path(__file__).parents[3] / "tests" / "attacks"))
 
 
 @pytest.fixture

@@ -13,8 +13,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from physic_core.batch.journal import JournalIndex, journal_files
-from physic_core.batch.photos import photo_folder
+from physic_batch.journal import JournalIndex, journal_files
+from physic_batch.photos import photo_folder
 from physic_core.errors import InputError, PhysicError
 from physic_core.files.atomic import MARK, atomic_write, check_own, check_writable, write_own
 from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE, PREVIEW_FILE, REPORT_FILE
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from physic_core.types import Reconstruction
 
-_PACKAGE = files("physic_core.batch")
+_PACKAGE = files("physic_batch")
 
 _MAX_PHOTOS = 5000
 """Most photos of one page, which then has about 60 MB."""

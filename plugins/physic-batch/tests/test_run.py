@@ -19,8 +19,8 @@ from pathlib import Path
 
 import pytest
 
-from physic_core.batch.contact_sheet import write_contact_sheet
-from physic_core.batch.journal import (
+from physic_batch.contact_sheet import write_contact_sheet
+from physic_batch.journal import (
     COLUMNS,
     Journal,
     JournalIndex,
@@ -28,9 +28,9 @@ from physic_core.batch.journal import (
     read_journals,
     write_tables,
 )
-from physic_core.batch.photos import list_photos
-from physic_core.batch.process import BatchJob, PhotoProcessor, base_row
-from physic_core.batch.run import plan_batch, run_batch
+from physic_batch.photos import list_photos
+from physic_batch.process import BatchJob, PhotoProcessor, base_row
+from physic_batch.run import plan_batch, run_batch
 from physic_core.configuration.model import load_config
 from physic_core.discovery.entry_points import core_version
 from physic_core.errors import InputError, OutputError

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from physic_core.batch.process import failed_row
+from physic_batch.process import failed_row
 from physic_testing.worlds import load_world
 
 pytestmark = pytest.mark.usefixtures("few_steps")
@@ -108,7 +108,7 @@ def rows_of_table():
 
 
 def use_executor(monkeypatch, rows):
-    monkeypatch.setattr("physic_core.batch.run.open_executor", lambda name, settings: rows)
+    monkeypatch.setattr("physic_batch.run.open_executor", lambda name, settings: rows)
 
 
 def test_the_tables_are_written_every_20_photos(folder, monkeypatch, physic):

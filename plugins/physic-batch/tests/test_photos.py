@@ -12,7 +12,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from physic_core.batch.photos import PhotoItem, Shard, list_photos, photo_folder, photo_of_row
+from physic_batch.photos import PhotoItem, Shard, list_photos, photo_folder, photo_of_row
 from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError, InputError
 
@@ -132,7 +132,7 @@ def test_files_that_are_no_photos_are_skipped(folder):
 
 UNREADABLE = """
 import os, sys
-from physic_core.batch.photos import list_photos
+from physic_batch.photos import list_photos
 from physic_core.errors import InputError
 if os.geteuid() == 0:
     os.seteuid(65534)  # root may read everything

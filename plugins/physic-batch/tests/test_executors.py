@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from physic_core.batch.run import ExecutorSettings, open_executor
+from physic_batch.run import ExecutorSettings, open_executor
 from physic_core.cli import main
 from physic_core.errors import PluginError
 
 EXECUTOR = """
 from physic_core import PluginItem, hookimpl
-from physic_core.batch.process import failed_row
+from physic_batch.process import failed_row
 from physic_core.errors import ConfigError
 
 def queue_executor(settings):
@@ -94,7 +94,7 @@ def test_settings_that_an_executor_does_not_have(plugin, photos, options, words)
     ("name", "words"), [("slurm", "there are: local, ray"), ("ray", "needs physic-ray")]
 )
 def test_a_name_that_is_not_installed_is_explained(monkeypatch, photos, name, words):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-batch,physic-mock")
     done = physic("--executor", name)
     assert (done.exit_code, words in done.stderr) == (2, True)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from physic_core.batch.workers import WorkerSettings, free_memory_mb, run_in_workers
+from physic_batch.workers import WorkerSettings, free_memory_mb, run_in_workers
 from physic_core.errors import BackendError, ConfigError, OutputError
 
 from .conftest import STANDIN
@@ -109,7 +109,7 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path):
         "from functools import partial\n"
         f"sys.path.insert(0, {str(STANDIN)!r})\n"
         "import batch_standin\n"
-        "from physic_core.batch.workers import *\n"
+        "from physic_batch.workers import *\n"
         "if __name__ == '__main__':\n"
         "    for outcome in run_in_workers(['a', 'b', 'hang', 'hang'], batch_standin.open_worker, "
         "WorkerSettings(2)):\n"

@@ -12,9 +12,9 @@ import time
 from functools import partial
 from pathlib import Path
 
-from physic_core.batch.process import BatchJob, PhotoProcessor
-from physic_core.batch.run import run_batch, run_locally
-from physic_core.batch.workers import WorkerSettings
+from physic_batch.process import BatchJob, PhotoProcessor
+from physic_batch.run import run_batch, run_locally
+from physic_batch.workers import WorkerSettings
 from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError, NoPersonError, OutputError
 
@@ -115,8 +115,8 @@ def run_standin(
     **plan,
 ):
     """Run or resume a batch over the files of a folder, without networks."""
-    from physic_core.batch.photos import list_photos
-    from physic_core.batch.run import plan_batch
+    from physic_batch.photos import list_photos
+    from physic_batch.run import plan_batch
 
     job = standin_job(out)
     todo = plan_batch(list_photos([str(folder)]).photos, job, **plan).todo

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from physic_core.batch.contact_sheet import contact_sheet
+from physic_batch.contact_sheet import contact_sheet
 from physic_core.pipeline.checks import CHECKS
 
 GRADES = ("good", "bad", "doubtful", "good", "")
