@@ -17,3 +17,9 @@ def standin(monkeypatch):
     import batch_standin
 
     return batch_standin
+
+
+@pytest.fixture(scope="session")
+def make(module_at):
+    """Make a room with mannequins: ``make(width, height, people)``."""
+    return module_at("tests/conftest.py").make_reconstruction
