@@ -23,11 +23,11 @@ MODULES = {
     "physic_core.geometry": "Geometry",
     "physic_core.adapters": "Helpers for adapters",
     "physic_core.engine.settings": "Settings of the engine",
-    "physic_core.visual.export.request": "Requests of exports",
-    "physic_core.visual.report": "The page of a result",
-    "physic_core.visual.surface": "Meshes of scene and floor",
-    "physic_core.visual.palette": "Colours",
-    "physic_core.visual.rig": "Skeletons and skins",
+    "physic_core.export": "Requests of exports",
+    "physic_core.pictures": "The page of a result",
+    "physic_visual.surface": "Meshes of scene and floor",
+    "physic_visual.palette": "Colours",
+    "physic_visual.rig": "Skeletons and skins",
     "physic_testing": "Worlds and conformance",
 }
 """The public modules, by the title of their page."""

@@ -33,7 +33,7 @@ _hookspec = pluggy.HookspecMarker(PROJECT)
 
 @dataclass(frozen=True)
 class PluginItem:
-    """A command, an executor, an engine preset or a page of a plugin.
+    """A command, an executor, an engine preset or the maker of pictures of a plugin.
 
     Attributes:
         name: of the item; of a command, the words after ``physic``, such as "scene" or "plugins
@@ -68,6 +68,7 @@ class ExporterRecord:
         packages: import names of required packages, such as those of an extra.
         extra: extra of the distribution that installs ``packages``, or empty.
         options: name of an option -> its values, the default first. A flag has False and True.
+        gives_way: whether a format of this name of another plugin replaces this one.
     """
 
     name: str
@@ -83,6 +84,7 @@ class ExporterRecord:
     packages: tuple[str, ...] = ()
     extra: str = ""
     options: Mapping[str, tuple[str | bool, ...]] = field(default_factory=dict)
+    gives_way: bool = False
 
     @property
     def missing_packages(self) -> tuple[str, ...]:
@@ -120,9 +122,9 @@ def physic_engine_presets() -> Sequence[PluginItem]:  # type: ignore[empty-body]
 
 
 @_hookspec
-def physic_pages() -> Sequence[PluginItem]:  # type: ignore[empty-body]
-    """Return the maker of ``report.html``, the page of a result
-    (:func:`physic_core.visual.report.report_html`).
+def physic_pictures() -> Sequence[PluginItem]:  # type: ignore[empty-body]
+    """Return the maker of a result's pictures and page
+    (:func:`physic_core.pictures.make_pictures`).
     """
 
 
@@ -131,6 +133,6 @@ RECORDS: dict[str, type[PluginItem] | type[ExporterRecord]] = {
     "physic_exporters": ExporterRecord,
     "physic_executors": PluginItem,
     "physic_engine_presets": PluginItem,
-    "physic_pages": PluginItem,
+    "physic_pictures": PluginItem,
 }
 """The hooks, and the class of what each returns."""

@@ -130,10 +130,10 @@ def report(results: tuple[Path, ...], out: Path | None, title: str, each: bool) 
         )
     from physic_core.errors import InputError, OutputError
     from physic_core.io.result_folder import is_result
-    from physic_core.visual.report import require_report
+    from physic_core.pictures import require_pictures
 
     if out is not None or each or any(map(is_result, results)):
-        require_report()
+        require_pictures()
     first: PhysicError | None = None
     for folder in results:
         try:
@@ -291,9 +291,9 @@ def export(
     # An unknown format is reported before numpy is imported.
     find_exporter(name, "" if path is None or path.is_dir() else path.suffix)
 
+    from physic_core.export import export_reconstruction
     from physic_core.io.result_folder import list_exports
     from physic_core.io.results import load_reconstruction
-    from physic_core.visual.export.write import export_reconstruction
 
     done = export_reconstruction(
         load_reconstruction(out),
