@@ -108,8 +108,8 @@ def physic_exporters() -> Sequence[ExporterRecord]:  # type: ignore[empty-body]
 def physic_executors() -> Sequence[PluginItem]:  # type: ignore[empty-body]
     """Return the executors that this plugin adds to ``physic batch --executor``.
 
-    Each target is a function that gets :class:`physic_core.batch.run.ExecutorSettings` and returns
-    an :data:`physic_core.batch.run.Executor`.
+    Each target is a function that gets :class:`physic_batch.run.ExecutorSettings` and returns
+    an :data:`physic_batch.run.Executor`.
     """
 
 

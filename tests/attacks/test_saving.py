@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from interrupted import Steps
-from physic_core.batch.journal import Journal, read_journals
+from physic_batch.journal import Journal, read_journals
 from physic_core.cache.folders import LruFolder
 from physic_core.errors import InputError, OutputError
 from physic_core.files.atomic import atomic_write

@@ -29,7 +29,7 @@ PLAIN = (
 
 @pytest.fixture
 def hidden(monkeypatch):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-batch,physic-mock")
 
 
 @pytest.fixture
@@ -78,14 +78,14 @@ def test_without_a_plugin_pictures_are_refused_and_the_numbers_kept(make, tmp_pa
 
 
 @pytest.mark.usefixtures("hidden")
-def test_a_contact_sheet_needs_no_plugin(folder, physic):
+def test_a_contact_sheet_needs_no_maker_of_pictures(folder, physic):
     done = physic("report", "results")
     assert (done.exit_code, done.stdout) == (0, "wrote results/contact-sheet.html\n")
 
 
 def test_the_page_of_another_plugin_is_written(folder, site, monkeypatch, physic):
     install(site, PLAIN)
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-page")
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-batch,physic-page")
     assert physic("report", folder, "--title", "mine").exit_code == 0
     assert (
         (folder / "report.html")

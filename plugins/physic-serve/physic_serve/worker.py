@@ -16,7 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from physic_core.batch.workers import started_processes
+from physic_batch.workers import started_processes
 from physic_core.errors import BackendError
 
 if TYPE_CHECKING:
