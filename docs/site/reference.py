@@ -21,13 +21,14 @@ MODULES = {
     "physic_testing.metrics": "Metrics",
     "physic_core.body": "Body model",
     "physic_core.geometry": "Geometry",
-    "physic_core.adapters": "Helpers for adapters",
+    "physic_core.backends": "Devices, memory, people",
     "physic_core.engine.settings": "Settings of the engine",
     "physic_core.export": "Requests of exports",
     "physic_core.pictures": "The page of a result",
     "physic_visual.surface": "Meshes of scene and floor",
     "physic_visual.palette": "Colours",
     "physic_visual.rig": "Skeletons and skins",
+    "physic_networks": "Helpers for wrappers of networks",
     "physic_testing": "Worlds and conformance",
 }
 """The public modules, by the title of their page."""

@@ -33,7 +33,8 @@ _hookspec = pluggy.HookspecMarker(PROJECT)
 
 @dataclass(frozen=True)
 class PluginItem:
-    """A command, an executor, an engine preset or the maker of pictures of a plugin.
+    """A command, an executor, an engine preset, the maker of pictures or a reader of keypoints of a
+    plugin.
 
     Attributes:
         name: of the item; of a command, the words after ``physic``, such as "scene" or "plugins
@@ -128,11 +129,22 @@ def physic_pictures() -> Sequence[PluginItem]:  # type: ignore[empty-body]
     """
 
 
+@_hookspec
+def physic_keypoints() -> Sequence[PluginItem]:  # type: ignore[empty-body]
+    """Return the readers of other programs' keypoints that this plugin adds to ``--keypoints``.
+
+    Each target is a function that gets a JSON document and the name of the photo's file, and
+    returns a :class:`physic_core.types.KeypointTable`, or None if it does not know the form. It
+    raises ValueError with what is wrong.
+    """
+
+
 RECORDS: dict[str, type[PluginItem] | type[ExporterRecord]] = {
     "physic_commands": PluginItem,
     "physic_exporters": ExporterRecord,
     "physic_executors": PluginItem,
     "physic_engine_presets": PluginItem,
     "physic_pictures": PluginItem,
+    "physic_keypoints": PluginItem,
 }
 """The hooks, and the class of what each returns."""

@@ -303,6 +303,8 @@ def prepare_job(
     if save not in (*SAVE, "none"):
         raise ConfigError(f"what to save is one of {', '.join(SAVE)}, none (got '{save}')")
     if save == "pictures":
+        from physic_core.pictures import require_pictures
+
         require_pictures()
     chosen = as_config(config)
     resolve(chosen)  # lists all errors, each with the place of its value

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.devices import limited_blas
+from physic_core.backends.devices import limited_blas
 from physic_core.body.joints import JOINT_NAMES, PARENTS, ROTATION_FIELDS
 from physic_core.errors import InputError
 from physic_core.geometry.rotations import rotvec_to_rotmat_numpy

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import ctypes
 import hashlib
 import logging
 import os
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from physic_core.adapters.devices import DEVICE_PATTERN
-from physic_core.adapters.optimised_graphs import KeptGraph
+from physic_core.backends.devices import DEVICE_PATTERN
 from physic_core.cache.results import cached_network_result
 from physic_core.errors import BackendError, DeviceError
+from physic_networks.optimised_graphs import KeptGraph
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -389,25 +387,10 @@ def _register_shared_arena() -> None:
     ort.create_and_register_allocator(memory, ort.OrtArenaCfg({}))
 
 
-def release_memory(*, all_of_it: bool = True) -> None:
-    """Give CPU memory that was freed back to the system: that of the arena, and that of the C
-    library of Linux.
-
-    Otherwise the process keeps it even after all sessions are closed: .6 GB for a photo.
-
-    Args:
-        all_of_it: False leaves that of the C library: to take it again costs a photo .2 CPU
-            seconds.
-    """
-    if _register_shared_arena.cache_info().currsize:
-        _shrink_arena()
-    if not all_of_it:
+def shrink_arena() -> None:
+    """Give CPU memory that closed or idle sessions have freed back to the C library."""
+    if not _register_shared_arena.cache_info().currsize:
         return
-    with suppress(OSError, AttributeError, TypeError):  # another C library has no such function
-        ctypes.CDLL(None).malloc_trim(0)
-
-
-def _shrink_arena() -> None:
     import numpy as np
     import onnxruntime as ort
 

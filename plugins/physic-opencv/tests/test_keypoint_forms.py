@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physic_core.errors import InputError
+from physic_core.errors import InputError, PackageMissingError
 from physic_core.io.keypoint_file import read_keypoints
 
 FILES = Path(__file__).parent / "keypoints"
@@ -172,3 +172,9 @@ def test_scores_above_1_count_as_1_with_a_note(tmp_path):
     assert given.confidence is not None
     assert given.confidence.max() == 1
     assert "5.1" in given.notes[-1]
+
+
+def test_without_a_reader_json_is_refused_with_what_to_install(monkeypatch):
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
+    with pytest.raises(PackageMissingError, match="physic-opencv"):
+        read("openpose")

@@ -10,7 +10,10 @@ import pytest
 import torch
 from pydantic import Field
 
-from physic_core.adapters.networks import (
+from physic_core.errors import BackendError, DeviceError, WeightsMissingError
+from physic_core.interfaces import GpuMemory, MetricDepth, Options
+from physic_core.types import DepthMap, Hints
+from physic_networks.networks import (
     NetworkBackend,
     TorchBackend,
     TorchOptions,
@@ -18,10 +21,7 @@ from physic_core.adapters.networks import (
     run_in_batches,
     to_numpy,
 )
-from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
-from physic_core.errors import BackendError, DeviceError, WeightsMissingError
-from physic_core.interfaces import GpuMemory, MetricDepth, Options
-from physic_core.types import DepthMap, Hints
+from physic_networks.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
 
 PHOTO = np.random.default_rng(0).integers(0, 256, (40, 60, 3), np.uint8)
 

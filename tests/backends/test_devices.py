@@ -10,7 +10,7 @@ import pytest
 import torch
 from threadpoolctl import threadpool_info
 
-from physic_core.adapters.devices import limited_threads
+from physic_core.backends.devices import limited_threads
 
 
 def blas_threads():
@@ -32,7 +32,7 @@ def test_threads_are_limited_inside_and_restored_after(count):
 def test_torch_is_imported_beside_the_block_and_limited():
     code = """
 import sys, threading
-from physic_core.adapters.devices import limited_threads
+from physic_core.backends.devices import limited_threads
 with limited_threads(1):
     for thread in set(threading.enumerate()) - {threading.main_thread()}:
         thread.join()

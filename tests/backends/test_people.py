@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from physic_core.adapters.people import (
+from physic_core.backends.people import (
     box_iou,
     clip_boxes,
     keypoint_similarity,

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from physic_core.adapters.canonical_depth import (
+from physic_core.types import Hints, Intrinsics
+from physic_networks.canonical_depth import (
     depth_from_canonical,
     depth_from_canonical_inverse,
     focal_from_fov,
     known_camera,
 )
-from physic_core.types import Hints, Intrinsics
 
 
 def test_the_angle_is_in_degrees_and_spans_the_whole_width():

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from physic_core.adapters.pictures import (
+from physic_core.errors import BackendError, InputError
+from physic_networks.pictures import (
     IMAGENET_MEAN,
     IMAGENET_STD,
     inpaint_masked,
@@ -18,7 +19,6 @@ from physic_core.adapters.pictures import (
     resize_image,
     resize_map,
 )
-from physic_core.errors import BackendError, InputError
 
 rng = np.random.default_rng(5)
 PHOTO = rng.integers(0, 256, (37, 53, 3), np.uint8)

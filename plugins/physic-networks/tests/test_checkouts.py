@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
-from physic_core.adapters.checkouts import Checkout
 from physic_core.errors import BackendError, WeightsMissingError
+from physic_networks.checkouts import Checkout
 
 
 def checkout(folder, files, package="core.net", **settings):

@@ -7,17 +7,17 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from physic_core.adapters.bodies import (
+from physic_core.body import load_body
+from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES
+from physic_core.interfaces import BodyEstimator
+from physic_core.types import SKELETONS, Keypoints
+from physic_networks.bodies import (
     bodies_from_smpl,
     joints_from_mhr70,
     observed_joints,
     parameters_from_rotvecs,
     to_rotvecs,
 )
-from physic_core.body import load_body
-from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES
-from physic_core.interfaces import BodyEstimator
-from physic_core.types import SKELETONS, Keypoints
 from physic_testing import violations
 from physic_testing.worlds import load_world
 

@@ -33,7 +33,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core import weights
-from physic_core.adapters.devices import check_device
+from physic_core.backends.devices import check_device
 from physic_core.errors import BackendError, DeviceError
 from physic_core.interfaces import Backend, GpuMemory, Options, Requirement
 
@@ -96,6 +96,13 @@ class NetworkBackend(Backend):
     def close(self) -> None:
         """Release the network."""
         self._network = None
+
+    @staticmethod
+    def release_memory() -> None:
+        """Give CPU memory that onnxruntime keeps for all sessions back to the C library."""
+        from physic_networks.onnx_sessions import shrink_arena
+
+        shrink_arena()
 
     @property
     def network(self) -> Any:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.ndimage import map_coordinates
 
-from physic_core.adapters.top_down import (
+from physic_networks.top_down import (
     Crop,
     antialias_sigma,
     crop_around_box,

@@ -8,14 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from physic_core.adapters.affine_pointmap import (
+from physic_core.errors import BackendError
+from physic_core.types import Intrinsics
+from physic_networks.affine_pointmap import (
     AffineCamera,
     half_diagonal,
     points_on_rays,
     recover_camera,
 )
-from physic_core.errors import BackendError
-from physic_core.types import Intrinsics
 
 
 def depth_of_a_scene(height, width, seed=0, relief=1.0):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from physic_core.backends.masks import dilate
 from physic_core.errors import BackendError, InputError
 from physic_core.interfaces.checks import tensor_advice
 
@@ -344,13 +345,3 @@ def dilate_mask(mask: BoolArray, share: float) -> BoolArray:
     """
     wider = dilate(mask, share * max(mask.shape))
     return mask if wider.all() else wider
-
-
-def dilate(mask: BoolArray, radius_px: float) -> BoolArray:
-    """Dilate a mask (H, W) by a disc of radius ``radius_px``, rounded."""
-    import cv2
-
-    radius = round(radius_px)
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    wider: BoolArray = cv2.dilate(mask.astype(np.uint8), disc) > 0
-    return wider

@@ -5,30 +5,13 @@ each form.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
 
-from physic_core.types.skeletons import SKELETONS
+from physic_core.types import SKELETONS, KeypointTable
 
 Row = tuple[int, str, float, float, float]
 """Number of the annotation, joint, x and y in px, and visibility or score."""
-
-
-@dataclass(frozen=True)
-class KeypointTable:
-    """Keypoints of a file.
-
-    Attributes:
-        rows: all keypoints, also those that are not visible.
-        scored: whether the third number of the form is always a score. In COCO it is a visibility,
-            0, 1 or 2, unless any number of the file is another one.
-        size: width and height in px of the image that the file states; None if it states none.
-    """
-
-    rows: tuple[Row, ...]
-    scored: bool
-    size: tuple[int, int] | None = None
 
 
 def _names(skeleton: str) -> tuple[str, ...]:
@@ -59,15 +42,15 @@ _OPENPOSE = {
 }
 
 
-def table_of(document: Any, photo: str) -> KeypointTable:
-    """Return the keypoints of a JSON document.
+def table_of(document: Any, photo: str) -> KeypointTable | None:
+    """Return the keypoints of a JSON document, None if its form is not known.
 
     Args:
         document: parsed.
         photo: name of the photo's file, or "": which image of several is meant.
 
     Raises:
-        ValueError: the form is not known, or a list has another length than its skeleton.
+        ValueError: the form is known and refused, or a list has another length than its skeleton.
     """
     for is_form, read in _FORMS:
         if is_form(document):
@@ -75,15 +58,7 @@ def table_of(document: Any, photo: str) -> KeypointTable:
     for is_form, converts in _REFUSED:
         if is_form(document):
             raise ValueError(converts)
-    raise ValueError(f"its form is not known: it has {_outline(document)}")
-
-
-def _outline(document: Any) -> str:
-    if isinstance(document, Mapping):
-        return f"an object with {', '.join(map(str, list(document)[:6])) or 'nothing'}"
-    if isinstance(document, list) and document:
-        return f"a list of {len(document)}, the first of which is {_outline(document[0])}"
-    return "an empty list" if document == [] else f"a {type(document).__name__}"
+    return None
 
 
 def _first(document: Any) -> Mapping[str, Any]:
