@@ -120,7 +120,7 @@ def test_the_tables_are_written_every_20_photos(folder, monkeypatch, physic):
             seen.append(rows_of_table())
 
     use_executor(monkeypatch, rows)
-    monkeypatch.setattr("physic_core.cli.commands.batch._PAUSES", 0)
+    monkeypatch.setattr("physic_batch.batch_command._PAUSES", 0)
     assert physic("batch", "photos", "-o", "out", "--preset", "mock").exit_code == 0
     assert seen[18:20] == [0, 20]
     assert seen[39:] == [40] * 6
