@@ -62,8 +62,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_embedded.networks.patch_tokens import PatchTokens
+    from physic_networks.onnx_sessions import OnnxSession
 
     from .sample import Encoder, Seen
 

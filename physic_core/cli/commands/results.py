@@ -114,9 +114,9 @@ def export(
     # An unknown format is reported before numpy is imported.
     find_exporter(name, "" if path is None or path.is_dir() else path.suffix)
 
+    from physic_core.export import export_reconstruction
     from physic_core.io.result_folder import list_exports
     from physic_core.io.results import load_reconstruction
-    from physic_core.visual.export.write import export_reconstruction
 
     done = export_reconstruction(
         load_reconstruction(out),

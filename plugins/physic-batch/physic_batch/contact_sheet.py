@@ -17,8 +17,9 @@ from physic_batch.journal import JournalIndex, journal_files
 from physic_batch.photos import photo_folder
 from physic_core.errors import InputError, PhysicError
 from physic_core.files.atomic import MARK, atomic_write, check_own, check_writable, write_own
-from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE, PREVIEW_FILE, REPORT_FILE
+from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE
 from physic_core.io.results import read_image, read_record
+from physic_core.pictures import PREVIEW_FILE, REPORT_FILE
 
 if TYPE_CHECKING:
     from importlib.resources.abc import Traversable
@@ -276,9 +277,9 @@ def thumbnail_jpeg(result: Reconstruction, height: int, *, numbered: bool = Fals
     import numpy as np
     from PIL import Image, ImageDraw
 
-    from physic_core.visual.numbers import draw_numbers, heads_in_photo
-    from physic_core.visual.panels import overlay_panel
-    from physic_core.visual.views import build_preview_geometry, side_view
+    from physic_visual.numbers import draw_numbers, heads_in_photo
+    from physic_visual.panels import overlay_panel
+    from physic_visual.views import build_preview_geometry, side_view
 
     geometry = build_preview_geometry(result)
     aspect = result.image.shape[1] / result.image.shape[0]

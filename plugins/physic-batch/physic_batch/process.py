@@ -296,11 +296,16 @@ def prepare_job(
 
     Raises:
         ConfigError: the configuration or ``save`` is not valid.
+        PackageMissingError: no plugin makes the pictures to save.
         WeightsMissingError: weights are missing.
         OutputError: the folder cannot be written.
     """
     if save not in (*SAVE, "none"):
         raise ConfigError(f"what to save is one of {', '.join(SAVE)}, none (got '{save}')")
+    if save == "pictures":
+        from physic_core.pictures import require_pictures
+
+        require_pictures()
     chosen = as_config(config)
     resolve(chosen)  # lists all errors, each with the place of its value
     settings = batch_config(chosen, cache=cache)

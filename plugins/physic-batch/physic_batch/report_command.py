@@ -36,10 +36,10 @@ def report(results: tuple[Path, ...], out: Path | None, title: str, each: bool) 
         )
     from physic_core.errors import InputError, OutputError
     from physic_core.io.result_folder import is_result
-    from physic_core.visual.report import require_report
+    from physic_core.pictures import require_pictures
 
     if out is not None or each or any(map(is_result, results)):
-        require_report()
+        require_pictures()
     first: PhysicError | None = None
     for folder in results:
         try:

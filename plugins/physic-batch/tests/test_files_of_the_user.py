@@ -86,8 +86,8 @@ def test_an_edited_file_of_a_result_is_kept(
     """A batch does not do a photo again for it, and keeps it beside the new one where it does for
     another reason.
     """
-    monkeypatch.setattr("physic_core.visual.glb.combined_glb", lambda result: b"mesh")
-    monkeypatch.setattr("physic_core.visual.preview.preview_png", lambda result: b"picture")
+    monkeypatch.setattr("physic_visual.pictures.combined_glb", lambda result: b"mesh")
+    monkeypatch.setattr("physic_visual.pictures.preview_png", lambda result: b"picture")
     out = tmp_path / "out"
     (item,) = list_photos([str(photos)]).photos
     jobs = [

@@ -400,7 +400,7 @@ def run_all(photos, job, reconstruct=lambda path, settings: tiny_result()):
 
 @pytest.fixture
 def quick_mesh(monkeypatch):
-    monkeypatch.setattr("physic_core.visual.glb.combined_glb", lambda result: b"mesh")
+    monkeypatch.setattr("physic_visual.pictures.combined_glb", lambda result: b"mesh")
 
 
 @pytest.mark.usefixtures("quick_mesh")

@@ -24,8 +24,8 @@ from physic_core.io.result_folder import is_result, photo_identity_of_result
 from physic_core.types import Grade, grade_text
 from physic_core.types.contacts import part_words
 from physic_core.types.results import pelvis_distance_m
-from physic_core.visual.palette import contact_label
 from physic_testing.metrics import BODY_JOINTS, match_by_masks, scene_error
+from physic_visual.palette import contact_label
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, ContactPartner, FloatArray, Person, Reconstruction

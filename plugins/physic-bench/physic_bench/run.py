@@ -16,7 +16,7 @@ import numpy as np
 from physic_bench.readers import LAYOUTS, READERS
 from physic_bench.reading import DamagedFrameError, picture_file
 from physic_bench.scoring import body_box, score_frame
-from physic_core.adapters.people import box_iou
+from physic_core.backends.people import box_iou
 from physic_core.errors import InputError, PhysicError
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from physic_core.adapters.people import box_iou
+from physic_core.backends.people import box_iou
 from physic_core.errors import PhysicError
 
 if TYPE_CHECKING:
