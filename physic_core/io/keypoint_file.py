@@ -114,7 +114,7 @@ def _table_of(document: Any, photo: str) -> KeypointTable:
     if not readers:
         raise PackageMissingError(f"keypoints in JSON are read by {explain_absence(_DISTRIBUTION)}")
     for found in readers:
-        table = import_item(found, "reader of keypoints")(document, photo)
+        table: KeypointTable | None = import_item(found, "reader of keypoints")(document, photo)
         if table is not None:
             return table
     raise ValueError(f"its form is not known: it has {_outline(document)}")

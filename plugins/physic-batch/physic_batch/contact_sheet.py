@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from physic_batch.journal import JournalIndex, journal_files
 from physic_batch.photos import photo_folder
 from physic_core.errors import InputError, PhysicError
-from physic_core.files.atomic import MARK, atomic_write, check_own, check_writable, write_own
+from physic_core.files import MARK, atomic_write, check_own, check_writable, write_own
 from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE
 from physic_core.io.results import read_image, read_record
 from physic_core.pictures import PREVIEW_FILE, REPORT_FILE

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from physic_core.configuration.resolve import check_input_files, resolve_one
 from physic_core.discovery.plugin_code import named_plugin_code
 from physic_core.errors import ConfigError, InputError, PhysicError
-from physic_core.files.atomic import unreadable
+from physic_core.files import unreadable
 from physic_core.types import Hints
 
 if TYPE_CHECKING:

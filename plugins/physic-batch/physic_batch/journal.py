@@ -21,10 +21,17 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from filelock import FileLock, Timeout
 
 from physic_core.errors import OutputError
-from physic_core.files.atomic import atomic_write, check_own, foreign_file, open_to_append
-from physic_core.files.text import csv_writer, from_json, to_json
+from physic_core.files import (
+    atomic_write,
+    check_own,
+    csv_writer,
+    foreign_file,
+    from_json,
+    open_to_append,
+    to_json,
+)
 from physic_core.io.result_folder import PEOPLE_TABLE
-from physic_core.types.results import PERSON_COLUMNS, SUMMARY_KEYS
+from physic_core.types import PERSON_COLUMNS, SUMMARY_KEYS
 
 if TYPE_CHECKING:
     from physic_batch.photos import Shard

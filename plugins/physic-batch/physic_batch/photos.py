@@ -20,8 +20,7 @@ from physic_core.cache.digests import file_stamp
 from physic_core.configuration.model import PhotoSettings
 from physic_core.configuration.problems import problems_from_pydantic
 from physic_core.errors import ConfigError, InputError
-from physic_core.files.image_file import IMAGE_SUFFIXES
-from physic_core.files.text import path_problem, printable, quoted, shorten
+from physic_core.files import IMAGE_SUFFIXES, path_problem, printable, quoted, shorten
 from physic_core.io.result_folder import DOCUMENT_FILE
 
 _PHOTO_SUFFIXES = frozenset(suffix for suffixes in IMAGE_SUFFIXES.values() for suffix in suffixes)

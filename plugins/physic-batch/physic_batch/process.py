@@ -30,11 +30,11 @@ from physic_core.discovery.entry_points import core_version
 from physic_core.discovery.plugin_code import named_plugin_code
 from physic_core.discovery.plugins import find_items
 from physic_core.errors import ConfigError, OutputError
-from physic_core.files.atomic import check_writable
+from physic_core.files import check_writable
 from physic_core.interfaces import INTERFACES
 from physic_core.io.result_folder import file_digest, run_of_result
 from physic_core.io.results import SAVE, save_reconstruction
-from physic_core.types.results import person_rows
+from physic_core.types import person_rows
 
 if TYPE_CHECKING:
     from physic_core.configuration.model import Config

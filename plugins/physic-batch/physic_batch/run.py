@@ -20,7 +20,7 @@ from physic_batch.workers import WorkerSettings, default_workers, run_in_workers
 from physic_core.discovery.catalog import EXECUTORS
 from physic_core.discovery.plugins import find_item, import_item
 from physic_core.errors import ConfigError, PluginError
-from physic_core.files.atomic import check_writable
+from physic_core.files import check_writable
 from physic_core.io.result_folder import ARRAYS_FILE, file_digest, run_of_result
 from physic_core.io.results import SAVE
 

@@ -27,7 +27,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 from physic_core import errors
 from physic_core.errors import BackendError, OutputError, PhysicError
-from physic_core.files.atomic import MARK, check_own, open_to_append, write_own
+from physic_core.files import MARK, check_own, open_to_append, write_own
 
 _IDLE_SHARE = 0.01
 """A worker that uses less than this share of a core for as long as the time limit hangs."""

@@ -53,8 +53,7 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
     )
     from physic_core import load_reconstruction
     from physic_core.errors import InputError
-    from physic_core.files.atomic import check_own, write_own
-    from physic_core.files.plain import split
+    from physic_core.files import check_own, split, write_own
 
     if page is not None:
         check_own(page)

@@ -21,9 +21,7 @@ from physic_batch.process import WITHOUT_EFFECT
 from physic_core.body import JOINT_NAMES
 from physic_core.errors import InputError
 from physic_core.io.result_folder import is_result, photo_identity_of_result
-from physic_core.types import Grade, grade_text
-from physic_core.types.contacts import part_words
-from physic_core.types.results import pelvis_distance_m
+from physic_core.types import Grade, grade_text, part_words, pelvis_distance_m
 from physic_testing.metrics import BODY_JOINTS, match_by_masks, scene_error
 from physic_visual.palette import contact_label
 

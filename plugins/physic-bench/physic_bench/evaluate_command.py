@@ -177,7 +177,7 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
     from physic_bench.run import evaluate_methods
     from physic_bench.scoring import columns_with_contact_truths
     from physic_bench.tables import Tables, check_results, write_results
-    from physic_core.files.atomic import MARK, check_writable
+    from physic_core.files import MARK, check_writable
 
     files = BodyFiles(given.smplx, given.smpl)
     report = partial(echo, err=True)

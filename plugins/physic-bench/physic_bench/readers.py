@@ -11,7 +11,7 @@ import numpy as np
 
 from physic_bench.contract import TOPOLOGY_OF_COUNT, BenchPerson, Prediction
 from physic_bench.reading import DamagedFrameError, numbers, read_npz, reading
-from physic_core.body.joints import JOINT_NAMES
+from physic_core.body import JOINT_NAMES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

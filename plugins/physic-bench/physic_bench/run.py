@@ -106,7 +106,7 @@ def reconstruct_frames(
     from physic_batch.process import BatchJob
     from physic_batch.run import plan_batch, run_batch, run_locally
     from physic_batch.workers import WorkerSettings
-    from physic_core.files.atomic import check_writable
+    from physic_core.files import check_writable
 
     job = BatchJob(config, str(check_writable(out).resolve()), "numbers")
     failed: dict[str, str] = {}

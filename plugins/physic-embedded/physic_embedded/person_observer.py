@@ -11,10 +11,9 @@ import numpy as np
 from pydantic import BaseModel, Field
 from scipy.special import expit, softmax
 
-from physic_core.files.npz import read_arrays
+from physic_core.files import read_arrays
 from physic_core.interfaces import Options, PersonObserver
-from physic_core.types import Observations
-from physic_core.types.skeletons import SIDES
+from physic_core.types import SIDES, Observations
 from physic_embedded.networks.depth_anything import TOKENS, patch_tokens
 from physic_embedded.networks.sessions import (
     PackagedBackend,

@@ -12,11 +12,9 @@ import trimesh
 from scipy.optimize import linprog, minimize
 from scipy.spatial import ConvexHull
 
-from physic_core.body.joints import JOINT_INDEX
-from physic_core.geometry.rotations import rotation_between, rotmat_to_rotvec
-from physic_core.geometry.upright import transform_points
-from physic_core.types import SupportState
-from physic_core.types.skeletons import SIDES
+from physic_core.body import JOINT_INDEX
+from physic_core.geometry import rotation_between, rotmat_to_rotvec, transform_points
+from physic_core.types import SIDES, SupportState
 from physic_export.humanoid import (
     FLAT_M,
     NUM_BODIES,

@@ -8,7 +8,7 @@ import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.errors import InputError
-from physic_core.geometry.rotations import rotmat_to_euler
+from physic_core.geometry import rotmat_to_euler
 from physic_export.lafan import as_lafan
 from physic_export.skeleton import named_rig, t_pose
 from physic_visual.rig import Rig, rigs

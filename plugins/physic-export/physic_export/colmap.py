@@ -17,8 +17,7 @@ import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.errors import ConfigError
-from physic_core.geometry.rotations import rotmat_to_quat
-from physic_core.geometry.upright import transform_points
+from physic_core.geometry import rotmat_to_quat, transform_points
 from physic_export.depth import mask_picture, pixels_of_people
 from physic_visual.textures.photo import encode_image
 

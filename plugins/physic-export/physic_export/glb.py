@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.geometry.rotations import rotmat_to_quat
+from physic_core.geometry import rotmat_to_quat
 from physic_export.skeleton import bone_names, named_rig, t_pose, with_ends
 from physic_export.skins import Skins, skins_of
 from physic_visual.glb import (

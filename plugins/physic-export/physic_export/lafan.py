@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.joints import JOINT_NAMES
+from physic_core.body import JOINT_NAMES
 from physic_export.skeleton import bone_names
 
 if TYPE_CHECKING:

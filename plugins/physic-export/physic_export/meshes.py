@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.geometry.upright import transform_points
+from physic_core.geometry import transform_points
 from physic_export.skins import Skins, skins_of
 from physic_visual.palette import BODY_RGB, contact_legend
 from physic_visual.surface import mesh_scene, scene_reach, unit_normals

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.geometry.upright import transform_points
+from physic_core.geometry import transform_points
 from physic_core.types import grade_text
 from physic_export.meshes import person_meshes
 from physic_export.skins import skins_of

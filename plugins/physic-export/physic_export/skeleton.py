@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.joints import JOINT_NAMES
+from physic_core.body import JOINT_NAMES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.files import embedded_arrays, smplx_arrays
+from physic_core.body import embedded_arrays, smplx_arrays
 from physic_core.errors import InputError, PhysicError
 from physic_visual.palette import BODY_RGB, contact_colors
 from physic_visual.rig import body_of_result

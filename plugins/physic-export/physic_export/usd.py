@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.body.joints import NUM_JOINTS
+from physic_core.body import NUM_JOINTS
 from physic_core.errors import PhysicError
 from physic_core.export import camera_pose
-from physic_core.geometry.rotations import rotmat_to_quat
+from physic_core.geometry import rotmat_to_quat
 from physic_export.meshes import ColoredMesh, person_meshes, scene_mesh
 from physic_export.skeleton import named_rig, t_pose
 from physic_export.skins import Skins, skins_of

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     import torch
 
-    from physic_core.body.files import SmplBody
+    from physic_core.body import SmplBody
     from physic_core.types import (
         Bodies,
         FloatArray,

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from pydantic import Field
 
-from physic_core.body.joints import FINGER_JOINTS, JOINT_INDEX, NUM_JOINTS, joint_pair
-from physic_core.types import Bodies, BodyParameters
-from physic_core.types.skeletons import SIDES, is_finger
+from physic_core.body import FINGER_JOINTS, JOINT_INDEX, NUM_JOINTS, joint_pair
+from physic_core.types import SIDES, Bodies, BodyParameters, is_finger
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

@@ -15,7 +15,7 @@ import numpy as np
 
 from physic_core.backends.masks import dilate
 from physic_core.errors import BackendError, InputError
-from physic_core.interfaces.checks import tensor_advice
+from physic_core.interfaces import tensor_advice
 
 if TYPE_CHECKING:
     from collections.abc import Callable

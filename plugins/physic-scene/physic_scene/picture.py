@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image, ImageDraw
 
-from physic_core.body.joints import JOINT_INDEX
+from physic_core.body import JOINT_INDEX
 from physic_visual.panels import bodies_over, draw_person_number, draw_text, photo_panel
 from physic_visual.render import View
 from physic_visual.views import PAGE_RGB, build_preview_geometry

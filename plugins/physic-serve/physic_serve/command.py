@@ -64,7 +64,7 @@ def serve(
     import uvicorn
 
     from physic_core import load_config
-    from physic_core.files.atomic import check_writable
+    from physic_core.files import check_writable
     from physic_core.pictures import require_pictures
     from physic_serve.app import make_app
     from physic_serve.jobs import Jobs

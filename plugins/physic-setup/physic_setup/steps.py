@@ -22,13 +22,13 @@ from physic_core.discovery.backends import find_backend
 from physic_core.discovery.catalog import BACKENDS, ENGINE_PRESETS, sources_in_checkout
 from physic_core.errors import BackendNotFoundError, ConfigError
 from physic_core.interfaces import INTERFACES, GpuMemory, Packages, Repository, UserFile
-from physic_core.weights.find import locate_files
+from physic_core.weights import locate_files
 from physic_networks.checkouts import NON_COMMERCIAL, PIP_NAMES
 
 if TYPE_CHECKING:
     from physic_core.configuration.model import Config
     from physic_core.configuration.resolve import ResolvedPipeline
-    from physic_core.weights.manifest import WeightSet
+    from physic_core.weights import WeightSet
 
 _Kind = TypeVar("_Kind")
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.geometry.upright import transform_points
+from physic_core.geometry import transform_points
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,8 +18,8 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.errors import InputError
 from physic_core.export import ExportRequest, camera_pose, export_frame
-from physic_core.geometry.upright import transform_points
-from physic_core.types.records import ExportedFiles
+from physic_core.geometry import transform_points
+from physic_core.types import ExportedFiles
 from physic_visual.floor import drawn_floor
 from physic_visual.glb_builder import ARRAY, INDICES, GlbBuilder
 from physic_visual.palette import (

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.joints import JOINT_INDEX
-from physic_core.types.contacts import partner_titles
+from physic_core.body import JOINT_INDEX
+from physic_core.types import partner_titles
 from physic_visual.panels import draw_person_number
 from physic_visual.render import View
 

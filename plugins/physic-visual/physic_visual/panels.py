@@ -14,11 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from physic_core.body.joints import JOINT_INDEX, joint_pair
-from physic_core.geometry.upright import gltf_from_camera, transform_points
-from physic_core.types import Grade, grade_text
-from physic_core.types.contacts import contacts_text
-from physic_core.types.results import metres_text
+from physic_core.body import JOINT_INDEX, joint_pair
+from physic_core.geometry import gltf_from_camera, transform_points
+from physic_core.types import Grade, contacts_text, grade_text, metres_text
 from physic_visual.palette import painted_contact, person_color
 from physic_visual.render import (
     RenderedLayer,

@@ -15,10 +15,9 @@ import numpy as np
 from PIL import Image, ImageDraw
 from PIL.PngImagePlugin import PngInfo
 
-from physic_core.files.atomic import MARK
-from physic_core.geometry.upright import up_in_camera
-from physic_core.types import grade_text, summarize_checks
-from physic_core.types.results import metres_text
+from physic_core.files import MARK
+from physic_core.geometry import up_in_camera
+from physic_core.types import grade_text, metres_text, summarize_checks
 from physic_visual.numbers import draw_numbers, heads_in_photo, surfaces_in_photo
 from physic_visual.palette import (
     CONTACT_PALETTE,

@@ -15,7 +15,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.geometry.rays import RayCaster
+    from physic_core.geometry import RayCaster
     from physic_core.types import Intrinsics
 
     Array = NDArray[np.float64]
@@ -129,7 +129,7 @@ def prepare_meshes(
         longest_edge: of a triangle, metres; others are skipped. It bounds the time for bodies of a
             degenerate backend, of which each triangle may cover the image.
     """
-    from physic_core.geometry.rays import RayCaster
+    from physic_core.geometry import RayCaster
 
     if not bodies or not len(faces):
         return None

@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.backends.devices import limited_blas
-from physic_core.body.joints import JOINT_NAMES, PARENTS, ROTATION_FIELDS
+from physic_core.body import JOINT_NAMES, PARENTS, ROTATION_FIELDS
 from physic_core.errors import InputError
-from physic_core.geometry.rotations import rotvec_to_rotmat_numpy
-from physic_core.geometry.upright import transform_points
+from physic_core.geometry import rotvec_to_rotmat_numpy, transform_points
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.body.arrays import BodyArrays
+    from physic_core.body import BodyArrays
     from physic_core.export import ExportFrame, ExportRequest
     from physic_core.types import Person, Reconstruction
 
@@ -98,7 +97,7 @@ def body_of_result(result: Reconstruction, file: Path | None = None) -> BodyArra
         InputError: the result has SMPL-X bodies and no file is known, or bodies of another model.
         BodyModelError: the file is not an SMPL-X model.
     """
-    from physic_core.body.files import embedded_arrays, smplx_arrays
+    from physic_core.body import embedded_arrays, smplx_arrays
 
     if result.body_model == "embedded":
         return embedded_arrays()

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.geometry.mesh import vertex_normals
-from physic_core.geometry.upright import up_in_camera
+from physic_core.geometry import up_in_camera, vertex_normals
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

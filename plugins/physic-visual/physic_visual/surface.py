@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from physic_core.geometry.mesh import vertex_normals
+from physic_core.geometry import vertex_normals
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

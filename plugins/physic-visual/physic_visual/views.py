@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.geometry.upright import gltf_from_camera, transform_points
-from physic_core.types.results import main_people
+from physic_core.geometry import gltf_from_camera, transform_points
+from physic_core.types import main_people
 from physic_visual.palette import person_color
 from physic_visual.render import (
     View,
@@ -28,7 +28,7 @@ from physic_visual.textures.dressed import dressed_bodies
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.geometry.rays import RayCaster
+    from physic_core.geometry import RayCaster
     from physic_core.types import Reconstruction, Scene, UInt8Array
 
     Array = NDArray[np.float64]

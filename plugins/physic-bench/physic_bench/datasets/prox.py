@@ -42,7 +42,7 @@ from physic_bench.reading import (
     rotation,
 )
 from physic_core.backends.people import box_iou
-from physic_core.body.joints import JOINT_NAMES
+from physic_core.body import JOINT_NAMES
 from physic_core.errors import InputError
 
 if TYPE_CHECKING:

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from physic_core.backends.people import SAME_PERSON, box_iou, keypoint_similarity
-from physic_core.types import UnposedPerson
-from physic_core.types.skeletons import skeleton_named
+from physic_core.types import UnposedPerson, skeleton_named
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
 from physic_embedded.networks.pose import (
     average_agreeing,

@@ -15,8 +15,7 @@ from physic_embedded.networks.mobile_sam import predict_masks
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from physic_core.types import BoolArray, SurfaceLabels, UnposedPerson
-    from physic_core.types.arrays import IntArray
+    from physic_core.types import BoolArray, IntArray, SurfaceLabels, UnposedPerson
     from physic_embedded.networks.mobile_sam import ImageEmbedding
     from physic_embedded.networks.pose import Pose
     from physic_networks.onnx_sessions import OnnxSession

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from physic_core.geometry.upright import gltf_from_camera
-from physic_core.types import summarize_checks
-from physic_core.types.results import main_people
+from physic_core.geometry import gltf_from_camera
+from physic_core.types import main_people, summarize_checks
 from physic_visual.palette import (
     CAMERA_RGB,
     CONTACT_PALETTE,

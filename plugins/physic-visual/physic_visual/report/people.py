@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.errors import PhysicError
-from physic_core.geometry.mesh import vertex_areas
-from physic_core.types.contacts import part_words, partner_titles
+from physic_core.geometry import vertex_areas
+from physic_core.types import part_words, partner_titles
 from physic_visual.palette import contact_color, contact_colors, person_color, person_tint
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.spatial import cKDTree
 
-    from physic_core.body.model import BodyModel
+    from physic_core.body import BodyModel
     from physic_core.types import Person, Reconstruction
 
 # Vertices of all people between which gaps are measured; of a crowd, every n-th.

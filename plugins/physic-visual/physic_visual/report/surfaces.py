@@ -185,7 +185,7 @@ def _coarse(
     """
     import torch
 
-    from physic_core.geometry.mesh import coarse_mesh
+    from physic_core.geometry import coarse_mesh
 
     body = torch.from_numpy(np.array(vertices, np.float64))
     parts = torch.zeros(len(vertices), dtype=torch.int64)

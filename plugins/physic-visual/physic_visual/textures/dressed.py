@@ -15,11 +15,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.files import embedded_arrays
-from physic_core.body.joints import JOINT_INDEX, PART_NAMES
+from physic_core.body import JOINT_INDEX, PART_NAMES, embedded_arrays
 from physic_core.errors import PhysicError
-from physic_core.geometry.mesh import vertex_areas, vertex_normals
-from physic_core.geometry.upright import up_in_camera
+from physic_core.geometry import up_in_camera, vertex_areas, vertex_normals
 from physic_visual.palette import BODY_RGB
 from physic_visual.render import LONGEST_BODY_EDGE_M, prepare_meshes
 from physic_visual.rig import body_of_result
@@ -37,8 +35,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.sparse import csr_matrix
 
-    from physic_core.body.arrays import BodyArrays
-    from physic_core.geometry.rays import RayCaster
+    from physic_core.body import BodyArrays
+    from physic_core.geometry import RayCaster
     from physic_core.types import Reconstruction, UInt8Array
 
     Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from physic_visual.textures.raster import pad_texture
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.geometry.rays import RayCaster
+    from physic_core.geometry import RayCaster
     from physic_core.types import Reconstruction
 
     Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from physic_core.errors import BodyModelError
-from physic_core.files.npz import read_arrays
+from physic_core.files import read_arrays
 
 _BLOCK = 512  # triangles at a time: the arrays fit into the processor's cache
 _TEXELS = 32_000  # texels at a time

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.joints import PART_NAMES, joint_pair
+from physic_core.body import PART_NAMES, joint_pair
 from physic_visual.textures.photo import SHOWN, photo_colors
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from physic_core.body.arrays import BodyArrays
+    from physic_core.body import BodyArrays
     from physic_core.types import Reconstruction
 
     Array = NDArray[np.float64]
