@@ -16,7 +16,7 @@ from physic_core.body.posture import lean_deg, standing_legs
 from physic_core.engine.joint.terms.reprojection_settings import ReprojectionSettings
 from physic_core.pipeline.checks.photo import NO_FLOOR, relative_difference
 from physic_core.pipeline.checks.spec import YES, check
-from physic_core.types import Plane, skeleton_named
+from physic_core.types import MARKS, Plane, skeleton_named
 from physic_core.types.observations import TOUCH_PARTS
 from physic_core.types.skeletons import SIDES, keypoint_in_words
 
@@ -51,7 +51,7 @@ _check = partial(check, "person")
     "Placed by joints in the photo, depth and floor",
     at_least=1,
     unit=YES,
-    contradicts=True,
+    contradicts=MARKS,
     warns=True,
 )
 def placed(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
@@ -89,7 +89,7 @@ def detected(estimates: Estimates, result: Reconstruction, person: int) -> Measu
     "Heads within this person's outline",
     at_most=1,
     unit="count",
-    contradicts=True,
+    contradicts=("pose",),
     warns=True,
     advice="two people are merged, or one was found twice: see the outlines in preview.png. Then "
     "give one --person x,y for each person to keep",
@@ -120,7 +120,7 @@ def heads(estimates: Estimates, result: Reconstruction, person: int) -> Measured
 @_check(
     "Distance of limb joints from those seen in the photo, which 90 % do not exceed",
     at_most=0.035,
-    contradicts=True,
+    contradicts=("pose",),
     share_of="the diagonal of the person's box",
     advice="a limb is wrong: compare the people over the photo in preview.png. If a joint was "
     "detected wrongly: physic export FOLDER --to keypoints, correct that file, and give it as "
@@ -163,7 +163,7 @@ def body_in_mask(estimates: Estimates, result: Reconstruction, person: int) -> M
     "Distance from the floor or surface that carries the person",
     at_most=0.1,
     unit="m",
-    contradicts=True,
+    contradicts=("place", "contact"),
     unmeasured="there is no floor and no surface near the body",
 )
 def support(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
@@ -284,7 +284,7 @@ def low_depth(estimates: Estimates, result: Reconstruction, person: int) -> Meas
     "Size against the given one",
     at_most=3,
     unit="sigma",
-    contradicts=True,
+    contradicts=("place", "size"),
     warns=True,
     optional=True,
 )
@@ -312,7 +312,7 @@ def given_size(estimates: Estimates, result: Reconstruction, person: int) -> Mea
     "Given keypoints off the body",
     at_most=ReprojectionSettings.outlier_sigmas,
     unit="sigma",
-    contradicts=True,
+    contradicts=("pose",),
     warns=True,
     optional=True,
 )
@@ -339,7 +339,7 @@ def given_keypoints(estimates: Estimates, result: Reconstruction, person: int) -
     "Given keypoints against mask and detector",
     at_most=0.1,
     share_of="the diagonal of the person's box",
-    contradicts=True,
+    contradicts=("pose",),
     warns=True,
     optional=True,
 )
