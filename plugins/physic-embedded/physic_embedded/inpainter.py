@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
+from physic_core.adapters.onnx_sessions import release_memory
 from physic_core.adapters.pictures import inpaint_masked
 from physic_core.interfaces import Inpainter, Options
 from physic_embedded.networks.sessions import PackagedBackend
@@ -48,6 +49,11 @@ class MiGan(PackagedBackend, Inpainter):
     options: MiGanOptions
 
     networks = ("migan_512_places2",)
+
+    def close(self) -> None:
+        """Release the network and its working memory, whose pieces fit no other network."""
+        super().close()
+        release_memory(all_of_it=False)
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
         """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay
