@@ -28,6 +28,7 @@ from physic_core.types.contacts import (
     SupportState,
 )
 from physic_core.types.depth import AffineAmbiguity, DepthMap, Hints, Plane, Pointmap, SceneScale
+from physic_core.types.keypoint_table import KeypointTable
 from physic_core.types.known_sizes import KnownLength, KnownSizes
 from physic_core.types.observations import POSTURES, TOUCH_PARTS, Observations
 from physic_core.types.people import (
@@ -82,6 +83,7 @@ __all__ = [
     "Hands",
     "Hints",
     "Intrinsics",
+    "KeypointTable",
     "Keypoints",
     "KnownLength",
     "KnownSizes",

@@ -230,7 +230,7 @@ def _config(given: _Given) -> Config:
     Raises:
         PhysicError: it is invalid, or files that it needs are missing.
     """
-    from physic_core.batch.process import batch_config
+    from physic_batch.process import batch_config
     from physic_core.configuration.model import load_config
     from physic_core.configuration.resolve import require_available, resolve
 

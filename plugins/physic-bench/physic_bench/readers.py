@@ -29,8 +29,8 @@ def read_physic(folder: Path, frame: Frame) -> Prediction | None:
     Raises:
         PhysicError: it is damaged.
     """
+    from physic_batch.photos import photo_folder
     from physic_core import load_reconstruction
-    from physic_core.batch.photos import photo_folder
 
     for name in _names(frame):
         for place in (photo_folder(name), name, f"{name}-physic"):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from physic_bench.figures import difference, figure
 from physic_core.files.atomic import MARK, atomic_write, check_own, check_writable
 from physic_core.files.text import to_json
-from physic_core.metrics import ValueWithInterval, aligned_table, markdown_table
+from physic_testing.metrics import ValueWithInterval, aligned_table, markdown_table
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.onnx_sessions import release_memory
-from physic_core.adapters.pictures import inpaint_masked
 from physic_core.interfaces import Inpainter, Options
 from physic_embedded.networks.sessions import PackagedBackend
+from physic_networks.pictures import inpaint_masked
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, UInt8Array
@@ -53,7 +52,7 @@ class MiGan(PackagedBackend, Inpainter):
     def close(self) -> None:
         """Release the network and its working memory, whose pieces fit no other network."""
         super().close()
-        release_memory(all_of_it=False)
+        self.release_memory()
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
         """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay

@@ -15,13 +15,13 @@ from physic_core.errors import InputError
 from physic_core.files.npz import write_arrays
 from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy
 from physic_core.types import Bodies, BodyParameters
-from physic_core.visual.rig import body_of_result, pose_rig
+from physic_visual.rig import body_of_result, pose_rig
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.body.arrays import BodyArrays
-    from physic_core.visual.export.request import ExportFrame
+    from physic_core.export import ExportFrame
 
 _FRAMES = 2
 """Equal frames: readers that interpolate or differentiate refuse one."""

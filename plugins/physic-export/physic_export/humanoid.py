@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from physic_core.visual.rig import Rig
+    from physic_visual.rig import Rig
 
     Array = NDArray[np.float64]
     Mesh = tuple[Array, NDArray[np.int64]]

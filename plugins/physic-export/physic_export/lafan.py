@@ -19,7 +19,7 @@ from physic_export.skeleton import bone_names
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.visual.rig import Rig
+    from physic_visual.rig import Rig
 
     Array = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from physic_core.geometry.rotations import rotmat_to_euler, rotvec_to_rotmat_num
 from physic_core.geometry.upright import transform_points
 
 if TYPE_CHECKING:
+    from physic_core.export import ExportFrame
     from physic_core.types import Person
-    from physic_core.visual.export.request import ExportFrame
 
 _MARKERS = JOINT_NAMES[:22]
 _MM = 1000.0

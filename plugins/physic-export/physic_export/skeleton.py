@@ -14,7 +14,7 @@ from physic_core.body.joints import JOINT_NAMES
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.visual.rig import Rig
+    from physic_visual.rig import Rig
 
 BONE_NAMES = ("smplx", "mixamo", "unreal", "unity")
 """SMPL-X; Mixamo's rig without the prefix "mixamorig:"; Unreal Engine's mannequin with three spine

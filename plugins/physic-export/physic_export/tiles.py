@@ -20,8 +20,8 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.rays import RayCaster
 from physic_core.geometry.upright import transform_points
-from physic_core.visual.surface import SceneMesh, is_near, mesh_scene, scene_reach
 from physic_export.humanoid import convex_hull
+from physic_visual.surface import SceneMesh, is_near, mesh_scene, scene_reach
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -26,9 +26,9 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from physic_core.adapters.bodies import to_rotvecs
 from physic_core.types import Hands
 from physic_core.types.skeletons import SIDES, is_finger
+from physic_networks.bodies import to_rotvecs
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

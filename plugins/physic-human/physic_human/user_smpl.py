@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.bodies import SMPL_JOINTS, bodies_from_smpl, to_rotvecs
 from physic_core.errors import WeightsMissingError
 from physic_core.interfaces import UserFile
 from physic_core.types import Mesh
 from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions
+from physic_networks.bodies import SMPL_JOINTS, bodies_from_smpl, to_rotvecs
 
 if TYPE_CHECKING:
     from physic_core.body.files import SmplBody

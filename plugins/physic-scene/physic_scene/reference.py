@@ -12,7 +12,6 @@ import numpy as np
 import torch
 
 from physic_core import Pipeline
-from physic_core.adapters.bodies import observed_joints
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.configuration.resolve import resolve
 from physic_core.engine.sizes.stature import ADULT_YEARS
@@ -29,6 +28,7 @@ from physic_core.types import (
 )
 from physic_core.types.arrays import expand_people, select_people
 from physic_core.types.short_repr import ShortRepr
+from physic_networks.bodies import observed_joints
 from physic_scene.energy import OtherViews, with_other_views
 from physic_scene.given import SolvedBodies, SolvedDepth
 

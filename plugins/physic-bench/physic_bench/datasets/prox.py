@@ -41,7 +41,7 @@ from physic_bench.reading import (
     reading,
     rotation,
 )
-from physic_core.adapters.people import box_iou
+from physic_core.backends.people import box_iou
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.errors import InputError
 

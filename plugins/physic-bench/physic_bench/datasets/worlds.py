@@ -15,7 +15,7 @@ from physic_bench.cameras import Camera
 from physic_bench.contract import BenchPerson, Frame, Picture, Truth
 from physic_bench.datasets.base import DataSet, FrameSet
 from physic_core.body.joints import JOINT_NAMES
-from physic_core.metrics import hidden_by_depth_map, scene_distance
+from physic_testing.metrics import hidden_by_depth_map, scene_distance
 from physic_testing.worlds import WORLDS, load_world
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
-from physic_core.adapters.bodies import observed_joints
-from physic_core.adapters.devices import limited_threads
+from physic_core.backends.devices import limited_threads
 from physic_core.body import JOINT_INDEX, JOINT_NAMES
 from physic_core.body.bones import parameters_from_rotations
 from physic_core.body.posture import standing_legs
@@ -27,6 +26,7 @@ from physic_embedded.body_fit.observations import observe_people
 from physic_embedded.body_fit.problem import UPRIGHT_SIGMA, FloorConstraint, InitialPose
 from physic_embedded.body_fit.silhouette import outline_pairs, without_legs
 from physic_embedded.body_fit.start import initial_translation, pose_from_landmarks
+from physic_networks.bodies import observed_joints
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

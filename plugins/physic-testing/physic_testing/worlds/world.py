@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.adapters.people import boxes_from_masks
+from physic_core.backends.people import boxes_from_masks
 from physic_core.errors import InputError
 from physic_core.geometry.rays import RayCaster
 from physic_core.types import SURFACE_NAMES, BodyParameters, Intrinsics, Plane
