@@ -27,9 +27,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.metrics import match_by_boxes, resampled_interval
 from physic_core.pipeline.checks.spec import CHECKS
 from physic_core.pipeline.checks.trust import CAP, load_of, probability_of
+from physic_testing.metrics import match_by_boxes, resampled_interval
 
 from .contact_on_photos import HALVES, digest, half_of, name_in_sets
 from .truth.measures import probability_scores
@@ -85,8 +85,8 @@ def people_of(results: Path, earlier: Sequence[Row]) -> list[Row]:
     """Return a row for each person of the results below a folder, with the verdicts of earlier
     rows.
     """
+    from physic_batch.contact_sheet import find_results
     from physic_core import load_reconstruction
-    from physic_core.batch.contact_sheet import find_results
 
     rows: list[Row] = []
     for folder in find_results(results):

@@ -73,15 +73,7 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 
 
 _COMMANDS = {
-    "batch": (
-        "physic_core.cli.commands.batch:batch",
-        "Reconstruct many photos in several processes; can resume.",
-    ),
     "cache": ("physic_core.cli.commands.weights:cache", "Show or clear the cache."),
-    "compare": (
-        "physic_core.cli.commands.results:compare",
-        "Compare two results, or two folders of results, person by person.",
-    ),
     "config": ("physic_core.cli.commands.config:config", "Check, show or create a configuration."),
     "export": (
         "physic_core.cli.commands.results:export",
@@ -90,10 +82,6 @@ _COMMANDS = {
     "plugins": (
         "physic_core.cli.commands.plugins:plugins",
         "List installed backends; show or test them; create a plugin.",
-    ),
-    "report": (
-        "physic_core.cli.commands.results:report",
-        "Write a result as a page for a browser.",
     ),
     "run": (
         "physic_core.cli.commands.run:run",

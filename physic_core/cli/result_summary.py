@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from physic_core.cli.output import echo, format_table
-from physic_core.io.result_folder import REPORT_FILE
 from physic_core.io.results import ResultRecord, read_record
+from physic_core.pictures import REPORT_FILE
 from physic_core.types import grade_text, summarize_checks
 from physic_core.types.results import metres_text
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pydantic import ValidationError
 
-from physic_core.adapters.devices import check_device, has_gpu
+from physic_core.backends.devices import check_device, has_gpu
 from physic_core.configuration.model import BackendChoice, load_config
 from physic_core.configuration.problems import Problem, config_error, problems_from_pydantic
 from physic_core.discovery.backends import (
@@ -185,7 +185,7 @@ def missing_file_messages(plan: ResolvedPipeline) -> tuple[str, ...]:
 def missing_gpu(plan: ResolvedPipeline) -> tuple[str, ...]:
     """Return one message if the configuration needs a GPU and there is none, else an empty tuple.
 
-    Only :func:`physic_core.adapters.devices.check_device` checks that torch can use the GPU.
+    Only :func:`physic_core.backends.devices.check_device` checks that torch can use the GPU.
     """
     if plan.device == "cpu" or has_gpu():
         return ()

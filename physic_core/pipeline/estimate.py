@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.pictures import dilate
+from physic_core.backends.masks import dilate
 from physic_core.errors import NoPersonError
 from physic_core.interfaces import (
     BodyEstimatorRequest,

@@ -16,7 +16,7 @@ from functools import partial
 from typing import TYPE_CHECKING, cast
 
 from physic_core import errors
-from physic_core.adapters.devices import check_device
+from physic_core.backends.devices import check_device
 from physic_core.cache.results import canonicalize, network_results_in
 from physic_core.configuration.resolve import resolve_one
 from physic_core.discovery.error_text import (

@@ -433,7 +433,7 @@ class Reconstruction(ShortRepr):
 
         Raises:
             OutputError: the file cannot be written, or is not a page of PhySIC.
-            PackageMissingError: physic-viewer, which makes the page, is not installed.
+            PackageMissingError: physic-visual, which makes the page, is not installed.
         """
         _public_function("save_report")(self, path, title)
 
@@ -444,7 +444,7 @@ class Reconstruction(ShortRepr):
             The path of the page, also where no browser is found.
 
         Raises:
-            PackageMissingError: physic-viewer, which makes the page, is not installed.
+            PackageMissingError: physic-visual, which makes the page, is not installed.
         """
         import tempfile
         import webbrowser

@@ -94,19 +94,15 @@ def test_run_ends_with_the_path_of_the_page(pipeline, physic):
     assert Path("photo-physic/report.html").is_file()
 
 
-def test_run_without_a_plugin_for_the_page_says_so_in_one_line(pipeline, monkeypatch, physic):
+def test_run_without_a_plugin_for_pictures_refuses_them_before_it_starts(
+    pipeline, monkeypatch, physic
+):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
-    default = run("--save", "pictures")
-    done = physic(*default)
-    assert done.exit_code == 0
-    assert "physic-viewer" in done.stderr.splitlines()[0]
-    assert "report.html" not in names()
-    assert physic(*default, "-q").stderr == "warning: no floor was found\n"
-    assert "physic-viewer" not in physic(*run()).stderr
-    pipeline.calls.clear()
-    for option in ("--report", "--open"):
-        assert "physic-viewer" in refusal(*default, option, code=4)
+    for options in (("--save", "pictures"), ("--save", "numbers", "--report"), ("--open",)):
+        assert "physic-visual, which is not installed" in refusal(*run(*options), code=4)
     assert pipeline.calls == []
+    assert physic(*run("--save", "numbers")).exit_code == 0
+    assert names() == ["people.csv", *ARRAYS]
 
 
 def test_show_prints_what_the_run_printed(pipeline, physic):

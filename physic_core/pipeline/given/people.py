@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.people import box_iou, boxes_from_masks
+from physic_core.backends.people import box_iou, boxes_from_masks
 from physic_core.errors import ConfigError, NoPersonError
 from physic_core.types.arrays import select_people
 from physic_core.types.known_sizes import KnownPeople

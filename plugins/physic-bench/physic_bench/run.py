@@ -16,7 +16,7 @@ import numpy as np
 from physic_bench.readers import LAYOUTS, READERS
 from physic_bench.reading import DamagedFrameError, picture_file
 from physic_bench.scoring import body_box, score_frame
-from physic_core.adapters.people import box_iou
+from physic_core.backends.people import box_iou
 from physic_core.errors import InputError, PhysicError
 
 if TYPE_CHECKING:
@@ -101,12 +101,12 @@ def reconstruct_frames(
     Raises:
         PhysicError: a backend cannot be loaded.
     """
-    from physic_core.batch.journal import read_journals
-    from physic_core.batch.photos import PhotoItem
-    from physic_core.batch.process import BatchJob
-    from physic_core.batch.run import plan_batch, run_batch, run_locally
-    from physic_core.batch.workers import WorkerSettings
-    from physic_core.files.atomic import check_writable
+    from physic_batch.journal import read_journals
+    from physic_batch.photos import PhotoItem
+    from physic_batch.process import BatchJob
+    from physic_batch.run import plan_batch, run_batch, run_locally
+    from physic_batch.workers import WorkerSettings
+    from physic_core.files import check_writable
 
     job = BatchJob(config, str(check_writable(out).resolve()), "numbers")
     failed: dict[str, str] = {}

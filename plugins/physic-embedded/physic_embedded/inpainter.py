@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.pictures import inpaint_masked
 from physic_core.interfaces import Inpainter, Options
 from physic_embedded.networks.sessions import PackagedBackend
+from physic_networks.pictures import inpaint_masked
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, UInt8Array

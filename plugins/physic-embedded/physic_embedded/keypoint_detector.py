@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.onnx_sessions import select_provider
 from physic_core.interfaces import KeypointDetector, Options
 from physic_core.types import Keypoints
 from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
@@ -17,13 +16,14 @@ from physic_embedded.networks.pose import person_square, predict_pose
 from physic_embedded.networks.pose_detection import detect_people
 from physic_embedded.networks.sessions import PackagedBackend
 from physic_embedded.segmentation.cut_heads import doubt_cut_heads, doubt_hidden_hips
+from physic_networks.onnx_sessions import select_provider
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_core.types import BoolArray, FloatArray, People, UInt8Array
     from physic_embedded.networks.pose import Pose
+    from physic_networks.onnx_sessions import OnnxSession
 
 _LOWEST_SCORE = 0.1  # of the detector, from which a candidate in a person's box is tried
 MIN_MASK_FIT = 0.15

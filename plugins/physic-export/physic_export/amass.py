@@ -12,16 +12,16 @@ import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.errors import InputError
-from physic_core.files.npz import write_arrays
-from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy
+from physic_core.files import write_arrays
+from physic_core.geometry import rotmat_to_rotvec, rotvec_to_rotmat_numpy
 from physic_core.types import Bodies, BodyParameters
-from physic_core.visual.rig import body_of_result, pose_rig
+from physic_visual.rig import body_of_result, pose_rig
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.body.arrays import BodyArrays
-    from physic_core.visual.export.request import ExportFrame
+    from physic_core.body import BodyArrays
+    from physic_core.export import ExportFrame
 
 _FRAMES = 2
 """Equal frames: readers that interpolate or differentiate refuse one."""
@@ -98,9 +98,7 @@ def _smplx_parameters(
     """Return the SMPL-X model, the parameters of the chosen people in the camera frame, and fit
     errors in metres.
     """
-    from physic_core.body.convert.bodies import convert_with_residuals
-    from physic_core.body.files import smplx_arrays
-    from physic_core.body.model import build_body_model
+    from physic_core.body import build_body_model, convert_with_residuals, smplx_arrays
     from physic_core.cache.correspondences import cached_correspondence
 
     people = [person.parameters for _, person in request.chosen()]

@@ -14,16 +14,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from physic_core.body.body_sizes import DENSITY_KG_M3
-from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, PARENTS
-from physic_core.geometry.rotations import rotmat_to_euler
+from physic_core.body import DENSITY_KG_M3, JOINT_INDEX, JOINT_NAMES, PARENTS
+from physic_core.geometry import rotmat_to_euler
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from physic_core.visual.rig import Rig
+    from physic_visual.rig import Rig
 
     Array = NDArray[np.float64]
     Mesh = tuple[Array, NDArray[np.int64]]

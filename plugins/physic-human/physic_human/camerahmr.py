@@ -18,11 +18,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.bodies import SeenConfidence, empty_bodies, observed_joints
-from physic_core.adapters.checkouts import Checkout
-from physic_core.adapters.networks import picture_tensor, to_numpy
-from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, letterbox, normalized_nchw
-from physic_core.adapters.top_down import crop_around_box, padded_region, resample_crop
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator, Options
 from physic_human.user_smpl import (
@@ -31,13 +26,18 @@ from physic_human.user_smpl import (
     open_smpl,
     pose_smpl_bodies,
 )
+from physic_networks.bodies import SeenConfidence, empty_bodies, observed_joints
+from physic_networks.checkouts import Checkout
+from physic_networks.networks import picture_tensor, to_numpy
+from physic_networks.pictures import IMAGENET_MEAN, IMAGENET_STD, letterbox, normalized_nchw
+from physic_networks.top_down import crop_around_box, padded_region, resample_crop
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import torch
 
-    from physic_core.body.files import SmplBody
+    from physic_core.body import SmplBody
     from physic_core.types import (
         Bodies,
         FloatArray,

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field
 
-from physic_core.adapters.checkouts import Checkout
-from physic_core.adapters.networks import TorchBackend, TorchOptions, run_in_batches
 from physic_core.errors import BackendError, DeviceError
 from physic_core.interfaces import Requirement
+from physic_networks.checkouts import Checkout
+from physic_networks.networks import TorchBackend, TorchOptions, run_in_batches
 
 if TYPE_CHECKING:
     import torch

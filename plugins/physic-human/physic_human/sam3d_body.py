@@ -18,7 +18,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.bodies import (
+from physic_core.errors import BackendError, WeightsMissingError
+from physic_core.interfaces import BodyEstimator, Options, Requirement
+from physic_core.types import Bodies, Mesh
+from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions, checkpoint_error
+from physic_networks.bodies import (
     MHR_KEYPOINTS,
     SeenConfidence,
     empty_bodies,
@@ -26,11 +30,7 @@ from physic_core.adapters.bodies import (
     observed_joints,
     parameters_from_rotvecs,
 )
-from physic_core.adapters.checkouts import Checkout
-from physic_core.errors import BackendError, WeightsMissingError
-from physic_core.interfaces import BodyEstimator, Options, Requirement
-from physic_core.types import Bodies, Mesh
-from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions, checkpoint_error
+from physic_networks.checkouts import Checkout
 
 if TYPE_CHECKING:
     from pathlib import Path

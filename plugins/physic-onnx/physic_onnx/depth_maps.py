@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.adapters.pictures import resize_map
 from physic_core.errors import BackendError
+from physic_networks.pictures import resize_map
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

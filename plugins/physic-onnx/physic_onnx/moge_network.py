@@ -13,8 +13,8 @@ from weakref import WeakSet, WeakValueDictionary
 
 import numpy as np
 
-from physic_core.adapters.pictures import normalized_nchw, resize_image
 from physic_core.errors import BackendError
+from physic_networks.pictures import normalized_nchw, resize_image
 
 from .one_graph import GraphSignature, PortMatch, PortSpec, match_signature
 

@@ -138,7 +138,7 @@ class Sam2Networks:
 
     def encode(self, image: UInt8Array) -> EncodedImage:
         """Encode a photo (H, W, 3), RGB."""
-        from physic_core.adapters.pictures import (
+        from physic_networks.pictures import (
             IMAGENET_MEAN,
             IMAGENET_STD,
             normalized_nchw,

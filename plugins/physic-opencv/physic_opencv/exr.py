@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.errors import InputError, PackageMissingError
-from physic_core.files.atomic import open_regular
+from physic_core.files import open_regular
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

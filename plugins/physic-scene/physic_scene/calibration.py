@@ -26,9 +26,8 @@ from pydantic import (
 from scipy.spatial.transform import Rotation
 
 from physic_core.errors import ConfigError, InputError
-from physic_core.files.atomic import unreadable
-from physic_core.types import CameraTrust, Intrinsics, Lens
-from physic_core.types.short_repr import ShortRepr
+from physic_core.files import unreadable
+from physic_core.types import CameraTrust, Intrinsics, Lens, ShortRepr
 from physic_scene.calibration_forms import CameraFile, read_camera_file
 
 if TYPE_CHECKING:

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.errors import InputError
-from physic_core.types.short_repr import ShortRepr
+from physic_core.types import ShortRepr
 from physic_scene.matching import PairMatch, join_tracks, joined_matches, match_pair
 from physic_scene.observations import PhotoPeople, observe
 from physic_scene.types import SkippedPhoto
 
 if TYPE_CHECKING:
-    from physic_core.body.model import BodyModel
+    from physic_core.body import BodyModel
     from physic_core.types import FloatArray, IntArray, Reconstruction
 
 

@@ -20,10 +20,10 @@ from physic_core.cli.arguments import AnyPath, FolderPath
 from physic_core.cli.exit_codes import INTERRUPTED, OTHER, WEIGHTS
 from physic_core.cli.output import echo
 from physic_core.errors import OutputError, PhysicError
-from physic_core.files.atomic import atomic_write, check_writable
+from physic_core.files import atomic_write, check_writable
 
 if TYPE_CHECKING:
-    from physic_core.weights.manifest import WeightFile
+    from physic_core.weights import WeightFile
     from physic_setup.steps import Setup, SetupStep
 
 
@@ -69,8 +69,7 @@ def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | N
 
     The next call goes on with the files that are missing. Exits with code 4 if one still is.
     """
-    from physic_core.weights.find import common_folder, locate_files
-    from physic_core.weights.library import read_library
+    from physic_core.weights import common_folder, locate_files, read_library
     from physic_setup.fetch import fetch as fetch_set
 
     library = read_library()
@@ -98,7 +97,7 @@ def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | N
 
 
 def _report(name: str, file: WeightFile) -> None:
-    from physic_core.weights.find import format_size
+    from physic_core.weights import format_size
 
     echo(f"{name}: {file.path} ({format_size(file.bytes) or '-'})", err=True)
 
@@ -185,7 +184,7 @@ def _script(found: Setup, preset: str, folder: Path, about: list[str]) -> Iterat
 
 def _costs(found: Setup) -> Iterator[str]:
     """Yield lines about download, GPU memory, accounts and what is not pinned."""
-    from physic_core.weights.find import format_size
+    from physic_core.weights import format_size
 
     more = (
         f", and these, of no published exact size: {', '.join(found.unsized)}"

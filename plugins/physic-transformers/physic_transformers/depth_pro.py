@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.canonical_depth import (
+from physic_core.errors import BackendError, DeviceError
+from physic_core.interfaces import MetricDepth, Options
+from physic_core.types import DepthMap, Intrinsics
+from physic_networks.canonical_depth import (
     depth_from_canonical_inverse,
     focal_from_fov,
     known_camera,
 )
-from physic_core.adapters.networks import picture_tensor, to_numpy
-from physic_core.adapters.pictures import resize_map
-from physic_core.errors import BackendError, DeviceError
-from physic_core.interfaces import MetricDepth, Options
-from physic_core.types import DepthMap, Intrinsics
+from physic_networks.networks import picture_tensor, to_numpy
+from physic_networks.pictures import resize_map
 from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend
 
 if TYPE_CHECKING:

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.devices import limited_threads
-from physic_core.adapters.networks import TorchBackend, TorchOptions
+from physic_core.backends.devices import limited_threads
 from physic_core.errors import BackendError
+from physic_networks.networks import TorchBackend, TorchOptions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

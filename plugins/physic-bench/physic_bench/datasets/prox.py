@@ -41,8 +41,8 @@ from physic_bench.reading import (
     reading,
     rotation,
 )
-from physic_core.adapters.people import box_iou
-from physic_core.body.joints import JOINT_NAMES
+from physic_core.backends.people import box_iou
+from physic_core.body import JOINT_NAMES
 from physic_core.errors import InputError
 
 if TYPE_CHECKING:

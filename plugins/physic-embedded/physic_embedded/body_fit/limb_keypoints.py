@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from physic_core.errors import BackendError
-from physic_core.types import SKELETONS
-from physic_core.types.skeletons import is_finger
+from physic_core.types import SKELETONS, is_finger
 
 if TYPE_CHECKING:
     from physic_core.types import Keypoints, Skeleton

@@ -10,12 +10,9 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
-from physic_core.adapters.bodies import observed_joints
-from physic_core.adapters.devices import limited_threads
-from physic_core.body import JOINT_INDEX, JOINT_NAMES
-from physic_core.body.bones import parameters_from_rotations
-from physic_core.body.posture import standing_legs
-from physic_core.geometry.rotations import rotmat_to_rotvec
+from physic_core.backends.devices import limited_threads
+from physic_core.body import JOINT_INDEX, JOINT_NAMES, parameters_from_rotations, standing_legs
+from physic_core.geometry import rotmat_to_rotvec
 from physic_core.types import POSTURES, Bodies, Observations
 from physic_embedded.body_fit.fit import fit_bodies, fit_outlines, lifted_limbs
 from physic_embedded.body_fit.hidden_legs import legs_hidden, pitch_sigma, with_hidden_legs
@@ -27,11 +24,12 @@ from physic_embedded.body_fit.observations import observe_people
 from physic_embedded.body_fit.problem import UPRIGHT_SIGMA, FloorConstraint, InitialPose
 from physic_embedded.body_fit.silhouette import outline_pairs, without_legs
 from physic_embedded.body_fit.start import initial_translation, pose_from_landmarks
+from physic_networks.bodies import observed_joints
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.body.model import BodyModel
+    from physic_core.body import BodyModel
     from physic_core.types import Hints, Intrinsics, Keypoints, People, Skeleton
     from physic_embedded.body_fit.fit import FittedBodies
     from physic_embedded.body_fit.observations import BodyObservations

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.people import box_iou, boxes_from_masks
+from physic_core.backends.people import box_iou, boxes_from_masks
 from physic_core.errors import NoPersonError
 from physic_embedded.networks.crops import ImagePyramid
 from physic_embedded.networks.mobile_sam import predict_masks
@@ -24,10 +24,10 @@ from physic_embedded.segmentation.upper_bodies import square_from_upper_half
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_core.types import BoolArray, FloatArray, PeoplePrompt, UInt8Array
     from physic_embedded.networks.mobile_sam import ImageEmbedding
     from physic_embedded.networks.pose import Pose
+    from physic_networks.onnx_sessions import OnnxSession
 
 MIN_BOX_IOU = 0.5
 """A detected person whose box has less overlap with the user's box is another person, or only a

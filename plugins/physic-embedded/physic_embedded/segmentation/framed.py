@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from physic_core.adapters.people import boxes_from_masks
-from physic_core.types import skeleton_named
-from physic_core.types.arrays import select_people
+from physic_core.backends.people import boxes_from_masks
+from physic_core.types import select_people, skeleton_named
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

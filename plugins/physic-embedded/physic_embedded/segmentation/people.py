@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from physic_core.adapters.people import SAME_PERSON, box_iou, keypoint_similarity
-from physic_core.types import UnposedPerson
-from physic_core.types.skeletons import skeleton_named
+from physic_core.backends.people import SAME_PERSON, box_iou, keypoint_similarity
+from physic_core.types import UnposedPerson, skeleton_named
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
 from physic_embedded.networks.pose import (
     average_agreeing,
@@ -33,11 +32,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from physic_core.adapters.onnx_sessions import OnnxSession
-    from physic_core.adapters.people import Detections
+    from physic_core.backends.people import Detections
     from physic_core.types import Carrier
     from physic_embedded.networks.pose import Pose
     from physic_embedded.networks.yolox import Found
+    from physic_networks.onnx_sessions import OnnxSession
 
     Float = NDArray[np.floating[Any]]
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.joints import JOINT_NAMES
-from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy
+from physic_core.body import JOINT_NAMES
+from physic_core.geometry import rotmat_to_rotvec, rotvec_to_rotmat_numpy
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.output_checks import ROWS, WITHOUT_HINTS, WITHOUT_PEOPLE
@@ -257,7 +257,7 @@ def check_bodies_can_be_posed(subject: BackendUnderTest) -> None:
     """`body_model` is known, with matching betas, or the bodies have joints or a mesh that suffice
     for a conversion; rotation vectors are in radians.
     """
-    from physic_core.body.convert.bodies import can_convert
+    from physic_core.body import can_convert
 
     bodies = subject.result()
     parameters = bodies.parameters
