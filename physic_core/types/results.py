@@ -260,8 +260,8 @@ class Reconstruction(ShortRepr):
     Attributes:
         image: (H, W, 3) uint8 RGB, upright, as reconstructed.
         intrinsics: of ``image``.
-        people: best detection score first, or in the order of the user's choice; empty for a scene
-            alone.
+        people: from left to right in the photo, by the centres of their boxes, or in the order of
+            the user's choice; empty for a scene alone.
         faces: (F, 3) int32, of every person's mesh.
         body_model: name of the body model of the people's parameters.
         skeleton: of the people's keypoints, or the name of a standard one.
