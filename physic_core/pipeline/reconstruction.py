@@ -169,16 +169,17 @@ def _world_contact(touch: Contact, person: int) -> Mapping[str, float] | None:
 def _diagnostics(estimates: Estimates, state: State) -> dict[str, Any]:
     """Return numbers by stage; those of the scene alone without people."""
     scene = {"scene": dict(state.scene.diagnostics), "witnesses": dict(estimates.ground.witnesses)}
-    if state.photo_alignment is None:
+    joint = state.joint
+    if state.photo_alignment is None or joint is None:
         return scene
-    losses = {name: {"start": a, "end": b} for name, (a, b) in state.losses.items()}
+    losses = {name: {"start": a, "end": b} for name, (a, b) in joint.losses.items()}
     return scene | {
         "placement": {"alignment": alignment_diagnostics(state.photo_alignment)},
         "joint": {
             "losses": losses,
-            "scene_scale": state.scene_scale,
-            "steps": state.steps,
-            "evaluations": state.evaluations,
+            "scene_scale": joint.scene_scale,
+            "steps": joint.steps,
+            "evaluations": joint.evaluations,
         },
     }
 

@@ -12,11 +12,12 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from physic_core.doors import DOORS
 from physic_core.errors import InputError, PackageMissingError
 from physic_core.types.arrays import shape
+from physic_core.types.bodies import JOINT_INDEX
 from physic_core.types.contacts import PARTNER_KINDS, contacts_text, part_words
 from physic_core.types.depth import Plane
 from physic_core.types.records import Measures
@@ -175,10 +176,9 @@ class Person(ShortRepr):
         Raises:
             InputError: the joint does not exist.
         """
-        index: Mapping[str, int] = import_module("physic_core.body.joints").JOINT_INDEX
-        if name not in index:
-            raise InputError(f"no joint is named {name!r}: choose one of {', '.join(index)}")
-        place: FloatArray = self.joints[index[name]]
+        if name not in JOINT_INDEX:
+            raise InputError(f"no joint is named {name!r}: choose one of {', '.join(JOINT_INDEX)}")
+        place: FloatArray = self.joints[JOINT_INDEX[name]]
         return place
 
     @property
@@ -193,9 +193,7 @@ class Person(ShortRepr):
         """Angles in degrees by the names of the ISB, such as "left_knee_flexion", see
         :func:`physic_core.body.joint_angles.joint_angles`; NaN without a body.
         """
-        angles: dict[str, float] = import_module("physic_core.body.joint_angles").joint_angles(
-            self.parameters.body_pose[0]
-        )
+        angles: dict[str, float] = DOORS["joint_angles"]()(self.parameters.body_pose[0])
         return angles
 
     @property
@@ -203,9 +201,7 @@ class Person(ShortRepr):
         """Joints whose angles are mostly a guess, such as "left_knee", since a part beside them is
         ``unseen``.
         """
-        found: tuple[str, ...] = import_module("physic_core.body.joint_angles").joints_beside(
-            self.unseen
-        )
+        found: tuple[str, ...] = DOORS["joints_beside"]()(self.unseen)
         return found
 
     def mesh(self) -> Any:
@@ -375,7 +371,7 @@ class Reconstruction(ShortRepr):
         """
         import base64
 
-        picture = base64.b64encode(_public_function("preview_png")(self)).decode()
+        picture = base64.b64encode(DOORS["preview"]()(self)).decode()
         return f'<img src="data:image/png;base64,{picture}" alt="{self!r}" style="max-width: 100%">'
 
     def scene_points(self) -> Any:
@@ -421,7 +417,7 @@ class Reconstruction(ShortRepr):
             ConfigError: ``save`` is not valid.
             OutputError: the folder cannot be written, or a file of the user's would be lost.
         """
-        _public_function("save_reconstruction")(self, folder, save, overwrite=overwrite)
+        DOORS["save"]()(self, folder, save, overwrite=overwrite)
 
     def report(self, path: str, title: str = "") -> None:
         """Write a page with scene, people and contact in 3D and all numbers; it opens in a browser
@@ -435,7 +431,7 @@ class Reconstruction(ShortRepr):
             OutputError: the file cannot be written, or is not a page of PhySIC.
             PackageMissingError: physic-visual, which makes the page, is not installed.
         """
-        _public_function("save_report")(self, path, title)
+        DOORS["report"]()(self, path, title)
 
     def show(self) -> Path:
         """Write the page of :meth:`report` to a temporary folder, and open it in the browser.
@@ -489,9 +485,7 @@ class Reconstruction(ShortRepr):
                 is missing.
             OutputError: a file exists already, or cannot be written.
         """
-        exported: Exported = _public_function("export_reconstruction")(
-            self, path, format, **options
-        )
+        exported: Exported = DOORS["export"]()(self, path, format, **options)
         return exported
 
     @classmethod
@@ -501,7 +495,7 @@ class Reconstruction(ShortRepr):
         Raises:
             InputError: a file is missing, or of another schema version.
         """
-        loaded: Reconstruction = _public_function("load_reconstruction")(folder)
+        loaded: Reconstruction = DOORS["load"]()(folder)
         return loaded
 
 
@@ -676,11 +670,3 @@ def metres_text(metres: float, log_sigma: float | None, digits: int = 2) -> str:
     digits += bool(sigma and sigma < 0.5 * 10**-digits)
     spread = "" if sigma is None else f" ± {sigma:.{digits}f}"
     return f"{round(metres, digits) + 0.0:.{digits}f}{spread} m"  # no "-0.00"
-
-
-def _public_function(name: str) -> Callable[..., Any]:
-    """Return a function of the package by its public name, so that this module imports no writer
-    and no reader.
-    """
-    function: Callable[..., Any] = getattr(import_module(__name__.partition(".")[0]), name)
-    return function
