@@ -130,9 +130,8 @@ class Person(ShortRepr):
         posture_probability: its probability in [0, 1].
         child_probability: that the person is younger than about 12 years, by the person observer.
             All three are None where it does not say.
-        sizes: mass_kg, chest_girth_m, waist_girth_m and hip_girth_m of the T-pose, which follow
-            from the shape and were not measured; with a floor pelvis_height_m of the joint and
-            seat_height_m of the lowest point of the buttocks over it. Empty without a body.
+        sizes: pelvis_height_m of the joint and seat_height_m of the lowest point of the buttocks,
+            over the floor; empty without a body or a floor.
         measures: what the checks judge.
         faces: (F, 3) int32, triangles of the vertices; set by the ``Reconstruction`` that contains
             the person.
@@ -566,7 +565,7 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
     to touch something, each with what it touches and its probability), assumed (likely contacts of
     body parts that no pixel shows, not among the others) and unseen (limbs, hands and feet
     without a confident keypoint at their end), the sizes of :class:`Person`, and main angles of
-    ``Person.joint_angles``, degrees. Lengths, mass and angles are None without a body.
+    ``Person.joint_angles``, degrees. Lengths and angles are None without a body.
     """
     return [
         {name: value(result, index) for name, value in _ROW.items()} | _angles(person)
@@ -613,10 +612,7 @@ _ROW: dict[str, Callable[[Reconstruction, int], Any]] = {
     "unseen": lambda result, index: ", ".join(map(part_words, result.people[index].unseen)),
 }
 
-_SIZES = (
-    *("mass_kg", "chest_girth_m", "waist_girth_m", "hip_girth_m"),
-    *("pelvis_height_m", "seat_height_m"),
-)
+_SIZES = ("pelvis_height_m", "seat_height_m")
 _ANGLES = (
     *("trunk_flexion", "neck_flexion"),
     *(
