@@ -328,7 +328,7 @@ def _select(
 
 def _construct(offer: Offer, kind: type[Backend], options: Options) -> ResolvedBackend:
     with (
-        kept_process_state(loads=True) as changes,
+        kept_process_state() as changes,
         named_plugin_code(f"{offer} cannot be constructed", kind),
     ):
         backend = kind(options)
