@@ -111,9 +111,9 @@ class Person(ShortRepr):
         contacts: contacts by body part, most probable first.
         support: what carries this person; None without a body.
         world_contact: body part -> probability in [0, 1] that it touches the world: floor, scene,
-            or a support that the photo does not show. Own body and other people do
-            not count. Parts that ``contacts`` does not list are included; "seat" is the buttocks
-            and both thighs. None without a body, and if the preset estimates none.
+            or a support that the photo does not show. Own body and other people do not count.
+            Parts that ``contacts`` does not list are included; "seat" is the buttocks and both
+            thighs. None without a body, and if the preset estimates none.
         unseen: limbs, hands and feet without a confident keypoint inside the photo at their end:
             their pose is mostly a guess.
         failed_checks: names of the ``Reconstruction.checks`` about this person that failed.
@@ -561,10 +561,10 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
     this person), grade, trust (probability that the person is right), why (what lowers it most),
     distance_m (of the pelvis from the camera), stature_m (standing height), distance_sigma_m and
     stature_sigma_m (standard deviations), posture, posture_probability and child_probability (as of
-    :class:`Person`), contacts (body parts that are likely, one half or more,
-    to touch something, each with what it touches and its probability), assumed (likely contacts of
-    body parts that no pixel shows, not among the others) and unseen (limbs, hands and feet
-    without a confident keypoint at their end), the sizes of :class:`Person`, and main angles of
+    :class:`Person`), contacts (body parts that are likely, one half or more, to touch something,
+    each with what it touches and its probability), assumed (likely contacts of body parts that no
+    pixel shows, not among the others) and unseen (limbs, hands and feet without a confident
+    keypoint at their end), the sizes of :class:`Person`, and main angles of
     ``Person.joint_angles``, degrees. Lengths and angles are None without a body.
     """
     return [

@@ -179,8 +179,7 @@ def _costs(found: Setup) -> Iterator[str]:
     if found.unpinned:
         yield (
             f"Not pinned: {len(found.unpinned)} of {len(found.unpinned) + found.pinned} files and "
-            f"repositories have "
-            "neither a SHA-256 nor a commit"
+            "repositories have neither a SHA-256 nor a commit"
         )
 
 
