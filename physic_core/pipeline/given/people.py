@@ -82,8 +82,7 @@ def select_chosen(people: People, prompt: PeoplePrompt) -> People:
             second = prompt.describe(i)
             raise NoPersonError(
                 f"{first} and {second} hit the same person: give one prompt for each person, or a "
-                f"box or mask where "
-                "people overlap"
+                "box or mask where people overlap"
             )
     chosen = people.masks[rows]
     masks = chosen
@@ -175,8 +174,8 @@ def _required(row: int | None, prompt: PeoplePrompt, index: int, people: People)
         found = f"people were found in the boxes {boxes}" if boxes else "no person was found"
         raise NoPersonError(
             f"no person was found at {prompt.describe(index)}, in px of the photo at {width} x "
-            f"{height} px; {found}: "
-            "choose one of them, mark the person with a mask, or use a segmenter that takes prompts"
+            f"{height} px; {found}: choose one of them, mark the person with a mask, or use a "
+            "segmenter that takes prompts"
         )
     return row
 
