@@ -334,8 +334,7 @@ def given_keypoints(estimates: Estimates, result: Reconstruction, person: int) -
     file_px = off[worst] * estimates.file_px
     return off[worst] / (ReprojectionSettings.sigma * stature_px), (
         f"the given {keypoint_in_words(worst)} lies {file_px:.0f} px from where the rest of the "
-        f"photo puts it: "
-        "check the keypoints that you gave"
+        "photo puts it: check the keypoints that you gave"
     )
 
 
@@ -362,8 +361,7 @@ def contradicted_keypoints(estimates: Estimates, result: Reconstruction, person:
     name = keypoint_in_words(estimates.photo.keypoints.joint_set.names[worst])
     return float(off[worst] / np.hypot(box[2] - box[0], box[3] - box[1])), (
         f"the given {name} lies {off[worst] * estimates.file_px:.0f} px from where mask and "
-        f"detector have it: "
-        "check the keypoints that you gave"
+        "detector have it: check the keypoints that you gave"
     )
 
 

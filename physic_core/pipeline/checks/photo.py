@@ -286,8 +286,7 @@ def focal_agreement(estimates: Estimates, result: Reconstruction) -> Measured:
     ratio = max(ratios, key=relative_difference)
     return relative_difference(ratio), (
         f"a backend estimates a focal length of {ratio * used:.0f} px, but {used:.0f} px "
-        f"({camera.source}) was used: "
-        "check the value used"
+        f"({camera.source}) was used: check the value used"
     )
 
 
