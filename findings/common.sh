@@ -8,7 +8,8 @@ cd "$folder"
 # Install packages for python: name==version ...
 install() {
     [ -d "$folder/venv" ] || python3 -m venv "$folder/venv"
-    "$folder/venv/bin/pip" install --quiet --disable-pip-version-check "$@" > install.log 2>&1 || not_installed "$*"
+    "$folder/venv/bin/pip" install --quiet --disable-pip-version-check --no-compile "$@" > install.log 2>&1 ||
+        not_installed "$*"
 }
 
 # Install packages for node: name@version ...
