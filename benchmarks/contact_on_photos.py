@@ -63,8 +63,8 @@ from physic_core.engine.ground.touch import (
     OWN_BODY,
     SKIN,
 )
-from physic_core.metrics import match_by_boxes
 from physic_core.types.skeletons import SIDES
+from physic_testing.metrics import match_by_boxes
 
 from .observer.labels import OF_OTHER, agreed
 from .truth.contact import MIN_IOU, OF_RESULTS, TOUCHES

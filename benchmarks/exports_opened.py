@@ -24,9 +24,9 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from physic_core import InputError, Reconstruction, find_exporter
-from physic_core.io.result_folder import GLB_FILE
-from physic_core.visual.export.request import export_frame
-from physic_core.visual.glb import combined_glb
+from physic_core.export import export_frame
+from physic_core.pictures import GLB_FILE
+from physic_visual.glb import combined_glb
 
 from . import export_readers as readers
 

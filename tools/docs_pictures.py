@@ -30,11 +30,11 @@ from PIL import Image
 
 from physic_core import Pipeline, Reconstruction, report_html
 from physic_core.pipeline import estimate
-from physic_core.visual.palette import person_color
-from physic_core.visual.panels import colored_depth, overlay_panel, render_contact_views
-from physic_core.visual.preview import preview_image
-from physic_core.visual.views import build_preview_geometry, side_view, top_view
 from physic_testing import load_world
+from physic_visual.palette import person_color
+from physic_visual.panels import colored_depth, overlay_panel, render_contact_views
+from physic_visual.preview import preview_image
+from physic_visual.views import build_preview_geometry, side_view, top_view
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs" / "pictures"

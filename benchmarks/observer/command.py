@@ -37,11 +37,11 @@ import cv2
 from benchmarks.truth.scores import LIMBS
 from benchmarks.truth.sets import FILMS_OF_FITS, Sample, parkour, picture_of
 from physic_core.files.npz import write_arrays
-from physic_core.metrics import match_by_boxes
 from physic_core.types.skeletons import SIDES
 from physic_embedded.networks.depth_anything import patch_tokens
 from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.person_observer import NUMBERS, REGIONS, regions
+from physic_testing.metrics import match_by_boxes
 
 from .fit import (
     APART,
@@ -62,8 +62,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_embedded.networks.patch_tokens import PatchTokens
+    from physic_networks.onnx_sessions import OnnxSession
 
     from .sample import Encoder, Seen
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.truth.measures import probability_scores
-from physic_core.metrics.intervals import draw_counts, percentile_interval
 from physic_embedded.person_observer import REGIONS
+from physic_testing.metrics.intervals import draw_counts, percentile_interval
 
 from .labels import Photo, Truth, answers
 from .regression import (

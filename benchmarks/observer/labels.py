@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.truth.contact import MIN_IOU, TOUCHES
-from physic_core.metrics import match_by_boxes
 from physic_core.types.observations import POSTURES
 from physic_core.types.skeletons import SIDES
+from physic_testing.metrics import match_by_boxes
 
 OF_OTHER = tuple(
     Path(__file__).parents[1] / "truth" / f"labels_of_other_{reader}.json"

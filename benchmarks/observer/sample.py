@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.adapters.people import box_iou
-from physic_core.adapters.pictures import Letterbox
+from physic_core.backends.people import box_iou
 from physic_core.files.npz import read_arrays, write_arrays
 from physic_core.types import Keypoints
 from physic_embedded.keypoint_detector import keypoints_from_poses
@@ -21,10 +20,11 @@ from physic_embedded.networks.pose import predict_pose
 from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.networks.yolox import detect_boxes
 from physic_embedded.segmentation.people import mask_box
+from physic_networks.pictures import Letterbox
 
 if TYPE_CHECKING:
-    from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_embedded.networks.pose import Pose
+    from physic_networks.onnx_sessions import OnnxSession
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]

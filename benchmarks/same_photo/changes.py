@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body.posture import angle_deg
-from physic_core.metrics import match_by_masks
+from physic_testing.metrics import match_by_masks
 
 from .variants import GRID
 

@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING
 
 from benchmarks.contact_on_photos import HALVES, half_of, samples_of
 from benchmarks.truth.sets import Sample, picture_of
-from physic_core.metrics import aligned_table, markdown_table
+from physic_testing.metrics import aligned_table, markdown_table
 
 from .changes import Change, change, table
 from .variants import PHOTO, PHOTO_K, VARIANTS, Answer, Picture, Variant, answer_of, no_answer

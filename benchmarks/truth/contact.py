@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.metrics import ValueWithInterval, markdown_table
 from physic_core.types.skeletons import SIDES
+from physic_testing.metrics import ValueWithInterval, markdown_table
 
 from .measures import SCORES, probability_scores
 from .sets import FILMS_APART, FILMS_OF_FITS, Sample

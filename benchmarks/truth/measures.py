@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.truth.joints import bone_lengths, root
-from physic_core.adapters.people import box_iou
+from physic_core.backends.people import box_iou
 from physic_core.body.posture import angle_deg
-from physic_core.metrics import assign, mpjpe_mm, pa_mpjpe_mm, penetration
+from physic_testing.metrics import assign, mpjpe_mm, pa_mpjpe_mm, penetration
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

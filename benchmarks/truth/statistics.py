@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from physic_core.metrics import ValueWithInterval, resampled_interval
+from physic_testing.metrics import ValueWithInterval, resampled_interval
 
 Record = Mapping[str, Any]
 Strata = Sequence[Sequence[Record]]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from physic_core.metrics import ValueWithInterval, markdown_table
+from physic_testing.metrics import ValueWithInterval, markdown_table
 
 from .statistics import Record, Strata, figure, median_of, of_lists, of_sets, pooled, rms_of
 

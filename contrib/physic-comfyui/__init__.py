@@ -15,10 +15,9 @@ import numpy as np
 import torch
 
 from physic_core import Pipeline, Reconstruction
-from physic_core.types.contacts import partner_titles
-from physic_core.types.results import pelvis_distance_m
-from physic_core.visual.panels import overlay_panel
-from physic_core.visual.views import build_preview_geometry
+from physic_core.types import partner_titles, pelvis_distance_m
+from physic_visual.panels import overlay_panel
+from physic_visual.views import build_preview_geometry
 
 
 @lru_cache(maxsize=1)
@@ -131,6 +130,7 @@ def _document(result: Reconstruction, nearest: float | None) -> dict[str, Any]:
         {
             "grade": person.grade,
             "trust": person.trust,
+            "marks": person.marks,
             "why": person.why,
             "distance_m": pelvis_distance_m(person),
             "contacts": [

@@ -50,7 +50,7 @@ SECTIONS = {
         "docs/plugins",
         "contrib/README",
         "plugins/README",
-        "docs/adapters",
+        "docs/networks",
         "docs/estimators",
         "docs/traps",
         "docs/terms-and-checks",

@@ -2,18 +2,96 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, PARENTS
+from physic_core.body.joints import (
+    FINGER_JOINTS,
+    JOINT_INDEX,
+    JOINT_NAMES,
+    NUM_JOINTS,
+    PARENTS,
+    PART_NAMES,
+    ROTATION_FIELDS,
+    joint_pair,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     import torch
 
-    from physic_core.body.model import BodyModel
+    from physic_core.body.array_pickle import PickledObject as PickledObject
+    from physic_core.body.array_pickle import as_array as as_array
+    from physic_core.body.array_pickle import read_pickle as read_pickle
+    from physic_core.body.arrays import BodyArrays as BodyArrays
+    from physic_core.body.bones import parameters_from_rotations as parameters_from_rotations
+    from physic_core.body.bones import pose_from_parameters as pose_from_parameters
+    from physic_core.body.bones import rotations_from_parameters as rotations_from_parameters
+    from physic_core.body.bones import rotations_from_tpose as rotations_from_tpose
+    from physic_core.body.convert.bodies import can_convert as can_convert
+    from physic_core.body.convert.bodies import convert_contact as convert_contact
+    from physic_core.body.convert.bodies import convert_with_residuals as convert_with_residuals
+    from physic_core.body.convert.bodies import rest_mesh_of_model as rest_mesh_of_model
+    from physic_core.body.convert.correspondence import Correspondence as Correspondence
+    from physic_core.body.convert.correspondence import find_correspondence as find_correspondence
+    from physic_core.body.files import MANO as MANO
+    from physic_core.body.files import SMPL as SMPL
+    from physic_core.body.files import SMPL_PARENTS as SMPL_PARENTS
+    from physic_core.body.files import ModelFileLayout as ModelFileLayout
+    from physic_core.body.files import SmplBody as SmplBody
+    from physic_core.body.files import embedded_arrays as embedded_arrays
+    from physic_core.body.files import load_smpl as load_smpl
+    from physic_core.body.files import read_model_file as read_model_file
+    from physic_core.body.files import smplx_arrays as smplx_arrays
+    from physic_core.body.joint_angles import segment_axes as segment_axes
+    from physic_core.body.landmarks import BODY_POINTS as BODY_POINTS
+    from physic_core.body.landmarks import keypoints_on_body as keypoints_on_body
+    from physic_core.body.model import BodyModel as BodyModel
+    from physic_core.body.model import BodyOutput as BodyOutput
+    from physic_core.body.model import LandmarkModel as LandmarkModel
+    from physic_core.body.model import build_body_model as build_body_model
+    from physic_core.body.motions import PointMotions as PointMotions
+    from physic_core.body.motions import point_motions as point_motions
+    from physic_core.body.posture import angle_deg as angle_deg
+    from physic_core.body.posture import legs_in_line as legs_in_line
+    from physic_core.body.posture import standing_legs as standing_legs
 
-__all__ = ["JOINT_INDEX", "JOINT_NAMES", "PARENTS", "load_body"]
+__all__ = [
+    "FINGER_JOINTS",
+    "JOINT_INDEX",
+    "JOINT_NAMES",
+    "NUM_JOINTS",
+    "PARENTS",
+    "PART_NAMES",
+    "ROTATION_FIELDS",
+    "joint_pair",
+    "load_body",
+]
+
+_NAMES = {
+    "array_pickle": "PickledObject as_array read_pickle",
+    "arrays": "BodyArrays",
+    "bones": "parameters_from_rotations pose_from_parameters rotations_from_parameters "
+    "rotations_from_tpose",
+    "convert.bodies": "can_convert convert_contact convert_with_residuals rest_mesh_of_model",
+    "convert.correspondence": "Correspondence find_correspondence",
+    "files": "MANO ModelFileLayout SMPL SMPL_PARENTS SmplBody embedded_arrays load_smpl "
+    "read_model_file smplx_arrays",
+    "joint_angles": "segment_axes",
+    "landmarks": "BODY_POINTS keypoints_on_body",
+    "model": "BodyModel BodyOutput LandmarkModel build_body_model",
+    "motions": "PointMotions point_motions",
+    "posture": "angle_deg legs_in_line standing_legs",
+}
+_ON_FIRST_USE = {name: module for module, names in _NAMES.items() for name in names.split()}
+
+
+def __getattr__(name: str) -> Any:
+    """Import the module of a name at its first use."""
+    if name not in _ON_FIRST_USE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_ON_FIRST_USE[name]}"), name)
 
 
 def load_body(source: str | Path = "embedded", device: torch.device | str = "cpu") -> BodyModel:

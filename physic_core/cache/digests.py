@@ -14,7 +14,8 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +33,7 @@ _STARTED = time.time()
 """Start time of this process; files modified later may differ from the imported code."""
 
 _CODE_BYTES = 16
+_IMPORTED = re.compile(rb"^\s*(?:from|import) (physic_\w+)", re.MULTILINE)
 _MAX_FILES = 2000
 """Maximum number of files of a package; of a larger one only the module of the class is hashed."""
 
@@ -108,10 +110,11 @@ class CodeDigester:
 
     def __init__(self) -> None:
         self._files: dict[Path, list[Path]] = {}
-        self._digests: dict[Path, bytes | None] = {}
+        self._read: dict[Path, _Code | None] = {}
 
     def digest(self, kind: type) -> str | None:
-        """Compute the digest of the packages that define a class and its bases.
+        """Compute the digest of the packages that define a class and its bases, and of the packages
+        ``physic_*`` that these import.
 
         All files count with their content, so that two installations agree. For a module outside
         any package, the modules in the same folder count.
@@ -120,7 +123,7 @@ class CodeDigester:
             The digest. None if there is no reliable one: the class is defined in a function or an
                 interactive session, or its files were modified after this process started.
         """
-        digest = hashlib.blake2b(digest_size=_CODE_BYTES)
+        modules = []
         for base in kind.__mro__:
             top = base.__module__.partition(".")[0]
             if top in sys.stdlib_module_names:
@@ -128,21 +131,25 @@ class CodeDigester:
             file = getattr(sys.modules.get(base.__module__), "__file__", None)
             if file is None or top == "__main__" or "<locals>" in base.__qualname__:
                 return None
-            module_digest = self._module(Path(file))
-            if module_digest is None:
+            modules.append(Path(file))
+        digest = hashlib.blake2b(digest_size=_CODE_BYTES)
+        for module in modules:  # which grows
+            code = self._module(module)
+            if code is None:
                 return None
-            digest.update(module_digest)
+            digest.update(code.digest)
+            modules += [path for path in code.imported if path not in modules]
         return digest.hexdigest()
 
-    def _module(self, module: Path) -> bytes | None:
+    def _module(self, module: Path) -> _Code | None:
         package = _package(module)
         if package not in self._files:
             self._files[package] = _files(package)
         files = self._files[package]
         place = package if files else module
-        if place not in self._digests:
-            self._digests[place] = _digest_of_files(files or [module])
-        return self._digests[place]
+        if place not in self._read:
+            self._read[place] = _read_code(files or [module])
+        return self._read[place]
 
 
 def _package(module: Path) -> Path:
@@ -170,9 +177,20 @@ def _files(root: Path) -> list[Path]:
     return files
 
 
-def _digest_of_files(files: list[Path]) -> bytes | None:
-    """Compute the digest of files; None if one was modified after this process started."""
+@dataclass(frozen=True)
+class _Code:
+    """Digest of the files of a package, and ``__init__.py`` of the packages ``physic_*`` that they
+    import.
+    """
+
+    digest: bytes
+    imported: tuple[Path, ...]
+
+
+def _read_code(files: list[Path]) -> _Code | None:
+    """Read the files of a package; None if one was modified after this process started."""
     digest = hashlib.blake2b(digest_size=_CODE_BYTES)
+    imported: set[str] = set()
     try:
         for path in files:
             is_source = path.suffix == ".py"
@@ -180,9 +198,11 @@ def _digest_of_files(files: list[Path]) -> bytes | None:
                 return None
             content = path.read_bytes() if is_source else remembered_sha256(path).encode()
             digest.update(f"{path.name} {len(content)};".encode() + content)
+            imported |= {name.decode() for name in _IMPORTED.findall(content)}
     except OSError:
         return None
-    return digest.digest()
+    specs = map(find_spec, sorted(imported))  # which imports nothing
+    return _Code(digest.digest(), tuple(Path(one.origin) for one in specs if one and one.origin))
 
 
 _MAX_BYTES = 1 << 16

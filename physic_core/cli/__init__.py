@@ -27,8 +27,7 @@ _MAX_LINE = 4096
 
 _OUT_OF_MEMORY = (
     "Error: out of memory. Close other programs, allow this one more memory, use a smaller photo, "
-    "or "
-    "close backends early with --low-memory (physic run)"
+    "or close backends early with --low-memory (physic run)"
 )
 
 
@@ -73,15 +72,7 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 
 
 _COMMANDS = {
-    "batch": (
-        "physic_core.cli.commands.batch:batch",
-        "Reconstruct many photos in several processes; can resume.",
-    ),
     "cache": ("physic_core.cli.commands.weights:cache", "Show or clear the cache."),
-    "compare": (
-        "physic_core.cli.commands.results:compare",
-        "Compare two results, or two folders of results, person by person.",
-    ),
     "config": ("physic_core.cli.commands.config:config", "Check, show or create a configuration."),
     "export": (
         "physic_core.cli.commands.results:export",
@@ -90,10 +81,6 @@ _COMMANDS = {
     "plugins": (
         "physic_core.cli.commands.plugins:plugins",
         "List installed backends; show or test them; create a plugin.",
-    ),
-    "report": (
-        "physic_core.cli.commands.results:report",
-        "Write a result as a page for a browser.",
     ),
     "run": (
         "physic_core.cli.commands.run:run",

@@ -96,7 +96,7 @@ class Device(click.ParamType[str]):
     name = "device"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        from physic_core.adapters.devices import DEVICE_PATTERN
+        from physic_core.backends.devices import DEVICE_PATTERN
 
         if not DEVICE_PATTERN.fullmatch(value):
             self.fail(f"'{value}' is not a device: name cpu, cuda or cuda:N", param, ctx)

@@ -27,7 +27,7 @@ from pydantic import (
     model_validator,
 )
 
-from physic_core.adapters.devices import DEVICE_PATTERN
+from physic_core.backends.devices import DEVICE_PATTERN
 from physic_core.configuration.layers import (
     SettingsLayer,
     environment_layers,

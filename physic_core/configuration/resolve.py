@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pydantic import ValidationError
 
-from physic_core.adapters.devices import check_device, has_gpu
+from physic_core.backends.devices import check_device, has_gpu
 from physic_core.configuration.model import BackendChoice, load_config
 from physic_core.configuration.problems import Problem, config_error, problems_from_pydantic
 from physic_core.discovery.backends import (
@@ -185,14 +185,13 @@ def missing_file_messages(plan: ResolvedPipeline) -> tuple[str, ...]:
 def missing_gpu(plan: ResolvedPipeline) -> tuple[str, ...]:
     """Return one message if the configuration needs a GPU and there is none, else an empty tuple.
 
-    Only :func:`physic_core.adapters.devices.check_device` checks that torch can use the GPU.
+    Only :func:`physic_core.backends.devices.check_device` checks that torch can use the GPU.
     """
     if plan.device == "cpu" or has_gpu():
         return ()
     return (
-        f"run.device '{plan.device}': no GPU is found: use a machine with a GPU, or set "
-        f"run.device to 'cpu' if the "
-        "backends support it",
+        f"run.device '{plan.device}': no GPU is found: use a machine with a GPU, or set run.device "
+        "to 'cpu' if the backends support it",
     )
 
 
@@ -328,7 +327,7 @@ def _select(
 
 def _construct(offer: Offer, kind: type[Backend], options: Options) -> ResolvedBackend:
     with (
-        kept_process_state(loads=True) as changes,
+        kept_process_state() as changes,
         named_plugin_code(f"{offer} cannot be constructed", kind),
     ):
         backend = kind(options)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterator
 from importlib import resources
 from typing import Any
 
@@ -44,8 +45,15 @@ def sources_in_checkout(distribution: str) -> tuple[str, ...]:
     """
     if not any(distribution in table for table in _TABLES.values()):
         return ()
-    names = (*REQUIRES.get(distribution, ()), distribution)
+    names = dict.fromkeys(_with_required(distribution))
     return tuple(f"{'contrib' if name in _IN_CONTRIB else 'plugins'}/{name}" for name in names)
+
+
+def _with_required(distribution: str) -> Iterator[str]:
+    """Yield what a distribution requires, and itself."""
+    for other in REQUIRES.get(distribution, ()):
+        yield from _with_required(other)
+    yield distribution
 
 
 def how_to_install(distribution: str, extra: str = "") -> str:

@@ -33,7 +33,8 @@ _hookspec = pluggy.HookspecMarker(PROJECT)
 
 @dataclass(frozen=True)
 class PluginItem:
-    """A command, an executor, an engine preset or a page of a plugin.
+    """A command, an executor, an engine preset, the maker of pictures or a reader of keypoints of a
+    plugin.
 
     Attributes:
         name: of the item; of a command, the words after ``physic``, such as "scene" or "plugins
@@ -68,6 +69,7 @@ class ExporterRecord:
         packages: import names of required packages, such as those of an extra.
         extra: extra of the distribution that installs ``packages``, or empty.
         options: name of an option -> its values, the default first. A flag has False and True.
+        gives_way: whether a format of this name of another plugin replaces this one.
     """
 
     name: str
@@ -83,6 +85,7 @@ class ExporterRecord:
     packages: tuple[str, ...] = ()
     extra: str = ""
     options: Mapping[str, tuple[str | bool, ...]] = field(default_factory=dict)
+    gives_way: bool = False
 
     @property
     def missing_packages(self) -> tuple[str, ...]:
@@ -106,8 +109,8 @@ def physic_exporters() -> Sequence[ExporterRecord]:  # type: ignore[empty-body]
 def physic_executors() -> Sequence[PluginItem]:  # type: ignore[empty-body]
     """Return the executors that this plugin adds to ``physic batch --executor``.
 
-    Each target is a function that gets :class:`physic_core.batch.run.ExecutorSettings` and returns
-    an :data:`physic_core.batch.run.Executor`.
+    Each target is a function that gets :class:`physic_batch.run.ExecutorSettings` and returns
+    an :data:`physic_batch.run.Executor`.
     """
 
 
@@ -120,9 +123,19 @@ def physic_engine_presets() -> Sequence[PluginItem]:  # type: ignore[empty-body]
 
 
 @_hookspec
-def physic_pages() -> Sequence[PluginItem]:  # type: ignore[empty-body]
-    """Return the maker of ``report.html``, the page of a result
-    (:func:`physic_core.visual.report.report_html`).
+def physic_pictures() -> Sequence[PluginItem]:  # type: ignore[empty-body]
+    """Return the maker of a result's pictures and page
+    (:func:`physic_core.pictures.make_pictures`).
+    """
+
+
+@_hookspec
+def physic_keypoints() -> Sequence[PluginItem]:  # type: ignore[empty-body]
+    """Return the readers of other programs' keypoints that this plugin adds to ``--keypoints``.
+
+    Each target is a function that gets a JSON document and the name of the photo's file, and
+    returns a :class:`physic_core.types.KeypointTable`, or None if it does not know the form. It
+    raises ValueError with what is wrong.
     """
 
 
@@ -131,6 +144,7 @@ RECORDS: dict[str, type[PluginItem] | type[ExporterRecord]] = {
     "physic_exporters": ExporterRecord,
     "physic_executors": PluginItem,
     "physic_engine_presets": PluginItem,
-    "physic_pages": PluginItem,
+    "physic_pictures": PluginItem,
+    "physic_keypoints": PluginItem,
 }
 """The hooks, and the class of what each returns."""

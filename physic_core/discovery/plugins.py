@@ -33,14 +33,6 @@ from physic_core.discovery.plugin_code import named_plugin_code, plugin_code
 from physic_core.errors import ConfigError, PackageMissingError, PluginError
 
 _Record = TypeVar("_Record", bound=PluginItem | ExporterRecord)
-_GLB = ExporterRecord(
-    "glb",
-    (".glb",),
-    "physic_core.visual.glb:export_glb",
-    "Blender, Unity, Unreal, three.js",
-    "skinned bodies, skeletons, contact, scene, floor, camera",
-    stem="skinned",
-)
 
 
 @dataclass(frozen=True)
@@ -207,15 +199,15 @@ def _ask(offer: Offer, hook: str) -> list[Any]:
 
 
 def find_exporters() -> tuple[Found[ExporterRecord], ...]:
-    """Return the exporters of all installed plugins, sorted by name, and the core's GLB if no
-    plugin writes one.
+    """Return the exporters of all installed plugins, sorted by name, but those that give way to
+    another one.
 
     Nothing of them is imported.
     """
     found = find_items("physic_exporters")
-    if not any(exporter.record.name == _GLB.name for exporter in found):
-        found = (Found(_GLB, "physic-core"), *found)
-    return tuple(sorted(found, key=lambda exporter: exporter.record.name))
+    firm = {exporter.record.name for exporter in found if not exporter.record.gives_way}
+    kept = [e for e in found if not (e.record.gives_way and e.record.name in firm)]
+    return tuple(sorted(kept, key=lambda exporter: exporter.record.name))
 
 
 def missing_formats_hint(exporters: Sequence[Found[ExporterRecord]]) -> tuple[str, ...]:
@@ -224,7 +216,8 @@ def missing_formats_hint(exporters: Sequence[Found[ExporterRecord]]) -> tuple[st
     """
     if any(exporter.distribution == FORMATS for exporter in exporters):
         return ()
-    return (f"further formats are in {explain_absence(FORMATS)}",)
+    further = "further formats" if exporters else "formats"
+    return (f"{further} are in {explain_absence(FORMATS)}",)
 
 
 def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
@@ -262,7 +255,8 @@ def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
         )
         raise ConfigError(f"the format can be {offers}: {choose}")
     known = ", ".join(each.record.name for each in exporters)
-    choose = "; ".join((f"choose one of {known}", *missing_formats_hint(exporters)))
+    own = (f"choose one of {known}",) if known else ()
+    choose = "; ".join((*own, *missing_formats_hint(exporters)))
     what = (
         f"'{name or suffix}' is not an export format"
         if name or suffix

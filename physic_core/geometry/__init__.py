@@ -5,3 +5,68 @@ Other packages use :mod:`.camera`, :mod:`.pointmap`, :mod:`.alignment`, :mod:`.f
 :mod:`.plane`, :mod:`.upright`, :mod:`.mesh`, :mod:`.rays`, :mod:`.raster`, :mod:`.neighbors`,
 :mod:`.visibility`, :mod:`.robust`, :mod:`.rotations`, :mod:`.rotvecs` and :mod:`.tensors`.
 """
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from physic_core.geometry.alignment import AlignmentOptions as AlignmentOptions
+    from physic_core.geometry.camera import pixel_grid as pixel_grid
+    from physic_core.geometry.camera import pixel_rays as pixel_rays
+    from physic_core.geometry.camera import project as project
+    from physic_core.geometry.camera import undistort_pixels as undistort_pixels
+    from physic_core.geometry.camera import unproject as unproject
+    from physic_core.geometry.floor import FOCAL_PITCH_DEG as FOCAL_PITCH_DEG
+    from physic_core.geometry.floor import LOWER_SHARE as LOWER_SHARE
+    from physic_core.geometry.floor import FloorSearch as FloorSearch
+    from physic_core.geometry.floor import InverseDepthMap as InverseDepthMap
+    from physic_core.geometry.floor import PlaneFit as PlaneFit
+    from physic_core.geometry.floor import plane_of_pixels as plane_of_pixels
+    from physic_core.geometry.mesh import coarse_mesh as coarse_mesh
+    from physic_core.geometry.mesh import vertex_areas as vertex_areas
+    from physic_core.geometry.mesh import vertex_normals as vertex_normals
+    from physic_core.geometry.neighbors import NearestPointSearch as NearestPointSearch
+    from physic_core.geometry.plane import height_over_plane as height_over_plane
+    from physic_core.geometry.pointmap import pointmap_normals as pointmap_normals
+    from physic_core.geometry.raster import rasterize as rasterize
+    from physic_core.geometry.rays import RayCaster as RayCaster
+    from physic_core.geometry.robust import robust_loss as robust_loss
+    from physic_core.geometry.rotations import nearest_rotation as nearest_rotation
+    from physic_core.geometry.rotations import rotation_between as rotation_between
+    from physic_core.geometry.rotations import rotmat_to_euler as rotmat_to_euler
+    from physic_core.geometry.rotations import rotmat_to_quat as rotmat_to_quat
+    from physic_core.geometry.rotations import rotmat_to_rotvec as rotmat_to_rotvec
+    from physic_core.geometry.rotations import rotvec_to_rotmat_numpy as rotvec_to_rotmat_numpy
+    from physic_core.geometry.rotvecs import rotvec_to_rotmat as rotvec_to_rotmat
+    from physic_core.geometry.tensors import optional_tensors as optional_tensors
+    from physic_core.geometry.upright import gltf_from_camera as gltf_from_camera
+    from physic_core.geometry.upright import transform_points as transform_points
+    from physic_core.geometry.upright import up_in_camera as up_in_camera
+
+_NAMES = {
+    "alignment": "AlignmentOptions",
+    "camera": "pixel_grid pixel_rays project undistort_pixels unproject",
+    "floor": "FOCAL_PITCH_DEG FloorSearch InverseDepthMap LOWER_SHARE PlaneFit plane_of_pixels",
+    "mesh": "coarse_mesh vertex_areas vertex_normals",
+    "neighbors": "NearestPointSearch",
+    "plane": "height_over_plane",
+    "pointmap": "pointmap_normals",
+    "raster": "rasterize",
+    "rays": "RayCaster",
+    "robust": "robust_loss",
+    "rotations": "nearest_rotation rotation_between rotmat_to_euler rotmat_to_quat "
+    "rotmat_to_rotvec rotvec_to_rotmat_numpy",
+    "rotvecs": "rotvec_to_rotmat",
+    "tensors": "optional_tensors",
+    "upright": "gltf_from_camera transform_points up_in_camera",
+}
+_ON_FIRST_USE = {name: module for module, names in _NAMES.items() for name in names.split()}
+
+
+def __getattr__(name: str) -> Any:
+    """Import the module of a name at its first use."""
+    if name not in _ON_FIRST_USE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_ON_FIRST_USE[name]}"), name)

@@ -31,6 +31,8 @@ from physic_core.interfaces.backend import (
     Request,
     Requirement,
     UserFile,
+    call,
+    contract_violations,
 )
 from physic_core.interfaces.bodies import (
     BodyEstimator,
@@ -40,6 +42,7 @@ from physic_core.interfaces.bodies import (
     HandEstimator,
     HandEstimatorRequest,
 )
+from physic_core.interfaces.checks import tensor_advice
 from physic_core.interfaces.maps import (
     Inpainter,
     InpainterRequest,
@@ -87,6 +90,9 @@ __all__ = [
     "SegmenterRequest",
     "Share",
     "UserFile",
+    "call",
+    "contract_violations",
+    "tensor_advice",
 ]
 
 INTERFACES: dict[str, type[Backend]] = {

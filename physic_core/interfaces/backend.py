@@ -331,6 +331,13 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
     def close(self) -> None:
         """Release the weights and all other memory that ``load`` allocated."""
 
+    @staticmethod
+    def release_memory() -> None:
+        """Give freed memory back that a library of this backend keeps for the whole process.
+
+        Called after the last backend of a photo, whether backends are closed or not.
+        """
+
     def missing(self) -> tuple[str, ...]:
         """Return one line for each file or package that this backend needs and does not find, with
         the remedy.

@@ -8,23 +8,25 @@ import csv
 import io
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.errors import InputError
+from physic_core.discovery.plugins import explain_absence, find_items, import_item
+from physic_core.errors import InputError, PackageMissingError
 from physic_core.files.atomic import read_regular, unreadable
 from physic_core.files.text import parse_json, quoted
-from physic_core.io.keypoint_forms import KeypointTable, Row, table_of
+from physic_core.types.keypoint_table import KeypointRow, KeypointTable
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
 
 _COLUMNS = ("person", "joint", "x", "y")
+_DISTRIBUTION = "physic-opencv"
 _MAX_BYTES = 10_000_000
 _LEAST_SCORE = 0.3
 _LARGEST_SHARE_PX = 2.0  # all coordinates below it are shares of the picture
@@ -78,6 +80,7 @@ def read_keypoints(path: str, width: int, height: int, photo: str = "") -> Given
         InputError: the file cannot be read, its form is not known, it has no keypoints, has one
             twice, is for a picture of another shape, or has most of its keypoints outside of the
             photo.
+        PackageMissingError: it is JSON, and no installed plugin reads it.
     """
     try:
         file = Path(path)
@@ -86,7 +89,7 @@ def read_keypoints(path: str, width: int, height: int, photo: str = "") -> Given
         table = (
             KeypointTable(tuple(_csv_rows(text)), False)
             if is_csv
-            else table_of(parse_json(text), photo)
+            else _table_of(parse_json(text), photo)
         )
         return _given(table, is_csv, (width, height))
     except OSError as error:
@@ -99,7 +102,33 @@ def read_keypoints(path: str, width: int, height: int, photo: str = "") -> Given
         ) from error
 
 
-def _csv_rows(text: str) -> Iterable[Row]:
+def _table_of(document: Any, photo: str) -> KeypointTable:
+    """Return the keypoints of a JSON document in the form of another program, which a plugin reads
+    (hook ``physic_keypoints``).
+
+    Raises:
+        ValueError: no plugin knows its form, or one refuses it.
+        PackageMissingError: no plugin reads any.
+    """
+    readers = find_items("physic_keypoints")
+    if not readers:
+        raise PackageMissingError(f"keypoints in JSON are read by {explain_absence(_DISTRIBUTION)}")
+    for found in readers:
+        table: KeypointTable | None = import_item(found, "reader of keypoints")(document, photo)
+        if table is not None:
+            return table
+    raise ValueError(f"its form is not known: it has {_outline(document)}")
+
+
+def _outline(document: Any) -> str:
+    if isinstance(document, Mapping):
+        return f"an object with {', '.join(map(str, list(document)[:6])) or 'nothing'}"
+    if isinstance(document, list) and document:
+        return f"a list of {len(document)}, the first of which is {_outline(document[0])}"
+    return "an empty list" if document == [] else f"a {type(document).__name__}"
+
+
+def _csv_rows(text: str) -> Iterable[KeypointRow]:
     """Yield the rows below the header; all are visible."""
     lines = csv.DictReader(io.StringIO(text), skipinitialspace=True)
     if missing := [name for name in _COLUMNS if name not in (lines.fieldnames or ())]:
@@ -168,7 +197,7 @@ def _scale(stated: tuple[int, int], size: tuple[int, int]) -> FloatArray:
     return factors
 
 
-def _check_rows(rows: list[Row]) -> None:
+def _check_rows(rows: list[KeypointRow]) -> None:
     if not rows:
         raise ValueError("it has no keypoints that count")
     (person, joint), count = Counter(row[:2] for row in rows).most_common(1)[0]
@@ -186,7 +215,7 @@ def _check_rows(rows: list[Row]) -> None:
 
 
 def _check_inside(
-    rows: list[Row], points: FloatArray, inside: BoolArray, size: tuple[int, int]
+    rows: list[KeypointRow], points: FloatArray, inside: BoolArray, size: tuple[int, int]
 ) -> None:
     if 2 * inside.sum() > len(rows):
         return

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 from physic_core.errors import InputError
 from physic_core.files.atomic import check_own, write_own
-from physic_core.io.result_folder import REPORT_FILE, add_result_file, check_finished, is_result
+from physic_core.io.result_folder import add_result_file, check_finished, is_result
 from physic_core.io.results import load_reconstruction
+from physic_core.pictures import PAGE_MARK, REPORT_FILE, report_html
 
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
@@ -27,10 +28,8 @@ def save_report(
 
     Raises:
         OutputError: the file cannot be written, or is not a page of PhySIC.
-        PackageMissingError: no installed plugin makes pages.
+        PackageMissingError: no installed plugin makes pictures.
     """
-    from physic_core.visual.report import PAGE_MARK, report_html
-
     check_own(Path(path), mark=PAGE_MARK)  # before a page that takes long is made
     return write_own(Path(path), report_html(reconstruction, title).encode(), PAGE_MARK)
 
@@ -51,10 +50,8 @@ def add_report(
     Raises:
         InputError: there is no result in the folder, or its files are damaged.
         OutputError: the page cannot be written, or a ``report.html`` there is not a page of PhySIC.
-        PackageMissingError: no installed plugin makes pages.
+        PackageMissingError: no installed plugin makes pictures.
     """
-    from physic_core.visual.report import PAGE_MARK, report_html
-
     folder = Path(folder)
     if not is_result(folder):
         raise InputError(

@@ -38,6 +38,7 @@ from physic_core.files.atomic import (
     read_regular,
 )
 from physic_core.files.text import parse_json, write_csv
+from physic_core.pictures import GLB_FILE, PREVIEW_FILE, REPORT_FILE
 from physic_core.types.results import PERSON_COLUMNS, person_rows
 
 if TYPE_CHECKING:
@@ -46,9 +47,6 @@ if TYPE_CHECKING:
 SCHEMA = "physic-reconstruction"
 DOCUMENT_FILE = "reconstruction.json"
 ARRAYS_FILE = "reconstruction.npz"
-PREVIEW_FILE = "preview.png"
-GLB_FILE = "combined.glb"
-REPORT_FILE = "report.html"
 PEOPLE_TABLE = "people.csv"
 MAX_DOCUMENT_BYTES = 64 << 20
 FILES = (DOCUMENT_FILE, ARRAYS_FILE, PREVIEW_FILE, GLB_FILE, REPORT_FILE, PEOPLE_TABLE)

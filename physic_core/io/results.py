@@ -13,7 +13,6 @@ import os
 from collections.abc import Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
-from importlib import import_module
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,10 +29,7 @@ from physic_core.interfaces.checks import check_camera
 from physic_core.io.result_folder import (
     ARRAYS_FILE,
     DOCUMENT_FILE,
-    GLB_FILE,
     MAX_DOCUMENT_BYTES,
-    PREVIEW_FILE,
-    REPORT_FILE,
     SCHEMA,
     Replaced,
     check_finished,
@@ -42,6 +38,7 @@ from physic_core.io.result_folder import (
     repair_result,
     write_result_files,
 )
+from physic_core.pictures import GLB_FILE, PREVIEW_FILE, REPORT_FILE, make_pictures
 from physic_core.types import (
     NO_PARTNER,
     CheckResult,
@@ -249,57 +246,23 @@ def _document(reconstruction: Reconstruction, arrays: Arrays) -> dict[str, Any]:
     }
 
 
-_DRAWN_BY = (
-    "scipy.sparse.csgraph",
-    "scipy.sparse.linalg",
-    "scipy.spatial",
-    "physic_core.visual.glb",
-    "physic_core.visual.preview",
-    "physic_core.visual.report",
-)
-"""What both threads of :func:`_contents` use. Packages of SciPy import each other, and two threads
-that import some of them may wait for each other.
-"""
-
-
 def _contents(
     reconstruction: Reconstruction, arrays: Arrays, pictures: Collection[str], title: str
 ) -> tuple[dict[str, bytes], BaseException | None]:
     """Return the contents of the arrays' file, of the pictures and the page, and the error if one
     of these fails.
     """
-    from threadpoolctl import threadpool_limits
-
-    for name in _DRAWN_BY if pictures else ():
-        import_module(name)
     stream = BytesIO()
-    found = dict[str, bytes]()
-    # A second thread draws the preview, which takes as long as all else. Matrices of three columns:
-    # further threads of BLAS would take as much processor time again, waiting.
-    with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(1, "preview") as second:
-        preview = second.submit(_preview, reconstruction) if PREVIEW_FILE in pictures else None
-        write_arrays(stream, arrays)
-        numbers = {ARRAYS_FILE: stream.getvalue()}
+    made, failure = dict[str, bytes](), None
+    with ThreadPoolExecutor(1, "arrays") as second:
+        written = second.submit(write_arrays, stream, arrays)
         try:
-            if GLB_FILE in pictures:
-                from physic_core.visual.glb import combined_glb
-
-                found[GLB_FILE] = combined_glb(reconstruction)
-            if REPORT_FILE in pictures:
-                from physic_core.visual.report import report_html
-
-                found[REPORT_FILE] = report_html(reconstruction, title).encode()
-            if preview is not None:
-                found[PREVIEW_FILE] = preview.result()
+            if pictures:
+                made = make_pictures(reconstruction, pictures, title)
         except BaseException as error:  # an interrupted run keeps its numbers
-            return numbers, error
-    return numbers | found, None
-
-
-def _preview(reconstruction: Reconstruction) -> bytes:
-    from physic_core.visual.preview import preview_png
-
-    return preview_png(reconstruction)
+            failure = error
+        written.result()
+    return {ARRAYS_FILE: stream.getvalue(), **made}, failure
 
 
 def _read(folder: Path, names: Collection[str] | None = None) -> tuple[dict[str, Any], Arrays]:

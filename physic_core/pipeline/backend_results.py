@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.adapters.people import SAME_PERSON, keypoint_similarity
+from physic_core.backends.people import SAME_PERSON, keypoint_similarity
 from physic_core.body.joints import joint_pair
 from physic_core.errors import BodyModelError, ConfigError
 from physic_core.interfaces.bodies import valid_body_rows, valid_contact_rows, valid_hand_rows

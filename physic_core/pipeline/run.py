@@ -29,6 +29,7 @@ from physic_core.configuration.resolve import (
 from physic_core.errors import ConfigError, PhysicError
 from physic_core.io.photo import Photo, photo_path_for_messages, read_photo
 from physic_core.pipeline.given.photo import prepare_photo
+from physic_core.pipeline.photo_run import stages_before_the_engine
 from physic_core.pipeline.stage_runner import LoadedBackends, StageRunner
 from physic_core.types import CameraTrust, Intrinsics, KnownSizes, PeoplePrompt, Reconstruction
 
@@ -174,7 +175,7 @@ class Pipeline:
         Raises:
             BackendError: a backend cannot be loaded.
         """
-        from physic_core.adapters.onnx_sessions import release_memory
+        from physic_core.backends.memory import release_memory
         from physic_core.body import load_body
 
         with self._exclusive():
@@ -183,7 +184,8 @@ class Pipeline:
                 self._loaded.load(resolved)
                 if self.config.run.low_memory:
                     self._loaded.close(resolved)
-            release_memory()  # of sessions that wrote optimised graphs
+            # of sessions that wrote optimised graphs
+            release_memory(one.backend for one in self._plan.backends.values())
 
     def close(self) -> None:
         """Close all loaded backends; the pipeline cannot be used afterwards.
@@ -261,8 +263,6 @@ class Pipeline:
         return replace(self._plan, photo=config.photo, config=config, backends=backends)
 
     def _stages(self, progress: Progress | None, *, close: bool) -> StageRunner:
-        from physic_core.pipeline.estimate import stages_before_the_engine
-
         run = self.config.run
         cache = None
         if run.cache:
@@ -364,8 +364,8 @@ class _Given:
 def _reconstruct(
     photo: Photo, plan: ResolvedPipeline, given: _Given, stages: StageRunner, *, close: bool
 ) -> Reconstruction:
-    from physic_core.adapters.devices import limited_threads
-    from physic_core.adapters.onnx_sessions import release_memory
+    from physic_core.backends.devices import limited_threads
+    from physic_core.backends.memory import release_memory
     from physic_core.body import load_body
     from physic_core.pipeline.estimate import run_backends
 
@@ -387,7 +387,10 @@ def _reconstruct(
                 stages.trim_cache()
             # So that a worker's networks and engine do not hold theirs at one time. A single run
             # would take the memory of the C library again at once.
-            release_memory(all_of_it=plan.config.run.low_memory or not close)
+            release_memory(
+                (one.backend for one in plan.backends.values()),
+                all_of_it=plan.config.run.low_memory or not close,
+            )
     from physic_core.pipeline.checks import run_checks, warning_messages
     from physic_core.pipeline.optimise import run_engine
     from physic_core.pipeline.reconstruction import (

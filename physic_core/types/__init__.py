@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from physic_core.types.arrays import PER_PERSON, expand_people, select_people
 from physic_core.types.bodies import (
     Bodies,
     BodyParameters,
@@ -17,6 +18,16 @@ from physic_core.types.bodies import (
     Hands,
     Mesh,
     RestMesh,
+)
+from physic_core.types.bounds import (
+    Count,
+    FrozenGroups,
+    NotNegative,
+    PointCount,
+    Positive,
+    PositiveCount,
+    PositiveOrInfinite,
+    Share,
 )
 from physic_core.types.camera import CameraTrust, Intrinsics, Lens
 from physic_core.types.contacts import (
@@ -26,8 +37,12 @@ from physic_core.types.contacts import (
     ContactPartner,
     Support,
     SupportState,
+    contacts_text,
+    part_words,
+    partner_titles,
 )
 from physic_core.types.depth import AffineAmbiguity, DepthMap, Hints, Plane, Pointmap, SceneScale
+from physic_core.types.keypoint_table import KeypointTable
 from physic_core.types.known_sizes import KnownLength, KnownSizes
 from physic_core.types.observations import POSTURES, TOUCH_PARTS, Observations
 from physic_core.types.people import (
@@ -41,17 +56,40 @@ from physic_core.types.people import (
     UnposedPerson,
 )
 from physic_core.types.records import (
+    MARKS,
     CheckResult,
     CheckState,
+    ExportedFiles,
     Grade,
     Measures,
     Provenance,
     StageRecord,
     grade_text,
     summarize_checks,
+    trust_text,
 )
-from physic_core.types.results import Person, Reconstruction, Scene
-from physic_core.types.skeletons import SKELETONS, Skeleton, skeleton_named
+from physic_core.types.results import (
+    PERSON_COLUMNS,
+    SUMMARY_KEYS,
+    Person,
+    Reconstruction,
+    Scene,
+    main_people,
+    marks_of_row,
+    metres_text,
+    pelvis_distance_m,
+    person_rows,
+)
+from physic_core.types.short_repr import ShortRepr
+from physic_core.types.skeletons import (
+    SEEN_CONFIDENCE,
+    SIDES,
+    SKELETONS,
+    Skeleton,
+    is_finger,
+    other_side,
+    skeleton_named,
+)
 
 if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray as BoolArray
@@ -61,10 +99,16 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CARRIER_NAMES",
+    "MARKS",
     "NO_PARTNER",
     "PARTNER_KINDS",
+    "PERSON_COLUMNS",
+    "PER_PERSON",
     "POSTURES",
+    "SEEN_CONFIDENCE",
+    "SIDES",
     "SKELETONS",
+    "SUMMARY_KEYS",
     "SURFACE_NAMES",
     "TOUCH_PARTS",
     "AffineAmbiguity",
@@ -77,35 +121,59 @@ __all__ = [
     "CheckState",
     "ContactPartner",
     "ContactProbability",
+    "Count",
     "DepthMap",
+    "ExportedFiles",
+    "FrozenGroups",
     "Grade",
     "Hands",
     "Hints",
     "Intrinsics",
+    "KeypointTable",
     "Keypoints",
     "KnownLength",
     "KnownSizes",
     "Lens",
     "Measures",
     "Mesh",
+    "NotNegative",
     "Observations",
     "People",
     "PeoplePrompt",
     "Person",
     "Plane",
+    "PointCount",
     "Pointmap",
+    "Positive",
+    "PositiveCount",
+    "PositiveOrInfinite",
     "Provenance",
     "Reconstruction",
     "RestMesh",
     "Scene",
     "SceneScale",
+    "Share",
+    "ShortRepr",
     "Skeleton",
     "StageRecord",
     "Support",
     "SupportState",
     "SurfaceLabels",
     "UnposedPerson",
+    "contacts_text",
+    "expand_people",
     "grade_text",
+    "is_finger",
+    "main_people",
+    "marks_of_row",
+    "metres_text",
+    "other_side",
+    "part_words",
+    "partner_titles",
+    "pelvis_distance_m",
+    "person_rows",
+    "select_people",
     "skeleton_named",
     "summarize_checks",
+    "trust_text",
 ]

@@ -19,7 +19,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from physic_core.weights.find import common_folder as common_folder
+    from physic_core.weights.find import describe_mismatch as describe_mismatch
     from physic_core.weights.find import fingerprint, locate, missing
+    from physic_core.weights.find import format_size as format_size
+    from physic_core.weights.find import locate_files as locate_files
+    from physic_core.weights.find import size_mismatches as size_mismatches
+    from physic_core.weights.library import named_sets as named_sets
+    from physic_core.weights.library import read_library as read_library
+    from physic_core.weights.manifest import HubSource as HubSource
+    from physic_core.weights.manifest import WebSource as WebSource
     from physic_core.weights.manifest import WeightFile, WeightSet, read_manifest
 
 __all__ = ["WeightFile", "WeightSet", "fingerprint", "locate", "missing", "read_manifest"]
@@ -28,6 +37,12 @@ __all__ = ["WeightFile", "WeightSet", "fingerprint", "locate", "missing", "read_
 _MODULES = {
     **dict.fromkeys(("fingerprint", "locate", "missing"), "find"),
     **dict.fromkeys(("WeightFile", "WeightSet", "read_manifest"), "manifest"),
+    **dict.fromkeys(
+        ("common_folder", "describe_mismatch", "format_size", "locate_files", "size_mismatches"),
+        "find",
+    ),
+    **dict.fromkeys(("named_sets", "read_library"), "library"),
+    **dict.fromkeys(("HubSource", "WebSource"), "manifest"),
 }
 
 

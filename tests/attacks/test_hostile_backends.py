@@ -10,7 +10,7 @@ import pytest
 import torch
 
 import hostile
-from physic_core.batch.workers import WorkerSettings, run_in_workers
+from physic_batch.workers import WorkerSettings, run_in_workers
 from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.discovery.error_text import PluginExit
 from physic_core.discovery.plugin_code import plugin_code

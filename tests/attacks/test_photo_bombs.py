@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from photo_bombs import BOMBS, huge_tile
-from physic_core.batch.journal import read_journals
+from physic_batch.journal import read_journals
 from physic_testing.worlds import load_world
 
 PEAK = """

@@ -11,19 +11,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import physic_core.visual.glb as glb
-import physic_core.visual.preview as preview
-import physic_core.visual.report as report_page
 from interrupted import Steps
-from physic_core.batch.journal import Journal, read_journals
+from physic_batch.journal import Journal, read_journals
 from physic_core.cache.folders import LruFolder
 from physic_core.errors import InputError, OutputError
 from physic_core.files.atomic import atomic_write
 from physic_core.files.plain import write_value
 from physic_core.io.report_file import add_report, save_report
 from physic_core.io.results import load_reconstruction, save_reconstruction
+from physic_core.pictures import PAGE_MARK
 from physic_scene import output
 from physic_scene.types import SceneCamera, SceneResult, SolvedPhoto
+from physic_visual import pictures
 from tiny_result import tiny_result
 
 OLD = tiny_result(0)
@@ -39,15 +38,15 @@ def mark(result):
 def quick_pictures(monkeypatch):
     """Pictures and pages that name their result, in place of rendered ones."""
 
-    monkeypatch.setattr(glb, "combined_glb", lambda result: f"mesh of {mark(result)}".encode())
+    monkeypatch.setattr(pictures, "combined_glb", lambda result: f"mesh of {mark(result)}".encode())
     monkeypatch.setattr(
-        preview, "preview_png", lambda result: f"picture of {mark(result)}".encode()
+        pictures, "preview_png", lambda result: f"picture of {mark(result)}".encode()
     )
     monkeypatch.setattr(
         output, "photos_png", lambda scene: f"photos of {mark(scene.reconstruction)}".encode()
     )
-    page = f"<meta {report_page.PAGE_MARK}> page of "
-    monkeypatch.setattr(report_page, "report_html", lambda result, title: page + mark(result))
+    page = f"<meta {PAGE_MARK}> page of "
+    monkeypatch.setattr(pictures, "report_html", lambda result, title: page + mark(result))
 
 
 def save(folder, result):
@@ -212,7 +211,7 @@ def test_a_page_that_is_interrupted_at_any_step_costs_no_result(before, how, tmp
         assert {name: found[name] for name in ("preview.png", "combined.glb")} == {
             name: (tmp_path / "old" / name).read_bytes() for name in ("preview.png", "combined.glb")
         }
-    new = f"<meta {report_page.PAGE_MARK}> page of {mark(NEW)}".encode()
+    new = f"<meta {PAGE_MARK}> page of {mark(NEW)}".encode()
     assert pages == ({old} if how == "full" else {old, new})
 
 

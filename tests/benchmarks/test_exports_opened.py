@@ -14,7 +14,7 @@ from benchmarks import exports_opened
 from benchmarks.export_readers import Opened
 from benchmarks.exports_opened import READERS, Outcome, is_wrong, outcome_of, outcomes_of, row_of
 from physic_core import find_exporters
-from physic_core.io.result_folder import GLB_FILE
+from physic_core.pictures import GLB_FILE
 
 DEPTH, KEYPOINTS, AMASS = (
     next(reader for reader in READERS if reader.form == form)

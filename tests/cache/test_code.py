@@ -94,6 +94,19 @@ def test_an_edit_of_a_base_class_changes_the_digest(site):
     assert CodeDigester().digest(kind) not in (first, None)
 
 
+def test_an_edit_of_a_package_that_it_stands_on_changes_the_digest(site):
+    write(site / "physic_base" / "__init__.py", "from physic_ground import x")
+    write(site / "physic_ground" / "__init__.py", "from physic_base import y")
+    write(
+        site / "pack" / "__init__.py", SOURCE + "    def infer(self):\n        import physic_base\n"
+    )
+    importlib.invalidate_caches()
+    kind = importlib.import_module("pack").Depth
+    first = CodeDigester().digest(kind)
+    write(site / "physic_ground" / "__init__.py", "x = 2")
+    assert CodeDigester().digest(kind) not in (first, None)
+
+
 def test_a_module_edited_after_the_start_has_no_digest(site, monkeypatch):
     kind = package(site)
     monkeypatch.setattr(digests, "_STARTED", time.time() - 100)

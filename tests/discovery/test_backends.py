@@ -203,7 +203,11 @@ def test_two_distributions_may_offer_one_name_and_the_user_chooses(site):
         (None, "my-inpainter", ("pip install -e",)),
         (None, "wilor", ("'wilor' is the name of a hand_estimator",)),
         (None, "physic-embedded:telea", ("'telea' comes from physic-opencv",)),
-        ("physic-mock", "physic-embedded:embedded", ("`pip install -e plugins/physic-embedded`",)),
+        (
+            "physic-mock",
+            "physic-embedded:embedded",
+            ("-e plugins/physic-networks -e plugins/physic-embedded`",),
+        ),
         (None, "physic-embeded:embedded", ("'embedded' comes from physic-embedded",)),
     ],
 )

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 from physic_core.geometry.visibility import front_depth, in_free_space
-from physic_core.metrics import hidden_by_depth_map
 from physic_core.types import Intrinsics
+from physic_testing.metrics import hidden_by_depth_map
 
 pytestmark = pytest.mark.quick
 

@@ -9,7 +9,6 @@ import pytest
 import torch
 
 from physic_core import interfaces
-from physic_core.adapters.bodies import parameters_from_rotvecs
 from physic_core.types import (
     Bodies,
     Carrier,
@@ -25,6 +24,7 @@ from physic_core.types import (
     RestMesh,
     SurfaceLabels,
 )
+from physic_networks.bodies import parameters_from_rotvecs
 from physic_testing import violations
 
 H = 6

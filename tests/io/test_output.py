@@ -23,8 +23,8 @@ from physic_core.io.results import save_reconstruction
 
 @pytest.fixture(autouse=True)
 def quick_pictures(monkeypatch):
-    monkeypatch.setattr("physic_core.visual.glb.combined_glb", lambda result: b"mesh")
-    monkeypatch.setattr("physic_core.visual.preview.preview_png", lambda result: b"\x89PNG")
+    monkeypatch.setattr("physic_visual.pictures.combined_glb", lambda result: b"mesh")
+    monkeypatch.setattr("physic_visual.pictures.preview_png", lambda result: b"\x89PNG")
 
 
 @pytest.fixture
@@ -191,7 +191,7 @@ def test_a_file_that_the_user_writes_while_pictures_are_made_is_kept(
         (out / "combined.glb").write_text("mine")
         return b"mesh"
 
-    monkeypatch.setattr("physic_core.visual.glb.combined_glb", mesh)
+    monkeypatch.setattr("physic_visual.pictures.combined_glb", mesh)
     with pytest.raises(OutputError, match=r"combined\.glb there is not of an earlier run"):
         reconstruction.save(str(out))
     assert [(path.name, path.read_text()) for path in out.iterdir()] == [("combined.glb", "mine")]

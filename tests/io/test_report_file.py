@@ -57,7 +57,7 @@ def test_a_result_is_saved_with_its_page_or_without_one_that_fails(folder, resul
     def fail(result, title):
         raise MemoryError
 
-    monkeypatch.setattr("physic_core.visual.report.report_html", fail)
+    monkeypatch.setattr("physic_visual.pictures.report_html", fail)
     with pytest.raises(MemoryError):
         save_reconstruction(result, folder, "numbers", page="photo.jpg")
     assert not (folder / "report.html").exists()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from physic_core import load_config, reconstruct
-from physic_core.adapters.people import boxes_from_masks
+from physic_core.backends.people import boxes_from_masks
 from physic_core.errors import BackendOutputError, ConfigError, NoPersonError
 from physic_core.pipeline.given.people import select_chosen
 from physic_core.types import Keypoints, People, PeoplePrompt

@@ -12,8 +12,8 @@ import pytest
 
 from benchmarks.same_photo.changes import change
 from benchmarks.same_photo.variants import PHOTO, Variant, answer_of
+from physic_batch.process import batch_config
 from physic_core import Pipeline, load_config
-from physic_core.batch.process import batch_config
 from physic_core.body import load_body
 from physic_core.cache.folders import CACHE_VARIABLE
 from physic_core.engine.contact.method import ContactMethod

@@ -15,9 +15,9 @@ from physic_core.body import load_body
 from physic_core.body.bones import rotations_from_parameters
 from physic_core.configuration.resolve import resolve
 from physic_core.errors import BackendError
-from physic_core.metrics import pa_mpjpe_mm
 from physic_core.types import Hints
 from physic_core.types.skeletons import SIDES
+from physic_testing.metrics import pa_mpjpe_mm
 from physic_testing.worlds import World, load_world
 
 pytestmark = [pytest.mark.quick, pytest.mark.kernels]

@@ -11,7 +11,6 @@ import pytest
 import torch
 
 from physic_core import load_config, reconstruct
-from physic_core.adapters.bodies import parameters_from_rotvecs
 from physic_core.body import load_body
 from physic_core.body.bones import rotations_from_parameters
 from physic_core.body.convert.bodies import rest_mesh_of_model
@@ -20,6 +19,7 @@ from physic_core.interfaces import BodyEstimator
 from physic_core.pipeline.backend_results import discard_invalid_bodies
 from physic_core.types import Bodies, ContactProbability, Mesh, RestMesh
 from physic_mock import backends
+from physic_networks.bodies import parameters_from_rotvecs
 from physic_testing import violations
 
 pytestmark = pytest.mark.usefixtures("few_steps")

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from physic_core import load_config, load_reconstruction, reconstruct
-from physic_core.metrics import pa_mpjpe_mm
 from physic_core.types import Keypoints, Skeleton
 from physic_mock.keypoints import KeypointOptions, MockKeypointDetector
 from physic_mock.recognition import match_masks_to_world, recognise_world
 from physic_testing.conformance import check_backend
 from physic_testing.conformance.true_keypoints import true_keypoints_px
+from physic_testing.metrics import pa_mpjpe_mm
 
 SIDES = ("left", "right")
 BLENDS = {

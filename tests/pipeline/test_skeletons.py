@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from physic_core import load_config, reconstruct
-from physic_core.metrics import pa_mpjpe_mm
 from physic_core.types import SKELETONS, skeleton_named
+from physic_testing.metrics import pa_mpjpe_mm
 
 
 @pytest.mark.parametrize("skeleton", ["coco17", "halpe26", "coco_wholebody133"])

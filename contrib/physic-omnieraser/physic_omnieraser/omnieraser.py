@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.checkouts import Checkout
-from physic_core.adapters.networks import TorchBackend
 from physic_core.errors import DeviceError, WeightsMissingError
 from physic_core.interfaces import GpuMemory, Inpainter, Options, Requirement, UserFile
+from physic_networks.checkouts import Checkout
+from physic_networks.networks import TorchBackend
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -160,7 +160,7 @@ class OmniEraser(TorchBackend, Inpainter):
             BackendError: the mask has another size or leaves nothing to go by, or load() was not
                 called.
         """
-        from physic_core.adapters.pictures import inpaint_masked
+        from physic_networks.pictures import inpaint_masked
 
         self.network  # noqa: B018 -- raises an error if it is not loaded
         return inpaint_masked(image, mask, 0.0, self._fill)
@@ -215,10 +215,8 @@ class OmniEraser(TorchBackend, Inpainter):
             pass  # no one looks for it then, and it is missing all the same
         return (
             f"{self.options.base} is not here (about 34 GB, non-commercial, an account with "
-            f"access): "
-            f"accept its licence on huggingface.co, then `hf auth login` and `hf download "
-            f"{self.options.base}`; "
-            "or set base to a folder that has it",
+            "access): accept its licence on huggingface.co, then `hf auth login` and `hf download "
+            f"{self.options.base}`; or set base to a folder that has it",
         )
 
 

@@ -87,7 +87,7 @@ def stand_in_files(tmp_path_factory):
 @pytest.fixture
 def no_packages_needed(monkeypatch):
     """The stand-in needs neither peft nor accelerate."""
-    monkeypatch.setattr("physic_core.adapters.checkouts.Checkout.missing", lambda self: ())
+    monkeypatch.setattr("physic_networks.checkouts.Checkout.missing", lambda self: ())
 
 
 def transformer():

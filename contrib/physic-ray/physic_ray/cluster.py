@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from typing import Any
 
-from physic_core.batch.workers import usable_cores
+from physic_batch.workers import usable_cores
 from physic_core.errors import ConfigError
 
 _STORE_BYTES = 200_000_000  # rows are small; Ray's default takes 30 % of the memory

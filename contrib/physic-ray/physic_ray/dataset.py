@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
-from physic_core.batch.journal import COLUMNS, NUMBERS, all_columns
-from physic_core.batch.photos import PhotoItem, photo_of_row
-from physic_core.batch.process import prepare_job
+from physic_batch.journal import COLUMNS, NUMBERS, all_columns
+from physic_batch.photos import PhotoItem, photo_of_row
+from physic_batch.process import prepare_job
 from physic_core.errors import ConfigError
 from physic_ray.executor import MAX_INIT_DEATHS
 from physic_ray.resources import Resources
@@ -104,8 +104,7 @@ def _set_checkpoint(dataset: ray.data.Dataset, folder: str, resources: Resources
     if 0 < cpus < resources.cpus + _CPUS_OF_RAY_DATA:  # 0: the nodes are still to come
         raise ConfigError(
             f"a checkpoint needs {_CPUS_OF_RAY_DATA} CPUs beside those of the actors, or Ray Data "
-            f"waits for ever: the "
-            f"cluster has {cpus:g}, and an actor reserves {resources.cpus:g}"
+            f"waits for ever: the cluster has {cpus:g}, and an actor reserves {resources.cpus:g}"
         )
     schema = dataset.schema(fetch_if_missing=False)
     if schema is not None and "id" not in schema.names:

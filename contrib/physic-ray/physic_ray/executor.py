@@ -10,17 +10,17 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from physic_core.batch.photos import PhotoItem
-from physic_core.batch.process import BatchJob
-from physic_core.batch.run import ExecutorSettings
-from physic_core.batch.workers import LOAD_LIMIT_S, error_named
+from physic_batch.photos import PhotoItem
+from physic_batch.process import BatchJob
+from physic_batch.run import ExecutorSettings
+from physic_batch.workers import LOAD_LIMIT_S, error_named
 from physic_core.errors import BackendError, ConfigError
 from physic_ray.cluster import connected
 from physic_ray.resources import Resources
 from physic_ray.worker import JsonActor, WorkerPlan, encode_item, environment_of_driver
 
 if TYPE_CHECKING:
-    from physic_core.batch.run import Executor
+    from physic_batch.run import Executor
 
 MAX_INIT_DEATHS = 2
 """Actors that may die one after the other while they are created.
@@ -33,7 +33,7 @@ _MAX_BLOCKS = 20_000  # tasks of Ray: some milliseconds and kilobytes of the dri
 
 
 def ray_executor(settings: ExecutorSettings) -> Executor:
-    """Return the executor; see :class:`physic_core.batch.run.ExecutorSettings`.
+    """Return the executor; see :class:`physic_batch.run.ExecutorSettings`.
 
     The options are the attributes of :class:`physic_ray.resources.Resources`.
 
@@ -52,7 +52,7 @@ def run_on_ray(
     resources: Resources | None = None,
     open_worker: Callable[[], Callable[[PhotoItem], dict[str, Any]]] | None = None,
 ) -> Generator[dict[str, Any], None, None]:
-    """Yield a row for each photo, in any order; see :data:`physic_core.batch.run.Executor`.
+    """Yield a row for each photo, in any order; see :data:`physic_batch.run.Executor`.
 
     All nodes must see the photos and the output folder under the same paths. A photo whose node is
     lost is done again on another one. ``open_worker`` replaces the pipeline of the job.

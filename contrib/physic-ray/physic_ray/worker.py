@@ -16,10 +16,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from physic_core.batch.photos import PhotoItem
-from physic_core.batch.process import BatchJob
-from physic_core.batch.run import run_locally
-from physic_core.batch.workers import WorkerSettings
+from physic_batch.photos import PhotoItem
+from physic_batch.process import BatchJob
+from physic_batch.run import run_locally
+from physic_batch.workers import WorkerSettings
 from physic_core.errors import OutputError, PhysicError
 
 VISIBLE_S = 30.0

@@ -8,7 +8,7 @@ import time
 from functools import partial
 from pathlib import Path
 
-from physic_core.batch.process import PhotoProcessor
+from physic_batch.process import PhotoProcessor
 from physic_core.errors import ConfigError, NoPersonError, OutputError
 
 

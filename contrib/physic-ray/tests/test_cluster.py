@@ -14,11 +14,11 @@ from pathlib import Path
 
 import pytest
 
-from physic_core.batch.journal import COLUMNS, read_journals
-from physic_core.batch.photos import list_photos
-from physic_core.batch.process import BatchJob
-from physic_core.batch.run import ExecutorSettings, plan_batch, run_batch, run_locally
-from physic_core.batch.workers import WorkerSettings
+from physic_batch.journal import COLUMNS, read_journals
+from physic_batch.photos import list_photos
+from physic_batch.process import BatchJob
+from physic_batch.run import ExecutorSettings, plan_batch, run_batch, run_locally
+from physic_batch.workers import WorkerSettings
 from physic_core.configuration.model import load_config
 from physic_core.errors import BackendError, ConfigError, OutputError
 from physic_ray.executor import run_on_ray

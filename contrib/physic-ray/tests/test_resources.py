@@ -6,8 +6,8 @@ import json
 
 import pytest
 
-from physic_core.batch.process import BatchJob
-from physic_core.batch.run import ExecutorSettings
+from physic_batch.process import BatchJob
+from physic_batch.run import ExecutorSettings
 from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError
 from physic_ray.executor import ray_executor
@@ -63,7 +63,7 @@ def test_a_node_without_the_output_folder_is_refused(monkeypatch, tmp_path):
 
 
 def test_every_name_of_a_photo_reaches_the_worker():
-    from physic_core.batch.photos import PhotoItem
+    from physic_batch.photos import PhotoItem
 
     item = PhotoItem(
         "\udcff ü \U0001f600", "/photos/\udcff.jpg", {"focal_px": 900.5, "stature": [1.7, 1.8]}

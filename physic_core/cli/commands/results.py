@@ -1,198 +1,21 @@
-"""The commands on saved results: ``physic compare`` of two results or folders of results,
-``physic report`` (the page), ``physic export`` (the format of another program), and ``physic show``
-(the summary).
+"""The commands on saved results: ``physic export`` (the format of another program), and ``physic
+show`` (the summary).
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from physic_core.cli.arguments import AnyPath, ResultPath
-from physic_core.cli.output import echo, echo_json, format_table
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from physic_core.batch.comparison import Comparison
-    from physic_core.errors import PhysicError
-
-
-def _print_comparison(photos: Sequence[Comparison], about: Sequence[tuple[str, list[str]]]) -> None:
-    """Print what was compared, a table of photos and people, and the summary of all photos."""
-    from physic_core.batch.comparison import HEAD, table_rows
-
-    for title, lines in about[:-1]:
-        echo(f"{title}: {'; '.join(lines)}")
-    rows = [row for photo in photos for row in table_rows(photo)]
-    echo(format_table([HEAD, *rows]))
-    echo("\n".join(about[-1][1]))
-
-
-@click.command()
-@click.argument("a", metavar="A", type=ResultPath())
-@click.argument("b", metavar="B", type=ResultPath())
-@click.option("--json", "as_json", is_flag=True, help="Print one object as JSON.")
-@click.option(
-    "--html", "page", type=AnyPath(), metavar="FILE", help="Also write a page with the pictures."
-)
-def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
-    """Compare the results in folders A and B, or all results of the same photos in them.
-
-    People are matched by their masks. Joints is the mean distance of the joints from pelvis to
-    wrists, with the joint that is farthest apart; pose is the same with both pelvises in one place.
-    The distance of a photo is the median depth of its scene.
-    """
-    from physic_core.batch.comparison import (
-        PICTURE_HEIGHT,
-        changed_lines,
-        compare_results,
-        comparison_page,
-        pair_results,
-        summary_lines,
-    )
-    from physic_core.batch.contact_sheet import result_link, thumbnail_jpeg
-    from physic_core.errors import InputError
-    from physic_core.files.atomic import check_own, write_own
-    from physic_core.files.plain import split
-    from physic_core.io.results import load_reconstruction
-
-    if page is not None:
-        check_own(page)
-    both, only = pair_results(a, b)
-    photos = []
-    pictures = []
-    links = []
-    failures = []
-    for pair in both:
-        try:
-            results = [load_reconstruction(folder) for folder in pair]
-            photos.append(compare_results(results[0], results[1], pair[0].resolve().name))
-        except InputError as error:
-            failures.append(error)
-        else:
-            if page is not None:
-                pictures.append(
-                    [thumbnail_jpeg(one, PICTURE_HEIGHT, numbered=True) for one in results]
-                )
-                links.append([result_link(page.parent, folder) for folder in pair])
-    _report_failures(failures, last=not photos)
-    about = [
-        ("A", [str(a)]),
-        ("B", [str(b)]),
-        ("changed", changed_lines(photos)),
-        ("all photos", summary_lines(photos, only)),
-    ]
-    if as_json:
-        alone = {
-            f"only_{name}": list(map(str, folders))
-            for name, folders in zip("ab", only, strict=True)
-        }
-        echo_json({"a": str(a), "b": str(b), "photos": split(photos, {}), **alone})
-    else:
-        _print_comparison(photos, about)
-    if page is not None:
-        html = comparison_page(photos, pictures, links, about)
-        echo(f"wrote {write_own(page, html.encode())}", err=as_json)
-    if failures:
-        raise failures[-1]
-
-
-def _report_failures(failures: Sequence[PhysicError], *, last: bool) -> None:
-    """Print all failures but the last one, and raise that if nothing else follows."""
-    for failure in failures[:-1]:
-        echo(f"Error: {failure}", err=True)
-    if failures and last:
-        raise failures[-1]
-
-
-@click.command()
-@click.argument("results", metavar="OUT...", nargs=-1, required=True, type=ResultPath())
-@click.option("-o", "--out", type=AnyPath(), help="Write the page of one result to this file.")
-@click.option(
-    "--title", metavar="TEXT", default="", help="Title of the page.  [default: name of the photo]"
-)
-@click.option(
-    "--each", is_flag=True, help="In a folder of results, also write a page for each one."
-)
-def report(results: tuple[Path, ...], out: Path | None, title: str, each: bool) -> None:
-    """Write report.html of each result OUT: scene, people, contact and numbers in one file for a
-    browser.
-
-    A folder of results, such as that of a batch, gets contact-sheet.html, which links to their
-    pages.
-    """
-    if (out is not None or title) and len(results) > 1:
-        raise click.UsageError(
-            f"{'--out' if out is not None else '--title'} needs one result, got {len(results)}"
-        )
-    from physic_core.errors import InputError, OutputError
-    from physic_core.io.result_folder import is_result
-    from physic_core.visual.report import require_report
-
-    if out is not None or each or any(map(is_result, results)):
-        require_report()
-    first: PhysicError | None = None
-    for folder in results:
-        try:
-            _write(folder, out, title, each)
-        except (InputError, OutputError) as error:
-            if first is not None:
-                echo(f"Error: {first}", err=True)
-            first = error
-    if first is not None:
-        raise first
-
-
-def _write(folder: Path, out: Path | None, title: str, each: bool) -> None:
-    from physic_core.io.report_file import add_report, save_report
-    from physic_core.io.result_folder import ARRAYS_FILE, is_result
-
-    if out is not None:
-        from physic_core.io.results import load_reconstruction
-
-        result = load_reconstruction(folder)
-        echo(
-            f"wrote {save_report(result, out, title or result.photo_name or folder.resolve().name)}"
-        )
-    # arrays alone are not a folder of results
-    elif is_result(folder) or (folder / ARRAYS_FILE).is_file():
-        echo(f"wrote {add_report(folder, title=title)}")
-    else:
-        _write_index(folder, each)
-
-
-def _write_index(folder: Path, each: bool) -> None:
-    """Write the contact sheet of a folder of results, and with ``each`` the page of every
-    result.
-    """
-    from physic_core.batch.contact_sheet import (
-        check_contact_sheet,
-        find_results,
-        write_contact_sheet,
-    )
-    from physic_core.errors import InputError
-    from physic_core.io.report_file import add_report
-
-    found = find_results(folder)
-    check_contact_sheet(folder)
-    for number, result in enumerate(found if each else (), 1):
-        try:
-            path = add_report(result)
-        # the page states the error, and the other results get their pages
-        except InputError as error:
-            echo(f"[{number}/{len(found)}] {error}", err=True)
-        else:
-            echo(f"[{number}/{len(found)}] {path}", err=True)
-    echo(f"wrote {write_contact_sheet(folder, found)}")
+from physic_core.cli.output import echo, format_table
 
 
 def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     if not wanted:
         return
-    from physic_core.cli.output import format_table
     from physic_core.discovery.plugins import find_exporters, missing_formats_hint
 
     rows = [("format", "suffix", "for", "content", "needs")]
@@ -291,9 +114,9 @@ def export(
     # An unknown format is reported before numpy is imported.
     find_exporter(name, "" if path is None or path.is_dir() else path.suffix)
 
+    from physic_core.export import export_reconstruction
     from physic_core.io.result_folder import list_exports
     from physic_core.io.results import load_reconstruction
-    from physic_core.visual.export.write import export_reconstruction
 
     done = export_reconstruction(
         load_reconstruction(out),

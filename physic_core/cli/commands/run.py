@@ -32,19 +32,14 @@ def _setting(
 
 _SAVE = (
     "numbers: JSON and arrays. pictures: the same, preview, combined.glb and the page. people: "
-    "JSON and arrays of the "
-    "people."
+    "JSON and arrays of the people."
 )
 
-_REPORT = (
-    "Write report.html, a 3D page for a browser, or not. [default: with pictures, if "
-    "physic-viewer is installed]"
-)
+_REPORT = "Write report.html, a 3D page for a browser, or not. [default: with pictures]"
 
 _KEYPOINTS = (
     "Keypoints that replace detected ones, px of the photo file: CSV with person (as in "
-    "people.csv), joint, x, y; or "
-    "COCO JSON."
+    "people.csv), joint, x, y; or COCO JSON."
 )
 
 _PERSON = "Reconstruct only the person at this pixel of the photo file; may be repeated."
@@ -228,7 +223,7 @@ def run(
     # Fast checks come first: no network is loaded before config, files, device and output folder
     # are checked.
     plan = load_plan(file, preset=preset, overrides=overrides, flags=flags)
-    report = _writes_report(open_page or report, save, quiet=quiet)
+    report = _writes_report(open_page or report, save)
     from physic_core.io.result_folder import file_digest
 
     folder = out or Path(f"{photo.stem}-physic")
@@ -287,24 +282,15 @@ def _open_in_browser(page: Path) -> None:
         echo(f"no browser was found: open {page} yourself", err=True)
 
 
-def _writes_report(wanted: bool | None, save: str, *, quiet: bool) -> bool:
-    """Return whether to write the page: by default, with pictures, if a plugin makes it; else a
-    line names the plugin.
+def _writes_report(wanted: bool | None, save: str) -> bool:
+    """Return whether to write the page: by default, with pictures.
 
     Raises:
-        PackageMissingError: the page is wanted, and no plugin makes it.
+        PackageMissingError: page or pictures are wanted, and no plugin makes them.
     """
-    if wanted is False or (wanted is None and save != "pictures"):
-        return False
-    from physic_core.errors import ConfigError
-    from physic_core.visual.report import require_report
+    report = save == "pictures" if wanted is None else wanted
+    if report or save == "pictures":
+        from physic_core.pictures import require_pictures
 
-    try:
-        require_report()
-    except ConfigError as error:
-        if wanted:
-            raise
-        if not quiet:
-            echo(f"no page: {error}", err=True)
-        return False
-    return True
+        require_pictures()
+    return report

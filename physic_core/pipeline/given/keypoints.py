@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from physic_core.errors import InputError
-from physic_core.metrics.matching import assign
 from physic_core.types.skeletons import keypoint_in_words
 
 if TYPE_CHECKING:
@@ -177,9 +177,8 @@ def _what_changed(before: Keypoints, after: Keypoints, changed: BoolArray, file_
     moved = np.where(changed, np.linalg.norm(after.points - before.points, axis=-1), -1.0)
     person, column = (int(i) for i in np.unravel_index(moved.argmax(), moved.shape))
     return (
-        f"given keypoints: {changed.sum()}; the "
-        f"{keypoint_in_words(after.joint_set.names[column])} of person {person} "
-        f"lies {moved.max() * file_px:.0f} px from the detected "
+        f"given keypoints: {changed.sum()}; the {keypoint_in_words(after.joint_set.names[column])} "
+        f"of person {person} lies {moved.max() * file_px:.0f} px from the detected "
         f"one{', the others less' if changed.sum() > 1 else ''}"
     )
 
@@ -231,9 +230,8 @@ def _people_of(given: GivenKeypoints, people: People) -> tuple[dict[int, int], t
     if given.numbered:
         if wrong := [number for number in numbers if not 0 <= number < count]:
             raise InputError(
-                f"keypoints are given for person {wrong[0]}, and {count} people were found: "
-                f"number them from 0, as in "
-                "people.csv"
+                f"keypoints are given for person {wrong[0]}, and {count} people were found: number "
+                "them from 0, as in people.csv"
             )
         return {number: number for number in numbers}, ()
     in_box, in_mask = np.zeros((2, len(numbers), count))
@@ -245,18 +243,16 @@ def _people_of(given: GivenKeypoints, people: People) -> tuple[dict[int, int], t
         in_box[row] = ((x0 - 0.5 <= x) & (x < x1 - 0.5) & (y0 - 0.5 <= y) & (y < y1 - 0.5)).mean(0)
         columns, lines = np.rint(points).astype(int).clip(0, np.array([width, height]) - 1).T
         in_mask[row] = people.masks[:, lines, columns].mean(1)
-    matched = assign(-(in_box + in_mask), in_box > 0.5)
-    rows = {
-        numbers[row]: int(person)
-        for row, person in zip(matched.predicted, matched.truth, strict=True)
-    }
+    allowed = in_box > 0.5
+    # A pair that is not allowed costs more than any that is.
+    pairs = zip(*linear_sum_assignment(np.where(allowed, -(in_box + in_mask), 1.0)), strict=True)
+    rows = {numbers[row]: int(person) for row, person in pairs if allowed[row, person]}
     if not rows:
         raise InputError(
-            f"the given keypoints are of none of the {count} people who were found: most points "
-            f"of an annotation lie "
-            "in the box of its person; are they px of another picture?"
+            f"the given keypoints are of none of the {count} people who were found: most points of "
+            "an annotation lie in the box of its person; are they px of another picture?"
         )
-    lost = [str(numbers[row]) for row in matched.false_alarms]
+    lost = [str(number) for number in numbers if number not in rows]
     note = (
         f"left out the given keypoints of annotation {', '.join(lost)} (counted from 0): no "
         f"person was found there"

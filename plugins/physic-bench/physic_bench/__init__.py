@@ -1,4 +1,4 @@
-"""Results of several methods on data sets with ground truth, and on synthetic worlds."""
+"""Results beside each other, and those of several methods beside ground truth."""
 
 from __future__ import annotations
 
@@ -9,8 +9,13 @@ __all__: list[str] = []
 
 @hookimpl
 def physic_commands() -> list[PluginItem]:
-    """Return the command "evaluate"."""
+    """Return the commands "compare" and "evaluate"."""
     return [
+        PluginItem(
+            "compare",
+            "physic_bench.compare_command:compare",
+            "Compare two results, or two folders of results, person by person.",
+        ),
         PluginItem(
             "evaluate",
             "physic_bench.evaluate_command:evaluate",

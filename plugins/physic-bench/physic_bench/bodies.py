@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_bench.reading import numbers, read_npz
-from physic_core.body.joints import ROTATION_FIELDS
+from physic_core.body import ROTATION_FIELDS
 from physic_core.errors import ConfigError, InputError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.body.model import BodyModel
+    from physic_core.body import BodyModel
     from physic_core.types import RestMesh
 
     Array = NDArray[np.float64]
@@ -63,8 +63,7 @@ class BodyFiles:
         """Return the mean body of a mesh topology in the T-pose, or None if its model file was not
         given.
         """
-        from physic_core.body.convert.bodies import rest_mesh_of_model
-        from physic_core.body.files import load_smpl
+        from physic_core.body import load_smpl, rest_mesh_of_model
 
         if topology == "smpl" and self.smpl is not None:
             return load_smpl(self.file("smpl")).rest
@@ -103,7 +102,7 @@ class BodyFiles:
         """
         import torch
 
-        from physic_core.geometry.rotations import rotvec_to_rotmat_numpy
+        from physic_core.geometry import rotvec_to_rotmat_numpy
 
         path = self.file("smplx", gender)
         model = _model(str(path))
@@ -178,7 +177,7 @@ def _vertex_transfer(files: BodyFiles, source: str, target: str) -> Callable[[Ar
     """Return what carries values from one mesh to another; found once, half a second each."""
     from scipy.spatial import KDTree
 
-    from physic_core.body.convert.correspondence import find_correspondence
+    from physic_core.body import find_correspondence
 
     rest_source = files.rest(source)
     rest_target = files.rest(target)

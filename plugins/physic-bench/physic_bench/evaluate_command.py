@@ -177,7 +177,7 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
     from physic_bench.run import evaluate_methods
     from physic_bench.scoring import columns_with_contact_truths
     from physic_bench.tables import Tables, check_results, write_results
-    from physic_core.files.atomic import MARK, check_writable
+    from physic_core.files import MARK, check_writable
 
     files = BodyFiles(given.smplx, given.smpl)
     report = partial(echo, err=True)
@@ -230,7 +230,7 @@ def _config(given: _Given) -> Config:
     Raises:
         PhysicError: it is invalid, or files that it needs are missing.
     """
-    from physic_core.batch.process import batch_config
+    from physic_batch.process import batch_config
     from physic_core.configuration.model import load_config
     from physic_core.configuration.resolve import require_available, resolve
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.metrics import (
+from physic_testing.metrics import (
     ContactCounts,
     ValueWithInterval,
     draw_counts,

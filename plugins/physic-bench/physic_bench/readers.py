@@ -11,7 +11,7 @@ import numpy as np
 
 from physic_bench.contract import TOPOLOGY_OF_COUNT, BenchPerson, Prediction
 from physic_bench.reading import DamagedFrameError, numbers, read_npz, reading
-from physic_core.body.joints import JOINT_NAMES
+from physic_core.body import JOINT_NAMES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,8 +29,8 @@ def read_physic(folder: Path, frame: Frame) -> Prediction | None:
     Raises:
         PhysicError: it is damaged.
     """
+    from physic_batch.photos import photo_folder
     from physic_core import load_reconstruction
-    from physic_core.batch.photos import photo_folder
 
     for name in _names(frame):
         for place in (photo_folder(name), name, f"{name}-physic"):

@@ -94,8 +94,7 @@ def read_npz(path: Path) -> dict[str, Any]:
     Raises:
         DamagedFrameError: it cannot be read.
     """
-    from physic_core.files.atomic import open_regular
-    from physic_core.files.npz import read_arrays
+    from physic_core.files import open_regular, read_arrays
 
     with reading(path), open_regular(path) as stream:
         return dict(read_arrays(stream))
@@ -108,7 +107,7 @@ def read_pickled(path: Path) -> dict[str, Any]:
     Raises:
         DamagedFrameError: it cannot be read.
     """
-    from physic_core.body.array_pickle import PickledObject, as_array, read_pickle
+    from physic_core.body import PickledObject, as_array, read_pickle
 
     with reading(path):
         found = read_pickle(path)
@@ -151,7 +150,7 @@ def open_picture(path: Path) -> Iterator[Image]:
     Raises:
         DamagedFrameError: it cannot be read.
     """
-    from physic_core.files.image_file import ImageSource, open_image, wrap_decoding_errors
+    from physic_core.files import ImageSource, open_image, wrap_decoding_errors
 
     source = ImageSource(str(path), path=path, what="picture")
     try:
@@ -178,8 +177,7 @@ def picture_file(frame: Frame, folder: Path) -> Path:
     if pixels.shape[:2] != (camera.height, camera.width):
         raise InputError(
             f"{picture.path} has {pixels.shape[1]} x {pixels.shape[0]} px, but its camera is "
-            f"calibrated for "
-            f"{camera.width} x {camera.height} px"
+            f"calibrated for {camera.width} x {camera.height} px"
         )
     if not picture.mirrored:
         return picture.path
@@ -187,7 +185,7 @@ def picture_file(frame: Frame, folder: Path) -> Path:
     if not path.exists():
         from PIL import Image
 
-        from physic_core.files.atomic import atomic_write, check_writable
+        from physic_core.files import atomic_write, check_writable
 
         with atomic_write(check_writable(folder)) as temporary:
             Image.fromarray(pixels).save(temporary(path.name), format="PNG")

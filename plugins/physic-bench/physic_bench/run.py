@@ -16,7 +16,7 @@ import numpy as np
 from physic_bench.readers import LAYOUTS, READERS
 from physic_bench.reading import DamagedFrameError, picture_file
 from physic_bench.scoring import body_box, score_frame
-from physic_core.adapters.people import box_iou
+from physic_core.backends.people import box_iou
 from physic_core.errors import InputError, PhysicError
 
 if TYPE_CHECKING:
@@ -101,12 +101,12 @@ def reconstruct_frames(
     Raises:
         PhysicError: a backend cannot be loaded.
     """
-    from physic_core.batch.journal import read_journals
-    from physic_core.batch.photos import PhotoItem
-    from physic_core.batch.process import BatchJob
-    from physic_core.batch.run import plan_batch, run_batch, run_locally
-    from physic_core.batch.workers import WorkerSettings
-    from physic_core.files.atomic import check_writable
+    from physic_batch.journal import read_journals
+    from physic_batch.photos import PhotoItem
+    from physic_batch.process import BatchJob
+    from physic_batch.run import plan_batch, run_batch, run_locally
+    from physic_batch.workers import WorkerSettings
+    from physic_core.files import check_writable
 
     job = BatchJob(config, str(check_writable(out).resolve()), "numbers")
     failed: dict[str, str] = {}
@@ -223,17 +223,14 @@ def _require_results(method: Method, records: Sequence[Record], overlaps: Sequen
     if not any(record["has_result"] for record in records):
         raise InputError(
             f"{method.folder} has no result of {method.name} for any of "
-            f"{len({r['frame'] for r in records})} frames; "
-            f"{records[0]['frame']}: {records[0]['reason']}. The reader '{method.reader}' expects "
-            f"{LAYOUTS[method.reader]}"
+            f"{len({r['frame'] for r in records})} frames; {records[0]['frame']}: "
+            f"{records[0]['reason']}. The reader '{method.reader}' expects {LAYOUTS[method.reader]}"
         )
     if overlaps and median(overlaps) < MIN_OVERLAP:
         raise InputError(
             f"the results of {method.name} do not project onto the annotated people: median "
-            f"overlap of the boxes "
-            f"{median(overlaps):.2f}. They must be of these pictures, in metres, in OpenCV's "
-            f"camera frame (x right, y "
-            "down, z forward)"
+            f"overlap of the boxes {median(overlaps):.2f}. They must be of these pictures, in "
+            "metres, in OpenCV's camera frame (x right, y down, z forward)"
         )
 
 

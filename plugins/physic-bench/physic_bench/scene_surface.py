@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.errors import InputError
-from physic_core.metrics import PROXIMITY_RADIUS_M
+from physic_testing.metrics import PROXIMITY_RADIUS_M
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

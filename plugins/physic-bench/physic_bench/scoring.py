@@ -13,9 +13,9 @@ import numpy as np
 from physic_bench.cameras import box_of_points, project
 from physic_bench.figures import Column, contact_columns, mean_column
 from physic_bench.scene_surface import SceneIndex, contact_by_rule
-from physic_core.body.joints import JOINT_NAMES
-from physic_core.body.posture import angle_deg
-from physic_core.metrics import (
+from physic_core.body import JOINT_NAMES, angle_deg
+from physic_core.types import SIDES
+from physic_testing.metrics import (
     PROXIMITY_RADIUS_M,
     contact_counts,
     contact_gap,
@@ -27,7 +27,6 @@ from physic_core.metrics import (
     penetration,
     surface_graph,
 )
-from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -10,9 +10,8 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from physic_bench.figures import difference, figure
-from physic_core.files.atomic import MARK, atomic_write, check_own, check_writable
-from physic_core.files.text import to_json
-from physic_core.metrics import ValueWithInterval, aligned_table, markdown_table
+from physic_core.files import MARK, atomic_write, check_own, check_writable, to_json
+from physic_testing.metrics import ValueWithInterval, aligned_table, markdown_table
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,12 +10,12 @@ import shutil
 import numpy as np
 import pytest
 
+from physic_batch.photos import photo_folder
 from physic_bench.bodies import BodyFiles
 from physic_bench.datasets.worlds import frames
 from physic_bench.run import Method, evaluate_methods
 from physic_bench.scoring import LIMB_JOINTS
 from physic_core import load_reconstruction
-from physic_core.batch.photos import photo_folder
 from physic_core.body.joints import JOINT_INDEX
 from physic_testing.worlds import load_world
 

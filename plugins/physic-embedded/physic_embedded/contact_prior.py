@@ -14,7 +14,7 @@ from physic_core.types import ContactProbability
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.body.model import BodyModel
+    from physic_core.body import BodyModel
     from physic_core.types import Bodies, People
 
 # Contact set -> joints of which one must be seen.
@@ -103,7 +103,7 @@ class StaticContact(ContactPrior):
             probability[:, ids] = np.maximum(probability[:, ids], given)
         rest = None
         if bodies.body_model != self._model.name:
-            from physic_core.body.convert.bodies import rest_mesh_of_model
+            from physic_core.body import rest_mesh_of_model
 
             rest = rest_mesh_of_model(self._model)
         return ContactProbability(probability, self._model.topology, rest)

@@ -15,10 +15,10 @@ from physic_embedded.networks.hand_landmarks import find_hand, hand_search_squar
 from physic_embedded.networks.sessions import PackagedBackend
 
 if TYPE_CHECKING:
-    from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_core.types import FloatArray, Keypoints, People, UInt8Array
     from physic_embedded.networks.crops import RotatedSquare
     from physic_embedded.networks.hand_landmarks import HandLandmarks
+    from physic_networks.onnx_sessions import OnnxSession
 
 SIDES = ("left", "right")
 KNUCKLES = ("index1", "middle1", "ring1", "pinky1")

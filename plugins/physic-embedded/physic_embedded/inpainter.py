@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.pictures import inpaint_masked
 from physic_core.interfaces import Inpainter, Options
 from physic_embedded.networks.sessions import PackagedBackend
+from physic_networks.pictures import inpaint_masked
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, UInt8Array
@@ -48,6 +48,11 @@ class MiGan(PackagedBackend, Inpainter):
     options: MiGanOptions
 
     networks = ("migan_512_places2",)
+
+    def close(self) -> None:
+        """Release the network and its working memory, whose pieces fit no other network."""
+        super().close()
+        self.release_memory()
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
         """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay

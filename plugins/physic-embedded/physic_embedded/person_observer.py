@@ -11,11 +11,9 @@ import numpy as np
 from pydantic import BaseModel, Field
 from scipy.special import expit, softmax
 
-from physic_core.adapters.onnx_sessions import select_provider
-from physic_core.files.npz import read_arrays
+from physic_core.files import read_arrays
 from physic_core.interfaces import Options, PersonObserver
-from physic_core.types import Observations
-from physic_core.types.skeletons import SIDES
+from physic_core.types import SIDES, Observations
 from physic_embedded.networks.depth_anything import TOKENS, patch_tokens
 from physic_embedded.networks.sessions import (
     PackagedBackend,
@@ -23,15 +21,16 @@ from physic_embedded.networks.sessions import (
     graph_name,
     open_packaged_session,
 )
+from physic_networks.onnx_sessions import select_provider
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_core.types import FloatArray, Keypoints, People, UInt8Array
     from physic_embedded.networks.patch_tokens import PatchTokens
+    from physic_networks.onnx_sessions import OnnxSession
 
 NUMBERS = Path(__file__).with_suffix(".npz")
 """Fitted numbers: question -> (K, C + 2), for each of its K answers the weights of a token of C

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.canonical_depth import known_camera
-from physic_core.adapters.pictures import dilate, resize_map
+from physic_core.backends.masks import dilate
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options, RelativePointmap
 from physic_core.types import CameraTrust, Intrinsics, Pointmap
@@ -35,12 +34,14 @@ from physic_embedded.single_view.gravity import (
     up_of_tokens,
 )
 from physic_embedded.single_view.upright import body_planes, wall_planes
+from physic_networks.canonical_depth import known_camera
+from physic_networks.pictures import resize_map
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_core.types import Hints
+    from physic_networks.onnx_sessions import OnnxSession
 
     FloatArray = NDArray[np.floating]
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.people import boxes_from_masks
+from physic_core.backends.people import boxes_from_masks
 from physic_core.errors import NoPersonError
 from physic_core.interfaces import Options, Segmenter
 from physic_core.types import People

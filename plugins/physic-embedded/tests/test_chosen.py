@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from physic_core.adapters.people import Detections
+from physic_core.backends.people import Detections
 from physic_core.errors import NoPersonError
 from physic_core.interfaces import Segmenter, SegmenterRequest
 from physic_core.types import PeoplePrompt, SurfaceLabels, UnposedPerson

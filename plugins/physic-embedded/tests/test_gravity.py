@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from physic_core.adapters.pictures import Letterbox
 from physic_embedded.networks.depth_anything import patch_tokens
 from physic_embedded.networks.patch_tokens import PatchTokens
 from physic_embedded.networks.sessions import open_packaged_session
@@ -20,6 +19,7 @@ from physic_embedded.single_view.gravity import (
     means_of_parts,
     up_of_tokens,
 )
+from physic_networks.pictures import Letterbox
 
 PHOTO = np.array(Image.open(Path(__file__).parents[3] / "examples" / "couple.jpg").convert("RGB"))
 

@@ -7,11 +7,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_core.adapters.pictures import Letterbox
 from physic_core.cache.results import ResultCache, network_results_in
 from physic_embedded.networks.depth_anything import TOKENS, patch_tokens, predict_disparity
 from physic_embedded.networks.patch_tokens import PatchTokens, TokensOfPasses
 from physic_embedded.networks.sessions import open_packaged_session
+from physic_networks.pictures import Letterbox
 
 GRAPH = "depth_anything_v2_vits_int8"
 IMAGE = np.random.default_rng(0).integers(0, 255, (60, 80, 3), np.uint8)

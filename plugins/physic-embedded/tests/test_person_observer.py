@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_core.adapters.pictures import Letterbox
 from physic_core.interfaces import PersonObserver
 from physic_core.interfaces.people import PersonObserverRequest
 from physic_core.types import Hints, Keypoints, People, skeleton_named
@@ -17,6 +16,7 @@ from physic_embedded.person_observer import (
     observed,
     regions,
 )
+from physic_networks.pictures import Letterbox
 
 NAMES = skeleton_named("blazepose33").names
 PHOTO = np.random.default_rng(1).integers(0, 255, (84, 112, 3), np.uint8)

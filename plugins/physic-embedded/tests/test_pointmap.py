@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physic_core.adapters.people import boxes_from_masks
+from physic_core.backends.people import boxes_from_masks
 from physic_core.types import (
     SKELETONS,
     SURFACE_NAMES,

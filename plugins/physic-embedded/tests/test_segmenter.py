@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.adapters.people import box_iou
+from physic_core.backends.people import box_iou
 from physic_core.interfaces import Segmenter
 from physic_core.types import SurfaceLabels, UnposedPerson
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square

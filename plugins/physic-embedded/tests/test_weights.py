@@ -11,10 +11,13 @@ import numpy as np
 import onnxruntime
 import pytest
 
-from physic_core.adapters.onnx_sessions import release_memory
 from physic_core.errors import BackendError
 from physic_embedded.networks import sessions
-from physic_embedded.networks.sessions import WEIGHTS_FOLDER, open_packaged_session
+from physic_embedded.networks.sessions import (
+    WEIGHTS_FOLDER,
+    PackagedBackend,
+    open_packaged_session,
+)
 
 MANIFEST = json.loads((WEIGHTS_FOLDER / "MANIFEST.json").read_text())
 MODELS = {entry["file"]: entry for entry in MANIFEST["models"]}
@@ -102,8 +105,8 @@ def test_memory_is_released_while_a_network_is_open():
     session = open_packaged_session(SMALL, threads=1)
     image = {"image": np.random.default_rng(0).random((1, 192, 192, 3), np.float32)}
     before = session.run(["scores"], image)[0]
-    release_memory()
-    release_memory()
+    for _ in range(2):
+        PackagedBackend.release_memory()
     np.testing.assert_array_equal(session.run(["scores"], image)[0], before)
 
 
@@ -115,8 +118,8 @@ def test_the_memory_of_closed_networks_is_returned_to_the_system():
     program = """
 from pathlib import Path
 import numpy as np
-from physic_core.adapters.onnx_sessions import release_memory
-from physic_embedded.networks.sessions import open_packaged_session
+from physic_core.backends.memory import release_memory
+from physic_embedded.networks.sessions import PackagedBackend, open_packaged_session
 
 def resident_mb():
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6
@@ -125,7 +128,7 @@ network = open_packaged_session("depth_anything_v2_vits", 1)
 network.run(["depth"], {"image": np.zeros((1, 3, 518, 518), np.float32)})
 del network
 before = resident_mb()
-release_memory()
+release_memory([PackagedBackend])
 print(before - resident_mb())
 """
     done = subprocess.run(

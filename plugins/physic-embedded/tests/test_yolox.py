@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_core.adapters.people import box_iou
+from physic_core.backends.people import box_iou
 from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.networks.yolox import CLASSES, PADDING_VALUE, detect_boxes
 

@@ -12,16 +12,16 @@ import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.errors import InputError
-from physic_core.files.npz import write_arrays
-from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy
+from physic_core.files import write_arrays
+from physic_core.geometry import rotmat_to_rotvec, rotvec_to_rotmat_numpy
 from physic_core.types import Bodies, BodyParameters
-from physic_core.visual.rig import body_of_result, pose_rig
+from physic_visual.rig import body_of_result, pose_rig
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.body.arrays import BodyArrays
-    from physic_core.visual.export.request import ExportFrame
+    from physic_core.body import BodyArrays
+    from physic_core.export import ExportFrame
 
 _FRAMES = 2
 """Equal frames: readers that interpolate or differentiate refuse one."""
@@ -33,8 +33,7 @@ default.
 
 _PIVOT = (
     "trans is added after posing, and the root turns about the pelvis joint of the shaped body in "
-    "its rest pose "
-    "(array pelvis): the pelvis is at pelvis + trans"
+    "its rest pose (array pelvis): the pelvis is at pelvis + trans"
 )
 
 
@@ -82,12 +81,10 @@ def _smplx_file(request: ExportRequest) -> Path:
     if not named:
         raise InputError(
             "AMASS files hold SMPL-X parameters, and their meaning is in the SMPL-X model file, "
-            "which PhySIC may not "
-            "ship: give the path of your SMPLX_NEUTRAL.npz, SMPLX_MALE.npz or SMPLX_FEMALE.npz "
-            "(--body-model FILE, or "
-            "body_model= in Python). The file is free for research from the SMPL-X project, after "
-            "registration. "
-            "Without it, --to glb and --to bvh have the same pose"
+            "which PhySIC may not ship: give the path of your SMPLX_NEUTRAL.npz, SMPLX_MALE.npz or "
+            "SMPLX_FEMALE.npz (--body-model FILE, or body_model= in Python). The file is free for "
+            "research from the SMPL-X project, after registration. Without it, --to glb and --to "
+            "bvh have the same pose"
         )
     return Path(named)
 
@@ -98,9 +95,7 @@ def _smplx_parameters(
     """Return the SMPL-X model, the parameters of the chosen people in the camera frame, and fit
     errors in metres.
     """
-    from physic_core.body.convert.bodies import convert_with_residuals
-    from physic_core.body.files import smplx_arrays
-    from physic_core.body.model import build_body_model
+    from physic_core.body import build_body_model, convert_with_residuals, smplx_arrays
     from physic_core.cache.correspondences import cached_correspondence
 
     people = [person.parameters for _, person in request.chosen()]

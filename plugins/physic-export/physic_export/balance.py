@@ -12,12 +12,9 @@ import trimesh
 from scipy.optimize import linprog, minimize
 from scipy.spatial import ConvexHull
 
-from physic_core.body.joints import JOINT_INDEX
-from physic_core.geometry.rotations import rotation_between, rotmat_to_rotvec
-from physic_core.geometry.upright import transform_points
-from physic_core.types import SupportState
-from physic_core.types.skeletons import SIDES
-from physic_core.visual.rig import rigs
+from physic_core.body import JOINT_INDEX
+from physic_core.geometry import rotation_between, rotmat_to_rotvec, transform_points
+from physic_core.types import SIDES, SupportState
 from physic_export.humanoid import (
     FLAT_M,
     NUM_BODIES,
@@ -26,6 +23,7 @@ from physic_export.humanoid import (
     vertex_segments,
 )
 from physic_export.tiles import FLOOR_M, Tile, convex_tiles, step_under, tiles_without
+from physic_visual.rig import rigs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,7 +32,7 @@ if TYPE_CHECKING:
 
     from physic_core import ExportRequest
     from physic_core.types import Person
-    from physic_core.visual.rig import Rig
+    from physic_visual.rig import Rig
 
     Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.errors import InputError
-from physic_core.geometry.rotations import rotmat_to_euler
-from physic_core.visual.rig import Rig, rigs
+from physic_core.geometry import rotmat_to_euler
 from physic_export.lafan import as_lafan
 from physic_export.skeleton import named_rig, t_pose
+from physic_visual.rig import Rig, rigs
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

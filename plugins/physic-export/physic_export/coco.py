@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.types import skeleton_named
-from physic_core.types.skeletons import SIDES
+from physic_core.types import SIDES, skeleton_named
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -143,7 +142,7 @@ def _image_pixels(result: Reconstruction, width: int, height: int) -> tuple[IntA
     columns = np.arange(width)[None]
     if result.lens is None:
         return rows * len(result.image) // height, columns * result.image.shape[1] // width
-    from physic_core.geometry.camera import undistort_pixels
+    from physic_core.geometry import undistort_pixels
 
     own = result.lens.intrinsics
     camera = result.intrinsics

@@ -17,16 +17,15 @@ import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.errors import ConfigError
-from physic_core.geometry.rotations import rotmat_to_quat
-from physic_core.geometry.upright import transform_points
-from physic_core.visual.textures.photo import encode_image
+from physic_core.geometry import rotmat_to_quat, transform_points
 from physic_export.depth import mask_picture, pixels_of_people
+from physic_visual.textures.photo import encode_image
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from physic_core.export import ExportFrame
     from physic_core.types import IntArray, Intrinsics, UInt8Array
-    from physic_core.visual.export.request import ExportFrame
 
 _MAX_POINTS = 100_000
 """As many as tools that train on points start with."""

@@ -14,12 +14,11 @@ import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.errors import ConfigError
-from physic_core.visual.export.request import camera_pose
-from physic_core.visual.textures.photo import encode_image
+from physic_core.export import camera_pose
+from physic_visual.textures.photo import encode_image
 
 if TYPE_CHECKING:
-    from physic_core.types import Reconstruction
-    from physic_core.types.arrays import BoolArray, FloatArray
+    from physic_core.types import BoolArray, FloatArray, Reconstruction
 
 UNIT_M = 0.001
 """Metres of one step of a depth picture."""

@@ -12,12 +12,11 @@ import numpy as np
 import torch
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.geometry.camera import pixel_rays, project
-from physic_core.geometry.raster import rasterize
+from physic_core.geometry import pixel_rays, project, rasterize
 from physic_export.depth import depth_of_scene, files_beside, mask_picture
 
 if TYPE_CHECKING:
-    from physic_core.types.arrays import FloatArray
+    from physic_core.types import FloatArray
 
 NOTHING_M = 1e10
 """Depth where none is known, as Blender writes it; inf and NaN spread in filters of pictures."""

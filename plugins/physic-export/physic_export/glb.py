@@ -9,26 +9,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.geometry.rotations import rotmat_to_quat
-from physic_core.visual.glb import (
+from physic_core.geometry import rotmat_to_quat
+from physic_export.skeleton import bone_names, named_rig, t_pose, with_ends
+from physic_export.skins import Skins, skins_of
+from physic_visual.glb import (
     Appearance,
     body_material,
     build_glb,
     glb_notes,
     photo_appearance,
 )
-from physic_core.visual.palette import BODY_RGB
-from physic_core.visual.rig import rigs
-from physic_core.visual.textures.dressed import dressed_bodies
-from physic_core.visual.textures.photo import encode_image
-from physic_export.skeleton import bone_names, named_rig, t_pose, with_ends
-from physic_export.skins import Skins, skins_of
+from physic_visual.palette import BODY_RGB
+from physic_visual.rig import rigs
+from physic_visual.textures.dressed import dressed_bodies
+from physic_visual.textures.photo import encode_image
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.visual.glb_builder import GlbBuilder
-    from physic_core.visual.rig import Rig
+    from physic_visual.glb_builder import GlbBuilder
+    from physic_visual.rig import Rig
 
 _FRAME_S = 1 / 24
 """Time of frame 1, the pose; Blender's frames are 1/24 s."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 import io
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.files.text import write_csv
+from physic_core.files import write_csv
 from physic_core.types import skeleton_named
 
 COLUMNS = ("person", "joint", "x", "y", "confidence")

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.joints import JOINT_NAMES
+from physic_core.body import JOINT_NAMES
 from physic_export.skeleton import bone_names
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.visual.rig import Rig
+    from physic_visual.rig import Rig
 
     Array = NDArray[np.float64]
 

@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.geometry.upright import transform_points
-from physic_core.visual.palette import BODY_RGB, contact_legend
-from physic_core.visual.surface import mesh_scene, scene_reach, unit_normals
-from physic_core.visual.textures.photo import encode_image
+from physic_core.geometry import transform_points
 from physic_export.skins import Skins, skins_of
+from physic_visual.palette import BODY_RGB, contact_legend
+from physic_visual.surface import mesh_scene, scene_reach, unit_normals
+from physic_visual.textures.photo import encode_image
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from physic_core.export import ExportFrame
     from physic_core.types import BoolArray, Plane, Reconstruction, UInt8Array
-    from physic_core.visual.export.request import ExportFrame
 
 
 @dataclass(frozen=True)
@@ -297,8 +297,7 @@ def _materials(request: ExportRequest, skins: Skins, scene: bool) -> str:
             photo = _MATERIAL.format(name=f"{name}_photo", color=white)
             made.append(
                 f"# {request.stem}_{name}_filled.png is white where the photo does not show the "
-                f"body\n{photo}"
-                f"map_Kd {request.stem}_{name}.jpg\n"
+                f"body\n{photo}map_Kd {request.stem}_{name}.jpg\n"
             )
         contact = _MATERIAL.format(name=f"{name}_contact", color=white if skins.source else grey)
         picture = f"map_Kd {request.stem}_{name}_contact.png\n" if skins.source else ""

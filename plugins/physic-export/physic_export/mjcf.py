@@ -15,14 +15,10 @@ from xml.etree import ElementTree
 import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.body.joints import JOINT_NAMES, PART_NAMES
+from physic_core.body import JOINT_NAMES, PART_NAMES
 from physic_core.errors import InputError
-from physic_core.geometry.rotations import rotmat_to_quat
-from physic_core.geometry.upright import transform_points
-from physic_core.visual.export.request import camera_pose, drawn_floor
-from physic_core.visual.rig import body_of_result
-from physic_core.visual.surface import mesh_scene, scene_reach
-from physic_core.visual.textures.photo import encode_image
+from physic_core.export import camera_pose
+from physic_core.geometry import rotmat_to_quat, transform_points
 from physic_export.balance import ExportedPerson, people_of, tiles_beside
 from physic_export.humanoid import (
     FULL_TORQUE_RAD,
@@ -37,11 +33,15 @@ from physic_export.humanoid import (
 )
 from physic_export.meshes import scene_mesh
 from physic_export.tiles import Tile, parts_that_meet, tile_errors
+from physic_visual.floor import drawn_floor
+from physic_visual.rig import body_of_result
+from physic_visual.surface import mesh_scene, scene_reach
+from physic_visual.textures.photo import encode_image
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.body.arrays import BodyArrays
+    from physic_core.body import BodyArrays
     from physic_core.types import Intrinsics, Person
 
 RGBA = "0.77 0.75 0.73 1"

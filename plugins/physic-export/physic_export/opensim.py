@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.body.joint_angles import segment_axes
-from physic_core.body.joints import JOINT_NAMES
-from physic_core.geometry.rotations import rotmat_to_euler, rotvec_to_rotmat_numpy
-from physic_core.geometry.upright import transform_points
+from physic_core.body import JOINT_NAMES, segment_axes
+from physic_core.geometry import rotmat_to_euler, rotvec_to_rotmat_numpy, transform_points
 
 if TYPE_CHECKING:
+    from physic_core.export import ExportFrame
     from physic_core.types import Person
-    from physic_core.visual.export.request import ExportFrame
 
 _MARKERS = JOINT_NAMES[:22]
 _MM = 1000.0

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.geometry.upright import transform_points
+from physic_core.geometry import transform_points
 from physic_core.types import grade_text
-from physic_core.visual.surface import is_near, scene_meshes, scene_reach
 from physic_export.meshes import person_meshes
 from physic_export.skins import skins_of
+from physic_visual.surface import is_near, scene_meshes, scene_reach
 
 if TYPE_CHECKING:
     import rerun as rr

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.joints import JOINT_NAMES
+from physic_core.body import JOINT_NAMES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.visual.rig import Rig
+    from physic_visual.rig import Rig
 
 BONE_NAMES = ("smplx", "mixamo", "unreal", "unity")
 """SMPL-X; Mixamo's rig without the prefix "mixamorig:"; Unreal Engine's mannequin with three spine

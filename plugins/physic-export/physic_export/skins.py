@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.files import embedded_arrays, smplx_arrays
+from physic_core.body import embedded_arrays, smplx_arrays
 from physic_core.errors import InputError, PhysicError
-from physic_core.visual.palette import BODY_RGB, contact_colors
-from physic_core.visual.rig import body_of_result
-from physic_core.visual.textures.dressed import dressed_bodies, dressed_texture
-from physic_core.visual.textures.photo import encode_image
-from physic_core.visual.textures.raster import (
+from physic_visual.palette import BODY_RGB, contact_colors
+from physic_visual.rig import body_of_result
+from physic_visual.textures.dressed import dressed_bodies, dressed_texture
+from physic_visual.textures.photo import encode_image
+from physic_visual.textures.raster import (
     TextureCoordinates,
     TextureRaster,
     load_texture_coordinates,

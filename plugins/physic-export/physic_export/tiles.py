@@ -17,11 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
-from physic_core.geometry.mesh import vertex_normals
-from physic_core.geometry.rays import RayCaster
-from physic_core.geometry.upright import transform_points
-from physic_core.visual.surface import SceneMesh, is_near, mesh_scene, scene_reach
+from physic_core.geometry import RayCaster, transform_points, vertex_normals
 from physic_export.humanoid import convex_hull
+from physic_visual.surface import SceneMesh, is_near, mesh_scene, scene_reach
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

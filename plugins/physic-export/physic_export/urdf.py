@@ -15,8 +15,7 @@ import trimesh
 from trimesh.exchange.obj import export_obj
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.geometry.rotations import rotmat_to_euler, rotmat_to_quat
-from physic_core.geometry.upright import transform_points
+from physic_core.geometry import rotmat_to_euler, rotmat_to_quat, transform_points
 from physic_export.balance import people_of, tiles_beside
 from physic_export.humanoid import SOLE_RADIUS_M, body_segments, max_torque
 from physic_export.meshes import scene_mesh

@@ -10,19 +10,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.body.joints import NUM_JOINTS
+from physic_core.body import NUM_JOINTS
 from physic_core.errors import PhysicError
-from physic_core.geometry.rotations import rotmat_to_quat
-from physic_core.visual.export.request import camera_pose, drawn_floor
-from physic_core.visual.glb import skin_influences
-from physic_core.visual.palette import BODY_RGB, FLOOR_RGB, contact_legend, linear_from_srgb
-from physic_core.visual.rig import rigs
-from physic_core.visual.surface import mesh_scene, scene_reach, unit_normals
-from physic_core.visual.textures.dressed import dressed_bodies
-from physic_core.visual.textures.photo import encode_image
+from physic_core.export import camera_pose
+from physic_core.geometry import rotmat_to_quat
 from physic_export.meshes import ColoredMesh, person_meshes, scene_mesh
 from physic_export.skeleton import named_rig, t_pose
 from physic_export.skins import Skins, skins_of
+from physic_visual.floor import drawn_floor
+from physic_visual.glb import skin_influences
+from physic_visual.palette import BODY_RGB, FLOOR_RGB, contact_legend, linear_from_srgb
+from physic_visual.rig import rigs
+from physic_visual.surface import mesh_scene, scene_reach, unit_normals
+from physic_visual.textures.dressed import dressed_bodies
+from physic_visual.textures.photo import encode_image
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import Intrinsics
-    from physic_core.visual.rig import Rig
+    from physic_visual.rig import Rig
 
 
 def _add_variants(top: Any, mesh: Any, looks: Mapping[str, Any], shown: str) -> None:

@@ -12,8 +12,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from physic_core.errors import ConfigError
+from physic_core.export import export_frame
 from physic_core.geometry.upright import transform_points
-from physic_core.visual.export.request import export_frame
 
 
 class Model:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from physic_core.errors import ConfigError
+from physic_core.export import export_frame
 from physic_core.geometry.upright import transform_points
-from physic_core.visual.export.request import export_frame
 
 
 def test_opencv_reads_the_points_of_the_scene_to_half_a_millimetre(export, result, tmp_path):

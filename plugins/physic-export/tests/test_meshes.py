@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from physic_core.visual.palette import BODY_RGB, contact_colors, contact_legend
+from physic_visual.palette import BODY_RGB, contact_colors, contact_legend
 
 
 def test_plyfile_reads_points_colours_normals_and_contact(export, result):

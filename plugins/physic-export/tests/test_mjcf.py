@@ -16,8 +16,8 @@ import trimesh
 from scipy.spatial import ConvexHull
 
 from physic_core.body.joints import JOINT_NAMES
+from physic_core.export import export_frame
 from physic_core.geometry.upright import transform_points
-from physic_core.visual.export.request import export_frame
 from physic_export.tiles import FLAT_M, FLOOR_M, convex_tiles
 
 mujoco = pytest.importorskip("mujoco")

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from physic_core.export import export_frame
 from physic_core.geometry.upright import transform_points
-from physic_core.visual.export.request import export_frame
-from physic_core.visual.palette import contact_colors
+from physic_visual.palette import contact_colors
 
 pytest.importorskip("rerun")
 

@@ -9,9 +9,9 @@ import pytest
 
 from physic_core import ExportRequest
 from physic_core.errors import InputError
-from physic_core.visual.export.request import export_frame
-from physic_core.visual.textures.dressed import dressed_bodies
+from physic_core.export import export_frame
 from physic_export.skins import textured_skins
+from physic_visual.textures.dressed import dressed_bodies
 
 
 def request_of(result):

@@ -11,9 +11,9 @@ from PIL import Image
 
 from physic_core import ExportRequest
 from physic_core.errors import ConfigError
-from physic_core.visual.export.request import export_frame
-from physic_core.visual.rig import rigs
+from physic_core.export import export_frame
 from physic_export.skeleton import BONE_NAMES, bone_names, t_pose, with_ends
+from physic_visual.rig import rigs
 
 pygltflib = pytest.importorskip("pygltflib")
 

@@ -18,11 +18,6 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.bodies import SeenConfidence, empty_bodies, observed_joints
-from physic_core.adapters.checkouts import Checkout
-from physic_core.adapters.networks import picture_tensor, to_numpy
-from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, letterbox, normalized_nchw
-from physic_core.adapters.top_down import crop_around_box, padded_region, resample_crop
 from physic_core.errors import BackendError
 from physic_core.interfaces import BodyEstimator, Options
 from physic_human.user_smpl import (
@@ -31,13 +26,18 @@ from physic_human.user_smpl import (
     open_smpl,
     pose_smpl_bodies,
 )
+from physic_networks.bodies import SeenConfidence, empty_bodies, observed_joints
+from physic_networks.checkouts import Checkout
+from physic_networks.networks import picture_tensor, to_numpy
+from physic_networks.pictures import IMAGENET_MEAN, IMAGENET_STD, letterbox, normalized_nchw
+from physic_networks.top_down import crop_around_box, padded_region, resample_crop
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import torch
 
-    from physic_core.body.files import SmplBody
+    from physic_core.body import SmplBody
     from physic_core.types import (
         Bodies,
         FloatArray,
@@ -232,8 +232,7 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
         if rotations.shape[1] != 24:
             raise BackendError(
                 f"CameraHMR returned {rotations.shape[1]} joints, where SMPL has 24: checkpoint "
-                f"and code of its SMPL-X "
-                "branch are not supported"
+                "and code of its SMPL-X branch are not supported"
             )
         place = translation_from_crop(weak.reshape(-1, 3), centres, sides, intrinsics)
         bodies = pose_smpl_bodies(body, rotations, betas, place)
@@ -256,9 +255,8 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
             ]
         except (KeyError, TypeError, IndexError) as error:
             raise BackendError(
-                f"CameraHMR returned {type(answer).__name__} without SMPL parameters and a "
-                f"camera: take the checkout "
-                f"of {self.project.homepage}"
+                f"CameraHMR returned {type(answer).__name__} without SMPL parameters and a camera: "
+                f"take the checkout of {self.project.homepage}"
             ) from error
 
     def _crop(self, image: UInt8Array, box: FloatArray) -> FloatArray:

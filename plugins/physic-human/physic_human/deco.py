@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.checkouts import Checkout
-from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
 from physic_core.errors import BackendError
 from physic_core.interfaces import ContactPrior, Options
 from physic_core.types import ContactProbability
 from physic_human.user_smpl import SmplCheckoutBackend, SmplCheckoutOptions, load_rest_mesh
+from physic_networks.checkouts import Checkout
+from physic_networks.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

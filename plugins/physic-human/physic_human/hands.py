@@ -26,9 +26,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from physic_core.adapters.bodies import to_rotvecs
-from physic_core.types import Hands
-from physic_core.types.skeletons import SIDES, is_finger
+from physic_core.types import SIDES, Hands, is_finger
+from physic_networks.bodies import to_rotvecs
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -147,7 +146,7 @@ def chumpy_free_copy(path: str | Path, family: Literal["smpl", "mano"]) -> Itera
     Raises:
         BodyModelError: the file is missing, has another type, is damaged, or could run code.
     """
-    from physic_core.body.files import MANO, SMPL, read_model_file
+    from physic_core.body import MANO, SMPL, read_model_file
 
     source = Path(os.path.expanduser(path))
     arrays = {

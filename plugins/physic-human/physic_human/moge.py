@@ -18,9 +18,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.affine_pointmap import points_on_rays, recover_camera
-from physic_core.adapters.checkouts import Checkout
-from physic_core.adapters.networks import picture_tensor, to_numpy
 from physic_core.cache.results import cached_network_result
 from physic_core.errors import BackendError, DeviceError
 from physic_core.interfaces import (
@@ -37,6 +34,9 @@ from physic_human.checkout_backend import (
     load_parameters,
     read_checkpoint,
 )
+from physic_networks.affine_pointmap import points_on_rays, recover_camera
+from physic_networks.checkouts import Checkout
+from physic_networks.networks import picture_tensor, to_numpy
 
 if TYPE_CHECKING:
     import torch

@@ -18,7 +18,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.bodies import (
+from physic_core.errors import BackendError, WeightsMissingError
+from physic_core.interfaces import BodyEstimator, Options, Requirement
+from physic_core.types import Bodies, Mesh
+from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions, checkpoint_error
+from physic_networks.bodies import (
     MHR_KEYPOINTS,
     SeenConfidence,
     empty_bodies,
@@ -26,11 +30,7 @@ from physic_core.adapters.bodies import (
     observed_joints,
     parameters_from_rotvecs,
 )
-from physic_core.adapters.checkouts import Checkout
-from physic_core.errors import BackendError, WeightsMissingError
-from physic_core.interfaces import BodyEstimator, Options, Requirement
-from physic_core.types import Bodies, Mesh
-from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions, checkpoint_error
+from physic_networks.checkouts import Checkout
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -209,8 +209,7 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
         if str(repo).partition(":")[0] != _DINOV3:
             raise BackendError(
                 f"SAM 3D Body wants to run code of {repo}, which is not fetched: this backend "
-                f"knows the checkout of "
-                f"{self.project.homepage} that uses {_DINOV3} alone"
+                f"knows the checkout of {self.project.homepage} that uses {_DINOV3} alone"
             )
         make = self._dinov3.attribute(name)
         given = {key: value for key, value in options.items() if key not in _OF_THE_HUB}

@@ -10,21 +10,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.bodies import SMPL_JOINTS, bodies_from_smpl, to_rotvecs
 from physic_core.errors import WeightsMissingError
 from physic_core.interfaces import UserFile
 from physic_core.types import Mesh
 from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions
+from physic_networks.bodies import SMPL_JOINTS, bodies_from_smpl, to_rotvecs
 
 if TYPE_CHECKING:
-    from physic_core.body.files import SmplBody
+    from physic_core.body import SmplBody
     from physic_core.interfaces import Requirement
     from physic_core.types import Bodies, FloatArray, RestMesh
 
 _ADVICE = (
     "set smpl_file to your SMPL_NEUTRAL.npz or .pkl: register at https://smpl.is.tue.mpg.de "
-    "(non-commercial) and "
-    "download the model"
+    "(non-commercial) and download the model"
 )
 
 
@@ -57,7 +56,7 @@ def open_smpl(path: str) -> SmplBody:
     """
     if lacking := smpl_missing(path):
         raise WeightsMissingError(lacking[0])
-    from physic_core.body.files import load_smpl
+    from physic_core.body import load_smpl
 
     return load_smpl(Path(os.path.expanduser(path)))
 

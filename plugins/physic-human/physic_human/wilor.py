@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.checkouts import Checkout
-from physic_core.adapters.top_down import antialias_sigma, crop_around_box, resample_crop
 from physic_core.errors import BackendError
 from physic_core.interfaces import HandEstimator, Options, Share
 from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions
 from physic_human.hands import chumpy_free_copy, empty_hands, hand_boxes, hands_from_mano
+from physic_networks.checkouts import Checkout
+from physic_networks.top_down import antialias_sigma, crop_around_box, resample_crop
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -115,9 +115,9 @@ class Wilor(CheckoutBackend, HandEstimator):
         answer = self.network(inputs["img"])
         if not isinstance(answer, dict) or not {"hand_pose", "global_orient"} <= answer.keys():
             raise BackendError(
-                f"WiLoR-mini's network returned {type(answer).__name__}, where its releases "
-                f"answer a dictionary with "
-                "hand_pose and global_orient: another revision of the checkout is needed"
+                f"WiLoR-mini's network returned {type(answer).__name__}, where its releases answer "
+                "a dictionary with hand_pose and global_orient: another revision of the checkout "
+                "is needed"
             )
         return answer["hand_pose"], answer["global_orient"]
 

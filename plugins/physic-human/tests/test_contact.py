@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.adapters.bodies import empty_bodies
 from physic_core.types import People
 from physic_human.deco import Deco, DecoOptions, contact_crop, enlarged_box_slices
 from physic_human.user_smpl import load_rest_mesh
+from physic_networks.bodies import empty_bodies
 
 from .seen import normalised_back
 

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.adapters.networks import TorchBackend
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.errors import BackendError, DeviceError, WeightsMissingError
 from physic_core.types import Hints, Intrinsics, Keypoints, People
 from physic_human.sam3d_body import Sam3dBody, Sam3dBodyOptions, guarded_torch
+from physic_networks.networks import TorchBackend
 
 CAMERA = Intrinsics(500.0, 510.0, 30.0, 20.0, 64, 48)
 NUM_KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
@@ -303,7 +303,7 @@ def test_what_its_code_sends_to_cuda_goes_to_the_device_of_the_config(
         current.pop()
 
     monkeypatch.setattr(torch.cuda, "device", entered)
-    monkeypatch.setattr("physic_core.adapters.networks.check_device", lambda name: None)
+    monkeypatch.setattr("physic_networks.networks.check_device", lambda name: None)
     sam = make_sam()
     sam.load(device)
     estimator = sam.network

@@ -38,8 +38,7 @@ class MockContactPrior(interfaces.ContactPrior):
         Raises:
             BackendError: the image shows no world, or a person is not in it.
         """
-        from physic_core.body import load_body
-        from physic_core.body.convert.bodies import rest_mesh_of_model
+        from physic_core.body import load_body, rest_mesh_of_model
 
         found = recognise_world(image)
         rows = match_masks_to_world(found, people)
@@ -73,8 +72,7 @@ def _fixed_parts(world: World, bodies: Bodies) -> FloatArray:
     """Return the contact probability (N, V) of fixed body parts of people whose joints are
     observed.
     """
-    from physic_core.body import load_body
-    from physic_core.body.joints import JOINT_INDEX
+    from physic_core.body import JOINT_INDEX, load_body
 
     model = load_body(world.body_model)
     count = len(bodies.parameters)

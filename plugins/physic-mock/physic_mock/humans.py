@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core import interfaces
-from physic_core.body.joints import JOINT_INDEX
+from physic_core.body import JOINT_INDEX
 from physic_core.types import Bodies, Hands
 from physic_mock.body_noise import (
     BONES,

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core import interfaces
-from physic_core.adapters.people import box_iou
+from physic_core.backends.people import box_iou
 from physic_core.types import Keypoints, skeleton_named
 from physic_mock.noise import (
     HIDDEN_CONFIDENCE,

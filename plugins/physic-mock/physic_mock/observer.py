@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core import interfaces
-from physic_core.types import POSTURES, TOUCH_PARTS, Observations
-from physic_core.types.skeletons import SIDES
+from physic_core.types import POSTURES, SIDES, TOUCH_PARTS, Observations
 from physic_mock.noise import FLEXION_DEG, LOG_ODDS, LOG_ODDS_SIGMA, Noise
 from physic_mock.recognition import MockOptions, match_masks_to_world, recognise_world
 from physic_testing.conformance.truth import true_flexion, true_touch

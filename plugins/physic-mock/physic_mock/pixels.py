@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from physic_core import interfaces
-from physic_core.adapters.people import boxes_from_masks
+from physic_core.backends.people import boxes_from_masks
 from physic_core.types import SURFACE_NAMES, People, SurfaceLabels
 from physic_mock.fill import fill_from_surroundings
 from physic_mock.mask_noise import add_stray_disc, draw_floor_mask, remove_hands_and_feet

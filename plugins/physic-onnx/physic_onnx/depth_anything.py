@@ -198,7 +198,7 @@ def preprocess(
         columns: of the input.
         normalised: false leaves 0..255.
     """
-    from physic_core.adapters.pictures import (
+    from physic_networks.pictures import (
         IMAGENET_MEAN,
         IMAGENET_STD,
         normalized_nchw,
@@ -227,8 +227,8 @@ def _camera(
 
     The network's counts from the edges of the pixels of its picture, whose size is ``seen``.
     """
-    from physic_core.adapters.canonical_depth import focal_from_fov, known_camera
     from physic_core.types import CameraTrust, Intrinsics
+    from physic_networks.canonical_depth import focal_from_fov, known_camera
 
     known = known_camera(hints, image)
     if known is not None:

@@ -17,9 +17,9 @@ from .one_graph import GraphSignature, PortMatch, PortSpec, match_signature
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.adapters.people import Detections
-    from physic_core.adapters.pictures import Letterbox
+    from physic_core.backends.people import Detections
     from physic_core.types import FloatArray, UInt8Array
+    from physic_networks.pictures import Letterbox
 
     from .sessions import Network, OnnxOptions
 
@@ -87,8 +87,8 @@ class Detector:
         Raises:
             BackendError: the output does not match the signature, or has no finite score.
         """
-        from physic_core.adapters.networks import check_answer
-        from physic_core.adapters.people import Detections, clip_boxes, nms
+        from physic_core.backends.people import Detections, clip_boxes, nms
+        from physic_networks.networks import check_answer
 
         boxes, scores, joints = _DECODERS[self.signature](
             self._match, self.network, image, self._size
@@ -125,7 +125,7 @@ Answer = tuple["FloatArray", "FloatArray", "NDArray[Any] | None"]
 
 def _letterbox_bgr(image: UInt8Array, size: tuple[int, ...]) -> tuple[FloatArray, Letterbox]:
     """Return the photo in a grey letterbox at the top left corner, BGR 0 to 255."""
-    from physic_core.adapters.pictures import letterbox, normalized_nchw
+    from physic_networks.pictures import letterbox, normalized_nchw
 
     canvas, box = letterbox(image, size[0], size[1], GREY, "top-left")
     return normalized_nchw(canvas[..., ::-1], scale=1.0), box
@@ -138,7 +138,7 @@ def _decode_yolox(
     scores.
     """
 
-    from physic_core.adapters.people import xyxy_from_cxcywh
+    from physic_core.backends.people import xyxy_from_cxcywh
 
     frame, box = _letterbox_bgr(image, size)
     (raw,) = match.run(network, {"images": frame}, ["output"])
@@ -147,8 +147,7 @@ def _decode_yolox(
     if rows.ndim != 2 or rows.shape[0] != len(cells) or rows.shape[1] < 6:
         raise BackendError(
             f"a YOLOX file for {size[1]} x {size[0]} px must return (1, {len(cells)}, 85), got "
-            f"{raw.shape}: "
-            "is it of another size, or cut?"
+            f"{raw.shape}: is it of another size, or cut?"
         )
     # Some exports hold the decoding. Offsets are a cell or two, decoded centres lie all over the
     # picture.
@@ -199,16 +198,15 @@ def _decode_rt_detr(
     photo.
     """
 
-    from physic_core.adapters.people import sigmoid, xyxy_from_cxcywh
-    from physic_core.adapters.pictures import normalized_nchw, resize_image
+    from physic_core.backends.people import sigmoid, xyxy_from_cxcywh
+    from physic_networks.pictures import normalized_nchw, resize_image
 
     frame = normalized_nchw(resize_image(image, size[0], size[1], "bilinear-antialias"))
     logits, boxes = match.run(network, {"pixel_values": frame}, ["logits", "pred_boxes"])
     if logits.shape[-1] in (91, 92):
         raise BackendError(
             f"{network.name} returns {logits.shape[-1]} classes, as DETR does, and not 80 as "
-            f"RT-DETR and D-FINE: "
-            "choose a file of those"
+            "RT-DETR and D-FINE: choose a file of those"
         )
     score = sigmoid(logits[0, :, PERSON].astype(np.float64))
     height, width = image.shape[:2]

@@ -95,7 +95,7 @@ class Lama(OnnxBackend, Inpainter):
             BackendError: the mask has another size or covers the whole image, or load() was not
                 called.
         """
-        from physic_core.adapters.pictures import inpaint_masked
+        from physic_networks.pictures import inpaint_masked
 
         shape = self.network.input_shape("image") if isinstance(self.network, LoadedGraph) else ()
         side = shape[2] if shape and isinstance(shape[2], int) else None
@@ -125,7 +125,7 @@ class Lama(OnnxBackend, Inpainter):
             square: side of the network's square input; None for the photo's own size, or
                 ``_LONGEST_PX``.
         """
-        from physic_core.adapters.pictures import normalized_nchw, resize_image
+        from physic_networks.pictures import normalized_nchw, resize_image
 
         height, width = hole.shape
         long = min(_LONGEST_PX, max(height, width)) if square is None else square
@@ -171,8 +171,8 @@ def _open_torchscript(path: Path, device: str) -> Callable[[FloatArray, FloatArr
     """Open a TorchScript file and return a function that runs it."""
     import torch
 
-    from physic_core.adapters.devices import check_device
-    from physic_core.adapters.networks import open_torchscript
+    from physic_core.backends.devices import check_device
+    from physic_networks.networks import open_torchscript
 
     check_device(device)
     module = open_torchscript(path, device)

@@ -1,7 +1,7 @@
 """Estimate depth, points and focal length with MoGe-2 (Wang et al. 2025).
 
 The network returns points up to a scale and a shift along z, a mask, and the scale in metres. Focal
-length and shift are computed here (:mod:`physic_core.adapters.affine_pointmap`). The two backends
+length and shift are computed here (:mod:`physic_networks.affine_pointmap`). The two backends
 share network and outputs, so that each photo is run once.
 """
 
@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import Field
 
-from physic_core.adapters.affine_pointmap import half_diagonal, points_on_rays, recover_camera
-from physic_core.adapters.networks import NetworkBackend
-from physic_core.adapters.pictures import resize_map
 from physic_core.interfaces import MetricDepth, Options, RelativePointmap
 from physic_core.types import CameraTrust, DepthMap, Intrinsics, Pointmap
+from physic_networks.affine_pointmap import half_diagonal, points_on_rays, recover_camera
+from physic_networks.networks import NetworkBackend
+from physic_networks.pictures import resize_map
 
 from .moge_network import OpenMoge, SharedMoge, shared_moge
 from .sessions import OnnxOptions, open_network

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field
 
-from physic_core.adapters.networks import NetworkBackend
 from physic_core.errors import BackendError
 from physic_core.weights import read_manifest
+from physic_networks.networks import NetworkBackend
 
 from .sessions import OnnxOptions, open_network
 

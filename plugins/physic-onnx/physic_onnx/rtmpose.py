@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.top_down import scores_to_confidence
 from physic_core.errors import BackendError
+from physic_networks.top_down import scores_to_confidence
 
 from .one_graph import WEIGHTS_HELP, GraphSignature, OnnxBackendOptions, PortSpec
 from .top_down import TopDownKeypoints, TopDownOptions, run_batches
@@ -23,8 +23,8 @@ from .top_down import TopDownKeypoints, TopDownOptions, run_batches
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from physic_core.adapters.top_down import Crop
     from physic_core.types import FloatArray, Keypoints
+    from physic_networks.top_down import Crop
 
 _LINE = (None, None, None)
 DEPTH_RANGE_M = 2.1744869
@@ -114,8 +114,8 @@ class RtmPose(TopDownKeypoints):
         ):
             raise BackendError(
                 f"{self.network.network.name} returned simcc_x {along_x.shape} and simcc_y "
-                f"{along_y.shape} for {width} "
-                f"x {height} px: as many bins a pixel along both were expected"
+                f"{along_y.shape} for {width} x {height} px: as many bins a pixel along both were "
+                "expected"
             )
         points, score = simcc_peaks(along_x, along_y, split)
         return points, scores_to_confidence(score, self.options.full_score)

@@ -8,15 +8,15 @@ import numpy as np
 from pydantic import Field
 
 from physic_core import find_backend, load_backend
-from physic_core.adapters.networks import NetworkBackend
 from physic_core.errors import BackendError, BackendNotFoundError, PhysicError
 from physic_core.interfaces import Options, Segmenter, Share
 from physic_core.weights import fingerprint, missing
+from physic_networks.networks import NetworkBackend
 
 from .sessions import OnnxOptions
 
 if TYPE_CHECKING:
-    from physic_core.adapters.people import Detections
+    from physic_core.backends.people import Detections
     from physic_core.types import BoolArray, FloatArray, People, UInt8Array
 
     from .detectors import Detector
@@ -121,8 +121,8 @@ class Sam2(NetworkBackend, Segmenter):
         """
         from dataclasses import replace
 
-        from physic_core.adapters.people import Detections, people_from_masks
-        from physic_core.adapters.pictures import resize_map
+        from physic_core.backends.people import Detections, people_from_masks
+        from physic_networks.pictures import resize_map
 
         from .sam2_floor import floor_mask
 
@@ -177,7 +177,7 @@ class Sam2(NetworkBackend, Segmenter):
     ) -> tuple[Detections, FloatArray]:
         """Return the people with distinct masks, and their mask logits (N, h, w)."""
 
-        from physic_core.adapters.people import mask_nms
+        from physic_core.backends.people import mask_nms
 
         if not len(found):
             return found, np.zeros((0, 1, 1), np.float32)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.pictures import resize_map
+from physic_networks.pictures import resize_map
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Keypoints, People

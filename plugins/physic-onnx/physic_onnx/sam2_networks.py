@@ -130,15 +130,14 @@ class Sam2Networks:
         if signature != self.signature:
             raise BackendError(
                 f"the encoder {encoder.name} comes from {self.signature} and the decoder "
-                f"{decoder.name} from "
-                f"{signature}: take both from one export"
+                f"{decoder.name} from {signature}: take both from one export"
             )
         (port,) = self._encoding.inputs.values()
         self._side = port.shape[2] if isinstance(port.shape[2], int) else 1024
 
     def encode(self, image: UInt8Array) -> EncodedImage:
         """Encode a photo (H, W, 3), RGB."""
-        from physic_core.adapters.pictures import (
+        from physic_networks.pictures import (
             IMAGENET_MEAN,
             IMAGENET_STD,
             normalized_nchw,

@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.networks import check_answer
-from physic_core.adapters.onnx_sessions import open_session
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options
+from physic_networks.networks import check_answer
+from physic_networks.onnx_sessions import open_session
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.adapters.onnx_sessions import OnnxSession
+    from physic_networks.onnx_sessions import OnnxSession
 
 ProviderName = Literal["auto", "cpu", "cuda", "tensorrt", "coreml", "directml"]
 
@@ -146,8 +146,7 @@ def open_network(path: Path, options: OnnxOptions, device: str) -> Network:
         )
     broken = (
         "If the file is broken or cut short, `physic weights verify` reports it, and `physic "
-        "weights fetch` fetches "
-        "it again"
+        "weights fetch` fetches it again"
     )
     # onnxruntime 1.31 makes a border of zeros part of a max pool, where it counts as -infinity.
     without = ("Pad_Fusion",) if _names_operator(path, b"MaxPool") else ()

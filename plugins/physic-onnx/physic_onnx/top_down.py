@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.networks import run_in_batches
 from physic_core.errors import BackendError
 from physic_core.interfaces import KeypointDetector
+from physic_networks.networks import run_in_batches
 
 from .one_graph import OnnxBackend, OnnxBackendOptions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.adapters.top_down import Crop, PixelAlignment
     from physic_core.types import FloatArray, Keypoints, People, UInt8Array
+    from physic_networks.top_down import Crop, PixelAlignment
 
     from .one_graph import LoadedGraph
     from .sessions import Network
@@ -99,8 +99,8 @@ class TopDownKeypoints(OnnxBackend, KeypointDetector):
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
         """Return keypoints of N people, px of the image (H, W, 3)."""
-        from physic_core.adapters.top_down import crop_around_box
         from physic_core.types import Keypoints
+        from physic_networks.top_down import crop_around_box
 
         file = self.network.network.name
         joints = self._joints
@@ -141,8 +141,8 @@ def crop_batch(image: UInt8Array, crops: Sequence[Crop], *, bgr: bool = False) -
         crops: N of one size.
         bgr: exchange red and blue first; mean and deviation stay where they are.
     """
-    from physic_core.adapters.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
-    from physic_core.adapters.top_down import resample_crop
+    from physic_networks.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
+    from physic_networks.top_down import resample_crop
 
     cuts = [resample_crop(image, crop) for crop in crops]
     return np.concatenate(

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.top_down import scores_to_confidence, subpixel_peaks
 from physic_core.errors import BackendError
+from physic_networks.top_down import scores_to_confidence, subpixel_peaks
 
 from .one_graph import WEIGHTS_HELP, GraphSignature, OnnxBackendOptions, PortSpec
 from .top_down import TopDownKeypoints, TopDownOptions, run_batches
@@ -25,8 +25,8 @@ from .top_down import TopDownKeypoints, TopDownOptions, run_batches
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.adapters.top_down import PixelAlignment
     from physic_core.types import FloatArray
+    from physic_networks.top_down import PixelAlignment
 
 COCO = 0
 EXPERT_BY_JOINTS = {17: COCO, 133: 5}
@@ -91,8 +91,7 @@ class VitPose(TopDownKeypoints):
         if heatmaps.ndim != 4:
             raise BackendError(
                 f"{loaded.network.name} returned {maps} {heatmaps.shape}: heat maps (N, joints, "
-                f"rows, columns) "
-                "were expected"
+                "rows, columns) were expected"
             )
         cells, peaks = subpixel_peaks(heatmaps)
         rows, columns = heatmaps.shape[2:]

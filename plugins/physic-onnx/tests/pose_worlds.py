@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from physic_core.adapters.people import Detections
+from physic_core.backends.people import Detections
 from physic_core.types import People
 
 

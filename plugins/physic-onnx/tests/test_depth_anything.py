@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physic_core.adapters.pictures import resize_map
 from physic_core.types import Hints, Intrinsics
+from physic_networks.pictures import resize_map
 from physic_onnx.depth_anything import (
     OTHER,
     PUBLISHED,
@@ -345,8 +345,8 @@ class TestRealNetwork:
             return np.asarray(opened.convert("RGB"))[:, 80:560]
 
     def test_disparity_is_that_of_the_embedded_backend(self, photo, opened):
-        from physic_core.adapters.onnx_sessions import open_session
         from physic_embedded.networks.depth_anything import predict_disparity
+        from physic_networks.onnx_sessions import open_session
 
         session = open_session(_packaged(), threads=0, device="cpu", broken="")
         # A square photo has whole patches: the embedded backend pads others, and this one stretches

@@ -11,8 +11,8 @@ import onnx
 import onnxruntime
 import pytest
 
-from physic_core.adapters.onnx_sessions import select_provider
 from physic_core.errors import BackendError, DeviceError
+from physic_networks.onnx_sessions import select_provider
 from physic_onnx.sessions import OnnxOptions, Port, open_network
 
 CPU = "CPUExecutionProvider"
@@ -218,7 +218,7 @@ class TestFiles:
 CONFINED = """
 import os, sys
 from pathlib import Path
-from physic_core.adapters.onnx_sessions import open_session
+from physic_networks.onnx_sessions import open_session
 cores = {min(os.sched_getaffinity(0))}
 os.sched_setaffinity(0, cores)
 before = set(os.listdir("/proc/self/task"))

@@ -1,1 +1,13 @@
-"""Classical OpenCV backends: inpainting, and depth and point maps of the user's files."""
+"""Classical OpenCV backends: inpainting; depth, point maps and keypoints of the user's files."""
+
+from __future__ import annotations
+
+from physic_core import PluginItem, hookimpl
+
+__all__: list[str] = []
+
+
+@hookimpl
+def physic_keypoints() -> list[PluginItem]:
+    """Return the reader of other programs' keypoints."""
+    return [PluginItem("json", "physic_opencv.keypoint_forms:table_of")]

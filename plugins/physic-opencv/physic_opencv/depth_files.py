@@ -16,9 +16,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.errors import InputError
-from physic_core.files.atomic import open_regular
-from physic_core.files.image_file import ImageSource, decode, open_image, wrap_decoding_errors
-from physic_core.files.npz import read_arrays, read_names
+from physic_core.files import (
+    ImageSource,
+    decode,
+    open_image,
+    open_regular,
+    read_arrays,
+    read_names,
+    wrap_decoding_errors,
+)
 from physic_opencv.exr import MAX_BYTES, read_exr
 
 if TYPE_CHECKING:

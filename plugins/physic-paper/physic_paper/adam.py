@@ -13,7 +13,7 @@ from functools import partial
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.optimiser import (
+from physic_core.engine.joint import (
     BlockResult,
     Energy,
     MinimisationResult,
@@ -23,7 +23,7 @@ from physic_core.engine.joint.optimiser import (
     join_results,
     total_energy,
 )
-from physic_core.types.bounds import Count, Positive, PositiveCount
+from physic_core.types import Count, Positive, PositiveCount
 
 _RATE_CUTS = 2  # restarts at a tenth of the rate, for people whose energy has only increased
 

@@ -13,7 +13,7 @@ from physic_core.engine.contact.distances import ContactSurfaces, Distances
 from physic_core.engine.contact.method import ContactMethod, Touch
 from physic_core.engine.scene_state import Surroundings
 from physic_core.engine.state import State
-from physic_core.types.bounds import NotNegative
+from physic_core.types import NotNegative
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,7 @@ import math
 import torch
 from torch import Tensor
 
-from physic_core.geometry.floor import FloorSearch, PlaneFit
-from physic_core.geometry.plane import height_over_plane
+from physic_core.geometry import FloorSearch, PlaneFit, height_over_plane
 
 _TOLERANCE_M = 0.01  # as released; the paper only names RANSAC
 _MIN_NORMAL_COSINE = math.cos(math.radians(30.0))  # of an inlier

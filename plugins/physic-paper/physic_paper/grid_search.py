@@ -7,7 +7,7 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from physic_core.geometry.neighbors import NearestPointSearch
+from physic_core.geometry import NearestPointSearch
 
 _LEAST_MARGIN_M = 1e-3  # of the grid's box around coplanar points
 

@@ -52,22 +52,23 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from physic_core.body.model import BodyOutput
-from physic_core.engine.joint.method import TermWeight
-from physic_core.engine.joint.sampling import (
+from physic_core.body import BodyOutput
+from physic_core.engine.joint import (
+    OcclusionTracker,
+    ReprojectionTerm,
     Sampling,
+    SceneScaleTerm,
+    Term,
+    TermWeight,
+    Variables,
+    Visibility,
     VisibilitySettings,
+    update_visibility,
     with_static_contacts,
 )
-from physic_core.engine.joint.snapshot import OcclusionTracker, Visibility, update_visibility
-from physic_core.engine.joint.term import Term
-from physic_core.engine.joint.terms.body import SceneScaleTerm
-from physic_core.engine.joint.terms.picture import ReprojectionTerm
-from physic_core.engine.joint.variables import Variables
 from physic_core.engine.state import State
-from physic_core.geometry.neighbors import NearestPointSearch
-from physic_core.geometry.robust import robust_loss
-from physic_core.types.bounds import NotNegative
+from physic_core.geometry import NearestPointSearch, robust_loss
+from physic_core.types import NotNegative
 from physic_paper.adam import AdamOptimiser
 from physic_paper.grid_search import GridSearch
 from physic_paper.published import PublishedOptimisation

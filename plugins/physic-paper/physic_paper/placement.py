@@ -15,9 +15,8 @@ from physic_core.engine.placement.terms import (
     PlacementProblem,
     term_energy,
 )
-from physic_core.geometry.alignment import AlignmentOptions
-from physic_core.geometry.camera import project
-from physic_core.types.bounds import NotNegative, PointCount, PositiveOrInfinite, Share
+from physic_core.geometry import AlignmentOptions, project
+from physic_core.types import NotNegative, PointCount, PositiveOrInfinite, Share
 from physic_paper.outliers import image_outliers
 from physic_paper.released.reprojection import released_keypoint_weights, released_reprojection
 from physic_paper.released.visibility import is_opposite_optical_axis, mean_face_normals

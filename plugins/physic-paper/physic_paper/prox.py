@@ -20,15 +20,19 @@ from typing import ClassVar
 
 from torch import Tensor
 
-from physic_core.engine.joint.method import TermWeight
-from physic_core.engine.joint.optimiser import LbfgsOptimiser, Optimiser
-from physic_core.engine.joint.sampling import Sampling, with_static_contacts
-from physic_core.engine.joint.term import Term
-from physic_core.engine.joint.terms.body import LimitTerm
-from physic_core.engine.joint.variables import Variables
+from physic_core.engine.joint import (
+    LbfgsOptimiser,
+    LimitTerm,
+    Optimiser,
+    Sampling,
+    Term,
+    TermWeight,
+    Variables,
+    with_static_contacts,
+)
 from physic_core.engine.state import State
-from physic_core.geometry.robust import robust_loss
-from physic_core.types.bounds import FrozenGroups
+from physic_core.geometry import robust_loss
+from physic_core.types import FrozenGroups
 from physic_paper.published import PublishedOptimisation
 from physic_paper.terms.point_contact import PointContactTerm
 from physic_paper.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm

@@ -11,9 +11,7 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.method import JointMethod
-from physic_core.engine.joint.sampling import Sampling
-from physic_core.engine.joint.variables import BODY, FACE, HANDS, Estimate, Variables
+from physic_core.engine.joint import BODY, FACE, HANDS, Estimate, JointMethod, Sampling, Variables
 from physic_core.engine.scene_state import Surroundings
 from physic_core.engine.state import State
 from physic_paper.contact import with_floor_samples

@@ -34,14 +34,19 @@ from typing import Literal
 
 from torch import Tensor
 
-from physic_core.body.model import BodyOutput
-from physic_core.engine.joint.sampling import Sampling, VisibilitySettings
-from physic_core.engine.joint.snapshot import OcclusionTracker, Visibility
-from physic_core.engine.joint.term import Snapshot, Term
-from physic_core.engine.joint.terms.body import SceneScaleTerm
-from physic_core.engine.joint.variables import Variables
+from physic_core.body import BodyOutput
+from physic_core.engine.joint import (
+    OcclusionTracker,
+    Sampling,
+    SceneScaleTerm,
+    Snapshot,
+    Term,
+    Variables,
+    Visibility,
+    VisibilitySettings,
+)
 from physic_core.engine.state import State
-from physic_core.geometry.robust import robust_loss
+from physic_core.geometry import robust_loss
 from physic_paper.paper import (
     CONTACT_RANGE_M,
     PaperOptimisation,

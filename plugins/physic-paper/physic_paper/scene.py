@@ -17,10 +17,8 @@ from physic_core.engine.scene.method import (
     SceneMethod,
     scene_camera,
 )
-from physic_core.geometry.alignment import AlignmentOptions
-from physic_core.geometry.floor import FloorSearch, PlaneFit
-from physic_core.geometry.pointmap import pointmap_normals
-from physic_core.types.bounds import NotNegative, PositiveOrInfinite
+from physic_core.geometry import AlignmentOptions, FloorSearch, PlaneFit, pointmap_normals
+from physic_core.types import NotNegative, PositiveOrInfinite
 from physic_paper.floor_metric import fit_floor_metric
 from physic_paper.outliers import KNN_SHARE, image_outliers
 from physic_paper.released.pointmap import (

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from physic_core.body.bones import parameters_from_rotations
+from physic_core.body import parameters_from_rotations
 from physic_core.engine.sizes.stature import betas_with_stature
 from physic_scene.rigid import mean_rotation
 
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from physic_core.body.model import BodyModel
+    from physic_core.body import BodyModel
     from physic_core.types import BodyParameters, FloatArray, IntArray
     from physic_scene.bundle import Bundle, MomentObservations
     from physic_scene.observations import PhotoPeople

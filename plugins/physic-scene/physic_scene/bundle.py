@@ -30,7 +30,7 @@ from scipy.sparse import coo_array, csc_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
-from physic_core.types.skeletons import SIDES
+from physic_core.types import SIDES
 from physic_scene.measured import keypoint_class, measured_errors
 from physic_scene.rigid import CameraPose
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from physic_core.files.atomic import read_regular
+from physic_core.files import read_regular
 
 _LARGEST_FILE = 1 << 24  # bytes
 _LARGEST_MODEL = 1 << 28  # bytes of COLMAP's images.txt, which has all keypoints

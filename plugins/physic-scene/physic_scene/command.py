@@ -133,7 +133,7 @@ def _page(result: SceneResult, *, quiet: bool) -> str:
     """Return the page if a plugin makes it; else say which one does, and return ""."""
     from physic_core.cli.output import echo
     from physic_core.errors import PackageMissingError
-    from physic_core.visual.report import report_html
+    from physic_core.pictures import report_html
 
     try:
         return report_html(result.reconstruction, result.reference_photo.name)

@@ -16,8 +16,8 @@ from physic_core.engine.presets import DefaultOptimisation
 from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.settings import EngineSettings
 from physic_core.errors import ConfigError
-from physic_core.geometry.camera import pixel_rays
-from physic_core.types.short_repr import ShortRepr
+from physic_core.geometry import pixel_rays
+from physic_core.types import ShortRepr
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from physic_core.engine.placement.terms import PlacementProblem
     from physic_core.engine.scene.method import Cameras
     from physic_core.engine.state import State
-    from physic_core.geometry.floor import FloorSearch
+    from physic_core.geometry import FloorSearch
 
 _LEAST_SLOPE = 0.15  # of a ray to the floor, at the horizon
 _MOST_MOVED = 1.6  # factor on a depth

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.types.skeletons import SIDES
+from physic_core.types import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -10,8 +10,7 @@ import cv2
 import numpy as np
 import torch
 
-from physic_core.body.bones import rotations_from_parameters
-from physic_core.body.landmarks import keypoints_on_body
+from physic_core.body import keypoints_on_body, rotations_from_parameters
 from physic_core.types import CameraTrust, Keypoints
 from physic_scene.measured import measured_errors
 from physic_scene.rigid import CameraPose
@@ -19,7 +18,7 @@ from physic_scene.rigid import CameraPose
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from physic_core.body.model import BodyModel
+    from physic_core.body import BodyModel
     from physic_core.types import (
         BoolArray,
         FloatArray,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core import save_reconstruction
-from physic_core.files.text import to_json
+from physic_core.files import to_json
 from physic_core.io.result_folder import people_csv
 from physic_scene.picture import photos_png
 

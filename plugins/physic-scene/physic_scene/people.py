@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from physic_core.body.bones import parameters_from_rotations
-from physic_core.types.short_repr import ShortRepr
+from physic_core.body import parameters_from_rotations
+from physic_core.types import ShortRepr
 from physic_scene.matching import compare_places
 
 if TYPE_CHECKING:
-    from physic_core.body.model import BodyModel
+    from physic_core.body import BodyModel
     from physic_core.types import BodyParameters
     from physic_scene.solution import SolvedScene
 

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.errors import InputError
-from physic_core.types.short_repr import ShortRepr
+from physic_core.types import ShortRepr
 from physic_scene.matching import PairMatch, join_tracks, joined_matches, match_pair
 from physic_scene.observations import PhotoPeople, observe
 from physic_scene.types import SkippedPhoto
 
 if TYPE_CHECKING:
-    from physic_core.body.model import BodyModel
+    from physic_core.body import BodyModel
     from physic_core.types import FloatArray, IntArray, Reconstruction
 
 
@@ -136,8 +136,7 @@ def choose_photos(
         rest = f"only {kept[0].name} is left" if kept else "none is left"
         raise InputError(
             f"a moment needs two photos, and {rest}; {'; '.join(one.message for one in left)}: "
-            f"give two different "
-            "photos that show the same people"
+            "give two different photos that show the same people"
         )
     people = [photo.people for photo in kept]
     matches = {

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image, ImageDraw
 
-from physic_core.body.joints import JOINT_INDEX
-from physic_core.visual.panels import bodies_over, draw_person_number, draw_text, photo_panel
-from physic_core.visual.render import View
-from physic_core.visual.views import PAGE_RGB, build_preview_geometry
+from physic_core.body import JOINT_INDEX
+from physic_visual.panels import bodies_over, draw_person_number, draw_text, photo_panel
+from physic_visual.render import View
+from physic_visual.views import PAGE_RGB, build_preview_geometry
 
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction
-    from physic_core.visual.views import PreviewGeometry
     from physic_scene.types import SceneResult, SolvedPhoto
+    from physic_visual.views import PreviewGeometry
 
 _HEIGHT = 440  # px, of a photo
 _MARGIN = 24  # px, around it

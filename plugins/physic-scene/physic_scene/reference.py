@@ -12,8 +12,7 @@ import numpy as np
 import torch
 
 from physic_core import Pipeline
-from physic_core.adapters.bodies import observed_joints
-from physic_core.body.joints import NUM_JOINTS
+from physic_core.body import NUM_JOINTS
 from physic_core.configuration.resolve import resolve
 from physic_core.engine.sizes.stature import ADULT_YEARS
 from physic_core.engine.state import Estimates, OtherView
@@ -26,15 +25,17 @@ from physic_core.types import (
     Keypoints,
     KnownSizes,
     PeoplePrompt,
+    ShortRepr,
+    expand_people,
+    select_people,
 )
-from physic_core.types.arrays import expand_people, select_people
-from physic_core.types.short_repr import ShortRepr
+from physic_networks.bodies import observed_joints
 from physic_scene.energy import OtherViews, with_other_views
 from physic_scene.given import SolvedBodies, SolvedDepth
 
 if TYPE_CHECKING:
     from physic_core import Config
-    from physic_core.body.model import BodyModel
+    from physic_core.body import BodyModel
     from physic_core.types import BoolArray, FloatArray, IntArray, Reconstruction
     from physic_scene.people import PersonOfScene
     from physic_scene.photos import ScenePhoto

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from physic_core.geometry.rotations import nearest_rotation
+from physic_core.geometry import nearest_rotation
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray

@@ -15,8 +15,7 @@ import numpy as np
 from physic_core.engine.sizes.scale_vote import Witnesses, vote_on_scale
 from physic_core.engine.sizes.stature import stature_sigmas
 from physic_core.errors import InputError
-from physic_core.types import CameraTrust, Intrinsics
-from physic_core.types.short_repr import ShortRepr
+from physic_core.types import CameraTrust, Intrinsics, ShortRepr
 from physic_scene.bodies import MeanBodies, mean_bodies
 from physic_scene.bundle import (
     KNOWN_CAMERAS,
@@ -31,7 +30,7 @@ from physic_scene.rigid import CameraPose
 from physic_scene.triangulation import sizes_by_cameras
 
 if TYPE_CHECKING:
-    from physic_core.body.model import BodyModel
+    from physic_core.body import BodyModel
     from physic_core.types import BoolArray, FloatArray, IntArray
     from physic_scene.observations import PhotoPeople
     from physic_scene.types import SkippedPhoto
@@ -105,9 +104,8 @@ def solve_scene(chosen: ChosenPhotos, model: BodyModel) -> SolvedScene:
         if view is not None and len(chosen.photos) == 2:
             raise InputError(
                 f"no person of {chosen.photos[0].name} can be where {chosen.photos[1].name} shows "
-                f"one: give photos "
-                "that were taken at the same moment, or of people who hold still, with a person "
-                "in common"
+                "one: give photos that were taken at the same moment, or of people who hold still, "
+                "with a person in common"
             )
         if view is not None:
             why = "its people are in other places or poses than in the other photos"

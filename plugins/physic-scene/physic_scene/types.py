@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from physic_core.types.short_repr import ShortRepr
+from physic_core.types import ShortRepr
 from physic_scene.rigid import CameraPose
 
 if TYPE_CHECKING:

@@ -64,12 +64,14 @@ def serve(
     import uvicorn
 
     from physic_core import load_config
-    from physic_core.files.atomic import check_writable
+    from physic_core.files import check_writable
+    from physic_core.pictures import require_pictures
     from physic_serve.app import make_app
     from physic_serve.jobs import Jobs
     from physic_serve.worker import Worker
 
     config = load_config(file, preset=preset, overrides=overrides)
+    require_pictures()
     formats = _formats(exports)
     parent = check_writable(folder or tempfile.gettempdir())
     _end_at_signals()

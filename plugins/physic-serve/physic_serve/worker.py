@@ -16,8 +16,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from physic_core.batch.workers import started_processes
-from physic_core.errors import BackendError, PackageMissingError
+from physic_batch.workers import started_processes
+from physic_core.errors import BackendError
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -158,8 +158,7 @@ def _run(
         result = reconstruct(task, progress)
         progress("write the files", 0, 0)
         result.save(str(task.folder))
-        with suppress(PackageMissingError):  # without physic-viewer, the preview is shown
-            result.report(str(task.folder / REPORT_FILE), task.title)
+        result.report(str(task.folder / REPORT_FILE), task.title)
     except Exception as error:
         return Message("failed", f"{type(error).__name__}: {error}")
     missing = {}

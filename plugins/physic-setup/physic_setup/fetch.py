@@ -14,9 +14,17 @@ from typing import Any
 
 from physic_core.cache.folders import cache_folder
 from physic_core.errors import DownloadError
-from physic_core.files.atomic import check_writable
-from physic_core.weights.find import common_folder, describe_mismatch, locate_files, size_mismatches
-from physic_core.weights.manifest import HubSource, WebSource, WeightFile, WeightSet
+from physic_core.files import check_writable
+from physic_core.weights import (
+    HubSource,
+    WebSource,
+    WeightFile,
+    WeightSet,
+    common_folder,
+    describe_mismatch,
+    locate_files,
+    size_mismatches,
+)
 
 
 def fetch(

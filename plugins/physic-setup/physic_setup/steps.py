@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from physic_core import engine_preset_names
-from physic_core.adapters.checkouts import NON_COMMERCIAL, PIP_NAMES
 from physic_core.cache.folders import cache_folder, users_cache
 from physic_core.configuration.layers import file_layers, merge_layers, preset_layers
 from physic_core.configuration.model import load_config
@@ -23,12 +22,13 @@ from physic_core.discovery.backends import find_backend
 from physic_core.discovery.catalog import BACKENDS, ENGINE_PRESETS, sources_in_checkout
 from physic_core.errors import BackendNotFoundError, ConfigError
 from physic_core.interfaces import INTERFACES, GpuMemory, Packages, Repository, UserFile
-from physic_core.weights.find import locate_files
+from physic_core.weights import locate_files
+from physic_networks.checkouts import NON_COMMERCIAL, PIP_NAMES
 
 if TYPE_CHECKING:
     from physic_core.configuration.model import Config
     from physic_core.configuration.resolve import ResolvedPipeline
-    from physic_core.weights.manifest import WeightSet
+    from physic_core.weights import WeightSet
 
 _Kind = TypeVar("_Kind")
 

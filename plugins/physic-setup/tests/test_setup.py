@@ -10,7 +10,7 @@ import tomllib
 import pytest
 
 from physic_core import load_config
-from physic_core.adapters.checkouts import checkout_commit
+from physic_networks.checkouts import checkout_commit
 
 PLUGIN = """
 from pathlib import Path

@@ -12,7 +12,7 @@ from unittest.mock import patch
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.body.files import MANO, SMPL, SMPL_PARENTS, ModelFileLayout
+from physic_core.body import MANO, SMPL, SMPL_PARENTS, ModelFileLayout
 
 _ROOT = 2**32 - 1
 _MANO_PARENTS = (_ROOT, 0, 1, 2, 0, 4, 5, 0, 7, 8, 0, 10, 11, 0, 13, 14)

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.adapters.canonical_depth import (
+from physic_core.errors import BackendError, DeviceError
+from physic_core.interfaces import MetricDepth, Options
+from physic_core.types import DepthMap, Intrinsics
+from physic_networks.canonical_depth import (
     depth_from_canonical_inverse,
     focal_from_fov,
     known_camera,
 )
-from physic_core.adapters.networks import picture_tensor, to_numpy
-from physic_core.adapters.pictures import resize_map
-from physic_core.errors import BackendError, DeviceError
-from physic_core.interfaces import MetricDepth, Options
-from physic_core.types import DepthMap, Intrinsics
+from physic_networks.networks import picture_tensor, to_numpy
+from physic_networks.pictures import resize_map
 from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend
 
 if TYPE_CHECKING:
@@ -89,8 +89,8 @@ class DepthPro(PretrainedBackend, MetricDepth):
             self.close()
             raise DeviceError(
                 f"DepthPro needs about {needed:g} GB of memory on a CPU, this machine has "
-                f"{there:.0f} GB: use a GPU, "
-                "another metric_depth, or set cpu_memory_gb = 0 to try all the same"
+                f"{there:.0f} GB: use a GPU, another metric_depth, or set cpu_memory_gb = 0 to try "
+                "all the same"
             )
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
@@ -128,9 +128,8 @@ class DepthPro(PretrainedBackend, MetricDepth):
         if own is None:
             raise BackendError(
                 "DepthPro does not tell the focal length of this photo, and no other is known: "
-                "give the camera, or "
-                "take weights with the part for the field of view (use_fov_model), as the "
-                "published ones have"
+                "give the camera, or take weights with the part for the field of view "
+                "(use_fov_model), as the published ones have"
             )
         note = f"focal length {own:.0f} px from DepthPro"
         return Intrinsics.from_focal(own, width, height, "DepthPro"), (note,)

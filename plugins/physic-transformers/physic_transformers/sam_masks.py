@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.people import mask_nms, people_from_masks
-from physic_core.adapters.pictures import resize_map
+from physic_core.backends.people import mask_nms, people_from_masks
 from physic_core.errors import NoPersonError
+from physic_networks.pictures import resize_map
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from physic_core.errors import InputError
-from physic_core.files.atomic import read_regular, unreadable
+from physic_core.files import read_regular, unreadable
 
 if TYPE_CHECKING:
     import click

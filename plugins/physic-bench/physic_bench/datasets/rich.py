@@ -44,7 +44,7 @@ from physic_bench.reading import (
     reading,
     rotation,
 )
-from physic_core.body.joints import JOINT_NAMES
+from physic_core.body import JOINT_NAMES
 from physic_core.errors import ConfigError
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ import numpy as np
 from physic_bench.cameras import Camera
 from physic_bench.contract import BenchPerson, Frame, Picture, Truth
 from physic_bench.datasets.base import DataSet, FrameSet
-from physic_core.body.joints import JOINT_NAMES
-from physic_core.metrics import hidden_by_depth_map, scene_distance
+from physic_core.body import JOINT_NAMES
+from physic_testing.metrics import hidden_by_depth_map, scene_distance
 from physic_testing.worlds import WORLDS, load_world
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def frames(root: Path, choose: Callable[[list[str]], list[str]], bodies: BodyFil
 def _frame(root: Path, name: str) -> Frame:
     from PIL import Image
 
-    from physic_core.files.atomic import atomic_write, check_writable
+    from physic_core.files import atomic_write, check_writable
 
     world = load_world(name)
     path = root / f"{name}.png"

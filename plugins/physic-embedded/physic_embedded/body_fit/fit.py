@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
 
-    from physic_core.body.model import BodyModel
+    from physic_core.body import BodyModel
     from physic_core.types import Skeleton
     from physic_embedded.body_fit.observations import BodyObservations
     from physic_embedded.body_fit.problem import (

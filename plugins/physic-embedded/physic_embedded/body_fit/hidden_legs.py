@@ -13,9 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.types import Observations
-from physic_core.types.observations import POSTURES
-from physic_core.types.skeletons import SEEN_CONFIDENCE, SIDES
+from physic_core.types import POSTURES, SEEN_CONFIDENCE, SIDES, Observations
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 from physic_embedded.body_fit.observations import LEAST_WORLD_WEIGHT
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from physic_core.files.npz import read_arrays
+from physic_core.files import read_arrays
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,7 +18,7 @@ from physic_embedded.body_fit.start import initial_translation
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.body.model import BodyModel
+    from physic_core.body import BodyModel
     from physic_core.types import Skeleton
     from physic_embedded.body_fit.fit import FittedBodies
     from physic_embedded.body_fit.observations import BodyObservations

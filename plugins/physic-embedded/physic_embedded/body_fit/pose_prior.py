@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body import JOINT_INDEX, JOINT_NAMES
-from physic_core.types.skeletons import SIDES
+from physic_core.types import SIDES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

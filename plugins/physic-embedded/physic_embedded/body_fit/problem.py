@@ -12,8 +12,8 @@ import torch
 
 from physic_core.body import JOINT_INDEX
 from physic_core.engine.sizes.stature import adult_shape
-from physic_core.geometry.rotvecs import rotvec_to_rotmat
-from physic_core.types.arrays import PER_PERSON, select_people
+from physic_core.geometry import rotvec_to_rotmat
+from physic_core.types import PER_PERSON, select_people
 from physic_embedded.body_fit.lifter import LIMBS
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 from physic_embedded.body_fit.observations import SIZE_STATURE_M
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
 
-    from physic_core.body.model import BodyModel, LandmarkModel
+    from physic_core.body import BodyModel, LandmarkModel
     from physic_core.types import Skeleton
     from physic_embedded.body_fit.observations import BodyObservations
 

@@ -18,13 +18,13 @@ import torch
 from scipy.spatial import cKDTree
 
 from physic_core.body import JOINT_NAMES
-from physic_core.geometry.raster import rasterize
+from physic_core.geometry import rasterize
 from physic_embedded.body_fit.problem import OutlinePairs
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.body.model import BodyModel
+    from physic_core.body import BodyModel
     from physic_core.types import People, Pointmap
     from physic_embedded.body_fit.fit import FittedBodies
     from physic_embedded.body_fit.observations import BodyObservations

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.adapters.pictures import letterbox
 from physic_core.types import SURFACE_NAMES, SurfaceLabels
+from physic_networks.pictures import letterbox
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.adapters.onnx_sessions import OnnxSession
-    from physic_core.adapters.pictures import Resampling
+    from physic_networks.onnx_sessions import OnnxSession
+    from physic_networks.pictures import Resampling
 
     Float = NDArray[np.floating[Any]]
 

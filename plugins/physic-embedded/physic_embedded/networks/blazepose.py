@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from physic_core.types import SKELETONS, Skeleton
-from physic_core.types.skeletons import SIDES
+from physic_core.types import SIDES, SKELETONS, Skeleton
 
 _SHARES = (
     ("hip", "same knee", 0.06),

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.adapters.pictures import letterbox
+from physic_networks.pictures import letterbox
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.pictures import IMAGENET_MEAN, letterbox
 from physic_embedded.networks.patch_tokens import PatchTokens, TokensOfPasses
+from physic_networks.pictures import IMAGENET_MEAN, letterbox
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Hashable
 
     from numpy.typing import NDArray
 
-    from physic_core.adapters.onnx_sessions import OnnxSession
-    from physic_core.adapters.pictures import Letterbox, Resampling
+    from physic_networks.onnx_sessions import OnnxSession
+    from physic_networks.pictures import Letterbox, Resampling
 
 _ENCODED = "out_cast_fp16"  # output of the encoder: the class token, then one of each patch
 _PATCH = 14  # px, side of the vision transformer's patches

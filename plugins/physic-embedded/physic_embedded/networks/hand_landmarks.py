@@ -19,8 +19,8 @@ from physic_embedded.networks.single_shot_detection import anchor_centers, decod
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_embedded.networks.crops import ImagePyramid
+    from physic_networks.onnx_sessions import OnnxSession
 
     Float = NDArray[np.floating[Any]]
 

@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.adapters.onnx_sessions import OnnxSession
+    from physic_networks.onnx_sessions import OnnxSession
 
 _SIDE = 512  # px of the network's square input; its output is a grid of half that side
 

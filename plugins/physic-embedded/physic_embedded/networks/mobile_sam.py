@@ -11,7 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.adapters.onnx_sessions import OnnxSession
+    from physic_networks.onnx_sessions import OnnxSession
 
     Float = NDArray[np.floating[Any]]
 

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from physic_core.adapters.pictures import Letterbox
     from physic_core.types import FloatArray
+    from physic_networks.pictures import Letterbox
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.adapters.people import sigmoid
+from physic_core.backends.people import sigmoid
 from physic_embedded.networks.crops import RotatedSquare
 
 if TYPE_CHECKING:
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_embedded.networks.crops import ImagePyramid
+    from physic_networks.onnx_sessions import OnnxSession
 
     Float = NDArray[np.floating[Any]]
 

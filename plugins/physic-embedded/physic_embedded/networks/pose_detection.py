@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.adapters.people import box_iou
+from physic_core.backends.people import box_iou
 from physic_embedded.networks.crops import ImagePyramid, letterbox_square
 from physic_embedded.networks.single_shot_detection import (
     BoxDetection,
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from physic_core.adapters.onnx_sessions import OnnxSession
+    from physic_networks.onnx_sessions import OnnxSession
 
     Float = NDArray[np.floating[Any]]
 

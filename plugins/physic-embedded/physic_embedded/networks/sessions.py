@@ -7,12 +7,12 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from physic_core.adapters import onnx_sessions
-from physic_core.adapters.networks import NetworkBackend
 from physic_core.errors import BackendError
+from physic_networks import onnx_sessions
+from physic_networks.networks import NetworkBackend
 
 if TYPE_CHECKING:
-    from physic_core.adapters.onnx_sessions import OnnxSession
+    from physic_networks.onnx_sessions import OnnxSession
 
 WEIGHTS_FOLDER = Path(__file__).parents[1] / "weights"
 """Folder of the packaged networks; its ``MANIFEST.json`` describes each of them."""

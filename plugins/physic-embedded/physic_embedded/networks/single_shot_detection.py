@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.adapters.people import box_iou, sigmoid
+from physic_core.backends.people import box_iou, sigmoid
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from physic_core.adapters.people import Detections, box_iou, nms, xyxy_from_cxcywh
-from physic_core.adapters.pictures import letterbox
+from physic_core.backends.people import Detections, box_iou, nms, xyxy_from_cxcywh
 from physic_core.types import CARRIER_NAMES, Carrier
 from physic_embedded.networks.tiles import tiles
+from physic_networks.pictures import letterbox
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from physic_core.adapters.onnx_sessions import OnnxSession
+    from physic_networks.onnx_sessions import OnnxSession
 
     Float = NDArray[np.floating[Any]]
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.adapters.pictures import dilate
+from physic_core.backends.masks import dilate
 from physic_embedded.networks.mobile_sam import predict_masks
 
 if TYPE_CHECKING:
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_core.types import SurfaceLabels
     from physic_embedded.networks.mobile_sam import ImageEmbedding
     from physic_embedded.networks.pose import Pose
+    from physic_networks.onnx_sessions import OnnxSession
 
     Bool = NDArray[np.bool_]
     Float = NDArray[np.floating[Any]]

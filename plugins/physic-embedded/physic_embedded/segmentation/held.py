@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.pictures import dilate
+from physic_core.backends.masks import dilate
 from physic_embedded.networks.mobile_sam import predict_masks
 
 if TYPE_CHECKING:
-    from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_core.types import BoolArray, FloatArray, People
     from physic_embedded.networks.mobile_sam import ImageEmbedding
+    from physic_networks.onnx_sessions import OnnxSession
 
 HANDS = [[15, 17, 19], [16, 18, 20]]
 """Landmarks of wrist, little finger and index finger, left and right."""

@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_embedded.networks.mobile_sam import ImageEmbedding
     from physic_embedded.networks.pose import Pose
+    from physic_networks.onnx_sessions import OnnxSession
 
     Bool = NDArray[np.bool_]
     Float = NDArray[np.floating[Any]]

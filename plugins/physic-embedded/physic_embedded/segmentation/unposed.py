@@ -9,17 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.people import boxes_from_masks
+from physic_core.backends.people import boxes_from_masks
 from physic_embedded.networks.mobile_sam import predict_masks
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from physic_core.adapters.onnx_sessions import OnnxSession
-    from physic_core.types import BoolArray, SurfaceLabels, UnposedPerson
-    from physic_core.types.arrays import IntArray
+    from physic_core.types import BoolArray, IntArray, SurfaceLabels, UnposedPerson
     from physic_embedded.networks.mobile_sam import ImageEmbedding
     from physic_embedded.networks.pose import Pose
+    from physic_networks.onnx_sessions import OnnxSession
 
 SURE_SCORE = 0.65
 """A box of lower score may be of a chair or a tree, unless its pixels are labelled as a person."""

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from physic_core.adapters.onnx_sessions import OnnxSession
     from physic_embedded.networks.pose import Pose
+    from physic_networks.onnx_sessions import OnnxSession
 
     Float = NDArray[np.floating[Any]]
 

@@ -76,8 +76,7 @@ def fit_disparity_floor(
     """
     import torch
 
-    from physic_core.geometry.floor import LOWER_SHARE, InverseDepthMap, plane_of_pixels
-    from physic_core.geometry.tensors import optional_tensors
+    from physic_core.geometry import LOWER_SHARE, InverseDepthMap, optional_tensors, plane_of_pixels
 
     height, width = disparity.shape
     low, high = np.percentile(disparity, [1, 99])

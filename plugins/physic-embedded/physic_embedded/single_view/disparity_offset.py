@@ -159,7 +159,7 @@ def _floor_cost(
     down = np.array([floor.normal(c, focal[0]) for c in candidates])
     cost = np.zeros(len(candidates))
     if pitch is not None:
-        from physic_core.geometry.floor import FOCAL_PITCH_DEG
+        from physic_core.geometry import FOCAL_PITCH_DEG
 
         sigma = math.hypot(pitch[1], FOCAL_PITCH_DEG * focal[1])
         of_floor = np.degrees(np.arctan2(down[:, 2], down[:, 1]))

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.posture import legs_in_line
-from physic_core.types.skeletons import SIDES
+from physic_core.body import legs_in_line
+from physic_core.types import SIDES
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices, limb_keypoints
 
 if TYPE_CHECKING:

@@ -7,11 +7,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from physic_core.body.model import LandmarkModel
-from physic_core.engine.joint.sampling import Sampling
-from physic_core.engine.joint.term import PosedBodies
-from physic_core.engine.joint.terms.body import parameter_energy
-from physic_core.engine.joint.variables import Variables
+from physic_core.body import LandmarkModel
+from physic_core.engine.joint import PosedBodies, Sampling, Variables, parameter_energy
 from physic_paper.terms.printed_regularisation import (
     PrintedRegularisationSettings,
     PrintedRegularisationTerm,

@@ -11,12 +11,10 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from physic_core.engine.joint.sampling import Sampling
-from physic_core.engine.joint.term import PosedBodies, Term
-from physic_core.engine.joint.terms.picture import finite_keypoints
+from physic_core.engine.joint import PosedBodies, Sampling, Term, finite_keypoints
 from physic_core.engine.state import State
-from physic_core.geometry.camera import project
-from physic_core.types.skeletons import SIDES, Skeleton, is_finger
+from physic_core.geometry import project
+from physic_core.types import SIDES, Skeleton, is_finger
 
 _LEAST_CONFIDENCE = 0.5
 _LEAST_HAND_CONFIDENCE = 0.7

@@ -15,16 +15,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from physic_core.body.model import BodyOutput
-from physic_core.engine.joint.sampling import Sampling
-from physic_core.engine.joint.snapshot import (
+from physic_core.body import BodyOutput
+from physic_core.engine.joint import (
     HIDDEN_LIMB_SHARE,
     OcclusionTracker,
+    Sampling,
     Visibility,
     update_visibility,
 )
 from physic_core.engine.limbs import limb_part_indices
-from physic_core.geometry.rays import RayCaster
+from physic_core.geometry import RayCaster
 
 
 def mean_face_normals(vertices: Tensor, faces: Tensor) -> Tensor:

@@ -8,12 +8,11 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from physic_core.engine.joint.sampling import Sampling
-from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
+from physic_core.engine.joint import PosedBodies, Sampling, Snapshot, Term
 from physic_core.engine.state import State
 from physic_core.errors import PhysicError
-from physic_core.geometry.camera import pixel_grid, unproject
-from physic_core.types.short_repr import ShortRepr
+from physic_core.geometry import pixel_grid, unproject
+from physic_core.types import ShortRepr
 
 
 def chamfer_energy(

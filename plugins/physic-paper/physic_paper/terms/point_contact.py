@@ -9,10 +9,8 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.sampling import Sampling
-from physic_core.engine.joint.snapshot import ContactState
-from physic_core.engine.joint.term import PosedBodies, RobustLoss, Snapshot, Term
-from physic_core.types.bounds import NotNegative
+from physic_core.engine.joint import ContactState, PosedBodies, RobustLoss, Sampling, Snapshot, Term
+from physic_core.types import NotNegative
 from physic_paper.terms.reprojection import offset_loss
 
 

@@ -8,10 +8,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.sampling import Sampling
-from physic_core.engine.joint.snapshot import ContactState
-from physic_core.engine.joint.term import PosedBodies, RobustLoss, Snapshot, Term
-from physic_core.types.bounds import NotNegative, Positive
+from physic_core.engine.joint import ContactState, PosedBodies, RobustLoss, Sampling, Snapshot, Term
+from physic_core.types import NotNegative, Positive
 from physic_paper.terms.point_contact import squared_offsets
 from physic_paper.terms.reprojection import offset_loss
 

@@ -7,11 +7,17 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from physic_core.engine.joint.sampling import Sampling, root_relative
-from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
-from physic_core.engine.joint.terms.body import parameter_energy, vertex_weights
-from physic_core.engine.joint.variables import Variables
-from physic_core.types.bounds import NotNegative
+from physic_core.engine.joint import (
+    PosedBodies,
+    Sampling,
+    Snapshot,
+    Term,
+    Variables,
+    parameter_energy,
+    root_relative,
+    vertex_weights,
+)
+from physic_core.types import NotNegative
 
 _OCCLUDED_WEIGHT = 12.0  # of hidden vertices
 

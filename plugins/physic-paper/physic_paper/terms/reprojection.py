@@ -5,11 +5,16 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.sampling import Sampling
-from physic_core.engine.joint.term import PosedBodies, RobustLoss, Term
-from physic_core.engine.joint.terms.picture import finite_keypoints, weights_inside_image
+from physic_core.engine.joint import (
+    PosedBodies,
+    RobustLoss,
+    Sampling,
+    Term,
+    finite_keypoints,
+    weights_inside_image,
+)
 from physic_core.engine.state import State
-from physic_core.geometry.camera import project
+from physic_core.geometry import project
 
 
 def confidence_weights(state: State, min_confidence: float = 0.0, power: float = 1.0) -> Tensor:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from physic_core.metrics import BODY_JOINTS, contact_scores, mask_iou, mpjpe_mm, pa_mpjpe_mm
 from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.truth import (
     comparable_keypoints,
@@ -19,6 +18,7 @@ from physic_testing.conformance.truth import (
     true_touch,
     true_wrists,
 )
+from physic_testing.metrics import BODY_JOINTS, contact_scores, mask_iou, mpjpe_mm, pa_mpjpe_mm
 
 if TYPE_CHECKING:
     from physic_core.types import (

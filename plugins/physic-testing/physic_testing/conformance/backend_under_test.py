@@ -19,8 +19,7 @@ from physic_core.discovery.backends import list_backends, load_class, missing_re
 from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.local_modules import split_folder
 from physic_core.errors import BackendError, ConfigError, PhysicError
-from physic_core.interfaces import INTERFACES, Backend
-from physic_core.interfaces.backend import call
+from physic_core.interfaces import INTERFACES, Backend, call
 from physic_testing.conformance.cases import EVIDENCE, EVIDENCE_OF_HANDS, SIZE, build_case
 from physic_testing.conformance.contract import case_violations
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect

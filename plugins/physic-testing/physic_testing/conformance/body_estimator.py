@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.joints import JOINT_NAMES
-from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy
+from physic_core.body import JOINT_NAMES
+from physic_core.geometry import rotmat_to_rotvec, rotvec_to_rotmat_numpy
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.output_checks import ROWS, WITHOUT_HINTS, WITHOUT_PEOPLE
@@ -122,8 +122,8 @@ def _of_crop(root: FloatArray, truth: Truth) -> FloatArray:
 _MIRRORED = "Was the photo mirrored for the network, and the body not mirrored back?"
 _FOCAL = (
     "Is it the focal length of the crop, or of the network? z is the focal length of the photo in "
-    "px / px per metre, "
-    "in px of the photo: scale what the network says of a crop by the side of the crop."
+    "px / px per metre, in px of the photo: scale what the network says of a crop by the side of "
+    "the crop."
 )
 _TRANSL = (
     "transl is added after posing; it is the place of the pelvis only where that is the "
@@ -257,7 +257,7 @@ def check_bodies_can_be_posed(subject: BackendUnderTest) -> None:
     """`body_model` is known, with matching betas, or the bodies have joints or a mesh that suffice
     for a conversion; rotation vectors are in radians.
     """
-    from physic_core.body.convert.bodies import can_convert
+    from physic_core.body import can_convert
 
     bodies = subject.result()
     parameters = bodies.parameters

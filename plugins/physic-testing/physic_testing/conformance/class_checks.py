@@ -17,7 +17,7 @@ from physic_core.discovery.backends import class_problem
 from physic_core.discovery.entry_points import PLUGINS_VARIABLE
 from physic_core.discovery.error_text import describe_error
 from physic_core.interfaces import INTERFACES
-from physic_core.weights.library import named_sets
+from physic_core.weights import named_sets
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.discovery.error_text import describe_error, traceback_text
 from physic_core.errors import PhysicError
-from physic_core.metrics.intervals import aligned_table
 from physic_testing.conformance.accuracy import ERRORS, mean_errors, measure_errors
 from physic_testing.conformance.backend_under_test import find_backend
 from physic_testing.conformance.cases import SIZE, case_of_world
 from physic_testing.conformance.contract import case_violations
 from physic_testing.conformance.expect import CheckSkipped
 from physic_testing.conformance.report import finite_or_none
+from physic_testing.metrics.intervals import aligned_table
 from physic_testing.worlds import load_world
 
 if TYPE_CHECKING:

@@ -55,7 +55,7 @@ def _mirrored_vertices() -> IntArray:
     """
     from scipy.spatial import cKDTree
 
-    from physic_core.body.convert.bodies import rest_mesh_of_model
+    from physic_core.body import rest_mesh_of_model
 
     vertices = rest_mesh_of_model(embedded_body()).vertices
     found: IntArray = cKDTree(vertices).query(vertices * [-1, 1, 1])[1]

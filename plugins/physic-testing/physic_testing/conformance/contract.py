@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.interfaces import INTERFACES
-from physic_core.interfaces.backend import contract_violations
+from physic_core.interfaces import INTERFACES, contract_violations
 from physic_core.types import People
 from physic_testing.conformance.requests import build_request
 

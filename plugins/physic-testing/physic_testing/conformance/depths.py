@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
-from physic_core.body.posture import angle_deg
+from physic_core.body import angle_deg
 from physic_core.types import AffineAmbiguity, DepthMap
 from physic_testing.conformance.accuracy import fit_ambiguity, inside
 from physic_testing.conformance.check import BLIND, Check

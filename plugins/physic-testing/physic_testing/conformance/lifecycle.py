@@ -97,7 +97,7 @@ def check_refuses_a_missing_device(subject: BackendUnderTest) -> None:
         raise CheckFailed(
             f"load({MISSING_DEVICE!r}) to raise a DeviceError, or to work without a device",
             describe_error(error, subject.kind),
-            "physic_core.adapters.devices.check_device(device) raises this error.",
+            "physic_core.backends.devices.check_device(device) raises this error.",
         ) from error
     _close_quietly(backend)
 
@@ -190,7 +190,7 @@ CHECKS_BEFORE_INFER: tuple[Check, ...] = (
     Check(
         check_refuses_a_missing_device,
         after=("loads_or_reports_what_is_missing",),
-        read="physic_core.adapters.devices",
+        read="physic_core.backends.devices",
     ),
 )
 """Life-cycle checks that run before the first call of ``infer``."""

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.adapters.people import boxes_from_masks
-from physic_core.metrics import mask_iou
+from physic_core.backends.people import boxes_from_masks
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.output_checks import COLOURS, WITHOUT_PEOPLE
 from physic_testing.conformance.readings import Group, Reading, Table, flipped, plus, shifted
+from physic_testing.metrics import mask_iou
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, People

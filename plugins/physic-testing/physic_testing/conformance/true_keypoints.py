@@ -59,7 +59,7 @@ def true_keypoints_px(world: World, skeleton: Skeleton | str) -> tuple[FloatArra
 
 def _nearest_body_point(skeleton: Skeleton, name: str) -> str:
     """Return the body point with the largest weight in a keypoint."""
-    from physic_core.body.landmarks import BODY_POINTS
+    from physic_core.body import BODY_POINTS
 
     blend = skeleton.on_body.get(name, {})
     return name if name in BODY_POINTS else max(blend, key=lambda other: blend[other])

@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.joints import JOINT_INDEX
-from physic_core.body.posture import angle_deg
-from physic_core.types.skeletons import SIDES, other_side
+from physic_core.body import JOINT_INDEX, angle_deg
+from physic_core.types import SIDES, other_side
 from physic_testing.conformance.expect import CheckSkipped
 
 if TYPE_CHECKING:
-    from physic_core.body.convert.correspondence import Correspondence
-    from physic_core.body.model import BodyModel
+    from physic_core.body import BodyModel, Correspondence
     from physic_core.types import (
         Bodies,
         BodyParameters,
@@ -39,7 +37,7 @@ def comparable_keypoints(
     Raises:
         CheckSkipped: the skeleton is that of a single hand, or has no point on a body.
     """
-    from physic_core.body.landmarks import keypoints_on_body
+    from physic_core.body import keypoints_on_body
     from physic_testing.conformance.true_keypoints import true_keypoints_px
 
     known = keypoints_on_body(answer)
@@ -88,8 +86,8 @@ def true_wrists(world: World) -> FloatArray:
     """Return the true hand rotations (N, 2, 3) from T-pose to camera frame as rotation vectors,
     left first.
     """
-    from physic_core.body.bones import rotations_from_parameters, rotations_from_tpose
-    from physic_core.geometry.rotations import rotmat_to_rotvec
+    from physic_core.body import rotations_from_parameters, rotations_from_tpose
+    from physic_core.geometry import rotmat_to_rotvec
 
     turns = rotations_from_tpose(rotations_from_parameters(world.parameters).double().numpy())
     wrists: FloatArray = rotmat_to_rotvec(
@@ -121,7 +119,7 @@ def embedded_surface(bodies: Bodies) -> tuple[FloatArray, FloatArray]:
     """
     import torch
 
-    from physic_core.body.bones import pose_from_parameters
+    from physic_core.body import pose_from_parameters
 
     with torch.no_grad():
         out = embedded_body()(*pose_from_parameters(embedded_parameters(bodies))[:3])
@@ -142,7 +140,7 @@ def embedded_parameters(bodies: Bodies) -> BodyParameters:
     Raises:
         CheckSkipped: the model of these bodies is a file of the user, and they cannot be converted.
     """
-    from physic_core.body.convert.bodies import can_convert, convert_with_residuals
+    from physic_core.body import can_convert, convert_with_residuals
 
     model = embedded_body()
     if not can_convert(bodies, model):
@@ -155,7 +153,7 @@ def embedded_parameters(bodies: Bodies) -> BodyParameters:
 
 def contact_on_embedded(answer: ContactProbability) -> ContactProbability:
     """Transfer contact probabilities to the mesh of the embedded body, (N, V)."""
-    from physic_core.body.convert.bodies import convert_contact
+    from physic_core.body import convert_contact
 
     return convert_contact(answer, embedded_body(), _find_correspondence)
 
@@ -172,7 +170,7 @@ def _find_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
 def _correspondence_of(
     topology: str, vertices: bytes, faces: bytes, model: BodyModel
 ) -> Correspondence:
-    from physic_core.body.convert.correspondence import find_correspondence
+    from physic_core.body import find_correspondence
     from physic_core.types import RestMesh
 
     points = np.frombuffer(vertices, np.float64).reshape(-1, 3)

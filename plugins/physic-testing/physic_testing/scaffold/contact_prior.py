@@ -12,7 +12,7 @@ from physic_core.interfaces import ContactPrior, Options
 from physic_core.types import ContactProbability
 
 if TYPE_CHECKING:
-    from physic_core.body.model import BodyModel
+    from physic_core.body import BodyModel
     from physic_core.types import Bodies, People, UInt8Array
 
 

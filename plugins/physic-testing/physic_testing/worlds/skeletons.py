@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from physic_core.types import SIDES, Skeleton
 from physic_core.types import SKELETONS as STANDARD
-from physic_core.types import Skeleton
-from physic_core.types.skeletons import SIDES
 
 __all__ = ["BLAZEPOSE", "SKELETONS"]
 

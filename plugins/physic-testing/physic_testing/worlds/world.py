@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.adapters.people import boxes_from_masks
+from physic_core.backends.people import boxes_from_masks
 from physic_core.errors import InputError
-from physic_core.geometry.rays import RayCaster
+from physic_core.geometry import RayCaster
 from physic_core.types import SURFACE_NAMES, BodyParameters, Intrinsics, Plane
 from physic_testing.worlds import labels
 from physic_testing.worlds.skeletons import SKELETONS
@@ -25,7 +25,7 @@ from physic_testing.worlds.skeletons import SKELETONS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.body.model import BodyModel
+    from physic_core.body import BodyModel
     from physic_core.types import BoolArray, FloatArray, Skeleton, UInt8Array
 
 __all__ = ["WORLDS", "World", "load_world", "pixel_rays", "project", "world_of"]
@@ -235,7 +235,7 @@ def _posed(
     """Return vertices (N, V, 3) and joints (N, 55, 3) of the people, m."""
     import torch
 
-    from physic_core.body.bones import rotations_from_parameters
+    from physic_core.body import rotations_from_parameters
 
     shape = [
         torch.from_numpy(value).double()

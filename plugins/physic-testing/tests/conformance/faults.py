@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from physic_core.adapters.people import boxes_from_masks
+from physic_core.backends.people import boxes_from_masks
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.convert.bodies import rest_mesh_of_model
 from physic_mock.recognition import recognise_world

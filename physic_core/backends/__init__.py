@@ -1,0 +1,1 @@
+"""What core and backends share: devices and threads, memory, boxes and masks of people."""

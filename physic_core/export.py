@@ -1,0 +1,309 @@
+"""Export a reconstruction: the request that an exporter gets and the frame that it writes in, the
+call of the exporter, and its files.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.discovery.hooks import ExporterRecord
+from physic_core.discovery.plugins import Found, call_item, find_exporter
+from physic_core.errors import ConfigError, InputError, OutputError, PluginError
+from physic_core.files.atomic import atomic_write, check_writable, open_regular
+from physic_core.geometry.upright import gltf_from_camera
+from physic_core.types.records import Exported, ExportedFiles
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import Person, Plane, Reconstruction
+
+_Z_UP_FROM_Y_UP = np.array(
+    [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+)
+
+
+@dataclass(frozen=True)
+class ExportFrame:
+    """Frame of an exported file, in metres.
+
+    Attributes:
+        up: "y", "z" or "camera".
+        from_camera: (4, 4) rigid transform from the camera frame (x right, y down, z forward).
+        axes: description of the axes and the origin.
+        notes: sentences for the user.
+    """
+
+    up: str
+    from_camera: NDArray[np.float64]
+    axes: str
+    notes: tuple[str, ...] = ()
+
+    @property
+    def up_vector(self) -> NDArray[np.float64]:
+        """Unit vector (3,) that points up in this frame; of a camera frame, the camera's up."""
+        return np.array(
+            {"y": [0.0, 1.0, 0.0], "z": [0.0, 0.0, 1.0], "camera": [0.0, -1.0, 0.0]}[self.up]
+        )
+
+
+@dataclass(frozen=True)
+class ExportRequest:
+    """One export.
+
+    Attributes:
+        result: the reconstruction.
+        person: indices of the people to write; each has a finite body.
+        frame: of the file.
+        stem: file name without suffix.
+        suffix: of the file, with its dot.
+        scene: whether to write the scene too.
+        body_file: SMPL-X file of the user, or None.
+        options: name -> value of the ``options`` of the record; their defaults where the user gave
+            none.
+    """
+
+    result: Reconstruction
+    person: tuple[int, ...]
+    frame: ExportFrame
+    stem: str
+    suffix: str
+    scene: bool = True
+    body_file: Path | None = None
+    options: Mapping[str, str | bool] = field(default_factory=dict)
+
+    def chosen(self) -> list[tuple[int, Person]]:
+        """Return index and person of the people to write."""
+        return [(index, self.result.people[index]) for index in self.person]
+
+    def file_of(self, person: int) -> str:
+        """Return the name of the file of one person: the stem, with the person's number if there
+        are several.
+        """
+        return (
+            f"{self.stem}{self.suffix}"
+            if len(self.person) == 1
+            else f"{self.stem}_{person}{self.suffix}"
+        )
+
+
+def export_frame(level: Plane | None, up: str) -> ExportFrame:
+    """Return the frame with an up axis.
+
+    "y" and "z" have the origin on the floor below the camera, and the camera looks along -z or +y.
+    "camera" is the frame of the result. Without a floor, the origin is the camera. If nothing
+    tells up, y is the camera's up axis.
+
+    Args:
+        level: the floor, or the level plane through the camera; None if nothing tells up.
+        up: "y", "z" or "camera".
+
+    Raises:
+        InputError: z up if nothing tells up.
+    """
+    if up == "camera":
+        return ExportFrame(up, np.eye(4), "x right, y down, z forward, origin at the camera")
+    matrix = gltf_from_camera(level)
+    origin = "origin on the floor below the camera"
+    notes: tuple[str, ...] = ()
+    if level is None or not level.offset:
+        origin = "origin at the camera"
+        axis = "the camera's up axis" if level is None else "up"
+        notes = (f"the result has no floor: {up} is {axis}, and the origin is the camera",)
+    if up == "z":
+        if level is None:
+            raise InputError(
+                "z up needs the direction of gravity, and this result has neither a floor nor "
+                "edges that tell it: use a format with --up y (y is then the camera's up axis) or "
+                "--up camera"
+            )
+        axes = f"x right, y forward, z up, {origin}"
+        return ExportFrame(up, _Z_UP_FROM_Y_UP @ matrix, axes, notes)
+    of_camera = " (of the camera)" if level is None else ""
+    return ExportFrame(up, matrix, f"x right, y up{of_camera}, z backward, {origin}", notes)
+
+
+def camera_pose(frame: ExportFrame) -> NDArray[np.float64]:
+    """Return the pose (4, 4) of a camera that looks along its -z with y up, as in glTF, USD and
+    MuJoCo.
+    """
+    return frame.from_camera @ np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+def export_reconstruction(
+    result: Reconstruction,
+    path: str | os.PathLike[str],
+    format: str | None = None,
+    *,
+    person: int | Sequence[int] | None = None,
+    up: str | None = None,
+    scene: bool = True,
+    body_model: str | os.PathLike[str] | None = None,
+    overwrite: bool = False,
+    **options: str | bool,
+) -> Exported:
+    """Write a reconstruction to a file of another program's format.
+
+    Args:
+        result: the reconstruction.
+        path: of the file, or a folder, which then needs ``format`` and is created if missing. With
+            several people, formats of one person per file add "_0", "_1", ... to the name.
+        format: name of the format ("glb", "amass", ...); None for that of the suffix.
+        person: index or indices into ``result.people``; None for all people with a body.
+        up: "y", "z" or "camera"; None for the convention of the format.
+        scene: whether to write the scene too, where the format has one.
+        body_model: SMPL-X file of the user, which some exports need.
+        overwrite: whether to replace files; never the photo, or a link.
+        options: of the format, such as ``names="mixamo"``; docs/exports.md lists them.
+
+    Raises:
+        ConfigError: the format, a person or an option is not there, or a library is missing.
+        InputError: the result does not have what the format needs.
+        OutputError: a file exists already and may not be replaced, or cannot be written.
+        BodyModelError: the body model file cannot be used.
+        PluginError: the exporter of a plugin cannot be imported, or fails.
+    """
+    exporter, folder, stem, suffix = _target(Path(path), format)
+    kind = exporter.record
+    people, notes = _people(result, person, kind)
+    if up is not None and up not in kind.ups:
+        raise ConfigError(f"{kind.name} is written with --up {' or '.join(kind.ups)}, not '{up}'")
+    frame = export_frame(result.scene.level, up or kind.ups[0])
+    file = None if body_model is None else Path(os.path.expanduser(body_model))
+    request = ExportRequest(
+        result, people, frame, stem, suffix, scene, file, _options(kind, options)
+    )
+    names = (
+        {request.file_of(person) for person in people} if kind.per_person else {f"{stem}{suffix}"}
+    )
+    # before an exporter that takes long is called
+    _check_names(folder, names, overwrite, result.photo)
+    made = _call(exporter, request)
+    _check_names(folder, made.files, overwrite, result.photo)
+    return Exported(
+        _write(folder, made, main=f"{stem}{suffix}"), (*notes, *frame.notes, *made.notes)
+    )
+
+
+def _target(path: Path, format: str | None) -> tuple[Found[ExporterRecord], Path, str, str]:
+    """Return the exporter, and folder, stem and suffix of the files.
+
+    Raises:
+        ConfigError: the format is unknown, the path has another suffix, or a package is missing.
+    """
+    is_folder = path.is_dir() or (format is not None and not path.suffix)
+    exporter = find_exporter(format, "" if is_folder else path.suffix)
+    kind = exporter.record
+    if is_folder:
+        return exporter, path, kind.stem or kind.name, kind.suffixes[0]
+    if path.suffix.lower() not in kind.suffixes:
+        raise ConfigError(
+            f"{path} does not end in {' or '.join(kind.suffixes)}, as a file of the format "
+            f"{kind.name} must: name another file"
+        )
+    return exporter, path.parent, path.stem, path.suffix.lower()
+
+
+def _call(exporter: Found[ExporterRecord], request: ExportRequest) -> ExportedFiles:
+    """Call the function of an exporter.
+
+    Raises:
+        PluginError: it cannot be imported, fails, or does not return files.
+        PhysicError: raised by the exporter itself.
+    """
+    made = call_item(exporter, "exporter", request)
+    if not isinstance(made, ExportedFiles):
+        raise PluginError(
+            f"{exporter.title('exporter')} should return physic_core.ExportedFiles, got "
+            f"{type(made).__name__}"
+        )
+    return made
+
+
+def _people(
+    result: Reconstruction, person: int | Sequence[int] | None, kind: ExporterRecord
+) -> tuple[tuple[int, ...], tuple[str, ...]]:
+    """Return the indices of the people to write, and notes about those skipped.
+
+    Raises:
+        ConfigError: a person does not exist or has no body.
+        InputError: the format needs a body, and the result has none.
+    """
+    count = len(result.people)
+    bodiless = {i for i, one in enumerate(result.people) if not one.has_body}
+    chosen = range(count) if person is None else person
+    wanted = [chosen] if isinstance(chosen, int) else list(dict.fromkeys(chosen))
+    for index in wanted:
+        if not 0 <= index < count:
+            there = (
+                f"people are numbered 0 to {count - 1}" if count else "this result has no people"
+            )
+            raise ConfigError(f"there is no person {index}: {there}")
+        if person is not None and index in bodiless:
+            raise ConfigError(
+                f"person {index} has no body, only a box and keypoints: the body estimator "
+                "returned no finite values for them; choose another person"
+            )
+    kept = tuple(index for index in wanted if index not in bodiless)
+    if kind.bodies == "required" and not kept:
+        why = "no person of this result has a body" if count else "this result has no people"
+        raise InputError(f"cannot export to {kind.name}, which holds people: {why}")
+    left = sorted(bodiless.intersection(wanted))
+    return kept, tuple(f"person {index} has no body and is skipped" for index in left)
+
+
+def _options(kind: ExporterRecord, given: Mapping[str, str | bool]) -> dict[str, str | bool]:
+    """Return the options of a format, with defaults.
+
+    Raises:
+        ConfigError: the format has no such option, or not this value.
+    """
+    for name, value in given.items():
+        if name not in kind.options:
+            there = f"its options are {', '.join(kind.options)}" if kind.options else "it has none"
+            raise ConfigError(f"the format {kind.name} has no option '{name}': {there}")
+        if value not in kind.options[name]:
+            allowed = ", ".join(map(str, kind.options[name]))
+            raise ConfigError(
+                f"the option '{name}' of the format {kind.name} is one of {allowed}, not '{value}'"
+            )
+    return {name: values[0] for name, values in kind.options.items()} | dict(given)
+
+
+def _write(folder: Path, made: ExportedFiles, main: str) -> tuple[Path, ...]:
+    check_writable(folder)
+    with atomic_write(folder) as temporary:
+        # the file that names the others comes last
+        for name in sorted(made.files, key=lambda name: name == main):
+            temporary(name).write_bytes(made.files[name])
+    return tuple(folder / name for name in made.files)
+
+
+def _check_names(folder: Path, names: Iterable[str], overwrite: bool, photo: str) -> None:
+    """Refuse names of existing files: all without ``overwrite``, else the photo and links."""
+    existing = [folder / name for name in names if os.path.lexists(folder / name)]
+    if existing and not overwrite:
+        raise OutputError(
+            f"{', '.join(map(str, existing))} exists already: name another file (-o), or replace "
+            "it with --overwrite (overwrite=True in Python)"
+        )
+    for path in existing:
+        if path.is_symlink() or _sha256(path) in photo.split():
+            raise OutputError(
+                f"cannot replace {path}: it is the photo, or a link; name another file (-o)"
+            )
+
+
+def _sha256(path: Path) -> str:
+    """Return the digest of a file as ``Reconstruction.photo`` has it; "" if it cannot be read."""
+    with suppress(OSError), open_regular(path) as file:
+        return f"sha256:{hashlib.file_digest(file, 'sha256').hexdigest()}"
+    return ""

@@ -1,0 +1,329 @@
+"""The photos of a batch, from files, folders and tables."""
+
+from __future__ import annotations
+
+import csv
+import glob
+import hashlib
+import math
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from pydantic import ValidationError
+
+from physic_core.cache.digests import file_stamp
+from physic_core.configuration.model import PhotoSettings
+from physic_core.configuration.problems import problems_from_pydantic
+from physic_core.errors import ConfigError, InputError
+from physic_core.files import IMAGE_SUFFIXES, path_problem, printable, quoted, shorten
+from physic_core.io.result_folder import DOCUMENT_FILE
+
+_PHOTO_SUFFIXES = frozenset(suffix for suffixes in IMAGE_SUFFIXES.values() for suffix in suffixes)
+_JOURNAL = re.compile(r"journal(-[0-9]+-of-[0-9]+)?\.jsonl")
+_THUMBNAILS = os.path.join("thumbnails", "[0-9a-f][0-9a-f]")
+_COLUMNS = ("path", "camera", "stature", "age", "ignore", "depth", "pointmap", "id")
+_MAX_NAME = 100  # characters of a folder's name; file systems allow 255 bytes
+
+
+@dataclass(frozen=True, slots=True)
+class PhotoItem:
+    """One photo of a batch.
+
+    Attributes:
+        id: unique in the batch, and equal in every run of it.
+        path: absolute.
+        settings: of the table ``[photo]``, only for this photo.
+        stamp: :func:`physic_core.cache.digests.file_stamp` of the file at some time before it is
+            read, by :meth:`stamped`; "" if it is unknown, or there is no file.
+        replaces: names of the files of an earlier result, of which some are lost.
+    """
+
+    id: str
+    path: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    stamp: str = field(default="", compare=False)
+    replaces: tuple[str, ...] = field(default=(), compare=False)
+
+    @classmethod
+    def at(cls, path: str | os.PathLike[str], **fields: Any) -> PhotoItem:
+        """Return the photo at a path; its id is by default the name of the file and a hash of the
+        path.
+        """
+        absolute = os.fspath(path) if "://" in os.fspath(path) else os.path.abspath(path)
+        name = f"{Path(absolute).stem}-{hashlib.sha256(os.fsencode(absolute)).hexdigest()[:16]}"
+        return cls(**{"id": name, "path": absolute, **fields})
+
+    def stamped(self) -> PhotoItem:
+        """Return a copy with the stamp that the file has now."""
+        try:
+            stamp = file_stamp(os.stat(self.path))
+        except OSError:
+            stamp = ""
+        return replace(self, stamp=stamp)
+
+
+@dataclass(frozen=True)
+class PhotoList:
+    """The photos of a batch.
+
+    Attributes:
+        photos: in the order of the inputs.
+        skipped: number of files in folders that are not photos.
+    """
+
+    photos: list[PhotoItem]
+    skipped: int
+
+
+def list_photos(inputs: Iterable[str]) -> PhotoList:
+    """List the photos of files, folders (recursively) and CSV tables, without duplicates.
+
+    A table has a column "path", relative to the table's folder, and may have "camera" (focal length
+    in px, or "fx,fy,cx,cy"), "stature" (m), "age" (years), "ignore" (px x,y on each person to leave
+    out), "depth" and "pointmap" (files), and "id". Photos of folders are sorted by path. Of these,
+    files in and below folders of results, and thumbnails of batches, are skipped, and so are files
+    that are hidden or have a suffix that no photo has, and hidden folders.
+
+    Raises:
+        InputError: an input does not exist, a folder cannot be read, a table is invalid, two photos
+            have one id, or there are no photos.
+    """
+    skipped = 0
+    found: dict[str, PhotoItem] = {}
+    for item in (item for text in inputs for item in _items_of(text)):
+        if item is None:
+            skipped += 1
+            continue
+        same = found.setdefault(item.id, item)
+        if same != item:
+            where = (
+                _show(same.path)
+                if same.path == item.path
+                else f"{_show(same.path)} and {_show(item.path)}"
+            )
+            raise InputError(
+                f"two photos have the id {quoted(item.id)}, {where}: give each an id of its own"
+            )
+    if not found:
+        raise InputError(
+            f"no photos in {_show(', '.join(inputs))} (files skipped: {skipped}): name photos, "
+            "folders or CSV tables; pictures of results are not photos"
+        )
+    return PhotoList(list(found.values()), skipped)
+
+
+def photo_folder(item_id: str) -> str:
+    """Return the folder of a photo's results in the output folder: "photos/3f/NAME", with 2 digits
+    of the id's hash.
+    """
+    digest = hashlib.sha256(os.fsencode(item_id)).hexdigest()
+    name = quote(item_id, safe=" +,=@()[]", errors="surrogateescape")
+    if len(name) > _MAX_NAME or name.startswith(".") or not name:
+        name = f"{name[: _MAX_NAME - 17].lstrip('.')}-{digest[:16]}"
+    return f"photos/{digest[:2]}/{name}"
+
+
+@dataclass(frozen=True)
+class Shard:
+    """One of ``count`` parts of a batch; each id belongs to exactly one of them.
+
+    Attributes:
+        number: from 1 to ``count``.
+        count: number of parts.
+    """
+
+    number: int
+    count: int
+
+    @classmethod
+    def parse(cls, text: str) -> Shard:
+        """Parse "3/16", the third of sixteen shards.
+
+        Raises:
+            ConfigError: it is not a shard.
+        """
+        match = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", text)
+        number, count = (int(part) for part in match.groups()) if match else (0, 0)
+        if not 1 <= number <= count:
+            raise ConfigError(
+                f"a shard is written 3/16, with a first number from 1 to the second (got "
+                f"{quoted(text)})"
+            )
+        return cls(number, count)
+
+    def __contains__(self, item_id: str) -> bool:
+        """Return whether the photo with an id belongs to this shard."""
+        return (
+            int(hashlib.sha256(os.fsencode(item_id)).hexdigest()[-12:], 16) % self.count
+            == self.number - 1
+        )
+
+
+def _items_of(source: str) -> Iterator[PhotoItem | None]:
+    """Yield the photos of a folder, of a table, or a photo, and None for each file of a folder that
+    is not a photo.
+
+    Raises:
+        ConfigError: it is an address.
+        InputError: the file does not exist, or it is a table that is not a regular file.
+    """
+    # Unlike methods of Path, functions of os.path return False for a name that no file can have.
+    if os.path.isdir(source):
+        paths = sorted(_files_below(source))
+        yield from (PhotoItem.at(path) if is_photo else None for path, is_photo in paths)
+    elif not os.path.exists(source):
+        if problem := path_problem(source):
+            raise ConfigError(f"no photos at {_show(source)}: {problem}")
+        raise InputError(f"no photos at {_show(source)}: name files, folders, or a CSV table")
+    elif source.lower().endswith(".csv"):
+        if not os.path.isfile(source):  # reading a pipe would block
+            raise InputError(
+                f"cannot read {_show(source)}: it is not a regular file; name a CSV table"
+            )
+        yield from _table_items(Path(source))
+    else:
+        yield PhotoItem.at(source)
+
+
+def _files_below(top: str) -> Iterator[tuple[str, bool]]:
+    """Yield the files of a folder and its sub-folders, and whether each is a photo."""
+    written: set[str] = set()
+    for folder, folders, names in os.walk(top, onerror=_raise):
+        folders[:] = (name for name in folders if not name.startswith("."))
+        is_result = folder in written or DOCUMENT_FILE in names
+        if is_result:
+            written.update(os.path.join(folder, name) for name in folders)
+        if any(map(_JOURNAL.fullmatch, names)):
+            written.update(glob.glob(os.path.join(glob.escape(folder), _THUMBNAILS)))
+        for name in names:
+            suffix = os.path.splitext(name)[1].lower()
+            yield (
+                os.path.join(folder, name),
+                not is_result and not name.startswith(".") and suffix in _PHOTO_SUFFIXES,
+            )
+
+
+def _raise(error: OSError) -> None:
+    raise InputError(
+        f"cannot read the folder {_show(str(error.filename))}: {error.strerror}; "
+        "allow it, or name the other folders or files"
+    ) from error
+
+
+def _table_items(table: Path) -> Iterator[PhotoItem]:
+    for number, row in enumerate(_rows(table), start=1):
+        if unknown := sorted(set(row) - set(_COLUMNS)):
+            raise InputError(
+                f"{table}: unknown column {quoted(unknown[0])}; a table may have "
+                f"{', '.join(_COLUMNS)}"
+            )
+        try:
+            item = photo_of_row(row, table.parent)
+            PhotoSettings.model_validate(item.settings)
+        except ValidationError as error:
+            found = problems_from_pydantic(error, PhotoSettings)
+            problems = "; ".join(f"{one.path}: {one.message}" for one in found)
+            raise InputError(f"{table}, row {number}: {problems}{_hint(row)}") from error
+        except ValueError as error:
+            raise InputError(f"{table}, row {number}: {error}{_hint(row)}") from error
+        yield item
+
+
+def photo_of_row(row: Mapping[str, Any], folder: str | os.PathLike[str] = "") -> PhotoItem:
+    """Return the photo of a row with "path", and where given other columns of a table.
+
+    A relative path is one of ``folder``; a URI, such as "s3://bucket/photo.jpg", is kept.
+
+    Raises:
+        ValueError: a value is missing or invalid.
+    """
+    path = row.get("path")
+    if not path:
+        raise ValueError("the column 'path' is missing or empty")
+    if not isinstance(path, str) or "\0" in path:
+        raise ValueError(f"a path is text without null characters (got {quoted(path)})")
+    if "://" not in path:
+        path = os.path.join(folder, path)
+    item = PhotoItem.at(path, settings=_settings(row, folder))
+    return replace(item, id=_text(row.get("id")) or item.id)
+
+
+def _hint(row: Mapping[str, Any]) -> str:
+    """Return what to write instead of a number with a decimal comma; "" if there is none."""
+    found = next((t for t in map(_text, row.values()) if re.fullmatch(r"[0-9]+,[0-9]+", t)), "")
+    return f"; write a number with a point, as {found.replace(',', '.')}" if found else ""
+
+
+def _rows(table: Path) -> Iterator[dict[str, Any]]:
+    try:
+        with table.open(newline="", encoding="utf-8-sig") as stream:
+            reader = csv.DictReader(stream, skipinitialspace=True)
+            for name in reader.fieldnames or ():
+                if mark := re.search("[;\t]", name):
+                    kind = "tabs" if mark[0] == "\t" else "semicolons"
+                    raise InputError(
+                        f"{table}: its cells are separated by {kind}: save it as CSV with commas "
+                        "between cells, and points in numbers (path,stature and a.jpg,1.7)"
+                    )
+            for number, row in enumerate(reader, start=1):
+                if None in row:
+                    raise InputError(
+                        f"{table}, row {number}: it has more cells than the first line: write "
+                        'numbers with a point (1.7), and several in quotes ("1.7,1.8")'
+                    )
+                yield row
+    except UnicodeDecodeError as error:
+        raise InputError(f"cannot read {table}: {error}; save it as UTF-8") from error
+    except (OSError, csv.Error) as error:
+        raise InputError(f"cannot read {table}: {error}") from error
+
+
+def _show(text: str) -> str:
+    return printable(shorten(text, 300))
+
+
+def _text(value: Any) -> str:
+    """Return a value of a table as text; "" for a missing one, which pandas writes as NaN."""
+    return "" if value is None or value != value else str(value).strip()
+
+
+def _settings(row: Mapping[str, Any], folder: str | os.PathLike[str]) -> dict[str, Any]:
+    settings: dict[str, Any] = {}
+    camera = _text(row.get("camera"))
+    if camera:
+        numbers = _numbers(camera)
+        if len(numbers) not in (1, 4):
+            raise ValueError(
+                f"a camera is a focal length in px, or fx,fy,cx,cy (got {quoted(camera)})"
+            )
+        settings |= {"focal_px": numbers[0]} if len(numbers) == 1 else {"intrinsics": numbers}
+    for name, unit in (("stature", "m"), ("age", "years")):
+        if text := _text(row.get(name)):
+            settings[name] = _numbers(text)
+            if not settings[name]:
+                raise ValueError(
+                    f"{name}s are numbers in {unit}, from left to right (got {quoted(text)})"
+                )
+    if text := _text(row.get("ignore")):
+        numbers = _numbers(text)
+        if not numbers or len(numbers) % 2:
+            raise ValueError(f"ignored people are pixels x,y (got {quoted(text)})")
+        settings["ignore"] = list(zip(numbers[::2], numbers[1::2], strict=True))
+    files = {name: text for name in ("depth", "pointmap") if (text := _text(row.get(name)))}
+    return settings | {
+        name: os.path.abspath(os.path.join(folder, text)) for name, text in files.items()
+    }
+
+
+def _numbers(text: str) -> list[float]:
+    """Return the numbers of a list such as "1.7, 1.8"; none if a part is not a finite number."""
+    try:
+        numbers = [float(part) for part in re.split(r"[,\s]+", text.strip("[]() "))]
+    except ValueError:
+        return []
+    return numbers if all(map(math.isfinite, numbers)) else []

@@ -1,0 +1,164 @@
+"""What a batch keeps of a photo: how large it is, what it loses, and the table and page about all
+photos.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from dataclasses import replace
+
+import pytest
+
+from physic_batch.contact_sheet import write_contact_sheet
+from physic_batch.journal import Journal, all_columns, write_tables
+from physic_batch.photos import PhotoItem, photo_folder
+from physic_batch.process import BatchJob, PhotoProcessor, failed_row
+from physic_core.configuration.model import load_config
+from physic_core.errors import InputError
+
+
+@pytest.fixture
+def result(make):
+    return make(320, 240)
+
+
+# ---- rows, table and page
+# --------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def batch(result, tmp_path):
+    """Two photos that are done and one that failed."""
+    out = tmp_path / "batch"
+    out.mkdir()
+
+    def reconstruct(path, settings):
+        if "bad" in path:
+            raise InputError(f"cannot read the photo {path}: </script><b>&")
+        return result
+
+    process = PhotoProcessor(BatchJob(load_config(preset="mock"), str(out), "people"), reconstruct)
+    with Journal(out / "journal.jsonl") as journal:
+        for name in ("one", "bad", "two"):
+            journal.append(process(PhotoItem(name, f"/photos/{name}.jpg")))
+    return out
+
+
+def test_a_foreign_file_in_the_folder_of_a_photo_fails_only_that_photo(result, tmp_path):
+    folder = tmp_path / photo_folder("one")
+    folder.mkdir(parents=True)
+    job = BatchJob(load_config(preset="mock"), str(tmp_path), "numbers")
+    (folder / "reconstruction.json").write_text("mine too")
+    row = PhotoProcessor(job, lambda path, settings: result)(PhotoItem("one", "/photos/one.jpg"))
+    assert (row["state"], row["error"]) == ("failed", "OutputError")
+    assert "reconstruction.json there is not of an earlier run" in row["message"]
+    assert (folder / "reconstruction.json").read_text() == "mine too"
+
+
+def test_columns_are_photo_grade_sizes_costs_files_and_checks_in_one_order(tmp_path):
+    row = dict.fromkeys(reversed(all_columns()), "") | {
+        "id": "one",
+        "state": "done",
+        "people_rows": [],
+    }
+    with Journal(tmp_path / "journal.jsonl") as journal:
+        journal.append(row)
+    header = write_tables(tmp_path)[0].read_text().splitlines()[0].split(",")
+    assert header == list(all_columns())
+    assert header[:6] == ["id", "path", "state", "grade", "trust", "checks_failed"]
+    places = [
+        "people",
+        "nearest_person_m",
+        "scale_sigma",
+        "contacts",
+        "seconds",
+        "folder",
+        "check_body_in_mask",
+    ]
+    assert sorted(places, key=header.index) == places
+    assert all(name.startswith("check_") for name in header[header.index("check_body_in_mask") :])
+
+
+def people_of(out):
+    with write_tables(out)[1].open(newline="", encoding="utf-8") as file:
+        return [(row["id"], row["path"], row["person"]) for row in csv.DictReader(file)]
+
+
+def test_each_person_has_a_row_in_the_order_of_the_photos(batch, result):
+    expected = [(name, f"/photos/{name}.jpg", person) for name in ("one", "two") for person in "01"]
+    assert people_of(batch) == expected
+    again = replace(result, people=result.people[:1])
+    process = PhotoProcessor(
+        BatchJob(load_config(preset="mock"), str(batch), "none"), lambda *_: again
+    )
+    with Journal(batch / "journal.jsonl") as journal:
+        for name in ("one", "=3"):
+            journal.append(process(PhotoItem(name, f"/photos/{name}.jpg")))
+    assert people_of(batch) == [*expected[2:], expected[0], ("'=3", "/photos/=3.jpg", "0")]
+    with write_tables(batch)[0].open(newline="") as file:
+        assert not {"people_rows"} & set(next(csv.reader(file)))
+
+
+def test_no_text_of_the_csv_table_is_a_formula(tmp_path):
+    ids = [
+        "=cmd|'calc'!A0",
+        "@SUM(1)",
+        "-o",
+        "+1",
+        "\tx",
+        "\rx",
+        "\nx",
+        "\uff1d1",
+        "'quoted",
+        "plain",
+        "a=b",
+    ]
+    job = BatchJob(load_config(preset="mock"), str(tmp_path), "none", thumbnails=False)
+    with Journal(tmp_path / "journal.jsonl") as journal:
+        for name in ids:
+            journal.append(
+                failed_row(job, PhotoItem(name, f"/photos/{name}"), "InputError", "=1+1", 0.0)
+            )
+    with write_tables(tmp_path)[0].open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert not [
+        text
+        for row in rows
+        for text in row.values()
+        if text.startswith(("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d"))
+    ]
+    assert [row["id"].removeprefix("'") for row in rows] == ids
+    assert [row["id"][0] == "'" for row in rows] == [True] * 9 + [False] * 2
+    assert {row["message"] for row in rows} == {"'=1+1"}
+
+
+def test_the_contact_sheet_is_one_file_that_needs_no_network(batch):
+    page = write_contact_sheet(batch).read_text()
+    assert not re.search(r"https?:|src=\"(?!data:)|@import|url\(", page)
+    data = re.search(r'<script id="data" type="application/json">(.*?)</script>', page, re.DOTALL)
+    assert data is not None
+    cards = json.loads(data[1])
+    assert [(card["name"], card["state"], card["people"]) for card in cards] == [
+        ("one", "done", 2),
+        ("bad", "failed", None),
+        ("two", "done", 2),
+    ]
+    assert cards[0]["thumbnail"].startswith("/9j/")
+    assert len(cards[0]["thumbnail"]) < 40_000
+    assert [card["title"] for card in cards] == ["one.jpg", "bad.jpg", "two.jpg"]
+    assert cards[1]["message"] == "cannot read the photo bad.jpg: </script><b>&"
+    # a result of people alone has no page
+    assert (cards[0]["link"], cards[0]["lacks_page"]) == ("", False)
+
+
+def test_a_result_without_its_thumbnail_stays_on_the_page(result, tmp_path):
+    job = BatchJob(load_config(preset="mock"), str(tmp_path), "numbers")
+    with Journal(tmp_path / "journal.jsonl") as journal:
+        journal.append(
+            PhotoProcessor(job, lambda path, settings: result)(PhotoItem("a", "/photos/a.jpg"))
+        )
+    (thumbnail,) = tmp_path.glob("thumbnails/*/a.jpg")
+    thumbnail.unlink()
+    assert '"thumbnail": "", "state": "done"' in write_contact_sheet(tmp_path).read_text()

@@ -1,0 +1,345 @@
+"""Prepare photos for networks and map results back: resizing, letterboxing, normalisation, masks to
+fill.
+
+Integer pixel coordinates are pixel centres. So coordinate x of an image becomes (x + 0.5) s - 0.5
+after resizing by s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from physic_core.backends.masks import dilate
+from physic_core.errors import BackendError, InputError
+from physic_core.interfaces import tensor_advice
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from physic_core.types import BoolArray, FloatArray, UInt8Array
+
+IMAGENET_MEAN = (0.485, 0.456, 0.406)
+IMAGENET_STD = (0.229, 0.224, 0.225)
+
+Resampling = Literal[
+    "nearest",
+    "bilinear",
+    "bicubic",
+    "area",
+    "bilinear-antialias",
+    "bicubic-antialias",
+    "lanczos-antialias",
+]
+"""Interpolation methods.
+
+"nearest" is OpenCV's INTER_NEAREST_EXACT and Pillow's NEAREST: the pixel whose centre is nearest.
+OpenCV's INTER_NEAREST and torch's "nearest" take other pixels. "bilinear", "bicubic" and "area" are
+as in OpenCV and torch; with "antialias", as in Pillow.
+"""
+
+# Types that OpenCV 5 interpolates.
+_OPENCV = frozenset({"uint8", "uint16", "int16", "float32", "float64"})
+_CHANNELS = 4  # OpenCV 5 takes 128 at most, its "area" no more than 4
+_INTEGERS = {"float32": 2**24, "float64": 2**53}  # up to which these types hold every integer
+
+
+def normalized_nchw(
+    image: NDArray[Any],
+    mean: Sequence[float] = (0.0, 0.0, 0.0),
+    std: Sequence[float] = (1.0, 1.0, 1.0),
+    scale: float = 1 / 255,
+) -> FloatArray:
+    """Convert an image (H, W, 3) to network input (1, 3, H, W) float32: (image * scale - mean) /
+    std.
+    """
+    factor = scale / np.asarray(std, np.float64)
+    offset = np.asarray(mean, np.float64) / np.asarray(std, np.float64)
+    values = np.ascontiguousarray(image.transpose(2, 0, 1), np.float32)
+    values = (
+        values * factor.astype(np.float32)[:, None, None] - offset.astype(np.float32)[:, None, None]
+    )
+    return np.asarray(values[None], np.float32)
+
+
+def resize_image(
+    image: NDArray[Any], height: int, width: int, how: Resampling = "bilinear"
+) -> NDArray[Any]:
+    """Resize an image to exactly ``height`` x ``width``; the aspect may change.
+
+    Args:
+        image: (H, W) or (H, W, C), with any number of channels. Any type of values for "nearest",
+            else bool, integers or floats up to float64.
+        height: px.
+        width: px.
+        how: see :data:`Resampling`.
+
+    Returns:
+        The image with the same type of values. Interpolated integers are rounded and clipped to
+        their type, and a bool is True where more than half is.
+
+    Raises:
+        InputError: ``image`` is not an image array; its numbers are larger than the method can
+            compute exactly; the size is not positive.
+    """
+    if height < 1 or width < 1:
+        raise InputError(f"an image cannot be resized to {width} x {height} px")
+    _require_picture(image, any_values=how == "nearest")
+    if image.shape[:2] == (height, width):
+        return image.copy()
+    if how == "nearest":
+        rows, columns = (
+            _nearest_indices(*sizes) for sizes in zip(image.shape[:2], (height, width), strict=True)
+        )
+        return image[rows[:, None], columns]
+    if how.endswith("antialias"):
+        return _pillow(image, height, width, how.removesuffix("-antialias"))
+    return _opencv(image, height, width, how)
+
+
+def resize_map(values: NDArray[Any], height: int, width: int) -> FloatArray:
+    """Resize a map (H, W) or (H, W, C) by bilinear interpolation, to float32; NaN spreads to
+    neighbours.
+
+    Raises:
+        InputError: ``values`` is not an array of numbers, or the size is not positive.
+    """
+    _require_picture(values)
+    return np.asarray(resize_image(np.asarray(values, np.float32), height, width, "bilinear"))
+
+
+def _require_picture(image: object, *, any_values: bool = False) -> None:
+    """Raise InputError unless an image is a plain numpy array (H, W) or (H, W, C) of real numbers
+    that has pixels.
+    """
+    if type(image) not in (np.ndarray, np.memmap):
+        advice = tensor_advice(image) or ": write numpy.asarray(...)"
+        raise InputError(
+            f"an image to resize must be a numpy array, got {type(image).__name__}{advice}"
+        )
+    assert isinstance(image, np.ndarray)
+    if image.ndim not in (2, 3) or 0 in image.shape[:2]:
+        raise InputError(
+            f"an image to resize must be (H, W) or (H, W, C), with pixels, got {image.shape}"
+        )
+    if not any_values and (image.dtype.kind not in "biuf" or image.dtype.itemsize > 8):
+        raise InputError(
+            "an image to resize must hold bool, integers or floats up to float64, got "
+            f"{image.dtype}: convert it, or take 'nearest'"
+        )
+
+
+def _require_exact(image: NDArray[Any], computed: str) -> None:
+    """Raise InputError if an image has integers that the type in which it is resized does not
+    hold.
+    """
+    limit = _INTEGERS[computed]
+    if image.dtype.kind in "iu" and image.size and max(-int(image.min()), int(image.max())) > limit:
+        raise InputError(
+            f"an image is resized in {computed}, which holds integers to {limit}, got "
+            f"{image.dtype} from {image.min()} to {image.max()}: convert it, or take 'nearest'"
+        )
+
+
+def _nearest_indices(size: int, wanted: int) -> NDArray[np.int64]:
+    """Return which of ``size`` pixels in a row OpenCV takes for each of ``wanted`` pixels."""
+    import cv2
+
+    line = np.arange(size, dtype=np.float64)[:, None]
+    taken = cv2.resize(line, (1, wanted), interpolation=cv2.INTER_NEAREST_EXACT)
+    return np.asarray(taken, np.int64).reshape(wanted)
+
+
+def _opencv(image: NDArray[Any], height: int, width: int, how: str) -> NDArray[Any]:
+    """Resize an image with OpenCV, a few channels at a time, in a type that it takes."""
+    import cv2
+
+    kinds = {"bilinear": cv2.INTER_LINEAR, "bicubic": cv2.INTER_CUBIC, "area": cv2.INTER_AREA}
+    wider = "float32" if image.dtype.itemsize < 4 else "float64"
+    _require_exact(image, wider)
+    values = np.asarray(image, image.dtype.name if image.dtype.name in _OPENCV else wider)
+    channels = values[..., None] if image.ndim == 2 else values
+    parts = [
+        cv2.resize(
+            np.ascontiguousarray(channels[..., first : first + _CHANNELS]),
+            (width, height),
+            interpolation=kinds[how],
+        ).reshape(height, width, -1)
+        for first in range(0, channels.shape[2], _CHANNELS)
+    ]
+    whole = np.concatenate(parts, axis=-1) if parts else np.empty((height, width, 0))
+    return _as_type(whole.reshape(height, width, *image.shape[2:]), image.dtype)
+
+
+def _as_type(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Convert interpolated values; integers are rounded and clipped to the limits of their type."""
+    if values.dtype == dtype or dtype.kind == "f":
+        # bicubic float16 may exceed its type, and is infinite then
+        with np.errstate(over="ignore"):
+            return values.astype(dtype, copy=False)
+    if dtype.kind == "b":
+        return values > 0.5
+    limits = np.iinfo(dtype)
+    return np.asarray(np.rint(values).clip(limits.min, limits.max), dtype)
+
+
+@dataclass(frozen=True)
+class Letterbox:
+    """Position and scale of a photo in a letterboxed canvas.
+
+    Attributes:
+        scale: canvas pixels per photo pixel, before the size was rounded.
+        left: columns of the canvas left of the photo.
+        top: rows of the canvas above the photo.
+        inner: height and width of the photo in the canvas, px.
+        size: height and width of the original photo, px.
+    """
+
+    scale: float
+    left: int
+    top: int
+    inner: tuple[int, int]
+    size: tuple[int, int]
+
+    def to_photo(self, points: NDArray[Any]) -> FloatArray:
+        """Map pixel coordinates (..., 2) x y from the canvas to the photo."""
+        return np.asarray((points - self._offset() + 0.5) / self._factor() - 0.5, np.float64)
+
+    def to_canvas(self, points: NDArray[Any]) -> FloatArray:
+        """Map pixel coordinates (..., 2) x y from the photo to the canvas."""
+        return np.asarray((points + 0.5) * self._factor() - 0.5 + self._offset(), np.float64)
+
+    def edges_to_photo(self, boxes: NDArray[Any]) -> FloatArray:
+        """Map half-open boxes (..., 4) x0 y0 x1 y1, which are pixel edges, from the canvas to the
+        photo.
+        """
+        return np.asarray(
+            (boxes - np.tile(self._offset(), 2)) / np.tile(self._factor(), 2), np.float64
+        )
+
+    def crop(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return the part of a map (h, w, ...) of the canvas that the photo covers, as a view."""
+        return values[self.top : self.top + self.inner[0], self.left : self.left + self.inner[1]]
+
+    def _factor(self) -> FloatArray:
+        return np.array([self.inner[1] / self.size[1], self.inner[0] / self.size[0]])
+
+    def _offset(self) -> FloatArray:
+        return np.array([self.left, self.top], np.float64)
+
+
+def letterbox(
+    image: UInt8Array,
+    height: int,
+    width: int,
+    fill: float | Sequence[float] = 0,
+    where: Literal["top-left", "centre"] = "centre",
+    multiple: int | None = None,
+    how: Resampling = "bilinear",
+) -> tuple[NDArray[Any], Letterbox]:
+    """Resize a photo into a padded canvas, keeping its aspect.
+
+    Args:
+        image: (H, W, 3) uint8 or float32.
+        height: of the canvas, px.
+        width: of the canvas, px.
+        fill: padding value, one or one per channel.
+        where: position of the photo.
+        multiple: crop the canvas to the smallest multiple of this that contains the photo; None to
+            keep it.
+        how: see :data:`Resampling`.
+    """
+    rows, columns = image.shape[:2]
+    scale = min(height / rows, width / columns)
+    inner = (max(1, min(height, round(rows * scale))), max(1, min(width, round(columns * scale))))
+    if multiple is not None:
+        height, width = (-(-side // multiple) * multiple for side in inner)
+    top, left = ((height - inner[0]) // 2, (width - inner[1]) // 2) if where == "centre" else (0, 0)
+    box = Letterbox(scale, left, top, inner, (rows, columns))
+    canvas = np.empty((height, width, *image.shape[2:]), image.dtype)
+    canvas[:] = np.asarray(fill).astype(image.dtype)
+    box.crop(canvas)[:] = resize_image(image, *inner, how)
+    return canvas, box
+
+
+def _pillow(image: NDArray[Any], height: int, width: int, kind: str) -> NDArray[Any]:
+    """Resize an image with Pillow, channel by channel in float32 if Pillow cannot resize it
+    directly.
+    """
+    from PIL import Image
+
+    resampling = {
+        "bilinear": Image.Resampling.BILINEAR,
+        "bicubic": Image.Resampling.BICUBIC,
+        "lanczos": Image.Resampling.LANCZOS,
+    }[kind]
+    if image.dtype == np.uint8 and (image.ndim == 2 or image.shape[2] == 3):
+        return np.array(
+            Image.fromarray(np.ascontiguousarray(image)).resize((width, height), resampling)
+        )
+    _require_exact(image, "float32")
+    channels = image[..., None] if image.ndim == 2 else image
+    resized = np.empty((height, width, channels.shape[2]), np.float32)
+    for c in range(channels.shape[2]):
+        plane = Image.fromarray(np.ascontiguousarray(channels[..., c], np.float32))
+        resized[..., c] = np.asarray(plane.resize((width, height), resampling))
+    return _as_type(resized.reshape(height, width, *image.shape[2:]), image.dtype)
+
+
+def check_mask(image: UInt8Array, mask: BoolArray) -> BoolArray:
+    """Return the mask (H, W) of an image (H, W, 3) as bool, after checking its size.
+
+    Raises:
+        BackendError: its size differs from the image's, or it covers the complete image.
+    """
+    mask = np.asarray(mask, bool)
+    if mask.shape != image.shape[:2]:
+        raise BackendError(
+            f"the mask must have the image's size (H, W) = {image.shape[:2]}, got {mask.shape}: "
+            f"resize it first"
+        )
+    if mask.all():
+        raise BackendError(
+            "the mask covers the whole image, which leaves nothing to fill it from: pass a "
+            "smaller one"
+        )
+    return mask
+
+
+def inpaint_masked(
+    image: UInt8Array,
+    mask: BoolArray,
+    rim: float,
+    fill: Callable[[UInt8Array, BoolArray], UInt8Array],
+) -> UInt8Array:
+    """Inpaint the pixels of a mask; pixels outside it are not changed.
+
+    Args:
+        image: (H, W, 3).
+        mask: (H, W), True = fill.
+        rim: the mask passed to ``fill`` is dilated by this share of the long side.
+        fill: inpainting function of the image and the dilated mask; not called for an empty mask.
+
+    Raises:
+        BackendError: the mask's size differs from the image's, or it covers the complete image.
+    """
+    mask = check_mask(image, mask)
+    return (
+        np.where(mask[..., None], fill(image, dilate_mask(mask, rim)), image)
+        if mask.any()
+        else image.copy()
+    )
+
+
+def dilate_mask(mask: BoolArray, share: float) -> BoolArray:
+    """Dilate a mask by a disc, whose radius is ``share`` times the long side of the mask array.
+
+    The mask is unchanged if the result would cover the complete image.
+    """
+    wider = dilate(mask, share * max(mask.shape))
+    return mask if wider.all() else wider

@@ -1,0 +1,179 @@
+"""The base of backends with networks: weights, batches, and pictures on a device."""
+
+from __future__ import annotations
+
+import sys
+from types import MappingProxyType, ModuleType
+
+import numpy as np
+import pytest
+import torch
+from pydantic import Field
+
+from physic_core.errors import BackendError, DeviceError, WeightsMissingError
+from physic_core.interfaces import GpuMemory, MetricDepth, Options
+from physic_core.types import DepthMap, Hints
+from physic_networks.networks import (
+    NetworkBackend,
+    TorchBackend,
+    TorchOptions,
+    picture_tensor,
+    run_in_batches,
+    to_numpy,
+)
+from physic_networks.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
+
+PHOTO = np.random.default_rng(0).integers(0, 256, (40, 60, 3), np.uint8)
+
+
+class OwnOptions(Options):
+    weights: str = Field("net", description="a name or a path")
+
+
+class Own(NetworkBackend, MetricDepth):
+    """As the plugin of a third party: the network is one number in a file."""
+
+    Options = OwnOptions
+
+    def build(self, device):
+        factor = float(self.file().read_text())
+        return lambda inputs: factor * inputs
+
+    def preprocess(self, image, hints):
+        return image.mean(axis=-1)
+
+    def postprocess(self, output, image, hints):
+        return DepthMap(output.astype(np.float32) + 1)
+
+
+@pytest.fixture
+def own(tmp_path, monkeypatch):
+    """The class in a package with a folder of manifests; a file of its set is in the user's
+    folder.
+    """
+    package = ModuleType("own_plugin")
+    package.__path__ = [str(tmp_path / "own_plugin")]
+    (tmp_path / "own_plugin" / "weights").mkdir(parents=True)
+    manifest = (
+        '[net]\nsummary = "A"\nlicense = "MIT"\n[[net.files]]\npath = "net.txt"\nsource = '
+        '"https://example.org/x"\n'
+    )
+    (tmp_path / "own_plugin" / "weights" / "net.toml").write_text(manifest)
+    monkeypatch.setitem(sys.modules, "own_plugin", package)
+    monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "mine"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return type("Own", (Own,), {"__module__": "own_plugin.depth"})
+
+
+def put(tmp_path, text):
+    (tmp_path / "mine" / "net").mkdir(parents=True, exist_ok=True)
+    (tmp_path / "mine" / "net" / "net.txt").write_text(text)
+
+
+def test_weights_are_found_by_the_manifest_of_the_package(own, tmp_path):
+    backend = own()
+    assert "physic weights fetch net" in backend.missing()[0]
+    assert backend.fingerprint() == ""
+    with pytest.raises(WeightsMissingError):
+        backend.load()
+    put(tmp_path, "2")
+    assert backend.missing() == ()
+    assert backend.fingerprint() != ""
+
+
+def test_a_backend_is_preprocess_network_and_postprocess(own, tmp_path):
+    put(tmp_path, "2")
+    backend = own()
+    with pytest.raises(BackendError, match="call load"):
+        backend.infer(PHOTO, Hints())
+    backend.load()
+    np.testing.assert_allclose(backend(PHOTO).depth, 2 * PHOTO.mean(axis=-1) + 1, rtol=1e-6)
+    backend.close()
+    with pytest.raises(BackendError, match="call load"):
+        backend.infer(PHOTO, Hints())
+
+
+def test_torch_backends_refuse_a_device_that_is_not_there():
+    class Net(TorchBackend, MetricDepth):
+        def build(self, device):
+            raise AssertionError("opened on a device that is not there")
+
+    with pytest.raises(DeviceError):
+        Net().load("cuda:99")
+
+
+class HalfOptions(TorchOptions):
+    weights: str = Field("net", description="a name or a path")
+
+
+class Half(TorchBackend, MetricDepth):
+    """A backend whose memory on a GPU was measured in two precisions."""
+
+    Options = HalfOptions
+    gpu_gigabytes = MappingProxyType({"float32": 4.0, "float16": 2.5})
+
+    def build(self, device):
+        raise NotImplementedError
+
+
+@pytest.mark.parametrize(
+    ("options", "gigabytes"),
+    [
+        ({}, [4.0]),
+        ({"precision": "float16"}, [2.5]),
+        ({"precision": "bfloat16"}, []),
+        ({"weights": "larger-net"}, []),
+    ],
+)
+def test_memory_of_a_gpu_is_stated_for_what_was_measured(options, gigabytes):
+    stated = Half(**options).requirements()
+    assert [one.gigabytes for one in stated if isinstance(one, GpuMemory)] == gigabytes
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_batches_are_joined_in_order(full):
+    sizes = []
+
+    def call(part):
+        sizes.append(len(part["x"]))
+        return [2 * part["x"], torch.from_numpy(part["x"][:, 0])]
+
+    x = np.arange(10, dtype=np.float32).reshape(5, 2)
+    doubled, first = run_in_batches(call, {"x": x}, 2, full=full)
+    np.testing.assert_array_equal(doubled, 2 * x)
+    np.testing.assert_array_equal(first, x[:, 0])
+    assert sizes == ([2, 2, 2] if full else [2, 2, 1])
+
+
+def test_a_network_that_does_not_keep_its_batch_is_an_error():
+    with pytest.raises(BackendError, match="batch"):
+        run_in_batches(lambda part: [part["x"][:1]], {"x": np.zeros((3, 2))}, 3)
+
+
+def test_answers_of_nan_are_a_failed_network():
+    """Of scores that are NaN, none is above a threshold: people would be missing in silence."""
+    with pytest.raises(BackendError, match="without one finite number"):
+        to_numpy(torch.full((1, 900), torch.nan, dtype=torch.float16))
+    partly = to_numpy(torch.tensor([torch.nan, 1.0]))
+    np.testing.assert_array_equal(partly, np.float32([np.nan, 1]))
+    assert np.isnan(to_numpy(torch.tensor([torch.nan]))).all(), "a single number may be unknown"
+
+
+def test_pictures_are_normalised_as_on_numpy():
+    found = picture_tensor(np.stack([PHOTO, PHOTO[::-1]]), IMAGENET_MEAN, IMAGENET_STD)
+    np.testing.assert_allclose(
+        found[:1], normalized_nchw(PHOTO, IMAGENET_MEAN, IMAGENET_STD), atol=1e-6
+    )
+    np.testing.assert_allclose(
+        found[1:], normalized_nchw(PHOTO[::-1], IMAGENET_MEAN, IMAGENET_STD), atol=1e-6
+    )
+
+
+@pytest.mark.parametrize("align_corners", [False, True])
+def test_pictures_are_resized_as_by_torch(align_corners):
+    plain = torch.from_numpy(normalized_nchw(PHOTO))
+    theirs = torch.nn.functional.interpolate(
+        plain, (24, 32), mode="bilinear", align_corners=align_corners
+    )
+    found = picture_tensor(PHOTO, size=(24, 32), align_corners=align_corners)
+    np.testing.assert_allclose(found, theirs, atol=1e-6)

@@ -1,0 +1,272 @@
+"""Pictures of networks: sizes, frames, colours and the pixels that are filled."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from physic_core.errors import BackendError, InputError
+from physic_networks.pictures import (
+    IMAGENET_MEAN,
+    IMAGENET_STD,
+    inpaint_masked,
+    letterbox,
+    normalized_nchw,
+    resize_image,
+    resize_map,
+)
+
+rng = np.random.default_rng(5)
+PHOTO = rng.integers(0, 256, (37, 53, 3), np.uint8)
+
+
+SIZES = pytest.mark.parametrize(("height", "width"), [(74, 106), (20, 90), (11, 13)])
+KINDS = pytest.mark.parametrize("kind", ["bilinear", "bicubic"])
+
+
+def torch_resized(image, height, width, mode):
+    batch = torch.from_numpy(image).permute(2, 0, 1)[None]
+    resized = torch.nn.functional.interpolate(
+        batch, (height, width), mode=mode, align_corners=False
+    )
+    return resized[0].permute(1, 2, 0).numpy()
+
+
+class TestPlanes:
+    def test_channels_come_first_in_the_order_of_the_image(self):
+        image = np.zeros((2, 3, 3), np.uint8)
+        image[..., 0] = 255
+        image[1, 2, 2] = 51
+        values = normalized_nchw(image)
+        assert (values.shape, values.dtype) == ((1, 3, 2, 3), np.float32)
+        np.testing.assert_array_equal(values[0, 0], 1)
+        np.testing.assert_allclose(values[0, 2], [[0, 0, 0], [0, 0, 0.2]], atol=1e-7)
+
+    def test_mean_and_deviation_are_of_the_scaled_values(self):
+        expected = (PHOTO / 255 - IMAGENET_MEAN) / IMAGENET_STD
+        np.testing.assert_allclose(
+            normalized_nchw(PHOTO, IMAGENET_MEAN, IMAGENET_STD)[0].transpose(1, 2, 0),
+            expected,
+            atol=1e-6,
+        )
+
+
+class TestSquash:
+    @SIZES
+    @KINDS
+    def test_resizing_without_antialias_equals_torch(self, kind, height, width):
+        image = PHOTO.astype(np.float32)
+        np.testing.assert_allclose(
+            resize_image(image, height, width, kind),
+            torch_resized(image, height, width, kind),
+            atol=1e-2,
+        )
+
+    @SIZES
+    @KINDS
+    def test_resizing_with_antialias_equals_pillow(self, kind, height, width):
+        expected = Image.fromarray(PHOTO).resize(
+            (width, height), getattr(Image.Resampling, kind.upper())
+        )
+        np.testing.assert_array_equal(
+            resize_image(PHOTO, height, width, f"{kind}-antialias"), np.asarray(expected)
+        )
+
+    def test_area_is_the_mean_of_what_becomes_one_pixel(self):
+        image = rng.random((8, 12)).astype(np.float32)
+        np.testing.assert_allclose(
+            resize_image(image, 4, 4, "area"), image.reshape(4, 2, 4, 3).mean((1, 3)), rtol=1e-5
+        )
+
+    def test_nearest_takes_the_pixel_whose_centre_is_nearest(self):
+        image = np.arange(9, dtype=np.float32)[None].repeat(3, 0)
+        np.testing.assert_array_equal(resize_image(image, 1, 3, "nearest"), [[1, 4, 7]])
+
+
+METHODS = (
+    "bilinear",
+    "bicubic",
+    "area",
+    "bilinear-antialias",
+    "bicubic-antialias",
+    "lanczos-antialias",
+)
+TYPES = (
+    "int8",
+    "uint8",
+    "int16",
+    "uint16",
+    "int32",
+    "uint32",
+    "int64",
+    "uint64",
+    "float16",
+    "float32",
+    ">f4",
+)
+
+
+@pytest.mark.parametrize(("height", "width"), [(31, 44), (7, 9)])
+@pytest.mark.parametrize("how", METHODS)
+class TestTypesAndChannels:
+    @pytest.mark.parametrize("dtype", TYPES)
+    def test_each_type_comes_back_with_the_values_of_float64(self, how, dtype, height, width):
+        image = rng.integers(50, 80, (16, 20, 3)).astype(dtype)
+        expected = resize_image(image.astype(np.float64), height, width, how)
+        found = resize_image(image, height, width, how)
+        assert found.dtype.name == np.dtype(dtype).name
+        # Integers are rounded, by OpenCV and Pillow twice.
+        error = {"float16": 0.1, "float32": 1e-3, ">f4": 1e-3}.get(dtype, 1.6)
+        np.testing.assert_allclose(found.astype(float), expected, atol=error)
+
+    def test_a_mask_is_true_where_more_than_half_is(self, how, height, width):
+        mask = rng.random((16, 20)) > 0.5
+        share = resize_image(mask.astype(np.float64), height, width, how)
+        clear = abs(share - 0.5) > 1e-4
+        np.testing.assert_array_equal(
+            resize_image(mask, height, width, how)[clear], share[clear] > 0.5
+        )
+
+
+@pytest.mark.parametrize("resize", [resize_map, resize_image])
+@pytest.mark.parametrize(
+    ("image", "words"),
+    [
+        (np.zeros((4, 5), complex), "got complex128"),
+        (np.zeros((4, 5), object), "got object"),
+        (np.zeros((4, 5), np.longdouble), "got float128"),
+        (np.ma.zeros((4, 5)), "got MaskedArray: write numpy.asarray"),
+        (torch.zeros(4, 5), "got Tensor: write .detach().cpu().numpy()"),
+        ([[1, 2]], "got list"),
+        (np.zeros(()), "got ()"),
+        (np.zeros((0, 5)), "got (0, 5)"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else None,
+)
+def test_what_cannot_be_resized_is_refused_by_name(resize, image, words):
+    with pytest.raises(InputError) as error:
+        resize(image, 8, 9)
+    assert words in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("dtype", "how", "value"),
+    [("int64", "bilinear", 2**53 + 1), ("int32", "bicubic-antialias", 2**24 + 1)],
+)
+def test_integers_that_would_lose_digits_are_refused(dtype, how, value):
+    with pytest.raises(InputError, match=str(value)):
+        resize_image(np.full((4, 5), value, dtype), 8, 9, how)
+
+
+def test_resample_keeps_places_by_half_pixel_centres():
+    """A ramp of x coordinates, enlarged: each new pixel holds where its centre lies in the old
+    image.
+    """
+    ramp = np.arange(10.0)[None].repeat(4, 0)
+    larger = resize_map(ramp, 8, 30)
+    expected = np.clip((np.arange(30) + 0.5) / 3 - 0.5, 0, 9)
+    np.testing.assert_allclose(larger, expected[None].repeat(8, 0), atol=1e-5)
+
+
+class TestLetterbox:
+    @settings(max_examples=40, deadline=None)
+    @given(
+        rows=st.integers(5, 400),
+        columns=st.integers(5, 400),
+        height=st.integers(16, 300),
+        width=st.integers(16, 300),
+        where=st.sampled_from(["top-left", "centre"]),
+    )
+    def test_points_go_to_the_canvas_and_back(self, rows, columns, height, width, where):
+        canvas, box = letterbox(np.zeros((rows, columns, 3), np.uint8), height, width, where=where)
+        assert canvas.shape == (height, width, 3)
+        assert box.crop(canvas).shape[:2] == box.inner
+        corners = np.array(
+            [[0.0, 0.0], [columns - 1, rows - 1], [-0.5, -0.5], [columns - 0.5, rows - 0.5]]
+        )
+        np.testing.assert_allclose(box.to_photo(box.to_canvas(corners)), corners, atol=1e-9)
+        outer = box.to_canvas(corners[2:]) + 0.5
+        np.testing.assert_allclose(
+            outer,
+            [[box.left, box.top], [box.left + box.inner[1], box.top + box.inner[0]]],
+            atol=1e-9,
+        )
+        whole = np.array(
+            [box.left, box.top, box.left + box.inner[1], box.top + box.inner[0]], float
+        )
+        np.testing.assert_allclose(box.edges_to_photo(whole), [0, 0, columns, rows], atol=1e-9)
+
+    def test_photo_lies_where_it_is_said_and_the_rest_is_filled(self):
+        canvas, box = letterbox(
+            np.full((20, 40, 3), 200, np.uint8), 64, 64, fill=114, where="top-left"
+        )
+        assert (box.scale, box.left, box.top, box.inner, box.size) == (
+            1.6,
+            0,
+            0,
+            (32, 64),
+            (20, 40),
+        )
+        assert (canvas[:32] == 200).all()
+        assert (canvas[32:] == 114).all()
+        canvas, box = letterbox(np.full((20, 40, 3), 200, np.uint8), 64, 64, fill=(1, 2, 3))
+        assert (box.left, box.top) == (0, 16)
+        np.testing.assert_array_equal(canvas[0, 0], [1, 2, 3])
+        assert (canvas[16:48] == 200).all()
+
+    def test_canvas_is_cut_to_a_multiple(self):
+        canvas, box = letterbox(
+            np.zeros((300, 400, 3), np.uint8), 518, 518, multiple=14, where="top-left"
+        )
+        assert box.inner == (388, 518)
+        assert canvas.shape == (392, 518, 3)
+
+
+IMAGE = np.arange(60 * 80 * 3, dtype=np.uint32).reshape(60, 80, 3).astype(np.uint8)
+
+
+def middle():
+    mask = np.zeros((60, 80), bool)
+    mask[20:30, 30:50] = True
+    return mask
+
+
+def test_only_the_mask_is_filled_though_more_is_shown_as_a_hole():
+    shown = []
+    filled = inpaint_masked(
+        IMAGE, middle(), 0.05, lambda image, hole: shown.append(hole) or np.zeros_like(image)
+    )
+    assert (filled[middle()] == 0).all()
+    assert (filled[~middle()] == IMAGE[~middle()]).all()
+    rows, columns = np.nonzero(shown[0])
+    assert (rows.min(), rows.max(), columns.min(), columns.max()) == (16, 33, 26, 53)
+
+
+def test_without_a_hole_the_network_is_not_called_and_a_copy_is_returned():
+    filled = inpaint_masked(
+        IMAGE, np.zeros((60, 80), bool), 0.1, lambda image, hole: pytest.fail("asked")
+    )
+    assert (filled == IMAGE).all()
+    assert not np.shares_memory(filled, IMAGE)
+
+
+@pytest.mark.parametrize(
+    ("mask", "words"),
+    [
+        (
+            np.zeros((80, 60), bool),
+            r"must have the image's size \(H, W\) = \(60, 80\), got \(80, 60\): resize it first",
+        ),
+        (
+            np.ones((60, 80), bool),
+            "covers the whole image, which leaves nothing to fill it from: pass a smaller one",
+        ),
+    ],
+)
+def test_a_mask_that_cannot_be_filled_is_refused(mask, words):
+    with pytest.raises(BackendError, match=words):
+        inpaint_masked(IMAGE, mask, 0.0, lambda image, hole: image)

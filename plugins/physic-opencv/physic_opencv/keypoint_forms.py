@@ -1,0 +1,326 @@
+"""Keypoints of one photo as other programs write them in JSON: which form it is, and the rows of
+each form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import PurePath
+from typing import Any
+
+from physic_core.types import SKELETONS, KeypointTable
+
+Row = tuple[int, str, float, float, float]
+"""Number of the annotation, joint, x and y in px, and visibility or score."""
+
+
+def _names(skeleton: str) -> tuple[str, ...]:
+    return tuple(name.removesuffix("_surface") for name in SKELETONS[skeleton].names)
+
+
+_WHOLE_BODY = _names("coco_wholebody133")
+_BY_COUNT = {17: _names("coco17"), 23: _names("coco23"), 26: _names("halpe26"), 133: _WHOLE_BODY}
+_PARTS = {
+    "foot_kpts": (17, 23),
+    "face_kpts": (23, 91),
+    "lefthand_kpts": (91, 112),
+    "righthand_kpts": (112, 133),
+}
+
+# OpenPose's joints in its order, "" where COCO's skeletons have none.
+_ARMS = tuple(
+    f"{side}_{joint}" for side in ("right", "left") for joint in ("shoulder", "elbow", "wrist")
+)
+_LEGS = tuple(f"{side}_{joint}" for side in ("right", "left") for joint in ("hip", "knee", "ankle"))
+_HEAD = ("right_eye", "left_eye", "right_ear", "left_ear")
+_FEET = tuple(
+    f"{side}_{joint}" for side in ("left", "right") for joint in ("big_toe", "small_toe", "heel")
+)
+_OPENPOSE = {
+    18: ("nose", "", *_ARMS, *_LEGS, *_HEAD),
+    25: ("nose", "", *_ARMS, "", *_LEGS, *_HEAD, *_FEET),
+}
+
+
+def table_of(document: Any, photo: str) -> KeypointTable | None:
+    """Return the keypoints of a JSON document, None if its form is not known.
+
+    Args:
+        document: parsed.
+        photo: name of the photo's file, or "": which image of several is meant.
+
+    Raises:
+        ValueError: the form is known and refused, or a list has another length than its skeleton.
+    """
+    for is_form, read in _FORMS:
+        if is_form(document):
+            return read(document, photo)
+    for is_form, converts in _REFUSED:
+        if is_form(document):
+            raise ValueError(converts)
+    return None
+
+
+def _first(document: Any) -> Mapping[str, Any]:
+    """Return the first entry of a list of objects, or an empty one."""
+    is_list = isinstance(document, list) and bool(document) and isinstance(document[0], Mapping)
+    return document[0] if is_list else {}
+
+
+def _is_coco(document: Any) -> bool:
+    if isinstance(document, Mapping):
+        return isinstance(document.get("annotations"), list)
+    return (
+        document == []
+        or ("image_id" in _first(document))
+        or _is_flat(_first(document).get("keypoints"))
+    )
+
+
+def _is_flat(values: Any) -> bool:
+    return isinstance(values, list) and bool(values) and isinstance(values[0], int | float)
+
+
+def _read_coco(document: Any, photo: str) -> KeypointTable:
+    """Read a COCO dataset, its annotations, or results; COCO-WholeBody has parts beside the
+    keypoints.
+    """
+    dataset = document if isinstance(document, Mapping) else {}
+    annotations = dataset.get("annotations") if dataset else document
+    if not isinstance(annotations, list) or not all(
+        isinstance(one, Mapping) for one in annotations
+    ):
+        raise ValueError("it has no list of annotations")
+    images = {one.get("id"): one for one in dataset.get("images") or () if isinstance(one, Mapping)}
+    image = _image_of(annotations, images, photo)
+    names = {
+        one["id"]: tuple(one["keypoints"])
+        for one in dataset.get("categories") or ()
+        if one.get("keypoints")
+    }
+    everywhere: list[Row] = []
+    rows: list[Row] = []
+    for number, one in enumerate(annotations):
+        found = list(_triples(number, one.get("keypoints"), names.get(one.get("category_id"))))
+        for part, (start, stop) in _PARTS.items():
+            found += _triples(number, one.get(part), _WHOLE_BODY[start:stop])
+        everywhere += found
+        rows += found if one.get("image_id") == image else []
+    # A score of another image of the file says what the numbers of this one are.
+    scored = any(row[4] not in (0, 1, 2) for row in everywhere)
+    return KeypointTable(
+        tuple(_once(rows)), scored, _stated_size(images.get(image, {}), "width", "height")
+    )
+
+
+def _image_of(
+    annotations: Sequence[Mapping[str, Any]], images: Mapping[Any, Any], photo: str
+) -> Any:
+    """Return the id of the photo's image: the only one, or the one of its name, listed or
+    annotated.
+    """
+    found = {one.get("image_id") for one in annotations} | images.keys()
+    if len(found) < 2:
+        return next(iter(found), None)
+    stem = PurePath(photo).stem
+    named = [
+        key
+        for key in found
+        if stem and PurePath(str(images.get(key, {}).get("file_name", ""))).stem == stem
+    ]
+    if len(named) == 1:
+        return named[0]
+    raise ValueError(
+        f"it has {len(found)} images, and none is named {stem or 'as the photo'}: keep its"
+    )
+
+
+def _triples(number: int, numbers: Any, names: Sequence[str] | None) -> Iterable[Row]:
+    """Yield the rows of a flat list x, y, v, x, y, v, ..."""
+    if not numbers:
+        return
+    joints = names or _BY_COUNT.get(len(numbers) // 3, ())
+    if len(numbers) != 3 * len(joints):
+        wanted = (
+            len(joints) or f"{', '.join(map(str, list(_BY_COUNT)[:-1]))} or {list(_BY_COUNT)[-1]}"
+        )
+        raise ValueError(
+            f"annotation {number} has {len(numbers)} numbers for {wanted} keypoints of x, y, v"
+        )
+    for row, joint in enumerate(joints):
+        if joint:
+            x, y, third = map(float, numbers[3 * row : 3 * row + 3])
+            yield number, str(joint), x, y, third
+
+
+def _once(rows: Iterable[Row]) -> Iterable[Row]:
+    """Yield the first visible row of each joint of a person: the wrist is in the hand's part,
+    too.
+    """
+    kept: dict[tuple[int, str], Row] = {}
+    for row in rows:
+        at = row[0], row[1]
+        if at not in kept or kept[at][4] <= 0:
+            kept[at] = row
+    return kept.values()
+
+
+def _stated_size(entry: Mapping[str, Any], width: str, height: str) -> tuple[int, int] | None:
+    size = entry.get(width), entry.get(height)
+    if not all(isinstance(side, int | float) and side > 0 for side in size):
+        return None
+    return int(size[0]), int(size[1])  # type: ignore[arg-type]
+
+
+def _pairs(
+    number: int, points: Any, scores: Any, names: Sequence[str] | None = None
+) -> Iterable[Row]:
+    """Yield the rows of a list of points and a list of scores."""
+    joints = names or _BY_COUNT.get(len(points), ())
+    if len(joints) != len(points) or len(scores) != len(points):
+        raise ValueError(
+            f"person {number} has {len(points)} keypoints and {len(scores)} scores: 17, 23, 26 or "
+            f"133 fit"
+        )
+    for joint, at, score in zip(joints, points, scores, strict=True):
+        yield number, joint, float(at[0]), float(at[1]), float(score)
+
+
+def _read_openpose(document: Any, photo: str) -> KeypointTable:
+    """Read OpenPose's JSON; other tools write COCO's 17, 23, 26 or 133 joints in it."""
+    rows: list[Row] = []
+    for number, one in enumerate(document["people"]):
+        body = one.get("pose_keypoints_2d") or []
+        rows += _triples(number, body, _OPENPOSE.get(len(body) // 3))
+        for side in ("left", "right"):
+            hand = _names(f"openpose_hand21_{side}")
+            rows += _triples(number, one.get(f"hand_{side}_keypoints_2d"), hand)
+    return KeypointTable(tuple(_once(rows)), True)
+
+
+def _read_ultralytics(document: Any, photo: str) -> KeypointTable:
+    rows: list[Row] = []
+    for number, one in enumerate(document):
+        marks = one.get("keypoints") or {"x": [], "y": []}
+        scores = marks.get("visible") or [1.0] * len(marks["x"])
+        if marks["x"]:
+            rows += _pairs(number, list(zip(marks["x"], marks["y"], strict=True)), scores)
+    return KeypointTable(tuple(rows), True)
+
+
+def _read_scored(document: Any, photo: str) -> KeypointTable:
+    """Read points and scores apart: mmpose's and rtmlib's ``keypoint_scores``, transformers'
+    ``scores``.
+    """
+    people = document.get("instance_info") if isinstance(document, Mapping) else document
+    people = people if people is not None else document.get("predictions", document)
+    if isinstance(people, Mapping):  # rtmlib's two arrays, as lists
+        scores = people.get("keypoint_scores", people.get("scores"))
+        keys = zip(people["keypoints"], scores or (), strict=True)
+        people = [{"keypoints": points, "keypoint_scores": values} for points, values in keys]
+    while people and isinstance(people[0], list):  # one list an image
+        if len(people) > 1:
+            raise ValueError(f"it has people of {len(people)} images: keep those of this photo")
+        people = people[0]
+    rows: list[Row] = []
+    for number, one in enumerate(people):
+        scores = one.get("keypoint_scores", one.get("scores"))
+        labels = one.get("labels")
+        names = None if labels is None else [_label(int(label)) for label in labels]
+        rows += _pairs(number, one["keypoints"], scores or (), names)
+    return KeypointTable(tuple(rows), True)
+
+
+def _label(label: int) -> str:
+    """Return the joint of a label of transformers, which counts COCO's 17."""
+    joints = _BY_COUNT[17]
+    if not 0 <= label < len(joints):
+        raise ValueError(
+            f"it has the label {label}, and those of COCO's joints are 0 to {len(joints) - 1}"
+        )
+    return joints[label]
+
+
+def _has_scores(document: Any) -> bool:
+    people = (
+        document.get("instance_info", document.get("predictions"))
+        if isinstance(document, Mapping)
+        else document
+    )
+    if people is None:
+        people = document
+    people = _innermost(people)
+    entry = people if isinstance(people, Mapping) else _first(people)
+    return "keypoints" in entry and ("keypoint_scores" in entry or "scores" in entry)
+
+
+def _read_label_studio(document: Any, photo: str) -> KeypointTable:
+    """Read Label Studio's export of one task: each mark is a percentage of the image; all are of
+    one person.
+    """
+    tasks = document if isinstance(document, list) else [document]
+    if len(tasks) > 1:
+        raise ValueError(f"it has {len(tasks)} tasks of Label Studio: keep that of this photo")
+    marks = [
+        one
+        for made in tasks[0]["annotations"]
+        for one in made.get("result", ())
+        if one["type"] == "keypointlabels"
+    ]
+    rows: list[Row] = []
+    size = None
+    for one in marks:
+        size = _stated_size(one, "original_width", "original_height")
+        if size is None:
+            raise ValueError("a mark of Label Studio lacks original_width and original_height")
+        value = one["value"]
+        x, y = (value[axis] / 100 * side - 0.5 for axis, side in zip("xy", size, strict=True))
+        rows.append((0, str(value["keypointlabels"][0]), x, y, 2.0))
+    return KeypointTable(tuple(rows), False, size)
+
+
+def _is_label_studio(document: Any) -> bool:
+    task = document if isinstance(document, Mapping) else _first(document)
+    made = task.get("annotations")
+    return isinstance(made, list) and "result" in _first(made)
+
+
+def _innermost(document: Any) -> Any:
+    """Return the first list of objects in lists of lists, or the document itself."""
+    while isinstance(document, list) and document and isinstance(document[0], list):
+        document = document[0]
+    return document
+
+
+def _is_mediapipe(document: Any) -> bool:
+    """Return whether a document has landmarks of MediaPipe, in its objects or alone."""
+    for key in ("pose_landmarks", "landmarks", "landmark"):
+        document = _innermost(
+            document.get(key, document) if isinstance(document, Mapping) else document
+        )
+    return {"x", "y", "z"} <= _first(document).keys()
+
+
+_LABELME = """it is a file of labelme; this Python prints it as CSV:
+    import json
+    print("person,joint,x,y")
+    for mark in json.load(open("FILE.json"))["shapes"]:
+        print(mark["group_id"] or 0, mark["label"], *mark["points"][0], sep=",")"""
+_MEDIAPIPE = """it has landmarks of MediaPipe, which are shares of the picture; this Python prints them:
+    from physic_core.types.skeletons import SKELETONS
+    print("person,joint,x,y")
+    for name, mark in zip(SKELETONS["blazepose33"].names, LANDMARKS):
+        if mark["visibility"] > 0.5:
+            print(0, name, mark["x"] * WIDTH - 0.5, mark["y"] * HEIGHT - 0.5, sep=",")"""  # noqa: E501
+_REFUSED: tuple[tuple[Callable[[Any], bool], str], ...] = (
+    (lambda d: isinstance(d, Mapping) and "shapes" in d, _LABELME),
+    (_is_mediapipe, _MEDIAPIPE),
+)
+_Reader = Callable[[Any, str], KeypointTable]
+_FORMS: tuple[tuple[Callable[[Any], bool], _Reader], ...] = (
+    (_is_label_studio, _read_label_studio),
+    (lambda d: isinstance(d, Mapping) and "people" in d, _read_openpose),
+    (lambda d: isinstance(_first(d).get("keypoints"), Mapping), _read_ultralytics),
+    (_has_scores, _read_scored),
+    (_is_coco, _read_coco),
+)

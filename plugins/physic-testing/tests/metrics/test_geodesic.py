@@ -1,0 +1,95 @@
+"""Geodesic contact error: answers by hand, and a slow twin."""
+
+from __future__ import annotations
+
+import heapq
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from physic_testing.metrics import distance_to_sources, geodesic_error, surface_graph
+
+pytestmark = pytest.mark.quick
+
+
+def strip(cells):
+    """A flat band of squares, 1 m wide, each of two triangles; vertex 2k + s lies at x = k, y =
+    s.
+    """
+    vertices = np.array([[k, s, 0] for k in range(cells + 1) for s in (0, 1)], float)
+    faces = [
+        t
+        for k in range(cells)
+        for t in ([2 * k, 2 * k + 2, 2 * k + 1], [2 * k + 1, 2 * k + 2, 2 * k + 3])
+    ]
+    return vertices, np.array(faces)
+
+
+def marks(count, *ids):
+    flags = np.zeros(count, bool)
+    flags[list(ids)] = True
+    return flags
+
+
+def twin(vertices, faces, sources):
+    """Dijkstra with a heap over the edges of every triangle."""
+    near = {i: set() for i in range(len(vertices))}
+    for face in faces:
+        for a in face:
+            near[a] |= set(face) - {a}
+    best = np.full(len(vertices), np.inf)
+    heap = [(0.0, i) for i in np.flatnonzero(sources)]
+    while heap:
+        way, i = heapq.heappop(heap)
+        if way < best[i]:
+            best[i] = way
+            for j in near[i]:
+                heapq.heappush(heap, (way + float(np.linalg.norm(vertices[i] - vertices[j])), j))
+    return best
+
+
+def test_errors_on_a_strip_equal_those_computed_by_hand():
+    graph = surface_graph(*strip(5))
+    # x = 0, 2, 5 against 2, 3 on one side
+    predicted = marks(12, 0, 4, 10)
+    truth = marks(12, 4, 6)
+    error = geodesic_error(graph, predicted, truth)
+    assert error.false_positive_cm == pytest.approx(100 * (2 + 0 + 2) / 3)
+    assert error.false_negative_cm == pytest.approx(100 * (0 + 1) / 2)
+    assert error.unreachable == 0
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 6))
+def test_distances_equal_the_slow_reference(seed, sources):
+    rng = np.random.default_rng(seed)
+    ball = trimesh.creation.icosphere(subdivisions=1)
+    vertices = ball.vertices * rng.uniform(0.5, 1.5, (len(ball.vertices), 1))
+    chosen = marks(len(vertices), *rng.integers(len(vertices), size=sources))
+    plain = distance_to_sources(surface_graph(vertices, ball.faces), chosen)
+    np.testing.assert_allclose(plain, twin(vertices, ball.faces, chosen), atol=1e-12)
+
+
+def test_an_empty_set_has_no_error():
+    graph = surface_graph(*strip(2))
+    for guess, fact in ((marks(6), marks(6, 0)), (marks(6, 0), marks(6))):
+        error = geodesic_error(graph, guess, fact)
+        assert np.isnan([error.false_positive_cm, error.false_negative_cm]).all()
+
+
+def test_unreachable_vertices_are_counted_separately():
+    vertices, faces = strip(1)
+    graph = surface_graph(
+        np.concatenate([vertices, vertices + 9]), np.concatenate([faces, faces + 4])
+    )
+    error = geodesic_error(graph, marks(8, 1, 6), marks(8, 0))
+    assert (error.false_positive_cm, error.false_negative_cm, error.unreachable) == (
+        pytest.approx(100),
+        100,
+        1,
+    )
+    error = geodesic_error(graph, marks(8, 6), marks(8, 0))
+    assert np.isnan([error.false_positive_cm, error.false_negative_cm]).all()
+    assert error.unreachable == 2

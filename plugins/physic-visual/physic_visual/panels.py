@@ -1,0 +1,400 @@
+"""Preview panels: photo, overlay, depth and contact views, each (H, W, 3) uint8 RGB, and the table
+of people.
+
+The table has each person's contact, grade, distance, and the checks that the grade comes from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from physic_core.body import JOINT_INDEX, joint_pair
+from physic_core.geometry import gltf_from_camera, transform_points
+from physic_core.types import Grade, contacts_text, grade_text, metres_text
+from physic_visual.palette import painted_contact, person_color
+from physic_visual.render import (
+    RenderedLayer,
+    View,
+    blend_over,
+    picture_bytes,
+    render_mesh,
+    render_points,
+    shade,
+)
+from physic_visual.views import PAGE_RGB
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.types import Reconstruction, UInt8Array
+    from physic_visual.views import PreviewGeometry
+
+    Array = NDArray[np.float64]
+    Line = tuple[str, tuple[int, int, int]]
+
+_OUTLINE_PX = 2
+_SPOT_PX = 5  # side of the squares drawn for a body's triangles, at twice the size
+_LARGE = 95  # percentile of the triangles' areas that a square covers
+_MOST_SPOTS = 200_000  # triangles
+_STEP = 0.05  # difference of colour between two people, or a person and the background, of 1
+
+CONTACT_VIEWS = ("front", "back", "below")
+"""Views of a person that show contact."""
+
+_FAR = 60.0  # metres where the colours end
+
+_LEFT_HIP, _RIGHT_HIP = joint_pair("hip")
+_LEFT_SHOULDER, _RIGHT_SHOULDER = joint_pair("shoulder")
+_PELVIS = JOINT_INDEX["pelvis"]
+_NECK = JOINT_INDEX["neck"]
+# The font has none of these.
+_PLAIN = str.maketrans(
+    {"×": "x", "—": "-", "–": "-", "−": "-", "’": "'", "‘": "'", "“": '"', "”": '"', "…": "..."}
+)
+
+UNKNOWN_RGB = (190, 190, 188)
+"""sRGB colour of unknown depth."""
+
+MAX_PEOPLE = 16
+"""Maximum number of people with a row."""
+
+INK_RGB = (32, 34, 38)
+SOFT_RGB = (98, 102, 108)
+ALERT_RGB = (178, 48, 34)
+_GRADE_RGB = {Grade.GOOD: (28, 122, 70), Grade.DOUBTFUL: (150, 96, 10), Grade.BAD: ALERT_RGB}
+_RULE_RGB = (206, 206, 202)
+
+
+def photo_panel(image: UInt8Array, width: int, height: int) -> UInt8Array:
+    """Resize the photo to a panel."""
+    import cv2
+
+    way = cv2.INTER_AREA if width < image.shape[1] else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(image, (width, height), interpolation=way), np.uint8)
+
+
+def overlay_panel(
+    reconstruction: Reconstruction, geometry: PreviewGeometry, width: int, height: int
+) -> UInt8Array:
+    """Draw the bodies over the photo; nearer ones hide farther ones."""
+    photo = photo_panel(reconstruction.image, width, height)
+    return bodies_over(photo, View.perspective(reconstruction.intrinsics, width, height), geometry)
+
+
+def bodies_over(photo: UInt8Array, view: View, geometry: PreviewGeometry) -> UInt8Array:
+    """Draw the dressed bodies, each in an outline, over a photo (H, W, 3) as a view of the same
+    size shows them.
+    """
+    import cv2
+
+    if geometry.people is None:
+        return photo
+    colors = np.concatenate([geometry.dress, geometry.people_colors], 1)
+    layer = render_mesh(geometry.people, view, colors)
+    dressed, plain = (np.ascontiguousarray(one) for one in np.split(layer.color, 2, axis=-1))
+    plain = cv2.medianBlur(plain, 3)  # a ray may pass between two triangles
+    picture = blend_over(replace(layer, color=dressed), (photo / 255.0).astype(np.float32))
+    near = np.ones((2 * _OUTLINE_PX + 1,) * 2, np.uint8)
+    step = cv2.dilate(plain, near) - cv2.erode(plain, near, borderType=cv2.BORDER_REPLICATE)
+    outline = (layer.alpha == 1) & (step > _STEP).any(-1)
+    picture[outline] = plain[outline]
+    return picture_bytes(picture)
+
+
+def depth_range(reconstruction: Reconstruction) -> tuple[float, float]:
+    """Return minimum and maximum depth of the colour map, metres."""
+    scene = reconstruction.scene
+    depth = scene.points[..., 2][scene.valid & np.isfinite(scene.points[..., 2])]
+    if not depth.size:
+        return 1.0, 10.0
+    near, far = (
+        float(value) for value in np.percentile(depth[:: max(1, depth.size // 100_000)], [1, 99])
+    )
+    near = max(near, 0.05)
+    return near, max(min(far, _FAR), near * 1.1)
+
+
+def depth_panel(reconstruction: Reconstruction, width: int, height: int) -> UInt8Array:
+    """Draw the depth of the scene without people, with outlines of people in white and unknown
+    depth in grey.
+    """
+    import cv2
+
+    def shrunk(array: NDArray[Any]) -> NDArray[Any]:
+        return np.asarray(cv2.resize(array, (width, height), interpolation=cv2.INTER_NEAREST))
+
+    scene = reconstruction.scene
+    near, far = depth_range(reconstruction)
+    depth = shrunk(
+        np.nan_to_num(scene.points[..., 2], nan=far, posinf=far, neginf=near).astype(np.float32)
+    )
+    picture = colored_depth(depth, near, far)
+    picture[shrunk(scene.valid.astype(np.uint8)) == 0] = UNKNOWN_RGB
+    for person in reconstruction.people:
+        outline, _ = cv2.findContours(
+            shrunk(person.mask.astype(np.uint8)), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
+        )
+        cv2.drawContours(picture, outline, -1, (255, 255, 255), 1, cv2.LINE_AA)
+    return picture
+
+
+def colored_depth(depth: NDArray[Any], near: float, far: float) -> UInt8Array:
+    """Convert a depth map (H, W) in metres to turbo colours of its logarithm, near red, far
+    blue.
+    """
+    import cv2
+
+    share = np.clip(np.log(far / np.clip(depth, near, far)) / np.log(far / near), 0.0, 1.0)
+    colors = cv2.applyColorMap((share * 255).astype(np.uint8), cv2.COLORMAP_TURBO)
+    return np.ascontiguousarray(colors[..., ::-1], dtype=np.uint8)
+
+
+def render_contact_views(
+    reconstruction: Reconstruction, index: int, width: int, height: int
+) -> UInt8Array:
+    """Draw one person as in ``CONTACT_VIEWS``, side by side, with contact in the colour of what is
+    touched.
+
+    The view from below is enlarged by up to 1.5 times.
+    """
+    import cv2
+
+    person = reconstruction.people[index]
+    matrix = gltf_from_camera(reconstruction.scene.level)
+    vertices = transform_points(matrix, person.vertices)
+    joints = transform_points(matrix, person.joints)
+    picture = np.tile((np.array(PAGE_RGB) / 255).astype(np.float32), (height, width, 1))
+    if not person.has_body:
+        return picture_bytes(picture)
+    edges = np.linspace(0, width, len(CONTACT_VIEWS) + 1).astype(int)
+    views = _contact_cameras(vertices, joints, np.diff(edges), height)
+    paint = painted_contact(person, reconstruction.contact_partners) / 255.0
+    corners = np.concatenate([vertices, paint], 1)[reconstruction.faces]
+    corners, normals = _small_triangles(corners, (_SPOT_PX / views[0].focal[0]) ** 2)
+    # Squares at the middles of small triangles are drawn faster than triangles.
+    middles, colors = np.split(corners.mean(1), 2, axis=1)
+    for view, left, end in zip(views, edges[:-1], edges[1:], strict=True):
+        front = normals @ view.axes[2] < 0
+        shaded = shade(normals[front], view.axes, colors[front])
+        layer = render_points(view, middles[front], shaded, _SPOT_PX // 2)
+        color, alpha = (
+            cv2.resize(one, (int(end - left), height), interpolation=cv2.INTER_AREA)
+            for one in (layer.color, layer.alpha)
+        )
+        picture[:, left:end] = blend_over(RenderedLayer(color, alpha, alpha), picture[:, left:end])
+    return picture_bytes(picture)
+
+
+def _contact_cameras(
+    vertices: Array, joints: Array, widths: NDArray[np.int64], height: int
+) -> list[View]:
+    """Return the cameras of ``CONTACT_VIEWS`` of a person, for pictures of twice a size in px."""
+    sides = _view_axes(joints)
+    reach = np.stack([vertices @ axes.T for axes in sides])
+    low = reach.min(1)
+    high = reach.max(1)
+    extent = high - low + 0.1
+    fits = np.minimum(widths / extent[:, 0], height / extent[:, 1])
+    upright = fits[:2].min()
+    scales = upright, upright, min(fits[2], 1.5 * upright)
+    return [
+        View.orthographic(axes, axes.T @ middle, 2 * scale, (2 * int(width), 2 * height))
+        for axes, middle, scale, width in zip(sides, (low + high) / 2, scales, widths, strict=True)
+    ]
+
+
+def _small_triangles(corners: Array, doubled_area: float) -> tuple[Array, Array]:
+    """Divide triangles (F, 3, n), of which the first values are positions, until nearly all are
+    smaller than a doubled area, and return them with their unit normals.
+    """
+    normals, doubled = _normals(corners)
+    while np.percentile(doubled, _LARGE) > doubled_area and len(corners) < _MOST_SPOTS:
+        beside = 0.5 * (corners + np.roll(corners, -1, axis=1))
+        outer = [np.stack([corners[:, k], beside[:, k], beside[:, k - 1]], 1) for k in range(3)]
+        corners = np.concatenate([*outer, beside])
+        normals, doubled = _normals(corners)
+    return corners, normals
+
+
+def _normals(corners: Array) -> tuple[Array, Array]:
+    """Return unit normals (F, 3) and doubled areas (F,) of triangles, of which the first of (F, 3,
+    n) are positions.
+    """
+    a, b, c = corners[..., :3].transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a)
+    doubled = np.linalg.norm(normals, axis=1)
+    return normals / np.maximum(doubled, 1e-12)[:, None], doubled
+
+
+def _view_axes(joints: Array) -> list[Array]:
+    """Return the axes (3, 3) to the right, the top and the eye (upright frame) of each of
+    ``CONTACT_VIEWS`` of one person.
+    """
+    up = np.array([0.0, 1.0, 0.0])
+    left = joints[_LEFT_HIP] - joints[_RIGHT_HIP] + joints[_LEFT_SHOULDER] - joints[_RIGHT_SHOULDER]
+    spine = _unit(joints[_NECK] - joints[_PELVIS], up)
+    front = _unit(np.cross(left, spine), np.array([0.0, 0.0, 1.0]))
+    top = up - (up @ front) * front
+    # The front of a person lying on the back points up: draw their head at the top of the image.
+    top = _unit(top if np.linalg.norm(top) > 0.5 else spine - (spine @ front) * front, up)
+    level = front - (front @ up) * up
+    level = _unit(
+        level if np.linalg.norm(level) > 0.5 else top - (top @ up) * up, np.array([0.0, 0.0, 1.0])
+    )
+    sides = (np.cross(top, front), top), (np.cross(front, top), top), (np.cross(level, -up), level)
+    return [np.stack([right, above, np.cross(right, above)]) for right, above in sides]
+
+
+def _unit(vector: Array, otherwise: Array) -> Array:
+    length = float(np.linalg.norm(vector))
+    return vector / length if length > 1e-6 else otherwise
+
+
+@cache
+def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    """Return the font of the preview, size in px."""
+    return ImageFont.load_default(size)
+
+
+def draw_text(
+    pen: ImageDraw.ImageDraw,
+    spot: tuple[float, float],
+    text: str,
+    size: int,
+    color: tuple[int, int, int] = INK_RGB,
+    anchor: str = "la",
+) -> None:
+    """Draw one line of text with its upper left corner, or another of Pillow's anchors, at a spot,
+    px.
+    """
+    pen.text(spot, text.translate(_PLAIN), font=font(size), fill=color, anchor=anchor)
+
+
+def wrap(text: str, size: int, width: float, between: str = " ") -> list[str]:
+    """Break a text at ``between`` into as few lines as possible, each at most ``width`` px unless
+    one word is wider.
+    """
+    lines: list[str] = []
+    for word in text.translate(_PLAIN).split(between):
+        longer = f"{lines[-1]}{between}{word}" if lines else word
+        if lines and font(size).getlength(longer) <= width:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    return lines
+
+
+_TEXT = 15  # px, size
+_LINE = 21  # px, height of a line
+_HEAD = 26  # px, height of the head
+_PAD = 10  # px, space in a row
+_NUMBER = 40  # px, width of a column
+_GRADE = 150  # px
+_DISTANCE = 128  # px
+
+
+def people_table(reconstruction: Reconstruction, width: int) -> Image.Image:
+    """Draw a row for each person, up to :data:`MAX_PEOPLE`; nothing in it is shortened.
+
+    Args:
+        reconstruction: with people.
+        width: of the table, px.
+    """
+    people = range(min(len(reconstruction.people), MAX_PEOPLE))
+    tall = int(np.clip(500 / len(people), 100, 160))  # px of the figures
+    free = width - 2 * tall - _NUMBER - _GRADE - _DISTANCE
+    columns = np.cumsum([0, _NUMBER, 2 * tall, _GRADE, _DISTANCE, 0.45 * free]).tolist()
+    rows = [_person_row(reconstruction, index, [*columns, width], tall) for index in people]
+    below = _HEAD + sum(row.height for row in rows)
+    left_out = len(reconstruction.people) - len(people)
+    table = Image.new("RGB", (width, below + (_LINE if left_out else 0)), PAGE_RGB)
+    pen = ImageDraw.Draw(table)
+    names = ("", "", "grade", "distance", "touches (probability)", "why")
+    for name, x in zip(names, columns, strict=True):
+        draw_text(pen, (x, 2), name, _TEXT, SOFT_RGB)
+    for place, name in enumerate(CONTACT_VIEWS):
+        middle = columns[1] + (place + 0.5) * (2 * tall - 16) / len(CONTACT_VIEWS)
+        draw_text(pen, (middle, 2), name, _TEXT, SOFT_RGB, "ma")
+    top = _HEAD
+    for row in rows:
+        table.paste(row, (0, top))
+        top += row.height
+    if left_out:
+        more = f"{left_out} more people: see report.html or reconstruction.json"
+        draw_text(pen, (0, below), more, _TEXT, SOFT_RGB)
+    return table
+
+
+def _person_row(
+    reconstruction: Reconstruction, index: int, edges: Sequence[float], tall: int
+) -> Image.Image:
+    """Draw the row of a person.
+
+    Args:
+        reconstruction: with the person.
+        index: of the person.
+        edges: (7,) of the columns, px.
+        tall: least height of the figures, px.
+    """
+    _, left, after, *_, touches, why, width = edges
+    cells = _cells(reconstruction, index, why - touches - 28, width - why - 28)
+    height = max(tall, _LINE * max(map(len, cells))) + _PAD
+    row = Image.new("RGB", (int(width), height), PAGE_RGB)
+    pen = ImageDraw.Draw(row)
+    pen.line((0, 0, width, 0), fill=_RULE_RGB)
+    draw_person_number(pen, 16, 20, index)
+    picture = render_contact_views(reconstruction, index, int(after - left) - 16, height - _PAD)
+    row.paste(Image.fromarray(picture), (int(left), _PAD // 2))
+    for x, lines in zip(edges[2:-1], cells, strict=True):
+        for number, (text, color) in enumerate(lines):
+            draw_text(pen, (x, 8 + _LINE * number), text, _TEXT, color)
+    return row
+
+
+def draw_person_number(pen: ImageDraw.ImageDraw, x: float, y: float, index: int) -> None:
+    """Draw a person's number on a disc in their colour."""
+    pen.ellipse(
+        (x - 11, y - 11, x + 11, y + 11), fill=person_color(index), outline=(255, 255, 255), width=2
+    )
+    draw_text(pen, (x, y), str(index), 14, (20, 20, 20), "mm")
+
+
+def _cells(
+    reconstruction: Reconstruction, index: int, touch_px: float, why_px: float
+) -> list[list[Line]]:
+    """Return the lines of grade, distance, contact and reasons, each with its colour."""
+    person = reconstruction.people[index]
+    distance = float(np.linalg.norm(person.joints[0]))
+    sigma = reconstruction.distance_sigmas[index]
+    likely, assumed = (contacts_text(person.contacts, assumed=one) for one in (False, True))
+    possible = contacts_text(person.contacts, likely=False)
+    touches: list[Line] = []
+    if likely:
+        touches.append((likely, INK_RGB))
+    if assumed:
+        touches.append((assumed, SOFT_RGB))
+    if possible:
+        touches.append((f"possible: {possible}", SOFT_RGB))
+    if not touches:
+        count = f"{np.sum(person.contact)} of {len(person.contact)} vertices"
+        touches = [(count if person.contact_partner is None else "none", SOFT_RGB)]
+    grade_rgb = INK_RGB if person.grade is None else _GRADE_RGB[person.grade]
+    return [
+        _wrapped([(grade_text(person.grade, person.trust, person.marks), grade_rgb)], _GRADE - 16),
+        _wrapped(
+            [(metres_text(distance, sigma, 1) if np.isfinite(distance) else "unknown", INK_RGB)],
+            _DISTANCE - 16,
+        ),
+        _wrapped(touches, touch_px),
+        _wrapped([(person.why or "no checks were run", INK_RGB)], why_px),
+    ]
+
+
+def _wrapped(texts: list[Line], width: float) -> list[Line]:
+    return [(line, color) for text, color in texts for line in wrap(text, _TEXT, width)]

@@ -1,0 +1,408 @@
+"""Render ``preview.png``, an image to check the quality of a reconstruction.
+
+People without a body are dashed boxes with the reason.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PIL import Image, ImageDraw
+from PIL.PngImagePlugin import PngInfo
+
+from physic_core.files import MARK
+from physic_core.geometry import up_in_camera
+from physic_core.types import grade_text, metres_text, summarize_checks
+from physic_visual.numbers import draw_numbers, heads_in_photo, surfaces_in_photo
+from physic_visual.palette import (
+    CONTACT_PALETTE,
+    FAINT,
+    FLOOR_RGB,
+    contact_legend,
+    has_faint_contact,
+)
+from physic_visual.panels import (
+    ALERT_RGB,
+    INK_RGB,
+    SOFT_RGB,
+    UNKNOWN_RGB,
+    colored_depth,
+    depth_panel,
+    depth_range,
+    draw_text,
+    font,
+    overlay_panel,
+    people_table,
+    photo_panel,
+    wrap,
+)
+from physic_visual.textures.dressed import GUESSED
+from physic_visual.views import (
+    PAGE_RGB,
+    LabeledView,
+    build_preview_geometry,
+    side_view,
+    top_view,
+    view_from_aside,
+)
+
+if TYPE_CHECKING:
+    from physic_core.types import Reconstruction, UInt8Array
+    from physic_visual.views import PreviewGeometry
+
+_BOX_RGB = (255, 214, 64)
+_LABEL_RGB = (32, 34, 38)
+_DASH_PX = 7
+_FONT_PX = 12
+
+_Box = tuple[float, float, float, float]
+
+
+def unposed_boxes(reconstruction: Reconstruction) -> list[tuple[_Box, str]]:
+    """Return the boxes (px of the image) and reasons of all people without a body."""
+    found = [(one.box, one.reason) for one in reconstruction.unposed]
+    for index, person in enumerate(reconstruction.people):
+        if not person.has_body:
+            x0, y0, x1, y1 = (float(edge) for edge in person.box)
+            found.append(((x0, y0, x1, y1), f"person {index}: no body"))
+    return found
+
+
+def draw_unposed(
+    pen: ImageDraw.ImageDraw,
+    reconstruction: Reconstruction,
+    x: float,
+    y: float,
+    width: float,
+    height: float,
+) -> None:
+    """Draw the boxes of people without a body on a panel that shows the image at x, y, width,
+    height px.
+    """
+    rows, columns = reconstruction.image.shape[:2]
+    for box, reason in unposed_boxes(reconstruction):
+        edges = np.array(box) * ([width / columns, height / rows] * 2)
+        x0, y0, x1, y1 = np.clip(edges, 0, [width - 1, height - 1] * 2) + np.array([x, y] * 2)
+        _draw_dashed(pen, [(x0, y0), (x1, y0), (x1, y1), (x0, y1)], _BOX_RGB)
+        wide = font(_FONT_PX).getlength(reason)
+        if wide + 4 <= x1 - x0:  # in a smaller box of a crowd, the summary names the reason
+            pen.rectangle((x0 + 1, y1 - _FONT_PX - 4, x0 + wide + 5, y1 - 1), fill=_LABEL_RGB)
+            draw_text(pen, (x0 + 3, y1 - 3), reason, _FONT_PX, _BOX_RGB, "ls")
+
+
+def _draw_dashed(
+    pen: ImageDraw.ImageDraw, corners: Sequence[tuple[float, float]], rgb: tuple[int, int, int]
+) -> None:
+    """Draw a closed outline through corners, px, in dashes."""
+    for start, end in zip(corners, [*corners[1:], corners[0]], strict=True):
+        count = max(1, round(math.dist(start, end) / _DASH_PX))
+        spots = np.linspace(start, end, count + 1).tolist()
+        for dash in range(0, count, 2):
+            pen.line((*spots[dash], *spots[dash + 1]), fill=rgb, width=2)
+
+
+_WIDTH = 1280
+"""Width of the preview, px."""
+
+_MARGIN = 24
+_GAP = 18
+_TITLE = 30
+_TALLEST = 540  # px, most height of a picture
+_ROW = 320  # px, height of the views below
+_CELL = (_WIDTH - 2 * _MARGIN - 2 * _GAP) // 3  # width of a column, px
+_SHOWN_MESSAGES = 6
+_NAME = 17  # height of a name in a view, px
+_DEPTH_TITLE = "Depth without people"
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """Position and size of a panel without its title, px."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+
+def preview_png(reconstruction: Reconstruction) -> bytes:
+    """Render the preview of a reconstruction and encode it as PNG."""
+    buffer = io.BytesIO()
+    note = PngInfo()
+    note.add_text("Comment", MARK)
+    preview_image(reconstruction).save(buffer, "PNG", compress_level=1, pnginfo=note)
+    return buffer.getvalue()
+
+
+def preview_image(reconstruction: Reconstruction) -> Image.Image:
+    """Render photo, overlay, depth, three views and a table of people in one image, 1280 px
+    wide.
+    """
+    height, width = reconstruction.image.shape[:2]
+    geometry = build_preview_geometry(reconstruction)
+    room = _WIDTH - 2 * _MARGIN
+    facts = wrap(summary_line(reconstruction), 17, room, "  ·  ")
+    lines = [
+        *((line, ALERT_RGB) for line in _message_lines("! ", reconstruction.warnings)),
+        *((line, SOFT_RGB) for line in _message_lines("", reconstruction.notes)),
+    ]
+    frames = _layout(width / height, _MARGIN + 42 + 24 * len(facts) + 14)
+    below = max(frame.y + frame.height for frame in frames) + 14
+    table = people_table(reconstruction, room) if reconstruction.people else None
+    messages = below if table is None else below + _TITLE + table.height + 10
+    page = Image.new("RGB", (_WIDTH, messages + _MARGIN + 24 * len(lines)), PAGE_RGB)
+    pen = ImageDraw.Draw(page)
+    draw_text(pen, (_MARGIN, _MARGIN - 6), _title(reconstruction), 30)
+    for line, fact in enumerate(facts):
+        draw_text(pen, (_MARGIN, _MARGIN + 38 + 24 * line), fact, 17, SOFT_RGB)
+    _draw_photo_panels(page, frames[:3], reconstruction, geometry)
+    _draw_views(page, frames[3:], geometry, has_up=reconstruction.scene.level is not None)
+    if table is not None:
+        title = "Contact and checks"
+        draw_text(pen, (_MARGIN, below), title, 18)
+        beside = _MARGIN + font(18).getlength(title) + 24
+        _contact_legend(pen, (beside, below + 6), reconstruction)
+        page.paste(table, (_MARGIN, below + _TITLE))
+    for row, (text, color) in enumerate(lines):
+        draw_text(pen, (_MARGIN, messages + 24 * row), text, 16, color)
+    return page
+
+
+def _draw_photo_panels(
+    page: Image.Image,
+    frames: Sequence[_Frame],
+    reconstruction: Reconstruction,
+    geometry: PreviewGeometry,
+) -> None:
+    """Draw the photo, its people with numbers and names of surfaces, and its depth."""
+    import cv2
+
+    photo, mesh, depth = frames
+    size = photo.width, photo.height
+    pen = ImageDraw.Draw(page)
+    _draw_panel(page, photo, "Photo", photo_panel(reconstruction.image, *size))
+    overlay = overlay_panel(reconstruction, geometry, *size)
+    _draw_panel(page, mesh, "People over the photo", overlay)
+    draw_unposed(pen, reconstruction, mesh.x, mesh.y, *size)
+    draw_numbers(pen, (mesh.x, mesh.y), heads_in_photo(reconstruction, *size), size)
+    for name, (column, row) in surfaces_in_photo(reconstruction, *size).items():
+        _draw_over(pen, (mesh.x + column, mesh.y + row), name, PAGE_RGB, "mm")
+    depths = depth_panel(reconstruction, *size)
+    _draw_panel(page, depth, _DEPTH_TITLE, depths)
+    _depth_bar(page, depth, depth_range(reconstruction))
+    # a pixel is not seen
+    if cv2.erode((depths == UNKNOWN_RGB).all(-1).astype(np.uint8), np.ones((3, 3))).any():
+        at = depth.x + 6, depth.y + depth.height - 6
+        _draw_over(pen, at, "grey: distance unknown", UNKNOWN_RGB, "ls")
+
+
+def _draw_views(
+    page: Image.Image, frames: Sequence[_Frame], geometry: PreviewGeometry, *, has_up: bool
+) -> None:
+    """Draw people and scene at an angle, from the side and from above."""
+    aside, side, above = frames
+    size = aside.width, aside.height
+    up = "" if has_up else " (up is the camera's)"
+    _draw_panel(page, aside, "At an angle", view_from_aside(geometry, *size))
+    _draw_view(page, side, f"From the side{up}", side_view(geometry, *size))
+    _draw_view(page, above, "From above", top_view(geometry, *size))
+    if geometry.crowns:
+        at = aside.x + aside.width, aside.y - 8
+        draw_text(ImageDraw.Draw(page), at, GUESSED, 14, SOFT_RGB, "rs")
+
+
+def _draw_over(
+    pen: ImageDraw.ImageDraw,
+    at: tuple[float, float],
+    text: str,
+    rgb: tuple[int, int, int],
+    anchor: str,
+) -> None:
+    """Draw a text that can be read on any picture."""
+    pen.text(at, text, font=font(13), fill=rgb, anchor=anchor, stroke_width=2, stroke_fill=INK_RGB)
+
+
+def summary_line(reconstruction: Reconstruction) -> str:
+    """Return one line of text with grade, size, focal length, scale, floor, time and checks of a
+    reconstruction.
+    """
+    camera = reconstruction.intrinsics
+    scene = reconstruction.scene
+    facts = [
+        f"grade: {grade_text(reconstruction.grade, reconstruction.trust)}",
+        f"{camera.width} x {camera.height} px",
+        f"focal length {math.sqrt(camera.fx * camera.fy):.0f} px, {camera.source}",
+        _errors(reconstruction),
+        *(
+            [f"scene resized by {100 * (scene.scale - 1):+z.1f} % to fit the people"]
+            if reconstruction.people
+            else []
+        ),
+    ]
+    if scene.floor is None:
+        facts.append("no floor found")
+    else:
+        pitch = math.degrees(math.asin(float(np.clip(-up_in_camera(scene.level)[2], -1.0, 1.0))))
+        way = "down" if pitch >= 0 else "up"
+        height = metres_text(scene.floor.offset, scene.scale_sigma)
+        facts.append(f"camera {height} above the floor, looking {abs(pitch):.0f}° {way}")
+    seconds = sum(stage.seconds for stage in reconstruction.stages)
+    if seconds:
+        facts.append(f"{seconds:.1f} s")
+    facts.append(f"checks: {summarize_checks(reconstruction.checks)}")
+    count = len(reconstruction.warnings)
+    facts.append(f"{count or 'no'} warning{'' if count == 1 else 's'}")
+    return "  ·  ".join(facts)
+
+
+def _errors(reconstruction: Reconstruction) -> str:
+    """Return the errors of lengths, and of distances from the camera, to which that of the focal
+    length adds.
+    """
+    scale = reconstruction.scene.scale_sigma
+    distance = reconstruction.distance_sigma
+    if scale is None or distance is None:
+        return "scale of unknown certainty"
+    beside = (
+        f" (with the error of the focal length, distances from the camera ±{100 * distance:.0f} %)"
+    )
+    return f"scale ±{100 * scale:.0f} %{beside if distance > scale else ''}"
+
+
+def _title(reconstruction: Reconstruction) -> str:
+    people = len(reconstruction.people)
+    unposed = len(reconstruction.unposed)
+    found = {0: "No person: the scene alone", 1: "1 person"}.get(people, f"{people} people")
+    return f"{found}, {unposed} without a body" if unposed else found
+
+
+def _layout(aspect: float, top: int) -> tuple[_Frame, ...]:
+    """Return the frames of photo, overlay and depth in a row below a row of px, and of three views
+    below them.
+    """
+    y = top + _TITLE
+    height = min(_TALLEST, round(_CELL / aspect))
+    width = max(round(height * aspect), 1)
+    low = y + height + _GAP + _TITLE
+    columns = [_MARGIN + i * (_CELL + _GAP) for i in range(3)]
+    return (
+        *(_Frame(x, y, width, height) for x in columns),
+        *(_Frame(x, low, _CELL, _ROW) for x in columns),
+    )
+
+
+def _draw_panel(page: Image.Image, frame: _Frame, title: str, picture: UInt8Array) -> None:
+    pen = ImageDraw.Draw(page)
+    draw_text(pen, (frame.x, frame.y - 26), title, 18)
+    page.paste(Image.fromarray(picture), (frame.x, frame.y))
+    pen.rectangle(
+        (frame.x - 1, frame.y - 1, frame.x + frame.width, frame.y + frame.height),
+        outline=(206, 206, 202),
+    )
+
+
+def _depth_bar(page: Image.Image, frame: _Frame, ends: tuple[float, float]) -> None:
+    """Draw the colour scale in metres, beside the panel's title."""
+    pen = ImageDraw.Draw(page)
+    near, far = ends
+    width = min(240, int(_CELL - font(18).getlength(_DEPTH_TITLE) - 60))
+    x = frame.x + _CELL - width - 20
+    y = frame.y - 13
+    shades = np.geomspace(near, far, width)[None].repeat(9, 0)
+    page.paste(Image.fromarray(colored_depth(shades, near, far)), (x, y))
+    draw_text(pen, (x, y - 4), f"{near:.2g} m", 13, anchor="lb")
+    draw_text(pen, (x + width, y - 4), f"{far:.2g} m", 13, anchor="rb")
+
+
+def _draw_view(page: Image.Image, frame: _Frame, title: str, plan: LabeledView) -> None:
+    _draw_panel(page, frame, title, plan.picture)
+    pen = ImageDraw.Draw(page, "RGBA")
+    right = frame.x + frame.width
+    if plan.floor_row is not None and 0 <= plan.floor_row < frame.height:
+        row = frame.y + plan.floor_row
+        pen.line((frame.x, row + 1, right - 1, row + 1), fill=(*FLOOR_RGB, 200), width=1)
+        draw_text(pen, (right - 8, row + 3), "floor", 14, FLOOR_RGB, "ra")
+    if plan.camera is not None:
+        x = frame.x + plan.camera[0]
+        y = frame.y + plan.camera[1]
+        pen.ellipse((x - 5, y - 5, x + 5, y + 5), fill=INK_RGB)
+        draw_text(pen, (x + 10, y - 4), "camera", 13, anchor="lm")
+    scale_bar = _draw_scale_bar(pen, frame, plan.pixels_per_metre)
+    _draw_assumed(page, frame, plan)
+    crowns = {index: (column, row - 16) for index, (column, row) in plan.crowns.items()}
+    draw_numbers(pen, (frame.x, frame.y), crowns, (frame.width, frame.height), [scale_bar])
+
+
+def _draw_scale_bar(pen: ImageDraw.ImageDraw, frame: _Frame, pixels_per_metre: float) -> _Box:
+    """Draw a scale of metres in the upper left corner of a frame, and return its box in the
+    frame.
+    """
+    length = next((bar for bar in (1, 2, 5, 10) if bar * pixels_per_metre >= 40), 20)
+    x = frame.x + 16
+    y = frame.y + 28
+    end = x + length * pixels_per_metre
+    pen.rectangle((x - 10, y - 23, end + 10, y + 10), fill=(*PAGE_RGB, 210))
+    pen.line((x, y, end, y), fill=INK_RGB, width=3)
+    for edge in (x, end):
+        pen.line((edge, y - 5, edge, y + 5), fill=INK_RGB, width=2)
+    draw_text(pen, ((x + end) / 2, y - 5), f"{length} m", 14, anchor="mb")
+    return 6, 5, end + 10 - frame.x, 38
+
+
+def _draw_assumed(page: Image.Image, frame: _Frame, plan: LabeledView) -> None:
+    """Draw the outlines of the supports that the photo does not show in a view, with their
+    names.
+    """
+    import cv2
+
+    taken: list[tuple[float, float, float]] = []  # left, right and top of names
+    for name, corners in plan.assumed:
+        layer = page.crop((frame.x, frame.y, frame.x + frame.width, frame.y + frame.height))
+        outline = cv2.convexHull(corners.astype(np.float32))[:, 0]
+        pen = ImageDraw.Draw(layer)
+        rgb = CONTACT_PALETTE["hidden support"]
+        _draw_dashed(pen, [(float(x), float(y)) for x, y in outline], rgb)
+        half = font(14).getlength(name) / 2
+        x = float(np.clip(outline[:, 0].mean(), half, max(half, frame.width - half)))
+        y = float(min(outline[:, 1].max() + 4, frame.height - _NAME))
+        while any(
+            left < x + half and x - half < right and abs(y - top) < _NAME
+            for left, right, top in taken
+        ):
+            y -= _NAME
+        taken.append((x - half, x + half, y))
+        pen.text(
+            (x, y), name, font=font(14), fill=rgb, anchor="ma", stroke_width=2, stroke_fill=PAGE_RGB
+        )
+        page.paste(layer, (frame.x, frame.y))
+
+
+def _contact_legend(
+    pen: ImageDraw.ImageDraw, spot: tuple[float, float], reconstruction: Reconstruction
+) -> None:
+    """Draw name and colour of what people touch, in a line from a spot."""
+    x, y = spot
+    for name, color in contact_legend(reconstruction).items():
+        pen.rectangle((x, y, x + 11, y + 11), fill=color)
+        draw_text(pen, (x + 16, y + 6), name, 14, SOFT_RGB, "lm")
+        x += 30 + font(14).getlength(name)
+    if has_faint_contact(reconstruction):
+        draw_text(pen, (x, y + 6), FAINT, 14, SOFT_RGB, "lm")
+
+
+def _message_lines(mark: str, texts: Sequence[str]) -> list[str]:
+    more = len(texts) - _SHOWN_MESSAGES
+    shown = [
+        *texts[:_SHOWN_MESSAGES],
+        *([f"{more} more in reconstruction.json"] if more > 0 else []),
+    ]
+    return [
+        line
+        for text in shown
+        for line in wrap(f"{mark}{' '.join(text.split())}", 16, _WIDTH - 2 * _MARGIN)
+    ]

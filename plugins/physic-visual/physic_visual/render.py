@@ -1,0 +1,282 @@
+"""Render meshes by ray casting and points as squares, on the CPU without display.
+
+Colours are sRGB in 0-1; row 0 of an image is its top.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from physic_core.geometry import RayCaster
+    from physic_core.types import Intrinsics
+
+    Array = NDArray[np.float64]
+    AnyFloat = NDArray[np.floating[Any]]
+
+_RAYS = 2  # along each side of a pixel that has an edge
+_EDGE = 0.06  # difference of colour or coverage between neighbouring pixels that is an edge, of 1
+
+LONGEST_BODY_EDGE_M = 2.0
+"""Longest edge of a body's triangle that is drawn.
+
+Those of plausible bodies are up to 6 cm long.
+"""
+
+
+@dataclass(frozen=True)
+class View:
+    """Camera of a picture, with a pinhole or with parallel rays.
+
+    Attributes:
+        axes: (3, 3) unit vectors towards the right, down and ahead, as rows.
+        origin: (3,) metres, the pinhole, or a point of the plane in which parallel rays start;
+            nearer geometry is not seen.
+        focal: (2,) px; px per metre for parallel rays.
+        centre: (2,) column and row of the ray that starts in ``origin``.
+        size: width and height, px.
+        is_parallel: whether rays are parallel.
+    """
+
+    axes: Array
+    origin: Array
+    focal: Array
+    centre: Array
+    size: tuple[int, int]
+    is_parallel: bool
+
+    @classmethod
+    def perspective(cls, intrinsics: Intrinsics, width: int, height: int) -> View:
+        """Return the camera of a photo, at the origin of the OpenCV frame, with pictures of width x
+        height px.
+        """
+        camera = intrinsics.resized(width, height)
+        focal = np.array([camera.fx, camera.fy])
+        centre = np.array([camera.cx, camera.cy])
+        return cls(np.eye(3), np.zeros(3), focal, centre, (width, height), False)
+
+    @classmethod
+    def orthographic(
+        cls, axes: Array, middle: Array, scale: float, size: tuple[int, int], start: float = 50.0
+    ) -> View:
+        """Return a view of parallel rays.
+
+        Args:
+            axes: (3, 3) unit vectors towards the right, the top and the eye, as rows.
+            middle: (3,) metres, the point in the middle of the picture.
+            scale: px per metre.
+            size: width and height, px.
+            start: metres in front of ``middle`` where rays start.
+        """
+        centre = (np.array(size) - 1) / 2
+        origin = middle + start * axes[2]
+        return cls(axes * [[1.0], [-1.0], [-1.0]], origin, np.full(2, scale), centre, size, True)
+
+    def project(self, points: AnyFloat) -> AnyFloat:
+        """Project points (N, 3) to column and row in px, and distance from the origin along the
+        view in metres.
+        """
+        spots: AnyFloat = (points - self.origin.astype(points.dtype)) @ self.axes.T.astype(
+            points.dtype
+        )
+        if not self.is_parallel:
+            spots[:, :2] /= np.where(spots[:, 2:] > 1e-6, spots[:, 2:], np.nan)
+        spots[:, :2] *= self.focal
+        spots[:, :2] += self.centre
+        return spots
+
+    def rays(self, columns: Array, rows: Array) -> tuple[Array, Array]:
+        """Return origins and unit directions (N, 3) of the rays through columns and rows (N,)."""
+        beside = ((np.stack([columns, rows], -1) - self.centre) / self.focal) @ self.axes[:2]
+        if self.is_parallel:
+            return self.origin + beside, np.broadcast_to(self.axes[2], beside.shape)
+        directions = beside + self.axes[2]
+        return np.zeros_like(directions) + self.origin, directions / np.linalg.norm(
+            directions, axis=-1, keepdims=True
+        )
+
+
+@dataclass(frozen=True)
+class RenderedLayer:
+    """Rendered image with transparency and distance.
+
+    Attributes:
+        color: (H, W, C) float32, premultiplied by ``alpha``.
+        alpha: (H, W) float32.
+        distance: (H, W) float32 as in :meth:`View.project`, metres; inf where empty.
+    """
+
+    color: NDArray[np.float32]
+    alpha: NDArray[np.float32]
+    distance: NDArray[np.float32]
+
+
+def prepare_meshes(
+    bodies: Sequence[Array], faces: NDArray[Any], *, longest_edge: float = math.inf
+) -> RayCaster | None:
+    """Concatenate N bodies with common faces for ray casting; None without bodies.
+
+    Args:
+        bodies: vertices of each body, (V, 3) metres.
+        faces: (F, 3) of one body.
+        longest_edge: of a triangle, metres; others are skipped. It bounds the time for bodies of a
+            degenerate backend, of which each triangle may cover the image.
+    """
+    from physic_core.geometry import RayCaster
+
+    if not bodies or not len(faces):
+        return None
+    count = len(bodies[0])
+    vertices = np.concatenate([np.asarray(body, np.float64) for body in bodies])
+    triangles = np.concatenate(
+        [np.asarray(faces, np.int64) + index * count for index in range(len(bodies))]
+    )
+    if math.isfinite(longest_edge):
+        # By columns: sums over an axis of three take several times as long.
+        corners = [vertices[column].T for column in triangles.T]
+        sides = zip(corners, [*corners[1:], corners[0]], strict=True)
+        short = [np.square(end - start).sum(0) <= longest_edge**2 for start, end in sides]
+        triangles = triangles[np.logical_and.reduce(short)]
+        if not len(triangles):
+            return None
+    return RayCaster(vertices, triangles)
+
+
+def render_mesh(shapes: RayCaster, viewer: View, colors: Array) -> RenderedLayer:
+    """Render meshes by ray casting: one ray a pixel, and four where there is an edge.
+
+    Args:
+        shapes: meshes in the frame of ``viewer``.
+        viewer: the camera.
+        colors: (N * V, C) of each vertex.
+    """
+    import cv2
+
+    width, height = viewer.size
+    color = np.zeros((height, width, colors.shape[1] + 1), np.float32)
+    distance = np.full((height, width), np.inf, np.float32)
+    (x0, y0), (x1, y1) = _box_around(viewer.project(shapes.vertices)[:, :2], viewer.size)
+    if x0 < x1 and y0 < y1:
+        columns, rows = np.meshgrid(
+            np.arange(x0, x1, dtype=np.float64), np.arange(y0, y1, dtype=np.float64)
+        )
+        coarse, depth = _cast_rays(shapes, viewer, colors, columns, rows)
+        near = np.ones((3, 3), np.uint8)
+        steep = [cv2.dilate(one, near) - cv2.erode(one, near) > _EDGE for one in cv2.split(coarse)]
+        edge = np.logical_or.reduce(steep)
+        steps = (np.arange(_RAYS) + 0.5) / _RAYS - 0.5
+        beside = np.tile(steps, _RAYS)
+        below = np.repeat(steps, _RAYS)
+        fine, deep = _cast_rays(
+            shapes, viewer, colors, columns[edge, None] + beside, rows[edge, None] + below
+        )
+        coarse[edge] = fine.mean(1)
+        depth[edge] = deep.min(1)
+        color[y0:y1, x0:x1] = coarse
+        distance[y0:y1, x0:x1] = depth
+    return RenderedLayer(color[..., :-1], color[..., -1], distance)
+
+
+def _box_around(spots: AnyFloat, size: tuple[int, int]) -> list[list[int]]:
+    """Return the first column and row of the pixels that contain spots (N, 2), and those behind the
+    last.
+    """
+    low = np.nan_to_num(np.nanmin(spots, 0, initial=np.inf))
+    high = np.nan_to_num(np.nanmax(spots, 0, initial=-np.inf))
+    ends = np.stack([np.floor(low) - 1, np.ceil(high) + 2])
+    box: list[list[int]] = np.clip(ends, 0, size).astype(int).tolist()
+    return box
+
+
+def blend_over(
+    layer: RenderedLayer, picture: NDArray[np.float32], opacity: float | NDArray[np.float32] = 1.0
+) -> NDArray[np.float32]:
+    """Composite a rendered layer over an opaque image (H, W, 3) in 0-1, with one opacity or one per
+    pixel (H, W, 1).
+    """
+    return layer.color * opacity + picture * (1.0 - opacity * layer.alpha[..., None])
+
+
+def picture_bytes(picture: NDArray[np.floating[Any]]) -> NDArray[np.uint8]:
+    """Return an image in 0-1 as bytes; what is beyond is clipped."""
+    return np.asarray(np.clip(picture, 0.0, 1.0) * 255 + 0.5, np.uint8)
+
+
+def render_points(
+    viewer: View, points: AnyFloat, colors: AnyFloat, radius: int = 1
+) -> RenderedLayer:
+    """Render points (N, 3) with sRGB colours (N, 3) as squares of 2 ``radius`` + 1 px, the nearest
+    on top.
+
+    Of points at the same distance, the last is on top.
+    """
+    import cv2
+
+    width, height = viewer.size
+    column, row, distance = viewer.project(points).T
+    with np.errstate(invalid="ignore"):
+        inside = (column > -0.5) & (column < width) & (row > -0.5) & (row < height) & (distance > 0)
+    order = np.flatnonzero(inside)
+    # The nearest come last; kernels of the CPU order equal distances differently unless the sort is
+    # stable.
+    order = order[np.argsort(-distance[order], kind="stable")]
+    columns = np.minimum(np.round(column[order]), width - 1).astype(np.int64)
+    rows = np.minimum(np.round(row[order]), height - 1).astype(np.int64)
+    rank = np.zeros((height, width), np.float32)
+    rank[rows, columns] = np.arange(1, len(order) + 1)  # numpy keeps the last of several writes
+    rank = cv2.dilate(rank, np.ones((2 * radius + 1, 2 * radius + 1), np.uint8))
+    drawn = rank > 0
+    color = np.zeros((height, width, 3), np.float32)
+    depth = np.full((height, width), np.inf, np.float32)
+    shown = order[rank[drawn].astype(np.int64) - 1]
+    color[drawn] = colors[shown]
+    depth[drawn] = distance[shown]
+    return RenderedLayer(color, drawn.astype(np.float32), depth)
+
+
+def _cast_rays(
+    shapes: RayCaster, viewer: View, colors: Array, columns: Array, rows: Array
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Cast rays (...); return colour and coverage (..., C + 1), 0 without a hit, and distance
+    (...), inf there.
+    """
+    origins, directions = viewer.rays(columns.ravel(), rows.ravel())
+    hits = shapes.first(origins, directions)
+    hit = np.flatnonzero(hits.face >= 0)
+    corners = shapes.faces[hits.face[hit]]
+    weights = hits.corners[hit]
+    base = np.einsum("nkc,nk->nc", colors[corners], weights)
+    color = np.zeros((columns.size, colors.shape[1] + 1), np.float32)
+    color[hit, :-1] = base
+    color[hit, -1] = 1.0
+    distance = np.full(columns.size, np.inf, np.float32)
+    ahead = viewer.axes[2]
+    distance[hit] = (origins[hit] - viewer.origin) @ ahead + hits.distance[hit] * (
+        directions[hit] @ ahead
+    )
+    return color.reshape(*columns.shape, color.shape[1]), distance.reshape(columns.shape)
+
+
+def shade(normals: Array, axes: Array, base: Array) -> Array:
+    """Shade colours (N, 3) with a light from the upper left, one from above and darker silhouettes.
+
+    Args:
+        normals: (N, 3) unit.
+        axes: of a view, see :class:`View`.
+        base: sRGB in 0-1.
+    """
+    right, down, ahead = axes
+    key = -ahead - 0.7 * down - 0.5 * right
+    key /= np.linalg.norm(key)
+    direct = np.clip(normals @ key, 0.0, 1.0)
+    sky = 0.5 - 0.5 * (normals @ down)
+    facing = np.clip(-(normals @ ahead), 0.0, 1.0)
+    light = (0.34 + 0.52 * direct + 0.2 * sky) * (0.72 + 0.28 * facing**0.7)
+    return np.asarray(np.clip(base * light[:, None], 0.0, 1.0))

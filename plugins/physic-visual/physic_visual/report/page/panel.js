@@ -1,0 +1,150 @@
+// The text beside the view: people, remarks, checks, licences.
+
+const STATE_CLASS = { failed: "bad", unknown: "doubtful", ok: "good" };
+
+function gradeBadge(graded) {
+  return element("span", { className: `grade ${graded.grade ?? "soft"}`, textContent: graded.graded });
+}
+
+function showPeople(section, data, selected, onSelect) {
+  const chips = data.people.map((person, index) => {
+    const dot = element("span", { className: "dot" });
+    dot.style.background = cssColor(person.color);
+    const button = element("button", { type: "button", "aria-pressed": String(index === selected) },
+      dot, `Person ${index}`);
+    button.addEventListener("click", () => onSelect(index === selected ? null : index));
+    return button;
+  });
+  const title = data.people.length === 0 ? "No person was found" : "People";
+  const advice = selected === null && chips.length
+    ? element("p", { className: "soft", textContent: "Choose a person here, or click on one." }) : null;
+  const missing = data.unposed.length
+    ? element("ul", {}, ...data.unposed.map(one => element("li", { textContent: `No body: ${one.reason} (dashed box)` }))) : null;
+  section.replaceChildren(...[
+    element("h2", { textContent: title }), element("div", { className: "chips" }, ...chips), advice,
+    selected === null ? null : personCard(data, selected), missing].filter(Boolean));
+}
+
+function personCard(data, index) {
+  const person = data.people[index], card = element("div", {});
+  const heading = element("div", { className: "row" }, element("h2", { textContent: `Person ${index}` }), gradeBadge(person));
+  const why = element("p", { className: "why", textContent: person.why });
+  card.append(heading, why, ...checkList(data.checks.filter(check => check.person === index)));
+  if (!person.posed) {
+    card.append(element("p", { textContent: "There is no body: a backend gave no finite values for this person." }));
+  } else {
+    const seen = [
+      ["Seems to", person.posture && `${person.posture}, ${person.posture_probability.toFixed(2)}`],
+      ["Is a child", person.child_probability?.toFixed(2)],
+    ].filter(([, value]) => value);
+    card.append(facts([
+      ...seen,
+      ["Stature", metres(person.stature, person.stature_sigma)],
+      ["To the camera (pelvis)", metres(person.camera, person.distance_sigma)],
+      ["Pelvis over the floor", data.floor ? metres(person.pelvis_height, data.scale_sigma) : "no floor"],
+      ["Lowest point over the floor", data.floor ? metres(person.lowest) : "no floor"],
+    ]));
+    if (person.others.length) {
+      card.append(element("h3", { textContent: "Distances to other people" }), table(
+        ["", "of pelvises", "of surfaces"],
+        person.others.map(other => [`person ${other.person}`, metres(other.pelvis, data.distance_sigma), metres(other.gap, data.distance_sigma)]),
+        ["of pelvises", "of surfaces"]));
+    }
+    if (person.support) card.append(element("h3", { textContent: "Support" }), element("p", { textContent: person.support }));
+    card.append(element("h3", { textContent: "Contact and its probability" }), ...partnerRows(person), ...contactRows(person));
+  }
+  return card;
+}
+
+// What each body part touches, and how surely.
+function partnerRows(person) {
+  if (!person.contacts.length) return [];
+  const rows = person.contacts.map(({ part, partner, color, probability }) => {
+    const dot = element("span", { className: "dot" });
+    dot.style.background = cssColor(color);
+    const sure = probability === null ? "" : `, ${probability.toFixed(2)}`;
+    return element("li", {}, dot, `${part}: ${partner}${sure}`);
+  });
+  const list = chosen => element("ul", { className: "partners" }, ...rows.filter((row, i) => chosen(person.contacts[i])));
+  const apart = (title, chosen) => person.contacts.some(chosen)
+    ? [element("div", { className: "soft possible" }, element("h3", { textContent: title }), list(chosen))]
+    : [];
+  return [
+    list(contact => contact.likely && !contact.assumed),
+    ...apart("Assumed: no pixel shows these parts", contact => contact.likely && contact.assumed),
+    ...apart("Possible contact, less likely than not", contact => !contact.likely),
+  ];
+}
+
+function contactRows(person) {
+  if (!person.contact_vertices) return [element("p", { className: "soft", textContent: "No contact." })];
+  const total = `${person.contact_vertices} of ${person.vertices} vertices touch`;
+  if (!person.contact) {
+    return [element("p", { textContent: `${total}. Body parts are unknown: the body model is not at hand.` })];
+  }
+  const rows = person.contact.map(({ part, cm2, share, colors }) => {
+    const fills = colors.map(one => {
+      const fill = element("b", {});
+      fill.style.width = `${100 * one.share}%`;
+      fill.style.background = cssColor(one.color);
+      return fill;
+    });
+    return element("div", { className: "bar" },
+      element("span", { textContent: part }), element("i", { title: `${percent(share)} of this part` }, ...fills),
+      element("span", { textContent: `${cm2.toFixed(0)} cm²` }));
+  });
+  return [element("h3", { textContent: "Area in contact" }), ...rows, element("p", { className: "soft", textContent: `${total}. The bars show the share of each part.` })];
+}
+
+function facts(pairs) {
+  return element("dl", {}, ...pairs.flatMap(([name, value]) => [
+    element("dt", { textContent: name }), element("dd", { textContent: value })]));
+}
+
+// Rows of text; the columns named in ``right`` are numbers.
+function table(names, rows, right) {
+  const kind = column => (right.includes(names[column]) ? "number" : "");
+  return element("table", {},
+    element("thead", {}, element("tr", {}, ...names.map((name, i) => element("th", { className: kind(i), textContent: name, scope: "col" })))),
+    element("tbody", {}, ...rows.map(row =>
+      element("tr", {}, ...row.map((cell, i) => element("td", { className: kind(i), textContent: cell }))))));
+}
+
+// Failed checks; those that were not measured and those that are ok are folded.
+function checkList(checks) {
+  const rows = state => checks.filter(check => check.state === state).map(checkRow);
+  const folded = (state, name) => rows(state).length
+    ? element("details", {}, element("summary", { textContent: `${rows(state).length} ${name}` }), ...rows(state)) : null;
+  return [...rows("failed"), folded("unknown", "not measured"), folded("ok", "ok")].filter(Boolean);
+}
+
+// Label, value and bound; the name in the code is the tooltip.
+function checkRow(check) {
+  const value = element("span", { className: STATE_CLASS[check.state], textContent: check.value });
+  const bound = check.state === "unknown" ? null : element("span", { className: "soft", textContent: ` (${check.bound})` });
+  const why = check.message ? element("p", { textContent: check.message }) : null;
+  return element("div", { className: "check", title: check.name }, `${check.label}: `, value, bound, why);
+}
+
+function showRemarks(section, data) {
+  const list = texts => element("ul", {}, ...texts.map(text => element("li", { textContent: text })));
+  section.replaceChildren(...[
+    data.warnings.length ? element("h2", { className: "bad", textContent: "Warnings" }) : null,
+    data.warnings.length ? list(data.warnings) : null,
+    data.notes.length ? element("h3", { textContent: "How the numbers were found" }) : null,
+    data.notes.length ? list(data.notes) : null].filter(Boolean));
+}
+
+function showChecks(section, data) {
+  const checks = data.checks.filter(check => check.person === null);
+  if (!checks.length) return;
+  section.replaceChildren(
+    element("h2", { textContent: "Checks of the photo" }),
+    element("p", { className: "soft", textContent: `With those of the people: ${data.checked}` }), ...checkList(checks));
+}
+
+function showLicenses(section, { licenses }) {
+  if (!licenses.length) return;
+  section.replaceChildren(element("details", {}, element("summary", { textContent: "Licences of the weights" }),
+    element("ul", {}, ...licenses.map(text => element("li", { textContent: text })))));
+}

@@ -1,0 +1,227 @@
+"""Numbers of each person for the page: stature, distances, and contact by body part."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_core.errors import PhysicError
+from physic_core.geometry import vertex_areas
+from physic_core.types import grade_text, part_words, partner_titles
+from physic_visual.palette import contact_color, contact_colors, person_color, person_tint
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from scipy.spatial import cKDTree
+
+    from physic_core.body import BodyModel
+    from physic_core.types import Person, Reconstruction
+
+# Vertices of all people between which gaps are measured; of a crowd, every n-th.
+_MAX_COMPARED = 120_000
+_PELVIS = 0
+_SPARSE = 32  # every n-th vertex bounds the distance of two people
+
+
+def body_model_of(reconstruction: Reconstruction) -> BodyModel | None:
+    """Load the body model of the people's parameters; None if it is not at hand, such as a file of
+    another machine.
+    """
+    from physic_core.body import load_body
+
+    path = dict(reconstruction.config.get("body_model", {})).get("path")
+    try:
+        model = load_body(path or "embedded")
+    except (PhysicError, OSError):
+        return None
+    return model if model.name == reconstruction.body_model else None
+
+
+def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
+    """Return the numbers of each person, ready for JSON; a number that is not known is None.
+
+    Returns:
+        For each person:
+
+        - ``grade``: of :class:`physic_core.types.Grade`, or None. ``graded``: it in words.
+        - ``why``: sentence on what lowers the probability.
+        - ``box``: x0 y0 x1 y1 px, or None if the photo does not show the person.
+        - ``color``: of the person's number, sRGB. ``tint``: of the body, sRGB.
+        - ``posed``: whether there is a finite body; without one, the distances are None.
+        - ``contact_vertices``: number of vertices in contact. ``vertices``: number of vertices.
+        - ``contacts``: ``part``, ``partner``, ``color`` sRGB, ``probability``, ``likely``,
+          ``assumed`` of each.
+        - ``support``: sentence on what carries the person.
+        - ``stature``: metres. ``stature_sigma``: standard deviation of its logarithm.
+        - ``posture``, ``posture_probability``, ``child_probability``: as of
+          :class:`physic_core.types.Person`.
+        - ``camera``: distance of the pelvis from the camera, metres. ``distance_sigma``: standard
+          deviation of its logarithm.
+        - ``pelvis``: (3,) metres, camera frame. ``pelvis_height``: over the floor, metres.
+        - ``lowest``: height of the lowest vertex over the floor, metres.
+        - ``others``: ``person``, ``pelvis`` and ``gap``, the distances of the pelvises and of the
+          surfaces, metres.
+        - ``contact``: ``part``, ``cm2``, ``share`` and ``colors`` by body part, where ``colors``
+          divides the share by what is touched (``color`` sRGB, ``share``).
+    """
+    model = (
+        body_model_of(reconstruction)
+        if any(person.has_body for person in reconstruction.people)
+        else None
+    )
+    gaps = _gaps(reconstruction)
+    return [
+        _record(reconstruction, index, gaps, model) for index in range(len(reconstruction.people))
+    ]
+
+
+def _record(
+    reconstruction: Reconstruction,
+    index: int,
+    gaps: dict[tuple[int, int], float],
+    model: BodyModel | None,
+) -> dict[str, Any]:
+    person = reconstruction.people[index]
+    posed = person.has_body
+    pelvis = np.asarray(person.joints[_PELVIS], np.float64)
+    fits = posed and model is not None and model.num_vertices == len(person.vertices)
+    body = model if fits else None
+    return {
+        "grade": None if person.grade is None else str(person.grade),
+        "graded": grade_text(person.grade, person.trust, person.marks),
+        "why": person.why,
+        "box": [float(edge) for edge in person.box] if person.mask.any() else None,
+        "color": list(person_color(index)),
+        "tint": list(person_tint(index)),
+        "posed": posed,
+        "contact_vertices": int(np.sum(person.contact)),
+        "vertices": len(person.vertices),
+        "contacts": _contacts(person),
+        "support": None if person.support is None else str(person.support),
+        "stature": None if body is None else _stature(person, body),
+        "stature_sigma": None if body is None else person.stature_sigma,
+        "posture": person.posture,
+        "posture_probability": person.posture_probability,
+        "child_probability": person.child_probability,
+        "camera": float(np.linalg.norm(pelvis)) if posed else None,
+        "distance_sigma": reconstruction.distance_sigmas[index],
+        "pelvis": pelvis.tolist() if posed else None,
+        **_heights(reconstruction, person),
+        "others": [
+            {"person": other, "pelvis": _between(person, reconstruction.people[other]), "gap": gap}
+            for (first, other), gap in gaps.items()
+            if first == index
+        ],
+        "contact": None if body is None else _contact_by_part(reconstruction, person, body),
+    }
+
+
+def _between(person: Person, other: Person) -> float:
+    """Return the distance of two people's pelvises, metres."""
+    pelvis = np.asarray(person.joints[_PELVIS], np.float64)
+    return float(np.linalg.norm(pelvis - other.joints[_PELVIS]))
+
+
+def _contacts(person: Person) -> list[dict[str, Any]]:
+    titles = partner_titles(contact.partner for contact in person.contacts)
+    return [
+        {
+            "part": part_words(contact.part),
+            "partner": titles[contact.partner],
+            "color": list(contact_color(contact.partner)),
+            "probability": contact.probability,
+            "likely": contact.likely,
+            "assumed": contact.assumed,
+        }
+        for contact in person.contacts
+    ]
+
+
+def _stature(person: Person, model: BodyModel) -> float | None:
+    """Return the standing height of a body from soles to crown, metres."""
+    import torch
+
+    betas = torch.from_numpy(np.array(person.parameters.betas, np.float32).reshape(1, -1))
+    if betas.shape[1] != model.num_betas or not bool(torch.isfinite(betas).all()):
+        return None
+    return float(model.stature(betas))
+
+
+def _heights(reconstruction: Reconstruction, person: Person) -> dict[str, Any]:
+    """Return the heights of pelvis and lowest vertex over the floor, metres; None without a floor
+    or a body.
+    """
+    floor = reconstruction.scene.floor
+    if floor is None or not person.has_body:
+        return {"pelvis_height": None, "lowest": None}
+    normal = np.asarray(floor.normal, np.float64)
+    length = float(np.linalg.norm(normal))
+    return {
+        "pelvis_height": float(person.joints[_PELVIS] @ normal + floor.offset) / length,
+        "lowest": float((person.vertices @ normal).min() + floor.offset) / length,
+    }
+
+
+def _gaps(reconstruction: Reconstruction) -> dict[tuple[int, int], float]:
+    """Return the least distance between the vertices of each ordered pair of people with a body,
+    metres.
+    """
+    from scipy.spatial import cKDTree
+
+    posed = [index for index, person in enumerate(reconstruction.people) if person.has_body]
+    total = sum(len(reconstruction.people[index].vertices) for index in posed)
+    stride = max(1, -(-total // _MAX_COMPARED))
+    points = {
+        index: np.asarray(reconstruction.people[index].vertices[::stride], np.float64)
+        for index in posed
+    }
+    trees = {index: cKDTree(points[index]) for index in posed}
+    gaps: dict[tuple[int, int], float] = {}
+    for first in posed:
+        for second in posed:
+            if first < second:
+                gap = _gap(trees[first], points[first], points[second])
+                gaps[first, second] = gaps[second, first] = gap
+    return gaps
+
+
+def _gap(tree: cKDTree, first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
+    """Return the least distance of two sets of points, the first of them in the tree."""
+    bound = float(tree.query(second[::_SPARSE])[0].min())
+    near = ((second >= first.min(0) - bound) & (second <= first.max(0) + bound)).all(1)
+    return min(
+        bound, float(tree.query(second[near], distance_upper_bound=bound)[0].min(initial=bound))
+    )
+
+
+def _contact_by_part(
+    reconstruction: Reconstruction, person: Person, model: BodyModel
+) -> list[dict[str, Any]]:
+    """Return name, area in cm2, share and colours of each body part in contact, the largest area
+    first.
+    """
+    area = vertex_areas(person.vertices, reconstruction.faces)
+    part = model.part_of_vertex.cpu().numpy()
+    names = model.part_names
+    contact = np.asarray(person.contact, bool)
+    colors, color = np.unique(
+        contact_colors(person, reconstruction.contact_partners), axis=0, return_inverse=True
+    )
+    cell = part * len(colors) + color.reshape(-1)
+    touching = np.bincount(cell, area * contact, len(names) * len(colors)).reshape(len(names), -1)
+    share = touching / np.maximum(np.bincount(part, area, len(names)), 1e-12)[:, None]
+    found = [
+        {
+            "part": part_words(name),
+            "cm2": 1e4 * float(touching[i].sum()),
+            "share": float(share[i].sum()),
+            "colors": [
+                {"color": colors[k].tolist(), "share": float(share[i, k])}
+                for k in np.flatnonzero(touching[i])
+            ],
+        }
+        for i, name in enumerate(names)
+        if touching[i].sum() > 5e-5  # half a square centimetre
+    ]
+    return sorted(found, key=lambda row: -float(row["cm2"]))

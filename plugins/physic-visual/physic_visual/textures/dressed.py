@@ -1,0 +1,357 @@
+"""People as pictures, page and GLB show them: the photo's colours where it shows them, and guessed
+clothes elsewhere.
+
+What no photo shows is filled: with the other side of the body where the photo shows that, and over
+the surface between, towards the mean of the body part. The guess is darker, and has a light of its
+own, since the photo's colours, which have theirs, are drawn without one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.body import JOINT_INDEX, PART_NAMES, embedded_arrays
+from physic_core.errors import PhysicError
+from physic_core.geometry import up_in_camera, vertex_areas, vertex_normals
+from physic_visual.palette import BODY_RGB
+from physic_visual.render import LONGEST_BODY_EDGE_M, prepare_meshes
+from physic_visual.rig import body_of_result
+from physic_visual.surface import kept_for_next_picture
+from physic_visual.textures.photo import SHOWN, photo_colors
+from physic_visual.textures.raster import (
+    TextureCoordinates,
+    TextureRaster,
+    load_texture_coordinates,
+    rasterize_texture,
+)
+from physic_visual.textures.shoes import with_shoes, worn_shoes
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from scipy.sparse import csr_matrix
+
+    from physic_core.body import BodyArrays
+    from physic_core.geometry import RayCaster
+    from physic_core.types import Reconstruction, UInt8Array
+
+    Array = NDArray[np.float64]
+
+SIZES = (128, 256, 512)
+"""Texels along a side of a texture: at least as many as the person has px in height, up to the
+last. A texel of 512 is 3 mm of skin.
+"""
+
+MIRROR_WEIGHT = 0.3
+PART_WEIGHT = 0.002
+SCALP_WEIGHT = 0.1
+"""Weights of the other side, of the part's mean, and of that of the scalp, whose neighbour is a
+face, against what the photo shows.
+"""
+
+GUESSED = "darker: guessed, not seen in the photo"
+"""What a legend says of the clothes that no photo shows."""
+
+_LIGHT = 0.9  # brightness of guessed skin towards the light
+_DARK = 0.55  # the same away from it
+_HAIR_M = 0.25  # reach of hair around the joint of the head
+_DARKER = 35  # percentile of colours beside the face: ears and background are mostly lighter
+_LEAST_HAIR = 0.02  # least area of hair, as a share of the square of its reach
+_HAIRLINE_M = 0.115  # over the head's joint, at the forehead
+_NAPE_M = -0.03  # the same at the neck
+
+
+@dataclass(frozen=True)
+class DressedBodies:
+    """Colours of the people of a result, each of those with a body.
+
+    Attributes:
+        colors: person -> (V, 3) uint8 sRGB of each vertex.
+        fill: person -> (V, 3) sRGB 0-255 that is guessed where no photo shows the vertex, not
+            darkened.
+        filled: person -> (V,) float32 in 0-1, how much of the colour is guessed.
+        shown: person -> share of the body's surface that a photo shows.
+        shoes: person -> for each foot with a shoe, see :func:`with_shoes`.
+        vertices: person -> (V, 3) metres, camera frame, with shoes.
+        normals: person -> (V, 3) of those.
+        mesh: texture coordinates of the bodies; None for others than the embedded body.
+        bodies: meshes of ``vertices``, without triangles of an implausible length; None without
+            bodies.
+    """
+
+    colors: Mapping[int, UInt8Array]
+    fill: Mapping[int, Array]
+    filled: Mapping[int, NDArray[np.float32]]
+    shown: Mapping[int, float]
+    shoes: Mapping[int, Sequence[Array]]
+    vertices: Mapping[int, Array]
+    normals: Mapping[int, Array]
+    mesh: TextureCoordinates | None
+    bodies: RayCaster | None
+
+
+@kept_for_next_picture
+def dressed_bodies(result: Reconstruction) -> DressedBodies:
+    """Return the colours of the people of a result."""
+    faces = np.asarray(result.faces, np.int64)
+    model = _model(result) if any(one.has_body for one in result.people) else None
+    posed, normals, shoes = _shod(result, faces, model)
+    bodies = prepare_meshes(list(posed.values()), faces, longest_edge=LONGEST_BODY_EDGE_M)
+    mesh = embedded_coordinates() if model is not None and model.name == "embedded" else None
+    colors: dict[int, UInt8Array] = {}
+    fill: dict[int, Array] = {}
+    filled: dict[int, NDArray[np.float32]] = {}
+    shown: dict[int, float] = {}
+    others, parts, pull = _sides_and_parts(model, len(result.people[0].vertices) if posed else 0)
+    laplacian = _laplacian(faces, len(others)) if posed else None
+    for index, vertices in posed.items():
+        photo, seen, near = photo_colors(result, index, vertices, normals[index], bodies)
+        hair = None if model is None else _hair(result, index, vertices, model, parts)
+        fill[index] = _fill(photo, near, laplacian, others, parts, pull, hair)
+        colors[index] = _mixed(photo, near, _darkened(fill[index], normals[index], result))
+        filled[index] = (1 - seen).astype(np.float32)
+        areas = vertex_areas(vertices, faces)
+        shown[index] = float(areas[seen > SHOWN].sum() / max(areas.sum(), 1e-12))
+    return DressedBodies(colors, fill, filled, shown, shoes, posed, normals, mesh, bodies)
+
+
+def _shod(
+    result: Reconstruction, faces: NDArray[np.int64], model: BodyArrays | None
+) -> tuple[dict[int, Array], dict[int, Array], dict[int, Sequence[Array]]]:
+    """Return person -> vertices and normals, both with shoes, and the shoes, of those with a
+    body.
+    """
+    people = enumerate(result.people)
+    posed = {i: one.vertices.astype(np.float64) for i, one in people if one.has_body}
+    normals = {i: vertex_normals(vertices, faces) for i, vertices in posed.items()}
+    shoes: dict[int, Sequence[Array]] = {}
+    if model is not None:
+        for i in posed:
+            shoes[i] = worn_shoes(result, i, posed[i], normals[i], model)
+            posed[i], normals[i] = with_shoes(posed[i], normals[i], shoes[i])
+    return posed, normals, shoes
+
+
+@kept_for_next_picture
+def dressed_images(result: Reconstruction) -> dict[int, UInt8Array]:
+    """Return person -> texture (N, N, 3) uint8 sRGB; none of bodies without texture coordinates."""
+    dressed = dressed_bodies(result)
+    images = dict[int, "UInt8Array"]()
+    if dressed.mesh is not None:
+        for index in dressed.colors:
+            images[index] = dressed_texture(result, index, embedded_raster(_size(result, index)))[0]
+    return images
+
+
+def dressed_texture(
+    result: Reconstruction, index: int, raster: TextureRaster, *, darken: bool = True
+) -> tuple[UInt8Array, UInt8Array]:
+    """Return the texture (N, N, 3) uint8 sRGB of a person with a body, and (N, N) 255 where no
+    photo shows it, else 0.
+
+    Args:
+        result: of the photo.
+        index: of the person.
+        raster: of the texture.
+        darken: whether what is guessed is darker.
+    """
+    dressed = dressed_bodies(result)
+    faces = np.asarray(result.faces, np.int64)
+    guess = dressed.fill[index]
+    if darken:
+        guess = _darkened(guess, dressed.normals[index], result)
+    colors = []
+    filled = []
+    for part in raster.parts():
+        points, normals, beside = (
+            part.interpolate(faces, values)
+            for values in (dressed.vertices[index], dressed.normals[index], guess)
+        )
+        photo, seen, near = photo_colors(result, index, points, normals, dressed.bodies)
+        colors.append(_mixed(photo, near, beside))
+        filled.append(np.round(255 * (1 - seen)).astype(np.uint8))
+    return raster.image(np.concatenate(colors)), raster.image(np.concatenate(filled))
+
+
+def image_of_vertices(colors: UInt8Array, size: int) -> UInt8Array:
+    """Return colours (V, 3) of the vertices of an embedded body as a texture (size, size, 3)."""
+    raster = embedded_raster(size)
+    mesh = embedded_coordinates()
+    made = raster.interpolate(mesh.vertex[mesh.faces], colors.astype(np.float64))
+    image: UInt8Array = raster.image(np.round(made).astype(np.uint8))
+    return image
+
+
+@lru_cache(maxsize=1)
+def embedded_coordinates() -> TextureCoordinates:
+    """Return the texture coordinates of the embedded body."""
+    return load_texture_coordinates("embedded", embedded_arrays().faces)
+
+
+@lru_cache(maxsize=len(SIZES))
+def embedded_raster(size: int) -> TextureRaster:
+    """Return the texels of the embedded body in a texture of ``size`` x ``size``."""
+    return rasterize_texture(embedded_coordinates(), size)
+
+
+def _model(result: Reconstruction) -> BodyArrays | None:
+    """Return the body model of a result; None if it is not at hand, or has another mesh."""
+    try:
+        model = body_of_result(result)
+    except PhysicError:
+        return None
+    return model if np.array_equal(model.faces, result.faces) else None
+
+
+def _sides_and_parts(
+    model: BodyArrays | None, count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Return the vertex (V,) on the other side of the body, the part (V,) of each, and the weight
+    (V,) of its mean.
+
+    Scalp and face are two parts. Without a body model, each vertex is its own other side, and all
+    are one part.
+    """
+    from scipy.spatial import cKDTree
+
+    if model is None:
+        return np.arange(count), np.zeros(count, np.int64), np.full(count, PART_WEIGHT)
+    rest = model.template.astype(np.float64)
+    parts = model.part_of_vertex
+    others = cKDTree(rest).query(rest * [-1.0, 1.0, 1.0])[1]
+    _, up, ahead = (rest - model.joint_template[JOINT_INDEX["head"]]).T
+    scalp = (parts == PART_NAMES.index("head")) & (
+        ((ahead < 0) & (up > _NAPE_M)) | (up > _HAIRLINE_M)
+    )
+    return (
+        others,
+        np.where(scalp, parts.max() + 1, parts),
+        np.where(scalp, SCALP_WEIGHT, PART_WEIGHT),
+    )
+
+
+def _hair(
+    result: Reconstruction, index: int, vertices: Array, model: BodyArrays, parts: NDArray[np.int64]
+) -> Array | None:
+    """Return the colour (3,) of a person's hair: of their pixels around the upper head that the
+    face does not cover.
+
+    Hair that stands off lies beside the body. None if there are few such pixels.
+
+    Args:
+        result: of the photo.
+        index: of the person.
+        vertices: (V, 3) metres.
+        model: of the body.
+        parts: (V,) of the vertices, the last one the scalp.
+    """
+    import cv2
+
+    person = result.people[index]
+    matrix = result.intrinsics.matrix
+    joints = person.joints[[JOINT_INDEX["head"], JOINT_INDEX["neck"]]].astype(np.float64)
+    face = vertices[parts == PART_NAMES.index("head")]
+    if min(joints[:, 2].min(), face[:, 2].min()) <= 0:
+        return None
+    (head, neck), outline = (points @ matrix[:2].T / points[:, 2:] for points in (joints, face))
+    radius = float(_HAIR_M * matrix[0, 0] / joints[0, 2])
+    low, high = (
+        np.clip(np.round(head + side * radius), 0, person.mask.shape[::-1]).astype(np.int64)
+        for side in (-1, 1)
+    )
+    window = slice(low[1], high[1]), slice(low[0], high[0])
+    around = person.mask[window] & _is_above(window, head, neck, radius)
+    if not around.size:
+        return None
+    # the rim has colours of the background
+    shown = cv2.erode(around.astype(np.uint8), np.ones((3, 3), np.uint8))
+    cv2.fillConvexPoly(shown, cv2.convexHull(np.round(outline - low).astype(np.int32)), 0)
+    if shown.sum() < _LEAST_HAIR * radius**2:
+        return None
+    color: Array = np.percentile(result.image[window][shown > 0], _DARKER, axis=0)
+    return color
+
+
+def _is_above(
+    window: tuple[slice, slice], head: Array, neck: Array, radius: float
+) -> NDArray[np.bool_]:
+    """Return which pixels of a window are nearer than a radius to a head, and beyond it as seen
+    from the neck, px.
+    """
+    rows, columns = np.mgrid[window]
+    beyond = np.stack([columns, rows], -1) - head
+    above: NDArray[np.bool_] = ((beyond**2).sum(-1) < radius**2) & (beyond @ (head - neck) > 0)
+    return above
+
+
+def _laplacian(faces: NDArray[np.int64], count: int) -> csr_matrix:
+    """Return the graph Laplacian (count, count) of the edges of a mesh."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import laplacian
+
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    links = coo_matrix((np.ones(len(edges)), tuple(edges.T)), (count, count)).tocsr()
+    return laplacian(((links + links.T) > 0).astype(np.float64))
+
+
+def _fill(
+    photo: Array,
+    weight: Array,
+    laplacian: csr_matrix,
+    others: NDArray[np.int64],
+    parts: NDArray[np.int64],
+    pull: Array,
+    hair: Array | None = None,
+) -> Array:
+    """Return a colour (V, 3) of each vertex: the photo's, the other side's, and smooth between.
+
+    It minimises ``sum w (c - photo)^2 + sum over edges (c_i - c_j)^2 + pull (c - mean of the
+    part)^2``. The mean of the last part, the scalp, is the colour of the hair, if that is known.
+    """
+    import scipy.sparse as sp
+    from scipy.sparse.linalg import splu
+
+    count = len(photo)
+    if not (weight > 0).any():
+        return np.tile(np.array(BODY_RGB, np.float64), (count, 1))
+    from_other = (weight < MIRROR_WEIGHT) & (weight[others] > MIRROR_WEIGHT)
+    target = np.where(from_other[:, None], photo[others], photo)
+    trust = np.where(from_other, MIRROR_WEIGHT * weight[others], weight)
+    size = int(parts.max()) + 1
+    amount = np.bincount(parts, trust, size)
+    mean = (trust[:, None] * target).sum(0) / trust.sum()
+    of_part = np.stack([np.bincount(parts, trust * column, size) for column in target.T], 1)
+    of_part = (of_part + 1e-3 * mean) / (amount + 1e-3)[:, None]
+    if hair is not None:
+        of_part[-1] = hair
+    system = splu((sp.diags(10 * trust + pull) + laplacian).tocsc())
+    solved: Array = system.solve(10 * trust[:, None] * target + pull[:, None] * of_part[parts])
+    return solved
+
+
+def _mixed(photo: Array, weight: Array, beside: Array) -> UInt8Array:
+    """Return the colours of the photo by their weight (n,), and others for the rest."""
+    blend = np.minimum(weight, 1)[:, None]
+    return np.clip(np.round(blend * photo + (1 - blend) * beside), 0, 255).astype(np.uint8)
+
+
+def _darkened(colors: Array, normals: Array, result: Reconstruction) -> Array:
+    """Return guessed colours (V, 3) of skin with normals (V, 3) under a light from above and the
+    left.
+    """
+    up = np.asarray(up_in_camera(result.scene.level), np.float64)
+    light = 0.8 * up - [0.6, 0.0, 0.0]
+    light = light / np.linalg.norm(light)
+    darkened: Array = colors * (_DARK + (_LIGHT - _DARK) * (0.5 + 0.5 * normals @ light))[:, None]
+    return darkened
+
+
+def _size(result: Reconstruction, index: int) -> int:
+    """Return the size of the texture of a person."""
+    rows = np.flatnonzero(result.people[index].mask.any(1))
+    tallest = np.ptp(rows) + 1 if len(rows) else 0
+    return next((size for size in SIZES if size >= tallest), SIZES[-1])

@@ -1,0 +1,218 @@
+"""Texture coordinates of the body meshes, and which triangle each texel of a texture shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from physic_core.errors import BodyModelError
+from physic_core.files import read_arrays
+
+_BLOCK = 512  # triangles at a time: the arrays fit into the processor's cache
+_TEXELS = 32_000  # texels at a time
+
+
+@dataclass(frozen=True)
+class TextureRaster:
+    """Texels inside the charts of a texture of ``size`` x ``size``.
+
+    Attributes:
+        size: texels along a side.
+        rows: (n,) from the top, so that v = 1 - (row + 0.5) / size.
+        columns: (n,) from the left.
+        faces: (n,) index of the triangle.
+        corners: (n, 3) barycentric coordinates of the texel's centre.
+    """
+
+    size: int
+    rows: NDArray[np.int64]
+    columns: NDArray[np.int64]
+    faces: NDArray[np.int64]
+    corners: NDArray[np.float64]
+
+    def parts(self) -> Iterator[TextureRaster]:
+        """Yield the texels in blocks."""
+        for start in range(0, len(self.rows), _TEXELS):
+            own = slice(start, start + _TEXELS)
+            yield TextureRaster(
+                self.size, self.rows[own], self.columns[own], self.faces[own], self.corners[own]
+            )
+
+    def interpolate(
+        self, triangles: NDArray[np.int64], values: NDArray[Any]
+    ) -> NDArray[np.float64]:
+        """Return values (n, ...) at the texels of values (V, ...) at the corners of triangles (F,
+        3).
+        """
+        ends = np.arange(0, self.corners.size + 1, 3)
+        weights = csr_array(
+            (self.corners.ravel(), triangles[self.faces].ravel(), ends),
+            shape=(len(self.faces), len(values)),
+        )
+        picked: NDArray[np.float64] = weights @ values
+        return picked
+
+    def image(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return values (n, ...) as an image (size, size, ...), continued over the edges of the
+        charts.
+        """
+        filled: NDArray[Any] = values[self._nearest]
+        return filled
+
+    @cached_property
+    def _nearest(self) -> NDArray[np.int64]:
+        """Texel whose value each pixel (size, size) of an image has."""
+        inside = np.zeros((self.size, self.size), bool)
+        inside[self.rows, self.columns] = True
+        number = np.zeros((self.size, self.size), np.int64)
+        number[self.rows, self.columns] = np.arange(len(self.rows))
+        return pad_texture(number, inside)
+
+
+def rasterize_texture(mesh: TextureCoordinates, size: int) -> TextureRaster:
+    """Return the texels with their centre in a triangle of the mesh; the first triangle wins where
+    two overlap.
+    """
+    places = np.stack([mesh.uv[:, 0] * size - 0.5, (1 - mesh.uv[:, 1]) * size - 0.5], 1).astype(
+        np.float64
+    )
+    triangles = places[mesh.faces]
+    owner = np.full(size * size, -1)
+    corners = np.empty((size * size, 3))
+    # the first triangles come last
+    for start in range((len(triangles) - 1) // _BLOCK * _BLOCK, -1, -_BLOCK):
+        texel, face, weights = _texels_inside(triangles[start : start + _BLOCK], size)
+        owner[texel] = start + face
+        corners[texel] = weights
+    texel = np.flatnonzero(owner >= 0)
+    return TextureRaster(size, texel // size, texel % size, owner[texel], corners[texel])
+
+
+def _texels_inside(
+    triangles: NDArray[np.float64], size: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Return texel, triangle, and barycentric coordinates (n, 3) of texels in triangles (F, 3, 2),
+    the last first.
+    """
+    low = np.clip(np.ceil(triangles.min(1)), 0, size).astype(np.int64)
+    high = np.clip(np.floor(triangles.max(1)) + 1, low, size).astype(np.int64)
+    width, height = (high - low).T
+    count = width * height
+    face = np.repeat(np.arange(len(count)), count)
+    within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    columns = low[face, 0] + within % width[face]
+    rows = low[face, 1] + within // width[face]
+    first, second, third = np.ascontiguousarray(triangles.transpose(1, 2, 0))
+    area = _cross(second - first, third - first)[face]
+    spot = np.stack([columns, rows])
+    to_first, to_second, to_third = (
+        corner.take(face, 1) - spot for corner in (first, second, third)
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weights = np.stack(
+            [_cross(to_second, to_third), _cross(to_third, to_first), _cross(to_first, to_second)]
+        )
+        weights /= area
+    inside = np.flatnonzero(weights.min(0) >= -1e-9)[::-1]  # of an empty triangle they are NaN
+    return (rows * size + columns)[inside], face[inside], weights[:, inside].T
+
+
+def pad_texture(image: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[Any]:
+    """Fill the pixels outside of a mask with the value of the nearest pixel inside; image (H, W,
+    ...).
+    """
+    import cv2
+
+    if not inside.any():
+        return image
+    _, labels = cv2.distanceTransformWithLabels(
+        (~inside).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    at_label = np.zeros((labels.max() + 1, *image.shape[2:]), image.dtype)
+    at_label[labels[inside]] = image[inside]
+    return np.where(inside.reshape(*inside.shape, *[1] * (image.ndim - 2)), image, at_label[labels])
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the products (n,) of vectors (2, n)."""
+    product: NDArray[np.float64] = a[0] * b[1] - a[1] * b[0]
+    return product
+
+
+@dataclass(frozen=True)
+class TextureCoordinates:
+    """Mesh with one texture coordinate per vertex: the body's, with the vertices on seams split.
+
+    Attributes:
+        uv: (U, 2) float32 in 0-1, u right and v up.
+        vertex: (U,) int64 index of the body's vertex. The first V are 0 to V - 1, the rest are the
+            split ones.
+        faces: (F, 3) int64 indices into ``uv``; the triangles of the body in their order.
+    """
+
+    uv: NDArray[np.float32]
+    vertex: NDArray[np.int64]
+    faces: NDArray[np.int64]
+
+
+def load_texture_coordinates(
+    source: str | Path, faces: NDArray[np.integer[Any]]
+) -> TextureCoordinates:
+    """Load the texture coordinates of the embedded body, or ``vt`` and ``ft`` of a SMPL-X file.
+
+    Args:
+        source: "embedded", or the path of the file.
+        faces: (F, 3) of the body model.
+
+    Raises:
+        BodyModelError: the file has none.
+    """
+    triangles: NDArray[np.int64] = np.array(faces, np.int64)
+    if source == "embedded":
+        with (
+            as_file(files("physic_core.body").joinpath("embedded_uv.npz")) as path,
+            np.load(path) as file,
+        ):
+            vertex = np.r_[np.arange(triangles.max() + 1), file["split"]]
+            triangles.reshape(-1)[file["corner"]] = file["index"]
+            return TextureCoordinates(file["uv"].astype(np.float32) / 65535, vertex, triangles)
+    try:
+        with Path(source).open("rb") as stream:
+            arrays = read_arrays(stream, ("ft", "vt"))
+        return split_at_seams(triangles, arrays["ft"].astype(np.int64), arrays["vt"])
+    except Exception as error:  # of zipfile and numpy, which have many
+        raise BodyModelError(
+            f"{source} has no usable texture coordinates (the arrays vt and ft, which official "
+            "SMPL-X files have): give another file"
+        ) from error
+
+
+def split_at_seams(
+    faces: NDArray[np.int64], corners: NDArray[np.int64], uv: NDArray[np.floating[Any]]
+) -> TextureCoordinates:
+    """Return a mesh with one coordinate per vertex, of faces (F, 3) and the coordinates (F, 3) of
+    their corners.
+
+    Args:
+        faces: (F, 3) indices of vertices; each vertex has a face.
+        corners: (F, 3) indices into ``uv``.
+        uv: (T, 2) in 0-1, v up.
+    """
+    pairs, inverse = np.unique(
+        np.stack([faces.ravel(), corners.ravel()], 1), axis=0, return_inverse=True
+    )
+    first = np.r_[True, pairs[1:, 0] != pairs[:-1, 0]]
+    order = np.argsort(~first, kind="stable")  # one of each vertex, then the split ones
+    place = np.empty(len(order), np.int64)
+    place[order] = np.arange(len(order))
+    return TextureCoordinates(
+        uv[pairs[order, 1]].astype(np.float32), pairs[order, 0], place[inverse.reshape(faces.shape)]
+    )

@@ -1,0 +1,113 @@
+"""People in the photo's colours where it shows them, and in guessed clothes elsewhere."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from physic_visual.textures.dressed import dressed_bodies, dressed_images
+
+PINK = np.array([230, 20, 200])
+
+
+@pytest.fixture(scope="module")
+def pink(result):
+    """A photo whose people are pink."""
+    image = result.image.copy()
+    for person in result.people:
+        image[person.mask] = PINK
+    return replace(result, image=image)
+
+
+def saturation(colors):
+    return np.ptp(colors.astype(int), axis=-1)
+
+
+def test_a_body_has_the_photo_s_colour_where_it_is_seen_and_a_darker_guess_of_it_elsewhere(
+    pink,
+):
+    dressed = dressed_bodies(pink)
+    images = dressed_images(pink)
+    assert set(dressed.colors) == set(images) == {0, 1}
+    for index, person in enumerate(pink.people):
+        mesh = person.mesh()
+        away = (mesh.vertex_normals * mesh.vertices).sum(1) / np.linalg.norm(mesh.vertices, axis=1)
+        colors = dressed.colors[index].astype(int)
+        assert 0.1 < dressed.shown[index] < (away < 0).mean()  # no photo shows what faces away
+        assert (np.abs(colors - PINK).max(1) < 3).mean() > 0.1
+        guess = colors[away > 0.3]
+        assert dressed.filled[index][away > 0.3].min() == 1
+        assert_allclose(guess / guess.max(1, keepdims=True) - PINK / 230, 0, atol=0.03)
+        assert guess[:, 0].max() < 0.92 * PINK[0]
+        assert np.ptp(guess[:, 0]) > 30  # with a light
+        assert saturation(images[index]).max() > 200
+
+
+def test_the_back_of_the_head_has_the_colour_of_hair_that_stands_off(pink):
+    person = pink.people[0]
+    image = pink.image.copy()
+    blue = np.array([20, 40, 220])
+    head = person.joints[15].astype(np.float64)
+    column, row = np.round(pink.intrinsics.matrix[:2] @ head / head[2]).astype(int)
+    hair = np.zeros_like(person.mask)
+    hair[row - 13 : row - 1, column - 10 : column + 11] = True
+    hair &= ~person.mask
+    image[hair] = blue
+    curly = replace(pink, image=image, people=(replace(person, mask=person.mask | hair),))
+    mesh = person.mesh()
+    behind = (mesh.vertex_normals @ head / np.linalg.norm(head) > 0.8) & (
+        mesh.vertices[:, 1] < head[1] - 0.03
+    )
+    assert behind.sum() > 20
+    for one, expected in ((curly, blue), (pink, PINK)):
+        guess = dressed_bodies(one).colors[0][behind].astype(float).mean(0)
+        assert guess @ expected > 0.9 * np.linalg.norm(guess) * np.linalg.norm(expected)
+
+
+def test_a_texture_is_as_fine_as_the_photo(result):
+    person = replace(result.people[0], mask=np.ones((300, 4), bool))
+    large = replace(result, people=(person,), image=np.zeros((300, 4, 3), np.uint8))
+    assert len(dressed_images(large)[0]) > 2 * len(dressed_images(result)[0])
+
+
+def test_a_person_whom_no_photo_shows_is_grey_in_shoes(result):
+    person = replace(result.people[0], mask=np.zeros_like(result.people[0].mask))
+    dressed = dressed_bodies(replace(result, people=(person,)))
+    assert dressed.shown[0] == 0
+    assert len(dressed.shoes[0]) == 2
+    assert saturation(dressed.colors[0]).max() < 15
+    assert np.ptp(dressed.colors[0][:, 0]) > 30  # with a light
+
+
+def test_bodies_without_texture_coordinates_have_colours_of_vertices(pink):
+    other = replace(pink, body_model="smplx")
+    dressed = dressed_bodies(other)
+    assert dressed.mesh is None
+    assert not dressed_images(other)
+    assert saturation(dressed.colors[0]).min() > 60
+
+
+def test_who_has_no_body_has_no_colours(result):
+    person = result.people[0]
+    lost = replace(person, vertices=person.vertices * np.nan, joints=person.joints * np.nan)
+    assert set(dressed_bodies(replace(result, people=(lost, result.people[1]))).colors) == {1}
+    assert not dressed_bodies(replace(result, people=())).colors
+
+
+def test_a_result_that_is_saved_as_numbers_loads_no_code_of_pictures(saved_pair, tmp_path):
+    code = (
+        "import sys\n"
+        "from physic_core import Reconstruction, save_reconstruction\n"
+        f"result = Reconstruction.load({str(saved_pair)!r})\n"
+        f"save_reconstruction(result, {str(tmp_path / 'out')!r}, 'numbers')\n"
+        "print(sorted(m for m in sys.modules if m.startswith('physic_visual.')))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True
+    )
+    assert done.stdout.strip() == "[]"

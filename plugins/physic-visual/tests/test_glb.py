@@ -1,0 +1,269 @@
+"""GLB files: metres, y up, standing on y = 0, outsides outside."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from physic_core.geometry.upright import gltf_from_camera, transform_points
+from physic_core.types import Plane, Scene
+from physic_visual.glb import combined_glb
+from physic_visual.surface import BACKDROP, mesh_backdrop, mesh_scene, scene_reach
+
+
+def tree_of(content):
+    magic, version, length, size, kind = struct.unpack("<4sIII4s", content[:20])
+    assert (magic, version, length, kind) == (b"glTF", 2, len(content), b"JSON")
+    return json.loads(content[20 : 20 + size])
+
+
+def opened(content):
+    return trimesh.load_scene(io.BytesIO(content), file_type="glb")
+
+
+@pytest.fixture
+def content(reconstruction):
+    return combined_glb(reconstruction)
+
+
+direction = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1)
+
+
+@given(normal=direction, offset=st.floats(0.1, 5), point=st.tuples(*[st.floats(-10, 10)] * 3))
+def test_the_upright_frame_is_rigid_and_its_y_is_the_height(normal, offset, point):
+    unit = np.array(normal) / np.linalg.norm(normal)
+    matrix = gltf_from_camera(Plane(unit, offset))
+    assert_allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(matrix[:3, :3]) == pytest.approx(1.0)
+    assert transform_points(matrix, np.array([point]))[0, 1] == pytest.approx(
+        unit @ point + offset, abs=1e-9
+    )
+    assert_allclose(matrix[[0, 2], 3], 0.0)
+    # The camera looks towards -z, unless straight down or up.
+    ahead = matrix[:3, :3] @ [0, 0, 1]
+    if np.hypot(ahead[0], ahead[2]) > 0.06:
+        assert ahead[0] == pytest.approx(0.0, abs=1e-9)
+        assert ahead[2] < 0
+
+
+def flat_scene(depth):
+    height, width = depth.shape
+    rows, columns = np.indices(depth.shape)
+    rays = [(columns - width / 2) / 50, (rows - height / 2) / 50, np.ones(depth.shape)]
+    points = np.stack(rays, -1) * depth[..., None]
+    return Scene(
+        points=points.astype(np.float32),
+        normals=np.broadcast_to(np.float32([0, 0, -1]), points.shape),
+        colors=np.zeros(points.shape, np.uint8),
+        valid=np.isfinite(depth),
+        floor=None,
+        floor_points=np.zeros((0, 3), np.float32),
+    )
+
+
+def surface_of(depth):
+    return mesh_scene(flat_scene(depth), 10.0)
+
+
+def test_a_wall_becomes_one_sheet_that_faces_the_camera():
+    surface = mesh_scene(flat_scene(np.full((12, 20), 3.0)), 10.0)
+    assert len(surface.vertices) == 240
+    assert len(surface.faces) == 2 * 11 * 19
+    mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
+    assert_allclose(mesh.face_normals - [0, 0, -1], 0, atol=1e-6)
+    assert mesh.area == pytest.approx(11 * 19 * (3 / 50) ** 2, rel=1e-5)
+
+
+def test_a_vertex_keeps_its_pixel():
+    scene = flat_scene(np.random.default_rng(0).uniform(2.9, 3.0, (30, 40)))
+    surface = mesh_scene(scene, 10.0, max_vertices=300)
+    columns, rows = surface.pixels.T
+    assert_array_equal(surface.vertices, scene.points[rows, columns])
+    assert columns.max() == 38  # every second
+
+
+def test_an_edge_in_depth_is_cut():
+    depth = np.full((10, 20), 3.0)
+    depth[:, 10:] = 4.0
+    surface = surface_of(depth)
+    assert len(surface.faces) == 2 * 9 * 18
+    assert np.ptp(surface.vertices[surface.faces][..., 2], axis=1).max() == 0
+
+
+def test_flying_shards_are_left_out():
+    depth = np.full((100, 100), 3.0)
+    depth[40:44, 40:44] = 2.0
+    depth[70:80, 70:80] = 2.0
+    surface = surface_of(depth)
+    assert (surface.vertices[:, 2] == 2.0).sum() == 100
+
+
+def test_invalid_and_far_pixels_are_left_out():
+    depth = np.full((10, 20), 3.0)
+    depth[4, 4] = np.nan
+    depth[7, 14] = 50.0
+    surface = surface_of(depth)
+    assert len(surface.vertices) == 198
+    # Six triangles meet at a pixel.
+    assert len(surface.faces) == 2 * 9 * 19 - 12
+
+
+def test_a_floor_far_away_stays_whole(reconstruction):
+    """Its rows step by more than the limit, but along the floor."""
+    scene = reconstruction.scene
+    surface = mesh_scene(scene, 20.0)
+    heights = surface.vertices @ scene.floor.normal + scene.floor.offset
+    steps = np.ptp(surface.vertices[surface.faces][..., 2], axis=1)
+    on_floor = (np.abs(heights[surface.faces]) < 1e-3).all(1)
+    assert steps[on_floor].max() > 0.1
+    floor = np.abs(scene.points @ scene.floor.normal + scene.floor.offset) < 1e-3
+    assert (heights < 1e-3).sum() > 0.98 * floor.sum()
+
+
+def test_the_scene_ends_at_three_times_the_farthest_person(reconstruction, make):
+    depth = max(np.median(person.vertices[:, 2]) for person in reconstruction.people)
+    assert scene_reach(reconstruction) == pytest.approx(3 * depth)
+    assert scene_reach(make(people=0)) == 20.0
+
+
+@pytest.fixture
+def far_away(reconstruction):
+    """The room, of which the upper third of the photo has no depth, apart from a crack of one
+    column below.
+    """
+    scene = reconstruction.scene
+    valid = scene.valid.copy()
+    valid[: len(valid) // 3] = False
+    valid[:, 80] = False
+    return replace(reconstruction, scene=replace(scene, valid=valid))
+
+
+def test_a_backdrop_shows_what_has_no_distance(far_away):
+    """It lies on a sphere, in the direction of its pixels, faces the camera, and has no holes seen
+    from there.
+    """
+    surface = mesh_scene(far_away.scene, scene_reach(far_away))
+    backdrop = mesh_backdrop(far_away, surface)
+    assert_allclose(np.linalg.norm(backdrop.vertices, axis=1), scene_reach(far_away), rtol=1e-5)
+    seen = backdrop.vertices @ far_away.intrinsics.matrix.T
+    assert_allclose(seen[:, :2] / seen[:, 2:], backdrop.pixels, atol=1e-3)
+    height, width = far_away.scene.valid.shape
+    columns, rows = backdrop.pixels.T
+    assert (columns.min(), columns.max(), rows.min()) == (0, width - 1, 0)
+    assert height / 3 <= rows.max() < 0.45 * height
+    a, b, c = backdrop.vertices[backdrop.faces].transpose(1, 0, 2)
+    assert ((np.cross(b - a, c - a) * a).sum(1) < 0).all()
+
+
+def test_a_room_that_fills_the_photo_has_no_backdrop(reconstruction, content):
+    assert not len(mesh_backdrop(reconstruction, mesh_scene(reconstruction.scene, 20.0)).faces)
+    assert "backdrop" not in {node["name"] for node in tree_of(content)["nodes"]}
+
+
+def test_the_outline_of_a_backdrop_is_smooth(far_away):
+    valid = far_away.scene.valid.copy()
+    rows, columns = np.indices(valid.shape)
+    valid[rows < 30 + 0.25 * columns] = False
+    slanted = replace(far_away, scene=replace(far_away.scene, valid=valid))
+    backdrop = mesh_backdrop(slanted, mesh_scene(slanted.scene, 20.0))
+    columns, rows = backdrop.pixels.T
+    for column in range(50, 110, 5):
+        assert -1.5 <= rows[np.abs(columns - column) <= 2].max() - (30 + 0.25 * column) < 4
+
+
+def test_the_backdrop_is_a_node_of_its_own_that_says_what_it_is(far_away):
+    tree = tree_of(combined_glb(far_away))
+    (node,) = (node for node in tree["nodes"] if node["name"] == "backdrop")
+    assert node["extras"] == {"meaning": BACKDROP, "radius_m": round(scene_reach(far_away), 3)}
+    scene, backdrop = (tree["meshes"][one["mesh"]]["primitives"][0] for one in tree["nodes"][:2])
+    materials = [tree["materials"][one["material"]] for one in (scene, backdrop)]
+    # seen from outside, it hides nothing
+    assert [one["doubleSided"] for one in materials] == [True, False]
+    assert materials[0]["pbrMetallicRoughness"] == materials[1]["pbrMetallicRoughness"]
+
+
+def test_the_file_states_units_axes_and_colours_and_has_a_camera(content):
+    extras = tree_of(content)["scenes"][0]["extras"]
+    assert extras["units"] == "metres"
+    assert "y up" in extras["axes"]
+    assert extras["contact_colors"] == {"floor": [24, 140, 130]}
+    assert tree_of(content)["nodes"][-1]["name"] == "camera"
+
+
+def test_vertices_are_the_camera_s_under_the_stated_matrix(content, reconstruction):
+    matrix = np.array(tree_of(content)["scenes"][0]["extras"]["gltf_from_camera"])
+    assert_array_equal(matrix, gltf_from_camera(reconstruction.scene.floor))
+    mesh = opened(content).geometry["person_1"]
+    assert_allclose(
+        mesh.vertices, transform_points(matrix, reconstruction.people[1].vertices), atol=1e-6
+    )
+    assert_array_equal(mesh.faces, reconstruction.faces)
+
+
+def test_a_large_scene_has_indices_of_16_bits_and_all_its_triangles(reconstruction):
+    large = replace(reconstruction, people=(), scene=flat_scene(np.full((300, 400), 3.0)))
+    content = combined_glb(large)
+    surface = mesh_scene(large.scene, scene_reach(large))
+    assert len(surface.vertices) > 65535
+    tree = tree_of(content)
+    (scene,) = (mesh for mesh in tree["meshes"] if mesh["name"] == "scene")
+    for part in scene["primitives"]:
+        assert tree["accessors"][part["indices"]]["componentType"] == 5123
+    parts = [mesh for name, mesh in opened(content).geometry.items() if name.startswith("scene")]
+    assert sum(len(part.faces) for part in parts) == len(surface.faces)
+    whole = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
+    assert sum(part.area for part in parts) == pytest.approx(whole.area, rel=1e-5)
+
+
+def test_materials_are_unlit_as_the_photo_brings_its_own_light(content):
+    tree = tree_of(content)
+    photo, floor, people = tree["materials"]
+    assert floor["alphaMode"] == "BLEND"
+    assert photo["extensions"] == {"KHR_materials_unlit": {}}
+    assert photo["doubleSided"] is True
+    assert tree["extensionsUsed"] == ["KHR_materials_unlit"]
+    # The mannequins of the room have no texture coordinates: their vertices have the colours of the
+    # photo.
+    assert people["extensions"] == {"KHR_materials_unlit": {}}
+    used = {mesh["name"]: mesh["primitives"][0] for mesh in tree["meshes"]}
+    names = ("scene", "floor", "person_0", "person_1")
+    assert [used[name]["material"] for name in names] == [0, 1, 2, 2]
+    assert set(used["scene"]["attributes"]) == {"POSITION", "TEXCOORD_0"}
+    assert set(used["person_0"]["attributes"]) == {"POSITION", "NORMAL", "_CONTACT", "COLOR_0"}
+
+
+def test_the_scene_stands_in_the_same_frame_and_shows_its_colours(content, reconstruction):
+    mesh = opened(content).geometry["scene"]
+    low = mesh.bounds[0]
+    assert low[1] == pytest.approx(0.0, abs=1e-3)
+    assert low[2] == pytest.approx(-5.0, abs=1e-3)  # the wall
+    # The nearest mesh vertex to the middle of the box's lid is red, as that is.
+    lid = np.argmin(np.linalg.norm(mesh.vertices - [0.85, 0.45, -3.1], axis=1))
+    texture = np.asarray(mesh.visual.material.baseColorTexture)
+    u, v = mesh.visual.uv[lid]
+    height, width = texture.shape[:2]
+    pixel = texture[round((1 - v) * height - 0.5), round(u * width - 0.5)]
+    assert_allclose(pixel, [215, 120, 95], atol=12)
+
+
+def test_bodies_that_no_model_gives_are_posed_meshes_and_the_combined_file_says_why(
+    content, reconstruction
+):
+    tree = tree_of(content)
+    assert "skins" not in tree
+    count = len(reconstruction.people[0].vertices)
+    theirs = tree_of(combined_glb(replace(reconstruction, body_model="smplx")))
+    for one, reason in (
+        (tree, f"the body model has 13348 vertices, a body of the result {count}: "),
+        (theirs, "it is in a file of yours; "),
+    ):
+        assert one["scenes"][0]["extras"]["no_skeleton"].startswith(reason)

@@ -1,0 +1,332 @@
+"""Pictures: what is drawn lies where the camera sees it, and the preview holds every panel."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+from numpy.testing import assert_allclose, assert_array_equal
+from PIL import Image
+
+from physic_core.types import CheckResult, Grade, Intrinsics
+from physic_visual.palette import person_color
+from physic_visual.panels import (
+    CONTACT_VIEWS,
+    depth_panel,
+    depth_range,
+    overlay_panel,
+    render_contact_views,
+)
+from physic_visual.preview import preview_image, preview_png, summary_line
+from physic_visual.render import (
+    LONGEST_BODY_EDGE_M,
+    View,
+    prepare_meshes,
+    render_mesh,
+    render_points,
+)
+from physic_visual.views import (
+    BACKGROUND_RGB,
+    PAGE_RGB,
+    build_preview_geometry,
+    side_view,
+    top_view,
+    view_from_aside,
+)
+
+SPHERE = trimesh.creation.icosphere(subdivisions=4, radius=0.5)
+FRONT = np.diag([1.0, -1.0, -1.0])  # right, top and eye of a view along z
+CAMERA = Intrinsics.from_focal(100.0, 101, 81)
+PINHOLE = View.perspective(CAMERA, 101, 81)
+
+
+def in_colors_of_numbers(reconstruction):
+    geometry = build_preview_geometry(reconstruction)
+    return replace(geometry, dress=geometry.people_colors)
+
+
+def sphere_at(*centers):
+    return prepare_meshes([SPHERE.vertices + center for center in centers], SPHERE.faces)
+
+
+def drawn(view, *centers, colors=1.0):
+    """Spheres, the first in the first of the colours."""
+    shades = np.broadcast_to(colors, (len(centers), 3)).repeat(len(SPHERE.vertices), axis=0)
+    return render_mesh(sphere_at(*centers), view, shades)
+
+
+def is_hue(picture, index):
+    """Pixels that show a person's colour, whatever the light."""
+    wanted = np.array(person_color(index)) / np.linalg.norm(person_color(index))
+    values = picture.astype(float)
+    return (values @ wanted > 0.995 * np.linalg.norm(values, axis=-1)) & (values.max(-1) > 40)
+
+
+def test_a_sphere_is_a_disc_of_the_right_size():
+    layer = drawn(PINHOLE, [0, 0, 4.0], colors=0.8)
+    radius = 100 * 0.5 / np.sqrt(4.0**2 - 0.5**2)
+    assert layer.alpha.sum() == pytest.approx(np.pi * radius**2, rel=0.01)
+    rows, columns = np.nonzero(layer.alpha > 0.5)
+    assert [rows.mean(), columns.mean()] == pytest.approx([40, 50], abs=0.05)
+    assert layer.distance[40, 50] == pytest.approx(3.5, abs=0.005)
+    assert np.isinf(layer.distance[0, 0])
+
+
+def test_a_surface_may_fill_the_picture():
+    corners = np.array([[-9.0, -9.0, 4.0], [9.0, -9.0, 4.0], [0.0, 18.0, 4.0]])
+    wall = prepare_meshes([corners], np.array([[0, 1, 2]]))
+    layer = render_mesh(wall, PINHOLE, np.ones((3, 3)))
+    assert layer.alpha.min() == 1
+    assert layer.distance == pytest.approx(4.0)
+
+
+def test_the_nearer_hides_the_farther():
+    layer = drawn(PINHOLE, [0, 0, 6.0], [0, 0, 4.0], colors=[[1.0, 0, 0], [0, 1.0, 0]])
+    assert layer.color[40, 50, 1] > 0.5
+    assert layer.color[40, 50, 0] == 0
+
+
+def test_what_lies_behind_the_camera_is_not_drawn():
+    assert drawn(PINHOLE, [0, 0, -4.0]).alpha.max() == 0
+
+
+def test_a_parallel_view_is_to_scale():
+    axes = np.array([[0, 0, 1.0], [0, -1.0, 0], [1.0, 0, 0]])
+    view = View.orthographic(axes, np.array([0, 0, 4.0]), 60.0, (120, 100))
+    assert drawn(view, [0, 0, 4.0]).alpha.sum() == pytest.approx(np.pi * 30**2, rel=0.01)
+    spot = view.project(np.array([[7.0, -0.5, 4.5]]))[0]
+    assert spot[:2] == pytest.approx([59.5 + 30, 49.5 - 30])
+
+
+def test_a_parallel_view_can_cut():
+    view = View.orthographic(FRONT, np.array([0, 0, 4.0]), 60.0, (120, 100), start=-0.1)
+    nearest = drawn(view, [0, 0, 3.0], [0, 0, 5.0]).distance.min()
+    assert nearest == pytest.approx(0.4, abs=0.005)
+
+
+def test_a_splat_is_a_square_and_the_nearer_wins():
+    view = View.orthographic(FRONT, np.zeros(3), 10.0, (21, 11))
+    points = np.array([[0, 0, 1.0], [0.1, 0, 2.0], [50, 0, 0], [np.nan, 0, 0], [1.0, 0.5, 0]])
+    colors = np.array([[1.0, 0, 0], [0, 1.0, 0], [1, 1, 1], [1, 1, 1], [0, 0, 1.0]])
+    layer = render_points(view, points, colors)
+    assert layer.alpha.sum() == 9 + 3 + 4  # the corner's square is cut
+    assert_array_equal(layer.color[[5, 5, 10], [10, 12, 20]], np.eye(3))
+    assert layer.distance[5, 10] == 51
+
+
+def test_people_are_drawn_where_their_joints_project(reconstruction):
+    picture = overlay_panel(reconstruction, in_colors_of_numbers(reconstruction), 320, 240)
+    for index, person in enumerate(reconstruction.people):
+        spots = person.joints[[0, 9]] @ reconstruction.intrinsics.resized(320, 240).matrix.T
+        for column, row in spots[:, :2] / spots[:, 2:]:
+            assert is_hue(picture[round(row)][round(column)], index), (index, row, column)
+
+
+def test_people_over_the_photo_are_dressed_and_have_an_outline_in_the_colour_of_their_number(
+    reconstruction,
+):
+    image = np.full_like(reconstruction.image, 250)
+    shown = replace(reconstruction, image=image)
+    picture = overlay_panel(shown, build_preview_geometry(shown), 640, 480)
+    plain = overlay_panel(shown, in_colors_of_numbers(shown), 640, 480)
+    for index in range(2):
+        body = is_hue(plain, index)
+        outline = is_hue(picture, index)
+        inside = cv2.erode(body.astype(np.uint8), np.ones((7, 7), np.uint8)).astype(bool)
+        assert 0.02 < outline.sum() / body.sum() < 0.5
+        assert not outline[inside].any()
+
+
+def test_side_and_top_views_frame_the_main_people(make):
+    """A stranger far behind, who is small in the photo, does not shrink them."""
+    pair = make(people=2)
+    alone = replace(pair, people=pair.people[:1])
+    near, other = pair.people
+    x0, y0, _, _ = other.box
+    stranger = replace(
+        other,
+        vertices=other.vertices + np.float32([0, 0, 20]),
+        box=np.array([x0, y0, x0 + 8, y0 + 20], other.box.dtype),
+    )
+    crowd = replace(pair, people=(near, stranger))
+    for draw in (side_view, top_view):
+        plans = [draw(build_preview_geometry(result), 600, 440) for result in (alone, crowd)]
+        assert plans[0].pixels_per_metre == pytest.approx(plans[1].pixels_per_metre)
+        assert set(plans[1].crowns) == {0}
+
+
+def test_depth_runs_from_red_to_blue_and_unknown_is_grey(reconstruction):
+    valid = reconstruction.scene.valid.copy()
+    valid[50:60, 100:110] = False
+    seen = replace(reconstruction, scene=replace(reconstruction.scene, valid=valid), people=())
+    picture = depth_panel(seen, 160, 120)
+    near, far = depth_range(seen)
+    assert near == pytest.approx(reconstruction.scene.points[..., 2].min(), rel=0.1)
+    assert far == pytest.approx(reconstruction.scene.points[..., 2].max(), rel=0.05)
+    assert picture[119, 80, 0] > picture[119, 80, 2]  # the floor before the feet
+    assert picture[68, 80, 2] > picture[68, 80, 0]  # the foot of the wall
+    assert (picture[55, 105] == [190, 190, 188]).all()
+
+
+def test_from_the_side_people_stand_on_the_floor_line(reconstruction):
+    plan = side_view(in_colors_of_numbers(reconstruction), 600, 440)
+    metre = plan.pixels_per_metre
+    middles = []
+    for index in (0, 1):
+        rows, columns = np.nonzero(is_hue(plan.picture, index))
+        assert plan.floor_row - rows.min() == pytest.approx(1.69 * metre, abs=4)
+        middles.append((columns.min() + columns.max()) / 2)
+        assert columns.min() < plan.crowns[index][0] < columns.max()
+        assert plan.crowns[index][1] == pytest.approx(rows.min(), abs=3)
+        if index == 1:  # the other's legs are veiled by the box
+            assert rows.max() == pytest.approx(plan.floor_row, abs=0.03 * metre)
+    assert middles[1] - middles[0] == pytest.approx((3.8 - 3.0) * metre, abs=0.1 * metre)
+
+
+def test_from_above_people_stand_beside_each_other(reconstruction):
+    plan = top_view(in_colors_of_numbers(reconstruction), 400, 900)
+    spots = []
+    for index in (0, 1):
+        rows, columns = np.nonzero(is_hue(plan.picture, index))
+        spots.append([(columns.min() + columns.max()) / 2, (rows.min() + rows.max()) / 2])
+    offset = (np.array(spots[1]) - spots[0]) / plan.pixels_per_metre
+    assert_allclose(offset, [0.9, -0.8], atol=0.1)  # farther is higher
+    assert plan.floor_row is None
+    assert (spots[0][0] - plan.camera[0]) / plan.pixels_per_metre == pytest.approx(-0.6, abs=0.1)
+
+
+def test_from_the_side_people_have_the_colours_of_the_photo_and_are_darker_where_it_does_not_show_them(  # noqa: E501
+    reconstruction,
+):
+    image = reconstruction.image.copy()
+    for person in reconstruction.people:
+        image[person.mask] = [220, 30, 200]
+    geometry = build_preview_geometry(replace(reconstruction, image=image))
+    picture = side_view(geometry, 600, 440).picture.astype(int)
+    pink = picture[..., 0] - picture[..., 1] > 60
+    seen = pink & (picture[..., 0] > 210)
+    guessed = pink & (picture[..., 0] < 190)
+    assert min(seen.sum(), guessed.sum()) > 200
+    # The photo is on the left, and shows the left sides of the people.
+    assert np.nonzero(seen)[1].mean() < np.nonzero(guessed)[1].mean()
+
+
+def test_the_scene_is_seen_from_above_in_its_colours(reconstruction):
+    plan = top_view(build_preview_geometry(reconstruction), 400, 900)
+    column = round(plan.camera[0] + 1.0 * plan.pixels_per_metre)
+    row = round(plan.camera[1] - 3.1 * plan.pixels_per_metre)
+    assert_allclose(plan.picture[row, column], [215, 120, 95], atol=6)  # the box's lid
+
+
+def test_from_aside_people_stand_before_what_is_farther(reconstruction):
+    """The upper third of the photo is a pink sky, which has no depth."""
+    scene = reconstruction.scene
+    pink = (230, 20, 200)
+    valid = scene.valid.copy()
+    colors = scene.colors.copy()
+    valid[: len(valid) // 3] = False
+    colors[: len(valid) // 3] = pink
+    sky = replace(reconstruction, scene=replace(scene, valid=valid, colors=colors))
+    picture = view_from_aside(in_colors_of_numbers(sky), 400, 320)
+    assert min(is_hue(picture, index).sum() for index in (0, 1)) > 500
+    rows = np.nonzero((picture == pink).all(-1))[0]
+    assert len(rows) > 5000
+    assert rows.mean() < np.nonzero(is_hue(picture, 0))[0].mean()
+
+
+def test_contact_with_the_floor_is_green_from_below_only(reconstruction):
+    shown = render_contact_views(reconstruction, 0, 600, 300)
+    green = (shown[..., 1].astype(int) - shown[..., 0]) > 40
+    counts = [int(view.sum()) for view in np.split(green, len(CONTACT_VIEWS), axis=1)]
+    assert counts[2] > 5 * max(counts[0], counts[1], 1)
+
+
+def test_contact_views_hold_the_person_and_enlarge_the_view_from_below(reconstruction):
+    shown = (render_contact_views(reconstruction, 0, 900, 300) != PAGE_RGB).any(-1)
+    spans = [
+        [np.ptp(np.flatnonzero(view.any(axis))) + 1 for axis in (0, 1)]
+        for view in np.split(shown, 3, axis=1)
+    ]
+    height = 1.69
+    assert spans[0][1] == pytest.approx(300 * height / (height + 0.1), abs=4)
+    assert spans[2][0] == pytest.approx(1.5 * spans[0][0], abs=4)
+
+
+def test_the_front_is_the_side_with_the_toes(reconstruction):
+    """The mannequin's shoes point ahead: they are seen from the front, and the heels from the
+    back.
+    """
+    person = reconstruction.people[0]
+    toes = np.zeros(len(person.vertices), bool)
+    toe = (person.joints[10] + person.joints[11]) / 2
+    toes[np.linalg.norm(person.vertices - toe, axis=1) < 0.17] = True
+    seen = replace(reconstruction, people=(replace(person, contact=toes, contact_partner=None),))
+    shown = render_contact_views(seen, 0, 600, 300)
+    red = (shown[..., 0].astype(int) - shown[..., 1]) > 60
+    assert red[:, :200].sum() > red[:, 200:400].sum()
+
+
+def test_no_people_and_no_scene_make_empty_plans(make):
+    before = make(people=0)
+    scene = replace(before.scene, valid=np.zeros_like(before.scene.valid))
+    geometry = build_preview_geometry(replace(before, scene=scene))
+    for draw in (side_view, top_view):
+        assert (draw(geometry, 60, 40).picture == BACKGROUND_RGB).all()
+
+
+def checks(*states):
+    return tuple(
+        CheckResult(f"check {i}", s, None, 1.0, "at most", "m", "", 0) for i, s in enumerate(states)
+    )
+
+
+def test_the_headline_states_the_facts(reconstruction):
+    judged = replace(reconstruction, checks=checks("failed", "unknown", "ok"))
+    line = summary_line(replace(judged, grade=Grade.BAD))
+    facts = "bad|160 x 120|128 px|±7 %|+6.2 %|1.40 ± 0.10 m|12°|1 failed|2 warnings"
+    for fact in facts.split("|"):
+        assert fact in line
+
+
+@pytest.mark.parametrize(("width", "height", "people"), [(320, 90, 0), (64, 960, 1)])
+def test_the_preview_is_a_page_of_fixed_width(make, width, height, people):
+    image = Image.open(io.BytesIO(preview_png(make(width, height, people=people))))
+    assert image.format == "PNG"
+    assert image.width == 1280
+    assert 700 < image.height < 1800
+    assert image.getextrema() != ((250, 250), (250, 250), (248, 248))
+
+
+def test_a_crowd_and_broken_bodies_do_not_break_the_preview(make):
+    before = make(people=2)
+    person = before.people[0]
+    lost = replace(person, vertices=person.vertices * np.nan, joints=person.joints * np.nan)
+    long = "A warning — with a dash… " * 30
+    crowd = replace(before, people=(lost, *[before.people[1]] * 11), warnings=(long,) * 9)
+    assert preview_image(crowd).width == 1280
+
+
+def test_a_person_who_lies_or_bends_has_views(reconstruction):
+    person = reconstruction.people[0]
+    up = reconstruction.scene.floor.normal
+    for axis in (np.array([1.0, 0, 0]), np.cross(up, [1.0, 0, 0])):
+        turn = trimesh.transformations.rotation_matrix(np.pi / 2, axis, person.joints[0])
+        vertices, joints = (
+            trimesh.transform_points(points, turn).astype(np.float32)
+            for points in (person.vertices, person.joints)
+        )
+        lying = replace(person, vertices=vertices, joints=joints)
+        shown = render_contact_views(replace(reconstruction, people=(lying,)), 0, 300, 200)
+        assert (shown != PAGE_RGB).any(-1).mean() > 0.05
+
+
+def test_triangles_that_may_each_cover_the_image_are_left_out():
+    faces = np.array([[0, 1, 2], [0, 1, 3]])
+    vertices = np.array([[0.0, 0.0, 2.0], [0.05, 0.0, 2.0], [0.0, 0.05, 2.0], [90.0, 0.0, 2.5]])
+    kept = prepare_meshes([vertices], faces, longest_edge=LONGEST_BODY_EDGE_M)
+    assert kept.faces.tolist() == [[0, 1, 2]]
+    assert prepare_meshes([1e3 * vertices], faces, longest_edge=LONGEST_BODY_EDGE_M) is None

@@ -1,0 +1,288 @@
+"""The page of a result: one file, without an address, whose data are the result's."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import json
+import re
+from dataclasses import replace
+from importlib.resources import files
+
+import numpy as np
+import pytest
+import torch
+
+from physic_core.body import load_body
+from physic_core.pictures import PAGE_MARK
+from physic_core.types import BodyContact, CheckResult, ContactPartner, UnposedPerson
+from physic_visual.report.page import failure_html, report_html
+from physic_visual.report.surfaces import MAX_FULL_BODIES, pack_bodies, pack_scene
+from physic_visual.surface import mesh_scene, scene_reach
+
+PAGE = files("physic_visual.report") / "page"
+ODD = "a\"b'c</script><script>alert(1)</script><!-- ]]> @DATA@ \u2028 \U0001f3c0 \udce9.jpg"
+
+
+def data_of(page):
+    return json.loads(
+        re.search(r'<script id="data" type="application/json">(.*?)</script>', page, re.S)[1]
+    )
+
+
+def scripts_of(page):
+    return re.findall(r"<script(?: type=\"module\")?>(.*?)</script>", page, re.S)
+
+
+def unpacked(text, dtype="u1"):
+    return np.frombuffer(base64.b64decode(text), dtype)
+
+
+def points_of(packed):
+    levels = unpacked(packed["data"], "<u2").reshape(-1, 3)
+    assert len(levels) == packed["count"]
+    return np.array(packed["origin"]) + np.array(packed["step"]) * levels
+
+
+def flags_of(text, count):
+    return np.unpackbits(unpacked(text), count=count, bitorder="little").astype(bool)
+
+
+def shown(result, people=None):
+    """The data of the page of a result, or of one with other people."""
+    return data_of(report_html(result if people is None else replace(result, people=people)))
+
+
+@pytest.fixture
+def standing(reconstruction):
+    """The room with two embedded bodies in their T-pose, soles on the floor, pelvises 1.5 m
+    apart.
+    """
+    model = load_body()
+    rotations, betas, transl = model.zero_pose()
+    body = model(rotations, betas, transl)
+    up = np.array(reconstruction.scene.floor.normal)
+    floor = reconstruction.scene.floor.offset
+    right = np.array([1.0, 0.0, 0.0])
+    turn = np.stack([right, up, np.cross(right, up)], axis=1)
+    vertices, joints = (np.asarray(t[0]) @ turn.T for t in (body.vertices, body.joints))
+    people = []
+    for x, person in zip((-0.75, 0.75), reconstruction.people, strict=True):
+        shift = np.array([x, 0.0, 3.0]) - joints[0]
+        shift = shift - up * ((vertices + shift) @ up + floor).min()
+        height = (vertices + shift) @ up + floor
+        people.append(
+            replace(
+                person,
+                vertices=(vertices + shift).astype(np.float32),
+                joints=(joints + shift).astype(np.float32),
+                contact=height < 0.02,
+                contact_probability=None,
+                contact_partner=np.where(height < 0.02, 0, -1).astype(np.int16),
+                distance=np.zeros(len(vertices), np.float32),
+                parameters=replace(person.parameters, betas=np.asarray(betas)),
+                faces=None,
+            )
+        )
+    return replace(reconstruction, people=tuple(people), faces=model.faces.numpy().astype(np.int32))
+
+
+@pytest.mark.parametrize(
+    "size", [(160, 120), (800, 600)], ids=["every pixel", "every second pixel"]
+)
+def test_the_scene_has_the_points_of_its_pixels_and_the_triangles_of_its_mesh(make, size):
+    result = make(*size)
+    packed = pack_scene(result)
+    stride = packed["stride"]
+    rows = packed["rows"]
+    columns = packed["columns"]
+    assert stride == (1 if size == (160, 120) else 2)
+    valid = flags_of(packed["valid"], rows * columns).reshape(rows, columns)
+    wanted = result.scene.points[::stride, ::stride][valid]
+    assert np.abs(points_of(packed["points"]) - wanted).max() < 1e-3
+    kept = flags_of(packed["triangles"], 2 * rows * columns)
+    mesh = mesh_scene(result.scene, scene_reach(result), 130_000)
+    assert kept.sum() == len(mesh.faces) > 10_000
+    # The corners of each triangle, found as the page finds them, are those of the mesh.
+    cells = np.flatnonzero(kept) // 2
+    offsets = np.where(
+        (np.flatnonzero(kept) % 2)[:, None], [1, columns, columns + 1], [0, columns, 1]
+    )
+    of_mesh = (mesh.pixels[:, 1] // stride * columns + mesh.pixels[:, 0] // stride)[mesh.faces]
+    assert {tuple(c) for c in cells[:, None] + offsets} == {tuple(c) for c in of_mesh}
+
+
+def test_a_crowd_is_shown_with_fewer_vertices_and_keeps_its_contact(standing):
+    crowd = replace(standing, people=standing.people[:1] * (MAX_FULL_BODIES + 1))
+    packed = pack_bodies(crowd)
+    count = packed["people"][0]["points"]["count"]
+    assert count < 0.4 * len(standing.people[0].vertices)
+    contact, colors = (unpacked(packed["people"][0][name]) for name in ("contact", "colors"))
+    assert max(contact) == 255
+    assert (len(contact), len(colors)) == (count, 3 * count)
+    assert packed["people"][0]["texture"] is packed["uv"] is None
+    assert unpacked(packed["faces"]["data"], "<u2").max() < count
+
+
+def test_bodies_with_texture_coordinates_have_a_texture_and_the_vertices_of_its_seams(standing):
+    packed = pack_bodies(standing)
+    count = len(standing.people[0].vertices)
+    faces, split, uv = (
+        unpacked(packed[name]["data"], "<u2").astype(int) for name in ("faces", "split", "uv")
+    )
+    vertex = np.r_[np.arange(count), split]
+    np.testing.assert_array_equal(vertex[faces].reshape(-1, 3), standing.faces)
+    assert len(uv) == 2 * len(vertex)
+    for one in packed["people"]:
+        assert one["texture"].startswith("data:image/jpeg;base64,")
+        assert one["colors"] is None
+        assert one["points"]["count"] == count
+
+
+def test_contact_less_likely_than_not_is_faint_and_the_page_says_so(standing):
+    person = standing.people[0]
+    unsure = replace(person, contact_probability=np.full(len(person.vertices), 0.4, np.float16))
+    data = shown(standing, (unsure,))
+    strength = unpacked(data["bodies"]["people"][0]["contact"])
+    assert set(strength[person.contact]) == {51}
+    assert not strength[~person.contact].any()
+    assert data["faint"] == "faint: less likely than not"
+    assert shown(standing)["faint"] == ""
+
+
+def test_the_page_tells_assumed_contacts_from_others(standing):
+    foot = BodyContact("left_foot", ContactPartner("floor", "floor"), 0.8, 9, assumed=True)
+    hand = replace(foot, part="left_hand", assumed=False)
+    person = replace(standing.people[0], contacts=(foot, hand))
+    contacts = shown(standing, (person,))["people"][0]["contacts"]
+    assumed = {one["part"]: one["assumed"] for one in contacts}
+    assert assumed == {"left foot": True, "left hand": False}
+
+
+def test_stature_and_distances_are_those_of_the_bodies(standing):
+    person, other = shown(standing)["people"]
+    model = load_body()
+    first, second = (one.joints[0] for one in standing.people)
+    assert person["stature"] == pytest.approx(float(model.stature(torch.zeros(1, 16))), abs=1e-4)
+    assert 1.5 < person["stature"] < 1.9
+    assert person["camera"] == pytest.approx(float(np.linalg.norm(first)), abs=1e-6)
+    assert person["lowest"] == pytest.approx(0.0, abs=1e-5)
+    pelvis = float(np.linalg.norm(first - second))
+    (record,) = person["others"]
+    assert (record["person"], record["pelvis"]) == (1, pytest.approx(pelvis, abs=1e-6))
+    assert 1.5 <= pelvis < 1.6
+    # The hands of two T-poses that are 1.5 m apart reach past each other.
+    assert 0 <= record["gap"] < 0.3
+    assert other["others"][0]["gap"] == record["gap"]
+
+
+def test_contact_is_counted_by_body_part(standing):
+    contact = shown(standing)["people"][0]["contact"]
+    assert {row["part"] for row in contact} == {"left foot", "right foot"}
+    for row in contact:
+        assert 100 < row["cm2"] < 400
+        assert 0.2 < row["share"] < 0.7
+        assert sum(one["share"] for one in row["colors"]) == pytest.approx(row["share"])
+
+
+def test_people_whose_body_model_is_not_at_hand_have_no_stature(reconstruction, tmp_path):
+    # The mannequins of the room have other vertices than the embedded body.
+    config = {"body_model": {"path": str(tmp_path / "SMPLX.npz")}}
+    for changes in ({}, {"body_model": "smplx", "config": config}):
+        person = shown(replace(reconstruction, **changes))["people"][0]
+        assert person["stature"] is None
+        assert person["contact"] is None
+        assert person["contact_vertices"] > 0
+
+
+@pytest.mark.parametrize("people", [0, 1, 2])
+def test_a_page_has_no_address_and_is_small(make, people):
+    page = report_html(make(people=people), "photo.jpg")
+    assert "<title>photo.jpg – PhySIC</title>" in page
+    assert PAGE_MARK in page
+    assert not re.search(r"https?:|src=|href=|@import|url\(", page.split("<script>")[0])
+    assert not re.search("https?:", page)
+    assert len(page) < 1.5e6
+    assert len(data_of(page)["people"]) == people
+
+
+def test_a_person_without_a_body_is_on_the_page(reconstruction):
+    first, person = reconstruction.people
+    lost = replace(person, vertices=person.vertices * np.nan, joints=person.joints * np.nan)
+    unposed = (UnposedPerson((1.0, 2.0, 3.0, 4.0), 0.5, "no pose fits the box"),)
+    data = shown(replace(reconstruction, unposed=unposed), (first, lost))
+    assert data["bodies"]["people"][1] is None
+    assert (data["people"][1]["posed"], data["people"][1]["others"]) == (False, [])
+    assert data["people"][0]["others"] == []
+    assert data["unposed"][0]["reason"] == "no pose fits the box"
+
+
+def test_a_person_of_other_photos_has_no_box_in_the_reference_photo(reconstruction):
+    first, person = reconstruction.people
+    other = replace(person, mask=np.zeros_like(person.mask), box=np.zeros_like(person.box))
+    data = shown(reconstruction, (first, other))
+    assert data["people"][0]["box"] == first.box.tolist()
+    assert data["people"][1]["box"] is None
+    assert data["people"][1]["posed"]
+
+
+def test_a_scene_without_floor_and_without_a_valid_pixel_gives_a_page(reconstruction):
+    scene = reconstruction.scene
+    empty = replace(scene, floor=None, valid=np.zeros_like(scene.valid))
+    data = shown(replace(reconstruction, scene=empty, checks=(), stages=()), ())
+    assert data["floor"] is False
+    assert data["scene"]["points"]["count"] == 0
+
+
+def test_text_of_others_is_never_markup(reconstruction):
+    check = CheckResult("floor", "unknown", None, 0.15, "at least", "share", ODD)
+    result = replace(reconstruction, warnings=(ODD,), notes=(ODD,), checks=(check,))
+    page = report_html(result, ODD)
+    page.encode("utf-8")
+    data = data_of(page)
+    assert data["warnings"] == data["notes"] == [ODD]
+    assert "alert(1)</script>" not in page
+    assert page.count("<script") == page.count("</script") == 3
+    title = html.escape(ODD).replace("\udce9", "\\udce9")
+    assert f"<h1>{title}</h1>" in page
+
+
+def test_only_the_scripts_of_the_page_may_run(reconstruction):
+    page = report_html(reconstruction)
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', page)[1]
+    assert policy.startswith("default-src 'none'; script-src 'sha256-")
+    digests = [
+        base64.b64encode(hashlib.sha256(s.encode()).digest()).decode() for s in scripts_of(page)
+    ]
+    assert len(digests) == 2
+    assert all(f"'sha256-{digest}'" in policy for digest in digests)
+    assert "unsafe-inline" not in policy.partition("style-src")[0]
+
+
+def test_a_page_of_failure_says_what_is_wrong():
+    page = failure_html(ODD, f"cannot read {ODD}: it is damaged")
+    page.encode("utf-8")
+    assert html.escape("cannot read a\"b'c</script>") in page
+    assert "<script" not in page
+    assert "script-src 'none'" in page
+    assert "https:" not in page
+
+
+def test_the_bundle_of_three_js_is_the_one_that_was_built_and_has_its_licence():
+    content = (PAGE / "vendor" / "three.js").read_bytes()
+    stated = (PAGE / "vendor" / "three.sha256").read_text().split()
+    assert stated == [hashlib.sha256(content).hexdigest(), "three.js"]
+    head = content[:1400].decode()
+    assert "The MIT License" in head
+    assert "three.js authors" in head
+    assert b"http:" not in content
+    assert b"https:" not in content
+
+
+def test_a_result_shows_its_page_in_the_browser(standing, monkeypatch):
+    opened = []
+    monkeypatch.setattr("webbrowser.open", lambda address: bool(opened.append(address)))
+    page = replace(standing).show()
+    assert opened == [page.as_uri()]
+    assert PAGE_MARK in page.read_text()[:500]

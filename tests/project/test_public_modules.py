@@ -1,0 +1,63 @@
+"""What plugins need of the core is the list of docs/api.md."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.quick
+
+ROOT = Path(__file__).parents[2]
+PLUGINS = [
+    path
+    for folder in ("plugins", "contrib")
+    for path in sorted((ROOT / folder).rglob("*.py"))
+    if not {"tests", "build"} & set(path.relative_to(ROOT).parts)
+]
+
+
+def public_modules():
+    """The first column of the tables for plugin authors."""
+    _, _, section = (ROOT / "docs" / "api.md").read_text().partition("\n## For plugin authors\n")
+    found = {"physic_core"}
+    for cell in re.findall(r"^\| ([^|]*) \|", section, re.M):
+        names = re.findall(r"`([\w.]+)`", cell)
+        package = names[0].rpartition(".")[0] if names else ""
+        found |= {package + name if name.startswith(".") else name for name in names}
+    return {name for name in found if name.partition(".")[0] == "physic_core"}
+
+
+def imported_modules(path):
+    """The modules of the core that a file imports, in functions and for types, too."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            inner = [f"{node.module}.{alias.name}" for alias in node.names]
+            names = [name if is_module(name) else str(node.module) for name in inner]
+        else:
+            continue
+        yield from (name for name in names if name.partition(".")[0] == "physic_core")
+
+
+def is_module(name):
+    base = ROOT.joinpath(*name.split("."))
+    return base.with_suffix(".py").is_file() or (base / "__init__.py").is_file()
+
+
+def test_every_public_module_is_there():
+    assert [name for name in public_modules() if not is_module(name)] == []
+
+
+def test_plugins_import_public_modules_of_the_core_alone():
+    public = public_modules()
+    others = {
+        f"{path.relative_to(ROOT)}: {name}"
+        for path in PLUGINS
+        for name in imported_modules(path)
+        if name not in public
+    }
+    assert sorted(others) == []
