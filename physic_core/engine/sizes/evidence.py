@@ -64,6 +64,8 @@ USUAL_DEPTH_M = 3.0
 USUAL_DEPTH_SIGMA = 1.0
 """Standard deviation of the logarithm of that depth."""
 
+_MIN_PIXELS = 30
+
 
 @dataclass(frozen=True)
 class ScaleEvidence:
@@ -147,13 +149,6 @@ def combined_scale(evidence: Sequence[ScaleEvidence]) -> ScaleEvidence | None:
     return ScaleEvidence(mean, least)
 
 
-_RAYS = 4000  # largest number of sampled pixels
-_MIN_PIXELS = 30
-_MIN_HITS = 20
-# Of the long side: the depth of the background bleeds into the edge of a mask.
-_ERODED_SHARE = 0.004
-
-
 def scales_by_soles(
     vertices: FloatArray, model: BodyModel, feet: BoolArray, floor: Plane
 ) -> FloatArray:
@@ -206,6 +201,9 @@ def scales_by_torsos(
     )
 
 
+_MIN_HITS = 20
+
+
 def _scale_by_torso(
     body: FloatArray,
     faces: NDArray[np.int64],
@@ -240,6 +238,9 @@ def _scale_by_torso(
     return scale if scale > 0 else float("nan")
 
 
+_RAYS = 4000  # largest number of sampled pixels
+
+
 def _sampled_pixels(mask: BoolArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return rows and columns (n,) of at most :data:`_RAYS` pixels of a mask (H, W), evenly
     spaced.
@@ -247,6 +248,10 @@ def _sampled_pixels(mask: BoolArray) -> tuple[NDArray[np.int64], NDArray[np.int6
     rows, columns = np.nonzero(mask)
     chosen = np.linspace(0, len(rows) - 1, min(_RAYS, len(rows))).astype(int)
     return rows[chosen], columns[chosen]
+
+
+# Of the long side: the depth of the background bleeds into the edge of a mask.
+_ERODED_SHARE = 0.004
 
 
 def _erode(mask: BoolArray) -> BoolArray:
