@@ -35,8 +35,8 @@ from physic_core.pipeline.backend_results import (
 from physic_core.pipeline.given.people import (
     ignored_people,
     known_people,
+    left_to_right,
     select_chosen,
-    who_got_which,
 )
 from physic_core.types import Bodies, ContactProbability, Keypoints, Observations, People
 from physic_core.types.arrays import PER_PERSON, select_people
@@ -96,7 +96,9 @@ class FoundKeypoints(ShortRepr):
 
 
 def find_people(run: PhotoRun) -> FoundPeople:
-    """Find the people, all or those whom the user chose, and what the user knows of them."""
+    """Find the people, all from left to right or those whom the user chose in that order, and what
+    the user knows of them.
+    """
     prompt = run.given.people
     ignored = None
     if prompt is not None and prompt.ignored:
@@ -110,10 +112,9 @@ def find_people(run: PhotoRun) -> FoundPeople:
     found = _select(run, found, real, "its joints lie on another person, who seems the same")
     sizes = run.given.known
     if prompt is None:
-        known = known_people(sizes, found.people)
-        run.stages.note(*who_got_which(sizes, known, found.people))
-        return FoundPeople(found.people, found.missing, known)
-    known = select_people(known_people(sizes, every, chosen=True), real)
+        found = select_people(found, left_to_right(found.people))
+        return FoundPeople(found.people, found.missing, known_people(sizes, len(found.people)))
+    known = select_people(known_people(sizes, len(every)), real)
     if not real.all():
         # The others have their pixels back only in a segmentation without the false persons.
         found = _segment(run, prompt.select(real), required=True)

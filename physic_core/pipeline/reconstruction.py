@@ -243,6 +243,10 @@ def judge(result: Reconstruction, checks: Sequence[CheckResult]) -> Reconstructi
             unknown_checks=unknown_checks(checks, i),
             grade=Grade.of(trust[i].probability),
             trust=trust[i].probability,
+            trust_pose=trust[i].marks["pose"],
+            trust_place=trust[i].marks["place"],
+            trust_contact=trust[i].marks["contact"],
+            trust_size=trust[i].marks["size"],
             why=trust[i].why,
         )
         for i, person in enumerate(result.people)

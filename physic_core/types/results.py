@@ -20,7 +20,7 @@ from physic_core.types.arrays import shape
 from physic_core.types.bodies import JOINT_INDEX
 from physic_core.types.contacts import PARTNER_KINDS, contacts_text, part_words
 from physic_core.types.depth import Plane
-from physic_core.types.records import Measures
+from physic_core.types.records import MARKS, Grade, Measures
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from physic_core.types.camera import Intrinsics, Lens
     from physic_core.types.contacts import BodyContact, ContactPartner, Support
     from physic_core.types.people import UnposedPerson
-    from physic_core.types.records import CheckResult, Exported, Grade, StageRecord
+    from physic_core.types.records import CheckResult, Exported, StageRecord
     from physic_core.types.skeletons import Skeleton
 
 
@@ -120,6 +120,11 @@ class Person(ShortRepr):
         unknown_checks: names of those for which nothing could be measured.
         trust: probability in [0, 1] that pose, place, contact and size are right; None without
             checks.
+        trust_pose: probability in [0, 1] that the pose is right where the photo shows it; None
+            without checks.
+        trust_place: that the place is right.
+        trust_contact: that the contacts of feet, hands and seat are right.
+        trust_size: that the size is right.
         why: sentence that names what lowers ``trust`` most, and what to do.
         grade: the range of ``trust``, or None without checks.
         age: years, as given; None where unknown.
@@ -151,6 +156,10 @@ class Person(ShortRepr):
     unknown_checks: tuple[str, ...] = ()
     grade: Grade | None = None
     trust: float | None = None
+    trust_pose: float | None = None
+    trust_place: float | None = None
+    trust_contact: float | None = None
+    trust_size: float | None = None
     why: str = ""
     faces: NDArray[np.int32] | None = field(default=None, metadata={"stored": False})
     contact_probability: NDArray[np.float16] | None = field(default=None, metadata=shape("V"))
@@ -179,6 +188,11 @@ class Person(ShortRepr):
             raise InputError(f"no joint is named {name!r}: choose one of {', '.join(JOINT_INDEX)}")
         place: FloatArray = self.joints[JOINT_INDEX[name]]
         return place
+
+    @property
+    def marks(self) -> dict[str, float | None]:
+        """Probabilities that pose, place, contact and size are right, by name."""
+        return {name: getattr(self, f"trust_{name}") for name in MARKS}
 
     @property
     def has_body(self) -> bool:
@@ -241,8 +255,8 @@ class Reconstruction(ShortRepr):
     Attributes:
         image: (H, W, 3) uint8 RGB, upright, as reconstructed.
         intrinsics: of ``image``.
-        people: best detection score first, or in the order of the user's choice; empty for a scene
-            alone.
+        people: from left to right in the photo, by the centres of their boxes, or in the order of
+            the user's choice; empty for a scene alone.
         faces: (F, 3) int32, of every person's mesh.
         body_model: name of the body model of the people's parameters.
         skeleton: of the people's keypoints, or the name of a standard one.
@@ -558,7 +572,8 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
     """Return a row of ``people.csv`` for each person, without the photo; None where unknown.
 
     Keys: person (index into the people of the result), main (True if the grade of the photo counts
-    this person), grade, trust (probability that the person is right), why (what lowers it most),
+    this person), grade, trust (probability that the person is right), the same of pose, place,
+    contact and size (grade_pose, trust_pose, ...), why (what lowers trust most),
     distance_m (of the pelvis from the camera), stature_m (standing height), distance_sigma_m and
     stature_sigma_m (standard deviations), posture, posture_probability and child_probability (as of
     :class:`Person`), contacts (body parts that are likely, one half or more, to touch something,
@@ -571,6 +586,11 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
         {name: value(result, index) for name, value in _ROW.items()} | _angles(person)
         for index, person in enumerate(result.people)
     ]
+
+
+def marks_of_row(row: Mapping[str, Any]) -> dict[str, float | None]:
+    """Return the marks of a person, as :attr:`Person.marks`, from a row of :func:`person_rows`."""
+    return {name: row[f"trust_{name}"] for name in MARKS}
 
 
 def pelvis_distance_m(person: Person) -> float | None:
@@ -590,11 +610,22 @@ def _rounded(value: float | None, digits: int = 3) -> float | None:
     return None if value is None or not math.isfinite(value) else round(value, digits)
 
 
+def _mark(result: Reconstruction, index: int, name: str) -> float | None:
+    return result.people[index].marks[name]
+
+
+def _grade_of_mark(result: Reconstruction, index: int, name: str) -> str:
+    probability = result.people[index].marks[name]
+    return "" if probability is None else str(Grade.of(probability))
+
+
 _ROW: dict[str, Callable[[Reconstruction, int], Any]] = {
     "person": lambda result, index: index,
     "main": lambda result, index: index in main_people([person.box for person in result.people]),
     "grade": lambda result, index: str(result.people[index].grade or ""),
     "trust": lambda result, index: result.people[index].trust,
+    **{f"grade_{name}": partial(_grade_of_mark, name=name) for name in MARKS},
+    **{f"trust_{name}": partial(_mark, name=name) for name in MARKS},
     "why": lambda result, index: result.people[index].why,
     "distance_m": lambda result, index: _rounded(pelvis_distance_m(result.people[index])),
     "distance_sigma_m": lambda result, index: _rounded(

@@ -211,9 +211,9 @@ def _joints_and_mesh(bodies: Bodies, model: BodyModel) -> tuple[_Array, Mesh | N
         bodies.mesh if bodies.mesh is not None and _has_correspondence(bodies.mesh, model) else None
     )
     if bodies.body_model == "embedded" and joints is None and mesh is None:
-        from physic_core.body import load_body
+        from physic_core.body.files import load_embedded
 
-        own = load_body("embedded")
+        own = load_embedded("cpu")
         with torch.no_grad():
             out = own(*pose_from_parameters(bodies.parameters)[:3])
         rest = rest_mesh_of_model(own)

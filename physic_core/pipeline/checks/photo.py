@@ -105,7 +105,7 @@ def floor(estimates: Estimates, result: Reconstruction) -> Measured:
     share_of="the floor's pixels",
     advice="the photo has one colour where the floor was found, so that the floor is invented. Do "
     "not use heights and distances, or take a photo that shows the ground",
-    contradicts=True,
+    contradicts=("place", "contact", "size"),
     optional=True,
 )
 def floor_shown(estimates: Estimates, result: Reconstruction) -> Measured:

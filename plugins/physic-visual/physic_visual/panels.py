@@ -71,7 +71,7 @@ _GRADE_RGB = {Grade.GOOD: (28, 122, 70), Grade.DOUBTFUL: (150, 96, 10), Grade.BA
 _RULE_RGB = (206, 206, 202)
 _TEXT = 15  # px, size
 _LINE = 21  # px, height of a line
-_GRADE = 124  # px
+_GRADE = 150  # px
 _DISTANCE = 128  # px
 
 
@@ -388,7 +388,7 @@ def _cells(
         touches = [(count if person.contact_partner is None else "none", SOFT_RGB)]
     grade_rgb = INK_RGB if person.grade is None else _GRADE_RGB[person.grade]
     return [
-        _wrapped([(grade_text(person.grade, person.trust), grade_rgb)], _GRADE - 16),
+        _wrapped([(grade_text(person.grade, person.trust, person.marks), grade_rgb)], _GRADE - 16),
         _wrapped(
             [(metres_text(distance, sigma, 1) if np.isfinite(distance) else "unknown", INK_RGB)],
             _DISTANCE - 16,
