@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple
 import torch
 from torch import Tensor
 
-from physic_core.geometry.tensors import all_finite, quantiles, select_pixels
+from physic_core.geometry.pixels import all_finite, quantiles, select_pixels
 from physic_core.types import Plane
 
 LOWER_SHARE = 0.6

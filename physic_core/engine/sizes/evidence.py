@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.engine.sizes.scale_vote import Witnesses
-from physic_core.geometry.tensors import exact_arrays
+from physic_core.geometry.pixels import dilate_square
+from physic_core.geometry.tensors import exact_arrays, tensor
 from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
@@ -255,11 +256,8 @@ _ERODED_SHARE = 0.004
 
 
 def _erode(mask: BoolArray) -> BoolArray:
-    import cv2
-
     reach = max(1, round(_ERODED_SHARE * max(mask.shape)))
-    disc = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-    return np.asarray(cv2.erode(mask.astype(np.uint8), disc) > 0)
+    return ~dilate_square(~tensor(mask), reach).numpy()
 
 
 _SURE = 0.9  # probability that a metric depth without a stated error is right
