@@ -29,9 +29,10 @@ from physic_core.errors import BackendOutputError
 from physic_core.geometry.alignment import Alignment, apply_alignment, fit_alignment
 from physic_core.geometry.camera import unproject
 from physic_core.geometry.floor import FloorSearch, PlaneFit
+from physic_core.geometry.pixels import all_finite, select_pixels
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.pointmap import depth_to_pointmap
-from physic_core.geometry.tensors import all_finite, select_pixels, tensor, to_device
+from physic_core.geometry.tensors import tensor, to_device
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Intrinsics

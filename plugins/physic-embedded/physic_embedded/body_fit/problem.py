@@ -133,7 +133,17 @@ _DUPLICATE_POINTS = ("eye_inner", "eye_outer")  # redundant with the eyes
 
 @dataclass(frozen=True)
 class DecodedUnknowns:
-    """Body parameters of N people, decoded from the scaled unknowns of the fit."""
+    """Body parameters of N people, decoded from the scaled unknowns of the fit.
+
+    Attributes:
+        rotations: (N, 55, 3, 3), camera frame.
+        pose: (N, 21, 3) rotation vectors of joints 1 to 21, radians.
+        betas: (N, K).
+        transl: (N, 3) metres.
+        landmark_size: (N,) factor on the network's landmarks.
+        lean: (N,) rotation of the landmarks about the view's x axis, radians.
+        trunk_lean: (N,) the same of the landmarks above the hips beside that, radians.
+    """
 
     rotations: Tensor
     pose: Tensor
@@ -181,7 +191,41 @@ class LiftedLimbs:
 
 @dataclass(frozen=True)
 class FitProblem:
-    """Constant data of a body fit as tensors of the model's float type."""
+    """Constant data of a body fit of N people as tensors of the model's float type.
+
+    Attributes:
+        landmarks: poses the J keypoints, the joints, and the vertices of soles and outlines.
+        skeleton: of the keypoints.
+        rows: (J,) int64, of the fitted keypoints in the skeleton.
+        hips: rows of the left and the right hip in the fitted keypoints.
+        points: (N, J, 2) px.
+        weight: (N, J) of the keypoints.
+        turn: (N, 3, 3) rotation from the view's axes (right, down, away) to the camera's.
+        world: (N, J, 3) metres, landmarks in the view's axes about the middle of the hips, or None.
+        world_weight: (N, J) of the landmarks.
+        point_sigma: (N, J) px.
+        world_sigma: (N, J, 3) metres; infinite where the landmarks tell nothing.
+        camera: (3, 3) px.
+        root: (N, 3, 3), start of the pelvis.
+        pose: (N, 21, 3) rotation vectors, start of the body joints, radians.
+        mean: (21, 3) of the prior of ``pose``, radians.
+        sigma: (21, 3) of the prior, radians; the unit of its unknowns.
+        fingers: (33, 3, 3), of jaw, eyes and fingers, which are not fitted.
+        log_z: (N, 1) logarithm of the start's depth.
+        side: (N, 2) start across the line of sight, as a share of the depth.
+        lean: (N,) start of the landmarks' lean, radians.
+        up: (3,) unit, camera frame; zero without a floor.
+        up_angle: (N,) of ``up`` from the view's vertical, seen from the side, radians.
+        feet: (N,) weight of level feet.
+        soles: number of vertices of the left and the right sole.
+        upright: (N,) weight of a vertical line from ankles to neck.
+        trunk: (N,) weight of a vertical trunk.
+        upper: (J,) 1 for keypoints above the hips, which lean with the trunk; 0 for legs.
+        outlines: pairs of points on the outlines of bodies and masks; None before the second fit.
+        lifted: what the lifter tells of the limbs, or None.
+        stature: (K,) metres that one unit of each shape component adds.
+        adult: (K,) shape of a mean adult.
+    """
 
     landmarks: LandmarkModel
     skeleton: Skeleton
