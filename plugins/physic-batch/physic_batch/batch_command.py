@@ -135,7 +135,8 @@ def batch(
     )
     todo = plan.todo[:limit]
     if listed.skipped:
-        echo(f"files skipped (not photos, hidden, or of results): {listed.skipped:,}", err=True)
+        text = listed.skipped_text()
+        echo(f"files skipped (not photos, hidden, or of results): {text}", err=True)
     echo(_describe(plan, len(items), limit), err=True)
     if dry_run:
         _print_forecast(todo, job)

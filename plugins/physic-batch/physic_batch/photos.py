@@ -8,6 +8,7 @@ import hashlib
 import math
 import os
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -27,6 +28,11 @@ _PHOTO_SUFFIXES = frozenset(suffix for suffixes in IMAGE_SUFFIXES.values() for s
 _JOURNAL = re.compile(r"journal(-[0-9]+-of-[0-9]+)?\.jsonl")
 _THUMBNAILS = os.path.join("thumbnails", "[0-9a-f][0-9a-f]")
 _COLUMNS = ("path", "camera", "stature", "age", "ignore", "depth", "pointmap", "id")
+_OTHER_TABLES = (
+    *(".tsv", ".txt", ".lst", ".json", ".jsonl", ".parquet", ".xlsx", ".ods"),
+    *(".tar", ".zip", ".gz", ".7z"),
+)
+_MOST_SUFFIXES = 6  # that a message counts
 _MAX_NAME = 100  # characters of a folder's name; file systems allow 255 bytes
 
 
@@ -73,11 +79,20 @@ class PhotoList:
 
     Attributes:
         photos: in the order of the inputs.
-        skipped: number of files in folders that are not photos.
+        skipped: suffix -> number of files in folders that are not photos; "" for hidden ones, and
+            for those of results.
     """
 
     photos: list[PhotoItem]
-    skipped: int
+    skipped: Mapping[str, int]
+
+    def skipped_text(self) -> str:
+        """Return how many files of folders are not photos, by suffix; "" for none."""
+        if not self.skipped:
+            return ""
+        counts = sorted(self.skipped.items(), key=lambda one: -one[1])[:_MOST_SUFFIXES]
+        kinds = ", ".join(f"{count:,} {printable(suffix)}" for suffix, count in counts if suffix)
+        return f"{sum(self.skipped.values()):,}" + (f" ({kinds})" if kinds else "")
 
 
 def list_photos(inputs: Iterable[str]) -> PhotoList:
@@ -93,11 +108,11 @@ def list_photos(inputs: Iterable[str]) -> PhotoList:
         InputError: an input does not exist, a folder cannot be read, a table is invalid, two photos
             have one id, or there are no photos.
     """
-    skipped = 0
+    skipped = Counter[str]()
     found: dict[str, PhotoItem] = {}
     for item in (item for text in inputs for item in _items_of(text)):
-        if item is None:
-            skipped += 1
+        if isinstance(item, str):
+            skipped[item] += 1
             continue
         same = found.setdefault(item.id, item)
         if same != item:
@@ -111,8 +126,9 @@ def list_photos(inputs: Iterable[str]) -> PhotoList:
             )
     if not found:
         raise InputError(
-            f"no photos in {_show(', '.join(inputs))} (files skipped: {skipped}): name photos, "
-            "folders or CSV tables; pictures of results are not photos"
+            f"no photos in {_show(', '.join(inputs))} (files skipped: "
+            f"{PhotoList([], skipped).skipped_text() or 0}): name photos, folders or CSV tables; "
+            "pictures of results are not photos"
         )
     return PhotoList(list(found.values()), skipped)
 
@@ -164,18 +180,19 @@ class Shard:
         )
 
 
-def _items_of(source: str) -> Iterator[PhotoItem | None]:
-    """Yield the photos of a folder, of a table, or a photo, and None for each file of a folder that
-    is not a photo.
+def _items_of(source: str) -> Iterator[PhotoItem | str]:
+    """Yield the photos of a folder, of a table, or a photo, and the suffix of each file of a folder
+    that is not a photo, "" of a hidden one and one of results.
 
     Raises:
         ConfigError: it is an address.
-        InputError: the file does not exist, or it is a table that is not a regular file.
+        InputError: the file does not exist, or it is a table that is not a regular file, or not
+            CSV.
     """
     # Unlike methods of Path, functions of os.path return False for a name that no file can have.
     if os.path.isdir(source):
         paths = sorted(_files_below(source))
-        yield from (PhotoItem.at(path) if is_photo else None for path, is_photo in paths)
+        yield from (PhotoItem.at(path) if skip is None else skip for path, skip in paths)
     elif not os.path.exists(source):
         if problem := path_problem(source):
             raise ConfigError(f"no photos at {_show(source)}: {problem}")
@@ -186,12 +203,19 @@ def _items_of(source: str) -> Iterator[PhotoItem | None]:
                 f"cannot read {_show(source)}: it is not a regular file; name a CSV table"
             )
         yield from _table_items(Path(source))
+    elif source.lower().endswith(_OTHER_TABLES):
+        raise InputError(
+            f"cannot read {_show(source)}: a table or list of photos is CSV with the column path; "
+            "an archive must be unpacked, and its folder named"
+        )
     else:
         yield PhotoItem.at(source)
 
 
-def _files_below(top: str) -> Iterator[tuple[str, bool]]:
-    """Yield the files of a folder and its sub-folders, and whether each is a photo."""
+def _files_below(top: str) -> Iterator[tuple[str, str | None]]:
+    """Yield the files of a folder and its sub-folders, and None if it is a photo, otherwise its
+    suffix, "" if it is hidden or of results.
+    """
     written: set[str] = set()
     for folder, folders, names in os.walk(top, onerror=_raise):
         folders[:] = (name for name in folders if not name.startswith("."))
@@ -202,10 +226,9 @@ def _files_below(top: str) -> Iterator[tuple[str, bool]]:
             written.update(glob.glob(os.path.join(glob.escape(folder), _THUMBNAILS)))
         for name in names:
             suffix = os.path.splitext(name)[1].lower()
-            yield (
-                os.path.join(folder, name),
-                not is_result and not name.startswith(".") and suffix in _PHOTO_SUFFIXES,
-            )
+            is_own = is_result or name.startswith(".")
+            skip = "" if is_own else None if suffix in _PHOTO_SUFFIXES else suffix
+            yield os.path.join(folder, name), skip
 
 
 def _raise(error: OSError) -> None:
