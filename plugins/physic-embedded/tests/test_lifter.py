@@ -82,3 +82,12 @@ def test_an_unknown_up_is_no_error():
     found = told(leaning(10.0), seen(WALKER[None]), up=(0.0, 0.0, 0.0))
     assert np.isfinite(found).all()
     np.testing.assert_allclose(found[:, HIPS].mean(1), 0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("depth", "least", "most"), [(-0.08, 0.0, 0.05), (-0.22, 0.11, 0.23)])
+def test_a_forearm_is_told_flat_where_its_tilt_is_a_guess(depth, least, most):
+    joints = WALKER.copy()
+    elbow, wrist = LIMBS.index("left_elbow"), LIMBS.index("left_wrist")
+    joints[wrist] = joints[elbow] + [0.0, np.sqrt(0.23**2 - depth**2), depth]
+    found = told(joints[None], seen(joints[None]))[0]
+    assert least < found[elbow, 2] - found[wrist, 2] < most
