@@ -142,7 +142,7 @@ def parse_json(content: bytes | str) -> Any:
         ValueError: it is not JSON, a number is not finite, or values are nested more than 200 deep.
     """
     try:
-        value = json.loads(content, parse_constant=_refuse, parse_float=_finite)
+        value = json.loads(content, parse_constant=_refuse, parse_float=finite)
     except RecursionError:
         raise ValueError(_TOO_DEEP) from None
     level = [value]
@@ -164,7 +164,12 @@ def _refuse(word: str) -> Any:
     raise ValueError(f"{word} is not a JSON number")
 
 
-def _finite(text: str) -> float:
+def finite(text: str) -> float:
+    """Return the number of a text, as ``parse_float`` of a decoder.
+
+    Raises:
+        ValueError: it is not finite.
+    """
     number = float(text)
     if not math.isfinite(number):
         raise ValueError(f"the number {text:.60} is too large")
