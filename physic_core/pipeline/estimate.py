@@ -40,6 +40,7 @@ from physic_core.pipeline.backend_results import (
     real_people,
     replace_hands,
     transfer_contact,
+    without_doubtful_wrists,
 )
 from physic_core.pipeline.given.people import (
     ignored_people,
@@ -233,6 +234,8 @@ def _people(found: Findings, step: Step) -> None:
     found.people = found.select(
         people, real, "its joints lie on another person, who seems the same"
     )
+    if len(people) > 0 == len(found.people) and found.plan.photo.require_people:
+        raise NoPersonError("a person is required, and all people of the photo were left out")
     sizes = found.given.known
     if prompt is None:
         found.known = known_people(sizes, found.people)
@@ -453,6 +456,9 @@ def _hands(found: Findings, step: Step) -> None:
         found.missing[step.interface] = np.ones(len(found.people), bool)
         if hands is not None:
             hands, found.missing[step.interface] = discard_invalid_hands(hands)
+            hands = without_doubtful_wrists(
+                hands, bodies, found.plan.backends[step.interface], found.stages
+            )
             bodies = replace_hands(bodies, hands, found.model)
     if found.known.stature is not None:
         bodies = bodies_of_stature(bodies, found.model, found.known.stature)
