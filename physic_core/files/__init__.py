@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from physic_core.files.text import csv_writer as csv_writer
     from physic_core.files.text import finite as finite
     from physic_core.files.text import from_json as from_json
+    from physic_core.files.text import parse_toml as parse_toml
     from physic_core.files.text import path_problem as path_problem
     from physic_core.files.text import printable as printable
     from physic_core.files.text import quoted as quoted
@@ -52,7 +53,8 @@ _NAMES = {
     "names": "UntrustedName paths_inside",
     "npz": "read_arrays read_names write_arrays",
     "plain": "split",
-    "text": "csv_writer finite from_json path_problem printable quoted shorten to_json write_csv",
+    "text": "csv_writer finite from_json parse_toml path_problem printable quoted shorten to_json "
+    "write_csv",
 }
 _ON_FIRST_USE = {name: module for module, names in _NAMES.items() for name in names.split()}
 

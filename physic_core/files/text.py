@@ -145,6 +145,25 @@ def parse_json(content: bytes | str) -> Any:
         value = json.loads(content, parse_constant=_refuse, parse_float=finite)
     except RecursionError:
         raise ValueError(_TOO_DEEP) from None
+    return _not_too_deep(value)
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Parse TOML.
+
+    Raises:
+        ValueError: it is not TOML, or values are nested more than 200 deep.
+    """
+    import tomllib
+
+    try:
+        value: dict[str, Any] = _not_too_deep(tomllib.loads(text))
+    except RecursionError:
+        raise ValueError(_TOO_DEEP) from None
+    return value
+
+
+def _not_too_deep(value: Any) -> Any:
     level = [value]
     for _ in range(_MAX_DEPTH):
         level = [item for one in level for item in _items(one)]

@@ -18,6 +18,8 @@ _MODES = {"RGB ": "RGB", "CMYK": "CMYK", "GRAY": "L"}
 _SAME = 2.0  # grey levels; two profiles of sRGB differ by rounding
 _USUAL_GAMMA = 1 / 2.2
 _GAMMA_TOLERANCE = 0.02
+_LEAST_GAMMA = 0.1
+_LARGEST_GAMMA = 3.0
 
 
 def srgb_conversion(image: Image.Image) -> tuple[str, Convert | None, str]:
@@ -42,6 +44,8 @@ def srgb_conversion(image: Image.Image) -> tuple[str, Convert | None, str]:
         or abs(gamma - _USUAL_GAMMA) < _GAMMA_TOLERANCE
     ):
         return "", None, ""
+    if not _LEAST_GAMMA <= gamma <= _LARGEST_GAMMA:
+        return "", None, f"the file states a gamma of {gamma:g}, which is ignored: no photo has it"
     linear = (np.arange(256) / 255) ** (1 / gamma)
     encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     table = (255 * encoded).round().astype(int).tolist() * 3
