@@ -6,6 +6,7 @@ packages ``physic_*`` that it imports.
 
 from __future__ import annotations
 
+import sys
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING
 from physic_core.cache.digests import CodeDigester
 from physic_core.cache.folders import CACHES, claimed_cache, plain_name
 from physic_core.discovery.catalog import BACKENDS
+from physic_core.discovery.local_modules import split_folder
 
 if TYPE_CHECKING:
     from physic_core.interfaces import Backend
@@ -47,17 +49,22 @@ def target_of(kind: type) -> str:
 
 
 def _stamp(interface: str, target: str) -> Path | None:
-    """Return the path of a stamp; None if there is no cache, or the code has no reliable digest."""
+    """Return the path of a stamp; None if there is no cache, or the code has no reliable digest.
+
+    A class may be offered by another module of its package than the one that defines it.
+    """
     cache = claimed_cache("kit")
+    folder, target = split_folder(target)
     module, _, name = target.rpartition(":")
-    top = module.partition(".")[0].rpartition("/")[2]
-    try:
-        spec = find_spec(top)
-    except (ImportError, ValueError):
+    top = module.partition(".")[0]
+    if cache is None or "<locals>" in name:
         return None
-    if cache is None or spec is None or not spec.origin or "<locals>" in name:
-        return None
-    code = CodeDigester().digest_of([Path(spec.origin)])
+    loaded = sys.modules.get(top)
+    origin = getattr(loaded, "__file__", None)
+    if loaded is None and folder is None:
+        with suppress(ImportError, ValueError):
+            origin = getattr(find_spec(top), "origin", None)
+    code = CodeDigester().digest_of([Path(origin)]) if origin else None
     if code is None:
         return None
-    return cache.path / f"{interface}-{plain_name(target)}-{code}{CACHES['kit'][1]}"
+    return cache.path / f"{interface}-{plain_name(f'{top}.{name}')}-{code}{CACHES['kit'][1]}"

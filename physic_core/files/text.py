@@ -55,6 +55,10 @@ def path_problem(text: str) -> str:
             f"{quoted(text)} is an address, and PhySIC downloads nothing: save the file, and "
             f"name its path"
         )
+    if text == "-":
+        return "'-' is no path, and no stream is read: name a file"
+    if re.search(r"[*?]", text) and not os.path.lexists(text):
+        return f"no file is named {quoted(text)}: without quotes, the shell puts names in its place"
     if "\0" in text:
         return f"{quoted(text)} has a null character, which no path has"
     return ""

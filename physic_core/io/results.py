@@ -8,6 +8,7 @@ arrays, by the names of :mod:`physic_core.files.plain`. docs/file-format.md desc
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import os
 from collections.abc import Collection, Mapping
@@ -302,10 +303,9 @@ def _check_digest(folder: Path, document: Mapping[str, Any]) -> None:
 
 def _unreadable(path: Path, error: OSError) -> InputError:
     if isinstance(error, FileNotFoundError | NotADirectoryError):
-        of_batch = next(path.parent.glob(f"photos/*/*/{path.name}"), None)
-        which = (
-            "" if of_batch is None else f", of a batch that of one photo, such as {of_batch.parent}"
-        )
+        below = (path.parent.glob(f"{each}/{path.name}") for each in ("photos/*/*", "*"))
+        one = next(itertools.chain.from_iterable(below), None)
+        which = "" if one is None else f", of several that of one photo, such as {one.parent}"
         return InputError(
             f"cannot read {path}: there is no such file; name the folder of a finished run{which}"
         )

@@ -34,6 +34,7 @@ from physic_core.io.result_folder import files_of_result, is_result
 _PHOTO_SUFFIXES = frozenset(suffix for suffixes in IMAGE_SUFFIXES.values() for suffix in suffixes)
 _THUMBNAIL = re.compile(r".*[/\\]thumbnails[/\\][0-9a-f]{2}[/\\][^/\\]+\.jpg")
 _MAX_KINDS = 8
+_OTHER_TABLES = (".tsv", ".xlsx", ".xls", ".ods", ".numbers")
 _COLUMNS = ("path", "camera", "stature", "age", "ignore", "depth", "pointmap", "id")
 _MAX_NAME = 100  # characters of a folder's name; file systems allow 255 bytes
 
@@ -127,7 +128,8 @@ def list_photos(inputs: Iterable[str]) -> PhotoList:
                 else f"{_show(same.path)} and {_show(item.path)}"
             )
             raise InputError(
-                f"two photos have the id {quoted(item.id)}, {where}: give each an id of its own"
+                f"two photos have the id {quoted(item.id)}, {where}: give each an id of its own, "
+                f"or remove one"
             )
     if not found:
         raise InputError(
@@ -200,6 +202,8 @@ def _items_of(source: str) -> Iterator[PhotoItem | str]:
         if problem := path_problem(source):
             raise ConfigError(f"no photos at {_show(source)}: {problem}")
         raise InputError(f"no photos at {_show(source)}: name files, folders, or a CSV table")
+    elif source.lower().endswith(_OTHER_TABLES):
+        raise InputError(f"{_show(source)} is a table of another kind: save it as CSV, in UTF-8")
     elif source.lower().endswith(".csv"):
         if not os.path.isfile(source):  # reading a pipe would block
             raise InputError(

@@ -207,6 +207,7 @@ def _sizes(row: Mapping[str, Any]) -> dict[str, int]:
 
 
 _LOCAL = "local"
+_QUEUES = ("slurm", "pbs", "sge", "lsf", "htcondor")
 
 
 @dataclass(frozen=True)
@@ -238,6 +239,11 @@ def open_executor(name: str, settings: ExecutorSettings) -> Executor:
     """
     if name == _LOCAL:
         return _local(settings)
+    if name.lower() in _QUEUES:
+        raise ConfigError(
+            f"there is no executor '{name}': give each job of the queue a part, as --shard 3/16, "
+            f"and see docs/cluster.md"
+        )
     found = find_item("physic_executors", name, "executor", own=_LOCAL, known=EXECUTORS)
     executor: Executor = import_item(found, "executor")(settings)
     if not callable(executor):
