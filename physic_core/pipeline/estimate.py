@@ -234,7 +234,7 @@ def _people(found: Findings, step: Step) -> None:
     found.people = found.select(
         people, real, "its joints lie on another person, who seems the same"
     )
-    if len(people) > 0 == len(found.people) and found.plan.photo.require_people:
+    if found.plan.photo.require_people and not len(found.people):
         raise NoPersonError("a person is required, and all people of the photo were left out")
     sizes = found.given.known
     if prompt is None:

@@ -113,6 +113,16 @@ def test_an_ignored_person_is_left_out_of_people_and_scene(world, kind):
         reconstruct(world.image, {"extends": "mock", "photo": {"ignore": [[1, 1]]}}, backends=own)
 
 
+def test_people_are_required_after_those_who_are_ignored(world):
+    photo = {
+        "ignore": [list(np.argwhere(world.masks[0])[0][::-1] + [0, 2])],
+        "require_people": True,
+    }
+    assert world.masks.shape[0] == 1
+    with pytest.raises(NoPersonError, match="left out"):
+        reconstruct(world.image, {"extends": "mock", "photo": photo})
+
+
 def test_people_are_chosen_or_ignored():
     photo = {"person": [[1, 1]], "ignore": [[2, 2]]}
     with pytest.raises(ConfigError, match="only one"):
