@@ -130,6 +130,7 @@ def _document(result: Reconstruction, nearest: float | None) -> dict[str, Any]:
         {
             "grade": person.grade,
             "trust": person.trust,
+            "marks": person.marks,
             "why": person.why,
             "distance_m": pelvis_distance_m(person),
             "contacts": [

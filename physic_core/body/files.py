@@ -156,8 +156,7 @@ def read_model_file(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[An
     else:
         raise BodyModelError(
             f"{path} is not an .npz archive (an old .pkl file, perhaps; pickles of {layout.name} "
-            f"are never opened, "
-            f"they can run code): {layout.advice}"
+            f"are never opened, they can run code): {layout.advice}"
         )
     _check_values(path, arrays, layout)
     return arrays
@@ -259,8 +258,7 @@ def _from_pickle(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]
     except UnsafePickleError as error:
         raise BodyModelError(
             f"{path} is a pickle that asks for '{error}', which no {layout.name} file holds and "
-            f"which could run code: "
-            f"it is not opened; {layout.advice}"
+            f"which could run code: it is not opened; {layout.advice}"
         ) from error
     except InvalidArrayError as error:
         raise BodyModelError(f"{path} {error}: {layout.advice}") from error

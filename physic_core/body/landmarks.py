@@ -109,15 +109,13 @@ def _check_place(skeleton: str, name: str, shares: Mapping[str, float]) -> None:
     if strange := [other for other in shares if other not in BODY_POINTS]:
         raise BodyModelError(
             f"the point {name!r} of the skeleton {skeleton!r} refers to {', '.join(strange)}, "
-            f"which no body has: "
-            f"choose among {', '.join(BODY_POINTS)}"
+            f"which no body has: choose among {', '.join(BODY_POINTS)}"
         )
     if name not in BODY_POINTS and abs(sum(shares.values()) - 1) > _SHARES_OFF:
         raise BodyModelError(
             f"the point {name!r} of the skeleton {skeleton!r} is not a point of a body, and its "
-            f"shares of body points "
-            f"sum to {sum(shares.values()):g}, not 1: state in Skeleton.on_body where it lies, or "
-            f"{{}} for nowhere"
+            f"shares of body points sum to {sum(shares.values()):g}, not 1: state in "
+            f"Skeleton.on_body where it lies, or {{}} for nowhere"
         )
 
 

@@ -27,8 +27,7 @@ _MAX_LINE = 4096
 
 _OUT_OF_MEMORY = (
     "Error: out of memory. Close other programs, allow this one more memory, use a smaller photo, "
-    "or "
-    "close backends early with --low-memory (physic run)"
+    "or close backends early with --low-memory (physic run)"
 )
 
 

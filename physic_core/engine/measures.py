@@ -58,9 +58,11 @@ def measure_agreement(estimates: Estimates, state: State) -> list[Measures]:
         None if around.depth is None else around.depth * scale,
         None if state.photo_depth is None else state.photo_depth * scale,
     )
+    assert state.unplaced is not None
+    assert state.joint is not None
     measured = [
         Measures(problem or None, failure or None)
-        for problem, failure in zip(state.unplaced, state.failures, strict=True)
+        for problem, failure in zip(state.unplaced, state.joint.failures, strict=True)
     ]
     for i, support in enumerate(found.supports):
         if support is None:

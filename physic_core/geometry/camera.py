@@ -115,8 +115,8 @@ def check_distortion(camera: Intrinsics, distortion: Sequence[float]) -> None:
     if (1 + 3 * k1 * r**2 + 5 * k2 * r**4 + 7 * k3 * r**6 <= 0).any():
         raise ConfigError(
             f"the distortion {', '.join(f'{v:g}' for v in distortion)} folds the picture onto "
-            f"itself near its corners: "
-            "give k1, k2, p1, p2, k3 in OpenCV's order, with the intrinsics of the same calibration"
+            "itself near its corners: give k1, k2, p1, p2, k3 in OpenCV's order, with the "
+            "intrinsics of the same calibration"
         )
 
 

@@ -450,6 +450,7 @@ def plane_at_feet(
 
 
 _SAME_PLANE = 0.5  # least cosine between the normals of a plane in two point maps
+_REFITTED_PIXELS = 60_000  # about the number of pixels that a known plane is fitted to again
 
 
 def refit_floor(points: Tensor, valid: Tensor, found: FloorSearch) -> FloorSearch:
@@ -461,10 +462,12 @@ def refit_floor(points: Tensor, valid: Tensor, found: FloorSearch) -> FloorSearc
     view = None if found.plane is None else inverse_depth_map(points, valid)
     if view is None or found.plane is None:
         return found
-    on = found.plane.inliers & view.valid
-    if int(on.sum()) < FEWEST_SAMPLES:
+    on = (found.plane.inliers & view.valid).flatten().nonzero()[:, 0]
+    if len(on) < FEWEST_SAMPLES:
         return FloorSearch(None, "no_pixels", found.inlier_share, found.below_share)
-    plane = refit(view.rays[on].double(), view.inverse[on].double(), MASK_SLACK * view.tolerance)
+    some = on[:: -(-len(on) // _REFITTED_PIXELS)]
+    rays, inverse = (each.flatten(0, 1)[some].double() for each in (view.rays, view.inverse))
+    plane = refit(rays, inverse, MASK_SLACK * view.tolerance)
     shares = found.plane.inlier_share, found.plane.below_share
     fit = plane_as_fit(view, plane, shares, found.plane.source, MASK_SLACK)
     if float(fit.normal.double() @ found.plane.normal.to(fit.normal).double()) < _SAME_PLANE:

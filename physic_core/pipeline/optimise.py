@@ -30,8 +30,7 @@ def run_engine(
     """Run scene, placement, joint optimisation and contact on the device of the body model.
 
     Without people, the scene is the result. Checks and records of the run are not yet in it. The
-    pipeline uses the CPU, since nearest-point search
-    and ray casts run there.
+    pipeline uses the CPU, since nearest-point search and ray casts run there.
     """
     # Eighty L-BFGS steps amplify rounding errors a million times: float32 results would differ
     # between CPUs.

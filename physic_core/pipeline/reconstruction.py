@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
-from physic_core.body.body_sizes import body_sizes
 from physic_core.body.bones import parameters_from_rotations
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.posture import photo_turned_deg
@@ -130,15 +129,17 @@ def _arrays_of_people(state: State, touch: Contact) -> dict[str, Any]:
 
 
 def _sizes(state: State, person: int) -> dict[str, float]:
-    """Return the sizes of a person, and with a floor the heights over it."""
-    sizes = body_sizes(state.model, state.betas[person : person + 1])
-    if (floor := state.scene.floor) is not None:
-        pelvis = state.joints[person, :1]
-        seat = state.vertices[person, state.model.contact_sets["gluteus"]]
-        for name, points in (("pelvis_height_m", pelvis), ("seat_height_m", seat)):
-            heights = points.double() @ floor.normal.double()
-            sizes[name] = float(heights.min() + floor.offset * state.scene_scale)
-    return {name: round(size, 4) for name, size in sizes.items()}
+    """Return the heights of a person over the floor; none without a floor."""
+    floor = state.scene.floor
+    if floor is None:
+        return {}
+    sizes = {}
+    pelvis = state.joints[person, :1]
+    seat = state.vertices[person, state.model.contact_sets["gluteus"]]
+    for name, points in (("pelvis_height_m", pelvis), ("seat_height_m", seat)):
+        heights = points.double() @ floor.normal.double()
+        sizes[name] = round(float(heights.min() + floor.offset * state.scene_scale), 4)
+    return sizes
 
 
 def _observed(said: Observations, person: int) -> dict[str, Any]:
@@ -169,16 +170,17 @@ def _world_contact(touch: Contact, person: int) -> Mapping[str, float] | None:
 def _diagnostics(estimates: Estimates, state: State) -> dict[str, Any]:
     """Return numbers by stage; those of the scene alone without people."""
     scene = {"scene": dict(state.scene.diagnostics), "witnesses": dict(estimates.ground.witnesses)}
-    if state.photo_alignment is None:
+    joint = state.joint
+    if state.photo_alignment is None or joint is None:
         return scene
-    losses = {name: {"start": a, "end": b} for name, (a, b) in state.losses.items()}
+    losses = {name: {"start": a, "end": b} for name, (a, b) in joint.losses.items()}
     return scene | {
         "placement": {"alignment": alignment_diagnostics(state.photo_alignment)},
         "joint": {
             "losses": losses,
-            "scene_scale": state.scene_scale,
-            "steps": state.steps,
-            "evaluations": state.evaluations,
+            "scene_scale": joint.scene_scale,
+            "steps": joint.steps,
+            "evaluations": joint.evaluations,
         },
     }
 
@@ -241,6 +243,10 @@ def judge(result: Reconstruction, checks: Sequence[CheckResult]) -> Reconstructi
             unknown_checks=unknown_checks(checks, i),
             grade=Grade.of(trust[i].probability),
             trust=trust[i].probability,
+            trust_pose=trust[i].marks["pose"],
+            trust_place=trust[i].marks["place"],
+            trust_contact=trust[i].marks["contact"],
+            trust_size=trust[i].marks["size"],
             why=trust[i].why,
         )
         for i, person in enumerate(result.people)

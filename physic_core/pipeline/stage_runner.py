@@ -302,7 +302,7 @@ class LoadedBackends:
             self.close(resolved)
             self._loaded[key] = resolved  # before loading: a half-loaded backend is closed too
             title = title or f"{resolved.title} cannot be loaded"
-            with wrap_plugin_errors(title, resolved, report, loads=True):
+            with wrap_plugin_errors(title, resolved, report):
                 resolved.backend.load(self._device)
             self._ready.add(key)
         return time.perf_counter() - start
@@ -364,8 +364,6 @@ def wrap_plugin_errors(
     title: str,
     resolved: ResolvedBackend,
     report: Callable[[str], None] | None = None,
-    *,
-    loads: bool = False,
 ) -> Iterator[None]:
     """Run code of a backend: its exceptions become PhysicErrors, and the state of the process stays
     as it was.
@@ -375,7 +373,6 @@ def wrap_plugin_errors(
         resolved: the backend.
         report: receives a sentence if the backend changed state of the process, which is restored.
             None for code that only touches what the backend returned: no state is kept.
-        loads: whether the backend is loaded: networks are built with random weights first.
 
     Raises:
         PhysicError: of the class that the backend raised, or BackendError; its message starts with
@@ -384,7 +381,7 @@ def wrap_plugin_errors(
     changes: list[Change] = []
     try:
         with (
-            nullcontext(changes) if report is None else kept_process_state(loads=loads) as changes,
+            nullcontext(changes) if report is None else kept_process_state() as changes,
             plugin_code(),
         ):
             yield

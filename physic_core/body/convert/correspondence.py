@@ -183,9 +183,8 @@ def find_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
     if sure[model.outer.cpu().numpy()].mean() < 0.5:
         raise BodyModelError(
             f"the body '{model.name}' cannot be fitted to the mesh '{rest.topology}': only "
-            f"{sure.mean():.0%} of its "
-            "vertices have a counterpart; give the mesh in a T-pose (y up, facing +z, its left on "
-            "+x), in metres"
+            f"{sure.mean():.0%} of its vertices have a counterpart; give the mesh in a T-pose (y "
+            "up, facing +z, its left on +x), in metres"
         )
     return Correspondence(surface.faces[on.face], on.shares, sure)
 
@@ -235,6 +234,6 @@ def _check_body_extent(rest: RestMesh) -> None:
     ):
         raise BodyModelError(
             f"the mesh '{rest.topology}' is {wide:.3g} wide, {tall:.3g} high and {deep:.3g} deep, "
-            f"which is not a body "
-            "in a T-pose: give it in metres, y up, facing +z, arms stretched out sideways"
+            "which is not a body in a T-pose: give it in metres, y up, facing +z, arms stretched "
+            "out sideways"
         )

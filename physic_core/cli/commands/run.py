@@ -32,16 +32,14 @@ def _setting(
 
 _SAVE = (
     "numbers: JSON and arrays. pictures: the same, preview, combined.glb and the page. people: "
-    "JSON and arrays of the "
-    "people."
+    "JSON and arrays of the people."
 )
 
 _REPORT = "Write report.html, a 3D page for a browser, or not. [default: with pictures]"
 
 _KEYPOINTS = (
     "Keypoints that replace detected ones, px of the photo file: CSV with person (as in "
-    "people.csv), joint, x, y; or "
-    "COCO JSON."
+    "people.csv), joint, x, y; or COCO JSON."
 )
 
 _PERSON = "Reconstruct only the person at this pixel of the photo file; may be repeated."

@@ -297,8 +297,7 @@ def _materials(request: ExportRequest, skins: Skins, scene: bool) -> str:
             photo = _MATERIAL.format(name=f"{name}_photo", color=white)
             made.append(
                 f"# {request.stem}_{name}_filled.png is white where the photo does not show the "
-                f"body\n{photo}"
-                f"map_Kd {request.stem}_{name}.jpg\n"
+                f"body\n{photo}map_Kd {request.stem}_{name}.jpg\n"
             )
         contact = _MATERIAL.format(name=f"{name}_contact", color=white if skins.source else grey)
         picture = f"map_Kd {request.stem}_{name}_contact.png\n" if skins.source else ""

@@ -232,8 +232,7 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
         if rotations.shape[1] != 24:
             raise BackendError(
                 f"CameraHMR returned {rotations.shape[1]} joints, where SMPL has 24: checkpoint "
-                f"and code of its SMPL-X "
-                "branch are not supported"
+                "and code of its SMPL-X branch are not supported"
             )
         place = translation_from_crop(weak.reshape(-1, 3), centres, sides, intrinsics)
         bodies = pose_smpl_bodies(body, rotations, betas, place)
@@ -256,9 +255,8 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
             ]
         except (KeyError, TypeError, IndexError) as error:
             raise BackendError(
-                f"CameraHMR returned {type(answer).__name__} without SMPL parameters and a "
-                f"camera: take the checkout "
-                f"of {self.project.homepage}"
+                f"CameraHMR returned {type(answer).__name__} without SMPL parameters and a camera: "
+                f"take the checkout of {self.project.homepage}"
             ) from error
 
     def _crop(self, image: UInt8Array, box: FloatArray) -> FloatArray:

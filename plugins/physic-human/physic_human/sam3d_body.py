@@ -209,8 +209,7 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
         if str(repo).partition(":")[0] != _DINOV3:
             raise BackendError(
                 f"SAM 3D Body wants to run code of {repo}, which is not fetched: this backend "
-                f"knows the checkout of "
-                f"{self.project.homepage} that uses {_DINOV3} alone"
+                f"knows the checkout of {self.project.homepage} that uses {_DINOV3} alone"
             )
         make = self._dinov3.attribute(name)
         given = {key: value for key, value in options.items() if key not in _OF_THE_HUB}

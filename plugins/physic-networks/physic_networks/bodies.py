@@ -42,8 +42,7 @@ def to_rotvecs(rotations: FloatArray, joints: int) -> FloatArray:
     if given.shape != (rows, joints, 3, 3):
         raise ValueError(
             f"rotations of {joints} joints must be (N, {joints}, 3), (N, {3 * joints}) or (N, "
-            f"{joints}, 3, 3), "
-            f"got {given.shape}"
+            f"{joints}, 3, 3), got {given.shape}"
         )
     flat = given.reshape(-1, 3, 3)
     out = np.full((len(flat), 3), np.nan)

@@ -293,8 +293,7 @@ def run_in_batches(
         ]:
             raise BackendError(
                 f"the network was shown {shown} pictures and returned an array of shape "
-                f"{wrong[0]}: it does not keep "
-                "its batch"
+                f"{wrong[0]}: it does not keep its batch"
             )
         parts.append([output[:count] for output in outputs])
     return [np.concatenate(outputs) for outputs in zip(*parts, strict=True)]

@@ -305,8 +305,7 @@ def select_provider(
         why = f"device {device!r} needs" if name == "auto" else f"provider {name!r} is"
         raise DeviceError(
             f"{why} {provider.name}, and the installed onnxruntime has only "
-            f"{has or 'unknown providers'}: "
-            f"{provider.install}, or choose "
+            f"{has or 'unknown providers'}: {provider.install}, or choose "
             + ("device 'cpu'" if name == "auto" else "provider 'cpu'")
         )
     index = {"device_id": found[1] or "0"}

@@ -116,8 +116,7 @@ def squeeze_map(
     ):
         raise BackendError(
             f"{file} returned {what} = {float(finite[0]):.4g} for every pixel: some exports in "
-            f"half precision do so on "
-            "GPUs; use its float32 file, or provider 'cpu'"
+            "half precision do so on GPUs; use its float32 file, or provider 'cpu'"
         )
     return found
 
@@ -139,8 +138,7 @@ def aspect_change_note(image: NDArray[Any], rows: int, columns: int, file: str) 
     by = max(squash, 1 / squash)
     return (
         f"{file} sees {columns} x {rows} px only, so that the photo is squashed by a factor "
-        f"{by:.2g}; "
-        "a file of free size would see it as it is",
+        f"{by:.2g}; a file of free size would see it as it is",
     )
 
 

@@ -295,7 +295,7 @@ _LINE = 21  # px, height of a line
 _HEAD = 26  # px, height of the head
 _PAD = 10  # px, space in a row
 _NUMBER = 40  # px, width of a column
-_GRADE = 124  # px
+_GRADE = 150  # px
 _DISTANCE = 128  # px
 
 
@@ -386,7 +386,7 @@ def _cells(
         touches = [(count if person.contact_partner is None else "none", SOFT_RGB)]
     grade_rgb = INK_RGB if person.grade is None else _GRADE_RGB[person.grade]
     return [
-        _wrapped([(grade_text(person.grade, person.trust), grade_rgb)], _GRADE - 16),
+        _wrapped([(grade_text(person.grade, person.trust, person.marks), grade_rgb)], _GRADE - 16),
         _wrapped(
             [(metres_text(distance, sigma, 1) if np.isfinite(distance) else "unknown", INK_RGB)],
             _DISTANCE - 16,

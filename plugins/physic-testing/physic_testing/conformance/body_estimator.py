@@ -122,8 +122,8 @@ def _of_crop(root: FloatArray, truth: Truth) -> FloatArray:
 _MIRRORED = "Was the photo mirrored for the network, and the body not mirrored back?"
 _FOCAL = (
     "Is it the focal length of the crop, or of the network? z is the focal length of the photo in "
-    "px / px per metre, "
-    "in px of the photo: scale what the network says of a crop by the side of the crop."
+    "px / px per metre, in px of the photo: scale what the network says of a crop by the side of "
+    "the crop."
 )
 _TRANSL = (
     "transl is added after posing; it is the place of the pelvis only where that is the "

@@ -91,10 +91,9 @@ def pack_scene(reconstruction: Reconstruction) -> dict[str, Any]:
     Returns:
         ``stride`` n in px, ``rows`` and ``columns`` of the grid, ``valid`` (one flag per grid
         point), ``points`` (of the valid ones, in the order of the grid), ``triangles`` (two flags
-        per grid point: the triangles below and to
-        the right of it that are part of the mesh) and ``backdrop``: ``points``, ``faces``,
-            ``pixels`` (column and row
-        of each point, px), what it means, and its ``radius`` in metres.
+        per grid point: the triangles below and to the right of it that are part of the mesh) and
+        ``backdrop``: ``points``, ``faces``, ``pixels`` (column and row of each point, px), what it
+        means, and its ``radius`` in metres.
     """
     scene = reconstruction.scene
     limit = scene_reach(reconstruction)
