@@ -283,7 +283,6 @@ SMPL_PARENTS = SMPL.parents
 """Parents of the 24 joints; -1 for the pelvis."""
 
 _NUM_JOINTS = 24
-_NUM_BETAS = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -360,6 +359,9 @@ def load_smpl(path: str | Path) -> SmplBody:
     return SmplBody(*(arrays[name] for name in names))
 
 
+_NUM_BETAS = 10
+
+
 def read_smpl(path: str | Path) -> dict[str, NDArray[Any]]:
     """Read a SMPL file: array name -> array (float64, indices int64), with the first 10 shape
     components.
@@ -378,10 +380,6 @@ def read_smpl(path: str | Path) -> dict[str, NDArray[Any]]:
     # The root has no parent: -1, which old files hold as 4294967295.
     tree[0, 0] = -1
     return {**arrays, "f": found["f"].astype(np.int64), "kintree_table": tree}
-
-
-_COLUMNS = {20: (10, 10), 400: (300, 100)}
-"""Number of columns of ``shapedirs`` -> numbers of shape and of expression columns."""
 
 
 def load_smplx(
@@ -411,6 +409,10 @@ def load_smplx(
 
     arrays = smplx_arrays(path, num_betas=num_betas, num_expression=num_expression)
     return build_body_model(arrays, device)
+
+
+_COLUMNS = {20: (10, 10), 400: (300, 100)}
+"""Number of columns of ``shapedirs`` -> numbers of shape and of expression columns."""
 
 
 def smplx_arrays(path: str | Path, *, num_betas: int = 10, num_expression: int = 10) -> BodyArrays:
@@ -452,10 +454,6 @@ def smplx_arrays(path: str | Path, *, num_betas: int = 10, num_expression: int =
     )
 
 
-_ASSET = "embedded.npz"
-_DIGEST = "embedded.sha256"
-
-
 def load_embedded(device: torch.device | str = "cpu") -> BodyModel:
     """Return the embedded body model, float32; callers share its tensors.
 
@@ -486,6 +484,10 @@ def embedded_arrays() -> BodyArrays:
 def _folder() -> Path:
     """Return the folder of the asset."""
     return Path(str(files("physic_core.body")))
+
+
+_ASSET = "embedded.npz"
+_DIGEST = "embedded.sha256"
 
 
 @cache

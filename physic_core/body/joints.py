@@ -7,14 +7,6 @@ from physic_core.types.bodies import JOINT_INDEX as JOINT_INDEX
 from physic_core.types.bodies import JOINT_NAMES as JOINT_NAMES
 from physic_core.types.skeletons import SIDES
 
-
-def joint_pair(name: str) -> list[int]:
-    """Return the indices of the left and the right joint of a name: ``joint_pair("ankle") == [7,
-    8]``.
-    """
-    return [JOINT_INDEX[f"{side}_{name}"] for side in SIDES]
-
-
 NUM_JOINTS = len(JOINT_NAMES)
 
 ROTATION_FIELDS: tuple[tuple[str, int], ...] = (
@@ -44,6 +36,14 @@ PARENTS: tuple[int, ...] = (
     ),
 )
 """Index of each joint's parent; -1 for the pelvis."""
+
+
+def joint_pair(name: str) -> list[int]:
+    """Return the indices of the left and the right joint of a name: ``joint_pair("ankle") == [7,
+    8]``.
+    """
+    return [JOINT_INDEX[f"{side}_{name}"] for side in SIDES]
+
 
 _LIMBS = ("upper_arm", "lower_arm", "hand", "upper_leg", "lower_leg", "foot")
 

@@ -19,9 +19,10 @@ from physic_core.engine.sizes.known_sizes import size_beside_others
 from physic_core.engine.sizes.stature import size_sigmas, stature_sigmas
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
+from physic_core.geometry.pixels import dilate_square
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.raster import rasterize
-from physic_core.geometry.tensors import dilate_square, exact_arrays
+from physic_core.geometry.tensors import exact_arrays
 from physic_core.types import Measures
 
 if TYPE_CHECKING:

@@ -98,7 +98,6 @@ def intrinsics_matrix(fx: float, fy: float, cx: float, cy: float, like: Tensor) 
     return like.new_tensor([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
 
-_ITERATIONS = 50  # of the fixed point that inverts the distortion
 _RADII = 200
 
 
@@ -140,6 +139,9 @@ def undistort_image(
         found.round().clamp(0, 255).to(torch.uint8).permute(1, 2, 0).contiguous().numpy()
     )
     return pixels
+
+
+_ITERATIONS = 50  # of the fixed point that inverts the distortion
 
 
 def undistort_pixels(

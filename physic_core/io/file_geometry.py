@@ -43,17 +43,14 @@ _OF_CAMERAS = {_MAKE, 0x0110, 0x920A}  # make, model, focal length
 
 _SQUARE = math.log(1.02)
 _LARGEST = math.log(2.5)  # a more extreme ratio is a mistake in a tag that no program reads
-_RECORDERS = {
-    (960, 1080): "are not square: resize it to 1920 x 1080 px",
-    (
-        960,
-        576,
-    ): "are not square: resize it to 768 x 576 px, or 1024 x 576 px if the camera has 16:9",
-    (704, 288): "are not square: resize it to 768 x 576 px",
-    (1440, 1080): "may not be square: if people look narrow, resize it to 1920 x 1080 px",
-    (720, 576): "may not be square: it may show 768 x 576 or 1024 x 576 px",
-}
-"""Size of pictures of recorders -> what is known of their pixels."""
+_LINES = {240: 480, 288: 576, 480: 480, 486: 480, 576: 576, 1080: 1080}
+"""Height of a frame or a field of video -> lines of the square-pixel picture it shows."""
+_SAMPLES = (352, 480, 528, 544, 704, 720, 928, 944, 960)
+_SAMPLES_OF_HD = (960, 1280, 1440)
+"""Width of a line as ITU-R BT.601 samples it, and the parts of it that DVB, DVD and recorders
+(960H) store; of BT.709, those of DVCPRO HD and HDV. All show 4:3 or 16:9, HD 16:9 alone.
+"""
+_SHAPES_OF_PHOTOS = (4 / 3, 3 / 2, 5 / 4, 2.0)
 _PAIRS = ("jfif_density", "aspect", "dpi")
 
 
@@ -131,9 +128,22 @@ def stretched_pixels(
         )
         has_unit = name != "aspect" and (name != "jfif_density" or info.get("jfif_unit"))
         return text if has_unit else f"{text}, or {sides[1]} if a video program wrote it"
-    if stored not in _RECORDERS or _OF_CAMERAS & tags.keys():
+    return "" if _OF_CAMERAS & tags.keys() else _of_recorder(*stored)
+
+
+def _of_recorder(width: int, height: int) -> str:
+    """Return why a picture of this size, px, may be a frame of video whose pixels are not square;
+    "" for other sizes.
+    """
+    lines = _LINES.get(height)
+    is_hd = lines == 1080
+    if lines is None or width == height or width not in (_SAMPLES_OF_HD if is_hd else _SAMPLES):
         return ""
-    return (
-        f"{stored[0]} x {stored[1]} px is a size of video recorders, whose pixels "
-        f"{_RECORDERS[stored]}"
-    )
+    wide = f"{2 * round(lines * 8 / 9)} x {lines} px"
+    right = f"to {wide}"
+    if not is_hd:
+        right = f"to {lines * 4 // 3} x {lines} px, or {wide} if it has 16:9"
+    may_be_photo = any(abs(width / height / shape - 1) < 1e-3 for shape in _SHAPES_OF_PHOTOS)
+    unsure = "may not be square: if people look too thin or wide,"
+    are = unsure if may_be_photo else "are not square:"
+    return f"{width} x {height} px is a size of video, whose pixels {are} resize it {right}"

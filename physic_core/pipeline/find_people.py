@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.engine.photo import PhotoContent
     from physic_core.pipeline.photo_run import PhotoRun
-    from physic_core.types import BoolArray, FloatArray, Hints, PeoplePrompt
+    from physic_core.types import BoolArray, FloatArray, Hints, Intrinsics, PeoplePrompt
     from physic_core.types.known_sizes import KnownPeople
 
 _POINT_AT_PEOPLE = "if the photo shows one, point at them with --person x,y or --box x0,y0,x1,y1"
@@ -194,13 +194,15 @@ def find_keypoints(run: PhotoRun, people: People) -> FoundKeypoints:
     return FoundKeypoints(keypoints, found.missing, changed, contradicted, given.file_px)
 
 
-def observe_people(run: PhotoRun, people: People, keypoints: Keypoints) -> Observations:
+def observe_people(
+    run: PhotoRun, people: People, keypoints: Keypoints, camera: Intrinsics
+) -> Observations:
     """Tell what people do; unknown without a backend, and if it fails."""
     seen = None
     if run.wants("observations", people):
         seen = run.call_optional(
             "observations",
-            PersonObserverRequest(run.image, people, keypoints),
+            PersonObserverRequest(run.image, people, keypoints, camera),
             otherwise="what people do is told by their joints alone",
         )
     return Observations.unknown(len(people)) if seen is None else seen

@@ -55,8 +55,8 @@ def run_engine(
     with stages.time_engine("contact"):
         # Before inpainted points are moved out of people: what carries them is there.
         world = without_held_things(estimates, state)
-        touch = solve_contact(estimates, world, settings.contact).contact
-        state = finalize_scene(estimates, replace(state, contact=touch), settings.scene)
+        contact = solve_contact(estimates, world, settings.contact).contact
+        state = finalize_scene(estimates, replace(state, contact=contact), settings.scene)
         measures = measure_agreement(estimates, state)
         state = move_held_things(estimates, state)
     if not estimates.known:

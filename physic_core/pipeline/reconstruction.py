@@ -60,23 +60,23 @@ def as_reconstruction(
         state: after the last stage; after the first one for a photo without people.
         measures: of each person.
     """
-    touch = state.contact
+    contact = state.contact
     return Reconstruction(
         image=estimates.image,
         intrinsics=_intrinsics(estimates, state),
         scene=_scene(estimates, state),
-        people=() if touch is None else _people(estimates, state, touch, measures),
+        people=() if contact is None else _people(estimates, state, contact, measures),
         faces=state.model.faces.int().numpy(),
         body_model=state.model.name,
         skeleton=estimates.photo.keypoints.skeleton,
         diagnostics=_diagnostics(estimates, state),
         unposed=tuple(estimates.photo.people.unposed),
-        contact_partners=() if touch is None else touch.partners,
+        contact_partners=() if contact is None else contact.partners,
     )
 
 
 def _people(
-    estimates: Estimates, state: State, touch: Contact, measures: Sequence[Measures]
+    estimates: Estimates, state: State, contact: Contact, measures: Sequence[Measures]
 ) -> tuple[Person, ...]:
     photo = estimates.photo
     found = photo.people
@@ -84,7 +84,7 @@ def _people(
     parameters = parameters_from_rotations(
         state.rotations, state.betas, state.expression, state.transl
     )
-    rows = _arrays_of_people(state, touch)
+    rows = _arrays_of_people(state, contact)
     sizes = zip(state.model.stature(state.betas), body_size_sigmas(estimates, state), strict=True)
     unseen = _unseen(state)
     people = []
@@ -98,9 +98,9 @@ def _people(
                 keypoints=photo.keypoints.points[i],
                 keypoint_confidence=photo.keypoints.confidence[i],
                 parameters=parameters[i : i + 1],
-                contacts=touch.contacts[i],
-                support=touch.supports[i],
-                world_contact=_world_contact(touch, i),
+                contacts=contact.contacts[i],
+                support=contact.supports[i],
+                world_contact=_world_contact(contact, i),
                 unseen=unseen[i] if has_body else (),
                 age=float(years[i]) if math.isfinite(years[i]) else None,
                 stature=float(stature) if has_body else None,
@@ -114,17 +114,17 @@ def _people(
     return tuple(people)
 
 
-def _arrays_of_people(state: State, touch: Contact) -> dict[str, Any]:
+def _arrays_of_people(state: State, contact: Contact) -> dict[str, Any]:
     """Return the arrays with a row for each person, as fields of a Person."""
     rows = arrays(
         vertices=state.vertices,
         joints=state.joints,
-        contact=touch.partner != NO_PARTNER,
-        distance=touch.distance,
-        contact_partner=touch.partner,
+        contact=contact.partner != NO_PARTNER,
+        distance=contact.distance,
+        contact_partner=contact.partner,
     )
-    if touch.probability is not None:
-        rows["contact_probability"] = touch.probability.cpu().numpy().astype(np.float16)
+    if contact.probability is not None:
+        rows["contact_probability"] = contact.probability.cpu().numpy().astype(np.float16)
     return rows
 
 
@@ -159,11 +159,11 @@ def _unseen(state: State) -> list[tuple[str, ...]]:
     return [tuple(names[i] for i in limbs if not shown[i]) for shown in seen]
 
 
-def _world_contact(touch: Contact, person: int) -> Mapping[str, float] | None:
+def _world_contact(contact: Contact, person: int) -> Mapping[str, float] | None:
     """Return body part -> probability of contact with the world; None without any."""
-    if touch.supports[person] is None:
+    if contact.supports[person] is None:
         return None
-    found = {name: round(float(p[person]), DECIMALS) for name, p in touch.parts.items()}
+    found = {name: round(float(p[person]), DECIMALS) for name, p in contact.parts.items()}
     return found or None
 
 

@@ -53,17 +53,6 @@ class StageRecord:
     failed: bool = False
 
 
-_YES = "1: yes"
-_UNITS = {
-    "share": (100, " %", 0),
-    "log": (100, " %", 0),
-    "m": (1, " m", 2),
-    "deg": (1, "°", 0),
-    "count": (1, "", 0),
-}
-"""Factor, symbol and digits after the point of each unit of checks."""
-
-
 class CheckState(StrEnum):
     """Outcome of a self-check."""
 
@@ -139,6 +128,18 @@ def trust_text(trust: float) -> str:
     that it misses.
     """
     return f"{math.floor(100 * trust + 1e-9) / 100:.2f}"
+
+
+_YES = "1: yes"
+
+_UNITS = {
+    "share": (100, " %", 0),
+    "log": (100, " %", 0),
+    "m": (1, " m", 2),
+    "deg": (1, "°", 0),
+    "count": (1, "", 0),
+}
+"""Factor, symbol and digits after the point of each unit of checks."""
 
 
 @dataclass(frozen=True)

@@ -108,7 +108,15 @@ def test_the_lens_of_a_photo_with_stretched_pixels_is_not_known(stored):
         ((704, 288), "768 x 576"),
         ((1440, 1080), "may not be square"),
         ((720, 576), "may not be square"),
+        ((720, 480), "may not be square"),
+        ((544, 576), "768 x 576"),
+        ((704, 480), "640 x 480 px, or 854 x 480"),
+        ((352, 288), "768 x 576"),
+        ((1280, 1080), "1920 x 1080"),
         ((960, 720), ""),
+        ((640, 480), ""),
+        ((1024, 576), ""),
+        ((480, 480), ""),
     ],
 )
 def test_the_sizes_of_recorders_are_named(stored, size, right):

@@ -17,8 +17,8 @@ from physic_core.engine.joint.optimiser import MinimisationResult, join_results
 from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.scene_state import SceneState
 from physic_core.engine.state import Estimates, JointResult, State
+from physic_core.geometry.pixels import span_of_true
 from physic_core.geometry.pointmap import edge_ratio, pointmap_normals
-from physic_core.geometry.tensors import span_of_true
 from physic_core.geometry.visibility import move_behind_bodies
 
 _INVALID_START = "the start has non-finite parameters or is behind the camera"

@@ -34,8 +34,11 @@ from physic_core.io.result_folder import files_of_result, is_result
 _PHOTO_SUFFIXES = frozenset(suffix for suffixes in IMAGE_SUFFIXES.values() for suffix in suffixes)
 _THUMBNAIL = re.compile(r".*[/\\]thumbnails[/\\][0-9a-f]{2}[/\\][^/\\]+\.jpg")
 _MAX_KINDS = 8
-_OTHER_TABLES = (".tsv", ".xlsx", ".xls", ".ods", ".numbers")
 _COLUMNS = ("path", "camera", "stature", "age", "ignore", "depth", "pointmap", "id")
+_OTHER_TABLES = (
+    *(".tsv", ".txt", ".lst", ".json", ".jsonl", ".parquet", ".xlsx", ".xls", ".ods", ".numbers"),
+    *(".tar", ".zip", ".gz", ".7z"),
+)
 _MAX_NAME = 100  # characters of a folder's name; file systems allow 255 bytes
 
 
@@ -192,7 +195,8 @@ def _items_of(source: str) -> Iterator[PhotoItem | str]:
 
     Raises:
         ConfigError: it is an address.
-        InputError: the file does not exist, or it is a table that is not a regular file.
+        InputError: the file does not exist, or it is a table that is not a regular file, or not
+            CSV.
     """
     # Unlike methods of Path, functions of os.path return False for a name that no file can have.
     if os.path.isdir(source):
@@ -202,14 +206,17 @@ def _items_of(source: str) -> Iterator[PhotoItem | str]:
         if problem := path_problem(source):
             raise ConfigError(f"no photos at {_show(source)}: {problem}")
         raise InputError(f"no photos at {_show(source)}: name files, folders, or a CSV table")
-    elif source.lower().endswith(_OTHER_TABLES):
-        raise InputError(f"{_show(source)} is a table of another kind: save it as CSV, in UTF-8")
     elif source.lower().endswith(".csv"):
         if not os.path.isfile(source):  # reading a pipe would block
             raise InputError(
                 f"cannot read {_show(source)}: it is not a regular file; name a CSV table"
             )
         yield from _table_items(Path(source))
+    elif source.lower().endswith(_OTHER_TABLES):
+        raise InputError(
+            f"cannot read {_show(source)}: a table or list of photos is CSV with the column path; "
+            "an archive must be unpacked, and its folder named"
+        )
     else:
         yield PhotoItem.at(source)
 

@@ -9,6 +9,7 @@ import os
 import pytest
 from click.testing import CliRunner
 from PIL import Image
+from tiny_result import tiny_result
 
 from physic_batch.contact_sheet import find_results, thumbnail_path, write_thumbnail
 from physic_batch.photos import list_photos, photo_folder
@@ -17,7 +18,6 @@ from physic_core import load_reconstruction, save_reconstruction
 from physic_core.cli import main
 from physic_core.configuration.model import load_config
 from physic_core.errors import InputError, OutputError
-from tiny_result import tiny_result
 
 SECRET = b"TOKEN=0123456789abcdef0123456789abcdef"
 ROW = {"id": "a", "state": "done", "config": "", "finished": "", "path": "/a.jpg", "run": 1}

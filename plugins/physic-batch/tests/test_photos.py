@@ -27,7 +27,7 @@ def folder(tmp_path, monkeypatch):
         "deep/er/c.webp",
         "deep/.hidden.jpg",
         ".trash/d.jpg",
-        "notes.txt",
+        "notes.dat",
     ):
         path = tmp_path / "photos" / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -46,7 +46,7 @@ def test_files_and_folders_give_each_photo_once(folder):
         "c.webp",
         "a.PNG",
     ]
-    assert names(list_photos(["photos/notes.txt"]).photos) == ["notes.txt"]
+    assert names(list_photos(["photos/notes.dat"]).photos) == ["notes.dat"]
     assert list_photos(["photos/b.jpg"]).photos == list_photos([str(folder / "b.jpg")]).photos
 
 
@@ -133,6 +133,19 @@ def test_files_that_are_no_photos_are_skipped(folder):
     assert names(list_photos(["photos/b-physic/preview.png"]).photos) == ["preview.png"]
     with pytest.raises(InputError, match=r"left out: 1 \.jsonl, 1 thumbnails"):
         list_photos(["photos/old"])
+
+
+def test_files_of_other_kinds_are_counted_by_suffix(tmp_path):
+    for name in ("a.jpg", "b.JXL", "c.jxl", "d.livp"):
+        (tmp_path / name).touch()
+    assert list_photos([str(tmp_path)]).kinds() == "2 .jxl, 1 .livp"
+
+
+@pytest.mark.parametrize("name", ["photos.parquet", "list.txt", "shard-000.tar"])
+def test_a_list_of_another_kind_is_told_what_a_table_is(tmp_path, name):
+    (tmp_path / name).touch()
+    with pytest.raises(InputError, match="column path"):
+        list_photos([str(tmp_path / name)])
 
 
 UNREADABLE = """

@@ -50,6 +50,9 @@ if TYPE_CHECKING:
 
 _SMALLEST = 1e-6  # minimum |s|: output for an empty crop must not become an infinite depth
 
+SIDE = 256
+"""Side of the square input of both networks, px."""
+
 
 def translation_from_crop(
     weak: FloatArray, centres: FloatArray, sides: FloatArray, camera: Intrinsics
@@ -101,15 +104,6 @@ def camerahmr_inputs(
     return {name: np.asarray(value, np.float32) for name, value in inputs.items()}
 
 
-SIDE = 256
-"""Side of the square input of both networks, px."""
-_CHECKPOINT = "camerahmr_checkpoint_cleaned.ckpt"
-_CAMERA_CHECKPOINT = "cam_model_cleaned.ckpt"
-_MEAN = "smpl_mean_params.npz"
-_FLNET_NEEDS = ("loguru", "yacs")
-_WHITE = 255
-
-
 class CameraHmrOptions(SmplCheckoutOptions):
     """Settings of CameraHMR."""
 
@@ -147,6 +141,13 @@ class CameraHmrOptions(SmplCheckoutOptions):
         description="the same, only for FLNet; the code of the PhySIC paper uses bgr; empty: as "
         "channels",
     )
+
+
+_CHECKPOINT = "camerahmr_checkpoint_cleaned.ckpt"
+_CAMERA_CHECKPOINT = "cam_model_cleaned.ckpt"
+_MEAN = "smpl_mean_params.npz"
+_FLNET_NEEDS = ("loguru", "yacs")
+_WHITE = 255
 
 
 class CameraHmr(SmplCheckoutBackend, BodyEstimator):

@@ -163,9 +163,6 @@ class NetworkBackend(Backend):
         return [*values[:1], *filter(None, values[1:])]
 
 
-_MEASURED = "measured on an H100 with random weights, without CUDA's own .7 GB"
-
-
 class TorchOptions(Options):
     """Settings of backends whose networks compute with torch in a chosen precision."""
 
@@ -175,6 +172,9 @@ class TorchOptions(Options):
         "GPU; on a CPU they are slower, and float16 is refused there. On a GPU, convolutions of "
         "float32 round their inputs to 10 bits (TF32), torch's default",
     )
+
+
+_MEASURED = "measured on an H100 with random weights, without CUDA's own .7 GB"
 
 
 class TorchBackend(NetworkBackend):

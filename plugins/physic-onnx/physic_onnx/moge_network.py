@@ -169,6 +169,10 @@ class SharedMoge:
             return self._outputs[key]
 
 
+_LOCK = threading.Lock()
+_RUNNERS: WeakValueDictionary[Hashable, SharedMoge] = WeakValueDictionary()
+
+
 def shared_moge(*settings: Hashable) -> SharedMoge:
     """Return the MoGe-2 network that backends with equal settings share."""
     with _LOCK:
@@ -176,10 +180,6 @@ def shared_moge(*settings: Hashable) -> SharedMoge:
         if runner is None:
             runner = _RUNNERS[settings] = SharedMoge()
         return runner
-
-
-_LOCK = threading.Lock()
-_RUNNERS: WeakValueDictionary[Hashable, SharedMoge] = WeakValueDictionary()
 
 
 def _run(network: Network, match: PortMatch, image: UInt8Array, tokens: int) -> AffinePoints:

@@ -27,13 +27,14 @@ from physic_core.files import (
     wrap_decoding_errors,
 )
 from physic_opencv.exr import MAX_BYTES, read_exr
+from physic_opencv.jpeg_depth import read_jpeg_depth
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import BoolArray, FloatArray
 
-DEPTH_SUFFIXES = (".npy", ".npz", ".png", ".exr", ".pfm", ".heic", ".heif", ".hif")
+DEPTH_SUFFIXES = (".npy", ".npz", ".png", ".exr", ".pfm", ".heic", ".heif", ".hif", ".jpg", ".jpeg")
 POINTMAP_SUFFIXES = (".npy", ".npz")
 _UNIFORM_DISPARITY = 1
 _LONGEST = 200  # characters of a text of the file in a message
@@ -98,8 +99,8 @@ def read_depth(
 
     Args:
         path: a .npy array (H, W), an .npz with "depth" (H, W) or (1, H, W) and optionally "valid"
-            (H, W) bool, a PNG of 16 bits with
-            one channel, an .exr file, a PFM of one channel, or a HEIC photo of a phone.
+            (H, W) bool, a PNG of 16 bits with one channel, an .exr file, a PFM of one channel, or a
+            HEIC or JPEG photo of a phone.
         scale: metres per unit of the file.
         invalid: value of unknown pixels besides 0, NaN, infinity, 1e9 and more, and the largest
             number of 16 bits (65504) in floating point, in units of the file; None for no other.
@@ -130,6 +131,8 @@ def read_depth(
             valid = None if valid is None else valid.reshape(valid.shape[-2:])
     elif suffix == ".exr":
         values = read_exr(path)
+    elif suffix in (".jpg", ".jpeg"):
+        values, is_relative = read_jpeg_depth(path)
     else:
         values, is_relative = read_phone_depth(path)
     if values.ndim == 3 and values.shape[2] == 1:

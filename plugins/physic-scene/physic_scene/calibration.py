@@ -131,9 +131,6 @@ class _Table(BaseModel):
         return KnownCamera(Lens(intrinsics, (k1, k2, p1, p2, k3)), pose)
 
 
-_FILE = TypeAdapter(dict[str, _Table])
-
-
 def read_calibration(
     path: Path,
     photos: Sequence[Path],
@@ -221,6 +218,9 @@ def _turns(table: _Table, turns: int) -> list[_Table]:
     for _ in range(turns % 4):
         upright = upright.turned()
     return [table, upright] if turns % 4 else [table]
+
+
+_FILE = TypeAdapter(dict[str, _Table])
 
 
 def _cameras(path: Path) -> tuple[CameraFile, Mapping[str, _Table]]:
