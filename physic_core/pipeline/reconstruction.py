@@ -278,9 +278,10 @@ def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
         contacts = [person.contacts for person in people]
         notes.append(scale_note(contacts, bodies, result.scene.floor, lie))
     if (plain := _plain_ground(estimates)) is not None:
+        share = (plain & ~np.asarray(estimates.photo.hole)).mean()
         notes.append(
-            f"{plain.mean():.0%} of the photo is a ground of one colour, which has no shape: its "
-            "depth is unknown"
+            f"{share:.0%} of the photo is a ground of one colour, which has no shape: its depth is "
+            "unknown"
         )
     joints = np.reshape([person.joints for person in people], (-1, NUM_JOINTS, 3))
     if degrees := photo_turned_deg(joints, result.scene.floor):
