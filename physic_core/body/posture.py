@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -82,37 +81,24 @@ def legs_in_line(
     return np.asarray(np.maximum.reduce(angles) < max_deg)
 
 
-def lean_deg(
-    joints: FloatArray,
-    floor: Plane,
-    of: Literal["body", "trunk"] = "body",
-    legs: NDArray[np.bool_] | tuple[bool, bool] = (True, True),
-) -> tuple[float, float]:
-    """Return the angle between body and floor normal, and its signed component towards the camera,
-    in degrees.
+def lean_deg(joints: FloatArray, floor: Plane, of: Literal["body", "trunk"] = "body") -> float:
+    """Return how far a body leans towards the camera, degrees; negative if it leans away.
 
-    The body is the line from the midpoint of the ankles to the neck, the trunk that from the
-    midpoint of the hips. The signed part is measured in the vertical plane through camera and
-    ankles or hips: positive if the neck is nearer.
+    It is the angle between the body and the vertical plane across the direction to the camera, so
+    that a body that lies across the picture does not lean. The body is the line from the midpoint
+    of the ankles to the neck, the trunk that from the midpoint of the hips.
 
     Args:
         joints: (55, 3) metres, camera frame.
         floor: under the body.
         of: what leans.
-        legs: left and right, whose ankles or hips count.
     """
     normal = np.asarray(floor.normal, np.float64)
-    ends = np.asarray(joints, np.float64)[_ANKLES if of == "body" else _HIPS]
-    foot = ends[np.asarray(legs)].mean(0)
+    foot = np.asarray(joints, np.float64)[_ANKLES if of == "body" else _HIPS].mean(0)
     body = np.asarray(joints[_NECK], np.float64) - foot
-    towards = -foot - (-foot @ normal) * normal  # the camera is the origin
-    length = float(np.linalg.norm(towards))
-    part = (
-        math.nan
-        if length < 1e-9
-        else math.degrees(math.atan2(body @ towards / length, body @ normal))
-    )
-    return float(angle_deg(body, normal)), part
+    towards = -foot - body / 2  # the camera is the origin
+    level = towards - (towards @ normal) * normal
+    return 90.0 - float(angle_deg(body, level))
 
 
 def trunk_tilt_deg(joints: FloatArray, up: FloatArray) -> NDArray[np.float64]:

@@ -240,8 +240,7 @@ class ImageSource:
         """Return the error for a file whose data are damaged."""
         return InputError(
             f"cannot read the {self}: its data are damaged or truncated; copy it again from where "
-            f"it came, "
-            "or save it again from a program that shows it completely"
+            "it came, or save it again from a program that shows it completely"
         )
 
     def unusual_tiff(self) -> InputError:

@@ -3,7 +3,8 @@ losses.
 
 Other packages use :mod:`.camera`, :mod:`.pointmap`, :mod:`.alignment`, :mod:`.floor`,
 :mod:`.plane`, :mod:`.upright`, :mod:`.mesh`, :mod:`.rays`, :mod:`.raster`, :mod:`.neighbors`,
-:mod:`.visibility`, :mod:`.robust`, :mod:`.rotations`, :mod:`.rotvecs` and :mod:`.tensors`.
+:mod:`.visibility`, :mod:`.robust`, :mod:`.rotations`, :mod:`.rotvecs`, :mod:`.pixels` and
+:mod:`.tensors`.
 """
 
 from __future__ import annotations

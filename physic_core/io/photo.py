@@ -153,9 +153,8 @@ def limit_size(photo: Photo, max_side: int) -> Photo:
     if min(new_width, new_height) < MIN_SIDE:
         raise InputError(
             f"the photo is too long and thin: at a long side of {max_side} px, its {width} x "
-            f"{height} px become "
-            f"{new_width} x {new_height} px, but each side needs {MIN_SIDE} px; crop it, or allow "
-            f"a longer side"
+            f"{height} px become {new_width} x {new_height} px, but each side needs {MIN_SIDE} px; "
+            "crop it, or allow a longer side"
         )
     import cv2
 
@@ -170,9 +169,8 @@ def _check_camera(camera: Intrinsics, width: int, height: int) -> None:
     if (camera.width, camera.height) != (width, height):
         raise ConfigError(
             f"the intrinsics are for {camera.width} x {camera.height} px, but the image has "
-            f"{width} x {height} px: "
-            f"give those of this image, or intrinsics.resized({width}, {height}) if it was only "
-            f"resized"
+            f"{width} x {height} px: give those of this image, or intrinsics.resized({width}, "
+            f"{height}) if it was only resized"
         )
     side = max(width, height)
     least, most = _FOCAL_RANGE
@@ -180,14 +178,12 @@ def _check_camera(camera: Intrinsics, width: int, height: int) -> None:
         if not least <= focal / side <= most:
             raise ConfigError(
                 f"the focal length is {focal / side:.2g} times the long side of the photo, but "
-                f"should be "
-                f"{least:g} to {most:g} times: give it in px of the photo file"
+                f"should be {least:g} to {most:g} times: give it in px of the photo file"
             )
     if not (-0.5 <= camera.cx <= width - 0.5 and -0.5 <= camera.cy <= height - 0.5):
         raise ConfigError(
-            f"the principal point ({camera.cx:g}, {camera.cy:g}) lies outside the photo of "
-            f"{width} x {height} px: "
-            "give it in px of the photo file, or give only the focal length"
+            f"the principal point ({camera.cx:g}, {camera.cy:g}) lies outside the photo of {width} "
+            f"x {height} px: give it in px of the photo file, or give only the focal length"
         )
 
 
@@ -212,8 +208,7 @@ def check_image(image: Any) -> UInt8Array:
     if min(image.shape[:2]) < MIN_SIDE:
         raise InputError(
             f"image is {image.shape[1]} x {image.shape[0]} px, but each side needs at least "
-            f"{MIN_SIDE} px: give "
-            f"a larger one"
+            f"{MIN_SIDE} px: give a larger one"
         )
     return np.ascontiguousarray(image)
 
@@ -253,8 +248,7 @@ def _check_header(image: Image.Image, source: ImageSource) -> None:
     if min(stored) < MIN_SIDE:
         raise InputError(
             f"cannot use the {source}: it is {stored[0]} x {stored[1]} px, but each side needs at "
-            f"least "
-            f"{MIN_SIDE} px; give a larger photo"
+            f"least {MIN_SIDE} px; give a larger photo"
         )
     if image.mode == "F":
         raise InputError(

@@ -18,7 +18,7 @@ from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
     from physic_core.io.photo import Photo
-    from physic_core.types import Intrinsics, Reconstruction, UInt8Array
+    from physic_core.types import FloatArray, Intrinsics, Reconstruction, UInt8Array
 
     Inside = tuple[slice, slice]
 
@@ -31,6 +31,7 @@ _STRAY = 0.002  # share of other pixels in a border
 _EDGE = 0.8
 # Parts of one row may have the colour of the border, as bright sand has that of a white one.
 _FIRST_PX = 16
+_ROWS = 64  # that are compared at a time: most photos end in the first of them
 _RINGING_PX = 16  # JPEG changes a border in the blocks that it shares with the photo
 _LEAST_BAR = 0.01  # of the side; a narrower bar on one side does not disturb networks
 # Of the area: the whole result has at most ten times the pixels of the picture inside.
@@ -85,15 +86,26 @@ def _bar(rows: UInt8Array, least: float) -> int:
     tolerance = np.abs(outermost - color).max() + 1
     if tolerance > (_PLAIN if least else _PLAIN_THIN):  # most photos
         return 0
-    samples = samples.astype(np.int16)
-    difference = np.abs(samples - color).max(-1)
-    stop = int(((difference > tolerance).mean(1) > _STRAY).argmax())
+    stop = _first_other_row(samples, color, tolerance)
     if stop < len(outermost):
         return 0
-    steps = np.abs(np.diff(samples[stop - 1 : stop + _RINGING_PX + 1], axis=0)).mean((1, 2))
-    edge = stop + int((steps >= steps.max() / 2).argmax())
-    first = difference[edge : edge + _FIRST_PX] > 2 * tolerance
-    return edge if first.any(0).mean() >= _EDGE and (least or edge <= _THIN_PX) else 0
+    after = samples[stop - 1 : stop + _RINGING_PX + _FIRST_PX].astype(np.int16)
+    steps = np.abs(np.diff(after[: _RINGING_PX + 2], axis=0)).mean((1, 2))
+    further = int((steps >= steps.max() / 2).argmax())
+    first = after[1 + further :][:_FIRST_PX]
+    other = (np.abs(first - color).max(-1) > 2 * tolerance).any(0)
+    edge = stop + further
+    return edge if other.mean() >= _EDGE and (least or edge <= _THIN_PX) else 0
+
+
+def _first_other_row(samples: UInt8Array, color: FloatArray, tolerance: float) -> int:
+    """Return the first of rows (R, C, 3) with pixels of another colour; 0 if there is none."""
+    for start in range(0, len(samples), _ROWS):
+        difference = np.abs(samples[start : start + _ROWS].astype(np.int16) - color).max(-1)
+        other = (difference > tolerance).mean(1) > _STRAY
+        if other.any():
+            return start + int(other.argmax())
+    return 0
 
 
 def cut_camera(camera: Intrinsics, size: tuple[int, int], inside: Inside) -> Intrinsics:

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
-from physic_core.body.body_sizes import body_sizes
 from physic_core.body.bones import parameters_from_rotations
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.posture import photo_turned_deg
@@ -62,23 +61,23 @@ def as_reconstruction(
         state: after the last stage; after the first one for a photo without people.
         measures: of each person.
     """
-    touch = state.contact
+    contact = state.contact
     return Reconstruction(
         image=estimates.image,
         intrinsics=_intrinsics(estimates, state),
         scene=_scene(estimates, state),
-        people=() if touch is None else _people(estimates, state, touch, measures),
+        people=() if contact is None else _people(estimates, state, contact, measures),
         faces=state.model.faces.int().numpy(),
         body_model=state.model.name,
         skeleton=estimates.photo.keypoints.skeleton,
         diagnostics=_diagnostics(estimates, state),
         unposed=tuple(estimates.photo.people.unposed),
-        contact_partners=() if touch is None else touch.partners,
+        contact_partners=() if contact is None else contact.partners,
     )
 
 
 def _people(
-    estimates: Estimates, state: State, touch: Contact, measures: Sequence[Measures]
+    estimates: Estimates, state: State, contact: Contact, measures: Sequence[Measures]
 ) -> tuple[Person, ...]:
     photo = estimates.photo
     found = photo.people
@@ -86,7 +85,7 @@ def _people(
     parameters = parameters_from_rotations(
         state.rotations, state.betas, state.expression, state.transl
     )
-    rows = _arrays_of_people(state, touch)
+    rows = _arrays_of_people(state, contact)
     sizes = zip(state.model.stature(state.betas), body_size_sigmas(estimates, state), strict=True)
     unseen = _unseen(state)
     people = []
@@ -100,9 +99,9 @@ def _people(
                 keypoints=photo.keypoints.points[i],
                 keypoint_confidence=photo.keypoints.confidence[i],
                 parameters=parameters[i : i + 1],
-                contacts=touch.contacts[i],
-                support=touch.supports[i],
-                world_contact=_world_contact(touch, i),
+                contacts=contact.contacts[i],
+                support=contact.supports[i],
+                world_contact=_world_contact(contact, i),
                 unseen=unseen[i] if has_body else (),
                 age=float(years[i]) if math.isfinite(years[i]) else None,
                 stature=float(stature) if has_body else None,
@@ -116,30 +115,32 @@ def _people(
     return tuple(people)
 
 
-def _arrays_of_people(state: State, touch: Contact) -> dict[str, Any]:
+def _arrays_of_people(state: State, contact: Contact) -> dict[str, Any]:
     """Return the arrays with a row for each person, as fields of a Person."""
     rows = arrays(
         vertices=state.vertices,
         joints=state.joints,
-        contact=touch.partner != NO_PARTNER,
-        distance=touch.distance,
-        contact_partner=touch.partner,
+        contact=contact.partner != NO_PARTNER,
+        distance=contact.distance,
+        contact_partner=contact.partner,
     )
-    if touch.probability is not None:
-        rows["contact_probability"] = touch.probability.cpu().numpy().astype(np.float16)
+    if contact.probability is not None:
+        rows["contact_probability"] = contact.probability.cpu().numpy().astype(np.float16)
     return rows
 
 
 def _sizes(state: State, person: int) -> dict[str, float]:
-    """Return the sizes of a person, and with a floor the heights over it."""
-    sizes = body_sizes(state.model, state.betas[person : person + 1])
-    if (floor := state.scene.floor) is not None:
-        pelvis = state.joints[person, :1]
-        seat = state.vertices[person, state.model.contact_sets["gluteus"]]
-        for name, points in (("pelvis_height_m", pelvis), ("seat_height_m", seat)):
-            heights = points.double() @ floor.normal.double()
-            sizes[name] = float(heights.min() + floor.offset * state.scene_scale)
-    return {name: round(size, 4) for name, size in sizes.items()}
+    """Return the heights of a person over the floor; none without a floor."""
+    floor = state.scene.floor
+    if floor is None:
+        return {}
+    sizes = {}
+    pelvis = state.joints[person, :1]
+    seat = state.vertices[person, state.model.contact_sets["gluteus"]]
+    for name, points in (("pelvis_height_m", pelvis), ("seat_height_m", seat)):
+        heights = points.double() @ floor.normal.double()
+        sizes[name] = round(float(heights.min() + floor.offset * state.scene_scale), 4)
+    return sizes
 
 
 def _observed(said: Observations, person: int) -> dict[str, Any]:
@@ -159,27 +160,28 @@ def _unseen(state: State) -> list[tuple[str, ...]]:
     return [tuple(names[i] for i in limbs if not shown[i]) for shown in seen]
 
 
-def _world_contact(touch: Contact, person: int) -> Mapping[str, float] | None:
+def _world_contact(contact: Contact, person: int) -> Mapping[str, float] | None:
     """Return body part -> probability of contact with the world; None without any."""
-    if touch.supports[person] is None:
+    if contact.supports[person] is None:
         return None
-    found = {name: round(float(p[person]), DECIMALS) for name, p in touch.parts.items()}
+    found = {name: round(float(p[person]), DECIMALS) for name, p in contact.parts.items()}
     return found or None
 
 
 def _diagnostics(estimates: Estimates, state: State) -> dict[str, Any]:
     """Return numbers by stage; those of the scene alone without people."""
     scene = {"scene": dict(state.scene.diagnostics), "witnesses": dict(estimates.ground.witnesses)}
-    if state.photo_alignment is None:
+    joint = state.joint
+    if state.photo_alignment is None or joint is None:
         return scene
-    losses = {name: {"start": a, "end": b} for name, (a, b) in state.losses.items()}
+    losses = {name: {"start": a, "end": b} for name, (a, b) in joint.losses.items()}
     return scene | {
         "placement": {"alignment": alignment_diagnostics(state.photo_alignment)},
         "joint": {
             "losses": losses,
-            "scene_scale": state.scene_scale,
-            "steps": state.steps,
-            "evaluations": state.evaluations,
+            "scene_scale": joint.scene_scale,
+            "steps": joint.steps,
+            "evaluations": joint.evaluations,
         },
     }
 
@@ -252,6 +254,10 @@ def judge(result: Reconstruction, checks: Sequence[CheckResult]) -> Reconstructi
             unknown_checks=unknown_checks(checks, i),
             grade=Grade.of(trust[i].probability),
             trust=trust[i].probability,
+            trust_pose=trust[i].marks["pose"],
+            trust_place=trust[i].marks["place"],
+            trust_contact=trust[i].marks["contact"],
+            trust_size=trust[i].marks["size"],
             why=trust[i].why,
         )
         for i, person in enumerate(result.people)

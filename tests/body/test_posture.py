@@ -8,6 +8,7 @@ import pytest
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.posture import (
     STANDING_DEG,
+    lean_deg,
     legs_in_line,
     photo_turned_deg,
     standing_legs,
@@ -16,6 +17,7 @@ from physic_core.body.posture import (
 from physic_core.types import Plane
 
 UP = np.array([0.0, -1.0, 0.0])
+AWAY = np.array([0.0, 1.5, 4.0])
 
 
 def turned(degrees):
@@ -55,6 +57,17 @@ def body(hip=0.0, knees=(0.0, 0.0), trunk=0.0):
 )
 def test_legs_stand_if_they_are_straight_and_upright_as_the_trunk(joints, up, options, stands):
     assert standing_legs(joints, up, **options).tolist() == stands
+
+
+@pytest.mark.parametrize(("tilt", "lean"), [(20.0, -20.0), (-20.0, 20.0), (120.0, -60.0)])
+def test_a_body_leans_by_its_part_towards_the_camera(tilt, lean):
+    joints = body(trunk=tilt) + AWAY
+    assert lean_deg(joints, Plane(UP, 1.5), "trunk") == pytest.approx(lean)
+
+
+def test_a_body_that_lies_across_the_picture_does_not_lean():
+    joints = body()[:, [1, 0, 2]] + [-0.15, 1.5, 4.0]  # its middle is before the camera
+    assert lean_deg(joints, Plane(UP, 1.5)) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_the_tilt_of_the_trunk_is_from_up():

@@ -28,12 +28,15 @@ from physic_core.types import (
     CameraTrust,
     CheckState,
     Intrinsics,
+    Keypoints,
     Measures,
+    Observations,
     Plane,
     UnposedPerson,
     skeleton_named,
 )
 from physic_core.types.known_sizes import KnownPeople
+from physic_core.types.observations import POSTURES
 
 CAMERA = Intrinsics.from_focal(500, 640, 480, "EXIF")
 GIVEN = replace(CAMERA, trust=CameraTrust.KNOWN)
@@ -52,7 +55,7 @@ def standing(lean_deg=0.0):
     joints = np.zeros((55, 3))
     for side in (0, 1):
         joints[[1 + side, 4 + side, 7 + side], 1] = [0.9, 0.5, 0.08]  # heights
-    joints[12, 1] = 1.4
+    joints[[12, 16, 17], 1] = [1.4, 1.35, 1.35]
     tilt = math.radians(lean_deg)
     up = joints[:, 1] - 0.08
     foot = 0.08
@@ -105,7 +108,18 @@ def keypoints_at(joints, camera, off_px=0.0, moved=0):
             500 * x / z + camera.cx + (off_px if row < moved else 0.0),
             500 * y / z + camera.cy,
         ]
-    return SimpleNamespace(points=points, confidence=np.ones((1, 17)), skeleton="coco17")
+    return Keypoints(points, np.ones((1, 17)), "coco17")
+
+
+def observed_as(posture):
+    """Observations of one person who surely has a posture."""
+    sure = np.array([[name == posture for name in POSTURES]], np.float32)
+    return replace(Observations.unknown(1), posture=sure)
+
+
+def across_the_picture(joints):
+    """The joints of one who lies across the picture."""
+    return np.stack([joints[:, 1] - 1.0, 1.5 - 0.1 + joints[:, 0], joints[:, 2]], -1)
 
 
 def plane(source):
@@ -162,6 +176,7 @@ def case(
     depth=SLOPE,
     witness=(),
     likely=FEET,
+    posture="stand",
 ):
     """Estimates and result of one person where all is well, but for what is given."""
     observed = np.ones((1, 55), bool)
@@ -188,6 +203,7 @@ def case(
         photo=SimpleNamespace(
             hole=torch.zeros(480, 640, dtype=torch.bool),
             keypoints=keypoints_at(joints, camera, off, moved),
+            observations=observed_as(posture),
             people=SimpleNamespace(
                 boxes=np.array([[0.0, 0.0, 300.0, 400.0]]),
                 scores=np.array([score]),
@@ -204,7 +220,7 @@ def case(
         measures=Measures(joint_problem=failure, **report or {}),
         world_contact=likely and FAR | likely,
         contacts=(),
-        posture="stand",
+        posture=posture,
         posture_probability=0.9,
         joints=joints,
     )
@@ -365,8 +381,11 @@ def test_a_doubtful_contact_names_the_part_or_the_seat_that_is_missing():
     _, message = CHECKS["contact_sure"].measure(None, result, 0)
     assert "left foot" in message
     foot.posture = "sit"
-    _, message = CHECKS["contact_sure"].measure(None, result, 0)
-    assert "sit (probability 0.90)" in message
+    for probability, said in ((0.9, "sit (probability 0.90)"), (0.4, "left foot")):
+        foot.posture_probability = probability
+        _, message = CHECKS["contact_sure"].measure(None, result, 0)
+        assert said in message
+    foot.posture_probability = 0.9
     foot.world_contact = foot.world_contact | {"seat": 0.8}
     assert "left foot" in CHECKS["contact_sure"].measure(None, result, 0)[1]
 
@@ -430,6 +449,8 @@ def test_a_value_at_its_bound_holds_and_beyond_it_does_not():
         ({}, ("body_in_mask",), "no visible part of this body"),
         ({"joints": np.full((55, 3), np.nan)}, ("lean", "body_in_mask"), "no body was found"),
         ({"lean": 80.0, "source": "people who lie"}, ("lean",), "lies"),
+        ({"joints": across_the_picture(standing())}, ("lean",), "not upright"),
+        ({"joints": with_bent_trunk(-45.0), "posture": "squat"}, ("lean",), "not upright"),
         ({"sigma": None}, ("scale_sigma",), "metric_depth"),
     ],
 )

@@ -13,10 +13,11 @@ import numpy as np
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.body.posture import lean_deg, standing_legs
+from physic_core.engine.ground.posture import upright_people
 from physic_core.engine.joint.terms.reprojection_settings import ReprojectionSettings
 from physic_core.pipeline.checks.photo import NO_FLOOR, relative_difference
 from physic_core.pipeline.checks.spec import YES, check
-from physic_core.types import Plane, skeleton_named
+from physic_core.types import MARKS, Plane, skeleton_named
 from physic_core.types.observations import TOUCH_PARTS
 from physic_core.types.skeletons import SIDES, keypoint_in_words
 
@@ -51,7 +52,7 @@ _check = partial(check, "person")
     "Placed by joints in the photo, depth and floor",
     at_least=1,
     unit=YES,
-    contradicts=True,
+    contradicts=MARKS,
     warns=True,
 )
 def placed(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
@@ -89,7 +90,7 @@ def detected(estimates: Estimates, result: Reconstruction, person: int) -> Measu
     "Heads within this person's outline",
     at_most=1,
     unit="count",
-    contradicts=True,
+    contradicts=("pose",),
     warns=True,
     advice="two people are merged, or one was found twice: see the outlines in preview.png. Then "
     "give one --person x,y for each person to keep",
@@ -120,7 +121,7 @@ def heads(estimates: Estimates, result: Reconstruction, person: int) -> Measured
 @_check(
     "Distance of limb joints from those seen in the photo, which 90 % do not exceed",
     at_most=0.035,
-    contradicts=True,
+    contradicts=("pose",),
     share_of="the diagonal of the person's box",
     advice="a limb is wrong: compare the people over the photo in preview.png. If a joint was "
     "detected wrongly: physic export FOLDER --to keypoints, correct that file, and give it as "
@@ -163,7 +164,7 @@ def body_in_mask(estimates: Estimates, result: Reconstruction, person: int) -> M
     "Distance from the floor or surface that carries the person",
     at_most=0.1,
     unit="m",
-    contradicts=True,
+    contradicts=("place", "contact"),
     unmeasured="there is no floor and no surface near the body",
 )
 def support(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
@@ -212,7 +213,8 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
     if not (likely := who.world_contact):
         return None
     value = math.prod(max(likely[part], 1 - likely[part]) for part in TOUCH_PARTS)
-    if who.posture in _SEATED and likely["seat"] < 0.5:
+    seated = who.posture in _SEATED and (who.posture_probability or 0.0) >= 0.5
+    if seated and likely["seat"] < 0.5:
         seen = f"{who.posture} (probability {who.posture_probability:.2f})"
         return value, (
             f"this person seems to {seen}, but no seat is found under the body: see "
@@ -236,7 +238,8 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
     unmeasured=_NO_BODY,
 )
 def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the larger tilt towards the camera or away of body and trunk, degrees.
+    """Return the larger tilt towards the camera or away of body and trunk, degrees, of a person
+    who is upright in the photo.
 
     The body counts on straight legs with a visible ankle: other ankles do not lie under the hips.
     """
@@ -245,15 +248,17 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
         return None
     if (carried := estimates.ground.stance.carried) is not None and carried.rides[person]:
         return None, "this person rides, and may lean"
+    plane = estimates.ground.search.plane
+    if plane is not None and plane.beneath:
+        return None, "this person lies"
+    if not upright_people(estimates.photo.keypoints, estimates.photo.observations)[person]:
+        return None, "this person is not upright in the photo, and may lean"
     floor = result.scene.level or Plane(np.array([0.0, -1.0, 0.0]), 0.0)
     parts: list[Literal["body", "trunk"]] = ["trunk"]
     if _visible(estimates, person)[_ANKLES].any() and standing_legs(joints).any():
         parts.append("body")
-    part = max((lean_deg(joints, floor, of)[1] for of in parts), key=abs)
+    part = max((lean_deg(joints, floor, of) for of in parts), key=abs)
     if abs(part) > _LIES_DEG:
-        plane = estimates.ground.search.plane
-        if plane is not None and plane.beneath:
-            return None, "this person lies"
         return abs(part), (
             f"the person lies, or body or floor is wrong: compare {_FROM_THE_SIDE} with the photo"
         )
@@ -284,7 +289,7 @@ def low_depth(estimates: Estimates, result: Reconstruction, person: int) -> Meas
     "Size against the given one",
     at_most=3,
     unit="sigma",
-    contradicts=True,
+    contradicts=("place", "size"),
     warns=True,
     optional=True,
 )
@@ -312,7 +317,7 @@ def given_size(estimates: Estimates, result: Reconstruction, person: int) -> Mea
     "Given keypoints off the body",
     at_most=ReprojectionSettings.outlier_sigmas,
     unit="sigma",
-    contradicts=True,
+    contradicts=("pose",),
     warns=True,
     optional=True,
 )
@@ -329,8 +334,7 @@ def given_keypoints(estimates: Estimates, result: Reconstruction, person: int) -
     file_px = off[worst] * estimates.file_px
     return off[worst] / (ReprojectionSettings.sigma * stature_px), (
         f"the given {keypoint_in_words(worst)} lies {file_px:.0f} px from where the rest of the "
-        f"photo puts it: "
-        "check the keypoints that you gave"
+        "photo puts it: check the keypoints that you gave"
     )
 
 
@@ -339,7 +343,7 @@ def given_keypoints(estimates: Estimates, result: Reconstruction, person: int) -
     "Given keypoints against mask and detector",
     at_most=0.1,
     share_of="the diagonal of the person's box",
-    contradicts=True,
+    contradicts=("pose",),
     warns=True,
     optional=True,
 )
@@ -357,8 +361,7 @@ def contradicted_keypoints(estimates: Estimates, result: Reconstruction, person:
     name = keypoint_in_words(estimates.photo.keypoints.joint_set.names[worst])
     return float(off[worst] / np.hypot(box[2] - box[0], box[3] - box[1])), (
         f"the given {name} lies {off[worst] * estimates.file_px:.0f} px from where mask and "
-        f"detector have it: "
-        "check the keypoints that you gave"
+        "detector have it: check the keypoints that you gave"
     )
 
 

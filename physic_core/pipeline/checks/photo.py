@@ -105,7 +105,7 @@ def floor(estimates: Estimates, result: Reconstruction) -> Measured:
     share_of="the floor's pixels",
     advice="the photo has one colour where the floor was found, so that the floor is invented. Do "
     "not use heights and distances, or take a photo that shows the ground",
-    contradicts=True,
+    contradicts=("place", "contact", "size"),
     optional=True,
 )
 def floor_shown(estimates: Estimates, result: Reconstruction) -> Measured:
@@ -286,8 +286,7 @@ def focal_agreement(estimates: Estimates, result: Reconstruction) -> Measured:
     ratio = max(ratios, key=relative_difference)
     return relative_difference(ratio), (
         f"a backend estimates a focal length of {ratio * used:.0f} px, but {used:.0f} px "
-        f"({camera.source}) was used: "
-        "check the value used"
+        f"({camera.source}) was used: check the value used"
     )
 
 

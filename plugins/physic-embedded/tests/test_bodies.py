@@ -257,7 +257,7 @@ def test_people_who_stand_on_a_floor_lose_the_lean_of_their_landmarks(backend, l
     observations = observe_people(seen.keypoints, seen.people, CAMERA)
     up = np.array([0.0, -1.0, 0.0])
     before, after, true = (
-        np.degrees(lean_towards_camera(j, observations.turn, up))
+        np.degrees(lean_towards_camera(j, observations.turn, up, np.zeros(len(j), bool)))
         for j in (leaning, upright, seen.joints)
     )
     assert before[0] > true[0] + 0.6 * lean_deg

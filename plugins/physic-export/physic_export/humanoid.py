@@ -15,7 +15,7 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from physic_core.body import DENSITY_KG_M3, JOINT_INDEX, JOINT_NAMES, PARENTS
+from physic_core.body import JOINT_INDEX, JOINT_NAMES, PARENTS
 from physic_core.geometry import rotmat_to_euler
 
 if TYPE_CHECKING:
@@ -113,6 +113,8 @@ Knees and elbows bend up to the bound of the reconstruction, 155 degrees; passiv
 squats are beyond the 135 of AAOS and the 130 of Merck.
 """
 
+
+_DENSITY_KG_M3 = 1010.0  # of a human body, whose volume has the lungs half filled
 
 NUM_BODIES = 22
 """Pelvis and the 21 joints of the body; fingers belong to the wrist, jaw and eyes to the head."""
@@ -245,7 +247,7 @@ def body_segments(rig: Rig, vertices: Array, ground: Mapping[str, float]) -> lis
     part = vertex_segments(rig.weights)
     hulls = [convex_hull(vertices[part == joint]) for joint in range(NUM_BODIES)]
     volumes = np.array([_volume(*hull) for hull in hulls])
-    masses = DENSITY_KG_M3 * _volume(vertices, rig.faces) * volumes / volumes.sum()
+    masses = _DENSITY_KG_M3 * _volume(vertices, rig.faces) * volumes / volumes.sum()
     lowest = [float(vertices[part == joint, 2].min()) for joint in range(NUM_BODIES)]
     owner = _owner_of_faces(part[rig.faces])
     made = []

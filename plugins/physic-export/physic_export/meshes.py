@@ -24,6 +24,16 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, Plane, Reconstruction, UInt8Array
 
 
+_VERTEX = np.dtype(
+    [
+        *((name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")),
+        *((name, "u1") for name in ("red", "green", "blue", "contact")),
+        ("object", "<i4"),
+        ("quality", "<f4"),
+    ]
+)
+
+
 @dataclass(frozen=True)
 class ColoredMesh:
     """Mesh with a colour and a normal per vertex, in the frame of an export.
@@ -96,16 +106,7 @@ def scene_mesh(request: ExportRequest, max_vertices: int = 130_000) -> ColoredMe
     )
 
 
-_VERTEX = np.dtype(
-    [
-        *((name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")),
-        *((name, "u1") for name in ("red", "green", "blue", "contact")),
-        ("object", "<i4"),
-        ("quality", "<f4"),
-    ]
-)
 _FACE = np.dtype([("count", "u1"), ("vertex_indices", "<i4", (3,))])
-_PROPERTY = {"f4": "float", "u1": "uchar", "i4": "int"}
 
 
 def export_ply(request: ExportRequest) -> ExportedFiles:
@@ -170,6 +171,9 @@ def scene_points(request: ExportRequest) -> ColoredMesh:
     )
 
 
+_PROPERTY = {"f4": "float", "u1": "uchar", "i4": "int"}
+
+
 def _header(request: ExportRequest, skins: Skins, vertices: int, faces: int) -> bytes:
     frame = request.frame
     floor = request.result.scene.floor
@@ -227,10 +231,6 @@ def export_stl(request: ExportRequest) -> ExportedFiles:
         files[request.file_of(index)] = head + count + rows.tobytes()
     note = "lengths are in millimetres, as slicers read them, at the size of life: scale the body"
     return ExportedFiles(files, (note,))
-
-
-_ROWS = 4096  # of a file at a time
-_MATERIAL = "newmtl {name}\nKa 0 0 0\nKd {color}\nKs 0 0 0\nillum 1\n"
 
 
 def export_obj(request: ExportRequest) -> ExportedFiles:
@@ -302,10 +302,16 @@ def _write(
     return at[0] + len(mesh.vertices), at[1] + len(uv)
 
 
+_ROWS = 4096  # of a file at a time
+
+
 def _lines(form: str, rows: NDArray[Any]) -> list[str]:
     """Return the lines of rows (n, k), many in one string; ``np.savetxt`` takes twice as long."""
     blocks = (rows[start : start + _ROWS] for start in range(0, len(rows), _ROWS))
     return [form * len(block) % tuple(block.ravel().tolist()) for block in blocks]
+
+
+_MATERIAL = "newmtl {name}\nKa 0 0 0\nKd {color}\nKs 0 0 0\nillum 1\n"
 
 
 def _materials(request: ExportRequest, skins: Skins, scene: bool) -> str:
@@ -323,8 +329,7 @@ def _materials(request: ExportRequest, skins: Skins, scene: bool) -> str:
             photo = _MATERIAL.format(name=f"{name}_photo", color=white)
             made.append(
                 f"# {request.stem}_{name}_filled.png is white where the photo does not show the "
-                f"body\n{photo}"
-                f"map_Kd {request.stem}_{name}.jpg\n"
+                f"body\n{photo}map_Kd {request.stem}_{name}.jpg\n"
             )
         contact = _MATERIAL.format(name=f"{name}_contact", color=white if skins.source else grey)
         picture = f"map_Kd {request.stem}_{name}_contact.png\n" if skins.source else ""

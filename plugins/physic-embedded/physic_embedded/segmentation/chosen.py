@@ -17,8 +17,9 @@ from physic_embedded.segmentation.people import (
     DetectedPose,
     box_fit,
     mask_box,
-    square_around,
+    pose_in_box,
 )
+from physic_embedded.segmentation.turned import square_around
 from physic_embedded.segmentation.upper_bodies import square_from_upper_half
 
 if TYPE_CHECKING:
@@ -78,15 +79,14 @@ def choose_poses(detected: DetectedPeople, prompt: PeoplePrompt) -> list[Detecte
             height, width = detected.image.shape[:2]
             raise NoPersonError(
                 f"no pose of a person was found at {prompt.describe(i)}, in px of the photo at "
-                f"{width} x {height} px: "
-                "choose a place that shows head and torso, or a box around the person"
+                f"{width} x {height} px: choose a place that shows head and torso, or a box around "
+                "the person"
             )
         same = [k for k, other in enumerate(chosen) if other.pose is person.pose]
         if same:
             raise NoPersonError(
                 f"{prompt.describe(same[0])} and {prompt.describe(i)} hit the same person: give "
-                f"one prompt for each "
-                "person, or a box or mask where people overlap"
+                "one prompt for each person, or a box or mask where people overlap"
             )
         chosen.append(person)
     return chosen
@@ -157,7 +157,7 @@ def _poses(detected: DetectedPeople, box: FloatArray, others: Sequence[Pose]) ->
     clear = ImagePyramid.from_image(detected.image)
     grey = ImagePyramid.from_image(grey_out(detected.image, others))
     return [
-        predict_pose(detected.landmarker, clear, square_around(box)),
+        pose_in_box(detected.landmarker, clear, box),
         *(
             without_covered(predict_pose(detected.landmarker, grey, square, passes=1), others)
             for square in (square_around(box), square_from_upper_half(box))

@@ -21,7 +21,7 @@ _RIM = 0.08  # width of the band, over the longer side of the person's box
 # people in seven photos at most .01.
 _SHARE = 0.5
 _FEET = 0.1  # of the height of the box, lowest part
-_SMALL = 0.75  # of the height of the largest box in the photo; the label errs on bare ground
+_SMALL = 0.75  # of the height of the largest box in the photo; the label errs on ground and mats
 _IN_ROOM = 0.5  # probability that a person who is asked about is in the room; assumed, not fitted
 _SEEN = 0.5  # confidence of an ankle: those of people who sit behind a table have less
 
@@ -51,7 +51,7 @@ def question_people(people: People, framed: BoolArray) -> People:
 
 
 def _on_tables(people: People, bands: list[BoolArray]) -> BoolArray:
-    """Return which people (N,) stand on a table, small beside others or alone."""
+    """Return which people (N,) stand on a table, and are small beside others."""
     found = np.zeros(len(people), bool)
     if people.surfaces is None or people.keypoints is None:
         return found
@@ -59,7 +59,7 @@ def _on_tables(people: People, bands: list[BoolArray]) -> BoolArray:
     ankles = [names.index(f"{side}_ankle") for side in ("left", "right")]
     seen = people.keypoints.confidence[:, ankles].max(1, initial=0.0) > _SEEN
     heights = people.boxes[:, 3] - people.boxes[:, 1]
-    small = (heights < _SMALL * heights.max(initial=0.0)) | (len(people) == 1)
+    small = heights < _SMALL * heights.max(initial=0.0)
     table = people.surfaces.mask("table")
     rows = np.arange(table.shape[0])[:, None]
     for i, band in enumerate(bands):

@@ -15,7 +15,7 @@ import numpy as np
 
 from physic_core.backends.people import SAME_PERSON, box_iou, keypoint_similarity
 from physic_core.types import UnposedPerson, skeleton_named
-from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
+from physic_embedded.networks.crops import ImagePyramid
 from physic_embedded.networks.pose import (
     average_agreeing,
     person_square,
@@ -25,6 +25,7 @@ from physic_embedded.networks.pose import (
 from physic_embedded.networks.pose_detection import detect_people
 from physic_embedded.networks.yolox import detect_boxes
 from physic_embedded.segmentation.hidden_people import grey_out, without_covered
+from physic_embedded.segmentation.turned import is_steady, look_turned, square_around
 from physic_embedded.segmentation.upper_bodies import square_from_upper_half, with_upper_bodies
 
 if TYPE_CHECKING:
@@ -80,11 +81,6 @@ people, the network mixes them up.
 """
 SIMILAR_FIT = 0.7
 """Poses with this share of the best fit are compared by their mirror images."""
-SURE_FIT = 0.5
-SURE_MIRROR_GAP = 0.02
-"""Least fit and largest mirror gap of a sure pose, which no other pose changes; if all are sure,
-that is the search.
-"""
 SAME_PLACE = 0.02
 """Joints of two poses that are nearer than this share of the square's side are averaged."""
 
@@ -167,7 +163,7 @@ def detect_poses(
     )
     boxes, left_out = _without_others(things, box_score)
     posed = [
-        (box, float(score), predict_pose(landmarker, picture, square_around(box)))
+        (box, float(score), pose_in_box(landmarker, picture, box))
         for box, score in zip(boxes.boxes, boxes.scores, strict=True)
     ]
     sure = [_is_sure(*one, box_score) for one in posed]
@@ -339,12 +335,7 @@ def _is_sure(box: Float, score: float, pose: Pose, box_score: float) -> bool:
     """Return whether a box has a high score and a pose that fits it, the same in the mirror
     image.
     """
-    return (
-        score >= box_score
-        and pose.score > 0.5
-        and pose.mirror_gap < SURE_MIRROR_GAP
-        and box_fit(pose, box) >= SURE_FIT
-    )
+    return score >= box_score and is_steady(pose, box_fit(pose, box))
 
 
 def _search_blazepose(
@@ -384,10 +375,10 @@ def _best_poses(
     return found
 
 
-def square_around(box: Float) -> RotatedSquare:
-    """Return the upright square that the landmark network needs for a person in a box (4,)."""
-    center = np.array([(box[0] + box[2] - 1) / 2, (box[1] + box[3] - 1) / 2])
-    return RotatedSquare(center, 1.25 * float(max(box[2] - box[0], box[3] - box[1])), 0.0)
+def pose_in_box(landmarker: OnnxSession, picture: ImagePyramid, box: Float) -> Pose:
+    """Return the pose of the person in a box (4,), who need not be upright."""
+    pose = predict_pose(landmarker, picture, square_around(box))
+    return look_turned(landmarker, picture, box, pose, lambda one: box_fit(one, box))
 
 
 def box_fit(pose: Pose, box: Float) -> float:
