@@ -39,8 +39,8 @@ def size_notes(
         else vote.residuals(torsos)
     )
     return tuple(
-        f"floor and other people make person {i} {math.exp(-ratio[i]):.2g} times as tall as stated: "
-        f"this stature and distance may be wrong by that factor. "
+        f"floor and other people make person {i} {math.exp(-ratio[i]):.2g} times as tall as "
+        f"stated: this stature and distance may be wrong by that factor. "
         + (
             f"Of a child give {size_option('--age YEARS', len(ratio))}, of a small person "
             f"--stature METRES in the same order; leave out a figure or picture by --ignore x,y"
