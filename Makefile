@@ -9,7 +9,7 @@
 # make mutants                  remove each stated defence in turn, and require that its test fails (tools/attacks/mutants)
 # make test-lowest | test-newest the tests of make quick, with the lowest and the newest versions of all dependencies
 # make audit                    known vulnerabilities of the pinned dependencies; needs pip-audit and a network
-# make findings                 run each script of findings/: which behaviour of other tools has changed; needs a network
+# make findings                 run each script of findings/: a table of what changed in other tools; needs a network
 # make sbom                     a bill of materials of this environment, in dist/physic-sbom.json (CycloneDX)
 # make docs                     the documentation as a site, in docs/_build/html/index.html; compares its notebooks with results
 # make pictures                 pictures, their numbers and notebooks of the documentation, made again; needs Chromium
@@ -86,9 +86,7 @@ audit: $(VENV)/test.stamp
 	$(BIN)/pip-audit --strict --no-deps --disable-pip -r constraints.txt
 
 findings:
-	@failed=; for script in findings/*.sh; do \
-		echo "== $$script"; sh "$$script" || failed="$$failed $$script"; \
-	done; [ -z "$$failed" ] || { echo "changed:$$failed"; exit 1; }
+	@$(PYTHON) findings/table.py
 
 sbom: $(VENV)/test.stamp
 	$(BIN)/python tools/sbom.py dist/physic-sbom.json

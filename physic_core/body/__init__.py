@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from physic_core.body.array_pickle import as_array as as_array
     from physic_core.body.array_pickle import read_pickle as read_pickle
     from physic_core.body.arrays import BodyArrays as BodyArrays
+    from physic_core.body.bones import head_direction as head_direction
     from physic_core.body.bones import parameters_from_rotations as parameters_from_rotations
     from physic_core.body.bones import pose_from_parameters as pose_from_parameters
     from physic_core.body.bones import rotations_from_parameters as rotations_from_parameters
@@ -72,8 +73,8 @@ __all__ = [
 _NAMES = {
     "array_pickle": "PickledObject as_array read_pickle",
     "arrays": "BodyArrays",
-    "bones": "parameters_from_rotations pose_from_parameters rotations_from_parameters "
-    "rotations_from_tpose",
+    "bones": "head_direction parameters_from_rotations pose_from_parameters "
+    "rotations_from_parameters rotations_from_tpose",
     "convert.bodies": "can_convert convert_contact convert_with_residuals rest_mesh_of_model",
     "convert.correspondence": "Correspondence find_correspondence",
     "files": "MANO ModelFileLayout SMPL SMPL_PARENTS SmplBody embedded_arrays load_smpl "

@@ -269,6 +269,8 @@ def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
         if wanted in values
     ]
     hint = f"; '{wanted}' is an option: {' or '.join(options)}" if options else ""
+    if wanted.lstrip(".") in {each.record.name for each in exporters}:
+        hint = f"; write --to {wanted.lstrip('.')}"
     if wanted == "fbx":
         hint = "; FBX is made of the GLB by Blender: the command is in docs/exports.md under FBX"
     raise ConfigError(

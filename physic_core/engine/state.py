@@ -192,6 +192,9 @@ class State(ShortRepr):
             NaN where unknown; None if the body estimator states none.
         lean_sigma: (N,) radians, stated errors of the lean towards the camera, NaN where unknown;
             None if the body estimator states none.
+        head: (N, 3) unit vectors in which the faces look by the person observer, NaN where unknown;
+            None if unknown of all.
+        head_sigma: (N,) radians, its errors.
         stands: (N, 2) probability that the foot stands on the floor; None if unknown.
         observed_touch: (N, 5) log odds of the person observer that feet, hands and seat touch the
             world, beyond those of its base rate; None if unknown.
@@ -230,6 +233,8 @@ class State(ShortRepr):
     K: Tensor = field(metadata=shape(3, 3))
     rotation_sigma: Tensor | None = field(default=None, metadata=shape("N", 22))
     lean_sigma: Tensor | None = field(default=None, metadata=shape("N"))
+    head: Tensor | None = field(default=None, metadata=shape("N", 3))
+    head_sigma: Tensor | None = field(default=None, metadata=shape("N"))
     stands: Tensor | None = field(default=None, metadata=shape("N", 2))
     observed_touch: Tensor | None = field(default=None, metadata=shape("N", 5))
     touch: Tensor | None = field(default=None, metadata=shape("N", 5))
@@ -317,6 +322,8 @@ class State(ShortRepr):
             keypoint_confidence=view.keypoint_confidence,
             masks=view.masks,
             observed=self.observed_in_any_photo,
+            head=None,
+            head_sigma=None,
             photo_depth=None,
             views=(),
         )

@@ -19,7 +19,7 @@ from physic_core.files.image_file import (
     open_image,
     wrap_decoding_errors,
 )
-from physic_core.io.colour import srgb_conversion
+from physic_core.io.colour import code_points, srgb_conversion
 from physic_core.io.exif import EXIF_IFD, ORIENTATION, intrinsics_from_exif, swaps_sides
 from physic_core.io.file_geometry import drone_note, panorama_kind, stretched_pixels, up_of_gimbal
 from physic_core.io.result_folder import file_digest, image_digest
@@ -104,8 +104,10 @@ def read_photo(photo: PhotoSource) -> Photo:
             file.seek(0)
             # of the file that is read, even if another one takes its place
             digest = file_digest(file)
+            file.seek(0)
+            colours = code_points(file)
             file.seek(place)
-            return replace(_read(image, source), digest=digest)
+            return replace(_read(image, source, colours), digest=digest)
     if isinstance(photo, Image.Image):
         found = _read_image(photo)
     elif _is_grey_or_rgba(photo):
@@ -257,7 +259,7 @@ def _check_header(image: Image.Image, source: ImageSource) -> None:
         raise source.raw()
 
 
-def _read(image: Image.Image, source: ImageSource) -> Photo:
+def _read(image: Image.Image, source: ImageSource, colours: tuple[int, int] | None = None) -> Photo:
     _check_header(image, source)
     stored = image.size
     notes = list(_frame_notes(image))
@@ -277,7 +279,7 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
     # what the decoder has not reduced itself
     left = factor // max(1, round(max(stored) / max(image.size)))
     with wrap_decoding_errors(source):
-        rgb, conversions = _to_rgb(image, left, deep, source)
+        rgb, conversions = _to_rgb(image, left, deep, colours, source)
     if orientation != 1:
         rgb = np.array(Image.fromarray(rgb).transpose(_UPRIGHT[orientation]))
         notes.append("rotated upright according to the EXIF orientation")
@@ -344,7 +346,11 @@ def _exif(image: Image.Image) -> tuple[int, dict[int, Any], str]:
 
 
 def _to_rgb(
-    image: Image.Image, factor: int, deep: bool, source: ImageSource
+    image: Image.Image,
+    factor: int,
+    deep: bool,
+    colours: tuple[int, int] | None,
+    source: ImageSource,
 ) -> tuple[UInt8Array, list[str]]:
     """Convert any Pillow mode to RGB (H, W, 3), downscaled by an integer factor, with a note for
     each conversion.
@@ -353,7 +359,7 @@ def _to_rgb(
     rows = max(1, _BAND_PIXELS // width // factor) * factor
     rgb = np.empty((math.ceil(height / factor), math.ceil(width / factor), 3), np.uint8)
     transparent = False
-    convertible, convert, colour_note = srgb_conversion(image)
+    convertible, convert, colour_note = srgb_conversion(image, colours)
     is_converted = False
     for top in range(0, height, rows):
         box = (0, top, width, min(height, top + rows))

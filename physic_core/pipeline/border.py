@@ -23,11 +23,9 @@ if TYPE_CHECKING:
     Inside = tuple[slice, slice]
 
 _MOST_SAMPLES = 500  # of a row, whatever the size of the photo
-_FEW_SAMPLES = 100  # of a row that may be a strip
 _PLAIN = 8  # largest variation of a border, grey levels; a sky over a horizon varies more
 _PLAIN_THIN = 48  # the same of a thin frame, which JPEG mixes with the photo
 _THIN_PX = 3
-_ONE_ROW = 1e-9  # share of the rows: a bar of any width
 _STRAY = 0.002  # share of other pixels in a border
 # Share of columns with other pixels in the photo's first rows: a head on a plain ground spans less.
 _EDGE = 0.8
@@ -39,7 +37,6 @@ _LEAST_BAR = 0.01  # of the side; a narrower bar on one side does not disturb ne
 # Of the area: the whole result has at most ten times the pixels of the picture inside.
 _LEAST_INSIDE = 0.1
 _THINNEST = 0.1  # ratio of the sides of a picture inside
-_LEAST_PART = 0.15  # of the side, on either side of a strip between two photos
 
 
 def find_inside(image: UInt8Array) -> Inside | None:
@@ -61,24 +58,6 @@ def find_inside(image: UInt8Array) -> Inside | None:
     ):
         return None
     return None if sides == [height, width] else inside
-
-
-def question_of_strip(image: UInt8Array) -> str:
-    """Return a question to the user if a strip of one colour crosses an image (H, W, 3) between two
-    photos; "" without one.
-    """
-    for across, side in ((image, "height"), (image.transpose(1, 0, 2), "width")):
-        samples = across[:, :: max(1, across.shape[1] // _FEW_SAMPLES)]
-        rows = np.flatnonzero(np.ptp(samples, axis=1).max(-1) <= _PLAIN)
-        shares = rows / len(samples)
-        rows = rows[(shares > _LEAST_PART) & (shares < 1 - _LEAST_PART)]
-        for row in rows[len(rows) // 2 :][:1]:
-            if _bar(across[row:], _ONE_ROW) and _bar(across[row::-1], _ONE_ROW):
-                return (
-                    f"two photos in one file? A strip of one colour crosses it at "
-                    f"{row / len(samples):.0%} of its {side}: cut them apart, and run each"
-                )
-    return ""
 
 
 def _inside(image: UInt8Array, least: float) -> Inside:
@@ -164,12 +143,12 @@ def limit_inside(photo: Photo, inside: Inside, max_side: int) -> tuple[Photo, In
     return photo, (rows, columns)
 
 
-def cut_border(photo: Photo, inside: Inside) -> Photo:
-    """Return the picture inside a photo, with its camera."""
+def cut_border(photo: Photo, inside: Inside, what: str) -> Photo:
+    """Return the picture inside a photo, with its camera, and a note of what was cut off."""
     height, width = photo.image.shape[:2]
     image = np.ascontiguousarray(photo.image[inside])
     note = (
-        f"a border of one colour was cut off for the computation, which leaves {image.shape[1]} x "
+        f"{what} was cut off for the computation, which leaves {image.shape[1]} x "
         f"{image.shape[0]} px. Pixels of the results still count in the whole photo"
     )
     camera = (

@@ -31,6 +31,7 @@ from physic_core.pipeline.backend_results import (
     real_people,
     replace_hands,
     transfer_contact,
+    without_doubtful_wrists,
 )
 from physic_core.pipeline.given.people import (
     ignored_people,
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.engine.photo import PhotoContent
     from physic_core.pipeline.photo_run import PhotoRun
-    from physic_core.types import BoolArray, FloatArray, Hints, PeoplePrompt
+    from physic_core.types import BoolArray, FloatArray, Hints, Intrinsics, PeoplePrompt
     from physic_core.types.known_sizes import KnownPeople
 
 _POINT_AT_PEOPLE = "if the photo shows one, point at them with --person x,y or --box x0,y0,x1,y1"
@@ -110,6 +111,8 @@ def find_people(run: PhotoRun) -> FoundPeople:
     real = real_people(found.people, prompt)
     every = found.people
     found = _select(run, found, real, "its joints lie on another person, who seems the same")
+    if run.plan.photo.require_people and not len(found.people):
+        raise NoPersonError("a person is required, and all people of the photo were left out")
     sizes = run.given.known
     if prompt is None:
         found = select_people(found, left_to_right(found.people))
@@ -191,13 +194,15 @@ def find_keypoints(run: PhotoRun, people: People) -> FoundKeypoints:
     return FoundKeypoints(keypoints, found.missing, changed, contradicted, given.file_px)
 
 
-def observe_people(run: PhotoRun, people: People, keypoints: Keypoints) -> Observations:
+def observe_people(
+    run: PhotoRun, people: People, keypoints: Keypoints, camera: Intrinsics
+) -> Observations:
     """Tell what people do; unknown without a backend, and if it fails."""
     seen = None
     if run.wants("observations", people):
         seen = run.call_optional(
             "observations",
-            PersonObserverRequest(run.image, people, keypoints),
+            PersonObserverRequest(run.image, people, keypoints, camera),
             otherwise="what people do is told by their joints alone",
         )
     return Observations.unknown(len(people)) if seen is None else seen
@@ -242,6 +247,7 @@ def add_hands(
     if hands is None:
         return bodies, np.ones(len(people), bool)
     hands, missing = discard_invalid_hands(hands)
+    hands = without_doubtful_wrists(hands, bodies, run.resolved("hands"), run.stages)
     return replace_hands(bodies, hands, run.model), missing
 
 

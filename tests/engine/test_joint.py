@@ -220,12 +220,14 @@ def test_the_energy_does_not_depend_on_the_resolution(standing):
 
 
 def energy_with_all(stage, settings):
-    """The energy of people, box, floor, depth, stated leans and views, beside its start."""
+    """The energy of people, box, floor, depth, stated leans, faces and views, beside its start."""
     leaning = moved(stage.state, by=(0.01, 0.02, 0.05), turn=0.05)
     views = tuple(view_of(stage, turn) for turn in (40.0, 120.0)) if settings is SETTINGS else ()
     stands = torch.tensor([[0.9, 0.5], [0.6, 0.0]])
     lean = torch.tensor([0.05, 0.1])
-    state = in_float64(replace(leaning, lean_sigma=lean, stands=stands, views=views))
+    heads = {"head": torch.tensor([[0.6, 0.0, -0.8], [0.0, 0.6, -0.8]]), "head_sigma": lean}
+    told = {"lean_sigma": lean, "stands": stands, "views": views, **heads}
+    state = in_float64(replace(leaning, **told))
     # Nearest points and signs may switch between two evaluations: hold them, as a line search does.
     energy = JointEnergy(state, with_options(settings, nearest_every_step=False))
     here = energy.variables.pack()

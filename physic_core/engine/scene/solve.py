@@ -99,6 +99,7 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
     rotations, betas, transl, expression = pose_from_parameters(
         bodies.parameters, model.device, model.dtype
     )
+    observations = estimates.photo.observations
     return State(
         model=model,
         skeleton=detected.joint_set,
@@ -113,6 +114,8 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
         transl=transl,
         rotation_sigma=None if bodies.rotation_sigma is None else own(bodies.rotation_sigma),
         lean_sigma=None if bodies.lean_sigma is None else own(bodies.lean_sigma),
+        head=own(observations.head),
+        head_sigma=own(observations.head_sigma) * (torch.pi / 180),
         scene=scene,
         K=scene.K.to(model.device, model.dtype),
         stands=stands,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from physic_core.body import JOINT_INDEX
+from physic_core.body import JOINT_INDEX, head_direction
 from physic_core.engine.sizes.stature import adult_shape
 from physic_core.geometry import rotvec_to_rotmat
 from physic_core.types import PER_PERSON, select_people
@@ -74,6 +74,7 @@ _OUTLINE_LIMIT = 2.0
 # Error of a lifted joint on motions that took no part in the fit of the lifter.
 _LIFTED_SIGMA_M = 0.05
 _LIFTED_LIMIT = 3.0  # standard deviations at which a lifted joint pulls most
+_HEAD_LIMIT = 3.0  # the same of the direction of a face
 
 
 @dataclass(frozen=True)
@@ -255,6 +256,8 @@ class FitProblem:
     upper: Tensor
     outlines: OutlinePairs | None = field(metadata=PER_PERSON)
     lifted: LiftedLimbs | None = field(metadata=PER_PERSON)
+    head: Tensor = field(metadata=PER_PERSON)
+    head_weight: Tensor = field(metadata=PER_PERSON)
     stature: Tensor
     adult: Tensor
 
@@ -332,6 +335,7 @@ class FitProblem:
         data = self._keypoint_loss(points)
         if self.world is not None:
             data = data + self._landmark_loss(self.world, points, body)
+        data = data + self._head_loss(body)
         for prior in self._priors(unknowns, body):
             data = data + prior
         soles, outline = vertices.tensor_split([sum(self.soles)], 1)
@@ -365,6 +369,11 @@ class FitProblem:
         turned = torch.stack([x, cos * y - sin * z, sin * y + cos * z], -1)
         rest = ((seen - turned) / self.world_sigma).square().sum(-1)
         return (self.world_weight * 9 * torch.log1p(rest / 9)).sum(1)
+
+    def _head_loss(self, body: DecodedUnknowns) -> Tensor:
+        """Return the loss (N,) of heads that do not look as their faces do."""
+        apart = (head_direction(body.rotations) - self.head).square().sum(1) * self.head_weight
+        return _HEAD_LIMIT**2 * torch.log1p(apart / _HEAD_LIMIT**2)
 
     def _priors(self, unknowns: Tensor, body: DecodedUnknowns) -> Iterator[Tensor]:
         """Yield the losses (N,) of pose, shape, stature, landmark size with leans, and hinges."""
@@ -454,6 +463,7 @@ def fit_problem(
     arrays = {
         **{name: array[:, rows] for name, array in _keypoint_arrays(observations).items()},
         **_start_arrays(start),
+        **_head_arrays(observations),
         **_floor_arrays(observations, index, floor),
     }
     stature = _stature_per_component(model)
@@ -496,6 +506,14 @@ def _keypoint_arrays(observations: BodyObservations) -> dict[str, FloatArray]:
         "world_weight": observations.world_weight,
         "point_sigma": point_sigma,
         "world_sigma": world_sigma,
+    }
+
+
+def _head_arrays(observations: BodyObservations) -> dict[str, FloatArray]:
+    """Return the fields of :class:`FitProblem` of the heads, zero without a face."""
+    return {
+        "head": np.nan_to_num(observations.head),
+        "head_weight": np.nan_to_num(observations.head_sigma**-2.0),
     }
 
 
