@@ -16,6 +16,7 @@ from physic_embedded.networks.pose import person_square, predict_pose
 from physic_embedded.networks.pose_detection import detect_people
 from physic_embedded.networks.sessions import PackagedBackend
 from physic_embedded.segmentation.cut_heads import doubt_cut_heads, doubt_hidden_hips
+from physic_embedded.segmentation.turned import look_turned, square_around
 from physic_networks.onnx_sessions import select_provider
 
 if TYPE_CHECKING:
@@ -87,11 +88,12 @@ class EmbeddedKeypoints(PackagedBackend, KeypointDetector):
 
     def _look(self, picture: ImagePyramid, mask: BoolArray, box: FloatArray) -> tuple[Pose, float]:
         """Return the pose that fits a person's mask best, and its fit."""
-        x0, y0, x1, y1 = np.asarray(box, float)
+        box = np.asarray(box, float)
+        x0, y0, x1, y1 = box
         center = np.array([(x0 + x1 - 1) / 2, (y0 + y1 - 1) / 2])
         side = max(x1 - x0, y1 - y0, 1.0)
         # A whole body around the middle of the box, if the detector finds none there.
-        starts = [(RotatedSquare(center, 1.25 * side, 0.0), 3)]
+        starts = [(square_around(box), 3)]
         if y1 >= picture.height - 1:
             # The photo cuts the person off below: the box may be the upper half.
             starts.append((RotatedSquare(np.array([center[0], y1]), 2.5 * side, 0.0), 2))
@@ -105,7 +107,9 @@ class EmbeddedKeypoints(PackagedBackend, KeypointDetector):
             starts.append((person_square(hip, end), 2))
         network = self.network["pose_landmark_heavy"]
         looks = [predict_pose(network, picture, square, passes) for square, passes in starts]
-        return max(((pose, _fit(pose, mask)) for pose in looks), key=lambda look: look[1])
+        best = max(looks, key=lambda pose: _fit(pose, mask))
+        pose = look_turned(network, picture, box, best, lambda one: _fit(one, mask))
+        return pose, _fit(pose, mask)
 
 
 def keypoints_from_poses(poses: Sequence[Pose], height: int, width: int) -> Keypoints:

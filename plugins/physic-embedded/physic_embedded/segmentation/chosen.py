@@ -17,8 +17,9 @@ from physic_embedded.segmentation.people import (
     DetectedPose,
     box_fit,
     mask_box,
-    square_around,
+    pose_in_box,
 )
+from physic_embedded.segmentation.turned import square_around
 from physic_embedded.segmentation.upper_bodies import square_from_upper_half
 
 if TYPE_CHECKING:
@@ -157,7 +158,7 @@ def _poses(detected: DetectedPeople, box: FloatArray, others: Sequence[Pose]) ->
     clear = ImagePyramid.from_image(detected.image)
     grey = ImagePyramid.from_image(grey_out(detected.image, others))
     return [
-        predict_pose(detected.landmarker, clear, square_around(box)),
+        pose_in_box(detected.landmarker, clear, box),
         *(
             without_covered(predict_pose(detected.landmarker, grey, square, passes=1), others)
             for square in (square_around(box), square_from_upper_half(box))

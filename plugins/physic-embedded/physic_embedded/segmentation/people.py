@@ -15,7 +15,7 @@ import numpy as np
 
 from physic_core.backends.people import SAME_PERSON, box_iou, keypoint_similarity
 from physic_core.types import UnposedPerson, skeleton_named
-from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
+from physic_embedded.networks.crops import ImagePyramid
 from physic_embedded.networks.pose import (
     average_agreeing,
     person_square,
@@ -25,6 +25,7 @@ from physic_embedded.networks.pose import (
 from physic_embedded.networks.pose_detection import detect_people
 from physic_embedded.networks.yolox import detect_boxes
 from physic_embedded.segmentation.hidden_people import grey_out, without_covered
+from physic_embedded.segmentation.turned import is_steady, is_turned, look_turned, square_around
 from physic_embedded.segmentation.upper_bodies import square_from_upper_half, with_upper_bodies
 
 if TYPE_CHECKING:
@@ -80,11 +81,6 @@ people, the network mixes them up.
 """
 SIMILAR_FIT = 0.7
 """Poses with this share of the best fit are compared by their mirror images."""
-SURE_FIT = 0.5
-SURE_MIRROR_GAP = 0.02
-"""Least fit and largest mirror gap of a sure pose, which no other pose changes; if all are sure,
-that is the search.
-"""
 SAME_PLACE = 0.02
 """Joints of two poses that are nearer than this share of the square's side are averaged."""
 
@@ -167,10 +163,13 @@ def detect_poses(
     )
     boxes, left_out = _without_others(things, box_score)
     posed = [
-        (box, float(score), predict_pose(landmarker, picture, square_around(box)))
+        (box, float(score), pose_in_box(landmarker, picture, box))
         for box, score in zip(boxes.boxes, boxes.scores, strict=True)
     ]
-    sure = [_is_sure(*one, box_score) for one in posed]
+    sure = [
+        _is_sure(box, score, pose, box_score) or is_turned(pose, box_fit(pose, box))
+        for box, score, pose in posed
+    ]
     # The second search costs as much as all the rest, and adds no people where all boxes are sure.
     enough = bool(posed) and all(sure)
     blazepose = (
@@ -217,9 +216,23 @@ def _without_repeats(found: list[DetectedPose]) -> list[DetectedPose]:
     """Return the best pose of each person, best first."""
     kept: list[DetectedPose] = []
     for person in sorted(found, key=lambda person: -person.score):
-        if _is_new(person.pose, kept, _most_shared(person)):
+        if _is_new(person.pose, kept, _most_shared(person)) and not _is_of_turned(person, kept):
             kept.append(person)
     return kept
+
+
+def _is_of_turned(person: DetectedPose, people: Sequence[DetectedPose]) -> bool:
+    """Return whether a pose is in a part of the box of somebody who is not upright, and shares the
+    mask: there the network finds another pose of this person.
+    """
+    return any(
+        person.box is not None
+        and other.box is not None
+        and is_turned(other.pose, box_fit(other.pose, other.box))
+        and _share_inside(person.box, other.box) >= MIN_PART
+        and mask_overlap(person.pose, other.pose) > MAX_SHARED_MASK
+        for other in people
+    )
 
 
 def _most_shared(person: DetectedPose) -> float:
@@ -275,6 +288,8 @@ def _add_hidden_people(
     for box, score, own in posed:
         if any(person.box is not None and np.array_equal(person.box, box) for person in kept):
             continue
+        if _is_of_turned(DetectedPose(own, score, box), kept):
+            continue
         if len(grey) != len(kept):
             grey = [person.pose for person in kept]
             picture = ImagePyramid.from_image(grey_out(image, grey))
@@ -298,9 +313,13 @@ def _is_part(box: Float, pose: Pose, people: Sequence[DetectedPose]) -> bool:
     same = [
         mask_box(one.pose) if one.box is None else one.box for one in poses_of_same(pose, people)
     ]
-    sides = [np.minimum(box[2:], own[2:]) - np.maximum(box[:2], own[:2]) for own in same]
-    inside = max((np.maximum(side, 0.0).prod() for side in sides), default=0.0)
-    return bool(inside >= MIN_PART * (box[2:] - box[:2]).prod())
+    return any(_share_inside(box, own) >= MIN_PART for own in same)
+
+
+def _share_inside(box: Float, other: Float) -> float:
+    """Return the share of a box (4,) that lies inside another one."""
+    side = np.minimum(box[2:], other[2:]) - np.maximum(box[:2], other[:2])
+    return float(np.maximum(side, 0.0).prod() / (box[2:] - box[:2]).prod())
 
 
 def _poses_of_hidden_person(
@@ -339,12 +358,7 @@ def _is_sure(box: Float, score: float, pose: Pose, box_score: float) -> bool:
     """Return whether a box has a high score and a pose that fits it, the same in the mirror
     image.
     """
-    return (
-        score >= box_score
-        and pose.score > 0.5
-        and pose.mirror_gap < SURE_MIRROR_GAP
-        and box_fit(pose, box) >= SURE_FIT
-    )
+    return score >= box_score and is_steady(pose, box_fit(pose, box))
 
 
 def _search_blazepose(
@@ -384,10 +398,10 @@ def _best_poses(
     return found
 
 
-def square_around(box: Float) -> RotatedSquare:
-    """Return the upright square that the landmark network needs for a person in a box (4,)."""
-    center = np.array([(box[0] + box[2] - 1) / 2, (box[1] + box[3] - 1) / 2])
-    return RotatedSquare(center, 1.25 * float(max(box[2] - box[0], box[3] - box[1])), 0.0)
+def pose_in_box(landmarker: OnnxSession, picture: ImagePyramid, box: Float) -> Pose:
+    """Return the pose of the person in a box (4,), who need not be upright."""
+    pose = predict_pose(landmarker, picture, square_around(box))
+    return look_turned(landmarker, picture, box, pose, lambda one: box_fit(one, box))
 
 
 def box_fit(pose: Pose, box: Float) -> float:
