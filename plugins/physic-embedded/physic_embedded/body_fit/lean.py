@@ -16,28 +16,33 @@ from physic_core.body import JOINT_INDEX as INDEX
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.floating]
 
 
-def lean_towards_camera(joints: FloatArray, turn: FloatArray, up: FloatArray) -> FloatArray:
-    """Return the signed angle from the vertical to the line from ankles to neck, in the side view
-    of each person.
+def lean_towards_camera(
+    joints: FloatArray, turn: FloatArray, up: FloatArray, cut: BoolArray
+) -> FloatArray:
+    """Return the signed angle from the vertical to the line from ankles to neck, or from hips to
+    neck of people without visible legs, in the side view of each person.
 
     Args:
         joints: (N, 55, 3) camera frame.
         turn: (N, 3, 3) from the axes of a camera that looks straight at the person to this
             camera's.
         up: (3,) camera frame.
+        cut: (N,) people without visible legs.
 
     Returns:
         (N,) radians; positive leans towards the camera.
     """
-    column = np.einsum("nij,ni->nj", turn, joints[:, INDEX["neck"]] - _ankles(joints))
+    foot = np.where(cut[:, None], _middle(joints, "hip"), _middle(joints, "ankle"))
+    column = np.einsum("nij,ni->nj", turn, joints[:, INDEX["neck"]] - foot)
     seen_up = np.einsum("nij,i->nj", turn, up)
     lean = np.arctan2(column[:, 2], -column[:, 1]) - np.arctan2(seen_up[:, 2], -seen_up[:, 1])
     return np.asarray(-((lean + np.pi) % (2 * np.pi) - np.pi))
 
 
-def _ankles(joints: FloatArray) -> FloatArray:
-    """Return the midpoint of the ankles."""
-    return (joints[:, INDEX["left_ankle"]] + joints[:, INDEX["right_ankle"]]) / 2
+def _middle(joints: FloatArray, joint: str) -> FloatArray:
+    """Return the middle of the left and the right joint."""
+    return (joints[:, INDEX[f"left_{joint}"]] + joints[:, INDEX[f"right_{joint}"]]) / 2
