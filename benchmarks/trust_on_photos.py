@@ -174,11 +174,7 @@ def fitted(rows: Sequence[Row]) -> dict[str, Any]:
     usual = np.array([np.nanmedian(column[right >= CAP]) for column in loads.T])
     spread = np.array([np.nanstd(column) for column in loads.T]) + 1e-9
     # What was not measured is compared with the usual load.
-    columns = np.c_[
-        np.ones(len(rows)),
-        np.where(unknown, 0.0, (loads - usual) / spread),
-        unknown.astype(np.float64),
-    ]
+    columns = np.c_[np.ones(len(rows)), np.where(unknown, 0.0, (loads - usual) / spread)]
     count = len(TERMS)
 
     def loss(w: Array) -> tuple[float, Array]:
@@ -187,12 +183,12 @@ def fitted(rows: Sequence[Row]) -> dict[str, Any]:
         value = (np.logaddexp(0, odds) - right * odds).sum() + RIDGE / 2 * (w[1:] ** 2).sum()
         return float(value), columns.T @ (chance - right) + RIDGE * np.r_[0.0, w[1:]]
 
-    bounds = [(None, None), *[(None, 0.0)] * count, *[(None, None)] * count]
-    found = minimize(loss, np.zeros(1 + 2 * count), jac=True, bounds=bounds, method="L-BFGS-B").x
-    slopes = found[1 : 1 + count] / spread
+    bounds = [(None, None), *[(None, 0.0)] * count]
+    found = minimize(loss, np.zeros(1 + count), jac=True, bounds=bounds, method="L-BFGS-B").x
+    slopes = found[1:] / spread
     terms = {
-        name: {"slope": float(a), "usual": float(b), "unmeasured": float(c)}
-        for name, a, b, c in zip(TERMS, slopes, usual, found[1 + count :], strict=True)
+        name: {"slope": float(a), "usual": float(b)}
+        for name, a, b in zip(TERMS, slopes, usual, strict=True)
     }
     rounded = {
         name: {key: round(value, 3) + 0.0 for key, value in term.items()}

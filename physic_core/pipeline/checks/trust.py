@@ -41,8 +41,8 @@ TrustModel: TypeAlias = Mapping[str, Any]
 """Fitted model: "constant", the log odds of a person whose loads are usual; "terms", check -> its
 share in the log odds.
 
-A share has a "slope", the log odds of a load of 1, at most 0; a "usual" load, whose share is 0: the
-median of people who are right; and "unmeasured", the log odds without a value.
+A share has a "slope", the log odds of a load of 1, at most 0, and a "usual" load, whose share is 0:
+the median of people who are right. A check without a value has none.
 """
 
 
@@ -96,9 +96,7 @@ def log_odds(values: Mapping[str, float | None], model: TrustModel) -> dict[str,
     for name, term in model["terms"].items():
         spec = CHECKS[name]
         load = load_of(values.get(name), spec.threshold, spec.direction, spec.unit)
-        shares[name] = (
-            term["unmeasured"] if load is None else term["slope"] * (load - term["usual"])
-        )
+        shares[name] = 0.0 if load is None else term["slope"] * (load - term["usual"])
     return shares
 
 
