@@ -377,11 +377,13 @@ def _original(found: Findings, step: Step) -> None:
 
 def _observations(found: Findings, step: Step) -> None:
     """Fill observations; unknown without a backend, and if it fails."""
+    from physic_core.engine.ground.posture import weigh_posture
+
     unknown = Observations.unknown(len(found.people))
     request = PersonObserverRequest(found.image, found.people, found.keypoints)
     otherwise = "what people do is told by their joints alone"
     seen = found.call_optional(step, request, otherwise=otherwise) if found.wants(step) else None
-    found.observations = unknown if seen is None else seen
+    found.observations = unknown if seen is None else weigh_posture(seen, found.keypoints)
 
 
 def _floors(found: Findings, _: Step) -> None:
@@ -410,7 +412,7 @@ def _floors(found: Findings, _: Step) -> None:
     searched = engine.scene.floor != "off"
     found.floors = scene_floor_candidates(photo.scene, found.evidence, searched=searched)
     floor = chosen_floor(found.floors, best_index(found.floors), found.evidence).plane
-    up = surest_up(floor, photo.up_without_floor, photo.slope)
+    up = surest_up(floor, found.evidence.up, photo.slope)
     found.hints = replace(
         found.hints,
         floor=None if floor is None else floor.to_plane(),
@@ -508,7 +510,7 @@ def _depth_of_own_scale(found: Findings, step: Step) -> None:
 
 def _floor_and_scale(found: Findings, _: Step) -> None:
     """Fill ground."""
-    from physic_core.engine.ground.floor_and_scale import find_ground
+    from physic_core.engine.ground.floor_and_scale import asked_up, find_ground
     from physic_core.engine.up import slope_warnings
 
     photo = select_people(found.photo, found.embodied)
@@ -517,7 +519,9 @@ def _floor_and_scale(found: Findings, _: Step) -> None:
     witness = found.own if found.plan.engine.scene.rescales_depth else None
     found.ground = find_ground(photo, bodies, found.model, found.floors, evidence, witness)
     plane = found.ground.search.plane
-    found.stages.warn(*slope_warnings(plane, evidence.up, evidence.slope))
+    found.stages.warn(
+        *asked_up(found.photo)[1], *slope_warnings(plane, evidence.up, evidence.slope)
+    )
 
 
 def _depth_of_scale(found: Findings, step: Step) -> None:
