@@ -198,6 +198,8 @@ def observe_people(
     run: PhotoRun, people: People, keypoints: Keypoints, camera: Intrinsics
 ) -> Observations:
     """Tell what people do; unknown without a backend, and if it fails."""
+    from physic_core.engine.ground.posture import weigh_posture
+
     seen = None
     if run.wants("observations", people):
         seen = run.call_optional(
@@ -205,7 +207,7 @@ def observe_people(
             PersonObserverRequest(run.image, people, keypoints, camera),
             otherwise="what people do is told by their joints alone",
         )
-    return Observations.unknown(len(people)) if seen is None else seen
+    return Observations.unknown(len(people)) if seen is None else weigh_posture(seen, keypoints)
 
 
 def estimate_bodies(run: PhotoRun, photo: PhotoContent, hints: Hints) -> tuple[Bodies, BoolArray]:
