@@ -17,7 +17,7 @@ from urllib.parse import quote
 
 from pydantic import ValidationError
 
-from physic_core.cache.digests import file_stamp
+from physic_core.cache import file_stamp
 from physic_core.configuration.model import PhotoSettings
 from physic_core.configuration.problems import problems_from_pydantic
 from physic_core.errors import ConfigError, InputError

@@ -21,8 +21,7 @@ from physic_batch.contact_sheet import write_thumbnail
 from physic_batch.journal import COLUMNS, PEOPLE_COLUMN, THUMBNAIL
 from physic_batch.photos import PhotoItem, photo_folder
 from physic_batch.workers import peak_memory_mb
-from physic_core.cache.digests import CodeDigester, files_named_by
-from physic_core.cache.results import made_of
+from physic_core.cache import CodeDigester, files_named_by, made_of
 from physic_core.configuration.model import DEFAULT_ENERGY, as_config
 from physic_core.configuration.resolve import require_available, resolve
 from physic_core.discovery.backends import find_backend, load_class

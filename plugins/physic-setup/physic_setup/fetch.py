@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from physic_core.cache.folders import cache_folder
+from physic_core.cache import cache_folder
 from physic_core.errors import DownloadError
 from physic_core.files import atomic_write, check_writable
 from physic_core.weights import (

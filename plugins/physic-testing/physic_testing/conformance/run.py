@@ -11,7 +11,7 @@ from dataclasses import replace
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
-from physic_core.cache.kit_stamps import stamp
+from physic_core.cache import stamp
 from physic_core.discovery.error_text import describe_error
 from physic_core.errors import PhysicError
 from physic_core.interfaces import INTERFACES
