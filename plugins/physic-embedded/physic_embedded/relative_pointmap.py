@@ -149,6 +149,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         tokens = None
         if hints.scene is not None:
             raw = self._disparity_of_photo(image)
+            self._photo = None  # the same photo again needs tokens again
         else:
             raw, tokens = self._disparity_of_scene(image, hints)
         camera, segments, notes = self._camera(image, hints)
@@ -194,7 +195,9 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         )
 
     def _disparity_of_photo(self, photo: NDArray[np.uint8]) -> FloatArray:
-        """Return the disparity of a photo with people; the last one is kept for the next call."""
+        """Return the disparity of a photo with people: that of the call before, or a new one, which
+        is kept.
+        """
         digest = hashlib.blake2b(np.ascontiguousarray(photo).data).digest()
         if self._photo is None or self._photo[0] != digest:
             side = min(self.options.short_side, _PHOTO_SHORT_SIDE_PX)
