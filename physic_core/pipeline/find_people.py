@@ -31,6 +31,7 @@ from physic_core.pipeline.backend_results import (
     real_people,
     replace_hands,
     transfer_contact,
+    without_doubtful_wrists,
 )
 from physic_core.pipeline.given.people import (
     ignored_people,
@@ -110,6 +111,8 @@ def find_people(run: PhotoRun) -> FoundPeople:
     real = real_people(found.people, prompt)
     every = found.people
     found = _select(run, found, real, "its joints lie on another person, who seems the same")
+    if run.plan.photo.require_people and not len(found.people):
+        raise NoPersonError("a person is required, and all people of the photo were left out")
     sizes = run.given.known
     if prompt is None:
         found = select_people(found, left_to_right(found.people))
@@ -244,6 +247,7 @@ def add_hands(
     if hands is None:
         return bodies, np.ones(len(people), bool)
     hands, missing = discard_invalid_hands(hands)
+    hands = without_doubtful_wrists(hands, bodies, run.resolved("hands"), run.stages)
     return replace_hands(bodies, hands, run.model), missing
 
 

@@ -38,6 +38,8 @@ _CUT_DEG = 6.0  # the rectangle inside a picture that is turned more has too lit
 _STRAIGHT_DEG = 0.5  # of a bar that crosses the photo: a screen draws it along the pixels
 _PLAIN_BAR = 0.75  # mean deviation of such a bar's colour, of 255
 _SQUARE_DEG = 6.0  # a corner of a picture that is looked at from the front
+_ONE_COLOUR = 4  # largest difference of a plain ground from its colour; walls have shading
+_PLAIN_GROUND = 0.3  # least share of the area
 _TWIN_SIDE = 240
 _BLOCK = 24
 _SHIFT = 0.12  # of the width of a half: largest disparity of two views
@@ -126,6 +128,24 @@ def find_frame(image: UInt8Array) -> Frame:
         f"{which} half alone was reconstructed. If people in it look squeezed, stretch the half to "
         "twice its length, and run that",
     )
+
+
+def plain_ground(image: UInt8Array) -> BoolArray | None:
+    """Return where (H, W) an image (H, W, 3) shows a ground of one colour that reaches its edge, as
+    of a studio or a cut-out; None if there is little of it.
+    """
+    height, width = image.shape[:2]
+    scale = max(1.0, max(height, width) / _SIDE)
+    size = max(1, round(width / scale)), max(1, round(height / scale))
+    small = cv2.medianBlur(cv2.resize(image, size, interpolation=cv2.INTER_AREA), 3).astype(int)
+    outermost = np.concatenate([small[0], small[:, 0], small[:, -1]])
+    near = np.abs(small - np.median(outermost, axis=0)).max(-1) <= _ONE_COLOUR
+    _, labels = cv2.connectedComponents(near.astype(np.uint8), connectivity=4)
+    edge = np.concatenate([labels[0], labels[:, 0], labels[:, -1]])
+    ground = near & np.isin(labels, edge)
+    if ground.mean() < _PLAIN_GROUND:
+        return None
+    return cv2.resize(ground.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
 
 
 def _size(corners: FloatArray) -> tuple[float, float]:
