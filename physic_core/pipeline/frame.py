@@ -145,7 +145,8 @@ def plain_ground(image: UInt8Array) -> BoolArray | None:
     ground = near & np.isin(labels, edge)
     if ground.mean() < _PLAIN_GROUND:
         return None
-    return cv2.resize(ground.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
+    large = cv2.resize(ground.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
+    return np.asarray(large, bool)
 
 
 def _size(corners: FloatArray) -> tuple[float, float]:
