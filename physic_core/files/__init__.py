@@ -8,8 +8,9 @@ may be replaced and files of unknown origin, :mod:`.names` for names of unknown 
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from physic_core.lazy import importer
 
 if TYPE_CHECKING:
     from physic_core.files.atomic import MARK as MARK
@@ -56,11 +57,5 @@ _NAMES = {
     "text": "csv_writer finite from_json parse_toml path_problem printable quoted shorten to_json "
     "write_csv",
 }
-_ON_FIRST_USE = {name: module for module, names in _NAMES.items() for name in names.split()}
 
-
-def __getattr__(name: str) -> Any:
-    """Import the module of a name at its first use."""
-    if name not in _ON_FIRST_USE:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_ON_FIRST_USE[name]}"), name)
+__getattr__ = importer(__name__, _NAMES)

@@ -441,12 +441,18 @@ def is_result(folder: str | os.PathLike[str]) -> bool:
 
     The document tells it, and not its name, which other programs use too.
     """
+    folder = Path(folder)
+    parts = (path.name for path in folder.glob(_PARTS)) if is_unfinished(folder) else ()
+    return any(_states_schema(folder, name) for name in (DOCUMENT_FILE, *parts))
+
+
+def _states_schema(folder: Path, name: str) -> bool:
     try:
-        with open_regular(UntrustedName(DOCUMENT_FILE).inside(folder)) as file:
-            states = _RUN.match(file.read(_END_BYTES)) is not None
+        with open_regular(UntrustedName(name).inside(folder)) as file:
+            found = _RUN.match(file.read(_END_BYTES))
     except (InputError, OSError):
-        states = False
-    return states or is_unfinished(Path(folder)) or _document(Path(folder)) is not None
+        return False
+    return found is not None or _document(folder, name) is not None
 
 
 def files_of_result(folder: str | os.PathLike[str]) -> frozenset[str]:

@@ -9,7 +9,6 @@ import os
 import pytest
 from click.testing import CliRunner
 from PIL import Image
-from tiny_result import tiny_result
 
 from physic_batch.contact_sheet import find_results, thumbnail_path, write_thumbnail
 from physic_batch.photos import list_photos, photo_folder
@@ -18,6 +17,7 @@ from physic_core import load_reconstruction, save_reconstruction
 from physic_core.cli import main
 from physic_core.configuration.model import load_config
 from physic_core.errors import InputError, OutputError
+from tests.rooms import tiny_result
 
 SECRET = b"TOKEN=0123456789abcdef0123456789abcdef"
 ROW = {"id": "a", "state": "done", "config": "", "finished": "", "path": "/a.jpg", "run": 1}
@@ -163,8 +163,9 @@ def test_a_file_of_another_program_makes_no_folder_one_of_a_result(document, tmp
         (tmp_path / name).touch()
     (tmp_path / "reconstruction.json").write_text(document)
     (tmp_path / "journal.jsonl").write_text(document)
+    (tmp_path / "below" / ".reconstruction.json.0.physic-document").write_text(document)
     listed = list_photos([str(tmp_path)])
-    assert (len(listed.photos), listed.kinds()) == (4, "1 .json, 1 .jsonl")
+    assert (len(listed.photos), listed.kinds()) == (4, "1 .json, 1 .jsonl, 1 hidden")
     with pytest.raises(InputError, match="no result"):
         find_results(tmp_path / "below")
 
