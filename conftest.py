@@ -131,6 +131,20 @@ def module_at():
 
 
 @pytest.fixture(scope="session")
+def make():
+    """Make a room with mannequins: ``make(width, height, people)``."""
+    from tests.rooms import make_reconstruction
+
+    return make_reconstruction
+
+
+@pytest.fixture
+def reconstruction(make):
+    """A room with two mannequins."""
+    return make()
+
+
+@pytest.fixture(scope="session")
 def chromium(module_at):
     """A headless browser, ``tests/chromium.py``, for the tests of pages."""
     driver = module_at("tests/chromium.py")

@@ -1,4 +1,4 @@
-"""Fit the probability that a person is right to verdicts of readers.
+"""Fit the probabilities that a person is right to verdicts of readers.
 
     python -m benchmarks trust_on_photos gather RESULTS TABLE
     python -m benchmarks trust_on_photos fit [TABLE] [--write]
@@ -6,14 +6,15 @@
 ``gather`` writes the people of the results below RESULTS to TABLE, with the values of their checks,
 and keeps the verdicts of people who are in it. A verdict has 1 or 0 for each of pose, place,
 contact and size, which a reader judges from the photo, and from front, side and top of the body
-with its floor; a person is right if all four are. ``fit`` prints how the probability agrees with
-the verdicts, and with ``--write`` writes ``physic_core/pipeline/checks/trust.json``, fitted to all
-people. To fit other backends, gather their results, add verdicts, and fit.
+with its floor; a person is right if all four are. ``fit`` prints how the probability of each mark,
+and of all, agrees with the verdicts, and with ``--write`` writes
+``physic_core/pipeline/checks/trust.json``, fitted to all people. To fit other backends, gather
+their results, add verdicts, and fit.
 
 TABLE is by default ``benchmarks/truth/verdicts.json``, of the photos with labelled contact and the
 embedded preset. Half "development" of the photos chose the terms: each tenth of it is scored by a
 fit to the rest of the half. Half "held" is scored by a fit to half "development". "all" scores each
-tenth of both halves by a fit to the rest, which is nearly as large as that of the final fit.
+tenth of the repositories by a fit to the rest, which is nearly as large as that of the final fit.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physic_core.pipeline.checks.spec import CHECKS
-from physic_core.pipeline.checks.trust import CAP, load_of, probability_of
+from physic_core.pipeline.checks.trust import ALL, CAP, load_of, probabilities_of
+from physic_core.types import MARKS
 from physic_testing.metrics import match_by_boxes, resampled_interval
 
 from .contact_on_photos import HALVES, digest, half_of, name_in_sets
@@ -39,7 +41,6 @@ Row = Mapping[str, Any]
 
 TRUST = Path(__file__).parents[1] / "physic_core" / "pipeline" / "checks" / "trust.json"
 VERDICTS = Path(__file__).parent / "truth" / "verdicts.json"
-JUDGED = ("pose", "place", "contact", "size")
 RIDGE = 3.0
 """Weight of half the squared coefficients of standardised columns."""
 
@@ -50,8 +51,11 @@ FOLDS = 10
 SAME_PERSON = 0.9
 """Least overlap of the boxes of one person in two runs."""
 
-TERMS = ("contact_sure", "detected", "lean", "body_in_mask", "low_depth")
-"""Checks whose values are in the model."""
+TERMS = (
+    *("contact_sure", "detected", "lean", "body_in_mask", "low_depth"),
+    *("support", "scale_sigma"),
+)
+"""Checks whose values are in the models."""
 
 
 def main() -> int:
@@ -113,10 +117,18 @@ def fit_all(rows: Sequence[Row]) -> dict[str, Any]:
     for row in rows:
         halves[half_of(name_in_sets(row["photo"]))].append(row)
     chosen, held = halves.values()
+    of_chosen, of_held, of_all = (
+        left_out(chosen),
+        probabilities(held, fitted(chosen)),
+        left_out(rows),
+    )
     scores = {
-        HALVES[0]: described(chosen, left_out(chosen)),
-        HALVES[1]: described(held, probabilities(held, fitted(chosen)), right_share(chosen)),
-        "all": described(rows, left_out(rows)),
+        mark: {
+            HALVES[0]: described(chosen, of_chosen[mark], mark),
+            HALVES[1]: described(held, of_held[mark], mark, right_share(chosen, mark)),
+            "all": described(rows, of_all[mark], mark),
+        }
+        for mark in (*MARKS, ALL)
     }
     readers = sorted({reader for row in rows for reader in row["verdicts"]})
     return {
@@ -125,7 +137,7 @@ def fit_all(rows: Sequence[Row]) -> dict[str, Any]:
         f"by {len(readers)} reader{'' if len(readers) == 1 else 's'}",
         "agreement of readers": agreement(rows),
         "people who took no part": scores,
-        **fitted(rows),
+        "models": fitted(rows),
     }
 
 
@@ -136,8 +148,8 @@ def agreement(rows: Sequence[Row]) -> dict[str, str]:
     both = [list(row["verdicts"].values()) for row in rows if len(row["verdicts"]) > 1]
     if not both:
         return {}
-    marks = {name: np.array([[one[name] for one in pair[:2]] for pair in both]) for name in JUDGED}
-    marks["right"] = np.prod([marks[name] for name in JUDGED], axis=0)
+    marks = {name: np.array([[one[name] for one in pair[:2]] for pair in both]) for name in MARKS}
+    marks[ALL] = np.prod([marks[name] for name in MARKS], axis=0)
     found = {}
     for name, pairs in marks.items():
         equal = float((pairs[:, 0] == pairs[:, 1]).mean())
@@ -148,32 +160,38 @@ def agreement(rows: Sequence[Row]) -> dict[str, str]:
     return found
 
 
-def right_share(rows: Sequence[Row]) -> float:
-    """Return the share of people who are right, mean of the readers."""
-    return float(np.mean([rightness(row) for row in rows]))
+def right_share(rows: Sequence[Row], mark: str) -> float:
+    """Return the share of people whose mark is right, mean of the readers."""
+    return float(np.mean([rightness(row, mark) for row in rows]))
 
 
-def rightness(row: Row) -> float:
-    """Return the share of the readers who find all of a person right."""
-    return float(np.mean(verdicts_of(row)))
+def rightness(row: Row, mark: str) -> float:
+    """Return the share of the readers who find a mark of a person right, or all of them."""
+    return float(np.mean(verdicts_of(row, mark)))
 
 
-def verdicts_of(row: Row) -> list[bool]:
-    """Return whether each reader finds all of a person right."""
-    return [all(one[name] for name in JUDGED) for one in row["verdicts"].values()]
+def verdicts_of(row: Row, mark: str) -> list[bool]:
+    """Return whether each reader finds a mark of a person right, or all of them."""
+    names = MARKS if mark == ALL else (mark,)
+    return [all(one[name] for name in names) for one in row["verdicts"].values()]
 
 
 def fitted(rows: Sequence[Row]) -> dict[str, Any]:
+    """Return the models of each mark and of all."""
+    return {mark: fitted_mark(rows, mark) for mark in (*MARKS, ALL)}
+
+
+def fitted_mark(rows: Sequence[Row], mark: str) -> dict[str, Any]:
     """Return constant and terms of the log odds, by maximum likelihood with a ridge; slopes are at
     most 0.
     """
     from scipy.optimize import minimize
 
     loads, unknown = loads_of(rows)
-    right = np.array([rightness(row) for row in rows])
+    right = np.array([rightness(row, mark) for row in rows])
     usual = np.array([np.nanmedian(column[right >= CAP]) for column in loads.T])
     spread = np.array([np.nanstd(column) for column in loads.T]) + 1e-9
-    # What was not measured is compared with the usual load.
+    # What was not measured costs nothing: its load is the usual one.
     columns = np.c_[np.ones(len(rows)), np.where(unknown, 0.0, (loads - usual) / spread)]
     count = len(TERMS)
 
@@ -185,16 +203,12 @@ def fitted(rows: Sequence[Row]) -> dict[str, Any]:
 
     bounds = [(None, None), *[(None, 0.0)] * count]
     found = minimize(loss, np.zeros(1 + count), jac=True, bounds=bounds, method="L-BFGS-B").x
-    slopes = found[1:] / spread
     terms = {
-        name: {"slope": float(a), "usual": float(b)}
-        for name, a, b in zip(TERMS, slopes, usual, strict=True)
+        name: {"slope": round(float(slope), 3), "usual": round(float(load), 3)}
+        for name, slope, load in zip(TERMS, found[1:] / spread, usual, strict=True)
+        if round(float(slope), 3) < 0
     }
-    rounded = {
-        name: {key: round(value, 3) + 0.0 for key, value in term.items()}
-        for name, term in terms.items()
-    }
-    return {"constant": round(float(found[0]), 3), "terms": rounded}
+    return {"constant": round(float(found[0]), 3), "terms": terms}
 
 
 def loads_of(rows: Sequence[Row]) -> tuple[Array, NDArray[np.bool_]]:
@@ -214,40 +228,47 @@ def loads_of_row(row: Row) -> dict[str, float | None]:
     }
 
 
-def probabilities(rows: Sequence[Row], model: Mapping[str, Any]) -> Array:
-    """Return the probability (n,) of each person by a fitted file, with its caps."""
-    return np.array([probability_of(row["checks"], model) for row in rows])
+def probabilities(rows: Sequence[Row], models: Mapping[str, Any]) -> dict[str, Array]:
+    """Return the probability (n,) of each person by fitted models, with its caps, by mark."""
+    found = [probabilities_of(row["checks"], models) for row in rows]
+    return {mark: np.array([one[mark] for one in found]) for mark in (*MARKS, ALL)}
 
 
-def left_out(rows: Sequence[Row]) -> Array:
-    """Return the probability (n,) of each person by a fit without a tenth of the photos."""
+def left_out(rows: Sequence[Row]) -> dict[str, Array]:
+    """Return the probability (n,) of each person by fits without a tenth of the repositories, by
+    mark.
+    """
     fold = np.array([fold_of(row["photo"]) for row in rows])
-    found = np.zeros(len(rows))
-    for number in range(FOLDS):
+    found = {mark: np.zeros(len(rows)) for mark in (*MARKS, ALL)}
+    for number in sorted(set(fold.tolist())):
         others = [row for row, own in zip(rows, fold, strict=True) if own != number]
         mine = [row for row, own in zip(rows, fold, strict=True) if own == number]
-        found[fold == number] = probabilities(mine, fitted(others)) if mine else 0.0
+        for mark, chance in probabilities(mine, fitted(others)).items():
+            found[mark][fold == number] = chance
     return found
 
 
 def fold_of(photo: str) -> int:
-    """Return the tenth of a photo."""
-    return digest(f"{name_in_sets(photo)}fold") % FOLDS
+    """Return the tenth of a photo, by its repository."""
+    return digest(f"{photo.partition('__')[0]}fold") % FOLDS
 
 
-def described(rows: Sequence[Row], likely: Array, constant: float | None = None) -> dict[str, Any]:
+def described(
+    rows: Sequence[Row], likely: Array, mark: str, constant: float | None = None
+) -> dict[str, Any]:
     """Return scores over the verdicts of all readers, each with its interval by a bootstrap over
     photos.
 
     Args:
         rows: people.
         likely: (n,) probabilities.
+        mark: whose probabilities they are.
         constant: the probability without any evidence; the share who are right if not given.
     """
-    rate = right_share(rows) if constant is None else constant
+    rate = right_share(rows, mark) if constant is None else constant
     photos: dict[str, list[tuple[float, float]]] = {}
     for row, chance in zip(rows, likely, strict=True):
-        own = [(float(chance), float(right)) for right in verdicts_of(row)]
+        own = [(float(chance), float(right)) for right in verdicts_of(row, mark)]
         photos.setdefault(row["photo"], []).extend(own)
     groups = list(photos.values())
     scores = {}

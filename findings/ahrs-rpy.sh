@@ -1,16 +1,13 @@
 #!/bin/sh
 # The orientation of a sensor on a limb, roll .1, pitch .2 and yaw .3 rad, goes into both classes of AHRS that take
-# `rpy`, and both are asked for these angles again. Guessed: both are one rotation, and return the angles.
-# Measured with ahrs 0.4.0: Quaternion does. DCM takes roll for yaw, and yaw for roll, so it is 18 degrees off, in
-# silence, and its `to_rpy` returns -.286, -.220 and -.038 rad. Of the matrix of the quaternion it returns -.038,
-# -.220 and -.286.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check ahrs==0.4.0 scipy==1.17.1 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# `rpy`, and both are asked for these angles again.
+# Guessed: both are one rotation, and return the angles.
+# Measured on 2026-11-29 with ahrs 0.4.0: Quaternion does. DCM takes roll for yaw, and yaw for roll, so it is 18
+# degrees off, in silence, and its `to_rpy` returns -.286, -.220 and -.038 rad. Of the matrix of the quaternion it
+# returns -.038, -.220 and -.286.
+. "$(dirname "$0")/common.sh"
+install ahrs==0.4.0 scipy==1.17.1 numpy==2.4.6
+python - <<'PYTHON'
 import importlib.metadata
 
 import numpy as np

@@ -1,15 +1,12 @@
 #!/bin/sh
-# Babylon.js loads a glTF with a hand at x = 2, and writes what it loaded as OBJ, each with its defaults. Guessed: the
-# hand is at x = 2, as both formats are right-handed.
-# Measured with @babylonjs/core 9.35.0, loaders and serializers 9.28.0: the hand is at x = -2: a left hand has become a
-# right one. A scene is left-handed by default, so the loader mirrors what it loads at a root node. OBJExport.OBJ
-# mirrors it back, but leaves that node out, unless its fourth argument (globalposition) is true.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-cd "$folder"
-npm install --silent --no-audit --no-fund @babylonjs/core@9.35.0 @babylonjs/loaders@9.28.0 \
-    @babylonjs/serializers@9.28.0 > npm.log 2>&1
+# Babylon.js loads a glTF with a hand at x = 2, and writes what it loaded as OBJ, each with its defaults.
+# Guessed: the hand is at x = 2, as both formats are right-handed.
+# Measured on 2026-11-29 with @babylonjs/core 9.35.0, loaders and serializers 9.28.0: the hand is at x = -2: a left
+# hand has become a right one. A scene is left-handed by default, so the loader mirrors what it loads at a root node.
+# OBJExport.OBJ mirrors it back, but leaves that node out, unless its fourth argument (globalposition) is true.
+. "$(dirname "$0")/common.sh"
+install_npm @babylonjs/core@9.35.0 @babylonjs/loaders@9.28.0 \
+    @babylonjs/serializers@9.28.0
 cat > look.mjs <<'NODE'
 import { Engine, ImportMeshAsync, NullEngine, Scene } from "@babylonjs/core";
 import "@babylonjs/loaders/glTF/index.js";

@@ -1,16 +1,13 @@
 #!/bin/sh
-# A BVH whose inner joint has channels of position too, as many capture programs write for each joint: the OFFSET of the
-# knee is -10, its Yposition -13. Guessed: readers put the knee 13 below the hip, since a position replaces the OFFSET.
-# Measured: bvhio 1.5.4 does; bvh-converter 1.0.2 puts it 10 below in silence, bvhtools 1.6.0 with a warning, and
-# pybvh 0.9.0 refuses the file.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check bvhio==1.5.4 pyglm==2.8.2 spatial-transform==1.3.3 bvh-converter==1.0.2 bvhtools==1.6.0 \
+# A BVH whose inner joint has channels of position too, as many capture programs write for each joint: the OFFSET of
+# the knee is -10, its Yposition -13.
+# Guessed: readers put the knee 13 below the hip, since a position replaces the OFFSET.
+# Measured on 2026-11-27: bvhio 1.5.4 does; bvh-converter 1.0.2 puts it 10 below in silence, bvhtools 1.6.0 with a
+# warning, and pybvh 0.9.0 refuses the file.
+. "$(dirname "$0")/common.sh"
+install bvhio==1.5.4 pyglm==2.8.2 spatial-transform==1.3.3 bvh-converter==1.0.2 bvhtools==1.6.0 \
     pybvh==0.9.0 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+python - <<'PYTHON'
 import csv
 import os
 import subprocess

@@ -1,16 +1,12 @@
 #!/bin/sh
-# The knee of a BVH file has one channel, "CHANNELS 1 Xrotation", as hinges have, and is bent by 90 degrees. Guessed:
-# readers bend it, or refuse the file.
-# Measured: bvhio 1.5.4 bends it, pybvh 0.9.0 refuses the file, and bvhtools 1.6.0 leaves the leg straight, in silence:
-# the foot is 14 cm beside its place for a shank of 10 cm.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check bvhio==1.5.4 pyglm==2.8.2 spatial-transform==1.3.3 \
+# The knee of a BVH file has one channel, "CHANNELS 1 Xrotation", as hinges have, and is bent by 90 degrees.
+# Guessed: readers bend it, or refuse the file.
+# Measured on 2026-11-28: bvhio 1.5.4 bends it, pybvh 0.9.0 refuses the file, and bvhtools 1.6.0 leaves the leg
+# straight, in silence: the foot is 14 cm beside its place for a shank of 10 cm.
+. "$(dirname "$0")/common.sh"
+install bvhio==1.5.4 pyglm==2.8.2 spatial-transform==1.3.3 \
     bvhtools==1.6.0 pybvh==0.9.0 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+python - <<'PYTHON'
 import bvhio
 import pybvh
 from bvhTools.bvhIO import readBvh

@@ -1,16 +1,12 @@
 #!/bin/sh
-# A BVH file has two roots, as some programs write two people: one at x = 0, the other at x = 100. Guessed: readers read
-# both, or refuse the file.
-# Measured: pybvh 0.9.0 and bvhio 1.5.4 refuse it. bvhtools 1.6.0 returns the first person alone, in silence. bvhsdk
-# 0.2.1 returns the second person alone, at the place of the first.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check bvhio==1.5.4 pyglm==2.8.2 spatial-transform==1.3.3 \
+# A BVH file has two roots, as some programs write two people: one at x = 0, the other at x = 100.
+# Guessed: readers read both, or refuse the file.
+# Measured on 2026-11-28: pybvh 0.9.0 and bvhio 1.5.4 refuse it. bvhtools 1.6.0 returns the first person alone, in
+# silence. bvhsdk 0.2.1 returns the second person alone, at the place of the first.
+. "$(dirname "$0")/common.sh"
+install bvhio==1.5.4 pyglm==2.8.2 spatial-transform==1.3.3 \
     bvhtools==1.6.0 bvhsdk==0.2.1 pybvh==0.9.0 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+python - <<'PYTHON'
 import bvhio
 import bvhsdk
 import pybvh

@@ -1,15 +1,12 @@
 #!/bin/sh
 # c3d's Writer stores three frames of a marker that moves along x; in the second it is missing (residual -1, NaN).
 # Guessed: the file has NaN or zeros there.
-# Measured with c3d 0.6.0: it has the place of the frame before, with residual -1, in the unit mm whatever the numbers are.
-# ezc3d 1.7.2 obeys the residual (NaN); c3d's own reader returns the old place, as does all that looks at coordinates alone.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check c3d==0.6.0 ezc3d==1.7.2 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" -W ignore - <<'PYTHON'
+# Measured on 2026-11-28 with c3d 0.6.0: it has the place of the frame before, with residual -1, in the unit mm
+# whatever the numbers are. ezc3d 1.7.2 obeys the residual (NaN); c3d's own reader returns the old place, as does all
+# that looks at coordinates alone.
+. "$(dirname "$0")/common.sh"
+install c3d==0.6.0 ezc3d==1.7.2 numpy==2.4.6
+python -W ignore - <<'PYTHON'
 import importlib.metadata
 
 import c3d

@@ -1,15 +1,13 @@
 #!/bin/sh
 # Caliscope's trackers of people turn the frames of a camera with `rotation_count`, find points in them, and turn the
-# points back. Expected: the index of a pixel comes back as it was. Measured with caliscope 0.11.8: it comes back 1 px off
-# in one axis after one or three quarter turns, and in both after two.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-pip="$folder/venv/bin/pip install --quiet --disable-pip-version-check"
-$pip numpy==2.4.6 opencv-python-headless==5.0.0.93
-$pip --no-deps caliscope==0.11.8
-"$folder/venv/bin/python" - "$folder/venv" <<'PYTHON'
+# points back.
+# Guessed: the index of a pixel comes back as it was.
+# Measured on 2026-11-27 with caliscope 0.11.8: it comes back 1 px off in one axis after one or three quarter turns,
+# and in both after two.
+. "$(dirname "$0")/common.sh"
+install numpy==2.4.6 opencv-python-headless==5.0.0.93
+install --no-deps caliscope==0.11.8
+python - "$folder/venv" <<'PYTHON'
 import importlib.util
 import sys
 from importlib.metadata import version

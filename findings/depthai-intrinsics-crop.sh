@@ -1,16 +1,13 @@
 #!/bin/sh
 # DepthAI states the intrinsics of a camera of 1280 x 800 px, with a focal length of 1000 px, for a picture of 640 x
-# 480 px. Guessed: as documented of keepAspectRatio, which is on by default, the picture is scaled by .6 and cropped:
-# a focal length of 600 px, and a centre of 326 and 234 px.
-# Measured with depthai 3.12.0: 500 px, and 325 and 235 px, which are those of a picture scaled by .5 between bars of
-# 40 px. For 1920 x 1080 px it crops. No camera is needed.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check depthai==3.12.0 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# 480 px.
+# Guessed: as documented of keepAspectRatio, which is on by default, the picture is scaled by .6 and cropped: a focal
+# length of 600 px, and a centre of 326 and 234 px.
+# Measured on 2026-11-29 with depthai 3.12.0: 500 px, and 325 and 235 px, which are those of a picture scaled by .5
+# between bars of 40 px. For 1920 x 1080 px it crops. No camera is needed.
+. "$(dirname "$0")/common.sh"
+install depthai==3.12.0 numpy==2.4.6
+python - <<'PYTHON'
 import importlib.metadata
 
 import depthai

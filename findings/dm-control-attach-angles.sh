@@ -1,15 +1,12 @@
 #!/bin/sh
 # dm_control attaches a person, whose MJCF states its angles in radians, to a scene that leaves the unit out (degrees,
-# by the format). Guessed: the ranges of all joints keep their angles, or the library refuses two units.
-# Measured with dm_control 1.0.50: the scene takes over angle="radian", and its numbers stay: the door's limit of 90
-# degrees is 90 rad, 14 turns, in silence. A scene that states "degree" is refused.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check dm_control==1.0.50 mujoco==4.0.0 numpy==2.4.6
-cd "$folder"
-MUJOCO_GL=disable "$folder/venv/bin/python" -W ignore - <<'PYTHON'
+# by the format).
+# Guessed: the ranges of all joints keep their angles, or the library refuses two units.
+# Measured on 2026-11-28 with dm_control 1.0.50: the scene takes over angle="radian", and its numbers stay: the door's
+# limit of 90 degrees is 90 rad, 14 turns, in silence. A scene that states "degree" is refused.
+. "$(dirname "$0")/common.sh"
+install dm_control==1.0.50 mujoco==4.0.0 numpy==2.4.6
+MUJOCO_GL=disable python -W ignore - <<'PYTHON'
 import importlib.metadata
 
 import mujoco

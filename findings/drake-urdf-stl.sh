@@ -1,15 +1,11 @@
 #!/bin/sh
 # Drake reads a URDF whose link collides as a mesh in STL, as most robots of ROS do, and one whose mesh is OBJ.
 # Guessed: both are read, STL perhaps with a warning. Each joint has a limit of effort, and becomes an actuator.
-# Measured with drake 1.51.1: STL fails when the plant is finalized; OBJ is
-# read. No actuator is made, since the file has no <transmission>.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check drake==1.51.1 trimesh==5.2.0 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# Measured on 2026-11-27 with drake 1.51.1: STL fails when the plant is finalized; OBJ is read. No actuator is made,
+# since the file has no <transmission>.
+. "$(dirname "$0")/common.sh"
+install drake==1.51.1 trimesh==5.2.0 numpy==2.4.6
+python - <<'PYTHON'
 import importlib.metadata
 
 import trimesh

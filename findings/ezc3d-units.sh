@@ -1,15 +1,11 @@
 #!/bin/sh
 # A C3D file is written by ezc3d with points, labels and rate alone, and read by two libraries of biomechanics.
 # Guessed: the unit is millimetres where nobody states one, and both read the file.
-# Measured: ezc3d 1.7.2 writes an empty POINT:UNITS. kineticstoolkit 0.17.0 and pyomeca 2026.0.2 both end with an
-# IndexError. With the unit "m" both read the file.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check ezc3d==1.7.2 kineticstoolkit==0.17.0 pyomeca==2026.0.2 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# Measured on 2026-11-27: ezc3d 1.7.2 writes an empty POINT:UNITS. kineticstoolkit 0.17.0 and pyomeca 2026.0.2 both
+# end with an IndexError. With the unit "m" both read the file.
+. "$(dirname "$0")/common.sh"
+install ezc3d==1.7.2 kineticstoolkit==0.17.0 pyomeca==2026.0.2 numpy==2.4.6
+python - <<'PYTHON'
 import warnings
 
 warnings.simplefilter("ignore")

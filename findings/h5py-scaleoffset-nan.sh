@@ -1,16 +1,13 @@
 #!/bin/sh
 # A depth map is stored in HDF5 with three decimals (`scaleoffset=3`), as h5py offers it for floats. One pixel is not
-# known (NaN). Guessed: NaN comes back, or the file is refused when it is written.
-# Measured with h5py 3.16.0 (HDF5 2.0.0) on x86-64: NaN comes back as the smallest depth of its chunk, in silence: what
-# is not known is nearest. If the first pixel of a chunk is NaN, all of the chunk is lost: it is written, but reading
-# fails.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check h5py==3.16.0 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" -W error - <<'PYTHON'
+# known (NaN).
+# Guessed: NaN comes back, or the file is refused when it is written.
+# Measured on 2026-11-29 with h5py 3.16.0 (HDF5 2.0.0) on x86-64: NaN comes back as the smallest depth of its chunk,
+# in silence: what is not known is nearest. If the first pixel of a chunk is NaN, all of the chunk is lost: it is
+# written, but reading fails.
+. "$(dirname "$0")/common.sh"
+install h5py==3.16.0 numpy==2.4.6
+python -W error - <<'PYTHON'
 import h5py
 import numpy as np
 

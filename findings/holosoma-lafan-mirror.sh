@@ -1,16 +1,14 @@
 #!/bin/sh
-# holosoma-retargeting takes positions of joints in LAFAN1's own order (left leg first, left arm first; y up) and turns them
-# to z up. A person who faces +z raises the left hand. Guessed: the robot's left hand is raised.
-# Measured with holosoma-retargeting 0.1.0: its list of names has the right side first, and its change of axes is a
-# reflection (x, z, y). Both together move the hand that is called right: the robot does the mirrored motion, in silence.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check --no-deps holosoma-retargeting==0.1.0 numpy==2.4.6 \
+# holosoma-retargeting takes positions of joints in LAFAN1's own order (left leg first, left arm first; y up) and
+# turns them to z up. A person who faces +z raises the left hand.
+# Guessed: the robot's left hand is raised.
+# Measured on 2026-11-27 with holosoma-retargeting 0.1.0: its list of names has the right side first, and its change
+# of axes is a reflection (x, z, y). Both together move the hand that is called right: the robot does the mirrored
+# motion, in silence.
+. "$(dirname "$0")/common.sh"
+install --no-deps holosoma-retargeting==0.1.0 numpy==2.4.6 \
     scipy==1.17.1 trimesh==5.2.0 jinja2==3.1.6 markupsafe==3.0.3
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+python - <<'PYTHON'
 import importlib.metadata
 import sys
 import types

@@ -1,17 +1,13 @@
 #!/bin/sh
-# A box of 1 m has one more vertex 10 m away, which no face uses, as cut meshes and files of scans often have. Guessed:
-# its convex hull is that of the surface.
-# Measured with pymeshlab 2025.7.post1 and trimesh 5.2.0 (process=False, which keeps the numbers of vertices): both
-# hulls reach to 10 m, though trimesh's own `bounds` end at .5 m. trimesh's default removes such vertices when the mesh
-# is made.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check trimesh==5.2.0 pymeshlab==2025.7.post1 \
+# A box of 1 m has one more vertex 10 m away, which no face uses, as cut meshes and files of scans often have.
+# Guessed: its convex hull is that of the surface.
+# Measured on 2026-11-28 with pymeshlab 2025.7.post1 and trimesh 5.2.0 (process=False, which keeps the numbers of
+# vertices): both hulls reach to 10 m, though trimesh's own `bounds` end at .5 m. trimesh's default removes such
+# vertices when the mesh is made.
+. "$(dirname "$0")/common.sh"
+install trimesh==5.2.0 pymeshlab==2025.7.post1 \
     scipy==1.17.1 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+python - <<'PYTHON'
 import importlib.metadata
 
 import numpy as np

@@ -1,16 +1,12 @@
 #!/bin/sh
-# A map of 8 x 8 values, one of them unknown (NaN), is made half as large, as a depth map is. Guessed: NaN is around
-# that value.
-# Measured with jax 0.10.2 on a CPU: all of the result is NaN, for "linear" and "cubic", since each axis is a product
-# with a matrix of weights, in which 0 times NaN is NaN. If one axis keeps its length, it is one column. Only
-# "nearest" keeps NaN in its place.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check jax==0.10.2 jaxlib==0.10.2 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# A map of 8 x 8 values, one of them unknown (NaN), is made half as large, as a depth map is.
+# Guessed: NaN is around that value.
+# Measured on 2026-11-28 with jax 0.10.2 on a CPU: all of the result is NaN, for "linear" and "cubic", since each axis
+# is a product with a matrix of weights, in which 0 times NaN is NaN. If one axis keeps its length, it is one column.
+# Only "nearest" keeps NaN in its place.
+. "$(dirname "$0")/common.sh"
+install jax==0.10.2 jaxlib==0.10.2 numpy==2.4.6
+python - <<'PYTHON'
 import jax
 import numpy as np
 

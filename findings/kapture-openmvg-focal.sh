@@ -1,15 +1,11 @@
 #!/bin/sh
-# A COLMAP model with a PINHOLE camera of focal lengths 1000 and 1100 px goes through kapture to OpenMVG. Guessed: kapture
-# refuses, or warns, since OpenMVG's pinhole has one focal length.
-# Measured with kapture 1.1.12: it writes their mean, 1050 px, in silence, so that points lie 5 % off. Its export to OpenSfM
-# refuses PINHOLE, even with equal focal lengths.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check kapture==1.1.12 numpy==2.4.6
+# A COLMAP model with a PINHOLE camera of focal lengths 1000 and 1100 px goes through kapture to OpenMVG.
+# Guessed: kapture refuses, or warns, since OpenMVG's pinhole has one focal length.
+# Measured on 2026-11-28 with kapture 1.1.12: it writes their mean, 1050 px, in silence, so that points lie 5 % off.
+# Its export to OpenSfM refuses PINHOLE, even with equal focal lengths.
+. "$(dirname "$0")/common.sh"
+install kapture==1.1.12 numpy==2.4.6
 PATH="$folder/venv/bin:$PATH"
-cd "$folder"
 mkdir model photos
 python -c "from PIL import Image; Image.new('RGB', (1280, 852)).save('photos/a.png')"
 echo "1 PINHOLE 1280 852 1000 1100 600 400" > model/cameras.txt

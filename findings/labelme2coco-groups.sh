@@ -1,16 +1,12 @@
 #!/bin/sh
-# labelme marks the two parts of a person behind a post as polygons of one group_id; a rectangle marks a second person,
-# and a point an ankle. labelme2coco makes COCO of it. Guessed: two people, the first with two polygons; the point is
-# left out.
-# Measured with labelme2coco 0.2.6: four people. The parts are two, and the point is one of 1 x 1 px; group_id is not
-# read. The rectangle has an empty segmentation, so it has no mask.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check labelme2coco==0.2.6 sahi==0.12.8 numpy==2.3.5
-cd "$folder"
-"$folder/venv/bin/python" -W ignore - 2> log.txt <<'PYTHON'
+# labelme marks the two parts of a person behind a post as polygons of one group_id; a rectangle marks a second
+# person, and a point an ankle. labelme2coco makes COCO of it.
+# Guessed: two people, the first with two polygons; the point is left out.
+# Measured on 2026-11-28 with labelme2coco 0.2.6: four people. The parts are two, and the point is one of 1 x 1 px;
+# group_id is not read. The rectangle has an empty segmentation, so it has no mask.
+. "$(dirname "$0")/common.sh"
+install labelme2coco==0.2.6 sahi==0.12.8 numpy==2.3.5
+python -W ignore - 2> log.txt <<'PYTHON'
 import importlib.metadata
 import json
 import os

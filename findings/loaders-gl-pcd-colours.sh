@@ -1,14 +1,13 @@
 #!/bin/sh
-# PCD stores a colour as 0xRRGGBB, as the bits of a float (TYPE F) or as an integer (TYPE U). loaders.gl, which deck.gl
-# reads points with, reads four such files of an orange and a dark blue point. Guessed: red, green, blue.
-# Measured with @loaders.gl/pcd 4.4.2: red and blue are exchanged in all of them, so skin is blue. An integer in an
-# ASCII file is taken for a number first, of whose bits as a float it makes the colour: other colours altogether.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-cd "$folder"
-npm install --silent --no-audit --no-fund @loaders.gl/core@4.4.2 @loaders.gl/pcd@4.4.2 \
-    @math.gl/types@4.1.0 > npm.log 2>&1
+# PCD stores a colour as 0xRRGGBB, as the bits of a float (TYPE F) or as an integer (TYPE U). loaders.gl, which
+# deck.gl reads points with, reads four such files of an orange and a dark blue point.
+# Guessed: red, green, blue.
+# Measured on 2026-11-29 with @loaders.gl/pcd 4.4.2: red and blue are exchanged in all of them, so skin is blue. An
+# integer in an ASCII file is taken for a number first, of whose bits as a float it makes the colour: other colours
+# altogether.
+. "$(dirname "$0")/common.sh"
+install_npm @loaders.gl/core@4.4.2 @loaders.gl/pcd@4.4.2 \
+    @math.gl/types@4.1.0
 cat > look.mjs <<'NODE'
 import { readFileSync } from "node:fs";
 import { parse } from "@loaders.gl/core";

@@ -1,14 +1,11 @@
 #!/bin/sh
-# A PLY mesh has a triangle, a quad and a pentagon, as meshes of modelling programs do. loaders.gl reads it. Guessed:
-# six triangles, in a fan of each polygon.
-# Measured with @loaders.gl/ply 4.4.5: three: the pentagon is left out, in silence. A mesh of pentagons alone comes back
-# as points (point-list), without an index.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-cd "$folder"
-npm install --silent --no-audit --no-fund @loaders.gl/core@4.4.2 @loaders.gl/ply@4.4.5 \
-    @math.gl/types@4.1.0 > npm.log 2>&1
+# A PLY mesh has a triangle, a quad and a pentagon, as meshes of modelling programs do. loaders.gl reads it.
+# Guessed: six triangles, in a fan of each polygon.
+# Measured on 2026-11-29 with @loaders.gl/ply 4.4.5: three: the pentagon is left out, in silence. A mesh of pentagons
+# alone comes back as points (point-list), without an index.
+. "$(dirname "$0")/common.sh"
+install_npm @loaders.gl/core@4.4.2 @loaders.gl/ply@4.4.5 \
+    @math.gl/types@4.1.0
 cat > look.mjs <<'NODE'
 import { readFileSync } from "node:fs";
 import { parse } from "@loaders.gl/core";

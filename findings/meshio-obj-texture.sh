@@ -1,16 +1,14 @@
 #!/bin/sh
 # An OBJ file lists texture coordinates in another order than vertices, and its faces say which belongs to which (f
-# 1/3 2/4 ...), as most exporters write it. Guessed: a reader obeys the faces, or leaves texture coordinates out.
-# Measured with meshio 5.3.5: it gives them to the vertices in the order of the file, so the picture lies elsewhere, in
-# silence. Where their numbers differ, as at each seam of a texture, it refuses the file. trimesh 5.2.0 obeys the faces.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check meshio==5.3.5 trimesh==5.2.0 pillow==13.0.0 \
+# 1/3 2/4 ...), as most exporters write it.
+# Guessed: a reader obeys the faces, or leaves texture coordinates out.
+# Measured on 2026-11-29 with meshio 5.3.5: it gives them to the vertices in the order of the file, so the picture
+# lies elsewhere, in silence. Where their numbers differ, as at each seam of a texture, it refuses the file. trimesh
+# 5.2.0 obeys the faces.
+. "$(dirname "$0")/common.sh"
+install meshio==5.3.5 trimesh==5.2.0 pillow==13.0.0 \
     numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+python - <<'PYTHON'
 import importlib.metadata
 
 import meshio

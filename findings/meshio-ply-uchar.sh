@@ -1,15 +1,11 @@
 #!/bin/sh
 # A binary PLY with the colours of most scans, red, green and blue as uchar, is read and written again.
 # Guessed: colours are 0 to 255.
-# Measured with meshio 5.3.5: they are int8, so 200 is -56, and 255 is -1; the file that it writes has them as char. Other
-# properties, such as an int and a float, stay.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check meshio==5.3.5 plyfile==1.1.5 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# Measured on 2026-11-27 with meshio 5.3.5: they are int8, so 200 is -56, and 255 is -1; the file that it writes has
+# them as char. Other properties, such as an int and a float, stay.
+. "$(dirname "$0")/common.sh"
+install meshio==5.3.5 plyfile==1.1.5 numpy==2.4.6
+python - <<'PYTHON'
 import meshio
 import numpy as np
 from plyfile import PlyData, PlyElement

@@ -1,15 +1,11 @@
 #!/bin/sh
 # Mitsuba loads a PLY with colours as uchar, one vertex of which has the normal 0, 0, 0, as for unknown.
 # Guessed: colours become 0 to 1, and the normal stays 0.
-# Measured with mitsuba 3.9.1: the attribute "vertex_color" is 0 to 255, with a warning, so as a texture (mesh_attribute)
-# it reflects up to 255 times the light; the normal becomes NaN, without one.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check mitsuba==3.9.1 plyfile==1.1.5 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# Measured on 2026-11-28 with mitsuba 3.9.1: the attribute "vertex_color" is 0 to 255, with a warning, so as a texture
+# (mesh_attribute) it reflects up to 255 times the light; the normal becomes NaN, without one.
+. "$(dirname "$0")/common.sh"
+install mitsuba==3.9.1 plyfile==1.1.5 numpy==2.4.6
+python - <<'PYTHON'
 import mitsuba
 import numpy as np
 from plyfile import PlyData, PlyElement

@@ -1,15 +1,11 @@
 #!/bin/sh
-# A scene of MuJoCo takes in a model with a free body and a keyframe, at a frame 5 m away. Guessed: the keyframe has the
-# body at that place, as the attached model has.
-# Measured with mujoco 4.0.0: the keyframe arrives with its prefix, but with the numbers of the child: it puts the body
-# back to where it was in its own file, 5 m off.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check mujoco==4.0.0 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" -W ignore - <<'PYTHON'
+# A scene of MuJoCo takes in a model with a free body and a keyframe, at a frame 5 m away.
+# Guessed: the keyframe has the body at that place, as the attached model has.
+# Measured on 2026-11-28 with mujoco 4.0.0: the keyframe arrives with its prefix, but with the numbers of the child:
+# it puts the body back to where it was in its own file, 5 m off.
+. "$(dirname "$0")/common.sh"
+install mujoco==4.0.0 numpy==2.4.6
+python -W ignore - <<'PYTHON'
 import mujoco
 
 CHILD = """

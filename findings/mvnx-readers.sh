@@ -1,16 +1,13 @@
 #!/bin/sh
 # An MVNX file of Xsens has a frame of type tpose, in which the pelvis stands .9 m high, and frames with the angles of
 # joints in two orders (jointAngleErgo, jointAngleErgoXZY) before the centre of mass, as newer versions of MVN write
-# them. Guessed: readers return the T-pose, and the centre of mass.
-# Measured: mvnx-parser 0.0.5 returns the frame of type identity, at 0, as the T-pose. mvnx 0.2 takes elements by
-# their number, so its centre of mass is jointAngleErgoXZY. Neither says so.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check mvnx==0.2 mvnx-parser==0.0.5 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" -W ignore - <<'PYTHON'
+# them.
+# Guessed: readers return the T-pose, and the centre of mass.
+# Measured on 2026-11-29: mvnx-parser 0.0.5 returns the frame of type identity, at 0, as the T-pose. mvnx 0.2 takes
+# elements by their number, so its centre of mass is jointAngleErgoXZY. Neither says so.
+. "$(dirname "$0")/common.sh"
+install mvnx==0.2 mvnx-parser==0.0.5 numpy==2.4.6
+python -W ignore - <<'PYTHON'
 import importlib.metadata
 from pathlib import Path
 

@@ -1,15 +1,11 @@
 #!/bin/sh
-# An MJCF hinge rests at `ref` (30 degrees), so MuJoCo's coordinate of the pose in the file is .524 rad. Expected: another
-# simulator that reads the file has the same coordinate there.
-# Measured with newton 1.8.0: its coordinate is 0, and its limits are those of the file less 30 degrees. The pose is the
-# same, but coordinates of a keyframe, or of a JSON file, mean another pose there.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check newton==1.8.0 mujoco==4.0.0 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# An MJCF hinge rests at `ref` (30 degrees), so MuJoCo's coordinate of the pose in the file is .524 rad.
+# Guessed: another simulator that reads the file has the same coordinate there.
+# Measured on 2026-11-27 with newton 1.8.0: its coordinate is 0, and its limits are those of the file less 30 degrees.
+# The pose is the same, but coordinates of a keyframe, or of a JSON file, mean another pose there.
+. "$(dirname "$0")/common.sh"
+install newton==1.8.0 mujoco==4.0.0 numpy==2.4.6
+python - <<'PYTHON'
 import importlib.metadata
 import math
 

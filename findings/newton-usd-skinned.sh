@@ -1,14 +1,12 @@
 #!/bin/sh
 # A skinned mesh of UsdSkel, whose bind pose lies at the origin and whose animation moves it 3 m aside, is read by a
-# simulator. Guessed: the mesh is left out, since a simulator has no skinning.
-# Measured with newton 1.8.0: it becomes a visible shape in the bind pose, at the origin, without a warning.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check newton==1.8.0 newton-usd-schemas usd-core==26.11 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# simulator.
+# Guessed: the mesh is left out, since a simulator has no skinning.
+# Measured on 2026-11-27 with newton 1.8.0: it becomes a visible shape in the bind pose, at the origin, without a
+# warning.
+. "$(dirname "$0")/common.sh"
+install newton==1.8.0 newton-usd-schemas usd-core==26.11 numpy==2.4.6
+python - <<'PYTHON'
 import importlib.metadata
 
 import newton

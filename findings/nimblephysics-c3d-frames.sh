@@ -1,17 +1,13 @@
 #!/bin/sh
 # Nimble, which AddBiomechanics is made with, loads a C3D of eight frames, whose marker moves by .1 m in each. Two
-# libraries wrote it. Guessed: eight frames, from the first.
-# Measured with nimblephysics 0.10.52.1: six, of both files: the first two are left out, in silence, and times begin
-# at 0 with the third, so videos and forces of the same take are 20 ms apart from it.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-pip="$folder/venv/bin/pip install --quiet --disable-pip-version-check"
-$pip ezc3d==1.7.2 c3d==0.6.0 numpy==2.4.6
-$pip --no-deps nimblephysics==0.10.52.1
-cd "$folder"
-"$folder/venv/bin/python" -W ignore - <<'PYTHON'
+# libraries wrote it.
+# Guessed: eight frames, from the first.
+# Measured on 2026-11-29 with nimblephysics 0.10.52.1: six, of both files: the first two are left out, in silence, and
+# times begin at 0 with the third, so videos and forces of the same take are 20 ms apart from it.
+. "$(dirname "$0")/common.sh"
+install ezc3d==1.7.2 c3d==0.6.0 numpy==2.4.6
+install --no-deps nimblephysics==0.10.52.1
+python -W ignore - <<'PYTHON'
 import importlib.metadata
 from pathlib import Path
 

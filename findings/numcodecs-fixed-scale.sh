@@ -1,15 +1,11 @@
 #!/bin/sh
 # numcodecs' FixedScaleOffset, a filter of Zarr, stores depths in metres as millimetres in 16 bits (scale 1000, u2).
 # Guessed: 70 m, which does not fit, ends at 65.535 m, or is refused, and so is NaN.
-# Measured with numcodecs 0.16.6 on x86-64: 70 m comes back as 4.464 m, and -1 m as 64.536 m, without a warning: a wall
-# far away is in front of the people. NaN comes back as 0 m; NumPy warns of it.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check numcodecs==0.16.6 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# Measured on 2026-11-29 with numcodecs 0.16.6 on x86-64: 70 m comes back as 4.464 m, and -1 m as 64.536 m, without a
+# warning: a wall far away is in front of the people. NaN comes back as 0 m; NumPy warns of it.
+. "$(dirname "$0")/common.sh"
+install numcodecs==0.16.6 numpy==2.4.6
+python - <<'PYTHON'
 import importlib.metadata
 import warnings
 

@@ -1,16 +1,12 @@
 #!/bin/sh
 # ONNX's own reference implementation, which tests of runtimes trust, and onnxruntime make 7 values smaller by .6 with
-# align_corners: 4 values, of which the first and the last are those of the input, by ONNX's text. Guessed: both agree
-# to 1e-5.
-# Measured with onnx 1.23.2: the reference counts with 4.2 values, so the last is not the last of the input;
-# onnxruntime 1.32.0 is right. With `sizes` in place of `scales` both agree.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check onnx==1.23.2 onnxruntime==1.32.0 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# align_corners: 4 values, of which the first and the last are those of the input, by ONNX's text.
+# Guessed: both agree to 1e-5.
+# Measured on 2026-11-28 with onnx 1.23.2: the reference counts with 4.2 values, so the last is not the last of the
+# input; onnxruntime 1.32.0 is right. With `sizes` in place of `scales` both agree.
+. "$(dirname "$0")/common.sh"
+install onnx==1.23.2 onnxruntime==1.32.0 numpy==2.4.6
+python - <<'PYTHON'
 import numpy as np
 import onnx
 import onnxruntime

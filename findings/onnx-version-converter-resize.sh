@@ -1,16 +1,13 @@
 #!/bin/sh
-# An ONNX file of version 10 makes a row of 4 values twice as long, "linear". ONNX's converter brings it to version 13.
+# An ONNX file of version 10 makes a row of 4 values twice as long, "linear". ONNX's converter brings it to version
+# 13.
 # Guessed: the same values come out, since version 11 can state the old rule (asymmetric).
-# Measured with onnx 1.23.2: it leaves the rule out, and the default has changed to half_pixel, so values move by a
-# quarter of a step. An Upsample of version 9 fares alike. Neither the converter nor the checker says so. onnxruntime
-# 1.32.0 runs both.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check onnx==1.23.2 onnxruntime==1.32.0 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# Measured on 2026-11-28 with onnx 1.23.2: it leaves the rule out, and the default has changed to half_pixel, so
+# values move by a quarter of a step. An Upsample of version 9 fares alike. Neither the converter nor the checker says
+# so. onnxruntime 1.32.0 runs both.
+. "$(dirname "$0")/common.sh"
+install onnx==1.23.2 onnxruntime==1.32.0 numpy==2.4.6
+python - <<'PYTHON'
 import numpy as np
 import onnx
 import onnxruntime

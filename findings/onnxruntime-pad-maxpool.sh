@@ -1,14 +1,10 @@
 #!/bin/sh
-# An ONNX graph puts a border of zeros around a map of negative values, and takes the largest of 3 x 3. Expected: zeros
-# at the border, whether the graph is optimised or not.
-# Measured with onnxruntime 1.31.1: by default it makes the border part of the pool, where a border counts as -inf, so
-# the corner is -1 in place of 0; with ORT_DISABLE_ALL it is 0. 1.32.0 does not.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check onnx==1.23.2 numpy==2.4.6
-cd "$folder"
+# An ONNX graph puts a border of zeros around a map of negative values, and takes the largest of 3 x 3.
+# Guessed: zeros at the border, whether the graph is optimised or not.
+# Measured on 2026-11-28 with onnxruntime 1.31.1: by default it makes the border part of the pool, where a border
+# counts as -inf, so the corner is -1 in place of 0; with ORT_DISABLE_ALL it is 0. 1.32.0 does not.
+. "$(dirname "$0")/common.sh"
+install onnx==1.23.2 numpy==2.4.6
 cat > run.py <<'PYTHON'
 import numpy as np
 import onnx
@@ -36,6 +32,6 @@ if corner != wanted:
     raise SystemExit("the behaviour has changed")
 PYTHON
 for version in 1.31.1 1.32.0; do
-    "$folder/venv/bin/pip" install --quiet --disable-pip-version-check "onnxruntime==$version"
-    "$folder/venv/bin/python" run.py
+    install "onnxruntime==$version"
+    python run.py
 done

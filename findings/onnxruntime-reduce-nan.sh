@@ -1,14 +1,11 @@
 #!/bin/sh
-# A float32 row with one NaN goes through ReduceMax and ReduceMin. Guessed: the result is NaN, as in NumPy and torch.
-# Measured with onnxruntime 1.31.1 on a CPU: NaN only if it is the first value. Elsewhere it is skipped, and takes values
-# with it: the minimum of 1, NaN, 2, 0 is 1.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check onnxruntime==1.31.1 onnx==1.22.0 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" -W ignore - <<'PYTHON'
+# A float32 row with one NaN goes through ReduceMax and ReduceMin.
+# Guessed: the result is NaN, as in NumPy and torch.
+# Measured on 2026-11-28 with onnxruntime 1.31.1 on a CPU: NaN only if it is the first value. Elsewhere it is skipped,
+# and takes values with it: the minimum of 1, NaN, 2, 0 is 1.
+. "$(dirname "$0")/common.sh"
+install onnxruntime==1.31.1 onnx==1.22.0 numpy==2.4.6
+python -W ignore - <<'PYTHON'
 import numpy as np
 import onnx
 import onnxruntime

@@ -1,13 +1,11 @@
 #!/bin/sh
-# onnxruntime runs in a process that is confined to one core, with its default number of threads. Expected: threads on that
-# core. Measured with onnxruntime 1.31.1: it starts a thread for each core of the machine, and pins them outside; a stated
-# number of threads stays inside. Needs Linux and two cores.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check onnxruntime==1.31.1 onnx==1.23.2
-"$folder/venv/bin/python" - <<'PYTHON'
+# onnxruntime runs in a process that is confined to one core, with its default number of threads.
+# Guessed: threads on that core.
+# Measured on 2026-11-27 with onnxruntime 1.31.1: it starts a thread for each core of the machine, and pins them
+# outside; a stated number of threads stays inside. Needs Linux and two cores.
+. "$(dirname "$0")/common.sh"
+install onnxruntime==1.31.1 onnx==1.23.2
+python - <<'PYTHON'
 import os
 import time
 

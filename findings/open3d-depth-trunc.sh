@@ -1,13 +1,11 @@
 #!/bin/sh
-# Open3D makes an RGB-D image of a depth map of 3.5 m in mm, and points of it. Expected: each pixel gives a point.
-# Measured with open3d 0.20.0: none does, without a warning: depth_trunc is 3 m unless stated.
-# Needs the system libraries of its wheel (Debian: libusb-1.0-0, libgl1, libegl1, libx11-6).
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check open3d==0.20.0
-"$folder/venv/bin/python" - <<'PYTHON'
+# Open3D makes an RGB-D image of a depth map of 3.5 m in mm, and points of it.
+# Guessed: each pixel gives a point.
+# Measured on 2026-11-27 with open3d 0.20.0: none does, without a warning: depth_trunc is 3 m unless stated. Needs the
+# system libraries of its wheel (Debian: libusb-1.0-0, libgl1, libegl1, libx11-6).
+. "$(dirname "$0")/common.sh"
+install open3d==0.20.0
+python - <<'PYTHON'
 import numpy as np
 import open3d as o3d
 

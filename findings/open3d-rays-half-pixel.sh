@@ -1,17 +1,14 @@
 #!/bin/sh
 # Open3D renders the depth of a tilted plane with the rays of a pinhole camera, and turns that depth into points with
-# the same matrix K. Guessed: the points lie on the plane.
-# Measured with open3d 0.20.0: they lie 10 mm beside it at 2 m, for 50 px of focal length: `create_rays_pinhole`
-# counts pixels from their edges, and `create_from_depth_image` from their middles, in both of its classes, so points
-# are half a pixel off.
-# Needs the system libraries of its wheel (Debian: libusb-1.0-0, libgl1, libegl1, libx11-6).
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check open3d==0.20.0 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# the same matrix K.
+# Guessed: the points lie on the plane.
+# Measured on 2026-11-29 with open3d 0.20.0: they lie 10 mm beside it at 2 m, for 50 px of focal length:
+# `create_rays_pinhole` counts pixels from their edges, and `create_from_depth_image` from their middles, in both of
+# its classes, so points are half a pixel off. Needs the system libraries of its wheel (Debian: libusb-1.0-0, libgl1,
+# libegl1, libx11-6).
+. "$(dirname "$0")/common.sh"
+install open3d==0.20.0 numpy==2.4.6
+python - <<'PYTHON'
 import numpy as np
 import open3d as o3d
 

@@ -1,17 +1,15 @@
 #!/bin/sh
-# OpenCV finds the corners of an AprilTag, which fills columns 180 to 499 of a picture, in each of its ways of refining
-# corners. Guessed: the middle of the corners is the middle of the tag, 339.5, since pixels count from their middles.
-# Measured with opencv-python-headless 5.0.0.93: so it is without refinement, and with CORNER_REFINE_SUBPIX and
-# CORNER_REFINE_CONTOUR. With CORNER_REFINE_APRILTAG it is 340, half a pixel to the right and below, in its own units.
-# pupil-apriltags 1.0.4.post11 counts from edges of pixels, too, so its corners do not fit a camera of OpenCV.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check opencv-python-headless==5.0.0.93 \
+# OpenCV finds the corners of an AprilTag, which fills columns 180 to 499 of a picture, in each of its ways of
+# refining corners.
+# Guessed: the middle of the corners is the middle of the tag, 339.5, since pixels count from their middles.
+# Measured on 2026-11-29 with opencv-python-headless 5.0.0.93: so it is without refinement, and with
+# CORNER_REFINE_SUBPIX and CORNER_REFINE_CONTOUR. With CORNER_REFINE_APRILTAG it is 340, half a pixel to the right and
+# below, in its own units. pupil-apriltags 1.0.4.post11 counts from edges of pixels, too, so its corners do not fit a
+# camera of OpenCV.
+. "$(dirname "$0")/common.sh"
+install opencv-python-headless==5.0.0.93 \
     pupil-apriltags==1.0.4.post11 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+python - <<'PYTHON'
 import importlib.metadata
 
 import cv2

@@ -1,17 +1,14 @@
 #!/bin/sh
-# ONNX's Resize makes 7 values smaller by .6, "linear" with half_pixel: 4 values. Guessed: OpenCV's DNN module has the
-# values of onnxruntime to 1e-4, as OpenVINO has.
-# Measured with opencv-python-headless 5.0.0.93: it counts with 4 / 7 in place of .6, in silence, so the values drift
-# along the row, by .29 of a step at its end. torch exports such files of `interpolate(scale_factor=...)`.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check opencv-python-headless==5.0.0.93 \
+# ONNX's Resize makes 7 values smaller by .6, "linear" with half_pixel: 4 values.
+# Guessed: OpenCV's DNN module has the values of onnxruntime to 1e-4, as OpenVINO has.
+# Measured on 2026-11-28 with opencv-python-headless 5.0.0.93: it counts with 4 / 7 in place of .6, in silence, so the
+# values drift along the row, by .29 of a step at its end. torch exports such files of
+# `interpolate(scale_factor=...)`.
+. "$(dirname "$0")/common.sh"
+install opencv-python-headless==5.0.0.93 \
     openvino==2026.4.1 \
     onnxruntime==1.32.0 onnx==1.23.2 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+python - <<'PYTHON'
 import io
 from importlib.metadata import version
 

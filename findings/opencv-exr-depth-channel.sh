@@ -1,13 +1,10 @@
 #!/bin/sh
-# OpenCV reads the EXR depth that renderers write: one channel named Z. Expected: its values, or an error.
-# Measured with opencv-python-headless 4.14.0.94: zeros, without a warning; of X, Y and Z it returns Y alone. The wheel
-# 5.0.0.93 is built without EXR: it returns None, although OPENCV_IO_ENABLE_OPENEXR is set.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-pip="$folder/venv/bin/pip install --quiet --disable-pip-version-check"
-$pip OpenEXR==3.5.3 opencv-python-headless==4.14.0.94
+# OpenCV reads the EXR depth that renderers write: one channel named Z.
+# Guessed: its values, or an error.
+# Measured on 2026-11-27 with opencv-python-headless 4.14.0.94: zeros, without a warning; of X, Y and Z it returns Y
+# alone. The wheel 5.0.0.93 is built without EXR: it returns None, although OPENCV_IO_ENABLE_OPENEXR is set.
+. "$(dirname "$0")/common.sh"
+install OpenEXR==3.5.3 opencv-python-headless==4.14.0.94
 export OPENCV_IO_ENABLE_OPENEXR=1
 cat > "$folder/read.py" <<'PYTHON'
 import sys
@@ -29,6 +26,6 @@ expected = [None, None] if cv2.__version__.startswith("5") else [((8, 8), 0.0), 
 if found != expected:
     raise SystemExit("the behaviour has changed")
 PYTHON
-"$folder/venv/bin/python" "$folder/read.py" "$folder"
-$pip opencv-python-headless==5.0.0.93
-"$folder/venv/bin/python" "$folder/read.py" "$folder"
+python "$folder/read.py" "$folder"
+install opencv-python-headless==5.0.0.93
+python "$folder/read.py" "$folder"

@@ -1,15 +1,13 @@
 #!/bin/sh
-# A fisheye lens of 200 degrees sees a joint 100 degrees off its axis, a little behind the camera. Its model is OpenCV's
-# own: 100 px for each radian. Guessed: the joint is beyond one at 89 degrees, at 374.5 px.
-# Measured with opencv-python-headless 5.0.0.93: fisheye.projectPoints has it at 60.4 px, on the other side of the
-# picture, where a joint 80 degrees off the axis would be on that side. It takes the angle from x / z, whose sign turns.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check opencv-python-headless==5.0.0.93 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# A fisheye lens of 200 degrees sees a joint 100 degrees off its axis, a little behind the camera. Its model is
+# OpenCV's own: 100 px for each radian.
+# Guessed: the joint is beyond one at 89 degrees, at 374.5 px.
+# Measured on 2026-11-29 with opencv-python-headless 5.0.0.93: fisheye.projectPoints has it at 60.4 px, on the other
+# side of the picture, where a joint 80 degrees off the axis would be on that side. It takes the angle from x / z,
+# whose sign turns.
+. "$(dirname "$0")/common.sh"
+install opencv-python-headless==5.0.0.93 numpy==2.4.6
+python - <<'PYTHON'
 import cv2
 import numpy as np
 

@@ -1,13 +1,11 @@
 #!/bin/sh
-# OpenCV resizes labels of 64 bits, and maps of 133 channels (keypoints of COCO whole-body). Expected: the same labels, and
-# 133 channels, or an error for both. Measured with opencv-python-headless 5.0.0.93: labels become int32 and wrap without a
-# warning; more than 128 channels are an error (4.14 takes 512).
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check opencv-python-headless==5.0.0.93
-"$folder/venv/bin/python" - <<'PYTHON'
+# OpenCV resizes labels of 64 bits, and maps of 133 channels (keypoints of COCO whole-body).
+# Guessed: the same labels, and 133 channels, or an error for both.
+# Measured on 2026-11-27 with opencv-python-headless 5.0.0.93: labels become int32 and wrap without a warning; more
+# than 128 channels are an error (4.14 takes 512).
+. "$(dirname "$0")/common.sh"
+install opencv-python-headless==5.0.0.93
+python - <<'PYTHON'
 import cv2
 import numpy as np
 

@@ -1,16 +1,13 @@
 #!/bin/sh
 # OpenImageIO reads an RGBA PNG and writes it again. Pixels of alpha 0 have a colour, as the padding of a texture has,
-# and those of alpha 2 too. Guessed: the same colours come back, since PNG keeps colour and alpha apart.
-# Measured with openimageio 3.2.2.0: it multiplies 8-bit colours by alpha when it reads. Those of alpha 0 come back
-# black, and 200, 100, 50 of alpha 2 come back as 255, 128, 0. With "oiio:UnassociatedAlpha" = 1 in the configuration
-# of the reader they stay.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check openimageio==3.2.2.0 pillow==13.0.0 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# and those of alpha 2 too.
+# Guessed: the same colours come back, since PNG keeps colour and alpha apart.
+# Measured on 2026-11-28 with openimageio 3.2.2.0: it multiplies 8-bit colours by alpha when it reads. Those of alpha
+# 0 come back black, and 200, 100, 50 of alpha 2 come back as 255, 128, 0. With "oiio:UnassociatedAlpha" = 1 in the
+# configuration of the reader they stay.
+. "$(dirname "$0")/common.sh"
+install openimageio==3.2.2.0 pillow==13.0.0 numpy==2.4.6
+python - <<'PYTHON'
 import importlib.metadata
 
 import numpy as np

@@ -1,15 +1,11 @@
 #!/bin/sh
-# A TRC file of markers, one of them not seen, so its three cells are empty. Guessed: OpenSim reads a missing marker as
-# NaN.
-# Measured with opensim 4.6: it does where another marker follows. Where the last marker is missing, TimeSeriesTableVec3
-# refuses the file for its number of columns; MarkerData takes the same file.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check opensim==4.6 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# A TRC file of markers, one of them not seen, so its three cells are empty.
+# Guessed: OpenSim reads a missing marker as NaN.
+# Measured on 2026-11-27 with opensim 4.6: it does where another marker follows. Where the last marker is missing,
+# TimeSeriesTableVec3 refuses the file for its number of columns; MarkerData takes the same file.
+. "$(dirname "$0")/common.sh"
+install opensim==4.6 numpy==2.4.6
+python - <<'PYTHON'
 import opensim
 
 HEAD = (

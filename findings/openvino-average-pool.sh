@@ -1,18 +1,15 @@
 #!/bin/sh
-# ONNX's AveragePool of 3 x 3 steps by 2 over a map of ones with a border of 1, with ceil_mode and count_include_pad, as
-# torch exports it. The last window reaches beyond the border. Guessed: other runtimes have onnxruntime's values.
-# Measured with openvino 2026.4.1 and opencv-python-headless 5.0.0.93: they divide by what lies beyond the border, too,
-# so the last corner is .111 in place of .25, which onnxruntime 1.32.0 and ONNX's reference have; the last row is a
-# third too small.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check openvino==2026.4.1 onnxruntime==1.32.0 \
+# ONNX's AveragePool of 3 x 3 steps by 2 over a map of ones with a border of 1, with ceil_mode and count_include_pad,
+# as torch exports it. The last window reaches beyond the border.
+# Guessed: other runtimes have onnxruntime's values.
+# Measured on 2026-11-28 with openvino 2026.4.1 and opencv-python-headless 5.0.0.93: they divide by what lies beyond
+# the border, too, so the last corner is .111 in place of .25, which onnxruntime 1.32.0 and ONNX's reference have; the
+# last row is a third too small.
+. "$(dirname "$0")/common.sh"
+install openvino==2026.4.1 onnxruntime==1.32.0 \
     onnx==1.23.2 \
     opencv-python-headless==5.0.0.93 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+python - <<'PYTHON'
 import io
 from importlib.metadata import version
 

@@ -1,18 +1,14 @@
 #!/bin/sh
-# An ONNX graph adds 1 to int64 numbers, as times and ids are, and another takes 10 from bytes. Guessed:
-# 3,000,000,001, and as in NumPy 251 for 5 - 10.
-# Measured with openvino 2026.4.1 on a CPU: -1,294,967,295, since it computes int64 in 32 bits, and returns int64 all
-# the same; bytes end at 0. opencv-python-headless 5.0.0.93 has the first number, too. onnxruntime 1.32.0 is right in
-# both.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check openvino==2026.4.1 onnxruntime==1.32.0 \
+# An ONNX graph adds 1 to int64 numbers, as times and ids are, and another takes 10 from bytes.
+# Guessed: 3,000,000,001, and as in NumPy 251 for 5 - 10.
+# Measured on 2026-11-28 with openvino 2026.4.1 on a CPU: -1,294,967,295, since it computes int64 in 32 bits, and
+# returns int64 all the same; bytes end at 0. opencv-python-headless 5.0.0.93 has the first number, too. onnxruntime
+# 1.32.0 is right in both.
+. "$(dirname "$0")/common.sh"
+install openvino==2026.4.1 onnxruntime==1.32.0 \
     onnx==1.23.2 \
     opencv-python-headless==5.0.0.93 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+python - <<'PYTHON'
 import io
 from importlib.metadata import version
 

@@ -1,15 +1,12 @@
 #!/bin/sh
-# NaN goes through Relu, Clip and Max of an ONNX file. Guessed: it stays NaN, as in onnxruntime, NumPy and torch.
-# Measured with openvino 2026.4.1 on a CPU: Relu, Clip from 0 to 1 and Max with the constant 0 make 0 of it, so a network
-# that has failed looks like one that has found nothing. Sigmoid keeps it.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check openvino==2026.4.1 onnx==1.22.0 \
+# NaN goes through Relu, Clip and Max of an ONNX file.
+# Guessed: it stays NaN, as in onnxruntime, NumPy and torch.
+# Measured on 2026-11-28 with openvino 2026.4.1 on a CPU: Relu, Clip from 0 to 1 and Max with the constant 0 make 0 of
+# it, so a network that has failed looks like one that has found nothing. Sigmoid keeps it.
+. "$(dirname "$0")/common.sh"
+install openvino==2026.4.1 onnx==1.22.0 \
     onnxruntime==1.31.1 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" -W ignore - <<'PYTHON'
+python -W ignore - <<'PYTHON'
 import importlib.metadata
 
 import numpy as np

@@ -1,16 +1,13 @@
 #!/bin/sh
 # ONNX's Resize makes a picture of stripes smaller with antialias=1, as exports of torch and preprocessing graphs do.
 # Guessed: OpenVINO has the values of onnxruntime to 1e-4.
-# Measured with openvino 2026.4.1 on a CPU: it leaves antialias out in silence, for linear and cubic, and answers as with
-# antialias=0: stripes of 0 and 1 that become nearly even stay stripes, .5 off. Larger pictures are equal.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check openvino==2026.4.1 onnx==1.22.0 \
+# Measured on 2026-11-28 with openvino 2026.4.1 on a CPU: it leaves antialias out in silence, for linear and cubic,
+# and answers as with antialias=0: stripes of 0 and 1 that become nearly even stay stripes, .5 off. Larger pictures
+# are equal.
+. "$(dirname "$0")/common.sh"
+install openvino==2026.4.1 onnx==1.22.0 \
     onnxruntime==1.31.1 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" -W ignore - <<'PYTHON'
+python -W ignore - <<'PYTHON'
 import importlib.metadata
 
 import numpy as np

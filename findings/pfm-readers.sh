@@ -1,16 +1,12 @@
 #!/bin/sh
-# A PFM file of depth has a scale of -2, whose sign states the order of bytes, and its rows from below. Guessed: readers
-# leave the size of the scale out, and put the first row on top.
-# Measured: Pillow 13.0.0 does. OpenCV 5.0.0 divides by 2, OpenImageIO 3.2.2.0 multiplies by 2. OpenImageIO has the
-# picture upside down, also for a scale of -1.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check pillow==13.0.0 opencv-python-headless==5.0.0.93 \
+# A PFM file of depth has a scale of -2, whose sign states the order of bytes, and its rows from below.
+# Guessed: readers leave the size of the scale out, and put the first row on top.
+# Measured on 2026-11-28: Pillow 13.0.0 does. OpenCV 5.0.0 divides by 2, OpenImageIO 3.2.2.0 multiplies by 2.
+# OpenImageIO has the picture upside down, also for a scale of -1.
+. "$(dirname "$0")/common.sh"
+install pillow==13.0.0 opencv-python-headless==5.0.0.93 \
     openimageio==3.2.2.0 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+python - <<'PYTHON'
 import cv2
 import numpy as np
 import OpenImageIO

@@ -1,14 +1,12 @@
 #!/bin/sh
-# The body of an MJCF model has a free joint, stands 3 m up and is turned by 90 degrees. Guessed: for MuJoCo's
-# coordinates, Pinocchio has the body where MuJoCo has it, as it does where the body is not turned.
-# Measured with pin 4.1.0: a turned body is moved by a constant, its place minus its place turned; an unturned one is not.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check pin==4.1.0 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# The body of an MJCF model has a free joint, stands 3 m up and is turned by 90 degrees.
+# Guessed: for MuJoCo's coordinates, Pinocchio has the body where MuJoCo has it, as it does where the body is not
+# turned.
+# Measured on 2026-11-28 with pin 4.1.0: a turned body is moved by a constant, its place minus its place turned; an
+# unturned one is not.
+. "$(dirname "$0")/common.sh"
+install pin==4.1.0 numpy==2.4.6
+python - <<'PYTHON'
 import importlib.metadata
 
 import numpy as np

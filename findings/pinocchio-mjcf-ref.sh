@@ -1,15 +1,13 @@
 #!/bin/sh
-# An MJCF model has a body with two hinges, and another with one. Each hinge rests at `ref`, so the pose of the file has
-# coordinates other than 0. Guessed: Pinocchio has MuJoCo's poses for MuJoCo's coordinates, or refuses `ref`.
-# Measured with pin 4.1.0: of the single hinge it does. Of two hinges in one body it leaves `ref` out in silence, so the
-# foot is .52 m beside its place, and the second hinge has no name: the joint is called Composite_ and the first.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check pin==4.1.0 mujoco==4.0.0 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# An MJCF model has a body with two hinges, and another with one. Each hinge rests at `ref`, so the pose of the file
+# has coordinates other than 0.
+# Guessed: Pinocchio has MuJoCo's poses for MuJoCo's coordinates, or refuses `ref`.
+# Measured on 2026-11-28 with pin 4.1.0: of the single hinge it does. Of two hinges in one body it leaves `ref` out in
+# silence, so the foot is .52 m beside its place, and the second hinge has no name: the joint is called Composite_ and
+# the first.
+. "$(dirname "$0")/common.sh"
+install pin==4.1.0 mujoco==4.0.0 numpy==2.4.6
+python - <<'PYTHON'
 import importlib.metadata
 
 import mujoco

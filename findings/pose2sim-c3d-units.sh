@@ -1,18 +1,13 @@
 #!/bin/sh
-# Pose2Sim converts a C3D of 59.94 frames per second, in mm, to TRC: a marker is at 1700 mm in all of them. Guessed:
-# the TRC has 1700 with the unit mm, or 1.7 with m, and the rate of the file.
-# Measured with pose2sim 0.10.49: 1.7 with the unit mm, so readers that obey the unit, as OpenSim does, see a person
-# of 1.7 mm. The rate is cut to 59, and times with it: the last frame is at 10.17 s in place of 9.99 s. `trc_scale`
-# leaves the unit as it was, too.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-pip="$folder/venv/bin/pip install --quiet --disable-pip-version-check"
-$pip c3d==0.6.0 ezc3d==1.7.2 pandas==3.1.1 numpy==2.4.6
-$pip --no-deps pose2sim==0.10.49
-cd "$folder"
-"$folder/venv/bin/python" -W ignore - <<'PYTHON'
+# Pose2Sim converts a C3D of 59.94 frames per second, in mm, to TRC: a marker is at 1700 mm in all of them.
+# Guessed: the TRC has 1700 with the unit mm, or 1.7 with m, and the rate of the file.
+# Measured on 2026-11-29 with pose2sim 0.10.49: 1.7 with the unit mm, so readers that obey the unit, as OpenSim does,
+# see a person of 1.7 mm. The rate is cut to 59, and times with it: the last frame is at 10.17 s in place of 9.99 s.
+# `trc_scale` leaves the unit as it was, too.
+. "$(dirname "$0")/common.sh"
+install c3d==0.6.0 ezc3d==1.7.2 pandas==3.1.1 numpy==2.4.6
+install --no-deps pose2sim==0.10.49
+python -W ignore - <<'PYTHON'
 import importlib.metadata
 import importlib.util
 import sys

@@ -1,17 +1,14 @@
 #!/bin/sh
-# Pose2Sim converts EasyMocap's intri.yml and extri.yml to its Calib.toml. Expected: five coefficients of distortion
-# arrive, or an error. Measured with pose2sim 0.10.49: the fifth, k3, is left out without a warning. With k3 = 0.2 the
-# corner of the picture moves by 53 px. The size that the file states is not read, but is twice the principal point, as
-# a comment of its source says.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-pip="$folder/venv/bin/pip install --quiet --disable-pip-version-check"
-$pip numpy==2.4.6 scipy==1.17.1 pandas==3.1.1 matplotlib==3.11.2 opencv-python-headless==5.0.0.93 \
+# Pose2Sim converts EasyMocap's intri.yml and extri.yml to its Calib.toml.
+# Guessed: five coefficients of distortion arrive, or an error.
+# Measured on 2026-11-27 with pose2sim 0.10.49: the fifth, k3, is left out without a warning. With k3 = 0.2 the corner
+# of the picture moves by 53 px. The size that the file states is not read, but is twice the principal point, as a
+# comment of its source says.
+. "$(dirname "$0")/common.sh"
+install numpy==2.4.6 scipy==1.17.1 pandas==3.1.1 matplotlib==3.11.2 opencv-python-headless==5.0.0.93 \
     rtoml==0.14.0 lxml==6.1.3 c3d==0.6.0 anytree==2.13.0 tqdm==4.70.1
-$pip --no-deps pose2sim==0.10.49
-"$folder/venv/bin/python" - "$folder" <<'PYTHON' 2>"$folder/log" || { cat "$folder/log" >&2; exit 1; }
+install --no-deps pose2sim==0.10.49
+python - "$folder" <<'PYTHON' 2>"$folder/log" || { cat "$folder/log" >&2; exit 1; }
 import sys
 import tomllib
 from importlib.metadata import version

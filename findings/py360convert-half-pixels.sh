@@ -1,16 +1,14 @@
 #!/bin/sh
 # A panorama whose pixels hold their own directions becomes a perspective picture of 90 degrees, 8 px wide, and a cube
-# and a panorama again. Guessed: the middle of the first pixel lies half a pixel inside of the border, and the
-# panorama comes back in its place.
-# Measured with py360convert 1.0.4: the middle of the first pixel lies on the border, so a pixel is 1/7 of the width,
-# and the focal length is 3.5 px in place of 4. Through a cube the panorama is shifted by half a pixel to the side.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check py360convert==1.0.4 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# and a panorama again.
+# Guessed: the middle of the first pixel lies half a pixel inside of the border, and the panorama comes back in its
+# place.
+# Measured on 2026-11-28 with py360convert 1.0.4: the middle of the first pixel lies on the border, so a pixel is 1/7
+# of the width, and the focal length is 3.5 px in place of 4. Through a cube the panorama is shifted by half a pixel
+# to the side.
+. "$(dirname "$0")/common.sh"
+install py360convert==1.0.4 numpy==2.4.6
+python - <<'PYTHON'
 import importlib.metadata
 
 import numpy as np

@@ -1,16 +1,14 @@
 #!/bin/sh
 # An MJCF model turns a thigh by euler="0 -90 0", and limits its hinge to -45 to 45, both in degrees, which is MJCF's
-# own unit. Guessed: readers have the knee where MuJoCo has it, and a limit of .785 rad.
-# Measured with pybullet 3.2.7 and kinpy 0.6.1, against mujoco 4.0.0: both leave `euler` and `axisangle` out in
-# silence, so the knee hangs down in place of ahead. PyBullet's limit is 45 rad, seven turns. `quat` is right in both.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check pybullet==3.2.7 kinpy==0.6.1 \
+# own unit.
+# Guessed: readers have the knee where MuJoCo has it, and a limit of .785 rad.
+# Measured on 2026-11-29 with pybullet 3.2.7 and kinpy 0.6.1, against mujoco 4.0.0: both leave `euler` and `axisangle`
+# out in silence, so the knee hangs down in place of ahead. PyBullet's limit is 45 rad, seven turns. `quat` is right
+# in both.
+. "$(dirname "$0")/common.sh"
+install pybullet==3.2.7 kinpy==0.6.1 \
     mujoco==4.0.0 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" -W ignore - <<'PYTHON'
+python -W ignore - <<'PYTHON'
 import importlib.metadata
 from pathlib import Path
 

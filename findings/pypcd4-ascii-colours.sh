@@ -1,15 +1,12 @@
 #!/bin/sh
-# pypcd4 writes points with colours to PCD in each of its encodings, and reads them again. Guessed: the same colours.
-# Measured with pypcd4 1.5.1: they are, in the binary encodings. In ASCII all are black, in silence: it stores a colour
-# as the bits of a float, as PCL does, which is below 1e-37, and writes ten decimals.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check pypcd4==1.5.1 python-neo-lzf==0.3.5 \
+# pypcd4 writes points with colours to PCD in each of its encodings, and reads them again.
+# Guessed: the same colours.
+# Measured on 2026-11-29 with pypcd4 1.5.1: they are, in the binary encodings. In ASCII all are black, in silence: it
+# stores a colour as the bits of a float, as PCL does, which is below 1e-37, and writes ten decimals.
+. "$(dirname "$0")/common.sh"
+install pypcd4==1.5.1 python-neo-lzf==0.3.5 \
     pydantic==2.14.4 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" -W error - <<'PYTHON'
+python -W error - <<'PYTHON'
 import numpy as np
 import pypcd4
 from pypcd4 import Encoding, PointCloud

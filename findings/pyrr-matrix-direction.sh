@@ -1,15 +1,12 @@
 #!/bin/sh
 # Pyrr turns a hand at y = 1 by a positive angle about x: by a quaternion, by the matrix of that angle, and by the
-# matrix of that quaternion, each with `turn * vector`. Guessed: all turn it towards +z, by the right-hand rule.
-# Measured with pyrr 0.10.3: the quaternion does, and both matrices turn it towards -z, in silence: a quaternion and
-# its own matrix are opposite turns. A product of matrix and vector takes the vector for a row.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check pyrr==0.10.3 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" -W ignore - <<'PYTHON'
+# matrix of that quaternion, each with `turn * vector`.
+# Guessed: all turn it towards +z, by the right-hand rule.
+# Measured on 2026-11-29 with pyrr 0.10.3: the quaternion does, and both matrices turn it towards -z, in silence: a
+# quaternion and its own matrix are opposite turns. A product of matrix and vector takes the vector for a row.
+. "$(dirname "$0")/common.sh"
+install pyrr==0.10.3 numpy==2.4.6
+python -W ignore - <<'PYTHON'
 import importlib.metadata
 
 from pyrr import Matrix33, Quaternion, Vector3

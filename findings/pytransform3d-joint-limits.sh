@@ -1,14 +1,10 @@
 #!/bin/sh
-# A joint of a URDF has limits of -1 and 1 rad, and the pose of a person has it at 2.5 rad. Guessed: pytransform3d
-# takes 2.5, or refuses it.
-# Measured with pytransform3d 3.17.0: it sets 1 rad in silence.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check pytransform3d==3.17.0 numpy==2.4.6 scipy==1.17.1
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# A joint of a URDF has limits of -1 and 1 rad, and the pose of a person has it at 2.5 rad.
+# Guessed: pytransform3d takes 2.5, or refuses it.
+# Measured on 2026-11-28 with pytransform3d 3.17.0: it sets 1 rad in silence.
+. "$(dirname "$0")/common.sh"
+install pytransform3d==3.17.0 numpy==2.4.6 scipy==1.17.1
+python - <<'PYTHON'
 import importlib.metadata
 
 import numpy as np

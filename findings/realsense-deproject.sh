@@ -1,17 +1,14 @@
 #!/bin/sh
-# RealSense's library turns a pixel and its depth into a point, and projects the point again, for each of its models of
-# distortion, with valid coefficients. Guessed: the pixel comes back.
-# Measured with pyrealsense2 2.59.1.11053: not for two of them, in silence. For modified_brown_conrady,
-# `rs2_deproject_pixel_to_point` leaves the distortion out, which is 12 px here; for ftheta it divides by an arctangent
-# where the model has twice a tangent, which is 61 px. The models none, brown_conrady, inverse_brown_conrady and
-# kannala_brandt4 come back.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check pyrealsense2==2.59.1.11053 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# RealSense's library turns a pixel and its depth into a point, and projects the point again, for each of its models
+# of distortion, with valid coefficients.
+# Guessed: the pixel comes back.
+# Measured on 2026-11-29 with pyrealsense2 2.59.1.11053: not for two of them, in silence. For modified_brown_conrady,
+# `rs2_deproject_pixel_to_point` leaves the distortion out, which is 12 px here; for ftheta it divides by an
+# arctangent where the model has twice a tangent, which is 61 px. The models none, brown_conrady,
+# inverse_brown_conrady and kannala_brandt4 come back.
+. "$(dirname "$0")/common.sh"
+install pyrealsense2==2.59.1.11053 numpy==2.4.6
+python - <<'PYTHON'
 import importlib.metadata
 
 import numpy as np

@@ -1,17 +1,14 @@
 #!/bin/sh
 # RealSense's library makes points of a depth map, 2 m away everywhere, and writes them as PLY. No camera is needed:
-# its software device takes the map. Guessed: the file has the points of `get_vertices`, x right, y down, z ahead.
-# Measured with pyrealsense2 2.59.1.11053: the file has y up and z back, so the wall is at z = -2 m, by `export_to_ply`
-# and by `save_to_ply`. Poses and boxes in the frame of the camera do not fit it. Pixels without depth are left out,
-# so the number of a point is not that of its pixel.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check pyrealsense2==2.59.1.11053 trimesh==5.2.0 \
+# its software device takes the map.
+# Guessed: the file has the points of `get_vertices`, x right, y down, z ahead.
+# Measured on 2026-11-29 with pyrealsense2 2.59.1.11053: the file has y up and z back, so the wall is at z = -2 m, by
+# `export_to_ply` and by `save_to_ply`. Poses and boxes in the frame of the camera do not fit it. Pixels without depth
+# are left out, so the number of a point is not that of its pixel.
+. "$(dirname "$0")/common.sh"
+install pyrealsense2==2.59.1.11053 trimesh==5.2.0 \
     numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+python - <<'PYTHON'
 import importlib.metadata
 
 import numpy as np

@@ -1,16 +1,13 @@
 #!/bin/sh
 # A depth map of 2000 and 3000 mm is sent as a compressed image of ROS, a PNG of 16 bits ("16UC1; png compressed"), as
-# ROS' own transport writes it. Guessed: rosbags-image returns 2000 and 3000 in 16 bits, or refuses it.
-# Measured with rosbags-image 0.10.4 and OpenCV 5.0.0: 7 and 11 in 8 bits, in silence. If 16 bits are asked for
-# (color_space="mono16"), OpenCV refuses it for its number of channels.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check rosbags-image==0.10.4 rosbags==0.11.9 \
+# ROS' own transport writes it.
+# Guessed: rosbags-image returns 2000 and 3000 in 16 bits, or refuses it.
+# Measured on 2026-11-29 with rosbags-image 0.10.4 and OpenCV 5.0.0: 7 and 11 in 8 bits, in silence. If 16 bits are
+# asked for (color_space="mono16"), OpenCV refuses it for its number of channels.
+. "$(dirname "$0")/common.sh"
+install rosbags-image==0.10.4 rosbags==0.11.9 \
     opencv-python-headless==5.0.0.93 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" -W ignore - <<'PYTHON'
+python -W ignore - <<'PYTHON'
 import importlib.metadata
 
 import cv2

@@ -1,16 +1,13 @@
 #!/bin/sh
 # An image message of ROS, 3 x 2 px of one byte, has rows of 4 bytes (step 4), as drivers pad them; its pixels are 1
-# to 3 and 4 to 6. Guessed: rosbags-image returns these, or refuses the padding.
-# Measured with rosbags-image 0.10.4: it returns 1, 2, 3 and 0, 4, 5, in silence: it does not read `step`, so each row
-# is shifted by one pixel more.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check rosbags-image==0.10.4 rosbags==0.11.9 \
+# to 3 and 4 to 6.
+# Guessed: rosbags-image returns these, or refuses the padding.
+# Measured on 2026-11-29 with rosbags-image 0.10.4: it returns 1, 2, 3 and 0, 4, 5, in silence: it does not read
+# `step`, so each row is shifted by one pixel more.
+. "$(dirname "$0")/common.sh"
+install rosbags-image==0.10.4 rosbags==0.11.9 \
     opencv-python-headless==5.0.0.93 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" -W ignore - <<'PYTHON'
+python -W ignore - <<'PYTHON'
 import importlib.metadata
 
 import numpy as np

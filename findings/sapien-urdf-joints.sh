@@ -1,15 +1,12 @@
 #!/bin/sh
 # SAPIEN reads a URDF of a body with two legs of two joints each, with limits of effort and velocity.
 # Guessed: the active joints have the order of the file, and the limit of effort is the limit of force.
-# Measured with sapien 3.0.3: the order is breadth-first (hips, then knees), so angles in the order of the file are those
-# of other joints, and the limits of effort and velocity are left out: the limit of force is 3.4e38.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check sapien==3.0.3 numpy==2.4.6 setuptools==80.9.0
-cd "$folder"
-"$folder/venv/bin/python" -W ignore - <<'PYTHON'
+# Measured on 2026-11-27 with sapien 3.0.3: the order is breadth-first (hips, then knees), so angles in the order of
+# the file are those of other joints, and the limits of effort and velocity are left out: the limit of force is
+# 3.4e38.
+. "$(dirname "$0")/common.sh"
+install sapien==3.0.3 numpy==2.4.6 setuptools==80.9.0
+python -W ignore - <<'PYTHON'
 import importlib.metadata
 
 import sapien

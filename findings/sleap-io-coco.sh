@@ -1,15 +1,12 @@
 #!/bin/sh
-# sleap-io loads COCO keypoints of a person with box and mask, and saves them as COCO. One keypoint is hidden (visibility 1).
+# sleap-io loads COCO keypoints of a person with box and mask, and saves them as COCO. One keypoint is hidden
+# (visibility 1).
 # Guessed: visibility, box and mask come back.
-# Measured with sleap-io 0.9.5: visibility 1 becomes 2, the box and the area are those around the keypoints, and the mask is
-# left out. It reports none of them. A keypoint that is not known (0) comes back as 0.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check sleap-io==0.9.5 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" -W ignore - <<'PYTHON'
+# Measured on 2026-11-28 with sleap-io 0.9.5: visibility 1 becomes 2, the box and the area are those around the
+# keypoints, and the mask is left out. It reports none of them. A keypoint that is not known (0) comes back as 0.
+. "$(dirname "$0")/common.sh"
+install sleap-io==0.9.5 numpy==2.4.6
+python -W ignore - <<'PYTHON'
 import json
 
 import sleap_io

@@ -1,13 +1,11 @@
 #!/bin/sh
-# A PLY of six splats, each with a label of its own (a property "label"), is converted by PlayCanvas' splat-transform to
-# other formats and back. Guessed: the splats keep their order, so a list of labels beside the file still fits.
-# Measured with @playcanvas/splat-transform 2.7.1: PLY, CSV and SPZ keep the order, compressed PLY and SOG sort the
-# splats by place, in silence. The label is kept in PLY and CSV alone.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-cd "$folder"
-npm install --silent --no-audit --no-fund @playcanvas/splat-transform@2.7.1 > npm.log 2>&1
+# A PLY of six splats, each with a label of its own (a property "label"), is converted by PlayCanvas' splat-transform
+# to other formats and back.
+# Guessed: the splats keep their order, so a list of labels beside the file still fits.
+# Measured on 2026-11-28 with @playcanvas/splat-transform 2.7.1: PLY, CSV and SPZ keep the order, compressed PLY and
+# SOG sort the splats by place, in silence. The label is kept in PLY and CSV alone.
+. "$(dirname "$0")/common.sh"
+install_npm @playcanvas/splat-transform@2.7.1
 cat > make.mjs <<'NODE'
 import { writeFileSync } from "node:fs";
 

@@ -1,13 +1,11 @@
 #!/bin/sh
-# Splats of a scene in the coordinates of a map lie up to 5 km from its origin. PlayCanvas' splat-transform writes them
-# as SPZ, which stores places in 24 bits with 12 bits of fraction, so up to 2048 m. Guessed: what does not fit is
-# refused, or ends at 2048 m.
-# Measured with @playcanvas/splat-transform 2.7.1: 3000 m becomes -1096 m, and -5000.25 m becomes -904.25 m, in silence.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-cd "$folder"
-npm install --silent --no-audit --no-fund @playcanvas/splat-transform@2.7.1 > npm.log 2>&1
+# Splats of a scene in the coordinates of a map lie up to 5 km from its origin. PlayCanvas' splat-transform writes
+# them as SPZ, which stores places in 24 bits with 12 bits of fraction, so up to 2048 m.
+# Guessed: what does not fit is refused, or ends at 2048 m.
+# Measured on 2026-11-29 with @playcanvas/splat-transform 2.7.1: 3000 m becomes -1096 m, and -5000.25 m becomes
+# -904.25 m, in silence.
+. "$(dirname "$0")/common.sh"
+install_npm @playcanvas/splat-transform@2.7.1
 cat > write.mjs <<'NODE'
 import { writeFileSync } from "node:fs";
 

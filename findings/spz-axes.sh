@@ -1,18 +1,14 @@
 #!/bin/sh
 # A PLY of splats, in which y is down, has one at x, y, z = .5, 1, 2. Two libraries make an SPZ of it, whose format
-# has y up and z back, and PlayCanvas' splat-transform, which obeys that, reads both. Guessed: the splat is at
-# .5, 1, 2 again.
-# Measured with gsply 0.4.6, gaussforge 0.6.0 and @playcanvas/splat-transform 2.7.1: it is at .5, -1, -2, in silence:
-# the scene is upside down, and behind the camera. Both libraries store the numbers of the PLY as they are, and read
-# their own files alike.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check gsply==0.4.6 gaussforge==0.6.0 numpy==2.4.6
-cd "$folder"
-npm install --silent --no-audit --no-fund @playcanvas/splat-transform@2.7.1 > npm.log 2>&1
-"$folder/venv/bin/python" -W ignore - <<'PYTHON'
+# has y up and z back, and PlayCanvas' splat-transform, which obeys that, reads both.
+# Guessed: the splat is at .5, 1, 2 again.
+# Measured on 2026-11-29 with gsply 0.4.6, gaussforge 0.6.0 and @playcanvas/splat-transform 2.7.1: it is at .5, -1,
+# -2, in silence: the scene is upside down, and behind the camera. Both libraries store the numbers of the PLY as they
+# are, and read their own files alike.
+. "$(dirname "$0")/common.sh"
+install gsply==0.4.6 gaussforge==0.6.0 numpy==2.4.6
+install_npm @playcanvas/splat-transform@2.7.1
+python -W ignore - <<'PYTHON'
 import importlib.metadata
 import subprocess
 from pathlib import Path

@@ -1,17 +1,13 @@
 #!/bin/sh
 # The root of a BVH file has an OFFSET of 1 m in height, and channels of position that say 1 m, too, as many exporters
-# write it. Guessed: three.js puts the root 1 m high, since a position replaces the OFFSET, as Blender and bvhio have
-# it.
-# Measured with three 0.187.0 and bvhio 1.5.4: three.js adds both, so the person floats 1 m above the floor (root at 2
-# m); bvhio has 1 m.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check bvhio==1.5.4 pyglm==2.8.2 spatial-transform==1.3.3 \
+# write it.
+# Guessed: three.js puts the root 1 m high, since a position replaces the OFFSET, as Blender and bvhio have it.
+# Measured on 2026-11-28 with three 0.187.0 and bvhio 1.5.4: three.js adds both, so the person floats 1 m above the
+# floor (root at 2 m); bvhio has 1 m.
+. "$(dirname "$0")/common.sh"
+install bvhio==1.5.4 pyglm==2.8.2 spatial-transform==1.3.3 \
     numpy==2.4.6
-cd "$folder"
-npm install --silent --no-audit --no-fund three@0.187.0 > npm.log 2>&1
+install_npm three@0.187.0
 cat > body.bvh <<'BVH'
 HIERARCHY
 ROOT Hips
@@ -53,7 +49,7 @@ if (Math.abs(height - 2) > 1e-5) {
 }
 NODE
 node look.mjs
-"$folder/venv/bin/python" - <<'PYTHON'
+python - <<'PYTHON'
 import importlib.metadata
 
 import bvhio

@@ -1,13 +1,12 @@
 #!/bin/sh
 # A skinned mesh of three.js is posed: its one bone stands 5 m aside, and so does what is seen. Four exporters write
-# the scene. Guessed: all write the pose, or refuse a skin that the format does not have.
-# Measured with three 0.187.0: STLExporter alone writes the pose. OBJExporter, PLYExporter and USDZExporter write the
-# mesh as it was bound, at 0, without a warning; USDZ has no skeleton either, though the format has them.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-cd "$folder"
-npm install --silent --no-audit --no-fund three@0.187.0 > npm.log 2>&1
+# the scene.
+# Guessed: all write the pose, or refuse a skin that the format does not have.
+# Measured on 2026-11-29 with three 0.187.0: STLExporter alone writes the pose. OBJExporter, PLYExporter and
+# USDZExporter write the mesh as it was bound, at 0, without a warning; USDZ has no skeleton either, though the format
+# has them.
+. "$(dirname "$0")/common.sh"
+install_npm three@0.187.0
 cat > look.mjs <<'NODE'
 import * as THREE from "three";
 import { OBJExporter } from "three/examples/jsm/exporters/OBJExporter.js";

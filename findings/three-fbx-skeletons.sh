@@ -1,14 +1,11 @@
 #!/bin/sh
 # An FBX file has two skeletons whose joints have the same names, each with an animation of its own: person_0 moves to
-# x = 2, person_1 to x = 8. three.js loads the file and plays both. Guessed: each skeleton does its own motion, as in
-# Blender and FBX2glTF.
-# Measured with three 0.187.0: animations find joints by their names, and both are those of the first skeleton: it does the
-# mean of both motions (x = 5), and the second stays as it was. It says nothing.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-cd "$folder"
-npm install --silent --no-audit --no-fund three@0.187.0 > npm.log 2>&1
+# x = 2, person_1 to x = 8. three.js loads the file and plays both.
+# Guessed: each skeleton does its own motion, as in Blender and FBX2glTF.
+# Measured on 2026-11-28 with three 0.187.0: animations find joints by their names, and both are those of the first
+# skeleton: it does the mean of both motions (x = 5), and the second stays as it was. It says nothing.
+. "$(dirname "$0")/common.sh"
+install_npm three@0.187.0
 cat > look.mjs <<'NODE'
 import { AnimationMixer, REVISION, Vector3 } from "three";
 import { FBXLoader } from "three/addons/loaders/FBXLoader.js";

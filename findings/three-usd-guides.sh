@@ -1,12 +1,10 @@
 #!/bin/sh
 # A USD stage has a body, a collider of purpose "guide", which viewers do not draw, and a mesh with visibility
-# "invisible". Guessed: three.js shows the body alone, as OpenUSD's default asks for.
-# Measured with three 0.187.0: it shows all three, in silence.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-cd "$folder"
-npm install --silent --no-audit --no-fund three@0.187.0 > npm.log 2>&1
+# "invisible".
+# Guessed: three.js shows the body alone, as OpenUSD's default asks for.
+# Measured on 2026-11-29 with three 0.187.0: it shows all three, in silence.
+. "$(dirname "$0")/common.sh"
+install_npm three@0.187.0
 cat > look.mjs <<'NODE'
 import * as THREE from "three";
 import { USDLoader } from "three/addons/loaders/USDLoader.js";

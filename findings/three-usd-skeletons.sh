@@ -1,17 +1,15 @@
 #!/bin/sh
 # A USD triangle hangs on one joint, which a SkelAnimation places at x = 3. It is read with that pose as a default
 # value, and as time samples; then with the skeleton 9 m above, and with the mesh 9 m above, which the skeleton
-# overrides. Guessed: three.js has the triangle where OpenUSD has it.
-# Measured with three 0.187.0 and usd-core 26.11: for time samples it does. A pose without them is left out, so the
-# triangle stays at x = 0; the place of the skeleton is left out; that of the mesh is added. It says nothing.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check usd-core==26.11 numpy==2.4.6
-cd "$folder"
-npm install --silent --no-audit --no-fund three@0.187.0 > npm.log 2>&1
-"$folder/venv/bin/python" - <<'PYTHON'
+# overrides.
+# Guessed: three.js has the triangle where OpenUSD has it.
+# Measured on 2026-11-29 with three 0.187.0 and usd-core 26.11: for time samples it does. A pose without them is left
+# out, so the triangle stays at x = 0; the place of the skeleton is left out; that of the mesh is added. It says
+# nothing.
+. "$(dirname "$0")/common.sh"
+install usd-core==26.11 numpy==2.4.6
+install_npm three@0.187.0
+python - <<'PYTHON'
 from pathlib import Path
 
 from pxr import Gf, Usd, UsdGeom, UsdSkel

@@ -1,17 +1,13 @@
 #!/bin/sh
 # A USD mesh has a point at 1, 2, 3. It is turned by rotateXYZ or rotateZYX, of which programs write the one that fits
-# their joints, or moved by two translations, one of which has a name of its own. Guessed: three.js has OpenUSD's
-# places.
-# Measured with three 0.187.0 and usd-core 26.11: for rotateXYZ it does. rotateZYX is left out, and so is the second
-# translation, in silence.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check usd-core==26.11
-cd "$folder"
-npm install --silent --no-audit --no-fund three@0.187.0 > npm.log 2>&1
-"$folder/venv/bin/python" - <<'PYTHON'
+# their joints, or moved by two translations, one of which has a name of its own.
+# Guessed: three.js has OpenUSD's places.
+# Measured on 2026-11-29 with three 0.187.0 and usd-core 26.11: for rotateXYZ it does. rotateZYX is left out, and so
+# is the second translation, in silence.
+. "$(dirname "$0")/common.sh"
+install usd-core==26.11
+install_npm three@0.187.0
+python - <<'PYTHON'
 from pathlib import Path
 
 from pxr import Gf, Usd, UsdGeom

@@ -1,16 +1,12 @@
 #!/bin/sh
-# A grey TIFF states that 0 is white (WhiteIsZero), as scanners and masks do; one has 8 bits, the other 16. Guessed:
-# Pillow and OpenCV turn both around, and tifffile returns what is stored.
-# Measured with Pillow 13.0.0 and OpenCV 5.0.0: they turn 8 bits around, and leave 16 bits as stored, so the same
-# picture is a negative in one of both. tifffile 2026.3.3 turns none around.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check pillow==13.0.0 opencv-python-headless==5.0.0.93 \
+# A grey TIFF states that 0 is white (WhiteIsZero), as scanners and masks do; one has 8 bits, the other 16.
+# Guessed: Pillow and OpenCV turn both around, and tifffile returns what is stored.
+# Measured on 2026-11-28 with Pillow 13.0.0 and OpenCV 5.0.0: they turn 8 bits around, and leave 16 bits as stored, so
+# the same picture is a negative in one of both. tifffile 2026.3.3 turns none around.
+. "$(dirname "$0")/common.sh"
+install pillow==13.0.0 opencv-python-headless==5.0.0.93 \
     tifffile==2026.3.3 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+python - <<'PYTHON'
 import cv2
 import numpy as np
 import PIL

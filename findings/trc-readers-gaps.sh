@@ -1,18 +1,14 @@
 #!/bin/sh
 # A TRC file of two markers; in the second frame the first, the head, was not seen, so its three cells are empty, as
-# the format has it. Guessed: readers have no head there, or NaN, and the foot in its place.
-# Measured with trc-data-reader 0.4.1 and nimblephysics 0.10.52.1: both read cells between spaces, so the head has the
-# place of the foot, and the foot is missing, in silence. trc-data-reader writes such files itself. nimblephysics
-# states 150 frames per second for three frames of 100, too.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-pip="$folder/venv/bin/pip install --quiet --disable-pip-version-check"
-$pip trc-data-reader==0.4.1 c3d==0.6.0 numpy==2.4.6
-$pip --no-deps nimblephysics==0.10.52.1
-cd "$folder"
-"$folder/venv/bin/python" -W ignore - <<'PYTHON'
+# the format has it.
+# Guessed: readers have no head there, or NaN, and the foot in its place.
+# Measured on 2026-11-29 with trc-data-reader 0.4.1 and nimblephysics 0.10.52.1: both read cells between spaces, so
+# the head has the place of the foot, and the foot is missing, in silence. trc-data-reader writes such files itself.
+# nimblephysics states 150 frames per second for three frames of 100, too.
+. "$(dirname "$0")/common.sh"
+install trc-data-reader==0.4.1 c3d==0.6.0 numpy==2.4.6
+install --no-deps nimblephysics==0.10.52.1
+python -W ignore - <<'PYTHON'
 import importlib.metadata
 from pathlib import Path
 

@@ -2,15 +2,11 @@
 # A trimesh camera has a matrix K, whose v grows downward, and `to_rays` returns a ray and a pixel for each pixel.
 # Guessed: the ray of pixel (0, 0) is that of K there, to the upper left of what the camera sees (it looks along -z,
 # with y up).
-# Measured with trimesh 5.2.0: pixel (0, 0) is the lower left one: rows count from below. Columns and half pixels
-# agree with K.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check trimesh==5.2.0 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# Measured on 2026-11-28 with trimesh 5.2.0: pixel (0, 0) is the lower left one: rows count from below. Columns and
+# half pixels agree with K.
+. "$(dirname "$0")/common.sh"
+install trimesh==5.2.0 numpy==2.4.6
+python - <<'PYTHON'
 import numpy as np
 import trimesh
 

@@ -1,15 +1,12 @@
 #!/bin/sh
 # A URDF has a body of 2 kg, and a link without <inertial> that only names a place, as frames of cameras and tips of
-# fingers are. Guessed: a library reads it, and writes it again, without a mass.
-# Measured with urchin 0.0.30: it gives the link 1 kg and moments of inertia of 1 kg m2, and writes them, in silence.
-# yourdfpy 0.0.60 leaves the link as it is.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check urchin==0.0.30 yourdfpy==0.0.60 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" -W ignore - <<'PYTHON'
+# fingers are.
+# Guessed: a library reads it, and writes it again, without a mass.
+# Measured on 2026-11-28 with urchin 0.0.30: it gives the link 1 kg and moments of inertia of 1 kg m2, and writes
+# them, in silence. yourdfpy 0.0.60 leaves the link as it is.
+. "$(dirname "$0")/common.sh"
+install urchin==0.0.30 yourdfpy==0.0.60 numpy==2.4.6
+python -W ignore - <<'PYTHON'
 import importlib.metadata
 import os
 import xml.etree.ElementTree as xml

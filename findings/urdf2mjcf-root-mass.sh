@@ -1,15 +1,11 @@
 #!/bin/sh
 # A URDF of a body with two links, each with mass and moments of inertia, is converted to MJCF.
 # Guessed: masses and moments stay, and the limit of effort limits the motor.
-# Measured with urdf2mjcf 0.2.39: the first link loses its <inertial>, so MuJoCo makes its mass of the collision shape
-# (8 kg in place of 2 kg); products of inertia are left out, with a warning; the motor has no limit.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check urdf2mjcf==0.2.39 mujoco==4.0.0 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# Measured on 2026-11-27 with urdf2mjcf 0.2.39: the first link loses its <inertial>, so MuJoCo makes its mass of the
+# collision shape (8 kg in place of 2 kg); products of inertia are left out, with a warning; the motor has no limit.
+. "$(dirname "$0")/common.sh"
+install urdf2mjcf==0.2.39 mujoco==4.0.0 numpy==2.4.6
+python - <<'PYTHON'
 import importlib.metadata
 from pathlib import Path
 

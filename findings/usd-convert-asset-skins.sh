@@ -1,16 +1,15 @@
 #!/bin/sh
-# A glTF file has two skinned triangles, each with a skeleton of its own; that of person_1 stands 10 m beside the other.
+# A glTF file has two skinned triangles, each with a skeleton of its own; that of person_1 stands 10 m beside the
+# other.
 # Guessed: NVIDIA's converter writes two skeletons to USD.
-# Measured with usd-convert-asset 1.1.0: it binds both to the first, so person_1 stands where person_0 stands, in silence,
-# whatever the names of the joints. It also writes centimetres. Its wheel needs Python 3.12, in PATH or of pyenv.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
+# Measured on 2026-11-28 with usd-convert-asset 1.1.0: it binds both to the first, so person_1 stands where person_0
+# stands, in silence, whatever the names of the joints. It also writes centimetres. Its wheel needs Python 3.12, in
+# PATH or of pyenv.
+. "$(dirname "$0")/common.sh"
 python=python3.12
 "$python" --version > /dev/null 2>&1 || python="$(pyenv prefix 3.12)/bin/python3.12"
 "$python" -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check usd-convert-asset==1.1.0 usd-core==26.11
-cd "$folder"
+install usd-convert-asset==1.1.0 usd-core==26.11
 cat > make.py <<'PYTHON'
 import base64
 import json
@@ -59,9 +58,9 @@ document = {
 with open("people.gltf", "w", encoding="utf-8") as file:
     json.dump(document, file)
 PYTHON
-"$folder/venv/bin/python" make.py
+python make.py
 "$folder/venv/bin/usd-convert-asset" -i people.gltf -o people.usdc > convert.log 2>&1
-"$folder/venv/bin/python" - <<'PYTHON'
+python - <<'PYTHON'
 import importlib.metadata
 
 from pxr import Usd, UsdGeom, UsdSkel

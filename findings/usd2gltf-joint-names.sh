@@ -1,14 +1,11 @@
 #!/bin/sh
-# A USD skeleton states `joints`, and leaves out its `jointNames` and the mesh's own `skel:joints`, which OpenUSD's schema
-# makes optional. Guessed: a converter to glTF writes the mesh without its skin.
-# Measured with usd2gltf 0.3.5: it ends with a TypeError. With both it writes mesh and skin.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check usd2gltf==0.3.5 usd-core==26.11 pygltflib==1.16.5
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# A USD skeleton states `joints`, and leaves out its `jointNames` and the mesh's own `skel:joints`, which OpenUSD's
+# schema makes optional.
+# Guessed: a converter to glTF writes the mesh without its skin.
+# Measured on 2026-11-27 with usd2gltf 0.3.5: it ends with a TypeError. With both it writes mesh and skin.
+. "$(dirname "$0")/common.sh"
+install usd2gltf==0.3.5 usd-core==26.11 pygltflib==1.16.5
+python - <<'PYTHON'
 import importlib.metadata
 
 import pygltflib

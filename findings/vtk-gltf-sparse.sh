@@ -1,15 +1,12 @@
 #!/bin/sh
-# A valid glTF mesh whose shape (morph target) is a sparse accessor, which leaves out byteOffset, 0 by the specification.
+# A valid glTF mesh whose shape (morph target) is a sparse accessor, which leaves out byteOffset, 0 by the
+# specification.
 # Guessed: VTK, which ParaView, F3D, PyVista and vedo read with, reads the mesh, perhaps without the shape.
-# Measured with vtk 9.7.2: it reports "Invalid accessor.sparse.indices.byteOffset value", and returns no mesh at all,
-# without an exception. The same shape in a plain accessor is read.
-set -eu
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-python3 -m venv "$folder/venv"
-"$folder/venv/bin/pip" install --quiet --disable-pip-version-check vtk==9.7.2 numpy==2.4.6
-cd "$folder"
-"$folder/venv/bin/python" - <<'PYTHON'
+# Measured on 2026-11-27 with vtk 9.7.2: it reports "Invalid accessor.sparse.indices.byteOffset value", and returns no
+# mesh at all, without an exception. The same shape in a plain accessor is read.
+. "$(dirname "$0")/common.sh"
+install vtk==9.7.2 numpy==2.4.6
+python - <<'PYTHON'
 import base64
 import json
 

@@ -6,9 +6,11 @@ start fast.
 
 from __future__ import annotations
 
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from physic_core.doors import DOORS
 from physic_core.errors import (
     BackendError,
     BackendNotFoundError,
@@ -115,6 +117,25 @@ _NAMES = {
 }
 _ON_FIRST_USE = {name: module for module, names in _NAMES.items() for name in names.split()}
 """Module of each name that is imported at its first use."""
+
+
+_DOORS = {
+    "export": "physic_core.export:export_reconstruction",
+    "joint_angles": "physic_core.body.joint_angles:joint_angles",
+    "joints_beside": "physic_core.body.joint_angles:joints_beside",
+    "load": "physic_core.io.results:load_reconstruction",
+    "preview": "physic_core.pictures:preview_png",
+    "report": "physic_core.io.report_file:save_report",
+    "save": "physic_core.io.results:save_reconstruction",
+}
+
+
+def _imported(target: str) -> Any:
+    module, _, name = target.partition(":")
+    return getattr(import_module(module), name)
+
+
+DOORS.update({name: partial(_imported, target) for name, target in _DOORS.items()})
 
 
 def __getattr__(name: str) -> Any:

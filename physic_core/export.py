@@ -122,8 +122,8 @@ def export_frame(level: Plane | None, up: str) -> ExportFrame:
         if level is None:
             raise InputError(
                 "z up needs the direction of gravity, and this result has neither a floor nor "
-                "edges that tell it: "
-                "use a format with --up y (y is then the camera's up axis) or --up camera"
+                "edges that tell it: use a format with --up y (y is then the camera's up axis) or "
+                "--up camera"
             )
         axes = f"x right, y forward, z up, {origin}"
         return ExportFrame(up, _Z_UP_FROM_Y_UP @ matrix, axes, notes)
@@ -207,8 +207,7 @@ def _target(path: Path, format: str | None) -> tuple[Found[ExporterRecord], Path
     if path.suffix.lower() not in kind.suffixes:
         raise ConfigError(
             f"{path} does not end in {' or '.join(kind.suffixes)}, as a file of the format "
-            f"{kind.name} must: "
-            "name another file"
+            f"{kind.name} must: name another file"
         )
     return exporter, path.parent, path.stem, path.suffix.lower()
 
@@ -244,15 +243,13 @@ def _people(
     wanted = [chosen] if isinstance(chosen, int) else list(dict.fromkeys(chosen))
     for index in wanted:
         if not 0 <= index < count:
-            there = (
-                f"people are numbered 0 to {count - 1}" if count else "this result has no people"
-            )
+            many = f"people are numbered 0 to {count - 1}: choose one of them"
+            there = ("this result has no people", "choose 0, the only one", many)[min(count, 2)]
             raise ConfigError(f"there is no person {index}: {there}")
         if person is not None and index in bodiless:
             raise ConfigError(
                 f"person {index} has no body, only a box and keypoints: the body estimator "
-                f"returned no finite values "
-                "for them; choose another person"
+                "returned no finite values for them; choose another person"
             )
     kept = tuple(index for index in wanted if index not in bodiless)
     if kind.bodies == "required" and not kept:
@@ -295,8 +292,7 @@ def _check_names(folder: Path, names: Iterable[str], overwrite: bool, photo: str
     if existing and not overwrite:
         raise OutputError(
             f"{', '.join(map(str, existing))} exists already: name another file (-o), or replace "
-            f"it with --overwrite "
-            "(overwrite=True in Python)"
+            "it with --overwrite (overwrite=True in Python)"
         )
     for path in existing:
         if path.is_symlink() or _sha256(path) in photo.split():

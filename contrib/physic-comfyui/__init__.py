@@ -19,6 +19,8 @@ from physic_core.types import partner_titles, pelvis_distance_m
 from physic_visual.panels import overlay_panel
 from physic_visual.views import build_preview_geometry
 
+NODE_DISPLAY_NAME_MAPPINGS = {"PhysicReconstruct": "PhySIC: photo to 3D people and scene"}
+
 
 @lru_cache(maxsize=1)
 def _pipeline(preset: str) -> Pipeline:
@@ -130,6 +132,7 @@ def _document(result: Reconstruction, nearest: float | None) -> dict[str, Any]:
         {
             "grade": person.grade,
             "trust": person.trust,
+            "marks": person.marks,
             "why": person.why,
             "distance_m": pelvis_distance_m(person),
             "contacts": [
@@ -154,4 +157,3 @@ def _document(result: Reconstruction, nearest: float | None) -> dict[str, Any]:
 
 
 NODE_CLASS_MAPPINGS = {"PhysicReconstruct": PhysicReconstruct}
-NODE_DISPLAY_NAME_MAPPINGS = {"PhysicReconstruct": "PhySIC: photo to 3D people and scene"}

@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Thread
 
-from physic_core.discovery.process_settings import LIMITING
+from physic_core.discovery.process_state import LIMITING
 from physic_core.errors import DeviceError
 
 DEVICE_PATTERN = re.compile(r"cpu|cuda(?::([0-9]{1,3}))?")

@@ -24,6 +24,15 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Keypoints
 
 
+SAME_PERSON = 0.2
+"""Object keypoint similarity above which two poses are of one person: on 65 labelled photos of
+people close together 134 of 140 pairs of poses of one person are, and 9 of 466 pairs of two.
+"""
+
+# Standard deviations of COCO's annotators, over the root of a person's area.
+_OKS_SIGMAS = {"nose": 0.026, "eye": 0.025, "ear": 0.035, "shoulder": 0.079, "elbow": 0.072}
+
+
 @dataclass(frozen=True)
 class Detections:
     """Detected boxes of people, best score first.
@@ -94,12 +103,6 @@ def nms(boxes: FloatArray, scores: FloatArray, overlap: float) -> NDArray[np.int
     return np.array(kept, np.intp)
 
 
-SAME_PERSON = 0.2
-"""Object keypoint similarity above which two poses are of one person: on 65 labelled photos of
-people close together 134 of 140 pairs of poses of one person are, and 9 of 466 pairs of two.
-"""
-# Standard deviations of COCO's annotators, over the root of a person's area.
-_OKS_SIGMAS = {"nose": 0.026, "eye": 0.025, "ear": 0.035, "shoulder": 0.079, "elbow": 0.072}
 _OKS_SIGMAS |= {"wrist": 0.062, "hip": 0.107, "knee": 0.087, "ankle": 0.089}
 
 

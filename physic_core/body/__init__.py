@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from physic_core.body.joints import (
     FINGER_JOINTS,
@@ -15,6 +14,7 @@ from physic_core.body.joints import (
     ROTATION_FIELDS,
     joint_pair,
 )
+from physic_core.lazy import importer
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from physic_core.body.array_pickle import as_array as as_array
     from physic_core.body.array_pickle import read_pickle as read_pickle
     from physic_core.body.arrays import BodyArrays as BodyArrays
-    from physic_core.body.body_sizes import DENSITY_KG_M3 as DENSITY_KG_M3
+    from physic_core.body.bones import head_direction as head_direction
     from physic_core.body.bones import parameters_from_rotations as parameters_from_rotations
     from physic_core.body.bones import pose_from_parameters as pose_from_parameters
     from physic_core.body.bones import rotations_from_parameters as rotations_from_parameters
@@ -73,9 +73,8 @@ __all__ = [
 _NAMES = {
     "array_pickle": "PickledObject as_array read_pickle",
     "arrays": "BodyArrays",
-    "body_sizes": "DENSITY_KG_M3",
-    "bones": "parameters_from_rotations pose_from_parameters rotations_from_parameters "
-    "rotations_from_tpose",
+    "bones": "head_direction parameters_from_rotations pose_from_parameters "
+    "rotations_from_parameters rotations_from_tpose",
     "convert.bodies": "can_convert convert_contact convert_with_residuals rest_mesh_of_model",
     "convert.correspondence": "Correspondence find_correspondence",
     "files": "MANO ModelFileLayout SMPL SMPL_PARENTS SmplBody embedded_arrays load_smpl "
@@ -86,14 +85,8 @@ _NAMES = {
     "motions": "PointMotions point_motions",
     "posture": "angle_deg legs_in_line standing_legs",
 }
-_ON_FIRST_USE = {name: module for module, names in _NAMES.items() for name in names.split()}
 
-
-def __getattr__(name: str) -> Any:
-    """Import the module of a name at its first use."""
-    if name not in _ON_FIRST_USE:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_ON_FIRST_USE[name]}"), name)
+__getattr__ = importer(__name__, _NAMES)
 
 
 def load_body(source: str | Path = "embedded", device: torch.device | str = "cpu") -> BodyModel:

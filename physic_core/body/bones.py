@@ -15,7 +15,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from physic_core.body.joints import NUM_JOINTS, PARENTS, ROTATION_FIELDS
+from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS, PARENTS, ROTATION_FIELDS
 from physic_core.errors import BodyModelError
 from physic_core.geometry.rotations import rotmat_to_rotvec
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
@@ -24,6 +24,8 @@ from physic_core.types import BodyParameters
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
+
+_HEAD = JOINT_INDEX["head"]
 
 
 def rotations_from_parameters(
@@ -49,6 +51,18 @@ def rotations_from_parameters(
         own = torch.from_numpy(np.require(value, requirements=["C", "W"]))
         columns.append(own.to(device=device, dtype=dtype).view(rows, count, 3))
     return rotvec_to_rotmat(torch.cat(columns, 1))
+
+
+def head_direction(rotations: Tensor) -> Tensor:
+    """Return the unit vectors (N, 3) in which heads look, camera frame, from the rotations
+    (N, 55, 3, 3) of joints relative to their parents.
+    """
+    direction = rotations.new_tensor([0.0, 0.0, 1.0]).expand(len(rotations), 3)
+    joint = _HEAD
+    while joint >= 0:
+        direction = (rotations[:, joint] @ direction[..., None])[..., 0]
+        joint = PARENTS[joint]
+    return direction
 
 
 def pose_from_parameters(

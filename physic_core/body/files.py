@@ -156,8 +156,7 @@ def read_model_file(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[An
     else:
         raise BodyModelError(
             f"{path} is not an .npz archive (an old .pkl file, perhaps; pickles of {layout.name} "
-            f"are never opened, "
-            f"they can run code): {layout.advice}"
+            f"are never opened, they can run code): {layout.advice}"
         )
     _check_values(path, arrays, layout)
     return arrays
@@ -259,8 +258,7 @@ def _from_pickle(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]
     except UnsafePickleError as error:
         raise BodyModelError(
             f"{path} is a pickle that asks for '{error}', which no {layout.name} file holds and "
-            f"which could run code: "
-            f"it is not opened; {layout.advice}"
+            f"which could run code: it is not opened; {layout.advice}"
         ) from error
     except InvalidArrayError as error:
         raise BodyModelError(f"{path} {error}: {layout.advice}") from error
@@ -285,7 +283,6 @@ SMPL_PARENTS = SMPL.parents
 """Parents of the 24 joints; -1 for the pelvis."""
 
 _NUM_JOINTS = 24
-_NUM_BETAS = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -362,6 +359,9 @@ def load_smpl(path: str | Path) -> SmplBody:
     return SmplBody(*(arrays[name] for name in names))
 
 
+_NUM_BETAS = 10
+
+
 def read_smpl(path: str | Path) -> dict[str, NDArray[Any]]:
     """Read a SMPL file: array name -> array (float64, indices int64), with the first 10 shape
     components.
@@ -380,10 +380,6 @@ def read_smpl(path: str | Path) -> dict[str, NDArray[Any]]:
     # The root has no parent: -1, which old files hold as 4294967295.
     tree[0, 0] = -1
     return {**arrays, "f": found["f"].astype(np.int64), "kintree_table": tree}
-
-
-_COLUMNS = {20: (10, 10), 400: (300, 100)}
-"""Number of columns of ``shapedirs`` -> numbers of shape and of expression columns."""
 
 
 def load_smplx(
@@ -413,6 +409,10 @@ def load_smplx(
 
     arrays = smplx_arrays(path, num_betas=num_betas, num_expression=num_expression)
     return build_body_model(arrays, device)
+
+
+_COLUMNS = {20: (10, 10), 400: (300, 100)}
+"""Number of columns of ``shapedirs`` -> numbers of shape and of expression columns."""
 
 
 def smplx_arrays(path: str | Path, *, num_betas: int = 10, num_expression: int = 10) -> BodyArrays:
@@ -454,10 +454,6 @@ def smplx_arrays(path: str | Path, *, num_betas: int = 10, num_expression: int =
     )
 
 
-_ASSET = "embedded.npz"
-_DIGEST = "embedded.sha256"
-
-
 def load_embedded(device: torch.device | str = "cpu") -> BodyModel:
     """Return the embedded body model, float32; callers share its tensors.
 
@@ -488,6 +484,10 @@ def embedded_arrays() -> BodyArrays:
 def _folder() -> Path:
     """Return the folder of the asset."""
     return Path(str(files("physic_core.body")))
+
+
+_ASSET = "embedded.npz"
+_DIGEST = "embedded.sha256"
 
 
 @cache

@@ -40,6 +40,16 @@ SURFACE_POINTS: tuple[str, ...] = (
 BODY_POINTS: tuple[str, ...] = (*JOINT_NAMES, *SURFACE_POINTS)
 """Names of all points that a :class:`~physic_core.types.skeletons.Skeleton` can refer to."""
 
+CONTACT_SETS: tuple[str, ...] = (
+    *(f"{side}_{name}" for name in ("sole", "foot", "hand") for side in SIDES),
+    "thighs",
+    "gluteus",
+    "back",
+)
+"""Names of the sets: soles, soles with lower half of the feet, palms and fingers, underside of
+thighs, seat, back.
+"""
+
 
 def keypoints_on_body(keypoints: Keypoints) -> Keypoints:
     """Remove the keypoints whose position on a body model is not defined by the skeleton."""
@@ -47,9 +57,6 @@ def keypoints_on_body(keypoints: Keypoints) -> Keypoints:
     if len(skeleton.fitted) == len(skeleton):
         return keypoints
     return keypoints.take(skeleton.fitted)
-
-
-_SHARES_OFF = 1e-6
 
 
 @dataclass(frozen=True)
@@ -104,20 +111,21 @@ def _blend(skeleton: Skeleton) -> tuple[Tensor, list[str]]:
     return blend, names
 
 
+_SHARES_OFF = 1e-6
+
+
 def _check_place(skeleton: str, name: str, shares: Mapping[str, float]) -> None:
     """Raise BodyModelError if a keypoint has no valid definition on the body."""
     if strange := [other for other in shares if other not in BODY_POINTS]:
         raise BodyModelError(
             f"the point {name!r} of the skeleton {skeleton!r} refers to {', '.join(strange)}, "
-            f"which no body has: "
-            f"choose among {', '.join(BODY_POINTS)}"
+            f"which no body has: choose among {', '.join(BODY_POINTS)}"
         )
     if name not in BODY_POINTS and abs(sum(shares.values()) - 1) > _SHARES_OFF:
         raise BodyModelError(
             f"the point {name!r} of the skeleton {skeleton!r} is not a point of a body, and its "
-            f"shares of body points "
-            f"sum to {sum(shares.values()):g}, not 1: state in Skeleton.on_body where it lies, or "
-            f"{{}} for nowhere"
+            f"shares of body points sum to {sum(shares.values()):g}, not 1: state in "
+            f"Skeleton.on_body where it lies, or {{}} for nowhere"
         )
 
 
@@ -161,16 +169,6 @@ class TPoseMesh:
         """(V, 3) unit outward normals."""
         return vertex_normals(self.vertices, self.faces)
 
-
-CONTACT_SETS: tuple[str, ...] = (
-    *(f"{side}_{name}" for name in ("sole", "foot", "hand") for side in SIDES),
-    "thighs",
-    "gluteus",
-    "back",
-)
-"""Names of the sets: soles, soles with lower half of the feet, palms and fingers, underside of
-thighs, seat, back.
-"""
 
 _SOLE_DEPTH = 0.02
 """Maximum height of a downward-facing sole vertex over the lowest point of the foot, metres."""
@@ -217,17 +215,6 @@ def contact_set_vertices(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
     return {name: np.flatnonzero(chosen[name]) for name in CONTACT_SETS}
 
 
-_EYE_HALF_WIDTH = 0.015
-"""Distance from the centre of an eye to its corners, metres."""
-_MOUTH_HALF_WIDTH = 0.024
-"""Distance from the centre of the mouth to its corners, metres."""
-_MOUTH_DROP = 0.85
-"""Height of the mouth below the tip of the nose, relative to the height of the eyes above it."""
-_EAR_DEPTH = 0.012
-_EAR_FORWARD = 0.012
-"""Distance from the centre of the ear's rim inwards and forwards to the ear canal, metres."""
-
-
 def pick_surface_points(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
     """Return landmark name -> vertex ids, for each name in SURFACE_POINTS.
 
@@ -244,6 +231,21 @@ def pick_surface_points(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
         foot = mesh.outer & (part == PART_NAMES.index(f"{side}_foot"))
         picks |= _pick_foot(mesh, foot, side, sign)
     return {name: picks[name] for name in SURFACE_POINTS}
+
+
+_EYE_HALF_WIDTH = 0.015
+"""Distance from the centre of an eye to its corners, metres."""
+
+_MOUTH_HALF_WIDTH = 0.024
+"""Distance from the centre of the mouth to its corners, metres."""
+
+_MOUTH_DROP = 0.85
+"""Height of the mouth below the tip of the nose, relative to the height of the eyes above it."""
+
+_EAR_DEPTH = 0.012
+
+_EAR_FORWARD = 0.012
+"""Distance from the centre of the ear's rim inwards and forwards to the ear canal, metres."""
 
 
 def _pick_face(mesh: TPoseMesh, whole_head: NDArray[np.bool_]) -> dict[str, NDArray[np.int64]]:

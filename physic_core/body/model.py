@@ -351,9 +351,6 @@ def _coefficients(num_expression: int, betas: Tensor, expression: Tensor | None)
 
 
 _Array = NDArray[Any]
-_NUM_CROWN = 40
-_NUM_GROUND = 400
-"""Number of candidate vertices for the highest and for the lowest point of any shape."""
 
 
 def build_body_model(arrays: BodyArrays, device: torch.device | str = "cpu") -> BodyModel:
@@ -377,6 +374,12 @@ def build_body_model(arrays: BodyArrays, device: torch.device | str = "cpu") -> 
         info=arrays.info,
     )
     return model.to(device)
+
+
+_NUM_CROWN = 40
+
+_NUM_GROUND = 400
+"""Number of candidate vertices for the highest and for the lowest point of any shape."""
 
 
 def derive_vertex_sets(arrays: BodyArrays) -> VertexSets:

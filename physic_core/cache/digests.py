@@ -132,6 +132,11 @@ class CodeDigester:
             if file is None or top == "__main__" or "<locals>" in base.__qualname__:
                 return None
             modules.append(Path(file))
+        return self.digest_of(modules)
+
+    def digest_of(self, modules: list[Path]) -> str | None:
+        """Compute the digest of the packages of modules, as :meth:`digest` does."""
+        modules = [*modules]
         digest = hashlib.blake2b(digest_size=_CODE_BYTES)
         for module in modules:  # which grows
             code = self._module(module)

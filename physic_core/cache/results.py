@@ -112,12 +112,6 @@ def made_of(backend: Backend, who: Provenance, code: str) -> dict[str, Any]:
     }
 
 
-_VERSION = 4
-"""Version of the file format; increase it if old files would be read differently or fail a stricter
-validation.
-"""
-
-
 @dataclass(frozen=True)
 class CacheKey:
     """Cache key of one backend call.
@@ -129,6 +123,12 @@ class CacheKey:
 
     name: str
     backend: Mapping[str, Any]
+
+
+_VERSION = 4
+"""Version of the file format; increase it if old files would be read differently or fail a stricter
+validation.
+"""
 
 
 class ResultCache:

@@ -14,7 +14,7 @@ from typing import Any
 import click
 
 from physic_core.cli.exit_codes import INTERRUPTED, MEANINGS, OTHER, exit_code
-from physic_core.cli.groups import ExtensibleGroup
+from physic_core.cli.groups import ExtensibleGroup, explained
 from physic_core.cli.output import echo, printed_logs
 from physic_core.errors import PhysicError
 from physic_core.files.text import shorten
@@ -27,8 +27,7 @@ _MAX_LINE = 4096
 
 _OUT_OF_MEMORY = (
     "Error: out of memory. Close other programs, allow this one more memory, use a smaller photo, "
-    "or "
-    "close backends early with --low-memory (physic run)"
+    "or close backends early with --low-memory (physic run)"
 )
 
 
@@ -50,7 +49,7 @@ class _Main(ExtensibleGroup):
             ctx.exit(INTERRUPTED)
         except click.ClickException as error:
             shown = StringIO()
-            error.show(shown)
+            (explained(error) if isinstance(error, click.NoSuchOption) else error).show(shown)
             echo(shown.getvalue(), nl=False, err=True)
             ctx.exit(error.exit_code)
         except PhysicError as error:

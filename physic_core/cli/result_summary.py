@@ -12,7 +12,7 @@ from typing import Any
 from physic_core.cli.output import echo, format_table
 from physic_core.io.results import ResultRecord, read_record
 from physic_core.pictures import REPORT_FILE
-from physic_core.types import grade_text, summarize_checks
+from physic_core.types import grade_text, marks_of_row, summarize_checks
 from physic_core.types.results import metres_text
 
 _HEAD = ("person", "grade", "distance", "likely contact", "why")
@@ -125,7 +125,7 @@ def _row(person: Mapping[str, Any]) -> tuple[str, ...]:
             contact += f"; not surely seen: {person['unseen']}"
     return (
         str(person["person"]),
-        grade_text(person["grade"], person["trust"]),
+        grade_text(person["grade"], person["trust"], marks_of_row(person)),
         place,
         contact,
         person["why"] or "-",

@@ -190,9 +190,8 @@ def missing_gpu(plan: ResolvedPipeline) -> tuple[str, ...]:
     if plan.device == "cpu" or has_gpu():
         return ()
     return (
-        f"run.device '{plan.device}': no GPU is found: use a machine with a GPU, or set "
-        f"run.device to 'cpu' if the "
-        "backends support it",
+        f"run.device '{plan.device}': no GPU is found: use a machine with a GPU, or set run.device "
+        "to 'cpu' if the backends support it",
     )
 
 
@@ -328,7 +327,7 @@ def _select(
 
 def _construct(offer: Offer, kind: type[Backend], options: Options) -> ResolvedBackend:
     with (
-        kept_process_state(loads=True) as changes,
+        kept_process_state() as changes,
         named_plugin_code(f"{offer} cannot be constructed", kind),
     ):
         backend = kind(options)

@@ -144,8 +144,7 @@ def load_class(offer: Offer) -> type[Backend]:
         older = "physic-core" if written > ours else offer.distribution
         raise BackendError(
             f"{offer} is written for version {written} of the interface {offer.interface}, and "
-            f"this physic-core has "
-            f"version {ours}: upgrade {older}"
+            f"this physic-core has version {ours}: upgrade {older}"
         )
     found: type[Backend] = kind
     return found

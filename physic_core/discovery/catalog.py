@@ -12,13 +12,13 @@ _TABLES: dict[str, Any] = tomllib.loads(
     (resources.files(__package__) / "catalog.toml").read_text(encoding="utf-8")
 )
 
+REQUIRES: dict[str, list[str]] = _TABLES["requires"]
+"""Distributions of the project that another one needs beside physic-core."""
+
 
 def _owners(table: str) -> dict[str, str]:
     return {name: distribution for distribution, names in _TABLES[table].items() for name in names}
 
-
-REQUIRES: dict[str, list[str]] = _TABLES["requires"]
-"""Distributions of the project that another one needs beside physic-core."""
 
 BACKENDS = _owners("backends")
 """Distribution of each known backend."""

@@ -19,9 +19,10 @@ from physic_core.engine.sizes.known_sizes import size_beside_others
 from physic_core.engine.sizes.stature import size_sigmas, stature_sigmas
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
+from physic_core.geometry.pixels import dilate_square
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.raster import rasterize
-from physic_core.geometry.tensors import dilate_square, exact_arrays
+from physic_core.geometry.tensors import exact_arrays
 from physic_core.types import Measures
 
 if TYPE_CHECKING:
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from physic_core.engine.state import Estimates, State
     from physic_core.types import BoolArray, FloatArray, KnownSizes
 
-_FEWEST_VERTICES = 20  # with a depth, for a median
 _LONG_SIDE_PX = 400
 _RIM = 0.03  # roots of the mask's area by which a body may leave the mask
 _IN_FRONT_M = 0.05  # a scene point nearer than the body by more hides it
@@ -58,9 +58,11 @@ def measure_agreement(estimates: Estimates, state: State) -> list[Measures]:
         None if around.depth is None else around.depth * scale,
         None if state.photo_depth is None else state.photo_depth * scale,
     )
+    assert state.unplaced is not None
+    assert state.joint is not None
     measured = [
         Measures(problem or None, failure or None)
-        for problem, failure in zip(state.unplaced, state.failures, strict=True)
+        for problem, failure in zip(state.unplaced, state.joint.failures, strict=True)
     ]
     for i, support in enumerate(found.supports):
         if support is None:

@@ -27,6 +27,7 @@ from physic_core.engine.joint.terms.body import (
     SceneScaleTerm,
     StatureTerm,
 )
+from physic_core.engine.joint.terms.head import HeadTerm
 from physic_core.engine.joint.terms.lean import LeanTerm
 from physic_core.engine.joint.terms.people import PeopleTerm
 from physic_core.engine.joint.terms.picture import (
@@ -90,6 +91,10 @@ class DefaultOptimisation(JointMethod):
     lean: TermWeight = TermWeight(STATED_WEIGHT)
     """Change of the lean towards the camera of people who stand or walk, in units of the error that
     the body estimator states.
+    """
+    head: TermWeight = TermWeight(1.0)
+    """Angle between the direction of the head and that in which the face looks, in units of the
+    error that the person observer states.
     """
     stature: TermWeight = TermWeight(STATED_WEIGHT)
     """Deviation of each person's height from the estimated height.
@@ -155,6 +160,7 @@ class DefaultOptimisation(JointMethod):
             SceneScaleTerm(self.scene_scale.weight),
             LimitTerm(self.limits.weight),
             LeanTerm(self.lean.weight, sampling),
+            HeadTerm(self.head.weight, sampling),
             StatureTerm(self.stature.weight, sampling),
             ViewsTerm(self.reprojection, sampling),
         ]

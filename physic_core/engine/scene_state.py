@@ -11,7 +11,7 @@ from torch import Tensor
 
 from physic_core.engine.up import Up, camera_axis
 from physic_core.geometry.floor import PlaneFit
-from physic_core.geometry.tensors import select_pixels
+from physic_core.geometry.pixels import select_pixels
 from physic_core.types.short_repr import ShortRepr
 
 

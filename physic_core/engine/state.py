@@ -29,8 +29,6 @@ from physic_core.types.skeletons import SIDES, Skeleton
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, UInt8Array
 
-_UNKNOWN = torch.zeros(0)  # of a stage that has not run
-
 
 @dataclass(frozen=True)
 class OtherView(ShortRepr):
@@ -143,6 +141,33 @@ class Contact(ShortRepr):
 
 
 @dataclass(frozen=True)
+class JointResult(ShortRepr):
+    """What stage 3 found of N people and the scale of their scene.
+
+    Attributes:
+        vertices: (N, V, 3) metres; NaN for people without a body.
+        joints: (N, 55, 3) metres.
+        depth_offset: (N,) log of the ratio of the depth map to the person's depth; NaN if the
+            person was not changed.
+        failures: per person, the reason why they were not changed, or "".
+        scene_scale: factor on all lengths of scene, photo and floor, which do not have it.
+        losses: term -> its weighted value at the start and at the end, both under the visibility
+            at the end.
+        evaluations: number of evaluations of energy and gradient.
+        steps: number of steps of the optimiser.
+    """
+
+    vertices: Tensor
+    joints: Tensor
+    depth_offset: Tensor
+    failures: tuple[str, ...]
+    scene_scale: float = 1.0
+    losses: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    evaluations: int = 0
+    steps: int = 0
+
+
+@dataclass(frozen=True)
 class State(ShortRepr):
     """Scene and N people of a photo; a stage returns the state with what it has found.
 
@@ -167,6 +192,9 @@ class State(ShortRepr):
             NaN where unknown; None if the body estimator states none.
         lean_sigma: (N,) radians, stated errors of the lean towards the camera, NaN where unknown;
             None if the body estimator states none.
+        head: (N, 3) unit vectors in which the faces look by the person observer, NaN where unknown;
+            None if unknown of all.
+        head_sigma: (N,) radians, its errors.
         stands: (N, 2) probability that the foot stands on the floor; None if unknown.
         observed_touch: (N, 5) log odds of the person observer that feet, hands and seat touch the
             world, beyond those of its base rate; None if unknown.
@@ -186,17 +214,7 @@ class State(ShortRepr):
         size_ratio: (N,) factor by which to enlarge people so that a scene of known size matches
             the photo, NaN where unknown; None if the size of the scene is unknown.
         unplaced: per person, why keypoints, depth and floor did not place the body, or "".
-        scene_scale: factor of stage 3 on all lengths of scene, photo and floor, which do not have
-            it; 1 before.
-        vertices: (N, V, 3) metres, by stage 3 as all below; NaN for people without a body.
-        joints: (N, 55, 3) metres.
-        depth_offset: (N,) log of the ratio of the depth map to the person's depth; NaN if stage 3
-            did not change the person.
-        losses: term -> its weighted value at the start and at the end, both under the visibility
-            at the end.
-        failures: per person, the reason why stage 3 did not change the person, or "".
-        evaluations: number of evaluations of energy and gradient.
-        steps: number of steps of the optimiser.
+        joint: of stage 3.
         contact: by stage 4, with the scene before inpainted points were moved out of people.
     """
 
@@ -215,6 +233,8 @@ class State(ShortRepr):
     K: Tensor = field(metadata=shape(3, 3))
     rotation_sigma: Tensor | None = field(default=None, metadata=shape("N", 22))
     lean_sigma: Tensor | None = field(default=None, metadata=shape("N"))
+    head: Tensor | None = field(default=None, metadata=shape("N", 3))
+    head_sigma: Tensor | None = field(default=None, metadata=shape("N"))
     stands: Tensor | None = field(default=None, metadata=shape("N", 2))
     observed_touch: Tensor | None = field(default=None, metadata=shape("N", 5))
     touch: Tensor | None = field(default=None, metadata=shape("N", 5))
@@ -228,20 +248,31 @@ class State(ShortRepr):
     estimated_transl: Tensor | None = field(default=None, metadata=shape("N", 3))
     keypoint_transl: Tensor | None = field(default=None, metadata=shape("N", 3))
     size_ratio: Tensor | None = field(default=None, metadata=shape("N"))
-    unplaced: tuple[str, ...] = ()
-
-    scene_scale: float = 1.0
-    vertices: Tensor = field(default=_UNKNOWN, metadata=shape("N", "V", 3))
-    joints: Tensor = field(default=_UNKNOWN, metadata=shape("N", 55, 3))
-    depth_offset: Tensor = field(default=_UNKNOWN, metadata=shape("N"))
-    losses: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    failures: tuple[str, ...] = ()
-    evaluations: int = 0
-    steps: int = 0
+    unplaced: tuple[str, ...] | None = None
+    joint: JointResult | None = None
     contact: Contact | None = None
 
     def __len__(self) -> int:
         return len(self.transl)
+
+    @property
+    def vertices(self) -> Tensor:
+        """Vertices (N, V, 3) metres, of stage 3."""
+        assert self.joint is not None
+        return self.joint.vertices
+
+    @property
+    def joints(self) -> Tensor:
+        """Joints (N, 55, 3) metres, of stage 3."""
+        assert self.joint is not None
+        return self.joint.joints
+
+    @property
+    def scene_scale(self) -> float:
+        """Factor of stage 3 on all lengths of scene, photo and floor, which do not have it; 1
+        before.
+        """
+        return 1.0 if self.joint is None else self.joint.scene_scale
 
     @property
     def surroundings(self) -> Surroundings:
@@ -291,6 +322,8 @@ class State(ShortRepr):
             keypoint_confidence=view.keypoint_confidence,
             masks=view.masks,
             observed=self.observed_in_any_photo,
+            head=None,
+            head_sigma=None,
             photo_depth=None,
             views=(),
         )
@@ -312,15 +345,16 @@ class State(ShortRepr):
         return weight
 
     def select_people(self, rows: Tensor) -> State:
-        """Return a copy with the tensors of a selection of the people, (n,) int64."""
+        """Return a copy before stage 3 with a selection of the people, (n,) int64."""
         changed: dict[str, Any] = {}
         for each in fields(self):
             value = getattr(self, each.name)
             if each.metadata.get("shape", ("",))[0] == "N" and value is not None:
-                changed[each.name] = value if value is _UNKNOWN else value[rows]
+                changed[each.name] = value[rows]
         if self.human_points is not None:
             changed["human_points"] = tuple(self.human_points[i] for i in rows.tolist())
         if self.known is not None:
             changed["known"] = self.known.select_people(rows)
+        changed["joint"] = None
         changed["views"] = tuple(select_people(view, rows) for view in self.views)
         return replace(self, **changed)

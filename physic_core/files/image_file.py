@@ -111,6 +111,29 @@ _STARTS = {
     **{b"P%d" % i: "PPM" for i in range(1, 7)},
     b"Pf": "PPM",  # PFM of one channel, floating point
 }
+_NOT_READ = {
+    b"\xff\x0a": "JPEG XL",
+    b"\x00\x00\x00\x0cJXL ": "JPEG XL",
+    b"#?RADIANCE": "a Radiance picture (.hdr)",
+    b"#?RGBE": "a Radiance picture (.hdr)",
+    b"v/1\x01": "OpenEXR",
+    b"8BPS": "a Photoshop document",
+    b"%PDF": "PDF",
+    b"PK\x03\x04": "a ZIP archive, as LIVP of phones and many others are",
+    b"\x1f\x8b": "a gzip archive",
+    b"\x1aE\xdf\xa3": "a video (Matroska or WebM)",
+    b"<svg": "SVG",
+    b"<!DOCTYPE": "a page of the web, perhaps the message of a download that failed",
+    b"<html": "a page of the web, perhaps the message of a download that failed",
+}
+"""First bytes -> kind of files that people take for photos."""
+
+_VIDEO_BRANDS = (
+    *(b"isom", b"iso2", b"iso4", b"iso5", b"iso6"),
+    *(b"mp41", b"mp42", b"qt  ", b"M4V ", b"avc1"),
+)
+_TAR = 257  # bytes before the mark of a tar archive
+
 _RAW_STARTS = (
     b"FUJIFILMCCD-RAW",
     *(b"IIRO", b"IIRS", b"MMOR"),  # Olympus
@@ -217,8 +240,7 @@ class ImageSource:
         """Return the error for a file whose data are damaged."""
         return InputError(
             f"cannot read the {self}: its data are damaged or truncated; copy it again from where "
-            f"it came, "
-            "or save it again from a program that shows it completely"
+            "it came, or save it again from a program that shows it completely"
         )
 
     def unusual_tiff(self) -> InputError:
@@ -260,13 +282,17 @@ def open_image(source: ImageSource) -> Iterator[tuple[Image.Image, BufferedReade
             large.
     """
     with source.open() as file:
-        start = file.read(64)
+        start = file.read(_TAR + 5)
         kind = _kind(start)
         if _is_raw(start) or (kind in (None, "TIFF") and source.suffix in _RAW_SUFFIXES):
             raise source.raw()
         if kind is None:
+            what = _kind_not_read(start)
             raise InputError(
-                f"cannot read the {source}: it is not an image, or of an unknown kind; give "
+                f"cannot read the {source}: it is not an image of a kind that is read, but {what}: "
+                f"unpack it, or save a picture of it as {source.formats}"
+                if what
+                else f"cannot read the {source}: it is not an image, or of an unknown kind; give "
                 f"{source.formats}"
             )
         if kind == "HEIF":
@@ -346,7 +372,7 @@ def wrap_decoding_errors(source: ImageSource) -> Iterator[None]:
 
 
 def _is_raw(start: bytes) -> bool:
-    """Return whether a file is the raw file of a camera, by its first 64 bytes; other raw files are
+    """Return whether a file is the raw file of a camera, by its first bytes; other raw files are
     TIFF.
     """
     return start.startswith(_RAW_STARTS) or any(
@@ -354,10 +380,17 @@ def _is_raw(start: bytes) -> bool:
     )
 
 
+def _kind_not_read(start: bytes) -> str:
+    """Return the kind of a file that is not read, by its first bytes; "" for an unknown one."""
+    if start[4:8] == b"ftyp" and start[8:12] in _VIDEO_BRANDS:
+        return "a video"
+    if start[_TAR : _TAR + 5] == b"ustar":
+        return "a tar archive"
+    return next((kind for first, kind in _NOT_READ.items() if start.startswith(first)), "")
+
+
 def _kind(start: bytes) -> str | None:
-    """Return Pillow's name of the format, by the first 64 bytes of a file; None for an unknown
-    format.
-    """
+    """Return Pillow's name of the format, by the first bytes of a file; None if not known."""
     if start[:4] == b"RIFF" and start[8:12] == b"WEBP":
         return "WEBP"
     if start[4:8] == b"ftyp":

@@ -24,7 +24,7 @@ from typing import Literal, NamedTuple
 import torch
 from torch import Tensor
 
-from physic_core.geometry.tensors import quantiles
+from physic_core.geometry.pixels import quantiles
 from physic_core.types import AffineAmbiguity
 
 _SEED = 0

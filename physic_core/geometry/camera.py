@@ -98,7 +98,6 @@ def intrinsics_matrix(fx: float, fy: float, cx: float, cy: float, like: Tensor) 
     return like.new_tensor([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
 
-_ITERATIONS = 50  # of the fixed point that inverts the distortion
 _RADII = 200
 
 
@@ -115,8 +114,8 @@ def check_distortion(camera: Intrinsics, distortion: Sequence[float]) -> None:
     if (1 + 3 * k1 * r**2 + 5 * k2 * r**4 + 7 * k3 * r**6 <= 0).any():
         raise ConfigError(
             f"the distortion {', '.join(f'{v:g}' for v in distortion)} folds the picture onto "
-            f"itself near its corners: "
-            "give k1, k2, p1, p2, k3 in OpenCV's order, with the intrinsics of the same calibration"
+            "itself near its corners: give k1, k2, p1, p2, k3 in OpenCV's order, with the "
+            "intrinsics of the same calibration"
         )
 
 
@@ -140,6 +139,9 @@ def undistort_image(
         found.round().clamp(0, 255).to(torch.uint8).permute(1, 2, 0).contiguous().numpy()
     )
     return pixels
+
+
+_ITERATIONS = 50  # of the fixed point that inverts the distortion
 
 
 def undistort_pixels(

@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple
 import torch
 from torch import Tensor
 
-from physic_core.geometry.tensors import all_finite, quantiles, select_pixels
+from physic_core.geometry.pixels import all_finite, quantiles, select_pixels
 from physic_core.types import Plane
 
 LOWER_SHARE = 0.6
@@ -40,6 +40,20 @@ _REFITS = 8
 _UP_COSINE = math.cos(math.radians(15.0))  # least cosine between a floor's normal and up
 _UP_SIGMA = math.radians(3.0)  # standard error of the up direction
 _UP_SHARE = 0.05  # weight of the up direction as a share of the pixels' weight
+
+FEET_WINDOW = 0.08
+"""Half side of the pixel window around each foot, as a share of the long image side."""
+
+MASK_SLACK = 1.5
+"""Factor on the tolerance of pixels labelled or masked as floor: depth networks bend floors."""
+
+PITCH_SIGMA = math.radians(1.5)
+"""Standard deviation of the camera's pitch over a floor, radians, if the camera is known: .3 to 2.2
+degrees.
+"""
+
+FOCAL_PITCH_DEG = 23.0
+"""Error of that pitch by the logarithmic error of the focal length: 6 degrees of a default one."""
 
 
 class BlockMeans(NamedTuple):
@@ -268,25 +282,6 @@ FloorSource = Literal[
 part of the image, of its horizontal surfaces, at the soles of people, or around people who lie.
 """
 
-FEET_WINDOW = 0.08
-"""Half side of the pixel window around each foot, as a share of the long image side."""
-
-MASK_SLACK = 1.5
-"""Factor on the tolerance of pixels labelled or masked as floor: depth networks bend floors."""
-
-PITCH_SIGMA = math.radians(1.5)
-"""Standard deviation of the camera's pitch over a floor, radians, if the camera is known: .3 to 2.2
-degrees.
-"""
-
-FOCAL_PITCH_DEG = 23.0
-"""Error of that pitch by the logarithmic error of the focal length: 6 degrees of a default one."""
-
-_TOLERANCE = 0.02  # largest error of an inlier, as a share of the range of inverse depth
-_LEAST_RISE = 0.05  # least increase of inverse depth from top to bottom, as a share of its range
-_REANCHOR_RANGE = (0.5, 2.0)
-_REANCHOR_BANDS = 4.0  # largest distance of floor pixels near feet from the plane, in tolerances
-
 
 @dataclass(frozen=True)
 class PlaneFit:
@@ -359,6 +354,10 @@ class InverseDepthMap(NamedTuple):
         it.
         """
         return self.inverse - self.rays @ plane.to(self.rays)
+
+
+_TOLERANCE = 0.02  # largest error of an inlier, as a share of the range of inverse depth
+_LEAST_RISE = 0.05  # least increase of inverse depth from top to bottom, as a share of its range
 
 
 def inverse_depth_map(
@@ -450,6 +449,7 @@ def plane_at_feet(
 
 
 _SAME_PLANE = 0.5  # least cosine between the normals of a plane in two point maps
+_REFITTED_PIXELS = 60_000  # about the number of pixels that a known plane is fitted to again
 
 
 def refit_floor(points: Tensor, valid: Tensor, found: FloorSearch) -> FloorSearch:
@@ -461,10 +461,12 @@ def refit_floor(points: Tensor, valid: Tensor, found: FloorSearch) -> FloorSearc
     view = None if found.plane is None else inverse_depth_map(points, valid)
     if view is None or found.plane is None:
         return found
-    on = found.plane.inliers & view.valid
-    if int(on.sum()) < FEWEST_SAMPLES:
+    on = (found.plane.inliers & view.valid).flatten().nonzero()[:, 0]
+    if len(on) < FEWEST_SAMPLES:
         return FloorSearch(None, "no_pixels", found.inlier_share, found.below_share)
-    plane = refit(view.rays[on].double(), view.inverse[on].double(), MASK_SLACK * view.tolerance)
+    some = on[:: -(-len(on) // _REFITTED_PIXELS)]
+    rays, inverse = (each.flatten(0, 1)[some].double() for each in (view.rays, view.inverse))
+    plane = refit(rays, inverse, MASK_SLACK * view.tolerance)
     shares = found.plane.inlier_share, found.plane.below_share
     fit = plane_as_fit(view, plane, shares, found.plane.source, MASK_SLACK)
     if float(fit.normal.double() @ found.plane.normal.to(fit.normal).double()) < _SAME_PLANE:
@@ -493,6 +495,10 @@ def ray_to_floor(rays: Tensor, plane: PlaneFit, feet_px: Tensor | None) -> Tenso
     at_feet = rays[y, x]
     at_feet = at_feet[at_feet[:, 2] > 0]
     return (at_feet if len(at_feet) else rays[plane.inliers]).double().mean(0)
+
+
+_REANCHOR_RANGE = (0.5, 2.0)
+_REANCHOR_BANDS = 4.0  # largest distance of floor pixels near feet from the plane, in tolerances
 
 
 def move_to_feet(

@@ -115,11 +115,6 @@ def _percentile(x: Tensor, share: float) -> Tensor:
     return x.kthvalue(1 + round(share * (len(x) - 1)), dim=0).values
 
 
-_ROUNDS = ((45.0, 5), (20.0, 5), (10.0, 5))  # largest deviation in degrees, number of iterations
-_SAMPLES = 20_000
-_FEWEST = 200
-
-
 class UpEstimate(NamedTuple):
     """Up direction with its confidence.
 
@@ -132,12 +127,19 @@ class UpEstimate(NamedTuple):
     confidence: float
 
 
+_SAMPLES = 20_000
+
+
 def sample_normals(normals: Tensor) -> Tensor:
     """Return some 20,000 of the known normals among (M, 3), in float64; a sample of the sample is
     itself.
     """
     rows = (normals.square() @ normals.new_ones(3) > 0.5).nonzero()[:, 0]
     return normals.index_select(0, rows[:: max(1, len(rows) // _SAMPLES)]).double()
+
+
+_ROUNDS = ((45.0, 5), (20.0, 5), (10.0, 5))  # largest deviation in degrees, number of iterations
+_FEWEST = 200
 
 
 def estimate_up(normals: Tensor, start: Tensor | None = None) -> UpEstimate | None:

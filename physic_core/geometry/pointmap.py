@@ -223,8 +223,8 @@ def intrinsics_from_pointmap(points: Tensor, valid: Tensor) -> tuple[float, floa
         if len(ratio) < _FEWEST_POINTS:
             raise BackendOutputError(
                 f"cannot estimate the focal length from the point map: {len(ratio)} valid points "
-                f"have {name} != 0, "
-                f"{_FEWEST_POINTS} are needed: give the camera, or check the backend's valid mask"
+                f"have {name} != 0, {_FEWEST_POINTS} are needed: give the camera, or check the "
+                "backend's valid mask"
             )
         focal.append(float(ratio.median()))
     if min(focal) <= 0:

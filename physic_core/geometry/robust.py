@@ -45,6 +45,9 @@ def pseudo_huber(squared: Tensor, c: float | Tensor) -> Tensor:
     return 2.0 * c**2 * q / (torch.sqrt(1.0 + q) + 1.0)
 
 
+_BY_NAME = {"pseudo_huber": pseudo_huber, "cauchy": cauchy, "geman_mcclure": geman_mcclure}
+
+
 def robust_loss(kind: str, squared: Tensor, c: float | Tensor) -> Tensor:
     """Return the loss ``kind`` of squared residuals.
 
@@ -102,6 +105,3 @@ def loss_with_slope(kind: str, q: Tensor, c: float | Tensor) -> tuple[Tensor, Te
         )
     loss = robust_loss(kind, q * c**2, c) / c**2
     return loss, torch.where(q > 0, 0.5 / (c**2 * loss), 0.0)
-
-
-_BY_NAME = {"pseudo_huber": pseudo_huber, "cauchy": cauchy, "geman_mcclure": geman_mcclure}

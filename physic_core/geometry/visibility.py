@@ -31,11 +31,12 @@ if TYPE_CHECKING:
 # Least distance of a surface in front of a vertex that hides it: a smaller gap is rounding error.
 _BEHIND_M = 2e-3
 
-
 FACING_DEG = 70.0
 """Largest angle between the normal of a vertex and the direction to the camera, at which the photo
 shows it well: vertices beyond lie at the rim, where one pixel of the mask decides.
 """
+
+_STEP_M = 1e-4  # beyond a face, so that the next ray does not hit it again
 
 
 def facing_camera(normals: Tensor, vertices: Tensor, max_angle_deg: float) -> Tensor:
@@ -199,7 +200,6 @@ def in_free_space(points: Tensor, front: Tensor, K: Tensor) -> Tensor:
 _Array = NDArray[np.float64]
 
 _ROUNDS = 3  # a point that leaves one limb may enter another
-_STEP_M = 1e-4  # beyond a face, so that the next ray does not hit it again
 
 
 def move_behind_bodies(

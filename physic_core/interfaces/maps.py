@@ -194,6 +194,7 @@ _UNIT = 1e-3  # of the length of a unit vector
 _MOST_UP_DEG = 90.0  # beyond, nothing is known of up
 
 _REVERSED = -0.5  # correlation of the points' directions with the columns or rows of their pixels
+_CORRELATED = 20_000  # about the number of pixels that the correlation is taken of
 
 
 def _check_points(whole: FloatArray, valid: BoolArray) -> Iterator[str]:
@@ -212,9 +213,12 @@ def _check_points(whole: FloatArray, valid: BoolArray) -> Iterator[str]:
         yield f"z must be > 0 where valid (z forward), {share:.0%} of the valid points lie behind"
     else:
         yield from check_median("z", points[:, 2], RELATIVE_DEPTH)
-        places = zip(("x", "y"), ("columns", "rows"), np.nonzero(valid)[::-1], strict=True)
+        some = np.flatnonzero(valid)[:: -(-len(points) // _CORRELATED)]
+        rows, columns = np.unravel_index(some, valid.shape)
+        points = whole[rows, columns].astype(np.float64)
+        places = zip(("x", "y"), ("columns", "rows"), (columns, rows), strict=True)
         for axis, (name, what, pixels) in enumerate(places):
-            directions = points[:, axis].astype(np.float64) / points[:, 2]
+            directions = points[:, axis] / points[:, 2]
             apart = [v - v.mean() for v in (pixels, directions)]
             size = float(np.linalg.norm(apart[0]) * np.linalg.norm(apart[1]))
             if size and float(apart[0] @ apart[1]) < _REVERSED * size:

@@ -40,7 +40,7 @@ from physic_core.types import (
 from physic_core.types.observations import PROBABILITIES
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, FloatArray, PeoplePrompt, UInt8Array
+    from physic_core.types import BoolArray, FloatArray, Intrinsics, PeoplePrompt, UInt8Array
 
 
 @dataclass(frozen=True)
@@ -331,14 +331,17 @@ def valid_keypoint_rows(keypoints: Keypoints) -> BoolArray:
 
 @dataclass(frozen=True)
 class PersonObserverRequest(Request[Observations]):
-    """Input of a PersonObserver: the photo, N people and their keypoints."""
+    """Input of a PersonObserver: the photo, N people, their keypoints, and the camera."""
 
     people: People
     keypoints: Keypoints
+    intrinsics: Intrinsics
 
 
 class PersonObserver(Backend):
-    """Estimates what each person does, and which limbs touch something (the paper has none)."""
+    """Estimates what each person does, which limbs touch something, and where the face looks (the
+    paper has none).
+    """
 
     interface = "person_observer"
     api = 1
@@ -346,7 +349,9 @@ class PersonObserver(Backend):
     Result = Observations
 
     @abstractmethod
-    def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Observations:
+    def infer(
+        self, image: UInt8Array, people: People, keypoints: Keypoints, intrinsics: Intrinsics
+    ) -> Observations:
         """Return calibrated probabilities for N people; NaN for whatever the backend does not
         tell.
 
@@ -360,8 +365,8 @@ class PersonObserver(Backend):
 
     @classmethod
     def check(cls, result: Observations, request: PersonObserverRequest) -> Iterator[str]:
-        """Check shapes; probabilities in [0, 1] with a share in (0, 1), postures that sum to 1, and
-        flexions with a sigma above 0. NaN is allowed.
+        """Check shapes; probabilities in [0, 1] with a share in (0, 1), postures that sum to 1,
+        directions of length 1, and flexions and directions with a sigma above 0. NaN is allowed.
         """
         wrong: list[str] = []
         for one in fields(result):
@@ -377,6 +382,7 @@ class PersonObserver(Backend):
             for name in PROBABILITIES:
                 yield from _check_probability(name, result)
             yield from _check_flexion(result)
+            yield from _check_head(result)
 
 
 def _check_probability(name: str, result: Observations) -> Iterator[str]:
@@ -397,3 +403,12 @@ def _check_flexion(result: Observations) -> Iterator[str]:
     yield from check_limit("flexion", result.flexion[given], 180, "degrees")
     if not (result.flexion_sigma[given] > 0).all():
         yield "flexion_sigma must be above 0 where flexion is given"
+
+
+def _check_head(result: Observations) -> Iterator[str]:
+    given = (result.head == result.head).any(1)
+    squares = (result.head[given].astype(float) ** 2).sum(1)
+    if not (abs(squares - 1) <= 2e-3).all():  # False for a row that is NaN in part
+        yield "each row of head must be a unit vector, or NaN"
+    if not (result.head_sigma[given] > 0).all():
+        yield "head_sigma must be above 0 where head is given"

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from typing import Any
 
 ORIENTATION = 0x0112
+_MAKE = 0x010F
 _SOFTWARE = 0x0131
 EXIF_IFD = 0x8769
 _FOCAL_LENGTH = 0x920A
@@ -72,7 +73,8 @@ def intrinsics_from_exif(
     sensor.
 
     A digital zoom lengthens the focal length of the lens. An equivalent may have it already, which
-    the resolution of the focal plane shows it, or a sensor that would be smaller than any.
+    the resolution of the focal plane shows it, or a sensor that would be smaller than any; Apple's
+    always has.
 
     Args:
         tags: of the first IFD and of the Exif IFD, tag number -> value.
@@ -184,7 +186,8 @@ def _doubt(
         return f"the photo was saved by an editor ({editor[0]}), which may have cropped it"
     sensor_mm = max(stored) * (positive_number(tags.get(_FOCAL_LENGTH)) or 0.0) / max(focal)
     zoom = _zoom(tags)
-    if by_film and zoom != 1 and not 0 < sensor_mm < _SENSOR_MM[0]:
+    has_zoom = 0 < sensor_mm < _SENSOR_MM[0] or "Apple" in str(tags.get(_MAKE))
+    if by_film and zoom != 1 and not has_zoom:
         return f"whether the 35 mm equivalent has the digital zoom of {zoom:g} cannot be told"
     sensor_mm *= 1 if by_film else zoom
     aspect = max(stored) / min(stored)

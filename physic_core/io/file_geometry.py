@@ -16,12 +16,23 @@ if TYPE_CHECKING:
 
     from physic_core.types import FloatArray
 
-_VALUE = r"""(?:\s*=\s*["']|>)\s*"""  # of XMP, as an attribute or an element
-_PROJECTION = re.compile(rf"\bProjectionType{_VALUE}([\w-]+)")
-_PITCH = re.compile(rf"\bGimbalPitchDegree{_VALUE}([+-]?\d+(?:\.\d+)?)")
-_ROLL = re.compile(rf"\bGimbalRollDegree{_VALUE}([+-]?\d+(?:\.\d+)?)")
+_ATTRIBUTES = r"""(?:[\w.:-]+\s*=\s*(?:"[^"]*"|'[^']*')\s*)*"""
+
+
+def _xmp(prefix: str, name: str, value: str) -> re.Pattern[str]:
+    """Return the pattern of a property of XMP, an attribute or an element; text has none."""
+    key = f"{prefix}:{name}"
+    return re.compile(
+        rf"""<[\w.:-]+\s+{_ATTRIBUTES}{key}\s*=\s*["']\s*({value})|<{key}>\s*({value})"""
+    )
+
+
+_NUMBER = r"[+-]?\d+(?:\.\d+)?"
+_PROJECTION = _xmp("GPano", "ProjectionType", r"[\w-]+")
+_PITCH = _xmp("drone-dji", "GimbalPitchDegree", _NUMBER)
+_ROLL = _xmp("drone-dji", "GimbalRollDegree", _NUMBER)
 _LEVEL_DEG = 2.0  # of roll; a gimbal keeps the horizon level
-_ALTITUDE = re.compile(rf"\bRelativeAltitude{_VALUE}([+-]?\d+(?:\.\d+)?)")
+_ALTITUDE = _xmp("drone-dji", "RelativeAltitude", _NUMBER)
 _FLAT = ("perspective", "rectilinear")
 
 _MAKE = 0x010F
@@ -32,18 +43,20 @@ _OF_CAMERAS = {_MAKE, 0x0110, 0x920A}  # make, model, focal length
 
 _SQUARE = math.log(1.02)
 _LARGEST = math.log(2.5)  # a more extreme ratio is a mistake in a tag that no program reads
-_RECORDERS = {
-    (960, 1080): "are not square: resize it to 1920 x 1080 px",
-    (
-        960,
-        576,
-    ): "are not square: resize it to 768 x 576 px, or 1024 x 576 px if the camera has 16:9",
-    (704, 288): "are not square: resize it to 768 x 576 px",
-    (1440, 1080): "may not be square: if people look narrow, resize it to 1920 x 1080 px",
-    (720, 576): "may not be square: it may show 768 x 576 or 1024 x 576 px",
-}
-"""Size of pictures of recorders -> what is known of their pixels."""
+_LINES = {240: 480, 288: 576, 480: 480, 486: 480, 576: 576, 1080: 1080}
+"""Height of a frame or a field of video -> lines of the square-pixel picture it shows."""
+_SAMPLES = (352, 480, 528, 544, 704, 720, 928, 944, 960)
+_SAMPLES_OF_HD = (960, 1280, 1440)
+"""Width of a line as ITU-R BT.601 samples it, and the parts of it that DVB, DVD and recorders
+(960H) store; of BT.709, those of DVCPRO HD and HDV. All show 4:3 or 16:9, HD 16:9 alone.
+"""
+_SHAPES_OF_PHOTOS = (4 / 3, 3 / 2, 5 / 4, 2.0)
 _PAIRS = ("jfif_density", "aspect", "dpi")
+
+
+def _value(pattern: re.Pattern[str], xmp: str) -> str | None:
+    found = pattern.search(xmp)
+    return None if found is None else found[1] or found[2]
 
 
 def panorama_kind(xmp: str, tags: Mapping[int, Any]) -> str:
@@ -53,8 +66,8 @@ def panorama_kind(xmp: str, tags: Mapping[int, Any]) -> str:
         xmp: of the file.
         tags: as in :func:`physic_core.io.exif.intrinsics_from_exif`.
     """
-    if (found := _PROJECTION.search(xmp)) and found[1].lower() not in _FLAT:
-        return found[1].lower()
+    if (kind := (_value(_PROJECTION, xmp) or "").lower()) and kind not in _FLAT:
+        return kind
     is_apple = str(tags.get(_MAKE)).strip("\0 ") == "Apple"
     return "cylindrical" if is_apple and tags.get(_CUSTOM_RENDERED) == _PANORAMA_OF_APPLE else ""
 
@@ -70,19 +83,19 @@ def up_of_gimbal(xmp: str, orientation: int) -> FloatArray | None:
         xmp: of the file.
         orientation: EXIF orientation, 1-8.
     """
-    pitch, roll = (pattern.search(xmp) for pattern in (_PITCH, _ROLL))
-    if pitch is None or orientation != 1 or (roll and abs(float(roll[1])) > _LEVEL_DEG):
+    pitch, roll = (_value(pattern, xmp) for pattern in (_PITCH, _ROLL))
+    if pitch is None or orientation != 1 or (roll and abs(float(roll)) > _LEVEL_DEG):
         return None
-    angle = math.radians(float(pitch[1]))
+    angle = math.radians(float(pitch))
     return np.array([0.0, -math.cos(angle), math.sin(angle)])
 
 
 def drone_note(xmp: str) -> str:
     """Return a note on the height over the take-off, or ""."""
-    if not (altitude := _ALTITUDE.search(xmp)):
+    if (altitude := _value(_ALTITUDE, xmp)) is None:
         return ""
     return (
-        f"the drone states {float(altitude[1]):g} m above the take-off, which is not used: give "
+        f"the drone states {float(altitude):g} m above the take-off, which is not used: give "
         f"--camera-height if people stand as high as it took off"
     )
 
@@ -115,9 +128,22 @@ def stretched_pixels(
         )
         has_unit = name != "aspect" and (name != "jfif_density" or info.get("jfif_unit"))
         return text if has_unit else f"{text}, or {sides[1]} if a video program wrote it"
-    if stored not in _RECORDERS or _OF_CAMERAS & tags.keys():
+    return "" if _OF_CAMERAS & tags.keys() else _of_recorder(*stored)
+
+
+def _of_recorder(width: int, height: int) -> str:
+    """Return why a picture of this size, px, may be a frame of video whose pixels are not square;
+    "" for other sizes.
+    """
+    lines = _LINES.get(height)
+    is_hd = lines == 1080
+    if lines is None or width == height or width not in (_SAMPLES_OF_HD if is_hd else _SAMPLES):
         return ""
-    return (
-        f"{stored[0]} x {stored[1]} px is a size of video recorders, whose pixels "
-        f"{_RECORDERS[stored]}"
-    )
+    wide = f"{2 * round(lines * 8 / 9)} x {lines} px"
+    right = f"to {wide}"
+    if not is_hd:
+        right = f"to {lines * 4 // 3} x {lines} px, or {wide} if it has 16:9"
+    may_be_photo = any(abs(width / height / shape - 1) < 1e-3 for shape in _SHAPES_OF_PHOTOS)
+    unsure = "may not be square: if people look too thin or wide,"
+    are = unsure if may_be_photo else "are not square:"
+    return f"{width} x {height} px is a size of video, whose pixels {are} resize it {right}"

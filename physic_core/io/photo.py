@@ -19,7 +19,7 @@ from physic_core.files.image_file import (
     open_image,
     wrap_decoding_errors,
 )
-from physic_core.io.colour import srgb_conversion
+from physic_core.io.colour import code_points, srgb_conversion
 from physic_core.io.exif import EXIF_IFD, ORIENTATION, intrinsics_from_exif, swaps_sides
 from physic_core.io.file_geometry import drone_note, panorama_kind, stretched_pixels, up_of_gimbal
 from physic_core.io.result_folder import file_digest, image_digest
@@ -104,8 +104,10 @@ def read_photo(photo: PhotoSource) -> Photo:
             file.seek(0)
             # of the file that is read, even if another one takes its place
             digest = file_digest(file)
+            file.seek(0)
+            colours = code_points(file)
             file.seek(place)
-            return replace(_read(image, source), digest=digest)
+            return replace(_read(image, source, colours), digest=digest)
     if isinstance(photo, Image.Image):
         found = _read_image(photo)
     elif _is_grey_or_rgba(photo):
@@ -151,9 +153,8 @@ def limit_size(photo: Photo, max_side: int) -> Photo:
     if min(new_width, new_height) < MIN_SIDE:
         raise InputError(
             f"the photo is too long and thin: at a long side of {max_side} px, its {width} x "
-            f"{height} px become "
-            f"{new_width} x {new_height} px, but each side needs {MIN_SIDE} px; crop it, or allow "
-            f"a longer side"
+            f"{height} px become {new_width} x {new_height} px, but each side needs {MIN_SIDE} px; "
+            "crop it, or allow a longer side"
         )
     import cv2
 
@@ -168,9 +169,8 @@ def _check_camera(camera: Intrinsics, width: int, height: int) -> None:
     if (camera.width, camera.height) != (width, height):
         raise ConfigError(
             f"the intrinsics are for {camera.width} x {camera.height} px, but the image has "
-            f"{width} x {height} px: "
-            f"give those of this image, or intrinsics.resized({width}, {height}) if it was only "
-            f"resized"
+            f"{width} x {height} px: give those of this image, or intrinsics.resized({width}, "
+            f"{height}) if it was only resized"
         )
     side = max(width, height)
     least, most = _FOCAL_RANGE
@@ -178,14 +178,12 @@ def _check_camera(camera: Intrinsics, width: int, height: int) -> None:
         if not least <= focal / side <= most:
             raise ConfigError(
                 f"the focal length is {focal / side:.2g} times the long side of the photo, but "
-                f"should be "
-                f"{least:g} to {most:g} times: give it in px of the photo file"
+                f"should be {least:g} to {most:g} times: give it in px of the photo file"
             )
     if not (-0.5 <= camera.cx <= width - 0.5 and -0.5 <= camera.cy <= height - 0.5):
         raise ConfigError(
-            f"the principal point ({camera.cx:g}, {camera.cy:g}) lies outside the photo of "
-            f"{width} x {height} px: "
-            "give it in px of the photo file, or give only the focal length"
+            f"the principal point ({camera.cx:g}, {camera.cy:g}) lies outside the photo of {width} "
+            f"x {height} px: give it in px of the photo file, or give only the focal length"
         )
 
 
@@ -210,8 +208,7 @@ def check_image(image: Any) -> UInt8Array:
     if min(image.shape[:2]) < MIN_SIDE:
         raise InputError(
             f"image is {image.shape[1]} x {image.shape[0]} px, but each side needs at least "
-            f"{MIN_SIDE} px: give "
-            f"a larger one"
+            f"{MIN_SIDE} px: give a larger one"
         )
     return np.ascontiguousarray(image)
 
@@ -251,8 +248,7 @@ def _check_header(image: Image.Image, source: ImageSource) -> None:
     if min(stored) < MIN_SIDE:
         raise InputError(
             f"cannot use the {source}: it is {stored[0]} x {stored[1]} px, but each side needs at "
-            f"least "
-            f"{MIN_SIDE} px; give a larger photo"
+            f"least {MIN_SIDE} px; give a larger photo"
         )
     if image.mode == "F":
         raise InputError(
@@ -263,7 +259,7 @@ def _check_header(image: Image.Image, source: ImageSource) -> None:
         raise source.raw()
 
 
-def _read(image: Image.Image, source: ImageSource) -> Photo:
+def _read(image: Image.Image, source: ImageSource, colours: tuple[int, int] | None = None) -> Photo:
     _check_header(image, source)
     stored = image.size
     notes = list(_frame_notes(image))
@@ -283,7 +279,7 @@ def _read(image: Image.Image, source: ImageSource) -> Photo:
     # what the decoder has not reduced itself
     left = factor // max(1, round(max(stored) / max(image.size)))
     with wrap_decoding_errors(source):
-        rgb, conversions = _to_rgb(image, left, deep, source)
+        rgb, conversions = _to_rgb(image, left, deep, colours, source)
     if orientation != 1:
         rgb = np.array(Image.fromarray(rgb).transpose(_UPRIGHT[orientation]))
         notes.append("rotated upright according to the EXIF orientation")
@@ -350,7 +346,11 @@ def _exif(image: Image.Image) -> tuple[int, dict[int, Any], str]:
 
 
 def _to_rgb(
-    image: Image.Image, factor: int, deep: bool, source: ImageSource
+    image: Image.Image,
+    factor: int,
+    deep: bool,
+    colours: tuple[int, int] | None,
+    source: ImageSource,
 ) -> tuple[UInt8Array, list[str]]:
     """Convert any Pillow mode to RGB (H, W, 3), downscaled by an integer factor, with a note for
     each conversion.
@@ -359,7 +359,7 @@ def _to_rgb(
     rows = max(1, _BAND_PIXELS // width // factor) * factor
     rgb = np.empty((math.ceil(height / factor), math.ceil(width / factor), 3), np.uint8)
     transparent = False
-    convertible, convert, colour_note = srgb_conversion(image)
+    convertible, convert, colour_note = srgb_conversion(image, colours)
     is_converted = False
     for top in range(0, height, rows):
         box = (0, top, width, min(height, top + rows))

@@ -18,27 +18,25 @@ from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
     from physic_core.io.photo import Photo
-    from physic_core.types import Intrinsics, Reconstruction, UInt8Array
+    from physic_core.types import FloatArray, Intrinsics, Reconstruction, UInt8Array
 
     Inside = tuple[slice, slice]
 
 _MOST_SAMPLES = 500  # of a row, whatever the size of the photo
-_FEW_SAMPLES = 100  # of a row that may be a strip
 _PLAIN = 8  # largest variation of a border, grey levels; a sky over a horizon varies more
 _PLAIN_THIN = 48  # the same of a thin frame, which JPEG mixes with the photo
 _THIN_PX = 3
-_ONE_ROW = 1e-9  # share of the rows: a bar of any width
 _STRAY = 0.002  # share of other pixels in a border
 # Share of columns with other pixels in the photo's first rows: a head on a plain ground spans less.
 _EDGE = 0.8
 # Parts of one row may have the colour of the border, as bright sand has that of a white one.
 _FIRST_PX = 16
+_ROWS = 64  # that are compared at a time: most photos end in the first of them
 _RINGING_PX = 16  # JPEG changes a border in the blocks that it shares with the photo
 _LEAST_BAR = 0.01  # of the side; a narrower bar on one side does not disturb networks
 # Of the area: the whole result has at most ten times the pixels of the picture inside.
 _LEAST_INSIDE = 0.1
 _THINNEST = 0.1  # ratio of the sides of a picture inside
-_LEAST_PART = 0.15  # of the side, on either side of a strip between two photos
 
 
 def find_inside(image: UInt8Array) -> Inside | None:
@@ -60,24 +58,6 @@ def find_inside(image: UInt8Array) -> Inside | None:
     ):
         return None
     return None if sides == [height, width] else inside
-
-
-def question_of_strip(image: UInt8Array) -> str:
-    """Return a question to the user if a strip of one colour crosses an image (H, W, 3) between two
-    photos; "" without one.
-    """
-    for across, side in ((image, "height"), (image.transpose(1, 0, 2), "width")):
-        samples = across[:, :: max(1, across.shape[1] // _FEW_SAMPLES)]
-        rows = np.flatnonzero(np.ptp(samples, axis=1).max(-1) <= _PLAIN)
-        shares = rows / len(samples)
-        rows = rows[(shares > _LEAST_PART) & (shares < 1 - _LEAST_PART)]
-        for row in rows[len(rows) // 2 :][:1]:
-            if _bar(across[row:], _ONE_ROW) and _bar(across[row::-1], _ONE_ROW):
-                return (
-                    f"two photos in one file? A strip of one colour crosses it at "
-                    f"{row / len(samples):.0%} of its {side}: cut them apart, and run each"
-                )
-    return ""
 
 
 def _inside(image: UInt8Array, least: float) -> Inside:
@@ -106,15 +86,26 @@ def _bar(rows: UInt8Array, least: float) -> int:
     tolerance = np.abs(outermost - color).max() + 1
     if tolerance > (_PLAIN if least else _PLAIN_THIN):  # most photos
         return 0
-    samples = samples.astype(np.int16)
-    difference = np.abs(samples - color).max(-1)
-    stop = int(((difference > tolerance).mean(1) > _STRAY).argmax())
+    stop = _first_other_row(samples, color, tolerance)
     if stop < len(outermost):
         return 0
-    steps = np.abs(np.diff(samples[stop - 1 : stop + _RINGING_PX + 1], axis=0)).mean((1, 2))
-    edge = stop + int((steps >= steps.max() / 2).argmax())
-    first = difference[edge : edge + _FIRST_PX] > 2 * tolerance
-    return edge if first.any(0).mean() >= _EDGE and (least or edge <= _THIN_PX) else 0
+    after = samples[stop - 1 : stop + _RINGING_PX + _FIRST_PX].astype(np.int16)
+    steps = np.abs(np.diff(after[: _RINGING_PX + 2], axis=0)).mean((1, 2))
+    further = int((steps >= steps.max() / 2).argmax())
+    first = after[1 + further :][:_FIRST_PX]
+    other = (np.abs(first - color).max(-1) > 2 * tolerance).any(0)
+    edge = stop + further
+    return edge if other.mean() >= _EDGE and (least or edge <= _THIN_PX) else 0
+
+
+def _first_other_row(samples: UInt8Array, color: FloatArray, tolerance: float) -> int:
+    """Return the first of rows (R, C, 3) with pixels of another colour; 0 if there is none."""
+    for start in range(0, len(samples), _ROWS):
+        difference = np.abs(samples[start : start + _ROWS].astype(np.int16) - color).max(-1)
+        other = (difference > tolerance).mean(1) > _STRAY
+        if other.any():
+            return start + int(other.argmax())
+    return 0
 
 
 def cut_camera(camera: Intrinsics, size: tuple[int, int], inside: Inside) -> Intrinsics:
@@ -152,12 +143,12 @@ def limit_inside(photo: Photo, inside: Inside, max_side: int) -> tuple[Photo, In
     return photo, (rows, columns)
 
 
-def cut_border(photo: Photo, inside: Inside) -> Photo:
-    """Return the picture inside a photo, with its camera."""
+def cut_border(photo: Photo, inside: Inside, what: str) -> Photo:
+    """Return the picture inside a photo, with its camera, and a note of what was cut off."""
     height, width = photo.image.shape[:2]
     image = np.ascontiguousarray(photo.image[inside])
     note = (
-        f"a border of one colour was cut off for the computation, which leaves {image.shape[1]} x "
+        f"{what} was cut off for the computation, which leaves {image.shape[1]} x "
         f"{image.shape[0]} px. Pixels of the results still count in the whole photo"
     )
     camera = (

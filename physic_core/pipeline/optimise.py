@@ -30,8 +30,7 @@ def run_engine(
     """Run scene, placement, joint optimisation and contact on the device of the body model.
 
     Without people, the scene is the result. Checks and records of the run are not yet in it. The
-    pipeline uses the CPU, since nearest-point search
-    and ray casts run there.
+    pipeline uses the CPU, since nearest-point search and ray casts run there.
     """
     # Eighty L-BFGS steps amplify rounding errors a million times: float32 results would differ
     # between CPUs.
@@ -56,8 +55,8 @@ def run_engine(
     with stages.time_engine("contact"):
         # Before inpainted points are moved out of people: what carries them is there.
         world = without_held_things(estimates, state)
-        touch = solve_contact(estimates, world, settings.contact).contact
-        state = finalize_scene(estimates, replace(state, contact=touch), settings.scene)
+        contact = solve_contact(estimates, world, settings.contact).contact
+        state = finalize_scene(estimates, replace(state, contact=contact), settings.scene)
         measures = measure_agreement(estimates, state)
         state = move_held_things(estimates, state)
     if not estimates.known:

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
-from physic_core.body.body_sizes import body_sizes
 from physic_core.body.bones import parameters_from_rotations
 from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.posture import photo_turned_deg
@@ -30,6 +29,7 @@ from physic_core.pipeline.checks import (
     photo_trust,
     unknown_checks,
 )
+from physic_core.pipeline.frame import plain_ground
 from physic_core.types import (
     POSTURES,
     CameraTrust,
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
     from physic_core.configuration.resolve import ResolvedPipeline
     from physic_core.engine.state import Contact, Estimates, State
-    from physic_core.types import CheckResult, Measures, Observations
+    from physic_core.types import BoolArray, CheckResult, Measures, Observations
 
 
 def as_reconstruction(
@@ -61,23 +61,23 @@ def as_reconstruction(
         state: after the last stage; after the first one for a photo without people.
         measures: of each person.
     """
-    touch = state.contact
+    contact = state.contact
     return Reconstruction(
         image=estimates.image,
         intrinsics=_intrinsics(estimates, state),
         scene=_scene(estimates, state),
-        people=() if touch is None else _people(estimates, state, touch, measures),
+        people=() if contact is None else _people(estimates, state, contact, measures),
         faces=state.model.faces.int().numpy(),
         body_model=state.model.name,
         skeleton=estimates.photo.keypoints.skeleton,
         diagnostics=_diagnostics(estimates, state),
         unposed=tuple(estimates.photo.people.unposed),
-        contact_partners=() if touch is None else touch.partners,
+        contact_partners=() if contact is None else contact.partners,
     )
 
 
 def _people(
-    estimates: Estimates, state: State, touch: Contact, measures: Sequence[Measures]
+    estimates: Estimates, state: State, contact: Contact, measures: Sequence[Measures]
 ) -> tuple[Person, ...]:
     photo = estimates.photo
     found = photo.people
@@ -85,7 +85,7 @@ def _people(
     parameters = parameters_from_rotations(
         state.rotations, state.betas, state.expression, state.transl
     )
-    rows = _arrays_of_people(state, touch)
+    rows = _arrays_of_people(state, contact)
     sizes = zip(state.model.stature(state.betas), body_size_sigmas(estimates, state), strict=True)
     unseen = _unseen(state)
     people = []
@@ -99,9 +99,9 @@ def _people(
                 keypoints=photo.keypoints.points[i],
                 keypoint_confidence=photo.keypoints.confidence[i],
                 parameters=parameters[i : i + 1],
-                contacts=touch.contacts[i],
-                support=touch.supports[i],
-                world_contact=_world_contact(touch, i),
+                contacts=contact.contacts[i],
+                support=contact.supports[i],
+                world_contact=_world_contact(contact, i),
                 unseen=unseen[i] if has_body else (),
                 age=float(years[i]) if math.isfinite(years[i]) else None,
                 stature=float(stature) if has_body else None,
@@ -115,30 +115,32 @@ def _people(
     return tuple(people)
 
 
-def _arrays_of_people(state: State, touch: Contact) -> dict[str, Any]:
+def _arrays_of_people(state: State, contact: Contact) -> dict[str, Any]:
     """Return the arrays with a row for each person, as fields of a Person."""
     rows = arrays(
         vertices=state.vertices,
         joints=state.joints,
-        contact=touch.partner != NO_PARTNER,
-        distance=touch.distance,
-        contact_partner=touch.partner,
+        contact=contact.partner != NO_PARTNER,
+        distance=contact.distance,
+        contact_partner=contact.partner,
     )
-    if touch.probability is not None:
-        rows["contact_probability"] = touch.probability.cpu().numpy().astype(np.float16)
+    if contact.probability is not None:
+        rows["contact_probability"] = contact.probability.cpu().numpy().astype(np.float16)
     return rows
 
 
 def _sizes(state: State, person: int) -> dict[str, float]:
-    """Return the sizes of a person, and with a floor the heights over it."""
-    sizes = body_sizes(state.model, state.betas[person : person + 1])
-    if (floor := state.scene.floor) is not None:
-        pelvis = state.joints[person, :1]
-        seat = state.vertices[person, state.model.contact_sets["gluteus"]]
-        for name, points in (("pelvis_height_m", pelvis), ("seat_height_m", seat)):
-            heights = points.double() @ floor.normal.double()
-            sizes[name] = float(heights.min() + floor.offset * state.scene_scale)
-    return {name: round(size, 4) for name, size in sizes.items()}
+    """Return the heights of a person over the floor; none without a floor."""
+    floor = state.scene.floor
+    if floor is None:
+        return {}
+    sizes = {}
+    pelvis = state.joints[person, :1]
+    seat = state.vertices[person, state.model.contact_sets["gluteus"]]
+    for name, points in (("pelvis_height_m", pelvis), ("seat_height_m", seat)):
+        heights = points.double() @ floor.normal.double()
+        sizes[name] = round(float(heights.min() + floor.offset * state.scene_scale), 4)
+    return sizes
 
 
 def _observed(said: Observations, person: int) -> dict[str, Any]:
@@ -158,27 +160,28 @@ def _unseen(state: State) -> list[tuple[str, ...]]:
     return [tuple(names[i] for i in limbs if not shown[i]) for shown in seen]
 
 
-def _world_contact(touch: Contact, person: int) -> Mapping[str, float] | None:
+def _world_contact(contact: Contact, person: int) -> Mapping[str, float] | None:
     """Return body part -> probability of contact with the world; None without any."""
-    if touch.supports[person] is None:
+    if contact.supports[person] is None:
         return None
-    found = {name: round(float(p[person]), DECIMALS) for name, p in touch.parts.items()}
+    found = {name: round(float(p[person]), DECIMALS) for name, p in contact.parts.items()}
     return found or None
 
 
 def _diagnostics(estimates: Estimates, state: State) -> dict[str, Any]:
     """Return numbers by stage; those of the scene alone without people."""
     scene = {"scene": dict(state.scene.diagnostics), "witnesses": dict(estimates.ground.witnesses)}
-    if state.photo_alignment is None:
+    joint = state.joint
+    if state.photo_alignment is None or joint is None:
         return scene
-    losses = {name: {"start": a, "end": b} for name, (a, b) in state.losses.items()}
+    losses = {name: {"start": a, "end": b} for name, (a, b) in joint.losses.items()}
     return scene | {
         "placement": {"alignment": alignment_diagnostics(state.photo_alignment)},
         "joint": {
             "losses": losses,
-            "scene_scale": state.scene_scale,
-            "steps": state.steps,
-            "evaluations": state.evaluations,
+            "scene_scale": joint.scene_scale,
+            "steps": joint.steps,
+            "evaluations": joint.evaluations,
         },
     }
 
@@ -204,10 +207,13 @@ def _scene(estimates: Estimates, state: State) -> Scene:
     floor = None
     if scene.floor is not None:
         floor = replace(scene.floor, offset=scene.floor.offset * scale).to_plane()
+    valid = scene.valid
+    if (plain := _plain_ground(estimates)) is not None:
+        valid = valid & ~torch.from_numpy(plain)
     maps = arrays(
         points=scene.points * scale,
         normals=scene.normals,
-        valid=scene.valid,
+        valid=valid,
         floor_points=scene.floor_points * scale,
     )
     colors = estimates.inpainted
@@ -226,6 +232,13 @@ def _scene(estimates: Estimates, state: State) -> Scene:
     )
 
 
+def _plain_ground(estimates: Estimates) -> BoolArray | None:
+    """Return where the scene (H, W) is a ground of one colour, which shows no network its shape;
+    None without one, or with a measured depth.
+    """
+    return None if estimates.ground.measured is not None else plain_ground(estimates.inpainted)
+
+
 def judge(result: Reconstruction, checks: Sequence[CheckResult]) -> Reconstruction:
     """Return a result with its checks, and the grade and trust of the photo and of each person."""
     trust = [
@@ -241,6 +254,10 @@ def judge(result: Reconstruction, checks: Sequence[CheckResult]) -> Reconstructi
             unknown_checks=unknown_checks(checks, i),
             grade=Grade.of(trust[i].probability),
             trust=trust[i].probability,
+            trust_pose=trust[i].marks["pose"],
+            trust_place=trust[i].marks["place"],
+            trust_contact=trust[i].marks["contact"],
+            trust_size=trust[i].marks["size"],
             why=trust[i].why,
         )
         for i, person in enumerate(result.people)
@@ -251,8 +268,8 @@ def judge(result: Reconstruction, checks: Sequence[CheckResult]) -> Reconstructi
 
 
 def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
-    """Return notes about people who lie, people who give the scale, and a photo that seems
-    turned.
+    """Return notes about people who lie, people who give the scale, a plain ground, and a photo
+    that seems turned.
     """
     people = result.people
     notes = []
@@ -266,6 +283,12 @@ def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
         bodies = sum(person.support is not None for person in people)
         contacts = [person.contacts for person in people]
         notes.append(scale_note(contacts, bodies, result.scene.floor, lie))
+    if (plain := _plain_ground(estimates)) is not None:
+        share = (plain & ~np.asarray(estimates.photo.hole)).mean()
+        notes.append(
+            f"{share:.0%} of the photo is a ground of one colour, which has no shape: its depth is "
+            "unknown"
+        )
     joints = np.reshape([person.joints for person in people], (-1, NUM_JOINTS, 3))
     if degrees := photo_turned_deg(joints, result.scene.floor):
         notes.append(

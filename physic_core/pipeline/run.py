@@ -29,6 +29,7 @@ from physic_core.configuration.resolve import (
 from physic_core.errors import ConfigError, PhysicError
 from physic_core.io.photo import Photo, photo_path_for_messages, read_photo
 from physic_core.pipeline.given.photo import prepare_photo
+from physic_core.pipeline.photo_run import stages_before_the_engine
 from physic_core.pipeline.stage_runner import LoadedBackends, StageRunner
 from physic_core.types import CameraTrust, Intrinsics, KnownSizes, PeoplePrompt, Reconstruction
 
@@ -262,8 +263,6 @@ class Pipeline:
         return replace(self._plan, photo=config.photo, config=config, backends=backends)
 
     def _stages(self, progress: Progress | None, *, close: bool) -> StageRunner:
-        from physic_core.pipeline.estimate import stages_before_the_engine
-
         run = self.config.run
         cache = None
         if run.cache:
@@ -408,6 +407,12 @@ def _reconstruct(
         checks = run_checks(estimates, found)
     repositories, others = describe_repositories(plan)
     stages.warn(*others, *warning_messages(checks), *warn_of_small_people(estimates, found))
+    prior = plan.backends.get("contact_prior")
+    if prior is not None and not stages.is_vouched_for(prior):
+        from physic_core.pipeline.doubts import doubt_of_contact_places
+
+        if doubt := doubt_of_contact_places(found, estimates.contact.probability):
+            stages.warn(f"{prior.title}: {doubt}")
     stages.note(*describe_methods(estimates, found))
     found = replace(
         judge(found, checks),

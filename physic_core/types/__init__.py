@@ -56,6 +56,7 @@ from physic_core.types.people import (
     UnposedPerson,
 )
 from physic_core.types.records import (
+    MARKS,
     CheckResult,
     CheckState,
     ExportedFiles,
@@ -65,6 +66,7 @@ from physic_core.types.records import (
     StageRecord,
     grade_text,
     summarize_checks,
+    trust_text,
 )
 from physic_core.types.results import (
     PERSON_COLUMNS,
@@ -73,6 +75,7 @@ from physic_core.types.results import (
     Reconstruction,
     Scene,
     main_people,
+    marks_of_row,
     metres_text,
     pelvis_distance_m,
     person_rows,
@@ -96,6 +99,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CARRIER_NAMES",
+    "MARKS",
     "NO_PARTNER",
     "PARTNER_KINDS",
     "PERSON_COLUMNS",
@@ -161,6 +165,7 @@ __all__ = [
     "grade_text",
     "is_finger",
     "main_people",
+    "marks_of_row",
     "metres_text",
     "other_side",
     "part_words",
@@ -170,4 +175,5 @@ __all__ = [
     "select_people",
     "skeleton_named",
     "summarize_checks",
+    "trust_text",
 ]

@@ -7,9 +7,48 @@ from typing import TYPE_CHECKING
 
 from physic_core.types.arrays import PER_PERSON, shape
 from physic_core.types.short_repr import ShortRepr
+from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray, FloatArray, IntArray
+
+
+FINGERS = ("index", "middle", "pinky", "ring", "thumb")
+"""Fingers in the order of SMPL-X."""
+
+JOINT_NAMES: tuple[str, ...] = (
+    "pelvis",
+    "left_hip",
+    "right_hip",
+    "spine1",
+    "left_knee",
+    "right_knee",
+    "spine2",
+    "left_ankle",
+    "right_ankle",
+    "spine3",
+    "left_foot",
+    "right_foot",
+    "neck",
+    "left_collar",
+    "right_collar",
+    "head",
+    "left_shoulder",
+    "right_shoulder",
+    "left_elbow",
+    "right_elbow",
+    "left_wrist",
+    "right_wrist",
+    "jaw",
+    "left_eye",
+    "right_eye",
+    *(f"{side}_{finger}{k}" for side in SIDES for finger in FINGERS for k in (1, 2, 3)),
+)
+"""0-21 body, 22 jaw, 23-24 eyes, 25-39 left hand, 40-54 right hand (index, middle, pinky, ring,
+thumb; base first).
+"""
+
+JOINT_INDEX: dict[str, int] = {name: i for i, name in enumerate(JOINT_NAMES)}
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,6 @@
-"""What a network sees of people beside their joints: posture, touch, age, and how legs are bent."""
+"""What a network sees of people beside their joints: posture, touch, age, where they look, and how
+legs are bent.
+"""
 
 from __future__ import annotations
 
@@ -47,6 +49,11 @@ class Observations(ShortRepr):
         flexion: (N, 4) degrees by which left hip, right hip, left knee and right knee are bent; 0
             is straight.
         flexion_sigma: (N, 4) degrees, standard deviation of ``flexion``.
+        head: (N, 3) unit vector, direction in which the face looks, in the photo's camera frame:
+            (0, 0, -1) looks along the optical axis towards the camera. It is that of the head, not
+            of the eyes.
+        head_sigma: (N,) degrees, standard deviation of ``head`` in each of the two directions
+            across it.
         posture_share: (9,), sums to 1.
         touch_share: (5,).
         holds_share: (2,).
@@ -61,6 +68,8 @@ class Observations(ShortRepr):
     child: FloatArray = field(metadata=_rows())
     flexion: FloatArray = field(metadata=_rows(4))
     flexion_sigma: FloatArray = field(metadata=_rows(4))
+    head: FloatArray = field(metadata=_rows(3))
+    head_sigma: FloatArray = field(metadata=_rows())
     posture_share: FloatArray = field(metadata=shape(len(POSTURES)))
     touch_share: FloatArray = field(metadata=shape(len(TOUCH_PARTS)))
     holds_share: FloatArray = field(metadata=shape(2))
@@ -85,6 +94,8 @@ class Observations(ShortRepr):
             child=nan(people),
             flexion=nan(people, 4),
             flexion_sigma=nan(people, 4),
+            head=nan(people, 3),
+            head_sigma=nan(people),
             posture_share=nan(9),
             touch_share=nan(5),
             holds_share=nan(2),

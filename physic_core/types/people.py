@@ -18,6 +18,49 @@ if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray, FloatArray, IntArray, UInt8Array
 
 
+CARRIER_NAMES = (
+    "bicycle",
+    "motorcycle",
+    "horse",
+    "ski",
+    "snowboard",
+    "skateboard",
+    "surfboard",
+)
+"""Names of :class:`Carrier`: what people ride, and boards that people stand on."""
+
+SURFACE_NAMES = (
+    "unknown",
+    "floor",
+    "ground",
+    "rug",
+    "stairs",
+    "wall",
+    "ceiling",
+    "window",
+    "seat",
+    "bed",
+    "table",
+    "cabinet",
+    "vehicle",
+    "vegetation",
+    "water",
+    "sky",
+    "object",
+    "person",
+)
+"""Vocabulary of :class:`SurfaceLabels`.
+
+"floor" is indoors, "ground" outdoors: road, pavement, grass, earth, sand. "wall" includes doors,
+curtains, pictures and the outside of buildings. "seat" is a chair, armchair, sofa, bench or stool.
+"cabinet" includes shelves and other storage. "vegetation" is trees and plants, and not grass.
+"object" is anything without another name.
+"""
+
+GROUND_SURFACES = ("floor", "ground", "rug")
+"""Names of :data:`SURFACE_NAMES` that are the floor."""
+
+
 @dataclass(frozen=True)
 class Keypoints(ShortRepr):
     """2D keypoints of N people; row i belongs to person i.
@@ -77,18 +120,6 @@ class UnposedPerson(ShortRepr):
     box: tuple[float, float, float, float]
     score: float
     reason: str
-
-
-CARRIER_NAMES = (
-    "bicycle",
-    "motorcycle",
-    "horse",
-    "ski",
-    "snowboard",
-    "skateboard",
-    "surfboard",
-)
-"""Names of :class:`Carrier`: what people ride, and boards that people stand on."""
 
 
 @dataclass(frozen=True)
@@ -151,37 +182,6 @@ class People(ShortRepr):
     def __len__(self) -> int:
         return len(self.masks)
 
-
-SURFACE_NAMES = (
-    "unknown",
-    "floor",
-    "ground",
-    "rug",
-    "stairs",
-    "wall",
-    "ceiling",
-    "window",
-    "seat",
-    "bed",
-    "table",
-    "cabinet",
-    "vehicle",
-    "vegetation",
-    "water",
-    "sky",
-    "object",
-    "person",
-)
-"""Vocabulary of :class:`SurfaceLabels`.
-
-"floor" is indoors, "ground" outdoors: road, pavement, grass, earth, sand. "wall" includes doors,
-curtains, pictures and the outside of buildings. "seat" is a chair, armchair, sofa, bench or stool.
-"cabinet" includes shelves and other storage. "vegetation" is trees and plants, and not grass.
-"object" is anything without another name.
-"""
-
-GROUND_SURFACES = ("floor", "ground", "rug")
-"""Names of :data:`SURFACE_NAMES` that are the floor."""
 
 _OUTDOORS = ("sky", "vegetation", "ground", "water")
 _INDOORS = ("floor", "rug", "ceiling", "seat", "bed", "table", "cabinet")

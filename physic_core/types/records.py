@@ -53,17 +53,6 @@ class StageRecord:
     failed: bool = False
 
 
-_YES = "1: yes"
-_UNITS = {
-    "share": (100, " %", 0),
-    "log": (100, " %", 0),
-    "m": (1, " m", 2),
-    "deg": (1, "°", 0),
-    "count": (1, "", 0),
-}
-"""Factor, symbol and digits after the point of each unit of checks."""
-
-
 class CheckState(StrEnum):
     """Outcome of a self-check."""
 
@@ -101,9 +90,37 @@ class Grade(StrEnum):
 LEAST_TRUST = {Grade.GOOD: 0.8, Grade.DOUBTFUL: 0.3}
 
 
-def grade_text(grade: Grade | str | None, trust: float | None) -> str:
-    """Return a grade with its probability: "good, 0.91"; "none" without a grade."""
-    return f"{grade or 'none'}{'' if trust is None else f', {trust_text(trust)}'}"
+MARKS = ("pose", "place", "contact", "size")
+"""What is judged of a person: each has a probability to be right, and a grade."""
+
+
+def grade_text(
+    grade: Grade | str | None, trust: float | None, marks: Mapping[str, float | None] | None = None
+) -> str:
+    """Return a grade with its probability, and the marks whose grade is another: "doubtful, 0.61;
+    place, contact and size good"; "none" without a grade.
+
+    Args:
+        grade: of a person or a photo.
+        trust: probability of the grade, or None.
+        marks: of a person, name of :data:`MARKS` -> probability, or None.
+    """
+    of_marks: dict[Grade, list[str]] = {}
+    for name, probability in (marks or {}).items():
+        if probability is not None and Grade.of(probability) != grade:
+            of_marks.setdefault(Grade.of(probability), []).append(name)
+    others = [f"; {in_words(names)} {one}" for one, names in sorted(of_marks.items(), key=_order)]
+    return f"{grade or 'none'}{'' if trust is None else f', {trust_text(trust)}'}{''.join(others)}"
+
+
+def _order(item: tuple[Grade, list[str]]) -> int:
+    return list(Grade).index(item[0])
+
+
+def in_words(names: Sequence[str]) -> str:
+    """Return names as a text: "place, contact and size"."""
+    *most, last = names
+    return f"{', '.join(most)} and {last}" if most else last
 
 
 def trust_text(trust: float) -> str:
@@ -111,6 +128,18 @@ def trust_text(trust: float) -> str:
     that it misses.
     """
     return f"{math.floor(100 * trust + 1e-9) / 100:.2f}"
+
+
+_YES = "1: yes"
+
+_UNITS = {
+    "share": (100, " %", 0),
+    "log": (100, " %", 0),
+    "m": (1, " m", 2),
+    "deg": (1, "°", 0),
+    "count": (1, "", 0),
+}
+"""Factor, symbol and digits after the point of each unit of checks."""
 
 
 @dataclass(frozen=True)

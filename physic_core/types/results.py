@@ -12,14 +12,15 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from physic_core.doors import DOORS
 from physic_core.errors import InputError, PackageMissingError
 from physic_core.types.arrays import shape
+from physic_core.types.bodies import JOINT_INDEX
 from physic_core.types.contacts import PARTNER_KINDS, contacts_text, part_words
 from physic_core.types.depth import Plane
-from physic_core.types.records import Measures
+from physic_core.types.records import MARKS, Grade, Measures
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from physic_core.types.camera import Intrinsics, Lens
     from physic_core.types.contacts import BodyContact, ContactPartner, Support
     from physic_core.types.people import UnposedPerson
-    from physic_core.types.records import CheckResult, Exported, Grade, StageRecord
+    from physic_core.types.records import CheckResult, Exported, StageRecord
     from physic_core.types.skeletons import Skeleton
 
 
@@ -110,15 +111,20 @@ class Person(ShortRepr):
         contacts: contacts by body part, most probable first.
         support: what carries this person; None without a body.
         world_contact: body part -> probability in [0, 1] that it touches the world: floor, scene,
-            or a support that the photo does not show. Own body and other people do
-            not count. Parts that ``contacts`` does not list are included; "seat" is the buttocks
-            and both thighs. None without a body, and if the preset estimates none.
+            or a support that the photo does not show. Own body and other people do not count.
+            Parts that ``contacts`` does not list are included; "seat" is the buttocks and both
+            thighs. None without a body, and if the preset estimates none.
         unseen: limbs, hands and feet without a confident keypoint inside the photo at their end:
             their pose is mostly a guess.
         failed_checks: names of the ``Reconstruction.checks`` about this person that failed.
         unknown_checks: names of those for which nothing could be measured.
         trust: probability in [0, 1] that pose, place, contact and size are right; None without
             checks.
+        trust_pose: probability in [0, 1] that the pose is right where the photo shows it; None
+            without checks.
+        trust_place: that the place is right.
+        trust_contact: that the contacts of feet, hands and seat are right.
+        trust_size: that the size is right.
         why: sentence that names what lowers ``trust`` most, and what to do.
         grade: the range of ``trust``, or None without checks.
         age: years, as given; None where unknown.
@@ -130,9 +136,8 @@ class Person(ShortRepr):
         posture_probability: its probability in [0, 1].
         child_probability: that the person is younger than about 12 years, by the person observer.
             All three are None where it does not say.
-        sizes: mass_kg, chest_girth_m, waist_girth_m and hip_girth_m of the T-pose, which follow
-            from the shape and were not measured; with a floor pelvis_height_m of the joint and
-            seat_height_m of the lowest point of the buttocks over it. Empty without a body.
+        sizes: pelvis_height_m of the joint and seat_height_m of the lowest point of the buttocks,
+            over the floor; empty without a body or a floor.
         measures: what the checks judge.
         faces: (F, 3) int32, triangles of the vertices; set by the ``Reconstruction`` that contains
             the person.
@@ -152,6 +157,10 @@ class Person(ShortRepr):
     unknown_checks: tuple[str, ...] = ()
     grade: Grade | None = None
     trust: float | None = None
+    trust_pose: float | None = None
+    trust_place: float | None = None
+    trust_contact: float | None = None
+    trust_size: float | None = None
     why: str = ""
     faces: NDArray[np.int32] | None = field(default=None, metadata={"stored": False})
     contact_probability: NDArray[np.float16] | None = field(default=None, metadata=shape("V"))
@@ -176,11 +185,15 @@ class Person(ShortRepr):
         Raises:
             InputError: the joint does not exist.
         """
-        index: Mapping[str, int] = import_module("physic_core.body.joints").JOINT_INDEX
-        if name not in index:
-            raise InputError(f"no joint is named {name!r}: choose one of {', '.join(index)}")
-        place: FloatArray = self.joints[index[name]]
+        if name not in JOINT_INDEX:
+            raise InputError(f"no joint is named {name!r}: choose one of {', '.join(JOINT_INDEX)}")
+        place: FloatArray = self.joints[JOINT_INDEX[name]]
         return place
+
+    @property
+    def marks(self) -> dict[str, float | None]:
+        """Probabilities that pose, place, contact and size are right, by name."""
+        return {name: getattr(self, f"trust_{name}") for name in MARKS}
 
     @property
     def has_body(self) -> bool:
@@ -194,9 +207,7 @@ class Person(ShortRepr):
         """Angles in degrees by the names of the ISB, such as "left_knee_flexion", see
         :func:`physic_core.body.joint_angles.joint_angles`; NaN without a body.
         """
-        angles: dict[str, float] = import_module("physic_core.body.joint_angles").joint_angles(
-            self.parameters.body_pose[0]
-        )
+        angles: dict[str, float] = DOORS["joint_angles"]()(self.parameters.body_pose[0])
         return angles
 
     @property
@@ -204,9 +215,7 @@ class Person(ShortRepr):
         """Joints whose angles are mostly a guess, such as "left_knee", since a part beside them is
         ``unseen``.
         """
-        found: tuple[str, ...] = import_module("physic_core.body.joint_angles").joints_beside(
-            self.unseen
-        )
+        found: tuple[str, ...] = DOORS["joints_beside"]()(self.unseen)
         return found
 
     def mesh(self) -> Any:
@@ -247,8 +256,8 @@ class Reconstruction(ShortRepr):
     Attributes:
         image: (H, W, 3) uint8 RGB, upright, as reconstructed.
         intrinsics: of ``image``.
-        people: best detection score first, or in the order of the user's choice; empty for a scene
-            alone.
+        people: from left to right in the photo, by the centres of their boxes, or in the order of
+            the user's choice; empty for a scene alone.
         faces: (F, 3) int32, of every person's mesh.
         body_model: name of the body model of the people's parameters.
         skeleton: of the people's keypoints, or the name of a standard one.
@@ -376,7 +385,7 @@ class Reconstruction(ShortRepr):
         """
         import base64
 
-        picture = base64.b64encode(_public_function("preview_png")(self)).decode()
+        picture = base64.b64encode(DOORS["preview"]()(self)).decode()
         return f'<img src="data:image/png;base64,{picture}" alt="{self!r}" style="max-width: 100%">'
 
     def scene_points(self) -> Any:
@@ -422,7 +431,7 @@ class Reconstruction(ShortRepr):
             ConfigError: ``save`` is not valid.
             OutputError: the folder cannot be written, or a file of the user's would be lost.
         """
-        _public_function("save_reconstruction")(self, folder, save, overwrite=overwrite)
+        DOORS["save"]()(self, folder, save, overwrite=overwrite)
 
     def report(self, path: str, title: str = "") -> None:
         """Write a page with scene, people and contact in 3D and all numbers; it opens in a browser
@@ -436,7 +445,7 @@ class Reconstruction(ShortRepr):
             OutputError: the file cannot be written, or is not a page of PhySIC.
             PackageMissingError: physic-visual, which makes the page, is not installed.
         """
-        _public_function("save_report")(self, path, title)
+        DOORS["report"]()(self, path, title)
 
     def show(self) -> Path:
         """Write the page of :meth:`report` to a temporary folder, and open it in the browser.
@@ -490,9 +499,7 @@ class Reconstruction(ShortRepr):
                 is missing.
             OutputError: a file exists already, or cannot be written.
         """
-        exported: Exported = _public_function("export_reconstruction")(
-            self, path, format, **options
-        )
+        exported: Exported = DOORS["export"]()(self, path, format, **options)
         return exported
 
     @classmethod
@@ -502,7 +509,7 @@ class Reconstruction(ShortRepr):
         Raises:
             InputError: a file is missing, or of another schema version.
         """
-        loaded: Reconstruction = _public_function("load_reconstruction")(folder)
+        loaded: Reconstruction = DOORS["load"]()(folder)
         return loaded
 
 
@@ -566,19 +573,25 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
     """Return a row of ``people.csv`` for each person, without the photo; None where unknown.
 
     Keys: person (index into the people of the result), main (True if the grade of the photo counts
-    this person), grade, trust (probability that the person is right), why (what lowers it most),
+    this person), grade, trust (probability that the person is right), the same of pose, place,
+    contact and size (grade_pose, trust_pose, ...), why (what lowers trust most),
     distance_m (of the pelvis from the camera), stature_m (standing height), distance_sigma_m and
     stature_sigma_m (standard deviations), posture, posture_probability and child_probability (as of
-    :class:`Person`), contacts (body parts that are likely, one half or more,
-    to touch something, each with what it touches and its probability), assumed (likely contacts of
-    body parts that no pixel shows, not among the others) and unseen (limbs, hands and feet
-    without a confident keypoint at their end), the sizes of :class:`Person`, and main angles of
-    ``Person.joint_angles``, degrees. Lengths, mass and angles are None without a body.
+    :class:`Person`), contacts (body parts that are likely, one half or more, to touch something,
+    each with what it touches and its probability), assumed (likely contacts of body parts that no
+    pixel shows, not among the others) and unseen (limbs, hands and feet without a confident
+    keypoint at their end), the sizes of :class:`Person`, and main angles of
+    ``Person.joint_angles``, degrees. Lengths and angles are None without a body.
     """
     return [
         {name: value(result, index) for name, value in _ROW.items()} | _angles(person)
         for index, person in enumerate(result.people)
     ]
+
+
+def marks_of_row(row: Mapping[str, Any]) -> dict[str, float | None]:
+    """Return the marks of a person, as :attr:`Person.marks`, from a row of :func:`person_rows`."""
+    return {name: row[f"trust_{name}"] for name in MARKS}
 
 
 def pelvis_distance_m(person: Person) -> float | None:
@@ -598,11 +611,22 @@ def _rounded(value: float | None, digits: int = 3) -> float | None:
     return None if value is None or not math.isfinite(value) else round(value, digits)
 
 
+def _mark(result: Reconstruction, index: int, name: str) -> float | None:
+    return result.people[index].marks[name]
+
+
+def _grade_of_mark(result: Reconstruction, index: int, name: str) -> str:
+    probability = result.people[index].marks[name]
+    return "" if probability is None else str(Grade.of(probability))
+
+
 _ROW: dict[str, Callable[[Reconstruction, int], Any]] = {
     "person": lambda result, index: index,
     "main": lambda result, index: index in main_people([person.box for person in result.people]),
     "grade": lambda result, index: str(result.people[index].grade or ""),
     "trust": lambda result, index: result.people[index].trust,
+    **{f"grade_{name}": partial(_grade_of_mark, name=name) for name in MARKS},
+    **{f"trust_{name}": partial(_mark, name=name) for name in MARKS},
     "why": lambda result, index: result.people[index].why,
     "distance_m": lambda result, index: _rounded(pelvis_distance_m(result.people[index])),
     "distance_sigma_m": lambda result, index: _rounded(
@@ -620,10 +644,7 @@ _ROW: dict[str, Callable[[Reconstruction, int], Any]] = {
     "unseen": lambda result, index: ", ".join(map(part_words, result.people[index].unseen)),
 }
 
-_SIZES = (
-    *("mass_kg", "chest_girth_m", "waist_girth_m", "hip_girth_m"),
-    *("pelvis_height_m", "seat_height_m"),
-)
+_SIZES = ("pelvis_height_m", "seat_height_m")
 _ANGLES = (
     *("trunk_flexion", "neck_flexion"),
     *(
@@ -677,11 +698,3 @@ def metres_text(metres: float, log_sigma: float | None, digits: int = 2) -> str:
     digits += bool(sigma and sigma < 0.5 * 10**-digits)
     spread = "" if sigma is None else f" ± {sigma:.{digits}f}"
     return f"{round(metres, digits) + 0.0:.{digits}f}{spread} m"  # no "-0.00"
-
-
-def _public_function(name: str) -> Callable[..., Any]:
-    """Return a function of the package by its public name, so that this module imports no writer
-    and no reader.
-    """
-    function: Callable[..., Any] = getattr(import_module(__name__.partition(".")[0]), name)
-    return function

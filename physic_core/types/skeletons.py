@@ -13,6 +13,18 @@ SEEN_CONFIDENCE = 0.3
 """Least confidence of a keypoint that counts as detected."""
 _FINGERS = ("thumb", "index", "middle", "ring", "pinky")
 
+_FACE_POINTS = {
+    36: "right_eye_outer_surface",
+    39: "right_eye_inner_surface",
+    42: "left_eye_inner_surface",
+    45: "left_eye_outer_surface",
+    48: "right_mouth_corner_surface",
+    54: "left_mouth_corner_surface",
+}
+"""Those of 300-W's 68 face points that exist on the body model: not contour, brows, nose and
+lips.
+"""
+
 
 @dataclass(frozen=True)
 class Skeleton(ShortRepr):
@@ -105,35 +117,6 @@ _COCO23 = (
     *_COCO17,
     *(f"{side}_{name}" for side in SIDES for name in ("big_toe", "small_toe", "heel")),
 )
-_BLAZEPOSE33 = (
-    "nose",
-    *(f"{side}_{name}_surface" for side in SIDES for name in ("eye_inner", "eye", "eye_outer")),
-    *_left_and_right("ear", "mouth_corner", suffix="_surface"),
-    *_left_and_right(
-        "shoulder",
-        "elbow",
-        "wrist",
-        "pinky1",
-        "index1",
-        "thumb2",
-        "hip",
-        "knee",
-        "ankle",
-        "heel",
-        "foot_tip",
-    ),
-)
-_FACE_POINTS = {
-    36: "right_eye_outer_surface",
-    39: "right_eye_inner_surface",
-    42: "left_eye_inner_surface",
-    45: "left_eye_outer_surface",
-    48: "right_mouth_corner_surface",
-    54: "left_mouth_corner_surface",
-}
-"""Those of 300-W's 68 face points that exist on the body model: not contour, brows, nose and
-lips.
-"""
 
 
 def _standard(name: str, names: Sequence[str], not_on_body: Sequence[str] = ()) -> Skeleton:
@@ -157,6 +140,25 @@ def _halpe26() -> Skeleton:
         "halpe26", (*_COCO17, *own, *_left_and_right("big_toe", "small_toe", "heel")), own
     )
 
+
+_BLAZEPOSE33 = (
+    "nose",
+    *(f"{side}_{name}_surface" for side in SIDES for name in ("eye_inner", "eye", "eye_outer")),
+    *_left_and_right("ear", "mouth_corner", suffix="_surface"),
+    *_left_and_right(
+        "shoulder",
+        "elbow",
+        "wrist",
+        "pinky1",
+        "index1",
+        "thumb2",
+        "hip",
+        "knee",
+        "ankle",
+        "heel",
+        "foot_tip",
+    ),
+)
 
 SKELETONS: Mapping[str, Skeleton] = {
     skeleton.name: skeleton

@@ -11,7 +11,7 @@ from physic_core import load_reconstruction, save_reconstruction
 from physic_core.body.files import MANO, load_smplx, read_model_file
 from physic_core.errors import BackendError, BodyModelError, InputError
 from physic_core.weights.manifest import read_manifest
-from tiny_result import tiny_result
+from tests.rooms import tiny_result
 
 CORPUS = Path(__file__).parent / "corpus"
 

@@ -23,7 +23,7 @@ from physic_core.io.results import (
     read_record,
     save_reconstruction,
 )
-from tiny_result import tiny_result
+from tests.rooms import tiny_result
 
 READERS = (load_reconstruction, load_people, read_image, read_record, add_report)
 COMMANDS = (["show"], ["report"], ["report", "-o", "page.html"], ["export", "--to", "glb"])

@@ -23,7 +23,7 @@ from physic_core.pictures import PAGE_MARK
 from physic_scene import output
 from physic_scene.types import SceneCamera, SceneResult, SolvedPhoto
 from physic_visual import pictures
-from tiny_result import tiny_result
+from tests.rooms import tiny_result
 
 OLD = tiny_result(0)
 NEW = tiny_result(1)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_core.body.body_sizes import body_sizes
 from physic_core.body.joint_angles import joint_angles, joints_beside
 from physic_core.body.joints import JOINT_INDEX
 
@@ -66,14 +65,3 @@ def test_a_person_without_a_body_has_no_angles():
 
 def test_joints_beside_what_is_unseen():
     assert joints_beside(("left_lower_leg", "right_hand")) == ("left_knee", "left_ankle")
-
-
-def test_sizes_grow_with_the_shape(embedded):
-    mean = embedded.zero_pose()[1]
-    taller = mean.clone()
-    taller[0, 0] = 1
-    sizes = [body_sizes(embedded, betas) for betas in (mean, taller)]
-    assert all(sizes[1][name] > sizes[0][name] for name in sizes[0])
-    assert 50 < sizes[0]["mass_kg"] < 90
-    assert 0.6 < sizes[0]["waist_girth_m"] < sizes[0]["chest_girth_m"] < 1.1
-    assert sizes[0]["waist_girth_m"] < sizes[0]["hip_girth_m"] < 1.2

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import re
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +12,6 @@ from physic_core.cli import main
 from physic_core.cli.commands.config import config_toml
 from physic_core.configuration.layers import preset_names
 from physic_core.configuration.model import load_config
-from physic_core.configuration.resolve import resolve
 from physic_core.errors import InputError
 from physic_core.types import Reconstruction, StageRecord
 
@@ -188,7 +186,9 @@ def test_the_listing_names_interface_backend_and_plugin_of_each_backend(site, ph
     site.offer("physic-mine", "inpainter", "own", version="1.2")
     head, *rows = physic("plugins", "--interface", "inpainter").stdout.splitlines()
     assert head.split() == ["interface", "backend", "plugin", "version", "state"]
-    assert ["inpainter", "own", "physic-mine", "1.2", "ready"] in [row.split() for row in rows]
+    (own,) = (row for row in rows if "physic-mine" in row)
+    assert own.split()[:5] == ["inpainter", "own", "physic-mine", "1.2", "ready;"]
+    assert "never passed `physic plugins check own` here" in own
     assert {row.split()[0] for row in rows} == {"inpainter"}
 
 
@@ -308,34 +308,3 @@ def test_show_says_where_each_value_is_from(physic):
     assert 'device = "cuda"  # --set\n' in shown
     assert "mask_growth = 0.008  # default\n" in shown
     assert '[segmenter]\nbackend = "physic-embedded:embedded"  # preset embedded\n' in shown
-
-
-@pytest.mark.parametrize("preset", preset_names())
-def test_init_writes_the_preset_as_it_is_and_uncommented(preset, physic):
-    done = physic("config", "init", "--preset", preset)
-    assert done.stdout == "wrote physic.toml; try: physic run PHOTO --config physic.toml\n"
-    assert load_config("physic.toml").as_dict() == load_config(preset=preset).as_dict()
-    lines = Path("physic.toml").read_text().splitlines()
-    # One # less at the head of every line, as editors do it.
-    Path("open.toml").write_text("\n".join(re.sub("^# ?", "", line) for line in lines))
-    opened, plain = (
-        resolve(load_config(*args, preset=name))
-        for args, name in ((("open.toml",), None), ((), preset))
-    )
-    assert opened.engine == plain.engine
-    assert (opened.photo, opened.body_model, opened.device) == (
-        plain.photo,
-        plain.body_model,
-        plain.device,
-    )
-    assert opened.config.run == plain.config.run
-    assert {k: b.provenance for k, b in opened.backends.items()} == {
-        k: b.provenance for k, b in plain.backends.items()
-    }
-
-
-def test_config_init_never_overwrites_a_file():
-    Path("mine.toml").write_text("mine")
-    assert refusal("config", "init", "mine.toml") == "mine.toml exists already: choose another name"
-    assert Path("mine.toml").read_text() == "mine"
-    assert "no folder can be made there" in refusal("config", "init", "no/mine.toml")

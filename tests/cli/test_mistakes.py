@@ -188,15 +188,12 @@ def test_a_result_is_named_by_its_document_too(physic, command):
     assert done.exit_code == 0, done.output
 
 
-@pytest.mark.parametrize(
-    "command", ["config init my.toml", "plugins new my-depth --interface metric_depth"]
-)
-def test_a_full_disk_leaves_nothing(physic, command):
+def test_a_full_disk_leaves_nothing(physic):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     before = sorted(os.listdir())
     resource.setrlimit(resource.RLIMIT_FSIZE, (100, limits[1]))
     try:
-        done = physic(*shlex.split(command))
+        done = physic("plugins", "new", "my-depth", "--interface", "metric_depth")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert (done.exit_code, sorted(os.listdir())) == (USAGE, before), done.output

@@ -98,7 +98,8 @@ def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stag
     }
     stage = make_stage([(bends, (0.0, 0.0, 3.0))])
     over = alone(body, (torch.tensor([0.0, -1.0, 0.0]), 3.0))
-    sits = replace(over, vertices=stage.vertices, joints=stage.joints)
+    seat = replace(over.joint, vertices=stage.vertices, joints=stage.joints)
+    sits = replace(over, joint=seat)
     found = contact(observed(sits, [0.0, 0.0, -4.0, -4.0, 4.0]))
     assert set(found.parts) == set(contact_part_masks(body))
     assert {one.partner for one in found.contacts[0]} == {ContactPartner("hidden", "seat")}

@@ -24,6 +24,7 @@ from physic_core.engine.ground.touch import (
     touch_log_odds,
     touch_model,
 )
+from physic_core.engine.state import JointResult
 from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.types import SKELETONS, Intrinsics
 
@@ -68,8 +69,7 @@ def alone(body, plane=None, **known):
         masks=torch.zeros(1, 2, 2, dtype=torch.bool),
         contact_prior=torch.full(posed.vertices.shape[:2], 0.5),
         **known,
-        vertices=posed.vertices,
-        joints=posed.joints,
+        joint=JointResult(posed.vertices, posed.joints, torch.zeros(1), ("",)),
     )
 
 
@@ -125,11 +125,13 @@ def test_parts_that_meet_at_a_joint_do_not_touch(body, monkeypatch):
 def test_a_thigh_beside_the_thigh_of_another_does_not_sit(body, monkeypatch):
     one = alone(body)
     apart = torch.tensor([0.0, 0.0, 0.15])
-    given = replace(
-        one.select_people(torch.tensor([0, 0])),
-        vertices=torch.cat([one.vertices, one.vertices + apart]),
-        joints=torch.cat([one.joints, one.joints + apart]),
+    joint = JointResult(
+        torch.cat([one.vertices, one.vertices + apart]),
+        torch.cat([one.joints, one.joints + apart]),
+        torch.zeros(2),
+        ("", ""),
     )
+    given = replace(one.select_people(torch.tensor([0, 0])), joint=joint)
     always_touched(monkeypatch, 0.9)
     method = engine_preset("default").contact
     found = find_contact(given, near_of(given, method), method)

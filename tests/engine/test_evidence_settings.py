@@ -108,7 +108,7 @@ def test_reprojection_of_prox_is_by_axis_in_pixels_of_a_full_hd_picture(standing
 def test_other_energies_than_ours_go_down_and_move_people(standing, joint):
     start = shifted(standing.state, 0.0, -0.05, 0.1)
     result = optimize(start, adjusted(joint, optimiser__steps=24, optimiser__refresh_steps=8))
-    begin, end = (sum(pair[k] for pair in result.losses.values()) for k in (0, 1))
+    begin, end = (sum(pair[k] for pair in result.joint.losses.values()) for k in (0, 1))
     assert end < 0.7 * begin
     assert (result.transl - start.transl).norm() > 0.01
-    assert result.failures == ("",)
+    assert result.joint.failures == ("",)

@@ -30,7 +30,7 @@ INF = float("inf")
 def test_held_people_stay_where_they_were_placed(two, free):
     held = adjusted(DEFAULT, frozen=tuple(group for group in PARAMETER_GROUPS if group not in free))
     result = optimize(two.state, held)
-    assert result.failures == ("", "")
+    assert result.joint.failures == ("", "")
     assert torch.equal(result.transl, two.state.transl)
     assert (result.scene_scale == 1.0) == (free == ())
 
@@ -71,6 +71,6 @@ def test_the_other_person_ends_as_if_alone(start, alone, field, value):
     broken[start.masks[0] if field == "photo_depth" else 0] = value
     both = optimize(replace(start, **{field: broken}), DEFAULT)
     apart = 1e3 * (both.vertices[1] - alone.vertices[0]).norm(dim=-1).mean().item()
-    assert both.failures[1] == ""
+    assert both.joint.failures[1] == ""
     assert apart < 8
     assert torch.isfinite(both.vertices[1]).all()

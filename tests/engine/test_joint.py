@@ -77,7 +77,7 @@ def test_a_person_who_stands_floats_or_sinks_ends_on_the_floor(standing, lift):
     assert abs(sole_mm(result, standing)) < 5
     assert error_mm(result, standing) < 5
     assert abs(lowest_sole_m(result, standing.state)) < 0.005
-    assert result.failures == ("",)
+    assert result.joint.failures == ("",)
 
 
 def test_a_noisy_start_comes_close(standing):
@@ -177,7 +177,7 @@ def test_unseen_feet_just_under_the_floor_are_lifted_and_the_scale_stays(standin
 def test_depth_that_disagrees_with_the_floor_goes_into_the_offset(standing):
     state = replace(standing.state, photo_depth=1.15 * standing.state.photo_depth)
     result = optimize(state, SETTINGS)
-    assert result.depth_offset[0].item() == pytest.approx(-math.log(1.15), abs=0.04)
+    assert result.joint.depth_offset[0].item() == pytest.approx(-math.log(1.15), abs=0.04)
     assert error_mm(result, standing) < 60
     tied = optimize(state, adjusted(SHORT, depth__offset_sigma=0.0))
     assert error_mm(tied, standing) > 2 * error_mm(result, standing)
@@ -220,12 +220,14 @@ def test_the_energy_does_not_depend_on_the_resolution(standing):
 
 
 def energy_with_all(stage, settings):
-    """The energy of people, box, floor, depth, stated leans and views, beside its start."""
+    """The energy of people, box, floor, depth, stated leans, faces and views, beside its start."""
     leaning = moved(stage.state, by=(0.01, 0.02, 0.05), turn=0.05)
     views = tuple(view_of(stage, turn) for turn in (40.0, 120.0)) if settings is SETTINGS else ()
     stands = torch.tensor([[0.9, 0.5], [0.6, 0.0]])
     lean = torch.tensor([0.05, 0.1])
-    state = in_float64(replace(leaning, lean_sigma=lean, stands=stands, views=views))
+    heads = {"head": torch.tensor([[0.6, 0.0, -0.8], [0.0, 0.6, -0.8]]), "head_sigma": lean}
+    told = {"lean_sigma": lean, "stands": stands, "views": views, **heads}
+    state = in_float64(replace(leaning, **told))
     # Nearest points and signs may switch between two evaluations: hold them, as a line search does.
     energy = JointEnergy(state, with_options(settings, nearest_every_step=False))
     here = energy.variables.pack()
@@ -277,7 +279,7 @@ def test_a_person_whose_energy_is_no_number_stays_and_the_others_go_on(two):
     betas = two.state.betas.clone()
     betas[0] = 1e30
     result = optimize(replace(two.state, betas=betas), SETTINGS)
-    assert result.failures == ("the energy of the start is not finite", "")
+    assert result.joint.failures == ("the energy of the start is not finite", "")
     assert error_mm(result, two)[1] < 5
 
 
@@ -337,8 +339,8 @@ def test_a_person_in_the_air_has_the_depth_offset_of_people_without_a_floor(two)
     tied = adjusted(SETTINGS, depth__offset_alone_sigma=0.0, optimiser__steps=10)
     farther = replace(two.state, photo_depth=1.15 * two.state.photo_depth)
     result = optimize(replace(farther, touch=IN_AIR), tied)
-    assert result.depth_offset[0] == 0.0
-    assert result.depth_offset[1] < -0.05
+    assert result.joint.depth_offset[0] == 0.0
+    assert result.joint.depth_offset[1] < -0.05
     jumping = JointEnergy(replace(farther, touch=torch.zeros_like(IN_AIR)), tied)
     assert "offset" not in jumping.variables.free
 

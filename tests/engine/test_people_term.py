@@ -129,8 +129,8 @@ def test_people_inside_each_other_are_moved_apart(crossing):
     kept, moved = (optimize(crossing.state, settings(weight, 0.0)) for weight in (0.0, 3.0))
     assert distances(crossing, kept).min() < -0.05
     assert distances(crossing, moved).min() > -0.015
-    assert "people" not in kept.losses
-    start, end = moved.losses["people"]
+    assert "people" not in kept.joint.losses
+    start, end = moved.joint.losses["people"]
     assert end < 0.01 * start
 
 

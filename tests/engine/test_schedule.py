@@ -21,10 +21,10 @@ def test_prox_adds_contact_after_three_quarters_of_the_steps_with_its_loss_at_th
     assert progress == sorted(progress)
     assert progress[-1] == 1.0
     alone = optimize(state, adjusted(prox, contact__weight=0.0, penetration__weight=0.0))
-    assert {"contact", "penetration"} <= set(late.losses)
-    assert set(alone.losses) == set(late.losses) - {"contact", "penetration"}
-    assert late.steps == 8
+    assert {"contact", "penetration"} <= set(late.joint.losses)
+    assert set(alone.joint.losses) == set(late.joint.losses) - {"contact", "penetration"}
+    assert late.joint.steps == 8
     energy = JointEnergy(state, prox)
     energy.add_terms(prox.late_terms(energy.sampling)[0])
     start = energy()["contact"].sum().item()
-    assert late.losses["contact"][0] == pytest.approx(start, rel=0.05)
+    assert late.joint.losses["contact"][0] == pytest.approx(start, rel=0.05)

@@ -47,6 +47,7 @@ PARAMETERS = parameters_from_rotvecs(np.zeros((2, 55, 3)), np.zeros((2, 10)), np
 MESH = Mesh("mhr", np.zeros((2, 4, 3), np.float32), FACES, np.zeros((4, 3), np.float32))
 BODIES = Bodies(PARAMETERS, "mhr", None, np.zeros((2, 55, 3), np.float32), MESH)
 HANDS = Hands(np.zeros((2, 2, 15, 3)), np.array([[0.5, 0.0], [0.9, 0.9]]), np.zeros((2, 2, 3)))
+LOOKS = np.array([[0.6, 0.0, -0.8], [np.nan] * 3])
 OBSERVED = replace(
     Observations.unknown(2),
     posture=np.stack([np.full(9, 1 / 9), np.full(9, np.nan)]),
@@ -124,6 +125,7 @@ def parameters(**values):
         (HANDS, {"rotvecs": nan_at(HANDS.rotvecs), "confidence": np.zeros((2, 2)), "wrists": None}),
         (OBSERVED, {}),
         (OBSERVED, {"flexion": np.full((2, 4), 90.0), "flexion_sigma": np.full((2, 4), 20.0)}),
+        (OBSERVED, {"head": LOOKS, "head_sigma": np.array([8.0, np.nan])}),
         (Observations.unknown(2), {}),
         (CONTACT, {}),
         # What is lost for some people only is handled for each: see
@@ -320,6 +322,12 @@ def test_valid_results_have_no_violation(result, changes):
             {"flexion": np.full((2, 4), 200.0), "flexion_sigma": np.ones((2, 4))},
             ["flexion must lie within +-180 degrees, got 200"],
         ),
+        (
+            OBSERVED,
+            {"head": 2 * LOOKS, "head_sigma": np.full(2, 8.0)},
+            ["each row of head must be a unit vector, or NaN"],
+        ),
+        (OBSERVED, {"head": LOOKS}, ["head_sigma must be above 0 where head is given"]),
         (CONTACT, {"rest": None}, ["topology must be 'embedded' as the bodies', got 'smpl'"]),
         (CONTACT, {"probability": np.zeros((2, 5))}, ["probability must be (2, 4), got (2, 5)"]),
         (

@@ -4,13 +4,14 @@ known.
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from physic_core.io.exif import intrinsics_from_exif
 
 _TAGS = {
     "software": 0x0131, "mm": 0x920A, "film": 0xA405, "w": 0xA002, "h": 0xA003,
-    "plane_x": 0xA20E, "plane_y": 0xA20F, "unit": 0xA210, "zoom": 0xA404,
+    "make": 0x010F, "plane_x": 0xA20E, "plane_y": 0xA20F, "unit": 0xA210, "zoom": 0xA404,
 }  # fmt: skip
 _INCH = 2
 _CM = 3
@@ -124,9 +125,12 @@ def test_the_focal_length_is_that_of_the_zoomed_photo_with_a_note(name):
 
 
 def test_an_equivalent_that_may_have_the_digital_zoom_is_not_known():
-    camera, notes = read({"mm": 6.77, "film": 48, "zoom": 2.0}, (4032, 3024))
+    tags = {"mm": 6.77, "film": 48, "zoom": 2.0}
+    camera, notes = read(tags, (4032, 3024))
     assert camera is None
     assert "cannot be told" in notes[0]
+    camera, _ = read({**tags, "make": "Apple"}, (4032, 3024))
+    assert camera.fx == pytest.approx(48 / 43.27 * np.hypot(4032, 3024), rel=1e-3)
 
 
 @pytest.mark.parametrize("zoom", [0.0, 1.0, float("nan")])

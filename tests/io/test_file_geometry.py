@@ -33,6 +33,21 @@ def test_a_phones_panorama_is_refused_by_its_tag_and_a_portrait_is_read(stored):
     assert read_photo(stored("JPEG", xmp=flat)).warnings == ()
 
 
+@pytest.mark.parametrize(
+    "caption",
+    [
+        b'<dc:title>made with GPano:ProjectionType="equirectangular"</dc:title>',
+        b'<rdf:Description dc:title="ProjectionType=equirectangular"/>',
+        b"""<rdf:Description dc:title='a GPano:ProjectionType="equirectangular" of it'/>""",
+        b"<dc:title>a &gt; ProjectionType>equirectangular</dc:title>",
+        b'<dc:title>GimbalPitchDegree="-90" RelativeAltitude="12"</dc:title>',
+    ],
+)
+def test_words_of_a_caption_are_no_tag(stored, caption):
+    photo = read_photo(stored("JPEG", xmp=caption))
+    assert (photo.notes, photo.up) == ((), None)
+
+
 RESOLUTION = {0x011A: 72.0, 0x011B: 36.0}
 STRETCHED = {
     "JPEG": ("JPEG", {"dpi": (72, 36)}, "2 times its height"),
@@ -93,7 +108,15 @@ def test_the_lens_of_a_photo_with_stretched_pixels_is_not_known(stored):
         ((704, 288), "768 x 576"),
         ((1440, 1080), "may not be square"),
         ((720, 576), "may not be square"),
+        ((720, 480), "may not be square"),
+        ((544, 576), "768 x 576"),
+        ((704, 480), "640 x 480 px, or 854 x 480"),
+        ((352, 288), "768 x 576"),
+        ((1280, 1080), "1920 x 1080"),
         ((960, 720), ""),
+        ((640, 480), ""),
+        ((1024, 576), ""),
+        ((480, 480), ""),
     ],
 )
 def test_the_sizes_of_recorders_are_named(stored, size, right):

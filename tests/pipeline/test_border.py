@@ -14,7 +14,7 @@ from PIL import Image
 from physic_core import reconstruct
 from physic_core.configuration.model import PhotoSettings
 from physic_core.io.photo import Photo
-from physic_core.pipeline.border import find_inside, question_of_strip
+from physic_core.pipeline.border import find_inside
 from physic_core.pipeline.given.photo import prepare_photo
 from physic_core.types import KnownLength, KnownSizes, PeoplePrompt
 from physic_testing.worlds import load_world
@@ -167,29 +167,3 @@ def test_a_plain_picture_with_a_few_other_rows_at_its_end_is_no_border():
     photo = np.full((240, 320, 3), 20, np.uint8)
     photo[-5:] = textured(240, 320)[-5:]
     assert find_inside(photo) is None
-
-
-def two_photos(gap, *, turned=False):
-    left, right = textured(240, 320), textured(240, 200, seed=1)
-    both = np.concatenate([left, np.full((240, gap, 3), 255, np.uint8), right], axis=1)
-    return both.transpose(1, 0, 2) if turned else both
-
-
-@pytest.mark.parametrize("gap", [8, 40])
-@pytest.mark.parametrize("turned", [False, True])
-def test_a_strip_between_two_photos_is_asked_about(gap, turned):
-    for photo in (two_photos(gap, turned=turned), as_jpeg(two_photos(gap, turned=turned))):
-        assert "two photos" in question_of_strip(np.asarray(photo))
-    framed, _ = with_border(two_photos(gap), "a frame of 10 %")
-    warnings = prepare_photo(Photo(framed), PhotoSettings(), None, None).photo.warnings
-    assert ["two photos" in text for text in warnings] == [True]
-
-
-@pytest.mark.parametrize("ground", [0, 255])
-def test_two_people_on_a_plain_ground_are_one_photo(ground):
-    photo = np.full((240, 400, 3), ground, np.uint8)
-    for x in (60, 260):
-        photo[100:, x : x + 80] = textured(140, 80)
-    assert question_of_strip(photo) == ""
-    assert question_of_strip(as_jpeg(photo)) == ""
-    assert question_of_strip(textured(240, 320)) == ""

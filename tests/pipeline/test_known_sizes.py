@@ -17,7 +17,7 @@ from physic_core.body import load_body
 from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry
 from physic_core.errors import ConfigError
 from physic_core.pipeline.given.people import known_people
-from physic_core.types import People
+from physic_core.types import PeoplePrompt
 from physic_testing.worlds import load_world
 
 SIZE = (160, 120)
@@ -145,34 +145,35 @@ def test_a_size_within_three_standard_errors_is_used_and_a_difference_is_a_warni
     assert result.scene.floor is not None
 
 
-def people(centres):
-    boxes = np.array([[c - 5, 0, c + 5, 20] for c in centres], np.float32)
-    masks = np.zeros((len(centres), 20, 100), bool)
-    return People(masks, boxes, np.ones(len(centres), np.float32), None)
-
-
-def test_statures_are_given_from_left_to_right():
-    found = known_people(KnownSizes(stature=(1.5, 0, 1.8)), people([70, 20, 40])).stature
-    np.testing.assert_equal(found, [1.8, 1.5, np.nan])
-    np.testing.assert_equal(
-        known_people(KnownSizes(stature=(1.7,)), people([70, 20])).stature, [1.7, 1.7]
-    )
+def test_people_and_their_statures_go_from_left_to_right():
+    found = run(load_world("group", SIZE), KnownSizes(stature=(1.7, 0, 1.75, 0)))
+    centres = [person.box[0] + person.box[2] for person in found.people]
+    assert len(centres) == 4
+    assert centres == sorted(centres)
+    given = [person.measures.given_stature_m for person in found.people]
+    assert given == [pytest.approx(1.7), None, pytest.approx(1.75), None]
 
 
 def test_a_given_stature_that_lifts_a_person_off_the_floor_is_a_warning():
     found = run(load_world("hug", SIZE), KnownSizes(stature=(1.9, 1.55)))
-    (check,) = [check for check in found.checks if check.name == "given_size" and check.person == 0]
+    (check,) = [check for check in found.checks if check.name == "given_size" and check.person == 1]
     assert check.ok
     (warning,) = [text for text in found.warnings if "off the floor with the given size" in text]
-    assert warning.startswith("person 0 ")
+    assert warning.startswith("person 1 ")
     assert "1.55 m" in warning
 
 
-def test_statures_of_chosen_people_are_in_their_order():
-    found = known_people(
-        KnownSizes(stature=(1.5, 0, 1.8)), people([70, 20, 40]), chosen=True
-    ).stature
-    np.testing.assert_equal(found, [1.5, np.nan, 1.8])
+def test_chosen_people_and_their_statures_stay_in_the_order_of_the_choice():
+    world = load_world("group", SIZE)
+    boxes = [tuple(run(world, KnownSizes()).people[i].box.tolist()) for i in (2, 0)]
+    quick = load_config(
+        preset="mock", overrides=["run.cache=false", "engine.joint.optimiser.steps=4"]
+    )
+    known = KnownSizes(stature=(1.75, 1.7))
+    found = reconstruct(world.image, quick, known=known, people=PeoplePrompt(boxes=boxes))
+    assert found.people[0].box[0] > found.people[1].box[0]
+    given = [person.measures.given_stature_m for person in found.people]
+    assert given == [pytest.approx(1.75), pytest.approx(1.7)]
 
 
 def test_too_many_statures_are_an_error():
@@ -180,7 +181,7 @@ def test_too_many_statures_are_an_error():
         ConfigError,
         match=r"^2 statures were given, but 1 person was found: give one stature for all",
     ):
-        known_people(KnownSizes(stature=(1.5, 1.6)), people([70]))
+        known_people(KnownSizes(stature=(1.5, 1.6)), 1)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,6 @@
-"""Trust: one probability for each person, which no worse value of a check raises; its reasons."""
+"""Trust: a probability of each mark of a person and of all, which no worse value of a check raises;
+its reasons.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +9,11 @@ from dataclasses import replace
 import pytest
 
 from physic_core.pipeline.checks import CHECKS, person_trust, photo_trust
-from physic_core.pipeline.checks.trust import CAP, load_of, probability_of, trust_model
-from physic_core.types import Grade, grade_text
+from physic_core.pipeline.checks.trust import ALL, CAP, load_of, probabilities_of, trust_models
+from physic_core.types import MARKS, Grade, grade_text
 
-MODEL = trust_model()
+MODELS = trust_models()
+MODEL = MODELS[ALL]
 TERMS = sorted(MODEL["terms"])
 
 
@@ -38,25 +41,43 @@ def results(**values):
 
 @pytest.mark.parametrize("name", TERMS)
 def test_a_worse_value_never_raises_the_probability(name):
-    likely = [
-        probability_of(best() | {name: value_at(name, load)}, MODEL)
+    found = [
+        probabilities_of(best() | {name: value_at(name, load)}, MODELS)
         for load in (0.0, 0.4, 0.8, 1.0, 1.5, 3.0, 9.0)
     ]
-    assert likely == sorted(likely, reverse=True)
-    assert likely[-1] == likely[-2]
+    for mark in (*MARKS, ALL):
+        likely = [one[mark] for one in found]
+        assert likely == sorted(likely, reverse=True)
+        assert likely[-1] == likely[-2]
 
 
 def test_some_value_of_a_check_lowers_the_probability():
     worst = {name: value_at(name, 3.0) for name in MODEL["terms"]}
-    assert probability_of(best(), MODEL) >= 0.8
-    assert probability_of(worst, MODEL) < 0.1
+    assert min(probabilities_of(best(), MODELS).values()) >= 0.8
+    assert probabilities_of(worst, MODELS)[ALL] < 0.1
 
 
-def test_what_was_not_measured_costs_nothing():
-    for name, term in MODEL["terms"].items():
-        usual = probability_of(best() | {name: value_at(name, term["usual"])}, MODEL)
-        unmeasured = probability_of(best() | {name: None}, MODEL)
-        assert CHECKS[name].contradicts or unmeasured == pytest.approx(usual, abs=1e-9)
+@pytest.mark.parametrize("name", TERMS)
+def test_what_was_not_measured_costs_nothing(name):
+    for mark in MARKS:
+        usual = value_at(name, MODELS[mark]["terms"].get(name, {"usual": 0.0})["usual"])
+        measured = probabilities_of(best() | {name: usual}, MODELS)
+        assert probabilities_of(best() | {name: None}, MODELS)[mark] == pytest.approx(
+            measured[mark]
+        )
+
+
+def test_all_are_at_most_as_probable_as_each_mark():
+    for load in (0.0, 0.5, 1.0, 3.0):
+        found = probabilities_of({name: value_at(name, load) for name in TERMS}, MODELS)
+        assert found[ALL] <= min(found[mark] for mark in MARKS)
+
+
+def test_a_contradiction_caps_the_marks_that_it_is_about():
+    trust = person_trust(results(limb_keypoints=0.2), 0)
+    assert trust.marks["pose"] <= CAP
+    assert trust.marks["place"] > CAP
+    assert trust.marks["size"] > CAP
 
 
 @pytest.mark.parametrize(
@@ -103,15 +124,16 @@ def test_the_two_checks_that_lower_the_probability_most_are_named():
     assert all(CHECKS[one.name].advice[1:] in why for one in checks if one.title in named)
 
 
-def test_who_is_not_good_without_a_failed_check_is_told_what_is_missing():
-    checks = results(**{name: value_at(name, 1.0) for name in TERMS})
+@pytest.mark.parametrize(("load", "limit"), [(1.0, "below 0.30"), (0.3, "below 0.80")])
+def test_who_is_not_good_without_a_failed_check_is_told_the_next_limit(load, limit):
+    checks = results(**{name: value_at(name, load) for name in TERMS})
     assert not any(check.failed for check in checks)
-    of_photo = CHECKS["scale_sigma"].compare(0.4)
+    of_photo = CHECKS["unposed_people"].compare(1.0)
     trust = person_trust(checks, 0)
     assert person_trust([*checks, of_photo], 0) == trust
     assert Grade.of(trust.probability) is not Grade.GOOD
     assert "failed" in trust.why
-    assert "below 0.80" in trust.why
+    assert limit in trust.why
 
 
 def test_checks_of_other_people_do_not_count():
@@ -143,6 +165,17 @@ def test_a_photo_is_as_good_as_its_worst_main_person():
 def test_a_grade_is_a_range_of_the_probability(trust, grade, text):
     assert Grade.of(trust) is grade
     assert grade_text(grade, trust) == text
+
+
+def test_marks_of_another_grade_are_said_beside_it():
+    marks = {"pose": 0.6, "place": 0.95, "contact": 0.9, "size": 0.9}
+    assert grade_text(Grade.DOUBTFUL, 0.55, marks) == (
+        "doubtful, 0.55; place, contact and size good"
+    )
+    assert grade_text(Grade.GOOD, 0.9, dict.fromkeys(MARKS, 0.9)) == "good, 0.90"
+    assert grade_text(Grade.BAD, 0.1, {**marks, "size": None, "pose": 0.2}) == (
+        "bad, 0.10; place and contact good"
+    )
 
 
 def test_a_person_whom_no_check_lowers_is_told_where_to_look():

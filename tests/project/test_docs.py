@@ -14,7 +14,7 @@ from physic_core.configuration.resolve import resolve
 from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.presets import DefaultOptimisation
 from physic_core.pipeline.checks import CHECKS
-from physic_core.pipeline.estimate import STEPS
+from physic_core.pipeline.photo_run import STAGES
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -119,7 +119,7 @@ def test_the_import_orders_of_the_architecture_are_the_contracts():
 def test_the_steps_of_the_architecture_are_those_of_the_pipeline():
     text = (ROOT / "ARCHITECTURE.md").read_text()
     (paragraph,) = re.findall(r"^\d\. `pipeline/estimate.py` .*?(?=^\d\. )", text, re.M | re.S)
-    names = [step.name for step in STEPS]
+    names = list(STAGES)
     assert [name for name in re.findall(r"`([a-z ]+)`", paragraph) if name in names] == names
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from physic_core.errors import InputError, PackageMissingError
 from physic_core.types import (
+    MARKS,
     BodyContact,
     ContactPartner,
     Grade,
@@ -30,6 +31,8 @@ def two_people(reconstruction):
         box=np.array([10.0, 0.0, 30.0, 100.0]),
         grade=Grade.GOOD,
         trust=0.91,
+        trust_pose=0.92,
+        trust_place=0.79,
         why="no check lowers it much",
         joints=np.broadcast_to([0.0, 1.8, 2.4], near.joints.shape),
         stature=1.7234,
@@ -42,7 +45,7 @@ def two_people(reconstruction):
             BodyContact("left_lower_leg", floor, 0.8, 9, assumed=True),
         ),
         unseen=("left_lower_leg", "left_foot"),
-        sizes={"mass_kg": 70.12345, "pelvis_height_m": 0.9},
+        sizes={"pelvis_height_m": 0.90012},
         parameters=replace(
             near.parameters, body_pose=np.where(np.arange(63) == 9, np.pi / 3, 0)[None]
         ),
@@ -62,8 +65,10 @@ def two_people(reconstruction):
     return replace(reconstruction, people=(near, far), intrinsics=camera)
 
 
-NUMBERS = [name for name in PERSON_COLUMNS if name.endswith(("_kg", "girth_m", "height_m", "_deg"))]
+NUMBERS = [name for name in PERSON_COLUMNS if name.endswith(("height_m", "_deg"))]
 UPRIGHT = {name: 0.0 for name in NUMBERS if name.endswith("_deg")}
+GRADES_OF_MARKS = {f"grade_{mark}": "" for mark in MARKS}
+TRUST_OF_MARKS = {f"trust_{mark}": None for mark in MARKS}
 ARMS = {f"{side}_shoulder_elevation_deg": 90.0 for side in ("left", "right")}  # of the T-pose
 
 
@@ -74,6 +79,12 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people):
             "main": True,
             "grade": "good",
             "trust": 0.91,
+            **GRADES_OF_MARKS,
+            "grade_pose": "good",
+            "grade_place": "doubtful",
+            **TRUST_OF_MARKS,
+            "trust_pose": 0.92,
+            "trust_place": 0.79,
             "why": "no check lowers it much",
             "distance_m": 3.0,
             "distance_sigma_m": 0.21,
@@ -88,7 +99,6 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people):
             **dict.fromkeys(NUMBERS),
             **UPRIGHT,
             **ARMS,
-            "mass_kg": 70.123,
             "pelvis_height_m": 0.9,
             "left_knee_flexion_deg": 60.0,
         },
@@ -97,6 +107,8 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people):
             "main": False,
             "grade": "bad",
             "trust": 0.0,
+            **GRADES_OF_MARKS,
+            **TRUST_OF_MARKS,
             "why": "Leans: 50° (see the view from the side)",
             "distance_m": None,
             "distance_sigma_m": None,

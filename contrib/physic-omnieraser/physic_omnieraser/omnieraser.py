@@ -215,10 +215,8 @@ class OmniEraser(TorchBackend, Inpainter):
             pass  # no one looks for it then, and it is missing all the same
         return (
             f"{self.options.base} is not here (about 34 GB, non-commercial, an account with "
-            f"access): "
-            f"accept its licence on huggingface.co, then `hf auth login` and `hf download "
-            f"{self.options.base}`; "
-            "or set base to a folder that has it",
+            "access): accept its licence on huggingface.co, then `hf auth login` and `hf download "
+            f"{self.options.base}`; or set base to a folder that has it",
         )
 
 

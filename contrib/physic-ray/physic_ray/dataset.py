@@ -104,8 +104,7 @@ def _set_checkpoint(dataset: ray.data.Dataset, folder: str, resources: Resources
     if 0 < cpus < resources.cpus + _CPUS_OF_RAY_DATA:  # 0: the nodes are still to come
         raise ConfigError(
             f"a checkpoint needs {_CPUS_OF_RAY_DATA} CPUs beside those of the actors, or Ray Data "
-            f"waits for ever: the "
-            f"cluster has {cpus:g}, and an actor reserves {resources.cpus:g}"
+            f"waits for ever: the cluster has {cpus:g}, and an actor reserves {resources.cpus:g}"
         )
     schema = dataset.schema(fetch_if_missing=False)
     if schema is not None and "id" not in schema.names:

@@ -106,8 +106,8 @@ def convert_with_residuals(
     if not can_convert(bodies, model):
         raise BodyModelError(
             f"bodies for the body model '{bodies.body_model}' cannot be converted to "
-            f"'{model.name}': give the "
-            "joints of SMPL-X (Bodies.joints), or a mesh with its T-pose (Bodies.mesh)"
+            f"'{model.name}': give the joints of SMPL-X (Bodies.joints), or a mesh with its T-pose "
+            "(Bodies.mesh)"
         )
     joints, mesh = _joints_and_mesh(bodies, model)
     p = bodies.parameters
@@ -166,8 +166,7 @@ def convert_contact(
     if contact.rest is None:
         raise BodyModelError(
             f"contact on the mesh '{contact.topology}' cannot be converted to '{model.topology}': "
-            f"give the mesh in "
-            "the T-pose (ContactProbability.rest)"
+            "give the mesh in the T-pose (ContactProbability.rest)"
         )
     probability = find(contact.rest, model).interpolate(contact.probability[..., None])[..., 0]
     inner = ~model.outer.cpu().numpy()
@@ -212,9 +211,9 @@ def _joints_and_mesh(bodies: Bodies, model: BodyModel) -> tuple[_Array, Mesh | N
         bodies.mesh if bodies.mesh is not None and _has_correspondence(bodies.mesh, model) else None
     )
     if bodies.body_model == "embedded" and joints is None and mesh is None:
-        from physic_core.body import load_body
+        from physic_core.body.files import load_embedded
 
-        own = load_body("embedded")
+        own = load_embedded("cpu")
         with torch.no_grad():
             out = own(*pose_from_parameters(bodies.parameters)[:3])
         rest = rest_mesh_of_model(own)

@@ -39,6 +39,12 @@ _NORMAL_M = 0.05
 _CANDIDATES = 12
 """Number of triangles with the nearest centres that are tested for each point."""
 
+CORRESPONDENCE_VERSION = 1
+"""Version of the algorithm for cache keys; increase it when results change."""
+
+_MIN_FACING = 0.4
+"""Minimum cosine between the normals of corresponding points."""
+
 
 @dataclass(frozen=True)
 class SurfacePoints:
@@ -92,22 +98,6 @@ class SurfaceIndex:
         return SurfacePoints(candidates[row, best], shares, apart[row, best], facing[row, best])
 
 
-CORRESPONDENCE_VERSION = 1
-"""Version of the algorithm for cache keys; increase it when results change."""
-_ROUNDS = 14
-_DISTANCE_SIGMA_M = (0.25, 0.02)
-"""Standard deviation of the distance weight in the first and in the last round, metres."""
-_MIN_FACING = 0.4
-"""Minimum cosine between the normals of corresponding points."""
-_MAX_DISTANCE_M = 0.03
-"""Maximum distance of a vertex from its counterpart, metres."""
-_TIP_SIGMA_M = 0.03
-"""Standard deviation of the distance between the tips of limbs and crowns of two bodies, metres."""
-_LIMBS = [*joint_pair("shoulder"), *joint_pair("hip")]
-"""Root joints of the limbs, in the order of their tips."""
-_STATURE_M = (0.3, 3.0)
-
-
 @dataclass(frozen=True)
 class Correspondence:
     """Position of each vertex of a body model on the surface of another mesh.
@@ -134,6 +124,12 @@ class Correspondence:
     def subset(self, ids: NDArray[np.int64]) -> Correspondence:
         """Return the correspondence of the model's vertices ``ids`` (n,)."""
         return Correspondence(self.corners[ids], self.shares[ids], self.sure[ids])
+
+
+_ROUNDS = 14
+
+_DISTANCE_SIGMA_M = (0.25, 0.02)
+"""Standard deviation of the distance weight in the first and in the last round, metres."""
 
 
 def register_to_mesh(
@@ -164,6 +160,10 @@ def register_to_mesh(
     return fit
 
 
+_MAX_DISTANCE_M = 0.03
+"""Maximum distance of a vertex from its counterpart, metres."""
+
+
 def find_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
     """Find the position of each vertex of a model on the mesh ``rest``; takes half a second.
 
@@ -183,11 +183,17 @@ def find_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
     if sure[model.outer.cpu().numpy()].mean() < 0.5:
         raise BodyModelError(
             f"the body '{model.name}' cannot be fitted to the mesh '{rest.topology}': only "
-            f"{sure.mean():.0%} of its "
-            "vertices have a counterpart; give the mesh in a T-pose (y up, facing +z, its left on "
-            "+x), in metres"
+            f"{sure.mean():.0%} of its vertices have a counterpart; give the mesh in a T-pose (y "
+            "up, facing +z, its left on +x), in metres"
         )
     return Correspondence(surface.faces[on.face], on.shares, sure)
+
+
+_TIP_SIGMA_M = 0.03
+"""Standard deviation of the distance between the tips of limbs and crowns of two bodies, metres."""
+
+_LIMBS = [*joint_pair("shoulder"), *joint_pair("hip")]
+"""Root joints of the limbs, in the order of their tips."""
 
 
 def _align_tips(rest: RestMesh, model: BodyModel) -> BodyFit:
@@ -223,6 +229,9 @@ def _tips(points: NDArray[np.floating]) -> NDArray[np.int64]:
     return np.array([y.argmax(), x.argmax(), x.argmin(), *feet])
 
 
+_STATURE_M = (0.3, 3.0)
+
+
 def _check_body_extent(rest: RestMesh) -> None:
     """Raise BodyModelError if the extent of a mesh is not that of a body in a T-pose."""
     low = rest.vertices.min(0)
@@ -235,6 +244,6 @@ def _check_body_extent(rest: RestMesh) -> None:
     ):
         raise BodyModelError(
             f"the mesh '{rest.topology}' is {wide:.3g} wide, {tall:.3g} high and {deep:.3g} deep, "
-            f"which is not a body "
-            "in a T-pose: give it in metres, y up, facing +z, arms stretched out sideways"
+            "which is not a body in a T-pose: give it in metres, y up, facing +z, arms stretched "
+            "out sideways"
         )

@@ -294,15 +294,22 @@ def _left_minus_right(joints: _Array, rest: _Array, pair: list[int]) -> tuple[_A
     return joints[:, left] - joints[:, right], rest[:, left] - rest[:, right]
 
 
+@dataclass(frozen=True)
+class BodyFit:
+    """Rotations, betas and translations of fitted bodies, float64.
+
+    Attributes:
+        world: (B, 55, 3, 3) rotation of each bone against the T-pose.
+        betas: (B, K).
+        transl: (B, 3) metres.
+    """
+
+    world: _Array
+    betas: _Array
+    transl: _Array
+
+
 _ROUNDS = 3  # alternations between shape and rotations
-_MIN_RESIDUAL = 0.02
-"""Minimum of the residual relative to the difference of two models."""
-_FINGER_IDS = frozenset(np.ravel(FINGER_JOINTS).tolist())
-_HINGE_IDS = (*_KNEES, *_ANKLES, *_ELBOWS, *_WRISTS)
-_LIMBS = (([*_HIPS, *_SHOULDERS], [*_KNEES, *_ELBOWS]), ([*_KNEES, *_ELBOWS], [*_ANKLES, *_WRISTS]))
-"""Joints of thighs and upper arms, then of shins and forearms, each with the joints at their
-ends.
-"""
 
 _SIGMA_M = {
     "pelvis": 0.045,
@@ -322,25 +329,9 @@ _SIGMA_M = {
 }
 """Standard deviation between the joints of two models on the same body, metres."""
 
-
 _OTHER_SIGMA_M = 0.045
 _KINDS = [name.removeprefix("left_").removeprefix("right_").rstrip("123") for name in JOINT_NAMES]
 _WEIGHT = np.array([1 / _SIGMA_M.get(kind, _OTHER_SIGMA_M) ** 2 for kind in _KINDS])
-
-
-@dataclass(frozen=True)
-class BodyFit:
-    """Rotations, betas and translations of fitted bodies, float64.
-
-    Attributes:
-        world: (B, 55, 3, 3) rotation of each bone against the T-pose.
-        betas: (B, K).
-        transl: (B, 3) metres.
-    """
-
-    world: _Array
-    betas: _Array
-    transl: _Array
 
 
 def fit_joints(bones: BoneOffsets, joints: _Array, world: _Array | None) -> BodyFit:
@@ -377,6 +368,10 @@ def fit_joints(bones: BoneOffsets, joints: _Array, world: _Array | None) -> Body
     return BodyFit(turns, betas, transl)
 
 
+_FINGER_IDS = frozenset(np.ravel(FINGER_JOINTS).tolist())
+_HINGE_IDS = (*_KNEES, *_ANKLES, *_ELBOWS, *_WRISTS)
+
+
 def _exclude_unreachable(known: _Bools) -> _Bools:
     """Exclude joints (B, 55) beyond an unknown elbow, wrist, knee or ankle."""
     reached = known.copy()
@@ -386,6 +381,10 @@ def _exclude_unreachable(known: _Bools) -> _Bools:
     return reached
 
 
+_MIN_RESIDUAL = 0.02
+"""Minimum of the residual relative to the difference of two models."""
+
+
 def _residual(gap: _Array, weights: _Array) -> _Array:
     """Return the mean squared residual (B, 1), relative to the difference of two models; at most
     1.
@@ -393,6 +392,12 @@ def _residual(gap: _Array, weights: _Array) -> _Array:
     square = (weights * (gap * gap).sum(-1)).sum(1) / np.maximum(3 * (weights > 0).sum(1), 1)
     share: _Array = np.clip(square, _MIN_RESIDUAL**2, 1.0)[:, None]
     return share
+
+
+_LIMBS = (([*_HIPS, *_SHOULDERS], [*_KNEES, *_ELBOWS]), ([*_KNEES, *_ELBOWS], [*_ANKLES, *_WRISTS]))
+"""Joints of thighs and upper arms, then of shins and forearms, each with the joints at their
+ends.
+"""
 
 
 def _align_limbs(

@@ -30,25 +30,6 @@ def _setting(
     return click.option(option, callback=store, expose_value=False, **attributes)
 
 
-_SAVE = (
-    "numbers: JSON and arrays. pictures: the same, preview, combined.glb and the page. people: "
-    "JSON and arrays of the "
-    "people."
-)
-
-_REPORT = "Write report.html, a 3D page for a browser, or not. [default: with pictures]"
-
-_KEYPOINTS = (
-    "Keypoints that replace detected ones, px of the photo file: CSV with person (as in "
-    "people.csv), joint, x, y; or "
-    "COCO JSON."
-)
-
-_PERSON = "Reconstruct only the person at this pixel of the photo file; may be repeated."
-
-_IGNORE = "Leave out the person at this pixel: a reflection, a picture, a figure; may be repeated."
-
-
 def _only_photo(ctx: click.Context, parameter: click.Parameter, photos: tuple[Path, ...]) -> Path:
     if len(photos) != 1:
         raise click.UsageError(
@@ -74,6 +55,22 @@ def _check_flags(flags: Collection[str], *, open_page: bool, report: bool | None
         raise click.UsageError("--focal-px and --intrinsics both set the camera: give only one")
     if open_page and report is False:
         raise click.UsageError("--no-report writes no page that --open could show: leave one out")
+
+
+_SAVE = (
+    "numbers: JSON and arrays. pictures: the same, preview, combined.glb and the page. people: "
+    "JSON and arrays of the people."
+)
+
+_REPORT = "Write report.html, a 3D page for a browser, or not. [default: with pictures]"
+
+_KEYPOINTS = (
+    "Keypoints that replace detected ones, px of the photo file: CSV with person (as in "
+    "people.csv), joint, x, y; or COCO JSON."
+)
+
+_PERSON = "Reconstruct only the person at this pixel of the photo file; may be repeated."
+_IGNORE = "Leave out the person at this pixel: a reflection, a picture, a figure; may be repeated."
 
 
 @click.command()

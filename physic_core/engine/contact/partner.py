@@ -1,6 +1,4 @@
-"""Partner of each contact vertex: floor, part of the scene, skin, or a hidden
-support.
-"""
+"""Partner of each contact vertex: floor, part of the scene, skin, or a hidden support."""
 
 from __future__ import annotations
 

@@ -24,6 +24,11 @@ _TRUNK = ("torso", *_OWN_REGIONS.values())
 _CHAINS = (("hand", "lower_arm", "upper_arm"), ("foot", "lower_leg", "upper_leg"))
 _OUTER_FIRST = ("hand", "lower_arm", "foot", "lower_leg", "upper_arm", "head", "upper_leg", *_TRUNK)
 
+UPRIGHT_CLASSES = ("wall", "ceiling", "window")
+"""Classes of surfaces on which nothing rests."""
+
+_CELL_M = 0.04  # side of the cells in which points are joined to surfaces
+
 
 class ContactRegions(NamedTuple):
     """Body parts.
@@ -78,19 +83,6 @@ def _split_part(part: str) -> tuple[str, str]:
     return (side, name) if name else ("", part)
 
 
-UPRIGHT_CLASSES = ("wall", "ceiling", "window")
-"""Classes of surfaces on which nothing rests."""
-
-_NO_SURFACE = ("unknown", "person", "sky")
-# Such a label is wrong where a point faces up under a sole.
-_CARRIES_NOBODY = (*UPRIGHT_CLASSES, "water")
-_FACES_UP = 0.3  # least cosine between up and the normal of a point that is no wall, for any label
-_NEIGHBOUR_M = 0.5  # reach in which a visible point gives its class to a hidden one
-_RAISED_M = 0.10  # height over the floor above which a hidden point is not the floor
-_CELL_M = 0.04  # side of the cells in which points are joined to surfaces
-_SAME_SURFACE_COSINE = 0.8  # 37 degrees between normals of one surface without a class
-
-
 @dataclass(frozen=True)
 class SceneParts:
     """Class and connected surface of n scene points near people.
@@ -106,6 +98,12 @@ class SceneParts:
     label: Tensor
     surface: Tensor
     ground: Tensor
+
+
+# Such a label is wrong where a point faces up under a sole.
+_CARRIES_NOBODY = (*UPRIGHT_CLASSES, "water")
+_FACES_UP = 0.3  # least cosine between up and the normal of a point that is no wall, for any label
+_RAISED_M = 0.10  # height over the floor above which a hidden point is not the floor
 
 
 def scene_parts(
@@ -154,6 +152,10 @@ def scene_parts(
     return SceneParts(names, label.to(at), surface.to(at), ground.to(at))
 
 
+_NO_SURFACE = ("unknown", "person", "sky")
+_NEIGHBOUR_M = 0.5  # reach in which a visible point gives its class to a hidden one
+
+
 def _point_labels(
     points: Tensor, row: Tensor, names: tuple[str, ...], labels: Tensor, raised: Tensor
 ) -> Tensor:
@@ -180,6 +182,9 @@ def _has_label(label: Tensor, names: tuple[str, ...], chosen: tuple[str, ...]) -
         label,
         torch.tensor([names.index(name) for name in chosen if name in names], dtype=label.dtype),
     )
+
+
+_SAME_SURFACE_COSINE = 0.8  # 37 degrees between normals of one surface without a class
 
 
 def _connected_surfaces(

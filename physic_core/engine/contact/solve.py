@@ -44,8 +44,9 @@ from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.engine.state import Contact, Estimates, State
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
+from physic_core.geometry.pixels import select_pixels
 from physic_core.geometry.plane import height_over_plane
-from physic_core.geometry.tensors import select_pixels, tensor, tensors
+from physic_core.geometry.tensors import tensor, tensors
 from physic_core.geometry.visibility import inside_mask
 from physic_core.types.skeletons import SIDES
 

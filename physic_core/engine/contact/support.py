@@ -97,11 +97,11 @@ def find_support(
     """Find the support of a person.
 
     Heels over the ground do not carry. Contacts whose skin faces down do, as do hands above the
-    centre of mass. If they do not
-    balance the body, all contacts carry. So a back against a wall carries only beside other
-    contacts: an upright surface carries no weight by itself. If they do not balance it either, the
-    hidden support that balances the body best is assumed. A support that balances the body only
-    with contacts of limbs that the photo does not show also counts as assumed.
+    centre of mass. If they do not balance the body, all contacts carry. So a back against a wall
+    carries only beside other contacts: an upright surface carries no weight by itself. If they do
+    not balance it either, the hidden support that balances the body best is assumed. A support
+    that balances the body only with contacts of limbs that the photo does not show also counts as
+    assumed.
 
     Args:
         model: body model.

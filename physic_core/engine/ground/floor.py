@@ -42,8 +42,9 @@ from physic_core.geometry.floor import (
     plane_of_pixels,
     ray_to_floor,
 )
+from physic_core.geometry.pixels import quantiles, select_pixels
 from physic_core.geometry.plane import estimate_up, sample_normals
-from physic_core.geometry.tensors import exact_arrays, quantiles, select_pixels
+from physic_core.geometry.tensors import exact_arrays
 
 MIN_UP_CONFIDENCE = 0.11
 """Confidence of an up direction that counts fully, see

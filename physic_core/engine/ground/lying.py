@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from physic_core.geometry.tensors import dilate_square, median
+from physic_core.geometry.pixels import dilate_square, median
 from physic_core.types.skeletons import SEEN_CONFIDENCE, SIDES
 
 if TYPE_CHECKING:

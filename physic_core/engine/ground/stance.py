@@ -22,7 +22,7 @@ from torch import Tensor
 
 from physic_core.engine.ground.carriers import NOTHING, Carried
 from physic_core.engine.ground.touch import LEAST_PROBABILITY, LOWER, OBSERVED, touch_log_odds
-from physic_core.geometry.tensors import dilate_square
+from physic_core.geometry.pixels import dilate_square
 from physic_core.types.arrays import PER_PERSON
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import SEEN_CONFIDENCE, SIDES

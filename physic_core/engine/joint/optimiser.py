@@ -163,14 +163,6 @@ def _finite_total(energies: Mapping[str, Tensor]) -> float:
 StepProgress = Callable[[float], None]
 """Called with the completed share of the work, 0-1."""
 
-_HISTORY_SIZE = 40  # pairs of L-BFGS; vectors of some hundred numbers cost less than an evaluation
-_FIRST_STEP = 0.5  # maximum length of the first step, in units of the state
-_ARMIJO = 1e-4  # share of the predicted decrease that a step must reach
-_MAX_TRIALS = 10  # step lengths that a line search tries
-_MIN_CURVATURE = 1e-8  # cosine between a step and its change of the gradient
-_MIN_SLOPE = 1e-9  # share of the energy; a smaller slope is below the resolution of float32
-_PATIENCE = 5  # steps that together have to lower the energy by the tolerance
-
 
 @dataclass(frozen=True)
 class MinimisationResult:
@@ -337,6 +329,10 @@ def _evaluate(energy: Energy, at: Tensor) -> _Point:
     return _Point(at, value if finite else math.inf, gradient, (people, scale))
 
 
+_MIN_SLOPE = 1e-9  # share of the energy; a smaller slope is below the resolution of float32
+_PATIENCE = 5  # steps that together have to lower the energy by the tolerance
+
+
 def _lbfgs_block(
     energy: Energy, tolerance: float, history: LbfgsHistory, steps: int
 ) -> BlockResult:
@@ -377,6 +373,10 @@ def _lbfgs_block(
     return BlockResult(evaluations, taken, converged)
 
 
+_ARMIJO = 1e-4  # share of the predicted decrease that a step must reach
+_MAX_TRIALS = 10  # step lengths that a line search tries
+
+
 def _backtrack(
     evaluate: Callable[[Tensor], _Point], here: _Point, direction: Tensor, slope: float
 ) -> _Point | None:
@@ -391,6 +391,11 @@ def _backtrack(
         guess = -slope * length * length / (2 * excess) if 0 < excess < math.inf else 0.0
         length = min(max(guess, 0.1 * length), 0.5 * length) if excess < math.inf else 0.25 * length
     return None
+
+
+_HISTORY_SIZE = 40  # pairs of L-BFGS; vectors of some hundred numbers cost less than an evaluation
+_FIRST_STEP = 0.5  # maximum length of the first step, in units of the state
+_MIN_CURVATURE = 1e-8  # cosine between a step and its change of the gradient
 
 
 class LbfgsHistory:

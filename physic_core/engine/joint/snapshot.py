@@ -33,6 +33,9 @@ released code.
 
 _MIN_MOTION_M = 0.01  # mean motion across the rays from which self-occlusion is computed again
 
+MAX_MOTION_M = 0.6
+"""Motion of people, metres, after which the search structure of nearby scene points is rebuilt."""
+
 
 @dataclass(frozen=True)
 class Visibility:
@@ -149,10 +152,6 @@ def sample_mask_neighbours(uv: Tensor, masks: Tensor, reach: Tensor) -> Tensor:
     inside = (in_v[:, :, None] & in_u[:, None]).flatten(1)
     found = masks.flatten(1).gather(1, pixel) & inside
     return found.reshape(len(uv), 9, -1).transpose(0, 1)
-
-
-MAX_MOTION_M = 0.6
-"""Motion of people, metres, after which the search structure of nearby scene points is rebuilt."""
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,9 @@ from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.joint.optimiser import MinimisationResult, join_results
 from physic_core.engine.scene.method import SceneMethod
 from physic_core.engine.scene_state import SceneState
-from physic_core.engine.state import Estimates, State
+from physic_core.engine.state import Estimates, JointResult, State
+from physic_core.geometry.pixels import span_of_true
 from physic_core.geometry.pointmap import edge_ratio, pointmap_normals
-from physic_core.geometry.tensors import span_of_true
 from physic_core.geometry.visibility import move_behind_bodies
 
 _INVALID_START = "the start has non-finite parameters or is behind the camera"
@@ -56,10 +56,8 @@ def optimize(
             failures[i] = _INVALID_ENERGY
         healthy[rows[~finite]] = False
         energy = None
-    unknown = torch.full_like(state.transl[:, 0], torch.nan)
-    state = replace(state, failures=tuple(failures), depth_offset=unknown)
     if energy is None:
-        return _posed_state(state)
+        return replace(state, joint=_posed(state, failures))
     origin = energy.variables.pack()
     minimised = settings.optimiser.minimise(energy, progress)
     late, optimiser = settings.late_terms(energy.sampling)
@@ -67,7 +65,8 @@ def optimize(
     if groups is not None:
         again = optimiser.minimise(energy, groups=groups)
         minimised = join_results(energy, origin, minimised, again)
-    return _merged_people(state, energy, minimised, healthy.nonzero(as_tuple=True)[0])
+    rows = healthy.nonzero(as_tuple=True)[0]
+    return _merged_people(state, energy, minimised, rows, failures)
 
 
 def _has_valid_start(state: State) -> Tensor:
@@ -98,15 +97,20 @@ def _finite_energy(energy: JointEnergy) -> Tensor:
 
 
 @torch.no_grad()
-def _posed_state(state: State) -> State:
-    """Return the state with vertices and joints of its bodies."""
+def _posed(state: State, failures: list[str]) -> JointResult:
+    """Return the bodies of a state, of which none was changed."""
     output = state.model(state.rotations, state.betas, state.transl, state.expression)
-    return replace(state, vertices=output.vertices, joints=output.joints)
+    unknown = torch.full_like(state.transl[:, 0], torch.nan)
+    return JointResult(output.vertices, output.joints, unknown, tuple(failures))
 
 
 @torch.no_grad()
 def _merged_people(
-    state: State, energy: JointEnergy, minimised: MinimisationResult, rows: Tensor
+    state: State,
+    energy: JointEnergy,
+    minimised: MinimisationResult,
+    rows: Tensor,
+    failures: list[str],
 ) -> State:
     """Return the optimised people, ``rows`` of all, together with the start of the others."""
     found = energy.variables.unpack()
@@ -115,13 +119,17 @@ def _merged_people(
         rotations=state.rotations.index_copy(0, rows, found.rotations),
         betas=state.betas.index_copy(0, rows, found.betas),
         transl=state.transl.index_copy(0, rows, found.transl),
-        depth_offset=state.depth_offset.index_copy(0, rows, found.offset),
+    )
+    posed = _posed(optimised, failures)
+    joint = replace(
+        posed,
+        depth_offset=posed.depth_offset.index_copy(0, rows, found.offset),
         scene_scale=float(found.log_scale.exp()),
         losses={name: (minimised.start[name], minimised.end[name]) for name in minimised.end},
         evaluations=minimised.evaluations,
         steps=minimised.steps,
     )
-    return _posed_state(optimised)
+    return replace(optimised, joint=joint)
 
 
 def finalize_scene(estimates: Estimates, state: State, settings: SceneMethod) -> State:

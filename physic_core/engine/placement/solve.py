@@ -23,8 +23,9 @@ from physic_core.engine.sizes.known_sizes import KnownGeometry, size_factors
 from physic_core.engine.sizes.stature import resize_bodies, stature_factor
 from physic_core.engine.state import Estimates, State
 from physic_core.geometry.alignment import Alignment, apply_alignment, fit_alignment
+from physic_core.geometry.pixels import all_finite, dilate_square, quantiles, span_of_true
 from physic_core.geometry.pointmap import depth_to_pointmap
-from physic_core.geometry.tensors import all_finite, dilate_square, quantiles, span_of_true, tensor
+from physic_core.geometry.tensors import tensor
 from physic_core.types.observations import POSTURES
 
 _FAR_M = 50.0  # maximum background depth used by the alignment

@@ -27,6 +27,12 @@ NEAREST_M = 0.1
 
 _FLOOR_ROBUST_M = 0.3  # scale of the robust loss, metres
 
+TRANSLATION = (0, 1, 2)
+"""Elements of x that are the translation."""
+
+ITERATIONS = 30
+"""Largest number of Gauss-Newton steps."""
+
 
 class PlacementProblem(NamedTuple):
     """Inputs to place one person, float64 on the CPU; N landmarks, V vertices, M points, S sole
@@ -188,17 +194,6 @@ class PlacementTerm(Protocol):
         """Return the residuals at x (4,)."""
 
 
-TRANSLATION = (0, 1, 2)
-"""Elements of x that are the translation."""
-
-ITERATIONS = 30
-"""Largest number of Gauss-Newton steps."""
-
-_CONVERGED_M = 1e-5
-_HALVINGS = 6
-_MAX_OFFSET = math.log(1e3)  # largest absolute log depth offset
-
-
 def closed_form_translation(person: PlacementProblem) -> Tensor:
     """Estimate the translation of Eq. 2 by linear least squares of X + t_x = u (Z + t_z); return x
     (4,).
@@ -226,6 +221,11 @@ def closed_form_translation(person: PlacementProblem) -> Tensor:
     if float((joints[:, 2] + move[2]).min()) < NEAREST_M:
         move = torch.zeros_like(move)
     return torch.cat((move, torch.zeros(1, dtype=torch.float64)))
+
+
+_CONVERGED_M = 1e-5
+_HALVINGS = 6
+_MAX_OFFSET = math.log(1e3)  # largest absolute log depth offset
 
 
 def gauss_newton(terms: Sequence[PlacementTerm], x: Tensor, free: Sequence[int]) -> Tensor:

@@ -27,6 +27,9 @@ from physic_core.geometry.pointmap import (
 )
 from physic_core.types.bounds import NotNegative, PositiveOrInfinite
 
+METRIC_DEPTH_TOLERANCE = 0.1
+"""Largest difference of point map and metric depth at an inlier, as a share of the depth."""
+
 
 @dataclass(frozen=True)
 class Cameras:
@@ -64,10 +67,6 @@ def scene_camera(points: Tensor, valid: Tensor, cameras: Cameras) -> Tensor:
     return intrinsics_matrix(
         fx, fy, cx, cy, torch.zeros((), dtype=torch.float64, device=points.device)
     )
-
-
-METRIC_DEPTH_TOLERANCE = 0.1
-"""Largest difference of point map and metric depth at an inlier, as a share of the depth."""
 
 
 class PixelSurface(NamedTuple):

@@ -29,9 +29,10 @@ from physic_core.errors import BackendOutputError
 from physic_core.geometry.alignment import Alignment, apply_alignment, fit_alignment
 from physic_core.geometry.camera import unproject
 from physic_core.geometry.floor import FloorSearch, PlaneFit
+from physic_core.geometry.pixels import all_finite, select_pixels
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.pointmap import depth_to_pointmap
-from physic_core.geometry.tensors import all_finite, select_pixels, tensor, to_device
+from physic_core.geometry.tensors import tensor, to_device
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Intrinsics
@@ -98,6 +99,7 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
     rotations, betas, transl, expression = pose_from_parameters(
         bodies.parameters, model.device, model.dtype
     )
+    observations = estimates.photo.observations
     return State(
         model=model,
         skeleton=detected.joint_set,
@@ -112,6 +114,8 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
         transl=transl,
         rotation_sigma=None if bodies.rotation_sigma is None else own(bodies.rotation_sigma),
         lean_sigma=None if bodies.lean_sigma is None else own(bodies.lean_sigma),
+        head=own(observations.head),
+        head_sigma=own(observations.head_sigma) * (torch.pi / 180),
         scene=scene,
         K=scene.K.to(model.device, model.dtype),
         stands=stands,

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.engine.sizes.scale_vote import Witnesses
-from physic_core.geometry.tensors import exact_arrays
+from physic_core.geometry.pixels import dilate_square
+from physic_core.geometry.tensors import exact_arrays, tensor
 from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
@@ -63,6 +64,8 @@ USUAL_DEPTH_M = 3.0
 
 USUAL_DEPTH_SIGMA = 1.0
 """Standard deviation of the logarithm of that depth."""
+
+_MIN_PIXELS = 30
 
 
 @dataclass(frozen=True)
@@ -147,13 +150,6 @@ def combined_scale(evidence: Sequence[ScaleEvidence]) -> ScaleEvidence | None:
     return ScaleEvidence(mean, least)
 
 
-_RAYS = 4000  # largest number of sampled pixels
-_MIN_PIXELS = 30
-_MIN_HITS = 20
-# Of the long side: the depth of the background bleeds into the edge of a mask.
-_ERODED_SHARE = 0.004
-
-
 def scales_by_soles(
     vertices: FloatArray, model: BodyModel, feet: BoolArray, floor: Plane
 ) -> FloatArray:
@@ -206,6 +202,9 @@ def scales_by_torsos(
     )
 
 
+_MIN_HITS = 20
+
+
 def _scale_by_torso(
     body: FloatArray,
     faces: NDArray[np.int64],
@@ -240,6 +239,9 @@ def _scale_by_torso(
     return scale if scale > 0 else float("nan")
 
 
+_RAYS = 4000  # largest number of sampled pixels
+
+
 def _sampled_pixels(mask: BoolArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return rows and columns (n,) of at most :data:`_RAYS` pixels of a mask (H, W), evenly
     spaced.
@@ -249,12 +251,13 @@ def _sampled_pixels(mask: BoolArray) -> tuple[NDArray[np.int64], NDArray[np.int6
     return rows[chosen], columns[chosen]
 
 
-def _erode(mask: BoolArray) -> BoolArray:
-    import cv2
+# Of the long side: the depth of the background bleeds into the edge of a mask.
+_ERODED_SHARE = 0.004
 
+
+def _erode(mask: BoolArray) -> BoolArray:
     reach = max(1, round(_ERODED_SHARE * max(mask.shape)))
-    disc = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-    return np.asarray(cv2.erode(mask.astype(np.uint8), disc) > 0)
+    return ~dilate_square(~tensor(mask), reach).numpy()
 
 
 _SURE = 0.9  # probability that a metric depth without a stated error is right

@@ -101,10 +101,6 @@ def size_beside_others(
     return float(after[person] - common), float(np.sqrt(spread + 1 / weight.sum()))
 
 
-# Of the long side: radius in which a pixel without a scene point takes the nearest one.
-_SEARCH_SHARE = 0.01
-
-
 BodyEnds = tuple[PointFollower | None, ...]
 """Points of the two ends of a distance on bodies; None for an end on the scene."""
 
@@ -283,6 +279,10 @@ def _end_at(
         return min(shown, key=lambda p: int(masks[p].sum())), [math.nan] * 3
     point = _scene_point(scene, x, y)
     return None if point is None else (-1, point)
+
+
+# Of the long side: radius in which a pixel without a scene point takes the nearest one.
+_SEARCH_SHARE = 0.01
 
 
 def _scene_point(scene: SceneState, x: int, y: int) -> list[float] | None:

@@ -17,7 +17,7 @@ from physic_core.engine.ground.posture import upright_people
 from physic_core.engine.joint.terms.reprojection_settings import ReprojectionSettings
 from physic_core.pipeline.checks.photo import NO_FLOOR, relative_difference
 from physic_core.pipeline.checks.spec import YES, check
-from physic_core.types import Plane, skeleton_named
+from physic_core.types import MARKS, Plane, skeleton_named
 from physic_core.types.observations import TOUCH_PARTS
 from physic_core.types.skeletons import SIDES, keypoint_in_words
 
@@ -52,7 +52,7 @@ _check = partial(check, "person")
     "Placed by joints in the photo, depth and floor",
     at_least=1,
     unit=YES,
-    contradicts=True,
+    contradicts=MARKS,
     warns=True,
 )
 def placed(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
@@ -90,7 +90,7 @@ def detected(estimates: Estimates, result: Reconstruction, person: int) -> Measu
     "Heads within this person's outline",
     at_most=1,
     unit="count",
-    contradicts=True,
+    contradicts=("pose",),
     warns=True,
     advice="two people are merged, or one was found twice: see the outlines in preview.png. Then "
     "give one --person x,y for each person to keep",
@@ -121,7 +121,7 @@ def heads(estimates: Estimates, result: Reconstruction, person: int) -> Measured
 @_check(
     "Distance of limb joints from those seen in the photo, which 90 % do not exceed",
     at_most=0.035,
-    contradicts=True,
+    contradicts=("pose",),
     share_of="the diagonal of the person's box",
     advice="a limb is wrong: compare the people over the photo in preview.png. If a joint was "
     "detected wrongly: physic export FOLDER --to keypoints, correct that file, and give it as "
@@ -164,7 +164,7 @@ def body_in_mask(estimates: Estimates, result: Reconstruction, person: int) -> M
     "Distance from the floor or surface that carries the person",
     at_most=0.1,
     unit="m",
-    contradicts=True,
+    contradicts=("place", "contact"),
     unmeasured="there is no floor and no surface near the body",
 )
 def support(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
@@ -289,7 +289,7 @@ def low_depth(estimates: Estimates, result: Reconstruction, person: int) -> Meas
     "Size against the given one",
     at_most=3,
     unit="sigma",
-    contradicts=True,
+    contradicts=("place", "size"),
     warns=True,
     optional=True,
 )
@@ -317,7 +317,7 @@ def given_size(estimates: Estimates, result: Reconstruction, person: int) -> Mea
     "Given keypoints off the body",
     at_most=ReprojectionSettings.outlier_sigmas,
     unit="sigma",
-    contradicts=True,
+    contradicts=("pose",),
     warns=True,
     optional=True,
 )
@@ -334,8 +334,7 @@ def given_keypoints(estimates: Estimates, result: Reconstruction, person: int) -
     file_px = off[worst] * estimates.file_px
     return off[worst] / (ReprojectionSettings.sigma * stature_px), (
         f"the given {keypoint_in_words(worst)} lies {file_px:.0f} px from where the rest of the "
-        f"photo puts it: "
-        "check the keypoints that you gave"
+        "photo puts it: check the keypoints that you gave"
     )
 
 
@@ -344,7 +343,7 @@ def given_keypoints(estimates: Estimates, result: Reconstruction, person: int) -
     "Given keypoints against mask and detector",
     at_most=0.1,
     share_of="the diagonal of the person's box",
-    contradicts=True,
+    contradicts=("pose",),
     warns=True,
     optional=True,
 )
@@ -362,8 +361,7 @@ def contradicted_keypoints(estimates: Estimates, result: Reconstruction, person:
     name = keypoint_in_words(estimates.photo.keypoints.joint_set.names[worst])
     return float(off[worst] / np.hypot(box[2] - box[0], box[3] - box[1])), (
         f"the given {name} lies {off[worst] * estimates.file_px:.0f} px from where mask and "
-        f"detector have it: "
-        "check the keypoints that you gave"
+        "detector have it: check the keypoints that you gave"
     )
 
 

@@ -34,7 +34,8 @@ class CheckSpec:
         advice: the message if the check fails.
         unmeasured: the reason if there is no value.
         of: "photo" or "person".
-        contradicts: whether a failure contradicts the body, and caps the probability of its person.
+        contradicts: marks of :data:`physic_core.types.MARKS` that a failure contradicts: it caps
+            their probability.
         warns: whether a failed check is also a warning of the result.
         optional: whether the check is left out of a result for which nothing was measured.
         measure: of estimates and result, for a check of a person also of the person's index.
@@ -49,7 +50,7 @@ class CheckSpec:
     advice: str = ""
     unmeasured: str = "there is nothing to measure"
     of: Literal["photo", "person"] = "photo"
-    contradicts: bool = False
+    contradicts: tuple[str, ...] = ()
     warns: bool = False
     optional: bool = False
     measure: Callable[..., Measured] = lambda *_: None

@@ -1,10 +1,13 @@
-"""Probability that a person is right in pose, place, contact and size, from the values of checks.
+"""Probability that a person is right in pose, place, contact and size, in each of them and in all,
+from the values of checks.
 
-The model is logistic. Each of its terms falls with the load of a check: the value over the limit,
-so that a worse value never raises the probability. What was not measured has a number of its own.
-``benchmarks/trust_on_photos.py`` fits the model to verdicts of readers, and writes ``trust.json``.
+The models are logistic. Each of their terms falls with the load of a check: the value over the
+limit, so that a worse value never raises a probability. What was not measured costs nothing.
+``benchmarks/trust_on_photos.py`` fits the models to the marks of readers, and writes
+``trust.json``.
 
-A failed check that contradicts the body caps the probability, whatever the others say.
+A failed check that contradicts a mark caps its probability and that of all, whatever the others
+say.
 """
 
 from __future__ import annotations
@@ -18,7 +21,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from physic_core.pipeline.checks.spec import CHECKS
-from physic_core.types import Grade
+from physic_core.types import MARKS, Grade
 from physic_core.types.records import LEAST_TRUST, trust_text
 
 if TYPE_CHECKING:
@@ -37,34 +40,39 @@ _NOTHING = "no check lowers the trust much"
 _LOOK = "Compare head, trunk, arms in depth and lifted feet with the photo"
 
 
-TrustModel: TypeAlias = Mapping[str, Any]
-"""Fitted model: "constant", the log odds of a person whose loads are usual; "terms", check -> its
-share in the log odds.
+ALL = "all"
+"""Model of people who are right in all marks."""
 
-A share has a "slope", the log odds of a load of 1, at most 0, and a "usual" load, whose share is 0:
-the median of people who are right. A check without a value has none.
+TrustModel: TypeAlias = Mapping[str, Any]
+"""Fitted model of one mark, or of all: "constant", the log odds of a person whose loads are usual;
+"terms", check -> its share in the log odds.
+
+A share has a "slope", the log odds of a load of 1, at most 0; and a "usual" load, whose share is 0:
+the median of people who are right.
 """
 
 
 @dataclass(frozen=True)
 class Trust:
-    """Degree of trust in a person or a photo.
+    """Degree of trust in a person.
 
     Attributes:
-        probability: that it is right.
+        probability: that all is right.
+        marks: name of :data:`~physic_core.types.MARKS` -> probability that it is right.
         why: sentence that names what lowers the probability most, and what to do.
     """
 
     probability: float
+    marks: Mapping[str, float]
     why: str
 
 
 @cache
-def trust_model() -> TrustModel:
-    """Return the fitted model."""
+def trust_models() -> Mapping[str, TrustModel]:
+    """Return the fitted models of each mark and of :data:`ALL`."""
     text = (files("physic_core.pipeline.checks") / "trust.json").read_text(encoding="utf-8")
-    model: TrustModel = json.loads(text)
-    return model
+    models: Mapping[str, TrustModel] = json.loads(text)["models"]
+    return models
 
 
 def load_of(value: float | None, threshold: float, direction: str, unit: str) -> float | None:
@@ -100,23 +108,30 @@ def log_odds(values: Mapping[str, float | None], model: TrustModel) -> dict[str,
     return shares
 
 
-def probability_of(values: Mapping[str, float | None], model: TrustModel) -> float:
-    """Return the probability that a person is right.
+def probabilities_of(
+    values: Mapping[str, float | None], models: Mapping[str, TrustModel]
+) -> dict[str, float]:
+    """Return the probability that a person is right, of each mark and of :data:`ALL`, which is at
+    most that of the least mark.
 
     Args:
         values: as of :func:`log_odds`.
-        model: fitted.
+        models: fitted, of each mark and of all.
     """
-    odds = model["constant"] + sum(log_odds(values, model).values())
-    return capped(1 / (1 + math.exp(-odds)), len(contradictions(values)))
+    found: dict[str, float] = {}
+    for mark in (*MARKS, ALL):
+        odds = models[mark]["constant"] + sum(log_odds(values, models[mark]).values())
+        found[mark] = capped(1 / (1 + math.exp(-odds)), len(contradictions(values, mark)))
+    return found | {ALL: min(found.values())}
 
 
-def contradictions(values: Mapping[str, float | None]) -> list[str]:
-    """Return the checks that contradict the body of a person."""
+def contradictions(values: Mapping[str, float | None], mark: str = ALL) -> list[str]:
+    """Return the checks that contradict a mark of a person, or any."""
     return [
         spec.name
         for spec in CHECKS.values()
-        if spec.contradicts and spec.compare(values.get(spec.name)).failed
+        if (spec.contradicts if mark == ALL else mark in spec.contradicts)
+        and spec.compare(values.get(spec.name)).failed
     ]
 
 
@@ -129,27 +144,30 @@ def person_trust(checks: Sequence[CheckResult], person: int) -> Trust:
     """
     own = {check.name: check for check in checks if check.person in (None, person)}
     values = {name: check.value for name, check in own.items()}
-    shares = log_odds(values, trust_model())
+    probabilities = probabilities_of(values, trust_models())
+    shares = log_odds(values, trust_models()[ALL])
     named = contradictions(values)
     for name in sorted(shares, key=shares.__getitem__):
         if name in own and name not in named and shares[name] <= -_LEAST_LOSS:
             named.append(name)
-    probability = probability_of(values, trust_model())
-    good = Grade.of(probability) is Grade.GOOD
+    probability = probabilities.pop(ALL)
+    grade = Grade.of(probability)
     why = [part for name in named[:_REASONS] for part in _reason(own[name])]
-    if not good and not any(check.failed for check in own.values() if check.person == person):
-        least = trust_text(LEAST_TRUST[Grade.GOOD])
+    failed = any(check.failed for check in own.values() if check.person == person)
+    if grade is not Grade.GOOD and not failed:
+        better = Grade.DOUBTFUL if grade is Grade.BAD else Grade.GOOD
         why += [
             f"no check of this person failed, but the trust of {trust_text(probability)} lies "
-            f"below {least}, from which on people are good",
+            f"below {trust_text(LEAST_TRUST[better])}, from which on people are {better}",
             _LOOK,
         ]
-    return Trust(probability, " ".join(f"{one[0].upper()}{one[1:]}." for one in why or [_NOTHING]))
+    text = " ".join(f"{one[0].upper()}{one[1:]}." for one in why or [_NOTHING])
+    return Trust(probability, probabilities, text)
 
 
 def no_trust(checks: Sequence[CheckResult], person: int) -> Trust:
     """Return the trust in a person without a body, with the contradictions that say why."""
-    return replace(person_trust(checks, person), probability=0.0)
+    return replace(person_trust(checks, person), probability=0.0, marks=dict.fromkeys(MARKS, 0.0))
 
 
 def photo_trust(checks: Sequence[CheckResult], main: Collection[float]) -> float | None:

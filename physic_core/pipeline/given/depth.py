@@ -37,10 +37,9 @@ def scene_of_depth(
     """
     if is_inverse(depth, scene):
         raise ConfigError(
-            "the given depth is larger where the scene is nearer: it is a disparity, or "
-            "inverse depth; give metres "
-            "along the optical axis: focal length in px x distance of the two cameras in m / "
-            "disparity in px"
+            "the given depth is larger where the scene is nearer: it is a disparity, or inverse "
+            "depth; give metres along the optical axis: focal length in px x distance of the two "
+            "cameras in m / disparity in px"
         )
     scene = with_measured_shape(scene, depth, scene.intrinsics or camera)
     share = (np.isfinite(depth.depth) & scene.valid).sum() / max(1, (scene.valid & ~hole).sum())

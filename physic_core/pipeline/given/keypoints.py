@@ -177,9 +177,8 @@ def _what_changed(before: Keypoints, after: Keypoints, changed: BoolArray, file_
     moved = np.where(changed, np.linalg.norm(after.points - before.points, axis=-1), -1.0)
     person, column = (int(i) for i in np.unravel_index(moved.argmax(), moved.shape))
     return (
-        f"given keypoints: {changed.sum()}; the "
-        f"{keypoint_in_words(after.joint_set.names[column])} of person {person} "
-        f"lies {moved.max() * file_px:.0f} px from the detected "
+        f"given keypoints: {changed.sum()}; the {keypoint_in_words(after.joint_set.names[column])} "
+        f"of person {person} lies {moved.max() * file_px:.0f} px from the detected "
         f"one{', the others less' if changed.sum() > 1 else ''}"
     )
 
@@ -231,9 +230,8 @@ def _people_of(given: GivenKeypoints, people: People) -> tuple[dict[int, int], t
     if given.numbered:
         if wrong := [number for number in numbers if not 0 <= number < count]:
             raise InputError(
-                f"keypoints are given for person {wrong[0]}, and {count} people were found: "
-                f"number them from 0, as in "
-                "people.csv"
+                f"keypoints are given for person {wrong[0]}, and {count} people were found: number "
+                "them from 0, as in people.csv"
             )
         return {number: number for number in numbers}, ()
     in_box, in_mask = np.zeros((2, len(numbers), count))
@@ -251,9 +249,8 @@ def _people_of(given: GivenKeypoints, people: People) -> tuple[dict[int, int], t
     rows = {numbers[row]: int(person) for row, person in pairs if allowed[row, person]}
     if not rows:
         raise InputError(
-            f"the given keypoints are of none of the {count} people who were found: most points "
-            f"of an annotation lie "
-            "in the box of its person; are they px of another picture?"
+            f"the given keypoints are of none of the {count} people who were found: most points of "
+            "an annotation lie in the box of its person; are they px of another picture?"
         )
     lost = [str(number) for number in numbers if number not in rows]
     note = (

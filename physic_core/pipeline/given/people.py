@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from physic_core.types import (
         BoolArray,
         FloatArray,
+        IntArray,
         Keypoints,
         KnownSizes,
         People,
@@ -28,48 +29,31 @@ _MIN_MASK_IOU = 0.5
 """Minimum overlap of a given mask with a detected one to keep the detected keypoints."""
 
 
-def known_people(known: KnownSizes, people: People, *, chosen: bool = False) -> KnownPeople:
+def left_to_right(people: People) -> IntArray:
+    """Return the rows (N,) of people from left to right in the photo, by the centres of their
+    boxes.
+    """
+    boxes = np.asarray(people.boxes, np.float64).reshape(-1, 4)
+    return np.argsort(boxes[:, 0] + boxes[:, 2], kind="stable")
+
+
+def known_people(known: KnownSizes, count: int) -> KnownPeople:
     """Return the known stature, metres, and age, years, of each of N people, NaN where unknown.
 
     Args:
-        known: its statures and ages are in the order of the people if the user chose them,
-            otherwise from left to right.
-        people: found by the segmenter.
-        chosen: whether the user chose the people.
+        known: its statures and ages are in the order of the people.
+        count: N.
 
     Raises:
         ConfigError: there are several statures or ages, but not one per person.
     """
-    years = _per_person(known.age, "age", people, chosen=chosen)
-    return KnownPeople(years, _per_person(known.stature, "stature", people, chosen=chosen))
+    years = _per_person(known.age, "age", count)
+    return KnownPeople(years, _per_person(known.stature, "stature", count))
 
 
-def who_got_which(known: KnownSizes, found: KnownPeople, people: People) -> tuple[str, ...]:
-    """Return a note for statures and for ages given from left to right, since people are numbered
-    otherwise.
-    """
-    boxes = np.asarray(people.boxes, np.float64)
-    order = np.argsort(boxes[:, 0] + boxes[:, 2], kind="stable").tolist()
-    lists = (("statures", known.stature, found.stature, " m"), ("ages", known.age, found.years, ""))
-
-    def each(values: FloatArray, unit: str) -> str:
-        return ", ".join(
-            f"person {i} {f'{values[i]:g}{unit}' if values[i] > 0 else 'unknown'}" for i in order
-        )
-
-    return tuple(
-        f"the {name}, from left to right: {each(values, unit)}"
-        for name, given, values, unit in lists
-        if len(given) > 1 and values is not None
-    )
-
-
-def _per_person(
-    given: tuple[float, ...], name: str, people: People, *, chosen: bool
-) -> FloatArray | None:
+def _per_person(given: tuple[float, ...], name: str, count: int) -> FloatArray | None:
     if not any(given):
         return None
-    count = len(people)
     if len(given) > 1 and len(given) != count:
         raise ConfigError(
             f"{len(given)} {name}s were given, but {count} "
@@ -77,11 +61,7 @@ def _per_person(
             f"one {name} for all, or one per person from left to right with 0 where it is unknown"
         )
     values = np.array(given * count if len(given) == 1 else given, np.float64)
-    boxes = np.asarray(people.boxes, np.float64).reshape(-1, 4)
-    order = np.arange(count) if chosen else np.argsort(boxes[:, 0] + boxes[:, 2], kind="stable")
-    found = np.full(count, np.nan)
-    found[order] = np.where(values > 0, values, np.nan)
-    return found
+    return np.where(values > 0, values, np.nan)
 
 
 def select_chosen(people: People, prompt: PeoplePrompt) -> People:
@@ -102,8 +82,7 @@ def select_chosen(people: People, prompt: PeoplePrompt) -> People:
             second = prompt.describe(i)
             raise NoPersonError(
                 f"{first} and {second} hit the same person: give one prompt for each person, or a "
-                f"box or mask where "
-                "people overlap"
+                "box or mask where people overlap"
             )
     chosen = people.masks[rows]
     masks = chosen
@@ -195,8 +174,8 @@ def _required(row: int | None, prompt: PeoplePrompt, index: int, people: People)
         found = f"people were found in the boxes {boxes}" if boxes else "no person was found"
         raise NoPersonError(
             f"no person was found at {prompt.describe(index)}, in px of the photo at {width} x "
-            f"{height} px; {found}: "
-            "choose one of them, mark the person with a mask, or use a segmenter that takes prompts"
+            f"{height} px; {found}: choose one of them, mark the person with a mask, or use a "
+            "segmenter that takes prompts"
         )
     return row
 

@@ -15,13 +15,8 @@ import numpy as np
 from physic_core.errors import ConfigError
 from physic_core.io.keypoint_file import GivenKeypoints, read_keypoints
 from physic_core.io.photo import Photo, limit_size
-from physic_core.pipeline.border import (
-    Border,
-    cut_border,
-    find_inside,
-    limit_inside,
-    question_of_strip,
-)
+from physic_core.pipeline.border import Border, cut_border, limit_inside
+from physic_core.pipeline.frame import Frame, find_frame
 from physic_core.types import CameraTrust, Intrinsics, KnownSizes, Lens, PeoplePrompt
 
 if TYPE_CHECKING:
@@ -64,7 +59,8 @@ def prepare_photo(
 ) -> PreparedPhoto:
     """Prepare a photo.
 
-    A border is not looked for if the photo has lens distortion, or its depth is in a file.
+    A frame is not looked for if the photo has lens distortion, or its depth is in a file. The
+    camera of a file that shows a print is not the picture's.
 
     Args:
         photo: as read.
@@ -77,11 +73,14 @@ def prepare_photo(
         InputError: the keypoints cannot be used.
     """
     file_size = photo.file_size or photo.image.shape[1::-1]
-    photo = _with_camera(photo, settings)
     of_whole = settings.distortion or settings.depth or settings.pointmap
-    inside = None if of_whole else find_inside(photo.image)
-    question = question_of_strip(photo.image if inside is None else photo.image[inside])
-    photo = replace(photo, warnings=(*photo.warnings, *filter(None, (question,))))
+    frame = Frame() if of_whole else find_frame(photo.image)
+    inside = frame.inside
+    if frame.is_print and photo.intrinsics and photo.intrinsics.source.startswith("EXIF"):
+        note = "the focal length in the EXIF data was ignored: it is of a photo of a print"
+        photo = replace(photo, intrinsics=None, notes=(*photo.notes, note))
+    photo = _with_camera(photo, settings)
+    photo = replace(photo, warnings=(*photo.warnings, *filter(None, (frame.warning,))))
     if inside is None:
         photo = limit_size(photo, settings.max_side)
     else:
@@ -97,7 +96,7 @@ def prepare_photo(
     keypoints = _given_keypoints(settings, photo.name, file_size, size)
     prepared = PreparedPhoto(photo, prompt, sizes, None, keypoints=keypoints)
     if inside is not None:
-        return _without_border(prepared, inside)
+        return _without_border(prepared, inside, frame.note)
     if settings.distortion is None or photo.intrinsics is None:
         return prepared
     camera = photo.intrinsics
@@ -124,8 +123,12 @@ def _given_keypoints(
     return replace(keypoints, file_px=file_size[0] / size[0])
 
 
-def _without_border(prepared: PreparedPhoto, inside: tuple[slice, slice]) -> PreparedPhoto:
-    """Return the part of a photo inside a border, with people, sizes and keypoints in its px."""
+def _without_border(
+    prepared: PreparedPhoto, inside: tuple[slice, slice], what: str
+) -> PreparedPhoto:
+    """Return the part of a photo inside what is cut off, with people, sizes and keypoints in its
+    px.
+    """
     photo = prepared.photo
     corner = np.array([inside[1].start, inside[0].start])
     prompt, sizes = move_pixels(
@@ -133,7 +136,7 @@ def _without_border(prepared: PreparedPhoto, inside: tuple[slice, slice]) -> Pre
     )
     keypoints = prepared.keypoints and prepared.keypoints.moved(lambda pixels: pixels - corner)
     border = Border(photo.image, inside)
-    return PreparedPhoto(cut_border(photo, inside), prompt, sizes, None, border, keypoints)
+    return PreparedPhoto(cut_border(photo, inside, what), prompt, sizes, None, border, keypoints)
 
 
 def _chosen_people(people: PeoplePrompt | None, settings: PhotoSettings) -> PeoplePrompt | None:

@@ -54,8 +54,7 @@ def check_placed_people(estimates: Estimates, before: State, placed: State) -> l
         if abs(math.log(shown / stature)) > CONTRADICTION:
             raise ConfigError(
                 f"the stature {stature:.2f} m of person {i} contradicts {sizes}, by which the "
-                f"photo shows a person of "
-                f"{shown:.2f} m: correct one of them, or leave it out"
+                f"photo shows a person of {shown:.2f} m: correct one of them, or leave it out"
             )
         if math.isfinite(shown) and not math.isfinite(stature):
             measured += 1
@@ -65,15 +64,13 @@ def check_placed_people(estimates: Estimates, before: State, placed: State) -> l
     if 2 * len(surely) > measured:
         raise ConfigError(
             f"the photo contradicts {sizes}: in a scene of that size it shows "
-            f"{', '.join(impossible)}; beside people "
-            f"of usual stature it shows "
-            f"{_scene_sizes(known, 1 / float(ratio[surely].median()))}. "
-            f"Correct the size, or leave it out{_unit_question(estimates)}"
+            f"{', '.join(impossible)}; beside people of usual stature it shows "
+            f"{_scene_sizes(known, 1 / float(ratio[surely].median()))}. Correct the size, or leave "
+            f"it out{_unit_question(estimates)}"
         )
     return [
         f"in a scene of the given size the photo shows {person}: check the size, and in the "
-        f"preview whether the floor "
-        "lies under the person's feet"
+        "preview whether the floor lies under the person's feet"
         for person in impossible
     ]
 
@@ -131,9 +128,8 @@ def compare_sizes(
         if own and sigmas is not None and sigmas <= limit:  # else the check warns
             warnings.append(
                 f"person {i} stands off the floor with the given size: the photo shows "
-                f"{person.shown_stature_m:.2f} "
-                f"m, and {person.given_stature_m:.2f} m was given or is usual; several sizes go "
-                f"from left to right"
+                f"{person.shown_stature_m:.2f} m, and {person.given_stature_m:.2f} m was given or "
+                "is usual; several sizes go from left to right"
             )
     return warnings, people, measured
 

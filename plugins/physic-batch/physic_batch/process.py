@@ -21,8 +21,7 @@ from physic_batch.contact_sheet import write_thumbnail
 from physic_batch.journal import COLUMNS, PEOPLE_COLUMN, THUMBNAIL
 from physic_batch.photos import PhotoItem, photo_folder
 from physic_batch.workers import peak_memory_mb
-from physic_core.cache.digests import CodeDigester, files_named_by
-from physic_core.cache.results import made_of
+from physic_core.cache import CodeDigester, files_named_by, made_of
 from physic_core.configuration.model import DEFAULT_ENERGY, as_config
 from physic_core.configuration.resolve import require_available, resolve
 from physic_core.discovery.backends import find_backend, load_class
@@ -30,7 +29,7 @@ from physic_core.discovery.entry_points import core_version
 from physic_core.discovery.plugin_code import named_plugin_code
 from physic_core.discovery.plugins import find_items
 from physic_core.errors import ConfigError, OutputError
-from physic_core.files import check_writable
+from physic_core.files import check_writable, path_to_write
 from physic_core.interfaces import INTERFACES
 from physic_core.io.result_folder import file_digest, run_of_result
 from physic_core.io.results import SAVE, save_reconstruction
@@ -222,7 +221,11 @@ class PhotoProcessor:
         sizes = {}
         if self.job.save != "none":
             paths = save_reconstruction(
-                result, out / folder, self.job.save, overwrite=True, earlier=item.replaces
+                result,
+                path_to_write(out, folder),
+                self.job.save,
+                overwrite=True,
+                earlier=item.replaces,
             )
             sizes = {path.name: path.stat().st_size for path in paths}
         if self.job.thumbnails:
@@ -298,7 +301,7 @@ def prepare_job(
         ConfigError: the configuration or ``save`` is not valid.
         PackageMissingError: no plugin makes the pictures to save.
         WeightsMissingError: weights are missing.
-        OutputError: the folder cannot be written.
+        OutputError: the folder cannot be written, or a link in it leads out.
     """
     if save not in (*SAVE, "none"):
         raise ConfigError(f"what to save is one of {', '.join(SAVE)}, none (got '{save}')")
@@ -311,6 +314,8 @@ def prepare_job(
     settings = batch_config(chosen, cache=cache)
     require_available(resolve(settings))
     folder = (check_writable(Path(out)) if write else Path(out)).resolve()
+    for name in ("photos", "thumbnails"):
+        path_to_write(folder, name)
     job = BatchJob(settings, str(folder), save, thumbnails)
     _ = job.plugins  # once, for all workers, and before anything is computed
     return job

@@ -51,6 +51,9 @@ _GROUP_FILES = {
 _MEMORY_RESERVE = 1.25
 """A worker is expected to need this multiple of what its first photo needed."""
 
+LOAD_LIMIT_S = 1800.0
+"""Longest time in which a worker must be open."""
+
 
 def usable_cores() -> int:
     """Return the number of cores that this process may run on."""
@@ -143,19 +146,6 @@ def _own_peak_mb() -> float:
 
 
 Task = TypeVar("Task")
-
-LOAD_LIMIT_S = 1800.0
-"""Longest time in which a worker must be open."""
-
-_MAX_ATTEMPTS = 2  # a worker can be killed because the photo of another one needs the memory
-_MAX_STARTS = 3
-_END_S = 5.0  # for a process that has closed its pipe
-_SINGLE_THREAD = {
-    "MKL_NUM_THREADS": "1",
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-    "OPENCV_FOR_THREADS_NUM": "1",
-}
 
 
 @dataclass(frozen=True)
@@ -291,6 +281,18 @@ class _TimeLimit:
             self._work_at_mark = work
         self.deadline = min(now + max(left, _LOOK_S), self._mark + self._limit)
         return ""
+
+
+_MAX_ATTEMPTS = 2  # a worker can be killed because the photo of another one needs the memory
+_MAX_STARTS = 3
+_END_S = 5.0  # for a process that has closed its pipe
+
+_SINGLE_THREAD = {
+    "MKL_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "OPENCV_FOR_THREADS_NUM": "1",
+}
 
 
 class _Worker(Generic[Task]):

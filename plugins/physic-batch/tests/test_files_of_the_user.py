@@ -20,7 +20,7 @@ from physic_core.cli import main
 from physic_core.cli.exit_codes import USAGE
 from physic_core.configuration.model import load_config
 from physic_core.errors import OutputError
-from tiny_result import tiny_result
+from tests.rooms import tiny_result
 
 NAMES = ("summary.csv", "people.csv", "contact-sheet.html", "journal.jsonl", "logs/worker-0.txt")
 MINE = '{"id": "mine", "stature": 1.71}\n'

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 from physic_batch.photos import PhotoItem, Shard, list_photos, photo_folder, photo_of_row
 from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError, InputError
+from physic_core.files import MARK
 
 
 @pytest.fixture
@@ -25,7 +27,7 @@ def folder(tmp_path, monkeypatch):
         "deep/er/c.webp",
         "deep/.hidden.jpg",
         ".trash/d.jpg",
-        "notes.txt",
+        "notes.dat",
     ):
         path = tmp_path / "photos" / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -44,7 +46,7 @@ def test_files_and_folders_give_each_photo_once(folder):
         "c.webp",
         "a.PNG",
     ]
-    assert names(list_photos(["photos/notes.txt"]).photos) == ["notes.txt"]
+    assert names(list_photos(["photos/notes.dat"]).photos) == ["notes.dat"]
     assert list_photos(["photos/b.jpg"]).photos == list_photos([str(folder / "b.jpg")]).photos
 
 
@@ -104,11 +106,13 @@ def test_a_folder_can_be_that_of_its_results(tmp_path):
     own = ("a.jpg", "photos/b.jpg", "thumbnails/c.jpg")
     results = ("photos/3f/a/preview.png", "photos/3f/a/colmap/images/0.jpg", "thumbnails/3f/a.jpg")
     others = ("journal.jsonl", "photos/3f/a/reconstruction.json")
+    document = {"schema": "physic-reconstruction", "files": {"colmap/images/0.jpg": ""}}
     for name in (*own, *results, *others):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).touch()
+        (tmp_path / name).write_text(MARK if name == results[-1] else json.dumps(document))
     listed = list_photos([str(tmp_path)])
-    assert (names(listed.photos), listed.skipped) == (["a.jpg", "b.jpg", "c.jpg"], 5)
+    assert names(listed.photos) == ["a.jpg", "b.jpg", "c.jpg"]
+    assert listed.kinds() == "3 in folders of results, 1 .jsonl, 1 thumbnails"
 
 
 def test_files_that_are_no_photos_are_skipped(folder):
@@ -120,14 +124,28 @@ def test_files_that_are_no_photos_are_skipped(folder):
         "old/journal-1-of-2.jsonl",
     ):
         (folder / name).parent.mkdir(exist_ok=True)
-        (folder / name).touch()
+        (folder / name).write_text('{"schema": "physic-reconstruction"}')
     (folder / "old" / "thumbnails" / "3f").mkdir(parents=True)
-    (folder / "old" / "thumbnails" / "3f" / "b.jpg").touch()
+    (folder / "old" / "thumbnails" / "3f" / "b.jpg").write_text(MARK)
     listed = list_photos(["photos"])
-    assert (names(listed.photos), listed.skipped) == (["a.PNG", "b.jpg", "c.webp"], 9)
+    assert names(listed.photos) == ["a.PNG", "b.jpg", "c.webp"]
+    assert sum(listed.left_out.values()) == 9
     assert names(list_photos(["photos/b-physic/preview.png"]).photos) == ["preview.png"]
-    with pytest.raises(InputError, match="files skipped: 2"):
+    with pytest.raises(InputError, match=r"left out: 1 \.jsonl, 1 thumbnails"):
         list_photos(["photos/old"])
+
+
+def test_files_of_other_kinds_are_counted_by_suffix(tmp_path):
+    for name in ("a.jpg", "b.JXL", "c.jxl", "d.livp"):
+        (tmp_path / name).touch()
+    assert list_photos([str(tmp_path)]).kinds() == "2 .jxl, 1 .livp"
+
+
+@pytest.mark.parametrize("name", ["photos.parquet", "list.txt", "shard-000.tar"])
+def test_a_list_of_another_kind_is_told_what_a_table_is(tmp_path, name):
+    (tmp_path / name).touch()
+    with pytest.raises(InputError, match="column path"):
+        list_photos([str(tmp_path / name)])
 
 
 UNREADABLE = """

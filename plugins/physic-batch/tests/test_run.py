@@ -35,7 +35,7 @@ from physic_core.configuration.model import load_config
 from physic_core.discovery.entry_points import core_version
 from physic_core.errors import InputError, OutputError
 from physic_core.io.result_folder import file_digest
-from tiny_result import tiny_result
+from tests.rooms import tiny_result
 
 from .conftest import STANDIN
 

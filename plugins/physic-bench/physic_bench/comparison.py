@@ -21,12 +21,12 @@ from physic_batch.process import WITHOUT_EFFECT
 from physic_core.body import JOINT_NAMES
 from physic_core.errors import InputError
 from physic_core.io.result_folder import is_result, photo_identity_of_result
-from physic_core.types import Grade, grade_text, part_words, pelvis_distance_m
+from physic_core.types import Grade, Person, grade_text, part_words, pelvis_distance_m
 from physic_testing.metrics import BODY_JOINTS, match_by_masks, scene_error
 from physic_visual.palette import contact_label
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, ContactPartner, FloatArray, Person, Reconstruction
+    from physic_core.types import BoolArray, ContactPartner, FloatArray, Reconstruction
 
 HEAD = (
     "photo, person",
@@ -174,12 +174,13 @@ def compare_results(a: Reconstruction, b: Reconstruction, name: str = "") -> Com
 
 
 def table_rows(photo: Comparison) -> list[tuple[str, ...]]:
-    """Return the rows of a photo, with the columns of :data:`HEAD`: one of the scene, then one of
-    each person.
-
-    The distance of the scene is its median depth.
+    """Return the rows of a photo, with the columns of :data:`HEAD`: its grades, the median depth of
+    its scene, and one of each person.
     """
-    rows = [(photo.photo, *_grades(photo.grade), *map(_metres, photo.depth_m), "", "", "")]
+    rows = [
+        (photo.photo, *_grades(photo.grade), "", "", "", "", ""),
+        ("  median depth of the scene", "", "", *map(_metres, photo.depth_m), "", "", ""),
+    ]
     for person in photo.people:
         joints = ["-" if one is None else str(one) for one in (person.joints, person.pose)]
         own = [
@@ -418,7 +419,9 @@ def _median(depths: FloatArray) -> float | None:
 
 
 def _text(one: Person | Reconstruction) -> str | None:
-    return None if one.grade is None else grade_text(one.grade, one.trust)
+    if one.grade is None:
+        return None
+    return grade_text(one.grade, one.trust, one.marks if isinstance(one, Person) else None)
 
 
 def _title(person: PersonPair) -> str:
@@ -444,7 +447,7 @@ def _step(grade: tuple[str | None, str | None]) -> str:
     """
     if None in grade:
         return ""
-    parts = [str(one).partition(", ") for one in grade]
+    parts = [str(one).partition(";")[0].partition(", ") for one in grade]
     before, after = (list(Grade).index(Grade(name)) for name, _, _ in parts)
     apart = [float(trust) for _, _, trust in parts if trust]
     if after == before or (len(apart) == 2 and round(abs(apart[1] - apart[0]), 2) <= TRUST_NOISE):

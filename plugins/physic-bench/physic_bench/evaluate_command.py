@@ -48,6 +48,29 @@ def evaluate() -> None:
     """
 
 
+@dataclass(frozen=True)
+class _Given:
+    """Options of every data set's command, named as on the command line."""
+
+    root: Path
+    out: Path
+    results: tuple[str, ...]
+    preset: str | None
+    config: Path | None
+    overrides: tuple[str, ...]
+    no_camera: bool
+    smplx: Path | None
+    smpl: Path | None
+    workers: int
+    frames: Path | None
+    limit: int | None
+
+    @property
+    def reconstructs(self) -> bool:
+        """Whether the pictures are reconstructed."""
+        return self.preset is not None or self.config is not None or not self.results
+
+
 _COMMON = (
     click.Argument(["root"], type=AnyPath()),
     click.Option(["-o", "--out"], type=AnyPath(), required=True, help="Folder for the results."),
@@ -95,29 +118,6 @@ _COMMON = (
         ["--limit"], metavar="N", type=WholeNumber(1), help="N frames, evenly spaced over all."
     ),
 )
-
-
-@dataclass(frozen=True)
-class _Given:
-    """Options of every data set's command, named as on the command line."""
-
-    root: Path
-    out: Path
-    results: tuple[str, ...]
-    preset: str | None
-    config: Path | None
-    overrides: tuple[str, ...]
-    no_camera: bool
-    smplx: Path | None
-    smpl: Path | None
-    workers: int
-    frames: Path | None
-    limit: int | None
-
-    @property
-    def reconstructs(self) -> bool:
-        """Whether the pictures are reconstructed."""
-        return self.preset is not None or self.config is not None or not self.results
 
 
 def _command_of(chosen: DataSet) -> click.Command:

@@ -28,6 +28,18 @@ if TYPE_CHECKING:
     Record = Mapping[str, Any]
 
 
+CONTACT_FIGURES = {
+    "precision": ("contact precision", "mean precision of contact over people"),
+    "recall": ("contact recall", "mean recall of contact over people"),
+    "f1_of_means": (
+        "contact F1",
+        "harmonic mean of mean precision and mean recall, as the paper prints it",
+    ),
+    "f1_mean": ("contact F1, mean", "mean over people of their F1, as DECO prints it"),
+    "f1_pooled": ("contact F1, pooled", "F1 of the vertices of all people"),
+}
+
+
 @dataclass(frozen=True)
 class Column:
     """A figure of the tables.
@@ -83,18 +95,6 @@ def _ratio(top: Array, bottom: Array) -> Array:
 
 def _mean(sums: Array) -> Array:
     return _ratio(sums[..., 0], sums[..., 1])
-
-
-CONTACT_FIGURES = {
-    "precision": ("contact precision", "mean precision of contact over people"),
-    "recall": ("contact recall", "mean recall of contact over people"),
-    "f1_of_means": (
-        "contact F1",
-        "harmonic mean of mean precision and mean recall, as the paper prints it",
-    ),
-    "f1_mean": ("contact F1, mean", "mean over people of their F1, as DECO prints it"),
-    "f1_pooled": ("contact F1, pooled", "F1 of the vertices of all people"),
-}
 
 
 def contact_columns(

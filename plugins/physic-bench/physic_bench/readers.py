@@ -31,11 +31,14 @@ def read_physic(folder: Path, frame: Frame) -> Prediction | None:
     """
     from physic_batch.photos import photo_folder
     from physic_core import load_reconstruction
+    from physic_core.files import paths_inside
+    from physic_core.io.result_folder import is_result
 
     for name in _names(frame):
-        for place in (photo_folder(name), name, f"{name}-physic"):
-            if (folder / place / "reconstruction.json").is_file():
-                result = load_reconstruction(str(folder / place))
+        places = paths_inside(folder, (photo_folder(name), name, f"{name}-physic"))
+        for place in places.values():
+            if is_result(place):
+                result = load_reconstruction(place)
                 floor = result.scene.floor
                 return Prediction(
                     tuple(_person(p, result) for p in result.people if np.isfinite(p.joints).all()),

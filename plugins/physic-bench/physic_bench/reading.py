@@ -177,8 +177,7 @@ def picture_file(frame: Frame, folder: Path) -> Path:
     if pixels.shape[:2] != (camera.height, camera.width):
         raise InputError(
             f"{picture.path} has {pixels.shape[1]} x {pixels.shape[0]} px, but its camera is "
-            f"calibrated for "
-            f"{camera.width} x {camera.height} px"
+            f"calibrated for {camera.width} x {camera.height} px"
         )
     if not picture.mirrored:
         return picture.path

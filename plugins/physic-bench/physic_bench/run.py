@@ -223,17 +223,14 @@ def _require_results(method: Method, records: Sequence[Record], overlaps: Sequen
     if not any(record["has_result"] for record in records):
         raise InputError(
             f"{method.folder} has no result of {method.name} for any of "
-            f"{len({r['frame'] for r in records})} frames; "
-            f"{records[0]['frame']}: {records[0]['reason']}. The reader '{method.reader}' expects "
-            f"{LAYOUTS[method.reader]}"
+            f"{len({r['frame'] for r in records})} frames; {records[0]['frame']}: "
+            f"{records[0]['reason']}. The reader '{method.reader}' expects {LAYOUTS[method.reader]}"
         )
     if overlaps and median(overlaps) < MIN_OVERLAP:
         raise InputError(
             f"the results of {method.name} do not project onto the annotated people: median "
-            f"overlap of the boxes "
-            f"{median(overlaps):.2f}. They must be of these pictures, in metres, in OpenCV's "
-            f"camera frame (x right, y "
-            "down, z forward)"
+            f"overlap of the boxes {median(overlaps):.2f}. They must be of these pictures, in "
+            "metres, in OpenCV's camera frame (x right, y down, z forward)"
         )
 
 

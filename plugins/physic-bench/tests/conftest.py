@@ -19,9 +19,3 @@ def files(tmp_path_factory):
 def root(tmp_path):
     """A folder for the photos of worlds."""
     return tmp_path / "worlds"
-
-
-@pytest.fixture(scope="session")
-def make(module_at):
-    """Make a room with mannequins: ``make(width, height, people)``."""
-    return module_at("tests/conftest.py").make_reconstruction

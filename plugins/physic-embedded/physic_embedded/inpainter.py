@@ -49,6 +49,11 @@ class MiGan(PackagedBackend, Inpainter):
 
     networks = ("migan_512_places2",)
 
+    def close(self) -> None:
+        """Release the network and its working memory, whose pieces fit no other network."""
+        super().close()
+        self.release_memory()
+
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
         """Fill the mask (H, W), True = remove, in an image (H, W, 3); pixels outside the mask stay
         identical.

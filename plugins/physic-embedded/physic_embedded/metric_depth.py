@@ -37,9 +37,8 @@ class EmbeddedMetricDepth(MetricDepth):
         if hints.scene is None or hints.scale is None:
             missing = "scene" if hints.scene is None else "scale"
             raise BackendError(
-                f"the embedded metric depth needs hints.scene and hints.scale, and "
-                f"hints.{missing} is missing: "
-                "use it in the pipeline, which finds both before it, or choose a metric depth "
-                "network"
+                f"the embedded metric depth needs hints.scene and hints.scale, and hints.{missing} "
+                "is missing: use it in the pipeline, which finds both before it, or choose a "
+                "metric depth network"
             )
         return scaled_depth(hints.scene, hints.scale, hints.intrinsics)

@@ -1,4 +1,6 @@
-"""Observe posture, touch and age of people in the tokens of the depth network's encoder."""
+"""Observe posture, touch and age of people in the tokens of the depth network's encoder, and where
+they look by a mesh of the face.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,10 @@ from scipy.special import expit, softmax
 from physic_core.files import read_arrays
 from physic_core.interfaces import Options, PersonObserver
 from physic_core.types import SIDES, Observations
+from physic_embedded.body_fit.observations import rotation_to_ray
+from physic_embedded.networks.crops import ImagePyramid
 from physic_embedded.networks.depth_anything import TOKENS, patch_tokens
+from physic_embedded.networks.face_mesh import KEYPOINTS, face_square, look_of_face
 from physic_embedded.networks.sessions import (
     PackagedBackend,
     Products,
@@ -28,7 +33,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from physic_core.types import FloatArray, Keypoints, People, UInt8Array
+    from physic_core.types import FloatArray, Intrinsics, Keypoints, People, UInt8Array
     from physic_embedded.networks.patch_tokens import PatchTokens
     from physic_networks.onnx_sessions import OnnxSession
 
@@ -38,6 +43,10 @@ numbers, a constant, and the share of "yes" in the fitted data.
 """
 
 _DEPTH = "depth_anything_v2_vits"
+_FACE = "face_landmark"
+
+_HEAD_SIGMA_DEG = 8.0
+"""Error of the direction of a face that is seen, in each of two directions."""
 
 REGIONS = {
     "foot": "foot",
@@ -86,37 +95,67 @@ class EmbeddedPersonObserverOptions(Options):
 
 
 class EmbeddedPersonObserver(PackagedBackend, PersonObserver):
-    """Observer by logistic regressions on the tokens of the encoder of Depth Anything V2 (DINOv2).
+    """Observer by logistic regressions on the tokens of the encoder of Depth Anything V2 (DINOv2),
+    and by MediaPipe's face mesh.
 
     It takes the tokens of the pass that the embedded point map makes for the photo with its people;
-    where there is none, it runs the network itself.
+    where there is none, it runs the network itself. The direction of the head is that of the face,
+    NaN where the face mesh sees none, and for keypoints without eyes, ears and mouth.
     """
 
     written_for = 1
-    weights_license = "Apache-2.0 (Depth Anything V2 Small, DINOv2)"
+    weights_license = "Apache-2.0 (Depth Anything V2 Small, DINOv2, MediaPipe Face Mesh)"
     Options: ClassVar[type[Options]] = EmbeddedPersonObserverOptions
     options: EmbeddedPersonObserverOptions
 
-    networks = (_DEPTH,)
+    networks = (_DEPTH, _FACE)
 
     def __init__(self, options: BaseModel | None = None, **given: Any) -> None:
         super().__init__(options, **given)
         TOKENS.readers.add(self)
 
     def build(self, device: str) -> dict[str, OnnxSession]:
-        """Check the device; the network is opened for the first photo without tokens."""
+        """Check the device; a network is opened for the first photo that needs it."""
         from onnxruntime import get_available_providers
 
         select_provider("auto", device, get_available_providers())
         return {}
 
-    def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Observations:
+    def infer(
+        self, image: UInt8Array, people: People, keypoints: Keypoints, intrinsics: Intrinsics
+    ) -> Observations:
         """Observe N people; what no seen keypoint shows is NaN."""
         graph = graph_name(_DEPTH, self.options.products, self.device)
         tokens = patch_tokens(
             graph, self._open, image, self.options.short_side, self.options.max_tokens
         )
-        return observed(regions(tokens, people.boxes, keypoints), fitted_numbers())
+        said = observed(regions(tokens, people.boxes, keypoints), fitted_numbers())
+        head = self._heads(image, keypoints, intrinsics)
+        seen = np.isfinite(head).all(1)
+        return replace(
+            said, head=head, head_sigma=np.where(seen, _HEAD_SIGMA_DEG, np.nan).astype(np.float32)
+        )
+
+    def _heads(
+        self, image: UInt8Array, keypoints: Keypoints, intrinsics: Intrinsics
+    ) -> NDArray[np.float32]:
+        """Return the unit vectors (N, 3) in which the faces look, camera frame; NaN without."""
+        found = np.full((len(keypoints.points), 3), np.nan, np.float32)
+        row = {name: j for j, name in enumerate(keypoints.joint_set.names)}
+        if not len(found) or not row.keys() >= set(KEYPOINTS):
+            return found
+        session = self._open(_FACE)
+        picture = ImagePyramid.from_image(image)
+        inverse = np.linalg.inv(intrinsics.matrix)
+        for i, points in enumerate(keypoints.points):
+            at = {name: points[row[name]] for name in KEYPOINTS}
+            if not np.isfinite(list(at.values())).all():
+                continue
+            look = look_of_face(session, picture, face_square(at))
+            if look is not None:
+                middle, forward = look
+                found[i] = rotation_to_ray(inverse @ [*middle, 1.0]) @ forward
+        return found
 
     def _open(self, graph: str) -> OnnxSession:
         """Return the open network of a graph."""

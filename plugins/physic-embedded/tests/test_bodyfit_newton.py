@@ -103,7 +103,7 @@ def test_no_person_moves_where_the_loss_is_nan():
 
 
 def two_people(*, landmarks):
-    """Two people of random keypoints, with all terms: a floor, level feet, outlines, limbs."""
+    """Two people of random keypoints, with all terms: floor, feet, heads, outlines, limbs."""
     rng = np.random.default_rng(0)
     skeleton = skeleton_named("coco23")
     shape = (2, len(skeleton))
@@ -116,6 +116,8 @@ def two_people(*, landmarks):
         world=rng.normal(0, 0.5, (*shape, 3)) if landmarks else None,
         world_weight=rng.uniform(0.5, 1, shape),
         touch=np.ones((2, 2)),
+        head=np.array([[0.6, 0.0, -0.8], [0.0, 0.6, -0.8]]),
+        head_sigma=np.array([0.1, 0.2]),
     )
     yes = np.ones(2, bool)
     model = load_body("embedded").to(dtype=torch.float64)

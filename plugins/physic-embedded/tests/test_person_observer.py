@@ -7,7 +7,7 @@ import pytest
 
 from physic_core.interfaces import PersonObserver
 from physic_core.interfaces.people import PersonObserverRequest
-from physic_core.types import Hints, Keypoints, People, skeleton_named
+from physic_core.types import Hints, Intrinsics, Keypoints, People, skeleton_named
 from physic_core.types.observations import PROBABILITIES
 from physic_embedded.networks.patch_tokens import PatchTokens
 from physic_embedded.person_observer import (
@@ -20,6 +20,7 @@ from physic_networks.pictures import Letterbox
 
 NAMES = skeleton_named("blazepose33").names
 PHOTO = np.random.default_rng(1).integers(0, 255, (84, 112, 3), np.uint8)
+CAMERA = Intrinsics.from_focal(100.0, 112, 84)
 
 
 @pytest.fixture
@@ -109,8 +110,8 @@ def test_the_observer_says_the_same_with_its_own_pass(two_people):
     people, keypoints = two_people
     observer = EmbeddedPersonObserver()
     observer.load()
-    alone = observer.infer(PHOTO, people, keypoints)
-    request = PersonObserverRequest(PHOTO, people, keypoints)
+    alone = observer.infer(PHOTO, people, keypoints, CAMERA)
+    request = PersonObserverRequest(PHOTO, people, keypoints, CAMERA)
     assert not list(PersonObserver.check(alone, request))
     assert all(np.isfinite(getattr(alone, name)).all() for name in PROBABILITIES)
 
@@ -120,7 +121,7 @@ def test_the_observer_says_the_same_with_its_own_pass(two_people):
     pointmap.load()
     scene = pointmap.infer(PHOTO, Hints())
     pointmap.infer(PHOTO, Hints(scene=scene, people=people))
-    again = observer.infer(PHOTO, people, keypoints)
-    assert not observer.network  # no network of its own was opened
+    again = observer.infer(PHOTO, people, keypoints, CAMERA)
+    assert set(observer.network) == {"face_landmark"}  # the encoder was not opened again
     for name in PROBABILITIES:
         np.testing.assert_array_equal(getattr(again, name), getattr(alone, name))

@@ -33,8 +33,7 @@ default.
 
 _PIVOT = (
     "trans is added after posing, and the root turns about the pelvis joint of the shaped body in "
-    "its rest pose "
-    "(array pelvis): the pelvis is at pelvis + trans"
+    "its rest pose (array pelvis): the pelvis is at pelvis + trans"
 )
 
 
@@ -82,12 +81,10 @@ def _smplx_file(request: ExportRequest) -> Path:
     if not named:
         raise InputError(
             "AMASS files hold SMPL-X parameters, and their meaning is in the SMPL-X model file, "
-            "which PhySIC may not "
-            "ship: give the path of your SMPLX_NEUTRAL.npz, SMPLX_MALE.npz or SMPLX_FEMALE.npz "
-            "(--body-model FILE, or "
-            "body_model= in Python). The file is free for research from the SMPL-X project, after "
-            "registration. "
-            "Without it, --to glb and --to bvh have the same pose"
+            "which PhySIC may not ship: give the path of your SMPLX_NEUTRAL.npz, SMPLX_MALE.npz or "
+            "SMPLX_FEMALE.npz (--body-model FILE, or body_model= in Python). The file is free for "
+            "research from the SMPL-X project, after registration. Without it, --to glb and --to "
+            "bvh have the same pose"
         )
     return Path(named)
 
@@ -99,7 +96,7 @@ def _smplx_parameters(
     errors in metres.
     """
     from physic_core.body import build_body_model, convert_with_residuals, smplx_arrays
-    from physic_core.cache.correspondences import cached_correspondence
+    from physic_core.cache import cached_correspondence
 
     people = [person.parameters for _, person in request.chosen()]
     stacked = BodyParameters(

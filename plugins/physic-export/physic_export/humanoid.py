@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import trimesh
 from scipy.spatial.transform import Rotation
 
-from physic_core.body import DENSITY_KG_M3, JOINT_INDEX, JOINT_NAMES, PARENTS
+from physic_core.body import JOINT_INDEX, JOINT_NAMES, PARENTS
 from physic_core.geometry import rotmat_to_euler
 
 if TYPE_CHECKING:
@@ -113,6 +114,9 @@ squats are beyond the 135 of AAOS and the 130 of Merck.
 """
 
 
+DENSITY_KG_M3 = 1010.0
+"""Density of a human body, whose volume has the lungs half filled."""
+
 NUM_BODIES = 22
 """Pelvis and the 21 joints of the body; fingers belong to the wrist, jaw and eyes to the head."""
 
@@ -203,6 +207,21 @@ class Segment:
     hull: Mesh
     capsule: Capsule | None
     soles: Array
+
+    def inertia(self) -> tuple[Array, Array]:
+        """Return the centre of mass (3,), and the moments of inertia (3, 3) about it, kg m2, of the
+        hull with uniform density.
+        """
+        return inertia_of(self.hull, self.mass)
+
+
+def inertia_of(mesh: Mesh, mass: float) -> tuple[Array, Array]:
+    """Return the centre of mass (3,), and the moments of inertia (3, 3) about it, kg m2, of a
+    closed mesh with uniform density.
+    """
+    shape = trimesh.Trimesh(*mesh, process=False)
+    shape.density = mass / shape.volume
+    return np.asarray(shape.center_mass), np.asarray(shape.moment_inertia)
 
 
 def vertex_segments(weights: Array) -> NDArray[np.int64]:

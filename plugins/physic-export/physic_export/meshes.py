@@ -1,6 +1,6 @@
-"""Coloured meshes of people and scene, and the formats of meshes: PLY and OBJ.
+"""Coloured meshes of people and scene, and the formats of meshes: PLY, OBJ and STL.
 
-PLY has every valid point of the scene; OBJ has meshes with textures.
+PLY has every valid point of the scene; OBJ has meshes with textures; STL has bodies to print.
 """
 
 from __future__ import annotations
@@ -22,6 +22,16 @@ if TYPE_CHECKING:
 
     from physic_core.export import ExportFrame
     from physic_core.types import BoolArray, Plane, Reconstruction, UInt8Array
+
+
+_VERTEX = np.dtype(
+    [
+        *((name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")),
+        *((name, "u1") for name in ("red", "green", "blue", "contact")),
+        ("object", "<i4"),
+        ("quality", "<f4"),
+    ]
+)
 
 
 @dataclass(frozen=True)
@@ -96,16 +106,7 @@ def scene_mesh(request: ExportRequest, max_vertices: int = 130_000) -> ColoredMe
     )
 
 
-_VERTEX = np.dtype(
-    [
-        *((name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")),
-        *((name, "u1") for name in ("red", "green", "blue", "contact")),
-        ("object", "<i4"),
-        ("quality", "<f4"),
-    ]
-)
 _FACE = np.dtype([("count", "u1"), ("vertex_indices", "<i4", (3,))])
-_PROPERTY = {"f4": "float", "u1": "uchar", "i4": "int"}
 
 
 def export_ply(request: ExportRequest) -> ExportedFiles:
@@ -170,6 +171,9 @@ def scene_points(request: ExportRequest) -> ColoredMesh:
     )
 
 
+_PROPERTY = {"f4": "float", "u1": "uchar", "i4": "int"}
+
+
 def _header(request: ExportRequest, skins: Skins, vertices: int, faces: int) -> bytes:
     frame = request.frame
     floor = request.result.scene.floor
@@ -203,8 +207,30 @@ def _plane(frame: ExportFrame, floor: Plane) -> str:
     return f"{a:g} x + {b:g} y + {c:g} z + {round(offset, 6) + 0.0:g} = 0"
 
 
-_ROWS = 4096  # of a file at a time
-_MATERIAL = "newmtl {name}\nKa 0 0 0\nKd {color}\nKs 0 0 0\nillum 1\n"
+_TRIANGLE = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("unused", "<u2")])
+_MM = 1000.0
+
+
+def export_stl(request: ExportRequest) -> ExportedFiles:
+    """Return a binary STL file of each person, a closed mesh in millimetres, which slicers expect.
+
+    The surface of the scene has no inside, and is left out.
+    """
+    files = {}
+    for index, person in request.chosen():
+        vertices = transform_points(request.frame.from_camera, person.vertices) * _MM
+        rows = np.zeros(len(request.result.faces), _TRIANGLE)
+        rows["corners"] = vertices[request.result.faces]
+        across = np.cross(
+            rows["corners"][:, 1] - rows["corners"][:, 0],
+            rows["corners"][:, 2] - rows["corners"][:, 0],
+        )
+        rows["normal"] = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+        head = f"PhySIC; unit: millimetre; {request.frame.up} up".encode("ascii").ljust(80)
+        count = len(rows).to_bytes(4, "little")
+        files[request.file_of(index)] = head + count + rows.tobytes()
+    note = "lengths are in millimetres, as slicers read them, at the size of life: scale the body"
+    return ExportedFiles(files, (note,))
 
 
 def export_obj(request: ExportRequest) -> ExportedFiles:
@@ -220,7 +246,7 @@ def export_obj(request: ExportRequest) -> ExportedFiles:
     scene = scene_mesh(request)
     text = [
         f"# PhySIC; unit: metre; axes: {request.frame.axes}\n# v: x y z red green blue (sRGB, 0 "
-        f"to 1)\n",
+        f"to 1)\n# Programs that read OBJ in millimetres need a scale of 1000.\n",
         *(f"# contact: {line}\n" for line in contact_lines(request.result, skins)),
         f"mtllib {request.stem}.mtl\n",
     ]
@@ -268,7 +294,7 @@ def _write(
         face = "f %d/%d/%d %d/%d/%d %d/%d/%d\n"
     colored = np.concatenate([mesh.vertices, mesh.colors / 255], 1)
     text.append(f"o {mesh.name}\n")
-    text += _lines("v %.5f %.5f %.5f %.3f %.3f %.3f\n", colored)
+    text += _lines("v %.9g %.9g %.9g %.3f %.3f %.3f\n", colored)
     text += _lines("vn %.4f %.4f %.4f\n", mesh.normals)
     text += _lines("vt %.5f %.5f\n", uv)
     text.append(f"usemtl {material}\n")
@@ -276,10 +302,16 @@ def _write(
     return at[0] + len(mesh.vertices), at[1] + len(uv)
 
 
+_ROWS = 4096  # of a file at a time
+
+
 def _lines(form: str, rows: NDArray[Any]) -> list[str]:
     """Return the lines of rows (n, k), many in one string; ``np.savetxt`` takes twice as long."""
     blocks = (rows[start : start + _ROWS] for start in range(0, len(rows), _ROWS))
     return [form * len(block) % tuple(block.ravel().tolist()) for block in blocks]
+
+
+_MATERIAL = "newmtl {name}\nKa 0 0 0\nKd {color}\nKs 0 0 0\nillum 1\n"
 
 
 def _materials(request: ExportRequest, skins: Skins, scene: bool) -> str:
@@ -297,8 +329,7 @@ def _materials(request: ExportRequest, skins: Skins, scene: bool) -> str:
             photo = _MATERIAL.format(name=f"{name}_photo", color=white)
             made.append(
                 f"# {request.stem}_{name}_filled.png is white where the photo does not show the "
-                f"body\n{photo}"
-                f"map_Kd {request.stem}_{name}.jpg\n"
+                f"body\n{photo}map_Kd {request.stem}_{name}.jpg\n"
             )
         contact = _MATERIAL.format(name=f"{name}_contact", color=white if skins.source else grey)
         picture = f"map_Kd {request.stem}_{name}_contact.png\n" if skins.source else ""

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import numpy as np
+import trimesh
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.body import JOINT_NAMES, PART_NAMES
@@ -21,6 +22,7 @@ from physic_core.export import camera_pose
 from physic_core.geometry import rotmat_to_quat, transform_points
 from physic_export.balance import ExportedPerson, people_of, tiles_beside
 from physic_export.humanoid import (
+    DENSITY_KG_M3,
     FULL_TORQUE_RAD,
     NUM_BODIES,
     RESPONSE_S,
@@ -28,6 +30,7 @@ from physic_export.humanoid import (
     Segment,
     body_segments,
     convex_hull,
+    inertia_of,
     max_torque,
     vertex_segments,
 )
@@ -111,6 +114,7 @@ def add_humanoid(
         place = {"pos": numbers(segment.pose[:3, 3]), "quat": numbers(quaternion, 8)}
         body = ElementTree.SubElement(above, "body", {"name": own} | place)
         bodies.append(body)
+        _add_inertia(body, segment.mass, *segment.inertia())
         if segment.parent < 0:
             ElementTree.SubElement(body, "freejoint", name=f"{name}_root")
         for hinge in segment.hinges:
@@ -123,7 +127,7 @@ def add_humanoid(
             _add_actuator(actuators, joint, max_torque(segment.name, mass))
         add_mesh(asset, f"{own}_skin", *segment.skin)
         skin = {"name": f"{own}_skin", "type": "mesh", "mesh": f"{own}_skin"}
-        ElementTree.SubElement(body, "geom", skin | _DRAWN | {"mass": "0", "rgba": RGBA})
+        ElementTree.SubElement(body, "geom", skin | _DRAWN | {"rgba": RGBA})
         _add_shapes(asset, body, own, segment, geom)
     return resting
 
@@ -163,7 +167,7 @@ def _add_shapes(
     segment: Segment,
     geom: dict[str, str],
 ) -> None:
-    """Add what collides: a capsule or the hull, which has the mass, and the soles."""
+    """Add what collides: a capsule or the hull, and the soles."""
     if segment.capsule is not None:
         capsule = segment.capsule
         shapes = [
@@ -181,8 +185,20 @@ def _add_shapes(
         for point in segment.soles
     ]
     for number, shape in enumerate(shapes):
-        own = {"name": f"{name}_{number}", "mass": "0"} if number else {"name": name}
-        ElementTree.SubElement(body, "geom", {"mass": f"{segment.mass:.4f}"} | own | shape | geom)
+        own = {"name": f"{name}_{number}" if number else name}
+        ElementTree.SubElement(body, "geom", own | shape | geom)
+
+
+def _add_inertia(
+    body: ElementTree.Element,
+    mass: float,
+    center: NDArray[np.float64],
+    inertia: NDArray[np.float64],
+) -> None:
+    """Add the mass of a body: readers that skip meshes in the file would leave it out."""
+    moments = [inertia[at] for at in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    shape = {"pos": numbers(center), "fullinertia": numbers(moments, 9)}
+    ElementTree.SubElement(body, "inertial", {"mass": f"{mass:.4f}"} | shape)
 
 
 _PERSON_BITS = 29
@@ -391,8 +407,10 @@ def _person(
     pelvis = transform_points(matrix, person.joints[0])
     vertices = transform_points(matrix, person.vertices) - pelvis
     body = ElementTree.SubElement(world, "body", name=name, mocap="true", pos=numbers(pelvis))
+    mass = DENSITY_KG_M3 * trimesh.Trimesh(vertices, model.faces, process=False).volume
+    _add_inertia(body, mass, *inertia_of((vertices, model.faces), mass))
     add_mesh(asset, name, vertices, model.faces)
-    skin = {"name": f"{name}_skin", "type": "mesh", "mesh": name, "rgba": RGBA, "mass": "0"}
+    skin = {"name": f"{name}_skin", "type": "mesh", "mesh": name, "rgba": RGBA}
     ElementTree.SubElement(body, "geom", skin | _DRAWN)
     parts = model.part_of_vertex
     for number, part in enumerate(PART_NAMES):

@@ -190,9 +190,7 @@ def _robot(stem: str, name: str, segments: Sequence[Segment]) -> _Robot:
 
 def _add_link(robot: _Robot, segment: Segment) -> None:
     link = ElementTree.SubElement(robot.root, "link", name=segment.name)
-    hull = trimesh.Trimesh(*segment.hull, process=False)
-    hull.density = segment.mass / hull.volume
-    _add_inertia(link, segment.mass, hull.center_mass, hull.moment_inertia)
+    _add_inertia(link, segment.mass, *segment.inertia())
     ElementTree.SubElement(link, "visual").append(robot.mesh(f"{segment.name}_skin", segment.skin))
     if segment.capsule is not None:
         _add_capsule(link, segment.capsule)

@@ -122,12 +122,6 @@ def _matrices(matrices: NDArray[np.floating[Any]]) -> Any:
     return Vt.Matrix4dArray([Gf.Matrix4d(*one.T.reshape(-1).tolist()) for one in matrices])
 
 
-_APERTURE = 36.0
-"""Width of the film, in tenths of a scene unit as USD has it; only its ratio to the focal length
-matters.
-"""
-
-
 def export_usd(request: ExportRequest) -> ExportedFiles:
     """Return one USD file (.usdc, .usda, .usd or .usdz) with the default prim ``/physic``, and its
     pictures.
@@ -377,6 +371,12 @@ def _add_material(
         diffuse.ConnectToSource(texture.CreateOutput("rgb", kinds.Float3))
     material.CreateSurfaceOutput().ConnectToSource(surface.CreateOutput("surface", kinds.Token))
     return material
+
+
+_APERTURE = 36.0
+"""Width of the film, in tenths of a scene unit as USD has it; only its ratio to the focal length
+matters.
+"""
 
 
 def _add_camera(stage: Any, camera: Intrinsics, pose: NDArray[np.float64]) -> None:

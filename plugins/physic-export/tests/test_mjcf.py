@@ -146,6 +146,22 @@ def test_people_have_joints_at_the_pose_and_the_mass_of_their_volume(result, ope
     assert (angles <= model.jnt_range[hinges, 1]).all()
 
 
+@pytest.mark.parametrize("rigid", [False, True])
+def test_each_body_states_its_mass_for_readers_that_skip_meshes(result, export, rigid):
+    root = ElementTree.parse(export("a.xml", rigid=rigid).files[0]).getroot()
+    for index, person in enumerate(result.people):
+        bodies = root.findall(f".//body[@name='person_{index}']")
+        bodies += bodies[0].findall(".//body")
+        stated = [body.find("inertial") for body in bodies]
+        volume = trimesh.Trimesh(person.vertices, result.faces, process=False).volume
+        masses = [float(one.get("mass")) for one in stated]
+        assert sum(masses) == pytest.approx(1010 * volume, rel=1e-3)
+        for one in stated:
+            xx, yy, zz, xy, xz, yz = map(float, one.get("fullinertia").split())
+            moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            assert 0 < moments[2] < moments[0] + moments[1]
+
+
 def test_hinges_count_from_the_pose_with_the_limits_of_the_urdf(file, opened, export):
     model, _ = opened
     assert " ref=" not in file.read_text()  # Pinocchio leaves it out

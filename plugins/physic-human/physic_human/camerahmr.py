@@ -50,6 +50,9 @@ if TYPE_CHECKING:
 
 _SMALLEST = 1e-6  # minimum |s|: output for an empty crop must not become an infinite depth
 
+SIDE = 256
+"""Side of the square input of both networks, px."""
+
 
 def translation_from_crop(
     weak: FloatArray, centres: FloatArray, sides: FloatArray, camera: Intrinsics
@@ -101,15 +104,6 @@ def camerahmr_inputs(
     return {name: np.asarray(value, np.float32) for name, value in inputs.items()}
 
 
-SIDE = 256
-"""Side of the square input of both networks, px."""
-_CHECKPOINT = "camerahmr_checkpoint_cleaned.ckpt"
-_CAMERA_CHECKPOINT = "cam_model_cleaned.ckpt"
-_MEAN = "smpl_mean_params.npz"
-_FLNET_NEEDS = ("loguru", "yacs")
-_WHITE = 255
-
-
 class CameraHmrOptions(SmplCheckoutOptions):
     """Settings of CameraHMR."""
 
@@ -147,6 +141,13 @@ class CameraHmrOptions(SmplCheckoutOptions):
         description="the same, only for FLNet; the code of the PhySIC paper uses bgr; empty: as "
         "channels",
     )
+
+
+_CHECKPOINT = "camerahmr_checkpoint_cleaned.ckpt"
+_CAMERA_CHECKPOINT = "cam_model_cleaned.ckpt"
+_MEAN = "smpl_mean_params.npz"
+_FLNET_NEEDS = ("loguru", "yacs")
+_WHITE = 255
 
 
 class CameraHmr(SmplCheckoutBackend, BodyEstimator):
@@ -232,8 +233,7 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
         if rotations.shape[1] != 24:
             raise BackendError(
                 f"CameraHMR returned {rotations.shape[1]} joints, where SMPL has 24: checkpoint "
-                f"and code of its SMPL-X "
-                "branch are not supported"
+                "and code of its SMPL-X branch are not supported"
             )
         place = translation_from_crop(weak.reshape(-1, 3), centres, sides, intrinsics)
         bodies = pose_smpl_bodies(body, rotations, betas, place)
@@ -256,9 +256,8 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
             ]
         except (KeyError, TypeError, IndexError) as error:
             raise BackendError(
-                f"CameraHMR returned {type(answer).__name__} without SMPL parameters and a "
-                f"camera: take the checkout "
-                f"of {self.project.homepage}"
+                f"CameraHMR returned {type(answer).__name__} without SMPL parameters and a camera: "
+                f"take the checkout of {self.project.homepage}"
             ) from error
 
     def _crop(self, image: UInt8Array, box: FloatArray) -> FloatArray:

@@ -188,8 +188,7 @@ def checkpoint_error(path: Path, error: Exception, *, trusted: bool) -> BackendE
         return BackendError(f"{path} is not a PyTorch checkpoint: {error}")
     return BackendError(
         f"{path} holds Python objects beside its tensors, and reading those can run code: if you "
-        f"trust its origin, "
-        "set the option trust_checkpoint = true"
+        "trust its origin, set the option trust_checkpoint = true"
     )
 
 
@@ -213,6 +212,6 @@ def load_parameters(network: torch.nn.Module, state: Mapping[str, Any], path: Pa
     if absent:
         raise BackendError(
             f"{path} is missing {len(absent)} of {len(parameters)} parameters of the network, "
-            f"{', '.join(absent[:3])}, ...: "
-            "it is the checkpoint of another network or of another version of the checkout"
+            f"{', '.join(absent[:3])}, ...: it is the checkpoint of another network or of another "
+            "version of the checkout"
         )

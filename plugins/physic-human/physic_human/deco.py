@@ -31,6 +31,7 @@ INPUT_SIDE = 256
 BOX_GROWTH = 0.1
 """Share of its width and height by which a box is enlarged on every side."""
 _WHITE = 255
+SMPL_VERTICES = 6890
 
 
 def enlarged_box_slices(
@@ -86,9 +87,6 @@ def _span(low: float, high: float, end: int) -> slice:
     """Return a slice from ``low`` to ``high``, clipped to [0, end) and at least 1 long."""
     first = min(max(int(low), 0), end - 1)
     return slice(first, max(min(int(high), end), first + 1))
-
-
-SMPL_VERTICES = 6890
 
 
 class DecoOptions(SmplCheckoutOptions):

@@ -44,6 +44,9 @@ minimum forearm length in upper-arm lengths, since a forearm that points at the 
 _EDGE = 0.5
 """Offset from pixel-centre coordinates to half-open box coordinates, px."""
 
+JOINTS_PER_HAND = 15
+"""Number of finger joints of a hand, without the wrist."""
+
 
 @dataclass(frozen=True)
 class HandBoxes:
@@ -157,10 +160,6 @@ def chumpy_free_copy(path: str | Path, family: Literal["smpl", "mano"]) -> Itera
         copy = Path(folder, f"{source.stem}.pkl")
         copy.write_bytes(pickle.dumps(arrays, protocol=4))
         yield copy
-
-
-JOINTS_PER_HAND = 15
-"""Number of finger joints of a hand, without the wrist."""
 
 
 def empty_hands(count: int) -> Hands:

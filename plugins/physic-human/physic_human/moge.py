@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.cache.results import cached_network_result
+from physic_core.cache import cached_network_result
 from physic_core.errors import BackendError, DeviceError
 from physic_core.interfaces import (
     GpuMemory,
@@ -181,6 +181,10 @@ class Moge1(_Moge, RelativePointmap):
         return self._solve(points, mask, hints.intrinsics)
 
 
+_KERNELS = ("flex_gemm", "flex_gemm.nn", "flex_gemm.ops")  # import Triton, which needs a GPU
+_TOOLS = ("utils3d", "utils3d_moge")  # imported under either name, and not used by the network
+
+
 class _Moge3(_Moge):
     """Base class of both MoGe-3 backends."""
 
@@ -297,10 +301,6 @@ class Moge3Depth(_Moge3, MetricDepth):
         assert camera is not None
         notes = tuple(f"{note}: {camera.fx:.0f} px is a guess" for note in solved.notes)
         return DepthMap(solved.points[..., 2].copy(), camera, notes=notes)
-
-
-_KERNELS = ("flex_gemm", "flex_gemm.nn", "flex_gemm.ops")  # import Triton, which needs a GPU
-_TOOLS = ("utils3d", "utils3d_moge")  # imported under either name, and not used by the network
 
 
 @contextmanager

@@ -82,22 +82,6 @@ def guarded_torch(hub: Callable[..., Any], *, trusted: bool) -> Iterator[list[An
             torch.load = load
 
 
-_CHECKPOINT = "model.ckpt"
-_CONFIG = "model_config.yaml"
-_MHR = "assets/mhr_model.pt"
-_DINOV3 = "facebookresearch/dinov3"
-_DINOV3_BACKBONE = re.compile(r"^\s*TYPE:\s*['\"]?dinov3", re.MULTILINE)
-_MADE_OTHERWISE = re.compile(r"\.mhr\.|\.hand_pose_comps_ori$|\.mask_token$")
-"""Parameters that the published checkpoint lacks: those of MHR's own file, a copy of another, and
-an unused one.
-"""
-_ESSENTIAL = re.compile(r"(backbone|decoder|decoder_hand)\.")
-"""Parameters without which the checkpoint is of another network."""
-_LOG = logging.getLogger(__name__)
-_OF_THE_HUB = ("source", "trust_repo", "force_reload", "verbose", "skip_validation")
-"""Options of ``torch.hub.load`` itself."""
-
-
 class Sam3dBodyOptions(CheckoutOptions):
     """Settings of SAM 3D Body."""
 
@@ -117,6 +101,16 @@ class Sam3dBodyOptions(CheckoutOptions):
         default=False,
         description="also give the people's masks to the network; helps if people overlap",
     )
+
+
+_CHECKPOINT = "model.ckpt"
+_CONFIG = "model_config.yaml"
+_MHR = "assets/mhr_model.pt"
+_DINOV3 = "facebookresearch/dinov3"
+_DINOV3_BACKBONE = re.compile(r"^\s*TYPE:\s*['\"]?dinov3", re.MULTILINE)
+
+_OF_THE_HUB = ("source", "trust_repo", "force_reload", "verbose", "skip_validation")
+"""Options of ``torch.hub.load`` itself."""
 
 
 class Sam3dBody(CheckoutBackend, BodyEstimator):
@@ -209,8 +203,7 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
         if str(repo).partition(":")[0] != _DINOV3:
             raise BackendError(
                 f"SAM 3D Body wants to run code of {repo}, which is not fetched: this backend "
-                f"knows the checkout of "
-                f"{self.project.homepage} that uses {_DINOV3} alone"
+                f"knows the checkout of {self.project.homepage} that uses {_DINOV3} alone"
             )
         make = self._dinov3.attribute(name)
         given = {key: value for key, value in options.items() if key not in _OF_THE_HUB}
@@ -301,6 +294,17 @@ def uses_principal_point(config: Any) -> bool:
     for name in ("MODEL", "DECODER", "USE_INTRIN_CENTER"):
         config = config.get(name) if isinstance(config, Mapping) else None
     return bool(config)
+
+
+_MADE_OTHERWISE = re.compile(r"\.mhr\.|\.hand_pose_comps_ori$|\.mask_token$")
+"""Parameters that the published checkpoint lacks: those of MHR's own file, a copy of another, and
+an unused one.
+"""
+
+_ESSENTIAL = re.compile(r"(backbone|decoder|decoder_hand)\.")
+"""Parameters without which the checkpoint is of another network."""
+
+_LOG = logging.getLogger(__name__)
 
 
 def _check_parameters(network: torch.nn.Module, read: list[Any], path: Path) -> None:

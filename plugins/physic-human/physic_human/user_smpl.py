@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 
 _ADVICE = (
     "set smpl_file to your SMPL_NEUTRAL.npz or .pkl: register at https://smpl.is.tue.mpg.de "
-    "(non-commercial) and "
-    "download the model"
+    "(non-commercial) and download the model"
 )
 
 

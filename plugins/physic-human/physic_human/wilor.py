@@ -115,9 +115,9 @@ class Wilor(CheckoutBackend, HandEstimator):
         answer = self.network(inputs["img"])
         if not isinstance(answer, dict) or not {"hand_pose", "global_orient"} <= answer.keys():
             raise BackendError(
-                f"WiLoR-mini's network returned {type(answer).__name__}, where its releases "
-                f"answer a dictionary with "
-                "hand_pose and global_orient: another revision of the checkout is needed"
+                f"WiLoR-mini's network returned {type(answer).__name__}, where its releases answer "
+                "a dictionary with hand_pose and global_orient: another revision of the checkout "
+                "is needed"
             )
         return answer["hand_pose"], answer["global_orient"]
 

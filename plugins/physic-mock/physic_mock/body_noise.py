@@ -39,11 +39,6 @@ def _limb(joint: str) -> str:
 LIMBS = tuple(_limb(name) for name in JOINT_NAMES[:BONES])
 """Limb of each bone."""
 
-_LIMB_NUMBER = np.array([sorted(set(LIMBS)).index(limb) for limb in LIMBS])
-_FIRST_CHILD = np.array(
-    [PARENTS.index(j, 0, BONES) if j in PARENTS[:BONES] else j for j in range(BONES)]
-)
-
 
 def line_of_sight_axes(point: FloatArray) -> FloatArray:
     """Return orthonormal rows (3, 3): two axes across the line of sight to a point (3,), and the
@@ -53,6 +48,13 @@ def line_of_sight_axes(point: FloatArray) -> FloatArray:
     across = np.cross([0.0, 1.0, 0.0], line)
     across /= np.linalg.norm(across)
     return np.stack([across, np.cross(line, across), line])
+
+
+_LIMB_NUMBER = np.array([sorted(set(LIMBS)).index(limb) for limb in LIMBS])
+
+_FIRST_CHILD = np.array(
+    [PARENTS.index(j, 0, BONES) if j in PARENTS[:BONES] else j for j in range(BONES)]
+)
 
 
 def draw_bone_errors(

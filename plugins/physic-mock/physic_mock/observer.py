@@ -7,13 +7,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core import interfaces
+from physic_core.body import JOINT_INDEX
 from physic_core.types import POSTURES, SIDES, TOUCH_PARTS, Observations
-from physic_mock.noise import FLEXION_DEG, LOG_ODDS, LOG_ODDS_SIGMA, Noise
+from physic_mock.noise import FLEXION_DEG, HEAD_DEG, LOG_ODDS, LOG_ODDS_SIGMA, Noise
 from physic_mock.recognition import MockOptions, match_masks_to_world, recognise_world
-from physic_testing.conformance.truth import true_flexion, true_touch
+from physic_testing.conformance.truth import true_flexion, true_head, true_touch
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, FloatArray, Keypoints, People, UInt8Array
+    from physic_core.types import (
+        BoolArray,
+        FloatArray,
+        Intrinsics,
+        Keypoints,
+        People,
+        UInt8Array,
+    )
     from physic_testing.worlds import World
 
 _CHILD_YEARS = 12
@@ -30,7 +38,9 @@ class MockPersonObserver(interfaces.PersonObserver):
     Options = MockOptions
     options: MockOptions
 
-    def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Observations:
+    def infer(
+        self, image: UInt8Array, people: People, keypoints: Keypoints, intrinsics: Intrinsics
+    ) -> Observations:
         """Return observations of people in a world's photo.
 
         Raises:
@@ -65,8 +75,25 @@ class MockPersonObserver(interfaces.PersonObserver):
             child=probability(np.asarray(world.ages < _CHILD_YEARS)),
             flexion=np.clip(bent + drawn, 0, 180)[rows].astype(np.float32),
             flexion_sigma=np.full((len(rows), 4), np.hypot(least, added), np.float32),
+            **_heads(world, rows, noise.factor, rng),
             **_shares(),
         )
+
+
+def _heads(
+    world: World, rows: list[int], factor: float, rng: np.random.Generator
+) -> dict[str, Any]:
+    """Return the directions of the faces of people in ``rows``, and their errors; NaN for a face
+    that is turned away from the camera.
+    """
+    least, added = HEAD_DEG
+    head = true_head(world)
+    drawn = np.radians(factor * added) * rng.normal(size=head.shape)
+    seen = np.einsum("ni,ni->n", head, world.joints[:, JOINT_INDEX["head"]]) < 0
+    head = np.where(seen[:, None], head + drawn, np.nan)
+    head = head / np.linalg.norm(head, axis=1, keepdims=True)
+    sigma = np.where(seen, np.hypot(least, factor * added), np.nan)
+    return {"head": head[rows].astype(np.float32), "head_sigma": sigma[rows].astype(np.float32)}
 
 
 def _shares() -> dict[str, Any]:

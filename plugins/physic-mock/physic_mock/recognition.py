@@ -99,9 +99,8 @@ def _unknown_image_error(width: int, height: int, fault: str) -> BackendError:
     """Return the error for an image that is not the photo of a world."""
     return BackendError(
         f"The mock backends only know the photos of their own worlds, and this {width} x {height} "
-        f"px image {fault}: "
-        "give physic_testing.worlds.load_world(name, size).image, saved without loss, "
-        "or choose real backends."
+        f"px image {fault}: give physic_testing.worlds.load_world(name, size).image, saved without "
+        "loss, or choose real backends."
     )
 
 
@@ -143,10 +142,8 @@ def match_masks_to_world(recognised: RecognisedWorld, people: People) -> list[in
         if overlaps[best] < _SAME_PERSON_IOU:
             raise BackendError(
                 f"Person {i} is nobody of the mock world {recognised.world.name!r}: their mask "
-                f"overlaps no remaining "
-                f"person by an IoU of {_SAME_PERSON_IOU} or more (best "
-                f"{max(overlaps[best], 0.0):.2f}). "
-                "Use masks of the people in the photo."
+                f"overlaps no remaining person by an IoU of {_SAME_PERSON_IOU} or more (best "
+                f"{max(overlaps[best], 0.0):.2f}). Use masks of the people in the photo."
             )
         rows.append(best)
     return rows

@@ -92,7 +92,7 @@ def test_the_answers_are_the_truth(world):
 def observed(name, **options):
     world = load_world(name)
     people = everyone(world)
-    return MockPersonObserver(**options).infer(world.image, people, no_keypoints(len(people)))
+    return MockPersonObserver(**options).infer(world.image, people, no_keypoints(len(people)), None)
 
 
 @pytest.mark.parametrize(

@@ -114,7 +114,9 @@ def test_the_contact_prior_of_fixed_parts_knows_nothing_of_the_truth(world):
 
 def test_noisy_observations_are_calibrated(world):
     found = [
-        MockPersonObserver(noise=1, noise_seed=seed).infer(world.image, people_of(world), None)
+        MockPersonObserver(noise=1, noise_seed=seed).infer(
+            world.image, people_of(world), None, None
+        )
         for seed in range(200)
     ]
     said = np.stack([one.touch[0, :4] for one in found])  # feet, which touch, and hands

@@ -119,8 +119,8 @@ def points_on_rays(
 
     Returns:
         (H, W, 3) float32 points on the rays of their pixels with depth (z + shift) * scale, NaN
-        where invalid; and (H,
-        W) bool, the valid points: inside the mask, finite, in front of the camera.
+        where invalid; and (H, W) bool, the valid points: inside the mask, finite, in front of the
+        camera.
     """
     height, width = mask.shape
     with np.errstate(invalid="ignore"):

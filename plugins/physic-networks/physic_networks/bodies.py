@@ -22,6 +22,15 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Keypoints, Mesh
 
 
+SMPL_JOINTS = 24
+
+SHARED_JOINTS = 22
+"""Number of joints that SMPL and SMPL-X have in common, in the same order: pelvis to wrists."""
+
+MHR_KEYPOINTS = 70
+_LIMBS = {name: joint_pair(name) for name in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")}
+
+
 def to_rotvecs(rotations: FloatArray, joints: int) -> FloatArray:
     """Convert rotation matrices or vectors to rotation vectors (N, joints, 3) float64, radians.
 
@@ -42,8 +51,7 @@ def to_rotvecs(rotations: FloatArray, joints: int) -> FloatArray:
     if given.shape != (rows, joints, 3, 3):
         raise ValueError(
             f"rotations of {joints} joints must be (N, {joints}, 3), (N, {3 * joints}) or (N, "
-            f"{joints}, 3, 3), "
-            f"got {given.shape}"
+            f"{joints}, 3, 3), got {given.shape}"
         )
     flat = given.reshape(-1, 3, 3)
     out = np.full((len(flat), 3), np.nan)
@@ -52,11 +60,6 @@ def to_rotvecs(rotations: FloatArray, joints: int) -> FloatArray:
     if valid.any():
         out[valid] = Rotation.from_matrix(flat[valid]).as_rotvec()
     return out.reshape(rows, joints, 3)
-
-
-SMPL_JOINTS = 24
-SHARED_JOINTS = 22
-"""Number of joints that SMPL and SMPL-X have in common, in the same order: pelvis to wrists."""
 
 
 def parameters_from_rotvecs(
@@ -148,19 +151,12 @@ def empty_bodies(body_model: str, num_betas: int = 10) -> Bodies:
     )
 
 
-MHR_KEYPOINTS = 70
 _BODY = {"shoulder": 5, "elbow": 7, "hip": 9, "knee": 11, "ankle": 13}
 """First of the two keypoints, left then right, of what both bodies have."""
 _EYES = {"left_eye": 1, "right_eye": 2}
 _WRIST = {"left": 62, "right": 41}
 _FIRST_FINGER = {"left": 42, "right": 21}
 _FINGER_NAMES = ("thumb", "index", "middle", "ring", "pinky")
-_FOOT = {"left": (13, 15, 16), "right": (14, 18, 19)}
-"""Keypoints of the ankle and the tips of the big and the small toe, whose weighted mean is the ball
-of the foot.
-"""
-_BALL = np.array([0.2, 0.4, 0.4], np.float32)
-"""Weights of that mean: on worlds it is 5 mm off on average, and 31 mm with bent toes."""
 
 
 def _table() -> dict[int, int]:
@@ -183,6 +179,14 @@ def _table() -> dict[int, int]:
 
 JOINT_BY_KEYPOINT = _table()
 """SMPL-X joint by MHR keypoint."""
+
+_FOOT = {"left": (13, 15, 16), "right": (14, 18, 19)}
+"""Keypoints of the ankle and the tips of the big and the small toe, whose weighted mean is the ball
+of the foot.
+"""
+
+_BALL = np.array([0.2, 0.4, 0.4], np.float32)
+"""Weights of that mean: on worlds it is 5 mm off on average, and 31 mm with bent toes."""
 
 
 def joints_from_mhr70(keypoints: FloatArray) -> FloatArray:
@@ -210,15 +214,10 @@ SeenConfidence = Annotated[
 :func:`observed_joints`.
 """
 
-_LIMBS = {name: joint_pair(name) for name in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")}
-_FEET = joint_pair("foot")
-_COLLARS = joint_pair("collar")
-_FINGERS = [[joint for finger in hand for joint in finger] for hand in FINGER_JOINTS]
 _PELVIS = JOINT_INDEX["pelvis"]
 _CHEST = JOINT_INDEX["spine3"]
 _LOWER_SPINE = [JOINT_INDEX[name] for name in ("spine1", "spine2")]
 _FACE = [JOINT_INDEX[name] for name in ("neck", "head", "jaw", "left_eye", "right_eye")]
-_FOOT_POINTS = ("big_toe", "small_toe", "heel", "foot_tip")
 _FACE_POINTS = ("nose", *(f"{side}_{name}_surface" for side in SIDES for name in ("eye", "ear")))
 
 
@@ -255,6 +254,12 @@ def observed_joints(
     observed[:, _CHEST] = shoulders
     observed[:, _LOWER_SPINE] = np.asarray(hips & shoulders)[:, None]
     return observed
+
+
+_FEET = joint_pair("foot")
+_COLLARS = joint_pair("collar")
+_FINGERS = [[joint for finger in hand for joint in finger] for hand in FINGER_JOINTS]
+_FOOT_POINTS = ("big_toe", "small_toe", "heel", "foot_tip")
 
 
 def _observed_limbs(seen: BoolArray, row: Mapping[str, int], finger_share: float) -> BoolArray:

@@ -95,8 +95,8 @@ class Checkout:
         if missing:
             messages.append(
                 f"{self.name} needs the package{'s' * (len(missing) > 1)} {', '.join(missing)} of "
-                f"the environment: "
-                f"pip install {' '.join(PIP_NAMES.get(need, need) for need in missing)}"
+                "the environment: pip install "
+                f"{' '.join(PIP_NAMES.get(need, need) for need in missing)}"
             )
         return tuple(messages)
 
@@ -128,15 +128,13 @@ class Checkout:
             except ModuleNotFoundError as error:
                 absent = (error.name or "").partition(".")[0]
                 raise WeightsMissingError(
-                    f"{self.name}{self._place()} cannot be imported: {error}; if '{absent}' is "
-                    f"not a part of it: "
-                    f"pip install {PIP_NAMES.get(absent, absent)}"
+                    f"{self.name}{self._place()} cannot be imported: {error}; if '{absent}' is not "
+                    f"a part of it: pip install {PIP_NAMES.get(absent, absent)}"
                 ) from error
             except Exception as error:  # its code can raise anything at import
                 raise BackendError(
                     f"{self.name}{self._place()} cannot be imported: {type(error).__name__}: "
-                    f"{error}; "
-                    "try its own demo in this environment first"
+                    f"{error}; try its own demo in this environment first"
                 ) from error
 
     def attribute(self, name: str, module: str | None = None) -> Any:
@@ -215,8 +213,7 @@ class Checkout:
                 return ""
             return (
                 f"{self.name} is neither installed nor given: set {self.option} to a checkout of "
-                f"{self.homepage} "
-                f"({self._clone()})"
+                f"{self.homepage} ({self._clone()})"
             )
         if not root.is_dir():
             return (

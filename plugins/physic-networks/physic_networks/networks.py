@@ -163,9 +163,6 @@ class NetworkBackend(Backend):
         return [*values[:1], *filter(None, values[1:])]
 
 
-_MEASURED = "measured on an H100 with random weights, without CUDA's own .7 GB"
-
-
 class TorchOptions(Options):
     """Settings of backends whose networks compute with torch in a chosen precision."""
 
@@ -175,6 +172,9 @@ class TorchOptions(Options):
         "GPU; on a CPU they are slower, and float16 is refused there. On a GPU, convolutions of "
         "float32 round their inputs to 10 bits (TF32), torch's default",
     )
+
+
+_MEASURED = "measured on an H100 with random weights, without CUDA's own .7 GB"
 
 
 class TorchBackend(NetworkBackend):
@@ -293,8 +293,7 @@ def run_in_batches(
         ]:
             raise BackendError(
                 f"the network was shown {shown} pictures and returned an array of shape "
-                f"{wrong[0]}: it does not keep "
-                "its batch"
+                f"{wrong[0]}: it does not keep its batch"
             )
         parts.append([output[:count] for output in outputs])
     return [np.concatenate(outputs) for outputs in zip(*parts, strict=True)]

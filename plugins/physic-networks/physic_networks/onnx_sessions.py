@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from physic_core.backends.devices import DEVICE_PATTERN
-from physic_core.cache.results import cached_network_result
+from physic_core.cache import cached_network_result
 from physic_core.errors import BackendError, DeviceError
 from physic_networks.optimised_graphs import KeptGraph
 
@@ -38,28 +38,6 @@ class ExecutionProvider:
     name: str
     key: str
     install: str
-
-
-_IDENTITY = bytes.fromhex(
-    "080812003a370a100a017812017922084964656e746974791201675a0f0a0178120a0a08080112040a02"
-    "0801620f0a0179120a0a08080112040a02080142040a00100d"
-)
-"""ONNX graph that returns its input ``x``, one float32."""
-
-_GPU = "install onnxruntime-gpu in place of onnxruntime"
-_PROVIDERS = {
-    "cpu": ExecutionProvider("CPU", "CPUExecutionProvider", "install onnxruntime"),
-    "cuda": ExecutionProvider("CUDA", "CUDAExecutionProvider", _GPU),
-    "tensorrt": ExecutionProvider(
-        "TensorRT", "TensorrtExecutionProvider", f"{_GPU}, and TensorRT beside it"
-    ),
-    "coreml": ExecutionProvider(
-        "CoreML", "CoreMLExecutionProvider", "use the onnxruntime for macOS, which contains it"
-    ),
-    "directml": ExecutionProvider(
-        "DirectML", "DmlExecutionProvider", "install onnxruntime-directml in place of onnxruntime"
-    ),
-}
 
 
 class OnnxSession:
@@ -279,6 +257,23 @@ def _session_options(threads: int, provider: ExecutionProvider) -> SessionOption
     return options
 
 
+_GPU = "install onnxruntime-gpu in place of onnxruntime"
+
+_PROVIDERS = {
+    "cpu": ExecutionProvider("CPU", "CPUExecutionProvider", "install onnxruntime"),
+    "cuda": ExecutionProvider("CUDA", "CUDAExecutionProvider", _GPU),
+    "tensorrt": ExecutionProvider(
+        "TensorRT", "TensorrtExecutionProvider", f"{_GPU}, and TensorRT beside it"
+    ),
+    "coreml": ExecutionProvider(
+        "CoreML", "CoreMLExecutionProvider", "use the onnxruntime for macOS, which contains it"
+    ),
+    "directml": ExecutionProvider(
+        "DirectML", "DmlExecutionProvider", "install onnxruntime-directml in place of onnxruntime"
+    ),
+}
+
+
 def select_provider(
     name: str, device: str, available: Sequence[str]
 ) -> tuple[ExecutionProvider, list[str | tuple[str, dict[str, str]]]]:
@@ -305,8 +300,7 @@ def select_provider(
         why = f"device {device!r} needs" if name == "auto" else f"provider {name!r} is"
         raise DeviceError(
             f"{why} {provider.name}, and the installed onnxruntime has only "
-            f"{has or 'unknown providers'}: "
-            f"{provider.install}, or choose "
+            f"{has or 'unknown providers'}: {provider.install}, or choose "
             + ("device 'cpu'" if name == "auto" else "provider 'cpu'")
         )
     index = {"device_id": found[1] or "0"}
@@ -385,6 +379,13 @@ def _register_shared_arena() -> None:
         "Cpu", ort.OrtAllocatorType.ORT_ARENA_ALLOCATOR, 0, ort.OrtMemType.DEFAULT
     )
     ort.create_and_register_allocator(memory, ort.OrtArenaCfg({}))
+
+
+_IDENTITY = bytes.fromhex(
+    "080812003a370a100a017812017922084964656e746974791201675a0f0a0178120a0a08080112040a02"
+    "0801620f0a0179120a0a08080112040a02080142040a00100d"
+)
+"""ONNX graph that returns its input ``x``, one float32."""
 
 
 def shrink_arena() -> None:

@@ -129,9 +129,8 @@ def _require_picture(image: object, *, any_values: bool = False) -> None:
         )
     if not any_values and (image.dtype.kind not in "biuf" or image.dtype.itemsize > 8):
         raise InputError(
-            f"an image to resize must hold bool, integers or floats up to float64, got "
-            f"{image.dtype}: convert it, or "
-            "take 'nearest'"
+            "an image to resize must hold bool, integers or floats up to float64, got "
+            f"{image.dtype}: convert it, or take 'nearest'"
         )
 
 
@@ -143,8 +142,7 @@ def _require_exact(image: NDArray[Any], computed: str) -> None:
     if image.dtype.kind in "iu" and image.size and max(-int(image.min()), int(image.max())) > limit:
         raise InputError(
             f"an image is resized in {computed}, which holds integers to {limit}, got "
-            f"{image.dtype} from {image.min()} "
-            f"to {image.max()}: convert it, or take 'nearest'"
+            f"{image.dtype} from {image.min()} to {image.max()}: convert it, or take 'nearest'"
         )
 
 

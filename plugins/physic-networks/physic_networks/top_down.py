@@ -158,11 +158,6 @@ def resample_crop(
     return found
 
 
-_FLOOR = 1e-3  # least value of a heat map before its logarithm
-_CEILING = 50.0  # its largest value
-_FARTHEST = 1.0  # maximum distance of a peak from the highest cell, cells
-
-
 def heatmap_peaks(heatmaps: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the position and value of the maximum of each heat map.
 
@@ -193,6 +188,11 @@ def _newton_step(values: FloatArray) -> tuple[FloatArray, BoolArray]:
     peaked = (dxx < 0) & (determinant > 1e-12)
     safe = np.where(peaked, determinant, 1.0)
     return np.stack([dxy * dy - dyy * dx, dxy * dx - dxx * dy], -1) / safe[..., None], peaked
+
+
+_FLOOR = 1e-3  # least value of a heat map before its logarithm
+_CEILING = 50.0  # its largest value
+_FARTHEST = 1.0  # maximum distance of a peak from the highest cell, cells
 
 
 def subpixel_peaks(

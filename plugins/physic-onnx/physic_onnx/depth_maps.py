@@ -81,7 +81,6 @@ def _nearest_or_up(value: int, patch: int) -> int:
     return max(1, (2 * value + patch) // (2 * patch)) * patch
 
 
-_MOST_SQUASH = 1.6
 _LEAST_SPREAD = 1e-6  # of the largest value; below it a map is a constant
 
 
@@ -116,8 +115,7 @@ def squeeze_map(
     ):
         raise BackendError(
             f"{file} returned {what} = {float(finite[0]):.4g} for every pixel: some exports in "
-            f"half precision do so on "
-            "GPUs; use its float32 file, or provider 'cpu'"
+            "half precision do so on GPUs; use its float32 file, or provider 'cpu'"
         )
     return found
 
@@ -126,6 +124,9 @@ def fixed_input_size(shape: tuple[int | str, ...]) -> tuple[int | None, int | No
     """Return height and width of a network input; None for a side that is not fixed."""
     rows, columns = (side if isinstance(side, int) else None for side in shape[-2:])
     return rows, columns
+
+
+_MOST_SQUASH = 1.6
 
 
 def aspect_change_note(image: NDArray[Any], rows: int, columns: int, file: str) -> tuple[str, ...]:
@@ -139,8 +140,7 @@ def aspect_change_note(image: NDArray[Any], rows: int, columns: int, file: str) 
     by = max(squash, 1 / squash)
     return (
         f"{file} sees {columns} x {rows} px only, so that the photo is squashed by a factor "
-        f"{by:.2g}; "
-        "a file of free size would see it as it is",
+        f"{by:.2g}; a file of free size would see it as it is",
     )
 
 

@@ -147,8 +147,7 @@ def _decode_yolox(
     if rows.ndim != 2 or rows.shape[0] != len(cells) or rows.shape[1] < 6:
         raise BackendError(
             f"a YOLOX file for {size[1]} x {size[0]} px must return (1, {len(cells)}, 85), got "
-            f"{raw.shape}: "
-            "is it of another size, or cut?"
+            f"{raw.shape}: is it of another size, or cut?"
         )
     # Some exports hold the decoding. Offsets are a cell or two, decoded centres lie all over the
     # picture.
@@ -207,8 +206,7 @@ def _decode_rt_detr(
     if logits.shape[-1] in (91, 92):
         raise BackendError(
             f"{network.name} returns {logits.shape[-1]} classes, as DETR does, and not 80 as "
-            f"RT-DETR and D-FINE: "
-            "choose a file of those"
+            "RT-DETR and D-FINE: choose a file of those"
         )
     score = sigmoid(logits[0, :, PERSON].astype(np.float64))
     height, width = image.shape[:2]

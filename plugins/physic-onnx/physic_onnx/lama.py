@@ -42,6 +42,10 @@ MULTIPLE = 8
 _RIM = 0.004  # of the long side, by which the hole of the network is wider than the filled one
 _CONTEXT = 2.0  # sides of a hole: side of the crop around it, for files of a fixed size
 _LONGEST_PX = 1536  # long side of the photo, for files of any size
+MOST_CROPS = 8
+
+NEAR = 1.3
+"""Holes share a crop if it is at most this many times as wide as the larger of their own crops."""
 
 
 class LamaOptions(OnnxBackendOptions):
@@ -196,10 +200,6 @@ def _open_torchscript(path: Path, device: str) -> Callable[[FloatArray, FloatArr
 
 Box = tuple[int, int, int, int]
 """Box y0, y1, x0, x1 px."""
-
-MOST_CROPS = 8
-NEAR = 1.3
-"""Holes share a crop if it is at most this many times as wide as the larger of their own crops."""
 
 
 def inpaint_in_crops(

@@ -143,9 +143,8 @@ class SharedMoge:
                 if fixed:
                     raise BackendError(
                         f"{network.name} was exported for photos of one size, {fixed}: export it "
-                        f"with free height "
-                        "and width (dynamic_axes), or use a published file, see `physic weights "
-                        "list`"
+                        "with free height and width (dynamic_axes), or use a published file, see "
+                        "`physic weights list`"
                     )
                 found = self._open[identity] = OpenMoge(identity, network, ports)
             return found
@@ -170,6 +169,10 @@ class SharedMoge:
             return self._outputs[key]
 
 
+_LOCK = threading.Lock()
+_RUNNERS: WeakValueDictionary[Hashable, SharedMoge] = WeakValueDictionary()
+
+
 def shared_moge(*settings: Hashable) -> SharedMoge:
     """Return the MoGe-2 network that backends with equal settings share."""
     with _LOCK:
@@ -177,10 +180,6 @@ def shared_moge(*settings: Hashable) -> SharedMoge:
         if runner is None:
             runner = _RUNNERS[settings] = SharedMoge()
         return runner
-
-
-_LOCK = threading.Lock()
-_RUNNERS: WeakValueDictionary[Hashable, SharedMoge] = WeakValueDictionary()
 
 
 def _run(network: Network, match: PortMatch, image: UInt8Array, tokens: int) -> AffinePoints:
@@ -196,8 +195,8 @@ def _run(network: Network, match: PortMatch, image: UInt8Array, tokens: int) -> 
     if points.shape != (1, *seen.shape) or confidence.shape != points.shape[:3]:
         raise BackendError(
             f"{network.name} returned points {points.shape} and a mask {confidence.shape} for "
-            f"{seen.shape[1]} x "
-            f"{seen.shape[0]} px: it was exported for other sizes, or is not MoGe-2"
+            f"{seen.shape[1]} x {seen.shape[0]} px: it was exported for other sizes, or is not "
+            "MoGe-2"
         )
     metres = float(np.reshape(scale, -1)[0])
     if not 0 < metres < np.inf:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from .sessions import Network, Port
 
 _FLOATS = ("float32", "float16", "float64")
+WEIGHTS_HELP = "a name of `physic weights list`, or the path of an ONNX file of your own"
 
 
 @dataclass(frozen=True)
@@ -178,9 +179,6 @@ def _described(port: Port) -> str:
 def _shape(shape: Sequence[int | str]) -> str:
     """Format a shape for a message."""
     return f"({', '.join(map(str, shape))})"
-
-
-WEIGHTS_HELP = "a name of `physic weights list`, or the path of an ONNX file of your own"
 
 
 class OnnxBackendOptions(OnnxOptions):

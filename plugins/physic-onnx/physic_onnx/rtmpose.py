@@ -114,8 +114,8 @@ class RtmPose(TopDownKeypoints):
         ):
             raise BackendError(
                 f"{self.network.network.name} returned simcc_x {along_x.shape} and simcc_y "
-                f"{along_y.shape} for {width} "
-                f"x {height} px: as many bins a pixel along both were expected"
+                f"{along_y.shape} for {width} x {height} px: as many bins a pixel along both were "
+                "expected"
             )
         points, score = simcc_peaks(along_x, along_y, split)
         return points, scores_to_confidence(score, self.options.full_score)

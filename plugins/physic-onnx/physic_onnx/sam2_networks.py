@@ -130,8 +130,7 @@ class Sam2Networks:
         if signature != self.signature:
             raise BackendError(
                 f"the encoder {encoder.name} comes from {self.signature} and the decoder "
-                f"{decoder.name} from "
-                f"{signature}: take both from one export"
+                f"{decoder.name} from {signature}: take both from one export"
             )
         (port,) = self._encoding.inputs.values()
         self._side = port.shape[2] if isinstance(port.shape[2], int) else 1024

@@ -146,8 +146,7 @@ def open_network(path: Path, options: OnnxOptions, device: str) -> Network:
         )
     broken = (
         "If the file is broken or cut short, `physic weights verify` reports it, and `physic "
-        "weights fetch` fetches "
-        "it again"
+        "weights fetch` fetches it again"
     )
     # onnxruntime 1.31 makes a border of zeros part of a max pool, where it counts as -infinity.
     without = ("Pad_Fusion",) if _names_operator(path, b"MaxPool") else ()

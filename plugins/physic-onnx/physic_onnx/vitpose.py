@@ -91,8 +91,7 @@ class VitPose(TopDownKeypoints):
         if heatmaps.ndim != 4:
             raise BackendError(
                 f"{loaded.network.name} returned {maps} {heatmaps.shape}: heat maps (N, joints, "
-                f"rows, columns) "
-                "were expected"
+                "rows, columns) were expected"
             )
         cells, peaks = subpixel_peaks(heatmaps)
         rows, columns = heatmaps.shape[2:]

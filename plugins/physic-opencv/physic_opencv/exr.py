@@ -43,8 +43,7 @@ def read_exr(path: Path) -> NDArray[np.generic]:
     except ImportError:
         raise PackageMissingError(
             f"cannot read the depth map {path}: it is EXR, which needs one more package; run `pip "
-            f"install OpenEXR`, or "
-            "convert it to .npy"
+            "install OpenEXR`, or convert it to .npy"
         ) from None
     try:
         heads = OpenEXR.File(str(path), separate_channels=True, header_only=True).parts
@@ -131,6 +130,5 @@ def _depth(channels: Mapping[str, NDArray[np.generic]], path: Path) -> NDArray[n
         return colours[0]
     raise InputError(
         f"cannot read the depth map {path}: which of its channels is depth cannot be told: "
-        f"{', '.join(channels)}; "
-        "write one channel, or name it Z or depth"
+        f"{', '.join(channels)}; write one channel, or name it Z or depth"
     )

@@ -79,8 +79,7 @@ def _check_mask(image: UInt8Array, mask: BoolArray) -> None:
     if mask.shape != image.shape[:2] or mask.dtype != np.bool_:
         raise InputError(
             f"The mask must be {image.shape[:2]} bool like the image, got {mask.shape} "
-            f"{mask.dtype}: "
-            "resize it, or threshold it."
+            f"{mask.dtype}: resize it, or threshold it."
         )
     if mask.all():
         raise InputError(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import struct
 import sys
 import zlib
@@ -10,6 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from physic_core import InputError, load_config, reconstruct
 from physic_core.errors import ConfigError, PackageMissingError
@@ -185,6 +188,50 @@ def test_depth_without_its_range_is_refused(tmp_path):
     path = heic(tmp_path, b"\x4e\x01\xb1", b"\x4e\x01\xb2")
     with pytest.raises(InputError, match="not disparity with its range"):
         depth(path)
+
+
+def of_phone(tmp_path, *, form="RangeInverse", more=""):
+    """A JPEG with a depth map of 1.5 to 20 m in its XMP data, from near to far."""
+    file = io.BytesIO()
+    shares = np.tile(np.arange(0, 256, 5, dtype=np.uint8), (24, 1))
+    Image.fromarray(shares).save(file, "PNG")
+    xmp = (
+        f'<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:Description GDepth:Format="{form}" '
+        f'GDepth:Near="1.5" GDepth:Far="20" {more} '
+        f'GDepth:Data="{base64.b64encode(file.getvalue()).decode()}"/></x:xmpmeta>'
+    )
+    path = tmp_path / "IMG_1.jpg"
+    Image.fromarray(np.zeros((24, 52), np.uint8)).save(path, xmp=xmp.encode())
+    return path, shares / 255
+
+
+@pytest.mark.parametrize("form", ["RangeInverse", "RangeLinear"])
+def test_depth_in_a_jpeg_of_a_phone_is_read_in_its_range(tmp_path, form):
+    path, shares = of_phone(tmp_path, form=form, more='GDepth:Units="m"')
+    found = depth(path, image=np.zeros((24, 52, 3), np.uint8))
+    far = 1 / (1 / 1.5 + shares * (1 / 20 - 1 / 1.5))
+    wanted = far if form == "RangeInverse" else 1.5 + shares * 18.5
+    np.testing.assert_allclose(found.depth, wanted, rtol=1e-5)
+    assert found.scale_sigma == 0.01
+
+
+def test_the_size_of_depth_without_a_unit_is_uncertain(tmp_path):
+    path, _ = of_phone(tmp_path)
+    found = depth(path, image=np.zeros((24, 52, 3), np.uint8), relative_sigma=0.3)
+    assert found.scale_sigma == 0.3
+
+
+@pytest.mark.parametrize(
+    ("form", "word"), [("Disparity", "range"), (None, "no depth map")], ids=["format", "plain"]
+)
+def test_a_jpeg_without_known_depth_is_refused(tmp_path, form, word):
+    path = tmp_path / "IMG_1.jpg"
+    if form:
+        path, _ = of_phone(tmp_path, form=form)
+    else:
+        Image.fromarray(np.zeros((24, 52), np.uint8)).save(path)
+    with pytest.raises(InputError, match=word):
+        depth(path, image=np.zeros((24, 52, 3), np.uint8))
 
 
 def test_a_heic_file_needs_its_package(monkeypatch):
@@ -381,7 +428,20 @@ def test_a_cropped_map_of_whole_patches_is_refused():
 @pytest.mark.parametrize("lead", [(), (1,)], ids=["MoGe and Depth Pro", "Depth Anything 3"])
 def test_a_depth_in_an_archive_of_arrays_is_read(tmp_path, lead):
     np.savez(tmp_path / "results.npz", depth=DEPTH.reshape(*lead, *DEPTH.shape), conf=np.ones(3))
-    np.testing.assert_allclose(depth(tmp_path / "results.npz").depth, DEPTH, rtol=1e-6)
+    found = depth(tmp_path / "results.npz")
+    np.testing.assert_allclose(found.depth, DEPTH, rtol=1e-6)
+    assert "conf" in found.notes[0]
+
+
+def test_what_an_archive_calls_not_valid_is_unknown(tmp_path):
+    valid = np.median(DEPTH) < DEPTH
+    np.savez(tmp_path / "d.npz", depth=DEPTH, valid=valid)
+    found = depth(tmp_path / "d.npz")
+    np.testing.assert_allclose(found.depth, np.where(valid, DEPTH, np.nan), rtol=1e-6)
+    assert found.notes == ()
+    np.savez(tmp_path / "d.npz", depth=DEPTH, valid=valid.astype(np.uint8))
+    with pytest.raises(InputError, match='"valid" of'):
+        depth(tmp_path / "d.npz")
 
 
 def test_an_archive_without_depth_is_refused_with_its_arrays(tmp_path):

@@ -131,9 +131,6 @@ class _Table(BaseModel):
         return KnownCamera(Lens(intrinsics, (k1, k2, p1, p2, k3)), pose)
 
 
-_FILE = TypeAdapter(dict[str, _Table])
-
-
 def read_calibration(
     path: Path,
     photos: Sequence[Path],
@@ -163,8 +160,7 @@ def read_calibration(
         raise ConfigError(
             f"the unit of {path} is not known, as COLMAP and nerfstudio choose their own: give its "
             "length in metres by --camera-unit (unit_m in Python), which is a known distance "
-            "divided "
-            "by the same distance in the file"
+            "divided by the same distance in the file"
         )
     find = _image_for if rig.of_images else _name_for
     named = [find(photo, cameras) for photo in photos]
@@ -175,8 +171,7 @@ def read_calibration(
         raise InputError(
             f"{path} has no camera for {', '.join(photo.name for photo in photos)}, but for "
             f"{', '.join([*cameras][:_NAMED]) or 'none'}: the name of a photo, or of its folder, "
-            f"must "
-            "be or begin with that of its camera"
+            "must be or begin with that of its camera"
         )
     found: list[KnownCamera | None] = []
     for name, photo, size in zip(named, photos, sizes, strict=True):
@@ -194,8 +189,7 @@ def read_calibration(
             cause = "is turned or not" if fitting else f"has {size}"
             raise InputError(
                 f"camera {name} of {path} has {stated}, and {photo.name} {cause} px: give the "
-                f"photo as it "
-                "was calibrated, or the calibration of its size"
+                "photo as it was calibrated, or the calibration of its size"
             )
         found.append(replace(fitting[0].camera(unit_m or 1.0, size), name=name, by_order=by_order))
     if unit_m is None:
@@ -214,8 +208,7 @@ def _require_metres(path: Path, cameras: Sequence[KnownCamera | None]) -> None:
     if apart > _FARTHEST_APART:
         raise InputError(
             f"two cameras of {path} are {apart:.0f} m apart: give the length of its unit with "
-            f"--camera-unit "
-            "(unit_m in Python), such as 0.001 for millimetres"
+            "--camera-unit (unit_m in Python), such as 0.001 for millimetres"
         )
 
 
@@ -225,6 +218,9 @@ def _turns(table: _Table, turns: int) -> list[_Table]:
     for _ in range(turns % 4):
         upright = upright.turned()
     return [table, upright] if turns % 4 else [table]
+
+
+_FILE = TypeAdapter(dict[str, _Table])
 
 
 def _cameras(path: Path) -> tuple[CameraFile, Mapping[str, _Table]]:

@@ -42,8 +42,7 @@ class SolvedBodies(BodyEstimator):
         if len(people) != len(self._bodies.parameters):
             raise BackendError(
                 f"the reference photo showed {len(self._bodies.parameters)} people alone and now "
-                f"{len(people)}: "
-                "its segmenter does not repeat its results"
+                f"{len(people)}: its segmenter does not repeat its results"
             )
         return self._bodies
 

@@ -136,8 +136,7 @@ def choose_photos(
         rest = f"only {kept[0].name} is left" if kept else "none is left"
         raise InputError(
             f"a moment needs two photos, and {rest}; {'; '.join(one.message for one in left)}: "
-            f"give two different "
-            "photos that show the same people"
+            "give two different photos that show the same people"
         )
     people = [photo.people for photo in kept]
     matches = {

@@ -16,7 +16,8 @@ from physic_core.body import NUM_JOINTS
 from physic_core.configuration.resolve import resolve
 from physic_core.engine.sizes.stature import ADULT_YEARS
 from physic_core.engine.state import Estimates, OtherView
-from physic_core.pipeline.border import cut_camera, find_inside
+from physic_core.pipeline.border import cut_camera
+from physic_core.pipeline.frame import find_frame
 from physic_core.types import (
     Bodies,
     BodyParameters,
@@ -161,7 +162,7 @@ def solve_reference(given: ReferenceInput, config: Config) -> Reconstruction:
     plain = config.model_copy(update={"photo": type(config.photo)()})
     own_bodies = select_people(given.bodies, np.arange(len(given.result.people)))
     depth = given.depth
-    inside = find_inside(given.result.image)
+    inside = find_frame(given.result.image).inside
     if inside:  # the pipeline cuts the border off this photo
         camera = cut_camera(given.camera, given.result.image.shape[:2], inside)
         depth = replace(depth, depth=depth.depth[inside], intrinsics=camera)

@@ -104,9 +104,8 @@ def solve_scene(chosen: ChosenPhotos, model: BodyModel) -> SolvedScene:
         if view is not None and len(chosen.photos) == 2:
             raise InputError(
                 f"no person of {chosen.photos[0].name} can be where {chosen.photos[1].name} shows "
-                f"one: give photos "
-                "that were taken at the same moment, or of people who hold still, with a person "
-                "in common"
+                "one: give photos that were taken at the same moment, or of people who hold still, "
+                "with a person in common"
             )
         if view is not None:
             why = "its people are in other places or poses than in the other photos"

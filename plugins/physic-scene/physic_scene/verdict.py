@@ -115,9 +115,8 @@ def checks_of_keypoints(
             photo.name,
             "view_keypoints",
             float(np.median(measured)) if measured else None,
-            f"the people are not where {photo.name} shows them: its camera is wrong, or the "
-            f"people moved; look at its "
-            "row in photos.png, and leave the photo out",
+            f"the people are not where {photo.name} shows them: its camera is wrong, or the people "
+            "moved; look at its row in photos.png, and leave the photo out",
             f"no person has enough confident keypoints in {photo.name}",
         )
 

@@ -21,6 +21,7 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.templating import Jinja2Templates
 
+from physic_core.types import trust_text
 from physic_serve.jobs import Job, Jobs
 from physic_serve.worker import REPORT_FILE
 
@@ -60,6 +61,7 @@ _COOKIE = "physic-results"
 _MOST_LISTED = 100
 _LONGEST_TITLE = 100  # characters
 _TEMPLATES = Jinja2Templates(str(files("physic_serve") / "templates"))
+_TEMPLATES.env.filters["trust"] = trust_text
 
 
 def make_app(jobs: Jobs, hosts: Collection[str], examples: Mapping[str, Path]) -> Starlette:

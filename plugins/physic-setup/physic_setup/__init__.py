@@ -1,4 +1,4 @@
-"""Set up a machine: weights, the estimators of a preset, and a configuration."""
+"""Set up a machine: weights, and the estimators of a preset."""
 
 from __future__ import annotations
 
@@ -9,11 +9,8 @@ __all__: list[str] = []
 
 @hookimpl
 def physic_commands() -> list[PluginItem]:
-    """Return the commands "setup", "weights fetch" and "config init"."""
+    """Return the commands "setup" and "weights fetch"."""
     return [
-        PluginItem(
-            "config init", "physic_setup.commands:init", "Write a configuration with every setting."
-        ),
         PluginItem(
             "setup",
             "physic_setup.commands:setup",

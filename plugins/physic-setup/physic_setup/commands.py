@@ -1,11 +1,10 @@
-"""The commands ``physic setup``, ``weights fetch`` and ``config init``.
+"""The commands ``physic setup`` and ``weights fetch``.
 
 ``physic setup`` is the whole way from a bare installation to a preset that runs.
 """
 
 from __future__ import annotations
 
-import os
 import shlex
 import subprocess
 import sys
@@ -16,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from physic_core.cli.arguments import AnyPath, FolderPath
+from physic_core.cli.arguments import FolderPath
 from physic_core.cli.exit_codes import INTERRUPTED, OTHER, WEIGHTS
 from physic_core.cli.output import echo
 from physic_core.errors import OutputError, PhysicError
@@ -25,26 +24,6 @@ from physic_core.files import atomic_write, check_writable
 if TYPE_CHECKING:
     from physic_core.weights import WeightFile
     from physic_setup.steps import Setup, SetupStep
-
-
-@click.command()
-@click.argument("file", type=AnyPath(), default=Path("physic.toml"))
-@click.option(
-    "--preset", metavar="NAME", default="embedded", show_default=True, help="Preset to build on."
-)
-def init(file: Path, preset: str) -> None:
-    """Write a configuration to FILE that lists every setting with its meaning, commented out.
-
-    It lists the options of the backends that the preset uses, if they are installed.
-    """
-    from physic_setup.template import config_template
-
-    text = config_template(preset)
-    if os.path.lexists(file):
-        raise OutputError(f"{file} exists already: choose another name")
-    with atomic_write(file.parent) as temporary:
-        temporary(file.name).write_text(text, encoding="utf-8")
-    echo(f"wrote {file}; try: physic run PHOTO --config {file}")
 
 
 @click.command()
@@ -200,8 +179,7 @@ def _costs(found: Setup) -> Iterator[str]:
     if found.unpinned:
         yield (
             f"Not pinned: {len(found.unpinned)} of {len(found.unpinned) + found.pinned} files and "
-            f"repositories have "
-            "neither a SHA-256 nor a commit"
+            "repositories have neither a SHA-256 nor a commit"
         )
 
 

@@ -89,8 +89,8 @@ class DepthPro(PretrainedBackend, MetricDepth):
             self.close()
             raise DeviceError(
                 f"DepthPro needs about {needed:g} GB of memory on a CPU, this machine has "
-                f"{there:.0f} GB: use a GPU, "
-                "another metric_depth, or set cpu_memory_gb = 0 to try all the same"
+                f"{there:.0f} GB: use a GPU, another metric_depth, or set cpu_memory_gb = 0 to try "
+                "all the same"
             )
 
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
@@ -128,9 +128,8 @@ class DepthPro(PretrainedBackend, MetricDepth):
         if own is None:
             raise BackendError(
                 "DepthPro does not tell the focal length of this photo, and no other is known: "
-                "give the camera, or "
-                "take weights with the part for the field of view (use_fov_model), as the "
-                "published ones have"
+                "give the camera, or take weights with the part for the field of view "
+                "(use_fov_model), as the published ones have"
             )
         note = f"focal length {own:.0f} px from DepthPro"
         return Intrinsics.from_focal(own, width, height, "DepthPro"), (note,)

@@ -167,8 +167,7 @@ def open_model(
         _check_torchvision()
         raise BackendError(
             f"transformers {transformers.__version__} has no {spec.class_name}, or needs more for "
-            f"it: "
-            f"pip install --upgrade transformers ({cause})"
+            f"it: pip install --upgrade transformers ({cause})"
         ) from cause
     precision = "float32" if spec.samples_grids and device == "cpu" else options.precision
     try:
@@ -208,9 +207,8 @@ def _check_torchvision() -> None:
     except Exception as cause:  # a missing operator is a RuntimeError, a missing library an OSError
         raise BackendError(
             f"torchvision {version('torchvision')} does not fit torch {torch.__version__} "
-            f"({cause}), and transformers "
-            "imports it where it is installed: remove it (pip uninstall torchvision), or install "
-            "the one for this torch"
+            f"({cause}), and transformers imports it where it is installed: remove it (pip "
+            "uninstall torchvision), or install the one for this torch"
         ) from cause
 
 
@@ -236,8 +234,7 @@ def _check_complete(folder: Path, spec: ModelSpec, loading_info: Any) -> None:
         names = ", ".join(absent[:_TOLD]) + (", ..." if len(absent) > _TOLD else "")
         raise BackendError(
             f"{folder} has not all weights of {spec.class_name}: {len(absent)} are expected and "
-            f"not found ({names}); "
-            "it is another model, or of another version"
+            f"not found ({names}); it is another model, or of another version"
         )
 
 

@@ -153,8 +153,7 @@ def glb_notes(request: ExportRequest, skins: Mapping[int, Rig]) -> tuple[str, ..
     if offset > 1.0:
         notes.append(
             f"the principal point is {offset:.0f} px from the image centre, which a glTF camera "
-            f"cannot state: "
-            "a render of the camera is shifted by that"
+            "cannot state: a render of the camera is shifted by that"
         )
     return tuple(notes)
 

@@ -69,6 +69,10 @@ SOFT_RGB = (98, 102, 108)
 ALERT_RGB = (178, 48, 34)
 _GRADE_RGB = {Grade.GOOD: (28, 122, 70), Grade.DOUBTFUL: (150, 96, 10), Grade.BAD: ALERT_RGB}
 _RULE_RGB = (206, 206, 202)
+_TEXT = 15  # px, size
+_LINE = 21  # px, height of a line
+_GRADE = 150  # px
+_DISTANCE = 128  # px
 
 
 def photo_panel(image: UInt8Array, width: int, height: int) -> UInt8Array:
@@ -290,13 +294,8 @@ def wrap(text: str, size: int, width: float, between: str = " ") -> list[str]:
     return lines
 
 
-_TEXT = 15  # px, size
-_LINE = 21  # px, height of a line
 _HEAD = 26  # px, height of the head
-_PAD = 10  # px, space in a row
 _NUMBER = 40  # px, width of a column
-_GRADE = 124  # px
-_DISTANCE = 128  # px
 
 
 def people_table(reconstruction: Reconstruction, width: int) -> Image.Image:
@@ -329,6 +328,9 @@ def people_table(reconstruction: Reconstruction, width: int) -> Image.Image:
         more = f"{left_out} more people: see report.html or reconstruction.json"
         draw_text(pen, (0, below), more, _TEXT, SOFT_RGB)
     return table
+
+
+_PAD = 10  # px, space in a row
 
 
 def _person_row(
@@ -386,7 +388,7 @@ def _cells(
         touches = [(count if person.contact_partner is None else "none", SOFT_RGB)]
     grade_rgb = INK_RGB if person.grade is None else _GRADE_RGB[person.grade]
     return [
-        _wrapped([(grade_text(person.grade, person.trust), grade_rgb)], _GRADE - 16),
+        _wrapped([(grade_text(person.grade, person.trust, person.marks), grade_rgb)], _GRADE - 16),
         _wrapped(
             [(metres_text(distance, sigma, 1) if np.isfinite(distance) else "unknown", INK_RGB)],
             _DISTANCE - 16,

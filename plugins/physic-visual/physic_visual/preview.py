@@ -62,6 +62,15 @@ _FONT_PX = 12
 
 _Box = tuple[float, float, float, float]
 
+_WIDTH = 1280
+"""Width of the preview, px."""
+
+_MARGIN = 24
+_GAP = 18
+_TITLE = 30
+_CELL = (_WIDTH - 2 * _MARGIN - 2 * _GAP) // 3  # width of a column, px
+_DEPTH_TITLE = "Depth without people"
+
 
 def unposed_boxes(reconstruction: Reconstruction) -> list[tuple[_Box, str]]:
     """Return the boxes (px of the image) and reasons of all people without a body."""
@@ -104,20 +113,6 @@ def _draw_dashed(
         spots = np.linspace(start, end, count + 1).tolist()
         for dash in range(0, count, 2):
             pen.line((*spots[dash], *spots[dash + 1]), fill=rgb, width=2)
-
-
-_WIDTH = 1280
-"""Width of the preview, px."""
-
-_MARGIN = 24
-_GAP = 18
-_TITLE = 30
-_TALLEST = 540  # px, most height of a picture
-_ROW = 320  # px, height of the views below
-_CELL = (_WIDTH - 2 * _MARGIN - 2 * _GAP) // 3  # width of a column, px
-_SHOWN_MESSAGES = 6
-_NAME = 17  # height of a name in a view, px
-_DEPTH_TITLE = "Depth without people"
 
 
 @dataclass(frozen=True)
@@ -281,6 +276,10 @@ def _title(reconstruction: Reconstruction) -> str:
     return f"{found}, {unposed} without a body" if unposed else found
 
 
+_TALLEST = 540  # px, most height of a picture
+_ROW = 320  # px, height of the views below
+
+
 def _layout(aspect: float, top: int) -> tuple[_Frame, ...]:
     """Return the frames of photo, overlay and depth in a row below a row of px, and of three views
     below them.
@@ -354,6 +353,9 @@ def _draw_scale_bar(pen: ImageDraw.ImageDraw, frame: _Frame, pixels_per_metre: f
     return 6, 5, end + 10 - frame.x, 38
 
 
+_NAME = 17  # height of a name in a view, px
+
+
 def _draw_assumed(page: Image.Image, frame: _Frame, plan: LabeledView) -> None:
     """Draw the outlines of the supports that the photo does not show in a view, with their
     names.
@@ -393,6 +395,9 @@ def _contact_legend(
         x += 30 + font(14).getlength(name)
     if has_faint_contact(reconstruction):
         draw_text(pen, (x, y + 6), FAINT, 14, SOFT_RGB, "lm")
+
+
+_SHOWN_MESSAGES = 6
 
 
 def _message_lines(mark: str, texts: Sequence[str]) -> list[str]:

@@ -112,8 +112,7 @@ def body_of_result(result: Reconstruction, file: Path | None = None) -> BodyArra
         )
         raise InputError(
             f"the result has SMPL-X bodies, whose skeleton is in your SMPL-X file, and {lost}: "
-            f"give its path "
-            "(--body-model FILE, or body_model= in Python)"
+            "give its path (--body-model FILE, or body_model= in Python)"
         )
     parameters = result.people[0].parameters
     return smplx_arrays(

@@ -35,6 +35,12 @@ if TYPE_CHECKING:
 
 _POINTS = 400_000  # at most
 
+PAGE_RGB = (250, 250, 248)
+"""sRGB colour of the page."""
+
+BACKGROUND_RGB = (214, 215, 213)
+"""sRGB colour behind scenes, on which sand, snow and sky are visible."""
+
 
 @dataclass(frozen=True)
 class PreviewGeometry:
@@ -132,6 +138,9 @@ def _cloud(
     return points[valid].astype(np.float32), colors
 
 
+_WITHIN = np.array([0.6, 0.2, 0.2], np.float32)  # weights of the corners of a triangle
+
+
 def _backdrop(result: Reconstruction) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return points (K, 3) on the triangles of the backdrop, and their sRGB colours."""
     mesh = scene_meshes(result)[1]
@@ -152,26 +161,6 @@ def _bounds(
         low, high = np.percentile(transform_points(upright, points), [5, 95], axis=0)
         return low, high
     return np.array([-1.0, -1.0, -3.0]), np.array([1.0, 1.0, -1.0])
-
-
-_WITHIN = np.array([0.6, 0.2, 0.2], np.float32)  # weights of the corners of a triangle
-_ASIDE = 35.0  # degrees between the view from aside and the camera's direction
-_ABOVE = 12.0  # degrees over the horizon
-_FIELD = math.radians(40)  # of the upright view from aside
-_FILLED = 0.8  # share of it that people fill
-
-PAGE_RGB = (250, 250, 248)
-"""sRGB colour of the page."""
-
-BACKGROUND_RGB = (214, 215, 213)
-"""sRGB colour behind scenes, on which sand, snow and sky are visible."""
-
-_FAINT = 0.3  # weight of the colour of distant points against the background
-_THICK = 0.03  # metres; a point is hidden only if the surface is nearer by more than this
-_MIN_SCALE_RATIO = 0.85  # least ratio of the scales with and without the camera
-_POINT_RADIUS = 1.2  # of a drawn point, in spacings of points
-_MAX_RADIUS_PX = 6
-_OCCLUDED_OPACITY = 0.6  # opacity of occluded people: feet behind a table must be visible
 
 
 @dataclass(frozen=True)
@@ -220,12 +209,6 @@ _SIDE = _Direction(
     camera_room=np.array([[0.35, 0.0], [0.2, 0.25]]),
     beside=(0.4, 0.4),
 )
-_TOP = _Direction(
-    axes=np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
-    room=np.full((2, 2), 0.9),
-    camera_room=np.array([[0.3, 0.3], [0.3, 0.0]]),
-    beside=(0.1, math.inf),
-)
 
 
 def side_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
@@ -233,6 +216,14 @@ def side_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView
     image's right.
     """
     return _render(geometry, _SIDE, (width, height))
+
+
+_TOP = _Direction(
+    axes=np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    room=np.full((2, 2), 0.9),
+    camera_room=np.array([[0.3, 0.3], [0.3, 0.0]]),
+    beside=(0.1, math.inf),
+)
 
 
 def top_view(geometry: PreviewGeometry, width: int, height: int) -> LabeledView:
@@ -255,6 +246,12 @@ def view_from_aside(geometry: PreviewGeometry, width: int, height: int) -> UInt8
         point_colors=np.concatenate([geometry.point_colors, geometry.backdrop_colors]),
     )
     return _draw(shown, _aside(geometry.upright, corners, width, height), math.inf, radius=2)
+
+
+_ASIDE = 35.0  # degrees between the view from aside and the camera's direction
+_ABOVE = 12.0  # degrees over the horizon
+_FIELD = math.radians(40)  # of the upright view from aside
+_FILLED = 0.8  # share of it that people fill
 
 
 def _aside(upright: Array, corners: Array, width: int, height: int) -> View:
@@ -291,6 +288,10 @@ def _aside(upright: Array, corners: Array, width: int, height: int) -> View:
         (width, height),
         False,
     )
+
+
+_POINT_RADIUS = 1.2  # of a drawn point, in spacings of points
+_MAX_RADIUS_PX = 6
 
 
 def _render(geometry: PreviewGeometry, direction: _Direction, size: tuple[int, int]) -> LabeledView:
@@ -348,6 +349,9 @@ def _fitted(
     return view, float(near - far)
 
 
+_MIN_SCALE_RATIO = 0.85  # least ratio of the scales with and without the camera
+
+
 def _with_camera(ends: Array, direction: _Direction, eye: Array, size: tuple[int, int]) -> Array:
     """Extend the range (2, 2) of a view, in metres along its axes, to the camera, if the scale
     decreases little.
@@ -356,6 +360,11 @@ def _with_camera(ends: Array, direction: _Direction, eye: Array, size: tuple[int
     wide = np.stack([np.minimum(ends[0], eye[:2] - below), np.maximum(ends[1], eye[:2] + above)])
     scales = [(size / (one[1] - one[0])).min() for one in (wide, ends)]
     return wide if scales[0] >= _MIN_SCALE_RATIO * scales[1] else ends
+
+
+_FAINT = 0.3  # weight of the colour of distant points against the background
+_THICK = 0.03  # metres; a point is hidden only if the surface is nearer by more than this
+_OCCLUDED_OPACITY = 0.6  # opacity of occluded people: feet behind a table must be visible
 
 
 def _draw(geometry: PreviewGeometry, view: View, full_colour_m: float, radius: int) -> UInt8Array:

@@ -1,26 +1,10 @@
-"""The room with two mannequins, which tests of the core's files use too, and a saved result."""
+"""A saved result."""
 
 from __future__ import annotations
 
 import pytest
 
 from physic_core import Reconstruction
-
-
-@pytest.fixture(scope="session")
-def rooms(module_at):
-    """The module that makes the room."""
-    return module_at("tests/conftest.py")
-
-
-@pytest.fixture
-def make(rooms):
-    return rooms.make_reconstruction
-
-
-@pytest.fixture
-def reconstruction(rooms):
-    return rooms.make_reconstruction()
 
 
 @pytest.fixture(scope="session")

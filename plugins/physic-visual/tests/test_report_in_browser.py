@@ -27,7 +27,7 @@ SWITCHES = ["mesh", "points", "people", "floor"]
 
 
 @pytest.fixture(scope="module")
-def result(rooms):
+def result(make):
     checks = (
         CheckResult(
             "floor", "ok", 0.5, 0.15, "at least", "share", "of the searched pixels lie on the floor"
@@ -36,7 +36,7 @@ def result(rooms):
         CheckResult("lean", "unknown", None, 12.0, "at most", "degrees", "nobody stands", person=1),
     )
     unposed = (UnposedPerson((5.0, 5.0, 30.0, 60.0), 0.4, "no pose fits the box"),)
-    made = rooms.make_reconstruction(320, 240)
+    made = make(320, 240)
     low = made.scene.floor.normal, made.scene.floor.offset
     touching = [p.vertices @ low[0] + low[1] < 0.6 for p in made.people]
     people = tuple(

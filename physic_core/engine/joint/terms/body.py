@@ -152,8 +152,6 @@ _HINGE_COSINES = [9 * joint + 4 for joint in joint_pair("knee")] + [
     9 * joint for joint in joint_pair("elbow")
 ]
 _HINGE_SIGNS = (1.0, 1.0, 1.0, -1.0)
-_MAX_FLEXION = 2.7  # radians, of knees and elbows
-_FLEXION_SIGMA = 1.0 / 12.0  # radians, about 5 degrees
 
 
 def hinge_angles(rotations: Tensor) -> Tensor:
@@ -166,6 +164,10 @@ def hinge_angles(rotations: Tensor) -> Tensor:
     entries = torch.tensor(_HINGE_SINES + _HINGE_COSINES, device=rotations.device)
     sine, cosine = torch.split(rotations.flatten(1).index_select(1, entries), 4, dim=1)
     return torch.atan2(sine * sine.new_tensor(_HINGE_SIGNS), cosine)
+
+
+_MAX_FLEXION = 2.7  # radians, of knees and elbows
+_FLEXION_SIGMA = 1.0 / 12.0  # radians, about 5 degrees
 
 
 def limit_energy(rotations: Tensor) -> Tensor:

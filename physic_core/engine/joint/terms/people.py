@@ -134,12 +134,6 @@ def _nearest(i: int, j: int, probes: Tensor, vertices: Tensor, reach: float) -> 
     return torch.stack([torch.full_like(probe, i), probe, torch.full_like(probe, j), other_row])
 
 
-_REACH_M = 0.06  # of the search, for vertices that are deep inside
-_MAX_GAP_M = 0.04  # of hands that may touch
-_NEARLY_INSIDE_M = 0.02  # other vertices are not expected to come inside before the next refresh
-_GAP_SIGMAS = 1.5  # of the penetration term; beyond as many a gap counts as an outlier
-
-
 class PairEnergies(torch.autograd.Function):
     """Energy of each person (B,), with analytic derivatives by the vertices (B, n, 3).
 
@@ -173,6 +167,12 @@ class PairEnergies(torch.autograd.Function):
         by_vertex = force.new_zeros(ctx.vertices).reshape(-1, 3)
         by_vertex.index_add_(0, ctx.rows, force).index_add_(0, ctx.other_rows, -force)
         return by_vertex.reshape(ctx.vertices), None, None, None
+
+
+_REACH_M = 0.06  # of the search, for vertices that are deep inside
+_MAX_GAP_M = 0.04  # of hands that may touch
+_NEARLY_INSIDE_M = 0.02  # other vertices are not expected to come inside before the next refresh
+_GAP_SIGMAS = 1.5  # of the penetration term; beyond as many a gap counts as an outlier
 
 
 class PeopleTerm(Term):

@@ -99,12 +99,16 @@ def finite_keypoints(state: State) -> tuple[Tensor, Tensor]:
 
 def keypoint_weights(state: State) -> Tensor:
     """Return the weights (B, J) of keypoints by confidence, with less weight on limbs that are not
-    visible in any photo.
+    visible in any photo, and none on ears where the direction of the face is observed.
     """
     points, confidence = finite_keypoints(state)
     seen = keypoints_of_observed_limbs(state.skeleton, state.observed_in_any_photo)
     weight = torch.where(confidence < SEEN_CONFIDENCE, 0.0, confidence)
     weight = torch.where(seen, weight, INVISIBLE_WEIGHT * confidence)
+    if state.head_sigma is not None:
+        # of which detectors invent what the head hides
+        ears = [j for j, name in enumerate(state.skeleton.names) if name.endswith("ear_surface")]
+        weight[:, ears] *= state.head_sigma.isnan()[:, None]
     return weights_inside_image(state, points, weight)
 
 

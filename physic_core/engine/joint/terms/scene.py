@@ -27,6 +27,9 @@ SURFACE_SIGMA_M = 0.02
 """Expected error of the surface, metres."""
 _PENETRATION_OUTLIER_SIGMAS = 2.0  # beyond as many the gradient is constant (pseudo-Huber)
 
+CONTACT_RANGE_M = 0.15
+"""Contact vertices farther from scene and floor are skipped, metres."""
+
 
 @dataclass(frozen=True)
 class PenetrationSettings:
@@ -86,10 +89,6 @@ class PenetrationTerm(SurfaceTerm):
 def robust_depths(weight: Tensor) -> RobustSum:
     """Return the robust sum over depths inside a surface, with the weight of each."""
     return RobustSum.of("pseudo_huber", _PENETRATION_OUTLIER_SIGMAS, SURFACE_SIGMA_M, weight)
-
-
-CONTACT_RANGE_M = 0.15
-"""Contact vertices farther from scene and floor are skipped, metres."""
 
 
 @dataclass(frozen=True)
@@ -232,18 +231,6 @@ class FloorTerm(SurfaceTerm):
         return SurfaceResidual(under, by_floor=by_floor, by_last_floor=-1.0 - by_floor)
 
 
-_LOWEST_SHARE = 0.05  # of a sole's vertices: on tiptoe only this share touches the floor
-_SOLE_SIGMA_M = 0.015  # a foot more than about 3 cm over the floor is an outlier
-_SOLE_OUTLIER_SIGMAS = 2.0
-_LOWER_SIGMA_M = 0.04
-_LOWER_OUTLIER_SIGMAS = 2.0
-_LOWER_WEIGHT = 2.0  # of the lower visible foot, in weights of each foot
-_MAX_LOWER_HEIGHT_M = 0.4  # a lower foot at a larger height is skipped
-_UNSEEN_SIGMA_M = 0.05
-_UNSEEN_OUTLIER_SIGMAS = 3.0
-_MAX_UNSEEN_SIGMAS = 4.0  # an invisible foot at a larger height is skipped
-
-
 @dataclass(frozen=True)
 class SoleSettings:
     """Settings of the sole term: mean height above the floor of the lowest 5 % of a sole's
@@ -258,6 +245,9 @@ class SoleSettings:
     """Weight of each invisible foot; most feet stand on the floor."""
 
 
+_LOWEST_SHARE = 0.05  # of a sole's vertices: on tiptoe only this share touches the floor
+
+
 def lowest_sole_indices(height: Tensor) -> Tensor:
     """Return the indices of the lowest 5 % of the vertices of a foot's sole: heights (B, n) -> (B,
     n / 20) int64.
@@ -269,6 +259,12 @@ def lowest_sole_indices(height: Tensor) -> Tensor:
 def lowest_height(height: Tensor) -> Tensor:
     """Return the mean height of the lowest 5 % of a sole's vertices: (B, n) -> (B,) metres."""
     return height.gather(-1, lowest_sole_indices(height)).mean(-1)
+
+
+_SOLE_SIGMA_M = 0.015  # a foot more than about 3 cm over the floor is an outlier
+_SOLE_OUTLIER_SIGMAS = 2.0
+_LOWER_SIGMA_M = 0.04
+_LOWER_OUTLIER_SIGMAS = 2.0
 
 
 def sole_energy(lowest: Tensor, weight: Tensor, lower_weight: Tensor) -> Tensor:
@@ -292,6 +288,13 @@ def sole_energy(lowest: Tensor, weight: Tensor, lower_weight: Tensor) -> Tensor:
     near = robust_loss("geman_mcclure", lowest.square() / _SOLE_SIGMA_M**2, _SOLE_OUTLIER_SIGMAS)
     far = robust_loss("cauchy", lower.square() / _LOWER_SIGMA_M**2, _LOWER_OUTLIER_SIGMAS)
     return (weight * near).sum(-1) + lower_weight * far
+
+
+_LOWER_WEIGHT = 2.0  # of the lower visible foot, in weights of each foot
+_MAX_LOWER_HEIGHT_M = 0.4  # a lower foot at a larger height is skipped
+_UNSEEN_SIGMA_M = 0.05
+_UNSEEN_OUTLIER_SIGMAS = 3.0
+_MAX_UNSEEN_SIGMAS = 4.0  # an invisible foot at a larger height is skipped
 
 
 class SoleTerm:

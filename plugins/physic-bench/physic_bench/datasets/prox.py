@@ -173,8 +173,8 @@ def _truth(root: Path, name: str, kind: str, bodies: BodyFiles) -> Truth:
         if apart > MAX_MODEL_ERROR_M:
             raise DamagedFrameError(
                 f"{file}, posed by {bodies.file('smplx', 'male').name}, is {1000 * apart:.0f} mm "
-                f"from its mesh: give "
-                "--smplx SMPLX_MALE.npz, or a folder with it, since the body is male"
+                "from its mesh: give --smplx SMPLX_MALE.npz, or a folder with it, since the body "
+                "is male"
             )
         joints = _to_camera(root, joints, kind)
     names = () if joints is None else JOINT_NAMES

@@ -33,10 +33,9 @@ def limb_keypoints(keypoints: Keypoints) -> Keypoints:
         raise BackendError(str(error)) from error
     if missing := [name for name in _NEEDED if name not in skeleton.names]:
         raise BackendError(
-            f"the embedded body is fitted to shoulders, elbows, wrists, hips, knees and ankles, "
-            f"and the skeleton "
-            f"{skeleton.name!r} has no {', '.join(missing)}: choose a keypoint detector that "
-            f"detects them"
+            "the embedded body is fitted to shoulders, elbows, wrists, hips, knees and ankles, and "
+            f"the skeleton {skeleton.name!r} has no {', '.join(missing)}: choose a keypoint "
+            "detector that detects them"
         )
     columns = list(skeleton.fitted)
     if sum(is_finger(skeleton.names[i]) for i in columns) > _MOST_FINGERS:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from physic_core.body import JOINT_INDEX
+from physic_core.body import JOINT_INDEX, head_direction
 from physic_core.engine.sizes.stature import adult_shape
 from physic_core.geometry import rotvec_to_rotmat
 from physic_core.types import PER_PERSON, select_people
@@ -74,6 +74,7 @@ _OUTLINE_LIMIT = 2.0
 # Error of a lifted joint on motions that took no part in the fit of the lifter.
 _LIFTED_SIGMA_M = 0.05
 _LIFTED_LIMIT = 3.0  # standard deviations at which a lifted joint pulls most
+_HEAD_LIMIT = 3.0  # the same of the direction of a face
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,17 @@ _DUPLICATE_POINTS = ("eye_inner", "eye_outer")  # redundant with the eyes
 
 @dataclass(frozen=True)
 class DecodedUnknowns:
-    """Body parameters of N people, decoded from the scaled unknowns of the fit."""
+    """Body parameters of N people, decoded from the scaled unknowns of the fit.
+
+    Attributes:
+        rotations: (N, 55, 3, 3), camera frame.
+        pose: (N, 21, 3) rotation vectors of joints 1 to 21, radians.
+        betas: (N, K).
+        transl: (N, 3) metres.
+        landmark_size: (N,) factor on the network's landmarks.
+        lean: (N,) rotation of the landmarks about the view's x axis, radians.
+        trunk_lean: (N,) the same of the landmarks above the hips beside that, radians.
+    """
 
     rotations: Tensor
     pose: Tensor
@@ -180,7 +191,41 @@ class LiftedLimbs:
 
 @dataclass(frozen=True)
 class FitProblem:
-    """Constant data of a body fit as tensors of the model's float type."""
+    """Constant data of a body fit of N people as tensors of the model's float type.
+
+    Attributes:
+        landmarks: poses the J keypoints, the joints, and the vertices of soles and outlines.
+        skeleton: of the keypoints.
+        rows: (J,) int64, of the fitted keypoints in the skeleton.
+        hips: rows of the left and the right hip in the fitted keypoints.
+        points: (N, J, 2) px.
+        weight: (N, J) of the keypoints.
+        turn: (N, 3, 3) rotation from the view's axes (right, down, away) to the camera's.
+        world: (N, J, 3) metres, landmarks in the view's axes about the middle of the hips, or None.
+        world_weight: (N, J) of the landmarks.
+        point_sigma: (N, J) px.
+        world_sigma: (N, J, 3) metres; infinite where the landmarks tell nothing.
+        camera: (3, 3) px.
+        root: (N, 3, 3), start of the pelvis.
+        pose: (N, 21, 3) rotation vectors, start of the body joints, radians.
+        mean: (21, 3) of the prior of ``pose``, radians.
+        sigma: (21, 3) of the prior, radians; the unit of its unknowns.
+        fingers: (33, 3, 3), of jaw, eyes and fingers, which are not fitted.
+        log_z: (N, 1) logarithm of the start's depth.
+        side: (N, 2) start across the line of sight, as a share of the depth.
+        lean: (N,) start of the landmarks' lean, radians.
+        up: (3,) unit, camera frame; zero without a floor.
+        up_angle: (N,) of ``up`` from the view's vertical, seen from the side, radians.
+        feet: (N,) weight of level feet.
+        soles: number of vertices of the left and the right sole.
+        upright: (N,) weight of a vertical line from ankles to neck.
+        trunk: (N,) weight of a vertical trunk.
+        upper: (J,) 1 for keypoints above the hips, which lean with the trunk; 0 for legs.
+        outlines: pairs of points on the outlines of bodies and masks; None before the second fit.
+        lifted: what the lifter tells of the limbs, or None.
+        stature: (K,) metres that one unit of each shape component adds.
+        adult: (K,) shape of a mean adult.
+    """
 
     landmarks: LandmarkModel
     skeleton: Skeleton
@@ -211,6 +256,8 @@ class FitProblem:
     upper: Tensor
     outlines: OutlinePairs | None = field(metadata=PER_PERSON)
     lifted: LiftedLimbs | None = field(metadata=PER_PERSON)
+    head: Tensor = field(metadata=PER_PERSON)
+    head_weight: Tensor = field(metadata=PER_PERSON)
     stature: Tensor
     adult: Tensor
 
@@ -288,6 +335,7 @@ class FitProblem:
         data = self._keypoint_loss(points)
         if self.world is not None:
             data = data + self._landmark_loss(self.world, points, body)
+        data = data + self._head_loss(body)
         for prior in self._priors(unknowns, body):
             data = data + prior
         soles, outline = vertices.tensor_split([sum(self.soles)], 1)
@@ -321,6 +369,11 @@ class FitProblem:
         turned = torch.stack([x, cos * y - sin * z, sin * y + cos * z], -1)
         rest = ((seen - turned) / self.world_sigma).square().sum(-1)
         return (self.world_weight * 9 * torch.log1p(rest / 9)).sum(1)
+
+    def _head_loss(self, body: DecodedUnknowns) -> Tensor:
+        """Return the loss (N,) of heads that do not look as their faces do."""
+        apart = (head_direction(body.rotations) - self.head).square().sum(1) * self.head_weight
+        return _HEAD_LIMIT**2 * torch.log1p(apart / _HEAD_LIMIT**2)
 
     def _priors(self, unknowns: Tensor, body: DecodedUnknowns) -> Iterator[Tensor]:
         """Yield the losses (N,) of pose, shape, stature, landmark size with leans, and hinges."""
@@ -410,6 +463,7 @@ def fit_problem(
     arrays = {
         **{name: array[:, rows] for name, array in _keypoint_arrays(observations).items()},
         **_start_arrays(start),
+        **_head_arrays(observations),
         **_floor_arrays(observations, index, floor),
     }
     stature = _stature_per_component(model)
@@ -452,6 +506,14 @@ def _keypoint_arrays(observations: BodyObservations) -> dict[str, FloatArray]:
         "world_weight": observations.world_weight,
         "point_sigma": point_sigma,
         "world_sigma": world_sigma,
+    }
+
+
+def _head_arrays(observations: BodyObservations) -> dict[str, FloatArray]:
+    """Return the fields of :class:`FitProblem` of the heads, zero without a face."""
+    return {
+        "head": np.nan_to_num(observations.head),
+        "head_weight": np.nan_to_num(observations.head_sigma**-2.0),
     }
 
 

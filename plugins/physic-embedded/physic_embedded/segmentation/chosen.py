@@ -79,15 +79,14 @@ def choose_poses(detected: DetectedPeople, prompt: PeoplePrompt) -> list[Detecte
             height, width = detected.image.shape[:2]
             raise NoPersonError(
                 f"no pose of a person was found at {prompt.describe(i)}, in px of the photo at "
-                f"{width} x {height} px: "
-                "choose a place that shows head and torso, or a box around the person"
+                f"{width} x {height} px: choose a place that shows head and torso, or a box around "
+                "the person"
             )
         same = [k for k, other in enumerate(chosen) if other.pose is person.pose]
         if same:
             raise NoPersonError(
                 f"{prompt.describe(same[0])} and {prompt.describe(i)} hit the same person: give "
-                f"one prompt for each "
-                "person, or a box or mask where people overlap"
+                "one prompt for each person, or a box or mask where people overlap"
             )
         chosen.append(person)
     return chosen

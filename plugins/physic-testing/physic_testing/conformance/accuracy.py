@@ -39,6 +39,25 @@ if TYPE_CHECKING:
     from physic_testing.conformance.cases import Case
 
 
+MAIN_ERROR: dict[str, str] = {
+    "segmenter": "IoU",
+    "metric_depth": "abs-rel, scale fitted",
+    "relative_pointmap": "abs-rel, aligned",
+    "keypoint_detector": "share of person",
+    "body_estimator": "MPJPE, mm",
+    "hand_estimator": "degrees",
+    "person_observer": "Brier",
+    "contact_prior": "F1",
+}
+"""Interface -> name of the error by which two results are compared."""
+
+SKY_BORDER_PX = 3
+"""Distance from the sky up to which depths are not compared."""
+
+CONTACT_THRESHOLD = 0.5
+"""Probability above which a vertex counts as in contact."""
+
+
 class ErrorOf(NamedTuple):
     """What is known of an error.
 
@@ -75,27 +94,6 @@ ERRORS: dict[str, ErrorOf] = {
     "recall": ErrorOf("higher"),
 }
 """Error name, with its unit -> what is known of it."""
-
-MAIN_ERROR: dict[str, str] = {
-    "segmenter": "IoU",
-    "metric_depth": "abs-rel, scale fitted",
-    "relative_pointmap": "abs-rel, aligned",
-    "keypoint_detector": "share of person",
-    "body_estimator": "MPJPE, mm",
-    "hand_estimator": "degrees",
-    "person_observer": "Brier",
-    "contact_prior": "F1",
-}
-"""Interface -> name of the error by which two results are compared."""
-
-SKY_BORDER_PX = 3
-"""Distance from the sky up to which depths are not compared."""
-
-_ROUNDS = 8
-_FITTED = 2000  # pixels of a photo that take part in a fit
-
-CONTACT_THRESHOLD = 0.5
-"""Probability above which a vertex counts as in contact."""
 
 
 def measure_errors(interface: str, answer: Any, case: Case) -> dict[str, float]:
@@ -253,6 +251,10 @@ def _contact_prior(answer: ContactProbability, case: Case) -> dict[str, Any]:
     likely = contact_on_embedded(answer).probability > CONTACT_THRESHOLD
     scores = contact_scores(likely, case.truth.contact)
     return {"F1": scores.f1_mean, "precision": scores.precision_mean, "recall": scores.recall_mean}
+
+
+_ROUNDS = 8
+_FITTED = 2000  # pixels of a photo that take part in a fit
 
 
 def fit_ambiguity(z: FloatArray, truth: FloatArray, unknown: AffineAmbiguity) -> FloatArray:

@@ -48,6 +48,17 @@ _ROTATIONS = (
     "reye_pose",
 )
 
+_MIRRORED = "Was the photo mirrored for the network, and the body not mirrored back?"
+
+_FOCAL = (
+    "Is it the focal length of the crop, or of the network? z is the focal length of the photo in "
+    "px / px per metre, in px of the photo: scale what the network says of a crop by the side of "
+    "the crop."
+)
+
+_DEGREES = "Are they in degrees?"
+_TURNED_CROP = "A crop beside the image's centre is seen by a rotated camera: rotate bodies back."
+
 
 def shortest(rotvecs: FloatArray) -> FloatArray:
     """Return the rotation vectors (..., 3) of the same rotations whose length is at most pi, NaN
@@ -119,22 +130,7 @@ def _of_crop(root: FloatArray, truth: Truth) -> FloatArray:
     return _turned(root, np.stack([y * angle, -x * angle, 0 * x], axis=1))
 
 
-_MIRRORED = "Was the photo mirrored for the network, and the body not mirrored back?"
-_FOCAL = (
-    "Is it the focal length of the crop, or of the network? z is the focal length of the photo in "
-    "px / px per metre, "
-    "in px of the photo: scale what the network says of a crop by the side of the crop."
-)
-_TRANSL = (
-    "transl is added after posing; it is the place of the pelvis only where that is the "
-    "origin at rest."
-)
-_DEGREES = "Are they in degrees?"
-_TURNED_CROP = "A crop beside the image's centre is seen by a rotated camera: rotate bodies back."
-_DOWN = "y is down in the camera's frame."
 _EULER = "Are they Euler angles? Convert them to rotation vectors."
-_REST = "Is it a pose at rest for every photo?"
-_LARGE = float(np.log(1.2))
 FORMS = (
     Reading("inverse", times(-1), "Is the matrix transposed?"),
     Reading("Euler angles", _euler, _EULER),
@@ -148,109 +144,6 @@ def _about(axis: int, name: str) -> Reading:
     by = np.radians(12) * np.eye(3)[axis]
     words = f"degrees about {name}"
     return Reading(words, lambda root, _: _turned(root, by), _TURNED_CROP, 12, "", 6)
-
-
-_PLACE = (
-    Reading("to the right", plus(0.1, 0, 0), _TRANSL, 0.1, " m", 0.05),
-    Reading("down", plus(0, 0.1, 0), _TRANSL, 0.1, " m", 0.05),
-)
-_FAR = (Reading("too far", times(np.e), _FOCAL, 1, " of the logarithm", _LARGE),)
-_CROP = (
-    Reading(
-        "times the side of the person's box",
-        lambda at, truth: at * truth["case"].box_sides[:, None],
-        _FOCAL,
-        1,
-        "",
-        0.5,
-    ),
-    Reading(
-        "times the focal length",
-        lambda at, truth: at * truth["case"].intrinsics.fx,
-        _FOCAL,
-        1,
-        "",
-        0.5,
-    ),
-)
-_LIMBS = (
-    Reading("mirrored", lambda limbs, _: limbs[:, _SIDES] * MIRROR, _MIRRORED),
-    Reading("with left and right limbs exchanged", reordered(_SIDES), _MIRRORED),
-    Reading("turned upside down", times(1, -1, -1), _DOWN),
-)
-_ROOT = (
-    *FORMS,
-    Reading("of the camera of a crop that looks at the person", _of_crop, _TURNED_CROP),
-    *(_about(*axis) for axis in enumerate("xyz")),
-)
-_POSE = (
-    Reading("at rest in every photo", times(0), _REST, limit=0.75),
-    *FORMS,
-    Reading(
-        "a mean of left and right, as of a mirrored photo",
-        lambda pose, _: (pose + pose[:, _POSE_SIDES]) / 2,
-        _MIRRORED,
-    ),
-    Reading("of the mirrored person", lambda pose, _: -MIRROR * pose[:, _POSE_SIDES], _MIRRORED),
-    Reading("with left and right exchanged", reordered(_POSE_SIDES), _MIRRORED),
-)
-_GROUPS = (
-    Group(
-        "bodies_are_in_place",
-        "bodies where people are in the photo",
-        "pelvis",
-        "m",
-        _PLACE,
-        _across,
-        rough=0.75,
-    ),
-    Group(
-        "bodies_are_as_far_away",
-        "bodies as far away as people in the photo, m",
-        "pelvis",
-        "of log distance",
-        _FAR,
-        _log_distance,
-        rough=float(np.log(3)),
-        after=("bodies_are_in_front",),
-    ),
-    Group(
-        "distance_does_not_depend_on_the_crop",
-        "distances in one ratio to the true ones",
-        "pelvis",
-        "of log distance",
-        _CROP,
-        _log_distance,
-        centred=True,
-        after=("bodies_are_as_far_away",),
-    ),
-    Group(
-        "pose_is_not_turned_or_mirrored",
-        "bodies upright, facing and with their sides as in the photo",
-        "limbs",
-        "m",
-        _LIMBS,
-        order=(JOINT_NAMES[:_BODY], 1),
-    ),
-    Group(
-        "bodies_face_the_right_way",
-        "orientations in the camera's frame",
-        "root",
-        "of a rotation matrix",
-        _ROOT,
-        as_matrices,
-    ),
-    Group(
-        "joints_turn_as_in_the_photo",
-        "rotations of joints to their parents, in the order of SMPL-X",
-        "pose",
-        "of a rotation matrix",
-        _POSE,
-        as_matrices,
-        order=(JOINT_NAMES[1:_BODY], 1),
-        after=("pose_is_not_turned_or_mirrored",),
-    ),
-)
 
 
 def check_bodies_can_be_posed(subject: BackendUnderTest) -> None:
@@ -332,6 +225,124 @@ def check_observed_is_true_in_sight(subject: BackendUnderTest) -> None:
         "Is it inverted, or True for all joints? Return None if the network does not tell.",
     )
 
+
+_TRANSL = (
+    "transl is added after posing; it is the place of the pelvis only where that is the "
+    "origin at rest."
+)
+
+_PLACE = (
+    Reading("to the right", plus(0.1, 0, 0), _TRANSL, 0.1, " m", 0.05),
+    Reading("down", plus(0, 0.1, 0), _TRANSL, 0.1, " m", 0.05),
+)
+
+_LARGE = float(np.log(1.2))
+_FAR = (Reading("too far", times(np.e), _FOCAL, 1, " of the logarithm", _LARGE),)
+
+_CROP = (
+    Reading(
+        "times the side of the person's box",
+        lambda at, truth: at * truth["case"].box_sides[:, None],
+        _FOCAL,
+        1,
+        "",
+        0.5,
+    ),
+    Reading(
+        "times the focal length",
+        lambda at, truth: at * truth["case"].intrinsics.fx,
+        _FOCAL,
+        1,
+        "",
+        0.5,
+    ),
+)
+
+_DOWN = "y is down in the camera's frame."
+
+_LIMBS = (
+    Reading("mirrored", lambda limbs, _: limbs[:, _SIDES] * MIRROR, _MIRRORED),
+    Reading("with left and right limbs exchanged", reordered(_SIDES), _MIRRORED),
+    Reading("turned upside down", times(1, -1, -1), _DOWN),
+)
+
+_ROOT = (
+    *FORMS,
+    Reading("of the camera of a crop that looks at the person", _of_crop, _TURNED_CROP),
+    *(_about(*axis) for axis in enumerate("xyz")),
+)
+
+_REST = "Is it a pose at rest for every photo?"
+
+_POSE = (
+    Reading("at rest in every photo", times(0), _REST, limit=0.75),
+    *FORMS,
+    Reading(
+        "a mean of left and right, as of a mirrored photo",
+        lambda pose, _: (pose + pose[:, _POSE_SIDES]) / 2,
+        _MIRRORED,
+    ),
+    Reading("of the mirrored person", lambda pose, _: -MIRROR * pose[:, _POSE_SIDES], _MIRRORED),
+    Reading("with left and right exchanged", reordered(_POSE_SIDES), _MIRRORED),
+)
+
+_GROUPS = (
+    Group(
+        "bodies_are_in_place",
+        "bodies where people are in the photo",
+        "pelvis",
+        "m",
+        _PLACE,
+        _across,
+        rough=0.75,
+    ),
+    Group(
+        "bodies_are_as_far_away",
+        "bodies as far away as people in the photo, m",
+        "pelvis",
+        "of log distance",
+        _FAR,
+        _log_distance,
+        rough=float(np.log(3)),
+        after=("bodies_are_in_front",),
+    ),
+    Group(
+        "distance_does_not_depend_on_the_crop",
+        "distances in one ratio to the true ones",
+        "pelvis",
+        "of log distance",
+        _CROP,
+        _log_distance,
+        centred=True,
+        after=("bodies_are_as_far_away",),
+    ),
+    Group(
+        "pose_is_not_turned_or_mirrored",
+        "bodies upright, facing and with their sides as in the photo",
+        "limbs",
+        "m",
+        _LIMBS,
+        order=(JOINT_NAMES[:_BODY], 1),
+    ),
+    Group(
+        "bodies_face_the_right_way",
+        "orientations in the camera's frame",
+        "root",
+        "of a rotation matrix",
+        _ROOT,
+        as_matrices,
+    ),
+    Group(
+        "joints_turn_as_in_the_photo",
+        "rotations of joints to their parents, in the order of SMPL-X",
+        "pose",
+        "of a rotation matrix",
+        _POSE,
+        as_matrices,
+        order=(JOINT_NAMES[1:_BODY], 1),
+        after=("pose_is_not_turned_or_mirrored",),
+    ),
+)
 
 TABLE = Table(
     _values,

@@ -37,6 +37,12 @@ SIZE = (320, 240)
 SCENE_UNIT = 1.7
 """Metres per unit of the relative point maps in the hints."""
 
+EVIDENCE = ("one person", "several people", "walking", "steps", "squatting", "leaning")
+"""Photos over which bias is measured: different people, poses, rooms, cameras and sizes."""
+
+EVIDENCE_OF_HANDS = ("close", "striding", "sitting", "crouching")
+"""The same for hands, which are too small in the others: at 320 x 240 px, a hand has 8 to 15 px."""
+
 
 @dataclass(frozen=True)
 class Photo:
@@ -73,14 +79,6 @@ CASES: dict[str, Photo] = {
     "crouching": Photo("one person with a hidden hand, as large", "squat_indoors", 3 * 7 / 8),
 }
 """Name of each photo -> what it shows."""
-
-EVIDENCE = ("one person", "several people", "walking", "steps", "squatting", "leaning")
-"""Photos over which bias is measured: different people, poses, rooms, cameras and sizes."""
-
-EVIDENCE_OF_HANDS = ("close", "striding", "sitting", "crouching")
-"""The same for hands, which are too small in the others: at 320 x 240 px, a hand has 8 to 15 px."""
-
-_GLARE = 247
 
 
 @dataclass(frozen=True)
@@ -167,6 +165,9 @@ def _build(name: str, size: tuple[int, int]) -> Case:
         grey = np.full_like(case.photo, 128)
         return replace(case, photo=grey, empty=grey, world=None)
     return case
+
+
+_GLARE = 247
 
 
 def case_of_world(name: str, world: World) -> Case:

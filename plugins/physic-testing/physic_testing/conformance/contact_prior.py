@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.errors import BodyModelError
+from physic_core.interfaces.comparison import is_sigmoid_of_probability
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.output_checks import ROWS, WITHOUT_PEOPLE
@@ -19,7 +20,6 @@ from physic_testing.conformance.readings import (
     Reading,
     Table,
     flipped,
-    is_sigmoid_of_probability,
     values_of,
 )
 from physic_testing.conformance.truth import contact_on_embedded, embedded_body

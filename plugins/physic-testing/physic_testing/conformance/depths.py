@@ -60,6 +60,9 @@ _SAME = 0.98  # share of the pixels of a row that repeats another
 _COMPARED = 20000  # pixels of a photo
 _BLUR_PX = 1.2
 _IN_FRONT = 0.1  # log of the depth behind a person over the person's
+_CENTRES = "Use u = 0, 1, ... W - 1, not u + 0.5, and (W - 1) / 2 for a centred principal point."
+_ASPECT = "Was the photo resized to another aspect ratio?"
+_UPRIGHT = ("depth_is_along_z_and_upright",)
 
 
 def aligned_depth_error(z: FloatArray, truth: FloatArray, unknown: AffineAmbiguity) -> float:
@@ -182,15 +185,7 @@ _TURNED = "Is the shape (H, W), and is the output turned back as the photo was f
 _RAYS = "Divide by sqrt(1 + ((u - cx) / fx)^2 + ((v - cy) / fy)^2)."
 _RESIZED = "Is the padding of the network's input subtracted, and the output resized by centres?"
 _FLIPPED = "Mirror the output for the mirrored photo back before you average."
-_FOCAL = "Is the depth of a network for one focal length rescaled to that of the photo, once?"
-_UNIT = "Is it centimetres, or is a factor missing that the network's authors state?"
-_OPENGL = "Multiply points of an OpenGL camera (x right, y up, z back) by (1, -1, -1)."
-_CENTRES = "Use u = 0, 1, ... W - 1, not u + 0.5, and (W - 1) / 2 for a centred principal point."
-_GIVEN = "Use hints.intrinsics if they are given."
-_ASPECT = "Was the photo resized to another aspect ratio?"
 _INPUT = "Is it in px of the network's input, or of another camera?"
-_LARGE = float(np.log(1.2))
-_UPRIGHT = ("depth_is_along_z_and_upright",)
 _BOTH = (
     Group(
         "depth_is_along_z_and_upright",
@@ -231,41 +226,6 @@ _BOTH = (
             Reading("too long a focal length", plus(0, 0, 0, 70), _INPUT, 70, " %", 30),
         ),
         rough=150,
-    ),
-)
-_SCALE = (
-    Group(
-        "depth_is_in_metres",
-        "metres",
-        "z",
-        "of log(depth / true depth)",
-        (Reading("too large", times(np.e), _UNIT, 1, " of the logarithm", _LARGE),),
-        _scale,
-        rough=float(np.log(3)),
-    ),
-    Group(
-        "depth_does_not_depend_on_the_focal_length",
-        "a scale that does not depend on the camera",
-        "z",
-        "of log(depth / true depth)",
-        (Reading("times the focal length", _times_focal, _FOCAL, 1, "", 0.5),),
-        _scale,
-        centred=True,
-        after=("depth_is_in_metres",),
-    ),
-)
-_ON_RAYS = Group(
-    "points_lie_on_the_rays_of_the_camera",
-    "points that project to the centres of their pixels by the given camera (x right, y down)",
-    "pixels",
-    "px",
-    (
-        Reading("with x to the left", times(-1, 1), _OPENGL),
-        Reading("with y upwards", times(1, -1), _OPENGL),
-        Reading("of the aspect ratio of a square", _of_a_square, _ASPECT),
-        Reading("to the right", plus(1, 0), _CENTRES, 1, " px", 0.25),
-        Reading("down", plus(0, 1), _CENTRES, 1, " px", 0.25),
-        Reading("farther out", times(1.01), _GIVEN, 1, " %", 0.6),
     ),
 )
 
@@ -438,7 +398,51 @@ _OF_BOTH = (
     Check(check_unknown_names_the_ambiguity, after=_UPRIGHT, unless=BLIND),
     Check(check_states_what_it_promises),
 )
+_FOCAL = "Is the depth of a network for one focal length rescaled to that of the photo, once?"
+_UNIT = "Is it centimetres, or is a factor missing that the network's authors state?"
+_LARGE = float(np.log(1.2))
+
+_SCALE = (
+    Group(
+        "depth_is_in_metres",
+        "metres",
+        "z",
+        "of log(depth / true depth)",
+        (Reading("too large", times(np.e), _UNIT, 1, " of the logarithm", _LARGE),),
+        _scale,
+        rough=float(np.log(3)),
+    ),
+    Group(
+        "depth_does_not_depend_on_the_focal_length",
+        "a scale that does not depend on the camera",
+        "z",
+        "of log(depth / true depth)",
+        (Reading("times the focal length", _times_focal, _FOCAL, 1, "", 0.5),),
+        _scale,
+        centred=True,
+        after=("depth_is_in_metres",),
+    ),
+)
+
 METRIC_DEPTH = Table(_values, (WITHOUT_HINTS, *_OF_BOTH, COLOURS), (*_BOTH, *_SCALE))
+_OPENGL = "Multiply points of an OpenGL camera (x right, y up, z back) by (1, -1, -1)."
+_GIVEN = "Use hints.intrinsics if they are given."
+
+_ON_RAYS = Group(
+    "points_lie_on_the_rays_of_the_camera",
+    "points that project to the centres of their pixels by the given camera (x right, y down)",
+    "pixels",
+    "px",
+    (
+        Reading("with x to the left", times(-1, 1), _OPENGL),
+        Reading("with y upwards", times(1, -1), _OPENGL),
+        Reading("of the aspect ratio of a square", _of_a_square, _ASPECT),
+        Reading("to the right", plus(1, 0), _CENTRES, 1, " px", 0.25),
+        Reading("down", plus(0, 1), _CENTRES, 1, " px", 0.25),
+        Reading("farther out", times(1.01), _GIVEN, 1, " %", 0.6),
+    ),
+)
+
 RELATIVE_POINTMAP = Table(
     _values,
     (

@@ -57,15 +57,6 @@ def _mirrored(side: int, name: str) -> Reading:
     return Reading(f"of mirrored {name} hands", lambda fingers, _: factors * fingers, _MIRRORING)
 
 
-_READINGS = (
-    Reading("with left and right hands exchanged", flipped(1), _MIRRORING),
-    _mirrored(0, "left"),
-    _mirrored(1, "right"),
-    *FORMS,
-    Reading("flat in every photo", times(0), _REST, limit=0.75),
-)
-
-
 def check_angles_are_radians(subject: BackendUnderTest) -> None:
     """Rotation vectors are in radians: no vector is longer than 2 pi."""
     hands = subject.result(_photo_with_hands(subject))
@@ -102,6 +93,14 @@ def _photo_with_hands(subject: BackendUnderTest) -> str:
             return name
     raise CheckSkipped("it detects no hand in the photos")
 
+
+_READINGS = (
+    Reading("with left and right hands exchanged", flipped(1), _MIRRORING),
+    _mirrored(0, "left"),
+    _mirrored(1, "right"),
+    *FORMS,
+    Reading("flat in every photo", times(0), _REST, limit=0.75),
+)
 
 TABLE = Table(
     _values,

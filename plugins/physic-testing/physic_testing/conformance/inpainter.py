@@ -61,26 +61,6 @@ def _faded_in(picture: FloatArray, truth: Truth) -> FloatArray:
     return faded
 
 
-_RANGE = "Is the value range right, and are mean and standard deviation undone?"
-_RIM = "Is the mask shrunk, or blended with the photo at its border?"
-_BGR = "OpenCV reads and writes BGR; images here are RGB."
-_FLIP = "Was the photo mirrored or turned for the network?"
-_RESIZED = "Is it resized or padded?"
-_COLOURS = (
-    Reading("of red and blue exchanged", flipped(2), _BGR),
-    Reading("without colour", lambda p, _: p.mean(axis=2, keepdims=True) * [1, 1, 1], _RANGE),
-    Reading("mirrored", flipped(1), _FLIP),
-    Reading("brighter", times(1.2), _RANGE, 20, " %", 5),
-    Reading("blended with the photo", lambda p, truth: (p + truth["case"].photo) / 2, _RIM),
-    Reading("the photo at the border of people", _with_rim, _RIM),
-    Reading("blended with the photo near the border of the mask", _faded_in, _RIM, limit=0.75),
-)
-_PLACE = (
-    Reading("to the right", shifted(1), _RESIZED, 1, " px", 0.5),
-    Reading("down", shifted(0), _RESIZED, 1, " px", 0.5),
-)
-
-
 def check_only_the_mask_is_filled(subject: BackendUnderTest) -> None:
     """Pixels where the mask is False are unchanged, and most others are not."""
     case = subject.case("one person")
@@ -114,6 +94,28 @@ def check_an_empty_mask_changes_nothing(subject: BackendUnderTest) -> None:
     answer = subject.call("an image for an empty mask", case, empty)
     expect(np.array_equal(answer, case.photo), "the photo for an empty mask", "another image")
 
+
+_RANGE = "Is the value range right, and are mean and standard deviation undone?"
+_RIM = "Is the mask shrunk, or blended with the photo at its border?"
+_BGR = "OpenCV reads and writes BGR; images here are RGB."
+_FLIP = "Was the photo mirrored or turned for the network?"
+
+_COLOURS = (
+    Reading("of red and blue exchanged", flipped(2), _BGR),
+    Reading("without colour", lambda p, _: p.mean(axis=2, keepdims=True) * [1, 1, 1], _RANGE),
+    Reading("mirrored", flipped(1), _FLIP),
+    Reading("brighter", times(1.2), _RANGE, 20, " %", 5),
+    Reading("blended with the photo", lambda p, truth: (p + truth["case"].photo) / 2, _RIM),
+    Reading("the photo at the border of people", _with_rim, _RIM),
+    Reading("blended with the photo near the border of the mask", _faded_in, _RIM, limit=0.75),
+)
+
+_RESIZED = "Is it resized or padded?"
+
+_PLACE = (
+    Reading("to the right", shifted(1), _RESIZED, 1, " px", 0.5),
+    Reading("down", shifted(0), _RESIZED, 1, " px", 0.5),
+)
 
 TABLE = Table(
     _values,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.errors import BodyModelError
+from physic_core.interfaces.comparison import is_sigmoid_of_probability
 from physic_core.types import SKELETONS, Skeleton
 from physic_testing.conformance.cases import Truth, Values
 from physic_testing.conformance.check import BLIND, Check
@@ -19,7 +20,6 @@ from physic_testing.conformance.readings import (
     Group,
     Reading,
     Table,
-    is_sigmoid_of_probability,
     plus,
     shares,
     times,

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Callable
 from operator import attrgetter
 from typing import Any
 
@@ -39,6 +40,25 @@ _CALLED = {
 """Module -> functions whose results are compared."""
 
 
+_GENERATOR_OF_TORCH = "torch's random generator"
+
+_STATES: dict[str, tuple[str, Callable[[Any], Any]]] = {
+    "handlers of signals": ("signal", lambda m: (m.getsignal(m.SIGINT), m.getsignal(m.SIGTERM))),
+    "the generator of `random`": ("random", lambda m: m.getstate()),
+    "numpy's random generator": ("numpy.random", lambda m: str(m.get_state(legacy=False)["state"])),
+    _GENERATOR_OF_TORCH: ("torch", lambda m: m.get_rng_state().tolist()),
+    "torch's modes": (
+        "torch",
+        lambda m: (
+            *(m.is_grad_enabled(), m.is_inference_mode_enabled()),
+            m.overrides._get_current_function_mode_stack(),
+            m.utils._python_dispatch._get_current_dispatch_mode_stack(),
+        ),
+    ),
+}
+"""Name -> module and the state that is compared."""
+
+
 def read_settings() -> dict[str, Any]:
     """Return name -> value of the settings of all imported modules."""
     found: dict[str, Any] = {"warnings.filters": _broad_filters()}
@@ -47,6 +67,9 @@ def read_settings() -> dict[str, Any]:
             for name in names[library]:
                 value = attrgetter(name)(sys.modules[library])
                 found[f"{library}.{name}"] = value() if is_called else value
+    for name, (library, read) in _STATES.items():
+        if library in sys.modules:
+            found[name] = read(sys.modules[library])
     return found
 
 
@@ -59,7 +82,14 @@ def _broad_filters() -> list[Any]:
     ]
 
 
-def changed_settings(before: dict[str, Any]) -> list[str]:
-    """Return the names of the settings that differ from those of :func:`read_settings`."""
+def changed_settings(before: dict[str, Any], *, loads: bool) -> list[str]:
+    """Return the names of the settings that differ from those of :func:`read_settings`.
+
+    Args:
+        before: their values before a call.
+        loads: whether the call loaded a backend: networks are built with random weights before they
+            read their own.
+    """
     after = read_settings()
-    return sorted(name for name, value in before.items() if after[name] != value)
+    changed = {name for name, value in before.items() if after[name] != value}
+    return sorted(changed - {_GENERATOR_OF_TORCH} if loads else changed)

@@ -10,6 +10,7 @@ import numpy as np
 
 from physic_core.discovery.error_text import describe_error
 from physic_core.errors import BodyModelError, ConfigError, PhysicError
+from physic_core.interfaces.comparison import describe_difference, row_differences
 from physic_core.types import Hints
 from physic_testing.conformance.accuracy import MAIN_ERROR, main_error
 from physic_testing.conformance.backend_under_test import FIRST_PHOTO
@@ -17,7 +18,6 @@ from physic_testing.conformance.cases import CASES, rows_of
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.contract import case_violations
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect, warn_unless
-from physic_testing.conformance.field_comparison import describe_difference, row_differences
 from physic_testing.conformance.requests import read_only_view
 
 if TYPE_CHECKING:

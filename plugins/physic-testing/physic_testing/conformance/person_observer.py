@@ -1,5 +1,5 @@
-"""How outputs of a PersonObserver are compared: which parts touch, and the sides in a mirrored
-photo.
+"""How outputs of a PersonObserver are compared: which parts touch, where the faces look, and the
+sides in a mirrored photo.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import numpy as np
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.output_checks import COLOURS, ROWS, WITHOUT_PEOPLE
-from physic_testing.conformance.readings import Group, Reading, Table, reordered
-from physic_testing.conformance.truth import mirrored_order, true_touch
+from physic_testing.conformance.readings import Group, Reading, Table, reordered, times
+from physic_testing.conformance.truth import mirrored_order, true_head, true_touch
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Observations
@@ -28,7 +28,9 @@ _ORDER = "The order is that of physic_core.types.TOUCH_PARTS."
 
 
 def _values(answer: Observations, case: Case) -> tuple[Values, Truth]:
-    return {"touch": answer.touch.astype(float)}, {"touch": true_touch(case.truth).astype(float)}
+    found = {"touch": answer.touch.astype(float), "head": answer.head.astype(float)}
+    truth = {"touch": true_touch(case.truth).astype(float), "head": true_head(case.truth)}
+    return found, truth
 
 
 def check_mirrored_photo_exchanges_sides(subject: BackendUnderTest) -> None:
@@ -58,6 +60,7 @@ def _mirrored(request: Any) -> Any:
     """Return the request for the mirrored photo."""
     people = request.people
     keypoints = request.keypoints
+    camera = request.intrinsics
     width = request.image.shape[1]
     joints = mirrored_order(keypoints.joint_set.names)
     points = [width - 1, 0] + keypoints.points[:, joints] * [-1, 1]
@@ -67,6 +70,7 @@ def _mirrored(request: Any) -> Any:
         image=np.ascontiguousarray(request.image[:, ::-1]),
         people=replace(people, masks=np.ascontiguousarray(people.masks[..., ::-1]), boxes=boxes),
         keypoints=replace(keypoints, points=points, confidence=keypoints.confidence[:, joints]),
+        intrinsics=replace(camera, cx=width - 1 - camera.cx),
     )
 
 
@@ -91,6 +95,18 @@ TABLE = Table(
                 Reading("inverted", lambda p, _: 1 - p, "1 is touch."),
                 Reading("with left and right exchanged", reordered([1, 0, 3, 2, 4]), _OWN_LEFT),
                 Reading("with hands for feet", reordered([2, 3, 0, 1, 4]), _ORDER),
+            ),
+        ),
+        Group(
+            "head_looks_out_of_the_face",
+            "unit vectors in which the faces look, in the photo's camera frame",
+            "head",
+            "",
+            (
+                Reading("into the face", times(-1, -1, -1), "(0, 0, -1) looks at the camera."),
+                Reading("with x to the left", times(-1, 1, 1), "x points right, y down."),
+                Reading("with y up", times(1, -1, 1), "x points right, y down."),
+                Reading("with z to the camera", times(1, 1, -1), "z points away from the camera."),
             ),
         ),
     ),

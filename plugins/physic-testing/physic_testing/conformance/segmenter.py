@@ -87,14 +87,6 @@ _PADDING = (
     "Is the padding of the network's input subtracted, and the mask resized by pixel centres?"
 )
 _TURNED = "Was the output for a mirrored or turned photo turned back?"
-_DILATED = (
-    "Are masks dilated, cut at a crop or another threshold, or is a part of the body of "
-    "another class?"
-)
-_EXCLUSIVE = (
-    "The last row and column are exclusive, and the box is that of the mask, not that of "
-    "a detector."
-)
 
 
 def _in_place(limit: float) -> tuple[Reading, ...]:
@@ -106,6 +98,12 @@ def _in_place(limit: float) -> tuple[Reading, ...]:
         Reading("down", shifted(1), _PADDING, 1, " px", limit),
         Reading("larger about the photo's centre", _larger, _PADDING, 2, " %", 0.75),
     )
+
+
+_EXCLUSIVE = (
+    "The last row and column are exclusive, and the box is that of the mask, not that of "
+    "a detector."
+)
 
 
 def _box_reading(column: int, edge: str) -> Reading:
@@ -181,6 +179,11 @@ def check_floor_mask_excludes_people(subject: BackendUnderTest) -> None:
         held < 0.1, "a floor mask without the pixels of people", f"{held:.0%} of it lies on people"
     )
 
+
+_DILATED = (
+    "Are masks dilated, cut at a crop or another threshold, or is a part of the body of "
+    "another class?"
+)
 
 TABLE = Table(
     _values,

@@ -73,6 +73,13 @@ def true_flexion(world: World) -> FloatArray:
     return np.stack([angle_deg(one, other) for one, other in pairs], 1)
 
 
+def true_head(world: World) -> FloatArray:
+    """Return the directions (N, 3) in which faces look, unit vectors in the camera frame."""
+    from physic_core.body import head_direction, rotations_from_parameters
+
+    return head_direction(rotations_from_parameters(world.parameters).double()).numpy()
+
+
 def true_hands(world: World) -> FloatArray:
     """Return the true finger rotations (N, 2, 15, 3) as rotation vectors, left hand first."""
     truth = world.parameters

@@ -64,8 +64,8 @@ class Watch:
         changes: list[Change] = []
         before = read_settings()
         try:
-            with kept_process_state(loads=loads) as changes:
+            with kept_process_state() as changes:
                 yield
         finally:
             self.changed |= {change.name: change.text for change in changes}
-            self.changed |= {name: name for name in changed_settings(before)}
+            self.changed |= {name: name for name in changed_settings(before, loads=loads)}

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 _DELTA = 1.25
 """Largest depth ratio of a correct pixel (Eigen et al., NeurIPS 2014)."""
 
+PROXIMITY_RADIUS_M = 0.15
+"""Default search radius, metres, as in the released code."""
+
 
 @dataclass(frozen=True)
 class SceneError:
@@ -89,12 +92,6 @@ def scene_error(
 def _valid(points: FloatArray, valid: BoolArray) -> BoolArray:
     answer: BoolArray = valid & np.isfinite(points).all(-1) & (points[..., 2] > 0)
     return answer
-
-
-PROXIMITY_RADIUS_M = 0.15
-"""Default search radius, metres, as in the released code."""
-
-_LEVEL = 0.17  # sine of 10 degrees
 
 
 @dataclass(frozen=True)
@@ -215,6 +212,9 @@ def _behind(
     nearest = np.where(np.isfinite(corners), corners, np.inf).min(0)
     behind: BoolArray = inside & (nearest < points[..., 2] - tolerance)
     return behind
+
+
+_LEVEL = 0.17  # sine of 10 degrees
 
 
 def point_spacing(points: FloatArray, normals: FloatArray, valid: BoolArray) -> FloatArray:

@@ -21,8 +21,7 @@ def require_same_shape(what: str, predicted: NDArray[Any], truth: NDArray[Any]) 
     if predicted.shape != truth.shape:
         raise PhysicError(
             f"Predicted and true {what} must have the same shape, got {predicted.shape} and "
-            f"{truth.shape}: "
-            "match the people first, and bring both to one joint set or mesh."
+            f"{truth.shape}: match the people first, and bring both to one joint set or mesh."
         )
 
 

@@ -11,7 +11,7 @@ from physic_core.interfaces import Options, PersonObserver
 from physic_core.types import Observations
 
 if TYPE_CHECKING:
-    from physic_core.types import Keypoints, People, UInt8Array
+    from physic_core.types import Intrinsics, Keypoints, People, UInt8Array
 
 
 class TemplateOptions(Options):
@@ -29,7 +29,9 @@ class Template(PersonObserver):
     Options: ClassVar[type[Options]] = TemplateOptions
     options: TemplateOptions
 
-    def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Observations:
+    def infer(
+        self, image: UInt8Array, people: People, keypoints: Keypoints, intrinsics: Intrinsics
+    ) -> Observations:
         """N people with keypoints -> probabilities (N, ...); NaN for what is not said."""
         unknown = Observations.unknown(len(people))
         touch, share = unknown.touch.copy(), unknown.touch_share.copy()

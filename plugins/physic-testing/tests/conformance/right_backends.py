@@ -85,10 +85,13 @@ def moved_points(keypoints):
     return replace(keypoints, points=keypoints.points + 10.0)
 
 
-def mirrored_people(ask, image, people, keypoints):
-    found = ask(image, replace(people, masks=people.masks[..., ::-1]), keypoints)
+def mirrored_people(ask, image, people, keypoints, intrinsics):
+    found = ask(image, replace(people, masks=people.masks[..., ::-1]), keypoints, intrinsics)
     return replace(
-        found, touch=found.touch[:, [1, 0, 3, 2, 4]], flexion=found.flexion[:, [1, 0, 3, 2]]
+        found,
+        touch=found.touch[:, [1, 0, 3, 2, 4]],
+        flexion=found.flexion[:, [1, 0, 3, 2]],
+        head=found.head * [-1, 1, 1],
     )
 
 

@@ -385,6 +385,17 @@ class Precision(RightMetricDepth):
         super().close()
 
 
+@wrong("no gradients for everybody", "changes_no_settings_of_the_process")
+class NoGradients(RightMetricDepth):
+    def infer(self, image, hints):
+        torch.set_grad_enabled(False)
+        return super().infer(image, hints)
+
+    def close(self):
+        torch.set_grad_enabled(True)
+        super().close()
+
+
 @wrong("a disparity of hints", "depth_is_along_z_and_upright")
 class BlindDisparity(interfaces.MetricDepth):
     """Turns the given scene round, and never looks at the photo."""

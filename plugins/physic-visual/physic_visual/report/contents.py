@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from physic_core.geometry import gltf_from_camera
-from physic_core.types import main_people, summarize_checks
+from physic_core.types import grade_text, main_people, summarize_checks
 from physic_visual.palette import (
     CAMERA_RGB,
     CONTACT_PALETTE,
@@ -48,7 +48,7 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
     contents = {
         "title": title,
         "grade": None if reconstruction.grade is None else str(reconstruction.grade),
-        "trust": reconstruction.trust,
+        "graded": grade_text(reconstruction.grade, reconstruction.trust),
         "summary": repr(reconstruction).removeprefix("Reconstruction(").removesuffix(")"),
         "checked": summarize_checks(reconstruction.checks),
         "width": camera.width,

@@ -8,7 +8,7 @@ import numpy as np
 
 from physic_core.errors import PhysicError
 from physic_core.geometry import vertex_areas
-from physic_core.types import part_words, partner_titles
+from physic_core.types import grade_text, part_words, partner_titles
 from physic_visual.palette import contact_color, contact_colors, person_color, person_tint
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
     Returns:
         For each person:
 
-        - ``grade``: of :class:`physic_core.types.Grade`, or None. ``trust``: its probability.
+        - ``grade``: of :class:`physic_core.types.Grade`, or None. ``graded``: it in words.
         - ``why``: sentence on what lowers the probability.
         - ``box``: x0 y0 x1 y1 px, or None if the photo does not show the person.
         - ``color``: of the person's number, sRGB. ``tint``: of the body, sRGB.
@@ -89,7 +89,7 @@ def _record(
     body = model if fits else None
     return {
         "grade": None if person.grade is None else str(person.grade),
-        "trust": person.trust,
+        "graded": grade_text(person.grade, person.trust, person.marks),
         "why": person.why,
         "box": [float(edge) for edge in person.box] if person.mask.any() else None,
         "color": list(person_color(index)),

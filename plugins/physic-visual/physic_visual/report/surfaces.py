@@ -20,6 +20,11 @@ if TYPE_CHECKING:
 
 _STEPS = 65535
 
+MAX_FULL_BODIES = 12
+"""Most people who are shown with all their vertices; a body has 200 kB in the page, and a coarse
+one 60 kB.
+"""
+
 
 def pack_points(points: NDArray[np.floating[Any]]) -> dict[str, Any]:
     """Pack finite points (N, 3), metres, in 16 bits per axis of their bounding box.
@@ -75,13 +80,7 @@ def _text(content: bytes) -> str:
     return base64.b64encode(content).decode("ascii")
 
 
-MAX_FULL_BODIES = 12
-"""Most people who are shown with all their vertices; a body has 200 kB in the page, and a coarse
-one 60 kB.
-"""
-
 _CROWD_SCENE_VERTICES = 70_000
-_COARSE_M = 0.02  # spacing of the vertices of coarse bodies, metres
 
 
 def pack_scene(reconstruction: Reconstruction) -> dict[str, Any]:
@@ -91,10 +90,9 @@ def pack_scene(reconstruction: Reconstruction) -> dict[str, Any]:
     Returns:
         ``stride`` n in px, ``rows`` and ``columns`` of the grid, ``valid`` (one flag per grid
         point), ``points`` (of the valid ones, in the order of the grid), ``triangles`` (two flags
-        per grid point: the triangles below and to
-        the right of it that are part of the mesh) and ``backdrop``: ``points``, ``faces``,
-            ``pixels`` (column and row
-        of each point, px), what it means, and its ``radius`` in metres.
+        per grid point: the triangles below and to the right of it that are part of the mesh) and
+        ``backdrop``: ``points``, ``faces``, ``pixels`` (column and row of each point, px), what it
+        means, and its ``radius`` in metres.
     """
     scene = reconstruction.scene
     limit = scene_reach(reconstruction)
@@ -175,6 +173,9 @@ def pack_bodies(reconstruction: Reconstruction) -> dict[str, Any]:
             pack(index, person) if person.has_body else None for index, person in enumerate(people)
         ],
     }
+
+
+_COARSE_M = 0.02  # spacing of the vertices of coarse bodies, metres
 
 
 def _coarse(

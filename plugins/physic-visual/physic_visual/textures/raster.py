@@ -191,8 +191,7 @@ def load_texture_coordinates(
     except Exception as error:  # of zipfile and numpy, which have many
         raise BodyModelError(
             f"{source} has no usable texture coordinates (the arrays vt and ft, which official "
-            f"SMPL-X files have): "
-            "give another file"
+            "SMPL-X files have): give another file"
         ) from error
 
 

@@ -2,13 +2,8 @@
 
 const STATE_CLASS = { failed: "bad", unknown: "doubtful", ok: "good" };
 
-// "good, 0.91"
-function gradeText({ grade, trust }) {
-  return (grade ?? "no grade") + (trust === null ? "" : `, ${(Math.floor(100 * trust + 1e-9) / 100).toFixed(2)}`);
-}
-
 function gradeBadge(graded) {
-  return element("span", { className: `grade ${graded.grade ?? "soft"}`, textContent: gradeText(graded) });
+  return element("span", { className: `grade ${graded.grade ?? "soft"}`, textContent: graded.graded });
 }
 
 function showPeople(section, data, selected, onSelect) {

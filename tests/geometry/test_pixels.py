@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.geometry.tensors import all_finite, median, select_pixels
+from physic_core.geometry.pixels import all_finite, median, select_pixels
 
 pytestmark = pytest.mark.quick
 

@@ -1,19 +1,22 @@
-"""A room seen by a pitched camera, with capsule mannequins standing in it: a reconstruction without
-any network.
+"""A room seen by a pitched camera, with capsule mannequins standing in it: results without any
+network, for the tests of core and plugins.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
-import pytest
 import trimesh
 
 from physic_core.types import (
     BodyContact,
     BodyParameters,
+    CheckResult,
     ContactPartner,
     Grade,
     Intrinsics,
+    Lens,
     Person,
     Plane,
     Provenance,
@@ -21,6 +24,7 @@ from physic_core.types import (
     Scene,
     StageRecord,
     Support,
+    UnposedPerson,
 )
 
 FLOOR = ContactPartner("floor", "floor")
@@ -225,12 +229,17 @@ def make_reconstruction(width=160, height=120, people=2):
     )
 
 
-@pytest.fixture
-def reconstruction():
-    return make_reconstruction()
-
-
-@pytest.fixture(scope="session")
-def make():
-    """Make a room with mannequins: ``make(width, height, people)``."""
-    return make_reconstruction
+def tiny_result(seed=0):
+    """Return a result of 16 x 12 px; another seed gives a larger picture and other numbers."""
+    made = make_reconstruction(16 + seed, 12)
+    return replace(
+        made,
+        diagnostics={"joint": {"seed": seed}},
+        checks=(
+            CheckResult("floor", "ok", 0.4, 0.15, "at least", "share", "of the pixels"),
+            CheckResult("lean", "unknown", None, 12.0, "at most", "deg", "no floor", 0),
+        ),
+        photo="pixels-sha256:0",
+        lens=Lens(made.intrinsics, (0.1, -0.01, 0.0, 0.0, 0.0)),
+        unposed=(UnposedPerson((1.0, 1.0, 3.0, 4.0), 0.5, "no pose fits the box"),),
+    )

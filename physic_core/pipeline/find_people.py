@@ -1,0 +1,312 @@
+"""Find the people in a photo: masks, keypoints, what they do, and their bodies.
+
+Each function calls one backend. People for whom it gives no valid values are returned as a mask.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.errors import NoPersonError
+from physic_core.interfaces import (
+    BodyEstimatorRequest,
+    ContactPriorRequest,
+    HandEstimatorRequest,
+    KeypointDetectorRequest,
+    PersonObserverRequest,
+    SegmenterRequest,
+)
+from physic_core.interfaces.bodies import valid_body_rows
+from physic_core.pipeline.backend_results import (
+    bodies_for_backends,
+    convert_to_configured,
+    discard_invalid_bodies,
+    discard_invalid_hands,
+    discard_invalid_keypoints,
+    doubt_of_contact,
+    expand_contact,
+    real_people,
+    replace_hands,
+    transfer_contact,
+    without_doubtful_wrists,
+)
+from physic_core.pipeline.given.people import (
+    ignored_people,
+    known_people,
+    left_to_right,
+    select_chosen,
+)
+from physic_core.types import Bodies, ContactProbability, Keypoints, Observations, People
+from physic_core.types.arrays import PER_PERSON, select_people
+from physic_core.types.short_repr import ShortRepr
+
+if TYPE_CHECKING:
+    from physic_core.body.model import BodyModel
+    from physic_core.engine.photo import PhotoContent
+    from physic_core.pipeline.photo_run import PhotoRun
+    from physic_core.types import BoolArray, FloatArray, Hints, Intrinsics, PeoplePrompt
+    from physic_core.types.known_sizes import KnownPeople
+
+_POINT_AT_PEOPLE = "if the photo shows one, point at them with --person x,y or --box x0,y0,x1,y1"
+
+
+@dataclass(frozen=True)
+class SegmentedPeople(ShortRepr):
+    """N people in a photo.
+
+    Attributes:
+        people: masks, boxes and scores.
+        missing: (N,) bool, people with invalid keypoints by the segmenter; None if it gives none.
+    """
+
+    people: People = field(metadata=PER_PERSON)
+    missing: BoolArray | None = field(metadata=PER_PERSON)
+
+
+@dataclass(frozen=True)
+class FoundPeople(SegmentedPeople):
+    """The N people to reconstruct.
+
+    Attributes:
+        known: what the user knows of them.
+    """
+
+    known: KnownPeople = field(metadata=PER_PERSON)
+
+
+@dataclass(frozen=True)
+class FoundKeypoints(ShortRepr):
+    """Keypoints of N people.
+
+    Attributes:
+        keypoints: by the detector, with those that the user gave.
+        missing: (N,) bool, people with invalid ones by the detector; None if it was not called.
+        changed: (N, J) keypoints that the user changed, or None.
+        contradicted: (N, J) how far mask and detector contradict them, px, or None.
+        file_px: as of :class:`physic_core.engine.state.Estimates`.
+    """
+
+    keypoints: Keypoints
+    missing: BoolArray | None = None
+    changed: BoolArray | None = None
+    contradicted: FloatArray | None = None
+    file_px: float = 1.0
+
+
+def find_people(run: PhotoRun) -> FoundPeople:
+    """Find the people, all from left to right or those whom the user chose in that order, and what
+    the user knows of them.
+    """
+    prompt = run.given.people
+    ignored = None
+    if prompt is not None and prompt.ignored:
+        ignored = prompt
+        prompt = None
+    found = _segment(run, prompt, required=run.plan.photo.require_people)
+    if ignored is not None:
+        found = _without(run, found, ignored)
+    real = real_people(found.people, prompt)
+    every = found.people
+    found = _select(run, found, real, "its joints lie on another person, who seems the same")
+    if run.plan.photo.require_people and not len(found.people):
+        raise NoPersonError("a person is required, and all people of the photo were left out")
+    sizes = run.given.known
+    if prompt is None:
+        found = select_people(found, left_to_right(found.people))
+        return FoundPeople(found.people, found.missing, known_people(sizes, len(found.people)))
+    known = select_people(known_people(sizes, len(every)), real)
+    if not real.all():
+        # The others have their pixels back only in a segmentation without the false persons.
+        found = _segment(run, prompt.select(real), required=True)
+    return FoundPeople(found.people, found.missing, known)
+
+
+def _segment(run: PhotoRun, prompt: PeoplePrompt | None, *, required: bool) -> SegmentedPeople:
+    """Segment the people in the photo, or those whom the user chose."""
+    segmenter = run.resolved("people")
+    takes_prompt = getattr(segmenter.backend, "takes_prompt", False)
+    request = SegmenterRequest(run.image, prompt=prompt if takes_prompt else None)
+    people = run.call("people", request)
+    run.stages.note(*people.notes)
+    if prompt is not None and not takes_prompt:
+        people = select_chosen(people, prompt)
+    missing = None
+    if people.keypoints is not None:
+        own, missing = discard_invalid_keypoints(people.keypoints)
+        people = replace(people, keypoints=own)
+    if not len(people):
+        cure = (
+            _POINT_AT_PEOPLE
+            if takes_prompt
+            else "if the photo shows a person, use another segmenter"
+        )
+        if required:
+            height, width = run.image.shape[:2]
+            raise NoPersonError(
+                f"no person was found in the photo of {width} x {height} px by {segmenter.title}: "
+                f"{cure}; without require_people, the result is the scene alone"
+            )
+        run.stages.note(
+            f"no person was found: the result is only the scene, and its scale is not confirmed; "
+            f"{cure}"
+        )
+    return SegmentedPeople(people, missing)
+
+
+def _without(run: PhotoRun, found: SegmentedPeople, ignored: PeoplePrompt) -> SegmentedPeople:
+    """Return the people whom the user does not ignore; others' pixels show no scene."""
+    people = found.people
+    out = ignored_people(people, ignored)
+    masks: BoolArray = np.logical_or.reduce(people.masks[out])
+    if people.unposed_mask is not None:
+        masks |= people.unposed_mask
+    kept = _select(run, found, ~out, "it is ignored")
+    return replace(kept, people=replace(kept.people, unposed_mask=masks))
+
+
+def _select(run: PhotoRun, found: SegmentedPeople, rows: BoolArray, reason: str) -> SegmentedPeople:
+    """Return some (N,) bool of the people, with a note why each other one is left out."""
+    for i in np.flatnonzero(~rows):
+        x0, y0, x1, y1 = found.people.boxes[i].round().astype(int).tolist()
+        run.stages.note(f"left out the person in the box {x0},{y0},{x1},{y1} px: {reason}")
+    return select_people(found, rows)
+
+
+def find_keypoints(run: PhotoRun, people: People) -> FoundKeypoints:
+    """Detect keypoints, and take those that the user gave."""
+    found = FoundKeypoints(
+        Keypoints(np.zeros((0, 17, 2), np.float32), np.zeros((0, 17), np.float32), "coco17")
+    )
+    if run.wants("keypoints", people):
+        detected = run.call("keypoints", KeypointDetectorRequest(run.image, people))
+        found = FoundKeypoints(*discard_invalid_keypoints(detected))
+    given = run.given.keypoints
+    if given is None:
+        return found
+    from physic_core.pipeline.given.keypoints import contradicted_keypoints, corrected_keypoints
+
+    keypoints, changed, notes = corrected_keypoints(found.keypoints, given, people)
+    run.stages.note(*notes)
+    contradicted = contradicted_keypoints(found.keypoints, keypoints, changed, people)
+    return FoundKeypoints(keypoints, found.missing, changed, contradicted, given.file_px)
+
+
+def observe_people(
+    run: PhotoRun, people: People, keypoints: Keypoints, camera: Intrinsics
+) -> Observations:
+    """Tell what people do; unknown without a backend, and if it fails."""
+    from physic_core.engine.ground.posture import weigh_posture
+
+    seen = None
+    if run.wants("observations", people):
+        seen = run.call_optional(
+            "observations",
+            PersonObserverRequest(run.image, people, keypoints, camera),
+            otherwise="what people do is told by their joints alone",
+        )
+    return Observations.unknown(len(people)) if seen is None else weigh_posture(seen, keypoints)
+
+
+def estimate_bodies(run: PhotoRun, photo: PhotoContent, hints: Hints) -> tuple[Bodies, BoolArray]:
+    """Estimate bodies of the configured body model; NaN for people (N,) without finite results."""
+    people = photo.people
+    if not run.wants("bodies", people):
+        return _no_bodies(run.model), np.zeros(0, bool)
+    request = BodyEstimatorRequest(run.image, people, photo.camera, photo.keypoints, hints)
+    bodies, missing = discard_invalid_bodies(run.call("bodies", request))
+    if bodies.body_model != run.model.name:
+        bodies = convert_to_configured(bodies, run.model, run.resolved("bodies").title, run.stages)
+        missing |= ~valid_body_rows(bodies)
+    return bodies, missing
+
+
+def _no_bodies(model: BodyModel) -> Bodies:
+    """Return zero bodies of a body model."""
+    from physic_core.body.bones import parameters_from_rotations
+
+    rotations, betas, transl = model.zero_pose(0)
+    expression = betas.new_zeros(0, model.num_expression)
+    return Bodies(parameters_from_rotations(rotations, betas, expression, transl), model.name)
+
+
+def add_hands(
+    run: PhotoRun, photo: PhotoContent, bodies: Bodies
+) -> tuple[Bodies, BoolArray | None]:
+    """Give bodies estimated finger rotations; also return the people (N,) without valid ones, or
+    None without a backend.
+    """
+    people = photo.people
+    if not run.wants("hands", people):
+        return bodies, None
+    hands = run.call_optional(
+        "hands",
+        HandEstimatorRequest(run.image, people, photo.keypoints),
+        otherwise="fingers keep the pose from the body_estimator",
+    )
+    if hands is None:
+        return bodies, np.ones(len(people), bool)
+    hands, missing = discard_invalid_hands(hands)
+    hands = without_doubtful_wrists(hands, bodies, run.resolved("hands"), run.stages)
+    return replace_hands(bodies, hands, run.model), missing
+
+
+def resize_bodies(run: PhotoRun, photo: PhotoContent, bodies: Bodies) -> Bodies:
+    """Give bodies the statures that the user knows, and children the size of children."""
+    from physic_core.engine.sizes.stature import bodies_of_stature, resize_children
+
+    model = run.model
+    if photo.known.stature is not None:
+        bodies = bodies_of_stature(bodies, model, photo.known.stature)
+    bodies, notes = resize_children(bodies, model, photo.known, photo.observations.child)
+    run.stages.note(*notes)
+    return bodies
+
+
+def hints_with_bodies(run: PhotoRun, photo: PhotoContent, bodies: Bodies, hints: Hints) -> Hints:
+    """Return hints about the people with bodies alone, who are the people of the photo here."""
+    return replace(
+        hints,
+        people=photo.people,
+        keypoints=photo.keypoints,
+        observations=photo.observations,
+        hole=photo.hole.numpy(),
+        bodies=bodies_for_backends(bodies, run.model),
+    )
+
+
+def estimate_contact(
+    run: PhotoRun, hints: Hints, embodied: BoolArray
+) -> tuple[ContactProbability, BoolArray | None]:
+    """Estimate prior contact of N people, 0 without a body; also return the people (N,) without
+    valid values, or None without a backend.
+
+    Args:
+        run: of the photo.
+        hints: about the people with bodies.
+        embodied: (N,) bool, these people.
+    """
+    model = run.model
+    people, bodies = hints.people, hints.bodies
+    assert people is not None
+    assert bodies is not None
+    shape = len(embodied), model.num_vertices
+    nothing = ContactProbability(np.zeros(shape, np.float32), model.topology)
+    if not run.wants("contact prior", embodied):
+        return nothing, None
+    prior = run.resolved("contact prior").title
+    request = ContactPriorRequest(
+        run.image, people, bodies, topology=model.topology, vertices=model.num_vertices
+    )
+    contact = run.call_optional(
+        "contact prior", request, otherwise="contact is computed from distances only"
+    )
+    if contact is not None and contact.topology != model.topology:
+        contact = transfer_contact(contact, model, prior, run.stages)
+    if contact is None:
+        return nothing, np.ones(len(embodied), bool)
+    if doubt := doubt_of_contact(contact, bodies):
+        run.stages.warn(f"{prior}: {doubt}")
+    return expand_contact(contact, embodied)

@@ -1,0 +1,88 @@
+"""What all steps on one photo share: the stages before the optimisation, and calls of backends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sized
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from physic_core.interfaces.backend import Result
+
+if TYPE_CHECKING:
+    from physic_core.body.model import BodyModel
+    from physic_core.configuration.resolve import ResolvedBackend, ResolvedPipeline
+    from physic_core.interfaces import Request
+    from physic_core.pipeline.given.photo import PreparedPhoto
+    from physic_core.pipeline.stage_runner import StageRunner
+    from physic_core.types import UInt8Array
+
+STAGES = {
+    "people": "segmenter",
+    "keypoints": "keypoint_detector",
+    "inpainting": "inpainter",
+    "scene point map": "relative_pointmap",
+    "photo point map": "relative_pointmap",
+    "observations": "person_observer",
+    "floor candidates": None,
+    "bodies": "body_estimator",
+    "hands": "hand_estimator",
+    "contact prior": "contact_prior",
+    "floor and scale": None,
+    "metric depth": "metric_depth",
+}
+"""Name of each stage before the optimisation -> the interface that it calls; None for one of the
+engine. Metric depth may come after the scene, the contact prior, or floor and scale."""
+
+
+def stages_before_the_engine(interfaces: Iterable[str]) -> int:
+    """Return the number of stages with backends for these interfaces."""
+    return sum(name in (None, *interfaces) for name in STAGES.values())
+
+
+@dataclass(frozen=True)
+class PhotoRun:
+    """The run of all backends on one photo.
+
+    Attributes:
+        given: the photo, and what the user knows of it.
+        plan: the backends and settings of the run.
+        load_model: returns the body model that all bodies are converted to.
+        stages: calls the backends and records the run.
+    """
+
+    given: PreparedPhoto
+    plan: ResolvedPipeline
+    load_model: Callable[[], BodyModel]
+    stages: StageRunner
+
+    @property
+    def image(self) -> UInt8Array:
+        """The photo (H, W, 3) uint8 RGB."""
+        return self.given.photo.image
+
+    @property
+    def model(self) -> BodyModel:
+        """The body model of the results."""
+        return self.load_model()
+
+    def resolved(self, stage: str) -> ResolvedBackend:
+        """Return the backend of a stage."""
+        return self.plan.backends[STAGES[stage] or ""]
+
+    def wants(self, stage: str, people: Sized) -> bool:
+        """Return whether there are people, and a backend for a stage on them."""
+        return STAGES[stage] in self.plan.backends and len(people) > 0
+
+    def call(self, stage: str, request: Request[Result], *, last: bool = True) -> Result:
+        """Call the backend of a stage; ``last`` if it is not called again."""
+        return self.stages.call_backend(stage, self.resolved(stage), request, last=last)
+
+    def call_optional(
+        self, stage: str, request: Request[Result], *, otherwise: str
+    ) -> Result | None:
+        """Call the backend of a stage; None and a warning, what the run does ``otherwise``, if it
+        fails.
+        """
+        return self.stages.call_optional_backend(
+            stage, self.resolved(stage), request, otherwise=otherwise
+        )

@@ -1,0 +1,205 @@
+"""What is round the picture in a file: screenshots, prints, screens, albums, stereo cards."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from physic_core.configuration.model import PhotoSettings
+from physic_core.io.photo import Photo
+from physic_core.pipeline.frame import find_frame, plain_ground
+from physic_core.pipeline.given.photo import prepare_photo
+from physic_core.types import Intrinsics
+
+HEIGHT = 480
+WIDTH = 640
+
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def textured(height, width, seed=0):
+    """A picture of smooth patches between 40 and 215."""
+    small = np.random.default_rng(seed).uniform(40, 215, (height // 20, width // 20, 3))
+    return cv2.resize(small, (width, height)).astype(np.uint8)
+
+
+def picture(seed=0):
+    """Patches with grain, as photos have."""
+    return noisy(textured(HEIGHT, WIDTH, seed), 6)
+
+
+def as_jpeg(image):
+    file = io.BytesIO()
+    Image.fromarray(image).save(file, "JPEG", quality=85)
+    return np.asarray(Image.open(file))
+
+
+def on(ground, image, matrix):
+    """The image on a ground, placed by a homography (3, 3)."""
+    size = ground.shape[1::-1]
+    put = cv2.warpPerspective(image, matrix, size, flags=cv2.INTER_AREA)
+    share = cv2.warpPerspective(np.full(image.shape, 255, np.uint8), matrix, size) / 255
+    return (ground * (1 - share) + put * share).astype(np.uint8)
+
+
+def turned(degrees, x, y):
+    """Homography that turns about the upper left corner, which it puts at x, y."""
+    matrix = np.eye(3)
+    matrix[:2, :2] = cv2.getRotationMatrix2D((0, 0), degrees, 1)[:, :2]
+    matrix[:2, 2] = x, y
+    return matrix
+
+
+def noisy(image, sigma=3.0):
+    noise = np.random.default_rng(1).normal(0, sigma, image.shape)
+    return np.clip(image + noise, 0, 255).astype(np.uint8)
+
+
+def with_bars(top, bottom, ground, ink):
+    """A picture between bars with text."""
+    whole = np.full((HEIGHT + top + bottom, WIDTH, 3), ground, np.uint8)
+    whole[top : top + HEIGHT] = picture()
+    for y in (top // 2 + 8, top + HEIGHT + bottom // 2 + 8):
+        cv2.putText(whole, "9:41  IMG 2041.jpg  share", (30, y), 0, 0.8, ink, 2)
+    return whole, (slice(top, top + HEIGHT), slice(0, WIDTH))
+
+
+def assert_close(found, inside, error=6):
+    assert found is not None
+    for part, true in zip(found, inside, strict=True):
+        assert true.start <= part.start <= true.start + error
+        assert true.stop - error <= part.stop <= true.stop
+
+
+@pytest.mark.parametrize("bars", [(80, 100), (60, 240)])
+@pytest.mark.parametrize(("ground", "ink"), [(255, (0, 0, 0)), (18, (240, 240, 240))])
+def test_bars_with_ink_are_cut(bars, ground, ink):
+    whole, inside = with_bars(*bars, ground, ink)
+    for photo in (whole, as_jpeg(whole), noisy(whole, 1)):
+        frame = find_frame(photo)
+        assert_close(frame.inside, inside)
+        assert not frame.warning
+        assert not frame.is_print
+
+
+@pytest.mark.parametrize("degrees", [0, 2.5, -4])
+@pytest.mark.parametrize("bed", [(225, 225, 222), (35, 36, 38)])
+def test_a_scanned_print_is_cut_out_of_its_white_and_the_bed(degrees, bed):
+    mounted = np.full((HEIGHT + 60, WIDTH + 60, 3), (238, 226, 204), np.uint8)
+    mounted[30:-30, 30:-30] = picture()
+    scan = noisy(on(np.full((800, 960, 3), bed, np.uint8), mounted, turned(degrees, 110, 130)))
+    frame = find_frame(scan)
+    assert frame.is_print == (degrees != 0)
+    middle = turned(degrees, 110, 130) @ [30 + WIDTH / 2, 30 + HEIGHT / 2, 1]
+    rows, columns = frame.inside
+    assert ((columns.start + columns.stop) / 2, (rows.start + rows.stop) / 2) == pytest.approx(
+        middle[:2], abs=6
+    )
+    lost = (WIDTH + HEIGHT) * np.sin(np.radians(abs(degrees)))
+    assert WIDTH - lost - 16 <= columns.stop - columns.start <= WIDTH
+    assert HEIGHT - lost - 16 <= rows.stop - rows.start <= HEIGHT
+
+
+def test_the_camera_of_a_photo_of_a_print_is_not_the_prints():
+    scan = on(np.full((700, 860, 3), 30, np.uint8), picture(), turned(2, 90, 120))
+    camera = Intrinsics.from_focal(900, 860, 700, source="EXIF: 28 mm")
+    prepared = prepare_photo(Photo(scan, camera), PhotoSettings(), None, None)
+    assert prepared.photo.intrinsics is None
+    given = prepare_photo(Photo(scan, camera), PhotoSettings(focal_px=800), None, None)
+    assert given.photo.intrinsics.fx == 800
+
+
+@pytest.mark.parametrize("bezel", [12, 240])
+def test_a_screen_that_is_askew_is_warned_of(bezel):
+    rng = np.random.default_rng(0)
+    room = cv2.resize(rng.uniform(60, 200, (60, 80, 3)), (1000, 800)).astype(np.uint8)
+    screen = np.full((HEIGHT + 50, WIDTH + 50, 3), bezel, np.uint8)
+    screen[25:-25, 25:-25] = picture()
+    before = np.float32([[0, 0], [690, 0], [690, 530], [0, 530]])
+    after = np.float32([[120, 90], [860, 150], [840, 640], [140, 700]])
+    frame = find_frame(on(noisy(room, 8), screen, cv2.getPerspectiveTransform(before, after)))
+    assert frame.inside is None
+    assert "picture" in frame.warning
+
+
+@pytest.mark.parametrize("gap", [24, 60])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_several_pictures_on_one_ground_are_warned_of(gap, axis):
+    parts = [picture(seed)[:, :400] for seed in range(3)]
+    strip = np.full((gap, parts[0].shape[1], 3) if axis == 0 else (HEIGHT, gap, 3), 250, np.uint8)
+    sheet = np.concatenate([parts[0], strip, parts[1], strip, parts[2]], axis)
+    for photo in (sheet, as_jpeg(sheet), cv2.copyMakeBorder(sheet, *[30] * 4, 0, value=(250,) * 3)):
+        assert "3 pictures" in find_frame(photo).warning
+    warnings = prepare_photo(Photo(sheet), PhotoSettings(), None, None).photo.warnings
+    assert len(warnings) == 1
+
+
+@pytest.mark.parametrize("gap", [0, 16])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_of_a_stereo_card_one_half_is_used(gap, axis):
+    left = picture()
+    columns, rows = np.meshgrid(np.arange(WIDTH, dtype=np.float32), np.arange(HEIGHT))
+    nearer = 3 + 18 * (rows / HEIGHT) ** 2  # the lower part of a scene is nearer
+    right = cv2.remap(left, (columns + nearer).astype(np.float32), rows.astype(np.float32), 1)
+    strip = np.full((gap, WIDTH, 3) if axis == 0 else (HEIGHT, gap, 3), 230, np.uint8)
+    card = np.concatenate([left, strip, noisy(right)], axis)
+    frame = find_frame(card)
+    assert_close(frame.inside, (slice(0, HEIGHT), slice(0, WIDTH)), 1)
+    assert "twice" in frame.warning
+
+
+def test_two_other_pictures_side_by_side_are_no_stereo_card():
+    both = np.concatenate([picture(0), picture(1)], axis=1)
+    assert find_frame(both).inside is None
+
+
+def test_a_scene_with_straight_edges_is_no_frame():
+    """The sea under a sky of one hue, walls that meet, a doorway."""
+    sea = np.concatenate([np.full((160, WIDTH, 3), (200, 220, 240), np.uint8), picture()])
+    sea[:160] = sea[:160] - np.linspace(0, 24, 160)[:, None, None].astype(np.uint8)
+    room = picture()
+    room[:, :200] = noisy(np.full((HEIGHT, 200, 3), 200) - np.linspace(0, 16, 200)[:, None], 3)
+    for photo in (noisy(sea, 1), as_jpeg(noisy(sea, 1)), room):
+        frame = find_frame(photo)
+        assert frame.inside is None
+        assert not frame.warning
+
+
+@pytest.mark.parametrize("ground", [0, 255])
+def test_two_people_on_a_plain_ground_are_one_photo(ground):
+    photo = np.full((240, 400, 3), ground, np.uint8)
+    for x in (60, 260):
+        photo[100:, x : x + 80] = textured(140, 80)
+    assert not find_frame(photo).warning
+    assert not find_frame(as_jpeg(photo)).warning
+
+
+@pytest.mark.parametrize("photo", sorted(EXAMPLES.glob("*.jpg")), ids=lambda path: path.stem)
+def test_photos_of_the_examples_have_no_frame(photo):
+    frame = find_frame(np.asarray(Image.open(photo)))
+    assert frame.inside is None
+    assert not frame.warning
+
+
+@pytest.mark.parametrize("ground", [0, 128, 255])
+def test_a_plain_ground_is_what_reaches_the_edge_in_one_colour(ground):
+    photo = np.full((HEIGHT, WIDTH, 3), ground, np.uint8)
+    photo[100:, 200:440] = picture()[100:, 200:440]
+    found = plain_ground(noisy(photo, 1))
+    wanted = np.ones((HEIGHT, WIDTH), bool)
+    wanted[100:, 200:440] = False
+    assert (found == wanted).mean() > 0.98
+
+
+def test_a_shaded_wall_and_a_small_sky_are_no_plain_ground():
+    wall = np.linspace(150, 220, WIDTH)[None, :, None] * np.ones((HEIGHT, 1, 3))
+    assert plain_ground(noisy(wall, 2)) is None
+    sky = picture()
+    sky[:100] = 255
+    assert plain_ground(sky) is None
