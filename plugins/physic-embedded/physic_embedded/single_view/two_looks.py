@@ -43,7 +43,7 @@ def scene_disparity(inpainted: FloatArray, photo: FloatArray, seen: BoolArray) -
     trend, share = (cv2.GaussianBlur(each, (0, 0), _TREND * long) for each in (other, beside))
     away = cv2.distanceTransform(seen.astype(np.uint8), cv2.DIST_L2, 5)
     detail = other - trend / np.maximum(share, _LEAST_SHARE)
-    return np.maximum(scene + np.minimum(away / (_RAMP * long), 1) * detail, 0)
+    return np.asarray(np.maximum(scene + np.minimum(away / (_RAMP * long), 1) * detail, 0))
 
 
 def line_through(x: FloatArray, y: FloatArray) -> tuple[float, float] | None:
