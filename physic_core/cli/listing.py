@@ -69,10 +69,10 @@ def _state(offer: Offer) -> str:
     lacking = [one.name for one in sets if presence(one) in ("missing", "in part")]
     needs = ["weights"] if lacking else []
     needs += dict.fromkeys(text for one in sets for text in one.needs.split(", ") if text)
-    state = f"needs {', '.join(needs)}" if needs else "ready"
-    if is_vouched_for(offer.interface, offer.name, offer.distribution, offer.target):
-        return state
-    return f"{state}; never passed `physic plugins check {offer.name}` here"
+    if needs:
+        return f"needs {', '.join(needs)}"
+    passed = is_vouched_for(offer.interface, offer.name, offer.distribution, offer.target)
+    return "ready" if passed else f"ready; never passed `physic plugins check {offer.name}` here"
 
 
 def describe_backend(offer: Offer) -> str:
