@@ -198,13 +198,6 @@ def _ask(offer: Offer, hook: str) -> list[Any]:
     return records
 
 
-_HINTS = {
-    "fbx": "; FBX is made of the GLB by Blender: the command is in docs/exports.md under FBX",
-    "3mf": "; for 3MF, write STL, and save it from the slicer",
-}
-"""Format that none writes -> the way to it."""
-
-
 def find_exporters() -> tuple[Found[ExporterRecord], ...]:
     """Return the exporters of all installed plugins, sorted by name, but those that give way to
     another one.
@@ -225,6 +218,13 @@ def missing_formats_hint(exporters: Sequence[Found[ExporterRecord]]) -> tuple[st
         return ()
     further = "further formats" if exporters else "formats"
     return (f"{further} are in {explain_absence(FORMATS)}",)
+
+
+_HINTS = {
+    "fbx": "; FBX is made of the GLB by Blender: the command is in docs/exports.md under FBX",
+    "3mf": "; for 3MF, write STL, and save it from the slicer",
+}
+"""Format that none writes -> the way to it."""
 
 
 def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:

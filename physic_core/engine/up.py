@@ -169,6 +169,10 @@ def difference_sigmas(first: Up, second: Up) -> float:
     return angle_deg(first.direction, second.direction) / joint
 
 
+# Least cosine between a ray and the normal: a plane is not turned about a point at the horizon.
+_GRAZING = 0.02
+
+
 def level_plane(plane: PlaneFit, up: Up | None, slope: float, ray: Tensor) -> PlaneFit:
     """Return a floor turned towards up about its point on a ray, and its error after that.
 
@@ -200,10 +204,6 @@ def level_plane(plane: PlaneFit, up: Up | None, slope: float, ray: Tensor) -> Pl
         return plane
     offset = plane.offset * steeper / steep
     return replace(plane, normal=normal, offset=offset, pitch_sigma=sigma)
-
-
-# Least cosine between a ray and the normal: a plane is not turned about a point at the horizon.
-_GRAZING = 0.02
 
 
 def slope_warnings(floor: PlaneFit | None, up: Up | None, slope: float) -> tuple[str, ...]:

@@ -350,8 +350,7 @@ def foreign_file(path: Path) -> OutputError:
     """Return the error for a path that holds a file of the user."""
     return OutputError(
         f"cannot write {path}: a file that PhySIC did not write, or a link, is there; move it "
-        f"away, or name another "
-        "folder"
+        "away, or name another folder"
     )
 
 

@@ -248,6 +248,9 @@ def read_manifest(path: Path) -> Mapping[str, WeightSet]:
         ) from error
 
 
+_SETS = TypeAdapter(dict[str, WeightSet])
+
+
 @functools.lru_cache(maxsize=64)
 def _read(stamps: tuple[tuple[Path, int, int], ...]) -> Mapping[str, WeightSet]:
     sets: dict[str, WeightSet] = {}
@@ -265,9 +268,6 @@ def _read(stamps: tuple[tuple[Path, int, int], ...]) -> Mapping[str, WeightSet]:
             raise BackendError(f"the weight manifest {file} is invalid: {error}") from error
         sets |= found
     return MappingProxyType(sets)
-
-
-_SETS = TypeAdapter(dict[str, WeightSet])
 
 
 def _named(name: str, table: object) -> object:

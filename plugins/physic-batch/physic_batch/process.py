@@ -44,6 +44,9 @@ WITHOUT_EFFECT = ("cache", "cache_mb", "low_memory", "threads")
 backends.
 """
 
+OTHER_CODE = "code"
+"""Word before the digest of the code in the column ``plugins``."""
+
 
 def batch_config(config: Config, *, cache: bool) -> Config:
     """Return a configuration for one of several processes.
@@ -70,13 +73,6 @@ def batch_config(config: Config, *, cache: bool) -> Config:
 
 def _digest(value: Any) -> str:
     return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()[:16]
-
-
-OTHER_CODE = "code"
-"""Word before the digest of the code in the column ``plugins``."""
-
-_MAX_MESSAGE = 5000
-"""Characters of a message in the journal."""
 
 
 @dataclass(frozen=True)
@@ -231,6 +227,10 @@ class PhotoProcessor:
         if self.job.thumbnails:
             sizes[THUMBNAIL] = write_thumbnail(result, out, folder).stat().st_size
         return " ".join(f"{name}={size}" for name, size in sizes.items())
+
+
+_MAX_MESSAGE = 5000
+"""Characters of a message in the journal."""
 
 
 def failed_row(

@@ -206,10 +206,6 @@ def _sizes(row: Mapping[str, Any]) -> dict[str, int]:
     return {name: int(size) for name, size in pairs if name != THUMBNAIL}
 
 
-_LOCAL = "local"
-_QUEUES = ("slurm", "pbs", "sge", "lsf", "htcondor")
-
-
 @dataclass(frozen=True)
 class ExecutorSettings:
     """Settings with which an executor runs the photos of a batch.
@@ -228,6 +224,10 @@ class ExecutorSettings:
     logs: Path | None = None
     address: str | None = None
     options: Mapping[str, str] = field(default_factory=dict)
+
+
+_LOCAL = "local"
+_QUEUES = ("slurm", "pbs", "sge", "lsf", "htcondor")
 
 
 def open_executor(name: str, settings: ExecutorSettings) -> Executor:

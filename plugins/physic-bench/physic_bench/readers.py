@@ -22,6 +22,13 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 
+LAYOUTS = {
+    "physic": "photos/XX/FRAME/ of physic batch, or FRAME/reconstruction.json, or PICTURE-physic/",
+    "plain": "FRAME.npz, where FRAME is the frame's id; folders of the id may be folders, _ or __",
+}
+"""Which files each reads, for messages."""
+
+
 def read_physic(folder: Path, frame: Frame) -> Prediction | None:
     """Read the frame's result of this tool, in px of the frame's picture; None if there is none.
     People without a body are not in it.
@@ -139,8 +146,3 @@ READERS: Mapping[str, Callable[[Path, Frame], Prediction | None]] = {
     "physic": read_physic,
     "plain": read_plain,
 }
-LAYOUTS = {
-    "physic": "photos/XX/FRAME/ of physic batch, or FRAME/reconstruction.json, or PICTURE-physic/",
-    "plain": "FRAME.npz, where FRAME is the frame's id; folders of the id may be folders, _ or __",
-}
-"""Which files each reads, for messages."""

@@ -23,6 +23,16 @@ _IN_FOLDERS = ("cameras.txt", "cameras.bin", "intri.yml", "transforms.json", "ca
 _NAMED = 5  # keys of a message
 _OPENGL = (1, -1, -1)  # OpenCV's axes in those of OpenGL, which nerfstudio uses
 
+_COLMAP = {
+    "SIMPLE_PINHOLE": "fx cx cy",
+    "PINHOLE": "fx fy cx cy",
+    "SIMPLE_RADIAL": "fx cx cy k1",
+    "RADIAL": "fx cx cy k1 k2",
+    "OPENCV": "fx fy cx cy k1 k2 p1 p2",
+    "FULL_OPENCV": "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6",
+}
+"""Parameters of COLMAP's models that OpenCV's five coefficients can state."""
+
 
 @dataclass(frozen=True)
 class CameraFile:
@@ -59,8 +69,7 @@ def _text(path: Path, limit: int = _LARGEST_FILE) -> str:
 def _unsupported(name: str, lens: str) -> ValueError:
     return ValueError(
         f"the lens of camera {name} is {lens}, and only pinhole cameras with k1, k2, p1, p2, k3 "
-        f"can be "
-        "used: remove the distortion of its photos (colmap image_undistorter, "
+        "can be used: remove the distortion of its photos (colmap image_undistorter, "
         "cv2.fisheye.undistortImage), and give the cameras of the new photos"
     )
 
@@ -139,9 +148,6 @@ def _read_toml(path: Path) -> CameraFile:
 
 # Read without OpenCV, whose parser answers damaged text with SystemError.
 _ENTRY = re.compile(r"^([^\s:-][^\s:]*):(.*(?:\n(?:[ \t-].*)?)*)", re.M)
-_MATRIX = re.compile(
-    r"\s*(?:!!opencv-matrix)?\s*rows: *(\d+)\s+cols: *(\d+)[^[]*data: *\[([^]]*)\]\s*"
-)
 _COMMENT = re.compile(r"(?:^|\s)#.*$|^(?:%|---).*$", re.M)
 _YAML_KEYS = re.compile(r"(?:K|dist|R|Rot|T|H|W)_.+|names")
 """What EasyMocap writes."""
@@ -166,6 +172,11 @@ def _read_easymocap(path: Path) -> CameraFile:
             **_pose(numbers.get(f"R_{name}", turn), numbers.get(f"T_{name}")),
         }
     return CameraFile(tables)
+
+
+_MATRIX = re.compile(
+    r"\s*(?:!!opencv-matrix)?\s*rows: *(\d+)\s+cols: *(\d+)[^[]*data: *\[([^]]*)\]\s*"
+)
 
 
 def _matrix(name: str, text: str) -> NDArray[np.float64]:
@@ -208,17 +219,6 @@ def _read_nerfstudio(path: Path) -> CameraFile:
         lens = _lens(name, model, (one["w"], one["h"]), values)
         tables[name] = lens | _pose(R, -R @ to_world[:, 3])
     return CameraFile(tables, of_images=True)
-
-
-_COLMAP = {
-    "SIMPLE_PINHOLE": "fx cx cy",
-    "PINHOLE": "fx fy cx cy",
-    "SIMPLE_RADIAL": "fx cx cy k1",
-    "RADIAL": "fx cx cy k1 k2",
-    "OPENCV": "fx fy cx cy k1 k2 p1 p2",
-    "FULL_OPENCV": "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6",
-}
-"""Parameters of COLMAP's models that OpenCV's five coefficients can state."""
 
 
 def _rows(path: Path) -> Iterator[str]:

@@ -67,11 +67,6 @@ def _half_reversed(likely: FloatArray, truth: Truth) -> FloatArray:
     return np.concatenate([first, second[:, ::-1]], axis=1)
 
 
-_FLIP = "Was the photo mirrored for the network?"
-_REVERSED = "Is the order of the vertices reversed?"
-_HALF = "Is half of the vertices reversed?"
-
-
 def check_mesh_is_known(subject: BackendUnderTest) -> None:
     """The probabilities are those of the bodies' mesh, or of a mesh whose T-pose is in `rest`."""
     answer = subject.result()
@@ -146,6 +141,10 @@ def _circular_fit(likely: FloatArray, truth: FloatArray) -> FloatArray:
     fit: FloatArray = np.fft.irfft(spectra[0] * spectra[1].conj(), len(likely)) / len(likely)
     return fit
 
+
+_FLIP = "Was the photo mirrored for the network?"
+_REVERSED = "Is the order of the vertices reversed?"
+_HALF = "Is half of the vertices reversed?"
 
 TABLE = Table(
     _values,

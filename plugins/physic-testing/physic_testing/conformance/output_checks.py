@@ -42,6 +42,7 @@ MAX_RATIO = 0.5
 """Share of the error that rows in the right order, and colours in the right one, leave at most."""
 
 _NEGLIGIBLE_ERROR = 0.03  # an error below this is none to worry about
+_SAME = frozenset({"stochastic"})
 
 
 def check_returns_valid_output(subject: BackendUnderTest) -> None:
@@ -264,7 +265,6 @@ def _expect_valid_output(subject: BackendUnderTest, name: str, hint: str = "") -
     expect(not attempt.violations, wanted, "; ".join(attempt.violations), hint)
 
 
-_SAME = frozenset({"stochastic"})
 CHECKS: tuple[Check, ...] = (
     Check(check_returns_valid_output, after=("class_fits_its_interface",)),
     Check(check_accepts_photos_of_people),
