@@ -10,6 +10,7 @@
 # make test-lowest | test-newest the tests of make quick, with the lowest and the newest versions of all dependencies
 # make audit                    known vulnerabilities of the pinned dependencies; needs pip-audit and a network
 # make findings                 run each script of findings/: a table of what changed in other tools; needs a network
+# make release                  one archive that installs PhySIC, in dist: wheels, tested versions, bill of materials, licences
 # make sbom                     a bill of materials of this environment, in dist/physic-sbom.json (CycloneDX)
 # make docs                     the documentation as a site, in docs/_build/html/index.html; compares its notebooks with results
 # make pictures                 pictures, their numbers and notebooks of the documentation, made again; needs Chromium
@@ -25,7 +26,7 @@ DISTRIBUTIONS := pyproject.toml $(wildcard contrib/*/pyproject.toml plugins/*/py
 
 # Values with blanks and quotes reach the shell as they are.
 export PHOTO
-.PHONY: demo quick test test-all photos coverage test-ray kernels mutants test-lowest test-newest audit sbom docs site notebooks pictures findings lint clean
+.PHONY: demo quick test test-all photos coverage test-ray kernels mutants test-lowest test-newest audit release sbom docs site notebooks pictures findings lint clean
 
 demo: $(VENV)/demo.stamp
 	@name=$$(basename "$$PHOTO"); $(BIN)/physic run "$$PHOTO" -o "demo/$${name%.*}"
@@ -87,6 +88,9 @@ audit: $(VENV)/test.stamp
 
 findings:
 	@$(PYTHON) findings/table.py
+
+release: $(VENV)/test.stamp
+	$(BIN)/python tools/release.py dist
 
 sbom: $(VENV)/test.stamp
 	$(BIN)/python tools/sbom.py dist/physic-sbom.json

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 __all__ = [
     "AmbiguousBackendError",
     "BackendError",
@@ -21,8 +23,25 @@ __all__ = [
 ]
 
 
+_LONGEST = 6000  # characters of a message, which may quote a file or a library
+_ADDRESS = re.compile(r" at 0x[0-9a-f]{6,}")
+
+
 class PhysicError(Exception):
-    """Base class of all exceptions of PhySIC."""
+    """Base class of all exceptions of PhySIC.
+
+    A message has no addresses of objects, and of a long one the middle is left out.
+    """
+
+    def __init__(self, *values: object) -> None:
+        super().__init__(*(_short(one) if isinstance(one, str) else one for one in values))
+
+
+def _short(text: str) -> str:
+    text = _ADDRESS.sub("", text)
+    if len(text) <= _LONGEST:
+        return text
+    return f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 3 :]}"
 
 
 class InputError(PhysicError):

@@ -243,9 +243,8 @@ def _people(
     wanted = [chosen] if isinstance(chosen, int) else list(dict.fromkeys(chosen))
     for index in wanted:
         if not 0 <= index < count:
-            there = (
-                f"people are numbered 0 to {count - 1}" if count else "this result has no people"
-            )
+            many = f"people are numbered 0 to {count - 1}: choose one of them"
+            there = ("this result has no people", "choose 0, the only one", many)[min(count, 2)]
             raise ConfigError(f"there is no person {index}: {there}")
         if person is not None and index in bodiless:
             raise ConfigError(

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from physic_core.body.joints import (
     FINGER_JOINTS,
@@ -15,6 +14,7 @@ from physic_core.body.joints import (
     ROTATION_FIELDS,
     joint_pair,
 )
+from physic_core.lazy import importer
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -85,14 +85,8 @@ _NAMES = {
     "motions": "PointMotions point_motions",
     "posture": "angle_deg legs_in_line standing_legs",
 }
-_ON_FIRST_USE = {name: module for module, names in _NAMES.items() for name in names.split()}
 
-
-def __getattr__(name: str) -> Any:
-    """Import the module of a name at its first use."""
-    if name not in _ON_FIRST_USE:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_ON_FIRST_USE[name]}"), name)
+__getattr__ = importer(__name__, _NAMES)
 
 
 def load_body(source: str | Path = "embedded", device: torch.device | str = "cpu") -> BodyModel:

@@ -1,6 +1,7 @@
 """Read arrays from an untrusted pickle without running code.
 
-A pickle can name any Python function to be called. So no object that a pickle names is created.
+A pickle can name any Python function to be called. So no object that a pickle names is created,
+not even of numpy: with the state of a dtype, a pickle makes bytes pass for pointers.
 Placeholders store the state of numpy arrays, scipy sparse matrices and chumpy arrays; all other
 names are refused. An array is built from a placeholder only on request, by functions that check
 whether its parts are consistent.

@@ -26,7 +26,7 @@ from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_nu
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
-    from physic_core.types import BodyParameters, Hands
+    from physic_core.types import BodyParameters, FloatArray, Hands
 
 _Array = NDArray[np.float64]
 WRIST_LIMITS = np.array([1.6, 1.0, 1.5]) + 0.15
@@ -78,6 +78,18 @@ def attach_hands(parameters: BodyParameters, hands: Hands, model: BodyModel) -> 
     for side, joints in enumerate(_HANDS):
         local[:, joints] = slerp(local[:, joints], fingers[:, side], share[rows, side, None])
     return _with_arms(parameters, rows, local, given[..., 0])
+
+
+def wrist_turns_deg(parameters: BodyParameters, wrists: FloatArray) -> _Array:
+    """Return by how many degrees (N, 2) wrists (N, 2, 3), in the camera's frame, are turned from
+    those of bodies; NaN for people without an estimate.
+    """
+    rotations = rotations_from_tpose(rotations_from_parameters(parameters).double().numpy())
+    given = rotvec_to_rotmat_numpy(np.asarray(wrists, np.float64))
+    way = given @ np.swapaxes(rotations[:, _WRISTS], -1, -2)
+    cosine = (np.trace(way, axis1=-2, axis2=-1) - 1) / 2
+    turns: _Array = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    return turns
 
 
 def _weight(confidence: _Array) -> _Array:

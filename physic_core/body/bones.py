@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
 
 _HEAD = JOINT_INDEX["head"]
+_UP = np.array([0, *PARENTS[1:]])
 
 
 def rotations_from_parameters(
@@ -130,8 +131,6 @@ def cholesky_solve(normal: NDArray[np.float64], rhs: NDArray[np.float64]) -> NDA
 
 
 _Array = NDArray[np.float64]
-
-_UP = np.array([0, *PARENTS[1:]])
 
 
 def _family() -> _Array:

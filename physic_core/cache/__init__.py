@@ -1,5 +1,34 @@
 """Caches of backend results, mesh correspondences, networks and hashes in the user's cache folder.
 
-Other packages use :mod:`.folders` for where caches are, and the caches themselves: :mod:`.results`,
-:mod:`.correspondences` and :mod:`.digests`.
+Names that plugins use are imported at their first use.
 """
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from physic_core.lazy import importer
+
+if TYPE_CHECKING:
+    from physic_core.cache.correspondences import cached_correspondence as cached_correspondence
+    from physic_core.cache.digests import CodeDigester as CodeDigester
+    from physic_core.cache.digests import file_stamp as file_stamp
+    from physic_core.cache.digests import files_named_by as files_named_by
+    from physic_core.cache.folders import LruFolder as LruFolder
+    from physic_core.cache.folders import cache_folder as cache_folder
+    from physic_core.cache.folders import claimed_cache as claimed_cache
+    from physic_core.cache.folders import is_own as is_own
+    from physic_core.cache.folders import users_cache as users_cache
+    from physic_core.cache.kit_stamps import stamp as stamp
+    from physic_core.cache.results import cached_network_result as cached_network_result
+    from physic_core.cache.results import made_of as made_of
+
+_NAMES = {
+    "correspondences": "cached_correspondence",
+    "digests": "CodeDigester file_stamp files_named_by",
+    "folders": "LruFolder cache_folder claimed_cache is_own users_cache",
+    "kit_stamps": "stamp",
+    "results": "cached_network_result made_of",
+}
+
+__getattr__ = importer(__name__, _NAMES)

@@ -132,6 +132,11 @@ class CodeDigester:
             if file is None or top == "__main__" or "<locals>" in base.__qualname__:
                 return None
             modules.append(Path(file))
+        return self.digest_of(modules)
+
+    def digest_of(self, modules: list[Path]) -> str | None:
+        """Compute the digest of the packages of modules, as :meth:`digest` does."""
+        modules = [*modules]
         digest = hashlib.blake2b(digest_size=_CODE_BYTES)
         for module in modules:  # which grows
             code = self._module(module)
@@ -205,11 +210,6 @@ def _read_code(files: list[Path]) -> _Code | None:
     return _Code(digest.digest(), tuple(Path(one.origin) for one in specs if one and one.origin))
 
 
-_MAX_BYTES = 1 << 16
-"""All kept hashes have at most this size, which is 1000 files."""
-_CLOCK_NS = 2_000_000_000
-"""A file can change twice within one step of its clock, which is up to 2 s (FAT)."""
-
 _known: dict[str, str] = {}
 
 
@@ -220,6 +220,10 @@ def file_stamp(status: os.stat_result) -> str:
     No user can set the time of the inode.
     """
     return f"{status.st_size} {status.st_mtime_ns} {status.st_ctime_ns} {status.st_ino}"
+
+
+_CLOCK_NS = 2_000_000_000
+"""A file can change twice within one step of its clock, which is up to 2 s (FAT)."""
 
 
 def remembered_sha256(path: Path) -> str:
@@ -270,6 +274,10 @@ def _read(name: str) -> str | None:
         return None
     kept.mark_used(f"{name}{kept.suffix}")
     return text if re.fullmatch("[0-9a-f]{64}", text) else None
+
+
+_MAX_BYTES = 1 << 16
+"""All kept hashes have at most this size, which is 1000 files."""
 
 
 def _write(name: str, sha256: str) -> None:

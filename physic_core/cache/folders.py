@@ -22,9 +22,10 @@ CACHES = {
     "correspondences": ("maps", ".map.npz"),
     "graphs": ("graphs", ".graph.onnx"),
     "hashes": ("hashes", ".sha256"),
+    "kit": ("kit", ".passed"),
 }
 """Folder and suffix of each cache: results of backends, correspondences of meshes, optimised graphs
-of networks, and SHA-256s of the user's files.
+of networks, SHA-256s of the user's files, and stamps of backends that passed the conformance kit.
 """
 
 _INCOMPLETE_AGE_S = 3600.0

@@ -14,7 +14,7 @@ from typing import Any
 import click
 
 from physic_core.cli.exit_codes import INTERRUPTED, MEANINGS, OTHER, exit_code
-from physic_core.cli.groups import ExtensibleGroup
+from physic_core.cli.groups import ExtensibleGroup, explained
 from physic_core.cli.output import echo, printed_logs
 from physic_core.errors import PhysicError
 from physic_core.files.text import shorten
@@ -49,7 +49,7 @@ class _Main(ExtensibleGroup):
             ctx.exit(INTERRUPTED)
         except click.ClickException as error:
             shown = StringIO()
-            error.show(shown)
+            (explained(error) if isinstance(error, click.NoSuchOption) else error).show(shown)
             echo(shown.getvalue(), nl=False, err=True)
             ctx.exit(error.exit_code)
         except PhysicError as error:

@@ -86,7 +86,9 @@ class Numbers(click.ParamType[Any]):
             numbers = ()
         count = 0 if self.name.endswith("...") else self.name.count(",") + 1
         if not numbers or len(numbers) != (count or len(numbers)):
-            self.fail(f"'{value}' is not comma-separated numbers: {self.name}", param, ctx)
+            several = count and len(numbers) > count and len(numbers) % count == 0
+            cure = "repeat the option for each" if several else "without a unit"
+            self.fail(f"'{value}' is not comma-separated numbers: {self.name}; {cure}", param, ctx)
         return numbers
 
 

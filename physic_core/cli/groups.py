@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import os
 from collections.abc import Mapping
 from importlib import import_module
@@ -12,6 +13,40 @@ import click
 if TYPE_CHECKING:
     from physic_core.discovery.hooks import PluginItem
     from physic_core.discovery.plugins import Found
+
+
+_CURES = {
+    "--gpu": "choose a device: --device cuda",
+    "--cpu": "choose a device: --device cpu",
+    "--fov": "give the focal length: --focal-px",
+    "--height": "a person's height is --stature, the camera's --camera-height",
+    "--seed": "the same photo has the same result without one",
+    "--share": "docs/serve.md says who can reach a server",
+    "--recursive": "folders are searched with those in them",
+    "--jobs": "the number of processes is --workers",
+    "--resume": "run the same command again, which goes on",
+    "--threads": "write --set run.threads=N",
+    "--export": "export afterwards: physic export FOLDER --to FORMAT",
+}
+"""Options of other programs -> what to do here."""
+
+_NEAR = 0.75
+
+
+def explained(error: click.NoSuchOption) -> click.UsageError:
+    """Return the error with what to do in place of an option that does not exist; only near ones
+    are suggested.
+    """
+    name = error.option_name
+    near = difflib.get_close_matches(name, error.possibilities or (), cutoff=_NEAR)
+    cure = _CURES.get(name, "")
+    if not cure and near:
+        cure = f"did you mean {' or '.join(near)}?"
+    elif not cure and not name.startswith("--"):
+        cure = f"a file whose name begins so is ./{name}..."
+    elif not cure and error.ctx is not None:
+        cure = f"{error.ctx.command_path} --help lists all"
+    return click.UsageError(f"No such option '{name}': {cure}", error.ctx)
 
 
 class ExtensibleGroup(click.Group):
@@ -95,6 +130,10 @@ class ExtensibleGroup(click.Group):
             if not self.path and (is_folder := os.path.isdir(name) or os.path.splitext(name)[1]):
                 cure = f"batch {name} -o results" if is_folder is True else f"run {name}"
                 raise click.UsageError(f"No such command '{name}': did you mean 'physic {cure}'?")
+            if name in ("help", "version"):
+                raise click.UsageError(
+                    f"No such command '{name}': write {ctx.command_path} --{name}"
+                )
             there = self.list_commands(ctx)
             hint = did_you_mean(name, there) or f"; there are: {', '.join(there)}"
             raise click.UsageError(f"No such command '{name}'{hint}")

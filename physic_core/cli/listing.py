@@ -6,6 +6,7 @@ import inspect
 import os
 from typing import TYPE_CHECKING, Any
 
+from physic_core.cache.kit_stamps import is_vouched_for
 from physic_core.cli.output import format_table
 from physic_core.discovery.backends import (
     list_backends,
@@ -68,7 +69,10 @@ def _state(offer: Offer) -> str:
     lacking = [one.name for one in sets if presence(one) in ("missing", "in part")]
     needs = ["weights"] if lacking else []
     needs += dict.fromkeys(text for one in sets for text in one.needs.split(", ") if text)
-    return f"needs {', '.join(needs)}" if needs else "ready"
+    if needs:
+        return f"needs {', '.join(needs)}"
+    passed = is_vouched_for(offer.interface, offer.name, offer.distribution, offer.target)
+    return "ready" if passed else f"ready; never passed `physic plugins check {offer.name}` here"
 
 
 def describe_backend(offer: Offer) -> str:

@@ -21,7 +21,7 @@ from physic_core.discovery.error_text import did_you_mean
 from physic_core.discovery.local_modules import with_folder
 from physic_core.errors import ConfigError
 from physic_core.files.atomic import read_regular, unreadable
-from physic_core.files.text import from_json, parse_json, path_problem, quoted
+from physic_core.files.text import from_json, parse_json, parse_toml, path_problem, quoted
 from physic_core.interfaces import INTERFACES
 
 SettingsLayer = tuple[str, Mapping[str, Any]]
@@ -96,7 +96,7 @@ def file_layers(
     is_result = path.suffix == ".json"
     try:
         text = read_regular(path, _MAX_BYTES).decode("utf-8-sig")
-        table = from_json(parse_json(text)["config"]) if is_result else tomllib.loads(text)
+        table = from_json(parse_json(text)["config"]) if is_result else parse_toml(text)
     except OSError as error:
         raise ConfigError(f"cannot read the config {path}: {unreadable(error)}") from error
     except (ValueError, KeyError, TypeError) as error:
@@ -238,11 +238,11 @@ def _assignment(key: str, value: str, title: str) -> dict[str, Any]:
     without quotes.
     """
     try:
-        return tomllib.loads(f"{key} = {value}")
+        return parse_toml(f"{key} = {value}")
     except ValueError:
         text = json.dumps(value.strip(), ensure_ascii=False)
     try:
-        return tomllib.loads(f"{key} = {text}")
+        return parse_toml(f"{key} = {text}")
     except ValueError as error:
         raise ConfigError(
             f"{title}: '{key}' does not name a setting, such as inpainter.backend ({error})"

@@ -220,6 +220,13 @@ def missing_formats_hint(exporters: Sequence[Found[ExporterRecord]]) -> tuple[st
     return (f"{further} are in {explain_absence(FORMATS)}",)
 
 
+_HINTS = {
+    "fbx": "; FBX is made of the GLB by Blender: the command is in docs/exports.md under FBX",
+    "3mf": "; for 3MF, write STL, and save it from the slicer",
+}
+"""Format that none writes -> the way to it."""
+
+
 def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
     """Return the exporter of a format by its name or, without a name, by a file suffix (".glb").
 
@@ -269,8 +276,9 @@ def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
         if wanted in values
     ]
     hint = f"; '{wanted}' is an option: {' or '.join(options)}" if options else ""
-    if wanted == "fbx":
-        hint = "; FBX is made of the GLB by Blender: the command is in docs/exports.md under FBX"
+    if wanted.lstrip(".") in {each.record.name for each in exporters}:
+        hint = f"; write --to {wanted.lstrip('.')}"
+    hint = _HINTS.get(wanted, hint)
     raise ConfigError(
         f"{what}: {choose} (--to, or format= in Python; physic export --list says what each is "
         f"for){hint}"

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from physic_core.engine.state import Estimates, State
     from physic_core.types import BoolArray, FloatArray, KnownSizes
 
-_FEWEST_VERTICES = 20  # with a depth, for a median
 _LONG_SIDE_PX = 400
 _RIM = 0.03  # roots of the mask's area by which a body may leave the mask
 _IN_FRONT_M = 0.05  # a scene point nearer than the body by more hides it

@@ -32,6 +32,11 @@ GIMBAL_SIGMA_DEG = 2.0
 degree, but their horizon drifts by one or two, which pilots correct by hand.
 """
 
+_BODY_SIGMA_DEG = 6.0  # of a trunk that stands, sideways from the vertical
+_BODIES = 3.0  # independent observations that all bodies are worth
+_WRONG = 0.05  # share of stated ups that are far off
+_WRONG_RANGE_DEG = 90.0  # of their angles to bodies
+
 _SLOPE_OF_ROOMS_DEG = 0.5  # sigma of a floor's normal from up: floors of rooms are level
 _SLOPE_OUTDOORS_DEG = 4.0  # the same of streets and lawns, which slope
 _LEAST_SURE_DEG = 7.0  # a less sure witness turns no floor: floors of rooms are 2 degrees off (rms)
@@ -86,6 +91,31 @@ def with_up_of_file(pointmap: Pointmap, stated: FloatArray | None) -> tuple[Poin
     return known, warning
 
 
+def questioned_up(up: Up | None, bodies: Tensor) -> tuple[Up | None, tuple[str, ...]]:
+    """Return up with the error that people who stand leave it, and a warning if they contradict it.
+
+    Args:
+        up: without a floor; None if nothing tells it.
+        bodies: (M, 3) unit normals of the planes through the camera and each of M people who
+            stand: gravity lies in these planes.
+    """
+    if up is None or not len(bodies):
+        return up, ()
+    off = torch.rad2deg(torch.asin((bodies.double() @ up.direction).clamp(-1, 1)))
+    sigma = math.hypot(up.sigma, _BODY_SIGMA_DEG)
+    density = torch.exp(-0.5 * (off / sigma).square()) / (sigma * math.sqrt(2 * math.pi))
+    nats = torch.log((density * _WRONG_RANGE_DEG).clamp(min=1e-9)).mean() * min(len(off), _BODIES)
+    right = 1 / (1 + _WRONG / (1 - _WRONG) * math.exp(-float(nats)))
+    middle = float(off.abs().median())
+    asked = replace(up, sigma=math.hypot(up.sigma, math.sqrt(1 - right) * middle))
+    if right > 0.5:
+        return asked, ()
+    return asked, (
+        f"by the {up.source} of the photo the people who stand lean sideways by {middle:.0f} "
+        f"degrees: up follows the people",
+    )
+
+
 def slope_sigma(labels: SurfaceLabels | None) -> float:
     """Return the standard deviation of the floor's normal from up by the labels of a photo."""
     if labels is None:
@@ -99,16 +129,24 @@ def surest_up(floor: PlaneFit | None, up: Up | None, slope: float) -> Up:
     """Return the surest of a floor after :func:`level_plane`, up without it, and the camera.
 
     An up that is too unsure to turn a floor replaces it only where the camera's axis would: steep
-    views look level.
+    views look level. The error contains the contradiction of floor and up, by the share of the
+    other one in their precisions.
     """
-    other = camera_axis() if up is None else up
+    other = min((one for one in (up, camera_axis()) if one), key=lambda one: one.sigma)
     if floor is None:
         return other
     sure = other.sigma < _LEAST_SURE_DEG
     sigma = math.degrees(floor.pitch_sigma if sure else floor.plane_sigma)
     own = Up(floor.normal.double(), math.hypot(sigma, slope), "the floor")
     limit = other.sigma if sure else AXIS_SIGMA_DEG
-    return own if own.sigma < limit else other
+    if own.sigma < limit:
+        return own
+    seen = Up(own.direction, math.hypot(math.degrees(floor.plane_sigma), slope), own.source)
+    if not sure or difference_sigmas(seen, other) <= DISAGREE:
+        return other
+    share = other.sigma / math.hypot(other.sigma, seen.sigma)
+    off = angle_deg(seen.direction, other.direction)
+    return replace(other, sigma=math.hypot(other.sigma, share * off))
 
 
 def fused_up(witnesses: Sequence[Up]) -> Up:
@@ -129,6 +167,10 @@ def difference_sigmas(first: Up, second: Up) -> float:
     """Return how far two witnesses differ, in joint standard deviations."""
     joint = math.hypot(first.sigma, second.sigma)
     return angle_deg(first.direction, second.direction) / joint
+
+
+# Least cosine between a ray and the normal: a plane is not turned about a point at the horizon.
+_GRAZING = 0.02
 
 
 def level_plane(plane: PlaneFit, up: Up | None, slope: float, ray: Tensor) -> PlaneFit:
@@ -162,10 +204,6 @@ def level_plane(plane: PlaneFit, up: Up | None, slope: float, ray: Tensor) -> Pl
         return plane
     offset = plane.offset * steeper / steep
     return replace(plane, normal=normal, offset=offset, pitch_sigma=sigma)
-
-
-# Least cosine between a ray and the normal: a plane is not turned about a point at the horizon.
-_GRAZING = 0.02
 
 
 def slope_warnings(floor: PlaneFit | None, up: Up | None, slope: float) -> tuple[str, ...]:

@@ -1,14 +1,16 @@
 """Atomic writes, npz archives with verified checksums, and JSON with non-finite numbers.
 
 Other packages use :mod:`.atomic` for files that are written completely or not at all, files that
-may be replaced and files of unknown origin, :mod:`.plain` for dataclasses, :mod:`.npz` for arrays,
-:mod:`.text` for text and JSON, and :mod:`.image_file` for photos.
+may be replaced and files of unknown origin, :mod:`.names` for names of unknown origin,
+:mod:`.plain` for dataclasses, :mod:`.npz` for arrays, :mod:`.text` for text and JSON, and
+:mod:`.image_file` for photos.
 """
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from physic_core.lazy import importer
 
 if TYPE_CHECKING:
     from physic_core.files.atomic import MARK as MARK
@@ -16,8 +18,10 @@ if TYPE_CHECKING:
     from physic_core.files.atomic import check_own as check_own
     from physic_core.files.atomic import check_writable as check_writable
     from physic_core.files.atomic import foreign_file as foreign_file
+    from physic_core.files.atomic import has_mark as has_mark
     from physic_core.files.atomic import open_regular as open_regular
     from physic_core.files.atomic import open_to_append as open_to_append
+    from physic_core.files.atomic import path_to_write as path_to_write
     from physic_core.files.atomic import read_regular as read_regular
     from physic_core.files.atomic import unreadable as unreadable
     from physic_core.files.atomic import write_own as write_own
@@ -26,12 +30,16 @@ if TYPE_CHECKING:
     from physic_core.files.image_file import decode as decode
     from physic_core.files.image_file import open_image as open_image
     from physic_core.files.image_file import wrap_decoding_errors as wrap_decoding_errors
+    from physic_core.files.names import UntrustedName as UntrustedName
+    from physic_core.files.names import paths_inside as paths_inside
     from physic_core.files.npz import read_arrays as read_arrays
     from physic_core.files.npz import read_names as read_names
     from physic_core.files.npz import write_arrays as write_arrays
     from physic_core.files.plain import split as split
     from physic_core.files.text import csv_writer as csv_writer
+    from physic_core.files.text import finite as finite
     from physic_core.files.text import from_json as from_json
+    from physic_core.files.text import parse_toml as parse_toml
     from physic_core.files.text import path_problem as path_problem
     from physic_core.files.text import printable as printable
     from physic_core.files.text import quoted as quoted
@@ -40,18 +48,14 @@ if TYPE_CHECKING:
     from physic_core.files.text import write_csv as write_csv
 
 _NAMES = {
-    "atomic": "MARK atomic_write check_own check_writable foreign_file open_regular "
-    "open_to_append read_regular unreadable write_own",
+    "atomic": "MARK atomic_write check_own check_writable foreign_file has_mark open_regular "
+    "open_to_append path_to_write read_regular unreadable write_own",
     "image_file": "IMAGE_SUFFIXES ImageSource decode open_image wrap_decoding_errors",
+    "names": "UntrustedName paths_inside",
     "npz": "read_arrays read_names write_arrays",
     "plain": "split",
-    "text": "csv_writer from_json path_problem printable quoted shorten to_json write_csv",
+    "text": "csv_writer finite from_json parse_toml path_problem printable quoted shorten to_json "
+    "write_csv",
 }
-_ON_FIRST_USE = {name: module for module, names in _NAMES.items() for name in names.split()}
 
-
-def __getattr__(name: str) -> Any:
-    """Import the module of a name at its first use."""
-    if name not in _ON_FIRST_USE:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_ON_FIRST_USE[name]}"), name)
+__getattr__ = importer(__name__, _NAMES)

@@ -27,7 +27,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import BinaryIO
 
-from physic_core.errors import OutputError
+from physic_core.errors import InputError, OutputError
+from physic_core.files.names import UntrustedName
 
 MARK = "Written by PhySIC. The same command replaces this file."
 """Text in a file by which PhySIC knows later that it may replace the file."""
@@ -70,11 +71,7 @@ class AtomicWrite:
             OutputError: the file would lie outside the folder.
         """
         if name not in self._parts:
-            if not is_inside(self._folder, name):
-                raise OutputError(
-                    f"cannot write {self._folder / name}: a link there leads out of "
-                    f"{self._folder}; move the link away, or name another folder"
-                )
+            _ = path_to_write(self._folder, name)
             # In the same folder, since a rename is atomic only within one file system.
             self._parts[name] = part or self._folder / _part_name(name, self._token)
         return self._parts[name]
@@ -128,14 +125,19 @@ class AtomicWrite:
                 part.unlink(missing_ok=True)
 
 
-def is_inside(folder: Path, name: str) -> bool:
-    """Return whether a file name, which may begin with folders, leads into a folder when all links
-    are followed.
+def path_to_write(folder: Path, name: str) -> Path:
+    """Return the path of a file or folder that will be written in a folder.
+
+    Raises:
+        OutputError: it would lie outside.
     """
-    with suppress(ValueError):  # characters that no path has
-        root = Path(os.path.realpath(folder))
-        return root in Path(os.path.realpath(root / name)).parents
-    return False
+    try:
+        return UntrustedName(name).inside(folder)
+    except InputError as error:
+        raise OutputError(
+            f"cannot write {folder / name}: a link there leads out of {folder}; move the link "
+            f"away, or name another folder"
+        ) from error
 
 
 def _part_name(name: str, token: str) -> str:
@@ -321,7 +323,7 @@ def check_own(*paths: Path, mark: str = MARK) -> None:
     """
     for path in paths:
         try:
-            is_own = stat.S_ISREG(os.lstat(path).st_mode) and mark.encode() in _start(path)
+            is_own = stat.S_ISREG(os.lstat(path).st_mode) and has_mark(path, mark)
         except FileNotFoundError:
             continue
         except OSError as error:
@@ -348,8 +350,7 @@ def foreign_file(path: Path) -> OutputError:
     """Return the error for a path that holds a file of the user."""
     return OutputError(
         f"cannot write {path}: a file that PhySIC did not write, or a link, is there; move it "
-        f"away, or name another "
-        "folder"
+        "away, or name another folder"
     )
 
 
@@ -368,9 +369,14 @@ def open_to_append(path: Path) -> BinaryIO:
     return open(path, "ab+", opener=opener)
 
 
-def _start(path: Path) -> bytes:
-    with path.open("rb") as file:
-        return file.read(_START_BYTES)
+def has_mark(path: str | os.PathLike[str], mark: str = MARK) -> bool:
+    """Return whether the start of a file has the mark.
+
+    Raises:
+        OSError: it cannot be read, or is not a regular file.
+    """
+    with open_regular(Path(path)) as file:
+        return mark.encode() in file.read(_START_BYTES)
 
 
 _UNREADABLE = {

@@ -55,6 +55,10 @@ def path_problem(text: str) -> str:
             f"{quoted(text)} is an address, and PhySIC downloads nothing: save the file, and "
             f"name its path"
         )
+    if text == "-":
+        return "'-' is no path, and no stream is read: name a file"
+    if re.search(r"[*?]", text) and not os.path.lexists(text):
+        return f"no file is named {quoted(text)}: without quotes, the shell puts names in its place"
     if "\0" in text:
         return f"{quoted(text)} has a null character, which no path has"
     return ""
@@ -142,9 +146,28 @@ def parse_json(content: bytes | str) -> Any:
         ValueError: it is not JSON, a number is not finite, or values are nested more than 200 deep.
     """
     try:
-        value = json.loads(content, parse_constant=_refuse, parse_float=_finite)
+        value = json.loads(content, parse_constant=_refuse, parse_float=finite)
     except RecursionError:
         raise ValueError(_TOO_DEEP) from None
+    return _not_too_deep(value)
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Parse TOML.
+
+    Raises:
+        ValueError: it is not TOML, or values are nested more than 200 deep.
+    """
+    import tomllib
+
+    try:
+        value: dict[str, Any] = _not_too_deep(tomllib.loads(text))
+    except RecursionError:
+        raise ValueError(_TOO_DEEP) from None
+    return value
+
+
+def _not_too_deep(value: Any) -> Any:
     level = [value]
     for _ in range(_MAX_DEPTH):
         level = [item for one in level for item in _items(one)]
@@ -164,7 +187,12 @@ def _refuse(word: str) -> Any:
     raise ValueError(f"{word} is not a JSON number")
 
 
-def _finite(text: str) -> float:
+def finite(text: str) -> float:
+    """Return the number of a text, as ``parse_float`` of a decoder.
+
+    Raises:
+        ValueError: it is not finite.
+    """
     number = float(text)
     if not math.isfinite(number):
         raise ValueError(f"the number {text:.60} is too large")

@@ -9,8 +9,9 @@ Other packages use :mod:`.camera`, :mod:`.pointmap`, :mod:`.alignment`, :mod:`.f
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from physic_core.lazy import importer
 
 if TYPE_CHECKING:
     from physic_core.geometry.alignment import AlignmentOptions as AlignmentOptions
@@ -63,11 +64,5 @@ _NAMES = {
     "tensors": "optional_tensors",
     "upright": "gltf_from_camera transform_points up_in_camera",
 }
-_ON_FIRST_USE = {name: module for module, names in _NAMES.items() for name in names.split()}
 
-
-def __getattr__(name: str) -> Any:
-    """Import the module of a name at its first use."""
-    if name not in _ON_FIRST_USE:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_ON_FIRST_USE[name]}"), name)
+__getattr__ = importer(__name__, _NAMES)

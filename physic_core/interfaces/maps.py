@@ -166,6 +166,10 @@ class RelativePointmap(Backend):
         yield from check_notes(result.warnings, "warnings")
 
 
+_UNIT = 1e-3  # of the length of a unit vector
+_MOST_UP_DEG = 90.0  # beyond, nothing is known of up
+
+
 def _check_up(result: Pointmap) -> Iterator[str]:
     """Check that up is a unit vector with a sigma in degrees, or that both are None."""
     import numpy as np
@@ -189,9 +193,6 @@ def _is_mean_and_sigma(given: tuple[float, float]) -> bool:
     except (TypeError, ValueError):
         return False
 
-
-_UNIT = 1e-3  # of the length of a unit vector
-_MOST_UP_DEG = 90.0  # beyond, nothing is known of up
 
 _REVERSED = -0.5  # correlation of the points' directions with the columns or rows of their pixels
 _CORRELATED = 20_000  # about the number of pixels that the correlation is taken of

@@ -23,6 +23,8 @@ _MODES = {"RGB ": "RGB", "CMYK": "CMYK", "GRAY": "L"}
 _SAME = 2.0  # grey levels; two profiles of sRGB differ by rounding
 _USUAL_GAMMA = 1 / 2.2
 _GAMMA_TOLERANCE = 0.02
+_LEAST_GAMMA = 0.1
+_LARGEST_GAMMA = 3.0
 
 
 _HEADER_BYTES = 1 << 20  # of a file, in which the colours are stated before the pixels
@@ -138,6 +140,8 @@ def srgb_conversion(
         or abs(gamma - _USUAL_GAMMA) < _GAMMA_TOLERANCE
     ):
         return "", None, ""
+    if not _LEAST_GAMMA <= gamma <= _LARGEST_GAMMA:
+        return "", None, f"the file states a gamma of {gamma:g}, which is ignored: no photo has it"
     linear = (np.arange(256) / 255) ** (1 / gamma)
     table = (255 * _srgb_curve(linear)).round().astype(int).tolist() * 3
     few = "the photo is stored almost linearly: its dark parts have few steps in 8 bits"

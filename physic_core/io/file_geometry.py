@@ -16,12 +16,23 @@ if TYPE_CHECKING:
 
     from physic_core.types import FloatArray
 
-_VALUE = r"""(?:\s*=\s*["']|>)\s*"""  # of XMP, as an attribute or an element
-_PROJECTION = re.compile(rf"\bProjectionType{_VALUE}([\w-]+)")
-_PITCH = re.compile(rf"\bGimbalPitchDegree{_VALUE}([+-]?\d+(?:\.\d+)?)")
-_ROLL = re.compile(rf"\bGimbalRollDegree{_VALUE}([+-]?\d+(?:\.\d+)?)")
+_ATTRIBUTES = r"""(?:[\w.:-]+\s*=\s*(?:"[^"]*"|'[^']*')\s*)*"""
+
+
+def _xmp(prefix: str, name: str, value: str) -> re.Pattern[str]:
+    """Return the pattern of a property of XMP, an attribute or an element; text has none."""
+    key = f"{prefix}:{name}"
+    return re.compile(
+        rf"""<[\w.:-]+\s+{_ATTRIBUTES}{key}\s*=\s*["']\s*({value})|<{key}>\s*({value})"""
+    )
+
+
+_NUMBER = r"[+-]?\d+(?:\.\d+)?"
+_PROJECTION = _xmp("GPano", "ProjectionType", r"[\w-]+")
+_PITCH = _xmp("drone-dji", "GimbalPitchDegree", _NUMBER)
+_ROLL = _xmp("drone-dji", "GimbalRollDegree", _NUMBER)
 _LEVEL_DEG = 2.0  # of roll; a gimbal keeps the horizon level
-_ALTITUDE = re.compile(rf"\bRelativeAltitude{_VALUE}([+-]?\d+(?:\.\d+)?)")
+_ALTITUDE = _xmp("drone-dji", "RelativeAltitude", _NUMBER)
 _FLAT = ("perspective", "rectilinear")
 
 _MAKE = 0x010F
@@ -43,6 +54,11 @@ _SHAPES_OF_PHOTOS = (4 / 3, 3 / 2, 5 / 4, 2.0)
 _PAIRS = ("jfif_density", "aspect", "dpi")
 
 
+def _value(pattern: re.Pattern[str], xmp: str) -> str | None:
+    found = pattern.search(xmp)
+    return None if found is None else found[1] or found[2]
+
+
 def panorama_kind(xmp: str, tags: Mapping[int, Any]) -> str:
     """Return the projection of a panorama, such as "equirectangular"; "" for a perspective photo.
 
@@ -50,8 +66,8 @@ def panorama_kind(xmp: str, tags: Mapping[int, Any]) -> str:
         xmp: of the file.
         tags: as in :func:`physic_core.io.exif.intrinsics_from_exif`.
     """
-    if (found := _PROJECTION.search(xmp)) and found[1].lower() not in _FLAT:
-        return found[1].lower()
+    if (kind := (_value(_PROJECTION, xmp) or "").lower()) and kind not in _FLAT:
+        return kind
     is_apple = str(tags.get(_MAKE)).strip("\0 ") == "Apple"
     return "cylindrical" if is_apple and tags.get(_CUSTOM_RENDERED) == _PANORAMA_OF_APPLE else ""
 
@@ -67,19 +83,19 @@ def up_of_gimbal(xmp: str, orientation: int) -> FloatArray | None:
         xmp: of the file.
         orientation: EXIF orientation, 1-8.
     """
-    pitch, roll = (pattern.search(xmp) for pattern in (_PITCH, _ROLL))
-    if pitch is None or orientation != 1 or (roll and abs(float(roll[1])) > _LEVEL_DEG):
+    pitch, roll = (_value(pattern, xmp) for pattern in (_PITCH, _ROLL))
+    if pitch is None or orientation != 1 or (roll and abs(float(roll)) > _LEVEL_DEG):
         return None
-    angle = math.radians(float(pitch[1]))
+    angle = math.radians(float(pitch))
     return np.array([0.0, -math.cos(angle), math.sin(angle)])
 
 
 def drone_note(xmp: str) -> str:
     """Return a note on the height over the take-off, or ""."""
-    if not (altitude := _ALTITUDE.search(xmp)):
+    if (altitude := _value(_ALTITUDE, xmp)) is None:
         return ""
     return (
-        f"the drone states {float(altitude[1]):g} m above the take-off, which is not used: give "
+        f"the drone states {float(altitude):g} m above the take-off, which is not used: give "
         f"--camera-height if people stand as high as it took off"
     )
 

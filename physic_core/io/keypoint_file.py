@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray
 
 _COLUMNS = ("person", "joint", "x", "y")
+_SCORE = "confidence"
 _DISTRIBUTION = "physic-opencv"
 _MAX_BYTES = 10_000_000
 _LEAST_SCORE = 0.3
@@ -70,8 +71,8 @@ def read_keypoints(path: str, width: int, height: int, photo: str = "") -> Given
     in a note.
 
     Args:
-        path: of a CSV file with the columns person, joint, x and y, or of JSON by one of the tools
-            of ``docs/tools.md``.
+        path: of a CSV file with the columns person, joint, x, y and perhaps confidence, or of JSON
+            by one of the tools of ``docs/tools.md``.
         width: of the upright photo file, px.
         height: of it, px.
         photo: name of the photo's file, which selects one image of a dataset.
@@ -129,11 +130,16 @@ def _outline(document: Any) -> str:
 
 
 def _csv_rows(text: str) -> Iterable[KeypointRow]:
-    """Yield the rows below the header; all are visible."""
+    """Yield the rows below the header; without a column of scores all are visible."""
     lines = csv.DictReader(io.StringIO(text), skipinitialspace=True)
     if missing := [name for name in _COLUMNS if name not in (lines.fieldnames or ())]:
         raise ValueError(
             f"the first line lacks {', '.join(missing)} (got {quoted(text.split(chr(10))[0])})"
+        )
+    if others := [name for name in lines.fieldnames or () if name not in (*_COLUMNS, _SCORE)]:
+        raise ValueError(
+            f"it has the column {quoted(others[0])}, which is not read: remove it, or call a "
+            f"score {_SCORE}"
         )
     for line in lines:
         try:
@@ -142,7 +148,7 @@ def _csv_rows(text: str) -> Iterable[KeypointRow]:
                 line["joint"].strip(),
                 float(line["x"]),
                 float(line["y"]),
-                2.0,
+                float(line.get(_SCORE, 2.0)),
             )
         except (ValueError, TypeError, AttributeError):
             given = ",".join(str(line[name]) for name in _COLUMNS)
@@ -156,7 +162,7 @@ def _given(table: KeypointTable, is_csv: bool, size: tuple[int, int]) -> GivenKe
     is_scored = table.scored or any(row[4] not in (0, 1, 2) for row in table.rows)
     rows = [row for row in table.rows if row[4] > 0 and (is_csv or row[2:4] != (0, 0))]
     certain = [row for row in rows if not is_scored or row[4] >= _LEAST_SCORE]
-    notes = []
+    notes = [*table.notes]
     if unsure := len(rows) - len(certain):
         notes.append(f"left out {unsure} given keypoints whose score is below {_LEAST_SCORE:g}")
     _check_rows(certain)
@@ -186,6 +192,8 @@ def _scale(stated: tuple[int, int], size: tuple[int, int]) -> FloatArray:
     Raises:
         ValueError: the shapes differ by more than rounding, or the picture is turned.
     """
+    if min(stated) < 1:
+        raise ValueError(f"they state a picture of {stated[0]} x {stated[1]} px")
     factors = np.array(size, np.float64) / stated
     # A side that was rounded is off by half a pixel.
     if abs(factors[0] / factors[1] - 1) > 1 / min(stated) + 1 / min(size):

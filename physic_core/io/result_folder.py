@@ -18,7 +18,7 @@ import logging
 import os
 import re
 import secrets
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -31,12 +31,12 @@ from physic_core.files.atomic import (
     AtomicWrite,
     atomic_write,
     check_writable,
-    is_inside,
     locked,
     open_regular,
     parts_of,
     read_regular,
 )
+from physic_core.files.names import UntrustedName, paths_inside
 from physic_core.files.text import parse_json, write_csv
 from physic_core.pictures import GLB_FILE, PREVIEW_FILE, REPORT_FILE
 from physic_core.types.results import PERSON_COLUMNS, person_rows
@@ -160,7 +160,7 @@ def add_result_file(folder: Path, name: str, content: bytes) -> None:
     """
     with atomic_write(check_writable(folder)) as write:
         write.expect(ARRAYS_FILE)
-        document = _document(folder / DOCUMENT_FILE)
+        document = _document(folder)
         if document is None:
             write(name).write_bytes(content)
             return
@@ -180,7 +180,7 @@ def list_exports(folder: Path, files: Iterable[Path]) -> None:
     digests = {name: file_digest(folder / name) for name in names}
     with atomic_write(check_writable(folder)) as write:
         write.expect(ARRAYS_FILE)
-        document = _document(folder / DOCUMENT_FILE)
+        document = _document(folder)
         if names and document is not None:
             listed = _files(folder, document) | digests
             _write_parts(folder, write, {**document, "files": listed}, {})
@@ -235,7 +235,7 @@ def _complete(folder: Path) -> bool:
     found = [
         (path, document)
         for path in folder.glob(_PARTS)
-        if (document := _document(path)) is not None
+        if (document := _document(folder, path.name)) is not None
     ]
     for path, document in sorted(found, key=lambda each: each[0].stat().st_mtime_ns, reverse=True):
         digests = _files(folder, document)
@@ -323,13 +323,8 @@ def _earlier_files(folder: Path, replaced: Replaced) -> tuple[set[str], set[str]
     under such a name is edited: it belongs to the user. The document belongs to the run, even if it
     was edited.
     """
-    documents = [
-        found
-        for path in (folder / DOCUMENT_FILE, *folder.glob(_PARTS))
-        if (found := _document(path))
-    ]
-    digests = [_files(folder, document) for document in documents]
-    earlier = (name for name in replaced.earlier if is_inside(folder, name))
+    digests = [_files(folder, document) for document in _documents(folder)]
+    earlier = paths_inside(folder, replaced.earlier)
     there = {
         name for name in (*earlier, *itertools.chain(*digests)) if os.path.lexists(folder / name)
     }
@@ -340,7 +335,7 @@ def _earlier_files(folder: Path, replaced: Replaced) -> tuple[set[str], set[str]
 
     unchanged = set(filter(is_unchanged, there))
     edited = there - unchanged - {DOCUMENT_FILE}
-    is_own = DOCUMENT_FILE in there or _document(folder / DOCUMENT_FILE) is not None
+    is_own = DOCUMENT_FILE in there or _document(folder) is not None
     if (
         is_own
         and os.path.isfile(folder / DOCUMENT_FILE)
@@ -354,9 +349,7 @@ def photo_identity_of_result(folder: str | os.PathLike[str]) -> str | None:
     """Read the digests of the photo from the result in a folder, finished or not; None if there is
     no result.
     """
-    paths = (Path(folder, DOCUMENT_FILE), *Path(folder).glob(_PARTS))
-    found = (str(document.get("photo", "")) for path in paths if (document := _document(path)))
-    return next(found, None)
+    return next((str(one.get("photo", "")) for one in _documents(Path(folder))), None)
 
 
 def run_of_result(folder: str | os.PathLike[str]) -> str:
@@ -364,11 +357,11 @@ def run_of_result(folder: str | os.PathLike[str]) -> str:
     missing or cut off.
     """
     try:
-        with open_regular(Path(folder, DOCUMENT_FILE)) as file:
+        with open_regular(UntrustedName(DOCUMENT_FILE).inside(folder)) as file:
             found = _RUN.match(file.read(_END_BYTES))
             file.seek(max(0, file.seek(0, os.SEEK_END) - _END_BYTES))
             return found[1].decode() if found and file.read().rstrip().endswith(b"}") else ""
-    except OSError:
+    except (InputError, OSError):
         return ""
 
 
@@ -403,11 +396,19 @@ def image_digest(image: UInt8Array) -> str:
     return f"pixels-sha256:{hashlib.sha256(shape.encode() + image.tobytes()).hexdigest()}"
 
 
-def _document(path: Path) -> dict[str, Any] | None:
+def _documents(folder: Path) -> Iterator[dict[str, Any]]:
+    """Yield the document of a folder, and those that a killed process has left."""
+    for name in (DOCUMENT_FILE, *(path.name for path in folder.glob(_PARTS))):
+        if (found := _document(folder, name)) is not None:
+            yield found
+
+
+def _document(folder: Path, name: str = DOCUMENT_FILE) -> dict[str, Any] | None:
     """Read a document; None if it is missing or invalid."""
     try:
+        path = UntrustedName(name).inside(folder)
         document = parse_json(read_regular(path, MAX_DOCUMENT_BYTES))
-    except (OSError, ValueError):
+    except (InputError, OSError, ValueError):
         return None
     return document if isinstance(document, dict) and document.get("schema") == SCHEMA else None
 
@@ -417,12 +418,9 @@ def _files(folder: Path, document: Mapping[str, Any]) -> dict[str, str]:
     the document is untrusted.
     """
     files = document.get("files")
-    pairs = files.items() if isinstance(files, dict) else ()
-    return {
-        name: str(digest)
-        for name, digest in pairs
-        if name != DOCUMENT_FILE and is_inside(folder, name)
-    }
+    digests = files if isinstance(files, dict) else {}
+    inside = paths_inside(folder, digests)
+    return {name: str(digests[name]) for name in inside if name != DOCUMENT_FILE}
 
 
 def people_csv(result: Reconstruction, photo: str) -> bytes:
@@ -438,7 +436,25 @@ def people_csv(result: Reconstruction, photo: str) -> bytes:
 
 
 def is_result(folder: str | os.PathLike[str]) -> bool:
-    """Return whether a folder has a result, valid or not, or one that a killed process has not
+    """Return whether a folder has a result, whole or damaged, or one that a killed process has not
     completed.
+
+    The document tells it, and not its name, which other programs use too.
     """
-    return os.path.isfile(os.path.join(folder, DOCUMENT_FILE)) or is_unfinished(Path(folder))
+    folder = Path(folder)
+    parts = (path.name for path in folder.glob(_PARTS)) if is_unfinished(folder) else ()
+    return any(_states_schema(folder, name) for name in (DOCUMENT_FILE, *parts))
+
+
+def _states_schema(folder: Path, name: str) -> bool:
+    try:
+        with open_regular(UntrustedName(name).inside(folder)) as file:
+            found = _RUN.match(file.read(_END_BYTES))
+    except (InputError, OSError):
+        return False
+    return found is not None or _document(folder, name) is not None
+
+
+def files_of_result(folder: str | os.PathLike[str]) -> frozenset[str]:
+    """Return the names of the files that the document of a folder lists, some in folders of it."""
+    return frozenset(_files(Path(folder), _document(Path(folder)) or {}))

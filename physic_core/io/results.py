@@ -8,6 +8,7 @@ arrays, by the names of :mod:`physic_core.files.plain`. docs/file-format.md desc
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import os
 from collections.abc import Collection, Mapping
@@ -20,7 +21,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.errors import ConfigError, InputError
-from physic_core.files.atomic import is_inside, open_regular, read_regular, unreadable
+from physic_core.files.atomic import open_regular, read_regular, unreadable
+from physic_core.files.names import UntrustedName, paths_inside
 from physic_core.files.npz import MAX_ARRAY_BYTES, read_arrays, read_names, write_arrays
 from physic_core.files.plain import Arrays, join, split
 from physic_core.files.text import parse_json, to_json
@@ -212,8 +214,8 @@ def read_document(folder: Path) -> dict[str, Any]:
     Raises:
         InputError: it is missing, unfinished, damaged, not a reconstruction, or of another version.
     """
-    path = folder / DOCUMENT_FILE
     check_finished(folder)
+    path = UntrustedName(DOCUMENT_FILE).inside(folder)
     try:
         document = parse_json(read_regular(path, MAX_DOCUMENT_BYTES))
         if not isinstance(document, dict) or document.get("schema") != SCHEMA:
@@ -268,7 +270,7 @@ def _contents(
 def _read(folder: Path, names: Collection[str] | None = None) -> tuple[dict[str, Any], Arrays]:
     """Read the document of a result, and its arrays, or those of some names that it has."""
     document = read_document(folder)
-    path = folder / ARRAYS_FILE
+    path = UntrustedName(ARRAYS_FILE).inside(folder)
     try:
         with open_regular(path) as stream:
             there = read_names(stream)
@@ -301,10 +303,9 @@ def _check_digest(folder: Path, document: Mapping[str, Any]) -> None:
 
 def _unreadable(path: Path, error: OSError) -> InputError:
     if isinstance(error, FileNotFoundError | NotADirectoryError):
-        of_batch = next(path.parent.glob(f"photos/*/*/{path.name}"), None)
-        which = (
-            "" if of_batch is None else f", of a batch that of one photo, such as {of_batch.parent}"
-        )
+        below = (path.parent.glob(f"{each}/{path.name}") for each in ("photos/*/*", "*"))
+        one = next(itertools.chain.from_iterable(below), None)
+        which = "" if one is None else f", of several that of one photo, such as {one.parent}"
         return InputError(
             f"cannot read {path}: there is no such file; name the folder of a finished run{which}"
         )
@@ -431,8 +432,8 @@ def read_record(folder: Path) -> ResultRecord:
         record: ResultRecord = join(ResultRecord, document, {})
     except Exception as error:  # dataclasses raise many classes for invalid values
         raise damaged(folder, error) from error
-    listed = {name: one for name, one in record.files.items() if is_inside(folder, name)}
-    return replace(record, files=listed)
+    inside = paths_inside(folder, record.files)
+    return replace(record, files={name: record.files[name] for name in inside})
 
 
 def record_of(result: Reconstruction, files: Mapping[str, str]) -> ResultRecord:

@@ -17,10 +17,12 @@ from physic_core.body.joints import joint_pair
 from physic_core.errors import BodyModelError, ConfigError
 from physic_core.interfaces.bodies import valid_body_rows, valid_contact_rows, valid_hand_rows
 from physic_core.interfaces.people import valid_keypoint_rows
+from physic_core.pipeline.doubts import doubt_of_wrists
 from physic_core.types import BodyParameters
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
+    from physic_core.configuration.resolve import ResolvedBackend
     from physic_core.pipeline.stage_runner import StageRunner
     from physic_core.types import (
         Bodies,
@@ -107,6 +109,23 @@ def replace_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
     left = np.where(found[:, :1], flat[:, 0], p.left_hand_pose)
     right = np.where(found[:, 1:], flat[:, 1], p.right_hand_pose)
     return replace(bodies, parameters=replace(p, left_hand_pose=left, right_hand_pose=right))
+
+
+def without_doubtful_wrists(
+    hands: Hands, bodies: Bodies, by: ResolvedBackend, stages: StageRunner
+) -> Hands:
+    """Return hands without wrists, and with a warning, if these are far from the wrists of the
+    bodies and the backend is not vouched for.
+    """
+    if hands.wrists is None or stages.is_vouched_for(by):
+        return hands
+    from physic_core.body.attach_hands import wrist_turns_deg
+
+    doubt = doubt_of_wrists(hands, wrist_turns_deg(bodies.parameters, hands.wrists))
+    if not doubt:
+        return hands
+    stages.warn(f"{by.title}: {doubt}")
+    return replace(hands, wrists=None)
 
 
 def convert_to_configured(

@@ -31,6 +31,7 @@ from physic_core.pipeline.backend_results import (
     real_people,
     replace_hands,
     transfer_contact,
+    without_doubtful_wrists,
 )
 from physic_core.pipeline.given.people import (
     ignored_people,
@@ -110,6 +111,8 @@ def find_people(run: PhotoRun) -> FoundPeople:
     real = real_people(found.people, prompt)
     every = found.people
     found = _select(run, found, real, "its joints lie on another person, who seems the same")
+    if run.plan.photo.require_people and not len(found.people):
+        raise NoPersonError("a person is required, and all people of the photo were left out")
     sizes = run.given.known
     if prompt is None:
         found = select_people(found, left_to_right(found.people))
@@ -195,6 +198,8 @@ def observe_people(
     run: PhotoRun, people: People, keypoints: Keypoints, camera: Intrinsics
 ) -> Observations:
     """Tell what people do; unknown without a backend, and if it fails."""
+    from physic_core.engine.ground.posture import weigh_posture
+
     seen = None
     if run.wants("observations", people):
         seen = run.call_optional(
@@ -202,7 +207,7 @@ def observe_people(
             PersonObserverRequest(run.image, people, keypoints, camera),
             otherwise="what people do is told by their joints alone",
         )
-    return Observations.unknown(len(people)) if seen is None else seen
+    return Observations.unknown(len(people)) if seen is None else weigh_posture(seen, keypoints)
 
 
 def estimate_bodies(run: PhotoRun, photo: PhotoContent, hints: Hints) -> tuple[Bodies, BoolArray]:
@@ -244,6 +249,7 @@ def add_hands(
     if hands is None:
         return bodies, np.ones(len(people), bool)
     hands, missing = discard_invalid_hands(hands)
+    hands = without_doubtful_wrists(hands, bodies, run.resolved("hands"), run.stages)
     return replace_hands(bodies, hands, run.model), missing
 
 

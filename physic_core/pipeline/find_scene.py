@@ -198,7 +198,7 @@ def find_floors(photo: PhotoContent, hints: Hints, *, searched: bool) -> Floors:
     evidence = floor_evidence(photo)
     floors = scene_floor_candidates(photo.scene, evidence, searched=searched)
     floor = chosen_floor(floors, best_index(floors), evidence).plane
-    up = surest_up(floor, photo.up_without_floor, photo.slope)
+    up = surest_up(floor, evidence.up, photo.slope)
     hints = replace(
         hints,
         floor=None if floor is None else floor.to_plane(),
@@ -213,13 +213,14 @@ def find_scale(
     run: PhotoRun, photo: PhotoContent, bodies: Bodies, floors: Floors, own: DepthMap | None
 ) -> Ground:
     """Find floor and scale by the people with bodies, and by a depth with a scale of its own."""
-    from physic_core.engine.ground.floor_and_scale import find_ground
+    from physic_core.engine.ground.floor_and_scale import asked_up, find_ground
     from physic_core.engine.up import slope_warnings
 
     evidence = floors.evidence
     witness = own if run.plan.engine.scene.rescales_depth else None
     ground = find_ground(photo, bodies, run.model, floors.candidates, evidence, witness)
-    run.stages.warn(*slope_warnings(ground.search.plane, evidence.up, evidence.slope))
+    plane = ground.search.plane
+    run.stages.warn(*asked_up(photo)[1], *slope_warnings(plane, evidence.up, evidence.slope))
     return ground
 
 

@@ -29,6 +29,7 @@ from physic_core.pipeline.checks import (
     photo_trust,
     unknown_checks,
 )
+from physic_core.pipeline.frame import plain_ground
 from physic_core.types import (
     POSTURES,
     CameraTrust,
@@ -47,7 +48,7 @@ if TYPE_CHECKING:
 
     from physic_core.configuration.resolve import ResolvedPipeline
     from physic_core.engine.state import Contact, Estimates, State
-    from physic_core.types import CheckResult, Measures, Observations
+    from physic_core.types import BoolArray, CheckResult, Measures, Observations
 
 
 def as_reconstruction(
@@ -206,10 +207,13 @@ def _scene(estimates: Estimates, state: State) -> Scene:
     floor = None
     if scene.floor is not None:
         floor = replace(scene.floor, offset=scene.floor.offset * scale).to_plane()
+    valid = scene.valid
+    if (plain := _plain_ground(estimates)) is not None:
+        valid = valid & ~torch.from_numpy(plain)
     maps = arrays(
         points=scene.points * scale,
         normals=scene.normals,
-        valid=scene.valid,
+        valid=valid,
         floor_points=scene.floor_points * scale,
     )
     colors = estimates.inpainted
@@ -226,6 +230,13 @@ def _scene(estimates: Estimates, state: State) -> Scene:
         up_source=scene.up.source,
         **maps,
     )
+
+
+def _plain_ground(estimates: Estimates) -> BoolArray | None:
+    """Return where the scene (H, W) is a ground of one colour, which shows no network its shape;
+    None without one, or with a measured depth.
+    """
+    return None if estimates.ground.measured is not None else plain_ground(estimates.inpainted)
 
 
 def judge(result: Reconstruction, checks: Sequence[CheckResult]) -> Reconstruction:
@@ -257,8 +268,8 @@ def judge(result: Reconstruction, checks: Sequence[CheckResult]) -> Reconstructi
 
 
 def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
-    """Return notes about people who lie, people who give the scale, and a photo that seems
-    turned.
+    """Return notes about people who lie, people who give the scale, a plain ground, and a photo
+    that seems turned.
     """
     people = result.people
     notes = []
@@ -272,6 +283,12 @@ def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
         bodies = sum(person.support is not None for person in people)
         contacts = [person.contacts for person in people]
         notes.append(scale_note(contacts, bodies, result.scene.floor, lie))
+    if (plain := _plain_ground(estimates)) is not None:
+        share = (plain & ~np.asarray(estimates.photo.hole)).mean()
+        notes.append(
+            f"{share:.0%} of the photo is a ground of one colour, which has no shape: its depth is "
+            "unknown"
+        )
     joints = np.reshape([person.joints for person in people], (-1, NUM_JOINTS, 3))
     if degrees := photo_turned_deg(joints, result.scene.floor):
         notes.append(

@@ -407,6 +407,12 @@ def _reconstruct(
         checks = run_checks(estimates, found)
     repositories, others = describe_repositories(plan)
     stages.warn(*others, *warning_messages(checks), *warn_of_small_people(estimates, found))
+    prior = plan.backends.get("contact_prior")
+    if prior is not None and not stages.is_vouched_for(prior):
+        from physic_core.pipeline.doubts import doubt_of_contact_places
+
+        if doubt := doubt_of_contact_places(found, estimates.contact.probability):
+            stages.warn(f"{prior.title}: {doubt}")
     stages.note(*describe_methods(estimates, found))
     found = replace(
         judge(found, checks),

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, cast
 
 from physic_core import errors
 from physic_core.backends.devices import check_device
+from physic_core.cache.kit_stamps import is_vouched_for, target_of
 from physic_core.cache.results import canonicalize, network_results_in
 from physic_core.configuration.resolve import resolve_one
 from physic_core.discovery.error_text import (
@@ -30,6 +31,8 @@ from physic_core.discovery.process_state import describe_changes, kept_process_s
 from physic_core.errors import BackendError, BackendOutputError, PhysicError
 from physic_core.interfaces.backend import Result, call, contract_violations, interface_of
 from physic_core.interfaces.checks import require_image
+from physic_core.interfaces.comparison import describe_difference
+from physic_core.pipeline.doubts import doubts_of
 from physic_core.types import StageRecord
 
 if TYPE_CHECKING:
@@ -144,7 +147,8 @@ class StageRunner:
                     result = canonicalize(result)  # the backend may write to its arrays later
             seconds = time.perf_counter() - start
             failed = False
-            if key is not None and not cached:
+            agrees = self._warn_of_doubts(resolved, request, result, called=not cached)
+            if key is not None and not cached and agrees:
                 assert self.cache is not None
                 self.cache.write(key, result)
         finally:
@@ -158,6 +162,28 @@ class StageRunner:
                 if self.low_memory:
                     gc.collect()
         return cast("Result", result)
+
+    def is_vouched_for(self, resolved: ResolvedBackend) -> bool:
+        """Return whether a backend ships with the project, or has passed the conformance kit."""
+        return self._loaded.is_vouched_for(resolved)
+
+    def _warn_of_doubts(
+        self, resolved: ResolvedBackend, request: Request[Result], result: object, *, called: bool
+    ) -> bool:
+        """Warn of what makes a result doubtful, unless the backend is vouched for; return whether
+        the backend answers its first question twice in the same way.
+        """
+        if self.is_vouched_for(resolved):
+            return True
+        doubts = list(doubts_of(resolved.provenance.interface, request, result))
+        differs = ""
+        if called and self._loaded.is_first_call(resolved) and not _is_random(resolved):
+            with wrap_plugin_errors(resolved.title, resolved, self.warn), network_results_in(None):
+                again = call(resolved.backend, copy.deepcopy(request))
+            if differs := describe_difference(result, again):
+                doubts.append(f"asked twice, it gives two answers ({differs}): is dropout left on?")
+        self.warn(*(f"{resolved.title}: {doubt}" for doubt in doubts))
+        return not differs
 
     def call_optional_backend(
         self, name: str, resolved: ResolvedBackend, request: Request[Result], *, otherwise: str
@@ -232,6 +258,25 @@ class LoadedBackends:
         self._device = device
         self._loaded: dict[int, ResolvedBackend] = {}
         self._ready: set[int] = set()
+        self._asked: set[int] = set()
+        self._vouched: dict[int, bool] = {}
+
+    def is_vouched_for(self, resolved: ResolvedBackend) -> bool:
+        """Return whether a backend ships with the project, or has passed the conformance kit."""
+        key = id(resolved.backend)
+        if key not in self._vouched:
+            who = resolved.provenance
+            target = target_of(type(resolved.backend))
+            self._vouched[key] = is_vouched_for(
+                who.interface, who.backend, who.distribution, target
+            )
+        return self._vouched[key]
+
+    def is_first_call(self, resolved: ResolvedBackend) -> bool:
+        """Return whether this was not asked of a backend before."""
+        first = id(resolved.backend) not in self._asked
+        self._asked.add(id(resolved.backend))
+        return first
 
     def load(
         self,
@@ -308,6 +353,10 @@ def load_backend(
     check_device(device)
     LoadedBackends(device).load(resolved)
     return resolved.backend
+
+
+def _is_random(resolved: ResolvedBackend) -> bool:
+    return "stochastic" in getattr(resolved.backend, "capabilities", ())
 
 
 @contextmanager

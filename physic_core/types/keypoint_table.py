@@ -17,8 +17,10 @@ class KeypointTable:
         scored: whether the third number of the form is always a score. In COCO it is a visibility,
             0, 1 or 2, unless any number of the file is another one.
         size: width and height in px of the image that the file states; None if it states none.
+        notes: what of the file is not used, one sentence each.
     """
 
     rows: tuple[KeypointRow, ...]
     scored: bool
     size: tuple[int, int] | None = None
+    notes: tuple[str, ...] = ()

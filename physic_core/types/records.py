@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+MARKS = ("pose", "place", "contact", "size")
+"""What is judged of a person: each has a probability to be right, and a grade."""
+
+
 @dataclass(frozen=True)
 class Provenance:
     """Backend, plugin and options that produced a result.
@@ -88,10 +92,6 @@ class Grade(StrEnum):
 
 
 LEAST_TRUST = {Grade.GOOD: 0.8, Grade.DOUBTFUL: 0.3}
-
-
-MARKS = ("pose", "place", "contact", "size")
-"""What is judged of a person: each has a probability to be right, and a grade."""
 
 
 def grade_text(

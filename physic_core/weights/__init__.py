@@ -15,8 +15,9 @@ These places are searched, in this order:
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from physic_core.lazy import importer
 
 if TYPE_CHECKING:
     from physic_core.weights.find import common_folder as common_folder
@@ -34,22 +35,11 @@ if TYPE_CHECKING:
 __all__ = ["WeightFile", "WeightSet", "fingerprint", "locate", "missing", "read_manifest"]
 
 
-_MODULES = {
-    **dict.fromkeys(("fingerprint", "locate", "missing"), "find"),
-    **dict.fromkeys(("WeightFile", "WeightSet", "read_manifest"), "manifest"),
-    **dict.fromkeys(
-        ("common_folder", "describe_mismatch", "format_size", "locate_files", "size_mismatches"),
-        "find",
-    ),
-    **dict.fromkeys(("named_sets", "read_library"), "library"),
-    **dict.fromkeys(("HubSource", "WebSource"), "manifest"),
+_NAMES = {
+    "find": "common_folder describe_mismatch fingerprint format_size locate locate_files missing "
+    "size_mismatches",
+    "library": "named_sets read_library",
+    "manifest": "HubSource WebSource WeightFile WeightSet read_manifest",
 }
-
-
-def __getattr__(name: str) -> Any:
-    """Import the module of a name at its first use, since a run with the embedded networks needs
-    none of them.
-    """
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+# a run with the embedded networks needs none of the modules
+__getattr__ = importer(__name__, _NAMES)

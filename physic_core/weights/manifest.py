@@ -29,7 +29,6 @@ from __future__ import annotations
 
 import functools
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
@@ -39,6 +38,7 @@ from typing import Annotated
 from pydantic import AfterValidator, ConfigDict, Field, Strict, StrictBool, TypeAdapter
 
 from physic_core.errors import BackendError
+from physic_core.files.text import parse_toml
 
 _HUB = re.compile(r"hf://([\w.-]+/[\w.-]+)/([^@#?]+)(?:@([\w./-]+))?")
 _WEB = re.compile(r"https?://[^\s/#?]+/[^\s#]*(?:#(.+))?")
@@ -248,12 +248,15 @@ def read_manifest(path: Path) -> Mapping[str, WeightSet]:
         ) from error
 
 
+_SETS = TypeAdapter(dict[str, WeightSet])
+
+
 @functools.lru_cache(maxsize=64)
 def _read(stamps: tuple[tuple[Path, int, int], ...]) -> Mapping[str, WeightSet]:
     sets: dict[str, WeightSet] = {}
     for file, _, _ in stamps:
         try:
-            tables = tomllib.loads(file.read_text(encoding="utf-8"))
+            tables = parse_toml(file.read_text(encoding="utf-8"))
             found = _SETS.validate_python(
                 {name: _named(name, table) for name, table in tables.items()}
             )
@@ -265,9 +268,6 @@ def _read(stamps: tuple[tuple[Path, int, int], ...]) -> Mapping[str, WeightSet]:
             raise BackendError(f"the weight manifest {file} is invalid: {error}") from error
         sets |= found
     return MappingProxyType(sets)
-
-
-_SETS = TypeAdapter(dict[str, WeightSet])
 
 
 def _named(name: str, table: object) -> object:

@@ -32,7 +32,12 @@ def test_clear_removes_all_entries_and_says_how_many(folder, physic):
 
 
 def test_the_other_caches_are_listed_and_removed_too(folder, physic):
-    others = {"maps": "a.map.npz", "graphs": "a.graph.onnx", "hashes": "a.sha256"}
+    others = {
+        "maps": "a.map.npz",
+        "graphs": "a.graph.onnx",
+        "hashes": "a.sha256",
+        "kit": "a.passed",
+    }
     for name, file in others.items():
         (folder.parent / name).mkdir(parents=True)
         (folder.parent / name / file).write_bytes(bytes(3_000_000))
@@ -42,7 +47,7 @@ def test_the_other_caches_are_listed_and_removed_too(folder, physic):
         *(f"{folder.parent / name}: 1 files, 3.0 MB" for name in others),
     ]
     assert physic("cache", "info").output.splitlines()[:-1] == printed
-    assert len(physic("cache", "clear").output.splitlines()) == 4
+    assert len(physic("cache", "clear").output.splitlines()) == 5
     assert {file.name for name in others for file in (folder.parent / name).iterdir()} == {
         "mine.onnx"
     }

@@ -7,8 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physic_core.engine.ground.posture import trunk_in_picture_deg, upright_people
-from physic_core.types import SKELETONS, Keypoints, Observations
+from physic_core.engine.ground.posture import (
+    bodies_of_people_who_stand,
+    trunk_in_picture_deg,
+    upright_people,
+    weigh_posture,
+)
+from physic_core.types import SKELETONS, Intrinsics, Keypoints, Observations
 from physic_core.types.observations import POSTURES
 
 NAMES = SKELETONS["coco17"].names
@@ -49,3 +54,32 @@ def test_the_angle_of_a_trunk_in_the_picture_is_clockwise_from_up(degrees):
 def test_people_are_upright_unless_picture_or_observer_says_otherwise(degrees, posture, upright):
     said = Observations.unknown(1) if posture is None else observed_as(posture)
     assert upright_people(keypoints_of(degrees), said).tolist() == [upright]
+
+
+def unsure():
+    """Observations of one person who sits more probably than lies."""
+    posture = np.full((1, 9), 0.02, np.float32)
+    share = np.full(9, 0.12, np.float32)
+    posture[0, POSTURES.index("sit")], share[POSTURES.index("lie")] = 0.84, 0.01
+    return replace(Observations.unknown(1), posture=posture, posture_share=share)
+
+
+def test_a_trunk_across_the_picture_makes_it_likely_that_a_person_lies():
+    upright, across = (weigh_posture(unsure(), keypoints_of(d)).posture[0] for d in (20.0, -85.0))
+    np.testing.assert_allclose(upright, unsure().posture[0], atol=1e-6)
+    assert POSTURES[int(across.argmax())] == "lie"
+    assert across.sum() == pytest.approx(1.0, abs=1e-5)
+
+
+def test_observations_that_say_nothing_stay_so():
+    assert np.isnan(weigh_posture(Observations.unknown(1), keypoints_of(80.0)).posture).all()
+
+
+@pytest.mark.parametrize("degrees", [0.0, 25.0, -170.0])
+def test_gravity_lies_in_the_plane_of_who_stands(degrees):
+    camera = Intrinsics.from_focal(500, 100, 100)
+    (normal,) = bodies_of_people_who_stand(keypoints_of(degrees), observed_as("stand"), camera)
+    off = abs(np.degrees(np.arcsin(normal[1])))
+    assert off == pytest.approx(min(abs(degrees), 180 - abs(degrees)), abs=0.1)
+    none = bodies_of_people_who_stand(keypoints_of(degrees), observed_as("sit"), camera)
+    assert none.shape == (0, 3)

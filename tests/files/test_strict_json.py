@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physic_core.files.text import from_json, to_json
+from physic_core.errors import InputError
+from physic_core.files.text import from_json, parse_json, parse_toml, to_json
 
 pytestmark = pytest.mark.quick
 
@@ -48,3 +49,20 @@ def test_floats_can_be_rounded_to_significant_digits():
         12345678,
         "NaN",
     ]
+
+
+@pytest.mark.parametrize("depth", [300, 5000])
+@pytest.mark.parametrize(("parse", "form"), [(parse_json, "{}"), (parse_toml, "a = {}")])
+def test_values_nested_too_deep_are_one_sentence(parse, form, depth):
+    with pytest.raises(ValueError, match="more than 200 deep"):
+        parse(form.format("[" * depth + "]" * depth))
+    parse(form.format("[" * 100 + "]" * 100))
+
+
+def test_a_message_is_short_and_has_no_addresses():
+    message = str(
+        InputError(f"no image <_io.BytesIO object at 0x7fbee2030e00>: {'x' * 50_000}; end")
+    )
+    assert len(message) < 6000
+    assert message.startswith("no image <_io.BytesIO object>: x")
+    assert message.endswith("x; end")

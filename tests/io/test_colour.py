@@ -109,6 +109,20 @@ def test_an_unreadable_profile_is_named(stored):
     assert ["colour profile" in note for note in photo.notes] == [True]
 
 
+def test_a_profile_of_more_than_8_mb_is_not_read(stored):
+    large = wide_profile() + bytes(8 << 20)
+    photo = read_photo(stored("TIFF", icc_profile=large))
+    np.testing.assert_array_equal(photo.image, np.asarray(PICTURE))
+    assert ["colour profile" in note for note in photo.notes] == [True]
+
+
+@pytest.mark.parametrize("gamma", [0.00001, 0.05, 3.5, 20])
+def test_a_gamma_that_no_photo_has_is_ignored_and_named(stored, gamma):
+    photo = read_photo(stored("PNG", **with_gamma(gamma)))
+    np.testing.assert_array_equal(photo.image, np.asarray(PICTURE))
+    assert ["gamma" in note for note in photo.notes] == [True]
+
+
 def test_grey_is_read_by_a_grey_profile(stored):
     content = bytearray(profile("sRGB"))
     content[16:20] = b"GRAY"

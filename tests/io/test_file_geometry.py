@@ -33,6 +33,21 @@ def test_a_phones_panorama_is_refused_by_its_tag_and_a_portrait_is_read(stored):
     assert read_photo(stored("JPEG", xmp=flat)).warnings == ()
 
 
+@pytest.mark.parametrize(
+    "caption",
+    [
+        b'<dc:title>made with GPano:ProjectionType="equirectangular"</dc:title>',
+        b'<rdf:Description dc:title="ProjectionType=equirectangular"/>',
+        b"""<rdf:Description dc:title='a GPano:ProjectionType="equirectangular" of it'/>""",
+        b"<dc:title>a &gt; ProjectionType>equirectangular</dc:title>",
+        b'<dc:title>GimbalPitchDegree="-90" RelativeAltitude="12"</dc:title>',
+    ],
+)
+def test_words_of_a_caption_are_no_tag(stored, caption):
+    photo = read_photo(stored("JPEG", xmp=caption))
+    assert (photo.notes, photo.up) == ((), None)
+
+
 RESOLUTION = {0x011A: 72.0, 0x011B: 36.0}
 STRETCHED = {
     "JPEG": ("JPEG", {"dpi": (72, 36)}, "2 times its height"),

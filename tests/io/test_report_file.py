@@ -106,7 +106,8 @@ def test_the_command_writes_pages_and_goes_on_after_a_broken_result(folder, tmp_
 
 def test_a_folder_of_results_gets_a_sheet_that_links_to_their_pages(folder, tmp_path, physic):
     (tmp_path / "broken").mkdir()
-    (tmp_path / "broken" / "reconstruction.json").write_text("{")
+    start = (folder / "reconstruction.json").read_bytes()[:200]
+    (tmp_path / "broken" / "reconstruction.json").write_bytes(start)
     (tmp_path / "cut").mkdir()
     shutil.copy(folder / "reconstruction.json", tmp_path / "cut")
     (tmp_path / "cut" / "reconstruction.npz").write_bytes(b"PK")

@@ -259,7 +259,7 @@ def test_nothing_fails_where_all_is_well():
         ),
         ({"photo_share": 0.0}, "photo_alignment", 0.0, "no background in common"),
         ({"floor": "no_consensus"}, "floor", 0.0, "no horizontal plane"),
-        ({"mask": False}, "floor", 0.0, "labelled as floor"),
+        ({"mask": False}, "floor", 0.0, "look like floor"),
         ({"sigma": 0.22}, "scale_sigma", 0.22, "off by 22%"),
         ({"colours": 1, "mask": None}, "floor_shown", 0.0, "the floor is invented"),
         (
@@ -437,7 +437,7 @@ def test_a_value_at_its_bound_holds_and_beyond_it_does_not():
     ("changes", "names", "reason"),
     [
         ({"floor": "no_pixels"}, ("placed",), "floor"),
-        ({"mask": None}, ("floor",), "labelled as floor"),
+        ({"mask": None}, ("floor",), "look like floor"),
         ({}, ("support",), "no floor and no surface"),
         (
             {"report": {"clearance_m": 0.0, "assumed_support": True}},

@@ -113,6 +113,13 @@ def test_an_ignored_person_is_left_out_of_people_and_scene(world, kind):
         reconstruct(world.image, {"extends": "mock", "photo": {"ignore": [[1, 1]]}}, backends=own)
 
 
+def test_people_are_required_after_those_who_are_ignored(world):
+    places = [np.argwhere(mask).mean(0)[::-1].round().tolist() for mask in world.masks]
+    photo = {"ignore": places, "require_people": True}
+    with pytest.raises(NoPersonError, match="left out"):
+        reconstruct(world.image, {"extends": "mock", "photo": photo})
+
+
 def test_people_are_chosen_or_ignored():
     photo = {"person": [[1, 1]], "ignore": [[2, 2]]}
     with pytest.raises(ConfigError, match="only one"):

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
-from physic_core import reconstruct
+from physic_core import Pipeline, reconstruct
 from physic_mock import backends
+from physic_mock.recognition import match_masks_to_world, recognise_world
+from physic_testing.conformance.truth import true_wrists
+from physic_testing.worlds import load_world
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -26,6 +30,77 @@ def mistaken(kind, field, change):
 
 DEPTH = backends.MockMetricDepth, "depth"
 CONTACT = backends.MockContactPrior, "probability"
+UNCACHED = {"extends": "mock", "run": {"cache": False}}
+
+
+def asked(kind, change):
+    """A class like a mock, whose results are changed by what it is asked."""
+    infer = kind.infer
+    return {kind.interface: type("Mine", (kind,), {"infer": lambda *all: change(infer(*all), all)})}
+
+
+def with_wrists(hands, arguments, shift=0.0):
+    found = recognise_world(arguments[1])
+    wrists = true_wrists(found.world)[match_masks_to_world(found, arguments[2])]
+    return replace(hands, wrists=np.float32(shift + (shift == 0) * wrists))
+
+
+def filled_with(change):
+    return asked(
+        backends.MockInpainter,
+        lambda picture, all: np.where(all[2][..., None], change(picture), picture),
+    )
+
+
+HANDS = backends.MockHandEstimator
+RANDOM = np.random.default_rng(1)
+SILENT = {
+    "wrists are turned": asked(HANDS, partial(with_wrists, shift=1e-6)),
+    "a finger is bent": mistaken(HANDS, "rotvecs", lambda r: 6 * r),
+    "a finger is bent by": mistaken(HANDS, "rotvecs", lambda r: r + np.array([3.5, 0, 0])),
+    "near anything": mistaken(*CONTACT, lambda p: p[:, RANDOM.permutation(p.shape[1])]),
+    "sigmoid": mistaken(
+        backends.MockKeypointDetector, "confidence", lambda c: 1 / (1 + np.exp(-c))
+    ),
+    "different depths": mistaken(*DEPTH, lambda z: np.round(8 * z) / 8),
+    "red and blue": filled_with(lambda picture: picture[..., ::-1]),
+    "its range": filled_with(lambda picture: picture // 2),
+    "two answers": mistaken(*DEPTH, lambda z: z * (1 + 0.02 * RANDOM.standard_normal(z.shape))),
+}
+
+
+@pytest.fixture(scope="module")
+def walk():
+    return load_world("walk", size=(320, 240))
+
+
+@pytest.mark.parametrize("words", SILENT)
+def test_a_mistake_that_checks_of_the_result_do_not_see_is_a_warning(words, walk):
+    (interface,) = SILENT[words]
+    found = reconstruct(walk.image, UNCACHED, backends=SILENT[words])
+    assert any(words in one and f"{interface} '" in one for one in found.warnings)
+
+
+@pytest.mark.parametrize("name", ["walk", "sit_side_by_side"])
+def test_backends_without_a_mistake_and_without_a_stamp_raise_no_doubt(name):
+    mocks = {kind.interface: kind for kind in (getattr(backends, n) for n in backends.__all__)}
+    same = {interface: type("Mine", (kind,), {}) for interface, kind in mocks.items()}
+    same |= asked(HANDS, with_wrists)
+    found = reconstruct(load_world(name, size=(320, 240)).image, UNCACHED, backends=same)
+    assert not [one for one in found.warnings if "Mine" in one]
+
+
+def test_a_backend_is_asked_twice_until_it_has_passed_the_kit(walk, monkeypatch):
+    calls = []
+    counted = asked(*[backends.MockMetricDepth, lambda depth, _: calls.append(1) or depth])
+    with Pipeline(UNCACHED, backends=counted) as pipeline:
+        pipeline(walk.image)
+        assert len(calls) == 2
+        pipeline(walk.image)
+        assert len(calls) == 3
+    monkeypatch.setattr("physic_core.pipeline.stage_runner.is_vouched_for", lambda *_: True)
+    reconstruct(walk.image, UNCACHED, backends=counted)
+    assert len(calls) == 4
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,9 @@ TABLES = {
         "`report.html`, made from names and "
         "results of others": "test_only_the_scripts_of_the_page_may_run",
         "a table of photos for `physic batch`": "test_the_cells_of_a_row_are_checked_like_settings",
+        "a file of cameras, keypoints or depth of another "
+        "program": "test_what_is_not_supported_or_damaged_is_named "
+        "test_what_an_archive_calls_not_valid_is_unknown",
         "text of others in messages": "test_a_run_escapes_names_and_texts "
         "test_a_batch_escapes_names",
         "the current folder": "test_physic_imports_nothing_of_the_current_folder",
@@ -42,6 +45,10 @@ TABLES = {
         "`physic serve`": "test_a_worker_takes_no_more_memory",
         "a JPEG": "test_the_number_of_scans_is_bounded",
         "arrays in a result, an archive or the cache": "test_arrays_of_more_than_4_gb_are_refused",
+        "a colour profile; a thumbnail of a batch": "test_a_profile_of_more_than_8_mb_is_not_read "
+        "test_a_sheet_embeds_only_what_decodes_as_a_jpeg",
+        "TOML and JSON": "test_values_nested_too_deep_are_one_sentence",
+        "a message": "test_a_message_is_short_and_has_no_addresses",
     },
 }
 LISTS = {
@@ -62,7 +69,11 @@ LISTS = {
         "test_the_next_run_completes_the_result test_the_next_run_keeps_a_file "
         "test_two_writers_without_a_common_lock",
         "Commands that read a result": "test_a_reader_of_an_unfinished_result_writes_nothing",
-        "A name that a document": "test_a_name_that_leads_out_of_the_folder_is_no_file",
+        "A name that a document": "test_a_name_that_leads_out_of_the_folder_is_no_file "
+        "test_a_sheet_neither_embeds_nor_links_what_lies_outside",
+        "The files of a result, and": "test_a_result_whose_file_is_a_link_that_leads_out "
+        "test_a_batch_writes_nothing_through_a_link_that_leads_out",
+        "A page embeds": "test_a_sheet_embeds_only_what_decodes_as_a_jpeg",
         "Arrays of a result are refused": "test_arrays_that_were_changed_after_the_run_are_refused",
         "Files of the cache": "test_folders_and_files_are_for_their_user_alone_whatever_the_umask",
         "A result without a row": "test_a_result_without_its_row_is_done_again",

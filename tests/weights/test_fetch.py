@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import io
 import zipfile
 
 import pytest
 
+from physic_core.errors import OutputError
 from physic_core.weights import WeightFile, locate, read_manifest
 from physic_setup.fetch import fetch
 
@@ -47,6 +49,22 @@ def test_only_missing_files_of_a_set_are_fetched(server, own_cache):
     assert fetch(both) == ("deep/b.onnx",)
     assert (own_cache / "net" / "a.onnx").read_bytes() == b"mine"
     assert (own_cache / "net" / "deep" / "b.onnx").read_bytes() == b"b"
+
+
+def test_a_copy_that_fails_leaves_nothing_and_says_what_to_do(
+    server, own_cache, tmp_path, monkeypatch
+):
+    chosen = one(server.add("/model.onnx", CONTENT))
+    fetch(chosen)
+
+    def full(_, target):
+        target.write_bytes(CONTENT[:100])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("shutil.copyfile", full)
+    with pytest.raises(OutputError, match="free space"):
+        fetch(chosen, to=tmp_path / "to")
+    assert left(tmp_path / "to") == []
 
 
 def test_a_lost_connection_leaves_nothing(server, own_cache):

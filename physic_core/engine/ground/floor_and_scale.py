@@ -32,6 +32,7 @@ from physic_core.engine.ground.floor import (
     standing_score,
 )
 from physic_core.engine.ground.lying import people_backgrounds
+from physic_core.engine.ground.posture import bodies_of_people_who_stand
 from physic_core.engine.ground.report import (
     floor_witnesses,
     rival_note,
@@ -61,6 +62,7 @@ from physic_core.engine.sizes.evidence import (
 )
 from physic_core.engine.sizes.scale_vote import ScaleVote, Witnesses, vote_on_scale
 from physic_core.engine.sizes.stature import adult_probability, stature_sigmas
+from physic_core.engine.up import Up, questioned_up
 from physic_core.geometry.floor import FloorSearch, PlaneFit
 from physic_core.geometry.pointmap import pointmap_normals
 from physic_core.geometry.tensors import exact_arrays, optional_tensors, tensor, tensors
@@ -111,6 +113,7 @@ _NOT_ON_PLANE_NATS = -1.2  # of a person with visible soles, without a floor to 
 _CUTS_M = 0.25  # of a body below a floor, from which on the floor is that of another surface
 _NO_CAMERA_NATS = -1.0  # if there is no floor over which the camera has a height
 _STANDS = 0.5  # probability, of feet that are named in a note
+_LIES = 0.5  # probability from which on people do not speak about the tilt of a floor
 _LIMBS = ("shoulder", "hip", "knee", "ankle")
 
 
@@ -185,11 +188,17 @@ def floor_evidence(photo: PhotoContent) -> FloorEvidence:
         no_ground=photo.labelled(*_NO_FLOORS) & uncovered,
         soles=_ground_at_soles(photo),
         around=people_backgrounds(select_people(photo, lie)),
-        up=photo.up_without_floor,
+        up=asked_up(photo)[0],
         slope=photo.slope,
         focal_sigma=0.0 if photo.camera.known else photo.camera.focal_sigma or 0.0,
         shift_sigma=photo.scene_map.shift_sigma or 0.0,
     )
+
+
+def asked_up(photo: PhotoContent) -> tuple[Up | None, tuple[str, ...]]:
+    """Return up without a floor, after the people who stand were asked, and warnings."""
+    bodies = bodies_of_people_who_stand(photo.keypoints, photo.observations, photo.camera)
+    return questioned_up(photo.up_without_floor, tensor(bodies))
 
 
 def _ground_at_soles(photo: PhotoContent) -> tuple[GroundAtSoles, ...]:
@@ -333,7 +342,8 @@ class _PeopleEvidence(NamedTuple):
     """N people and the evidence of their sizes: sigma (N,) of each size, and visible feet (N, 2)
     bool.
 
-    ``real`` (N,) is the probability that they are people, by the segmenter, and adults.
+    ``real`` (N,) is the probability that they are people, by the segmenter, and adults; ``up`` (N,)
+    bool, whether they do not lie by the observer and their trunk.
     """
 
     model: BodyModel
@@ -341,6 +351,7 @@ class _PeopleEvidence(NamedTuple):
     joints: Tensor
     feet: BoolArray
     real: FloatArray
+    up: Tensor
     stance: Stance
     sigma: FloatArray
     torsos: Witnesses
@@ -374,7 +385,11 @@ def _people_evidence(photo: PhotoContent, bodies: Bodies, model: BodyModel) -> _
         shared_sigma=_PEOPLE_SIGMA,
         shared_wrong=_PEOPLE_WRONG,
     )
-    return _PeopleEvidence(model, vertices, posed.joints.cpu(), feet, real, stance, sigma, torsos)
+    up = ~(photo.observations.posture[:, POSTURES.index("lie")] > _LIES)
+    joints = posed.joints.cpu()
+    return _PeopleEvidence(
+        model, vertices, joints, feet, real, torch.from_numpy(up), stance, sigma, torsos
+    )
 
 
 def _picture_stance(photo: PhotoContent) -> Stance:
@@ -474,7 +489,7 @@ def _floor_hypothesis(
         if candidate.beneath:  # no sole stands on what people lie on
             by_soles[:] = np.nan
         else:
-            score["upright people"] = standing_score(candidate.plane.normal, seen.joints)
+            score["upright people"] = standing_score(candidate.plane.normal, seen.joints[seen.up])
     lower = np.fmax(by_soles[:, 0], by_soles[:, 1])
     if not candidate.beneath:
         off = float(seen.real[seen.feet.any(1) & ~np.isfinite(lower)].sum())

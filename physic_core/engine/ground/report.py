@@ -39,14 +39,13 @@ def size_notes(
         else vote.residuals(torsos)
     )
     return tuple(
-        f"by the rest of the photo person {i} is {math.exp(-ratio[i]):.2g} times as tall as "
-        f"estimated. "
+        f"floor and other people make person {i} {math.exp(-ratio[i]):.2g} times as tall as "
+        f"stated: this stature and distance may be wrong by that factor. "
         + (
             f"Of a child give {size_option('--age YEARS', len(ratio))}, of a small person "
             f"--stature METRES in the same order; leave out a figure or picture by --ignore x,y"
             if ratio[i] > 0
-            else f"If you know the height, give {size_option('--stature METRES', len(ratio))}; "
-            f"else this person's distance is doubtful"
+            else f"If you know the height, give {size_option('--stature METRES', len(ratio))}"
         )
         for i in np.flatnonzero(np.abs(ratio) > _DISAGREES).tolist()
     )

@@ -8,8 +8,9 @@ Other packages use ``optimize`` and ``finalize_scene`` of :mod:`.solve`. An ener
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from physic_core.lazy import importer
 
 if TYPE_CHECKING:
     from physic_core.engine.joint.method import JointMethod as JointMethod
@@ -60,11 +61,5 @@ _NAMES = {
     "terms.picture": "ReprojectionTerm finite_keypoints weights_inside_image",
     "variables": "BODY Estimate FACE HANDS Variables",
 }
-_ON_FIRST_USE = {name: module for module, names in _NAMES.items() for name in names.split()}
 
-
-def __getattr__(name: str) -> Any:
-    """Import the module of a name at its first use."""
-    if name not in _ON_FIRST_USE:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_ON_FIRST_USE[name]}"), name)
+__getattr__ = importer(__name__, _NAMES)

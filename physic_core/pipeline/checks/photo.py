@@ -64,7 +64,7 @@ def photo_alignment(estimates: Estimates, result: Reconstruction) -> Measured:
 
 # Without the segmenter's floor pixels, half of the floors in photos are walls, tables or wrong by
 # 10 degrees.
-@_check("Floor found where the photo is labelled as floor", at_least=1, unit=YES)
+@_check("Floor lies where the photo looks like floor", at_least=1, unit=YES)
 def floor(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return whether a floor was found and lies in the segmenter's floor mask."""
     report = result.diagnostics["scene"]["floor"]
@@ -91,10 +91,11 @@ def floor(estimates: Estimates, result: Reconstruction) -> Measured:
             f"{_FLOOR_LINE}",
         )
     if in_mask is None:
-        return None, "no pixel of the photo is labelled as floor"
+        return None, "in the photo no pixels look like floor"
     return float(in_mask), (
-        "the floor is not where the photo is labelled as floor, since another plane in its lower "
-        f"part is likelier: {_FLOOR_LINE}"
+        "the floor lies where the photo does not look like floor, since another plane in its lower "
+        "part fits people better. If it is wrong, so are heights, leans and contacts with the "
+        f"floor: {_FLOOR_LINE}"
     )
 
 

@@ -47,8 +47,10 @@ _LEVELS = ("pictures", "numbers", "people", "none")
 
 
 def _logs(out: Path, part: Shard | None) -> Path:
-    logs = out.absolute() / "logs"
-    return logs if part is None else logs / f"{part.number}-of-{part.count}"
+    from physic_core.files import path_to_write
+
+    name = "logs" if part is None else f"logs/{part.number}-of-{part.count}"
+    return path_to_write(out.absolute(), name)
 
 
 @click.command()
@@ -134,9 +136,8 @@ def batch(
         least=options["save"] or "numbers",
     )
     todo = plan.todo[:limit]
-    if listed.skipped:
-        text = listed.skipped_text()
-        echo(f"files skipped (not photos, hidden, or of results): {text}", err=True)
+    if listed.left_out:
+        echo(f"left out: {listed.kinds()}", err=True)
     echo(_describe(plan, len(items), limit), err=True)
     if dry_run:
         _print_forecast(todo, job)

@@ -9,6 +9,7 @@ import io
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,8 +17,20 @@ from typing import TYPE_CHECKING, Any
 from physic_batch.journal import JournalIndex, journal_files
 from physic_batch.photos import photo_folder
 from physic_core.errors import InputError, PhysicError
-from physic_core.files import MARK, atomic_write, check_own, check_writable, write_own
-from physic_core.io.result_folder import ARRAYS_FILE, DOCUMENT_FILE
+from physic_core.files import (
+    MARK,
+    ImageSource,
+    atomic_write,
+    check_own,
+    check_writable,
+    decode,
+    open_image,
+    path_to_write,
+    paths_inside,
+    read_regular,
+    write_own,
+)
+from physic_core.io.result_folder import ARRAYS_FILE, is_result
 from physic_core.io.results import read_image, read_record
 from physic_core.pictures import PREVIEW_FILE, REPORT_FILE
 
@@ -28,6 +41,7 @@ if TYPE_CHECKING:
 
 _PACKAGE = files("physic_batch")
 
+_MAX_THUMBNAIL_BYTES = 1 << 20
 _MAX_PHOTOS = 5000
 """Most photos of one page, which then has about 60 MB."""
 
@@ -112,11 +126,21 @@ def contact_sheet(cards: Sequence[Mapping[str, Any]], hidden: int = 0) -> Iterat
     before, _, after = page.partition("@DATA@")
     yield f"{before}["
     for number, card in enumerate(cards):
-        thumbnail = card["thumbnail"]
-        if isinstance(thumbnail, Path):
-            card = {**card, "thumbnail": base64.b64encode(thumbnail.read_bytes()).decode()}
+        if isinstance(card["thumbnail"], Path):
+            card = {**card, "thumbnail": _jpeg_base64(card["thumbnail"])}
         yield f"{', ' if number else ''}{_in_script(card)}"
     yield f"]{after}"
+
+
+def _jpeg_base64(path: Path) -> str:
+    """Return the content of a JPEG; "" if it is anything else, of which a page shows nothing."""
+    with suppress(OSError, InputError):
+        source = ImageSource(path.name, read_regular(path, _MAX_THUMBNAIL_BYTES))
+        with open_image(source) as (image, _):
+            if image.format == "JPEG" and image.height <= _HEIGHT:
+                decode(image, source)
+                return base64.b64encode(source.content or b"").decode()
+    return ""
 
 
 def fill_page(page: Traversable, **data: Any) -> str:
@@ -143,9 +167,9 @@ def find_results(folder: Path) -> list[Path]:
         InputError: there is none.
     """
     found = sorted(
-        Path(at) for at, _, names in os.walk(folder) if {DOCUMENT_FILE, ARRAYS_FILE} & set(names)
+        Path(at) for at, _, names in os.walk(folder) if ARRAYS_FILE in names or is_result(at)
     )
-    if not found and not any(folder.glob("journal*.jsonl")):
+    if not found and not journal_files(folder):
         raise InputError(
             f"no result in {folder}: name the folder of a finished run, or a folder of such folders"
         )
@@ -156,7 +180,7 @@ def result_link(place: Path, result: Path) -> str:
     """Return the link from a folder to the page of a result, else to its preview; "" without
     both.
     """
-    pages = (result / name for name in (REPORT_FILE, PREVIEW_FILE) if (result / name).is_file())
+    pages = filter(os.path.isfile, paths_inside(result, (REPORT_FILE, PREVIEW_FILE)).values())
     return next((Path(os.path.relpath(page, place)).as_posix() for page in pages), "")
 
 
@@ -173,13 +197,14 @@ def _common_folder(paths: Sequence[str]) -> str:
 def _photo_card(out: Path, row: Mapping[str, Any], above: str) -> dict[str, Any]:
     path = str(row.get("path", ""))
     done = row["state"] == "done"
-    thumbnail = out / thumbnail_path(photo_folder(str(row["id"])))
+    thumbnail = thumbnail_path(photo_folder(row["id"]))
     title = path.removeprefix(above) if above else os.path.basename(path)
     message = str(row.get("message", "")).replace(path, title)
     for folder in filter(None, (above, f"{out}{os.sep}")):
         message = message.replace(folder, "")
     folder = str(row.get("folder", ""))
-    link = result_link(out, out / folder) if folder else ""
+    paths = paths_inside(out, (folder, thumbnail))
+    link = result_link(out, paths[folder]) if folder in paths else ""
     return {
         "name": row["id"],
         "title": title or row["id"],
@@ -187,7 +212,7 @@ def _photo_card(out: Path, row: Mapping[str, Any], above: str) -> dict[str, Any]
         "lacks_page": done
         and row.get("save") in ("pictures", "numbers")
         and not link.endswith(REPORT_FILE),
-        "thumbnail": thumbnail if done and thumbnail.is_file() else "",
+        "thumbnail": paths.get(thumbnail, "") if done else "",
         "state": row["state"],
         "error": row.get("error", ""),
         "message": message.removeprefix(f"{title}: "),
@@ -263,7 +288,7 @@ def write_thumbnail(result: Reconstruction, out: Path, folder: str) -> Path:
     Raises:
         OutputError: it cannot be written.
     """
-    return write_own(out / thumbnail_path(folder), thumbnail_jpeg(result, _HEIGHT))
+    return write_own(path_to_write(out, thumbnail_path(folder)), thumbnail_jpeg(result, _HEIGHT))
 
 
 def thumbnail_jpeg(result: Reconstruction, height: int, *, numbered: bool = False) -> bytes:

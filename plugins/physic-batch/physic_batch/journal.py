@@ -14,6 +14,7 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import ExitStack, suppress
+from math import isfinite
 from pathlib import Path
 from types import NoneType
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -25,9 +26,11 @@ from physic_core.files import (
     atomic_write,
     check_own,
     csv_writer,
+    finite,
     foreign_file,
     from_json,
     open_to_append,
+    paths_inside,
     to_json,
 )
 from physic_core.io.result_folder import PEOPLE_TABLE
@@ -78,6 +81,7 @@ _ALWAYS = ("id", "state", "config", "finished")
 NUMBERS = ("trust", "seconds", "peak_mb", "attempts", "run")
 """Columns of every row that are numbers; the others are texts."""
 
+_FINITE = (*NUMBERS, "people")
 _TEXTS = COLUMNS.keys() - set(NUMBERS)
 _NUMBER = (float, int, NoneType)
 _NON_FINITE = re.compile(rb'"(NaN|-?Infinity)"')
@@ -170,7 +174,8 @@ def journal_files(out: Path, shard: Shard | None = None) -> list[Path]:
     """Return the journals of an output folder; of a shard, without those of its sister shards,
     which have other photos.
     """
-    files = sorted(filter(Path.is_file, out.glob("journal*.jsonl")))
+    there = paths_inside(out, (path.name for path in out.glob("journal*.jsonl")))
+    files = sorted(filter(Path.is_file, there.values()))
     if shard is None:
         return files
     own = shard_journal(shard)
@@ -312,6 +317,8 @@ def _with_types(row: Any, *, convert_people: bool) -> dict[str, Any]:
                 row[name] = from_json(value)
         if not is_valid:
             raise ValueError
+    if any(isinstance(number := row.get(name), float) and not isfinite(number) for name in _FINITE):
+        raise ValueError
     row["run"] = row["run"] if isinstance(row.get("run"), int) else 0
     return row
 
@@ -320,7 +327,7 @@ def _refuse(word: str) -> Any:
     raise ValueError(word)
 
 
-_DECODER = json.JSONDecoder(parse_constant=_refuse)
+_DECODER = json.JSONDecoder(parse_constant=_refuse, parse_float=finite)
 
 
 def all_columns() -> tuple[str, ...]:

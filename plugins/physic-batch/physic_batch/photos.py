@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import csv
-import glob
 import hashlib
 import math
 import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -17,22 +17,28 @@ from urllib.parse import quote
 
 from pydantic import ValidationError
 
-from physic_core.cache.digests import file_stamp
+from physic_core.cache import file_stamp
 from physic_core.configuration.model import PhotoSettings
 from physic_core.configuration.problems import problems_from_pydantic
 from physic_core.errors import ConfigError, InputError
-from physic_core.files import IMAGE_SUFFIXES, path_problem, printable, quoted, shorten
-from physic_core.io.result_folder import DOCUMENT_FILE
+from physic_core.files import (
+    IMAGE_SUFFIXES,
+    has_mark,
+    path_problem,
+    printable,
+    quoted,
+    shorten,
+)
+from physic_core.io.result_folder import files_of_result, is_result
 
 _PHOTO_SUFFIXES = frozenset(suffix for suffixes in IMAGE_SUFFIXES.values() for suffix in suffixes)
-_JOURNAL = re.compile(r"journal(-[0-9]+-of-[0-9]+)?\.jsonl")
-_THUMBNAILS = os.path.join("thumbnails", "[0-9a-f][0-9a-f]")
+_THUMBNAIL = re.compile(r".*[/\\]thumbnails[/\\][0-9a-f]{2}[/\\][^/\\]+\.jpg")
+_MAX_KINDS = 8
 _COLUMNS = ("path", "camera", "stature", "age", "ignore", "depth", "pointmap", "id")
 _OTHER_TABLES = (
-    *(".tsv", ".txt", ".lst", ".json", ".jsonl", ".parquet", ".xlsx", ".ods"),
+    *(".tsv", ".txt", ".lst", ".json", ".jsonl", ".parquet", ".xlsx", ".xls", ".ods", ".numbers"),
     *(".tar", ".zip", ".gz", ".7z"),
 )
-_MOST_SUFFIXES = 6  # that a message counts
 _MAX_NAME = 100  # characters of a folder's name; file systems allow 255 bytes
 
 
@@ -79,20 +85,23 @@ class PhotoList:
 
     Attributes:
         photos: in the order of the inputs.
-        skipped: suffix -> number of files in folders that are not photos; "" for hidden ones, and
-            for those of results.
+        left_out: number of the files in folders that are not photos, by kind: their suffix, or why.
     """
 
     photos: list[PhotoItem]
-    skipped: Mapping[str, int]
+    left_out: Mapping[str, int]
 
-    def skipped_text(self) -> str:
-        """Return how many files of folders are not photos, by suffix; "" for none."""
-        if not self.skipped:
-            return ""
-        counts = sorted(self.skipped.items(), key=lambda one: -one[1])[:_MOST_SUFFIXES]
-        kinds = ", ".join(f"{count:,} {printable(suffix)}" for suffix, count in counts if suffix)
-        return f"{sum(self.skipped.values()):,}" + (f" ({kinds})" if kinds else "")
+    def kinds(self) -> str:
+        """Return what was left out: "3 .jxl, 1 .livp, 2 in folders of results"."""
+        return _kinds(self.left_out)
+
+
+def _kinds(left_out: Mapping[str, int]) -> str:
+    ordered = sorted(left_out.items(), key=lambda one: (-one[1], one[0]))
+    parts = [f"{count:,} {kind}" for kind, count in ordered]
+    if more := len(parts[_MAX_KINDS:]):
+        parts[_MAX_KINDS:] = [f"files of {more} more kinds"]
+    return ", ".join(parts) or "nothing"
 
 
 def list_photos(inputs: Iterable[str]) -> PhotoList:
@@ -101,18 +110,18 @@ def list_photos(inputs: Iterable[str]) -> PhotoList:
     A table has a column "path", relative to the table's folder, and may have "camera" (focal length
     in px, or "fx,fy,cx,cy"), "stature" (m), "age" (years), "ignore" (px x,y on each person to leave
     out), "depth" and "pointmap" (files), and "id". Photos of folders are sorted by path. Of these,
-    files in and below folders of results, and thumbnails of batches, are skipped, and so are files
-    that are hidden or have a suffix that no photo has, and hidden folders.
+    files in folders of results and those below that such a result lists, thumbnails of batches,
+    files that are hidden or have a suffix that no photo has, and hidden folders are left out.
 
     Raises:
         InputError: an input does not exist, a folder cannot be read, a table is invalid, two photos
             have one id, or there are no photos.
     """
-    skipped = Counter[str]()
+    left_out = Counter[str]()
     found: dict[str, PhotoItem] = {}
     for item in (item for text in inputs for item in _items_of(text)):
         if isinstance(item, str):
-            skipped[item] += 1
+            left_out[item] += 1
             continue
         same = found.setdefault(item.id, item)
         if same != item:
@@ -122,15 +131,15 @@ def list_photos(inputs: Iterable[str]) -> PhotoList:
                 else f"{_show(same.path)} and {_show(item.path)}"
             )
             raise InputError(
-                f"two photos have the id {quoted(item.id)}, {where}: give each an id of its own"
+                f"two photos have the id {quoted(item.id)}, {where}: give each an id of its own, "
+                f"or remove one"
             )
     if not found:
         raise InputError(
-            f"no photos in {_show(', '.join(inputs))} (files skipped: "
-            f"{PhotoList([], skipped).skipped_text() or 0}): name photos, folders or CSV tables; "
-            "pictures of results are not photos"
+            f"no photos in {_show(', '.join(inputs))} (left out: {_kinds(left_out)}): name photos, "
+            "folders or CSV tables; pictures of results are not photos"
         )
-    return PhotoList(list(found.values()), skipped)
+    return PhotoList(list(found.values()), left_out)
 
 
 def photo_folder(item_id: str) -> str:
@@ -181,8 +190,8 @@ class Shard:
 
 
 def _items_of(source: str) -> Iterator[PhotoItem | str]:
-    """Yield the photos of a folder, of a table, or a photo, and the suffix of each file of a folder
-    that is not a photo, "" of a hidden one and one of results.
+    """Yield the photos of a folder, of a table, or a photo, and the kind of each file of a folder
+    that is not a photo.
 
     Raises:
         ConfigError: it is an address.
@@ -192,7 +201,7 @@ def _items_of(source: str) -> Iterator[PhotoItem | str]:
     # Unlike methods of Path, functions of os.path return False for a name that no file can have.
     if os.path.isdir(source):
         paths = sorted(_files_below(source))
-        yield from (PhotoItem.at(path) if skip is None else skip for path, skip in paths)
+        yield from (kind or PhotoItem.at(path) for path, kind in paths)
     elif not os.path.exists(source):
         if problem := path_problem(source):
             raise ConfigError(f"no photos at {_show(source)}: {problem}")
@@ -212,23 +221,34 @@ def _items_of(source: str) -> Iterator[PhotoItem | str]:
         yield PhotoItem.at(source)
 
 
-def _files_below(top: str) -> Iterator[tuple[str, str | None]]:
-    """Yield the files of a folder and its sub-folders, and None if it is a photo, otherwise its
-    suffix, "" if it is hidden or of results.
+def _files_below(top: str) -> Iterator[tuple[str, str]]:
+    """Yield the files of a folder and its sub-folders, each with why it is no photo; "" if it is
+    one.
     """
-    written: set[str] = set()
+    listed: set[str] = set()
     for folder, folders, names in os.walk(top, onerror=_raise):
         folders[:] = (name for name in folders if not name.startswith("."))
-        is_result = folder in written or DOCUMENT_FILE in names
-        if is_result:
-            written.update(os.path.join(folder, name) for name in folders)
-        if any(map(_JOURNAL.fullmatch, names)):
-            written.update(glob.glob(os.path.join(glob.escape(folder), _THUMBNAILS)))
+        of_result = is_result(folder)
+        if of_result:
+            listed.update(os.path.join(folder, name) for name in files_of_result(folder))
         for name in names:
-            suffix = os.path.splitext(name)[1].lower()
-            is_own = is_result or name.startswith(".")
-            skip = "" if is_own else None if suffix in _PHOTO_SUFFIXES else suffix
-            yield os.path.join(folder, name), skip
+            path = os.path.join(folder, name)
+            yield path, _why_no_photo(path, of_result=of_result or path in listed)
+
+
+def _why_no_photo(path: str, *, of_result: bool) -> str:
+    name = os.path.basename(path)
+    suffix = os.path.splitext(name)[1].lower()
+    if name.startswith("."):
+        return "hidden"
+    if of_result:
+        return "in folders of results"
+    if suffix not in _PHOTO_SUFFIXES:
+        return printable(shorten(suffix, 20)) or "without a suffix"
+    with suppress(OSError):  # a photo that cannot be read fails alone
+        if _THUMBNAIL.fullmatch(path) and has_mark(path):
+            return "thumbnails"
+    return ""
 
 
 def _raise(error: OSError) -> None:

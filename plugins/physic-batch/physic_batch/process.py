@@ -21,8 +21,7 @@ from physic_batch.contact_sheet import write_thumbnail
 from physic_batch.journal import COLUMNS, PEOPLE_COLUMN, THUMBNAIL
 from physic_batch.photos import PhotoItem, photo_folder
 from physic_batch.workers import peak_memory_mb
-from physic_core.cache.digests import CodeDigester, files_named_by
-from physic_core.cache.results import made_of
+from physic_core.cache import CodeDigester, files_named_by, made_of
 from physic_core.configuration.model import DEFAULT_ENERGY, as_config
 from physic_core.configuration.resolve import require_available, resolve
 from physic_core.discovery.backends import find_backend, load_class
@@ -30,7 +29,7 @@ from physic_core.discovery.entry_points import core_version
 from physic_core.discovery.plugin_code import named_plugin_code
 from physic_core.discovery.plugins import find_items
 from physic_core.errors import ConfigError, OutputError
-from physic_core.files import check_writable
+from physic_core.files import check_writable, path_to_write
 from physic_core.interfaces import INTERFACES
 from physic_core.io.result_folder import file_digest, run_of_result
 from physic_core.io.results import SAVE, save_reconstruction
@@ -44,6 +43,9 @@ WITHOUT_EFFECT = ("cache", "cache_mb", "low_memory", "threads")
 """Settings of ``[run]`` that change no result by more than rounding, as the option ``threads`` of
 backends.
 """
+
+OTHER_CODE = "code"
+"""Word before the digest of the code in the column ``plugins``."""
 
 
 def batch_config(config: Config, *, cache: bool) -> Config:
@@ -71,13 +73,6 @@ def batch_config(config: Config, *, cache: bool) -> Config:
 
 def _digest(value: Any) -> str:
     return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()[:16]
-
-
-OTHER_CODE = "code"
-"""Word before the digest of the code in the column ``plugins``."""
-
-_MAX_MESSAGE = 5000
-"""Characters of a message in the journal."""
 
 
 @dataclass(frozen=True)
@@ -222,12 +217,20 @@ class PhotoProcessor:
         sizes = {}
         if self.job.save != "none":
             paths = save_reconstruction(
-                result, out / folder, self.job.save, overwrite=True, earlier=item.replaces
+                result,
+                path_to_write(out, folder),
+                self.job.save,
+                overwrite=True,
+                earlier=item.replaces,
             )
             sizes = {path.name: path.stat().st_size for path in paths}
         if self.job.thumbnails:
             sizes[THUMBNAIL] = write_thumbnail(result, out, folder).stat().st_size
         return " ".join(f"{name}={size}" for name, size in sizes.items())
+
+
+_MAX_MESSAGE = 5000
+"""Characters of a message in the journal."""
 
 
 def failed_row(
@@ -298,7 +301,7 @@ def prepare_job(
         ConfigError: the configuration or ``save`` is not valid.
         PackageMissingError: no plugin makes the pictures to save.
         WeightsMissingError: weights are missing.
-        OutputError: the folder cannot be written.
+        OutputError: the folder cannot be written, or a link in it leads out.
     """
     if save not in (*SAVE, "none"):
         raise ConfigError(f"what to save is one of {', '.join(SAVE)}, none (got '{save}')")
@@ -311,6 +314,8 @@ def prepare_job(
     settings = batch_config(chosen, cache=cache)
     require_available(resolve(settings))
     folder = (check_writable(Path(out)) if write else Path(out)).resolve()
+    for name in ("photos", "thumbnails"):
+        path_to_write(folder, name)
     job = BatchJob(settings, str(folder), save, thumbnails)
     _ = job.plugins  # once, for all workers, and before anything is computed
     return job

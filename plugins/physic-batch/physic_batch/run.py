@@ -20,7 +20,7 @@ from physic_batch.workers import WorkerSettings, default_workers, run_in_workers
 from physic_core.discovery.catalog import EXECUTORS
 from physic_core.discovery.plugins import find_item, import_item
 from physic_core.errors import ConfigError, PluginError
-from physic_core.files import check_writable
+from physic_core.files import check_writable, paths_inside
 from physic_core.io.result_folder import ARRAYS_FILE, file_digest, run_of_result
 from physic_core.io.results import SAVE
 
@@ -185,27 +185,25 @@ def _has_its_files(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bo
     """
     if row.get("save") == "none":
         return True
-    folder = Path(job.out, photo_folder(item.id))
+    folders = [*paths_inside(job.out, [photo_folder(item.id)]).values()]
     sizes = _sizes(row)
-    if row["state"] == "done" and not row.get("result"):
+    if not folders or (row["state"] == "done" and not row.get("result")):
         return False
     # files of a later run that was killed before its row
-    if run_of_result(folder) != row.get("result"):
+    if run_of_result(folders[0]) != row.get("result"):
         return False
     try:
-        found = {name: (folder / name).lstat().st_size for name in sizes}
+        there = paths_inside(folders[0], sizes)
+        found = {name: path.lstat().st_size for name, path in there.items()}
     except OSError:
         return False
-    return found.get(ARRAYS_FILE) == sizes.get(ARRAYS_FILE)
+    return len(found) == len(sizes) and found.get(ARRAYS_FILE) == sizes.get(ARRAYS_FILE)
 
 
 def _sizes(row: Mapping[str, Any]) -> dict[str, int]:
     """Return name -> bytes of the files in a photo's folder that its row of the journal states."""
     pairs = re.findall(r"(\S+)=([0-9]+)", row.get("files", ""))
     return {name: int(size) for name, size in pairs if name != THUMBNAIL}
-
-
-_LOCAL = "local"
 
 
 @dataclass(frozen=True)
@@ -228,6 +226,10 @@ class ExecutorSettings:
     options: Mapping[str, str] = field(default_factory=dict)
 
 
+_LOCAL = "local"
+_QUEUES = ("slurm", "pbs", "sge", "lsf", "htcondor")
+
+
 def open_executor(name: str, settings: ExecutorSettings) -> Executor:
     """Return the executor of a name: "local", or one that a plugin offers.
 
@@ -237,6 +239,11 @@ def open_executor(name: str, settings: ExecutorSettings) -> Executor:
     """
     if name == _LOCAL:
         return _local(settings)
+    if name.lower() in _QUEUES:
+        raise ConfigError(
+            f"there is no executor '{name}': give each job of the queue a part, as --shard 3/16, "
+            f"and see docs/cluster.md"
+        )
     found = find_item("physic_executors", name, "executor", own=_LOCAL, known=EXECUTORS)
     executor: Executor = import_item(found, "executor")(settings)
     if not callable(executor):

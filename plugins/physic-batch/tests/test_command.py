@@ -82,11 +82,7 @@ def test_a_dry_run_lists_the_photos_and_writes_nothing(tmp_path, monkeypatch, ph
     assert done.stdout.splitlines() == [
         f"{tmp_path}/photos/{name}.jpg" for name in ("a", "b", "c\\x1b")
     ]
-    assert (
-        done.stderr
-        == "files skipped (not photos, hidden, or of results): 1\n3 photos: 0 done before; "
-        "3 to do: 3 new\n"
-    )
+    assert done.stderr == "left out: 1 .txt\n3 photos: 0 done before; 3 to do: 3 new\n"
     assert not Path("out").exists()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 from physic_batch.photos import PhotoItem, Shard, list_photos, photo_folder, photo_of_row
 from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError, InputError
+from physic_core.files import MARK
 
 
 @pytest.fixture
@@ -104,12 +106,13 @@ def test_a_folder_can_be_that_of_its_results(tmp_path):
     own = ("a.jpg", "photos/b.jpg", "thumbnails/c.jpg")
     results = ("photos/3f/a/preview.png", "photos/3f/a/colmap/images/0.jpg", "thumbnails/3f/a.jpg")
     others = ("journal.jsonl", "photos/3f/a/reconstruction.json")
+    document = {"schema": "physic-reconstruction", "files": {"colmap/images/0.jpg": ""}}
     for name in (*own, *results, *others):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).touch()
+        (tmp_path / name).write_text(MARK if name == results[-1] else json.dumps(document))
     listed = list_photos([str(tmp_path)])
     assert names(listed.photos) == ["a.jpg", "b.jpg", "c.jpg"]
-    assert sum(listed.skipped.values()) == 5
+    assert listed.kinds() == "3 in folders of results, 1 .jsonl, 1 thumbnails"
 
 
 def test_files_that_are_no_photos_are_skipped(folder):
@@ -121,21 +124,21 @@ def test_files_that_are_no_photos_are_skipped(folder):
         "old/journal-1-of-2.jsonl",
     ):
         (folder / name).parent.mkdir(exist_ok=True)
-        (folder / name).touch()
+        (folder / name).write_text('{"schema": "physic-reconstruction"}')
     (folder / "old" / "thumbnails" / "3f").mkdir(parents=True)
-    (folder / "old" / "thumbnails" / "3f" / "b.jpg").touch()
+    (folder / "old" / "thumbnails" / "3f" / "b.jpg").write_text(MARK)
     listed = list_photos(["photos"])
     assert names(listed.photos) == ["a.PNG", "b.jpg", "c.webp"]
-    assert sum(listed.skipped.values()) == 9
+    assert sum(listed.left_out.values()) == 9
     assert names(list_photos(["photos/b-physic/preview.png"]).photos) == ["preview.png"]
-    with pytest.raises(InputError, match="files skipped: 2"):
+    with pytest.raises(InputError, match=r"left out: 1 \.jsonl, 1 thumbnails"):
         list_photos(["photos/old"])
 
 
 def test_files_of_other_kinds_are_counted_by_suffix(tmp_path):
     for name in ("a.jpg", "b.JXL", "c.jxl", "d.livp"):
         (tmp_path / name).touch()
-    assert list_photos([str(tmp_path)]).skipped_text() == "3 (2 .jxl, 1 .livp)"
+    assert list_photos([str(tmp_path)]).kinds() == "2 .jxl, 1 .livp"
 
 
 @pytest.mark.parametrize("name", ["photos.parquet", "list.txt", "shard-000.tar"])

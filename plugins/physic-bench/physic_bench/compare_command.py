@@ -40,7 +40,6 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
 
     People are matched by their masks. Joints is the mean distance of the joints from pelvis to
     wrists, with the joint that is farthest apart; pose is the same with both pelvises in one place.
-    The distance of a photo is the median depth of its scene.
     """
     from physic_batch.contact_sheet import result_link, thumbnail_jpeg
     from physic_bench.comparison import (

@@ -174,12 +174,13 @@ def compare_results(a: Reconstruction, b: Reconstruction, name: str = "") -> Com
 
 
 def table_rows(photo: Comparison) -> list[tuple[str, ...]]:
-    """Return the rows of a photo, with the columns of :data:`HEAD`: one of the scene, then one of
-    each person.
-
-    The distance of the scene is its median depth.
+    """Return the rows of a photo, with the columns of :data:`HEAD`: its grades, the median depth of
+    its scene, and one of each person.
     """
-    rows = [(photo.photo, *_grades(photo.grade), *map(_metres, photo.depth_m), "", "", "")]
+    rows = [
+        (photo.photo, *_grades(photo.grade), "", "", "", "", ""),
+        ("  median depth of the scene", "", "", *map(_metres, photo.depth_m), "", "", ""),
+    ]
     for person in photo.people:
         joints = ["-" if one is None else str(one) for one in (person.joints, person.pose)]
         own = [

@@ -22,6 +22,13 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 
+LAYOUTS = {
+    "physic": "photos/XX/FRAME/ of physic batch, or FRAME/reconstruction.json, or PICTURE-physic/",
+    "plain": "FRAME.npz, where FRAME is the frame's id; folders of the id may be folders, _ or __",
+}
+"""Which files each reads, for messages."""
+
+
 def read_physic(folder: Path, frame: Frame) -> Prediction | None:
     """Read the frame's result of this tool, in px of the frame's picture; None if there is none.
     People without a body are not in it.
@@ -31,11 +38,14 @@ def read_physic(folder: Path, frame: Frame) -> Prediction | None:
     """
     from physic_batch.photos import photo_folder
     from physic_core import load_reconstruction
+    from physic_core.files import paths_inside
+    from physic_core.io.result_folder import is_result
 
     for name in _names(frame):
-        for place in (photo_folder(name), name, f"{name}-physic"):
-            if (folder / place / "reconstruction.json").is_file():
-                result = load_reconstruction(str(folder / place))
+        places = paths_inside(folder, (photo_folder(name), name, f"{name}-physic"))
+        for place in places.values():
+            if is_result(place):
+                result = load_reconstruction(place)
                 floor = result.scene.floor
                 return Prediction(
                     tuple(_person(p, result) for p in result.people if np.isfinite(p.joints).all()),
@@ -136,8 +146,3 @@ READERS: Mapping[str, Callable[[Path, Frame], Prediction | None]] = {
     "physic": read_physic,
     "plain": read_plain,
 }
-LAYOUTS = {
-    "physic": "photos/XX/FRAME/ of physic batch, or FRAME/reconstruction.json, or PICTURE-physic/",
-    "plain": "FRAME.npz, where FRAME is the frame's id; folders of the id may be folders, _ or __",
-}
-"""Which files each reads, for messages."""

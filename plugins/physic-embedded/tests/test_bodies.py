@@ -404,6 +404,28 @@ def test_a_trunk_without_legs_is_upright_unless_the_person_lies(backend, lean_de
     assert lies > 0.6 * lean_deg
 
 
+def test_people_who_stand_by_the_observer_are_set_upright_though_a_leg_is_not_seen(backend):
+    seen = unsure_of(truth([STANDS], PLACES[:1], lean_deg=15.0), 0.3, *LEGS)
+    known, lies = (
+        posed(
+            backend.infer(
+                IMAGE,
+                seen.people,
+                CAMERA,
+                seen.keypoints,
+                Hints(floor=FLOOR, observations=says(posture)),
+            )
+        )[0]
+        for posture in ("stand", "lie")
+    )
+    turn = observe_people(seen.keypoints, seen.people, CAMERA).turn
+    lean, unset = (
+        np.degrees(lean_towards_camera(j, turn, np.array([0.0, -1.0, 0.0]), np.zeros(1, bool)))[0]
+        for j in (known, lies)
+    )
+    assert abs(lean) < 4 < abs(unset)
+
+
 def test_the_estimator_states_the_lean_of_people_whose_legs_are_hidden(backend):
     sure, unsure = (
         fit_behind_table(backend, STANDS, word).lean_sigma[0] for word in ("stand", "squat")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from physic_core.backends.masks import dilate
 from physic_core.backends.people import boxes_from_masks
 from physic_core.types import (
     SKELETONS,
@@ -22,6 +23,7 @@ from physic_embedded.relative_pointmap import EmbeddedPointmap
 from physic_embedded.single_view.disparity_floor import fit_disparity_floor
 from physic_embedded.single_view.disparity_offset import disparity_at_infinity
 from physic_embedded.single_view.flying_pixels import flying_pixels
+from physic_embedded.single_view.two_looks import scene_disparity
 from physic_embedded.single_view.upright import axes_cost, body_planes, wall_planes
 
 
@@ -317,6 +319,40 @@ def test_lines_are_those_of_the_photo_and_not_of_invented_pixels(backend, image)
         alone.append(backend.infer(inpainted, Hints()).intrinsics)
     assert cameras[0] == cameras[1]
     assert alone[0] != alone[1]
+
+
+def test_a_scene_has_the_trend_of_the_inpainted_photo_and_details_of_the_photo():
+    rows, columns = np.mgrid[0:120, 0:160].astype(np.float32)
+    plane = 1 + 0.05 * rows
+    steps = np.where(columns % 8 < 4, 0.1, -0.1).astype(np.float32)
+    people = np.zeros((120, 160), bool)
+    people[30:100, 70:90] = True
+    bent = plane + 2 * ((rows - 60) / 60) ** 2
+    photo = 0.3 * (bent + steps + 4 * people) + 7
+    small = cv2.resize(plane, (80, 60), interpolation=cv2.INTER_AREA)
+    scene = scene_disparity(small, photo, ~people)
+    assert np.abs(scene - plane)[people].max() < 0.1
+    far = ~dilate(people, 6)
+    assert np.abs(scene - plane - steps)[far].mean() < 0.05
+    assert scene_disparity(small, photo, np.zeros_like(people)) == pytest.approx(plane, abs=0.03)
+
+
+def test_one_look_at_the_photo_serves_both_calls(image):
+    backend = EmbeddedPointmap(EmbeddedPointmap.Options(short_side=154, threads=1))
+    backend.load()
+    people = hidden_by(np.s_[40:239, 5:90])
+    hole = people.masks[0]
+    inpainted = np.where(hole[..., None], np.uint8(90), image)
+    scene = backend.infer(inpainted, Hints(people=people, hole=hole, photo=image))
+    network = backend.network["depth_anything_v2_vits"]
+    seen = []
+    given = network.run
+    network.run = lambda *names, **more: seen.append(names) or given(*names, **more)
+    hints = Hints(intrinsics=scene.intrinsics, people=people, scene=scene)
+    assert backend.infer(image, hints).valid.any()
+    assert not seen
+    assert backend.infer(image[::-1].copy(), hints).valid.any()
+    assert len(seen) == 1
 
 
 def test_a_scene_hidden_by_people_is_said_not_to_be_matched(backend, image, scene):

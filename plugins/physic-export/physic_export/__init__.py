@@ -8,7 +8,7 @@ from physic_core import ExporterRecord, hookimpl
 
 __all__: list[str] = []
 
-_NAMES = {"names": ("smplx", "mixamo", "unreal", "unity")}
+_NAMES = {"names": ("smplx", "mixamo", "unreal", "unity", "vrm")}
 _SKIN = {"skin": ("photo", "neutral", "contact")}
 _TEXTURES: dict[str, tuple[str | bool, ...]] = {
     "texture_size": ("1024", "512", "2048", "4096"),
@@ -44,7 +44,7 @@ _FORMATS = (
         stem="skeleton",
         bodies="required",
         per_person=True,
-        options={"names": ("mixamo", "smplx", "unreal", "unity", "lafan")},
+        options={"names": ("mixamo", "smplx", "unreal", "unity", "vrm", "lafan")},
     ),
     _record(
         "coco",
@@ -85,7 +85,7 @@ _FORMATS = (
         "Blender, Unity, Unreal, three.js",
         "textured bodies, skeletons, T-pose and pose, contact, scene, floor, camera",
         stem="skinned",
-        options=_NAMES | _SKIN | _TEXTURES,
+        options=_NAMES | _SKIN | _TEXTURES | {"plain": (False, True)},
     ),
     _record(
         "keypoints",
@@ -156,6 +156,18 @@ _FORMATS = (
         packages=("rerun",),
         extra="rrd",
         options=_SKIN,
+    ),
+    _record(
+        "stl",
+        ".stl",
+        "PrusaSlicer, Cura, 3D printers",
+        "closed bodies in millimetres, one file per person",
+        module="meshes",
+        ups=("z", "y", "camera"),
+        stem="print",
+        bodies="required",
+        per_person=True,
+        needs="a floor in the result, for z up",
     ),
     _record(
         "trc",

@@ -96,7 +96,7 @@ def _smplx_parameters(
     errors in metres.
     """
     from physic_core.body import build_body_model, convert_with_residuals, smplx_arrays
-    from physic_core.cache.correspondences import cached_correspondence
+    from physic_core.cache import cached_correspondence
 
     people = [person.parameters for _, person in request.chosen()]
     stacked = BodyParameters(

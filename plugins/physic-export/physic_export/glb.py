@@ -40,9 +40,9 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     People are skinned meshes with texture coordinates. Their material is the photo's colours, a
     plain one, or contact (option ``skin``); the other two are variants of it
     (KHR_materials_variants). The vertex attribute ``_CONTACT`` is 1 or 0, ``_FILLED`` 1 where the
-    photo does not show the body, and 0 where it does. The animation ``pose`` is a T-pose at 0 s and
-    the pose at 1/24 s; without it, the nodes are in the pose. With ``contact_texture``, there is
-    also a PNG of contact per person.
+    photo does not show the body, and 0 where it does; with ``plain``, the file has neither. The
+    animation ``pose`` is a T-pose at 0 s and the pose at 1/24 s; without it, the nodes are in the
+    pose. With ``contact_texture``, there is also a PNG of contact per person.
 
     Raises:
         InputError: the skeleton of the bodies is not known.
@@ -67,6 +67,11 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
             for nodes, rig in zip(joints, skins.values(), strict=True)
         ]
         add_animation(glb, (0.0, _FRAME_S), keys)
+    if options["plain"]:
+        for mesh in glb.tree["meshes"]:
+            for part in mesh["primitives"]:
+                for name in [one for one in part["attributes"] if one.startswith("_")]:
+                    del part["attributes"][name]
     files = {f"{request.stem}{request.suffix}": glb.content()}
     if options["contact_texture"] and colors.source:
         for index in request.person:

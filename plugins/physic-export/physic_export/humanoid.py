@@ -114,7 +114,8 @@ squats are beyond the 135 of AAOS and the 130 of Merck.
 """
 
 
-_DENSITY_KG_M3 = 1010.0  # of a human body, whose volume has the lungs half filled
+DENSITY_KG_M3 = 1010.0
+"""Density of a human body, whose volume has the lungs half filled."""
 
 NUM_BODIES = 22
 """Pelvis and the 21 joints of the body; fingers belong to the wrist, jaw and eyes to the head."""
@@ -247,7 +248,7 @@ def body_segments(rig: Rig, vertices: Array, ground: Mapping[str, float]) -> lis
     part = vertex_segments(rig.weights)
     hulls = [convex_hull(vertices[part == joint]) for joint in range(NUM_BODIES)]
     volumes = np.array([_volume(*hull) for hull in hulls])
-    masses = _DENSITY_KG_M3 * _volume(vertices, rig.faces) * volumes / volumes.sum()
+    masses = DENSITY_KG_M3 * _volume(vertices, rig.faces) * volumes / volumes.sum()
     lowest = [float(vertices[part == joint, 2].min()) for joint in range(NUM_BODIES)]
     owner = _owner_of_faces(part[rig.faces])
     made = []

@@ -1,6 +1,6 @@
-"""Coloured meshes of people and scene, and the formats of meshes: PLY and OBJ.
+"""Coloured meshes of people and scene, and the formats of meshes: PLY, OBJ and STL.
 
-PLY has every valid point of the scene; OBJ has meshes with textures.
+PLY has every valid point of the scene; OBJ has meshes with textures; STL has bodies to print.
 """
 
 from __future__ import annotations
@@ -207,6 +207,32 @@ def _plane(frame: ExportFrame, floor: Plane) -> str:
     return f"{a:g} x + {b:g} y + {c:g} z + {round(offset, 6) + 0.0:g} = 0"
 
 
+_TRIANGLE = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("unused", "<u2")])
+_MM = 1000.0
+
+
+def export_stl(request: ExportRequest) -> ExportedFiles:
+    """Return a binary STL file of each person, a closed mesh in millimetres, which slicers expect.
+
+    The surface of the scene has no inside, and is left out.
+    """
+    files = {}
+    for index, person in request.chosen():
+        vertices = transform_points(request.frame.from_camera, person.vertices) * _MM
+        rows = np.zeros(len(request.result.faces), _TRIANGLE)
+        rows["corners"] = vertices[request.result.faces]
+        across = np.cross(
+            rows["corners"][:, 1] - rows["corners"][:, 0],
+            rows["corners"][:, 2] - rows["corners"][:, 0],
+        )
+        rows["normal"] = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+        head = f"PhySIC; unit: millimetre; {request.frame.up} up".encode("ascii").ljust(80)
+        count = len(rows).to_bytes(4, "little")
+        files[request.file_of(index)] = head + count + rows.tobytes()
+    note = "lengths are in millimetres, as slicers read them, at the size of life: scale the body"
+    return ExportedFiles(files, (note,))
+
+
 def export_obj(request: ExportRequest) -> ExportedFiles:
     """Return an OBJ file, its materials (.mtl), and their pictures.
 
@@ -220,7 +246,7 @@ def export_obj(request: ExportRequest) -> ExportedFiles:
     scene = scene_mesh(request)
     text = [
         f"# PhySIC; unit: metre; axes: {request.frame.axes}\n# v: x y z red green blue (sRGB, 0 "
-        f"to 1)\n",
+        f"to 1)\n# Programs that read OBJ in millimetres need a scale of 1000.\n",
         *(f"# contact: {line}\n" for line in contact_lines(request.result, skins)),
         f"mtllib {request.stem}.mtl\n",
     ]
@@ -268,7 +294,7 @@ def _write(
         face = "f %d/%d/%d %d/%d/%d %d/%d/%d\n"
     colored = np.concatenate([mesh.vertices, mesh.colors / 255], 1)
     text.append(f"o {mesh.name}\n")
-    text += _lines("v %.5f %.5f %.5f %.3f %.3f %.3f\n", colored)
+    text += _lines("v %.9g %.9g %.9g %.3f %.3f %.3f\n", colored)
     text += _lines("vn %.4f %.4f %.4f\n", mesh.normals)
     text += _lines("vt %.5f %.5f\n", uv)
     text.append(f"usemtl {material}\n")

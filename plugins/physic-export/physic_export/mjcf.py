@@ -16,12 +16,13 @@ import numpy as np
 import trimesh
 
 from physic_core import ExportedFiles, ExportRequest
-from physic_core.body import DENSITY_KG_M3, JOINT_NAMES, PART_NAMES
+from physic_core.body import JOINT_NAMES, PART_NAMES
 from physic_core.errors import InputError
 from physic_core.export import camera_pose
 from physic_core.geometry import rotmat_to_quat, transform_points
 from physic_export.balance import ExportedPerson, people_of, tiles_beside
 from physic_export.humanoid import (
+    DENSITY_KG_M3,
     FULL_TORQUE_RAD,
     NUM_BODIES,
     RESPONSE_S,

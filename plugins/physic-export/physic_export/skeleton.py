@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
     from physic_visual.rig import Rig
 
-BONE_NAMES = ("smplx", "mixamo", "unreal", "unity")
+BONE_NAMES = ("smplx", "mixamo", "unreal", "unity", "vrm")
 """SMPL-X; Mixamo's rig without the prefix "mixamorig:"; Unreal Engine's mannequin with three spine
-bones; the HumanBodyBones of Unity's humanoid avatar.
+bones; the HumanBodyBones of Unity's humanoid avatar; the humanoid bones of VRM 1.0.
 """
 
 _MIXAMO = {
@@ -62,6 +62,7 @@ _UNITY = _MIXAMO | {
     "shoulder": "UpperArm",
     "elbow": "LowerArm",
 }
+_THUMB_OF_VRM = {"1": "Metacarpal", "2": "Proximal", "3": "Distal"}
 _SHORTEST_M = 0.01
 _SEGMENTS = {"1": "Proximal", "2": "Intermediate", "3": "Distal"}
 
@@ -72,6 +73,8 @@ def bone_names(style: str) -> tuple[str, ...]:
 
 
 def _name(joint: str, style: str) -> str:
+    if style == "vrm":
+        return _name_of_vrm(joint)
     side, _, limb = joint.partition("_")
     finger = limb[:-1]
     number = limb[-1:]
@@ -90,6 +93,14 @@ def _name(joint: str, style: str) -> str:
     if style == "mixamo":
         return f"{side.capitalize()}Hand{finger.capitalize()}{number}"
     return side.capitalize() + finger.replace("pinky", "little").capitalize() + _SEGMENTS[number]
+
+
+def _name_of_vrm(joint: str) -> str:
+    """Return the name of VRM 1.0, which is Unity's with a small letter, but for the thumb."""
+    name = _name(joint, "unity")
+    if "thumb" in joint:
+        name = name.removesuffix(_SEGMENTS[joint[-1]]) + _THUMB_OF_VRM[joint[-1]]
+    return name[0].lower() + name[1:]
 
 
 def named_rig(rig: Rig, style: str, up: NDArray[np.float64]) -> Rig:
@@ -162,20 +173,15 @@ def with_ends(rig: Rig) -> Rig:
 
 
 def t_pose(rig: Rig, up: NDArray[np.float64]) -> Rig:
-    """Return a rig in the T-pose: upright, at the place of the pose, facing as it does, with the
-    soles at height 0.
+    """Return a rig in the T-pose: upright, at the place of the pose, with the soles at height 0. It
+    faces the camera's side of the frame, as programs that move poses to other figures expect.
 
     Args:
         rig: in the pose.
         up: (3,) unit vector, an axis of the frame.
     """
     pelvis = int(rig.names[0] == "root")
-    forward = rig.rotations[pelvis] @ [0.0, 0.0, 1.0]
-    forward = forward - (forward @ up) * up
-    if np.linalg.norm(forward) < 1e-6:  # a body that lies: its head points where it would face
-        forward = rig.rotations[pelvis] @ [0.0, 1.0, 0.0]
-        forward = forward - (forward @ up) * up
-    forward = forward / np.linalg.norm(forward)
+    forward = np.cross([1.0, 0.0, 0.0], up)  # +z with y up, -y with z up
     rotations = np.tile(np.eye(3), (len(rig.names), 1, 1))
     rotations[pelvis] = np.stack([np.cross(up, forward), up, forward], 1)
     standing = replace(rig, rotations=rotations)

@@ -90,6 +90,7 @@ def test_frame_0_is_a_t_pose_on_the_floor_below_the_pose(export, up, axis, names
             np.linalg.norm(arm) * np.linalg.norm(arms[2]), rel=1e-3
         )
     assert 0.05 < stands["left_ankle"][axis] < 0.12
+    assert arms[2][0] > 1.1  # who faces the camera has the left at its right
     flat = [a for a in range(3) if a != axis]
     np.testing.assert_allclose(stands["pelvis"][flat], posed["pelvis"][flat], atol=1e-5)
 

@@ -63,6 +63,20 @@ def test_trimesh_reads_closed_bodies_whose_normals_point_out(export, result, nam
         )
 
 
+@pytest.mark.parametrize("name", ["a.obj", "a.stl"])
+def test_bodies_are_closed_where_a_program_merges_equal_places(export, result, name):
+    for index in range(len(result.people)):
+        path = export(f"{index}-{name}", scene=False, person=index).files[0]
+        mesh = trimesh.load(path, force="mesh", process=False, skip_materials=True)
+        places, corners = np.unique(mesh.vertices, axis=0, return_inverse=True)
+        whole = trimesh.Trimesh(places, corners[mesh.faces], process=False)
+        assert len(places) == len(result.people[index].vertices)
+        assert whole.is_watertight
+        metres = 1000 if name == "a.stl" else 1
+        volume = trimesh.Trimesh(result.people[index].vertices, result.faces, process=False).volume
+        assert whole.volume == pytest.approx(volume * metres**3, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("skin", "wanted"),
     [

@@ -150,6 +150,31 @@ def test_the_names_are_those_that_unity_publishes():
     assert set(bone_names("unity")) == set(UNITY.split())
 
 
+def test_the_names_of_vrm_are_unitys_with_the_metacarpal_of_the_thumb():
+    names = dict(zip(bone_names("unity"), bone_names("vrm"), strict=True))
+    thumbs = {unity: vrm for unity, vrm in names.items() if "LeftThumb" in unity}
+    assert thumbs == {
+        "LeftThumbProximal": "leftThumbMetacarpal",
+        "LeftThumbIntermediate": "leftThumbProximal",
+        "LeftThumbDistal": "leftThumbDistal",
+    }
+    others = {unity: vrm for unity, vrm in names.items() if "Thumb" not in unity}
+    assert all(vrm == unity[0].lower() + unity[1:] for unity, vrm in others.items())
+
+
+def test_a_plain_file_has_no_attributes_of_its_own(export):
+    tree = pygltflib.GLTF2().load(str(export("a.glb", plain=True, person=0).files[0]))
+    names = {
+        name
+        for mesh in tree.meshes
+        for part in mesh.primitives
+        for name, value in vars(part.attributes).items()
+        if value is not None
+    }
+    assert "POSITION" in names
+    assert not any(name.startswith("_") for name in names)
+
+
 def test_the_names_are_those_of_unreals_mannequin():
     wanted = UNREAL.split()
     wanted += [f"{name[:-2]}_r" for name in wanted if name.endswith("_l")]
@@ -163,5 +188,5 @@ def test_every_bone_has_a_name_of_its_own(style):
 
 
 def test_names_that_a_format_does_not_have_are_refused(export):
-    with pytest.raises(ConfigError, match="one of smplx, mixamo, unreal, unity, "):
+    with pytest.raises(ConfigError, match="one of smplx, mixamo, unreal, unity, vrm, "):
         export("a.glb", names="rigify")

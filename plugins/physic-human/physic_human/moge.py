@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from physic_core.cache.results import cached_network_result
+from physic_core.cache import cached_network_result
 from physic_core.errors import BackendError, DeviceError
 from physic_core.interfaces import (
     GpuMemory,

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from physic_core.backends.devices import DEVICE_PATTERN
-from physic_core.cache.results import cached_network_result
+from physic_core.cache import cached_network_result
 from physic_core.errors import BackendError, DeviceError
 from physic_networks.optimised_graphs import KeptGraph
 

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.cache.folders import LruFolder, claimed_cache, is_own
+from physic_core.cache import LruFolder, claimed_cache, is_own
 
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession

@@ -23,6 +23,7 @@ from physic_core.files import (
     open_regular,
     read_arrays,
     read_names,
+    shorten,
     wrap_decoding_errors,
 )
 from physic_opencv.exr import MAX_BYTES, read_exr
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 DEPTH_SUFFIXES = (".npy", ".npz", ".png", ".exr", ".pfm", ".heic", ".heif", ".hif", ".jpg", ".jpeg")
 POINTMAP_SUFFIXES = (".npy", ".npz")
 _UNIFORM_DISPARITY = 1
+_LONGEST = 200  # characters of a text of the file in a message
+_LISTED = 8  # arrays
 _RELATIVE = re.compile(rb"depthData:Accuracy\W{1,4}relative")
 
 
@@ -88,13 +91,16 @@ _PATCH_PX = 14  # of DINOv2, on which depth networks are built
 _ASPECT_TOLERANCE = 0.01  # of the aspect ratio: one pixel of rounding in a map 100 px high
 
 
-def read_depth(path: Path, scale: float, invalid: float | None) -> tuple[FloatArray, bool]:
-    """Read a depth map (H, W) in metres, NaN where it is unknown, and whether its file calls it
-    relative.
+def read_depth(
+    path: Path, scale: float, invalid: float | None
+) -> tuple[FloatArray, bool, tuple[str, ...]]:
+    """Read a depth map (H, W) in metres, NaN where it is unknown, whether its file calls it
+    relative, and notes.
 
     Args:
-        path: a .npy array (H, W), an .npz with "depth" (H, W) or (1, H, W), a PNG of 16 bits with
-            one channel, an .exr file, a PFM of one channel, or a HEIC or JPEG photo of a phone.
+        path: a .npy array (H, W), an .npz with "depth" (H, W) or (1, H, W) and optionally "valid"
+            (H, W) bool, a PNG of 16 bits with one channel, an .exr file, a PFM of one channel, or a
+            HEIC or JPEG photo of a phone.
         scale: metres per unit of the file.
         invalid: value of unknown pixels besides 0, NaN, infinity, 1e9 and more, and the largest
             number of 16 bits (65504) in floating point, in units of the file; None for no other.
@@ -106,6 +112,8 @@ def read_depth(path: Path, scale: float, invalid: float | None) -> tuple[FloatAr
     _require(path, "depth map")
     is_relative = False
     values: NDArray[np.generic]
+    valid: NDArray[np.bool_] | None = None
+    notes: tuple[str, ...] = ()
     if suffix == ".npy":
         values = _load_npy(path)
     elif suffix in (".png", ".pfm"):
@@ -117,9 +125,10 @@ def read_depth(path: Path, scale: float, invalid: float | None) -> tuple[FloatAr
                 "give a PNG of 16 bits in millimetres, or a .npy array in metres"
             )
     elif suffix == ".npz":
-        values, _ = _load_npz(path, "depth")
+        values, valid, notes = _load_npz(path, "depth")
         if values.ndim == 3 and len(values) == 1:  # of a network that takes several pictures
             values = values[0]
+            valid = None if valid is None else valid.reshape(valid.shape[-2:])
     elif suffix == ".exr":
         values = read_exr(path)
     elif suffix in (".jpg", ".jpeg"):
@@ -140,16 +149,18 @@ def read_depth(path: Path, scale: float, invalid: float | None) -> tuple[FloatAr
         unknown |= depth == _LARGEST_HALF
     if invalid is not None and math.isfinite(invalid):
         unknown |= depth == invalid
+    if valid is not None:
+        unknown |= ~_checked_valid(path, valid, depth.shape)
     if unknown.all():
         raise InputError(
             f"the depth map {path} has no known pixel: every value is 0, negative, NaN or the "
             f"invalid one"
         )
-    return np.where(unknown, np.nan, depth * scale).astype(np.float32), is_relative
+    return np.where(unknown, np.nan, depth * scale).astype(np.float32), is_relative, notes
 
 
-def read_pointmap(path: Path, scale: float) -> tuple[FloatArray, BoolArray]:
-    """Read a point map: points (H, W, 3) times ``scale``, and which pixels are valid (H, W).
+def read_pointmap(path: Path, scale: float) -> tuple[FloatArray, BoolArray, tuple[str, ...]]:
+    """Read a point map: points (H, W, 3) times ``scale``, which pixels are valid (H, W), and notes.
 
     A point is invalid if a coordinate is NaN or infinite, or z is not positive.
 
@@ -164,10 +175,11 @@ def read_pointmap(path: Path, scale: float) -> tuple[FloatArray, BoolArray]:
     suffix = check_suffix(path, POINTMAP_SUFFIXES)
     _require(path, "point map")
     valid: NDArray[np.bool_] | None = None
+    notes: tuple[str, ...] = ()
     if suffix == ".npy":
         points = _load_npy(path)
     else:
-        points, valid = _load_npz(path, "points")
+        points, valid, notes = _load_npz(path, "points")
     if points.ndim != 3 or points.shape[2] != 3 or points.dtype.kind not in "fiu":
         raise InputError(
             f"the points of {path} must be (H, W, 3) numbers, got {points.shape} {points.dtype}"
@@ -175,18 +187,24 @@ def read_pointmap(path: Path, scale: float) -> tuple[FloatArray, BoolArray]:
     points = points.astype(np.float64) * scale
     known = np.isfinite(points).all(-1) & (np.nan_to_num(points[..., 2]) > 0)
     if valid is not None:
-        if valid.shape != points.shape[:2] or valid.dtype != np.bool_:
-            raise InputError(
-                f'"valid" of {path} must be {points.shape[:2]} bool like its points, got '
-                f"{valid.shape} {valid.dtype}"
-            )
-        known &= valid
+        known &= _checked_valid(path, valid, points.shape[:2])
     if not known.any():
         raise InputError(
             f"the point map {path} has no valid point: every one is NaN, behind the camera or not "
             f"valid"
         )
-    return np.where(known[..., None], points, 0).astype(np.float32), known
+    return np.where(known[..., None], points, 0).astype(np.float32), known, notes
+
+
+def _checked_valid(
+    path: Path, valid: NDArray[np.generic], shape: tuple[int, ...]
+) -> NDArray[np.bool_]:
+    if valid.shape != shape or valid.dtype != np.bool_:
+        raise InputError(
+            f'"valid" of {path} must be {shape} bool, one value per pixel, got {valid.shape} '
+            f"{valid.dtype}"
+        )
+    return np.asarray(valid, np.bool_)
 
 
 def resize_nearest(
@@ -255,7 +273,8 @@ def _load_npy(path: Path) -> NDArray[np.generic]:
         values = np.load(path, mmap_mode="r", allow_pickle=False)
     except Exception as error:  # damaged headers lead to many classes
         raise InputError(
-            f"cannot read {path}: it is not a NumPy array of numbers ({error})"
+            f"cannot read {path}: it is not a NumPy array of numbers "
+            f"({shorten(str(error), _LONGEST)})"
         ) from error
     if not isinstance(values, np.ndarray):
         raise InputError(
@@ -265,14 +284,17 @@ def _load_npy(path: Path) -> NDArray[np.generic]:
     return values
 
 
-def _load_npz(path: Path, needed: str) -> tuple[NDArray[np.generic], NDArray[np.bool_] | None]:
+def _load_npz(
+    path: Path, needed: str
+) -> tuple[NDArray[np.generic], NDArray[np.bool_] | None, tuple[str, ...]]:
+    """Read an array and "valid", None if it is missing, with a note on the other arrays."""
     try:
         with open_regular(path) as stream:
             names = read_names(stream)
             if needed not in names:
                 raise InputError(
                     f'cannot read {path}: it has no array "{needed}"; it has '
-                    f"{', '.join(names) or 'none'}"
+                    f"{shorten(', '.join(names), _LONGEST) or 'none'}"
                 )
             wanted = [name for name in (needed, "valid") if name in names]
             arrays = read_arrays(stream, wanted, limit=MAX_BYTES)
@@ -280,9 +302,12 @@ def _load_npz(path: Path, needed: str) -> tuple[NDArray[np.generic], NDArray[np.
         raise
     except Exception as error:  # of NumPy, zipfile and its decompressors, which share no base class
         raise InputError(
-            f"cannot read {path}: it is not an archive of NumPy arrays ({error})"
+            f"cannot read {path}: it is not an archive of NumPy arrays "
+            f"({shorten(str(error), _LONGEST)})"
         ) from error
-    return arrays[needed], arrays.get("valid")
+    others = [shorten(name, _LONGEST) for name in names if name not in wanted]
+    note = f"of {path.name}, {', '.join(wanted)} is used, and not {', '.join(others[:_LISTED])}"
+    return arrays[needed], arrays.get("valid"), (note,) if others else ()
 
 
 def _read_picture(path: Path) -> NDArray[np.generic]:

@@ -85,8 +85,9 @@ class DepthFile(interfaces.MetricDepth):
         """
         options = self.options
         path = _given(options.path, "metric_depth")
-        depth, is_relative = read_depth(path, options.scale, options.invalid)
-        resized, notes = resize_nearest(depth, image.shape[0], image.shape[1], path)
+        depth, is_relative, notes = read_depth(path, options.scale, options.invalid)
+        resized, resizing = resize_nearest(depth, image.shape[0], image.shape[1], path)
+        notes += resizing
         if hints.hole is not None:
             resized = np.where(hints.hole, np.nan, resized)
         if np.isnan(resized).all():
@@ -150,8 +151,9 @@ class PointmapFile(interfaces.RelativePointmap):
         """
         options = self.options
         path = _given(options.path, "relative_pointmap")
-        points, valid = read_pointmap(path, options.scale)
-        points_here, notes = resize_nearest(points, image.shape[0], image.shape[1], path)
+        points, valid, notes = read_pointmap(path, options.scale)
+        points_here, resizing = resize_nearest(points, image.shape[0], image.shape[1], path)
+        notes += resizing
         valid_here, _ = resize_nearest(valid, image.shape[0], image.shape[1], path)
         known = np.asarray(valid_here, np.bool_)
         if hints.hole is not None:

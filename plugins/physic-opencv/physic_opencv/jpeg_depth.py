@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import binascii
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,8 +18,6 @@ from physic_core.files import ImageSource, decode, open_image
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    from PIL import Image
 
     from physic_core.types import FloatArray
 
@@ -71,8 +69,8 @@ def read_jpeg_depth(path: Path) -> tuple[FloatArray, bool]:
     return depth, found.get("Units") != "m"
 
 
-def _xmp(image: Image.Image) -> bytes:
-    """Return the XMP data of a JPEG, with what did not fit into its first segment."""
+def _xmp(image: Any) -> bytes:
+    """Return the XMP data of a JPEG of Pillow, with what did not fit into its first segment."""
     main = image.info.get("xmp") or b""
     parts = [
         (int.from_bytes(data[len(_EXTENSION) + 36 : len(_EXTENSION) + 40]), data)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
+from physic_core.files import quoted
 from physic_core.types import SKELETONS, KeypointTable
 
 Row = tuple[int, str, float, float, float]
@@ -108,9 +109,9 @@ def _read_coco(document: Any, photo: str) -> KeypointTable:
         rows += found if one.get("image_id") == image else []
     # A score of another image of the file says what the numbers of this one are.
     scored = any(row[4] not in (0, 1, 2) for row in everywhere)
-    return KeypointTable(
-        tuple(_once(rows)), scored, _stated_size(images.get(image, {}), "width", "height")
-    )
+    about = images.get(image, {})
+    size = _stated_size(about, "width", "height")
+    return KeypointTable(tuple(_once(rows)), scored, size, _other_name(about, "file_name", photo))
 
 
 def _image_of(
@@ -133,6 +134,14 @@ def _image_of(
     raise ValueError(
         f"it has {len(found)} images, and none is named {stem or 'as the photo'}: keep its"
     )
+
+
+def _other_name(entry: Mapping[str, Any], key: str, photo: str) -> tuple[str, ...]:
+    """Return a note if an entry names another picture than the photo."""
+    named = PurePath(str(entry.get(key) or "").replace("\\", "/")).name
+    if not photo or not named or PurePath(named).stem == PurePath(photo).stem:
+        return ()
+    return (f"the given keypoints are of the picture {quoted(named)}, and the photo is {photo}",)
 
 
 def _triples(number: int, numbers: Any, names: Sequence[str] | None) -> Iterable[Row]:
@@ -271,12 +280,15 @@ def _read_label_studio(document: Any, photo: str) -> KeypointTable:
     size = None
     for one in marks:
         size = _stated_size(one, "original_width", "original_height")
+        if one.get("image_rotation"):
+            raise ValueError("a mark is of the turned picture: turn it back in Label Studio")
         if size is None:
             raise ValueError("a mark of Label Studio lacks original_width and original_height")
         value = one["value"]
         x, y = (value[axis] / 100 * side - 0.5 for axis, side in zip("xy", size, strict=True))
         rows.append((0, str(value["keypointlabels"][0]), x, y, 2.0))
-    return KeypointTable(tuple(rows), False, size)
+    notes = _other_name(tasks[0].get("data") or {}, "image", photo)
+    return KeypointTable(tuple(rows), False, size, notes)
 
 
 def _is_label_studio(document: Any) -> bool:

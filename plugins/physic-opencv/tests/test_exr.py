@@ -20,7 +20,7 @@ FILES = Path(__file__).parent / "exr"
     "name", ["blender5_bw_V_depth", "blender5_rgba_depth", "blender5_parts", "blender45_multilayer"]
 )
 def test_a_plane_at_3_m_that_blender_rendered_is_at_3_m_and_nothing_is_unknown(name):
-    depth, _ = read_depth(FILES / f"{name}.exr", 1.0, None)
+    depth, *_ = read_depth(FILES / f"{name}.exr", 1.0, None)
     assert depth.shape == (48, 64)
     assert np.nanmin(depth) == pytest.approx(3.0, abs=1e-5)
     assert np.nanmax(depth) < 1e3
@@ -29,13 +29,13 @@ def test_a_plane_at_3_m_that_blender_rendered_is_at_3_m_and_nothing_is_unknown(n
 
 @pytest.mark.parametrize("name", ["opencv4_one.exr", "opencv4_three.exr", "depth_anything_3.npz"])
 def test_depth_of_opencv_and_of_depth_anything_3_arrives_as_it_was(name):
-    depth, _ = read_depth(FILES / name, 1.0, None)
+    depth, *_ = read_depth(FILES / name, 1.0, None)
     assert depth.shape == (28, 42)
     assert depth == pytest.approx(np.linspace(1, 5, 28 * 42).reshape(28, 42), abs=1e-5)
 
 
 def test_the_only_channel_z_is_depth():
-    depth, _ = read_depth(FILES / "Z.exr", 1.0, None)
+    depth, *_ = read_depth(FILES / "Z.exr", 1.0, None)
     assert depth[0, 0] == 1.0
     assert depth[-1, -1] == 48.0
 
@@ -60,7 +60,7 @@ def test_depth_lies_where_the_windows_put_it(tmp_path, first, display):
     values = np.linspace(1, 8, 12, dtype=np.float32).reshape(3, 4)
     x, y = first
     window = {"dataWindow": (first, (x + 3, y + 2)), "displayWindow": display}
-    depth, _ = read_depth(written(tmp_path / "d.exr", {"Z": values}, **window), 1.0, None)
+    depth, *_ = read_depth(written(tmp_path / "d.exr", {"Z": values}, **window), 1.0, None)
     (left, top), (right, bottom) = display
     known = {(y + j, x + i): values[j, i] for j in range(3) for i in range(4)}
     want = [
@@ -81,7 +81,7 @@ def test_a_data_window_beside_the_picture_is_refused(tmp_path):
 def test_both_widths_are_read_and_the_largest_half_is_unknown(tmp_path, dtype):
     values = np.linspace(1, 8, 24, dtype=dtype).reshape(4, 6)
     values[0, 0] = 65504
-    depth, _ = read_depth(
+    depth, *_ = read_depth(
         written(tmp_path / "d.exr", {"Depth.V": values, "Combined.A": values * 0}), 1.0, None
     )
     np.testing.assert_array_equal(depth.ravel()[1:], values.astype(np.float32).ravel()[1:])

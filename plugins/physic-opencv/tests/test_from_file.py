@@ -428,7 +428,20 @@ def test_a_cropped_map_of_whole_patches_is_refused():
 @pytest.mark.parametrize("lead", [(), (1,)], ids=["MoGe and Depth Pro", "Depth Anything 3"])
 def test_a_depth_in_an_archive_of_arrays_is_read(tmp_path, lead):
     np.savez(tmp_path / "results.npz", depth=DEPTH.reshape(*lead, *DEPTH.shape), conf=np.ones(3))
-    np.testing.assert_allclose(depth(tmp_path / "results.npz").depth, DEPTH, rtol=1e-6)
+    found = depth(tmp_path / "results.npz")
+    np.testing.assert_allclose(found.depth, DEPTH, rtol=1e-6)
+    assert "conf" in found.notes[0]
+
+
+def test_what_an_archive_calls_not_valid_is_unknown(tmp_path):
+    valid = np.median(DEPTH) < DEPTH
+    np.savez(tmp_path / "d.npz", depth=DEPTH, valid=valid)
+    found = depth(tmp_path / "d.npz")
+    np.testing.assert_allclose(found.depth, np.where(valid, DEPTH, np.nan), rtol=1e-6)
+    assert found.notes == ()
+    np.savez(tmp_path / "d.npz", depth=DEPTH, valid=valid.astype(np.uint8))
+    with pytest.raises(InputError, match='"valid" of'):
+        depth(tmp_path / "d.npz")
 
 
 def test_an_archive_without_depth_is_refused_with_its_arrays(tmp_path):

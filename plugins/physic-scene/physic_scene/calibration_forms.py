@@ -4,21 +4,34 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from physic_core.files import read_regular
+from physic_core.files import parse_toml, read_regular
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 _LARGEST_FILE = 1 << 24  # bytes
 _LARGEST_MODEL = 1 << 28  # bytes of COLMAP's images.txt, which has all keypoints
 _IN_FOLDERS = ("cameras.txt", "cameras.bin", "intri.yml", "transforms.json", "camera_array.toml")
+_NAMED = 5  # keys of a message
 _OPENGL = (1, -1, -1)  # OpenCV's axes in those of OpenGL, which nerfstudio uses
+
+_COLMAP = {
+    "SIMPLE_PINHOLE": "fx cx cy",
+    "PINHOLE": "fx fy cx cy",
+    "SIMPLE_RADIAL": "fx cx cy k1",
+    "RADIAL": "fx cx cy k1 k2",
+    "OPENCV": "fx fy cx cy k1 k2 p1 p2",
+    "FULL_OPENCV": "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6",
+}
+"""Parameters of COLMAP's models that OpenCV's five coefficients can state."""
 
 
 @dataclass(frozen=True)
@@ -56,10 +69,20 @@ def _text(path: Path, limit: int = _LARGEST_FILE) -> str:
 def _unsupported(name: str, lens: str) -> ValueError:
     return ValueError(
         f"the lens of camera {name} is {lens}, and only pinhole cameras with k1, k2, p1, p2, k3 "
-        f"can be "
-        "used: remove the distortion of its photos (colmap image_undistorter, "
+        "can be used: remove the distortion of its photos (colmap image_undistorter, "
         "cv2.fisheye.undistortImage), and give the cameras of the new photos"
     )
+
+
+def _refuse_others(name: str, keys: Iterable[str], read: Collection[str]) -> None:
+    """Raise ValueError if an entry of a file has a key that is not read: it could change the
+    camera.
+    """
+    if others := [key for key in keys if key not in read]:
+        raise ValueError(
+            f"{name} has {', '.join(others[:_NAMED])}, which no reader here knows: remove it, or "
+            f"call it by the name that the other program gives it"
+        )
 
 
 def _pose(rotation: Any, translation: Any) -> dict[str, Any]:
@@ -81,23 +104,36 @@ def _coefficients(values: Any) -> list[float]:
     return found if any(found[5:]) else found[:5]
 
 
+_TOML_KEYS = (
+    *("name", "size", "matrix", "distortions", "rotation", "translation", "fisheye", "ignore"),
+    *("rotation_count", "cam_id", "error", "grid_count"),
+)
+"""What Pose2Sim, AniPose and Caliscope write of a camera."""
+
+
 def _read_toml(path: Path) -> CameraFile:
     """Read PhySIC's own form, or that of Pose2Sim, AniPose and Caliscope, which have ``matrix``."""
-    document = tomllib.loads(_text(path))
+    document = parse_toml(_text(path))
     nested = isinstance(document.get("cameras"), dict)  # as Caliscope does by itself
     entries: Mapping[str, Any] = document["cameras"] if nested else document
     tables: dict[str, Any] = {}
     turns: dict[str, int] = {}
-    for key, one in entries.items():
-        if (
-            not isinstance(one, dict)
-            or not isinstance(one.get("matrix"), list)
-            or one.get("ignore")
-        ):
+    cameras = [
+        key
+        for key, one in entries.items()
+        if isinstance(one, dict) and isinstance(one.get("matrix"), list)
+    ]
+    if not cameras:
+        return CameraFile(document)
+    _refuse_others("the file", document if nested else entries, ("cameras", "metadata", *cameras))
+    for key in cameras:
+        one = entries[key]
+        if one.get("ignore"):
             continue
         name = str(one.get("name", f"cam_{key}" if nested else key))
         if name in tables:
             raise ValueError(f"two cameras have the name {name}")
+        _refuse_others(f"camera {name}", one, _TOML_KEYS)
         if one.get("fisheye"):
             raise _unsupported(name, "a fisheye (AniPose's and Caliscope's `fisheye = true`)")
         tables[name] = {
@@ -107,20 +143,24 @@ def _read_toml(path: Path) -> CameraFile:
             **_pose(one.get("rotation"), one.get("translation")),
         }
         turns[name] = int(one.get("rotation_count", 0))
-    return CameraFile(tables or document, turns)
+    return CameraFile(tables, turns)
 
 
 # Read without OpenCV, whose parser answers damaged text with SystemError.
-_MATRIX = re.compile(r"^(\S+): !!opencv-matrix[^[!]*data: *\[([^]!]*)\]", re.M)
-_SIDE = re.compile(r"^([WH]_\S+): *(\d+)", re.M)
+_ENTRY = re.compile(r"^([^\s:-][^\s:]*):(.*(?:\n(?:[ \t-].*)?)*)", re.M)
+_COMMENT = re.compile(r"(?:^|\s)#.*$|^(?:%|---).*$", re.M)
+_YAML_KEYS = re.compile(r"(?:K|dist|R|Rot|T|H|W)_.+|names")
+"""What EasyMocap writes."""
 
 
 def _read_easymocap(path: Path) -> CameraFile:
     """Read EasyMocap's intri.yml and extri.yml, of which either is given."""
     pair = path.parent.glob(re.sub("intri|extri", "??tri", path.name))
     text = "\n".join(map(_text, {path, *pair}))
-    numbers = {key: np.array(data.split(","), np.float64) for key, data in _MATRIX.findall(text)}
-    sides = dict(_SIDE.findall(text))
+    entries: dict[str, str] = dict(_ENTRY.findall(_COMMENT.sub("", text)))
+    _refuse_others("the file", entries, [*filter(_YAML_KEYS.fullmatch, entries)])
+    sides = {key: entries.pop(key).strip() for key in [*entries] if key[:2] in ("W_", "H_")}
+    numbers = {key: _matrix(key, entries[key]) for key in entries if "names" not in key}
     tables = {}
     for name in [key[2:] for key in numbers if key.startswith("K_")]:
         size = [sides.get(f"{side}_{name}") for side in "WH"]
@@ -134,12 +174,26 @@ def _read_easymocap(path: Path) -> CameraFile:
     return CameraFile(tables)
 
 
-_FAR = ("k4", "k5", "k6", "distortion_params", "is_fisheye")
+_MATRIX = re.compile(
+    r"\s*(?:!!opencv-matrix)?\s*rows: *(\d+)\s+cols: *(\d+)[^[]*data: *\[([^]]*)\]\s*"
+)
+
+
+def _matrix(name: str, text: str) -> NDArray[np.float64]:
+    if (found := _MATRIX.fullmatch(text)) is not None:
+        values = np.array(found[3].split(","), np.float64)
+        if values.size == int(found[1]) * int(found[2]):
+            return values
+    raise ValueError(f"{name} is no matrix of OpenCV with rows, cols and data")
+
+
+# Of a lens, beside the five coefficients: thin prisms, tilts, skew, other names of distortion.
+_FAR = re.compile(r"k[04-9]|p[03-9]|[st]\w?\d|.*(?:dist|fisheye|skew|lens|rolling).*", re.I)
 
 
 def _lens(name: str, model: str, size: Sequence[Any], values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the lens of COLMAP and nerfstudio, whose pixels have their centres at .5."""
-    far = [f"{key} = {values[key]}" for key in _FAR if values.get(key)]
+    far = [f"{key} = {values[key]}" for key in values if _FAR.fullmatch(key) and values[key]]
     if far or model not in _COLMAP:
         raise _unsupported(name, " with ".join((model, *far)))
     cx = values["cx"] - 0.5
@@ -165,17 +219,6 @@ def _read_nerfstudio(path: Path) -> CameraFile:
         lens = _lens(name, model, (one["w"], one["h"]), values)
         tables[name] = lens | _pose(R, -R @ to_world[:, 3])
     return CameraFile(tables, of_images=True)
-
-
-_COLMAP = {
-    "SIMPLE_PINHOLE": "fx cx cy",
-    "PINHOLE": "fx fy cx cy",
-    "SIMPLE_RADIAL": "fx cx cy k1",
-    "RADIAL": "fx cx cy k1 k2",
-    "OPENCV": "fx fy cx cy k1 k2 p1 p2",
-    "FULL_OPENCV": "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6",
-}
-"""Parameters of COLMAP's models that OpenCV's five coefficients can state."""
 
 
 def _rows(path: Path) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -72,11 +73,24 @@ def test_both_files_of_easymocap_are_read_with_its_six_decimals(path):
 
 
 def test_a_rotation_of_easymocap_is_a_vector_or_a_matrix(tmp_path):
-    path = changed(tmp_path, "easymocap/extri.yml", "\nR_", "\nvector_")
+    path = changed(tmp_path, "easymocap/extri.yml", "", "")
+    path.write_text(re.sub(r"\nR_.*(?:\n .*)*", "", path.read_text()))
     cameras = read_calibration(path, BY_FOLDER, SIZES)
     others = read_calibration(RIGS / "easymocap", BY_FOLDER, SIZES)
     for camera, other in zip(cameras, others, strict=True):
         assert camera.pose == pytest.approx(other.pose, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [(": !!opencv-matrix", ":"), ("rows: 3\n", "rows: 3 # [H, W]\n")]
+)
+def test_a_matrix_of_easymocap_is_read_without_its_tag_and_beside_a_comment(old, new, tmp_path):
+    path = changed(tmp_path, "easymocap/intri.yml", old, new)
+    assert path.read_text() != (RIGS / "easymocap/intri.yml").read_text()
+    for camera, rows in zip(
+        read_calibration(path, BY_FOLDER, SIZES), POINTS["pose2sim.toml"].values(), strict=True
+    ):
+        assert off_px(camera, rows) < 0.01
 
 
 def test_a_photo_of_a_camera_without_a_size_has_its_principal_point_in_the_middle():
@@ -163,7 +177,16 @@ def changed(folder, file, old, new):
         ("nerfstudio/transforms.json", '"frames"', '"pictures"', "lacks 'frames'"),
         ("nerfstudio/transforms.json", '"w"', '"width"', "lacks 'w'"),
         ("nerfstudio/transforms.json", '"k1"', '"is_fisheye": true, "k1"', "is_fisheye"),
-        ("easymocap/intri.yml", "K_middle", "middle", "no camera"),
+        ("easymocap/intri.yml", "K_middle", "middle", "has middle"),
+        ("easymocap/intri.yml", "dist_middle", "D_middle", "has D_middle"),
+        ("easymocap/intri.yml", "  rows: 3", "  lines: 3", "K_left is no matrix"),
+        ("easymocap/extri.yml", "\nR_", "\nRT_", "has RT_left"),
+        ("pose2sim.toml", "distortions", "distortion", "has distortion"),
+        ("pose2sim.toml", "distortions", "dist", "has dist"),
+        ("anipose.toml", "[metadata]", "[units]", "has units"),
+        ("caliscope.toml", "[cameras.0]", "unit = 1\n[cameras.0]", "has unit"),
+        ("nerfstudio/transforms.json", '"k1"', '"s1": 0.1, "k1"', "s1 = 0.1"),
+        ("nerfstudio/transforms.json", '"k1"', '"distortion": [0.1], "k1"', "distortion"),
         ("easymocap/intri.yml", "1410.000000, ", "", "intri.yml"),
     ],
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import secrets
 import threading
 from collections.abc import Callable, Mapping
@@ -12,6 +13,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from physic_core.errors import PhysicError
+from physic_core.files import paths_inside
 from physic_serve.worker import Message, Task, Worker
 
 
@@ -45,11 +47,11 @@ class Job:
     @property
     def files(self) -> dict[str, Path]:
         """The files of the result by name; none before it is done, or if somebody has deleted
-        them.
+        them. A link that leads out is none of them.
         """
         if self.state == "done":
             with suppress(OSError):
-                return {path.name: path for path in sorted(self.folder.iterdir())}
+                return paths_inside(self.folder, sorted(os.listdir(self.folder)))
         return {}
 
     @property

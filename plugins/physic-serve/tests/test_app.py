@@ -44,6 +44,37 @@ def test_pages_run_no_scripts_of_others_and_a_report_its_own_only(served):
     assert report.headers["content-security-policy"] == "frame-ancestors 'self'"
 
 
+def test_results_of_a_browser_are_in_a_cookie_that_no_script_or_other_site_gets(served):
+    posted = served.client.post("/jobs", data={"example": "an-example.jpg"}, follow_redirects=False)
+    words = set(posted.headers["set-cookie"].lower().split("; "))
+    assert {"httponly", "samesite=strict"} <= words
+
+
+@pytest.mark.parametrize(
+    ("header", "value"),
+    [
+        ("referrer-policy", "same-origin"),
+        ("cross-origin-resource-policy", "same-origin"),
+        ("x-content-type-options", "nosniff"),
+        ("content-security-policy", "frame-ancestors 'self'"),
+        ("content-security-policy", "form-action 'self'"),
+    ],
+)
+def test_every_page_states_what_a_browser_may_do_with_it(header, value, served):
+    for address in ("/", "/jobs/none", "/examples/an-example.jpg"):
+        assert value in served.client.get(address).headers[header]
+
+
+def test_a_link_in_the_folder_of_a_result_that_leads_out_is_no_file_of_it(served):
+    page = served.post()
+    served.release.set()
+    served.wait(page, "Done")
+    job = served.jobs.get(page.rpartition("/")[2])
+    (job.folder / "secret.txt").symlink_to("/etc/hostname")
+    assert served.client.get(f"{page}/files/secret.txt").status_code == 404
+    assert "secret.txt" not in served.client.get(page).text
+
+
 def test_an_example_is_a_click(served):
     assert 'value="an-example.jpg"' in served.client.get("/").text
     assert served.client.get("/examples/an-example.jpg").status_code == 200

@@ -12,9 +12,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from physic_core.cache.folders import cache_folder
+from physic_core.cache import cache_folder
 from physic_core.errors import DownloadError
-from physic_core.files import check_writable
+from physic_core.files import atomic_write, check_writable
 from physic_core.weights import (
     HubSource,
     WebSource,
@@ -128,10 +128,8 @@ def _fetch_file(weights: WeightSet, file: WeightFile, folder: Path, *, in_folder
 
 def _copy(found: Path, target: Path) -> None:
     """Copy a file, which appears when it is complete."""
-    check_writable(target.parent)
-    part = target.with_name(f".{target.name}.part")
-    shutil.copyfile(found, part)
-    os.replace(part, target)
+    with atomic_write(check_writable(target.parent)) as write:
+        shutil.copyfile(found, write(target.name))
 
 
 def _from_place(file: WeightFile, place: str, scratch: Path) -> Path:

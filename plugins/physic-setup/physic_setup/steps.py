@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from physic_core import engine_preset_names
-from physic_core.cache.folders import cache_folder, users_cache
+from physic_core.cache import cache_folder, users_cache
 from physic_core.configuration.layers import file_layers, merge_layers, preset_layers
 from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import named_weights, resolve

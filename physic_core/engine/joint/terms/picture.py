@@ -36,6 +36,9 @@ from physic_core.types.skeletons import SEEN_CONFIDENCE
 INVISIBLE_WEIGHT = 0.4
 """Weight of keypoints on invisible limbs, which detectors extrapolate from the visible ones."""
 
+MIN_DEPTH_M = 0.01
+"""Smallest depth of a vertex in the logarithm, metres; smaller depths are clamped."""
+
 
 def reprojection_energy(
     projected: Tensor, observed: Tensor, weight: Tensor, unit: Tensor, rho: RobustLoss
@@ -121,18 +124,6 @@ def weights_inside_image(state: State, points: Tensor, weight: Tensor) -> Tensor
     return weight * weight.new_tensor([skeleton.weights.get(name, 1.0) for name in skeleton.names])
 
 
-MIN_DEPTH_M = 0.01
-"""Smallest depth of a vertex in the logarithm, metres; smaller depths are clamped."""
-
-_DEPTH_SIGMA = 0.03  # expected error of the logarithm of depth
-_DEPTH_OUTLIER_SIGMAS = 2.0
-# With a free depth offset only the relief of a person counts, which networks estimate less reliably
-# than the distance.
-_RELIEF_SHARE = 2.0 / 15.0
-# Distance from the silhouette, statures in px: nearer, the depth often belongs to the background.
-_EDGE_SHARE = 0.005
-
-
 @dataclass(frozen=True)
 class DepthSettings:
     """Settings of the depth term: depth of visible vertices against the depth map."""
@@ -145,6 +136,15 @@ class DepthSettings:
     """
     offset_alone_sigma: NotNegative = 0.03
     """Expected log(depth offset) of all other people."""
+
+
+_DEPTH_SIGMA = 0.03  # expected error of the logarithm of depth
+_DEPTH_OUTLIER_SIGMAS = 2.0
+# With a free depth offset only the relief of a person counts, which networks estimate less reliably
+# than the distance.
+_RELIEF_SHARE = 2.0 / 15.0
+# Distance from the silhouette, statures in px: nearer, the depth often belongs to the background.
+_EDGE_SHARE = 0.005
 
 
 class DepthTerm(SurfaceTerm):

@@ -76,6 +76,12 @@ _LIFTED_SIGMA_M = 0.05
 _LIFTED_LIMIT = 3.0  # standard deviations at which a lifted joint pulls most
 _HEAD_LIMIT = 3.0  # the same of the direction of a face
 
+NUM_TURNED = 22
+"""Number of joints that the fit turns, by three unknowns each: all but jaw, eyes and fingers."""
+
+LIMB_ROWS = [JOINT_INDEX[name] for name in LIMBS]
+"""Rows of the lifted joints in the joints of the body."""
+
 
 @dataclass(frozen=True)
 class InitialPose:
@@ -110,25 +116,9 @@ class FloorConstraint:
     lean: FloatArray
 
 
-NUM_TURNED = 22
-"""Number of joints that the fit turns, by three unknowns each: all but jaw, eyes and fingers."""
-
-_ROOT_STEP = 0.2  # radians of one unit of the whitened unknowns
-_LOG_Z_STEP = 0.05  # logarithm of the depth, of one unit
-_SIDE_STEP = 0.01  # share of the depth, across the line of sight, of one unit
-_HINGE_WEIGHT = 12.0
-_SEEN = 0.5  # confidence of a joint that counts as seen
-_SOLE_STRIDE = 4  # every fourth vertex of a sole is enough to find its lowest point
-_SMOOTH_MIN_SHARPNESS = 150.0  # per metre, of the smooth minimum
 _SHOULDERS, _HIPS = (
     [JOINT_INDEX[f"{side}_{name}"] for side in ("left", "right")] for name in ("shoulder", "hip")
 )
-LIMB_ROWS = [JOINT_INDEX[name] for name in LIMBS]
-"""Rows of the lifted joints in the joints of the body."""
-_KNEES = [JOINT_INDEX["left_knee"] - 1, JOINT_INDEX["right_knee"] - 1]  # without the pelvis
-_LEGS = ("hip", "knee", "ankle", "heel", "foot_tip", "big_toe", "small_toe")
-_TRUNK_LIMIT = 0.4  # radians from the vertical, of a trunk that is probably upright
-_DUPLICATE_POINTS = ("eye_inner", "eye_outer")  # redundant with the eyes
 
 
 @dataclass(frozen=True)
@@ -187,6 +177,15 @@ class LiftedLimbs:
 
     joints: Tensor = field(metadata=PER_PERSON)
     weight: Tensor = field(metadata=PER_PERSON)
+
+
+_ROOT_STEP = 0.2  # radians of one unit of the whitened unknowns
+_LOG_Z_STEP = 0.05  # logarithm of the depth, of one unit
+_SIDE_STEP = 0.01  # share of the depth, across the line of sight, of one unit
+_HINGE_WEIGHT = 12.0
+_SMOOTH_MIN_SHARPNESS = 150.0  # per metre, of the smooth minimum
+_KNEES = [JOINT_INDEX["left_knee"] - 1, JOINT_INDEX["right_knee"] - 1]  # without the pelvis
+_TRUNK_LIMIT = 0.4  # radians from the vertical, of a trunk that is probably upright
 
 
 @dataclass(frozen=True)
@@ -440,6 +439,10 @@ class FitProblem:
         return (pairs.weight * square * _OUTLINE_LIMIT**2 / (_OUTLINE_LIMIT**2 + square)).sum(1)
 
 
+_LEGS = ("hip", "knee", "ankle", "heel", "foot_tip", "big_toe", "small_toe")
+_DUPLICATE_POINTS = ("eye_inner", "eye_outer")  # redundant with the eyes
+
+
 def fit_problem(
     model: BodyModel,
     observations: BodyObservations,
@@ -528,6 +531,9 @@ def _start_arrays(start: InitialPose) -> dict[str, FloatArray]:
     }
 
 
+_SEEN = 0.5  # confidence of a joint that counts as seen
+
+
 def _floor_arrays(
     observations: BodyObservations, index: Mapping[str, int], floor: FloorConstraint | None
 ) -> dict[str, BoolArray | FloatArray]:
@@ -560,6 +566,9 @@ def with_outlines(
     vertex_ids = torch.cat([*_soles(model), pairs.vertex_ids])
     landmarks = model.landmarks_only([problem.skeleton], vertex_ids)
     return replace(problem, landmarks=landmarks, outlines=pairs, lifted=lifted)
+
+
+_SOLE_STRIDE = 4  # every fourth vertex of a sole is enough to find its lowest point
 
 
 def _soles(model: BodyModel) -> list[Tensor]:

@@ -80,6 +80,15 @@ def predict_disparity(
     return np.asarray(photo.crop(answer[0]), dtype=np.float32)
 
 
+def disparity_and_tokens(
+    session: OnnxSession, image: NDArray[np.uint8], short_side: int, max_tokens: int
+) -> tuple[NDArray[np.float32], PatchTokens]:
+    """Return the map of :func:`predict_disparity` and the tokens of the same pass."""
+    fed, photo = _fed(image, short_side, max_tokens)
+    answer, tokens = session.run(["depth", _ENCODED], {"image": fed}, keep=True)
+    return np.asarray(photo.crop(answer[0]), np.float32), _patches(tokens, fed, photo)
+
+
 def patch_tokens(
     graph: str,
     open_session: Callable[[str], OnnxSession],
@@ -101,6 +110,12 @@ def patch_tokens(
     tokens = TOKENS.take(_key(graph, fed))
     if tokens is None:
         (tokens,) = open_session(graph).run([_ENCODED], {"image": fed})
+    return _patches(tokens, fed, photo)
+
+
+def _patches(
+    tokens: NDArray[np.float32], fed: NDArray[np.float32], photo: Letterbox
+) -> PatchTokens:
     rows, columns = (side // _PATCH for side in fed.shape[2:])
     return PatchTokens(tokens[0, 1:].reshape(rows, columns, -1), _PATCH, photo)
 

@@ -25,7 +25,7 @@ from physic_embedded.networks.pose import (
 from physic_embedded.networks.pose_detection import detect_people
 from physic_embedded.networks.yolox import detect_boxes
 from physic_embedded.segmentation.hidden_people import grey_out, without_covered
-from physic_embedded.segmentation.turned import is_steady, look_turned, square_around
+from physic_embedded.segmentation.turned import is_steady, is_turned, look_turned, square_around
 from physic_embedded.segmentation.upper_bodies import square_from_upper_half, with_upper_bodies
 
 if TYPE_CHECKING:
@@ -166,7 +166,10 @@ def detect_poses(
         (box, float(score), pose_in_box(landmarker, picture, box))
         for box, score in zip(boxes.boxes, boxes.scores, strict=True)
     ]
-    sure = [_is_sure(*one, box_score) for one in posed]
+    sure = [
+        _is_sure(box, score, pose, box_score) or is_turned(pose, box_fit(pose, box))
+        for box, score, pose in posed
+    ]
     # The second search costs as much as all the rest, and adds no people where all boxes are sure.
     enough = bool(posed) and all(sure)
     blazepose = (
@@ -213,9 +216,23 @@ def _without_repeats(found: list[DetectedPose]) -> list[DetectedPose]:
     """Return the best pose of each person, best first."""
     kept: list[DetectedPose] = []
     for person in sorted(found, key=lambda person: -person.score):
-        if _is_new(person.pose, kept, _most_shared(person)):
+        if _is_new(person.pose, kept, _most_shared(person)) and not _is_of_turned(person, kept):
             kept.append(person)
     return kept
+
+
+def _is_of_turned(person: DetectedPose, people: Sequence[DetectedPose]) -> bool:
+    """Return whether a pose is in a part of the box of somebody who is not upright, and shares the
+    mask: there the network finds another pose of this person.
+    """
+    return any(
+        person.box is not None
+        and other.box is not None
+        and is_turned(other.pose, box_fit(other.pose, other.box))
+        and _share_inside(person.box, other.box) >= MIN_PART
+        and mask_overlap(person.pose, other.pose) > MAX_SHARED_MASK
+        for other in people
+    )
 
 
 def _most_shared(person: DetectedPose) -> float:
@@ -271,6 +288,8 @@ def _add_hidden_people(
     for box, score, own in posed:
         if any(person.box is not None and np.array_equal(person.box, box) for person in kept):
             continue
+        if _is_of_turned(DetectedPose(own, score, box), kept):
+            continue
         if len(grey) != len(kept):
             grey = [person.pose for person in kept]
             picture = ImagePyramid.from_image(grey_out(image, grey))
@@ -294,9 +313,13 @@ def _is_part(box: Float, pose: Pose, people: Sequence[DetectedPose]) -> bool:
     same = [
         mask_box(one.pose) if one.box is None else one.box for one in poses_of_same(pose, people)
     ]
-    sides = [np.minimum(box[2:], own[2:]) - np.maximum(box[:2], own[:2]) for own in same]
-    inside = max((np.maximum(side, 0.0).prod() for side in sides), default=0.0)
-    return bool(inside >= MIN_PART * (box[2:] - box[:2]).prod())
+    return any(_share_inside(box, own) >= MIN_PART for own in same)
+
+
+def _share_inside(box: Float, other: Float) -> float:
+    """Return the share of a box (4,) that lies inside another one."""
+    side = np.minimum(box[2:], other[2:]) - np.maximum(box[:2], other[:2])
+    return float(np.maximum(side, 0.0).prod() / (box[2:] - box[:2]).prod())
 
 
 def _poses_of_hidden_person(

@@ -20,10 +20,10 @@ from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.local_modules import split_folder
 from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.interfaces import INTERFACES, Backend, call
+from physic_core.interfaces.comparison import changed_fields
 from physic_testing.conformance.cases import EVIDENCE, EVIDENCE_OF_HANDS, SIZE, build_case
 from physic_testing.conformance.contract import case_violations
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
-from physic_testing.conformance.field_comparison import changed_fields
 from physic_testing.conformance.network_and_memory import no_network
 from physic_testing.conformance.requests import build_request
 from physic_testing.conformance.watch import Watch

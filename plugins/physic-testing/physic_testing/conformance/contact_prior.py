@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.errors import BodyModelError
+from physic_core.interfaces.comparison import is_sigmoid_of_probability
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.output_checks import ROWS, WITHOUT_PEOPLE
@@ -19,7 +20,6 @@ from physic_testing.conformance.readings import (
     Reading,
     Table,
     flipped,
-    is_sigmoid_of_probability,
     values_of,
 )
 from physic_testing.conformance.truth import contact_on_embedded, embedded_body
@@ -65,11 +65,6 @@ def _mirrored_vertices() -> IntArray:
 def _half_reversed(likely: FloatArray, truth: Truth) -> FloatArray:
     first, second = np.split(likely, [likely.shape[1] // 2], axis=1)
     return np.concatenate([first, second[:, ::-1]], axis=1)
-
-
-_FLIP = "Was the photo mirrored for the network?"
-_REVERSED = "Is the order of the vertices reversed?"
-_HALF = "Is half of the vertices reversed?"
 
 
 def check_mesh_is_known(subject: BackendUnderTest) -> None:
@@ -146,6 +141,10 @@ def _circular_fit(likely: FloatArray, truth: FloatArray) -> FloatArray:
     fit: FloatArray = np.fft.irfft(spectra[0] * spectra[1].conj(), len(likely)) / len(likely)
     return fit
 
+
+_FLIP = "Was the photo mirrored for the network?"
+_REVERSED = "Is the order of the vertices reversed?"
+_HALF = "Is half of the vertices reversed?"
 
 TABLE = Table(
     _values,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.errors import BodyModelError
+from physic_core.interfaces.comparison import is_sigmoid_of_probability
 from physic_core.types import SKELETONS, Skeleton
 from physic_testing.conformance.cases import Truth, Values
 from physic_testing.conformance.check import BLIND, Check
@@ -19,7 +20,6 @@ from physic_testing.conformance.readings import (
     Group,
     Reading,
     Table,
-    is_sigmoid_of_probability,
     plus,
     shares,
     times,
@@ -34,6 +34,11 @@ if TYPE_CHECKING:
 
 MIN_JOINTS = 5
 """Joints in sight without which a person is not compared."""
+
+_ASPECT = (
+    "Is the crop that is scaled back the one that the network saw, with its margin and its "
+    "aspect ratio?"
+)
 
 
 def _values(answer: Keypoints, case: Case) -> tuple[Values, Truth]:
@@ -88,34 +93,6 @@ def _distorted(points: FloatArray, truth: Truth) -> FloatArray:
     beside = points + _centres(truth["case"]) - [camera.cx, camera.cy]
     farther = 0.05 * ((beside / camera.fx) ** 2).sum(axis=-1, keepdims=True)
     return np.asarray(points + farther * beside)
-
-
-_BACK = "Was the output for a mirrored photo mirrored back, points and names?"
-_PIXEL = "Is half a pixel of a crop or a heat map lost, or are coordinates rounded down?"
-_ASPECT = (
-    "Is the crop that is scaled back the one that the network saw, with its margin and its "
-    "aspect ratio?"
-)
-_GRID = (
-    f"{_ASPECT} A grid of N cells between the borders has a step of size / N, between corners "
-    f"of size / (N - 1)."
-)
-_CROP = "Are points clipped to the crop?"
-_LENS = "Is the lens distortion undone?"
-_OTHER = (
-    Reading("mirrored", _mirrored, _BACK),
-    Reading("with left and right exchanged", _other_sides, _BACK),
-    Reading("a mean of left and right, as of a mirrored photo", _mean_of_sides, _BACK),
-    Reading("clipped to the box of the person", _clipped, _CROP),
-    Reading("a third wider than the person", times(4 / 3, 1), _ASPECT),
-)
-_ALONG = (
-    Reading("to the right", plus(0.5, 0), _PIXEL, 0.5, " px", 0.3),
-    Reading("down", plus(0, 0.5), _PIXEL, 0.5, " px", 0.3),
-    Reading("too large along x", times(1.05, 1), _GRID, 5, " %", 3),
-    Reading("too large along y", times(1, 1.05), _GRID, 5, " %", 3),
-    Reading("distorted as by a lens of k1", _distorted, _LENS, 0.05, "", 0.015),
-)
 
 
 def check_skeleton_is_known(subject: BackendUnderTest) -> None:
@@ -212,6 +189,34 @@ def check_world_points_are_metres(subject: BackendUnderTest) -> None:
         "x to the left",
     )
 
+
+_BACK = "Was the output for a mirrored photo mirrored back, points and names?"
+_CROP = "Are points clipped to the crop?"
+
+_OTHER = (
+    Reading("mirrored", _mirrored, _BACK),
+    Reading("with left and right exchanged", _other_sides, _BACK),
+    Reading("a mean of left and right, as of a mirrored photo", _mean_of_sides, _BACK),
+    Reading("clipped to the box of the person", _clipped, _CROP),
+    Reading("a third wider than the person", times(4 / 3, 1), _ASPECT),
+)
+
+_PIXEL = "Is half a pixel of a crop or a heat map lost, or are coordinates rounded down?"
+
+_GRID = (
+    f"{_ASPECT} A grid of N cells between the borders has a step of size / N, between corners "
+    f"of size / (N - 1)."
+)
+
+_LENS = "Is the lens distortion undone?"
+
+_ALONG = (
+    Reading("to the right", plus(0.5, 0), _PIXEL, 0.5, " px", 0.3),
+    Reading("down", plus(0, 0.5), _PIXEL, 0.5, " px", 0.3),
+    Reading("too large along x", times(1.05, 1), _GRID, 5, " %", 3),
+    Reading("too large along y", times(1, 1.05), _GRID, 5, " %", 3),
+    Reading("distorted as by a lens of k1", _distorted, _LENS, 0.05, "", 0.015),
+)
 
 TABLE = Table(
     _values,

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 from physic_core.discovery.backends import missing_requirements
 from physic_core.discovery.error_text import describe_error
 from physic_core.errors import PhysicError
+from physic_core.interfaces.comparison import describe_difference
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
-from physic_testing.conformance.field_comparison import describe_difference
 from physic_testing.conformance.network_and_memory import no_network, resident_megabytes
 
 if TYPE_CHECKING:

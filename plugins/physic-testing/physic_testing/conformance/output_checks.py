@@ -10,6 +10,7 @@ import numpy as np
 
 from physic_core.discovery.error_text import describe_error
 from physic_core.errors import BodyModelError, ConfigError, PhysicError
+from physic_core.interfaces.comparison import describe_difference, row_differences
 from physic_core.types import Hints
 from physic_testing.conformance.accuracy import MAIN_ERROR, main_error
 from physic_testing.conformance.backend_under_test import FIRST_PHOTO
@@ -17,7 +18,6 @@ from physic_testing.conformance.cases import CASES, rows_of
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.contract import case_violations
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect, warn_unless
-from physic_testing.conformance.field_comparison import describe_difference, row_differences
 from physic_testing.conformance.requests import read_only_view
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ MAX_RATIO = 0.5
 """Share of the error that rows in the right order, and colours in the right one, leave at most."""
 
 _NEGLIGIBLE_ERROR = 0.03  # an error below this is none to worry about
+_SAME = frozenset({"stochastic"})
 
 
 def check_returns_valid_output(subject: BackendUnderTest) -> None:
@@ -264,7 +265,6 @@ def _expect_valid_output(subject: BackendUnderTest, name: str, hint: str = "") -
     expect(not attempt.violations, wanted, "; ".join(attempt.violations), hint)
 
 
-_SAME = frozenset({"stochastic"})
 CHECKS: tuple[Check, ...] = (
     Check(check_returns_valid_output, after=("class_fits_its_interface",)),
     Check(check_accepts_photos_of_people),

@@ -185,11 +185,6 @@ def _centred(vectors: Sequence[FloatArray]) -> list[FloatArray]:
     return [vector - np.mean(means) for vector in vectors] if means else list(vectors)
 
 
-def is_sigmoid_of_probability(values: FloatArray) -> bool:
-    """Return whether all values lie where a sigmoid puts values from 0 to 1."""
-    return bool(values.min() >= 0.5 and values.max() <= 1 / (1 + np.exp(-1.0)) + 1e-3)
-
-
 def check_of(table: Table, group: Group) -> Check:
     """Return the check of a group."""
 

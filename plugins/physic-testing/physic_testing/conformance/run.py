@@ -11,6 +11,7 @@ from dataclasses import replace
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
+from physic_core.cache import stamp
 from physic_core.discovery.error_text import describe_error
 from physic_core.errors import PhysicError
 from physic_core.interfaces import INTERFACES
@@ -78,11 +79,21 @@ class CheckRun:
             if progress is not None:
                 progress(name.replace("_", " "), done, len(self.checks))
             results.append(self.result(name))
-        accuracy = mean_accuracy(self.subject)
-        self.subject.close()
         subject = self.subject
+        accuracy = mean_accuracy(subject)
+        subject.close()
+        self.stamp()
         origin = "passed directly" if subject.claim is None else subject.claim.owner
         return Report(subject.interface, subject.name, origin, tuple(results), accuracy)
+
+    def stamp(self) -> None:
+        """Remember that the backend passed, if all checks ran and none failed, as expected or
+        not.
+        """
+        outcomes = {found.outcome for found in self._results.values()}
+        whole = self._results.keys() == self.checks.keys() and not self.not_run_reason
+        if whole and outcomes <= {"passed", "warned", "skipped"}:
+            stamp(self.subject.interface, self.subject.kind)
 
     def _run_check(self, check: Check) -> Result:
         """Run one check, or skip it because of a capability or an earlier failure."""

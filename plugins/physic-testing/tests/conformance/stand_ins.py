@@ -7,9 +7,9 @@ import zlib
 
 import numpy as np
 
+from physic_core.interfaces.comparison import named_values
 from physic_mock import backends as mocks
 from physic_testing.conformance.backend_under_test import find_backend
-from physic_testing.conformance.field_comparison import named_values
 from physic_testing.conformance.kit import start_checks
 
 NO_NOISE = {

@@ -6,9 +6,9 @@ import socket
 import numpy as np
 import pytest
 
+from physic_core.interfaces.comparison import describe_difference
 from physic_core.types import DepthMap
 from physic_testing.conformance.depths import aligned_depth_error
-from physic_testing.conformance.field_comparison import describe_difference
 from physic_testing.conformance.network_and_memory import no_network, resident_megabytes
 
 pytestmark = pytest.mark.quick

@@ -1,4 +1,6 @@
-"""Comparison of two results or two sets of arguments, field by field."""
+"""Comparison of two results or two sets of arguments, field by field, and of values with what a
+sigmoid gives.
+"""
 
 from __future__ import annotations
 
@@ -49,6 +51,11 @@ def describe_difference(first: Any, second: Any) -> str:
         if words := _difference(a, b):
             return f"{path or 'image'}: {words}"
     return ""
+
+
+def is_sigmoid_of_probability(values: FloatArray) -> bool:
+    """Return whether all values lie where a sigmoid puts values from 0 to 1."""
+    return bool(values.min() >= 0.5 and values.max() <= 1 / (1 + np.exp(-1.0)) + 1e-3)
 
 
 def row_differences(first: Any, second: Any, count: int) -> FloatArray:

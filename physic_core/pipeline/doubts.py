@@ -1,0 +1,119 @@
+"""What makes the results of a backend doubtful that neither ships with the project nor has passed
+the conformance kit: the frequent mistakes of honest authors that a run can see.
+
+The kit finds more, since it knows the truth. Each doubt is the end of a sentence that begins with
+the name of the backend.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from physic_core.interfaces.comparison import is_sigmoid_of_probability
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, FloatArray, Hands, Reconstruction, UInt8Array
+
+_MOST_BENT_DEG = 150.0  # of a finger's joint; no healthy one bends over 125
+_MOST_TURNED_DEG = 100.0  # of a wrist from where the body has it
+_CERTAIN = 0.5
+_FEWEST_DEPTHS = 256  # of a map; those of 8 bits have as many
+_LARGE_MAP_PX = 10_000
+_EDGE_PX = 2
+_STEP_AT_EDGE = 3.0  # times the photo's own steps beside it, and
+_LEAST_STEP = 16.0  # grey levels
+_NEAR_M = 0.15  # as far as contact is searched
+_FEWEST_NEAR = 0.4  # of the vertices that touch by the prior, and
+_LEAST_LIFT = 1.3  # times the share of all vertices: in another order both are the same
+_SOME_NEAR = 0.05  # of all vertices; a body that is near nothing tells nothing
+_FEWEST_VERTICES = 30
+
+
+def doubts_of(interface: str, request: Any, result: Any) -> Iterator[str]:
+    """Yield what makes one result doubtful, by itself and its request."""
+    if interface == "inpainter":
+        yield from _doubts_of_fill(request.image, request.mask, result)
+    elif interface in ("metric_depth", "relative_pointmap"):
+        z = result.depth if interface == "metric_depth" else result.points[..., 2][result.valid]
+        known = z[np.isfinite(z)]
+        count = len(np.unique(known)) if known.size > _LARGE_MAP_PX else _FEWEST_DEPTHS
+        if 1 < count < _FEWEST_DEPTHS:
+            yield f"{known.size:,} pixels have {count} different depths: are they rounded?"
+    elif interface == "hand_estimator":
+        bent = np.degrees(np.linalg.norm(result.rotvecs, axis=-1))[result.confidence > _CERTAIN]
+        if bent.size and np.nanmax(bent) > _MOST_BENT_DEG:
+            yield (
+                f"a finger is bent by {np.nanmax(bent):.0f} degrees: are rotations in radians, and "
+                f"at most pi?"
+            )
+    elif interface in ("keypoint_detector", "contact_prior"):
+        values = result.confidence if interface == "keypoint_detector" else result.probability
+        if values.size and np.ptp(values) and is_sigmoid_of_probability(values):
+            yield (
+                f"all values are from {values.min():.2f} to {values.max():.2f}: is a sigmoid "
+                f"applied twice?"
+            )
+
+
+def _doubts_of_fill(image: UInt8Array, mask: BoolArray, filled: UInt8Array) -> Iterator[str]:
+    """Yield whether the colours of the fill do not go on where the photo ends."""
+    import cv2
+
+    hole = mask.astype(np.uint8)
+    kernel = np.ones((3, 3), np.uint8)
+    grown = [cv2.dilate(hole, kernel, iterations=n * _EDGE_PX) for n in (1, 2)]
+    eroded = cv2.erode(hole, kernel, iterations=_EDGE_PX, borderValue=1)
+    rings = [(hole > 0) & (eroded == 0), (grown[0] > 0) & ~mask, (grown[1] > 0) & (grown[0] == 0)]
+    if not all(ring.any() for ring in rings):
+        return
+    inside, beside, beyond = (_along(ring, filled.astype(np.float64), rings[1]) for ring in rings)
+    step, usual = (float(np.median(np.abs(one - beside).max(1))) for one in (inside, beyond))
+    if step > max(_LEAST_STEP, _STEP_AT_EDGE * usual):
+        exchanged = float(np.median(np.abs(inside[:, ::-1] - beside).max(1)))
+        why = "are red and blue exchanged?" if exchanged < 0.5 * step else "is its range right?"
+        yield (
+            f"at the edge of the hole, its colours differ by {step:.0f} grey levels from the "
+            f"photo, which changes by {usual:.0f} there: {why}"
+        )
+
+
+def _along(ring: BoolArray, picture: FloatArray, edge: BoolArray) -> FloatArray:
+    """Return the colours (K, 3) of the pixels of a ring that are nearest to those of an edge."""
+    from scipy.ndimage import distance_transform_edt
+
+    nearest = distance_transform_edt(~ring, return_distances=False, return_indices=True)
+    colours: FloatArray = picture[nearest[0][edge], nearest[1][edge]]
+    return colours
+
+
+def doubt_of_wrists(hands: Hands, turned_deg: FloatArray) -> str:
+    """Return whether the wrists (N, 2) are so far from those of the bodies that they are none; ""
+    if they are not.
+    """
+    certain = turned_deg[(hands.confidence > _CERTAIN) & np.isfinite(turned_deg)]
+    if not certain.size or np.median(certain) <= _MOST_TURNED_DEG:
+        return ""
+    return (
+        f"wrists are turned by {np.median(certain):.0f} degrees from those of the bodies, and are "
+        f"not used: are they rotations from the T-pose to the camera's frame?"
+    )
+
+
+def doubt_of_contact_places(result: Reconstruction, probability: FloatArray) -> str:
+    """Return whether vertices that touch by the contact prior (N, V) are far from everything; "" if
+    they are not.
+    """
+    for index, (person, likely) in enumerate(zip(result.people, probability, strict=True)):
+        wanted = likely >= _CERTAIN
+        near = (np.abs(person.distance) < _NEAR_M) | person.contact
+        share = float(near[wanted].mean()) if wanted.sum() >= _FEWEST_VERTICES else 1.0
+        if near.mean() > _SOME_NEAR and share < min(_FEWEST_NEAR, _LEAST_LIFT * near.mean()):
+            return (
+                f"of the vertices of person {index} that touch something by its probabilities, "
+                f"{share:.0%} are near anything: are they in the order of the mesh, and of the "
+                f"people?"
+            )
+    return ""
