@@ -27,7 +27,7 @@ _LAYERS = 3  # a scanner's bed, the white of a print, its mount
 _GROUND = 0.02  # least share of the area, but of a strip across the photo
 _FILLED = 0.8  # share of the box round such a strip
 _PICTURE = 0.15  # least share of a picture that is cut out
-_ENCLOSED = 0.3  # the same of one whose frame does not reach the edge of the photo
+_ENCLOSED = 0.2  # the same of one whose frame does not reach the edge of the photo
 _PART = 0.04  # the same of one of several
 _PARTS = 0.4  # least share of several together
 _LINE_PX = 2.5
@@ -100,12 +100,13 @@ def find_frame(image: UInt8Array) -> Frame:
     ], float)  # fmt: skip
     part = image[rows, columns]
     warning = ""
+    found = None
     for _ in range(_LAYERS):
         found = _layer(part)
         if found is None:
             break
-        if isinstance(found, str):
-            warning = found
+        if isinstance(found, tuple):
+            warning = _several(len(found)) if len(found) > 1 else _askew(found[0])
             break
         upright = _upright(corners)
         corners = cv2.perspectiveTransform(found.corners[None], np.linalg.inv(upright))[0]
@@ -114,7 +115,9 @@ def find_frame(image: UInt8Array) -> Frame:
         frame = Frame((rows, columns), "what is round the picture", is_print=is_print)
         width, height = _size(corners)
         part = cv2.warpPerspective(image, _upright(corners), (round(width), round(height)))
-    half = _one_of_twins(image[rows, columns])
+    # of more pictures than two, as of a sheet for a passport, half is no picture
+    is_sheet = isinstance(found, tuple) and len(found) > 2
+    half = None if is_sheet else _one_of_twins(image[rows, columns])
     if half is None:
         return replace(frame, warning=warning)
     axis, length = half
@@ -162,9 +165,9 @@ def _upright(corners: FloatArray) -> FloatArray:
     return np.asarray(cv2.getPerspectiveTransform(corners.astype(np.float32), upright))
 
 
-def _layer(image: UInt8Array) -> _Picture | str | None:
-    """Return the picture in the outermost ground, px of the image (H, W, 3); a warning if it cannot
-    be cut out; None without a frame.
+def _layer(image: UInt8Array) -> _Picture | tuple[_Picture, ...] | None:
+    """Return the picture in the outermost ground, px of the image (H, W, 3); several in one file,
+    or one that cannot be cut out, in a tuple; None without a frame.
     """
     scale = max(1.0, max(image.shape[:2]) / _SIDE)
     height, width = (max(1, round(side / scale)) for side in image.shape[:2])
@@ -173,15 +176,12 @@ def _layer(image: UInt8Array) -> _Picture | str | None:
     outer, enclosing = _grounds(small)
     pictures = _pictures(outer) if outer.any() else []
     if len(pictures) > 1 and sum(one.share for one in pictures) >= _PARTS:
-        return (
-            f"{len(pictures)} pictures in one file? A plain ground parts them: cut them apart, and "
-            "run each"
-        )
+        return tuple(pictures)
     for one in pictures[:1]:
         if one.share < _PICTURE:
             break
         if one.broken or one.turn_deg > _CUT_DEG or one.skew_deg > _SQUARE_DEG:
-            return _askew(one)
+            return (one,)
         # inwards by what the scale and the median blur
         middle = one.corners.mean(0)
         size = np.array([width, height])
@@ -195,8 +195,12 @@ def _layer(image: UInt8Array) -> _Picture | str | None:
     for ground in enclosing:
         for one in _pictures(ground):
             if one.share >= _ENCLOSED and one.inner == 4:
-                return _askew(one)
+                return (one,)
     return None
+
+
+def _several(number: int) -> str:
+    return f"{number} pictures in one file? A plain ground parts them: cut them apart, and run each"
 
 
 def _askew(picture: _Picture) -> str:

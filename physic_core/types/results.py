@@ -131,7 +131,8 @@ class Person(ShortRepr):
         stature: standing height of the body from soles to crown, metres; None without a body.
         stature_sigma: standard deviation of log(stature), which includes children among people of
             unknown age; None without a body.
-        posture: most probable one of :data:`physic_core.types.POSTURES` by the person observer.
+        posture: most probable one of :data:`physic_core.types.POSTURES`, by the person observer and
+            the axis of the trunk in the photo.
         posture_probability: its probability in [0, 1].
         child_probability: that the person is younger than about 12 years, by the person observer.
             All three are None where it does not say.

@@ -145,6 +145,10 @@ class JointMethod(ABC):
         """
         return (), self.optimiser
 
+    def finish(self, state: State) -> State:
+        """Return the state after the minimisation; by default as it is."""
+        return state
+
     def without(self, term: str) -> Self:
         """Return a copy with the weight of one term set to 0, if the energy has such a term."""
         return (

@@ -66,7 +66,7 @@ def optimize(
         again = optimiser.minimise(energy, groups=groups)
         minimised = join_results(energy, origin, minimised, again)
     rows = healthy.nonzero(as_tuple=True)[0]
-    return _merged_people(state, energy, minimised, rows, failures)
+    return settings.finish(_merged_people(state, energy, minimised, rows, failures))
 
 
 def _has_valid_start(state: State) -> Tensor:

@@ -1,0 +1,68 @@
+"""Legs that no photo shows: their pose is a guess, and a guess does not pass through the floor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from physic_core.body.joints import joint_pair
+from physic_core.engine.state import State
+from physic_core.geometry.rotvecs import rotvec_to_rotmat
+from physic_core.types.skeletons import SIDES
+
+_HIPS, _KNEES, _ANKLES = (list(joint_pair(name)) for name in ("hip", "knee", "ankle"))
+_MOST_RAD = 1.4  # fold of a thigh; a leg is then a sixth of its length high
+_HALVINGS = 8  # of that range: to a third of a degree, or 5 mm at the sole
+
+
+@torch.no_grad()
+def fold_hidden_legs(state: State) -> State:
+    """Return the state with hidden legs folded at hip and knee until the foot is on the floor, as
+    far as it was under it.
+
+    A leg is hidden if no photo shows its knee or ankle. The foot stays below the hip, and as it is
+    turned. Vertices and joints are those of the folded bodies.
+
+    Args:
+        state: after the joint optimisation.
+    """
+    if state.scene.floor is None:
+        return state
+    seen = state.observed_in_any_photo
+    hidden = ~(seen[:, _KNEES] | seen[:, _ANKLES])
+    fold = hidden & (_sole_heights(state) < 0)
+    if not bool(fold.any()):
+        return state
+    least = torch.zeros_like(fold, dtype=state.transl.dtype)
+    most = torch.where(fold, _MOST_RAD, least)
+    for _ in range(_HALVINGS):
+        middle = (least + most) / 2
+        under = _sole_heights(_folded(state, middle)) < 0
+        least = torch.where(under, middle, least)
+        most = torch.where(under, most, middle)
+    return _folded(state, most)
+
+
+def _folded(state: State, angle: Tensor) -> State:
+    """Return the state with both legs (N, 2) folded by an angle at the hip, radians, and by twice
+    the angle at the knee.
+    """
+    rotations = state.rotations.clone()
+    for joints, factor in ((_HIPS, -1.0), (_KNEES, 2.0), (_ANKLES, -1.0)):
+        about_x = torch.nn.functional.pad((factor * angle)[..., None], (0, 2))
+        rotations[:, joints] = rotations[:, joints] @ rotvec_to_rotmat(about_x)
+    posed = state.model(rotations, state.betas, state.transl, state.expression)
+    assert state.joint is not None
+    joint = replace(state.joint, vertices=posed.vertices, joints=posed.joints)
+    return replace(state, rotations=rotations, joint=joint)
+
+
+def _sole_heights(state: State) -> Tensor:
+    """Return the height (N, 2) of the lowest vertex of each foot over the floor, metres."""
+    floor = state.scene.floor
+    assert floor is not None
+    height = state.vertices @ floor.normal.to(state.vertices) + floor.offset * state.scene_scale
+    feet = [state.model.on_parts(f"{side}_foot") for side in SIDES]
+    return torch.stack([height[:, foot].amin(1) for foot in feet], 1)
