@@ -681,6 +681,12 @@ altered(
     "mirrored_photo_exchanges_sides",
     fields(touch=lambda p: 0 * p + [0.2, 0.8, 0.2, 0.8, 0.5]),
 )
+altered(
+    RightObserver,
+    "faces that look into the heads",
+    "head_looks_out_of_the_face",
+    fields(head=np.negative),
+)
 altered(RightContact, "another mesh", "mesh_is_known", fields(topology=lambda _: "smplx"))
 
 
