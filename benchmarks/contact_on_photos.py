@@ -2,34 +2,28 @@
 
     python -m benchmarks contact_on_photos sample DATA OUT [--films N]
     python -m benchmarks contact_on_photos fit DATA OUT --observed FILE [--write]
-    python -m benchmarks contact_on_photos cut DATA OUT [--photos N]
 
-``sample`` runs the embedded preset on the labelled photos of DATA/contact and DATA/photos, on
-DATA/contact/other with the labels of ``--other``, and on N frames of each of the films of fits, and
-keeps the features of each person in a file of OUT; an interrupted run continues. OUT may lack
-photos, and those in it may be chosen by their labels: the constants are for the shares of touching
-parts among all labelled people. FILE is the ``left_out.json`` of ``benchmarks observer``: what fits
-of the observer to other pictures say, in place of what the shipped numbers say, which were fitted
-to these pictures.
+``sample`` runs the embedded preset on the labelled photos of DATA/contact, of its folders of other
+collections, and of DATA/photos, and on N frames of each of the films of fits, and keeps the
+features of each person in a file of OUT; an interrupted run continues. OUT may lack photos, and
+those in it may be chosen by their labels: the constants are for the shares of touching parts among
+all labelled people. FILE is the ``left_out.json`` of ``benchmarks observer``: what fits of the
+observer to other pictures say, in place of what the shipped numbers say, which were fitted to these
+pictures.
 
-``fit`` prints the scores of both halves of the photos and of the other collection, and with
-``--write`` writes ``physic_core/engine/ground/touch.json``, fitted on all. Half "development" chose
-the features: each of its pictures is scored by a fit to the others of the half. Half "held" is
-scored by a fit to half "development", and the other collection by a fit to both halves. A picture
-that stands in two sets is in one half. Photos of sport with walls and rails are also scored apart.
-With ``--kinds``, only these kinds of part are fitted, and the others keep their weights and scores.
+``fit`` prints the scores of pictures of DATA/contact, each by a fit to the others, and of each
+other collection by a fit to DATA/contact alone, and with ``--write`` writes
+``physic_core/engine/ground/touch.json``, fitted on all.
 
-A part that no pixel shows has a base rate. It is made by cutting people in sight between shoulders
-and hips, hips and knees, and knees and ankles: the parts below are as labelled. Feet in films count
-as if no pixel showed them, too. Of parts that need a keypoint to be below the cut, ``fit`` takes
-the keypoints of the whole picture. ``cut`` runs the preset on the cropped pictures of N photos of
-half "held", and prints the scores of the parts that the crops removed.
+A part that nothing shows has a base rate. It is made by cutting people in sight between shoulders
+and hips, hips and knees, and knees and ankles: the parts below are as labelled.
 
 Contact with other people and the own body is of kind "skin", fitted to the labelled hands, feet,
 forearms and lower legs.
 
-The labels of DATA/photos lie beside the benchmark: two readers labelled them apart, from the
-pictures alone. A frame of a film counts half, since the frames of a film are not independent.
+The labels of DATA/photos and of the collections lie beside the benchmark: two readers labelled them
+apart, from the pictures alone. A frame of a film counts half, since the frames of a film are not
+independent.
 """
 
 from __future__ import annotations
@@ -40,8 +34,8 @@ import json
 import math
 import re
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 from unittest.mock import patch
@@ -52,12 +46,13 @@ from numpy.typing import NDArray
 
 from physic_core.engine.contact.distances import SEARCH_RADIUS_M
 from physic_core.engine.contact.parts import contact_regions
+from physic_core.engine.contact.probability import RATED
 from physic_core.engine.ground.touch import (
+    CARRIES,
     DISTANCE,
     HAND,
-    HANDS,
     INSIDE,
-    LOWER,
+    LIES,
     OBSERVED,
     OUTSIDE,
     OWN_BODY,
@@ -66,7 +61,7 @@ from physic_core.engine.ground.touch import (
 from physic_core.types.skeletons import SIDES
 from physic_testing.metrics import match_by_boxes
 
-from .observer.labels import OF_OTHER, agreed
+from .observer.labels import COLLECTIONS, collected_photos
 from .truth.contact import MIN_IOU, OF_RESULTS, TOUCHES
 from .truth.measures import probability_scores
 from .truth.scores import LIMBS
@@ -78,7 +73,7 @@ if TYPE_CHECKING:
     from physic_core import Pipeline
     from physic_core.body.model import BodyModel
     from physic_core.engine.contact.distances import Distances
-    from physic_core.engine.contact.probability import NearSkin
+    from physic_core.engine.contact.probability import NearScene, NearSkin
     from physic_core.engine.state import Estimates, State
 
 Array = NDArray[np.float64]
@@ -86,27 +81,26 @@ Array = NDArray[np.float64]
 TOUCH = Path(__file__).parents[1] / "physic_core" / "engine" / "ground" / "touch.json"
 LABELS_OF_PHOTOS = Path(__file__).parent / "truth" / "labels_of_photos.json"
 FRAME_WEIGHT = 0.5
+EXERCISES = "postures"
+"""Collection that was chosen by what people do: it takes part in the fit of "other" parts alone."""
 RIDGE = 1.0
 """Weight of half the squared coefficients of standardised features."""
 
-FALSE_SHARE = 0.05
-"""Share of parts that do not touch, at which a recall is printed."""
-
 HALVES = ("development", "held")
-OTHER = "other"
-"""Set of photos of another collection."""
-SPORT = "parkourone"
-"""In the names of photos of sport with walls and rails."""
+
+CONTACT = "contact"
+"""Set of the photos of DATA/contact and DATA/photos, and of the films."""
 
 PARTS: dict[str, tuple[str, ...]] = {
-    "foot": (DISTANCE, OBSERVED),
-    "foot in the picture": (LOWER, OBSERVED),
-    "hand": (DISTANCE, OBSERVED),
-    "hand in the picture": (OBSERVED,),
-    "seat": (DISTANCE, OBSERVED),
-    "seat in the picture": (OBSERVED,),
-    "other": (DISTANCE,),
-    "unseen foot": (HANDS,),
+    "foot": (OBSERVED,),
+    "hand": (OBSERVED,),
+    "seat": (OBSERVED,),
+    "object": (OBSERVED,),
+    "foot by distance": (DISTANCE,),
+    "hand by distance": (DISTANCE,),
+    "seat by distance": (DISTANCE,),
+    "other": (LIES, CARRIES),
+    "unseen foot": (),
     "unseen hand": (),
     "unseen seat": (),
     SKIN: (OUTSIDE, INSIDE, HAND, OWN_BODY),
@@ -142,55 +136,41 @@ class Case:
         features: by name.
         touches: whether it touches the world.
         weight: of the case.
-        set: of the picture.
+        set: of the picture: :data:`CONTACT`, or a collection.
     """
 
     picture: str
     kind: str
     features: Mapping[str, float]
     touches: bool
-    weight: float
-    set: str = ""
-
-    @property
-    def half(self) -> str:
-        """The half of the picture; all films are in "development", and another collection is a
-        part of its own.
-        """
-        if self.set == OTHER:
-            return OTHER
-        return half_of(self.picture) if self.weight == 1 else HALVES[0]
+    weight: float = 1.0
+    set: str = CONTACT
 
 
 def main() -> int:
-    """Sample, fit, or score cut pictures."""
+    """Sample or fit."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks contact_on_photos",
         description=(__doc__ or "").partition("\n")[0],
     )
-    parser.add_argument("step", choices=("sample", "fit", "cut"))
+    parser.add_argument("step", choices=("sample", "fit"))
     parser.add_argument("data", type=Path, help="folder with contact, photos and truth")
     parser.add_argument("out", type=Path)
     parser.add_argument("--films", type=int, default=6, metavar="N", help="frames of each film")
-    parser.add_argument("--photos", type=int, default=15, metavar="N", help="photos that are cut")
     parser.add_argument(
         "--config", type=Path, metavar="FILE", help="configuration, in place of the preset embedded"
     )
-    parser.add_argument("--other", type=Path, nargs="+", metavar="LABELS", default=OF_OTHER)
     parser.add_argument("--observed", type=Path, metavar="FILE", help="left_out.json of observer")
     parser.add_argument("--kinds", nargs="+", choices=PARTS, default=tuple(PARTS))
     parser.add_argument("--write", action="store_true", help="write the fitted file")
     given = parser.parse_args()
-    samples = samples_of(given.data, given.films, given.other)
+    samples = samples_of(given.data, given.films)
     if given.step == "sample":
         from physic_core import Pipeline, load_config
 
         with Pipeline(load_config(given.config, preset="embedded")) as pipeline:
             for sample in samples:
                 keep_features(sample, pipeline, given.out)
-        return 0
-    if given.step == "cut":
-        cut_pictures(samples, given.out, given.photos, given.config)
         return 0
     if given.observed is None:
         parser.error("fit needs --observed: left_out.json, which benchmarks observer writes")
@@ -200,22 +180,20 @@ def main() -> int:
     return 0
 
 
-def samples_of(data: Path, frames: int, other: Sequence[Path] = ()) -> list[Sample]:
-    """Return the labelled photos and the first N frames of each film of fits; and the photos of
-    another collection with the labels of its readers, where they agree.
-    """
+def samples_of(data: Path, frames: int) -> list[Sample]:
+    """Return the labelled photos of all collections and the first N frames of each film of fits."""
     photos = labelled_photos(data / "contact")
     files = {file.stem: file for file in (data / "photos").iterdir()}
     more = json.loads(LABELS_OF_PHOTOS.read_text())
     photos += [
-        Sample("photos", name, name, files[name], truth={"people": people})
+        Sample(CONTACT, name, name, files[name], truth={"people": people})
         for name, people in more.items()
     ]
-    folder = data / "contact" / "other" / "photos"
-    readers = [json.loads(file.read_text()) for file in other if folder.is_dir()]
-    for name, people in (agreed(readers) if readers else {}).items():
-        source = next(folder.glob(f"{name}.*"))
-        photos.append(Sample(OTHER, name, name, source, truth={"people": people}))
+    for collection in COLLECTIONS:
+        for photo in collected_photos(data / "contact", collection):
+            source = next((data / "contact" / collection / "photos").glob(f"{photo.name}.*"))
+            truth = {"people": photo.people}
+            photos.append(Sample(collection, photo.name, photo.name, source, truth=truth))
     films: dict[str, list[Sample]] = {}
     for sample in parkour(data / "truth" / "parkour"):
         if sample.group in FILMS_OF_FITS:
@@ -236,12 +214,11 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
     kept: list[dict[str, dict[str, list[float]]]] = []
     estimates: list[Any] = []
     skin: list[list[SkinFeatures]] = []
-    hands: list[float] = []
     features_of = probability.part_features
     skin_of = probability.near_skin
 
-    def recorded(state: State, gap: Tensor) -> dict[str, dict[str, Tensor]]:
-        features = features_of(state, gap)
+    def recorded(state: State, at: NearScene) -> dict[str, dict[str, Tensor]]:
+        features = features_of(state, at)
         kept.append(
             {part: {key: v.tolist() for key, v in own.items()} for part, own in features.items()}
         )
@@ -261,11 +238,7 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
         patch.object(probability, "near_skin", recorded_skin),
     ):
         try:
-            result = pipeline(
-                cv2.cvtColor(picture_of(sample), cv2.COLOR_BGR2RGB), complete=complete
-            )
-            touch = [person.world_contact or {} for person in result.people]
-            hands = [max(own.get(f"{side}_hand", 0.0) for side in SIDES) for own in touch]
+            pipeline(cv2.cvtColor(picture_of(sample), cv2.COLOR_BGR2RGB), complete=complete)
         except PhysicError as error:
             print(f"{sample.set} {sample.name}: {error}", file=sys.stderr)
     people: list[dict[str, Any]] = []
@@ -291,9 +264,7 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
                         name: float(e.photo.keypoints.points[i, j, 1] * factor[1])
                         for name, j in rows.items()
                     },
-                    "lower": np.nan_to_num(e.ground.stance.lower[i]).tolist(),
                     "skin": skin[i] if skin else [],
-                    "hands": hands[i] if hands else 0.0,
                 }
             )
     file.parent.mkdir(parents=True, exist_ok=True)
@@ -329,53 +300,57 @@ def cases_of(
     """Return the judged parts of the samples in OUT; picture -> rows of box and log odds that a fit
     of the observer to others gives.
     """
-    from physic_core.engine.contact.probability import kind_of_part
-
     cases: list[Case] = []
     for sample in samples:
         file = out / f"{sample.set}-{sample.name}.json"
         people = json.loads(file.read_text()) if file.exists() else []
-        people = [with_observed(one, left_out_of.get(sample.name, ())) for one in people]
-        for one, judged in judged_parts(sample, people):
-            for part, touches in judged.items():
-                name = OF_RESULTS.get(part, part)
-                if name not in one["parts"]:
-                    continue
-                kind = kind_of_part(name)
-                of_film = sample.frame is not None
-                weight = FRAME_WEIGHT if of_film else 1.0
-                case = Case(
-                    picture_name(sample), kind, one["parts"][name], touches, weight, sample.set
-                )
-                cases.append(case)
-                if kind == "foot" and of_film:
-                    cases.append(replace(case, kind="unseen foot", features=unseen_features(one)))
-                lower = {LOWER: one["lower"][part.startswith("right")]}
-                in_picture = f"{kind} in the picture"
-                if in_picture in PARTS:
-                    cases.append(
-                        replace(case, kind=in_picture, features={**case.features, **lower})
-                    )
-            cases += (
-                [] if sample.frame is not None else cut_cases(picture_name(sample), one, judged)
-            )
-        cases += skin_cases(sample, people)
+        said = [
+            {"box": row["box"] or (people[0]["box"] if people else [0, 0, 1, 1]), **row["parts"]}
+            for row in left_out_of.get(sample.name, ())
+        ]
+        found = [
+            *(case for one in labels_of(sample, said) for case in observed_parts(*one)),
+            *(case for one in labels_of(sample, people) for case in placed_parts(*one)),
+            *skin_cases(sample, people),
+        ]
+        weight = 1.0 if sample.frame is None else FRAME_WEIGHT
+        cases += [
+            Case(picture_name(sample), kind, features, touches, weight, sample.set)
+            for kind, features, touches in found
+            if sample.set != EXERCISES or kind == "other"
+        ]
     return cases
 
 
-def with_observed(one: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-    """Return the features of a person with what fits of the observer to other pictures say, where
-    they say anything; rows without a box are of the person of a film.
-    """
-    same = match_by_boxes([one["box"]], [row["box"] or one["box"] for row in rows], MIN_IOU)
-    found = {**one["parts"]}
-    for i in same.predicted_of:
-        for part, odds in rows[i]["parts"].items():
-            found[part] = {**found[part], OBSERVED: odds}
-    return {**one, "parts": found}
+Judged: TypeAlias = tuple[str, Mapping[str, float], bool]
+"""Kind, features, and whether it touches."""
 
 
-def skin_cases(sample: Sample, people: Sequence[Mapping[str, Any]]) -> list[Case]:
+def observed_parts(said: Mapping[str, Any], labels: Mapping[str, str]) -> Iterator[Judged]:
+    """Yield the labelled parts of a person, by what fits of the observer to other pictures say."""
+    for part, label in labels.items():
+        kind = part.rpartition("_")[2]
+        if kind in RATED and part in said:
+            yield kind, {OBSERVED: said[part]}, TOUCHES[label]
+        if kind == "hand" and part in said:
+            held = said[part.replace("hand", "object")]
+            yield "object", {OBSERVED: held}, label == "object"
+
+
+def placed_parts(one: Mapping[str, Any], labels: Mapping[str, str]) -> Iterator[Judged]:
+    """Yield the labelled parts of a person by their distance, and those that cuts remove."""
+    for part, label in labels.items():
+        features = one["parts"].get(OF_RESULTS.get(part, part))
+        kind = part.rpartition("_")[2]
+        if features is not None:
+            yield f"{kind} by distance" if kind in RATED else "other", features, TOUCHES[label]
+    touches = {part: TOUCHES[label] for part, label in labels.items()}
+    for row in cut_rows(one["y"]).values():
+        for part, touching in removed_parts(one["y"], touches, row).items():
+            yield f"unseen {part.rpartition('_')[2]}", {}, touching
+
+
+def skin_cases(sample: Sample, people: Sequence[Mapping[str, Any]]) -> list[Judged]:
     """Return whether the labelled parts of the found people of a photo touch another person, if one
     was found, and the own body.
     """
@@ -391,23 +366,8 @@ def skin_cases(sample: Sample, people: Sequence[Mapping[str, Any]]) -> list[Case
         for part, partner, features in people[j]["skin"]:
             if labels.get(part) is not None and (partner == "own" or len(people) > 1):
                 touches = labels[part] == partner
-                cases.append(Case(picture_name(sample), SKIN, features, touches, 1.0, sample.set))
+                cases.append((SKIN, features, touches))
     return cases
-
-
-def cut_cases(picture: str, one: Mapping[str, Any], judged: Mapping[str, bool]) -> list[Case]:
-    """Return the judged parts of a person that cuts remove."""
-    cases = []
-    for row in cut_rows(one["y"]).values():
-        for part, touches in removed_parts(one["y"], judged, row).items():
-            kind = f"unseen {part.rpartition('_')[2]}"
-            cases.append(Case(picture, kind, unseen_features(one), touches, 1.0))
-    return cases
-
-
-def unseen_features(one: Mapping[str, Any]) -> dict[str, float]:
-    """Return the features of parts of a person that no pixel shows."""
-    return {HANDS: one["hands"]}
 
 
 def cut_rows(y: Mapping[str, float]) -> dict[str, float]:
@@ -442,63 +402,6 @@ def removed_parts(
     return found
 
 
-def cut_pictures(
-    samples: Sequence[Sample], out: Path, count: int, config: Path | None = None
-) -> None:
-    """Print the scores of the parts that are removed from the largest person of photos of half
-    "held".
-    """
-    import cv2
-
-    from physic_core import Pipeline, load_config
-    from physic_core.errors import PhysicError
-
-    photos = [s for s in samples if s.frame is None and digest(picture_name(s)) % 2 == 1]
-    rows: dict[str, list[tuple[float, bool]]] = {}
-    with Pipeline(load_config(config, preset="embedded")) as pipeline:
-        for sample in sorted(photos, key=lambda s: digest(s.name + "cut"))[:count]:
-            people = judged_parts(
-                sample, json.loads((out / f"{sample.set}-{sample.name}.json").read_text())
-            )
-            if not people:
-                continue
-            one, judged = max(people, key=lambda found: found[0]["box"][3] - found[0]["box"][1])
-            for above, row in cut_rows(one["y"]).items():
-                picture = cv2.cvtColor(picture_of(sample), cv2.COLOR_BGR2RGB)[: round(row)]
-                try:
-                    result = pipeline(np.ascontiguousarray(picture))
-                except PhysicError as error:
-                    print(f"{sample.name} {above}: {error}", file=sys.stderr)
-                    continue
-                box = [*one["box"][:3], min(one["box"][3], row)]
-                boxes = [person.box.tolist() for person in result.people]
-                matched = match_by_boxes(boxes, [box], MIN_IOU).predicted_of
-                found = result.people[matched[0]] if 0 in matched else None
-                if found is None or found.world_contact is None:
-                    continue
-                for part, touches in removed_parts(one["y"], judged, row).items():
-                    listed = [
-                        str(c)
-                        for c in found.contacts
-                        if c.part == part or (part == "seat" and "leg" in c.part)
-                    ]
-                    print(
-                        sample.name,
-                        above,
-                        part,
-                        touches,
-                        f"{found.world_contact[part]:.3f}",
-                        *listed,
-                        flush=True,
-                    )
-                    rows.setdefault(part.rpartition("_")[2], []).append(
-                        (found.world_contact[part], touches)
-                    )
-    for kind, scored in rows.items():
-        scores = probability_scores(*map(list, zip(*scored, strict=True)))
-        print(kind, len(scored), {name: round(value, 3) for name, value in scores.items()})
-
-
 def picture_name(sample: Sample) -> str:
     """Return a name that a picture has in all sets: the number that its source gave it, else the
     end of its name.
@@ -522,28 +425,26 @@ def digest(text: str) -> int:
     return hashlib.sha256(text.encode()).digest()[0]
 
 
-def judged_parts(
+def labels_of(
     sample: Sample, people: Sequence[Mapping[str, Any]]
-) -> list[tuple[Mapping[str, Any], dict[str, bool]]]:
-    """Return the found people of a sample whose parts were judged, with part -> whether it touches
-    the world.
-    """
+) -> list[tuple[Mapping[str, Any], dict[str, str]]]:
+    """Return the found people of a sample whose parts were judged, with part -> label."""
     if not people:
         return []
     boxes = [person["box"] for person in people]
     if "people" in sample.truth:
         truth = sample.truth["people"]
         matched = match_by_boxes(boxes, [one["box"] for one in truth], MIN_IOU).predicted_of
-        labels = {j: truth[i]["parts"] for i, j in matched.items()}
         return [
-            (people[j], {part: TOUCHES[label] for part, label in own.items() if label is not None})
-            for j, own in labels.items()
+            (people[j], {part: label for part, label in truth[i]["parts"].items() if label})
+            for i, j in matched.items()
         ]
     largest = max(
         people, key=lambda one: (one["box"][2] - one["box"][0]) * (one["box"][3] - one["box"][1])
     )
-    limbs = {part: limb for limb, part in LIMBS.items() if not sample.truth["uncaptured"][limb]}
-    return [(largest, {part: bool(sample.truth["touches"][limb]) for part, limb in limbs.items()})]
+    parts = {part: limb for limb, part in LIMBS.items() if not sample.truth["uncaptured"][limb]}
+    touches = sample.truth["touches"]
+    return [(largest, {p: "support" if touches[limb] else "none" for p, limb in parts.items()})]
 
 
 def logistic(features: Array, touches: Array, weights: Array) -> Array:
@@ -577,9 +478,13 @@ def table_of(cases: Sequence[Case], kind: str) -> tuple[Array, Array, Array]:
 
 
 def labelled_shares(samples: Sequence[Sample]) -> dict[str, float]:
-    """Return kind of part -> share that touches the world among all labelled people of photos."""
+    """Return kind of part -> share that touches the world among all labelled people of photos but
+    exercises.
+    """
     touches: dict[str, list[bool]] = {}
     for sample in samples:
+        if sample.set == EXERCISES:
+            continue
         for person in sample.truth.get("people", ()):
             for part, label in person["parts"].items():
                 if label is not None:
@@ -594,7 +499,7 @@ def fit_of(cases: Sequence[Case], kind: str, shares: Mapping[str, float]) -> Arr
     """
     features, touches, weights = table_of(cases, kind)
     found = logistic(features, touches, weights)
-    if (share := shares.get(kind.partition(" ")[0])) is not None:
+    if (share := shares.get(kind.removesuffix(" by distance"))) is not None:
         found[0] += _logit(share) - _logit(float(weights @ touches / weights.sum()))
     return found
 
@@ -602,35 +507,37 @@ def fit_of(cases: Sequence[Case], kind: str, shares: Mapping[str, float]) -> Arr
 def fit_all(
     cases: Sequence[Case], kinds: Sequence[str], shares: Mapping[str, float], *, write: bool
 ) -> None:
-    """Score both halves and the other collection, then fit these kinds of part on all cases."""
-    development = [case for case in cases if case.half == "development"]
+    """Score the collections, then fit these kinds of part on all cases."""
     record = json.loads(TOUCH.read_text())
     scores = record["error on pictures left out"]
     weights = record["parts"]
     for kind in kinds:
-        likely = {"development": left_out(development, kind, shares)}
-        w = fit_of(development, kind, shares)
-        held = [case for case in cases if case.half == "held" and case.kind == kind]
-        likely["held"] = [(case, chance(case, w)) for case in held]
-        given = [case for case in cases if case.half != OTHER]
+        given = [case for case in cases if case.set == CONTACT]
         w = fit_of(given, kind, shares)
-        apart = [case for case in cases if case.half == OTHER and case.kind == kind]
-        likely["other collection"] = [(case, chance(case, w)) for case in apart]
-        scores[kind] = {half: words for half, rows in likely.items() if (words := described(rows))}
-        sport = [(case, p) for rows in likely.values() for case, p in rows if SPORT in case.picture]
-        if words := described(sport):
-            scores[kind]["sport"] = words
+        likely = {"contact, pictures left out": left_out(given, kind, shares)}
+        for name in COLLECTIONS:
+            own = [case for case in cases if case.set == name and case.kind == kind]
+            likely[f"{name}, by contact"] = [(case, chance(case, w)) for case in own]
+        scores[kind] = {name: words for name, rows in likely.items() if (words := described(rows))}
         w = fit_of(cases, kind, shares)
         weights[kind] = dict(zip(("constant", *PARTS[kind]), w.round(3).tolist(), strict=True))
-    photos = len({case.picture for case in cases if case.weight == 1})
-    films = len({case.picture for case in cases if case.weight < 1})
-    fitted_on = f"{photos} photos labelled by two readers"
-    if films:
-        fitted_on += f", and {films} films with measured forces"
-    record["fitted on"] |= dict.fromkeys(kinds, fitted_on)
+    record["error on pictures left out"] = {kind: scores[kind] for kind in PARTS}
+    record["parts"] = {kind: weights[kind] for kind in PARTS}
+    record["fitted on"] |= {kind: pictures_of(cases, kind) for kind in kinds}
+    record["fitted on"] = {kind: record["fitted on"][kind] for kind in PARTS}
     print(json.dumps(record, indent=2))
     if write:
         TOUCH.write_text(json.dumps(record, indent=2) + "\n")
+
+
+def pictures_of(cases: Sequence[Case], kind: str) -> str:
+    """Return in words how many pictures have cases of a kind."""
+    photos, films = (
+        len({case.picture for case in cases if case.kind == kind and (case.weight < 1) == of_film})
+        for of_film in (False, True)
+    )
+    words = f"{photos} photos labelled by two readers"
+    return f"{words}, and {films} films with measured forces" if films else words
 
 
 def left_out(
@@ -666,12 +573,9 @@ def described(rows: Sequence[tuple[Case, float]]) -> str:
         return ""
     likely = np.array([p for _, p in rows])
     score = probability_scores(likely.tolist(), touches.tolist())
-    recall = float((likely[touches] > np.quantile(likely[~touches], 1 - FALSE_SHARE)).mean())
     return (
-        f"{len(rows)} judged, {touches.sum()} touch: AUC {score['auc']:.3f}, balanced "
-        f"{score['balanced']:.2f}, recall "
-        f"{score['recall']:.2f}, false {1 - score['specificity']:.2f}, skill "
-        f"{1 - score['brier'] / score['constant']:.2f}, recall {recall:.2f} where "
-        f"{FALSE_SHARE:.0%} are false, "
-        f"calibration error {score['calibration']:.3f}"
+        f"{len(rows)} judged, {touches.sum()} touch: AUC {score['auc']:.3f}, Brier "
+        f"{score['brier']:.3f} (constant {score['constant']:.3f}), balanced "
+        f"{score['balanced']:.2f}, recall {score['recall']:.2f}, false "
+        f"{1 - score['specificity']:.2f}, calibration error {score['calibration']:.3f}"
     )

@@ -1,21 +1,18 @@
 """Fit the embedded observer of people to labelled photos, and score it on other collections.
 
-    python -m benchmarks observer DATA OUT [--other LABELS ...] [--encoder MODULE:NAME] [--write]
-                                [--changed N]
+    python -m benchmarks observer DATA OUT [--encoder MODULE:NAME] [--write] [--changed N]
 
-DATA/contact has ``labels.json``, ``children.json`` and ``photos``; DATA/contact/other has photos of
-another collection. ``--other`` names files of labels of them, one of each reader, in place of those
-beside the benchmark: labels on which readers differ are left out. Films of DATA/truth/parkour add
-feet and hands with measured forces. Tokens and keypoints of each picture are kept in OUT, so that a
+DATA/contact has ``labels.json``, ``children.json`` and ``photos``; its folders ``other``, ``third``
+and ``postures`` have photos of other collections, whose labels by two readers lie beside the
+benchmark: labels on which readers differ are left out. Films of DATA/truth/parkour add feet and
+hands with measured forces. Tokens and keypoints of each picture are kept in OUT, so that a
 second run takes no network.
 
 Each question is scored with photos left out, with whole repositories left out, and on the other
 collection and films by a fit to the given photos alone. The numbers are then fitted to all of them
-but the films apart, and calibrated on people whose repository took no part. Bends of hips and knees
-are fitted to people whose legs a crop removes, and to what the pose network says of their whole
-picture. The numbers are written to OUT, and with ``--write`` into the plugin.
-``left_out.json`` of OUT has what fits to the other pictures say of feet, hands and seats, for
-``contact_on_photos``.
+but the films apart, and calibrated on people whose repository took no part, and written to OUT,
+with ``--write`` into the plugin. ``left_out.json`` of OUT has what fits to the other pictures say,
+for ``contact_on_photos``.
 
 ``--changed N`` says instead how far the plugin's answers move when N pictures are mirrored, made
 grey, smaller, or a column narrower, or seen in int8 or at 322 px. ``--encoder`` names a function
@@ -34,13 +31,13 @@ from typing import TYPE_CHECKING, Any
 
 import cv2
 
-from benchmarks.truth.scores import LIMBS
+from benchmarks.truth.scores import LIMBS as LIMBS_OF_FILMS
 from benchmarks.truth.sets import FILMS_OF_FITS, Sample, parkour, picture_of
 from physic_core.files.npz import write_arrays
 from physic_core.types.skeletons import SIDES
 from physic_embedded.networks.depth_anything import patch_tokens
 from physic_embedded.networks.sessions import open_packaged_session
-from physic_embedded.person_observer import NUMBERS, REGIONS, regions
+from physic_embedded.person_observer import LIMBS, NUMBERS, REGIONS, tokens_of_questions
 from physic_testing.metrics import match_by_boxes
 
 from .fit import (
@@ -52,7 +49,7 @@ from .fit import (
     fitted,
     question_of,
 )
-from .labels import OF_OTHER, Photo, agreed, given_photos
+from .labels import COLLECTIONS, Photo, collected_photos, given_photos
 from .robust import lines_of, moved
 from .sample import Networks, Picture, read_seen, write_seen
 
@@ -72,6 +69,9 @@ FILM_FRAMES = 6
 
 LEFT_OUT = "left_out.json"
 
+# Question -> the columns of evidence that its answers give.
+_COLUMNS = {"foot": ("foot",), "hand": ("hand", "object"), "seat": ("seat",), "in_air": ("in_air",)}
+
 ENCODER = "benchmarks.observer.command:embedded_encoder"
 
 _STEP = 9  # of the pictures that are changed
@@ -86,7 +86,6 @@ def main() -> int:
     )
     parser.add_argument("data", type=Path, help="folder with contact and truth")
     parser.add_argument("out", type=Path)
-    parser.add_argument("--other", type=Path, nargs="+", metavar="LABELS", default=OF_OTHER)
     parser.add_argument("--encoder", default=ENCODER, metavar="MODULE:NAME")
     parser.add_argument("--write", action="store_true", help="write the plugin's numbers")
     parser.add_argument("--changed", type=int, default=0, metavar="N", help="photos to change")
@@ -96,7 +95,14 @@ def main() -> int:
         return 0
     pictures = [
         *_photos(given_photos(given.data / "contact"), given.data / "contact" / "photos"),
-        *_other_photos(given.data / "contact" / "other", given.other),
+        *(
+            one
+            for name in COLLECTIONS
+            for one in _photos(
+                collected_photos(given.data / "contact", name),
+                given.data / "contact" / name / "photos",
+            )
+        ),
         *_frames(given.data / "truth" / "parkour"),
     ]
     module, _, name = given.encoder.partition(":")
@@ -116,14 +122,15 @@ def main() -> int:
 
 
 def _touch_left_out(people: Sequence[LabelledPerson]) -> dict[str, list[dict[str, Any]]]:
-    """Return picture -> rows of box and log odds by part, beyond the share, of people whose feet,
-    hands or seat are labelled, by fits to the other pictures.
+    """Return picture -> rows of box and log odds beyond the share, of labelled people, by fits to
+    the other pictures: of touching feet, hands and seat, held objects, and people in the air.
     """
     rows: dict[int, tuple[LabelledPerson, dict[str, float]]] = {}
-    for name in ("foot", "hand", "seat"):
-        for person, side, odds in evidence_left_out(name, people):
-            part = name if name == "seat" else f"{SIDES[side]}_{name}"
-            rows.setdefault(id(person), (person, {}))[1][part] = odds
+    for question, names in _COLUMNS.items():
+        for person, side, odds in evidence_left_out(question, people):
+            own = rows.setdefault(id(person), (person, {}))[1]
+            for name, value in zip(names, odds.tolist(), strict=False):
+                own[f"{SIDES[side]}_{name}" if question in LIMBS else name] = value
     found: dict[str, list[dict[str, Any]]] = {}
     for person, parts in rows.values():
         row = {"box": person.truth.get("box"), "parts": parts}
@@ -160,18 +167,9 @@ def opened(graph: str) -> OnnxSession:
     return open_packaged_session(graph, 1)
 
 
-def _photos(photos: Iterable[Photo], folder: Path) -> list[tuple[Photo, Path | Sample]]:
-    files = {file.stem: file for file in sorted(folder.iterdir())}
+def _photos(photos: Sequence[Photo], folder: Path) -> list[tuple[Photo, Path | Sample]]:
+    files = {file.stem: file for file in sorted(folder.iterdir())} if photos else {}
     return [(photo, files[photo.name]) for photo in photos]
-
-
-def _other_photos(folder: Path, labels: Sequence[Path]) -> list[tuple[Photo, Path | Sample]]:
-    """Return the photos of another collection, if they are there."""
-    if not folder.is_dir():
-        return []
-    found = agreed([json.loads(file.read_text()) for file in labels])
-    photos = [Photo("other", name, name, people) for name, people in found.items()]
-    return _photos(photos, folder / "photos")
 
 
 def _frames(folder: Path) -> list[tuple[Photo, Path | Sample]]:
@@ -185,7 +183,7 @@ def _frames(folder: Path) -> list[tuple[Photo, Path | Sample]]:
         for sample in samples[:FILM_FRAMES]:
             parts = {
                 part: "support" if sample.truth["touches"][limb] else "none"
-                for limb, part in LIMBS.items()
+                for limb, part in LIMBS_OF_FILMS.items()
                 if not sample.truth["uncaptured"][limb]
             }
             frames.append((Photo(name, sample.name, film, [{"parts": parts}]), sample))
@@ -222,7 +220,7 @@ def _labelled(photo: Photo, seen: Seen) -> Iterable[LabelledPerson]:
     """Return the people of a picture that were seen, with their tokens."""
     if not len(seen.boxes):
         return
-    found = regions(seen.tokens, seen.boxes, seen.keypoints)
+    found = tokens_of_questions(seen.tokens, seen.boxes, seen.keypoints)
     boxes = [person.get("box", seen.boxes[0]) for person in photo.people]
     same = match_by_boxes(list(seen.boxes), boxes, _LEAST_IOU).predicted_of
     for i, person in enumerate(photo.people):

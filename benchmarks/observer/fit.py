@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import logit
 
 from benchmarks.truth.measures import probability_scores
-from physic_embedded.person_observer import REGIONS
 from physic_testing.metrics.intervals import draw_counts, percentile_interval
 
 from .labels import Photo, Truth, answers
@@ -37,6 +38,12 @@ APART = "films apart"
 DRAWS = 500
 """Draws of an interval."""
 
+ANSWERS = {1: ("",), 3: ("world", "object")}
+"""Number of answers of a question -> names of those that are scored each."""
+
+FALSE_SHARE = 0.03
+"""Share of "no" that a threshold takes for "yes", at which a recall is printed."""
+
 
 @dataclass(frozen=True)
 class LabelledPerson:
@@ -45,7 +52,7 @@ class LabelledPerson:
     Attributes:
         photo: of the person.
         truth: labels.
-        tokens: region -> (sides, C); NaN where no keypoint shows it.
+        tokens: question -> (sides, C); NaN where the photo does not show it.
     """
 
     photo: Photo
@@ -83,7 +90,7 @@ class Question:
 
 
 def question_of(name: str, people: Sequence[LabelledPerson]) -> Question:
-    """Return the examples of one question: labelled, and shown by a keypoint."""
+    """Return the examples of one question: labelled, and in the picture."""
     rows = list(_rows(name, people))
     photos = [person.photo for _, _, person, _ in rows]
     weight = [FRAME_WEIGHT if photo.set.startswith("films") else 1.0 for photo in photos]
@@ -102,7 +109,7 @@ def _rows(
 ) -> Iterator[tuple[Array, Array, LabelledPerson, int]]:
     """Yield tokens, answers, person and side of each example of a question."""
     for person in people:
-        pairs = zip(person.tokens[REGIONS[name]], answers(name, person.truth), strict=True)
+        pairs = zip(person.tokens[name], answers(name, person.truth), strict=True)
         for side, (x, y) in enumerate(pairs):
             if np.isfinite(x).all() and np.isfinite(y).all():
                 yield x, y, person, side
@@ -110,18 +117,17 @@ def _rows(
 
 def evidence_left_out(
     name: str, people: Sequence[LabelledPerson]
-) -> Iterator[tuple[LabelledPerson, int, float]]:
-    """Yield person, side and log odds beyond the share, by a fit to the other pictures, of each
-    example of a question with yes and no.
+) -> Iterator[tuple[LabelledPerson, int, Array]]:
+    """Yield person, side and log odds (K,) of each answer beyond its share, by a fit to the other
+    pictures, of each example of a question.
     """
     question = question_of(name, people)
     of = question.examples
     factor, offset = pair_of(question)
     logits = factor * left_out(of, partial(fit_logistic, ridge=RIDGE)) + offset
-    share = float((of.weight @ of.y)[0] / of.weight.sum())
-    beyond = logits[:, 0] - np.log(share / (1 - share))
-    for (_, _, person, side), value in zip(_rows(name, people), beyond.tolist(), strict=True):
-        yield person, side, value
+    beyond = logit(probabilities(logits)) - logit(of.weight @ of.y / of.weight.sum())
+    for (_, _, person, side), values in zip(_rows(name, people), beyond, strict=True):
+        yield person, side, values
 
 
 def fitted(question: Question, ridge: float = RIDGE) -> NDArray[np.float32]:
@@ -186,11 +192,23 @@ def _scores(p: Array, of: Examples) -> str:
 
 
 def _of_cases(p: Array, y: Array) -> dict[str, float]:
-    if y.shape[1] == 1:
-        found = probability_scores(p[:, 0].tolist(), (y[:, 0] > 0.5).tolist())
-        return {name: found[name] for name in ("auc", "brier", "balanced", "recall", "calibration")}
+    if (answers := ANSWERS.get(y.shape[1])) is not None:
+        return {
+            f"{answer} {name}".lstrip(): value
+            for j, answer in enumerate(answers)
+            for name, value in _of_answer(p[:, j], y[:, j] > 0.5).items()
+        }
     right = y[np.arange(len(y)), p.argmax(1)] > 0
     return {
         "right": float(right.mean()),
         "log loss": float(-(y * np.log(p + 1e-12)).sum(1).mean()),
     }
+
+
+def _of_answer(p: Array, y: NDArray[np.bool_]) -> dict[str, float]:
+    found = probability_scores(p.tolist(), y.tolist())
+    recall = (
+        float((p[y] > np.quantile(p[~y], 1 - FALSE_SHARE)).mean()) if y.any() > y.all() else nan
+    )
+    named = {name: found[name] for name in ("auc", "brier", "constant", "balanced")}
+    return named | {f"recall at {FALSE_SHARE:.0%} false": recall}

@@ -11,16 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.truth.contact import MIN_IOU, TOUCHES
+from benchmarks.truth.contact import MIN_IOU, TOUCHES, WORLD
 from physic_core.types.observations import POSTURES
 from physic_core.types.skeletons import SIDES
 from physic_testing.metrics import match_by_boxes
 
-OF_OTHER = tuple(
-    Path(__file__).parents[1] / "truth" / f"labels_of_other_{reader}.json"
-    for reader in ("first", "second")
-)
-"""Labels of the photos of DATA/contact/other, by two readers apart, from the pictures alone."""
+COLLECTIONS = ("other", "third", "postures")
+"""Folders of DATA/contact whose photos two readers labelled apart, from the pictures alone: in
+``benchmarks/truth``.
+"""
 
 Array = NDArray[np.float64]
 Truth = Mapping[str, Any]
@@ -31,7 +30,7 @@ class Photo:
     """A picture with labelled people.
 
     Attributes:
-        set: "given", "other" or "films".
+        set: "given", one of :data:`COLLECTIONS`, or "films".
         name: of the file, without its ending; of a film and its frame.
         group: what is left out at once: the photo, or the film.
         people: labels, each with its "box"; of a film, one without.
@@ -53,12 +52,16 @@ def answers(question: str, truth: Truth) -> Array:
     says nothing, in the form of the tokens that answer it.
     """
     parts = truth.get("parts", {})
-    if question in ("foot", "hand", "seat"):
+    if question in ("foot", "seat"):
         names = ["seat"] if question == "seat" else [f"{side}_{question}" for side in SIDES]
         return _column(TOUCHES.get(parts.get(name)) for name in names)
-    if question == "holds":
+    if question == "hand":
         labels = [parts.get(f"{side}_hand") for side in SIDES]
-        return _column(None if label is None else label == "object" for label in labels)
+        world, held = (
+            _column(None if label is None else label in words for label in labels)
+            for words in (WORLD, ("object",))
+        )
+        return np.concatenate([world, held, 1 - world - held], axis=1)
     if question == "posture":
         words = truth.get("posture")
         words = words if isinstance(words, list) else [words]
@@ -84,6 +87,20 @@ def given_photos(folder: Path) -> list[Photo]:
             one["child"] = None if unsure else i in ages["child"].get(name, ())
         photos.append(Photo("given", name, name, known))
     return photos
+
+
+def collected_photos(folder: Path, name: str) -> list[Photo]:
+    """Return the photos of one of :data:`COLLECTIONS` in DATA/contact, with the labels on which its
+    readers agree; none if they are not there.
+    """
+    if not (folder / name).is_dir():
+        return []
+    labels = Path(__file__).parents[1] / "truth"
+    readers = [
+        json.loads((labels / f"labels_of_{name}_{reader}.json").read_text())
+        for reader in ("first", "second")
+    ]
+    return [Photo(name, photo, photo, people) for photo, people in agreed(readers).items()]
 
 
 def agreed(readers: Sequence[Mapping[str, Sequence[Truth]]]) -> dict[str, list[Truth]]:

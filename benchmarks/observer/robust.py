@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from physic_core.types import Keypoints, Observations
-from physic_embedded.person_observer import fitted_numbers, observed, regions
+from physic_embedded.person_observer import fitted_numbers, observed, tokens_of_questions
 from physic_testing.conformance.truth import mirrored_order
 
 from .sample import Array, Encoder, Picture, Seen
@@ -88,7 +88,7 @@ def moved(
 def _answers(encoder: Encoder, variant: Variant) -> dict[str, Array]:
     tokens = encoder(variant.picture)
     answers: Observations = observed(
-        regions(tokens, variant.boxes, variant.keypoints), fitted_numbers()
+        tokens_of_questions(tokens, variant.boxes, variant.keypoints), fitted_numbers()
     )
     found = {name: np.asarray(getattr(answers, name), np.float64) for name in SHOWN}
     if variant.mirrored:

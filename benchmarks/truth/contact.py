@@ -35,7 +35,10 @@ KINDS = {
     "forearm": "forearms",
 }
 
-OF_RESULTS = {f"{side}_{one}": f"{side}_{other}" for side in SIDES for one, other in _WORDS.items()}
+OF_RESULTS = {
+    **{f"{side}_{one}": f"{side}_{other}" for side in SIDES for one, other in _WORDS.items()},
+    "front": "torso",
+}
 """Label of a body part -> the part of ``Person.world_contact``, where they differ."""
 
 MIN_IOU = 0.4

@@ -121,7 +121,8 @@ class Contact(ShortRepr):
     """Contact of N people.
 
     Attributes:
-        probability: (N, V) of contact with anything; None if the method estimates none.
+        probability: (N, V) of contact with the partner of the vertex, and without one with scene
+            or floor; None if the method estimates none.
         distance: (N, V) signed distance to scene and floor, metres; inf beyond the search radius.
         partner: (N, V) int16, index into ``partners``; -1 without contact.
         partners: everything that people touch.
@@ -196,8 +197,8 @@ class State(ShortRepr):
             None if unknown of all.
         head_sigma: (N,) radians, its errors.
         stands: (N, 2) probability that the foot stands on the floor; None if unknown.
-        observed_touch: (N, 5) log odds of the person observer that feet, hands and seat touch the
-            world, beyond those of its base rate; None if unknown.
+        observed_touch: (N, 7) as ``observed`` of :class:`~physic_core.engine.ground.stance.Stance`;
+            None if unknown.
         touch: (N, 5) probability by the picture that feet, hands and seat touch something; by stage
             2 less for feet of people who ride. It weights their attraction to floor and scene; None
             counts as 1.
@@ -236,7 +237,7 @@ class State(ShortRepr):
     head: Tensor | None = field(default=None, metadata=shape("N", 3))
     head_sigma: Tensor | None = field(default=None, metadata=shape("N"))
     stands: Tensor | None = field(default=None, metadata=shape("N", 2))
-    observed_touch: Tensor | None = field(default=None, metadata=shape("N", 5))
+    observed_touch: Tensor | None = field(default=None, metadata=shape("N", 7))
     touch: Tensor | None = field(default=None, metadata=shape("N", 5))
     carried: Carried | None = None
     scale_sigma: float | None = None

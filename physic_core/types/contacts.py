@@ -9,10 +9,11 @@ from enum import StrEnum
 
 from physic_core.types.people import CARRIER_NAMES
 
-PARTNER_KINDS = ("floor", "scene", "person", "self", "hidden")
+PARTNER_KINDS = ("floor", "scene", "person", "self", "object", "hidden")
 """Kinds of :class:`ContactPartner`: the floor or ground; a part of the scene; another person; the
-own body; a support that the reconstructed scene does not have, such as a seat behind the person or
-a thin bar.
+own body; an object or an animal that a hand holds or pets, which carries nobody; something unknown,
+or a support that the reconstructed scene does not have, such as a seat behind the person or a thin
+bar.
 """
 
 NO_PARTNER = -1
@@ -56,13 +57,15 @@ class ContactPartner:
     @property
     def title(self) -> str:
         """Name for readers: "floor", "seat", "surface 3", "left hand of person 1", "own head",
-        "hidden seat", "bicycle".
+        "object or animal", "hidden seat", "bicycle".
         """
         part = part_words(self.part) or "body"
         if self.kind == "person":
             return f"{part} of person {self.person}"
         if self.kind == "self":
             return f"own {part}"
+        if self.kind == "object":
+            return "object or animal"
         if self.kind == "hidden" and self.surface not in CARRIER_NAMES:
             return f"hidden {self.surface or 'support'}"
         return self.surface or ("floor" if self.kind == "floor" else f"surface {self.id}")
@@ -92,8 +95,10 @@ class BodyContact:
         vertices: number of vertices in contact.
         dent_m: how deep the part presses into a surface that gives way, such as a bed: the 0.9
             quantile over the vertices in contact, metres. None where nothing gives way.
-        assumed: whether no pixel shows the part. The probability is then how often such parts touch
-            something, and what this part touches is a guess.
+        assumed: whether nothing shows the part. What it touches is then a guess, and the
+            probability is mostly that of such parts.
+        distance_m: of a part that surely touches something hidden or unknown from the nearest
+            surface, metres; the radius of the search, 0.15, if none is within it. None otherwise.
     """
 
     part: str
@@ -102,6 +107,7 @@ class BodyContact:
     vertices: int
     dent_m: float | None = None
     assumed: bool = False
+    distance_m: float | None = None
 
     @property
     def likely(self) -> bool:
@@ -111,7 +117,9 @@ class BodyContact:
     def text(self, partner: str) -> str:
         """Return "left foot: floor, 0.97", with this name of the partner."""
         sure = "" if self.probability is None else f", {self.probability:.2f}"
-        return f"{part_words(self.part)}: {partner}{sure}{', assumed' if self.assumed else ''}"
+        far = f" (nearest surface {self.distance_m:.2f} m off)" if self.distance_m else ""
+        assumed = ", assumed" if self.assumed else ""
+        return f"{part_words(self.part)}: {partner}{far}{sure}{assumed}"
 
     def __str__(self) -> str:
         return self.text(self.partner.title)

@@ -43,7 +43,8 @@ class Observations(ShortRepr):
         posture: (N, 9) probability of each of :data:`POSTURES`; a row sums to 1 or is NaN.
         touch: (N, 5) probability that each of :data:`TOUCH_PARTS` touches the world: floor, seat,
             wall or another support, but not the own body, other people or held objects.
-        holds: (N, 2) probability that the left and right hand hold an object.
+        holds: (N, 2) probability that the left and right hand hold or pet an object or an animal
+            that does not carry the person: with ``touch`` of this hand at most 1.
         in_air: (N,) probability that nothing carries the person.
         child: (N,) probability that the person is younger than about 12 years.
         flexion: (N, 4) degrees by which left hip, right hip, left knee and right knee are bent; 0

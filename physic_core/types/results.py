@@ -102,18 +102,19 @@ class Person(ShortRepr):
         contact: (V,) bool.
         distance: (V,) float32, signed distance to the floor, or to the scene before inpainted
             points were moved out of people: negative inside, inf beyond the search radius.
-        contact_probability: (V,) float16 in [0, 1], that the vertex touches anything; ``contact``
-            is this probability over ``[engine.contact] threshold`` where the body part touches
-            with one half or more. None if the preset estimates none.
+        contact_probability: (V,) float16 in [0, 1], that the vertex touches its partner, and floor
+            or scene where it has none; ``contact`` is this probability over ``[engine.contact]
+            threshold`` where the body part touches with one half or more. None if the preset
+            estimates none.
         contact_partner: (V,) int16, index into ``Reconstruction.contact_partners``,
             :data:`NO_PARTNER` for vertices that are not in contact. None if the contacts were not
             assigned to partners.
         contacts: contacts by body part, most probable first.
         support: what carries this person; None without a body.
         world_contact: body part -> probability in [0, 1] that it touches the world: floor, scene,
-            or a support that the photo does not show. Own body and other people do not count.
-            Parts that ``contacts`` does not list are included; "seat" is the buttocks and both
-            thighs. None without a body, and if the preset estimates none.
+            or a support that the photo does not show. Own body, other people, held objects and
+            animals do not count. Parts that ``contacts`` does not list are included; "seat" is the
+            buttocks. None without a body, and if the preset estimates none.
         unseen: limbs, hands and feet without a confident keypoint inside the photo at their end:
             their pose is mostly a guess.
         failed_checks: names of the ``Reconstruction.checks`` about this person that failed.
@@ -578,8 +579,8 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
     distance_m (of the pelvis from the camera), stature_m (standing height), distance_sigma_m and
     stature_sigma_m (standard deviations), posture, posture_probability and child_probability (as of
     :class:`Person`), contacts (body parts that are likely, one half or more, to touch something,
-    each with what it touches and its probability), assumed (likely contacts of body parts that no
-    pixel shows, not among the others) and unseen (limbs, hands and feet without a confident
+    each with what it touches and its probability), assumed (likely contacts of body parts that
+    nothing shows, not among the others) and unseen (limbs, hands and feet without a confident
     keypoint at their end), the sizes of :class:`Person`, and main angles of
     ``Person.joint_angles``, degrees. Lengths and angles are None without a body.
     """

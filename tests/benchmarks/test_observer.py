@@ -74,12 +74,15 @@ def test_calibration_widens_what_is_too_sure():
     assert abs((p - of.y).mean()) < 0.01
 
 
+NAN = [np.nan] * 3
+
+
 @pytest.mark.parametrize(
     ("question", "truth", "expected"),
     [
         ("foot", {"parts": {"left_foot": "floor", "right_foot": "none"}}, [[1], [0]]),
-        ("hand", {"parts": {"left_hand": "object", "right_hand": None}}, [[0], [np.nan]]),
-        ("holds", {"parts": {"left_hand": "object", "right_hand": "own"}}, [[1], [0]]),
+        ("hand", {"parts": {"left_hand": "object", "right_hand": None}}, [[0, 1, 0], NAN]),
+        ("hand", {"parts": {"left_hand": "wall", "right_hand": "own"}}, [[1, 0, 0], [0, 0, 1]]),
         ("seat", {"parts": {"seat": "seat"}}, [[1]]),
         ("in_air", {"in_air": True}, [[1]]),
         ("child", {}, [[np.nan]]),

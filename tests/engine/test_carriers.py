@@ -74,11 +74,12 @@ def test_without_keypoints_of_the_hips_nothing_is_ridden():
     ("name", "ridden", "board", "gap", "feet", "hands"),
     [
         ("ski", NOTHING, NOTHING, 0.0, "floor", None),
-        ("ski", NOTHING, 0, 0.0, "ski", None),
-        ("bicycle", 0, NOTHING, 0.0, "bicycle", "bicycle"),
+        ("ski", NOTHING, 0, 0.0, "floor", None),
+        ("skateboard", NOTHING, 0, 0.08, "skateboard", None),
+        ("bicycle", 0, NOTHING, 0.0, "floor", "bicycle"),
         ("bicycle", 0, NOTHING, 2.0, "bicycle", "bicycle"),
     ],
-    ids=["beside", "on a board", "rides", "rides what the scene lacks"],
+    ids=["beside", "on skis on the snow", "on a board", "stops", "rides what the scene lacks"],
 )
 def test_people_touch_what_carries_them(body, name, ridden, board, gap, feet, hands):
     """A person in the rest pose over a floor, by a gap; hands of people who ride are observed to
@@ -86,7 +87,8 @@ def test_people_touch_what_carries_them(body, name, ridden, board, gap, feet, ha
     """
     soles = float(body(*body.zero_pose()).vertices[..., 1].min())
     carried = Carried((name,), np.array([ridden]), np.array([board]))
-    observed = torch.full((1, 5), 0.0 if ridden == NOTHING else 4.0)
+    observed = torch.zeros(1, 7)
+    observed[:, :5] = 0.0 if ridden == NOTHING else 4.0
     floor = torch.tensor([0.0, 1.0, 0.0]), gap - soles
     state = alone(body, floor, carried=carried, observed_touch=observed)
     found = find_contact(state, near_of(state, ContactMethod()), ContactMethod())

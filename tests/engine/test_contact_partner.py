@@ -35,8 +35,7 @@ BACK = torch.tensor([0.0, 0.0, -1.0])
 
 def distances_of(normals, surface, parts, skin):
     """Distances of people to whom the skin of others is as near as their own."""
-    hidden = torch.zeros(normals.shape[:2], dtype=torch.bool)
-    return Distances(normals, surface, parts, skin, skin, hidden)
+    return Distances(normals, surface, parts, skin, skin)
 
 
 def square(height, x=0.0):
@@ -108,12 +107,12 @@ def assigned(touched, scene, floor, point):
 
 def test_each_contact_vertex_has_its_partner():
     far = torch.inf
-    scene, person, own = range(len(KINDS))
+    scene, person, own, held = range(len(KINDS))
     found = assigned(
-        [scene, scene, scene, person, own, HIDDEN_SEAT, HIDDEN, -1],
-        [0.01, 0.01, far, 0.01, 0.01, far, far, 0.01],
-        [far, far, 0.0, far, far, far, far, far],
-        [0, 500, 0, 500, 500, 0, 0, 0],
+        [scene, scene, scene, person, own, held, HIDDEN_SEAT, HIDDEN, -1],
+        [0.01, 0.01, far, 0.01, 0.01, far, far, far, 0.01],
+        [far, far, 0.0, far, far, far, far, far, far],
+        [0, 500, 0, 500, 500, 0, 0, 0, 0],
     )
     assert found == [
         FLOOR_PARTNER,
@@ -121,6 +120,7 @@ def test_each_contact_vertex_has_its_partner():
         FLOOR_PARTNER,
         ContactPartner("person", person=1, part="left_hand"),
         ContactPartner("self", part="left_hand"),
+        ContactPartner("object"),
         ContactPartner("hidden", "seat"),
         ContactPartner("hidden"),
         None,

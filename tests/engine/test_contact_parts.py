@@ -10,10 +10,12 @@ import pytest
 import torch
 
 from physic_core.engine.contact.method import ContactMethod
-from physic_core.engine.contact.probability import contact_part_masks, scene_contact
+from physic_core.engine.contact.probability import contact_part_masks, mean_of_surest
 from physic_core.engine.contact.solve import find_contact
+from physic_core.engine.ground.stance import OBSERVED_COLUMNS
 from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.types import ContactPartner
+from physic_core.types.observations import TOUCH_PARTS
 from physic_core.types.skeletons import SIDES
 
 from .adjusted import with_scene, without_joints
@@ -29,22 +31,25 @@ def person(body):
     return alone(body, (torch.tensor([0.0, 1.0, 0.0]), -soles))
 
 
-def touch(state, **changed):
-    """Probability of contact with the scene: of the vertices (V,), and of each part; ``changed``
-    are other distances.
-    """
-    near = near_of(state, replace(METHOD, people=False))
-    _, vertices, parts = scene_contact(state, replace(near, **changed))
-    return vertices[0], {name: float(value) for name, value in parts.items()}
+def touch(state):
+    """Probability of contact with the scene: of the vertices (V,), and of each part."""
+    method = replace(METHOD, people=False)
+    found = method.touch(state, near_of(state, method))
+    return found.probability[0], {name: float(value) for name, value in found.parts.items()}
 
 
 def contact(state):
     return find_contact(state, near_of(state, METHOD), METHOD)
 
 
-def observed(state, odds):
-    """The same state whose feet, hands and seat are observed to touch with these log odds."""
-    return replace(state, observed_touch=torch.tensor(odds).expand(1, 5))
+def observed(state, **odds):
+    """The same state, of whose parts the observer says these log odds."""
+    columns = [odds.get(name, 0.0) for name in OBSERVED_COLUMNS]
+    return replace(state, observed_touch=torch.tensor([columns]))
+
+
+def parts_observed(state, odds):
+    return observed(state, **dict.fromkeys(TOUCH_PARTS, odds))
 
 
 def raised(state, height):
@@ -61,30 +66,64 @@ def test_parts_touch_less_the_farther_the_scene_is(person):
     near = touch(person)[1]
     far = touch(raised(person, 0.1))[1]
     assert near["left_foot"] > far["left_foot"]
+    assert near["left_lower_leg"] >= far["left_lower_leg"]
     assert near["seat"] == far["seat"]
 
 
-def test_a_vertex_touches_at_most_as_its_part_and_more_the_nearer_it_is(person):
+def test_the_surest_vertices_have_the_probability_of_their_part(person):
     vertices, parts = touch(person)
+    for name, chosen in contact_part_masks(person.model).items():
+        assert mean_of_surest(vertices[chosen]) == pytest.approx(parts[name], rel=1e-4)
     foot = contact_part_masks(person.model)["left_foot"]
     height = person.vertices[0, foot, 1] + person.scene.floor.offset
-    sole = height < 0.01
-    assert vertices[foot].max() <= parts["left_foot"]
-    assert vertices[foot][sole].max() > 0.9 * parts["left_foot"]
     instep = (height > 0.04) & (height < 0.06)
-    assert vertices[foot][sole].mean() > vertices[foot][instep].mean() + 0.2
-    assert vertices[contact_part_masks(person.model)["left_hand"]].max() <= parts["left_hand"]
+    assert vertices[foot][height < 0.01].mean() > vertices[foot][instep].mean() + 0.2
     assert vertices[~person.model.outer].max() == 0
 
 
 @pytest.mark.parametrize("part", ["left_foot", "right_hand", "seat"])
 def test_parts_that_are_observed_to_touch_do_so_more(person, part):
-    more, less = (touch(observed(person, odds))[1] for odds in (2.0, -2.0))
+    more, less = (touch(parts_observed(person, odds))[1] for odds in (2.0, -2.0))
     assert more[part] > less[part]
 
 
 def test_without_an_observer_feet_are_those_of_an_average_person(person):
-    assert touch(observed(person, 0.0))[1] == touch(person)[1]
+    assert touch(parts_observed(person, 0.0))[1] == touch(person)[1]
+
+
+def test_a_hand_that_holds_an_object_touches_it_and_nothing_of_the_world(person):
+    found = contact(observed(person, left_object=4.0, left_hand=-4.0))
+    [held] = [one for one in found.contacts[0] if one.partner.kind == "object"]
+    assert held.part == "left_hand"
+    assert held.probability > 0.8
+    assert found.parts["left_hand"] < 0.2
+    assert not any(one.partner.kind == "object" for one in found.supports[0].contacts)
+
+
+@pytest.mark.parametrize(("height", "kind"), [(0.0, "floor"), (0.12, "hidden"), (0.5, "hidden")])
+def test_a_foot_that_surely_touches_and_has_nothing_near_touches_something_unknown(
+    person, height, kind
+):
+    found = contact(parts_observed(raised(person, height), 5.0)).contacts[0]
+    feet = [one for one in found if one.part.endswith("_foot")]
+    assert [one.partner.kind for one in feet] == [kind] * 2
+    far = None if kind == "floor" else pytest.approx(min(height, 0.15), abs=0.01)
+    assert [one.distance_m for one in feet] == [far] * 2
+    assert all(one.probability > 0.8 for one in feet)
+
+
+def test_parts_of_which_nobody_speaks_touch_only_what_is_near(person):
+    """The back of a person who lies on the floor, and a hand's breadth over it."""
+    axes = torch.tensor([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    vertices = person.vertices @ axes.T
+    back = contact_part_masks(person.model)["back"]
+    moved = replace(person.joint, vertices=vertices, joints=person.joints @ axes.T)
+    lies = replace(person, joint=moved)
+    lowest = float(vertices[0, back, 1].max())
+    on, over = (with_scene(lies, floor_offset=lowest + gap - 0.02) for gap in (0.0, 0.12))
+    assert touch(on)[1]["back"] > touch(over)[1]["back"]
+    assert touch(over)[1]["back"] < LEAST_PROBABILITY
+    assert "back" not in {one.part for one in contact(over).contacts[0]}
 
 
 def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stage):
@@ -100,7 +139,7 @@ def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stag
     over = alone(body, (torch.tensor([0.0, -1.0, 0.0]), 3.0))
     seat = replace(over.joint, vertices=stage.vertices, joints=stage.joints)
     sits = replace(over, joint=seat)
-    found = contact(observed(sits, [0.0, 0.0, -4.0, -4.0, 4.0]))
+    found = contact(observed(sits, left_hand=-4.0, right_hand=-4.0, seat=4.0))
     assert set(found.parts) == set(contact_part_masks(body))
     assert {one.partner for one in found.contacts[0]} == {ContactPartner("hidden", "seat")}
     assert LEAST_PROBABILITY <= float(found.parts["seat"]) < 1
@@ -118,20 +157,11 @@ def test_limbs_that_no_pixel_shows_have_the_base_rate_wherever_they_are(person):
     found = touch(cut)[1]
     seen = touch(person)[1]
     there = touch(apart)[1]
-    assert (found["left_foot"], found["seat"]) == (there["left_foot"], there["seat"])
+    assert found["left_foot"] == there["left_foot"]
     assert found["left_foot"] == found["right_foot"] != seen["left_foot"]
     assert 0.5 < found["left_foot"] < 0.95
-    assert found["seat"] < LEAST_PROBABILITY
     assert found["left_hand"] == seen["left_hand"]
-    everywhere = torch.ones(cut.vertices.shape[:2], dtype=torch.bool)
-    assert touch(cut, in_mask=everywhere)[1] == seen
-
-
-def test_unseen_feet_touch_less_the_more_a_hand_does(person):
-    cut = cut_at_the_knees(person)
-    holds, does_not = (touch(observed(cut, odds))[1] for odds in (4.0, -4.0))
-    assert holds["left_hand"] > does_not["left_hand"]
-    assert holds["left_foot"] < does_not["left_foot"] - 0.02
+    assert touch(parts_observed(cut, 1.0))[1] == touch(parts_observed(person, 1.0))[1]
 
 
 def test_contacts_of_limbs_that_no_pixel_shows_are_listed_as_assumed(person):

@@ -1,4 +1,4 @@
-"""Whether feet, hands and seat touch something, by keypoints and by what is observed."""
+"""Whether feet, hands and seat touch something, by what is observed and by depth."""
 
 from __future__ import annotations
 
@@ -13,96 +13,39 @@ from physic_core import engine_preset
 from physic_core.engine.ground.stance import (
     Stance,
     depth_gaps_at_feet,
-    foot_drops,
-    stance_in_picture,
     standing_prior,
 )
-from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.engine.joint.solve import optimize
 from physic_core.geometry.camera import pixel_rays
 from physic_core.types import Keypoints, Observations
 
 from .conftest import FLOOR_Y
 
-NAMES = tuple(
-    f"{side}_{part}"
-    for side in ("left", "right")
-    for part in ("shoulder", "hip", "ankle", "heel", "foot_tip", "wrist")
-)
 
-STANDS = {
-    "shoulder": (0, 0),
-    "hip": (0, 100),
-    "ankle": (0, 265),
-    "heel": (-5, 272),
-    "foot_tip": (15, 280),
-    "wrist": (10, 100),
-}
-RAISED = {"ankle": (0, 195), "heel": (-2, 180), "foot_tip": (2, 205)}
-
-
-def person(left=None, both=None):
-    """Keypoints (1, 12, 2) of a person who stands, seen from the front, one or both sides
-    changed.
-    """
-    sides = STANDS | (both or {}) | (left or {}), STANDS | (both or {})
-    points = np.array([list(side.values()) for side in sides], np.float64)
-    points[..., 0] += [[20], [-20]]
-    return points.reshape(1, -1, 2)
-
-
-def observed(*touch):
+def observed(touch):
     """Observations of one person: probabilities of feet, hands and seat, of a share of one half."""
-    unknown = Observations.unknown(1)
     half = np.full(5, 0.5, np.float32)
+    unknown = Observations.unknown(1)
     return replace(unknown, touch=np.array([touch], np.float32), touch_share=half)
 
 
-def touch_of(points, names=NAMES, said=None):
-    """Probability that feet touch, (N, 2)."""
-    return stance_in_picture(points, names, said or Observations.unknown(len(points))).touch[:, :2]
+def touch_of(said):
+    return Stance.in_picture(said).touch
 
 
-def test_both_feet_of_people_who_stand_touch_and_one_raised_behind_touches_less():
-    assert (touch_of(person()) > 0.6).all()
-    raised, other = touch_of(person(left=RAISED))[0]
-    assert raised < other
-    assert touch_of(np.zeros((0, 12, 2))).shape == (0, 2)
-
-
-def test_the_height_of_feet_is_in_lengths_of_the_trunk_at_any_size_of_the_picture():
-    lower = foot_drops(7.0 * person(left=RAISED), NAMES)
-    assert lower.tolist() == pytest.approx(np.array([[-0.75, 0.75]]))
-
-
-def test_mirrored_people_have_mirrored_feet():
-    points = person(left=RAISED)
-    mirrored = np.concatenate([points[:, 6:], points[:, :6]], 1) * [-1, 1]
-    assert touch_of(mirrored) == pytest.approx(touch_of(points)[:, ::-1])
-
-
-@pytest.mark.parametrize("unknown", ["nan", "names"])
-def test_legs_without_keypoints_are_those_of_an_average_foot(unknown):
-    points = person(left=RAISED)
-    names = NAMES
-    if unknown == "nan":
-        points[0, 2] = np.nan
-    else:
-        names = tuple(name.replace("heel", "sole") for name in NAMES)
-    assert np.isnan(foot_drops(points, names)).all()
-    found = touch_of(points, names)[0]
-    assert found[0] == found[1]
-    assert 0.5 < found[0] < 0.97
+def test_feet_of_which_nothing_is_said_are_those_of_an_average_person():
+    feet = Stance.unknown(2).touch[:, :2]
+    assert 0.5 < feet.min() == feet.max() < 0.97
+    assert Stance.unknown(0).touch.shape == (0, 5)
 
 
 def test_what_is_observed_of_a_part_moves_its_touch_and_no_other():
-    nothing = math.nan
-    average = stance_in_picture(person(), NAMES, Observations.unknown(1)).touch[0]
+    average = Stance.unknown(1).touch[0]
     for column in range(5):
         for sure in (0.03, 0.97):
-            said = np.full(5, nothing)
+            said = np.full(5, math.nan)
             said[column] = sure
-            found = stance_in_picture(person(), NAMES, observed(*said)).touch[0]
+            found = touch_of(observed(said))[0]
             assert (found[column] > average[column]) == (sure > 0.5)
             assert np.delete(found, column).tolist() == np.delete(average, column).tolist()
 
@@ -137,17 +80,8 @@ def test_feet_of_people_who_ride_are_not_on_the_floor():
     assert rides.max() < 0.1 * walks.min()
 
 
-def test_people_with_both_feet_probably_off_the_ground_are_in_the_air():
-    one_raised = np.array([[0.0, 0.0], [-1.0, 1.0], [0.0, 0.0]])
-    said = np.zeros((3, 5))
-    said[2, :2] = -6.0
-    stance = replace(Stance.unknown(3), lower=one_raised, observed=said)
-    off = (stance.touch[:, :2] < LEAST_PROBABILITY).all(1)
-    assert off.tolist() == [False, False, True]
-
-
 def test_people_without_a_body_have_average_feet():
-    known = replace(Stance.unknown(1), lower=np.array([[-0.5, 0.5]]), observed=np.full((1, 5), 0.2))
+    known = Stance.in_picture(observed([0.2] * 5))
     wider = known.expanded(np.array([False, True]))
     assert wider.touch[1].tolist() == known.touch[0].tolist()
     assert wider.touch[0].tolist() == Stance.unknown(1).touch[0].tolist()

@@ -58,7 +58,7 @@ def support(make_stage):
         contact = members(model, *touching)
         if chosen is not None:
             contact |= chosen(model, normals)
-        known = {"feet": True, "holds": False, "sits": False, "height": 0.0} | evidence
+        known = {"feet": True, "grips": False, "sits": False, "height": 0.0} | evidence
         person = PersonContact(
             stage.vertices[0],
             normals,
@@ -66,7 +66,7 @@ def support(make_stage):
             ~members(model, *unseen),
             feet=torch.tensor([known["feet"]] * 2),
             sits=known["sits"],
-            holds=torch.tensor([known["holds"]] * 2),
+            grips=torch.tensor([known["grips"]] * 2),
             height=torch.full((model.num_vertices,), known["height"]),
         )
         return model, person, find_support(model, person, up, assume=assume)
@@ -93,8 +93,8 @@ CASES = {
     "one unseen foot": ({}, SOLES, {"unseen": ("left_sole",)}, "balanced", ()),
     "unseen feet touch nothing": ({}, (), {"unseen": SOLES}, "assumed", SOLES),
     "unseen feet, no guess": ({}, (), {"unseen": SOLES, "assume": False}, "unbalanced", ()),
-    "seen feet touch nothing": ({}, (), {"holds": True}, "unbalanced", ()),
-    "seen feet, a hand touches": ({}, ("left_hand",), {"holds": True}, "unbalanced", ()),
+    "seen feet touch nothing": ({}, (), {"grips": True}, "unbalanced", ()),
+    "seen feet, a hand touches": ({}, ("left_hand",), {"grips": True}, "unbalanced", ()),
     "sits on nothing": (SITS, (), {"sits": True}, "assumed", SEAT),
     "sits on nothing, soles down": (SITS, SOLES, {"sits": True}, "assumed", SEAT),
     "sits, no guess": (SITS, SOLES, {"assume": False}, "unbalanced", ()),
@@ -111,9 +111,9 @@ CASES = {
         SEAT,
     ),
     "jumps": (HANGS, (), AIR, "airborne", ()),
-    "holds something": (HANGS, (), {"holds": True} | AIR, "assumed", HANDS),
-    "hands up, seen feet": (HANGS, (), {"holds": True}, "unbalanced", ()),
-    "one hand up, seen feet": (HANGS, ("left_hand",), {"holds": True}, "unbalanced", ()),
+    "holds something": (HANGS, (), {"grips": True} | AIR, "assumed", HANDS),
+    "hands up, seen feet": (HANGS, (), {"grips": True}, "unbalanced", ()),
+    "one hand up, seen feet": (HANGS, ("left_hand",), {"grips": True}, "unbalanced", ()),
     "hangs": (HANGS, HANDS, {"assume": False}, "hanging", ()),
     "hangs by unseen hands": (HANGS, HANDS, {"unseen": HANDS}, "assumed", ()),
     "hands below": (HANGS, HANDS, {"assume": False, "up": -UP}, "balanced", ()),
@@ -141,7 +141,7 @@ def test_a_hidden_seat_is_level(support, touching):
 
 
 def test_a_hidden_handhold_is_in_the_whole_hand_and_a_seat_in_contact_is_a_seat(support):
-    model, _, found = support(HANGS, feet=False, holds=True)
+    model, _, found = support(HANGS, feet=False, grips=True)
     assert found.hidden[model.contact_sets["left_hand"]].all()
     assert support(SITS, SEAT, sits=True)[2].seat.any()
 
@@ -215,6 +215,6 @@ def test_an_upright_surface_and_few_vertices_that_face_down_carry_no_person(supp
         )
         return few(thigh & (normals @ UP < -0.5), 9) | (torso & (normals[:, 2] < -0.9))
 
-    model, _, found = support(HANGS, (), chosen, feet=False, holds=True)
+    model, _, found = support(HANGS, (), chosen, feet=False, grips=True)
     assert found.state == SupportState.ASSUMED
     assert not (found.hidden & ~members(model, *HANDS)).any()

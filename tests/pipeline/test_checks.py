@@ -35,6 +35,7 @@ from physic_core.types import (
     UnposedPerson,
     skeleton_named,
 )
+from physic_core.types.contacts import BodyContact, ContactPartner
 from physic_core.types.known_sizes import KnownPeople
 from physic_core.types.observations import POSTURES
 
@@ -236,6 +237,16 @@ def case(
         },
     )
     return evidence, result
+
+
+def test_a_foot_that_touches_something_unknown_lowers_the_place_alone():
+    evidence, result = case()
+    foot = BodyContact("left_foot", ContactPartner("hidden"), 0.9, 30, distance_m=0.14)
+    result.people[0].contacts = (foot,)
+    found = run_checks(evidence, result)
+    assert failed_checks(found, 0) == ("support",)
+    result.people[0].contacts = (replace(foot, partner=ContactPartner("hidden", "seat")),)
+    assert failed_checks(run_checks(evidence, result), 0) == ()
 
 
 def test_nothing_fails_where_all_is_well():

@@ -28,8 +28,11 @@ from physic_core.geometry.neighbors import NearestPointSearch, array_tree, insid
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.tensors import exact_arrays
 
-KINDS = ("scene", "person", "own body")
-"""What a vertex may touch; floor and scene are one kind."""
+KINDS = ("scene", "person", "own body", "object")
+"""What a vertex may touch; floor and scene are one kind. An object has no distance."""
+
+HAND_BREADTH_M = 0.1
+"""Largest distance of skin from what it touches, metres: the errors of poses and scenes."""
 
 SEARCH_RADIUS_M = 0.15
 """Search radius, metres: larger distances are reported as inf.
@@ -331,7 +334,6 @@ class Distances:
         parts: of the scene's points, which ``surface.point`` indexes.
         people: to the skin of other people.
         own: to the skin of other parts of the same body.
-        in_mask: (N, V) bool, vertices at pixels of the person's mask.
     """
 
     normals: Tensor
@@ -339,7 +341,6 @@ class Distances:
     parts: SceneParts
     people: SkinDistances
     own: SkinDistances
-    in_mask: Tensor
 
     @property
     def on_ground(self) -> Tensor:
@@ -349,7 +350,7 @@ class Distances:
 
     @property
     def by_kind(self) -> Tensor:
-        """Signed distances (K, N, V), in the order of :data:`KINDS`."""
+        """Signed distances (3, N, V), in the order of :data:`KINDS`, without objects."""
         return torch.stack([self.surface.nearest, self.people.distance, self.own.distance])
 
 

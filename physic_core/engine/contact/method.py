@@ -10,12 +10,20 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.contact.distances import (
+    HAND_BREADTH_M,
     ContactSurfaces,
     Distances,
     distance_along_normal,
     nearby_surfaces,
 )
-from physic_core.engine.contact.probability import scene_contact, skin_contact
+from physic_core.engine.contact.probability import (
+    by_vertex,
+    near_scene,
+    object_contact,
+    scene_contact,
+    share_of_part,
+    skin_contact,
+)
 from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.geometry.visibility import front_depth, in_free_space
 from physic_core.types.bounds import Share
@@ -31,14 +39,18 @@ class Touch:
 
     Attributes:
         kind: (N, V) int64, index into ``KINDS``; -1 without contact.
-        probability: (N, V) of contact with anything; None if the method estimates none.
+        probability: (N, V) of contact with what ``kind`` says, and with scene or floor without;
+            None if the method estimates none.
         parts: body part -> (N,) probability that it touches scene or floor; empty if the method
             estimates none. See :mod:`physic_core.engine.contact.probability`.
+        gaps: body part -> (N,) its distance from the nearest surface, metres; inf beyond the radius
+            of the search.
     """
 
     kind: Tensor
     probability: Tensor | None
     parts: Mapping[str, Tensor] = field(default_factory=dict)
+    gaps: Mapping[str, Tensor] = field(default_factory=dict)
 
     @staticmethod
     def of_rank(rank: Tensor, touches: Tensor, probability: Tensor | None) -> Touch:
@@ -87,14 +99,21 @@ class ContactMethod:
     def touch(self, state: State, near: Distances) -> Touch:
         """Return the contacts of vertices whose fitted probability is at least the threshold.
 
-        A vertex touches only what its body part touches.
+        A vertex touches only what its body part touches, and nothing farther than a hand's breadth.
         """
-        of_parts, on_scene, parts = scene_contact(state, near)
+        at = near_scene(state, near)
+        parts = scene_contact(state, at)
+        of_parts = by_vertex(state.model, parts)
+        on_scene = of_parts * share_of_part(state.model, at)
         part_on_skin, on_skin = skin_contact(state, near)
-        probabilities = torch.cat([on_scene[None], on_skin])
-        sure = torch.cat([of_parts[None], part_on_skin]) >= LEAST_PROBABILITY
-        likely = 1 - (1 - probabilities).prod(0)
-        likely = torch.where(state.model.outer & state.finite_people[:, None], likely, 0.0)
-        rank = torch.where(torch.isfinite(near.by_kind) & sure, probabilities, -1.0)
-        touches = (likely >= self.threshold) & (rank.amax(0) >= 0)
-        return replace(Touch.of_rank(rank, touches, likely), parts=parts)
+        held = object_contact(state)[None]
+        probabilities = torch.cat([on_scene[None], on_skin, held])
+        sure = torch.cat([of_parts[None], part_on_skin, held]) >= LEAST_PROBABILITY
+        within = near.by_kind <= HAND_BREADTH_M
+        sure &= torch.cat([within, torch.ones_like(within[:1])])
+        sure &= state.model.outer & state.finite_people[:, None]
+        rank = torch.where(sure, probabilities, -1.0)
+        touches = rank.amax(0) >= self.threshold
+        likely = torch.where(touches, rank.amax(0), on_scene.nan_to_num())
+        gaps = dict(zip(parts, at.gap.T, strict=True))
+        return replace(Touch.of_rank(rank, touches, likely), parts=parts, gaps=gaps)

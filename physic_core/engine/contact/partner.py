@@ -9,7 +9,7 @@ from types import MappingProxyType
 import torch
 from torch import Tensor
 
-from physic_core.engine.contact.distances import KINDS, Distances
+from physic_core.engine.contact.distances import KINDS, SEARCH_RADIUS_M, Distances
 from physic_core.engine.contact.parts import (
     UPRIGHT_CLASSES,
     ContactRegions,
@@ -28,6 +28,7 @@ DECIMALS = 4
 
 _MIN_VERTICES = 3  # of a contact that is listed
 _DENT_QUANTILE = 0.9  # of the depths of a part's vertices in a dent
+_GROUND_M = 0.05  # height over the floor of feet that stand on it: its error and that of the pose
 _RESTS = -0.3  # cosine between up and the mean normal of touching skin; below it, the part rests
 
 
@@ -40,8 +41,9 @@ def assign_partners(
 ) -> tuple[tuple[ContactPartner, ...], Tensor]:
     """Name the partner of each contact vertex.
 
-    What touches scene, floor or a hidden support on a carrier touches the carrier. A surface has
-    the most frequent class of its points. A class on which nothing rests, such as "wall", does not
+    Feet at the height of the floor stand on it, whatever label is near. What else touches scene or
+    a hidden support on a carrier touches the carrier. A surface has the most frequent class of its
+    points. A class on which nothing rests, such as "wall", does not
     name what lies under a sole or a seat: the surface is then nameless there.
 
     Args:
@@ -74,13 +76,17 @@ def _partners(
 ) -> Iterator[tuple[Tensor, ContactPartner]]:
     """Yield the vertices (N, V) bool of each partner; there may be none."""
     on_scene = touched == KINDS.index("scene")
+    stands = _standing_feet(near, regions)
     for number, (name, carried) in enumerate(on_carriers):
+        carried = carried & ~(on_scene & stands)
         yield carried & on_scene, ContactPartner("scene", name, id=number)
         hidden = carried & ((touched == HIDDEN) | (touched == HIDDEN_SEAT))
         yield hidden, ContactPartner("hidden", name, id=number)
         on_scene = on_scene & ~carried
         touched = torch.where(hidden, -1, touched)
-    yield from _surfaces(on_scene, near, regions, up, len(on_carriers))
+    ground = near.surface.on_floor | near.on_ground | stands
+    yield on_scene & ground, ContactPartner("floor", "floor")
+    yield from _surfaces(on_scene & ~ground, near, regions, up, len(on_carriers))
     for kind, skin in (("person", near.people), ("own body", near.own)):
         on_skin = touched == KINDS.index(kind)
         person = skin.person if kind == "person" else torch.zeros_like(skin.person)
@@ -93,6 +99,7 @@ def _partners(
                 else ContactPartner("self")
             )
             yield on_skin & (pair == code), replace(whose, part=regions.names[part])
+    yield touched == KINDS.index("object"), ContactPartner("object")
     yield touched == HIDDEN_SEAT, ContactPartner("hidden", "seat")
     yield touched == HIDDEN, ContactPartner("hidden")
 
@@ -100,14 +107,9 @@ def _partners(
 def _surfaces(
     on_scene: Tensor, near: Distances, regions: ContactRegions, up: Tensor, first: int
 ) -> Iterator[tuple[Tensor, ContactPartner]]:
-    """Yield the vertices (N, V) bool of the scene's floor and of each other surface, numbered from
-    the first one.
-    """
+    """Yield the vertices (N, V) bool of each surface but the floor, numbered from the first one."""
     surfaces = near.surface
     parts = near.parts
-    ground = surfaces.on_floor | near.on_ground
-    yield on_scene & ground, ContactPartner("floor", "floor")
-    on_scene = on_scene & ~ground
     if bool(on_scene.any()):
         surface = parts.surface[surfaces.point]
         rests = _resting(near.normals @ up, on_scene, regions)
@@ -118,6 +120,17 @@ def _surfaces(
             nameless = rests if name in UPRIGHT_CLASSES else torch.zeros_like(rests)
             yield rows & ~nameless, ContactPartner("scene", name, id=number)
             yield rows & nameless, ContactPartner("scene", id=number)
+
+
+def _standing_feet(near: Distances, regions: ContactRegions) -> Tensor:
+    """Return the vertices (N, V) bool of feet whose soles are at the height of the floor."""
+    height = near.surface.floor.abs()
+    found = torch.zeros_like(height, dtype=torch.bool)
+    for number, name in enumerate(regions.names):
+        if name.endswith("_foot"):
+            foot = regions.region == number
+            found |= foot & (height[:, foot].amin(1, keepdim=True) < _GROUND_M)
+    return found
 
 
 def _resting(facing: Tensor, on_scene: Tensor, regions: ContactRegions) -> Tensor:
@@ -145,6 +158,7 @@ def body_contacts(
     regions: ContactRegions,
     *,
     assumed: Mapping[str, float] = MappingProxyType({}),
+    gaps: Mapping[str, float] = MappingProxyType({}),
     least: float = 0.0,
 ) -> tuple[BodyContact, ...]:
     """List the contacts of one person by body part, most probable first.
@@ -160,8 +174,9 @@ def body_contacts(
         dent: (V,) depth of the dent at each vertex, metres; NaN where nothing yields.
         table: partners.
         regions: body parts.
-        assumed: body parts that no pixel shows -> their probability of contact with scene and
-            floor. Of each, only the partner of most vertices is listed, and no skin.
+        assumed: body parts of limbs that nothing shows -> their probability of contact with scene
+            and floor. Of each, only the partner of most vertices is listed, and no skin.
+        gaps: body part -> its distance from the nearest surface, metres.
         least: minimum probability of a listed part.
     """
     touching = index >= 0
@@ -176,17 +191,17 @@ def body_contacts(
         part = regions.names[number]
         here = touching & (code == value)
         sure = None
-        on_skin = table[partner].kind in ("person", "self")
-        if on_skin and part in assumed:
+        kind = table[partner].kind
+        if kind in ("person", "self", "object") and part in assumed:
             continue
         if probability is not None:
             likely = probability[here]
             sure = round(assumed.get(part, mean_of_surest(likely)), DECIMALS)
+        gap = gaps.get(part) if kind == "hidden" and part not in assumed else None
         if sure is None or sure >= least:
-            depth = _dent_of(dent[here])
-            found.append(
-                BodyContact(part, table[partner], sure, count, depth, assumed=part in assumed)
-            )
+            one = BodyContact(part, table[partner], sure, count, assumed=part in assumed)
+            off = None if gap is None else round(min(gap, SEARCH_RADIUS_M), DECIMALS)
+            found.append(replace(one, dent_m=_dent_of(dent[here]), distance_m=off))
     on_self = {(one.part, one.partner.part) for one in found if one.partner.kind == "self"}
     found = [
         one

@@ -1,13 +1,15 @@
-"""Probability of contact: of body parts and of their vertices with scene and floor, and of vertices
-with skin.
+"""Probability of contact: of body parts and of their vertices with scene and floor, of hands with
+objects, and of vertices with skin.
 
 A part has one probability of contact with scene or floor, see
-:mod:`physic_core.engine.ground.touch`. All its vertices share the errors of its position, so that
-its distance is one number: the fifth smallest of its vertices, which is robust to outliers. A
-vertex has the probability of its part, times how near it is to the surface beside the nearest
-vertices of the part, and how directly its skin faces the surface. The place of a part that no pixel
-shows is a guess, so its distance is ignored. It has the base rate of its kind, and feet that of the
-posture and of hands that touch.
+:mod:`physic_core.engine.ground.touch`. Of feet, hands and buttocks it is what the person observer
+says. Distance decides of all others: all vertices of a part share the errors of its position, so
+that its distance is one number, the fifth smallest of its vertices, which is robust to outliers.
+Feet, hands and buttocks of which the observer says nothing and no keypoint is seen have the base
+rate of their kind: their place is a guess.
+
+The ten surest vertices of a part have its probability. The others have less of it, the farther they
+are from the surface beside these, and the less directly their skin faces it.
 
 Contact with skin of another person or of the own body has the same form. The vertices of one part
 that are nearest to one part of one partner share their errors, so that their fifth smallest
@@ -18,9 +20,9 @@ contact.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -28,45 +30,40 @@ from physic_core.body.model import BodyModel
 from physic_core.body.posture import LYING_DEG, trunk_tilt_deg
 from physic_core.engine.contact.distances import SEARCH_RADIUS_M, Distances
 from physic_core.engine.contact.parts import are_adjacent, contact_regions
+from physic_core.engine.ground.stance import OBSERVED_COLUMNS
 from physic_core.engine.ground.touch import (
+    CARRIES,
     DISTANCE,
     HAND,
-    HANDS,
     INSIDE,
+    LIES,
     OBSERVED,
     OUTSIDE,
     OWN_BODY,
     SKIN,
     touch_log_odds,
-    touch_model,
 )
-from physic_core.engine.limbs import hip_bends
 from physic_core.engine.state import State
 from physic_core.geometry.tensors import exact_arrays
-from physic_core.types.observations import TOUCH_PARTS
 from physic_core.types.skeletons import SIDES
 
 _LOG_UNIT_M = 0.01
 _GAP_VERTICES = 5
 
 SEAT = "seat"
-"""Part of buttocks and thighs: what people sit on."""
+"""Part of the buttocks: what people sit on."""
 
-_KIND_OF = {"foot": "foot", "hand": "hand", "seat": SEAT, "upper_leg": SEAT}
-_RATED = ("foot", "hand", SEAT)  # kinds whose rate is known where no pixel shows them
-# What carries people who lie -> the part on its other side.
-_CARRY_LYING = {"head": "head", "torso": "back", "back": "torso", SEAT: SEAT}
+RATED = ("foot", "hand", SEAT)
+"""Kinds of parts of which the observer speaks, and whose rate is known where nothing shows them."""
+
 _SIGMA_M = 0.05  # standard deviation of the distance of a part from the scene
-_MOST_BEND = 1.7  # radians; people who bend more do not sit more probably
-_SHOWN_SHARE = 0.5  # of the vertices of a part that the photo shows
 # Rise in metres at which half of the probability of a part is left, and power of the cosine between
 # skin and surface; fitted to 155 drawn worlds.
 _NEARNESS = 0.1, 3.0
 _NEARNESS_OF_LIMBS = 0.05, 0.15  # of hands and feet
 
-
 SUREST_VERTICES = 10
-"""Number of vertices whose mean probability decides whether their body part touches."""
+"""Number of vertices whose mean probability is that of their body part."""
 
 
 def mean_of_surest(vertices: Tensor) -> float:
@@ -77,77 +74,64 @@ def mean_of_surest(vertices: Tensor) -> float:
 
 
 def contact_part_masks(model: BodyModel) -> dict[str, Tensor]:
-    """Return the vertices (V,) bool of each body part: the contact regions, with thighs and
-    buttocks as one part.
-    """
+    """Return the outer vertices (V,) bool of each body part."""
     regions = contact_regions(model)
-    found: dict[str, Tensor] = {}
-    for number, name in enumerate(regions.names):
-        part = part_of_region(name)
-        chosen = (regions.region == number) & model.outer
-        found[part] = found[part] | chosen if part in found else chosen
-    return found
-
-
-def part_of_region(region: str) -> str:
-    """Return the part of a region of contacts."""
-    return SEAT if kind_of_part(region) == SEAT else region
+    return {
+        name: (regions.region == number) & model.outer for number, name in enumerate(regions.names)
+    }
 
 
 def kind_of_part(part: str) -> str:
     """Return the kind of a part: "foot", "hand", "seat" or "other"; parts of one kind have one
     model.
     """
-    return _KIND_OF.get(part.removeprefix("left_").removeprefix("right_"), "other")
+    kind = part.removeprefix("left_").removeprefix("right_")
+    return kind if kind in RATED else "other"
 
 
-def scene_contact(state: State, near: Distances) -> tuple[Tensor, Tensor, dict[str, Tensor]]:
-    """Return the probability (N, V) that the parts of vertices touch scene or floor, that of the
-    vertices, and that of each part: name -> (N,).
-    """
-    at = near_scene(state, near)
-    unseen = unseen_parts(state, near)
-    lies = _lying_people(state)
+def scene_contact(state: State, at: NearScene) -> dict[str, Tensor]:
+    """Return part -> probability (N,) that it touches scene or floor."""
+    unseen = unseen_parts(state)
     parts = {}
-    of_parts = part_features(state, at.gap)
-    hands = torch.zeros_like(state.joints[:, 0, 0])
-    # hands first
-    for name in sorted(of_parts, key=lambda part: kind_of_part(part) != "hand"):
-        features = of_parts[name] | {HANDS: hands}
+    for name, features in part_features(state, at).items():
         kind = kind_of_part(name)
         odds = touch_log_odds(kind, features)
-        if kind in _RATED:
-            odds = torch.where(unseen[name], touch_log_odds(f"unseen {kind}", features), odds)
-        if name in _CARRY_LYING:
-            distance = features[DISTANCE]
-            beneath = distance <= of_parts[_CARRY_LYING[name]][DISTANCE]
-            odds = torch.where(lies & beneath, _odds_of_feet(distance), odds)
+        if kind in RATED:
+            by_distance, rate = (
+                touch_log_odds(of, features) for of in (f"{kind} by distance", f"unseen {kind}")
+            )
+            silent = torch.where(unseen[name], rate, by_distance)
+            odds = torch.where(features[OBSERVED] == 0, silent, odds)
         parts[name] = torch.sigmoid(odds)
-        if kind == "hand":
-            hands = hands.maximum(parts[name])
-    parts = {name: parts[name] for name in of_parts}
-    of_vertex = torch.stack(list(parts.values()), 1)[:, _part_of_vertex(state.model)]
-    return of_vertex, of_vertex * _vertex_share(state.model, at.rise, at.facing), parts
+    return parts
 
 
-def _lying_people(state: State) -> Tensor:
-    """Return whether the trunk of each person (N,) bool is nearly horizontal."""
-    tilt = trunk_tilt_deg(*exact_arrays(state.joints, state.up))
-    return torch.as_tensor(np.abs(tilt - 90.0) < LYING_DEG).to(state.joints.device)
+def by_vertex(model: BodyModel, parts: Mapping[str, Tensor]) -> Tensor:
+    """Return the value (N, V) of the part of each vertex; part -> (N,), in the order of all."""
+    return torch.stack(list(parts.values()), 1)[:, contact_regions(model).region]
 
 
-def _odds_of_feet(distance: Tensor) -> Tensor:
-    """Return the log odds of parts that carry people who lie, as feet carry people who stand."""
-    unknown = dict.fromkeys(touch_model()["foot"], torch.zeros_like(distance))
-    return touch_log_odds("foot", unknown | {DISTANCE: distance})
+def object_contact(state: State) -> Tensor:
+    """Return the probability (N, V) that palms and fingers hold or pet an object or an animal; 0
+    where the observer says nothing.
+    """
+    found = torch.zeros_like(state.vertices[..., 0])
+    observed = state.observed_touch
+    if observed is None:
+        return found
+    for side in SIDES:
+        said = observed[:, OBSERVED_COLUMNS.index(f"{side}_object")]
+        likely = torch.sigmoid(touch_log_odds("object", {OBSERVED: said}))
+        chosen = state.model.in_contact_sets(f"{side}_hand")
+        found[:, chosen] = torch.where(said == 0, 0.0, likely)[:, None].to(found)
+    return found
 
 
-def unseen_parts(state: State, near: Distances) -> dict[str, Tensor]:
-    """Return part -> (N,) bool: no pixel shows the part, nor a confident keypoint at its end."""
-    shown = state.visible_vertices | near.in_mask
-    parts = contact_part_masks(state.model)
+def unseen_parts(state: State) -> dict[str, Tensor]:
+    """Return part -> (N,) bool: no photo has a confident keypoint at the end of the limb."""
+    shown = state.visible_vertices
     return {
-        name: shown[:, chosen].double().mean(1) < _SHOWN_SHARE for name, chosen in parts.items()
+        name: ~shown[:, chosen].any(1) for name, chosen in contact_part_masks(state.model).items()
     }
 
 
@@ -157,12 +141,14 @@ class NearScene(NamedTuple):
     Attributes:
         gap: (N, P) signed distance of each part of :func:`contact_part_masks`, metres; inf if
             nothing is near.
+        down: (N, P) cosine between down and the skin of the part that is nearest to the surface.
         rise: (N, V) how much farther the vertex is than its part, metres, at least 0; inf if it is
             far.
         facing: (N, V) cosine between the skin and the surface that it faces.
     """
 
     gap: Tensor
+    down: Tensor
     rise: Tensor
     facing: Tensor
 
@@ -174,12 +160,30 @@ def near_scene(state: State, near: Distances) -> NearScene:
     """
     distance, facing = _scene_distance_and_facing(state, near)
     height = torch.where(state.model.outer, state.vertices @ state.up, torch.inf)
-    group = _part_of_vertex(state.model)
+    group = contact_regions(state.model).region
     gap = _gaps_of_parts(state.model, distance)
     lowest = _gaps_of_parts(state.model, height)
     lost = torch.isinf(gap)[:, group]
     rise = torch.where(lost, height - lowest[:, group], distance - gap[:, group])
-    return NearScene(gap, torch.relu(rise), torch.where(lost, -(near.normals @ state.up), facing))
+    down = -(near.normals @ state.up)
+    return NearScene(
+        gap=gap,
+        down=_of_nearest_skin(state.model, distance, down),
+        rise=torch.relu(rise),
+        facing=torch.where(lost, down, facing),
+    )
+
+
+def share_of_part(model: BodyModel, at: NearScene) -> Tensor:
+    """Return the share (N, V) of the probability of a part that its vertices have: 1 for the ten
+    surest.
+    """
+    share = _vertex_share(model, at.rise, at.facing)
+    for chosen in contact_part_masks(model).values():
+        own = share[:, chosen]
+        least = own.topk(min(SUREST_VERTICES, own.shape[1])).values[:, -1:]
+        share[:, chosen] = (own / least.clamp(min=torch.finfo(own.dtype).tiny)).clamp(max=1)
+    return share
 
 
 def _vertex_share(model: BodyModel, rise: Tensor, facing: Tensor) -> Tensor:
@@ -187,6 +191,7 @@ def _vertex_share(model: BodyModel, rise: Tensor, facing: Tensor) -> Tensor:
 
     Args:
         model: of the bodies.
+        down: (N, P) cosine between down and the skin of the part that is nearest to the surface.
         rise: (N, V) how much farther the vertex is than its part, metres.
         facing: (N, V) cosine between the skin and the surface that it faces.
     """
@@ -198,46 +203,43 @@ def _vertex_share(model: BodyModel, rise: Tensor, facing: Tensor) -> Tensor:
     return ((1 + facing) / 2) ** power / (1 + (rise / far_m).square())
 
 
-def part_features(state: State, gap: Tensor) -> dict[str, dict[str, Tensor]]:
+def part_features(state: State, at: NearScene) -> dict[str, dict[str, Tensor]]:
     """Return part -> name of a feature -> values (N,): one reason for or against contact of the
     part with the scene.
-
-    "distance" is that of the part in standard deviations, 0 inside, and at most that of the search
-    radius. "observed" is that of the person observer. "bend at the hips" is the smaller angle
-    between trunk and thighs, radians; 0 is straight.
-
-    Args:
-        state: bodies, and what the photo shows of them.
-        gap: (N, P) distance of each part, metres; inf if nothing is near.
     """
-    joints = state.joints
-    observed = state.observed_touch
-    if observed is None:
-        observed = joints.new_zeros(len(joints), len(TOUCH_PARTS))
-    bend = hip_bends(joints).amin(1).clamp(max=_MOST_BEND).nan_to_num()
-    found: dict[str, dict[str, Tensor]] = {}
-    for name, own in zip(contact_part_masks(state.model), gap.T, strict=True):
-        found[name] = {DISTANCE: torch.relu(own).clamp(max=SEARCH_RADIUS_M) / _SIGMA_M}
-        side = SIDES.index(name.partition("_")[0]) if name.startswith(SIDES) else 0
-        column = {"foot": side, "hand": 2 + side, SEAT: 4}.get(kind_of_part(name))
-        if column is not None:
-            found[name][OBSERVED] = observed[:, column]
-    found[SEAT]["bend at the hips"] = bend
+    observed = {}
+    if state.observed_touch is not None:
+        observed = dict(zip(OBSERVED_COLUMNS, state.observed_touch.to(at.gap).T, strict=True))
+    tilt = torch.as_tensor(trunk_tilt_deg(*exact_arrays(state.joints, state.up)))
+    lies = ((tilt - 90).abs() < LYING_DEG).to(at.gap)
+    found = {}
+    rows = zip(contact_part_masks(state.model), at.gap.T, at.down.T, strict=True)
+    for name, gap, down in rows:
+        distance = torch.relu(gap).clamp(max=SEARCH_RADIUS_M) / _SIGMA_M
+        found[name] = {
+            DISTANCE: distance,
+            LIES: lies,
+            CARRIES: torch.relu(1 - distance) * torch.relu(down),
+            OBSERVED: observed.get(name, torch.zeros_like(gap)),
+        }
     return found
+
+
+def _of_nearest_skin(model: BodyModel, distance: Tensor, values: Tensor) -> Tensor:
+    """Return the mean (N, P) of values (N, V) over the vertices of each part with the smallest
+    distances (N, V).
+    """
+    means = []
+    for chosen in contact_part_masks(model).values():
+        nearest = distance[:, chosen].topk(SUREST_VERTICES, largest=False).indices
+        means.append(values[:, chosen].gather(1, nearest).mean(1))
+    return torch.stack(means, 1)
 
 
 def _gaps_of_parts(model: BodyModel, distance: Tensor) -> Tensor:
     """Return the fifth smallest of the distances (N, V) of each part, (N, P)."""
     parts = contact_part_masks(model).values()
     return torch.stack([distance[:, chosen].kthvalue(_GAP_VERTICES).values for chosen in parts], 1)
-
-
-def _part_of_vertex(model: BodyModel) -> Tensor:
-    """Return the row (V,) int64 of the part of each vertex in :func:`contact_part_masks`; 0 for
-    inner vertices.
-    """
-    parts = torch.stack(list(contact_part_masks(model).values()))
-    return parts.int().argmax(0)
 
 
 def _scene_distance_and_facing(state: State, near: Distances) -> tuple[Tensor, Tensor]:

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.contact.distances import (
+    HAND_BREADTH_M,
     KINDS,
     OWN_RADIUS_M,
     SEARCH_RADIUS_M,
@@ -30,8 +31,8 @@ from physic_core.engine.contact.partner import (
 from physic_core.engine.contact.parts import contact_regions, scene_parts
 from physic_core.engine.contact.probability import (
     SEAT,
+    by_vertex,
     contact_part_masks,
-    part_of_region,
     unseen_parts,
 )
 from physic_core.engine.contact.support import (
@@ -42,15 +43,13 @@ from physic_core.engine.contact.support import (
 )
 from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.engine.state import Contact, Estimates, State
-from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.pixels import select_pixels
 from physic_core.geometry.plane import height_over_plane
-from physic_core.geometry.tensors import tensor, tensors
-from physic_core.geometry.visibility import inside_mask
+from physic_core.geometry.tensors import tensors
 from physic_core.types.skeletons import SIDES
 
-_SCENE, _PERSON, _OWN_BODY = (KINDS.index(kind) for kind in ("scene", "person", "own body"))
+_SCENE, _PERSON, _OWN_BODY, _OBJECT = range(len(KINDS))
 _BEARS = 0.3  # least cosine between up and skin of another person on which one can sit or stand
 
 
@@ -67,7 +66,7 @@ def solve_contact(estimates: Estimates, state: State, method: ContactMethod) -> 
 
 def find_contact(state: State, near: Distances, method: ContactMethod) -> Contact:
     """Return the contact of people by their distances."""
-    touch = method.touch(state, near)
+    touch = _with_unknown(state, method.touch(state, near))
     carried = _find_supports(state, near, touch, method)
     return _describe_contacts(state, near, _add_hidden_contacts(state, touch, carried), carried)
 
@@ -110,7 +109,6 @@ def measure_distances(
         parts=parts,
         people=people,
         own=own,
-        in_mask=inside_mask(project(vertices, state.K), state.masks),
     )
 
 
@@ -130,11 +128,11 @@ def _find_supports(
     beneath = near.normals[near.people.person, near.people.vertex] @ state.up
     # a lap carries, a neighbour's thigh does not
     beside = (touch.kind == _PERSON) & (beneath < _BEARS)
-    outward = (touch.kind >= 0) & (touch.kind != _OWN_BODY) & ~beside
+    outward = (touch.kind >= 0) & (touch.kind != _OWN_BODY) & (touch.kind != _OBJECT) & ~beside
     # the pose leaves a gap only to floor and scene, which do not move
     height = torch.where(touch.kind == _SCENE, near.surface.nearest, 0.0)
     height = torch.where(touch.kind >= 0, height, torch.inf)
-    seen = state.visible_vertices
+    seen = state.visible_vertices & (touch.kind != HIDDEN)
     found: list[PersonSupport | None] = []
     for i, finite in enumerate(state.finite_people.tolist()):
         if not finite:
@@ -147,7 +145,7 @@ def _find_supports(
             seen=seen[i],
             feet=_limbs_touch(touch, "foot", i),
             sits=bool(touch.parts) and float(touch.parts[SEAT][i]) >= LEAST_PROBABILITY,
-            holds=_limbs_touch(touch, "hand", i),
+            grips=_limbs_touch(touch, "hand", i),
             height=height[i],
         )
         found.append(find_support(state.model, person, state.up, assume=method.assume_supports))
@@ -182,56 +180,41 @@ def _carried_limbs(state: State) -> list[tuple[str, Tensor]]:
     ]
 
 
-def _touching_carriers(state: State, touch: Touch) -> Tensor:
-    """Return the vertices (N, V) bool of soles and hands of people who ride that probably touch
-    what they ride, and nothing of the scene.
+def _with_unknown(state: State, touch: Touch) -> Touch:
+    """Add contacts of soles and hands that probably touch the world, and have nothing of it within
+    a hand's breadth: with something unknown.
     """
-    found = torch.zeros_like(state.model.outer).expand(touch.kind.shape).clone()
-    carried = state.carried
-    if carried is None or not touch.parts:
-        return found
-    rides = tensor(carried.rides)
-    parts = contact_part_masks(state.model)
-    for side in SIDES:
+    kind = touch.kind.clone()
+    for side in SIDES if touch.parts else ():
         for limb, skin in (("foot", "sole"), ("hand", "hand")):
-            part = parts[f"{side}_{limb}"]
-            likely = touch.parts[f"{side}_{limb}"] >= LEAST_PROBABILITY
-            alone = ~((touch.kind >= 0) & part).any(1)
-            chosen = state.model.in_contact_sets(f"{side}_{skin}")
-            found |= (rides & likely & alone)[:, None] & chosen & part
-    return found
+            name = f"{side}_{limb}"
+            alone = touch.parts[name] >= LEAST_PROBABILITY
+            alone &= touch.gaps[name] > HAND_BREADTH_M
+            chosen = state.model.in_contact_sets(f"{side}_{skin}") & state.model.outer
+            kind[alone[:, None] & chosen] = HIDDEN
+    return _on_hidden(state, touch, kind)
+
+
+def _on_hidden(state: State, touch: Touch, kind: Tensor) -> Touch:
+    """Return the touch with another kind of each vertex (N, V); those of hidden supports have the
+    probability of their part.
+    """
+    probability = touch.probability
+    if probability is not None and touch.parts:
+        of_parts = by_vertex(state.model, touch.parts).to(probability)
+        probability = torch.where(kind >= HIDDEN, of_parts, probability)
+    return replace(touch, kind=kind, probability=probability)
 
 
 def _add_hidden_contacts(
     state: State, touch: Touch, carried: tuple[PersonSupport | None, ...]
 ) -> Touch:
-    """Add contacts of hidden supports.
-
-    The probability of a seat, found or hidden, is that of sitting; other hidden supports are more
-    likely than not.
-    """
+    """Add contacts of hidden supports."""
     kind = touch.kind.clone()
-    probability = None if touch.probability is None else touch.probability.clone()
-    likely = {name: values.clone() for name, values in touch.parts.items()}
-    vertices = contact_part_masks(state.model) if likely else {}
-    ridden = _touching_carriers(state, touch)
-    kind[ridden] = HIDDEN
-    if probability is not None:
-        for name, chosen in vertices.items():
-            on_part = ridden & chosen
-            probability = torch.where(on_part, likely[name][:, None].to(probability), probability)
     for i, one in enumerate(carried):
-        if one is None:
-            continue
-        kind[i, one.hidden] = torch.where(one.seat[one.hidden], HIDDEN_SEAT, HIDDEN)
-        if probability is not None:
-            least = LEAST_PROBABILITY * one.hidden.to(probability)
-            if touch.parts:
-                least[one.seat] = touch.parts[SEAT][i]
-            probability[i] = probability[i].maximum(least)
-            for name, chosen in vertices.items():
-                likely[name][i] = likely[name][i].clamp(min=float(least[chosen].max()))
-    return replace(touch, kind=kind, probability=probability, parts=likely)
+        if one is not None:
+            kind[i, one.hidden] = torch.where(one.seat[one.hidden], HIDDEN_SEAT, HIDDEN)
+    return _on_hidden(state, touch, kind)
 
 
 def _describe_contacts(
@@ -246,18 +229,22 @@ def _describe_contacts(
     partners, index = assign_partners(touch.kind, near, regions, state.up, carriers)
     dents = dent_depths(near.surface.scene, largest_dents(near.surface, near.parts))
     dents = torch.where(touch.kind == KINDS.index("scene"), dents, torch.nan)
-    unseen = unseen_parts(state, near) if touch.parts else {}
+    unseen = unseen_parts(state) if touch.parts else {}
     contacts = []
     supports = []
     for i, one in enumerate(carried):
         carrying = torch.zeros_like(state.model.outer) if one is None else one.contact | one.hidden
         likely = None if touch.probability is None else touch.probability[i]
-        parts = {name: part_of_region(name) for name in regions.names if unseen}
-        assumed = {
-            name: float(touch.parts[part][i]) for name, part in parts.items() if unseen[part][i]
-        }
+        assumed = {name: float(touch.parts[name][i]) for name, own in unseen.items() if own[i]}
         listed = body_contacts(
-            index[i], likely, dents[i], partners, regions, assumed=assumed, least=LEAST_PROBABILITY
+            index[i],
+            likely,
+            dents[i],
+            partners,
+            regions,
+            assumed=assumed,
+            gaps={name: float(own[i]) for name, own in touch.gaps.items()},
+            least=LEAST_PROBABILITY,
         )
         contacts.append(listed)
         own = torch.where(carrying, index[i], -1)

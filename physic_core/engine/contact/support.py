@@ -48,8 +48,8 @@ class PersonContact:
         contact: (V,) bool, with scene, floor and other people.
         seen: (V,) bool, vertices on limbs that the photo shows.
         feet: (2,) bool, left and right foot that probably touch something; None if unknown.
-        sits: whether buttocks or thighs probably rest on something.
-        holds: (2,) bool, left and right hand that probably touch the scene; None if unknown.
+        sits: whether buttocks probably rest on something.
+        grips: (2,) bool, left and right hand that probably touch the scene; None if unknown.
         height: (V,) height of contacts over what they touch, metres, negative inside; inf of other
             skin. None if unknown.
     """
@@ -60,7 +60,7 @@ class PersonContact:
     seen: Tensor
     feet: Tensor | None = None
     sits: bool = False
-    holds: Tensor | None = None
+    grips: Tensor | None = None
     height: Tensor | None = None
 
     @property
@@ -120,7 +120,7 @@ def find_support(
     if person.sits:
         under = _outer_vertices(model, "thighs", "gluteus")
         seat = level & under
-        patch = _lowest_layer(person, under, up)
+        patch = _lowest_layer(person, _outer_vertices(model, "gluteus"), up)
         if assume and not bool(seat.any()) and int(patch.sum()) >= _MIN_VERTICES:
             outside = distance_to_hull(centre, vertices[contact | patch], up)
             return PersonSupport(SupportState.ASSUMED, contact, patch, patch, outside, centre)
@@ -215,12 +215,14 @@ def _carrying_candidates(
 
 def _hidden_supports(model: BodyModel, person: PersonContact, up: Tensor) -> Iterator[Tensor]:
     """Yield the vertices (V,) bool on each support that the photo cannot show."""
-    soles = _outer_vertices(model, *(f"{side}_sole" for side in SIDES))
-    if not person.in_air and not bool((person.seen & soles).any()):
-        yield _lowest_layer(person, soles, up)
-    if person.in_air and person.holds is not None and bool(person.holds.any()):
-        held = (f"{side}_hand" for side, holds in zip(SIDES, person.holds, strict=True) if holds)
-        yield _outer_vertices(model, *held)
+    stands = [True, True] if person.feet is None else person.feet.tolist()
+    soles = [_outer_vertices(model, f"{side}_sole") for side in SIDES]
+    if not person.in_air and not bool((person.seen & (soles[0] | soles[1])).any()):
+        stood = torch.stack([sole & on for sole, on in zip(soles, stands, strict=True)]).any(0)
+        yield _lowest_layer(person, stood, up)
+    if person.in_air and person.grips is not None and bool(person.grips.any()):
+        hands = (f"{side}_hand" for side, grips in zip(SIDES, person.grips, strict=True) if grips)
+        yield _outer_vertices(model, *hands)
 
 
 def support_record(

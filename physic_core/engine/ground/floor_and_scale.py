@@ -43,7 +43,6 @@ from physic_core.engine.ground.report import (
 from physic_core.engine.ground.stance import (
     Stance,
     depth_gaps_at_feet,
-    stance_in_picture,
     standing_prior,
 )
 from physic_core.engine.sizes.evidence import (
@@ -207,7 +206,7 @@ def _ground_at_soles(photo: PhotoContent) -> tuple[GroundAtSoles, ...]:
     visible = ~photo.hole
     raised = photo.labelled(*RAISED_SURFACES)
     keypoints = photo.keypoints
-    touch = _picture_stance(photo).touch[:, :2]
+    touch = Stance.in_picture(photo.observations).touch[:, :2]
     found = []
     for i, mask in enumerate(photo.masks):
         reach = _BESIDE_SOLES * float(mask.any(1).sum()) + _BESIDE_SOLES_PHOTO * max(height, width)
@@ -392,18 +391,12 @@ def _people_evidence(photo: PhotoContent, bodies: Bodies, model: BodyModel) -> _
     )
 
 
-def _picture_stance(photo: PhotoContent) -> Stance:
-    """Return the stance of N people by keypoints and observations alone."""
-    keypoints = photo.keypoints
-    return stance_in_picture(keypoints.points, keypoints.joint_set.names, photo.observations)
-
-
 def _stance_without_floor(photo: PhotoContent) -> tuple[Stance, FloatArray]:
     """Return the stance of N people by keypoints and depth, and the probability (N,) that their
     depth is right.
     """
     keypoints = photo.keypoints
-    stance = _picture_stance(photo)
+    stance = Stance.in_picture(photo.observations)
     raised = photo.labelled(*RAISED_SURFACES)
     gap, among = depth_gaps_at_feet(
         keypoints, photo.masks, photo.aligned.depth, photo.scene.depth, raised

@@ -1,7 +1,6 @@
 """Touch of feet, hands and seat, from the picture before people are placed.
 
-A foot that is much higher than the other one in the picture is in the air or farther away. What the
-person observer says of a part counts as evidence beside that. The weights are in ``touch.json``.
+What the person observer says of a part decides. The weights are in ``touch.json``.
 
 At the pixels of a foot on the ground, the depth map of the photo and that of the scene without
 people nearly agree: the ground continues behind the foot. A foot in the air has a gap, the
@@ -21,21 +20,21 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.ground.carriers import NOTHING, Carried
-from physic_core.engine.ground.touch import LEAST_PROBABILITY, LOWER, OBSERVED, touch_log_odds
+from physic_core.engine.ground.touch import LEAST_PROBABILITY, OBSERVED, touch_log_odds
 from physic_core.geometry.pixels import dilate_square
 from physic_core.types.arrays import PER_PERSON
+from physic_core.types.observations import TOUCH_PARTS
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import SEEN_CONFIDENCE, SIDES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
     from physic_core.types import BoolArray, FloatArray, Keypoints, Observations
 
 _TOES = ("foot_tip", "big_toe")
-_MOST_TRUNKS = 1.0  # largest height difference of feet that counts
 _RADIUS_SHARE = 0.02  # of the height of a person's mask: pixels around a keypoint
 _MIN_PIXELS = 4
 _PITCH_DEG = 20.0  # between heel and toe in the image; beyond, only the lower end counts
@@ -52,47 +51,52 @@ _GAP_IN_AIR = (0.2, 0.15)  # the same behind a foot in the air
 _MAP_WRONG = 0.05  # share of people whose depth in the photo is wrong
 _WRONG_GAPS = 6.0  # range of their gaps
 
+OBSERVED_COLUMNS = (*TOUCH_PARTS, "left_object", "right_object")
+"""Columns of ``observed`` of :class:`Stance`: touch of the world by each part, and hands that hold
+an object.
+"""
+
 
 @dataclass(frozen=True)
 class Stance(ShortRepr):
     """Evidence of a picture for the touch of N people; feet and hands are left and right.
 
     Attributes:
-        lower: (N, 2) how much lower the foot is than the other one in the picture, in lengths of
-            the trunk; NaN where unknown.
-        observed: (N, 5) log odds of the person observer that feet, hands and seat touch the world,
-            beyond those of its base rate; 0 where unknown.
+        observed: (N, 7) log odds by the person observer of each of :data:`OBSERVED_COLUMNS`, beyond
+            those of its base rate; 0 where unknown.
         stands: (N, 2) probability that the foot stands on the floor; only a prior if no floor was
             found.
         carried: what people ride, and boards below their feet; None without any in the picture.
     """
 
-    lower: FloatArray = field(metadata=PER_PERSON)
     observed: FloatArray = field(metadata=PER_PERSON)
     stands: FloatArray = field(metadata=PER_PERSON)
     carried: Carried | None = field(default=None, metadata=PER_PERSON)
 
     @staticmethod
-    def by_touch(lower: FloatArray, observed: FloatArray) -> Stance:
-        """Return the stance of people of whom a usual share of the feet that touch stands."""
-        stance = Stance(lower, observed, lower)
+    def in_picture(observations: Observations) -> Stance:
+        """Return the stance of people by what is observed of them; feet that touch stand with the
+        usual share.
+        """
+        parts = [observations.evidence(name) for name in ("touch", "holds")]
+        stance = Stance(np.concatenate(parts, 1), np.zeros((len(parts[0]), 2)))
         return replace(stance, stands=_ON_FLOOR_SHARE * stance.touch[:, :2])
 
     @staticmethod
     def unknown(count: int) -> Stance:
         """Return the stance of N average people."""
-        return Stance.by_touch(np.full((count, 2), np.nan), np.zeros((count, 5)))
+        from physic_core.types import Observations
+
+        return Stance.in_picture(Observations.unknown(count))
 
     @property
     def touch(self) -> FloatArray:
         """Probability (N, 5) that feet, hands and seat touch floor, seat or support."""
-        feet = touch_log_odds(
-            "foot in the picture",
-            {LOWER: np.nan_to_num(self.lower), OBSERVED: self.observed[:, :2]},
-        )
-        hands = touch_log_odds("hand in the picture", {OBSERVED: self.observed[:, 2:4]})
-        seat = touch_log_odds("seat in the picture", {OBSERVED: self.observed[:, 4:]})
-        return np.asarray(1 / (1 + np.exp(-np.concatenate([feet, hands, seat], 1))))
+        odds = [
+            touch_log_odds(kind, {OBSERVED: self.observed[:, own]})
+            for kind, own in (("foot", [0, 1]), ("hand", [2, 3]), ("seat", [4]))
+        ]
+        return np.asarray(1 / (1 + np.exp(-np.concatenate(odds, 1))))
 
     @property
     def stands_on_both_feet(self) -> BoolArray:
@@ -115,58 +119,7 @@ class Stance(ShortRepr):
             ridden=wider(self.carried.ridden, NOTHING),
             board=wider(self.carried.board, NOTHING),
         )
-        return Stance(wider(self.lower), wider(self.observed, 0.0), stands, carried)
-
-
-def stance_in_picture(
-    points: FloatArray, names: Sequence[str], observations: Observations
-) -> Stance:
-    """Return the stance of N people by named keypoints (N, J, 2), px, and what is observed of
-    them; feet that touch stand with the usual share.
-    """
-    return Stance.by_touch(foot_drops(points, names), observations.evidence("touch"))
-
-
-def foot_drops(points: FloatArray, names: Sequence[str]) -> FloatArray:
-    """Return how much lower each foot is than the other one in the picture (N, 2), in lengths of
-    the trunk.
-
-    NaN without finite keypoints of trunk and both feet.
-
-    Args:
-        points: (N, J, 2) px; y points down.
-        names: of the J keypoints, such as "left_heel".
-    """
-    row = _joint_heights(points, names)
-    left, right = (
-        np.max([row(f"{side}_{end}") for end in ("ankle", "heel", "toe")], axis=0) for side in SIDES
-    )
-    lower = np.clip(left - right, -_MOST_TRUNKS, _MOST_TRUNKS)
-    return np.stack([lower, -lower], 1)
-
-
-def _joint_heights(points: FloatArray, names: Sequence[str]) -> Callable[[str], FloatArray]:
-    """Return a function from a joint's name to its row in the picture (N,), in lengths of the
-    trunk; NaN if unknown.
-    """
-    columns = {name: j for j, name in enumerate(names)}
-
-    def at(name: str) -> FloatArray:
-        if name.endswith("toe"):
-            name = next(
-                (f"{name[:-3]}{one}" for one in _TOES if f"{name[:-3]}{one}" in columns), name
-            )
-        return np.asarray(
-            points[:, columns[name]] if name in columns else np.full((len(points), 2), np.nan),
-            np.float64,
-        )
-
-    shoulders, hips = (
-        (at(f"left_{name}") + at(f"right_{name}")) / 2 for name in ("shoulder", "hip")
-    )
-    trunk = np.linalg.norm(shoulders - hips, axis=-1)
-    trunk[trunk == 0] = np.nan
-    return lambda name: at(name)[:, 1] / trunk
+        return Stance(wider(self.observed, 0.0), stands, carried)
 
 
 def _height_px(mask: Tensor) -> float:

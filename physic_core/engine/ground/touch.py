@@ -19,18 +19,23 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 DISTANCE = "distance"
-"""Feature of all kinds: the distance of the part from the nearest surface, in its standard
-deviations.
+"""Feature of parts of which the observer says nothing: their distance from the nearest surface, in
+standard deviations.
 """
 
 LEAST_PROBABILITY = 0.5
 """Minimum probability of a part in contact: others are not listed and do not support the person."""
 
-LOWER = "lower than the other foot"
-"""Feature of feet in the picture: how much lower than the other one, in lengths of the trunk."""
-
 OBSERVED = "observed"
 """Feature of feet, hands and seat: log odds by the person observer, beyond its base rate."""
+
+LIES = "lies"
+"""Feature of other parts: 1 if the trunk is nearly horizontal."""
+
+CARRIES = "carries"
+"""Feature of other parts: how near the surface is, 1 at it and 0 from a standard deviation on,
+times the cosine between down and the skin that is nearest to it.
+"""
 
 SKIN = "skin"
 """Kind of contact of a part with another person or the own body."""
@@ -47,11 +52,6 @@ HAND = "hand"
 OWN_BODY = "own body"
 """Feature of skin: 1 if both parts are of one body."""
 
-HANDS = "hands"
-"""Feature of unseen feet: the larger probability that a hand touches the world; 0 for people who
-ride.
-"""
-
 Values = TypeVar("Values", NDArray[np.floating[Any]], Tensor)
 
 
@@ -59,9 +59,10 @@ def touch_log_odds(kind: str, features: Mapping[str, Values]) -> Values:
     """Return the log odds (...) that parts touch; one number for a kind without features.
 
     Args:
-        kind: of the parts: "foot", "hand", "seat" or "other"; "foot in the picture" and so on
-            before people are placed; "unseen foot" and so on if no pixel shows the part;
-            :data:`SKIN` for contact of a part with another person or the own body.
+        kind: of the parts: "foot", "hand" or "seat" that the observer sees, "foot by distance" and
+            so on of which it says nothing, "unseen foot" and so on if no keypoint is seen either;
+            "other" parts; "object" for what hands hold; :data:`SKIN` for contact of a part with
+            another person or the own body.
         features: name -> values (...), more than the kind needs or as many.
 
     Raises:

@@ -18,6 +18,7 @@ from physic_core.engine.joint.terms.reprojection_settings import ReprojectionSet
 from physic_core.pipeline.checks.photo import NO_FLOOR, relative_difference
 from physic_core.pipeline.checks.spec import YES, check
 from physic_core.types import MARKS, Plane, skeleton_named
+from physic_core.types.contacts import part_words
 from physic_core.types.observations import TOUCH_PARTS
 from physic_core.types.skeletons import SIDES, keypoint_in_words
 
@@ -168,9 +169,9 @@ def body_in_mask(estimates: Estimates, result: Reconstruction, person: int) -> M
     unmeasured="there is no floor and no surface near the body",
 )
 def support(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the larger of the gap between the body and the nearest surface, unless a support is
-    assumed, and the distance of the lower sole below the floor, or above it if the person stands,
-    metres.
+    """Return the largest, in metres, of the gap between the body and the nearest surface, unless a
+    support is assumed, that of a foot or hand that touches something unknown, and the distance of
+    the lower sole below the floor, or above it if the person stands.
     """
     measures = result.people[person].measures
     height = None if result.scene.floor is None else measures.sole_height_m
@@ -184,6 +185,15 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
                 f"the person is in the air, person or surface lies wrong: see {_FROM_THE_SIDE}",
             )
         )
+    for one in result.people[person].contacts:
+        if one.distance_m is not None and not one.partner.surface:
+            found.append(
+                (
+                    one.distance_m,
+                    f"the {part_words(one.part)} is seen to touch something, but the nearest "
+                    f"surface is {one.distance_m:.2f} m away or more: see {_FROM_THE_SIDE}",
+                )
+            )
     stands = _stands_on_seen_legs(estimates, result, person)
     if height is not None and (height < 0 or stands):
         side = "above" if height > 0 else "below"

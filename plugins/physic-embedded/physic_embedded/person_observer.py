@@ -33,7 +33,14 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from physic_core.types import FloatArray, Intrinsics, Keypoints, People, UInt8Array
+    from physic_core.types import (
+        BoolArray,
+        FloatArray,
+        Intrinsics,
+        Keypoints,
+        People,
+        UInt8Array,
+    )
     from physic_embedded.networks.patch_tokens import PatchTokens
     from physic_networks.onnx_sessions import OnnxSession
 
@@ -49,29 +56,35 @@ _HEAD_SIGMA_DEG = 8.0
 """Error of the direction of a face that is seen, in each of two directions."""
 
 REGIONS = {
-    "foot": "foot",
-    "hand": "hand",
-    "seat": "hips",
-    "holds": "hand",
-    "in_air": "box",
-    "child": "head",
-    "posture": "box",
+    "foot": ("foot",),
+    "hand": ("hand",),
+    "seat": ("hips", "box"),
+    "in_air": ("box",),
+    "child": ("head", "shoulders", "hips"),
+    "posture": ("box",),
 }
-"""Question -> the region of :func:`regions` whose tokens answer it."""
+"""Question -> the regions whose tokens answer it; it is not answered where the photo does not have
+the first one. "hand" has three answers: it touches the world, it holds or pets an object or an
+animal, neither.
+"""
 
 LIMBS = {
     "foot": ("ankle", "heel", "foot_tip", "big_toe", "small_toe"),
     "hand": ("wrist", "pinky1", "index1"),
 }
-"""Limb -> its keypoints without the side; those that the detector has and sees are averaged."""
+"""Limb -> its keypoints without the side; those that the detector has are averaged."""
 
-_LEAST_CONFIDENCE = 0.2
-"""Least mean confidence of a region's keypoints: 93 % of the feet that readers judged have it, and
-40 % of those that they could not judge.
-"""
-
-_HIPS = ("left_hip", "right_hip")
-_HEAD = ("nose", "left_ear_surface", "right_ear_surface", "left_eye_surface", "right_eye_surface")
+_OTHERS = {
+    "hips": ("left_hip", "right_hip"),
+    "shoulders": ("left_shoulder", "right_shoulder"),
+    "head": (
+        "nose",
+        "left_ear_surface",
+        "right_ear_surface",
+        "left_eye_surface",
+        "right_eye_surface",
+    ),
+}
 
 
 class EmbeddedPersonObserverOptions(Options):
@@ -124,12 +137,12 @@ class EmbeddedPersonObserver(PackagedBackend, PersonObserver):
     def infer(
         self, image: UInt8Array, people: People, keypoints: Keypoints, intrinsics: Intrinsics
     ) -> Observations:
-        """Observe N people; what no seen keypoint shows is NaN."""
+        """Observe N people; what the photo does not show of them is NaN."""
         graph = graph_name(_DEPTH, self.options.products, self.device)
         tokens = patch_tokens(
             graph, self._open, image, self.options.short_side, self.options.max_tokens
         )
-        said = observed(regions(tokens, people.boxes, keypoints), fitted_numbers())
+        said = observed(tokens_of_questions(tokens, people.boxes, keypoints), fitted_numbers())
         head = self._heads(image, keypoints, intrinsics)
         seen = np.isfinite(head).all(1)
         return replace(
@@ -173,36 +186,39 @@ def fitted_numbers() -> Mapping[str, NDArray[np.float32]]:
 
 
 def observed(found: Mapping[str, FloatArray], numbers: Mapping[str, FloatArray]) -> Observations:
-    """Return the answers of N people from the tokens of :func:`regions` and the numbers of
-    :data:`NUMBERS`.
+    """Return the answers of N people from what :func:`tokens_of_questions` returns and the numbers
+    of :data:`NUMBERS`.
     """
 
     def answer(question: str) -> FloatArray:
-        tokens = found[REGIONS[question]]
-        logits = tokens @ numbers[question][:, :-2].T + numbers[question][:, -2]
-        p = softmax(logits, axis=-1)[:, 0] if logits.shape[-1] > 1 else expit(logits)[..., 0]
+        logits = found[question] @ numbers[question][:, :-2].T + numbers[question][:, -2]
+        p = softmax(logits, axis=-1) if logits.shape[-1] > 1 else expit(logits)
         return np.asarray(p, np.float32)
 
-    def share(*questions: str) -> FloatArray:
-        return np.concatenate([numbers[one][:, -1] for one in questions]).astype(np.float32)
+    def share(question: str) -> FloatArray:
+        return numbers[question][:, -1].astype(np.float32)
 
+    foot, hand, seat = (answer(part) for part in ("foot", "hand", "seat"))
+    world, held, _ = share("hand")
     return replace(
-        Observations.unknown(len(found["box"])),
-        posture=answer("posture"),
-        touch=np.concatenate([answer(part) for part in ("foot", "hand", "seat")], axis=1),
-        holds=answer("holds"),
-        in_air=answer("in_air")[:, 0],
-        child=answer("child")[:, 0],
+        Observations.unknown(len(found["posture"])),
+        posture=answer("posture")[:, 0],
+        touch=np.concatenate([foot[..., 0], hand[..., 0], seat[..., 0]], axis=1),
+        holds=hand[..., 1],
+        in_air=answer("in_air")[:, 0, 0],
+        child=answer("child")[:, 0, 0],
         posture_share=share("posture"),
-        touch_share=share("foot", "foot", "hand", "hand", "seat"),
-        holds_share=share("holds", "holds"),
+        touch_share=np.array([*share("foot").repeat(2), world, world, *share("seat")]),
+        holds_share=np.array([held, held]),
         in_air_share=float(share("in_air")[0]),
         child_share=float(share("child")[0]),
     )
 
 
-def regions(tokens: PatchTokens, boxes: FloatArray, keypoints: Keypoints) -> dict[str, FloatArray]:
-    """Return the mean tokens of the places of all questions.
+def tokens_of_questions(
+    tokens: PatchTokens, boxes: FloatArray, keypoints: Keypoints
+) -> dict[str, FloatArray]:
+    """Return the mean tokens of the :data:`REGIONS` of all questions.
 
     Args:
         tokens: of the photo.
@@ -210,31 +226,38 @@ def regions(tokens: PatchTokens, boxes: FloatArray, keypoints: Keypoints) -> dic
         keypoints: of the same people.
 
     Returns:
-        "foot" and "hand", (N, 2, C) left and right; "hips", "head" and "box", (N, 1, C). Each is a
-        square of 3 x 3 patches, but the box. NaN where the detector does not see the keypoints.
+        Question -> (N, sides, C), (N, 2, C) for feet and hands, left and right. A region is a
+        square of 3 x 3 patches, but the box. NaN where the photo does not have the first region.
     """
-    found = {
-        limb: np.stack(
-            [_around(tokens, keypoints, [f"{side}_{name}" for name in names]) for side in SIDES],
-            axis=1,
-        )
-        for limb, names in LIMBS.items()
+    names = {
+        limb: [[f"{side}_{one}" for one in own] for side in SIDES] for limb, own in LIMBS.items()
     }
-    for name, joints in (("hips", _HIPS), ("head", _HEAD)):
-        found[name] = _around(tokens, keypoints, joints)[:, None]
-    return {**found, "box": tokens.within(boxes)[:, None]}
+    places = names | {region: [own] for region, own in _OTHERS.items()}
+    found = {"box": (tokens.within(boxes)[:, None], np.ones((len(boxes), 1), bool))}
+    for region, sides in places.items():
+        means, inside = zip(*(_around(tokens, keypoints, own) for own in sides), strict=True)
+        found[region] = np.stack(means, 1), np.stack(inside, 1)
+    answered = {}
+    for question, (first, *more) in REGIONS.items():
+        own, shown = found[first]
+        context = [np.broadcast_to(found[region][0], own.shape) for region in more]
+        answered[question] = np.where(shown[..., None], np.concatenate([own, *context], -1), np.nan)
+    return answered
 
 
-def _around(tokens: PatchTokens, keypoints: Keypoints, names: Sequence[str]) -> FloatArray:
-    """Return the mean token (N, C) around the middle of the keypoints with these names; NaN where
-    their mean confidence is too low.
+def _around(
+    tokens: PatchTokens, keypoints: Keypoints, names: Sequence[str]
+) -> tuple[FloatArray, BoolArray]:
+    """Return the mean token (N, C) around the middle of the keypoints with these names, and whether
+    (N,) it is in the photo, of a person whom the detector found.
     """
     known = keypoints.joint_set.names
     columns = [known.index(name) for name in names if name in known]
     if not columns:
-        return np.full((len(keypoints.points), tokens.grid.shape[2]), np.nan)
+        count = len(keypoints.points)
+        return np.zeros((count, tokens.grid.shape[2])), np.zeros(count, bool)
     middle = keypoints.points[:, columns].mean(1)
-    seen = keypoints.confidence[:, columns].mean(1) >= _LEAST_CONFIDENCE
-    seen &= np.isfinite(middle).all(1)
-    means = tokens.around(np.where(seen[:, None], middle, 0))
-    return np.where(seen[:, None], means, np.nan)
+    height, width = tokens.photo.size
+    shown = ((middle >= -0.5) & (middle < [width - 0.5, height - 0.5])).all(1)
+    shown &= (keypoints.confidence[:, columns] > 0).any(1)
+    return tokens.around(np.nan_to_num(middle)), shown

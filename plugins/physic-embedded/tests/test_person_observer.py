@@ -14,7 +14,7 @@ from physic_embedded.person_observer import (
     EmbeddedPersonObserver,
     fitted_numbers,
     observed,
-    regions,
+    tokens_of_questions,
 )
 from physic_networks.pictures import Letterbox
 
@@ -44,26 +44,33 @@ def foot(side, place):
     return {f"{side}_{name}": place for name in ("ankle", "heel", "foot_tip")}
 
 
+BOX = np.array([[0, 0, 120, 80]])
+
+
 def test_a_limb_is_read_where_its_keypoints_are(grid):
-    found = regions(grid, np.array([[0, 0, 120, 80]]), keypoints_at(foot("right", (65, 45))))
+    found = tokens_of_questions(grid, BOX, keypoints_at(foot("right", (65, 45))))
     np.testing.assert_allclose(found["foot"][0, 1], (4, 6))
-    np.testing.assert_allclose(found["box"][0, 0], (3.5, 5.5))
+    np.testing.assert_allclose(found["posture"][0, 0], (3.5, 5.5))
     assert np.isnan(found["foot"][0, 0]).all()
-    assert np.isnan(found["hips"]).all()
+    assert np.isnan(found["seat"]).all()
 
 
-@pytest.mark.parametrize(("confidence", "seen"), [(0.1, False), (0.3, True)])
-def test_a_limb_that_the_detector_does_not_see_is_not_read(grid, confidence, seen):
-    keypoints = keypoints_at(foot("left", (65, 45)), confidence)
-    found = regions(grid, np.array([[0, 0, 120, 80]]), keypoints)["foot"]
-    assert np.isfinite(found[0, 0]).all() == seen
+@pytest.mark.parametrize(
+    ("place", "confidence", "read"),
+    [((65, 45), 0.05, True), ((65, 45), 0.0, False), ((65, 81), 1.0, False)],
+)
+def test_a_limb_is_read_in_the_picture_of_a_person_that_the_detector_found(
+    grid, place, confidence, read
+):
+    found = tokens_of_questions(grid, BOX, keypoints_at(foot("left", place), confidence))["foot"]
+    assert np.isfinite(found[0, 0]).all() == read
 
 
 def test_a_detector_without_hands_says_nothing_of_hands(grid):
     coco = Keypoints(np.full((1, 17, 2), 40, np.float32), np.ones((1, 17), np.float32), "coco17")
-    found = regions(grid, np.array([[0, 0, 120, 80]]), coco)
+    found = tokens_of_questions(grid, BOX, coco)
     assert np.isfinite(found["foot"]).all()
-    assert np.isfinite(found["head"]).all()
+    assert np.isfinite(found["seat"]).all()
 
 
 def test_sides_and_people_change_places_with_their_keypoints():
@@ -76,7 +83,9 @@ def test_sides_and_people_change_places_with_their_keypoints():
     one = keypoints_at(foot("left", (15, 70)) | foot("right", (75, 70)))
     other = keypoints_at(foot("left", (75, 70)) | foot("right", (15, 70)))
     box = np.array([[0, 0, 90, 80]])
-    first, second = (observed(regions(tokens, box, k), fitted_numbers()) for k in (one, other))
+    first, second = (
+        observed(tokens_of_questions(tokens, box, k), fitted_numbers()) for k in (one, other)
+    )
     np.testing.assert_array_equal(first.touch[0, :2], second.touch[0, 1::-1])
     assert np.isnan(first.touch[0, 2:]).all()
 
@@ -86,7 +95,7 @@ def test_nobody_is_observed_without_an_error(grid):
     nobody = Keypoints(nobody.points[:0], nobody.confidence[:0], "blazepose33")
     channels = fitted_numbers()["foot"].shape[1] - 2
     tokens = PatchTokens(np.zeros((8, 12, channels)), grid.patch, grid.photo)
-    found = observed(regions(tokens, np.zeros((0, 4)), nobody), fitted_numbers())
+    found = observed(tokens_of_questions(tokens, np.zeros((0, 4)), nobody), fitted_numbers())
     assert (found.posture.shape, found.touch.shape, found.child.shape) == ((0, 9), (0, 5), (0,))
 
 

@@ -32,6 +32,7 @@ CONTACT_PALETTE: dict[str, _Rgb] = {
     "other surface": (250, 250, 60),
     "person": (160, 84, 224),
     "own body": (224, 150, 8),
+    "object or animal": CONTACT_RGB,
     "hidden support": (84, 40, 60),
 }
 """Label of a kind of contact -> sRGB colour, in the order of a legend."""
@@ -57,7 +58,11 @@ _PERSON_RGB: tuple[_Rgb, ...] = (
 )
 _TINT = 0.2  # share of a person's colour in their body where contact is shown on it
 # The others are labels themselves.
-_LABEL_OF_KIND = {"self": "own body", "hidden": "hidden support"}
+_LABEL_OF_KIND = {
+    "self": "own body",
+    "object": "object or animal",
+    "hidden": "hidden support",
+}
 
 
 def person_color(index: int) -> _Rgb:

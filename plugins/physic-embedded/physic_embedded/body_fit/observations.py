@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.engine.ground.stance import stance_in_picture
+from physic_core.engine.ground.stance import Stance
 from physic_core.types import Observations
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 
@@ -133,7 +133,7 @@ def observe_people(
         _rotations_to(middle, intrinsics),
         world,
         world_weight,
-        stance_in_picture(points, list(row), said).touch[:, :2],
+        Stance.in_picture(said).touch[:, :2],
         np.asarray(said.head, np.float64),
         np.radians(np.asarray(said.head_sigma, np.float64)),
         keypoints.sigma,

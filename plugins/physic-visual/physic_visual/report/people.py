@@ -133,6 +133,7 @@ def _contacts(person: Person) -> list[dict[str, Any]]:
             "probability": contact.probability,
             "likely": contact.likely,
             "assumed": contact.assumed,
+            "distance": contact.distance_m,
         }
         for contact in person.contacts
     ]

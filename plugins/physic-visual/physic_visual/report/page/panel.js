@@ -59,11 +59,12 @@ function personCard(data, index) {
 // What each body part touches, and how surely.
 function partnerRows(person) {
   if (!person.contacts.length) return [];
-  const rows = person.contacts.map(({ part, partner, color, probability }) => {
+  const rows = person.contacts.map(({ part, partner, color, probability, distance }) => {
     const dot = element("span", { className: "dot" });
     dot.style.background = cssColor(color);
     const sure = probability === null ? "" : `, ${probability.toFixed(2)}`;
-    return element("li", {}, dot, `${part}: ${partner}${sure}`);
+    const far = distance ? ` (nearest surface ${distance.toFixed(2)} m off)` : "";
+    return element("li", {}, dot, `${part}: ${partner}${far}${sure}`);
   });
   const list = chosen => element("ul", { className: "partners" }, ...rows.filter((row, i) => chosen(person.contacts[i])));
   const apart = (title, chosen) => person.contacts.some(chosen)
@@ -71,7 +72,7 @@ function partnerRows(person) {
     : [];
   return [
     list(contact => contact.likely && !contact.assumed),
-    ...apart("Assumed: no pixel shows these parts", contact => contact.likely && contact.assumed),
+    ...apart("Assumed: nothing shows these parts", contact => contact.likely && contact.assumed),
     ...apart("Possible contact, less likely than not", contact => !contact.likely),
   ];
 }
