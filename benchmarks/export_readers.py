@@ -457,6 +457,15 @@ def read_nerfstudio(files: Files) -> Opened:
     return Opened(None, apart(points, files.points(files.result.scene.points[known])))
 
 
+def read_stl(files: Files) -> Opened:
+    import trimesh
+
+    meshes = [trimesh.load_mesh(path) for path in files.ending(".stl")]
+    metres = (mesh.bounds / 1000 for mesh in meshes)
+    closed = sum(mesh.is_watertight for mesh in meshes)
+    return _compare(files, metres, files.box, f"{closed} closed")
+
+
 def read_obj(files: Files) -> Opened:
     import trimesh
 

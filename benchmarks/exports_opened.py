@@ -95,6 +95,7 @@ READERS = (
     Reader("ply", "pymeshlab", "pymeshlab", readers.read_pymeshlab_points, "vertices, m", 1e-4),
     Reader("ply", "vtk", "vtk", readers.read_vtk, "vertices, m", 1e-4),
     Reader("rrd", "rerun-sdk", "rerun", readers.read_rrd, "vertices, m", 1e-4),
+    Reader("stl", "trimesh", "trimesh", readers.read_stl, *_BOX),
     Reader("trc", "opensim", "opensim", readers.read_trc, "22 joints, m", 1e-4),
     Reader("urdf", "yourdfpy", "yourdfpy", readers.read_urdf, "22 joints, m", 1e-3, _LEAN),
     Reader("urdf", "pybullet", "pybullet", readers.read_pybullet, *_NAMES, _LEAN),

@@ -91,7 +91,11 @@ def test_each_interface_can_be_called_alone():
             found["keypoint_detector"],
         ),
         "hand_estimator": lambda: (found["segmenter"], found["keypoint_detector"]),
-        "person_observer": lambda: (found["segmenter"], found["keypoint_detector"]),
+        "person_observer": lambda: (
+            found["segmenter"],
+            found["keypoint_detector"],
+            world.intrinsics,
+        ),
         "contact_prior": lambda: (found["segmenter"], found["body_estimator"]),
     }
     assert set(arguments) == set(INTERFACES)
