@@ -307,7 +307,7 @@ def test_a_check_of_several_people_counts_with_its_worst_value(result, values, w
         ),
         (
             lambda e: {"ground": replace(e.ground, stance=Stance.unknown(2))},
-            "ground.stance.lower has 2 rows",
+            "ground.stance.observed has 2 rows",
         ),
         (lambda e: {"views": (OtherView(*[torch.zeros(0)] * 7),)}, r"views\[0\].masks has 0 rows"),
     ],

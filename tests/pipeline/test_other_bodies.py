@@ -5,6 +5,7 @@ in the pipeline.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -84,14 +85,16 @@ class OtherContact(backends.MockContactPrior):
 
 
 class Wrists(backends.MockHandEstimator):
-    """Hands that lie as the T-pose's do, turned by half a radian."""
+    """Hands that lie as those of a body in the T-pose with this orientation."""
+
+    orient: ClassVar[Any]
 
     def infer(self, image, people, keypoints):
         estimated = super().infer(image, people, keypoints)
         return replace(
             estimated,
             confidence=np.full_like(estimated.confidence, 0.9),
-            wrists=np.full((len(people), 2, 3), 0.3),
+            wrists=np.tile(self.orient, (len(people), 2, 1)),
         )
 
 
@@ -132,6 +135,7 @@ def test_contact_on_another_mesh_is_carried_over(world, plain):
 
 
 def test_hands_that_say_how_they_lie_are_put_onto_the_arms(world, plain):
+    Wrists.orient = plain.people[0].parameters.global_orient[0]
     result = reconstruct(world.image, "mock", backends={"hand_estimator": Wrists})
     turned = np.linalg.norm(
         (result.people[0].parameters.body_pose - plain.people[0].parameters.body_pose).reshape(

@@ -90,9 +90,7 @@ def test_settings_that_an_executor_does_not_have(plugin, photos, options, words)
     assert not Path("out").exists()
 
 
-@pytest.mark.parametrize(
-    ("name", "words"), [("slurm", "there are: local, ray"), ("ray", "needs physic-ray")]
-)
+@pytest.mark.parametrize(("name", "words"), [("slurm", "--shard"), ("ray", "needs physic-ray")])
 def test_a_name_that_is_not_installed_is_explained(monkeypatch, photos, name, words):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-batch,physic-mock")
     done = physic("--executor", name)

@@ -69,7 +69,7 @@ def test_a_suffix_selects_a_format(suffix, name):
 
 @pytest.mark.parametrize(
     ("name", "suffix"),
-    [(None, ".stl"), ("smplx", "")],
+    [(None, ".xyz"), ("smplx", "")],
 )
 def test_an_unknown_format_is_refused_with_the_known_ones(name, suffix):
     with pytest.raises(ConfigError, match=f"'{name or suffix}'.*amass, bvh"):

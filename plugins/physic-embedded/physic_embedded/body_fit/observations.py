@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.engine.ground.stance import Stance
 from physic_core.types import Observations
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 
@@ -95,6 +94,8 @@ def observe_people(
         intrinsics: of the photo.
         observations: of the people; None if nothing is observed.
     """
+    from physic_core.engine.ground.stance import Stance
+
     row = keypoint_indices(keypoints.joint_set)
     hips = [row["left_hip"], row["right_hip"]]
     points = np.asarray(keypoints.points, np.float64)
