@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 
 from physic_core import load_config, reconstruct
 from physic_core.body import load_body
@@ -85,16 +86,16 @@ class OtherContact(backends.MockContactPrior):
 
 
 class Wrists(backends.MockHandEstimator):
-    """Hands that lie as those of a body in the T-pose with this orientation."""
+    """Hands that lie so, the left one first, as rotation vectors (2, 3)."""
 
-    orient: ClassVar[Any]
+    lie: ClassVar[Any]
 
     def infer(self, image, people, keypoints):
         estimated = super().infer(image, people, keypoints)
         return replace(
             estimated,
             confidence=np.full_like(estimated.confidence, 0.9),
-            wrists=np.tile(self.orient, (len(people), 2, 1)),
+            wrists=np.tile(self.lie, (len(people), 1, 1)),
         )
 
 
@@ -135,7 +136,9 @@ def test_contact_on_another_mesh_is_carried_over(world, plain):
 
 
 def test_hands_that_say_how_they_lie_are_put_onto_the_arms(world, plain):
-    Wrists.orient = plain.people[0].parameters.global_orient[0]
+    body = Rotation.from_rotvec(plain.people[0].parameters.global_orient[0])
+    lowered = [body * Rotation.from_rotvec([0, 0, angle]) for angle in (-0.7, 0.7)]
+    Wrists.lie = [turn.as_rotvec() for turn in lowered]
     result = reconstruct(world.image, "mock", backends={"hand_estimator": Wrists})
     turned = np.linalg.norm(
         (result.people[0].parameters.body_pose - plain.people[0].parameters.body_pose).reshape(
