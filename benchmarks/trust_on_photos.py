@@ -145,7 +145,7 @@ def agreement(rows: Sequence[Row]) -> dict[str, str]:
     """Return how far the readers of a person agree, for each mark and for all of them: the share of
     equal verdicts, and Cohen's kappa.
     """
-    both = [list(row["verdicts"].values()) for row in rows if len(row["verdicts"]) > 1]
+    both = [list(row["verdicts"].values()) for row in judged(rows, ALL) if len(row["verdicts"]) > 1]
     if not both:
         return {}
     marks = {name: np.array([[one[name] for one in pair[:2]] for pair in both]) for name in MARKS}
@@ -162,7 +162,13 @@ def agreement(rows: Sequence[Row]) -> dict[str, str]:
 
 def right_share(rows: Sequence[Row], mark: str) -> float:
     """Return the share of people whose mark is right, mean of the readers."""
-    return float(np.mean([rightness(row, mark) for row in rows]))
+    return float(np.mean([rightness(row, mark) for row in judged(rows, mark)]))
+
+
+def judged(rows: Sequence[Row], mark: str) -> list[Row]:
+    """Return the people with verdicts on a mark, or on all."""
+    names = set(MARKS if mark == ALL else (mark,))
+    return [row for row in rows if all(names <= one.keys() for one in row["verdicts"].values())]
 
 
 def rightness(row: Row, mark: str) -> float:
@@ -187,6 +193,7 @@ def fitted_mark(rows: Sequence[Row], mark: str) -> dict[str, Any]:
     """
     from scipy.optimize import minimize
 
+    rows = judged(rows, mark)
     loads, unknown = loads_of(rows)
     right = np.array([rightness(row, mark) for row in rows])
     usual = np.array([np.nanmedian(column[right >= CAP]) for column in loads.T])
@@ -267,7 +274,10 @@ def described(
     """
     rate = right_share(rows, mark) if constant is None else constant
     photos: dict[str, list[tuple[float, float]]] = {}
-    for row, chance in zip(rows, likely, strict=True):
+    chances = dict(zip(map(id, rows), likely.tolist(), strict=True))
+    rows = judged(rows, mark)
+    for row in rows:
+        chance = chances[id(row)]
         own = [(float(chance), float(right)) for right in verdicts_of(row, mark)]
         photos.setdefault(row["photo"], []).extend(own)
     groups = list(photos.values())
