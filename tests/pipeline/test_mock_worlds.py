@@ -52,6 +52,13 @@ def cases():
     ]
 
 
+def rows_of(world):
+    """The rows of the world's people from left to right, in which order results have them."""
+    backends = resolve(load_config(preset="mock", overrides=MOCK)).backends
+    boxes = backends["segmenter"].backend.infer(world.image).boxes
+    return np.argsort(boxes[:, 0] + boxes[:, 2], kind="stable")
+
+
 def start_of(world):
     """(N, V, 3) vertices as the body estimator gives them."""
     backends = resolve(load_config(preset="mock", overrides=MOCK)).backends
@@ -80,14 +87,14 @@ def test_stage_3_brings_people_nearer_to_the_truth(cases):
         start = start_of(case.world)
         stage_2 = load_config(preset="mock", overrides=[*MOCK, *STAGE_2])
         after_stage_2 = reconstruct(case.world.image, stage_2)
-        for i, truth in enumerate(case.world.vertices):
-            placed = after_stage_2.people[i]
-            person = case.result.people[i]
+        people = zip(after_stage_2.people, case.result.people, rows_of(case.world), strict=True)
+        for placed, person, row in people:
+            truth = case.world.vertices[row]
             place = [
-                vertex_error_mm(v, truth) for v in (start[i], placed.vertices, person.vertices)
+                vertex_error_mm(v, truth) for v in (start[row], placed.vertices, person.vertices)
             ]
             joints = np.stack([p.joints[:22] for p in (placed, person)]).astype(float)
-            pose = pa_mpjpe_mm(joints, np.stack([case.world.joints[i, :22]] * 2))
+            pose = pa_mpjpe_mm(joints, np.stack([case.world.joints[row, :22]] * 2))
             rows.append([*place, *pose])
     start, placed, after, pose_before, pose_after = np.mean(rows, axis=0)
     assert placed < 0.5 * start
