@@ -80,9 +80,10 @@ def build(tmp_path):
 
 @pytest.fixture(scope="session")
 def wheels(tmp_path_factory):
-    """A folder with the wheels of the core, of physic-testing and of the mocks."""
+    """A folder with the wheels of the core and of what the tutorial installs beside it."""
     folder = tmp_path_factory.mktemp("wheels")
-    for source in (ROOT, ROOT / "plugins" / "physic-testing", ROOT / "plugins" / "physic-mock"):
+    beside = ("testing", "mock", "networks", "visual")
+    for source in (ROOT, *(ROOT / "plugins" / f"physic-{name}" for name in beside)):
         _build(source, folder)
     return folder
 

@@ -53,7 +53,8 @@ def test_the_tutorial_holds_from_the_first_block_to_the_last(environment, wheels
         "python3 -m venv .venv",
         ". .venv/bin/activate",
         "pip install -c ~/physic/constraints.txt -e ~/physic \\",
-        "    -e ~/physic/plugins/physic-testing -e ~/physic/plugins/physic-mock",
+        "    -e ~/physic/plugins/physic-testing -e ~/physic/plugins/physic-mock \\",
+        "    -e ~/physic/plugins/physic-networks -e ~/physic/plugins/physic-visual",
     ]
     assert all((ROOT / name).exists() for name in re.findall(r"~/physic/(\S+)", first.text))
     environment.install(*wheels.glob("*.whl"))
