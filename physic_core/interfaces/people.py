@@ -366,7 +366,7 @@ class PersonObserver(Backend):
     @classmethod
     def check(cls, result: Observations, request: PersonObserverRequest) -> Iterator[str]:
         """Check shapes; probabilities in [0, 1] with a share in (0, 1), postures that sum to 1,
-        directions of length 1, and flexions and directions with a sigma above 0. NaN is allowed.
+        and directions of length 1 with a sigma above 0. NaN is allowed.
         """
         wrong: list[str] = []
         for one in fields(result):
@@ -381,7 +381,6 @@ class PersonObserver(Backend):
         if not wrong:
             for name in PROBABILITIES:
                 yield from _check_probability(name, result)
-            yield from _check_flexion(result)
             yield from _check_head(result)
 
 
@@ -396,13 +395,6 @@ def _check_probability(name: str, result: Observations) -> Iterator[str]:
             yield "each row of posture, and posture_share, must sum to 1; a row may be NaN"
     elif not ((share > 0) & (share < 1) | ~known).all():
         yield f"{name}_share must lie between 0 and 1 where {name} is given, got {share}"
-
-
-def _check_flexion(result: Observations) -> Iterator[str]:
-    given = result.flexion == result.flexion
-    yield from check_limit("flexion", result.flexion[given], 180, "degrees")
-    if not (result.flexion_sigma[given] > 0).all():
-        yield "flexion_sigma must be above 0 where flexion is given"
 
 
 def _check_head(result: Observations) -> Iterator[str]:

@@ -47,9 +47,6 @@ class Observations(ShortRepr):
             that does not carry the person: with ``touch`` of this hand at most 1.
         in_air: (N,) probability that nothing carries the person.
         child: (N,) probability that the person is younger than about 12 years.
-        flexion: (N, 4) degrees by which left hip, right hip, left knee and right knee are bent; 0
-            is straight.
-        flexion_sigma: (N, 4) degrees, standard deviation of ``flexion``.
         head: (N, 3) unit vector, direction in which the face looks, in the photo's camera frame:
             (0, 0, -1) looks along the optical axis towards the camera. It is that of the head, not
             of the eyes.
@@ -67,8 +64,6 @@ class Observations(ShortRepr):
     holds: FloatArray = field(metadata=_rows(2))
     in_air: FloatArray = field(metadata=_rows())
     child: FloatArray = field(metadata=_rows())
-    flexion: FloatArray = field(metadata=_rows(4))
-    flexion_sigma: FloatArray = field(metadata=_rows(4))
     head: FloatArray = field(metadata=_rows(3))
     head_sigma: FloatArray = field(metadata=_rows())
     posture_share: FloatArray = field(metadata=shape(len(POSTURES)))
@@ -93,8 +88,6 @@ class Observations(ShortRepr):
             holds=nan(people, 2),
             in_air=nan(people),
             child=nan(people),
-            flexion=nan(people, 4),
-            flexion_sigma=nan(people, 4),
             head=nan(people, 3),
             head_sigma=nan(people),
             posture_share=nan(9),

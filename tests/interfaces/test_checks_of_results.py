@@ -124,7 +124,6 @@ def parameters(**values):
         # not found
         (HANDS, {"rotvecs": nan_at(HANDS.rotvecs), "confidence": np.zeros((2, 2)), "wrists": None}),
         (OBSERVED, {}),
-        (OBSERVED, {"flexion": np.full((2, 4), 90.0), "flexion_sigma": np.full((2, 4), 20.0)}),
         (OBSERVED, {"head": LOOKS, "head_sigma": np.array([8.0, np.nan])}),
         (Observations.unknown(2), {}),
         (CONTACT, {}),
@@ -312,16 +311,6 @@ def test_valid_results_have_no_violation(result, changes):
             ["holds_share must lie between 0 and 1 where holds is given, got [nan nan]"],
         ),
         (OBSERVED, {"child_share": 1.0}, ["child_share must lie between 0 and 1 where..."]),
-        (
-            OBSERVED,
-            {"flexion": np.zeros((2, 4))},
-            ["flexion_sigma must be above 0 where flexion is given"],
-        ),
-        (
-            OBSERVED,
-            {"flexion": np.full((2, 4), 200.0), "flexion_sigma": np.ones((2, 4))},
-            ["flexion must lie within +-180 degrees, got 200"],
-        ),
         (
             OBSERVED,
             {"head": 2 * LOOKS, "head_sigma": np.full(2, 8.0)},

@@ -76,8 +76,7 @@ SMEAR_PX = 2.0  # width of the blur of depth edges, of a photo 640 px wide
 RAGGED_PX = 1.2  # how far the masks' borders stray, of a photo 640 px wide
 LOG_ODDS = 3.0  # of what is true; with a noise of 1 they are calibrated, with an AUC of .96
 LOG_ODDS_SIGMA = math.sqrt(2 * LOG_ODDS)
-FLEXION_DEG = (2.0, 18.0)  # standard deviation without noise; what a noise of 1 adds
-HEAD_DEG = (2.0, 8.0)  # likewise
+HEAD_DEG = (2.0, 8.0)  # standard deviation without noise; what a noise of 1 adds
 
 _REFERENCE_WIDTH_PX = 640  # longer image side for which lengths in px are defined
 

@@ -9,9 +9,9 @@ import numpy as np
 from physic_core import interfaces
 from physic_core.body import JOINT_INDEX
 from physic_core.types import POSTURES, SIDES, TOUCH_PARTS, Observations
-from physic_mock.noise import FLEXION_DEG, HEAD_DEG, LOG_ODDS, LOG_ODDS_SIGMA, Noise
+from physic_mock.noise import HEAD_DEG, LOG_ODDS, LOG_ODDS_SIGMA, Noise
 from physic_mock.recognition import MockOptions, match_masks_to_world, recognise_world
-from physic_testing.conformance.truth import true_flexion, true_head, true_touch
+from physic_testing.conformance.truth import true_head, true_touch
 
 if TYPE_CHECKING:
     from physic_core.types import (
@@ -59,13 +59,9 @@ class MockPersonObserver(interfaces.PersonObserver):
         def probability(truth: BoolArray) -> FloatArray:
             return np.asarray(1 / (1 + np.exp(-log_odds(truth))), np.float32)
 
-        bent = true_flexion(world)
-        least, added = FLEXION_DEG
-        added *= noise.factor
-        drawn = added * rng.normal(size=bent.shape)
         posture = np.full((len(rows), len(POSTURES)), np.nan, np.float32)
         if (name := world.name.partition("_")[0]) in POSTURES:
-            odds = np.exp(log_odds(np.tile(np.array(POSTURES) == name, (len(bent), 1))))
+            odds = np.exp(log_odds(np.tile(np.array(POSTURES) == name, (len(world.ages), 1))))
             posture = np.asarray(odds / odds.sum(1, keepdims=True), np.float32)
         return Observations(
             posture=posture,
@@ -73,8 +69,6 @@ class MockPersonObserver(interfaces.PersonObserver):
             holds=probability(_held(world)),
             in_air=probability(_nothing(world)),
             child=probability(np.asarray(world.ages < _CHILD_YEARS)),
-            flexion=np.clip(bent + drawn, 0, 180)[rows].astype(np.float32),
-            flexion_sigma=np.full((len(rows), 4), np.hypot(least, added), np.float32),
             **_heads(world, rows, noise.factor, rng),
             **_shares(),
         )

@@ -118,11 +118,6 @@ def test_observations_are_those_of_the_world(name, touch, likely):
         assert np.isnan(found.posture).all()
 
 
-def test_hips_and_knees_are_bent_as_in_the_world():
-    assert (observed("stand").flexion < 20).all()
-    assert (abs(observed("sit_on_chair").flexion - 75) < 5).all()
-
-
 @pytest.mark.parametrize("unknown", ["scale", "scale_shift", "inverse_scale_shift"])
 def test_the_point_map_is_metric_once_its_unknowns_are_undone(world, unknown):
     scale = 1.7

@@ -131,15 +131,15 @@ def _sits(said: Observations) -> BoolArray:
 
 
 def _bends(said: Observations) -> FloatArray:
-    """Return the bends (N, 4) of left hip, right hip, left knee and right knee, radians: as said,
-    else by the postures; 0 where nothing is said.
+    """Return the bends (N, 4) of left hip, right hip, left knee and right knee by the postures,
+    radians; 0 where nothing is said.
 
     Postures count by their squared probabilities, since legs between two postures are unlikely.
     """
     share = np.nan_to_num(said.posture.astype(np.float64)) ** 2
     share /= share.sum(1, keepdims=True) + 1e-9
     usual = np.repeat(share @ np.array([_BENDS_DEG[name] for name in POSTURES]), 2, axis=1)
-    return np.radians(np.where(np.isnan(said.flexion), usual, said.flexion))
+    return np.asarray(np.radians(usual))
 
 
 def _upright(

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from physic_testing.conformance.cases import Case, Truth, Values
 
 MIRROR_TOLERANCE = 0.1
-"""Difference of probabilities, or of flexions over 180 degrees, that may be an error."""
+"""Difference of probabilities that may be an error."""
 
 _OWN_LEFT = "Are sides those of the picture? Left is the person's own."
 _ORDER = "The order is that of physic_core.types.TOUCH_PARTS."
@@ -75,9 +75,8 @@ def _mirrored(request: Any) -> Any:
 
 
 def _sides(answer: Observations) -> FloatArray:
-    """Return what is said of the left and the right side (N, 2, 5), in [0, 1]."""
-    bent = answer.flexion / 180
-    both = [answer.touch[:, :2], answer.touch[:, 2:4], answer.holds, bent[:, :2], bent[:, 2:]]
+    """Return what is said of the left and the right side (N, 2, 3), in [0, 1]."""
+    both = [answer.touch[:, :2], answer.touch[:, 2:4], answer.holds]
     return np.stack(both, 2).astype(np.float64)
 
 

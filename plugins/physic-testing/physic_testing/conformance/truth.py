@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body import JOINT_INDEX, angle_deg
-from physic_core.types import SIDES, other_side
+from physic_core.body import JOINT_INDEX
+from physic_core.types import other_side
 from physic_testing.conformance.expect import CheckSkipped
 
 if TYPE_CHECKING:
@@ -58,19 +58,6 @@ def true_touch(world: World) -> BoolArray:
     sets = embedded_body().contact_sets
     names = ("left_foot", "right_foot", "left_hand", "right_hand", "gluteus")
     return np.stack([world.contact[:, sets[name].numpy()].any(1) for name in names], 1)
-
-
-def true_flexion(world: World) -> FloatArray:
-    """Return degrees (N, 4) by which left hip, right hip, left knee and right knee are bent."""
-    joints = world.joints.astype(np.float64)
-
-    def bone(start: str, end: str) -> FloatArray:
-        return joints[:, JOINT_INDEX[end]] - joints[:, JOINT_INDEX[start]]
-
-    thighs = [bone(f"{side}_hip", f"{side}_knee") for side in SIDES]
-    shanks = [bone(f"{side}_knee", f"{side}_ankle") for side in SIDES]
-    pairs = zip([bone("neck", "pelvis")] * 2 + thighs, thighs + shanks, strict=True)
-    return np.stack([angle_deg(one, other) for one, other in pairs], 1)
 
 
 def true_head(world: World) -> FloatArray:

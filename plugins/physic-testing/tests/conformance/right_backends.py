@@ -90,7 +90,6 @@ def mirrored_people(ask, image, people, keypoints, intrinsics):
     return replace(
         found,
         touch=found.touch[:, [1, 0, 3, 2, 4]],
-        flexion=found.flexion[:, [1, 0, 3, 2]],
         head=found.head * [-1, 1, 1],
     )
 
