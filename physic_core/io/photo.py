@@ -367,12 +367,8 @@ def _to_rgb(
         if band.mode.startswith("I"):
             band = _grey_from_deep(band, source)
         if band.has_transparency_data or band.mode in ("La", "RGBa"):
-            band = band.convert("RGBA")
-            if np.asarray(band.getchannel("A")).min() < 255:
-                transparent = True
-                band = Image.alpha_composite(
-                    Image.new("RGBA", band.size, (128, 128, 128, 255)), band
-                )
+            band, is_transparent = _over_grey(band)
+            transparent |= is_transparent
         if band.mode not in ("RGB", convertible):
             band = band.convert("RGB")
         if convert is not None and band.mode == convertible:
@@ -394,6 +390,15 @@ def _to_rgb(
         ),
     }
     return rgb, [note for note, holds in notes.items() if holds]
+
+
+def _over_grey(image: Image.Image) -> tuple[Image.Image, bool]:
+    """Return a picture with transparency over mid-grey, and whether any pixel is transparent."""
+    image = image.convert("RGBA")
+    if np.asarray(image.getchannel("A")).min() == 255:
+        return image, False
+    grey = Image.new("RGBA", image.size, (128, 128, 128, 255))
+    return Image.alpha_composite(grey, image), True
 
 
 def _grey_from_deep(image: Image.Image, source: ImageSource) -> Image.Image:

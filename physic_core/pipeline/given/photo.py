@@ -75,12 +75,8 @@ def prepare_photo(
     file_size = photo.file_size or photo.image.shape[1::-1]
     of_whole = settings.distortion or settings.depth or settings.pointmap
     frame = Frame() if of_whole else find_frame(photo.image)
+    photo = _with_camera(_with_words_of_frame(photo, frame), settings)
     inside = frame.inside
-    if frame.is_print and photo.intrinsics and photo.intrinsics.source.startswith("EXIF"):
-        note = "the focal length in the EXIF data was ignored: it is of a photo of a print"
-        photo = replace(photo, intrinsics=None, notes=(*photo.notes, note))
-    photo = _with_camera(photo, settings)
-    photo = replace(photo, warnings=(*photo.warnings, *filter(None, (frame.warning,))))
     if inside is None:
         photo = limit_size(photo, settings.max_side)
     else:
@@ -109,6 +105,16 @@ def prepare_photo(
             lambda pixels: undistort_pixels(pixels, camera, lens.distortion)
         )
     return PreparedPhoto(*undistorted, lens, keypoints=keypoints)
+
+
+def _with_words_of_frame(photo: Photo, frame: Frame) -> Photo:
+    """Return the photo with the warning of its frame, and without the camera of a file that shows a
+    print.
+    """
+    if frame.is_print and photo.intrinsics and photo.intrinsics.source.startswith("EXIF"):
+        note = "the focal length in the EXIF data was ignored: it is of a photo of a print"
+        photo = replace(photo, intrinsics=None, notes=(*photo.notes, note))
+    return replace(photo, warnings=(*photo.warnings, *filter(None, (frame.warning,))))
 
 
 def _given_keypoints(

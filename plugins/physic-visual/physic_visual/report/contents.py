@@ -41,29 +41,17 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
 
     Lengths are metres in the camera frame; numbers that are not finite are None.
     """
-    camera = reconstruction.intrinsics
-    scene = reconstruction.scene
     people = reconstruction.people
-    crowd = len(people) > MAX_FULL_BODIES
     contents = {
         "title": title,
         "grade": None if reconstruction.grade is None else str(reconstruction.grade),
         "graded": grade_text(reconstruction.grade, reconstruction.trust),
         "summary": repr(reconstruction).removeprefix("Reconstruction(").removesuffix(")"),
         "checked": summarize_checks(reconstruction.checks),
-        "width": camera.width,
-        "height": camera.height,
-        "camera": {key: getattr(camera, key) for key in ("fx", "fy", "cx", "cy", "source")},
-        "photo": photo_jpeg(reconstruction.image, _PHOTO_PX, 80 if crowd else 85),
-        "background": photo_jpeg(scene.colors, _BACKGROUND_PX, 75 if crowd else 82),
-        "upright": gltf_from_camera(scene.level).ravel().tolist(),
-        "floor": scene.floor is not None,
-        "scale": scene.scale,
-        "scale_sigma": scene.scale_sigma,
         "distance_sigma": reconstruction.distance_sigma,
         "body_model": reconstruction.body_model,
+        **_photo_and_scene(reconstruction),
         **_meaning_of_colors(reconstruction),
-        "scene": pack_scene(reconstruction),
         "bodies": pack_bodies(reconstruction),
         "assumed": [
             {"person": one.person, "name": one.name, "corners": one.vertices.ravel().tolist()}
@@ -79,6 +67,24 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
     }
     ready: dict[str, Any] = _finite(contents)
     return ready
+
+
+def _photo_and_scene(reconstruction: Reconstruction) -> dict[str, Any]:
+    camera = reconstruction.intrinsics
+    scene = reconstruction.scene
+    crowd = len(reconstruction.people) > MAX_FULL_BODIES
+    return {
+        "width": camera.width,
+        "height": camera.height,
+        "camera": {key: getattr(camera, key) for key in ("fx", "fy", "cx", "cy", "source")},
+        "photo": photo_jpeg(reconstruction.image, _PHOTO_PX, 80 if crowd else 85),
+        "background": photo_jpeg(scene.colors, _BACKGROUND_PX, 75 if crowd else 82),
+        "upright": gltf_from_camera(scene.level).ravel().tolist(),
+        "floor": scene.floor is not None,
+        "scale": scene.scale,
+        "scale_sigma": scene.scale_sigma,
+        "scene": pack_scene(reconstruction),
+    }
 
 
 def _meaning_of_colors(reconstruction: Reconstruction) -> dict[str, Any]:
