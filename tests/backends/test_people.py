@@ -1,25 +1,11 @@
-"""Boxes and masks of detectors become people."""
+"""Overlap of boxes and of poses."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
-from physic_core.backends.people import (
-    box_iou,
-    clip_boxes,
-    keypoint_similarity,
-    mask_nms,
-    nms,
-    people_from_masks,
-    xyxy_from_cxcywh,
-)
-from physic_core.interfaces import Segmenter
-from physic_core.types import Keypoints
-from physic_testing import violations
+from physic_core.backends.people import box_iou, keypoint_similarity
 
 
 def test_iou_of_known_boxes():
@@ -28,21 +14,6 @@ def test_iou_of_known_boxes():
         [[0.0, 0, 10, 10], [5, 0, 15, 10], [10, 0, 20, 10], [3, 3, 3, 3], [-5, -5, 15, 15]]
     )
     assert box_iou(one, others)[0] == pytest.approx([1, 1 / 3, 0, 0, 1 / 4])
-
-
-@given(
-    st.lists(st.tuples(*[st.floats(0, 50)] * 4, st.floats(0, 1)), max_size=12),
-    st.floats(0.05, 0.95),
-)
-def test_nms_keeps_what_a_plain_loop_keeps(rows, overlap):
-    table = np.array(rows, float).reshape(-1, 5)
-    boxes = xyxy_from_cxcywh(table[:, :4])
-    scores = table[:, 4]
-    kept = []
-    for i in sorted(range(len(rows)), key=lambda i: (-scores[i], i)):
-        if all(box_iou(boxes[i : i + 1], boxes[k : k + 1])[0, 0] <= overlap for k in kept):
-            kept.append(i)
-    assert nms(boxes, scores, overlap).tolist() == kept
 
 
 def test_a_pose_moved_by_the_errors_of_annotators_has_the_similarity_of_coco():
@@ -61,92 +32,3 @@ def test_a_pose_moved_by_the_errors_of_annotators_has_the_similarity_of_coco():
     half = keypoint_similarity(points, hidden, names)
     assert half[0, 1] == pytest.approx(1)
     assert half[2].tolist() == [0, 0, 0]
-
-
-def test_boxes_are_cut_at_the_photo_and_vanish_outside():
-    boxes = np.array([[-5.0, -5, 30, 10], [90, 10, 130, 70], [120, 0, 140, 10], [np.nan, 0, 1, 1]])
-    inside, stay = clip_boxes(boxes, 60, 100)
-    assert inside[:2].tolist() == [[0, 0, 30, 10], [90, 10, 100, 60]]
-    assert stay.tolist() == [True, True, False, False]
-
-
-SIZE = (6, 8)
-
-
-def rectangle(y0, y1, x0, x1, value=1.0, outside=-1.0):
-    mask = np.full(SIZE, outside, np.float32)
-    mask[y0:y1, x0:x1] = value
-    return mask
-
-
-def test_a_pixel_goes_to_the_largest_logit():
-    people = people_from_masks(
-        [rectangle(0, 4, 0, 5), rectangle(2, 6, 2, 8, 2.0)], None, np.array([0.9, 0.8]), size=SIZE
-    )
-    assert not (people.masks[0] & people.masks[1]).any()
-    assert people.masks[1].sum() == 24
-    assert people.masks[0].sum() == 20 - 6
-
-
-def test_where_masks_are_bool_a_pixel_goes_to_the_better_score():
-    masks = [rectangle(0, 4, 0, 5) > 0, rectangle(2, 6, 2, 8) > 0]
-    for scores, areas in (([0.9, 0.8], [20, 18]), ([0.7, 0.8], [24, 14])):
-        people = people_from_masks(masks, None, np.array(scores), size=SIZE)
-        assert people.masks.sum((1, 2)).tolist() == areas
-
-
-def test_boxes_are_half_open():
-    people = people_from_masks([rectangle(1, 4, 2, 8) > 0], None, np.ones(1), size=SIZE)
-    assert people.boxes.tolist() == [[2, 1, 8, 4]]
-    x0, y0, x1, y1 = people.boxes[0].astype(int)
-    assert people.masks[0][y0:y1, x0:x1].all()
-    assert people.masks[0].sum() == (x1 - x0) * (y1 - y0)
-
-
-def test_people_without_pixels_are_dropped_and_the_best_score_comes_first():
-    masks = [rectangle(0, 2, 0, 2), rectangle(0, 0, 0, 0), rectangle(4, 6, 4, 6)]
-    joints = Keypoints(np.arange(6.0).reshape(3, 1, 2), np.ones((3, 1)), "one")
-    people = people_from_masks(masks, None, np.array([0.5, 0.9, 0.8]), size=SIZE, keypoints=joints)
-    assert people.scores.tolist() == [0.8, 0.5]
-    assert people.masks[0][5, 5]
-    assert people.keypoints is not None
-    assert people.keypoints.points[:, 0, 0].tolist() == [4, 0]
-
-
-def test_pixels_of_people_are_removed_from_the_floor():
-    floor = np.ones(SIZE, bool)
-    people = people_from_masks([rectangle(0, 2, 0, 2)], None, np.ones(1), floor, size=SIZE)
-    assert people.floor is not None
-    assert (people.floor == ~people.masks[0]).all()
-    assert floor.all(), "the argument stays as it was"
-
-
-def test_a_mask_does_not_reach_far_out_of_its_box():
-    people = people_from_masks(
-        [np.ones(SIZE, bool)], np.array([[0.0, 0, 4, 4]]), np.ones(1), size=SIZE
-    )
-    assert people.boxes.tolist() == [[0, 0, 5, 5]]
-
-
-@given(
-    arrays(
-        np.float32,
-        st.tuples(st.integers(0, 4), st.just(6), st.just(8)),
-        elements=st.floats(-3, 3, width=32),
-    ),
-    st.booleans(),
-)
-def test_any_mask_gives_a_valid_result(logits, sharp):
-    masks = logits > 0 if sharp else logits
-    people = people_from_masks(
-        list(masks), None, np.linspace(0.9, 0.1, len(masks)), np.ones(SIZE, bool), size=SIZE
-    )
-    assert violations(Segmenter, people, height=SIZE[0], width=SIZE[1]) == []
-    assert (people.masks.any(0) == (logits > 0).any(0)).all() if len(masks) else len(people) == 0
-
-
-def test_mask_nms_keeps_one_mask_of_each_person():
-    masks = np.stack(
-        [rectangle(0, 5, 0, 5) > 0, rectangle(0, 5, 0, 4) > 0, rectangle(0, 5, 4, 8) > 0]
-    )
-    assert mask_nms(masks, np.array([0.7, 0.9, 0.8]), overlap=0.75).tolist() == [1, 2]

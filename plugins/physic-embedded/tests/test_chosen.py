@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 import pytest
 
-from physic_core.backends.people import Detections
 from physic_core.errors import NoPersonError
 from physic_core.interfaces import Segmenter, SegmenterRequest
 from physic_core.types import PeoplePrompt, SurfaceLabels, UnposedPerson
@@ -20,6 +19,7 @@ from physic_embedded.segmentation import unposed
 from physic_embedded.segmentation.hidden_people import GREY, grey_out
 from physic_embedded.segmentation.unposed import segment_unposed
 from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
+from physic_networks.people import Detections
 
 pytestmark = pytest.mark.slow
 

@@ -17,8 +17,8 @@ from .one_graph import GraphSignature, PortMatch, PortSpec, match_signature
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.backends.people import Detections
     from physic_core.types import FloatArray, UInt8Array
+    from physic_networks.people import Detections
     from physic_networks.pictures import Letterbox
 
     from .sessions import Network, OnnxOptions
@@ -87,8 +87,8 @@ class Detector:
         Raises:
             BackendError: the output does not match the signature, or has no finite score.
         """
-        from physic_core.backends.people import Detections, clip_boxes, nms
         from physic_networks.networks import check_answer
+        from physic_networks.people import Detections, clip_boxes, nms
 
         boxes, scores, joints = _DECODERS[self.signature](
             self._match, self.network, image, self._size
@@ -138,7 +138,7 @@ def _decode_yolox(
     scores.
     """
 
-    from physic_core.backends.people import xyxy_from_cxcywh
+    from physic_networks.people import xyxy_from_cxcywh
 
     frame, box = _letterbox_bgr(image, size)
     (raw,) = match.run(network, {"images": frame}, ["output"])
@@ -198,7 +198,7 @@ def _decode_rt_detr(
     photo.
     """
 
-    from physic_core.backends.people import sigmoid, xyxy_from_cxcywh
+    from physic_networks.people import sigmoid, xyxy_from_cxcywh
     from physic_networks.pictures import normalized_nchw, resize_image
 
     frame = normalized_nchw(resize_image(image, size[0], size[1], "bilinear-antialias"))

@@ -16,8 +16,8 @@ from physic_networks.networks import NetworkBackend
 from .sessions import OnnxOptions
 
 if TYPE_CHECKING:
-    from physic_core.backends.people import Detections
     from physic_core.types import BoolArray, FloatArray, People, UInt8Array
+    from physic_networks.people import Detections
 
     from .detectors import Detector
     from .sam2_networks import EncodedImage, Sam2Networks
@@ -121,7 +121,7 @@ class Sam2(NetworkBackend, Segmenter):
         """
         from dataclasses import replace
 
-        from physic_core.backends.people import Detections, people_from_masks
+        from physic_networks.people import Detections, people_from_masks
         from physic_networks.pictures import resize_map
 
         from .sam2_floor import floor_mask
@@ -177,7 +177,7 @@ class Sam2(NetworkBackend, Segmenter):
     ) -> tuple[Detections, FloatArray]:
         """Return the people with distinct masks, and their mask logits (N, h, w)."""
 
-        from physic_core.backends.people import mask_nms
+        from physic_networks.people import mask_nms
 
         if not len(found):
             return found, np.zeros((0, 1, 1), np.float32)

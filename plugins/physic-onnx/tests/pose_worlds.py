@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from physic_core.backends.people import Detections
 from physic_core.types import People
+from physic_networks.people import Detections
 
 
 def region(box, width, height, padding=1.25):

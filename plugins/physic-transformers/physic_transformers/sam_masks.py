@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.backends.people import mask_nms, people_from_masks
 from physic_core.errors import NoPersonError
+from physic_networks.people import mask_nms, people_from_masks
 from physic_networks.pictures import resize_map
 
 if TYPE_CHECKING:

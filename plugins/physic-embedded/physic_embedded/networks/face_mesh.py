@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.backends.people import sigmoid
 from physic_core.types import SIDES
 from physic_embedded.networks.crops import RotatedSquare
+from physic_networks.people import sigmoid
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.backends.people import box_iou, sigmoid
+from physic_core.backends.people import box_iou
+from physic_networks.people import sigmoid
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

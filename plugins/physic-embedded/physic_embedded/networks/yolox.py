@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from physic_core.backends.people import Detections, box_iou, nms, xyxy_from_cxcywh
+from physic_core.backends.people import box_iou
 from physic_core.types import CARRIER_NAMES, Carrier
 from physic_embedded.networks.tiles import tiles
+from physic_networks.people import Detections, nms, xyxy_from_cxcywh
 from physic_networks.pictures import letterbox
 
 if TYPE_CHECKING:

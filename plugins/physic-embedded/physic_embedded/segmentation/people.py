@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from physic_core.backends.people import Detections
     from physic_core.types import Carrier
     from physic_embedded.networks.pose import Pose
     from physic_embedded.networks.yolox import Found
     from physic_networks.onnx_sessions import OnnxSession
+    from physic_networks.people import Detections
 
     Float = NDArray[np.floating[Any]]
 
