@@ -23,10 +23,6 @@ _TRUNK = [
     *joint_pair("hip"),
     *joint_pair("shoulder"),
 ]
-_NECK = JOINT_INDEX["neck"]
-_PELVIS = JOINT_INDEX["pelvis"]
-_HIPS = joint_pair("hip")
-_KNEES = joint_pair("knee")
 
 _MAX_FINGER_KEYPOINTS = 10  # a joint set with more has keypoints of all finger joints
 
@@ -92,17 +88,3 @@ def _joint_of(landmark: str) -> str | None:
     if is_finger(rest):
         return f"{side}_wrist"
     return landmark if landmark in JOINT_INDEX and landmark != "head" else None
-
-
-def hip_bends(joints: Tensor) -> Tensor:
-    """Return how far both hips are bent, (B, 2) radians, left and right; 0 where the thigh
-    continues the trunk.
-
-    Args:
-        joints: (B, 55, 3) metres.
-    """
-    trunk = joints[:, _PELVIS] - joints[:, _NECK]
-    thighs = joints[:, _KNEES] - joints[:, _HIPS]
-    return torch.acos(
-        torch.nn.functional.cosine_similarity(thighs, trunk[:, None], dim=-1).clamp(-1, 1)
-    )
