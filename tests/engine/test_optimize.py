@@ -242,33 +242,6 @@ def test_one_group_has_the_direction_of_the_two_loop_recursion(count, people):
     )
 
 
-@pytest.mark.parametrize("groups", [None, torch.tensor([0, 1, 1, 3])])
-def test_a_history_for_each_group_gives_steps_nearer_to_newtons_than_one_history(groups):
-    g = torch.Generator().manual_seed(0)
-    people = 4
-    size = 3
-    hessians = random_hessians(people, size, g)
-    coupled = None
-    if groups is not None:
-        link = torch.randn(2 * size, 2 * size, generator=g).double()
-        coupled = torch.zeros(people * size, people * size).double()
-        coupled[size : 3 * size, size : 3 * size] = link @ link.T
-    history, _, gradient = directions_of(hessians, 12, g, groups, coupled)
-    whole = torch.zeros(people * size + 1, people * size + 1).double()
-    if coupled is not None:
-        whole[:-1, :-1] = coupled
-    for i, hessian in enumerate(hessians):
-        rows = torch.tensor([*range(i * size, (i + 1) * size), people * size])
-        whole[rows[:, None], rows] += hessian
-    newton = -torch.linalg.solve(whole, flat(gradient[0], gradient[1].sum()))
-    found = flat(*history.direction(gradient))
-    of_all = torch.zeros(people, dtype=torch.int64)
-    pooled, _, _ = directions_of(hessians, 12, g, of_all, coupled)
-    of_one = flat(*pooled.direction(gradient))
-    assert torch.cosine_similarity(found, newton, 0) > 0.9
-    assert torch.cosine_similarity(of_one, newton, 0) < 0.9
-
-
 def test_a_step_of_negative_curvature_is_not_stored_for_that_person():
     history = LbfgsHistory()
     gradient = torch.tensor([[3.0, 4.0], [0.0, 0.0]]), None

@@ -68,15 +68,6 @@ def test_unknown_errors_and_those_of_limbs_that_the_photo_does_not_show_count_no
         assert torch.equal(plain.rotations, told.rotations)
 
 
-@pytest.mark.parametrize("preset", ["paper", "release", "prox"])
-def test_energies_of_the_paper_do_not_ask_for_stated_errors(bent, preset):
-    told = {"rotation_sigma": stated(0.02), "lean_sigma": torch.tensor([0.03])}
-    short = adjusted(engine_preset(preset).joint, optimiser__steps=2)
-    standing = replace(bent, stands=standing_feet(1.0))
-    plain, sure = (optimize(state, short) for state in (standing, replace(standing, **told)))
-    assert torch.equal(plain.rotations, sure.rotations)
-
-
 def standing_feet(stands):
     """Probability that the feet of one person stand, whose left one does with a probability."""
     return torch.tensor([[stands, 0.0]])

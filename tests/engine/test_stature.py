@@ -78,7 +78,7 @@ def test_scene_and_stature_share_a_disagreement_as_two_measurements_do(
         JOINT,
         frozen=("pose", "hands", "root"),
         optimiser__tolerance=0.0,
-        optimiser__steps=120,
+        optimiser__steps=60,
         depth__offset_sigma=0.0,
         regularisation__translation_weight=0.0,
         regularisation__sigma_m=10.0,

@@ -117,6 +117,9 @@ def test_a_configured_camera_is_in_pixels_of_the_file():
     assert (given.fx, given.fy, given.cx, given.cy) == (250, 200, 99.5, 49.5)
 
 
+REDUCED = Photo(np.zeros((71, 107, 3), np.uint8), file_size=(1920, 1278))
+
+
 @pytest.mark.parametrize(
     ("intrinsics", "size", "right"),
     [
@@ -126,18 +129,16 @@ def test_a_configured_camera_is_in_pixels_of_the_file():
     ],
 )
 def test_intrinsics_of_another_size_of_the_picture_are_refused(intrinsics, size, right):
-    photo = Photo(np.zeros((1278, 1920, 3), np.uint8))
     with pytest.raises(ConfigError) as caught:
-        prepare_photo(photo, PhotoSettings(intrinsics=intrinsics), None, None)
+        prepare_photo(REDUCED, PhotoSettings(intrinsics=intrinsics), None, None)
     assert size in str(caught.value)
     assert right in str(caught.value)
 
 
 @pytest.mark.parametrize("centre", [(959.5, 638.5), (1010, 600), (1300, 500), (700, 638.5)])
 def test_intrinsics_of_a_lens_or_of_a_crop_are_taken(centre):
-    photo = Photo(np.zeros((1278, 1920, 3), np.uint8))
     found = prepare_photo(
-        photo, PhotoSettings(intrinsics=(1632, 1632, *centre)), None, None
+        REDUCED, PhotoSettings(intrinsics=(1632, 1632, *centre)), None, None
     ).photo.intrinsics
     assert found is not None
 

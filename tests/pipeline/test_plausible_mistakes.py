@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from functools import partial
 
@@ -74,11 +75,20 @@ def walk():
     return load_world("walk", size=(320, 240))
 
 
-@pytest.mark.parametrize("words", SILENT)
-def test_a_mistake_that_checks_of_the_result_do_not_see_is_a_warning(words, walk):
-    (interface,) = SILENT[words]
-    found = reconstruct(walk.image, UNCACHED, backends=SILENT[words])
-    assert any(words in one and f"{interface} '" in one for one in found.warnings)
+@pytest.mark.parametrize("run", range(3))
+def test_mistakes_that_checks_of_the_result_do_not_see_are_warnings(run, walk):
+    """Of at most one backend for each interface in a run."""
+    seen = Counter()
+    chosen = {}
+    for words, backend in SILENT.items():
+        (interface,) = backend
+        if seen[interface] == run:
+            chosen[words] = backend
+        seen[interface] += 1
+    both = {name: kind for backend in chosen.values() for name, kind in backend.items()}
+    found = reconstruct(walk.image, UNCACHED, backends=both)
+    for words, (interface,) in chosen.items():
+        assert any(words in one and f"{interface} '" in one for one in found.warnings), words
 
 
 @pytest.mark.parametrize("name", ["walk", "sit_side_by_side"])

@@ -18,13 +18,11 @@ import pytest
 import torch
 from PIL import Image
 
-from physic_core import reconstruct
 from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth, MetricDepthRequest
 from physic_core.pipeline.stage_runner import StageRunner, load_backend
 from physic_core.types import DepthMap, Hints, Provenance
-from physic_mock.backends import MockSegmenter
 
 SHAPE = (6, 8)
 
@@ -130,22 +128,6 @@ def test_a_backend_that_is_loaded_alone_says_what_it_changed(monkeypatch, caplog
     monkeypatch.setattr(Naughty, "written_for", 1, raising=False)
     load_backend("metric_depth", f"{__name__}:Naughty")
     assert "OpenCV's threads" in caplog.text
-
-
-@pytest.mark.usefixtures("few_steps")
-def test_a_run_beside_a_naughty_segmenter_has_the_same_numbers(world):
-    class Segmenter(MockSegmenter):
-        def infer(self, *arguments):
-            found = super().infer(*arguments)
-            for deed in DEEDS.values():
-                deed.do()
-            return found
-
-    honest = reconstruct(world.image, "mock")
-    found = reconstruct(world.image, "mock", backends={"segmenter": Segmenter})
-    (warning,) = (text for text in found.warnings if text not in honest.warnings)
-    assert all(deed.words.partition(" (")[0] in warning for deed in DEEDS.values())
-    assert found.people[0].vertices.tobytes() == honest.people[0].vertices.tobytes()
 
 
 PLUGIN = """

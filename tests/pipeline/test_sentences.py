@@ -14,7 +14,7 @@ from physic_testing.worlds import WORLDS, load_world
 NO_FLOOR = ['engine.scene.floor="off"']
 
 
-NOT_SLOW = ("stand", "jump", "hang_from_bar", "sit_on_stool", "hug", "child_by_the_hand", "lie")
+NOT_SLOW = ("stand", "jump", "hang_from_bar", "hug", "child_by_the_hand")
 
 
 def case(world, *, floor):

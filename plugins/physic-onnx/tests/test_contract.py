@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from physic_core.errors import BackendError
 from physic_onnx.depth_anything import DepthAnything
 from physic_onnx.one_graph import GraphSignature, PortSpec, match_signature
-from physic_onnx.sessions import OnnxOptions, open_network
 
 IMAGE = {"image": ("float32", ("batch", 3, "height", "width"))}
 WANTED_IMAGE = PortSpec("image", shape=("batch", 3, "height", "width"))
@@ -83,20 +81,6 @@ class TestOneSignature:
         else:
             with pytest.raises(BackendError, match="has another form"):
                 match(network, [wanted], [])
-
-    def test_a_network_runs_by_the_names_of_the_adapter(self, graph, node, tmp_path):
-        path = graph(
-            tmp_path / "a.onnx",
-            {"input_0": IMAGE["image"]},
-            {"output_0": IMAGE["image"]},
-            [node("Relu", ["input_0"], ["output_0"])],
-        )
-        network = open_network(path, OnnxOptions(), "cpu")
-        found = match(
-            network, [PortSpec("image", ("input_0",))], [PortSpec("positive")], by_position=True
-        )
-        (answer,) = found.run(network, {"image": -np.ones((1, 3, 2, 2))}, ["positive"])
-        np.testing.assert_array_equal(answer, np.zeros((1, 3, 2, 2)))
 
 
 class TestFile:
