@@ -7,8 +7,9 @@ It writes ``benchmarks/run_cost.json`` with the commit and the machine, and the 
 that states them. Run it on an idle machine, with everything committed.
 
 With ``--against`` it writes nothing. It runs another commit in turn with this tree, in the same
-environment, and prints the medians of both, their ratios, and the largest difference of the bodies.
-Photos take the place of the two examples.
+environment, and prints the medians of both, their ratios, the largest difference of the bodies, and
+which files only one of them writes: a distribution that is not installed makes none. Photos take
+the place of the two examples.
 """
 
 from __future__ import annotations
@@ -45,10 +46,12 @@ class Run:
     Attributes:
         cost: seconds of processors, peak memory in GB, megabytes of files.
         vertices: (N, V, 3) of the bodies, metres.
+        files: names of what is written.
     """
 
     cost: dict[str, float]
     vertices: np.ndarray
+    files: frozenset[str]
 
 
 def run(photo: str, tree: Path = ROOT) -> Run:
@@ -71,13 +74,16 @@ def run(photo: str, tree: Path = ROOT) -> Run:
             f"{folder}/out",
         ]
         cost = run_measured(command, cwd=tree, env=environment)
-        files = sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file())
+        files = [file for file in Path(folder).rglob("*") if file.is_file()]
+        size = sum(file.stat().st_size for file in files)
         with np.load(Path(folder, "out", "reconstruction.npz"), allow_pickle=False) as arrays:
             vertices = np.stack(
                 [arrays[name] for name in sorted(arrays.files) if name.endswith(".vertices")]
             )
     return Run(
-        {"cpu_s": cost.cpu_s, "memory_gb": cost.memory_gb, "written_mb": files / 1e6}, vertices
+        {"cpu_s": cost.cpu_s, "memory_gb": cost.memory_gb, "written_mb": size / 1e6},
+        vertices,
+        frozenset(file.name for file in files),
     )
 
 
@@ -117,6 +123,8 @@ def compare(commit: str, rounds: int, photos: Sequence[str]) -> None:
                 f"{photo}  bodies: {_difference(before[-1].vertices, after[-1].vertices)}",
                 flush=True,
             )
+            if alone := sorted(before[-1].files ^ after[-1].files):
+                print(f"{photo}  files of one alone: {', '.join(alone)}", flush=True)
 
 
 def _difference(before: np.ndarray, after: np.ndarray) -> str:

@@ -352,9 +352,10 @@ def _fitted_planes(
         found += [] if fit is None else [(*fit, mask)]
     if found and up is not None and normals is not None:
         # A large table or seat is horizontal, too: the next largest surface may be the floor.
-        rows = len(view.valid)
-        lower = torch.arange(rows, device=view.valid.device)[:, None] >= (1 - LOWER_SHARE) * rows
-        level = view.valid & lower & (normals.double() @ up > _LEVEL_COSINE) & ~found[-1][1].inliers
+        level = view.valid & ~found[-1][1].inliers
+        first = len(level) - math.floor(LOWER_SHARE * len(level))
+        level[:first] = False
+        level[first:] &= normals[first:].double() @ up > _LEVEL_COSINE
         fit = plane_of_pixels(view, level, up, "level surfaces", MASK_SLACK)
         found += [] if fit is None else [(*fit, level)]
     return found

@@ -158,7 +158,7 @@ def _log_likelihood(witnesses: Witnesses, shifts: FloatArray, reference: float) 
     """Return the log likelihood (T, S) of shifts (T,) and the grid of log scales of a person at the
     reference depth.
     """
-    from scipy.ndimage import gaussian_filter1d
+    import cv2
 
     known = np.isfinite(witnesses.scale)
     m, z, sigma, sure = (
@@ -182,7 +182,12 @@ def _log_likelihood(witnesses: Witnesses, shifts: FloatArray, reference: float) 
     ]
     smooth = sum(
         share
-        * gaussian_filter1d(np.exp(total - most), max(sigma / _STEP, 1e-3), axis=-1, truncate=5.0)
+        * cv2.GaussianBlur(
+            np.exp(total - most),
+            (2 * round(5 * sigma / _STEP) + 1, 1),
+            max(sigma / _STEP, 1e-3),
+            borderType=cv2.BORDER_REFLECT,
+        )
         for share, sigma in shares
         if share
     )

@@ -52,14 +52,28 @@ def drawn_floor(
     low = outline.min(0)
     cell = max(_CELL_M, float(np.ptp(outline, axis=0).max()) / _MAX_CELLS)
     first, second, third = (np.abs(scene[:, up]) < _NEAR_M)[surface.faces.T]
-    samples = _CORNERS @ scene[:, plan][surface.faces[first & second & third]]
-    free = _free_squares((outline - low) / cell, (samples.reshape(-1, 2) - low) / cell)
+    places = (scene[:, plan] - low) / cell
+    free = _free_squares(
+        (outline - low) / cell, _samples(places, surface.faces[first & second & third])
+    )
     spots = _rectangles(free)
     vertices = np.zeros((4 * len(spots), 3))
     vertices[:, plan] = low + cell * spots.reshape(-1, 2)
     # The axes of the plan are x and y, or x and z: only the first pair is right-handed about up.
     corners = _HALVES if up == 2 else _HALVES[:, ::-1]
     return vertices, (4 * np.arange(len(spots))[:, None, None] + corners).reshape(-1, 3)
+
+
+def _samples(places: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return places (M, 2) on faces (F, 3), at most about a square apart: their corners, and more
+    of those that are larger than a square.
+    """
+    corners = places[faces.T]
+    large = (corners.max(0) - corners.min(0) > 1).any(1)
+    inner = [(_CORNERS @ corners[:, large, axis]).ravel() for axis in (0, 1)]
+    used = np.zeros(len(places), bool)
+    used[faces] = True
+    return np.concatenate([places[used], np.stack(inner, 1)])
 
 
 def _free_squares(

@@ -579,8 +579,9 @@ def _power_of_two(image: UInt8Array) -> tuple[bytes, tuple[int, int]]:
 
     Old engines cannot make mipmaps of other sizes.
     """
+    import cv2
+
     height, width = (1 << (side - 1).bit_length() for side in image.shape[:2])
-    padded = np.pad(
-        image, ((0, height - image.shape[0]), (0, width - image.shape[1]), (0, 0)), mode="edge"
-    )
-    return encode_image(padded, "JPEG"), (width, height)
+    beside = height - image.shape[0], 0, width - image.shape[1]
+    padded = cv2.copyMakeBorder(image, 0, *beside, cv2.BORDER_REPLICATE)
+    return encode_image(np.asarray(padded, np.uint8), "JPEG"), (width, height)

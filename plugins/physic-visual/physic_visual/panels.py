@@ -6,6 +6,7 @@ The table has each person's contact, grade, distance, and the checks that the gr
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -285,12 +286,16 @@ def wrap(text: str, size: int, width: float, between: str = " ") -> list[str]:
     one word is wider.
     """
     lines: list[str] = []
+    blank = font(size).getlength(between)
+    used = math.inf
     for word in text.translate(_PLAIN).split(between):
-        longer = f"{lines[-1]}{between}{word}" if lines else word
-        if lines and font(size).getlength(longer) <= width:
-            lines[-1] = longer
+        own = font(size).getlength(word)
+        used += blank + own
+        if used <= width:
+            lines[-1] += between + word
         else:
             lines.append(word)
+            used = own
     return lines
 
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-_POINTS = 400_000  # at most
+_POINTS = 200_000  # at most
 
 PAGE_RGB = (250, 250, 248)
 """sRGB colour of the page."""

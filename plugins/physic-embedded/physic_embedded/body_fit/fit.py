@@ -76,6 +76,7 @@ def fit_bodies(
     *,
     floor: FloorConstraint | None = None,
     starts: int = 1,
+    earlier: tuple[FittedBodies, BoolArray] | None = None,
 ) -> FittedBodies:
     """Fit the body model to the keypoints and landmarks of N people, and return the best fit of
     each person.
@@ -89,10 +90,18 @@ def fit_bodies(
         floor: constraint of the floor; None without a floor.
         starts: initial poses of each person. N is the number of people times this, one start of all
             people after the other.
+        earlier: an earlier fit of N people from one start, and for whom (N,) anything has changed
+            since. The others are not fitted again.
     """
     problem = fit_problem(model, observations, camera, skeleton, start, floor)
-    unknowns = torch.zeros(len(observations.points), problem.num_unknowns, dtype=model.dtype)
-    unknowns = _minimize_lbfgs(problem, unknowns, ITERATIONS)
+    if earlier is not None:
+        fit, changed = earlier
+        rows = torch.from_numpy(np.flatnonzero(changed))
+        part = problem.select(rows)
+        found = fit.unknowns.clone()
+        found[rows] = minimize_newton(part, _near_minimum(part))
+        return _body_fit(model, problem, found)
+    unknowns = _near_minimum(problem)
     with torch.no_grad():
         best = problem.loss(unknowns).view(starts, -1).argmin(0)
     rows = best * len(best) + torch.arange(len(best))
@@ -162,25 +171,25 @@ def lifted_limbs(
     return LiftedLimbs(torch.from_numpy(told), torch.from_numpy(weight))
 
 
-def _minimize_lbfgs(problem: FitProblem, unknowns: Tensor, iterations: int) -> Tensor:
+def _near_minimum(problem: FitProblem) -> Tensor:
     """Return the unknowns (N, W) after L-BFGS on the sum of the losses of all people."""
+    shape = len(problem.points), problem.num_unknowns
+    dtype = problem.points.dtype
 
     def loss_and_gradient(values: FloatArray) -> tuple[float, FloatArray]:
-        at = (
-            torch.from_numpy(values.reshape(unknowns.shape)).to(unknowns.dtype).requires_grad_(True)
-        )
+        at = torch.from_numpy(values.reshape(shape)).to(dtype).requires_grad_(True)
         total = problem.loss(at).sum()
         (gradient,) = torch.autograd.grad(total, at)
         return float(total.detach()), gradient.double().numpy().ravel()
 
     found = minimize(
         loss_and_gradient,
-        unknowns.double().numpy().ravel(),
+        np.zeros(shape).ravel(),
         jac=True,
         method="L-BFGS-B",
-        options={"maxiter": iterations, "maxfun": iterations * 5 // 4, "maxcor": 20, "ftol": 0.0},
+        options={"maxiter": ITERATIONS, "maxfun": ITERATIONS * 5 // 4, "maxcor": 20, "ftol": 0.0},
     )
-    return torch.from_numpy(found.x.reshape(unknowns.shape)).to(unknowns.dtype)
+    return torch.from_numpy(found.x.reshape(shape)).to(dtype)
 
 
 def _body_fit(model: BodyModel, problem: FitProblem, unknowns: Tensor) -> FittedBodies:

@@ -193,6 +193,7 @@ def _upright(
     upright = (straight | vertical.stands) & trunk & (np.abs(lean) < 2 * _MAX_LEAN)
     turn = np.clip(np.where(upright, -lean, 0.0), -_MAX_LEAN, _MAX_LEAN)
     again = fit
+    earlier = None
     for _ in range(2):
         again = fit_bodies(
             model,
@@ -201,12 +202,14 @@ def _upright(
             fit.problem.skeleton,
             _restart(fit, observations, turn, upright),
             floor=FloorConstraint(up, trunk, upright, turn),
+            earlier=earlier,
         )
         costly = upright & (again.loss - fit.loss > _ACCEPTED_RISE)
         if not costly.any():
             break
         turn = np.where(costly, turn / 2, turn)
         upright = upright & ~costly
+        earlier = again, costly
     return again, upright
 
 

@@ -206,10 +206,13 @@ def _contact_by_part(
     part = model.part_of_vertex.cpu().numpy()
     names = model.part_names
     contact = np.asarray(person.contact, bool)
-    colors, color = np.unique(
-        contact_colors(person, reconstruction.contact_partners), axis=0, return_inverse=True
+    painted = contact_colors(person, reconstruction.contact_partners)
+    # One number for each colour: rows take ten times as long.
+    _, first, color = np.unique(
+        painted @ np.array([1 << 16, 1 << 8, 1]), return_index=True, return_inverse=True
     )
-    cell = part * len(colors) + color.reshape(-1)
+    colors = painted[first]
+    cell = part * len(colors) + color
     touching = np.bincount(cell, area * contact, len(names) * len(colors)).reshape(len(names), -1)
     share = touching / np.maximum(np.bincount(part, area, len(names)), 1e-12)[:, None]
     found = [

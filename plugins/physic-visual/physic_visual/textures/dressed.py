@@ -22,7 +22,7 @@ from physic_visual.palette import BODY_RGB
 from physic_visual.render import LONGEST_BODY_EDGE_M, prepare_meshes
 from physic_visual.rig import body_of_result
 from physic_visual.surface import kept_for_next_picture
-from physic_visual.textures.photo import SHOWN, photo_colors
+from physic_visual.textures.photo import SHOWN, photo_colors, photo_weights
 from physic_visual.textures.raster import (
     TextureCoordinates,
     TextureRaster,
@@ -71,6 +71,7 @@ class DressedBodies:
 
     Attributes:
         colors: person -> (V, 3) uint8 sRGB of each vertex.
+        weight: person -> (V,) see :func:`photo_weights`.
         fill: person -> (V, 3) sRGB 0-255 that is guessed where no photo shows the vertex, not
             darkened.
         filled: person -> (V,) float32 in 0-1, how much of the colour is guessed.
@@ -84,6 +85,7 @@ class DressedBodies:
     """
 
     colors: Mapping[int, UInt8Array]
+    weight: Mapping[int, Array]
     fill: Mapping[int, Array]
     filled: Mapping[int, NDArray[np.float32]]
     shown: Mapping[int, float]
@@ -103,20 +105,22 @@ def dressed_bodies(result: Reconstruction) -> DressedBodies:
     bodies = prepare_meshes(list(posed.values()), faces, longest_edge=LONGEST_BODY_EDGE_M)
     mesh = embedded_coordinates() if model is not None and model.name == "embedded" else None
     colors: dict[int, UInt8Array] = {}
+    weight: dict[int, Array] = {}
     fill: dict[int, Array] = {}
     filled: dict[int, NDArray[np.float32]] = {}
     shown: dict[int, float] = {}
     others, parts, pull = _sides_and_parts(model, len(result.people[0].vertices) if posed else 0)
     laplacian = _laplacian(faces, len(others)) if posed else None
     for index, vertices in posed.items():
-        photo, seen, near = photo_colors(result, index, vertices, normals[index], bodies)
+        weight[index] = photo_weights(vertices, normals[index], bodies)
+        photo, seen, near = photo_colors(result, index, vertices, weight[index])
         hair = None if model is None else _hair(result, index, vertices, model, parts)
         fill[index] = _fill(photo, near, laplacian, others, parts, pull, hair)
         colors[index] = _mixed(photo, near, _darkened(fill[index], normals[index], result))
         filled[index] = (1 - seen).astype(np.float32)
         areas = vertex_areas(vertices, faces)
         shown[index] = float(areas[seen > SHOWN].sum() / max(areas.sum(), 1e-12))
-    return DressedBodies(colors, fill, filled, shown, shoes, posed, normals, mesh, bodies)
+    return DressedBodies(colors, weight, fill, filled, shown, shoes, posed, normals, mesh, bodies)
 
 
 def _shod(
@@ -166,12 +170,10 @@ def dressed_texture(
         guess = _darkened(guess, dressed.normals[index], result)
     colors = []
     filled = []
+    values = np.concatenate([dressed.vertices[index], dressed.weight[index][:, None], guess], 1)
     for part in raster.parts():
-        points, normals, beside = (
-            part.interpolate(faces, values)
-            for values in (dressed.vertices[index], dressed.normals[index], guess)
-        )
-        photo, seen, near = photo_colors(result, index, points, normals, dressed.bodies)
+        points, weight, beside = np.split(part.interpolate(faces, values), [3, 4], axis=1)
+        photo, seen, near = photo_colors(result, index, points, weight[:, 0])
         colors.append(_mixed(photo, near, beside))
         filled.append(np.round(255 * (1 - seen)).astype(np.uint8))
     return raster.image(np.concatenate(colors)), raster.image(np.concatenate(filled))
@@ -310,7 +312,8 @@ def _fill(
     """Return a colour (V, 3) of each vertex: the photo's, the other side's, and smooth between.
 
     It minimises ``sum w (c - photo)^2 + sum over edges (c_i - c_j)^2 + pull (c - mean of the
-    part)^2``. The mean of the last part, the scalp, is the colour of the hair, if that is known.
+    part)^2`` over the vertices that the photo does not fully show. The mean of the last part, the
+    scalp, is the colour of the hair, if that is known.
     """
     import scipy.sparse as sp
     from scipy.sparse.linalg import splu
@@ -328,8 +331,13 @@ def _fill(
     of_part = (of_part + 1e-3 * mean) / (amount + 1e-3)[:, None]
     if hair is not None:
         of_part[-1] = hair
-    system = splu((sp.diags(10 * trust + pull) + laplacian).tocsc())
-    solved: Array = system.solve(10 * trust[:, None] * target + pull[:, None] * of_part[parts])
+    free = np.flatnonzero(weight < 1)
+    solved = np.where(weight[:, None] < 1, 0.0, photo)
+    right = 10 * trust[:, None] * target + pull[:, None] * of_part[parts] - laplacian @ solved
+    system = (sp.diags(10 * trust + pull) + laplacian)[free][:, free].tocsc()
+    # As for any symmetric matrix: other orders take twice as long.
+    factors = splu(system, "MMD_AT_PLUS_A", 0.0, options={"SymmetricMode": True})
+    solved[free] = factors.solve(right[free])
     return solved
 
 

@@ -43,8 +43,27 @@ HIDDEN_M = 0.015
 """A point is hidden by a body that is nearer than it by more than this, metres."""
 
 
+def photo_weights(points: Array, normals: Array, caster: RayCaster | None) -> Array:
+    """Return how well the photo shows each point (n,), in 0-1: by the angle to the ray, 0 where a
+    body hides it.
+
+    Args:
+        points: (n, 3) metres, on a body.
+        normals: (n, 3) of any length.
+        caster: of all bodies; None if no body hides another.
+    """
+    reach = np.linalg.norm(points, axis=1)
+    facing = -(normals * points).sum(1) / np.maximum(np.linalg.norm(normals, axis=1) * reach, 1e-12)
+    weight = _smooth((facing - NO_FACING) / (FULL_FACING - NO_FACING)) * (points[:, 2] > 0)
+    if caster is not None:
+        shown = np.flatnonzero(weight)
+        distance = caster.first(np.zeros(3), points[shown]).distance
+        weight[shown[distance <= 1 - HIDDEN_M / reach[shown]]] = 0.0
+    return weight
+
+
 def photo_colors(
-    result: Reconstruction, index: int, points: Array, normals: Array, caster: RayCaster | None
+    result: Reconstruction, index: int, points: Array, weight: Array
 ) -> tuple[Array, Array, Array]:
     """Return the colours of the photo at points of a person.
 
@@ -52,22 +71,20 @@ def photo_colors(
         result: of the photo.
         index: of the person.
         points: (n, 3) metres, on the body.
-        normals: (n, 3) of any length.
-        caster: of all bodies; None if no body hides another.
+        weight: (n,) see :func:`photo_weights`.
 
     Returns:
-        Colours (n, 3) sRGB 0-255, and their weights (n,) in 0-1: in the person's mask, and in the
-            mask or near it.
+        Colours (n, 3) sRGB 0-255, 0 without weight, and their weights (n,) in 0-1: in the person's
+            mask, and in the mask or near it.
     """
-    reach = np.linalg.norm(points, axis=1)
-    facing = -(normals * points).sum(1) / np.maximum(np.linalg.norm(normals, axis=1) * reach, 1e-12)
-    weight = _smooth((facing - NO_FACING) / (FULL_FACING - NO_FACING))
-    candidate = np.flatnonzero((weight > 0) & (points[:, 2] > 0))
-    visible = np.zeros(len(points), bool)
-    distance = 1.0 if caster is None else caster.first(np.zeros(3), points[candidate]).distance
-    visible[candidate] = distance > 1 - HIDDEN_M / reach[candidate]
-    photo, shown, near = _sample(result, index, points)
-    return photo, weight * (visible & shown), weight * (visible & near)
+    photo = np.zeros((len(points), 3))
+    seen = np.zeros(len(points))
+    near = np.zeros(len(points))
+    shown = np.flatnonzero((weight > 0) & (points[:, 2] > 0))
+    photo[shown], inside, close = _sample(result, index, points[shown])
+    seen[shown] = weight[shown] * inside
+    near[shown] = weight[shown] * close
+    return photo, seen, near
 
 
 def _smooth(share: Array) -> Array:
@@ -132,7 +149,7 @@ def _sample(
     import cv2
 
     picture = _mask_pictures(result)[index]
-    if picture is None:
+    if picture is None or not len(points):
         none = np.zeros(len(points), bool)
         return np.zeros((len(points), 3)), none, none
     pixels = points @ result.intrinsics.matrix.T

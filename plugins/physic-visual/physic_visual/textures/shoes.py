@@ -11,7 +11,7 @@ import numpy as np
 
 from physic_core.body import PART_NAMES, joint_pair
 from physic_visual.palette import linear_from_srgb
-from physic_visual.textures.photo import SHOWN, photo_colors
+from physic_visual.textures.photo import SHOWN, photo_colors, photo_weights
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,7 +65,8 @@ def worn_shoes(
         normals: (V, 3) unit.
         model: of the body.
     """
-    photo, seen, _ = photo_colors(result, index, vertices, normals, None)
+    weight = photo_weights(vertices, normals, None)
+    photo, seen, _ = photo_colors(result, index, vertices, weight)
     part = model.part_of_vertex
 
     def colors(*names: str) -> Array:
