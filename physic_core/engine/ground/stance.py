@@ -80,7 +80,7 @@ class Stance(ShortRepr):
         """
         parts = [observations.evidence(name) for name in ("touch", "holds")]
         stance = Stance(np.concatenate(parts, 1), np.zeros((len(parts[0]), 2)))
-        return replace(stance, stands=_ON_FLOOR_SHARE * stance.touch[:, :2])
+        return replace(stance, stands=_ON_FLOOR_SHARE * stance.limb_touch[:, :2])
 
     @staticmethod
     def unknown(count: int) -> Stance:
@@ -90,7 +90,7 @@ class Stance(ShortRepr):
         return Stance.in_picture(Observations.unknown(count))
 
     @property
-    def touch(self) -> FloatArray:
+    def limb_touch(self) -> FloatArray:
         """Probability (N, 5) that feet, hands and seat touch floor, seat or support."""
         odds = [
             touch_log_odds(kind, {OBSERVED: self.observed[:, own]})
