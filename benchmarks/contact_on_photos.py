@@ -1,29 +1,23 @@
-"""Fit the touch of body parts on labelled photos and films with measured forces.
+"""Fit the touch of body parts by their distance on labelled photos.
 
-    python -m benchmarks contact_on_photos sample DATA OUT [--films N]
-    python -m benchmarks contact_on_photos fit DATA OUT --observed FILE [--write]
+    python -m benchmarks contact_on_photos sample DATA OUT
+    python -m benchmarks contact_on_photos fit DATA OUT [--write]
 
 ``sample`` runs the embedded preset on the labelled photos of DATA/contact, of its folders of other
-collections, and of DATA/photos, and on N frames of each of the films of fits, and keeps the
-features of each person in a file of OUT; an interrupted run continues. OUT may lack photos, and
-those in it may be chosen by their labels: the constants are for the shares of touching parts among
-all labelled people. FILE is the ``left_out.json`` of ``benchmarks observer``: what fits of the
-observer to other pictures say, in place of what the shipped numbers say, which were fitted to these
-pictures.
+collections, and of DATA/photos, and keeps the features of each person in a file of OUT; an
+interrupted run continues. OUT may lack photos, and those in it may be chosen by their labels: the
+constants are for the shares of touching parts among all labelled people.
 
 ``fit`` prints the scores of pictures of DATA/contact, each by a fit to the others, and of each
 other collection by a fit to DATA/contact alone, and with ``--write`` writes
-``physic_core/engine/ground/touch.json``, fitted on all.
-
-A part that nothing shows has a base rate. It is made by cutting people in sight between shoulders
-and hips, hips and knees, and knees and ankles: the parts below are as labelled.
+``physic_core/engine/ground/touch.json``, fitted on all, and the shares of touching parts, which
+parts have that nothing shows.
 
 Contact with other people and the own body is of kind "skin", fitted to the labelled hands, feet,
 forearms and lower legs.
 
 The labels of DATA/photos and of the collections lie beside the benchmark: two readers labelled them
-apart, from the pictures alone. A frame of a film counts half, since the frames of a film are not
-independent.
+apart, from the pictures alone.
 """
 
 from __future__ import annotations
@@ -53,7 +47,6 @@ from physic_core.engine.ground.touch import (
     HAND,
     INSIDE,
     LIES,
-    OBSERVED,
     OUTSIDE,
     OWN_BODY,
     SKIN,
@@ -64,8 +57,7 @@ from physic_testing.metrics import match_by_boxes
 from .observer.labels import COLLECTIONS, collected_photos
 from .truth.contact import MIN_IOU, OF_RESULTS, TOUCHES
 from .truth.measures import probability_scores
-from .truth.scores import LIMBS
-from .truth.sets import FILMS_OF_FITS, Sample, labelled_photos, parkour, picture_of
+from .truth.sets import Sample, labelled_photos, picture_of
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -80,7 +72,6 @@ Array = NDArray[np.float64]
 
 TOUCH = Path(__file__).parents[1] / "physic_core" / "engine" / "ground" / "touch.json"
 LABELS_OF_PHOTOS = Path(__file__).parent / "truth" / "labels_of_photos.json"
-FRAME_WEIGHT = 0.5
 EXERCISES = "postures"
 """Collection that was chosen by what people do: it takes part in the fit of "other" parts alone."""
 RIDGE = 1.0
@@ -92,17 +83,8 @@ CONTACT = "contact"
 """Set of the photos of DATA/contact and DATA/photos, and of the films."""
 
 PARTS: dict[str, tuple[str, ...]] = {
-    "foot": (OBSERVED,),
-    "hand": (OBSERVED,),
-    "seat": (OBSERVED,),
-    "object": (OBSERVED,),
-    "foot by distance": (DISTANCE,),
-    "hand by distance": (DISTANCE,),
-    "seat by distance": (DISTANCE,),
+    **dict.fromkeys(RATED, (DISTANCE,)),
     "other": (LIES, CARRIES),
-    "unseen foot": (),
-    "unseen hand": (),
-    "unseen seat": (),
     SKIN: (OUTSIDE, INSIDE, HAND, OWN_BODY),
 }
 """Kind of part -> its features, of ``part_features`` in ``engine/contact/probability.py``."""
@@ -117,25 +99,16 @@ NO_SKIN = {OUTSIDE: math.log1p(SEARCH_RADIUS_M / 0.01), INSIDE: 0.0}
 
 SkinFeatures: TypeAlias = tuple[str, str, dict[str, float]]
 
-CUTS = (("knee", "ankle"), ("hip", "knee"), ("shoulder", "hip"))
-"""Joints above and below each cut."""
-
-ENDS = {"foot": "ankle", "hand": "wrist", "seat": "knee"}
-"""Label of a part without its side -> the joint below the cut, without which nothing shows the
-part.
-"""
-
 
 @dataclass(frozen=True)
 class Case:
     """A judged part of one person.
 
     Attributes:
-        picture: photo or film, which is left out at once.
+        picture: photo, which is left out at once.
         kind: of the part.
         features: by name.
         touches: whether it touches the world.
-        weight: of the case.
         set: of the picture: :data:`CONTACT`, or a collection.
     """
 
@@ -143,7 +116,6 @@ class Case:
     kind: str
     features: Mapping[str, float]
     touches: bool
-    weight: float = 1.0
     set: str = CONTACT
 
 
@@ -154,34 +126,26 @@ def main() -> int:
         description=(__doc__ or "").partition("\n")[0],
     )
     parser.add_argument("step", choices=("sample", "fit"))
-    parser.add_argument("data", type=Path, help="folder with contact, photos and truth")
+    parser.add_argument("data", type=Path, help="folder with contact and photos")
     parser.add_argument("out", type=Path)
-    parser.add_argument("--films", type=int, default=6, metavar="N", help="frames of each film")
-    parser.add_argument(
-        "--config", type=Path, metavar="FILE", help="configuration, in place of the preset embedded"
-    )
-    parser.add_argument("--observed", type=Path, metavar="FILE", help="left_out.json of observer")
     parser.add_argument("--kinds", nargs="+", choices=PARTS, default=tuple(PARTS))
     parser.add_argument("--write", action="store_true", help="write the fitted file")
     given = parser.parse_args()
-    samples = samples_of(given.data, given.films)
+    samples = samples_of(given.data)
     if given.step == "sample":
         from physic_core import Pipeline, load_config
 
-        with Pipeline(load_config(given.config, preset="embedded")) as pipeline:
+        with Pipeline(load_config(preset="embedded")) as pipeline:
             for sample in samples:
                 keep_features(sample, pipeline, given.out)
         return 0
-    if given.observed is None:
-        parser.error("fit needs --observed: left_out.json, which benchmarks observer writes")
-    left_out_of = json.loads(given.observed.read_text())
-    cases = cases_of(samples, given.out, left_out_of)
+    cases = cases_of(samples, given.out)
     fit_all(cases, given.kinds, labelled_shares(samples), write=given.write)
     return 0
 
 
-def samples_of(data: Path, frames: int) -> list[Sample]:
-    """Return the labelled photos of all collections and the first N frames of each film of fits."""
+def samples_of(data: Path) -> list[Sample]:
+    """Return the labelled photos of all collections."""
     photos = labelled_photos(data / "contact")
     files = {file.stem: file for file in (data / "photos").iterdir()}
     more = json.loads(LABELS_OF_PHOTOS.read_text())
@@ -194,11 +158,7 @@ def samples_of(data: Path, frames: int) -> list[Sample]:
             source = next((data / "contact" / collection / "photos").glob(f"{photo.name}.*"))
             truth = {"people": photo.people}
             photos.append(Sample(collection, photo.name, photo.name, source, truth=truth))
-    films: dict[str, list[Sample]] = {}
-    for sample in parkour(data / "truth" / "parkour"):
-        if sample.group in FILMS_OF_FITS:
-            films.setdefault(sample.group, []).append(sample)
-    return [*photos, *(frame for own in films.values() for frame in own[:frames])]
+    return photos
 
 
 def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
@@ -243,15 +203,7 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
             print(f"{sample.set} {sample.name}: {error}", file=sys.stderr)
     people: list[dict[str, Any]] = []
     height, width = picture_of(sample).shape[:2]
-    joints = {
-        f"{side}_{one}"
-        for side in ("left", "right")
-        for one in ("shoulder", "hip", "knee", "ankle", "wrist")
-    }
     for e in estimates if kept else ():
-        rows = {
-            name: j for j, name in enumerate(e.photo.keypoints.joint_set.names) if name in joints
-        }
         factor = width / e.image.shape[1], height / e.image.shape[0]
         for i, box in enumerate(np.asarray(e.photo.people.boxes, np.float64)):
             people.append(
@@ -259,10 +211,6 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
                     "box": (box * np.tile(factor, 2)).tolist(),
                     "parts": {
                         part: {k: v[i] for k, v in each.items()} for part, each in kept[0].items()
-                    },
-                    "y": {
-                        name: float(e.photo.keypoints.points[i, j, 1] * factor[1])
-                        for name, j in rows.items()
                     },
                     "skin": skin[i] if skin else [],
                 }
@@ -294,31 +242,19 @@ def _logit(probability: float) -> float:
     return float(np.log(probability) - np.log1p(-probability))
 
 
-def cases_of(
-    samples: Sequence[Sample], out: Path, left_out_of: Mapping[str, Sequence[Mapping[str, Any]]]
-) -> list[Case]:
-    """Return the judged parts of the samples in OUT; picture -> rows of box and log odds that a fit
-    of the observer to others gives.
-    """
+def cases_of(samples: Sequence[Sample], out: Path) -> list[Case]:
+    """Return the judged parts of the samples in OUT."""
     cases: list[Case] = []
     for sample in samples:
         file = out / f"{sample.set}-{sample.name}.json"
         people = json.loads(file.read_text()) if file.exists() else []
-        said = [
-            {"box": row["box"] or (people[0]["box"] if people else [0, 0, 1, 1]), **row["parts"]}
-            for row in left_out_of.get(sample.name, ())
-        ]
-        found = [
-            *(case for one in labels_of(sample, said) for case in observed_parts(*one)),
-            *(case for one in labels_of(sample, people) for case in placed_parts(*one)),
-            *skin_cases(sample, people),
-        ]
-        weight = 1.0 if sample.frame is None else FRAME_WEIGHT
-        cases += [
-            Case(picture_name(sample), kind, features, touches, weight, sample.set)
-            for kind, features, touches in found
-            if sample.set != EXERCISES or kind == "other"
-        ]
+        for found, labels in labels_of(sample, people):
+            own = [*placed_parts(found, labels), *skin_cases(found, labels, len(people))]
+            cases += [
+                Case(name_in_sets(sample.name), kind, features, touches, sample.set)
+                for kind, features, touches in own
+                if sample.set != EXERCISES or kind == "other"
+            ]
     return cases
 
 
@@ -326,97 +262,35 @@ Judged: TypeAlias = tuple[str, Mapping[str, float], bool]
 """Kind, features, and whether it touches."""
 
 
-def observed_parts(said: Mapping[str, Any], labels: Mapping[str, str]) -> Iterator[Judged]:
-    """Yield the labelled parts of a person, by what fits of the observer to other pictures say."""
-    for part, label in labels.items():
-        kind = part.rpartition("_")[2]
-        if kind in RATED and part in said:
-            yield kind, {OBSERVED: said[part]}, TOUCHES[label]
-        if kind == "hand" and part in said:
-            held = said[part.replace("hand", "object")]
-            yield "object", {OBSERVED: held}, label == "object"
-
-
 def placed_parts(one: Mapping[str, Any], labels: Mapping[str, str]) -> Iterator[Judged]:
-    """Yield the labelled parts of a person by their distance, and those that cuts remove."""
+    """Yield the labelled parts of a person by their distance."""
     for part, label in labels.items():
         features = one["parts"].get(OF_RESULTS.get(part, part))
         kind = part.rpartition("_")[2]
         if features is not None:
-            yield f"{kind} by distance" if kind in RATED else "other", features, TOUCHES[label]
-    touches = {part: TOUCHES[label] for part, label in labels.items()}
-    for row in cut_rows(one["y"]).values():
-        for part, touching in removed_parts(one["y"], touches, row).items():
-            yield f"unseen {part.rpartition('_')[2]}", {}, touching
+            yield kind if kind in RATED else "other", features, TOUCHES[label]
 
 
-def skin_cases(sample: Sample, people: Sequence[Mapping[str, Any]]) -> list[Judged]:
-    """Return whether the labelled parts of the found people of a photo touch another person, if one
-    was found, and the own body.
+def skin_cases(one: Mapping[str, Any], labels: Mapping[str, str], people: int) -> Iterator[Judged]:
+    """Yield whether the labelled parts of one of some found people touch another person, if there
+    is one, and the own body.
     """
-    truth = sample.truth.get("people", ())
-    if not people or not truth:
-        return []
-    matched = match_by_boxes(
-        [one["box"] for one in people], [one["box"] for one in truth], MIN_IOU
-    ).predicted_of
-    cases = []
-    for i, j in matched.items():
-        labels = {OF_RESULTS.get(part, part): label for part, label in truth[i]["parts"].items()}
-        for part, partner, features in people[j]["skin"]:
-            if labels.get(part) is not None and (partner == "own" or len(people) > 1):
-                touches = labels[part] == partner
-                cases.append((SKIN, features, touches))
-    return cases
-
-
-def cut_rows(y: Mapping[str, float]) -> dict[str, float]:
-    """Return joint above the cut -> row between these joints and those below, px, where they are in
-    this order.
-    """
-    found = {}
-    for above, below in CUTS if y else ():
-        upper, lower = (
-            [y[f"{side}_{joint}"] for side in ("left", "right")] for joint in (above, below)
-        )
-        if max(upper) < min(lower):
-            found[above] = (max(upper) + min(lower)) / 2
-    return found
-
-
-def removed_parts(
-    y: Mapping[str, float], judged: Mapping[str, bool], row: float
-) -> dict[str, bool]:
-    """Return the judged feet, hands and seat whose ends are below a row: part -> whether it touches
-    the world.
-    """
-    found = {}
-    for part, touches in judged.items():
-        side, _, kind = part.rpartition("_")
-        ends = [0.0]
-        if kind in ENDS:
-            sides = [side] if side else ["left", "right"]
-            ends = [y[f"{one}_{ENDS[kind]}"] for one in sides]
-        if min(ends) > row:
-            found[part] = touches
-    return found
-
-
-def picture_name(sample: Sample) -> str:
-    """Return a name that a picture has in all sets: the number that its source gave it, else the
-    end of its name.
-    """
-    return sample.group if sample.frame is not None else name_in_sets(sample.name)
+    of_results = {OF_RESULTS.get(part, part): label for part, label in labels.items()}
+    for part, partner, features in one["skin"]:
+        if part in of_results and (partner == "own" or people > 1):
+            yield SKIN, features, of_results[part] == partner
 
 
 def name_in_sets(photo: str) -> str:
-    """Return :func:`picture_name` of a photo of this name."""
+    """Return a name that a photo has in all sets: the number that its source gave it, else the end
+    of its name.
+    """
     numbers = re.findall(r"\d{6,}", photo)
     return numbers[-1] if numbers else re.sub("^tfjs(-models_)?_", "", photo)
 
 
 def half_of(picture: str) -> str:
-    """Return the half of a photo with this :func:`picture_name`."""
+    """Return the half of a photo with this :func:`name_in_sets`."""
     return HALVES[digest(picture) % 2]
 
 
@@ -429,25 +303,19 @@ def labels_of(
     sample: Sample, people: Sequence[Mapping[str, Any]]
 ) -> list[tuple[Mapping[str, Any], dict[str, str]]]:
     """Return the found people of a sample whose parts were judged, with part -> label."""
+    truth = sample.truth["people"]
     if not people:
         return []
-    boxes = [person["box"] for person in people]
-    if "people" in sample.truth:
-        truth = sample.truth["people"]
-        matched = match_by_boxes(boxes, [one["box"] for one in truth], MIN_IOU).predicted_of
-        return [
-            (people[j], {part: label for part, label in truth[i]["parts"].items() if label})
-            for i, j in matched.items()
-        ]
-    largest = max(
-        people, key=lambda one: (one["box"][2] - one["box"][0]) * (one["box"][3] - one["box"][1])
-    )
-    parts = {part: limb for limb, part in LIMBS.items() if not sample.truth["uncaptured"][limb]}
-    touches = sample.truth["touches"]
-    return [(largest, {p: "support" if touches[limb] else "none" for p, limb in parts.items()})]
+    matched = match_by_boxes(
+        [person["box"] for person in people], [one["box"] for one in truth], MIN_IOU
+    ).predicted_of
+    return [
+        (people[j], {part: label for part, label in truth[i]["parts"].items() if label})
+        for i, j in matched.items()
+    ]
 
 
-def logistic(features: Array, touches: Array, weights: Array) -> Array:
+def logistic(features: Array, touches: Array) -> Array:
     """Return constant and coefficients of log odds, by maximum likelihood with a ridge on
     standardised columns.
     """
@@ -460,8 +328,7 @@ def logistic(features: Array, touches: Array, weights: Array) -> Array:
     def loss(w: Array) -> float:
         odds = columns @ w
         return float(
-            (weights * (np.logaddexp(0, odds) - touches * odds)).sum()
-            + RIDGE / 2 * (w[1:] ** 2).sum()
+            (np.logaddexp(0, odds) - touches * odds).sum() + RIDGE / 2 * (w[1:] ** 2).sum()
         )
 
     found = minimize(loss, np.zeros(columns.shape[1])).x
@@ -469,27 +336,28 @@ def logistic(features: Array, touches: Array, weights: Array) -> Array:
     return np.array([found[0] - slopes @ mean, *slopes])
 
 
-def table_of(cases: Sequence[Case], kind: str) -> tuple[Array, Array, Array]:
-    """Return features (n, F), whether the parts touch, and weights of the cases of one kind."""
+def table_of(cases: Sequence[Case], kind: str) -> tuple[Array, Array]:
+    """Return features (n, F) and whether the parts touch, of the cases of one kind."""
     own = [case for case in cases if case.kind == kind]
     features = [[float(np.nan_to_num(case.features[name])) for name in PARTS[kind]] for case in own]
-    touches, weights = np.array([(case.touches, case.weight) for case in own], np.float64).T
-    return np.array(features, np.float64), touches, weights
+    return np.array(features, np.float64), np.array([case.touches for case in own], np.float64)
 
 
 def labelled_shares(samples: Sequence[Sample]) -> dict[str, float]:
-    """Return kind of part -> share that touches the world among all labelled people of photos but
-    exercises.
+    """Return foot, hand, seat -> share that touches the world among all labelled people of photos
+    but exercises; and "object", that of hands that hold or pet something.
     """
-    touches: dict[str, list[bool]] = {}
+    touches: dict[str, list[bool]] = {kind: [] for kind in (*RATED, "object")}
     for sample in samples:
         if sample.set == EXERCISES:
             continue
-        for person in sample.truth.get("people", ()):
+        for person in sample.truth["people"]:
             for part, label in person["parts"].items():
-                if label is not None:
-                    kind = part.rpartition("_")[2]
-                    touches.setdefault(kind, []).append(TOUCHES[label])
+                kind = part.rpartition("_")[2]
+                if label is not None and kind in RATED:
+                    touches[kind].append(TOUCHES[label])
+                if label is not None and kind == "hand":
+                    touches["object"].append(label == "object")
     return {kind: float(np.mean(values)) for kind, values in touches.items()}
 
 
@@ -497,10 +365,10 @@ def fit_of(cases: Sequence[Case], kind: str, shares: Mapping[str, float]) -> Arr
     """Return constant and coefficients of a kind of part, for the share of touching parts that
     all labelled people have.
     """
-    features, touches, weights = table_of(cases, kind)
-    found = logistic(features, touches, weights)
-    if (share := shares.get(kind.removesuffix(" by distance"))) is not None:
-        found[0] += _logit(share) - _logit(float(weights @ touches / weights.sum()))
+    features, touches = table_of(cases, kind)
+    found = logistic(features, touches)
+    if (share := shares.get(kind)) is not None:
+        found[0] += _logit(share) - _logit(float(touches.mean()))
     return found
 
 
@@ -522,22 +390,15 @@ def fit_all(
         w = fit_of(cases, kind, shares)
         weights[kind] = dict(zip(("constant", *PARTS[kind]), w.round(3).tolist(), strict=True))
     record["error on pictures left out"] = {kind: scores[kind] for kind in PARTS}
+    record["shares"] = {kind: round(share, 3) for kind, share in shares.items()}
     record["parts"] = {kind: weights[kind] for kind in PARTS}
-    record["fitted on"] |= {kind: pictures_of(cases, kind) for kind in kinds}
-    record["fitted on"] = {kind: record["fitted on"][kind] for kind in PARTS}
+    pictures = {kind: len({c.picture for c in cases if c.kind == kind}) for kind in kinds}
+    record["fitted on"] |= {
+        kind: f"{count} photos labelled by two readers" for kind, count in pictures.items()
+    }
     print(json.dumps(record, indent=2))
     if write:
         TOUCH.write_text(json.dumps(record, indent=2) + "\n")
-
-
-def pictures_of(cases: Sequence[Case], kind: str) -> str:
-    """Return in words how many pictures have cases of a kind."""
-    photos, films = (
-        len({case.picture for case in cases if case.kind == kind and (case.weight < 1) == of_film})
-        for of_film in (False, True)
-    )
-    words = f"{photos} photos labelled by two readers"
-    return f"{words}, and {films} films with measured forces" if films else words
 
 
 def left_out(
@@ -550,11 +411,7 @@ def left_out(
     for fold in range(10):
         others = [case for case in cases if digest(case.picture + "fold") % 10 != fold]
         w = fit_of(others, kind, shares)
-        own = (
-            c
-            for c in cases
-            if c.kind == kind and c.weight == 1 and digest(c.picture + "fold") % 10 == fold
-        )
+        own = (c for c in cases if c.kind == kind and digest(c.picture + "fold") % 10 == fold)
         found += [(case, chance(case, w)) for case in own]
     return found
 

@@ -1,6 +1,6 @@
 """Fit the embedded observer of people to labelled photos, and score it on other collections.
 
-    python -m benchmarks observer DATA OUT [--encoder MODULE:NAME] [--write] [--changed N]
+    python -m benchmarks observer DATA OUT [--encoder MODULE:NAME] [--write]
 
 DATA/contact has ``labels.json``, ``children.json`` and ``photos``; its folders ``other``, ``third``
 and ``postures`` have photos of other collections, whose labels by two readers lie beside the
@@ -9,48 +9,43 @@ hands with measured forces. Tokens and keypoints of each picture are kept in OUT
 second run takes no network.
 
 Each question is scored with photos left out, with whole repositories left out, and on the other
-collection and films by a fit to the given photos alone. The numbers are then fitted to all of them
-but the films apart, and calibrated on people whose repository took no part, and written to OUT,
-with ``--write`` into the plugin. ``left_out.json`` of OUT has what fits to the other pictures say,
-for ``contact_on_photos``.
+collections and films by a fit to the given photos alone; then the photos of each collection by fits
+to the others of all collections. The numbers are fitted to all pictures but the films apart, and
+calibrated on people whose repository took no part, and written to OUT, with ``--write`` into the
+plugin.
 
-``--changed N`` says instead how far the plugin's answers move when N pictures are mirrored, made
-grey, smaller, or a column narrower, or seen in int8 or at 322 px. ``--encoder`` names a function
-from a photo (H, W, 3) to ``PatchTokens``, whose numbers are for a backend of your own.
+``--encoder`` names a function from a photo (H, W, 3) to ``PatchTokens``, whose numbers are for a
+backend of your own.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-from collections.abc import Mapping, Sequence
-from functools import cache, partial
+from collections.abc import Sequence
+from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import cv2
 
 from benchmarks.truth.scores import LIMBS as LIMBS_OF_FILMS
 from benchmarks.truth.sets import FILMS_OF_FITS, Sample, parkour, picture_of
 from physic_core.files.npz import write_arrays
-from physic_core.types.skeletons import SIDES
 from physic_embedded.networks.depth_anything import patch_tokens
 from physic_embedded.networks.sessions import open_packaged_session
-from physic_embedded.person_observer import LIMBS, NUMBERS, REGIONS, tokens_of_questions
+from physic_embedded.person_observer import NUMBERS, REGIONS, tokens_of_questions
 from physic_testing.metrics import match_by_boxes
 
 from .fit import (
     APART,
     LabelledPerson,
     Question,
-    evidence_left_out,
     figures,
     fitted,
     question_of,
 )
 from .labels import COLLECTIONS, Photo, collected_photos, given_photos
-from .robust import lines_of, moved
 from .sample import Networks, Picture, read_seen, write_seen
 
 if TYPE_CHECKING:
@@ -67,14 +62,7 @@ if TYPE_CHECKING:
 FILM_FRAMES = 6
 """Frames of each film."""
 
-LEFT_OUT = "left_out.json"
-
-# Question -> the columns of evidence that its answers give.
-_COLUMNS = {"foot": ("foot",), "hand": ("hand", "object"), "seat": ("seat",), "in_air": ("in_air",)}
-
 ENCODER = "benchmarks.observer.command:embedded_encoder"
-
-_STEP = 9  # of the pictures that are changed
 
 _LEAST_IOU = 0.4  # of a labelled person and of a person in OUT, whose labels may have changed
 
@@ -88,7 +76,6 @@ def main() -> int:
     parser.add_argument("out", type=Path)
     parser.add_argument("--encoder", default=ENCODER, metavar="MODULE:NAME")
     parser.add_argument("--write", action="store_true", help="write the plugin's numbers")
-    parser.add_argument("--changed", type=int, default=0, metavar="N", help="photos to change")
     given = parser.parse_args()
     if not (given.data / "contact" / "labels.json").is_file():
         print(f"skipped: {given.data / 'contact' / 'labels.json'} is not there")
@@ -108,34 +95,11 @@ def main() -> int:
     module, _, name = given.encoder.partition(":")
     encoder = getattr(import_module(module), name)
     people = list(_people(pictures, given.out, encoder))
-    if given.changed:
-        files = [(source, out_file(given.out, photo)) for photo, source in pictures[::_STEP]]
-        chosen = ((_rgb(source), read_seen(file)) for source, file in files[: given.changed])
-        print(*lines_of(moved(chosen, encoder, OTHER_ENCODERS)), sep="\n")
-        return 0
     numbers = {name: _fitted(question_of(name, people)) for name in REGIONS}
-    (given.out / LEFT_OUT).write_text(json.dumps(_touch_left_out(people)))
     for file in (given.out / NUMBERS.name, *([NUMBERS] if given.write else [])):
         write_arrays(file, numbers, stored="f")
         print(f"wrote {file}")
     return 0
-
-
-def _touch_left_out(people: Sequence[LabelledPerson]) -> dict[str, list[dict[str, Any]]]:
-    """Return picture -> rows of box and log odds beyond the share, of labelled people, by fits to
-    the other pictures: of touching feet, hands and seat, held objects, and people in the air.
-    """
-    rows: dict[int, tuple[LabelledPerson, dict[str, float]]] = {}
-    for question, names in _COLUMNS.items():
-        for person, side, odds in evidence_left_out(question, people):
-            own = rows.setdefault(id(person), (person, {}))[1]
-            for name, value in zip(names, odds.tolist(), strict=False):
-                own[f"{SIDES[side]}_{name}" if question in LIMBS else name] = value
-    found: dict[str, list[dict[str, Any]]] = {}
-    for person, parts in rows.values():
-        row = {"box": person.truth.get("box"), "parts": parts}
-        found.setdefault(person.photo.name, []).append(row)
-    return found
 
 
 def _fitted(question: Question) -> NDArray[np.float32]:
@@ -145,20 +109,11 @@ def _fitted(question: Question) -> NDArray[np.float32]:
     return fitted(question.of(question.sets != APART))
 
 
-def embedded_encoder(
-    picture: Picture, graph: str = "depth_anything_v2_vits", short_side: int = 406
-) -> PatchTokens:
+def embedded_encoder(picture: Picture) -> PatchTokens:
     """Return the tokens of the packaged depth network's encoder, as the embedded backend reads
     them.
     """
-    return patch_tokens(graph, opened, picture, short_side, 3600)
-
-
-OTHER_ENCODERS: Mapping[str, Encoder] = {
-    "int8": partial(embedded_encoder, graph="depth_anything_v2_vits_int8"),
-    "322 px": partial(embedded_encoder, short_side=322),
-}
-"""Other ways to look at a picture, for numbers that are fitted to tokens of float32 at 406 px."""
+    return patch_tokens("depth_anything_v2_vits", opened, picture, 406, 3600)
 
 
 @cache

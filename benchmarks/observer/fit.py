@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logit
 
 from benchmarks.truth.measures import probability_scores
 from physic_testing.metrics.intervals import draw_counts, percentile_interval
@@ -91,43 +90,22 @@ class Question:
 
 def question_of(name: str, people: Sequence[LabelledPerson]) -> Question:
     """Return the examples of one question: labelled, and in the picture."""
-    rows = list(_rows(name, people))
-    photos = [person.photo for _, _, person, _ in rows]
+    rows = [
+        (x, y, person.photo)
+        for person in people
+        for x, y in zip(person.tokens[name], answers(name, person.truth), strict=True)
+        if np.isfinite(x).all() and np.isfinite(y).all()
+    ]
+    photos = [photo for *_, photo in rows]
     weight = [FRAME_WEIGHT if photo.set.startswith("films") else 1.0 for photo in photos]
     examples = Examples(
         np.array([x for x, *_ in rows]),
-        np.array([y for _, y, *_ in rows]),
+        np.array([y for _, y, _ in rows]),
         np.array(weight),
         [photo.group for photo in photos],
     )
     sets = np.array([photo.set for photo in photos])
     return Question(name, examples, sets, np.array([photo.repository for photo in photos]))
-
-
-def _rows(
-    name: str, people: Sequence[LabelledPerson]
-) -> Iterator[tuple[Array, Array, LabelledPerson, int]]:
-    """Yield tokens, answers, person and side of each example of a question."""
-    for person in people:
-        pairs = zip(person.tokens[name], answers(name, person.truth), strict=True)
-        for side, (x, y) in enumerate(pairs):
-            if np.isfinite(x).all() and np.isfinite(y).all():
-                yield x, y, person, side
-
-
-def evidence_left_out(
-    name: str, people: Sequence[LabelledPerson]
-) -> Iterator[tuple[LabelledPerson, int, Array]]:
-    """Yield person, side and log odds (K,) of each answer beyond its share, by a fit to the other
-    pictures, of each example of a question.
-    """
-    question = question_of(name, people)
-    of = question.examples
-    factor, offset = pair_of(question)
-    logits = factor * left_out(of, partial(fit_logistic, ridge=RIDGE)) + offset
-    beyond = logit(probabilities(logits)) - logit(of.weight @ of.y / of.weight.sum())
-    for (_, _, person, side), values in zip(_rows(name, people), beyond, strict=True):
-        yield person, side, values
 
 
 def fitted(question: Question, ridge: float = RIDGE) -> NDArray[np.float32]:
@@ -148,7 +126,8 @@ def pair_of(question: Question, ridge: float = RIDGE) -> tuple[float, float]:
 
 def figures(question: Question, ridge: float = RIDGE) -> dict[str, str]:
     """Return the scores of a question with photos left out, with repositories left out, on each
-    other set by a fit to the given photos alone, and on films apart by a fit to all others.
+    other set by a fit to the given photos alone, on each set by fits to the other pictures of all,
+    and on films apart by a fit to all others.
     """
     fit = partial(fit_logistic, ridge=ridge)
     given = question.of(question.sets == "given")
@@ -168,6 +147,11 @@ def figures(question: Question, ridge: float = RIDGE) -> dict[str, str]:
         apart = question.of(question.sets == other).examples
         rows[other] = _scores(scaled(logits_of(numbers, apart.x)), apart)
     rest = question.of(question.sets != APART)
+    factor, offset = pair_of(rest, ridge)
+    likely = probabilities(left_out(rest.examples, fit) * factor + offset)
+    for own in sorted({*rest.sets.tolist()}):
+        of_set = rest.sets == own
+        rows[f"{own}, by all others"] = _scores(likely[of_set], rest.examples.take(of_set))
     if (apart := question.of(question.sets == APART).examples).groups:
         numbers = fitted(rest, ridge)[:, :-1].astype(np.float64)
         rows[f"{APART}, by all"] = _scores(probabilities(logits_of(numbers, apart.x)), apart)

@@ -71,7 +71,7 @@ def main() -> int:
         "--worst", type=int, default=5, help="number of changes of distance to list"
     )
     given = parser.parse_args()
-    samples = drawn(samples_of(given.data, 0), given.photos, given.seed)
+    samples = drawn(samples_of(given.data), given.photos, given.seed)
     samples = [sample for sample in samples if given.half in (None, half_of(sample.name))]
     names = [name for name in given.variants.split(",") if name]
     variants = [

@@ -199,9 +199,9 @@ class State(ShortRepr):
         stands: (N, 2) probability that the foot stands on the floor; None if unknown.
         observed_touch: (N, 7) as ``observed`` of :class:`~physic_core.engine.ground.stance.Stance`;
             None if unknown.
-        touch: (N, 5) probability by the picture that feet, hands and seat touch something; by stage
-            2 less for feet of people who ride. It weights their attraction to floor and scene; None
-            counts as 1.
+        limb_touch: (N, 5) probability by the picture that feet, hands and seat touch something; by
+            stage 2 less for feet of people who ride. It weights their attraction to floor and
+            scene; None counts as 1.
         carried: what people ride, and boards below their feet; None without any in the picture.
         scale_sigma: standard deviation of log(scale) of the scene, or None.
         known: sizes that the user knows; None without any.
@@ -238,7 +238,7 @@ class State(ShortRepr):
     head_sigma: Tensor | None = field(default=None, metadata=shape("N"))
     stands: Tensor | None = field(default=None, metadata=shape("N", 2))
     observed_touch: Tensor | None = field(default=None, metadata=shape("N", 7))
-    touch: Tensor | None = field(default=None, metadata=shape("N", 5))
+    limb_touch: Tensor | None = field(default=None, metadata=shape("N", 5))
     carried: Carried | None = None
     scale_sigma: float | None = None
     known: KnownGeometry | None = None
@@ -335,14 +335,14 @@ class State(ShortRepr):
         """
         model = self.model
         weight = self.transl.new_ones(len(self), model.num_vertices)
-        if self.touch is None:
+        if self.limb_touch is None:
             return weight
         for name in ("thighs", "gluteus", "back"):
-            weight[:, model.contact_sets[name]] = self.touch[:, 4:].to(weight)
+            weight[:, model.contact_sets[name]] = self.limb_touch[:, 4:].to(weight)
         limbs = [f"{side}_{limb}" for limb in ("foot", "hand") for side in SIDES]
         for column, name in enumerate(limbs):
             part = model.part_of_vertex == model.part_names.index(name)
-            weight[:, part] = self.touch[:, column, None].to(weight)
+            weight[:, part] = self.limb_touch[:, column, None].to(weight)
         return weight
 
     def select_people(self, rows: Tensor) -> State:

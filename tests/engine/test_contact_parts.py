@@ -34,7 +34,7 @@ def person(body):
 def touch(state):
     """Probability of contact with the scene: of the vertices (V,), and of each part."""
     method = replace(METHOD, people=False)
-    found = method.touch(state, near_of(state, method))
+    found = method.find_touch(state, near_of(state, method))
     return found.probability[0], {name: float(value) for name, value in found.parts.items()}
 
 

@@ -106,7 +106,7 @@ def test_a_vertex_touches_skin_if_its_part_probably_does(body, monkeypatch, skin
     normals[0, hand] = -normals[0, thigh[0]]
     near = replace(near, normals=normals, own=replace(near.own, distance=distance, vertex=at))
     always_touched(monkeypatch, skin)
-    assert set(method.touch(given, near).kind[0, hand].unique().tolist()) == kinds
+    assert set(method.find_touch(given, near).kind[0, hand].unique().tolist()) == kinds
 
 
 def test_parts_that_meet_at_a_joint_do_not_touch(body, monkeypatch):
@@ -119,7 +119,7 @@ def test_parts_that_meet_at_a_joint_do_not_touch(body, monkeypatch):
     at = near.own.vertex.clone()
     at[:] = int(torch.nonzero(body.part_of_vertex == body.part_names.index("left_hand"))[0])
     near = replace(near, own=replace(near.own, vertex=at))
-    assert set(method.touch(given, near).kind[0, arm].unique().tolist()) == {-1}
+    assert set(method.find_touch(given, near).kind[0, arm].unique().tolist()) == {-1}
 
 
 def test_a_thigh_beside_the_thigh_of_another_does_not_sit(body, monkeypatch):

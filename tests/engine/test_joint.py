@@ -323,7 +323,7 @@ IN_AIR = torch.tensor([[0.0] * 5, [1.0] * 5])
 def test_a_person_in_the_air_is_not_pulled_to_the_floor(two):
     state = moved(two.state, by=(0.0, -0.15, 0.0))
     everybody, one = (
-        JointEnergy(replace(state, touch=touch), SETTINGS) for touch in (None, IN_AIR)
+        JointEnergy(replace(state, limb_touch=touch), SETTINGS) for touch in (None, IN_AIR)
     )
     assert everybody.weights["lower_sole"].tolist() == [1, 1]
     assert one.weights["lower_sole"].tolist() == [0, 1]
@@ -331,17 +331,17 @@ def test_a_person_in_the_air_is_not_pulled_to_the_floor(two):
 
 
 def test_a_person_in_the_air_has_the_depth_offset_of_people_without_a_floor(two):
-    variables = JointEnergy(replace(two.state, touch=IN_AIR), SETTINGS).variables
+    variables = JointEnergy(replace(two.state, limb_touch=IN_AIR), SETTINGS).variables
     with torch.no_grad():
         variables.values["offset"].fill_(1.0)
     sigmas = [SETTINGS.depth.offset_alone_sigma, SETTINGS.depth.offset_sigma]
     assert variables.unpack().offset.tolist() == pytest.approx(sigmas)
     tied = adjusted(SETTINGS, depth__offset_alone_sigma=0.0, optimiser__steps=10)
     farther = replace(two.state, photo_depth=1.15 * two.state.photo_depth)
-    result = optimize(replace(farther, touch=IN_AIR), tied)
+    result = optimize(replace(farther, limb_touch=IN_AIR), tied)
     assert result.joint.depth_offset[0] == 0.0
     assert result.joint.depth_offset[1] < -0.05
-    jumping = JointEnergy(replace(farther, touch=torch.zeros_like(IN_AIR)), tied)
+    jumping = JointEnergy(replace(farther, limb_touch=torch.zeros_like(IN_AIR)), tied)
     assert "offset" not in jumping.variables.free
 
 

@@ -30,17 +30,17 @@ def observed(touch):
 
 
 def touch_of(said):
-    return Stance.in_picture(said).touch
+    return Stance.in_picture(said).limb_touch
 
 
 def test_feet_of_which_nothing_is_said_are_those_of_an_average_person():
-    feet = Stance.unknown(2).touch[:, :2]
+    feet = Stance.unknown(2).limb_touch[:, :2]
     assert 0.5 < feet.min() == feet.max() < 0.97
-    assert Stance.unknown(0).touch.shape == (0, 5)
+    assert Stance.unknown(0).limb_touch.shape == (0, 5)
 
 
 def test_what_is_observed_of_a_part_moves_its_touch_and_no_other():
-    average = Stance.unknown(1).touch[0]
+    average = Stance.unknown(1).limb_touch[0]
     for column in range(5):
         for sure in (0.03, 0.97):
             said = np.full(5, math.nan)
@@ -83,8 +83,8 @@ def test_feet_of_people_who_ride_are_not_on_the_floor():
 def test_people_without_a_body_have_average_feet():
     known = Stance.in_picture(observed([0.2] * 5))
     wider = known.expanded(np.array([False, True]))
-    assert wider.touch[1].tolist() == known.touch[0].tolist()
-    assert wider.touch[0].tolist() == Stance.unknown(1).touch[0].tolist()
+    assert wider.limb_touch[1].tolist() == known.limb_touch[0].tolist()
+    assert wider.limb_touch[0].tolist() == Stance.unknown(1).limb_touch[0].tolist()
 
 
 def floor_depth(state):
@@ -139,7 +139,7 @@ def test_a_foot_that_hardly_touches_stays_lifted(make_stage):
     lift = height(stage.vertices)
     assert 0.05 < lift < 0.15
     state = replace(stage.state, keypoint_confidence=0.35 * stage.state.keypoint_confidence)
-    known = replace(state, touch=torch.tensor([[0.0, 1.0, 1.0, 1.0, 1.0]]))
+    known = replace(state, limb_touch=torch.tensor([[0.0, 1.0, 1.0, 1.0, 1.0]]))
     plain, lifted = (
         height(optimize(given, engine_preset("default").joint).vertices) for given in (state, known)
     )

@@ -96,7 +96,7 @@ class ContactMethod:
         """Return the distance of vertices to the scene; arguments as in ``DistanceMeasure``."""
         return distance_along_normal(offsets, normals, distance)
 
-    def touch(self, state: State, near: Distances) -> Touch:
+    def find_touch(self, state: State, near: Distances) -> Touch:
         """Return the contacts of vertices whose fitted probability is at least the threshold.
 
         A vertex touches only what its body part touches, and nothing farther than a hand's breadth.

@@ -5,8 +5,8 @@ A part has one probability of contact with scene or floor, see
 :mod:`physic_core.engine.ground.touch`. Of feet, hands and buttocks it is what the person observer
 says. Distance decides of all others: all vertices of a part share the errors of its position, so
 that its distance is one number, the fifth smallest of its vertices, which is robust to outliers.
-Feet, hands and buttocks of which the observer says nothing and no keypoint is seen have the base
-rate of their kind: their place is a guess.
+Feet, hands and buttocks of which the observer says nothing and no keypoint is seen have the share
+of their kind: their place is a guess.
 
 The ten surest vertices of a part have its probability. The others have less of it, the farther they
 are from the surface beside these, and the less directly their skin faces it.
@@ -37,10 +37,10 @@ from physic_core.engine.ground.touch import (
     HAND,
     INSIDE,
     LIES,
-    OBSERVED,
     OUTSIDE,
     OWN_BODY,
     SKIN,
+    observed_log_odds,
     touch_log_odds,
 )
 from physic_core.engine.state import State
@@ -97,13 +97,18 @@ def scene_contact(state: State, at: NearScene) -> dict[str, Tensor]:
         kind = kind_of_part(name)
         odds = touch_log_odds(kind, features)
         if kind in RATED:
-            by_distance, rate = (
-                touch_log_odds(of, features) for of in (f"{kind} by distance", f"unseen {kind}")
-            )
-            silent = torch.where(unseen[name], rate, by_distance)
-            odds = torch.where(features[OBSERVED] == 0, silent, odds)
+            said = _observed(state, name)
+            by_distance = (said == 0) & ~unseen[name]
+            odds = torch.where(by_distance, odds, observed_log_odds(kind, said))
         parts[name] = torch.sigmoid(odds)
     return parts
+
+
+def _observed(state: State, column: str) -> Tensor:
+    """Return the log odds (N,) of one of :data:`OBSERVED_COLUMNS`; 0 without an observer."""
+    if state.observed_touch is None:
+        return state.vertices.new_zeros(len(state))
+    return state.observed_touch[:, OBSERVED_COLUMNS.index(column)].to(state.vertices)
 
 
 def by_vertex(model: BodyModel, parts: Mapping[str, Tensor]) -> Tensor:
@@ -116,14 +121,10 @@ def object_contact(state: State) -> Tensor:
     where the observer says nothing.
     """
     found = torch.zeros_like(state.vertices[..., 0])
-    observed = state.observed_touch
-    if observed is None:
-        return found
     for side in SIDES:
-        said = observed[:, OBSERVED_COLUMNS.index(f"{side}_object")]
-        likely = torch.sigmoid(touch_log_odds("object", {OBSERVED: said}))
-        chosen = state.model.in_contact_sets(f"{side}_hand")
-        found[:, chosen] = torch.where(said == 0, 0.0, likely)[:, None].to(found)
+        said = _observed(state, f"{side}_object")
+        likely = torch.where(said == 0, 0.0, torch.sigmoid(observed_log_odds("object", said)))
+        found[:, state.model.in_contact_sets(f"{side}_hand")] = likely[:, None]
     return found
 
 
@@ -191,7 +192,6 @@ def _vertex_share(model: BodyModel, rise: Tensor, facing: Tensor) -> Tensor:
 
     Args:
         model: of the bodies.
-        down: (N, P) cosine between down and the skin of the part that is nearest to the surface.
         rise: (N, V) how much farther the vertex is than its part, metres.
         facing: (N, V) cosine between the skin and the surface that it faces.
     """
@@ -207,9 +207,6 @@ def part_features(state: State, at: NearScene) -> dict[str, dict[str, Tensor]]:
     """Return part -> name of a feature -> values (N,): one reason for or against contact of the
     part with the scene.
     """
-    observed = {}
-    if state.observed_touch is not None:
-        observed = dict(zip(OBSERVED_COLUMNS, state.observed_touch.to(at.gap).T, strict=True))
     tilt = torch.as_tensor(trunk_tilt_deg(*exact_arrays(state.joints, state.up)))
     lies = ((tilt - 90).abs() < LYING_DEG).to(at.gap)
     found = {}
@@ -220,7 +217,6 @@ def part_features(state: State, at: NearScene) -> dict[str, dict[str, Tensor]]:
             DISTANCE: distance,
             LIES: lies,
             CARRIES: torch.relu(1 - distance) * torch.relu(down),
-            OBSERVED: observed.get(name, torch.zeros_like(gap)),
         }
     return found
 

@@ -66,7 +66,7 @@ def solve_contact(estimates: Estimates, state: State, method: ContactMethod) -> 
 
 def find_contact(state: State, near: Distances, method: ContactMethod) -> Contact:
     """Return the contact of people by their distances."""
-    touch = _with_unknown(state, method.touch(state, near))
+    touch = _with_unknown(state, method.find_touch(state, near))
     carried = _find_supports(state, near, touch, method)
     return _describe_contacts(state, near, _add_hidden_contacts(state, touch, carried), carried)
 

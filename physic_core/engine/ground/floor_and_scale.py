@@ -206,7 +206,7 @@ def _ground_at_soles(photo: PhotoContent) -> tuple[GroundAtSoles, ...]:
     visible = ~photo.hole
     raised = photo.labelled(*RAISED_SURFACES)
     keypoints = photo.keypoints
-    touch = Stance.in_picture(photo.observations).touch[:, :2]
+    touch = Stance.in_picture(photo.observations).limb_touch[:, :2]
     found = []
     for i, mask in enumerate(photo.masks):
         reach = _BESIDE_SOLES * float(mask.any(1).sum()) + _BESIDE_SOLES_PHOTO * max(height, width)
@@ -402,7 +402,7 @@ def _stance_without_floor(photo: PhotoContent) -> tuple[Stance, FloatArray]:
         keypoints, photo.masks, photo.aligned.depth, photo.scene.depth, raised
     )
     rides = np.nan_to_num(photo.observations.posture[:, POSTURES.index("ride")])
-    stands, right = standing_prior(stance.touch[:, :2], gap, among, rides)
+    stands, right = standing_prior(stance.limb_touch[:, :2], gap, among, rides)
     carriers = photo.people.carriers
     carried = carried_people(carriers, keypoints) if carriers else None
     return replace(stance, stands=stands, carried=carried), right

@@ -1,6 +1,6 @@
 """Touch of feet, hands and seat, from the picture before people are placed.
 
-What the person observer says of a part decides. The weights are in ``touch.json``.
+What the person observer says of a part decides.
 
 At the pixels of a foot on the ground, the depth map of the photo and that of the scene without
 people nearly agree: the ground continues behind the foot. A foot in the air has a gap, the
@@ -20,7 +20,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.ground.carriers import NOTHING, Carried
-from physic_core.engine.ground.touch import LEAST_PROBABILITY, OBSERVED, touch_log_odds
+from physic_core.engine.ground.touch import LEAST_PROBABILITY, observed_log_odds
 from physic_core.geometry.pixels import dilate_square
 from physic_core.types.arrays import PER_PERSON
 from physic_core.types.observations import TOUCH_PARTS
@@ -80,7 +80,7 @@ class Stance(ShortRepr):
         """
         parts = [observations.evidence(name) for name in ("touch", "holds")]
         stance = Stance(np.concatenate(parts, 1), np.zeros((len(parts[0]), 2)))
-        return replace(stance, stands=_ON_FLOOR_SHARE * stance.touch[:, :2])
+        return replace(stance, stands=_ON_FLOOR_SHARE * stance.limb_touch[:, :2])
 
     @staticmethod
     def unknown(count: int) -> Stance:
@@ -90,10 +90,10 @@ class Stance(ShortRepr):
         return Stance.in_picture(Observations.unknown(count))
 
     @property
-    def touch(self) -> FloatArray:
+    def limb_touch(self) -> FloatArray:
         """Probability (N, 5) that feet, hands and seat touch floor, seat or support."""
         odds = [
-            touch_log_odds(kind, {OBSERVED: self.observed[:, own]})
+            observed_log_odds(kind, self.observed[:, own])
             for kind, own in (("foot", [0, 1]), ("hand", [2, 3]), ("seat", [4]))
         ]
         return np.asarray(1 / (1 + np.exp(-np.concatenate(odds, 1))))

@@ -1,14 +1,17 @@
-"""Probability that a body part touches scene, floor or a hidden support: one logistic model for
-each kind of part.
+"""Probability that a body part touches scene, floor or a hidden support.
 
-The weights, the photos that they were fitted on and the error on photos that took no part are in
-``touch.json``, which ``benchmarks/contact_on_photos.py`` writes. A feature is a reason for or
-against contact, and 0 where nothing is known of it.
+What the person observer says of a part decides, at the share of such parts that touch. Of the
+others, distance does: one logistic model for each kind of part. A feature is a reason for or
+against contact.
+
+The shares, the weights, the photos that they were fitted on and the error on photos that took no
+part are in ``touch.json``, which ``benchmarks/contact_on_photos.py`` writes.
 """
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
@@ -19,15 +22,12 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 DISTANCE = "distance"
-"""Feature of parts of which the observer says nothing: their distance from the nearest surface, in
-standard deviations.
+"""Feature of feet, hands and seat: their distance from the nearest surface, in standard
+deviations.
 """
 
 LEAST_PROBABILITY = 0.5
 """Minimum probability of a part in contact: others are not listed and do not support the person."""
-
-OBSERVED = "observed"
-"""Feature of feet, hands and seat: log odds by the person observer, beyond its base rate."""
 
 LIES = "lies"
 """Feature of other parts: 1 if the trunk is nearly horizontal."""
@@ -55,13 +55,24 @@ OWN_BODY = "own body"
 Values = TypeVar("Values", NDArray[np.floating[Any]], Tensor)
 
 
-def touch_log_odds(kind: str, features: Mapping[str, Values]) -> Values:
-    """Return the log odds (...) that parts touch; one number for a kind without features.
+def observed_log_odds(kind: str, beyond: Values) -> Values:
+    """Return the log odds (...) that parts touch, by those that an observer says beyond its share;
+    where it says 0, nothing, those of an average part.
 
     Args:
-        kind: of the parts: "foot", "hand" or "seat" that the observer sees, "foot by distance" and
-            so on of which it says nothing, "unseen foot" and so on if no keypoint is seen either;
-            "other" parts; "object" for what hands hold; :data:`SKIN` for contact of a part with
+        kind: "foot", "hand" or "seat"; "object" for what hands hold.
+        beyond: (...).
+    """
+    share = _fitted()["shares"][kind]
+    found: Values = beyond + math.log(share / (1 - share))
+    return found
+
+
+def touch_log_odds(kind: str, features: Mapping[str, Values]) -> Values:
+    """Return the log odds (...) that parts touch.
+
+    Args:
+        kind: of the parts: "foot", "hand", "seat", "other"; :data:`SKIN` for contact of a part with
             another person or the own body.
         features: name -> values (...), more than the kind needs or as many.
 
@@ -76,9 +87,14 @@ def touch_log_odds(kind: str, features: Mapping[str, Values]) -> Values:
     return found
 
 
-@cache
 def touch_model() -> Mapping[str, Mapping[str, float]]:
     """Return kind of part -> "constant" and names of features -> weight."""
-    text = (files("physic_core.engine.ground") / "touch.json").read_text(encoding="utf-8")
-    parts: Mapping[str, Mapping[str, float]] = json.loads(text)["parts"]
+    parts: Mapping[str, Mapping[str, float]] = _fitted()["parts"]
     return parts
+
+
+@cache
+def _fitted() -> Mapping[str, Any]:
+    text = (files("physic_core.engine.ground") / "touch.json").read_text(encoding="utf-8")
+    fitted: Mapping[str, Any] = json.loads(text)
+    return fitted

@@ -42,14 +42,16 @@ def solve_placement(estimates: Estimates, state: State, method: PlacementMethod)
     if state.known is not None and state.known.unscaled is not None:
         state = _resized(estimates, state, state.known, feet_seen, method)
     if not method.stance:
-        state = replace(state, touch=None)
-    elif state.touch is not None:
+        state = replace(state, limb_touch=None)
+    elif state.limb_touch is not None:
         rides = tensor(estimates.photo.observations.posture)[:, POSTURES.index("ride")]
         # feet on pedals or in stirrups touch, but not the ground
-        on_ground = 1 - rides.nan_to_num().to(state.touch) * state.touch[:, 4]
-        touch = torch.cat((state.touch[:, :2] * on_ground[:, None], state.touch[:, 2:]), 1)
+        on_ground = 1 - rides.nan_to_num().to(state.limb_touch) * state.limb_touch[:, 4]
+        touch = torch.cat(
+            (state.limb_touch[:, :2] * on_ground[:, None], state.limb_touch[:, 2:]), 1
+        )
         feet_seen = feet_seen & (touch[:, :2] >= LEAST_PROBABILITY).any(1)
-        state = replace(state, touch=touch)
+        state = replace(state, limb_touch=touch)
     return _place(estimates, state, feet_seen, method)
 
 

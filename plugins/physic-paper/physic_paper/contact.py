@@ -46,7 +46,7 @@ class DistanceContact(ContactMethod):
         """Return the distance to the nearest point."""
         return distance
 
-    def touch(self, state: State, near: Distances) -> Touch:
+    def find_touch(self, state: State, near: Distances) -> Touch:
         """Return the contacts of vertices whose distance is within the bounds of the settings."""
         distance = near.by_kind
         within = self.contains(distance) & state.model.outer

@@ -132,10 +132,10 @@ class ViewsContact(ContactMethod):
     views: OtherViews | None = None
     """Evidence of the other cameras."""
 
-    def touch(self, state: State, near: Distances) -> Touch:
+    def find_touch(self, state: State, near: Distances) -> Touch:
         """Return the contacts by the mean probability, for people whom several photos show."""
         assert self.views is not None
-        own = super().touch(state, near)
+        own = super().find_touch(state, near)
         photos = self.views.photos
         assert own.probability is not None
         probability = (own.probability + self.views.contact.to(own.probability)) / (1 + photos)[

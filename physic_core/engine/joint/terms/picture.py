@@ -221,8 +221,8 @@ def depth_offset_sigmas(settings: DepthSettings, sampling: Sampling) -> Tensor:
     if sampling.around.floor_normal is None:
         return alone
     on_floor = feet_visible.any(1).to(alone)
-    if state.touch is not None:
-        on_floor = on_floor * (1 - (1 - state.touch[:, :2].to(alone)).prod(1))
+    if state.limb_touch is not None:
+        on_floor = on_floor * (1 - (1 - state.limb_touch[:, :2].to(alone)).prod(1))
     return torch.lerp(alone, torch.full_like(alone, settings.offset_sigma), on_floor)
 
 

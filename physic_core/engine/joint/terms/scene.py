@@ -331,8 +331,8 @@ class SoleTerm:
         dtype = sampling.area.dtype
         touch = torch.ones_like(lowest)
         either = torch.ones_like(lowest[:, 0])
-        if sampling.state.touch is not None:
-            touch = sampling.state.touch[:, :2].to(lowest)
+        if sampling.state.limb_touch is not None:
+            touch = sampling.state.limb_touch[:, :2].to(lowest)
             either = 1 - (1 - touch).prod(1)
         self.weights = {
             "soles": touch * on_floor,
