@@ -150,7 +150,7 @@ def _segment(run: PhotoRun, prompt: PeoplePrompt | None, *, required: bool) -> S
                 f"{cure}; without require_people, the result is the scene alone"
             )
         run.stages.note(
-            f"no person was found: the result is only the scene, and its scale is not confirmed; "
+            f"no person was found: the result is only the scene, and all its lengths may be wrong; "
             f"{cure}"
         )
     return SegmentedPeople(people, missing)

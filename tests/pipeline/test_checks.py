@@ -516,7 +516,7 @@ def test_a_given_size_that_the_photo_contradicts_makes_a_person_doubtful(known, 
 @pytest.mark.parametrize(
     ("far", "message"),
     [
-        (124.0, "the given right wrist lies 186 px from where the rest of the photo puts it: "),
+        (124.0, "the given right wrist lies 186 px from where depth, floor and body put it: "),
         (24.0, "Given keypoints off the body: 4.80 sigma (limit 5 sigma)"),
     ],
 )
