@@ -381,14 +381,13 @@ def write_tables(out: Path, index: JournalIndex | None = None) -> list[Path]:
     """
     check_tables(out)
     index = index or JournalIndex(journal_files(out))
-    files = _TABLE, PEOPLE_TABLE
     others = _parquet_tables(out)
     with atomic_write(out) as temporary:
-        paths = [temporary(name) for name in files]
+        paths = temporary(_TABLE), temporary(PEOPLE_TABLE)
         _write_csv(*paths, index)
         for path, table, texts in zip(others, paths, (_TEXTS, _PEOPLE_TEXTS), strict=False):
             write_parquet(temporary(path.name), table, texts)
-    return [*(out / name for name in files), *others]
+    return [out / _TABLE, out / PEOPLE_TABLE, *others]
 
 
 def _write_csv(photos: Path, people: Path, index: JournalIndex) -> None:
