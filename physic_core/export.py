@@ -244,7 +244,9 @@ def _people(
     for index in wanted:
         if not 0 <= index < count:
             many = f"people are numbered 0 to {count - 1}: choose one of them"
-            there = ("this result has no people", "choose 0, the only one", many)[min(count, 2)]
+            there = ("no person was found in the photo", "choose 0, the only one", many)[
+                min(count, 2)
+            ]
             raise ConfigError(f"there is no person {index}: {there}")
         if person is not None and index in bodiless:
             raise ConfigError(
@@ -253,7 +255,7 @@ def _people(
             )
     kept = tuple(index for index in wanted if index not in bodiless)
     if kind.bodies == "required" and not kept:
-        why = "no person of this result has a body" if count else "this result has no people"
+        why = "no person of this result has a body" if count else "no person was found in the photo"
         raise InputError(f"cannot export to {kind.name}, which holds people: {why}")
     left = sorted(bodiless.intersection(wanted))
     return kept, tuple(f"person {index} has no body and is skipped" for index in left)

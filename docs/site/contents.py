@@ -40,6 +40,7 @@ SECTIONS = {
     ],
     "Judge": [
         "docs/checks",
+        "docs/notes",
         "docs/evaluation",
         "docs/paper",
         "docs/metrics",

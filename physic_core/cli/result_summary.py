@@ -70,7 +70,9 @@ def summary_text(
     stages = record.stages
     people = record.rows
     checks = record.checks
-    found = {0: "no person, scene only", 1: "1 person"}.get(len(people), f"{len(people)} people")
+    found = {0: "no person was found, only the scene,", 1: "1 person"}.get(
+        len(people), f"{len(people)} people"
+    )
     work, loading = (
         sum(getattr(stage, name) for stage in stages) for name in ("seconds", "load_seconds")
     )

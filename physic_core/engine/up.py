@@ -85,7 +85,8 @@ def with_up_of_file(pointmap: Pointmap, stated: FloatArray | None) -> tuple[Poin
         off = angle_deg(gimbal.direction, seen.direction)
         warning = (
             f"the pitch of the drone's gimbal contradicts the {seen.source} of the photo by "
-            f"{off:.0f} degrees: was the photo cropped or turned?"
+            f"{off:.0f} degrees, and up lies between them: leans and the turn of exports may be "
+            f"wrong. If the photo was cropped or turned, give the original"
         )
     known = replace(pointmap, up=both.direction.numpy(), up_sigma=both.sigma, up_source=both.source)
     return known, warning
@@ -112,7 +113,8 @@ def questioned_up(up: Up | None, bodies: Tensor) -> tuple[Up | None, tuple[str, 
         return asked, ()
     return asked, (
         f"by the {up.source} of the photo the people who stand lean sideways by {middle:.0f} "
-        f"degrees: up follows the people",
+        f"degrees, and up follows the people: if they do lean, leans and the turn of exports are "
+        f"wrong",
     )
 
 
@@ -215,8 +217,10 @@ def slope_warnings(floor: PlaneFit | None, up: Up | None, slope: float) -> tuple
         return ()
     off = angle_deg(floor.normal, up.direction)
     return (
-        f"the floor slopes by {off:.0f} degrees against the {up.source} of the photo: one of them "
-        f"is wrong, or the ground slopes; see preview.png from the side",
+        f"the floor slopes by {off:.0f} degrees against the {up.source} of the photo. Heights and "
+        f"the lean of people follow the floor, and up follows {surest_up(floor, up, slope).source}"
+        f": they are wrong unless the ground slopes. Compare the floor's line with the photo, from "
+        f"the side in preview.png",
     )
 
 

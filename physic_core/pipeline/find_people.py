@@ -110,7 +110,10 @@ def find_people(run: PhotoRun) -> FoundPeople:
         found = _without(run, found, ignored)
     real = real_people(found.people, prompt)
     every = found.people
-    found = _select(run, found, real, "its joints lie on another person, who seems the same")
+    same = (
+        "its joints lie on another person, who seems the same; if not, give --person x,y for each"
+    )
+    found = _select(run, found, real, same)
     if run.plan.photo.require_people and not len(found.people):
         raise NoPersonError("a person is required, and all people of the photo were left out")
     sizes = run.given.known
@@ -150,7 +153,7 @@ def _segment(run: PhotoRun, prompt: PeoplePrompt | None, *, required: bool) -> S
                 f"{cure}; without require_people, the result is the scene alone"
             )
         run.stages.note(
-            f"no person was found: the result is only the scene, and its scale is not confirmed; "
+            f"no person was found: the result is only the scene, and all its lengths may be wrong; "
             f"{cure}"
         )
     return SegmentedPeople(people, missing)

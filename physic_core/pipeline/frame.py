@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from physic_core.io.photo import MIN_SIDE
 from physic_core.pipeline.border import find_inside
+from physic_core.pipeline.twins import one_of_twins
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, UInt8Array
@@ -34,19 +34,15 @@ _LINE_PX = 2.5
 _NEAR_PX = 6.0
 _SEEN = 0.8  # share of a side that the ground ends at
 _EDGE_PX = 4
+_ROUGH = 0.2  # share of other pixels in a column of a blurred side
+_MIXED_PX = 3.0  # that average the texture of wood and cloth
+_ONE_GROUND = 26.0  # largest deviation of its colour, of 255 in Lab
 _CUT_DEG = 6.0  # the rectangle inside a picture that is turned more has too little of it
 _STRAIGHT_DEG = 0.5  # of a bar that crosses the photo: a screen draws it along the pixels
 _PLAIN_BAR = 0.75  # mean deviation of such a bar's colour, of 255
 _SQUARE_DEG = 6.0  # a corner of a picture that is looked at from the front
 _ONE_COLOUR = 4  # largest difference of a plain ground from its colour; walls have shading
 _PLAIN_GROUND = 0.3  # least share of the area
-_TWIN_SIDE = 240
-_BLOCK = 24
-_SHIFT = 0.12  # of the width of a half: largest disparity of two views
-_TWINS = 0.72  # median correlation of the blocks of two views
-_TEXTURE = 4.0
-_TEXTURED = 0.3
-_SEAM = 0.55  # share of the rows with a step in the middle
 
 
 @dataclass(frozen=True)
@@ -89,37 +85,18 @@ class _Picture:
 
 def find_frame(image: UInt8Array) -> Frame:
     """Return what is round the picture in a photo (H, W, 3)."""
-    inside = find_inside(image)
-    rows, columns = inside or (slice(0, image.shape[0]), slice(0, image.shape[1]))
-    frame = Frame(inside, "" if inside is None else "a border of one colour")
-    corners = np.array([
-        [columns.start, rows.start],
-        [columns.stop, rows.start],
-        [columns.stop, rows.stop],
-        [columns.start, rows.stop],
-    ], float)  # fmt: skip
-    part = image[rows, columns]
-    warning = ""
-    found = None
-    for _ in range(_LAYERS):
-        found = _layer(part)
-        if found is None:
-            break
-        if isinstance(found, tuple):
-            warning = _several(len(found)) if len(found) > 1 else _askew(found[0])
-            break
-        upright = _upright(corners)
-        corners = cv2.perspectiveTransform(found.corners[None], np.linalg.inv(upright))[0]
-        rows, columns = _rectangle_in(corners)
-        is_print = frame.is_print or found.turn_deg > _STRAIGHT_DEG
-        frame = Frame((rows, columns), "what is round the picture", is_print=is_print)
-        width, height = _size(corners)
-        part = cv2.warpPerspective(image, _upright(corners), (round(width), round(height)))
+    border = find_inside(image)
+    whole = slice(0, image.shape[0]), slice(0, image.shape[1])
+    if border is not None:
+        pictures = _layer(image)
+        if isinstance(pictures, tuple) and len(pictures) > 2:  # their common border is no frame
+            return Frame(warning=_several(len(pictures)))
+    frame, pictures = _without_layers(image, border)
     # of more pictures than two, as of a sheet for a passport, half is no picture
-    is_sheet = isinstance(found, tuple) and len(found) > 2
-    half = None if is_sheet else _one_of_twins(image[rows, columns])
+    rows, columns = frame.inside or whole
+    half = None if len(pictures) > 2 else one_of_twins(image[rows, columns])
     if half is None:
-        return replace(frame, warning=warning)
+        return frame
     axis, length = half
     kept = slice((rows, columns)[axis].start, (rows, columns)[axis].start + length)
     which = ("upper", "left")[axis]
@@ -131,6 +108,30 @@ def find_frame(image: UInt8Array) -> Frame:
         f"{which} half alone was reconstructed. If people in it look squeezed, stretch the half to "
         "twice its length, and run that",
     )
+
+
+def _without_layers(image: UInt8Array, inside: Inside | None) -> tuple[Frame, tuple[_Picture, ...]]:
+    """Return the picture inside the border of a photo (H, W, 3) without bed, white and mount, and
+    the pictures in it that cannot be cut out.
+    """
+    rows, columns = inside or (slice(0, image.shape[0]), slice(0, image.shape[1]))
+    frame = Frame(inside, "" if inside is None else "a border of one colour")
+    left, right, top, bottom = columns.start, columns.stop, rows.start, rows.stop
+    corners = np.array([[left, top], [right, top], [right, bottom], [left, bottom]], float)
+    part = image[rows, columns]
+    for _ in range(_LAYERS):
+        found = _layer(part)
+        if found is None:
+            break
+        if isinstance(found, tuple):
+            warning = _several(len(found)) if len(found) > 1 else _askew(found[0])
+            return replace(frame, warning=warning), found
+        corners = cv2.perspectiveTransform(found.corners[None], np.linalg.inv(_upright(corners)))[0]
+        is_print = frame.is_print or found.turn_deg > _STRAIGHT_DEG
+        frame = Frame(_rectangle_in(corners), "what is round the picture", is_print=is_print)
+        width, height = _size(corners)
+        part = cv2.warpPerspective(image, _upright(corners), (round(width), round(height)))
+    return frame, ()
 
 
 def plain_ground(image: UInt8Array) -> BoolArray | None:
@@ -200,14 +201,17 @@ def _layer(image: UInt8Array) -> _Picture | tuple[_Picture, ...] | None:
 
 
 def _several(number: int) -> str:
-    return f"{number} pictures in one file? A plain ground parts them: cut them apart, and run each"
+    return (
+        f"{number} pictures in one file? A plain ground parts them, and distances between people "
+        "of two pictures are meaningless: cut them apart, and run each"
+    )
 
 
 def _askew(picture: _Picture) -> str:
     return (
         f"a photo of a picture? Four straight lines enclose {picture.share:.0%} of it, as a screen "
-        "or a print does: distances are then those to nothing. Cut the picture out, straighten it, "
-        "and run that"
+        "or a print does: all distances and sizes are then wrong. Cut the picture out, straighten "
+        "it, and run that"
     )
 
 
@@ -216,38 +220,68 @@ def _is_plain(colors: UInt8Array) -> bool:
 
 
 def _grounds(small: UInt8Array) -> tuple[BoolArray, list[BoolArray]]:
-    """Return where a ground is round or beside pictures (H, W), and the grounds inside the photo
-    that enclose something.
+    """Return where a smooth ground is round or beside pictures (H, W), and the grounds that may
+    enclose one inside the photo.
     """
     height, width = small.shape[:2]
-    flat = np.ones((height, width), np.uint8)
-    values = cv2.cvtColor(small, cv2.COLOR_RGB2LAB).astype(np.int16)
-    outermost = np.concatenate([values[0], values[-1], values[:, 0], values[:, -1]])
-    noise = float(np.abs(np.diff(outermost, axis=0)).max(-1).mean())
-    most = min(_STEPS[0] + 3 * noise, _STEPS[1])
-    for axis in (0, 1):
-        steps = np.abs(np.diff(values, axis=axis)).max(-1) > most
-        before = (slice(None),) * axis
-        flat[(*before, slice(1, None))] &= ~steps
-        flat[(*before, slice(None, -1))] &= ~steps
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(flat, connectivity=4)
-    outer = np.zeros((height, width), bool)
-    enclosing = []
-    for label in range(1, count):
-        x, y, w, h, area = stats[label]
+    values = cv2.cvtColor(small, cv2.COLOR_RGB2LAB)
+    smooth = _smooth(values)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(smooth, connectivity=4)
+    outer = _blurred_sides(smooth > 0)
+    enclosing = [_textured_ground(values)]
+    for label, (x, y, w, h, area) in list(enumerate(stats.tolist()))[1:]:
         is_strip = (w == width or h == height) and area > _FILLED * w * h
         if area < _GROUND * height * width and not is_strip:
             continue
         # the pixels between a ground and the picture belong to neither
         ground = cv2.dilate((labels == label).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-        at_edge = (x == 0) + (y == 0) + (x + w == width) + (y + h == height)
-        if not at_edge:
+        if x > 0 and y > 0 and x + w < width and y + h < height:
             enclosing.append(ground)
-            continue
-        found = _pictures(ground)
-        if any(_is_frame(one, small[labels == label]) for one in found):
+        elif any(_is_frame(one, small[labels == label]) for one in _pictures(ground)):
             outer |= ground
     return outer, enclosing
+
+
+def _blurred_sides(smooth: BoolArray) -> BoolArray:
+    """Return the smooth sides (H, W) of equal width beside an upright film; nowhere without."""
+    width = smooth.shape[1]
+    rough = smooth.mean(0) < 1 - _ROUGH
+    left, right = int(rough.argmax()), int(rough[::-1].argmax())
+    sides = np.zeros(smooth.shape, bool)
+    ends = smooth[:, left : left + 3], smooth[:, width - right - 3 : width - right]
+    if (
+        min(left, right) > _GROUND * width
+        and abs(left - right) <= _LINE_PX
+        and all((~end).any(1).mean() >= _SEEN for end in ends)
+    ):
+        sides[:, :left] = sides[:, width - right :] = True
+    return sides
+
+
+def _smooth(values: UInt8Array) -> UInt8Array:
+    """Return where colours (H, W, 3) change no more than by the noise at the edge of a photo."""
+    steps = [np.abs(np.diff(values.astype(np.int16), axis=axis)).max(-1) for axis in (0, 1)]
+    noise = np.mean([*steps[0][:, 0], *steps[0][:, -1], *steps[1][0], *steps[1][-1]])
+    most = min(_STEPS[0] + 3 * noise, _STEPS[1])
+    smooth = np.ones(values.shape[:2], np.uint8)
+    for axis, step in enumerate(steps):
+        before, after = (np.insert(step <= most, end, True, axis) for end in (step.shape[axis], 0))
+        smooth &= before & after
+    return smooth
+
+
+def _textured_ground(values: UInt8Array) -> BoolArray:
+    """Return where (H, W) a photo with colours (H, W, 3) shows what is all along its edge, such as
+    wood or cloth; nowhere if its edge shows several things.
+    """
+    mixed = cv2.GaussianBlur(values, (0, 0), _MIXED_PX).astype(float)
+    edge = np.concatenate([mixed[0], mixed[-1], mixed[:, 0], mixed[:, -1]])
+    middle = np.median(edge, axis=0)
+    spread = np.quantile(np.abs(edge - middle), 0.9, axis=0)
+    if spread.max() > _ONE_GROUND:
+        return np.zeros(mixed.shape[:2], bool)
+    ground: BoolArray = (np.abs(mixed - middle) <= 2 * np.maximum(spread, _STEPS[1])).all(-1)
+    return ground
 
 
 def _is_frame(picture: _Picture, colors: UInt8Array) -> bool:
@@ -299,36 +333,43 @@ def _on_lines(start: FloatArray, points: FloatArray, size: tuple[int, int]) -> _
     the points (P, 2) of its outline lie elsewhere.
     """
     sides = [
-        _side(corner, end, points, size)
+        side
         for corner, end in zip(start, np.roll(start, -1, axis=0), strict=True)
+        if (side := _side(corner, end, points, size)) is not None
     ]
-    if any(one is None for one in sides):
+    seen = [share for _, _, share in sides if share is not None]
+    broken = sum(share < _SEEN for share in seen)
+    if len(sides) < 4 or not seen or broken > (len(seen) == 4):
         return None
-    lines = np.array([[*line, along[1], -along[0]] for line, along, _ in filter(None, sides)])
-    inner = np.array([seen is not None for _, _, seen in filter(None, sides)])
-    broken = sum(seen is not None and seen < _SEEN for _, _, seen in filter(None, sides))
-    if not inner.any() or broken > (inner.sum() == 4):
+    normals = np.array([[y, -x] for _, (x, y), _ in sides])
+    corners = _crossings(normals, (normals * [point for point, _, _ in sides]).sum(1))
+    if corners is None:
         return None
-    normals: FloatArray = lines[:, 2:]
-    offsets = (normals * lines[:, :2]).sum(1)
-    corners: FloatArray = np.empty((4, 2))
-    for number in range(4):  # of the line before and this one
-        pair = [number - 1, number]
-        if abs(np.linalg.det(normals[pair])) < 0.5:
-            return None
-        corners[number] = np.linalg.solve(normals[pair], offsets[pair])
-    corners = _clockwise(corners)
     angles = np.degrees(np.arctan2(normals[:, 1], normals[:, 0]))
-    turns = np.abs((angles + 45) % 90 - 45)
-    skew = np.abs((angles - np.roll(angles, 1)) % 180 - 90)
+    turns = np.abs((angles + 45) % 90 - 45).tolist()
     return _Picture(
         corners,
         cv2.contourArea(corners.astype(np.float32)) / math.prod(size),
-        int(inner.sum()),
-        float(turns[inner].max()),
-        float(skew.max()),
+        len(seen),
+        max(turn for turn, (_, _, share) in zip(turns, sides, strict=True) if share is not None),
+        float(np.abs((angles - np.roll(angles, 1)) % 180 - 90).max()),
         broken,
     )
+
+
+def _crossings(normals: FloatArray, offsets: FloatArray) -> FloatArray | None:
+    """Return where each of four lines crosses the one before, (4, 2), clockwise from the upper
+    left; None if two are almost parallel.
+
+    Args:
+        normals: (4, 2) of length 1.
+        offsets: (4,) of the lines along them, px.
+    """
+    pairs = np.stack([np.roll(normals, 1, axis=0), normals], axis=1)
+    if np.abs(np.linalg.det(pairs)).min() < 0.5:
+        return None
+    both = np.stack([np.roll(offsets, 1), offsets], axis=1)
+    return _clockwise(np.linalg.solve(pairs, both[..., None])[..., 0])
 
 
 def _clockwise(corners: FloatArray) -> FloatArray:
@@ -376,76 +417,3 @@ def _rectangle_in(corners: FloatArray) -> Inside:
         for values in (np.sort(corners[:, 1]), np.sort(corners[:, 0]))
     )
     return rows, columns
-
-
-def _one_of_twins(image: UInt8Array) -> tuple[int, int] | None:
-    """Return the axis and the length of the half of an image (H, W, 3) if both halves show the
-    same, side by side or one over the other; None if not.
-    """
-    for axis in (1, 0):
-        across = image if axis == 1 else image.transpose(1, 0, 2)
-        height, width = across.shape[:2]
-        gap = _gap(across)
-        half = (width - gap) // 2
-        if half < MIN_SIDE:
-            continue
-        scale = _TWIN_SIDE / max(height, half)
-        size = max(_BLOCK, round(half * scale)), max(_BLOCK, round(height * scale))
-        grey = [
-            cv2.resize(
-                cv2.cvtColor(np.ascontiguousarray(part), cv2.COLOR_RGB2GRAY),
-                size,
-                interpolation=cv2.INTER_AREA,
-            ).astype(np.float32)
-            for part in (across[:, :half], across[:, -half:])
-        ]
-        views = grey if axis == 1 else [one.T for one in grey]
-        if _agreement(*(np.ascontiguousarray(one) for one in views)) >= _TWINS and (
-            gap or _has_seam(across)
-        ):
-            return axis, half
-    return None
-
-
-def _gap(image: UInt8Array) -> int:
-    """Return the width of a strip of one colour in the middle of an image (H, W, 3), px."""
-    middle = image.shape[1] // 2
-    reach = image.shape[1] // 16
-    columns = image[:: max(1, len(image) // _TWIN_SIDE), middle - reach : middle + reach]
-    plain = columns.astype(np.int16).std(0).max(-1) <= _STEPS[1]
-    if not plain[reach]:
-        return 0
-    before = reach - int(plain[reach::-1].argmin() if not plain[reach::-1].all() else 0)
-    after = reach + int(plain[reach:].argmin() if not plain[reach:].all() else 0)
-    return max(0, int(after - before - 1))
-
-
-def _has_seam(image: UInt8Array) -> bool:
-    """Return whether two pictures meet in the middle of an image (H, W, 3): the step there is
-    larger than those beside it in most rows.
-    """
-    middle = image.shape[1] // 2
-    steps = np.abs(np.diff(image[:, middle - 8 : middle + 8].astype(np.int16), axis=1)).sum(-1)
-    largest = steps[:, 5:10].max(1)
-    beside = np.concatenate([steps[:, :4], steps[:, 11:]], axis=1).max(1)
-    return bool((largest > beside).mean() >= _SEAM)
-
-
-def _agreement(left: FloatArray, right: FloatArray) -> float:
-    """Return the median correlation of the blocks of one view (H, W) with those of the other, each
-    at its best place nearby; 0 if few have texture.
-    """
-    height, width = left.shape
-    reach = round(_SHIFT * width)
-    slack = max(2, round(0.02 * height))
-    wide = cv2.copyMakeBorder(right, slack, slack, reach, reach, cv2.BORDER_REPLICATE)
-    found = []
-    count = 0
-    for y in range(0, height - _BLOCK + 1, _BLOCK):
-        for x in range(0, width - _BLOCK + 1, _BLOCK):
-            count += 1
-            block = left[y : y + _BLOCK, x : x + _BLOCK]
-            if block.std() >= _TEXTURE:
-                around = wide[y : y + _BLOCK + 2 * slack, x : x + _BLOCK + 2 * reach]
-                found.append(cv2.matchTemplate(around, block, cv2.TM_CCOEFF_NORMED).max())
-    return float(np.median(found)) if len(found) >= _TEXTURED * max(count, 1) else 0.0

@@ -277,7 +277,8 @@ def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
     lie = plane is not None and plane.beneath
     if lie:
         notes.append(
-            "people seem to lie, and the camera to look down on them: the floor is what they lie on"
+            "people seem to lie, and the camera to look down on them: the floor is what they lie "
+            "on, and heights are those over it"
         )
     if estimates.ground.by_people and not estimates.known:
         bodies = sum(person.support is not None for person in people)
@@ -292,7 +293,8 @@ def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
     joints = np.reshape([person.joints for person in people], (-1, NUM_JOINTS, 3))
     if degrees := photo_turned_deg(joints, result.scene.floor):
         notes.append(
-            f"the people do not stand upright in the picture: is it turned by {degrees} degrees?"
+            f"the people do not stand upright in the picture: is it turned by {degrees} degrees? "
+            f"Then poses, floor and sizes are wrong: turn it back, and run that"
         )
     return notes
 
@@ -302,9 +304,24 @@ def warn_of_small_people(estimates: Estimates, result: Reconstruction) -> list[s
     on_floor = [has_sole_on_floor(person.contacts) for person in result.people]
     return [
         f"person {i} would be {stature:.1f} m tall on the floor on which others stand. Of a child "
-        f"give {size_option('--age YEARS', len(on_floor))}; else the distance is doubtful"
+        f"give {size_option('--age YEARS', len(on_floor))}; else size and distance are wrong"
         for i, stature in estimates.ground.small.items()
         if on_floor[i] and sum(on_floor) > 1
+    ]
+
+
+# Thorax against pelvis: flexion and extension of the whole spine below the neck.
+_MOST_BENT_DEG = (-60.0, 90.0)
+
+
+def warn_of_bent_trunks(result: Reconstruction) -> list[str]:
+    """Return a warning about each person whose trunk bends more than a spine does."""
+    bent = (person.joint_angles["trunk_flexion"] for person in result.people)
+    return [
+        f"person {i}: the trunk is bent by {angle:.0f} degrees, more than a spine bends: the pose "
+        f"of trunk and hips is wrong, and so are their angles"
+        for i, angle in enumerate(bent)
+        if not math.isnan(angle) and not _MOST_BENT_DEG[0] <= angle <= _MOST_BENT_DEG[1]
     ]
 
 

@@ -397,6 +397,7 @@ def _reconstruct(
         describe_methods,
         describe_repositories,
         judge,
+        warn_of_bent_trunks,
         warn_of_small_people,
     )
 
@@ -406,7 +407,8 @@ def _reconstruct(
         found = run_engine(estimates, plan.engine, load_model(), stages)
         checks = run_checks(estimates, found)
     repositories, others = describe_repositories(plan)
-    stages.warn(*others, *warning_messages(checks), *warn_of_small_people(estimates, found))
+    stages.warn(*others, *warning_messages(checks))
+    stages.warn(*warn_of_small_people(estimates, found), *warn_of_bent_trunks(found))
     prior = plan.backends.get("contact_prior")
     if prior is not None and not stages.is_vouched_for(prior):
         from physic_core.pipeline.doubts import doubt_of_contact_places

@@ -56,8 +56,8 @@ class ContactPartner:
 
     @property
     def title(self) -> str:
-        """Name for readers: "floor", "seat", "surface 3", "left hand of person 1", "own head",
-        "object or animal", "hidden seat", "bicycle".
+        """Name for readers: "floor", "seat", "unnamed surface 3", "left hand of person 1", "own
+        head", "object or animal", "hidden seat", "something hidden", "bicycle".
         """
         part = part_words(self.part) or "body"
         if self.kind == "person":
@@ -67,8 +67,8 @@ class ContactPartner:
         if self.kind == "object":
             return "object or animal"
         if self.kind == "hidden" and self.surface not in CARRIER_NAMES:
-            return f"hidden {self.surface or 'support'}"
-        return self.surface or ("floor" if self.kind == "floor" else f"surface {self.id}")
+            return f"hidden {self.surface}" if self.surface else "something hidden"
+        return self.surface or ("floor" if self.kind == "floor" else f"unnamed surface {self.id}")
 
 
 def partner_titles(partners: Iterable[ContactPartner]) -> dict[ContactPartner, str]:
@@ -118,7 +118,7 @@ class BodyContact:
         """Return "left foot: floor, 0.97", with this name of the partner."""
         sure = "" if self.probability is None else f", {self.probability:.2f}"
         far = f" (nearest surface {self.distance_m:.2f} m off)" if self.distance_m else ""
-        assumed = ", assumed" if self.assumed else ""
+        assumed = " (assumed: not seen)" if self.assumed else ""
         return f"{part_words(self.part)}: {partner}{far}{sure}{assumed}"
 
     def __str__(self) -> str:

@@ -82,7 +82,7 @@ def record(make, tmp_path):
 def test_a_person_is_a_row(record):
     touches = (
         "left foot: floor, 0.90; right foot: floor, 0.90; right hand: own head, 0.80; "
-        "left lower leg: floor, 0.80, assumed"
+        "left lower leg: floor, 0.80 (assumed: not seen)"
     )
     room = len(touches)
     assert summary_text(record, Path("out")).splitlines()[1:6] == [

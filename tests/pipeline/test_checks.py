@@ -24,6 +24,7 @@ from physic_core.pipeline.checks import (
     warning_messages,
 )
 from physic_core.pipeline.checks.trust import CAP
+from physic_core.pipeline.reconstruction import warn_of_bent_trunks
 from physic_core.types import (
     CameraTrust,
     CheckState,
@@ -38,6 +39,7 @@ from physic_core.types import (
 from physic_core.types.contacts import BodyContact, ContactPartner
 from physic_core.types.known_sizes import KnownPeople
 from physic_core.types.observations import POSTURES
+from tests.rooms import tiny_result
 
 CAMERA = Intrinsics.from_focal(500, 640, 480, "EXIF")
 GIVEN = replace(CAMERA, trust=CameraTrust.KNOWN)
@@ -516,7 +518,7 @@ def test_a_given_size_that_the_photo_contradicts_makes_a_person_doubtful(known, 
 @pytest.mark.parametrize(
     ("far", "message"),
     [
-        (124.0, "the given right wrist lies 186 px from where the rest of the photo puts it: "),
+        (124.0, "the given right wrist lies 186 px from where depth, floor and body put it: "),
         (24.0, "Given keypoints off the body: 4.80 sigma (limit 5 sigma)"),
     ],
 )
@@ -567,3 +569,14 @@ def test_a_metric_depth_that_is_larger_where_the_scene_is_nearer_may_be_a_dispar
     (failed,) = (one for one in found if one.name == "depth_scale")
     assert failed.failed
     assert "disparity" in failed.message
+
+
+@pytest.mark.parametrize(("degrees", "warned"), [(80, False), (105, True), (-70, True)])
+def test_a_trunk_that_bends_more_than_a_spine_is_warned_of(degrees, warned):
+    result = tiny_result()
+    person = result.people[0]
+    pose = np.zeros_like(person.parameters.body_pose)
+    pose[0, 3 * (JOINT_INDEX["spine1"] - 1)] = math.radians(degrees)
+    bent = replace(person, parameters=replace(person.parameters, body_pose=pose))
+    sentences = warn_of_bent_trunks(replace(result, people=(bent,)))
+    assert [f"{degrees} degrees" in sentence for sentence in sentences] == [True] * warned

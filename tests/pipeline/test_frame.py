@@ -128,6 +128,20 @@ def test_a_screen_that_is_askew_is_warned_of(bezel):
     assert "picture" in frame.warning
 
 
+def test_a_print_on_wood_is_warned_of():
+    grain = np.random.default_rng(0).normal(0, 14, (200, 6))
+    wood = np.array([150.0, 100.0, 60.0]) + cv2.resize(grain, (960, 800))[..., None]
+    photo = on(noisy(wood), picture(), turned(3, 110, 130))
+    assert "picture" in find_frame(photo).warning
+
+
+def test_the_blurred_sides_of_an_upright_film_are_cut():
+    film = picture()[:, :280]
+    whole = cv2.GaussianBlur(cv2.resize(film, (880, 1508))[500:980], (0, 0), 25)
+    whole[:, 300:580] = film
+    assert_close(find_frame(as_jpeg(whole)).inside, (slice(0, HEIGHT), slice(300, 580)))
+
+
 @pytest.mark.parametrize("gap", [24, 60])
 @pytest.mark.parametrize("axis", [0, 1])
 def test_several_pictures_on_one_ground_are_warned_of(gap, axis):

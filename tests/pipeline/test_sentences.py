@@ -66,9 +66,7 @@ def is_denied(sentence, result):
             by_size and (int(by_size[1]) != len(result.people) or (has_floor and any(on_floor))),
             small and not (on_floor[int(small[1])] and sum(on_floor) > 1),
             has_floor
-            and re.search(
-                r"no floor was found|floor is not found|by the label of the ground", sentence
-            ),
+            and re.search(r"no floor was found|floor is not found|told by its look", sentence),
             not has_floor and "upright on the floor" in sentence,
             any(on_floor)
             and re.search(r"no feet on a floor|shows the ground at the feet", sentence),

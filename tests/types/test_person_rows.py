@@ -94,7 +94,7 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people):
             "posture_probability": 0.87,
             "child_probability": None,
             "contacts": "left foot: floor, 0.90; buttocks: left hand of person 1",
-            "assumed": "left lower leg: floor, 0.80, assumed",
+            "assumed": "left lower leg: floor, 0.80 (assumed: not seen)",
             "unseen": "left lower leg, left foot",
             **dict.fromkeys(NUMBERS),
             **UPRIGHT,

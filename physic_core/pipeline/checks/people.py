@@ -343,8 +343,8 @@ def given_keypoints(estimates: Estimates, result: Reconstruction, person: int) -
     worst = max(off, key=off.__getitem__)
     file_px = off[worst] * estimates.file_px
     return off[worst] / (ReprojectionSettings.sigma * stature_px), (
-        f"the given {keypoint_in_words(worst)} lies {file_px:.0f} px from where the rest of the "
-        "photo puts it: check the keypoints that you gave"
+        f"the given {keypoint_in_words(worst)} lies {file_px:.0f} px from where depth, "
+        "floor and body put it: check the keypoints that you gave"
     )
 
 

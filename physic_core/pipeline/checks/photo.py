@@ -27,7 +27,7 @@ _WHY_NO_FLOOR = {
     "no_pixels": "too few pixels may be of it",
     "no_consensus": "no horizontal plane explains enough pixels",
 }
-_NO_PEOPLE = "there is no person in the result"
+_NO_PEOPLE = "no person was found"
 _OTHER_INPAINTER = "Try --set inpainter.backend=telea"
 _FLOOR_LINE = "compare the floor's line with the photo, from the side in preview.png"
 _COVERED_SHARE = 0.5  # of a box that holds parts of a person who has a body
@@ -54,7 +54,7 @@ def photo_alignment(estimates: Estimates, result: Reconstruction) -> Measured:
         return (
             share,
             "the photos with and without people have no background in common, so that body size "
-            f"alone gives people's distance. {_OTHER_INPAINTER}",
+            f"alone gives people's distance, and gaps to the scene are wrong. {_OTHER_INPAINTER}",
         )
     return share, (
         f"people's distance to the scene is doubtful: depth with and without them agrees on only "
@@ -74,7 +74,7 @@ def floor(estimates: Estimates, result: Reconstruction) -> Measured:
         return None, "the engine settings disable the floor search"
     if reason != "found":
         cure = (
-            "Feet on the ground are known by the label of the ground alone"
+            "That feet touch the ground is told by its look alone"
             if any(has_sole_on_floor(person.contacts) for person in result.people)
             else "A photo that shows the ground at the feet may have one"
         )
@@ -256,7 +256,7 @@ def principal_point(estimates: Estimates, result: Reconstruction) -> Measured:
     return offset, (
         f"the principal point ({camera.cx:.0f}, {camera.cy:.0f}) lies {offset:.0%} of the photo's "
         f"size off its centre ({camera.source}), which is normal only in a cropped photo: check "
-        "--intrinsics"
+        "--intrinsics. If it is wrong, so are all places to the side"
     )
 
 
@@ -287,7 +287,7 @@ def focal_agreement(estimates: Estimates, result: Reconstruction) -> Measured:
     ratio = max(ratios, key=relative_difference)
     return relative_difference(ratio), (
         f"a backend estimates a focal length of {ratio * used:.0f} px, but {used:.0f} px "
-        f"({camera.source}) was used: check the value used"
+        f"({camera.source}) was used: if that is wrong, all distances are, by the same factor"
     )
 
 
@@ -308,11 +308,12 @@ def unposed_people(estimates: Estimates, result: Reconstruction) -> Measured:
         if len(boxes) in main_people([*boxes, np.array(one.box)])
         and not _is_covered(one.box, posed)
     ]
-    who = "1 person" if len(lacking) == 1 else f"{len(lacking)} people"
+    all_of_them = f", of {len(people.unposed)} without a body" if len(people.unposed) > 1 else ""
+    who = f"{len(lacking)} large {'person' if len(lacking) == 1 else 'people'}{all_of_them}"
     # a reason that the segmenter can cure ends with what to do
     cures = dict.fromkeys(reason.partition(": ")[2] or _BOX for reason in lacking)
     return float(len(lacking)), (
-        f"no body was found for {who} in the photo (dashed in preview.png): {', or '.join(cures)}"
+        f"no body was found for {who} (dashed in preview.png): {', or '.join(cures)}"
     )
 
 

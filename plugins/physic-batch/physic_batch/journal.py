@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 from filelock import FileLock, Timeout
 
+from physic_batch.parquet import check_parquet, has_parquet, write_parquet
 from physic_core.errors import OutputError
 from physic_core.files import (
     atomic_write,
@@ -34,7 +35,7 @@ from physic_core.files import (
     to_json,
 )
 from physic_core.io.result_folder import PEOPLE_TABLE
-from physic_core.types import PERSON_COLUMNS, SUMMARY_KEYS
+from physic_core.types import MARKS, PERSON_COLUMNS, SUMMARY_KEYS
 
 if TYPE_CHECKING:
     from physic_batch.photos import Shard
@@ -93,6 +94,10 @@ _BEFORE_NUMBERS = tuple(COLUMNS)[: tuple(COLUMNS).index("seconds")]
 _MARK = "id,path,state,"
 _PEOPLE_COLUMNS = ("id", "path", *(name for name in PERSON_COLUMNS if name != "id"))
 _PEOPLE_MARK = "id,path,person,"
+_PEOPLE_TEXTS = (
+    *("id", "path", "grade", *(f"grade_{mark}" for mark in MARKS), "why", "posture"),
+    *("contacts", "assumed", "unseen"),
+)
 
 
 def check_journal(path: Path) -> None:
@@ -349,11 +354,19 @@ def check_tables(out: Path) -> None:
     """Raise OutputError if a table of a batch would replace a file that PhySIC has not written."""
     check_own(out / _TABLE, mark=_MARK)
     check_own(out / PEOPLE_TABLE, mark=_PEOPLE_MARK)
+    for path in _parquet_tables(out):
+        check_parquet(path)
+
+
+def _parquet_tables(out: Path) -> list[Path]:
+    """Return the tables that are written beside those of CSV; none without pyarrow."""
+    names = (_TABLE, PEOPLE_TABLE) if has_parquet() else ()
+    return [(out / name).with_suffix(".parquet") for name in names]
 
 
 def write_tables(out: Path, index: JournalIndex | None = None) -> list[Path]:
     """Write ``summary.csv``, one row for each photo, and ``people.csv``, one for each person;
-    return their paths.
+    where pyarrow is installed, both also as Parquet. Return their paths.
 
     Photos with the highest trust come first. Numbers of results are empty for failed photos. People
     are in the order of the photos' rows.
@@ -368,10 +381,19 @@ def write_tables(out: Path, index: JournalIndex | None = None) -> list[Path]:
     """
     check_tables(out)
     index = index or JournalIndex(journal_files(out))
+    others = _parquet_tables(out)
+    with atomic_write(out) as temporary:
+        paths = temporary(_TABLE), temporary(PEOPLE_TABLE)
+        _write_csv(*paths, index)
+        for path, table, texts in zip(others, paths, (_TEXTS, _PEOPLE_TEXTS), strict=False):
+            write_parquet(temporary(path.name), table, texts)
+    return [out / _TABLE, out / PEOPLE_TABLE, *others]
+
+
+def _write_csv(photos: Path, people: Path, index: JournalIndex) -> None:
     with (
-        atomic_write(out) as temporary,
-        temporary(_TABLE).open("w", newline="", encoding="utf-8") as table,
-        temporary(PEOPLE_TABLE).open("w", newline="", encoding="utf-8") as people_table,
+        photos.open("w", newline="", encoding="utf-8") as table,
+        people.open("w", newline="", encoding="utf-8") as people_table,
     ):
         write = csv_writer(table, _in_order(index.columns() - COLUMNS.keys() - {PEOPLE_COLUMN}))
         write_person = csv_writer(people_table, _PEOPLE_COLUMNS)
@@ -379,4 +401,3 @@ def write_tables(out: Path, index: JournalIndex | None = None) -> list[Path]:
             write(row)
             for one in row.get(PEOPLE_COLUMN) or ():
                 write_person({"id": row["id"], "path": row.get("path", ""), **one})
-    return [out / _TABLE, out / PEOPLE_TABLE]

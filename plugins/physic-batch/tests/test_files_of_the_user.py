@@ -22,7 +22,10 @@ from physic_core.configuration.model import load_config
 from physic_core.errors import OutputError
 from tests.rooms import tiny_result
 
-NAMES = ("summary.csv", "people.csv", "contact-sheet.html", "journal.jsonl", "logs/worker-0.txt")
+NAMES = (
+    *("summary.csv", "people.csv", "people.parquet"),
+    *("contact-sheet.html", "journal.jsonl", "logs/worker-0.txt"),
+)
 MINE = '{"id": "mine", "stature": 1.71}\n'
 
 

@@ -170,9 +170,9 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             disparity_sigma = estimate.disparity_sigma
             factor = float(np.exp(estimate.sigma))
             (warnings if factor > _DOUBTFUL_FACTOR else notes).append(
-                f"the farthest background, taken to be {'outdoors' if estimate.sky else 'indoors'}"
-                f", may be {factor:.2g} times farther or nearer (one standard deviation). Do not "
-                f"measure there; people and things near them are less affected"
+                f"the farthest background may be {factor:.2g} times farther or nearer (one "
+                f"standard deviation). Do not measure there; people and things near them are less "
+                f"affected"
             )
         else:
             infinity, scale = found
@@ -264,8 +264,9 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             source += " and vanishing points"
         trust = CameraTrust.ESTIMATED if sigma <= _SURE_FOCAL_SIGMA else CameraTrust.GUESSED
         camera = Intrinsics.from_focal(focal, width, height, source, trust)
+        how = "assumed to be usual" if found is None else "estimated from straight edges"
         note = (
-            f"the focal length is a {source}, so that all distances may be off by {sigma:.0%} (one "
+            f"the focal length is {how}, so that all distances may be off by {sigma:.0%} (one "
             f"standard deviation). Give the camera's own file, which may state it, or --focal-px PX"
         )
         return replace(camera, focal_sigma=sigma), note

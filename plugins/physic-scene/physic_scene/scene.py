@@ -197,7 +197,7 @@ class ScenePipeline:
             if result is not None
         ]
         empty = [
-            skipped_photo(i, name, "no people", "no person was detected in it")
+            skipped_photo(i, name, "no people", "no person was found in it")
             for i, name in enumerate(names)
             if results[i] is None
         ]

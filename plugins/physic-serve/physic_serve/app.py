@@ -48,7 +48,7 @@ _MEANINGS = {
     "reconstruction.npz": "All arrays",
 }
 _PAGE_POLICY = (
-    "default-src 'self'; img-src 'self' data: blob:; frame-ancestors 'self'; form-action 'self'"
+    "default-src 'self'; img-src 'self' data: blob:; frame-ancestors 'none'; form-action 'self'"
 )
 _HEADERS = {
     "X-Content-Type-Options": "nosniff",
@@ -56,6 +56,7 @@ _HEADERS = {
     # a stricter one would make browsers send forms with the origin "null"
     "Referrer-Policy": "same-origin",
     "Content-Security-Policy": _PAGE_POLICY,
+    "X-Frame-Options": "DENY",
 }
 _COOKIE = "physic-results"
 _MOST_LISTED = 100
@@ -218,7 +219,10 @@ def _file(paths: Mapping[str, Path], request: Request) -> Response:
     name = request.path_params["name"]
     if name not in paths:
         raise HTTPException(404, "there is no such file")
-    if name == REPORT_FILE:  # it is shown in a frame, and states which scripts may run
-        headers = {"Content-Security-Policy": "frame-ancestors 'self'"}
+    if name == REPORT_FILE:  # a page of this server frames it; it states which scripts may run
+        headers = {
+            "Content-Security-Policy": "frame-ancestors 'self'",
+            "X-Frame-Options": "SAMEORIGIN",
+        }
         return FileResponse(paths[name], headers=headers, media_type="text/html")
     return FileResponse(paths[name], filename=name)

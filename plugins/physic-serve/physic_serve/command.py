@@ -8,13 +8,15 @@ import signal
 import socket
 import sys
 import tempfile
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 
 import click
 
 from physic_core.cli.arguments import AnyPath, WholeNumber, configuration_options
+from physic_core.cli.exit_codes import INTERRUPTED
 from physic_core.cli.output import echo
 from physic_core.errors import ConfigError
 
@@ -80,7 +82,7 @@ def serve(
     own = tempfile.TemporaryDirectory(
         prefix="physic-serve-", dir=parent, ignore_cleanup_errors=True
     )
-    with closing(listening), own as place:
+    with _said_at_the_end(), closing(listening), own as place:
         tempfile.tempdir = place  # for parts of forms
         echo("loading the models", err=True)
         with closing(Jobs(Path(place), partial(Worker, config, formats))) as jobs:
@@ -101,6 +103,16 @@ def serve(
             )
             echo(f"http://{address}:{listening.getsockname()[1]}/  (Ctrl-C ends it)")
             uvicorn.Server(settings).run([listening])
+
+
+@contextmanager
+def _said_at_the_end() -> Iterator[None]:
+    """Say after Ctrl-C that nothing is left to continue with."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        echo("the server has ended, and its results are deleted", err=True)
+        sys.exit(INTERRUPTED)
 
 
 def _listen(host: str, port: int) -> socket.socket:

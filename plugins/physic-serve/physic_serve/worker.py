@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from physic_batch.workers import started_processes
-from physic_core.errors import BackendError
+from physic_core.errors import BackendError, PhysicError
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -133,7 +133,7 @@ def _work(
     try:
         reconstruct = open_(config)
     except Exception as error:
-        pipe.send(Message("refused", f"{type(error).__name__}: {error}"))
+        pipe.send(Message("refused", _told(error)))
         return
     pipe.send(Message("ready"))
     with suppress(EOFError, OSError):  # the server has ended
@@ -160,7 +160,7 @@ def _run(
         result.save(str(task.folder))
         result.report(str(task.folder / REPORT_FILE), task.title)
     except Exception as error:
-        return Message("failed", f"{type(error).__name__}: {error}")
+        return Message("failed", _told(error))
     missing = {}
     for name in exports:
         try:
@@ -168,6 +168,11 @@ def _run(
         except Exception as error:  # the result itself is complete
             missing[name] = str(error)
     return Message("done", {**result.summary(), "missing_exports": missing})
+
+
+def _told(error: Exception) -> str:
+    """Return the message of an error; the class of one that the project does not raise is part."""
+    return str(error) if isinstance(error, PhysicError) else f"{type(error).__name__}: {error}"
 
 
 def _export(result: Reconstruction, name: str, folder: Path) -> None:

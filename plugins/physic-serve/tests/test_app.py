@@ -56,7 +56,8 @@ def test_results_of_a_browser_are_in_a_cookie_that_no_script_or_other_site_gets(
         ("referrer-policy", "same-origin"),
         ("cross-origin-resource-policy", "same-origin"),
         ("x-content-type-options", "nosniff"),
-        ("content-security-policy", "frame-ancestors 'self'"),
+        ("content-security-policy", "frame-ancestors 'none'"),
+        ("x-frame-options", "DENY"),
         ("content-security-policy", "form-action 'self'"),
     ],
 )

@@ -83,7 +83,7 @@ def test_a_photo_that_breaks_the_process_costs_itself_alone(jobs):
     killed, bad, left, last = (ended(job) for job in added)
     assert "code -9" in killed
     assert "code 7" in left
-    assert bad == last == "InputError: the photo is broken"
+    assert bad == last == "the photo is broken"
     assert [job.stages for job in added] == [[("people", 0, 1)]] * 4
 
 
@@ -101,7 +101,7 @@ def test_a_photo_that_hangs_can_be_stopped(jobs):
         sleep(0.02)
     jobs.stop(hanging)
     assert ended(hanging) == "it was stopped"
-    assert ended(next_one) == "InputError: the photo is broken"
+    assert ended(next_one) == "the photo is broken"
 
 
 def test_models_that_cannot_be_loaded_are_an_error(open_worker):

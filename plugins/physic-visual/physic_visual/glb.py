@@ -527,7 +527,7 @@ def _add_assumed(glb: GlbBuilder, request: ExportRequest) -> list[int]:
     """Add the supports that are assumed for the people of a request, and return the indices of
     their nodes.
     """
-    look = Appearance(_glass("assumed", CONTACT_PALETTE["hidden support"], _ASSUMED_OPACITY))
+    look = Appearance(_glass("assumed", CONTACT_PALETTE["something hidden"], _ASSUMED_OPACITY))
     nodes = []
     for one in assumed_supports(request.result):
         if one.person in request.person:

@@ -56,7 +56,7 @@ def surfaces_in_photo(
     reconstruction: Reconstruction, width: int, height: int
 ) -> dict[str, tuple[float, float]]:
     """Return column and row where a person touches each surface whose name has a number, such as
-    "surface 3", in a picture of a size in px.
+    "unnamed surface 3", in a picture of a size in px.
     """
     camera = View.perspective(reconstruction.intrinsics, width, height)
     places = {}
@@ -70,6 +70,40 @@ def surfaces_in_photo(
                 if 0 <= column < width and 0 <= row < height:
                     places[title] = (column, row)
     return places
+
+
+def free_places(
+    places: Mapping[str, tuple[float, float]],
+    halves: Mapping[str, float],
+    height: float,
+    size: tuple[int, int],
+) -> dict[str, tuple[float, float]]:
+    """Return where names are written inside a picture, each moved up or down until it is over no
+    other.
+
+    Args:
+        places: name -> column and row of its middle, px.
+        halves: name -> half of its width, px.
+        height: of a name, px.
+        size: width and height of the picture, px.
+    """
+    free: dict[str, tuple[float, float]] = {}
+    for name, (column, row) in places.items():
+        half = halves[name]
+        x = float(np.clip(column, half, max(half, size[0] - half)))
+        first = float(np.clip(row, height / 2, size[1] - height / 2))
+        rows = [first + sign * step * height for step in range(len(places)) for sign in (1, -1)]
+        left = [
+            y
+            for y in rows
+            if height / 2 <= y <= size[1] - height / 2
+            and all(
+                abs(x - other) >= half + halves[one] or abs(y - at) >= height
+                for one, (other, at) in free.items()
+            )
+        ]
+        free[name] = (x, left[0] if left else first)
+    return free
 
 
 def draw_numbers(

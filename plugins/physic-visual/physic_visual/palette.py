@@ -33,7 +33,7 @@ CONTACT_PALETTE: dict[str, _Rgb] = {
     "person": (160, 84, 224),
     "own body": (224, 150, 8),
     "object or animal": CONTACT_RGB,
-    "hidden support": (84, 40, 60),
+    "something hidden": (84, 40, 60),
 }
 """Label of a kind of contact -> sRGB colour, in the order of a legend."""
 
@@ -61,7 +61,7 @@ _TINT = 0.2  # share of a person's colour in their body where contact is shown o
 _LABEL_OF_KIND = {
     "self": "own body",
     "object": "object or animal",
-    "hidden": "hidden support",
+    "hidden": "something hidden",
 }
 
 

@@ -18,7 +18,7 @@ from PIL.PngImagePlugin import PngInfo
 from physic_core.files import MARK
 from physic_core.geometry import up_in_camera
 from physic_core.types import grade_text, metres_text, summarize_checks
-from physic_visual.numbers import draw_numbers, heads_in_photo, surfaces_in_photo
+from physic_visual.numbers import draw_numbers, free_places, heads_in_photo, surfaces_in_photo
 from physic_visual.palette import (
     CONTACT_PALETTE,
     FAINT,
@@ -185,8 +185,10 @@ def _draw_photo_panels(
     _draw_panel(page, mesh, "People over the photo", overlay)
     draw_unposed(pen, reconstruction, mesh.x, mesh.y, *size)
     draw_numbers(pen, (mesh.x, mesh.y), heads_in_photo(reconstruction, *size), size)
-    for name, (column, row) in surfaces_in_photo(reconstruction, *size).items():
-        _draw_over(pen, (mesh.x + column, mesh.y + row), name, PAGE_RGB, "mm")
+    places = surfaces_in_photo(reconstruction, *size)
+    halves = {name: font(13).getlength(name) / 2 for name in places}
+    for name, (x, y) in free_places(places, halves, _NAME, size).items():
+        _draw_over(pen, (mesh.x + x, mesh.y + y), name, PAGE_RGB, "mm")
     depths = depth_panel(reconstruction, *size)
     _draw_panel(page, depth, _DEPTH_TITLE, depths)
     _depth_bar(page, depth, depth_range(reconstruction))
@@ -367,7 +369,7 @@ def _draw_assumed(page: Image.Image, frame: _Frame, plan: LabeledView) -> None:
         layer = page.crop((frame.x, frame.y, frame.x + frame.width, frame.y + frame.height))
         outline = cv2.convexHull(corners.astype(np.float32))[:, 0]
         pen = ImageDraw.Draw(layer)
-        rgb = CONTACT_PALETTE["hidden support"]
+        rgb = CONTACT_PALETTE["something hidden"]
         _draw_dashed(pen, [(float(x), float(y)) for x, y in outline], rgb)
         half = font(14).getlength(name) / 2
         x = float(np.clip(outline[:, 0].mean(), half, max(half, frame.width - half)))

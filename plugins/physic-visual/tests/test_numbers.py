@@ -6,7 +6,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from physic_core.types import BodyContact, ContactPartner
-from physic_visual.numbers import draw_numbers, surfaces_in_photo
+from physic_visual.numbers import draw_numbers, free_places, surfaces_in_photo
 from physic_visual.palette import person_color
 
 SIZE = (200, 100)
@@ -31,6 +31,15 @@ def test_numbers_of_people_in_one_place_do_not_cover_each_other():
             assert np.abs(one - other).max() >= DISC_PX
 
 
+def test_names_of_surfaces_in_one_place_do_not_cover_each_other():
+    places = {f"unnamed surface {i}": (150.0 + i, 60.0) for i in range(4)}
+    found = free_places(places, dict.fromkeys(places, 50.0), 17.0, (200, 100))
+    rows = sorted(row for _, row in found.values())
+    assert np.diff(rows).min() >= 17
+    assert 0 < rows[0] < rows[-1] < 100
+    assert {column for column, _ in found.values()} == {150.0}
+
+
 def test_a_number_leaves_a_taken_box_free():
     x, y = centers({0: (20.0, 20.0)}, [(0.0, 0.0, 60.0, 40.0)])[0]
     assert x > 60 + DISC_PX / 2 - 1 or y > 40 + DISC_PX / 2 - 1
@@ -48,7 +57,10 @@ def test_a_surface_without_a_name_has_its_number_where_it_is_touched(make):
     person = result.people[0]
     touched = person.vertices[:1]
     partner = np.where(np.arange(len(person.vertices)) == 0, 0, -1).astype(np.int16)
-    for surface, wanted in ((unnamed, ["surface 3"]), (replace(unnamed, surface="seat"), [])):
+    for surface, wanted in (
+        (unnamed, ["unnamed surface 3"]),
+        (replace(unnamed, surface="seat"), []),
+    ):
         contacts = (BodyContact("left_foot", surface, 0.9, 1),)
         touching = replace(person, contacts=contacts, contact_partner=partner)
         changed = replace(result, people=(touching,), contact_partners=(surface,))

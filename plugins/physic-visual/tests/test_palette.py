@@ -53,7 +53,7 @@ def test_every_reader_tells_the_colours_of_contact_apart(reader):
         (ContactPartner("scene", "table", 3), "other surface"),
         (ContactPartner("person", person=1, part="left_hand"), "person"),
         (ContactPartner("self", part="torso"), "own body"),
-        (ContactPartner("hidden", "seat"), "hidden support"),
+        (ContactPartner("hidden", "seat"), "something hidden"),
     ],
 )
 def test_each_partner_has_the_colour_of_its_kind(partner, label):

@@ -93,7 +93,7 @@ def _meaning_of_colors(reconstruction: Reconstruction) -> dict[str, Any]:
             "contact": CONTACT_RGB,
             "floor": FLOOR_RGB,
             "camera": CAMERA_RGB,
-            "assumed": CONTACT_PALETTE["hidden support"],
+            "assumed": CONTACT_PALETTE["something hidden"],
         },
         "legend": [
             {"label": label, "color": color}
