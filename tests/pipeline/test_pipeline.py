@@ -12,7 +12,7 @@ import torch
 
 from physic_core import Pipeline, Reconstruction, body, load_config, reconstruct
 from physic_core.configuration.model import OPTIONAL_INTERFACES, PhotoSettings
-from physic_core.engine.ground.floor_and_scale import feet_pixels
+from physic_core.engine.ground.beside import feet_pixels
 from physic_core.engine.state import OtherView
 from physic_core.errors import ConfigError
 from physic_core.io.photo import Photo
