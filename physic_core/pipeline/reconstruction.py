@@ -43,11 +43,16 @@ from physic_core.types.contacts import NO_PARTNER, has_sole_on_floor
 from physic_core.types.known_sizes import size_option
 from physic_core.types.results import main_people
 
+_UP_COSINE = math.cos(
+    math.radians(45.0)
+)  # least one to up in the picture of a level floor's normal
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from physic_core.configuration.resolve import ResolvedPipeline
     from physic_core.engine.state import Contact, Estimates, State
+    from physic_core.geometry.floor import FloorSearch
     from physic_core.types import BoolArray, CheckResult, Measures, Observations
 
 
@@ -290,11 +295,20 @@ def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
             "unknown"
         )
     joints = np.reshape([person.joints for person in people], (-1, NUM_JOINTS, 3))
-    if degrees := photo_turned_deg(joints, result.scene.floor):
+    degrees = photo_turned_deg(joints, result.scene.floor)
+    if degrees and not _shows_level_floor(estimates.ground.search):
         notes.append(
             f"the people do not stand upright in the picture: is it turned by {degrees} degrees?"
         )
     return notes
+
+
+def _shows_level_floor(search: FloorSearch) -> bool:
+    """Return whether the floor lies where the photo looks like floor, and its normal points up in
+    the picture: people may lie in it, but it is not turned.
+    """
+    plane = search.plane
+    return plane is not None and bool(search.in_mask) and -float(plane.normal[1]) > _UP_COSINE
 
 
 def warn_of_small_people(estimates: Estimates, result: Reconstruction) -> list[str]:
