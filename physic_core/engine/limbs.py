@@ -24,6 +24,8 @@ _TRUNK = [
     *joint_pair("shoulder"),
 ]
 
+_LOWEST_SHARE = 0.01  # of the skin, whose place is less sure than that of all
+_LAYER_M = 0.05
 _MAX_FINGER_KEYPOINTS = 10  # a joint set with more has keypoints of all finger joints
 
 
@@ -50,6 +52,14 @@ def observed_parts(part_names: Sequence[str], observed: Tensor) -> Tensor:
         else:
             columns.append(observed[:, JOINT_INDEX["head"]] if name == "head" else trunk)
     return torch.stack(columns, 1)
+
+
+def lowest_layer(height: Tensor, skin: Tensor) -> Tensor:
+    """Return the lowest layer (V,) bool of the skin (V,) bool of one body, without the lowest 1 %,
+    by the heights (V,) of its vertices, metres: what rests if any part may.
+    """
+    lowest = height[skin].kthvalue(max(1, round(_LOWEST_SHARE * int(skin.sum())))).values
+    return skin & (height >= lowest) & (height < lowest + _LAYER_M)
 
 
 def keypoints_of_observed_limbs(skeleton: Skeleton, observed: Tensor) -> Tensor:

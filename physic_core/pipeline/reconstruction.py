@@ -17,6 +17,7 @@ from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.posture import photo_turned_deg
 from physic_core.engine.contact.partner import DECIMALS
 from physic_core.engine.ground.report import scale_note
+from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.engine.limbs import limb_part_indices, observed_parts
 from physic_core.engine.measures import body_size_sigmas
 from physic_core.engine.scene.solve import alignment_diagnostics
@@ -43,12 +44,17 @@ from physic_core.types.contacts import NO_PARTNER, has_sole_on_floor
 from physic_core.types.known_sizes import size_option
 from physic_core.types.results import main_people
 
+_UP_COSINE = math.cos(
+    math.radians(45.0)
+)  # least one to up in the picture of a level floor's normal
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from physic_core.configuration.resolve import ResolvedPipeline
     from physic_core.engine.state import Contact, Estimates, State
-    from physic_core.types import BoolArray, CheckResult, Measures, Observations
+    from physic_core.geometry.floor import FloorSearch
+    from physic_core.types import BoolArray, CheckResult, FloatArray, Measures, Observations
 
 
 def as_reconstruction(
@@ -88,6 +94,7 @@ def _people(
     rows = _arrays_of_people(state, contact)
     sizes = zip(state.model.stature(state.betas), body_size_sigmas(estimates, state), strict=True)
     unseen = _unseen(state)
+    touch = estimates.ground.stance.touch
     people = []
     for i, (stature, sigma) in enumerate(sizes):
         has_body = bool(torch.isfinite(stature))
@@ -108,7 +115,7 @@ def _people(
                 stature_sigma=sigma if has_body else None,
                 sizes=_sizes(state, i) if has_body else {},
                 measures=measures[i],
-                **_observed(photo.observations, i),
+                **_observed(photo.observations, touch[i], i),
                 **{name: array[i] for name, array in rows.items()},
             )
         )
@@ -143,11 +150,19 @@ def _sizes(state: State, person: int) -> dict[str, float]:
     return sizes
 
 
-def _observed(said: Observations, person: int) -> dict[str, Any]:
-    """Return what the person observer says of a person, as fields of a Person."""
+def _observed(said: Observations, touch: FloatArray, person: int) -> dict[str, Any]:
+    """Return what the person observer says of a person, as fields of a Person.
+
+    A plank has no name among the postures, and looks like lying: on feet and hands, whose
+    probabilities to touch are the first four of ``touch`` (5,), and not on the buttocks, nobody
+    lies.
+    """
     posture = said.posture[person]
     best = int(posture.argmax())  # 0 in a row of NaN
     values = {"posture_probability": posture[best], "child_probability": said.child[person]}
+    supports_itself = touch[:2].max() * touch[2:4].max() * (1 - touch[4])
+    if POSTURES[best] == "lie" and supports_itself >= LEAST_PROBABILITY:
+        del values["posture_probability"]
     known = {name: round(float(p), DECIMALS) for name, p in values.items() if math.isfinite(p)}
     return known | ({"posture": POSTURES[best]} if "posture_probability" in known else {})
 
@@ -291,12 +306,21 @@ def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
             "unknown"
         )
     joints = np.reshape([person.joints for person in people], (-1, NUM_JOINTS, 3))
-    if degrees := photo_turned_deg(joints, result.scene.floor):
+    degrees = photo_turned_deg(joints, result.scene.floor)
+    if degrees and not _shows_level_floor(estimates.ground.search):
         notes.append(
             f"the people do not stand upright in the picture: is it turned by {degrees} degrees? "
             f"Then poses, floor and sizes are wrong: turn it back, and run that"
         )
     return notes
+
+
+def _shows_level_floor(search: FloorSearch) -> bool:
+    """Return whether the floor lies where the photo looks like floor, and its normal points up in
+    the picture: people may lie in it, but it is not turned.
+    """
+    plane = search.plane
+    return plane is not None and bool(search.in_mask) and -float(plane.normal[1]) > _UP_COSINE
 
 
 def warn_of_small_people(estimates: Estimates, result: Reconstruction) -> list[str]:

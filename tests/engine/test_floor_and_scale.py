@@ -475,3 +475,46 @@ def test_a_floor_is_doubted_on_which_people_lie():
         for up in ([0.0, -1.0, 0.0], [0.0, 0.0, -1.0])
     )
     assert lies < stands - 2.0
+
+
+def lying(height_m):
+    """A person who lies across the picture, so high over the floor, on a block if it is high."""
+    world = World([(0.0, 3.0)])
+    model = load_body("embedded")
+    rotations, betas, transl = model.zero_pose(1)
+    rotations[:, 0] = torch.tensor([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+    lowest = model(rotations, betas, transl).vertices[..., 1].amax()
+    transl[:] = torch.tensor([[0.0, CAMERA_HEIGHT - height_m - float(lowest), 3.0]])
+    posed = model(rotations, betas, transl)
+    own = seen(posed.vertices.double().numpy()[0], model.faces, CAMERA)[0]
+    depth = level(CAMERA_HEIGHT)
+    top = (CAMERA_HEIGHT - height_m) / np.maximum(ROW, 1e-6)
+    front = 2.6
+    block = np.where((top > front) & (top < 3.6), top, np.inf)
+    block = np.where((ROW * front > CAMERA_HEIGHT - height_m), front, block)
+    depth = np.where(ROW * block < CAMERA_HEIGHT, np.minimum(depth, block), depth)
+    keypoints = keypoints_of(1)
+    pixels = model.landmarks(posed, "coco17").double().numpy() @ CAMERA.matrix.T
+    keypoints.points[:] = pixels[..., :2] / pixels[..., 2:]
+    keypoints.confidence[:] = 1
+    mask = np.isfinite(own)
+    both = np.where(mask, own, depth)
+    labels = SurfaceLabels(np.uint8(depth == level(CAMERA_HEIGHT)), ("unknown", "floor"))
+    photo = replace(
+        world.photo,
+        people=people_of([mask], surfaces=labels),
+        keypoints=keypoints,
+        hole=torch.tensor(mask),
+        scene_map=in_units(depth),
+        photo_map=in_units(both),
+        aligned_map=in_units(both),
+    )
+    bodies = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded")
+    return find_ground(photo, bodies, model, FLOOR, floor_evidence(photo)), world.error
+
+
+@pytest.mark.parametrize(("height_m", "on_floor"), [(0.0, True), (0.5, False)])
+def test_people_who_lie_rest_on_the_floor_only_if_it_is_seen_right_below_them(height_m, on_floor):
+    found, error = lying(height_m)
+    assert (found.stance.rests > 0.5).tolist() == [on_floor]
+    assert error(found) == pytest.approx(0, abs=0.05 if on_floor else 0.2)

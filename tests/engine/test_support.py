@@ -58,7 +58,13 @@ def support(make_stage):
         contact = members(model, *touching)
         if chosen is not None:
             contact |= chosen(model, normals)
-        known = {"feet": True, "grips": False, "sits": False, "height": 0.0} | evidence
+        known = {
+            "feet": True,
+            "grips": False,
+            "sits": False,
+            "lies": False,
+            "height": 0.0,
+        } | evidence
         person = PersonContact(
             stage.vertices[0],
             normals,
@@ -66,6 +72,7 @@ def support(make_stage):
             ~members(model, *unseen),
             feet=torch.tensor([known["feet"]] * 2),
             sits=known["sits"],
+            lies=known["lies"],
             grips=torch.tensor([known["grips"]] * 2),
             height=torch.full((model.num_vertices,), known["height"]),
         )
@@ -138,6 +145,13 @@ def test_a_hidden_seat_is_level(support, touching):
     assert torch.equal(found.seat, found.hidden)
     heights = person.vertices[found.hidden] @ UP
     assert float(heights.max() - heights.min()) < 0.1
+
+
+def test_what_carries_a_person_who_lies_is_under_seat_and_back_and_no_seat(support):
+    model, _, found = support({}, sits=True, lies=True, up=torch.tensor([0.0, 0.0, -1.0]))
+    assert found.state == "assumed"
+    assert not found.seat.any()
+    assert all((found.hidden & members(model, part)).any() for part in ("back", "gluteus"))
 
 
 def test_a_hidden_handhold_is_in_the_whole_hand_and_a_seat_in_contact_is_a_seat(support):

@@ -36,7 +36,7 @@ from physic_core.types import (
     UnposedPerson,
     skeleton_named,
 )
-from physic_core.types.contacts import BodyContact, ContactPartner
+from physic_core.types.contacts import BodyContact, ContactPartner, Support, SupportState
 from physic_core.types.known_sizes import KnownPeople
 from physic_core.types.observations import POSTURES
 from tests.rooms import tiny_result
@@ -222,6 +222,8 @@ def case(
     person = SimpleNamespace(
         measures=Measures(joint_problem=failure, **report or {}),
         world_contact=likely and FAR | likely,
+        support=None,
+        vertices=joints,
         contacts=(),
         posture=posture,
         posture_probability=0.9,
@@ -336,10 +338,10 @@ def test_a_far_stranger_and_a_box_of_somebody_with_a_body_take_no_grade_away():
         ({"report": {"sole_height_m": 0.25}, "legs": False}, ()),
         ({"report": {"sole_height_m": 0.25}, "joints": bent()}, ("support",)),
         ({"report": {"sole_height_m": 0.25}, "stands": (0.9, 0.3)}, ()),
-        ({"report": {"sole_height_m": -2.3}}, ("support",)),
+        ({"report": {"sole_height_m": -0.3}}, ("support",)),
         (
             {"report": {"sole_height_m": -2.3}, "stands": (0.3, 0.3), "legs": False},
-            ("support",),
+            ("placed", "support"),
         ),
         ({"likely": {"left_foot": 0.55, "right_foot": 0.55}}, ("contact_sure",)),
         ({"likely": {"left_foot": 0.95, "right_foot": 0.05, "torso": 0.5}}, ()),
@@ -389,8 +391,8 @@ def test_a_mask_with_the_head_of_another_person_is_never_good():
 
 
 def test_a_doubtful_contact_names_the_part_or_the_seat_that_is_missing():
-    (foot,) = case(likely={"left_foot": 0.55, "right_foot": 0.9})[1].people
-    result = SimpleNamespace(people=(foot,))
+    result = case(likely={"left_foot": 0.55, "right_foot": 0.9})[1]
+    (foot,) = result.people
     _, message = CHECKS["contact_sure"].measure(None, result, 0)
     assert "left foot" in message
     foot.posture = "sit"
@@ -401,6 +403,23 @@ def test_a_doubtful_contact_names_the_part_or_the_seat_that_is_missing():
     foot.posture_probability = 0.9
     foot.world_contact = foot.world_contact | {"seat": 0.8}
     assert "left foot" in CHECKS["contact_sure"].measure(None, result, 0)[1]
+
+
+def test_of_people_who_lie_the_least_sure_part_that_carries_them_is_asked():
+    result = case(joints=standing()[:, [0, 2, 1]], likely={"left_hand": 0.55, "seat": 0.9})[1]
+    (who,) = result.people
+    carriers = [BodyContact(part, ContactPartner("floor"), 0.9, 20) for part in ("back", "seat")]
+    for state, value in (("balanced", 0.9), ("unbalanced", 0.0)):
+        who.support = Support(SupportState(state), tuple(carriers), 0.0, (0.0, 0.0, 0.0))
+        assert CHECKS["contact_sure"].measure(None, result, 0)[0] == value
+
+
+@pytest.mark.parametrize(("below_m", "found"), [(0.5, 0.5), (0.05, None)])
+def test_people_who_lie_do_not_lie_below_the_floor(below_m, found):
+    evidence, result = case(joints=standing()[:, [0, 2, 1]])
+    result.people[0].vertices = np.array([[0.0, 1.5 + below_m, 4.0]])
+    measured = CHECKS["support"].measure(evidence, result, 0)
+    assert measured is found if found is None else measured[0] == pytest.approx(found)
 
 
 def test_people_lean_without_a_floor_against_the_picture():

@@ -12,13 +12,14 @@ import torch
 
 from physic_core import Pipeline, Reconstruction, body, load_config, reconstruct
 from physic_core.configuration.model import OPTIONAL_INTERFACES, PhotoSettings
-from physic_core.engine.ground.floor_and_scale import feet_pixels
+from physic_core.engine.ground.beside import feet_pixels
 from physic_core.engine.state import OtherView
 from physic_core.errors import ConfigError
 from physic_core.io.photo import Photo
 from physic_core.pipeline.backend_results import replace_hands
 from physic_core.pipeline.given.photo import prepare_photo
 from physic_core.types import Hands, Hints, Intrinsics, Keypoints
+from physic_core.types.observations import POSTURES
 from physic_mock import backends
 
 pytestmark = [pytest.mark.quick, pytest.mark.usefixtures("few_steps")]
@@ -105,6 +106,19 @@ def test_what_the_person_observer_says_is_in_the_result_and_saved(world, tmp_pat
     assert person.posture == "stand"
     assert person.posture_probability > 0.9
     assert person.child_probability < 0.1
+
+
+@pytest.mark.parametrize(("seat", "posture"), [(0.02, None), (0.95, "lie")])
+def test_nobody_lies_on_feet_and_hands_alone(world, seat, posture):
+    class Lying(backends.MockPersonObserver):
+        def infer(self, *arguments):
+            said = super().infer(*arguments)
+            sure = np.array([[name == "lie" for name in POSTURES]], np.float32)
+            touch = np.array([[0.98, 0.98, 0.98, 0.98, seat]], np.float32)
+            return replace(said, posture=sure, touch=touch, holds=np.zeros_like(said.holds))
+
+    (person,) = reconstruct(world.image, "mock", backends={"person_observer": Lying}).people
+    assert person.posture == posture
 
 
 def test_a_configured_camera_is_in_pixels_of_the_file():

@@ -33,6 +33,7 @@ from physic_core.engine.contact.probability import (
     SEAT,
     by_vertex,
     contact_part_masks,
+    lying_bodies,
     unseen_parts,
 )
 from physic_core.engine.contact.support import (
@@ -133,6 +134,7 @@ def _find_supports(
     height = torch.where(touch.kind == _SCENE, near.surface.nearest, 0.0)
     height = torch.where(touch.kind >= 0, height, torch.inf)
     seen = state.visible_vertices & (touch.kind != HIDDEN)
+    lies = lying_bodies(state).tolist()
     found: list[PersonSupport | None] = []
     for i, finite in enumerate(state.finite_people.tolist()):
         if not finite:
@@ -145,6 +147,7 @@ def _find_supports(
             seen=seen[i],
             feet=_limbs_touch(touch, "foot", i),
             sits=bool(touch.parts) and float(touch.parts[SEAT][i]) >= LEAST_PROBABILITY,
+            lies=lies[i],
             grips=_limbs_touch(touch, "hand", i),
             height=height[i],
         )

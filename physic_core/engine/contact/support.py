@@ -2,12 +2,13 @@
 supports.
 
 A seated person has a seat: the surface under buttocks and thighs, whatever else balances the body,
-or a hidden one. A person is balanced if the centre of mass is over the convex hull of the carrying
-contacts, or below hands that hold something. Feet alone balance a person only on heels that rest on
-enough ground: on less, the person is unsteady. Otherwise, the photo may not show the support. A
-hidden support is assumed only where the photo cannot show one, and if the body is balanced on it:
-something under feet that the photo does not show, and a bar in the hands of people whose feet are
-in the air. Feet that the photo shows stand on what it shows, or on nothing. Camera frame, metres.
+or a hidden one, which is under the back as well if the person lies. A person is balanced if the
+centre of mass is over the convex hull of the carrying contacts, or below hands that hold something.
+Feet alone balance a person only on heels that rest on enough ground: on less, the person is
+unsteady. Otherwise, the photo may not show the support. A hidden support is assumed only where the
+photo cannot show one, and if the body is balanced on it: something under feet that the photo does
+not show, and a bar in the hands of people whose feet are in the air. Feet that the photo shows
+stand on what it shows, or on nothing. Camera frame, metres.
 """
 
 from __future__ import annotations
@@ -49,6 +50,7 @@ class PersonContact:
         seen: (V,) bool, vertices on limbs that the photo shows.
         feet: (2,) bool, left and right foot that probably touch something; None if unknown.
         sits: whether buttocks probably rest on something.
+        lies: whether the trunk is nearly horizontal.
         grips: (2,) bool, left and right hand that probably touch the scene; None if unknown.
         height: (V,) height of contacts over what they touch, metres, negative inside; inf of other
             skin. None if unknown.
@@ -60,6 +62,7 @@ class PersonContact:
     seen: Tensor
     feet: Tensor | None = None
     sits: bool = False
+    lies: bool = False
     grips: Tensor | None = None
     height: Tensor | None = None
 
@@ -120,10 +123,14 @@ def find_support(
     if person.sits:
         under = _outer_vertices(model, "thighs", "gluteus")
         seat = level & under
-        patch = _lowest_layer(person, _outer_vertices(model, "gluteus"), up)
+        rests = _outer_vertices(model, *(("gluteus", "back") if person.lies else ("gluteus",)))
+        patch = _lowest_layer(person, rests, up)
         if assume and not bool(seat.any()) and int(patch.sum()) >= _MIN_VERTICES:
             outside = distance_to_hull(centre, vertices[contact | patch], up)
-            return PersonSupport(SupportState.ASSUMED, contact, patch, patch, outside, centre)
+            seat = none if person.lies else patch
+            return PersonSupport(
+                SupportState.ASSUMED, contact, patch & ~contact, seat, outside, centre
+            )
     hold = _overhead_hands(model, person, centre, up)
     for state, carrying in _carrying_candidates(contact, level & ~hold, hold):
         outside = distance_to_hull(centre, vertices[carrying], up)

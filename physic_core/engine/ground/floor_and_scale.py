@@ -21,6 +21,13 @@ from torch import Tensor
 from physic_core.body.bones import pose_from_parameters
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.model import BodyModel
+from physic_core.engine.ground.beside import (
+    RAISED_SURFACES,
+    LowSkin,
+    feet_pixels,
+    ground_beside,
+    low_skin,
+)
 from physic_core.engine.ground.carriers import carried_people
 from physic_core.engine.ground.floor import (
     FloorCandidate,
@@ -32,7 +39,7 @@ from physic_core.engine.ground.floor import (
     standing_score,
 )
 from physic_core.engine.ground.lying import people_backgrounds
-from physic_core.engine.ground.posture import bodies_of_people_who_stand
+from physic_core.engine.ground.posture import bodies_of_people_who_stand, rests_on_any_part
 from physic_core.engine.ground.report import (
     floor_witnesses,
     rival_note,
@@ -61,7 +68,7 @@ from physic_core.engine.sizes.evidence import (
 )
 from physic_core.engine.sizes.scale_vote import ScaleVote, Witnesses, vote_on_scale
 from physic_core.engine.sizes.stature import adult_probability, stature_sigmas
-from physic_core.engine.up import Up, questioned_up
+from physic_core.engine.up import Up, questioned_up, surest_up
 from physic_core.geometry.floor import FloorSearch, PlaneFit
 from physic_core.geometry.pointmap import pointmap_normals
 from physic_core.geometry.tensors import exact_arrays, optional_tensors, tensor, tensors
@@ -79,22 +86,11 @@ if TYPE_CHECKING:
         BoolArray,
         DepthMap,
         FloatArray,
-        Keypoints,
         Pointmap,
     )
     from physic_core.types.known_sizes import KnownPeople
 
-RAISED_SURFACES = ("seat", "bed", "table", "cabinet", "vehicle")
-"""Surfaces that can carry a foot above the ground."""
-
 _NO_FLOORS = (*RAISED_SURFACES, "wall", "ceiling", "window", "vegetation", "water", "sky")
-
-_BESIDE_SOLES = 0.12  # of the height of a person's mask: reach of the ground beside soles
-_BESIDE_SOLES_PHOTO = 0.02  # of the photo's long side, added to it
-_FORESHORTENED = 0.6  # height over width of the window
-_FEWEST_PIXELS = 10  # of that ground
-_ON_FLOOR = 0.9  # of people who stand; 18 of 185 in photos stand on something else
-_ON_FLOOR_AMONG_RAISED = 0.4  # of those whose soles are beside what can carry them
 
 # Sigmas of a scale's logarithm, beside those of a stature and of people's depth in the map. On ten
 # photos with measured camera heights the height over the floor is off by .12 by soles, and by .1 by
@@ -112,6 +108,7 @@ _NOT_ON_PLANE_NATS = -1.2  # of a person with visible soles, without a floor to 
 _CUTS_M = 0.25  # of a body below a floor, from which on the floor is that of another surface
 _NO_CAMERA_NATS = -1.0  # if there is no floor over which the camera has a height
 _STANDS = 0.5  # probability, of feet that are named in a note
+_RESTS_UNSEEN = 0.5  # probability that people who lie do so on the floor, where nothing shows it
 _LIES = 0.5  # probability from which on people do not speak about the tilt of a floor
 _LIMBS = ("shoulder", "hip", "knee", "ankle")
 
@@ -185,7 +182,7 @@ def floor_evidence(photo: PhotoContent) -> FloorEvidence:
         others=tensors(*photo.people.floor_candidates),
         ground=photo.labelled(*GROUND_SURFACES) & uncovered,
         no_ground=photo.labelled(*_NO_FLOORS) & uncovered,
-        soles=_ground_at_soles(photo),
+        soles=ground_beside(photo),
         around=people_backgrounds(select_people(photo, lie)),
         up=asked_up(photo)[0],
         slope=photo.slope,
@@ -198,48 +195,6 @@ def asked_up(photo: PhotoContent) -> tuple[Up | None, tuple[str, ...]]:
     """Return up without a floor, after the people who stand were asked, and warnings."""
     bodies = bodies_of_people_who_stand(photo.keypoints, photo.observations, photo.camera)
     return questioned_up(photo.up_without_floor, tensor(bodies))
-
-
-def _ground_at_soles(photo: PhotoContent) -> tuple[GroundAtSoles, ...]:
-    """Return the visible ground beside the soles of each person, if the photo shows it."""
-    height, width = photo.hole.shape
-    visible = ~photo.hole
-    raised = photo.labelled(*RAISED_SURFACES)
-    keypoints = photo.keypoints
-    touch = Stance.in_picture(photo.observations).limb_touch[:, :2]
-    found = []
-    for i, mask in enumerate(photo.masks):
-        reach = _BESIDE_SOLES * float(mask.any(1).sum()) + _BESIDE_SOLES_PHOTO * max(height, width)
-        window = torch.zeros_like(visible)
-        for x, y in feet_pixels(select_people(keypoints, np.array([i])), height, width):
-            rows = slice(
-                max(0, round(y - _FORESHORTENED * reach)), round(y + _FORESHORTENED * reach) + 1
-            )
-            window[rows, max(0, round(x - reach)) : round(x + reach) + 1] = True
-        ground = (window & visible).nonzero()
-        if len(ground) >= _FEWEST_PIXELS:
-            at = ground[:, 0], ground[:, 1]
-            among_raised = float(raised[at].double().mean()) > 0.5
-            share = _ON_FLOOR_AMONG_RAISED if among_raised else _ON_FLOOR
-            stands = share * float(1 - (1 - touch[i]).prod())
-            found.append(GroundAtSoles(*at, stands, float(photo.people.scores[i]), i))
-    return tuple(found)
-
-
-def feet_pixels(
-    keypoints: Keypoints, height: int, width: int, confidence: float = 0.5
-) -> FloatArray:
-    """Return heels and toes inside the image with more than ``confidence``, (M, 2) px."""
-    soles = [
-        i
-        for i, name in enumerate(keypoints.joint_set.names)
-        if name.endswith(("heel", "toe", "foot_tip"))
-    ]
-    points = keypoints.points[:, soles]
-    seen = keypoints.confidence[:, soles] > confidence
-    seen &= (points >= 0).all(-1) & (points[..., 0] <= width - 1) & (points[..., 1] <= height - 1)
-    chosen: FloatArray = points[seen]
-    return chosen
 
 
 def scene_floor_candidates(
@@ -273,9 +228,12 @@ def find_ground(
         depth: metric depth of the scene with a scale of its own: it votes, too, or decides if it
             was measured.
     """
-    seen = _people_evidence(photo, bodies, model)
+    up = surest_up(None, evidence.up, evidence.slope).direction
+    seen = _people_evidence(photo, bodies, model, up)
     scene = photo.scene_map
-    beside = _ground_at_soles(photo) if evidence.seen_ground is not None else ()
+    beside: tuple[GroundAtSoles, ...] = ()
+    if evidence.seen_ground is not None:
+        beside = ground_beside(photo, seen.low, up)
     planes = [_floor_hypothesis(candidate, seen, photo, beside) for candidate in candidates]
     scores = [sum(p.evidence.values()) for p in planes]
     own = None if depth is None else depth_witness(depth, scene, photo.camera, seen.torsos)
@@ -342,7 +300,7 @@ class _PeopleEvidence(NamedTuple):
     bool.
 
     ``real`` (N,) is the probability that they are people, by the segmenter, and adults; ``up`` (N,)
-    bool, whether they do not lie by the observer and their trunk.
+    bool, whether they do not lie by the observer and their trunk; ``low`` what others rest on.
     """
 
     model: BodyModel
@@ -351,13 +309,18 @@ class _PeopleEvidence(NamedTuple):
     feet: BoolArray
     real: FloatArray
     up: Tensor
+    low: LowSkin
     stance: Stance
     sigma: FloatArray
     torsos: Witnesses
 
 
-def _people_evidence(photo: PhotoContent, bodies: Bodies, model: BodyModel) -> _PeopleEvidence:
-    """Return people with their torsos as witnesses, and their stance before a floor is known."""
+def _people_evidence(
+    photo: PhotoContent, bodies: Bodies, model: BodyModel, up: Tensor
+) -> _PeopleEvidence:
+    """Return people with their torsos as witnesses, and their stance before a floor is known, by
+    up (3,) without one.
+    """
     count = len(photo.people)
     with torch.no_grad():
         posed = model(*pose_from_parameters(bodies.parameters, model.device, model.dtype)[:3])
@@ -384,10 +347,13 @@ def _people_evidence(photo: PhotoContent, bodies: Bodies, model: BodyModel) -> _
         shared_sigma=_PEOPLE_SIGMA,
         shared_wrong=_PEOPLE_WRONG,
     )
-    up = ~(photo.observations.posture[:, POSTURES.index("lie")] > _LIES)
+    keypoints, said = photo.keypoints, photo.observations
+    upright = ~(said.posture[:, POSTURES.index("lie")] > _LIES)
     joints = posed.joints.cpu()
+    across = rests_on_any_part(keypoints, said)
+    low = low_skin(across, posed.vertices.cpu().double(), model, observed, up)
     return _PeopleEvidence(
-        model, vertices, joints, feet, real, torch.from_numpy(up), stance, sigma, torsos
+        model, vertices, joints, feet, real, torch.from_numpy(upright), low, stance, sigma, torsos
     )
 
 
@@ -429,7 +395,7 @@ def _size_sigmas(photo: PhotoContent, stature: FloatArray, years: FloatArray) ->
 
 class _FloorHypothesis(NamedTuple):
     """A candidate for the floor: evidence in nats, scales (N, 2) by the soles, and the witnesses
-    that depend on it.
+    that depend on it: ``soles`` (N,), of people who lie their lowest skin, and ``camera``.
     """
 
     candidate: FloorCandidate
@@ -473,6 +439,8 @@ def _floor_hypothesis(
     score = dict(candidate.evidence)
     height = math.nan
     by_soles = np.full((len(seen.feet), 2), np.nan)
+    across = seen.low.across
+    by_low = np.full(len(across), np.nan)
     if candidate.plane is None:
         score["no height of the camera"] = _NO_CAMERA_NATS
     else:
@@ -482,13 +450,15 @@ def _floor_hypothesis(
         if candidate.beneath:  # no sole stands on what people lie on
             by_soles[:] = np.nan
         else:
+            by_low = seen.low.scales(candidate.plane.normal, plane.offset)
             score["upright people"] = standing_score(candidate.plane.normal, seen.joints[seen.up])
-    lower = np.fmax(by_soles[:, 0], by_soles[:, 1])
+    lower = np.where(across, by_low, np.fmax(by_soles[:, 0], by_soles[:, 1]))
     if not candidate.beneath:
         off = float(seen.real[seen.feet.any(1) & ~np.isfinite(lower)].sum())
         if off:
             score["people who are not on it"] = _NOT_ON_PLANE_NATS * off
-    sure = on * seen.real * (1 - (1 - np.where(seen.feet, seen.stance.stands, 0.0)).prod(1))
+    by_feet = 1 - (1 - np.where(seen.feet, seen.stance.stands, 0.0)).prod(1)
+    sure = on * seen.real * np.where(across, _shares_at_rest(beside, len(on)), by_feet)
     soles = Witnesses(
         lower, seen.torsos.depth, np.hypot(seen.sigma, _SOLE_SIGMA), sure, _FLOOR_SIGMA
     )
@@ -496,6 +466,16 @@ def _floor_hypothesis(
         USUAL_CAMERA_HEIGHT_M / height, USUAL_CAMERA_HEIGHT_SIGMA, _CAMERA_SURE
     )
     return _FloorHypothesis(candidate, score, on, by_soles, soles, camera)
+
+
+def _shares_at_rest(beside: Sequence[GroundAtSoles], count: int) -> FloatArray:
+    """Return the probability (N,) that the lowest skin rests on the ground that is seen below it;
+    less where none is seen.
+    """
+    shares = np.full(count, _RESTS_UNSEEN)
+    for one in beside:
+        shares[one.person] = one.stands
+    return shares
 
 
 def _floor_below_bodies(search: FloorSearch, seen: _PeopleEvidence, scale: float) -> FloorSearch:
@@ -526,7 +506,14 @@ def _stance_by_vote(
         weight * p.ground_weights[:, None] * np.nan_to_num(_standing_probabilities(vote, p, seen))
         for weight, p in zip(vote.weights.tolist(), planes, strict=True)
     )
-    return replace(seen.stance, stands=np.where(seen.feet, stands, seen.stance.stands))
+    rests = sum(
+        weight * p.ground_weights * np.nan_to_num(vote.right(p.soles))
+        for weight, p in zip(vote.weights.tolist(), planes, strict=True)
+    )
+    rests = np.where(seen.low.across, rests, np.nan)
+    stands = np.where(seen.feet, stands, seen.stance.stands)
+    # No foot stands on a floor over which the lowest skin lies.
+    return replace(seen.stance, stands=np.fmin(stands, rests[:, None]), rests=rests)
 
 
 def _standing_probabilities(

@@ -65,6 +65,21 @@ def upright_people(keypoints: Keypoints, said: Observations) -> BoolArray:
     return np.asarray(~(np.abs(axis) > _UPRIGHT_DEG) & ~(likely < _LEAST_UPRIGHT))
 
 
+def rests_on_any_part(keypoints: Keypoints, said: Observations) -> BoolArray:
+    """Return who of N people lies, planks or is on all fours (N,), and so may rest on any part: by
+    the trunk in the picture, or by the observer.
+
+    Args:
+        keypoints: of the people.
+        said: of the same people.
+    """
+    names = keypoints.joint_set.names
+    trunk = [j for j, name in enumerate(names) if name.endswith(("_shoulder", "_hip"))]
+    seen = keypoints.confidence[:, trunk].min(1, initial=1.0) >= SEEN_CONFIDENCE
+    across = seen & (np.abs(trunk_in_picture_deg(keypoints.points, names)) > _UPRIGHT_DEG)
+    return np.asarray(across | (said.posture[:, POSTURES.index("lie")] > _LEAST_UPRIGHT))
+
+
 def bodies_of_people_who_stand(
     keypoints: Keypoints, said: Observations, camera: Intrinsics
 ) -> FloatArray:

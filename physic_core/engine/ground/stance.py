@@ -66,11 +66,14 @@ class Stance(ShortRepr):
             those of its base rate; 0 where unknown.
         stands: (N, 2) probability that the foot stands on the floor; only a prior if no floor was
             found.
+        rests: (N,) probability that the lowest skin rests on the floor, of people who lie, plank or
+            are on all fours; NaN of others.
         carried: what people ride, and boards below their feet; None without any in the picture.
     """
 
     observed: FloatArray = field(metadata=PER_PERSON)
     stands: FloatArray = field(metadata=PER_PERSON)
+    rests: FloatArray = field(metadata=PER_PERSON)
     carried: Carried | None = field(default=None, metadata=PER_PERSON)
 
     @staticmethod
@@ -79,7 +82,8 @@ class Stance(ShortRepr):
         usual share.
         """
         parts = [observations.evidence(name) for name in ("touch", "holds")]
-        stance = Stance(np.concatenate(parts, 1), np.zeros((len(parts[0]), 2)))
+        count = len(parts[0])
+        stance = Stance(np.concatenate(parts, 1), np.zeros((count, 2)), np.full(count, np.nan))
         return replace(stance, stands=_ON_FLOOR_SHARE * stance.limb_touch[:, :2])
 
     @staticmethod
@@ -119,7 +123,7 @@ class Stance(ShortRepr):
             ridden=wider(self.carried.ridden, NOTHING),
             board=wider(self.carried.board, NOTHING),
         )
-        return Stance(wider(self.observed, 0.0), stands, carried)
+        return Stance(wider(self.observed, 0.0), stands, wider(self.rests), carried)
 
 
 def _height_px(mask: Tensor) -> float:

@@ -16,6 +16,7 @@ from torch import Tensor
 
 from physic_core.body.joints import joint_pair
 from physic_core.engine.ground.touch import LEAST_PROBABILITY
+from physic_core.engine.limbs import lowest_layer, observed_parts
 from physic_core.engine.photo import PixelPoints
 from physic_core.engine.placement.method import PlacementMethod
 from physic_core.engine.placement.terms import PlacementProblem
@@ -42,7 +43,7 @@ def solve_placement(estimates: Estimates, state: State, method: PlacementMethod)
     if state.known is not None and state.known.unscaled is not None:
         state = _resized(estimates, state, state.known, feet_seen, method)
     if not method.stance:
-        state = replace(state, limb_touch=None)
+        state = replace(state, limb_touch=None, rests=None)
     elif state.limb_touch is not None:
         rides = tensor(estimates.photo.observations.posture)[:, POSTURES.index("ride")]
         # feet on pedals or in stirrups touch, but not the ground
@@ -51,6 +52,12 @@ def solve_placement(estimates: Estimates, state: State, method: PlacementMethod)
             (state.limb_touch[:, :2] * on_ground[:, None], state.limb_touch[:, 2:]), 1
         )
         feet_seen = feet_seen & (touch[:, :2] >= LEAST_PROBABILITY).any(1)
+        if state.rests is not None:
+            # whatever is lowest carries people who lie, and feet that rest on a bench do not
+            across = torch.isfinite(state.rests)
+            feet_seen = torch.where(across, state.rests >= LEAST_PROBABILITY, feet_seen)
+            share = torch.where(across, state.rests, 1.0)[:, None]
+            touch = torch.cat((touch[:, :2] * share, touch[:, 2:]), 1)
         state = replace(state, limb_touch=touch)
     return _place(estimates, state, feet_seen, method)
 
@@ -110,6 +117,7 @@ def people_to_place(
         height = torch.tensor([scene.floor.offset], dtype=torch.float64)
         plane = torch.cat((_on_cpu(scene.floor.normal), height))
     people = []
+    low = _lowest_skin(state, vertices)
     for i, body in enumerate(vertices):
         on_floor = plane is not None and bool(feet_seen[i])
         person = PlacementProblem(
@@ -122,7 +130,7 @@ def people_to_place(
             outer=model.outer.cpu(),
             points=_on_cpu(clouds[i]),
             mask=masks[i],
-            soles=body[soles] if on_floor else body[:0],
+            soles=body[soles if low[i] is None else low[i]] if on_floor else body[:0],
             plane=plane if on_floor else None,
             K=_on_cpu(scene.K),
             row=i,
@@ -130,6 +138,21 @@ def people_to_place(
         )
         people.append(method.observe(person))
     return people
+
+
+def _lowest_skin(state: State, vertices: Tensor) -> list[Tensor | None]:
+    """Return the lowest skin in sight (V,) bool of each person who lies, planks or is on all fours;
+    None of others.
+    """
+    if state.rests is None:
+        return [None] * len(state)
+    parts = observed_parts(state.model.part_names, state.observed)
+    skin = (parts[:, state.model.part_of_vertex] & state.model.outer).cpu()
+    heights = vertices @ state.up.to(vertices)
+    return [
+        lowest_layer(height, own) if math.isfinite(rests) and bool(own.any()) else None
+        for height, own, rests in zip(heights, skin, state.rests.tolist(), strict=True)
+    ]
 
 
 def _on_cpu(x: Tensor) -> Tensor:

@@ -92,9 +92,9 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
     if observed is None:
         observed = np.ones((len(masks), NUM_JOINTS), bool)
     stance = estimates.ground.stance
-    stands, observed_touch, limb_touch = (
+    stands, rests, observed_touch, limb_touch = (
         torch.from_numpy(each).to(model.device, model.dtype)
-        for each in (stance.stands, stance.observed, stance.limb_touch)
+        for each in (stance.stands, stance.rests, stance.observed, stance.limb_touch)
     )
     rotations, betas, transl, expression = pose_from_parameters(
         bodies.parameters, model.device, model.dtype
@@ -119,6 +119,7 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
         scene=scene,
         K=scene.K.to(model.device, model.dtype),
         stands=stands,
+        rests=rests,
         observed_touch=observed_touch,
         limb_touch=limb_touch,
         carried=stance.carried,

@@ -12,20 +12,27 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
-from physic_core.body.posture import lean_deg, standing_legs
+from physic_core.body.posture import LYING_DEG, lean_deg, standing_legs, trunk_tilt_deg
 from physic_core.engine.ground.posture import upright_people
 from physic_core.engine.joint.terms.reprojection_settings import ReprojectionSettings
 from physic_core.pipeline.checks.photo import NO_FLOOR, relative_difference
 from physic_core.pipeline.checks.spec import YES, check
 from physic_core.types import MARKS, Plane, skeleton_named
-from physic_core.types.contacts import part_words
+from physic_core.types.contacts import SupportState, part_words
 from physic_core.types.observations import TOUCH_PARTS
 from physic_core.types.skeletons import SIDES, keypoint_in_words
 
 if TYPE_CHECKING:
     from physic_core.engine.state import Estimates
     from physic_core.pipeline.checks.spec import Measured
-    from physic_core.types import BoolArray, FloatArray, Intrinsics, Reconstruction, Skeleton
+    from physic_core.types import (
+        BoolArray,
+        FloatArray,
+        Intrinsics,
+        Person,
+        Reconstruction,
+        Skeleton,
+    )
 
 _KNEES = joint_pair("knee")
 _ANKLES = joint_pair("ankle")
@@ -43,6 +50,9 @@ _HEAD = ("nose", "eye_surface", "ear_surface")
 _FEWEST_HEAD = 3
 _CONFIDENT = 0.5
 _FEWEST = 4
+_SUPPORT_M = 0.1  # largest distance from what carries
+_LOWEST_SHARE = 0.01  # of the vertices, below which the body of a person who lies may reach
+_FAR_BELOW_M = 0.5  # of soles below the floor: no error of a floor that people stand on
 _LIES_DEG = 60.0  # lean beyond which people lie
 _QUANTILE = 0.9  # two joints of a dozen may be wrong
 
@@ -58,7 +68,7 @@ _check = partial(check, "person")
 )
 def placed(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return whether all backends have results for this person, keypoints, depth and floor place
-    the body, and the joint fit includes it.
+    the body, not far below the floor, and the joint fit includes it.
     """
     if missing := estimates.missing_results[person]:
         return 0.0, (
@@ -69,6 +79,12 @@ def placed(estimates: Estimates, result: Reconstruction, person: int) -> Measure
         return 0.0, problem
     if failure := result.people[person].measures.joint_problem:
         return 0.0, f"pose and position are those before the joint fit: {failure}"
+    height = result.people[person].measures.sole_height_m
+    if height is not None and height < -_FAR_BELOW_M:
+        return 0.0, (
+            f"the body reaches {-height:.1f} m below the floor, so that it is not where the photo "
+            "shows this person. Do not use it"
+        )
     if result.scene.floor is None:
         return None, f"{NO_FLOOR}, so that body size and depth alone give the distance"
     return 1.0
@@ -163,15 +179,16 @@ def body_in_mask(estimates: Estimates, result: Reconstruction, person: int) -> M
 # that are right 0-0.08, and 0.25 on a treadmill.
 @_check(
     "Distance from the floor or surface that carries the person",
-    at_most=0.1,
+    at_most=_SUPPORT_M,
     unit="m",
     contradicts=("place", "contact"),
     unmeasured="there is no floor and no surface near the body",
 )
 def support(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the largest, in metres, of the gap between the body and the nearest surface, unless a
-    support is assumed, that of a foot or hand that touches something unknown, and the distance of
-    the lower sole below the floor, or above it if the person stands.
+    support is assumed, that of a foot or hand that touches something unknown, the depth of people
+    who lie below the floor, and the distance of the lower sole below the floor, or above it if the
+    person stands.
     """
     measures = result.people[person].measures
     height = None if result.scene.floor is None else measures.sole_height_m
@@ -186,12 +203,24 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
             )
         )
     for one in result.people[person].contacts:
-        if one.distance_m is not None and not one.partner.surface:
+        limb = one.part.endswith(("foot", "hand"))
+        if limb and one.distance_m is not None and not one.partner.surface:
             found.append(
                 (
                     one.distance_m,
                     f"the {part_words(one.part)} is seen to touch something, but the nearest "
                     f"surface is {one.distance_m:.2f} m away or more: see {_FROM_THE_SIDE}",
+                )
+            )
+    if result.scene.floor is not None and _lies(result, person):
+        above = result.people[person].vertices @ result.scene.floor.normal
+        low = float(np.quantile(above, _LOWEST_SHARE)) + result.scene.floor.offset
+        if low < -_SUPPORT_M:
+            found.append(
+                (
+                    -low,
+                    f"the body reaches {-low:.2f} m below the floor, so that the floor or the "
+                    f"person's distance is wrong: see {_FROM_THE_SIDE}. Do not use this distance",
                 )
             )
     stands = _stands_on_seen_legs(estimates, result, person)
@@ -217,11 +246,14 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
 )
 def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the probability that feet, hands and seat all touch the world or not as the likelier
-    of both says.
+    of both says; of people whose trunk is nearly horizontal that of the least sure part that
+    carries them, and 0 if none does.
     """
     who = result.people[person]
     if not (likely := who.world_contact):
         return None
+    if _lies(result, person):
+        return _sure_carriers(who)
     value = math.prod(max(likely[part], 1 - likely[part]) for part in TOUCH_PARTS)
     seated = who.posture in _SEATED and (who.posture_probability or 0.0) >= 0.5
     if seated and likely["seat"] < 0.5:
@@ -236,6 +268,31 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
         value,
         f"the least sure is the {least.replace('_', ' ')}, taken {taken} (probability of touch "
         f"{likely[least]:.2f}): look whether it is so in the photo",
+    )
+
+
+def _level(result: Reconstruction) -> Plane:
+    """Return a level plane by what is known of up, else by the camera's axis."""
+    return result.scene.level or Plane(np.array([0.0, -1.0, 0.0]), 0.0)
+
+
+def _lies(result: Reconstruction, person: int) -> bool:
+    """Return whether the trunk of a person is nearly horizontal."""
+    tilt = trunk_tilt_deg(result.people[person].joints, _level(result).normal)
+    return bool(abs(tilt - 90) < LYING_DEG)
+
+
+def _sure_carriers(who: Person) -> Measured:
+    """Return the probability of the least sure part that carries a person, 0 if none does."""
+    likely = {}
+    if who.support is not None and who.support.state != SupportState.UNBALANCED:
+        likely = {one.part: one.probability for one in who.support.contacts if one.probability}
+    if not likely:
+        return 0.0, f"what this person is found to touch carries no body: see {_FROM_THE_SIDE}"
+    least = min(likely, key=likely.__getitem__)
+    return likely[least], (
+        f"the least sure of what carries this person is the {part_words(least)} (probability "
+        f"{likely[least]:.2f}): look whether it is so in the photo"
     )
 
 
@@ -263,7 +320,7 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
         return None, "this person lies"
     if not upright_people(estimates.photo.keypoints, estimates.photo.observations)[person]:
         return None, "this person is not upright in the photo, and may lean"
-    floor = result.scene.level or Plane(np.array([0.0, -1.0, 0.0]), 0.0)
+    floor = _level(result)
     parts: list[Literal["body", "trunk"]] = ["trunk"]
     if _visible(estimates, person)[_ANKLES].any() and standing_legs(joints).any():
         parts.append("body")
