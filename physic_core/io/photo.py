@@ -389,7 +389,7 @@ def _to_rgb(
             image.mode in ("1", "L", "LA", "La") or image.mode.startswith("I")
         ),
     }
-    return rgb, [note for note, holds in notes.items() if holds]
+    return rgb, [note for note, is_true in notes.items() if is_true]
 
 
 def _over_grey(image: Image.Image) -> tuple[Image.Image, bool]:

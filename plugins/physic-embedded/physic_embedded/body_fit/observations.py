@@ -99,11 +99,7 @@ def observe_people(
     row = keypoint_indices(keypoints.joint_set)
     hips = [row["left_hip"], row["right_hip"]]
     points = np.asarray(keypoints.points, np.float64)
-    limits = np.array([intrinsics.width, intrinsics.height]) - 0.5
-    inside = ((points > -0.5) & (points < limits)).all(-1)
-    confidence = np.clip(np.asarray(keypoints.confidence, np.float64), 0.02, 1) * np.where(
-        inside, 1, _OUTSIDE
-    )
+    confidence = _confidence_inside(keypoints, intrinsics)
     weight = np.where(confidence < _UNSEEN, _UNSEEN_WEIGHT, 1) * confidence
     weight[:, hips] *= _HIP_WEIGHT
     world: FloatArray | None = (
@@ -140,6 +136,14 @@ def observe_people(
         keypoints.sigma,
         keypoints.depth_sigma,
     )
+
+
+def _confidence_inside(keypoints: Keypoints, intrinsics: Intrinsics) -> FloatArray:
+    """Return the confidence (N, J) of keypoints, above 0, and low outside of the photo."""
+    limits = np.array([intrinsics.width, intrinsics.height]) - 0.5
+    inside = ((keypoints.points > -0.5) & (keypoints.points < limits)).all(-1)
+    stated = np.clip(np.asarray(keypoints.confidence, np.float64), 0.02, 1)
+    return np.asarray(stated * np.where(inside, 1, _OUTSIDE))
 
 
 def _rotations_to(pixels: FloatArray, intrinsics: Intrinsics) -> FloatArray:

@@ -97,13 +97,15 @@ def fit_people(
         observe_people(keypoints, people, intrinsics, said), skeleton, said, up
     )
     cut = legs_hidden(observations, skeleton)
-    lies = said.posture[:, POSTURES.index("lie")] > _LIES
-    across = np.abs(trunk_in_picture_deg(keypoints.points, keypoints.joint_set.names))
-    trunk = ((cut & ~lies) | (known is not None)) & ~(across > _ACROSS_DEG)
-    stands = _stands(said) & upright_people(keypoints, said)
+    vertical = _Vertical(
+        up,
+        _trunks_to_compare(keypoints, said, cut, known is not None),
+        _stands(said) & upright_people(keypoints, said),
+        cut,
+    )
     with torch.enable_grad(), limited_threads():
         fit = _fit_keypoints(model, observations, camera, skeleton)
-        fit, upright = _upright(model, fit, observations, camera, _Vertical(up, trunk, stands, cut))
+        fit, upright = _upright(model, fit, observations, camera, vertical)
         pairs = outline_pairs(model, fit, observations, people, camera, hints.original)
         lifted = None
         if observations.world is not None and keypoints.depth_sigma is None:
@@ -146,6 +148,17 @@ def _fit_keypoints(
         skeleton,
         InitialPose(np.array(roots), np.array(poses), np.array(places)),
     )
+
+
+def _trunks_to_compare(
+    keypoints: Keypoints, said: Observations, cut: BoolArray, is_known: bool
+) -> BoolArray:
+    """Return whose trunk (N,) is compared with the vertical, which is known or not: not that of
+    people across the picture.
+    """
+    lies = said.posture[:, POSTURES.index("lie")] > _LIES
+    across = np.abs(trunk_in_picture_deg(keypoints.points, keypoints.joint_set.names))
+    return ((cut & ~lies) | is_known) & ~(across > _ACROSS_DEG)
 
 
 class _Vertical(NamedTuple):

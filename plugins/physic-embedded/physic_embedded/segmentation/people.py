@@ -191,17 +191,19 @@ def detect_poses(
     ]
     kept = _without_repeats(found)
     unposed = _add_hidden_people(landmarker, image, posed, kept, box_score)
-    unposed += [
-        unposed_person(
-            person.box,
-            person.score,
-            f"more than {max_people} people: raise it with --set segmenter.options.max_people=N",
-        )
-        for person in kept[max_people:]
-        if person.box is not None
-    ]
+    unposed += _beyond_limit(kept, max_people)
     kept = _with_upper_bodies(landmarker, image, kept[:max_people])
     return FoundPeople(kept, unposed, left_out, things.carriers(box_score), things.holdable)
+
+
+def _beyond_limit(people: Sequence[DetectedPose], most: int) -> list[UnposedPerson]:
+    """Return the people with a box who are more than the limit."""
+    why = f"more than {most} people: raise it with --set segmenter.options.max_people=N"
+    return [
+        unposed_person(person.box, person.score, why)
+        for person in people[most:]
+        if person.box is not None
+    ]
 
 
 def _with_upper_bodies(
