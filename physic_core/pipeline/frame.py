@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from physic_core.geometry.colors import lab_from_srgb
 from physic_core.io.photo import MIN_SIDE
 from physic_core.pipeline.border import find_inside
 
@@ -221,7 +222,7 @@ def _grounds(small: UInt8Array) -> tuple[BoolArray, list[BoolArray]]:
     """
     height, width = small.shape[:2]
     flat = np.ones((height, width), np.uint8)
-    values = cv2.cvtColor(small, cv2.COLOR_RGB2LAB).astype(np.int16)
+    values = np.rint(lab_from_srgb(small) * [2.55, 1, 1]).astype(np.int16)
     outermost = np.concatenate([values[0], values[-1], values[:, 0], values[:, -1]])
     noise = float(np.abs(np.diff(outermost, axis=0)).max(-1).mean())
     most = min(_STEPS[0] + 3 * noise, _STEPS[1])
