@@ -48,14 +48,14 @@ def measure_agreement(estimates: Estimates, state: State) -> list[Measures]:
     model = state.model
     scale = state.scene_scale
     found = state.contact
-    around = state.surroundings
+    floor = state.scene.floor
     assert found is not None
     silhouettes = compare_silhouettes(
         state.vertices,
         model.faces,
         state.masks,
         state.K,
-        None if around.depth is None else around.depth * scale,
+        state.scene.depth.to(state.transl) * scale,
         None if state.photo_depth is None else state.photo_depth * scale,
     )
     assert state.unplaced is not None
@@ -69,8 +69,8 @@ def measure_agreement(estimates: Estimates, state: State) -> list[Measures]:
             continue
         body = state.vertices[i]
         heights = None
-        if around.floor_normal is not None:
-            heights = height_over_plane(body, around.floor_normal, around.floor_offset * scale)
+        if floor is not None:
+            heights = height_over_plane(body, floor.normal, floor.offset * scale)
         share, ratio = silhouettes[i]
         measured[i] = replace(
             measured[i],

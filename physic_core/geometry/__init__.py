@@ -1,10 +1,10 @@
 """Pure functions on tensors: cameras, point maps, alignment, planes, neighbours, visibility, robust
 losses.
 
-Other packages use :mod:`.camera`, :mod:`.pointmap`, :mod:`.alignment`, :mod:`.floor`,
-:mod:`.plane`, :mod:`.upright`, :mod:`.mesh`, :mod:`.rays`, :mod:`.raster`, :mod:`.neighbors`,
-:mod:`.visibility`, :mod:`.robust`, :mod:`.rotations`, :mod:`.rotvecs`, :mod:`.pixels` and
-:mod:`.tensors`.
+Other packages use :mod:`.camera`, :mod:`.colors`, :mod:`.pointmap`, :mod:`.alignment`,
+:mod:`.floor`, :mod:`.plane`, :mod:`.upright`, :mod:`.mesh`, :mod:`.rays`, :mod:`.raster`,
+:mod:`.neighbors`, :mod:`.visibility`, :mod:`.robust`, :mod:`.rotations`, :mod:`.rotvecs`,
+:mod:`.pixels` and :mod:`.tensors`.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from physic_core.geometry.camera import project as project
     from physic_core.geometry.camera import undistort_pixels as undistort_pixels
     from physic_core.geometry.camera import unproject as unproject
+    from physic_core.geometry.colors import lab_from_srgb as lab_from_srgb
+    from physic_core.geometry.colors import linear_from_srgb as linear_from_srgb
     from physic_core.geometry.floor import FOCAL_PITCH_DEG as FOCAL_PITCH_DEG
     from physic_core.geometry.floor import LOWER_SHARE as LOWER_SHARE
     from physic_core.geometry.floor import FloorSearch as FloorSearch
@@ -50,6 +52,7 @@ if TYPE_CHECKING:
 _NAMES = {
     "alignment": "AlignmentOptions",
     "camera": "pixel_grid pixel_rays project undistort_pixels unproject",
+    "colors": "lab_from_srgb linear_from_srgb",
     "floor": "FOCAL_PITCH_DEG FloorSearch InverseDepthMap LOWER_SHARE PlaneFit plane_of_pixels",
     "mesh": "coarse_mesh vertex_areas vertex_normals",
     "neighbors": "NearestPointSearch",

@@ -35,6 +35,7 @@ _HYPOTHESES = 1000
 _SEED = 0
 _SAMPLES = 16_000
 _SCORED_SAMPLES = 2000
+_SCORED_PLANES = 256  # at a time
 _FINALISTS = 32  # hypotheses that are scored on all samples
 _REFITS = 8
 _UP_COSINE = math.cos(math.radians(15.0))  # least cosine between a floor's normal and up
@@ -218,10 +219,16 @@ def _score(samples: BlockMeans, planes: Tensor, tolerance: float, some: Tensor) 
     low = rays[:, 1].min()
     high = rays[:, 1].max()
     weight = samples.weight[some].float() * (1 + (rays[:, 1] - low) / (high - low).clamp(min=1e-12))
-    error = inverse - planes.float() @ rays.T
-    on = (error.abs() < tolerance).float() @ (weight * samples.candidate[some])
-    below = (error < -2 * tolerance).float() @ (weight * samples.lower[some])
-    return on - below
+    counted = weight * samples.candidate[some]
+    against = weight * samples.lower[some]
+
+    def score(planes: Tensor) -> Tensor:
+        error = inverse - planes @ rays.T
+        on = (error.abs() < tolerance).float() @ counted
+        return on - (error < -2 * tolerance).float() @ against
+
+    # A part at a time lies in the processor's cache: half of the time of all at once.
+    return torch.cat([score(part) for part in torch.split(planes.float(), _SCORED_PLANES)])
 
 
 def refit(rays: Tensor, inverse: Tensor, tolerance: float) -> Tensor:

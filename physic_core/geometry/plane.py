@@ -130,12 +130,18 @@ class UpEstimate(NamedTuple):
 _SAMPLES = 20_000
 
 
-def sample_normals(normals: Tensor) -> Tensor:
-    """Return some 20,000 of the known normals among (M, 3), in float64; a sample of the sample is
-    itself.
+def sample_normals(normals: Tensor, where: Tensor | None = None) -> Tensor:
+    """Return some 20,000 (n, 3) of the known normals among (..., 3), in float64; a sample of the
+    sample is itself.
+
+    Args:
+        normals: unit, zero where unknown.
+        where: (...) bool, those to choose from; all if None.
     """
-    rows = (normals.square() @ normals.new_ones(3) > 0.5).nonzero()[:, 0]
-    return normals.index_select(0, rows[:: max(1, len(rows) // _SAMPLES)]).double()
+    known = normals.square() @ normals.new_ones(3) > 0.5
+    rows = (known if where is None else known & where).flatten().nonzero()[:, 0]
+    chosen = rows[:: max(1, len(rows) // _SAMPLES)]
+    return normals.flatten(0, -2).index_select(0, chosen).double()
 
 
 _ROUNDS = ((45.0, 5), (20.0, 5), (10.0, 5))  # largest deviation in degrees, number of iterations

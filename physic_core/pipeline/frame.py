@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
+from physic_core.geometry.colors import lab_from_srgb
 from physic_core.pipeline.border import find_inside
 from physic_core.pipeline.twins import one_of_twins
 
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     Inside = tuple[slice, slice]
 
 _SIDE = 400  # px of the long side, at which the noise of a scan is averaged
+_LAB_STEPS = (2.55, 1, 1)  # of 255 in L, a and b
 _STEPS = (2, 6)  # difference of neighbours in a ground without noise, and in any, of 255 in Lab
 _LAYERS = 3  # a scanner's bed, the white of a print, its mount
 _GROUND = 0.02  # least share of the area, but of a strip across the photo
@@ -224,7 +227,7 @@ def _grounds(small: UInt8Array) -> tuple[BoolArray, list[BoolArray]]:
     enclose one inside the photo.
     """
     height, width = small.shape[:2]
-    values = cv2.cvtColor(small, cv2.COLOR_RGB2LAB)
+    values = np.rint(lab_from_srgb(small) * _LAB_STEPS).astype(np.int16)
     smooth = _smooth(values)
     _, labels, stats, _ = cv2.connectedComponentsWithStats(smooth, connectivity=4)
     outer = _blurred_sides(smooth > 0)
@@ -258,9 +261,9 @@ def _blurred_sides(smooth: BoolArray) -> BoolArray:
     return sides
 
 
-def _smooth(values: UInt8Array) -> UInt8Array:
+def _smooth(values: NDArray[np.int16]) -> UInt8Array:
     """Return where colours (H, W, 3) change no more than by the noise at the edge of a photo."""
-    steps = [np.abs(np.diff(values.astype(np.int16), axis=axis)).max(-1) for axis in (0, 1)]
+    steps = [np.abs(np.diff(values, axis=axis)).max(-1) for axis in (0, 1)]
     noise = np.mean([*steps[0][:, 0], *steps[0][:, -1], *steps[1][0], *steps[1][-1]])
     most = min(_STEPS[0] + 3 * noise, _STEPS[1])
     smooth = np.ones(values.shape[:2], np.uint8)
@@ -270,7 +273,7 @@ def _smooth(values: UInt8Array) -> UInt8Array:
     return smooth
 
 
-def _textured_ground(values: UInt8Array) -> BoolArray:
+def _textured_ground(values: NDArray[np.int16]) -> BoolArray:
     """Return where (H, W) a photo with colours (H, W, 3) shows what is all along its edge, such as
     wood or cloth; nowhere if its edge shows several things.
     """

@@ -84,13 +84,12 @@ class ContactMethod:
         floor = None if normal is None else (normal, around.floor_offset * scale)
         return nearby_surfaces(around, vertices, scale, floor)
 
-    def free_vertices(self, state: State, around: Surroundings) -> Tensor | None:
-        """Return the vertices (N, V) bool in space that the photo shows to be free; None if no
-        depth is known.
+    def free_vertices(self, state: State) -> Tensor | None:
+        """Return the vertices (N, V) bool in space that the photo shows to be free; None if the
+        method does not ask.
         """
-        if around.depth is None:
-            return None
-        return in_free_space(state.vertices / state.scene_scale, front_depth(around.depth), state.K)
+        depth = front_depth(state.scene.depth.to(state.transl))
+        return in_free_space(state.vertices / state.scene_scale, depth, state.K)
 
     def measure(self, offsets: Tensor, normals: Tensor, distance: Tensor) -> Tensor:
         """Return the distance of vertices to the scene; arguments as in ``DistanceMeasure``."""

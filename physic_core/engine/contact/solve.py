@@ -58,9 +58,8 @@ def solve_contact(estimates: Estimates, state: State, method: ContactMethod) -> 
     """Return the state with the contact of all people; those with non-finite vertices touch
     nothing.
     """
-    around = state.surroundings
     bodies = state.vertices[state.finite_people]
-    surfaces = method.surfaces(around, bodies, state.scene_scale)
+    surfaces = method.surfaces(state.surroundings, bodies, state.scene_scale)
     near = measure_distances(state, surfaces, _classify_points(estimates, state), method)
     return replace(state, contact=find_contact(state, near, method))
 
@@ -90,7 +89,7 @@ def measure_distances(
     vertices = state.vertices
     scene = surfaces.scene
     normals = vertex_normals(vertices, model.faces)
-    free = method.free_vertices(state, state.surroundings)
+    free = method.free_vertices(state)
     surface = surface_distances(vertices, surfaces, method.measure, free)
     floor = state.scene.floor
     height = None

@@ -42,7 +42,7 @@ from physic_core.geometry.floor import (
     plane_of_pixels,
     ray_to_floor,
 )
-from physic_core.geometry.pixels import quantiles, select_pixels
+from physic_core.geometry.pixels import quantiles
 from physic_core.geometry.plane import estimate_up, sample_normals
 from physic_core.geometry.tensors import exact_arrays
 
@@ -257,7 +257,7 @@ def floor_candidates(
     view = inverse_depth_map(points, valid, evidence.hole)
     if view is None:
         return (FloorCandidate(None, {}),)
-    sample = None if normals is None else sample_normals(select_pixels(view.valid, normals)[0])
+    sample = None if normals is None else sample_normals(normals, view.valid)
     up = _floor_up(evidence, sample)
     pixel_score = _pixel_score(view, evidence)
 

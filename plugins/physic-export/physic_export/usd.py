@@ -13,13 +13,13 @@ from physic_core import ExportedFiles, ExportRequest
 from physic_core.body import NUM_JOINTS
 from physic_core.errors import PhysicError
 from physic_core.export import camera_pose
-from physic_core.geometry import rotmat_to_quat
+from physic_core.geometry import linear_from_srgb, rotmat_to_quat
 from physic_export.meshes import ColoredMesh, person_meshes, scene_mesh
 from physic_export.skeleton import named_rig, t_pose
 from physic_export.skins import Skins, skins_of
 from physic_visual.floor import drawn_floor
 from physic_visual.glb import skin_influences
-from physic_visual.palette import BODY_RGB, FLOOR_RGB, contact_legend, linear_from_srgb
+from physic_visual.palette import BODY_RGB, FLOOR_RGB, contact_legend
 from physic_visual.rig import rigs
 from physic_visual.surface import mesh_scene, scene_reach, unit_normals
 from physic_visual.textures.dressed import dressed_bodies

@@ -39,7 +39,7 @@ class DistanceContact(ContactMethod):
         found = super().surfaces(with_floor_samples(around), vertices, scale)
         return replace(found, row=torch.where(found.row < len(around.points), found.row, -1))
 
-    def free_vertices(self, state: State, around: Surroundings) -> None:
+    def free_vertices(self, state: State) -> None:
         """Return None: free space is not used."""
 
     def measure(self, offsets: Tensor, normals: Tensor, distance: Tensor) -> Tensor:

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.errors import InputError
 from physic_core.export import ExportRequest, camera_pose, export_frame
-from physic_core.geometry import transform_points
+from physic_core.geometry import linear_from_srgb, transform_points
 from physic_core.types import ExportedFiles
 from physic_visual.floor import drawn_floor
 from physic_visual.glb_builder import ARRAY, INDICES, GlbBuilder
@@ -29,7 +29,6 @@ from physic_visual.palette import (
     FLOOR_RGB,
     contact_legend,
     has_faint_contact,
-    linear_from_srgb,
     painted_contact,
 )
 from physic_visual.rig import Rig, bound_in_pose, rigs

@@ -159,10 +159,3 @@ def contact_legend(result: Reconstruction) -> dict[str, _Rgb]:
         for label, rgb in {**CONTACT_PALETTE, "anything": CONTACT_RGB}.items()
         if label in shown
     }
-
-
-def linear_from_srgb(colors: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """Return linear colours in 0-1 of sRGB 0-255, as glTF and USD state colours of vertices."""
-    share = np.arange(256) / 255
-    table = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-    return np.asarray(table[colors])

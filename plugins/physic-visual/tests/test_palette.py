@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from physic_core.geometry import linear_from_srgb
 from physic_core.types import ContactPartner
 from physic_visual.palette import (
     BODY_RGB,
@@ -20,7 +21,6 @@ from physic_visual.palette import (
     contact_colors,
     contact_legend,
     has_faint_contact,
-    linear_from_srgb,
     painted_contact,
 )
 

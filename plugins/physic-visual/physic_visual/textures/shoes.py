@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body import PART_NAMES, joint_pair
-from physic_visual.palette import linear_from_srgb
+from physic_core.geometry import lab_from_srgb
 from physic_visual.textures.photo import SHOWN, photo_colors, photo_weights
 
 if TYPE_CHECKING:
@@ -41,12 +41,6 @@ Set with the values above on 396 feet in photos, 386 of them right; of 51 feet i
 47 are right.
 """
 
-_XYZ = np.array(
-    [[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.072169], [0.019334, 0.119193, 0.950227]]
-) / [[0.950456], [1.0], [1.088754]]
-"""CIE XYZ, as shares of those of white (D65), of linear red, green and blue."""
-
-_LINEAR = 0.008856  # share of white below which Lab is linear in XYZ
 _LEAST_CHROMA = 6.0  # of skin; in a photo without colours, nothing has that of skin
 
 
@@ -71,7 +65,8 @@ def worn_shoes(
 
     def colors(*names: str) -> Array:
         chosen = (seen > SHOWN) & np.isin(part, [PART_NAMES.index(name) for name in names])
-        return _lab_ab(photo[chosen])
+        shown = np.rint(photo[chosen]).astype(np.uint8)
+        return np.asarray(lab_from_srgb(shown)[:, 1:], np.float64)
 
     feet = colors("left_foot", "right_foot")
     face = colors("head")
@@ -79,16 +74,6 @@ def worn_shoes(
     if len(feet) and max(_share_like(feet, skin) for skin in skins) > BARE:
         return ()
     return list(model.weights[:, joint_pair("foot")].T.astype(np.float64))
-
-
-def _lab_ab(srgb: Array) -> Array:
-    """Return a and b (n, 2) in CIE Lab, white D65, of colours (n, 3) sRGB 0-255.
-
-    OpenCV's first conversion makes a table, which takes longer than all feet of a photo.
-    """
-    xyz = linear_from_srgb(np.rint(srgb).astype(np.uint8)) @ _XYZ.T
-    x, y, z = np.where(xyz > _LINEAR, np.cbrt(xyz), 7.787 * xyz + 16 / 116).T
-    return np.stack([500 * (x - y), 200 * (y - z)], 1)
 
 
 def _share_like(colors: Array, skin: Array) -> float:
