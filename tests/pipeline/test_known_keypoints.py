@@ -185,8 +185,9 @@ def test_keypoints_that_are_given_as_they_were_detected_change_nothing(tmp_path)
     ("text", "name", "said"),
     [
         ("joint,x,y\nleft_wrist,1,2\n", "a.csv", "lacks person"),
-        ("person,joint,x,y\n0,left_wrist,1\n", "a.csv", "line 2"),
+        ("person,joint,x,y\n0,left_wrist,1\n", "a.csv", "row 1"),
         ("person,joint,x,y\n", "a.csv", "no keypoints"),
+        ("person,joint,x,y\n0," + "x" * 200_000, "a.csv", "field larger than field limit"),
         ("person,joint,x,y\n0,left_wrist,900,2\n", "a.csv", "160 x 120 px"),
         ('{"imagePath": "a.jpg", "shapes": []}', "a.json", "labelme"),
         ('[{"x": 0.4, "y": 0.5, "z": 0, "visibility": 1}]', "a.json", "MediaPipe"),

@@ -167,7 +167,7 @@ def changed(folder, file, old, new):
     ("file", "old", "new", "word"),
     [
         ("anipose_fisheye.toml", "", "", "fisheye"),
-        ("anipose.toml", '"right"', '"left"', "two cameras have the name left"),
+        ("anipose.toml", '"right"', '"left"', "has left twice"),
         ("anipose.toml", "0.0,]\nrotation", "0.0, 0.2,]\nrotation", "distortion"),
         ("colmap/cameras.txt", "SIMPLE_RADIAL ", "SIMPLE_RADIAL_FISHEYE ", "SIMPLE_RADIAL_FISHEYE"),
         ("colmap/cameras.txt", " 0 0 0\n", " 0.1 0 0\n", "k4 = 0.1"),
@@ -188,6 +188,11 @@ def changed(folder, file, old, new):
         ("nerfstudio/transforms.json", '"k1"', '"s1": 0.1, "k1"', "s1 = 0.1"),
         ("nerfstudio/transforms.json", '"k1"', '"distortion": [0.1], "k1"', "distortion"),
         ("easymocap/intri.yml", "1410.000000, ", "", "intri.yml"),
+        ("easymocap/intri.yml", "K_middle", "K_left", "has K_left twice"),
+        ("anipose.toml", "[metadata]", "[metadata]\nunits = 'mm'", "has units"),
+        ("nerfstudio/transforms.json", '"frames"', '"fl_x": 9, "frames"', "fl_x differs"),
+        ("nerfstudio/transforms.json", '"k1"', '"fl_x": 9, "k1"', "a key twice"),
+        ("colmap/images.txt", "right/0001.jpg", "left/0001.jpg", "twice"),
     ],
 )
 def test_what_is_not_supported_or_damaged_is_named(file, old, new, word, tmp_path):
