@@ -241,3 +241,11 @@ def test_a_corrected_joint_loses_its_3d_point_and_takes_its_hand_along(tmp_path)
     assert np.array_equal(after.points[0], points[0])
     assert after.confidence[1].max() == after.confidence[1, wrist] == 1
     assert before.points[1, wrist].tolist() == points[1, wrist].tolist()
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.json"])
+def test_a_file_of_more_than_10_mb_is_not_read(tmp_path, name):
+    with (tmp_path / name).open("wb") as file:
+        file.truncate(10_000_001)
+    with pytest.raises(InputError, match="more than"):
+        read_keypoints(str(tmp_path / name), 160, 120)

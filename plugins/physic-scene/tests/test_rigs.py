@@ -228,3 +228,11 @@ def test_the_command_says_that_cameras_are_taken_in_order(tmp_path, physic):
     run = physic("scene", *photos, "-o", str(tmp_path / "out"), *rig)
     assert run.exit_code == 2  # no such preset
     assert "a.png is left, b.png is middle, c.png is right" in run.output
+
+
+@pytest.mark.parametrize("name", ["a.toml", "intri.yml", "transforms.json", "cameras.txt"])
+def test_a_file_of_more_than_256_mb_is_not_read(tmp_path, name):
+    with (tmp_path / name).open("wb") as file:
+        file.truncate((1 << 28) + 1)
+    with pytest.raises(InputError, match="more than"):
+        read_calibration(tmp_path / name, BY_NAME, SIZES, 1.0)
