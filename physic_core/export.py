@@ -17,7 +17,13 @@ import numpy as np
 from physic_core.discovery.hooks import ExporterRecord
 from physic_core.discovery.plugins import Found, call_item, find_exporter
 from physic_core.errors import ConfigError, InputError, OutputError, PluginError
-from physic_core.files.atomic import atomic_write, check_writable, open_regular
+from physic_core.files.atomic import (
+    atomic_write,
+    check_regular,
+    check_writable,
+    open_regular,
+    unreadable,
+)
 from physic_core.geometry.upright import gltf_from_camera
 from physic_core.types.records import Exported, ExportedFiles
 
@@ -178,6 +184,11 @@ def export_reconstruction(
         raise ConfigError(f"{kind.name} is written with --up {' or '.join(kind.ups)}, not '{up}'")
     frame = export_frame(result.scene.level, up or kind.ups[0])
     file = None if body_model is None else Path(os.path.expanduser(body_model))
+    if file is not None:
+        try:
+            check_regular(file)
+        except OSError as error:
+            raise InputError(f"cannot read the body model {file}: {unreadable(error)}") from error
     request = ExportRequest(
         result, people, frame, stem, suffix, scene, file, _options(kind, options)
     )

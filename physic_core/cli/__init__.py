@@ -32,6 +32,13 @@ _OUT_OF_MEMORY = (
 
 
 class _Main(ExtensibleGroup):
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse what stands before the command."""
+        try:
+            return super().parse_args(ctx, args)
+        except click.UsageError as error:
+            raise explained(error) from error
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; print a PhysicError, and exit with the code of its class.
 
@@ -49,7 +56,7 @@ class _Main(ExtensibleGroup):
             ctx.exit(INTERRUPTED)
         except click.ClickException as error:
             shown = StringIO()
-            (explained(error) if isinstance(error, click.NoSuchOption) else error).show(shown)
+            (explained(error) if isinstance(error, click.UsageError) else error).show(shown)
             echo(shown.getvalue(), nl=False, err=True)
             ctx.exit(error.exit_code)
         except PhysicError as error:

@@ -33,20 +33,63 @@ _CURES = {
 _NEAR = 0.75
 
 
-def explained(error: click.NoSuchOption) -> click.UsageError:
-    """Return the error with what to do in place of an option that does not exist; only near ones
-    are suggested.
-    """
+def explained(error: click.UsageError) -> click.UsageError:
+    """Return the error of a command line, with what to write in place of what does not exist."""
+    ctx = error.ctx
+    if ctx is None:
+        return error
+    if isinstance(error, click.NoSuchCommand):
+        return click.UsageError(_no_command(error.command_name, ctx))
+    if isinstance(error, click.NoSuchOption):
+        return click.UsageError(f"No such option '{error.option_name}': {_option(error, ctx)}", ctx)
+    if error.message.startswith("Got unexpected extra argument"):
+        return click.UsageError(f"{error.message}: {_taken(ctx)}", ctx)
+    return error
+
+
+def _no_command(name: str, ctx: click.Context) -> str:
+    from physic_core.discovery.catalog import COMMANDS
+    from physic_core.discovery.error_text import did_you_mean
+    from physic_core.discovery.plugins import explain_absence
+
+    path = ctx.command_path
+    full_name = " ".join([*path.split()[1:], name])
+    if (distribution := COMMANDS.get(full_name)) is not None:
+        return f"'physic {full_name}' is a command of {explain_absence(distribution)}"
+    if ctx.parent is None and os.path.isdir(name):
+        cure = f": did you mean 'physic batch {name} -o results'?"
+    elif ctx.parent is None and os.path.splitext(name)[1]:
+        cure = f": did you mean 'physic run {name}'?"
+    elif name in ("help", "version"):
+        cure = f": write {path} --{name}"
+    else:
+        there = ctx.command.list_commands(ctx) if isinstance(ctx.command, click.Group) else []
+        cure = did_you_mean(name, there) or f"; there are: {', '.join(there)}"
+    return f"No such command '{name}'{cure}"
+
+
+def _option(error: click.NoSuchOption, ctx: click.Context) -> str:
+    """Return what to do in place of an option that does not exist; only near ones are suggested."""
     name = error.option_name
     near = difflib.get_close_matches(name, error.possibilities or (), cutoff=_NEAR)
-    cure = _CURES.get(name, "")
-    if not cure and near:
-        cure = f"did you mean {' or '.join(near)}?"
-    elif not cure and not name.startswith("--"):
-        cure = f"a file whose name begins so is ./{name}..."
-    elif not cure and error.ctx is not None:
-        cure = f"{error.ctx.command_path} --help lists all"
-    return click.UsageError(f"No such option '{name}': {cure}", error.ctx)
+    if name in _CURES:
+        return _CURES[name]
+    if near:
+        return f"did you mean {' or '.join(near)}?"
+    if isinstance(ctx.command, click.Group):
+        return f"options follow the command, as in {ctx.command_path} COMMAND {name}"
+    if not name.startswith("--"):
+        return f"a file whose name begins so is ./{name}..."
+    return f"{ctx.command_path} --help lists all"
+
+
+def _taken(ctx: click.Context) -> str:
+    """Return what a command takes beside options."""
+    arguments = [one for one in ctx.command.params if isinstance(one, click.Argument)]
+    names = " ".join(one.make_metavar(ctx) for one in arguments) or "options alone"
+    is_configured = any(one.name == "overrides" for one in ctx.command.params)
+    also = ", such as --config FILE and --set KEY=VALUE" if is_configured else ""
+    return f"{ctx.command_path} takes {names}{also}"
 
 
 class ExtensibleGroup(click.Group):
@@ -102,42 +145,6 @@ class ExtensibleGroup(click.Group):
             return self.commands[cmd_name]
         command = self._plugin_commands().get(cmd_name)
         return None if command is None else _load(command)
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the command that the arguments call.
-
-        Raises:
-            UsageError: the command does not exist; the message names a known distribution that adds
-                it.
-        """
-        name = args[0]
-        if (
-            not name.startswith("-")
-            and not ctx.resilient_parsing
-            and self.get_command(ctx, name) is None
-        ):
-            from physic_core.discovery.catalog import COMMANDS
-            from physic_core.discovery.error_text import did_you_mean
-            from physic_core.discovery.plugins import explain_absence
-
-            full_name = f"{self.path} {name}".strip()
-            if (distribution := COMMANDS.get(full_name)) is not None:
-                raise click.UsageError(
-                    f"'physic {full_name}' is a command of {explain_absence(distribution)}"
-                )
-            if not self.path and (is_folder := os.path.isdir(name) or os.path.splitext(name)[1]):
-                cure = f"batch {name} -o results" if is_folder is True else f"run {name}"
-                raise click.UsageError(f"No such command '{name}': did you mean 'physic {cure}'?")
-            if name in ("help", "version"):
-                raise click.UsageError(
-                    f"No such command '{name}': write {ctx.command_path} --{name}"
-                )
-            there = self.list_commands(ctx)
-            hint = did_you_mean(name, there) or f"; there are: {', '.join(there)}"
-            raise click.UsageError(f"No such command '{name}'{hint}")
-        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of commands and their summaries."""

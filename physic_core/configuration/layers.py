@@ -20,7 +20,7 @@ from typing import Any
 from physic_core.discovery.error_text import did_you_mean
 from physic_core.discovery.local_modules import with_folder
 from physic_core.errors import ConfigError
-from physic_core.files.atomic import read_regular, unreadable
+from physic_core.files.atomic import read_text, unreadable
 from physic_core.files.text import from_json, parse_json, parse_toml, path_problem, quoted
 from physic_core.interfaces import INTERFACES
 
@@ -95,12 +95,18 @@ def file_layers(
         raise ConfigError(f"{path} extends itself")
     is_result = path.suffix == ".json"
     try:
-        text = read_regular(path, _MAX_BYTES).decode("utf-8-sig")
+        text = read_text(path, _MAX_BYTES)
         table = from_json(parse_json(text)["config"]) if is_result else parse_toml(text)
     except OSError as error:
-        raise ConfigError(f"cannot read the config {path}: {unreadable(error)}") from error
-    except (ValueError, KeyError, TypeError) as error:
-        kind = "the reconstruction.json of a run" if is_result else "valid TOML in UTF-8"
+        cure = f"; for that preset, write --preset {file}" if str(file) in preset_names() else ""
+        raise ConfigError(f"cannot read the config {path}: {unreadable(error)}{cure}") from error
+    except KeyError as error:
+        raise ConfigError(
+            f"{path} is not the reconstruction.json of a run: it has no {error}; name one, or a "
+            "TOML file"
+        ) from error
+    except (ValueError, TypeError) as error:
+        kind = "the reconstruction.json of a run" if is_result else "valid TOML"
         is_path_of_windows = "\\" in str(error) or "hex" in str(error)
         cure = r"; write a path with \ in single quotes: 'C:\photos'" if is_path_of_windows else ""
         if isinstance(error, tomllib.TOMLDecodeError) and not cure:

@@ -245,9 +245,14 @@ def _explain_missing(name: str, interface: str | None) -> str:
         parts.append(f"'{bare}' is the name of a {' and of a '.join(others)}")
     elif bare in BACKENDS:
         parts.append(f"'{bare}' comes with {BACKENDS[bare]}: {how_to_install(BACKENDS[bare])}")
+    elif bare in INTERFACES:
+        parts.append(f"'{bare}' is an interface: physic plugins --interface {bare}")
     similar = did_you_mean(bare, {*names, *BACKENDS} - {bare})
     if len(parts) == 1 and not similar:
-        parts.append("A plugin of yours is found once it is installed: pip install -e its folder")
+        parts.append(
+            "A plugin of yours is found once it is installed (pip install -e its folder), or named "
+            "as PACKAGE.MODULE:CLASS"
+        )
     return ". ".join(parts) + similar
 
 

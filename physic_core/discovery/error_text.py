@@ -5,6 +5,7 @@ misspelt one.
 from __future__ import annotations
 
 import os
+import re
 import traceback
 from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
@@ -99,10 +100,14 @@ def _package(module: str) -> str:
 
 
 def similar_names(name: str, known: Iterable[str]) -> list[str]:
-    """Return known names that contain a name, or the one that is most similar to it."""
+    """Return known names that have a name at the start of a word, or the one that is most similar
+    to it.
+    """
     names = sorted(known)
-    if len(name) >= _MIN_PART and (containing := [other for other in names if name in other]):
-        return containing
+    if len(name) >= _MIN_PART:
+        part = re.compile(rf"(?:^|[^a-z0-9]){re.escape(name)}")
+        if containing := [other for other in names if part.search(other)]:
+            return containing
     return get_close_matches(name, names, n=1) if len(name) <= _MAX_LENGTH else []
 
 

@@ -276,8 +276,9 @@ def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
         if wanted in values
     ]
     hint = f"; '{wanted}' is an option: {' or '.join(options)}" if options else ""
-    if wanted.lstrip(".") in {each.record.name for each in exporters}:
-        hint = f"; write --to {wanted.lstrip('.')}"
+    parts = wanted.replace(".", "").split(",")
+    if {each.record.name for each in exporters}.issuperset(parts):
+        hint = f"; write --to {parts[0]}" + ", and one command for each" * (len(parts) > 1)
     hint = _HINTS.get(wanted, hint)
     raise ConfigError(
         f"{what}: {choose} (--to, or format= in Python; physic export --list says what each is "

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from physic_core.files.atomic import open_to_append as open_to_append
     from physic_core.files.atomic import path_to_write as path_to_write
     from physic_core.files.atomic import read_regular as read_regular
+    from physic_core.files.atomic import read_text as read_text
     from physic_core.files.atomic import unreadable as unreadable
     from physic_core.files.atomic import write_own as write_own
     from physic_core.files.image_file import IMAGE_SUFFIXES as IMAGE_SUFFIXES
@@ -39,23 +40,25 @@ if TYPE_CHECKING:
     from physic_core.files.text import csv_writer as csv_writer
     from physic_core.files.text import finite as finite
     from physic_core.files.text import from_json as from_json
+    from physic_core.files.text import parse_json as parse_json
     from physic_core.files.text import parse_toml as parse_toml
     from physic_core.files.text import path_problem as path_problem
     from physic_core.files.text import printable as printable
     from physic_core.files.text import quoted as quoted
+    from physic_core.files.text import read_csv as read_csv
     from physic_core.files.text import shorten as shorten
     from physic_core.files.text import to_json as to_json
     from physic_core.files.text import write_csv as write_csv
 
 _NAMES = {
     "atomic": "MARK atomic_write check_own check_writable foreign_file has_mark open_regular "
-    "open_to_append path_to_write read_regular unreadable write_own",
+    "open_to_append path_to_write read_regular read_text unreadable write_own",
     "image_file": "IMAGE_SUFFIXES ImageSource decode open_image wrap_decoding_errors",
     "names": "UntrustedName paths_inside",
     "npz": "read_arrays read_names write_arrays",
     "plain": "split",
-    "text": "csv_writer finite from_json parse_toml path_problem printable quoted shorten to_json "
-    "write_csv",
+    "text": "csv_writer finite from_json parse_json parse_toml path_problem printable quoted "
+    "read_csv shorten to_json write_csv",
 }
 
 __getattr__ = importer(__name__, _NAMES)

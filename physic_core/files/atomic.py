@@ -436,3 +436,16 @@ def read_regular(path: Path, limit: int) -> bytes:
         if size > limit:
             raise OSError(errno.EFBIG, f"it has {size:,} bytes, more than {limit:,}", str(path))
         return file.read(size)
+
+
+def read_text(path: Path, limit: int) -> str:
+    """Read a regular file of text, or a link to one: see :func:`read_regular`.
+
+    Raises:
+        OSError: as there.
+        ValueError: the text is not in UTF-8.
+    """
+    try:
+        return read_regular(path, limit).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ValueError("it is not text in UTF-8: name a text file, and save it so") from error

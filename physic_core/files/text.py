@@ -6,11 +6,12 @@ Control characters are escaped for terminals, and formulas for spreadsheets.
 from __future__ import annotations
 
 import csv
+import io
 import json
 import math
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TextIO
 
 _QUOTED = ("'", "=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
@@ -89,6 +90,49 @@ def csv_writer(file: TextIO, columns: Sequence[str]) -> Callable[[Mapping[str, A
     )
 
 
+def read_csv(text: str, needed: Sequence[str], others: Sequence[str]) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a table whose first line names the columns.
+
+    Args:
+        text: CSV with commas.
+        needed: columns that the table has.
+        others: columns that it may have.
+
+    Raises:
+        ValueError: it is no such table, a column is unknown, missing or there twice, or a row has
+            more cells than the first line.
+    """
+    reader = csv.DictReader(io.StringIO(text, newline=""), skipinitialspace=True)
+    try:
+        _check_columns(list(reader.fieldnames or ()), needed, others)
+        for number, row in enumerate(reader, start=1):
+            if None in row:
+                raise ValueError(
+                    f"row {number} has more cells than the first line: write numbers with a point "
+                    '(1.7), and several in quotes ("1.7,1.8")'
+                )
+            yield row
+    except csv.Error as error:
+        raise ValueError(f"it is not CSV: {error}") from error
+
+
+def _check_columns(columns: list[str], needed: Sequence[str], others: Sequence[str]) -> None:
+    for mark, kind in (("\t", "tabs"), (";", "semicolons")):
+        if any(mark in name for name in columns):
+            raise ValueError(
+                f"its cells are separated by {kind}: save it as CSV with commas between cells, and "
+                "points in numbers"
+            )
+    known = (*needed, *others)
+    if wrong := [name for name in columns if name not in known or columns.count(name) > 1]:
+        why = "is there twice" if wrong[0] in known else f"is none of {', '.join(known)}"
+        raise ValueError(f"its column {quoted(wrong[0])} {why}: remove or rename it")
+    if missing := [name for name in needed if name not in columns]:
+        raise ValueError(
+            f"the first line lacks {', '.join(missing)} (got {quoted(','.join(columns))})"
+        )
+
+
 def as_utf8(value: Any) -> Any:
     """Write bytes of a file's name that are not UTF-8 as in the journal of a batch: ``\\udcff``."""
     return value.encode("utf-8", "backslashreplace").decode() if isinstance(value, str) else value
@@ -143,10 +187,13 @@ def parse_json(content: bytes | str) -> Any:
     """Parse strict JSON in UTF-8, in which each number is finite.
 
     Raises:
-        ValueError: it is not JSON, a number is not finite, or values are nested more than 200 deep.
+        ValueError: it is not JSON, a number is not finite, an object has a key twice, or values are
+            nested more than 200 deep.
     """
     try:
-        value = json.loads(content, parse_constant=_refuse, parse_float=finite)
+        value = json.loads(
+            content, parse_constant=_refuse, parse_float=finite, object_pairs_hook=_once
+        )
     except RecursionError:
         raise ValueError(_TOO_DEEP) from None
     return _not_too_deep(value)
@@ -181,6 +228,13 @@ def _items(value: Any) -> Iterable[Any]:
     if isinstance(value, dict):
         return value.values()
     return value if isinstance(value, list) else ()
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        raise ValueError("an object has a key twice")
+    return found
 
 
 def _refuse(word: str) -> Any:

@@ -4,8 +4,6 @@ y.
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
@@ -17,8 +15,8 @@ import numpy as np
 
 from physic_core.discovery.plugins import explain_absence, find_items, import_item
 from physic_core.errors import InputError, PackageMissingError
-from physic_core.files.atomic import read_regular, unreadable
-from physic_core.files.text import parse_json, quoted
+from physic_core.files.atomic import read_text, unreadable
+from physic_core.files.text import parse_json, read_csv
 from physic_core.types.keypoint_table import KeypointRow, KeypointTable
 from physic_core.types.short_repr import ShortRepr
 
@@ -85,7 +83,7 @@ def read_keypoints(path: str, width: int, height: int, photo: str = "") -> Given
     """
     try:
         file = Path(path)
-        text = read_regular(file, _MAX_BYTES).decode("utf-8-sig")
+        text = read_text(file, _MAX_BYTES)
         is_csv = file.suffix.lower() != ".json"
         table = (
             KeypointTable(tuple(_csv_rows(text)), False)
@@ -131,29 +129,19 @@ def _outline(document: Any) -> str:
 
 def _csv_rows(text: str) -> Iterable[KeypointRow]:
     """Yield the rows below the header; without a column of scores all are visible."""
-    lines = csv.DictReader(io.StringIO(text), skipinitialspace=True)
-    if missing := [name for name in _COLUMNS if name not in (lines.fieldnames or ())]:
-        raise ValueError(
-            f"the first line lacks {', '.join(missing)} (got {quoted(text.split(chr(10))[0])})"
-        )
-    if others := [name for name in lines.fieldnames or () if name not in (*_COLUMNS, _SCORE)]:
-        raise ValueError(
-            f"it has the column {quoted(others[0])}, which is not read: remove it, or call a "
-            f"score {_SCORE}"
-        )
-    for line in lines:
+    for number, row in enumerate(read_csv(text, _COLUMNS, (_SCORE,)), start=1):
         try:
             yield (
-                int(line["person"]),
-                line["joint"].strip(),
-                float(line["x"]),
-                float(line["y"]),
-                float(line.get(_SCORE, 2.0)),
+                int(row["person"]),
+                row["joint"].strip(),
+                float(row["x"]),
+                float(row["y"]),
+                float(row.get(_SCORE, 2.0)),
             )
         except (ValueError, TypeError, AttributeError):
-            given = ",".join(str(line[name]) for name in _COLUMNS)
+            given = ",".join(str(row[name]) for name in _COLUMNS)
             raise ValueError(
-                f"line {lines.line_num} needs a number, a name and two numbers (got {given})"
+                f"row {number} needs a number, a name and two numbers (got {given})"
             ) from None
 
 

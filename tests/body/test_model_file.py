@@ -280,3 +280,10 @@ def read_model_of(path):
         pickle.dumps(mano_arrays() | {"J_regressor": csc_matrix(np.eye(16, 778))}, protocol=2)
     )
     return read_model_file(path, MANO)
+
+
+def test_a_pickle_of_more_than_1_gb_is_not_read(tmp_path):
+    with (tmp_path / "a.pkl").open("wb") as file:
+        file.truncate(2**30 + 1)
+    with pytest.raises(BodyModelError, match="no body model takes more"):
+        read_model_file(tmp_path / "a.pkl", MANO)

@@ -11,6 +11,7 @@ import pytest
 
 from physic_core.cache import digests
 from physic_core.cache.digests import CodeDigester
+from physic_core.cache.kit_stamps import is_vouched_for, stamp, target_of
 from physic_core.interfaces import MetricDepth
 
 pytestmark = pytest.mark.quick
@@ -128,3 +129,15 @@ def test_a_class_of_a_function_or_of_a_session_has_no_digest(monkeypatch):
     assert CodeDigester().digest(MetricDepth) is None
     monkeypatch.setattr(MetricDepth, "__module__", "no.such.module")
     assert CodeDigester().digest(MetricDepth) is None
+
+
+def test_a_class_is_vouched_for_until_its_code_changes(site, monkeypatch):
+    monkeypatch.setenv("PHYSIC_CACHE", str(site / "cache"))
+    kind = package(site)
+    asked = "metric_depth", "mine", "physic-mine", target_of(kind)
+    assert not is_vouched_for(*asked)
+    stamp("metric_depth", kind)
+    assert is_vouched_for(*asked)
+    assert not is_vouched_for("inpainter", *asked[1:])
+    write(site / "pack" / "other.py", "x = 2\n")
+    assert not is_vouched_for(*asked)

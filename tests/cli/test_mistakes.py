@@ -36,6 +36,11 @@ def _files():
     Path("windows.toml").write_text('[photo]\ndepth = "C:\\Users\\me\\d.npy"\n')
     Path("comma.toml").write_text("[photo]\nstature = [1,7]\nfocal_px = 1,7\n")
     Path("semicolons.csv").write_text("path;stature\na.png;1,75\n")
+    Path("tabs.csv").write_text("person\tjoint\tx\ty\n0\tnose\t8\t9\n")
+    Path("list.toml").write_text("[[cameras]]\nsize = [160, 120]\n")
+    Path("other.json").write_text("{}")
+    for suffix in ("csv", "toml"):
+        Path(f"utf16.{suffix}").write_text("path = 'a.png'\n", encoding="utf-16")
     for suffix in ("npy", "csv", "toml", "json", "png", "npz"):
         os.symlink(f"loop.{suffix}", f"loop.{suffix}")
         os.mkfifo(f"pipe.{suffix}")
@@ -132,6 +137,23 @@ MISTAKES = [
     (USAGE, "--no-report", f"{RUN} --no-report --open"),
     (USAGE, "in single quotes", "run a.png --config windows.toml"),
     (INPUT, "CSV with commas", "batch semicolons.csv -o many --preset mock"),
+    (INPUT, "CSV with commas", f"{RUN} --keypoints tabs.csv"),
+    (INPUT, "save it so", "batch utf16.csv -o many --preset mock"),
+    (INPUT, "save it so", f"{RUN} --keypoints utf16.csv"),
+    (INPUT, "save it so", f"{SCENE} --cameras utf16.toml"),
+    (INPUT, "write [NAME] for each camera", f"{SCENE} --cameras list.toml"),
+    (USAGE, "save it so", "run a.png --config utf16.toml"),
+    (USAGE, "name one, or a TOML file", "run a.png --config other.json"),
+    (USAGE, "write --preset mock", "run a.png --config mock"),
+    (USAGE, "takes options alone, such as --config FILE", "config show photo.age"),
+    (USAGE, "takes A B", "compare a b c"),
+    (USAGE, "there are: clear", "cache show"),
+    (USAGE, "there are: prox", "evaluate 3dpw"),
+    (USAGE, "options follow the command", "--set run.threads=4 run a.png"),
+    (USAGE, "physic plugins --interface inpainter", "plugins show inpainter"),
+    (USAGE, "one command for each", "export result --to glb,usd"),
+    (USAGE, "not a whole number", "export result --to glb --person 1-3"),
+    (INPUT, "no such file", "export result --to glb --body-model none.npz"),
     (USAGE, "not a finite number", f"{RUN} --focal-px nan"),
     (USAGE, "--timeout", "plugins doctor mock --timeout -1"),
     (USAGE, "--cameras", f"{SCENE} --camera-unit 0.01"),

@@ -103,3 +103,13 @@ def check_bounds(model):
             model.model_validate({path[0]: table})
         except ValueError as error:
             pytest.fail(f"{'.'.join(path)} = {json.dumps(value)[:100]}: {error}")
+
+
+@pytest.mark.parametrize(
+    ("name", "one"),
+    [("stature", 1.7), ("age", 30), ("person", (1, 2)), ("ignore", (1, 2)), ("box", (1, 2, 3, 4))],
+)
+def test_a_photo_has_at_most_a_thousand_entries_of_each_kind(name, one):
+    assert PhotoSettings.model_validate({name: [one] * 1000})
+    with pytest.raises(ValueError, match="at most 1000"):
+        PhotoSettings.model_validate({name: [one] * 1001})

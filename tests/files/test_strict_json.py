@@ -59,6 +59,11 @@ def test_values_nested_too_deep_are_one_sentence(parse, form, depth):
     parse(form.format("[" * 100 + "]" * 100))
 
 
+def test_a_key_that_an_object_has_twice_is_refused():
+    with pytest.raises(ValueError, match="twice"):
+        parse_json('{"a": [{"b": 1, "b": 2}]}')
+
+
 def test_a_message_is_short_and_has_no_addresses():
     message = str(
         InputError(f"no image <_io.BytesIO object at 0x7fbee2030e00>: {'x' * 50_000}; end")

@@ -185,8 +185,9 @@ def test_keypoints_that_are_given_as_they_were_detected_change_nothing(tmp_path)
     ("text", "name", "said"),
     [
         ("joint,x,y\nleft_wrist,1,2\n", "a.csv", "lacks person"),
-        ("person,joint,x,y\n0,left_wrist,1\n", "a.csv", "line 2"),
+        ("person,joint,x,y\n0,left_wrist,1\n", "a.csv", "row 1"),
         ("person,joint,x,y\n", "a.csv", "no keypoints"),
+        ("person,joint,x,y\n0," + "x" * 200_000, "a.csv", "field larger than field limit"),
         ("person,joint,x,y\n0,left_wrist,900,2\n", "a.csv", "160 x 120 px"),
         ('{"imagePath": "a.jpg", "shapes": []}', "a.json", "labelme"),
         ('[{"x": 0.4, "y": 0.5, "z": 0, "visibility": 1}]', "a.json", "MediaPipe"),
@@ -240,3 +241,11 @@ def test_a_corrected_joint_loses_its_3d_point_and_takes_its_hand_along(tmp_path)
     assert np.array_equal(after.points[0], points[0])
     assert after.confidence[1].max() == after.confidence[1, wrist] == 1
     assert before.points[1, wrist].tolist() == points[1, wrist].tolist()
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.json"])
+def test_a_file_of_more_than_10_mb_is_not_read(tmp_path, name):
+    with (tmp_path / name).open("wb") as file:
+        file.truncate(10_000_001)
+    with pytest.raises(InputError, match="more than"):
+        read_keypoints(str(tmp_path / name), 160, 120)

@@ -1,6 +1,4 @@
-"""The command ``physic config``: check and show a configuration; physic-setup adds ``init`` and
-``schema``.
-"""
+"""The command ``physic config``: check and show a configuration."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from physic_core.cli.arguments import AnyPath, ResultPath
+from physic_core.cli.arguments import AnyPath, ResultPath, WholeNumber
 from physic_core.cli.output import echo, format_table
 
 
@@ -57,7 +57,7 @@ def _name_to(ctx: click.Context, _: click.Parameter, given: str | None) -> None:
 )
 @click.option(
     "--person",
-    type=int,
+    type=WholeNumber(0),
     multiple=True,
     metavar="N",
     help="Only person N of the result; may be repeated.",

@@ -140,7 +140,8 @@ def clear(names: tuple[str, ...]) -> None:
     """Delete all cached files, or those of the caches NAME..., and print what was deleted; results
     of runs are kept.
 
-    The caches are results (of backends), correspondences, graphs (optimised networks) and hashes.
+    The caches are results (of backends), correspondences, graphs (optimised networks), hashes and
+    kit (backends that passed it).
     """
     for name in names or CACHES:
         kept = _cache(name)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import math
 import os
@@ -27,7 +26,10 @@ from physic_core.files import (
     path_problem,
     printable,
     quoted,
+    read_csv,
+    read_text,
     shorten,
+    unreadable,
 )
 from physic_core.io.result_folder import files_of_result, is_result
 
@@ -39,6 +41,7 @@ _OTHER_TABLES = (
     *(".tsv", ".txt", ".lst", ".json", ".jsonl", ".parquet", ".xlsx", ".xls", ".ods", ".numbers"),
     *(".tar", ".zip", ".gz", ".7z"),
 )
+_MAX_TABLE = 1 << 30  # bytes
 _MAX_NAME = 100  # characters of a folder's name; file systems allow 255 bytes
 
 
@@ -207,10 +210,6 @@ def _items_of(source: str) -> Iterator[PhotoItem | str]:
             raise ConfigError(f"no photos at {_show(source)}: {problem}")
         raise InputError(f"no photos at {_show(source)}: name files, folders, or a CSV table")
     elif source.lower().endswith(".csv"):
-        if not os.path.isfile(source):  # reading a pipe would block
-            raise InputError(
-                f"cannot read {_show(source)}: it is not a regular file; name a CSV table"
-            )
         yield from _table_items(Path(source))
     elif source.lower().endswith(_OTHER_TABLES):
         raise InputError(
@@ -259,22 +258,23 @@ def _raise(error: OSError) -> None:
 
 
 def _table_items(table: Path) -> Iterator[PhotoItem]:
-    for number, row in enumerate(_rows(table), start=1):
-        if unknown := sorted(set(row) - set(_COLUMNS)):
-            raise InputError(
-                f"{table}: unknown column {quoted(unknown[0])}; a table may have "
-                f"{', '.join(_COLUMNS)}"
-            )
-        try:
+    number = 0
+    row: dict[str, Any] = {}
+    try:
+        for row in read_csv(read_text(table, _MAX_TABLE), _COLUMNS[:1], _COLUMNS[1:]):
+            number += 1
             item = photo_of_row(row, table.parent)
             PhotoSettings.model_validate(item.settings)
-        except ValidationError as error:
-            found = problems_from_pydantic(error, PhotoSettings)
-            problems = "; ".join(f"{one.path}: {one.message}" for one in found)
-            raise InputError(f"{table}, row {number}: {problems}{_hint(row)}") from error
-        except ValueError as error:
-            raise InputError(f"{table}, row {number}: {error}{_hint(row)}") from error
-        yield item
+            yield item
+    except OSError as error:
+        raise InputError(f"cannot read {table}: {unreadable(error)}") from error
+    except ValidationError as error:
+        found = problems_from_pydantic(error, PhotoSettings)
+        problems = "; ".join(f"{one.path}: {one.message}" for one in found)
+        raise InputError(f"{table}, row {number}: {problems}{_hint(row)}") from error
+    except ValueError as error:
+        at = f", row {number}" if number else ""
+        raise InputError(f"{table}{at}: {error}{_hint(row)}") from error
 
 
 def photo_of_row(row: Mapping[str, Any], folder: str | os.PathLike[str] = "") -> PhotoItem:
@@ -300,30 +300,6 @@ def _hint(row: Mapping[str, Any]) -> str:
     """Return what to write instead of a number with a decimal comma; "" if there is none."""
     found = next((t for t in map(_text, row.values()) if re.fullmatch(r"[0-9]+,[0-9]+", t)), "")
     return f"; write a number with a point, as {found.replace(',', '.')}" if found else ""
-
-
-def _rows(table: Path) -> Iterator[dict[str, Any]]:
-    try:
-        with table.open(newline="", encoding="utf-8-sig") as stream:
-            reader = csv.DictReader(stream, skipinitialspace=True)
-            for name in reader.fieldnames or ():
-                if mark := re.search("[;\t]", name):
-                    kind = "tabs" if mark[0] == "\t" else "semicolons"
-                    raise InputError(
-                        f"{table}: its cells are separated by {kind}: save it as CSV with commas "
-                        "between cells, and points in numbers (path,stature and a.jpg,1.7)"
-                    )
-            for number, row in enumerate(reader, start=1):
-                if None in row:
-                    raise InputError(
-                        f"{table}, row {number}: it has more cells than the first line: write "
-                        'numbers with a point (1.7), and several in quotes ("1.7,1.8")'
-                    )
-                yield row
-    except UnicodeDecodeError as error:
-        raise InputError(f"cannot read {table}: {error}; save it as UTF-8") from error
-    except (OSError, csv.Error) as error:
-        raise InputError(f"cannot read {table}: {error}") from error
 
 
 def _show(text: str) -> str:

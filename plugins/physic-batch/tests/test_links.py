@@ -88,6 +88,9 @@ def test_a_sheet_embeds_only_what_decodes_as_a_jpeg(content, tmp_path):
     path.write_bytes(content)
     assert physic("report", tmp_path / "out").exit_code == 0
     assert '"thumbnail": ""' in (tmp_path / "out" / "contact-sheet.html").read_text()
+    Image.new("RGB", (64, 64)).save(path, icc_profile=bytes(1 << 20))
+    assert physic("report", tmp_path / "out").exit_code == 0
+    assert '"thumbnail": ""' in (tmp_path / "out" / "contact-sheet.html").read_text()
     Image.new("RGB", (64, 64)).save(path)
     assert physic("report", tmp_path / "out").exit_code == 0
     thumbnail = base64.b64encode(path.read_bytes()).decode()

@@ -142,3 +142,9 @@ def test_a_retargeter_reads_lafan(export, result, in_frame):
     wanted = in_frame(result.people[0].joints)
     apart = np.linalg.norm(frames[0]["Head"][0] - frames[0]["Hips"][0])
     assert apart == pytest.approx(np.linalg.norm(wanted[15] - wanted[0]), abs=1e-3)
+
+
+def test_a_file_of_smplx_is_refused_for_bodies_of_another_model(result, tmp_path):
+    (tmp_path / "SMPLX_NEUTRAL.npz").touch()
+    with pytest.raises(InputError, match="leave it out"):
+        result.export(str(tmp_path / "a.bvh"), body_model=tmp_path / "SMPLX_NEUTRAL.npz")

@@ -28,6 +28,22 @@ _PARTS = {
     "righthand_kpts": (112, 133),
 }
 
+# What COCO and the tools write beside keypoints, and what changes none of them.
+_OF_IMAGE = "id file_name width height license coco_url flickr_url date_captured"
+_OF_PERSON = (
+    "keypoints scores keypoint_scores labels bbox bboxes bbox_score score name box confidence "
+    "track_id"
+)
+_OF_ANNOTATION = (
+    f"{_OF_PERSON} id image_id category_id area segmentation num_keypoints face_box lefthand_box "
+    "righthand_box foot_valid face_valid lefthand_valid righthand_valid center scale"
+)
+_OF_MARK = "id type value origin to_name from_name image_rotation original_width original_height"
+_OF_OPENPOSE = (
+    "person_id pose_keypoints_2d hand_left_keypoints_2d hand_right_keypoints_2d pose_keypoints_3d "
+    "face_keypoints_3d hand_left_keypoints_3d hand_right_keypoints_3d"
+)
+
 # OpenPose's joints in its order, "" where COCO's skeletons have none.
 _ARMS = tuple(
     f"{side}_{joint}" for side in ("right", "left") for joint in ("shoulder", "elbow", "wrist")
@@ -111,7 +127,13 @@ def _read_coco(document: Any, photo: str) -> KeypointTable:
     scored = any(row[4] not in (0, 1, 2) for row in everywhere)
     about = images.get(image, {})
     size = _stated_size(about, "width", "height")
-    return KeypointTable(tuple(_once(rows)), scored, size, _other_name(about, "file_name", photo))
+    of_image = [one for one in annotations if one.get("image_id") == image]
+    notes = (
+        *_other_name(about, "file_name", photo),
+        *_unread((about,), _OF_IMAGE),
+        *_unread(of_image, f"{_OF_ANNOTATION} {' '.join(_PARTS)}"),
+    )
+    return KeypointTable(tuple(_once(rows)), scored, size, notes)
 
 
 def _image_of(
@@ -142,6 +164,16 @@ def _other_name(entry: Mapping[str, Any], key: str, photo: str) -> tuple[str, ..
     if not photo or not named or PurePath(named).stem == PurePath(photo).stem:
         return ()
     return (f"the given keypoints are of the picture {quoted(named)}, and the photo is {photo}",)
+
+
+def _unread(entries: Iterable[Any], known: str) -> tuple[str, ...]:
+    """Return a note on keys of a file's objects that are neither read nor known to change nothing;
+    zeros and empty values change nothing either.
+    """
+    objects = (one for one in entries if isinstance(one, Mapping))
+    keys = {key for one in objects for key, value in one.items() if value}
+    others = sorted(map(str, keys.difference(known.split())))
+    return (f"of the given keypoints' file, {', '.join(others[:8])} is not used",) if others else ()
 
 
 def _triples(number: int, numbers: Any, names: Sequence[str] | None) -> Iterable[Row]:
@@ -204,7 +236,9 @@ def _read_openpose(document: Any, photo: str) -> KeypointTable:
         for side in ("left", "right"):
             hand = _names(f"openpose_hand21_{side}")
             rows += _triples(number, one.get(f"hand_{side}_keypoints_2d"), hand)
-    return KeypointTable(tuple(_once(rows)), True)
+    size = _stated_size(document, "canvas_width", "canvas_height")
+    notes = _unread(document["people"], _OF_OPENPOSE)
+    return KeypointTable(tuple(_once(rows)), True, size, notes)
 
 
 def _read_ultralytics(document: Any, photo: str) -> KeypointTable:
@@ -214,15 +248,16 @@ def _read_ultralytics(document: Any, photo: str) -> KeypointTable:
         scores = marks.get("visible") or [1.0] * len(marks["x"])
         if marks["x"]:
             rows += _pairs(number, list(zip(marks["x"], marks["y"], strict=True)), scores)
-    return KeypointTable(tuple(rows), True)
+    return KeypointTable(tuple(rows), True, notes=_unread(document, _OF_PERSON))
 
 
 def _read_scored(document: Any, photo: str) -> KeypointTable:
     """Read points and scores apart: mmpose's and rtmlib's ``keypoint_scores``, transformers'
     ``scores``.
     """
-    people = document.get("instance_info") if isinstance(document, Mapping) else document
-    people = people if people is not None else document.get("predictions", document)
+    about = document if isinstance(document, Mapping) else {}
+    _check_names(about.get("meta_info") or {})
+    people = about.get("instance_info", about.get("predictions", document))
     if isinstance(people, Mapping):  # rtmlib's two arrays, as lists
         scores = people.get("keypoint_scores", people.get("scores"))
         keys = zip(people["keypoints"], scores or (), strict=True)
@@ -237,7 +272,21 @@ def _read_scored(document: Any, photo: str) -> KeypointTable:
         labels = one.get("labels")
         names = None if labels is None else [_label(int(label)) for label in labels]
         rows += _pairs(number, one["keypoints"], scores or (), names)
-    return KeypointTable(tuple(rows), True)
+    notes = (
+        *_unread((about,), f"{_OF_PERSON} meta_info instance_info predictions"),
+        *_unread(people, _OF_PERSON),
+    )
+    return KeypointTable(tuple(rows), True, notes=notes)
+
+
+def _check_names(meta: Mapping[str, Any]) -> None:
+    """Refuse a skeleton of mmpose whose first joints are not COCO's."""
+    stated = list((meta.get("keypoint_id2name") or {}).values())
+    if stated and tuple(stated[: len(_BY_COUNT[17])]) != _BY_COUNT[17]:
+        raise ValueError(
+            f"its skeleton begins with {', '.join(map(str, stated[:3]))}, and those that are read "
+            f"with {', '.join(_BY_COUNT[17][:3])}: give COCO's, or CSV with the names"
+        )
 
 
 def _label(label: int) -> str:
@@ -273,13 +322,23 @@ def _read_label_studio(document: Any, photo: str) -> KeypointTable:
     marks = [
         one
         for made in tasks[0]["annotations"]
+        if not made.get("was_cancelled")
         for one in made.get("result", ())
-        if one["type"] == "keypointlabels"
     ]
     rows: list[Row] = []
     size = None
+    notes = (
+        *_other_name(tasks[0].get("data") or {}, "image", photo),
+        *_unread(marks, _OF_MARK),
+        *_unread((one["value"] for one in marks), "x y width keypointlabels"),
+    )
     for one in marks:
-        size = _stated_size(one, "original_width", "original_height")
+        if one["type"] != "keypointlabels":
+            continue
+        stated = _stated_size(one, "original_width", "original_height")
+        if size not in (None, stated) or len(one["value"]["keypointlabels"]) > 1:
+            raise ValueError("marks of Label Studio have several pictures, or several labels each")
+        size = stated
         if one.get("image_rotation"):
             raise ValueError("a mark is of the turned picture: turn it back in Label Studio")
         if size is None:
@@ -287,7 +346,6 @@ def _read_label_studio(document: Any, photo: str) -> KeypointTable:
         value = one["value"]
         x, y = (value[axis] / 100 * side - 0.5 for axis, side in zip("xy", size, strict=True))
         rows.append((0, str(value["keypointlabels"][0]), x, y, 2.0))
-    notes = _other_name(tasks[0].get("data") or {}, "image", photo)
     return KeypointTable(tuple(rows), False, size, notes)
 
 

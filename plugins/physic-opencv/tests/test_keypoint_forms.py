@@ -158,6 +158,42 @@ def test_joints_of_another_image_are_not_those_of_a_photo_that_has_none(tmp_path
         read_keypoints(file, *SLOPE)
 
 
+POSE = {"keypoints": [[50 + 9 * n, 90 + 7 * n] for n in range(17)], "keypoint_scores": [0.9] * 17}
+COCO = {"image_id": 1, "keypoints": [50, 90, 2] * 17}
+MARK = {"original_width": 720, "original_height": 1280, "type": "keypointlabels"}
+MARK |= {"value": {"x": 9, "y": 9, "keypointlabels": ["nose"]}}
+
+
+@pytest.mark.parametrize(
+    ("document", "key"),
+    [
+        ({"images": [{"id": 1, "crop": [9, 9]}], "annotations": [COCO]}, "crop"),
+        ({"annotations": [COCO | {"ignore": 1}]}, "ignore"),
+        ({"people": [{"pose_keypoints_2d": [50] * 51, "face_keypoints_2d": [9]}]}, "face"),
+        ({"instance_info": [POSE | {"img_size": [9, 9]}]}, "img_size"),
+        ({"instance_info": [POSE], "image": "b.jpg"}, "image"),
+        ([{"annotations": [{"result": [MARK | {"item_index": 3}]}]}], "item_index"),
+    ],
+)
+def test_a_key_that_is_not_used_is_named(tmp_path, document, key):
+    (tmp_path / "a.json").write_text(json.dumps(document))
+    assert any(key in note for note in read_keypoints(str(tmp_path / "a.json"), *SLOPE).notes)
+
+
+@pytest.mark.parametrize(
+    ("document", "said"),
+    [
+        ({"meta_info": {"keypoint_id2name": {"0": "root"}}, "instance_info": [POSE]}, "root"),
+        ([{"annotations": [{"was_cancelled": True, "result": [MARK]}]}], "no keypoints"),
+        ([{"annotations": [{"result": [MARK, MARK | {"original_width": 9}]}]}], "several"),
+    ],
+)
+def test_what_has_another_meaning_is_refused(tmp_path, document, said):
+    (tmp_path / "a.json").write_text(json.dumps(document))
+    with pytest.raises(InputError, match=said):
+        read_keypoints(str(tmp_path / "a.json"), *SLOPE)
+
+
 @pytest.mark.parametrize("label", [-1, 17])
 def test_a_label_of_no_joint_is_refused(tmp_path, label):
     document = [{"keypoints": [[100.0, 200.0]], "scores": [0.9], "labels": [label]}]

@@ -227,6 +227,11 @@ def _cameras(path: Path) -> tuple[CameraFile, Mapping[str, _Table]]:
     """Return the file, and its cameras by name."""
     try:
         rig = read_camera_file(path)
+        if others := [name for name, one in rig.tables.items() if not isinstance(one, Mapping)]:
+            raise ValueError(
+                f"{others[0]} is no table: write [NAME] for each camera, with size, K, and perhaps "
+                "distortion, R and t"
+            )
         return rig, _FILE.validate_python(rig.tables)
     except ValidationError as error:
         problems = [f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()]

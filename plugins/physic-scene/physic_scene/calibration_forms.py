@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from physic_core.files import parse_toml, read_regular
+from physic_core.files import parse_json, parse_toml, read_text
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -63,7 +62,7 @@ def read_camera_file(path: Path) -> CameraFile:
 
 
 def _text(path: Path, limit: int = _LARGEST_FILE) -> str:
-    return read_regular(path, limit).decode("utf-8")
+    return read_text(path, limit)
 
 
 def _unsupported(name: str, lens: str) -> ValueError:
@@ -83,6 +82,12 @@ def _refuse_others(name: str, keys: Iterable[str], read: Collection[str]) -> Non
             f"{name} has {', '.join(others[:_NAMED])}, which no reader here knows: remove it, or "
             f"call it by the name that the other program gives it"
         )
+
+
+def _add(found: dict[str, Any], name: str, entry: Any) -> None:
+    if name in found:
+        raise ValueError(f"it has {name} twice: remove one")
+    found[name] = entry
 
 
 def _pose(rotation: Any, translation: Any) -> dict[str, Any]:
@@ -126,22 +131,22 @@ def _read_toml(path: Path) -> CameraFile:
     if not cameras:
         return CameraFile(document)
     _refuse_others("the file", document if nested else entries, ("cameras", "metadata", *cameras))
+    _refuse_others("its metadata", document.get("metadata", ()), ("adjusted", "error"))
     for key in cameras:
         one = entries[key]
         if one.get("ignore"):
             continue
         name = str(one.get("name", f"cam_{key}" if nested else key))
-        if name in tables:
-            raise ValueError(f"two cameras have the name {name}")
         _refuse_others(f"camera {name}", one, _TOML_KEYS)
         if one.get("fisheye"):
             raise _unsupported(name, "a fisheye (AniPose's and Caliscope's `fisheye = true`)")
-        tables[name] = {
+        table = {
             "size": one["size"],
             "K": one["matrix"],
             "distortion": _coefficients(one.get("distortions")),
             **_pose(one.get("rotation"), one.get("translation")),
         }
+        _add(tables, name, table)
         turns[name] = int(one.get("rotation_count", 0))
     return CameraFile(tables, turns)
 
@@ -149,7 +154,7 @@ def _read_toml(path: Path) -> CameraFile:
 # Read without OpenCV, whose parser answers damaged text with SystemError.
 _ENTRY = re.compile(r"^([^\s:-][^\s:]*):(.*(?:\n(?:[ \t-].*)?)*)", re.M)
 _COMMENT = re.compile(r"(?:^|\s)#.*$|^(?:%|---).*$", re.M)
-_YAML_KEYS = re.compile(r"(?:K|dist|R|Rot|T|H|W)_.+|names")
+_YAML_KEYS = re.compile(r"(?:K|dist|R|Rot|T|H|W)_.+")
 """What EasyMocap writes."""
 
 
@@ -157,19 +162,27 @@ def _read_easymocap(path: Path) -> CameraFile:
     """Read EasyMocap's intri.yml and extri.yml, of which either is given."""
     pair = path.parent.glob(re.sub("intri|extri", "??tri", path.name))
     text = "\n".join(map(_text, {path, *pair}))
-    entries: dict[str, str] = dict(_ENTRY.findall(_COMMENT.sub("", text)))
+    entries: dict[str, str] = {}
+    for key, value in _ENTRY.findall(_COMMENT.sub("", text)):
+        if key != "names":  # each of the two files has it
+            _add(entries, key, value)
     _refuse_others("the file", entries, [*filter(_YAML_KEYS.fullmatch, entries)])
     sides = {key: entries.pop(key).strip() for key in [*entries] if key[:2] in ("W_", "H_")}
-    numbers = {key: _matrix(key, entries[key]) for key in entries if "names" not in key}
+    numbers = {key: _matrix(key, value) for key, value in entries.items()}
     tables = {}
     for name in [key[2:] for key in numbers if key.startswith("K_")]:
         size = [sides.get(f"{side}_{name}") for side in "WH"]
         turn = numbers.get(f"Rot_{name}")
+        vector = numbers.get(f"R_{name}", turn)
+        if turn is not None and not np.allclose(
+            _pose(turn, 0)["R"], _pose(vector, 0)["R"], atol=0.01
+        ):
+            raise ValueError(f"its R_{name} and Rot_{name} differ: remove one")
         tables[name] = {
             "size": size if all(size) else None,
             "K": numbers[f"K_{name}"].reshape(3, 3).tolist(),
             "distortion": _coefficients(numbers.get(f"dist_{name}")),
-            **_pose(numbers.get(f"R_{name}", turn), numbers.get(f"T_{name}")),
+            **_pose(vector, numbers.get(f"T_{name}")),
         }
     return CameraFile(tables)
 
@@ -207,17 +220,19 @@ def _lens(name: str, model: str, size: Sequence[Any], values: Mapping[str, Any])
 
 def _read_nerfstudio(path: Path) -> CameraFile:
     """Read nerfstudio's transforms.json, which instant-ngp has as well."""
-    document = json.loads(_text(path))
-    tables = {}
+    document = parse_json(_text(path))
+    tables: dict[str, Any] = {}
     for frame in document["frames"]:
-        one = {**frame, **document}  # what is stated of all frames counts
+        if other := [key for key in frame if document.get(key, frame[key]) != frame[key]]:
+            raise ValueError(f"its {other[0]} differs from that of {frame['file_path']}: keep one")
+        one = frame | document
         name = one["file_path"]
         model = one.get("camera_model", "OPENCV")
         values = one | {"fx": one["fl_x"], "fy": one["fl_y"]}
         to_world = np.array(one["transform_matrix"], np.float64)[:3]
         R = (to_world[:, :3] * _OPENGL).T
         lens = _lens(name, model, (one["w"], one["h"]), values)
-        tables[name] = lens | _pose(R, -R @ to_world[:, 3])
+        _add(tables, name, lens | _pose(R, -R @ to_world[:, 3]))
     return CameraFile(tables, of_images=True)
 
 
@@ -229,20 +244,20 @@ def _rows(path: Path) -> Iterator[str]:
 
 def _read_colmap(path: Path) -> CameraFile:
     """Read cameras.txt and images.txt; a point x of the world is at R x + t of each image."""
-    lenses = {}
+    lenses: dict[str, Any] = {}
     for line in _rows(path.with_name("cameras.txt")):
         number, model, width, height, *numbers = line.split()
         keys = _COLMAP.get(model, "").split() or numbers
         values: dict[str, float] = dict(zip(keys, map(float, numbers), strict=True))
         values.setdefault("fy", values.get("fx", 0))
-        lenses[number] = _lens(number, model, (width, height), values)
-    tables = {}
+        _add(lenses, number, _lens(number, model, (width, height), values))
+    tables: dict[str, Any] = {}
     lines = _rows(path.with_name("images.txt"))
     for line in lines:
         _, *numbers, camera, name = line.split(maxsplit=9)
         *quaternion, x, y, z = map(float, numbers)
         R = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
-        tables[name] = lenses[camera] | _pose(R, (x, y, z))
+        _add(tables, name, lenses[camera] | _pose(R, (x, y, z)))
         next(lines, None)  # its keypoints, which may be none
     return CameraFile(tables, of_images=True)
 

@@ -167,7 +167,7 @@ def changed(folder, file, old, new):
     ("file", "old", "new", "word"),
     [
         ("anipose_fisheye.toml", "", "", "fisheye"),
-        ("anipose.toml", '"right"', '"left"', "two cameras have the name left"),
+        ("anipose.toml", '"right"', '"left"', "has left twice"),
         ("anipose.toml", "0.0,]\nrotation", "0.0, 0.2,]\nrotation", "distortion"),
         ("colmap/cameras.txt", "SIMPLE_RADIAL ", "SIMPLE_RADIAL_FISHEYE ", "SIMPLE_RADIAL_FISHEYE"),
         ("colmap/cameras.txt", " 0 0 0\n", " 0.1 0 0\n", "k4 = 0.1"),
@@ -188,6 +188,11 @@ def changed(folder, file, old, new):
         ("nerfstudio/transforms.json", '"k1"', '"s1": 0.1, "k1"', "s1 = 0.1"),
         ("nerfstudio/transforms.json", '"k1"', '"distortion": [0.1], "k1"', "distortion"),
         ("easymocap/intri.yml", "1410.000000, ", "", "intri.yml"),
+        ("easymocap/intri.yml", "K_middle", "K_left", "has K_left twice"),
+        ("anipose.toml", "[metadata]", "[metadata]\nunits = 'mm'", "has units"),
+        ("nerfstudio/transforms.json", '"frames"', '"fl_x": 9, "frames"', "fl_x differs"),
+        ("nerfstudio/transforms.json", '"k1"', '"fl_x": 9, "k1"', "a key twice"),
+        ("colmap/images.txt", "right/0001.jpg", "left/0001.jpg", "twice"),
     ],
 )
 def test_what_is_not_supported_or_damaged_is_named(file, old, new, word, tmp_path):
@@ -223,3 +228,11 @@ def test_the_command_says_that_cameras_are_taken_in_order(tmp_path, physic):
     run = physic("scene", *photos, "-o", str(tmp_path / "out"), *rig)
     assert run.exit_code == 2  # no such preset
     assert "a.png is left, b.png is middle, c.png is right" in run.output
+
+
+@pytest.mark.parametrize("name", ["a.toml", "intri.yml", "transforms.json", "cameras.txt"])
+def test_a_file_of_more_than_256_mb_is_not_read(tmp_path, name):
+    with (tmp_path / name).open("wb") as file:
+        file.truncate((1 << 28) + 1)
+    with pytest.raises(InputError, match="more than"):
+        read_calibration(tmp_path / name, BY_NAME, SIZES, 1.0)

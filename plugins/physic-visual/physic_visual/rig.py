@@ -100,6 +100,11 @@ def body_of_result(result: Reconstruction, file: Path | None = None) -> BodyArra
     from physic_core.body import embedded_arrays, smplx_arrays
 
     if result.body_model == "embedded":
+        if file is not None:
+            raise InputError(
+                "the bodies are those of the model that ships, and --body-model (body_model= in "
+                "Python) is for SMPL-X: leave it out, or export to amass"
+            )
         return embedded_arrays()
     if result.body_model != "smplx":
         raise InputError(f"no skeleton is known for bodies of the model '{result.body_model}'")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from physic_core.errors import InputError
-from physic_core.files import read_regular, unreadable
+from physic_core.files import read_text, unreadable
 
 if TYPE_CHECKING:
     import click
@@ -78,13 +78,10 @@ class Choice:
         if self.file is None:
             return evenly(names, self.limit)
         try:
-            lines = read_regular(self.file, _MAX_LIST_BYTES).decode().splitlines()
-        except OSError as error:
-            raise InputError(
-                f"cannot read the list of frames {self.file}: {unreadable(error)}"
-            ) from error
-        except UnicodeDecodeError as error:
-            raise InputError(f"cannot read the list of frames {self.file}: {error}") from error
+            lines = read_text(self.file, _MAX_LIST_BYTES).splitlines()
+        except (OSError, ValueError) as error:
+            why = unreadable(error) if isinstance(error, OSError) else error
+            raise InputError(f"cannot read the list of frames {self.file}: {why}") from error
         listed = [line.split("#")[0].strip().strip("/") for line in lines]
         listed = list(dict.fromkeys(name for name in listed if name))
         if unknown := sorted(set(listed) - set(names)):
