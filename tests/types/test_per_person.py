@@ -27,7 +27,9 @@ def rows(*shape):
 
 
 def keypoints():
-    return Keypoints(rows(17, 2), rows(17), "coco17", rows(17, 3))
+    return Keypoints(
+        rows(17, 2), rows(17), "coco17", rows(17, 3), rows(17), rows(17), world_spread=rows(17)
+    )
 
 
 def results():

@@ -235,6 +235,18 @@ def test_bodies_are_recovered_from_synthetic_landmarks(backend, noise_px, most_m
     assert np.nanmax(answer.rotation_sigma) < 1.0
 
 
+def test_arms_whose_landmarks_turn_in_the_mirror_image_follow_the_lifter(backend):
+    seen = truth([WALKS], PLACES[:1])
+    spread = np.zeros(seen.keypoints.confidence.shape)
+    steady = posed(fit(backend, with_keypoints(seen, world_spread=spread)))[0]
+    np.testing.assert_array_equal(posed(fit(backend, seen))[0], steady)
+    spread[:, rows_of(BLAZEPOSE_SKELETON, "left_elbow", "left_wrist")] = 0.2
+    turned = posed(fit(backend, with_keypoints(seen, world_spread=spread)))[0]
+    moved = np.linalg.norm(turned - turned[:, :1] - steady + steady[:, :1], axis=-1)[0]
+    assert moved[joints_of("left_elbow", "left_wrist")].min() > 0.02
+    assert moved[joints_of("right_wrist", "knee", "ankle")].max() < 0.008
+
+
 @pytest.mark.parametrize("skeleton", ["coco17", "coco23"])
 def test_keypoints_without_landmarks_give_the_pose_in_the_picture(backend, skeleton):
     seen = truth([STANDS, WALKS], PLACES[:2], skeleton=skeleton)
