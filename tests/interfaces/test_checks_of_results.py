@@ -121,6 +121,7 @@ def parameters(**values):
         (BODIES, {"joints": None, "mesh": None, "body_model": "embedded"}),
         (BODIES, {"rotation_sigma": nan_at(np.full((2, 22), 0.2), 0)}),
         (BODIES, {"lean_sigma": np.array([0.03, np.nan])}),
+        (BODIES, {"joint_sigma": nan_at(np.full((2, 55), 0.2), 0)}),
         (HANDS, {}),
         # not found
         (HANDS, {"rotvecs": nan_at(HANDS.rotvecs), "confidence": np.zeros((2, 2)), "wrists": None}),
@@ -281,6 +282,11 @@ def test_valid_results_have_no_violation(result, changes):
             BODIES,
             {"rotation_sigma": np.full((2, 22), 20.0)},
             ["rotation_sigma must be within 0 and pi radians..."],
+        ),
+        (
+            BODIES,
+            {"joint_sigma": np.zeros((2, 55))},
+            ["joint_sigma must be within 0 and 10000 m, or NaN where unknown"],
         ),
         (
             BODIES,

@@ -161,6 +161,7 @@ def lifted_limbs(
             depth,
         )
     )
+    moved = np.linalg.norm(told - (joints - middle) @ observations.turn, axis=-1)
     weight = np.ones(told.shape[:2])
     for row, name in enumerate(LIMBS):
         if name.endswith(("knee", "ankle")):
@@ -168,7 +169,7 @@ def lifted_limbs(
         elif observations.spread is not None and name.endswith(("elbow", "wrist")):
             turned = observations.spread[:, columns[row]] / _STEADY_M
             weight[:, row] = np.minimum(1 + turned**2, _MOST_OF_ARM)
-    return LiftedLimbs(torch.from_numpy(told), torch.from_numpy(weight))
+    return LiftedLimbs(torch.from_numpy(told), torch.from_numpy(weight), torch.from_numpy(moved))
 
 
 def _minimize_lbfgs(problem: FitProblem, unknowns: Tensor, iterations: int) -> Tensor:
