@@ -13,6 +13,7 @@ BENCHMARKS = {
     "observer": "benchmarks.observer.command",
     "up": "benchmarks.up",
     "lifter": "benchmarks.lifter",
+    "joint_errors": "benchmarks.joint_errors",
     "exports_opened": "benchmarks.exports_opened",
     "run_cost": "benchmarks.run_cost",
 }

@@ -53,7 +53,7 @@ SAME_PERSON = 0.9
 
 TERMS = (
     *("contact_sure", "detected", "lean", "body_in_mask", "low_depth"),
-    *("support", "scale_sigma"),
+    *("support", "scale_sigma", "limb_sigma"),
 )
 """Checks whose values are in the models."""
 
@@ -195,12 +195,15 @@ def fitted_mark(rows: Sequence[Row], mark: str) -> dict[str, Any]:
 
     rows = judged(rows, mark)
     loads, unknown = loads_of(rows)
+    measured = ~unknown.all(0)
+    names = [name for name, any_row in zip(TERMS, measured, strict=True) if any_row]
+    loads, unknown = loads[:, measured], unknown[:, measured]
     right = np.array([rightness(row, mark) for row in rows])
     usual = np.array([np.nanmedian(column[right >= CAP]) for column in loads.T])
     spread = np.array([np.nanstd(column) for column in loads.T]) + 1e-9
     # What was not measured costs nothing: its load is the usual one.
     columns = np.c_[np.ones(len(rows)), np.where(unknown, 0.0, (loads - usual) / spread)]
-    count = len(TERMS)
+    count = len(names)
 
     def loss(w: Array) -> tuple[float, Array]:
         odds = columns @ w
@@ -212,7 +215,7 @@ def fitted_mark(rows: Sequence[Row], mark: str) -> dict[str, Any]:
     found = minimize(loss, np.zeros(1 + count), jac=True, bounds=bounds, method="L-BFGS-B").x
     terms = {
         name: {"slope": round(float(slope), 3), "usual": round(float(load), 3)}
-        for name, slope, load in zip(TERMS, found[1:] / spread, usual, strict=True)
+        for name, slope, load in zip(names, found[1:] / spread, usual, strict=True)
         if round(float(slope), 3) < 0
     }
     return {"constant": round(float(found[0]), 3), "terms": terms}
@@ -230,7 +233,7 @@ def loads_of_row(row: Row) -> dict[str, float | None]:
     """Return term -> load of a person."""
     specs = [CHECKS[name] for name in TERMS]
     return {
-        spec.name: load_of(row["checks"][spec.name], spec.threshold, spec.direction, spec.unit)
+        spec.name: load_of(row["checks"].get(spec.name), spec.threshold, spec.direction, spec.unit)
         for spec in specs
     }
 

@@ -54,6 +54,9 @@ def pose_errors(predicted: Array, truth: Array) -> dict[str, Any]:
         "bones_ratio": ratio,
         "bones": {name: own[name] / true[name] for name in both},
         "joints": int(known.sum()),
+        "joint_errors_m": np.linalg.norm(
+            predicted - pelvis - truth + true_pelvis, axis=-1
+        ).tolist(),
     }
 
 

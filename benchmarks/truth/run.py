@@ -142,6 +142,7 @@ def measured_fields(
                 "score": float(person.score),
                 "joints": np.round(person.joints.astype(np.float64), 5).tolist(),
                 "keypoints": np.round(keypoints, 4).tolist(),
+                "joint_sigma": None if person.joint_sigma is None else person.joint_sigma.tolist(),
                 "parts": dict(person.world_contact or {}),
                 "failed_checks": list(person.failed_checks),
                 "grade": person.grade,

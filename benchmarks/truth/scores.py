@@ -245,12 +245,22 @@ def _person(
         record["distance_sigma"] = distance or math.nan
         record["distance_in_sigmas"] = _in_sigmas(record["pelvis_depth_ratio"], distance)
         record["stature_in_sigmas"] = _in_sigmas(record["bones_ratio"], stature)
+        record["joints_in_sigmas"] = _joints_in_sigmas(record["joint_errors_m"], person)
+        record |= {key: person[key] for key in ("evidence",) if key in person}
     return record
 
 
 def _in_sigmas(ratio: float, log_sigma: float | None) -> float:
     """Error of the logarithm over its stated standard deviation; NaN where one is unknown."""
     return math.log(ratio) / log_sigma if log_sigma and ratio > 0 else math.nan
+
+
+def _joints_in_sigmas(errors: Sequence[float], person: Mapping[str, Any]) -> float:
+    """Root mean square of the joints' errors over their stated ones; NaN where none is stated."""
+    if (stated := person.get("joint_sigma")) is None:
+        return math.nan
+    ratios = np.divide(errors, np.array(stated, np.float64)[BODY_ROWS])
+    return float(np.sqrt(np.nanmean(ratios**2)))
 
 
 def _floor(sample: Sample, answer: Answer, up: Array, height: float) -> Record:

@@ -169,6 +169,13 @@ def rows_of(
             digits=2,
         ),
         row(
+            "error of a joint over its stated sigma, rms",
+            known(found, "joints_in_sigmas"),
+            pooled("joints_in_sigmas", rms_of),
+            ".6-1.5",
+            digits=2,
+        ),
+        row(
             "camera height over the stated sigma of the scale, rms",
             known(of(floors), "scale_in_sigmas"),
             pooled("scale_in_sigmas", rms_of),

@@ -125,6 +125,8 @@ def _row(person: Mapping[str, Any]) -> tuple[str, ...]:
         contact = "; ".join(touches) or "none"
         if person["unseen"]:
             contact += f"; not surely seen: {person['unseen']}"
+        if person["unsure"]:
+            contact += f"; unsure: {person['unsure']}"
     return (
         str(person["person"]),
         grade_text(person["grade"], person["trust"], marks_of_row(person)),

@@ -121,6 +121,8 @@ class BodyEstimator(Backend):
             yield from check_array("observed", result.observed, (n, _JOINTS), "bool")
         if result.rotation_sigma is not None:
             yield from _check_sigma("rotation_sigma", result.rotation_sigma, (n, _ROTATIONS))
+        if result.joint_sigma is not None:
+            yield from _check_sigma("joint_sigma", result.joint_sigma, (n, _JOINTS), METRES, "m")
         if result.lean_sigma is not None:
             yield from _check_sigma("lean_sigma", result.lean_sigma, (n,))
         if result.joints is not None:
@@ -175,11 +177,14 @@ def _check_parameters(parameters: BodyParameters, people: int) -> Iterator[str]:
             yield from check_limit(name, value, *_limit(name))
 
 
-def _check_sigma(name: str, sigma: Any, shape: tuple[int, ...]) -> Iterator[str]:
+def _check_sigma(
+    name: str, sigma: Any, shape: tuple[int, ...], largest: float = math.pi, unit: str = "radians"
+) -> Iterator[str]:
     wrong = list(check_array(name, sigma, shape, "float"))
     yield from wrong
-    if not wrong and not ((sigma > 0) & (sigma <= math.pi) | (sigma != sigma)).all():
-        yield f"{name} must be within 0 and pi radians, or NaN where unknown"
+    if not wrong and not ((sigma > 0) & (sigma <= largest) | (sigma != sigma)).all():
+        limit = "pi" if largest == math.pi else f"{largest:g}"
+        yield f"{name} must be within 0 and {limit} {unit}, or NaN where unknown"
 
 
 def _check_joints(joints: Any, people: int) -> Iterator[str]:

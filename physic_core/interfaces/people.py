@@ -277,6 +277,8 @@ def keypoint_violations(keypoints: Keypoints, people: int) -> Iterator[str]:
         wrong += check_array("world", keypoints.world, (people, joints or 0, 3), "float")
     for name, sigma in _sigmas(keypoints):
         wrong += check_array(name, sigma, (people, joints or 0), "float")
+    if keypoints.world_spread is not None:
+        wrong += check_array("world_spread", keypoints.world_spread, (people, joints or 0), "float")
     if keypoints.depth_sigma is not None and keypoints.world is None:
         wrong.append("depth_sigma is given without world, whose depth it is of")
     yield from wrong
@@ -288,6 +290,8 @@ def keypoint_violations(keypoints: Keypoints, people: int) -> Iterator[str]:
     yield from check_limit("points", keypoints.points[rows][confidence > 0], PIXELS, "px")
     if keypoints.world is not None:
         yield from check_limit("world", keypoints.world[rows][confidence > 0], METRES, "m")
+    if keypoints.world_spread is not None and (keypoints.world_spread < 0).any():
+        yield "world_spread must be at least 0, or NaN where unknown"
     for name, sigma in _sigmas(keypoints):
         if not (sigma[rows][confidence > 0] > 0).all():
             yield f"{name} must be above 0 where confidence is"

@@ -212,7 +212,8 @@ def discard_invalid_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArra
         return keypoints, ~valid
     one = int(valid.argmax())
     confidence = np.where(valid[:, None], keypoints.confidence, 0)
-    given = {name: getattr(keypoints, name) for name in ("points", "world", "sigma", "depth_sigma")}
+    names = ("points", "world", "sigma", "depth_sigma", "world_spread")
+    given = {name: getattr(keypoints, name) for name in names}
     rows = np.where(valid, np.arange(len(valid)), one)
     others = {name: value[rows] for name, value in given.items() if value is not None}
     return replace(keypoints, confidence=confidence, **others), ~valid

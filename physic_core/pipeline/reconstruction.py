@@ -95,6 +95,7 @@ def _people(
     sizes = zip(state.model.stature(state.betas), body_size_sigmas(estimates, state), strict=True)
     unseen = _unseen(state)
     touch = estimates.ground.stance.limb_touch
+    sigmas = estimates.bodies.joint_sigma
     people = []
     for i, (stature, sigma) in enumerate(sizes):
         has_body = bool(torch.isfinite(stature))
@@ -110,6 +111,7 @@ def _people(
                 support=contact.supports[i],
                 world_contact=_world_contact(contact, i),
                 unseen=unseen[i] if has_body else (),
+                joint_sigma=sigmas[i] if has_body and sigmas is not None else None,
                 age=float(years[i]) if math.isfinite(years[i]) else None,
                 stature=float(stature) if has_body else None,
                 stature_sigma=sigma if has_body else None,

@@ -148,6 +148,9 @@ class Bodies(ShortRepr):
             the backend has set upright on the floor of its hints; NaN for others. The lean is that
             of the line from ankles to neck, seen from the side. The error of the floor is not a
             part of it. None if the backend sets no person upright.
+        joint_sigma: (N, 55) metres, root mean square distance of each joint from the true one, both
+            relative to the middle of the hips; NaN where unknown. None if the backend does not
+            state it.
     """
 
     parameters: BodyParameters = field(metadata=PER_PERSON)
@@ -157,6 +160,7 @@ class Bodies(ShortRepr):
     mesh: Mesh | None = field(default=None, metadata=PER_PERSON)
     rotation_sigma: FloatArray | None = field(default=None, metadata=PER_PERSON)
     lean_sigma: FloatArray | None = field(default=None, metadata=PER_PERSON)
+    joint_sigma: FloatArray | None = field(default=None, metadata=PER_PERSON)
 
 
 @dataclass(frozen=True)

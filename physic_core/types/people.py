@@ -79,6 +79,9 @@ class Keypoints(ShortRepr):
         depth_sigma: (N, J) metres, standard deviation of the depth (z) of ``world``, or None if the
             detector states none. If it does, x and y of ``world`` are the points in metres, without
             further information.
+        world_spread: (N, J) m by which a point of ``world`` moves between looks of the detector
+            at the same person, such as at the mirror image; NaN where unknown, None if it looks
+            once.
     """
 
     points: FloatArray = field(metadata=PER_PERSON)
@@ -87,6 +90,7 @@ class Keypoints(ShortRepr):
     world: FloatArray | None = field(default=None, metadata=PER_PERSON)
     sigma: FloatArray | None = field(default=None, metadata=PER_PERSON)
     depth_sigma: FloatArray | None = field(default=None, metadata=PER_PERSON)
+    world_spread: FloatArray | None = field(default=None, metadata=PER_PERSON)
 
     @property
     def joint_set(self) -> Skeleton:
@@ -100,7 +104,7 @@ class Keypoints(ShortRepr):
     def take(self, columns: Sequence[int]) -> Keypoints:
         """Return the keypoints of these columns, in this order."""
         chosen = list(columns)
-        names = ("points", "confidence", "world", "sigma", "depth_sigma")
+        names = ("points", "confidence", "world", "sigma", "depth_sigma", "world_spread")
         given = {
             name: value[:, chosen] for name in names if (value := getattr(self, name)) is not None
         }

@@ -22,6 +22,7 @@ from physic_core.types.contacts import PARTNER_KINDS, contacts_text, part_words
 from physic_core.types.depth import Plane
 from physic_core.types.records import MARKS, Grade, Measures
 from physic_core.types.short_repr import ShortRepr
+from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -40,6 +41,16 @@ if TYPE_CHECKING:
 
 KNOWN_UP_SIGMA_DEG = 8.0
 """Standard deviation from which on an up direction tells no more than that cameras are upright."""
+
+
+UNSURE_M = 0.25
+"""Error of a wrist or an ankle from which on an arm or leg counts as unsure."""
+
+_LIMB_ENDS = {
+    f"{side}_{limb}": f"{side}_{joint}"
+    for limb, joint in (("arm", "wrist"), ("leg", "ankle"))
+    for side in SIDES
+}
 
 
 @dataclass(frozen=True)
@@ -117,6 +128,9 @@ class Person(ShortRepr):
             buttocks. None without a body, and if the preset estimates none.
         unseen: limbs, hands and feet without a confident keypoint inside the photo at their end:
             their pose is mostly a guess.
+        joint_sigma: (55,) metres, root mean square distance of each joint from the true one, both
+            relative to the middle of the hips, by the body estimator; NaN where unknown, None if it
+            does not say.
         failed_checks: names of the ``Reconstruction.checks`` about this person that failed.
         unknown_checks: names of those for which nothing could be measured.
         trust: probability in [0, 1] that pose, place, contact and size are right; None without
@@ -170,6 +184,7 @@ class Person(ShortRepr):
     support: Support | None = None
     world_contact: Mapping[str, float] | None = None
     unseen: tuple[str, ...] = ()
+    joint_sigma: FloatArray | None = field(default=None, metadata=shape(55))
     age: float | None = None
     stature: float | None = None
     stature_sigma: float | None = None
@@ -218,6 +233,33 @@ class Person(ShortRepr):
         """
         found: tuple[str, ...] = DOORS["joints_beside"]()(self.unseen)
         return found
+
+    @property
+    def limb_sigmas(self) -> dict[str, float]:
+        """``joint_sigma`` of wrists and ankles by limb, such as "left_arm", metres; NaN where
+        unknown.
+        """
+        sigma = self.joint_sigma
+        return {
+            limb: math.nan if sigma is None else float(sigma[JOINT_INDEX[joint]])
+            for limb, joint in _LIMB_ENDS.items()
+        }
+
+    @property
+    def unsure(self) -> tuple[str, ...]:
+        """Arms and legs that the photo shows, such as "left_arm", whose ``limb_sigmas`` exceed
+        :data:`UNSURE_M`.
+        """
+        return tuple(
+            limb
+            for limb, sigma in self.limb_sigmas.items()
+            if sigma > UNSURE_M and not self.hides(limb)
+        )
+
+    def hides(self, limb: str) -> bool:
+        """Return whether the end of an arm or leg, such as "left_arm", is ``unseen``."""
+        side, _, name = limb.partition("_")
+        return f"{side}_lower_{name}" in self.unseen
 
     def mesh(self) -> Any:
         """Return the body as a ``trimesh.Trimesh``, metres, camera frame (x right, y down, z
@@ -580,8 +622,9 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
     stature_sigma_m (standard deviations), posture, posture_probability and child_probability (as of
     :class:`Person`), contacts (body parts that are likely, one half or more, to touch something,
     each with what it touches and its probability), assumed (likely contacts of body parts that
-    nothing shows, not among the others) and unseen (limbs, hands and feet without a confident
-    keypoint at their end), the sizes of :class:`Person`, and main angles of
+    nothing shows, not among the others), unseen (limbs, hands and feet without a confident
+    keypoint at their end), unsure (arms and legs as of :class:`Person`) and left_arm_sigma_m to
+    right_leg_sigma_m (its ``limb_sigmas``), the sizes of :class:`Person`, and main angles of
     ``Person.joint_angles``, degrees. Lengths and angles are None without a body.
     """
     return [
@@ -621,6 +664,10 @@ def _grade_of_mark(result: Reconstruction, index: int, name: str) -> str:
     return "" if probability is None else str(Grade.of(probability))
 
 
+def _limb_sigma(result: Reconstruction, index: int, limb: str) -> float | None:
+    return _rounded(result.people[index].limb_sigmas[limb])
+
+
 _ROW: dict[str, Callable[[Reconstruction, int], Any]] = {
     "person": lambda result, index: index,
     "main": lambda result, index: index in main_people([person.box for person in result.people]),
@@ -643,6 +690,8 @@ _ROW: dict[str, Callable[[Reconstruction, int], Any]] = {
     "contacts": lambda result, index: contacts_text(result.people[index].contacts, assumed=False),
     "assumed": lambda result, index: contacts_text(result.people[index].contacts, assumed=True),
     "unseen": lambda result, index: ", ".join(map(part_words, result.people[index].unseen)),
+    "unsure": lambda result, index: ", ".join(map(part_words, result.people[index].unsure)),
+    **{f"{limb}_sigma_m": partial(_limb_sigma, limb=limb) for limb in _LIMB_ENDS},
 }
 
 _SIZES = ("pelvis_height_m", "seat_height_m")

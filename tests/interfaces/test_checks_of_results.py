@@ -111,6 +111,7 @@ def parameters(**values):
         ),
         (KEYPOINTS, {}),
         (KEYPOINTS, {"sigma": np.full((2, 17), 3.0), "depth_sigma": np.full((2, 17), 0.07)}),
+        (KEYPOINTS, {"world_spread": nan_at(np.zeros((2, 17)), 0)}),
         (POINTMAP, {}),
         (POINTMAP, {"points": RAYS}),
         (POINTMAP, {"up": np.array([0.0, -0.8, 0.6]), "up_sigma": 2.0, "up_source": "lines"}),
@@ -120,6 +121,7 @@ def parameters(**values):
         (BODIES, {"joints": None, "mesh": None, "body_model": "embedded"}),
         (BODIES, {"rotation_sigma": nan_at(np.full((2, 22), 0.2), 0)}),
         (BODIES, {"lean_sigma": np.array([0.03, np.nan])}),
+        (BODIES, {"joint_sigma": nan_at(np.full((2, 55), 0.2), 0)}),
         (HANDS, {}),
         # not found
         (HANDS, {"rotvecs": nan_at(HANDS.rotvecs), "confidence": np.zeros((2, 2)), "wrists": None}),
@@ -204,6 +206,7 @@ def test_valid_results_have_no_violation(result, changes):
             ["skeleton must be a Skeleton or the name of a standard one, got int", ...],
         ),
         (KEYPOINTS, {"sigma": np.zeros((2, 17))}, ["sigma must be above 0 where confidence is"]),
+        (KEYPOINTS, {"world_spread": -np.ones((2, 17))}, ["world_spread must be at least 0..."]),
         (
             KEYPOINTS,
             {"world": None, "depth_sigma": np.ones((2, 17))},
@@ -278,6 +281,11 @@ def test_valid_results_have_no_violation(result, changes):
             BODIES,
             {"rotation_sigma": np.full((2, 22), 20.0)},
             ["rotation_sigma must be within 0 and pi radians..."],
+        ),
+        (
+            BODIES,
+            {"joint_sigma": np.zeros((2, 55))},
+            ["joint_sigma must be within 0 and 10000 m, or NaN where unknown"],
         ),
         (
             BODIES,

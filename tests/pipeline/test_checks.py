@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -39,6 +39,7 @@ from physic_core.types import (
 from physic_core.types.contacts import BodyContact, ContactPartner, Support, SupportState
 from physic_core.types.known_sizes import KnownPeople
 from physic_core.types.observations import POSTURES
+from physic_core.types.results import UNSURE_M
 from tests.rooms import tiny_result
 
 CAMERA = Intrinsics.from_focal(500, 640, 480, "EXIF")
@@ -180,6 +181,7 @@ def case(
     witness=(),
     likely=FEET,
     posture="stand",
+    limbs=MappingProxyType({}),
 ):
     """Estimates and result of one person where all is well, but for what is given."""
     observed = np.ones((1, 55), bool)
@@ -228,6 +230,9 @@ def case(
         posture=posture,
         posture_probability=0.9,
         joints=joints,
+        limb_sigmas=limbs,
+        hides=("right_leg",).__contains__,
+        unsure=[limb for limb, sigma in limbs.items() if sigma > UNSURE_M],
     )
     known = FLOOR if is_found else None
     found = {"reason": floor, "inlier_share": 0.62, "in_mask": mask if is_found else None}
@@ -360,6 +365,8 @@ def test_a_far_stranger_and_a_box_of_somebody_with_a_body_take_no_grade_away():
         ({"joints": with_lower_legs_back(), "legs": False}, ()),
         ({"report": {"body_in_mask_share": 0.5, "clearance_m": 0.2}}, ("body_in_mask", "support")),
         ({"joints": np.full((55, 3), np.nan)}, ()),
+        ({"limbs": {"left_arm": 0.3, "left_leg": math.nan}}, ("limb_sigma",)),
+        ({"limbs": {"left_arm": 0.15, "right_leg": 0.4}}, ()),  # a guess, as nothing shows it
     ],
 )
 def test_a_fault_of_a_person_fails_its_checks(changes, names):

@@ -27,7 +27,9 @@ def rows(*shape):
 
 
 def keypoints():
-    return Keypoints(rows(17, 2), rows(17), "coco17", rows(17, 3))
+    return Keypoints(
+        rows(17, 2), rows(17), "coco17", rows(17, 3), rows(17), rows(17), world_spread=rows(17)
+    )
 
 
 def results():
@@ -37,7 +39,7 @@ def results():
     return (
         People(rows(2, 4), rows(4), rows(), keypoints=keypoints(), heads=rows()),
         keypoints(),
-        Bodies(parameters, "smplx", rows(55), rows(55, 3), mesh, rows(22)),
+        Bodies(parameters, "smplx", rows(55), rows(55, 3), mesh, rows(22), rows(), rows(55)),
         Hands(rows(2, 15, 3), rows(2), rows(2, 3)),
         Observations(*map(rows, (9, 5, 2)), rows(), rows(), rows(3), rows(), *[None] * 3),
         ContactProbability(rows(4), "smpl"),

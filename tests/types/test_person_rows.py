@@ -16,6 +16,7 @@ from physic_core.types import (
     Grade,
     Support,
 )
+from physic_core.types.bodies import JOINT_INDEX
 from physic_core.types.results import PERSON_COLUMNS, person_rows
 
 
@@ -45,6 +46,7 @@ def two_people(reconstruction):
             BodyContact("left_lower_leg", floor, 0.8, 9, assumed=True),
         ),
         unseen=("left_lower_leg", "left_foot"),
+        joint_sigma=np.where(np.arange(55) == JOINT_INDEX["right_wrist"], np.nan, 0.3),
         sizes={"pelvis_height_m": 0.90012},
         parameters=replace(
             near.parameters, body_pose=np.where(np.arange(63) == 9, np.pi / 3, 0)[None]
@@ -66,6 +68,7 @@ def two_people(reconstruction):
 
 
 NUMBERS = [name for name in PERSON_COLUMNS if name.endswith(("height_m", "_deg"))]
+SIGMAS = [name for name in PERSON_COLUMNS if name.endswith(("arm_sigma_m", "leg_sigma_m"))]
 UPRIGHT = {name: 0.0 for name in NUMBERS if name.endswith("_deg")}
 GRADES_OF_MARKS = {f"grade_{mark}": "" for mark in MARKS}
 TRUST_OF_MARKS = {f"trust_{mark}": None for mark in MARKS}
@@ -96,6 +99,9 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people):
             "contacts": "left foot: floor, 0.90; buttocks: left hand of person 1",
             "assumed": "left lower leg: floor, 0.80 (assumed: not seen)",
             "unseen": "left lower leg, left foot",
+            "unsure": "left arm, right leg",
+            **dict.fromkeys(SIGMAS, 0.3),
+            "right_arm_sigma_m": None,
             **dict.fromkeys(NUMBERS),
             **UPRIGHT,
             **ARMS,
@@ -120,6 +126,8 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people):
             "contacts": "",
             "assumed": "",
             "unseen": "",
+            "unsure": "",
+            **dict.fromkeys(SIGMAS),
             **dict.fromkeys(NUMBERS),
         },
     ]

@@ -20,6 +20,7 @@ from physic_core.pipeline.checks.spec import YES, check
 from physic_core.types import MARKS, Plane, skeleton_named
 from physic_core.types.contacts import SupportState, part_words
 from physic_core.types.observations import TOUCH_PARTS
+from physic_core.types.results import UNSURE_M
 from physic_core.types.skeletons import SIDES, keypoint_in_words
 
 if TYPE_CHECKING:
@@ -334,6 +335,26 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
         f"shows: if the person looks upright there, do not use the depth of this pose; see "
         f"{_FROM_THE_SIDE}"
     )
+
+
+@_check(
+    "Error of the least sure arm or leg that the photo shows",
+    at_most=UNSURE_M,
+    unit="m",
+    advice="compare arms and legs with the photo",
+    optional=True,
+)
+def limb_sigma(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
+    """Return the largest stated error of a wrist or an ankle relative to the middle of the hips,
+    metres, of arms and legs whose end the photo shows.
+    """
+    who = result.people[person]
+    sigmas = {limb: sigma for limb, sigma in who.limb_sigmas.items() if not who.hides(limb)}
+    known = [sigma for sigma in sigmas.values() if math.isfinite(sigma)]
+    if not known:
+        return None
+    limbs = " and ".join(map(part_words, who.unsure))
+    return max(known), f"{limbs} unsure: compare with the photo" if limbs else ""
 
 
 # Right people on right floors 0-0.2; seats and floors that are wrong 0.26-0.9.

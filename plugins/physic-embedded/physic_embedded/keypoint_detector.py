@@ -121,6 +121,7 @@ def keypoints_from_poses(poses: Sequence[Pose], height: int, width: int) -> Keyp
         ),
         skeleton=BLAZEPOSE_SKELETON,
         world=np.array([p.world for p in poses], np.float32).reshape(-1, 33, 3),
+        world_spread=np.array([p.world_spread for p in poses], np.float32).reshape(-1, 33),
     )
 
 

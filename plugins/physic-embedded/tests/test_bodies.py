@@ -7,7 +7,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from physic_core.body import JOINT_INDEX, load_body
+from physic_core.body import FINGER_JOINTS, JOINT_INDEX, load_body
 from physic_core.body.bones import rotations_from_parameters
 from physic_core.engine.sizes.stature import ADULT_STATURE_M, adult_shape
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
@@ -233,6 +233,42 @@ def test_bodies_are_recovered_from_synthetic_landmarks(backend, noise_px, most_m
         assert miss_mm(found - joints[:, :1], true - seen.joints[:, :1]).max() < most_mm
     assert answer.observed.all()
     assert np.nanmax(answer.rotation_sigma) < 1.0
+
+
+def test_limbs_in_unlikely_depths_and_hidden_ones_are_less_sure(backend):
+    """A foot of one who stands is told .2 m farther, and an ankle of one who sits is hidden."""
+    seen = truth([STANDS, SITS], PLACES[:2])
+    world = seen.keypoints.world.copy()
+    world[0, rows_of(BLAZEPOSE_SKELETON, "left_ankle"), 2] += 0.2
+    confidence = seen.keypoints.confidence.copy()
+    confidence[1, rows_of(BLAZEPOSE_SKELETON, "right_ankle")] = 0.1
+    plain = fit(backend, seen).joint_sigma
+    sigma = fit(backend, with_keypoints(seen, world=world, confidence=confidence)).joint_sigma
+    ankles = joints_of("left_ankle", "right_ankle")
+    assert sigma[0, ankles[0]] > 1.3 * plain[0, ankles[0]]
+    assert sigma[1, ankles[1]] > 1.2 * plain[1, ankles[1]]
+    assert fit(backend, with_keypoints(seen, world=None)).joint_sigma is None
+
+
+def test_arms_whose_landmarks_turn_in_the_mirror_image_follow_the_lifter(backend):
+    seen = truth([WALKS], PLACES[:1])
+    spread = np.zeros(seen.keypoints.confidence.shape)
+    steady = posed(fit(backend, with_keypoints(seen, world_spread=spread)))[0]
+    np.testing.assert_array_equal(posed(fit(backend, seen))[0], steady)
+    spread[:, rows_of(BLAZEPOSE_SKELETON, "left_elbow", "left_wrist")] = 0.2
+    turned = posed(fit(backend, with_keypoints(seen, world_spread=spread)))[0]
+    moved = np.linalg.norm(turned - turned[:, :1] - steady + steady[:, :1], axis=-1)[0]
+    assert moved[joints_of("left_elbow", "left_wrist")].min() > 0.02
+    assert moved[joints_of("right_wrist", "knee", "ankle")].max() < 0.008
+
+
+def test_fingers_and_feet_are_as_sure_as_wrists_and_ankles(backend):
+    sigma = fit(backend, truth([STANDS], PLACES[:1])).joint_sigma
+    left, ankle = joints_of("left_wrist", "left_ankle")
+    fingers = FINGER_JOINTS[0][0][0]
+    np.testing.assert_array_equal(
+        sigma[0, [fingers, JOINT_INDEX["left_foot"]]], sigma[0, [left, ankle]]
+    )
 
 
 @pytest.mark.parametrize("skeleton", ["coco17", "coco23"])

@@ -41,6 +41,7 @@ def pose_at(center, height=200.0, confidence=1.0):
         visibility=np.full(33, confidence),
         presence=np.ones(33),
         world=np.zeros((33, 3)),
+        world_spread=np.zeros(33),
         score=1.0,
         mask=np.ones((256, 256)),
         square=RotatedSquare(np.array(center, float), 1.25 * height, 0.0),

@@ -55,6 +55,8 @@ class BodyObservations:
         head_sigma: (N,) radians, the same.
         sigma: (N, J) px of the 2D points, as the detector states it; None if it states none.
         depth_sigma: (N, J) metres of the depth of the 3D points, the same.
+        spread: (N, J) metres by which the 3D points move between looks; None if the detector looks
+            once.
     """
 
     points: FloatArray
@@ -69,6 +71,7 @@ class BodyObservations:
     head_sigma: FloatArray
     sigma: FloatArray | None = None
     depth_sigma: FloatArray | None = None
+    spread: FloatArray | None = None
 
 
 def rotation_to_ray(ray: FloatArray) -> FloatArray:
@@ -135,6 +138,7 @@ def observe_people(
         np.radians(np.asarray(said.head_sigma, np.float64)),
         keypoints.sigma,
         keypoints.depth_sigma,
+        keypoints.world_spread,
     )
 
 

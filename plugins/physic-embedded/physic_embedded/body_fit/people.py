@@ -17,6 +17,7 @@ from physic_core.geometry import rotmat_to_rotvec
 from physic_core.types import POSTURES, Bodies, Observations
 from physic_embedded.body_fit.fit import fit_bodies, fit_outlines, lifted_limbs
 from physic_embedded.body_fit.hidden_legs import legs_hidden, pitch_sigma, with_hidden_legs
+from physic_embedded.body_fit.joint_sigma import joint_sigma, limb_evidence
 from physic_embedded.body_fit.lean import lean_towards_camera
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices, limb_keypoints
 from physic_embedded.body_fit.multi_start import fit_without_world_landmarks
@@ -112,12 +113,16 @@ def fit_people(
             lifted = lifted_limbs(fit, observations, camera, known, cut)
         fit = fit_outlines(model, fit, without_legs(model, pairs, cut), lifted)
         rotation_sigma = _rotation_sigma(fit, observations)
+    stated = None
+    if lifted is not None:
+        stated = joint_sigma(limb_evidence(observations, lifted.moved.numpy(), skeleton))
     return Bodies(
         parameters_from_rotations(fit.rotations, fit.betas, None, fit.transl),
         "embedded",
         observed,
         rotation_sigma=rotation_sigma,
         lean_sigma=np.where(upright, UPRIGHT_SIGMA, np.where(cut, pitch_sigma(said), np.nan)),
+        joint_sigma=stated,
     )
 
 

@@ -37,6 +37,8 @@ class Pose:
         visibility: (33,) in [0, 1], not hidden by anything.
         presence: (33,) in [0, 1], inside the picture.
         world: (33, 3) metres, x right, y down, z away from the camera, origin between the hips.
+        world_spread: (33,) metres, distance of each joint in ``world`` from the one found in the
+            mirror image.
         score: in [0, 1], that there is a person at all.
         mask: (256, 256) logits of the person's pixels in ``square``.
         square: the part of the photo that the network saw.
@@ -49,6 +51,7 @@ class Pose:
     visibility: Float
     presence: Float
     world: Float
+    world_spread: Float
     score: float
     mask: Float
     square: RotatedSquare
@@ -150,7 +153,9 @@ def _with_mirror_image(
 ) -> Pose:
     """Average the output for a crop with that for its mirror image."""
     other = _look(session, cut[:, ::-1]).mirrored()
-    return _pose(_mean(look, other), square, _gap(look, other), _mask_iou(look.mask, other.mask))
+    gaps = (_gap(look, other), _mask_iou(look.mask, other.mask))
+    spread = np.linalg.norm(look.world - other.world, axis=1)[:33]
+    return _pose(_mean(look, other), spread, square, *gaps)
 
 
 def average_agreeing(pose: Pose, others: Sequence[Pose], near: float) -> Pose:
@@ -259,7 +264,9 @@ def _mask_iou(a: Float, b: Float) -> float:
     return float(both / max(any_, 1))
 
 
-def _pose(look: _RawPose, square: RotatedSquare, gap: float, mask_iou: float) -> Pose:
+def _pose(
+    look: _RawPose, spread: Float, square: RotatedSquare, gap: float, mask_iou: float
+) -> Pose:
     """Convert a network output from its crop to the photo."""
     points = square.to_photo(look.points, LANDMARK_SIZE)
     world = look.world[:33]
@@ -269,6 +276,7 @@ def _pose(look: _RawPose, square: RotatedSquare, gap: float, mask_iou: float) ->
         presence=look.presence[:33],
         # The network's x and y follow the turned square; the photo's axes are wanted.
         world=np.concatenate([world[:, :2] @ square.rotation.T, world[:, 2:]], axis=1),
+        world_spread=spread,
         score=look.score,
         mask=look.mask,
         square=square,

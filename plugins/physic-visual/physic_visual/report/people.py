@@ -56,6 +56,7 @@ def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
         - ``stature``: metres. ``stature_sigma``: standard deviation of its logarithm.
         - ``posture``, ``posture_probability``, ``child_probability``: as of
           :class:`physic_core.types.Person`.
+        - ``unsure``: arms and legs that are shown and unsure, in words.
         - ``camera``: distance of the pelvis from the camera, metres. ``distance_sigma``: standard
           deviation of its logarithm.
         - ``pelvis``: (3,) metres, camera frame. ``pelvis_height``: over the floor, metres.
@@ -104,6 +105,7 @@ def _record(
         "posture": person.posture,
         "posture_probability": person.posture_probability,
         "child_probability": person.child_probability,
+        "unsure": ", ".join(map(part_words, person.unsure)),
         "camera": float(np.linalg.norm(pelvis)) if posed else None,
         "distance_sigma": reconstruction.distance_sigmas[index],
         "pelvis": pelvis.tolist() if posed else None,

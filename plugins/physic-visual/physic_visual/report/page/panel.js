@@ -36,6 +36,7 @@ function personCard(data, index) {
     const seen = [
       ["Seems to", person.posture && `${person.posture}, ${person.posture_probability.toFixed(2)}`],
       ["Is a child", person.child_probability?.toFixed(2)],
+      ["Unsure", person.unsure],
     ].filter(([, value]) => value);
     card.append(facts([
       ...seen,
