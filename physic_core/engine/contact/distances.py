@@ -23,8 +23,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.contact.parts import SceneParts
-from physic_core.engine.scene_state import Surroundings
-from physic_core.geometry.neighbors import NearestPointSearch, array_tree, inside_body_boxes
+from physic_core.geometry.neighbors import NearestPointSearch, array_tree
 from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.tensors import exact_arrays
 
@@ -95,17 +94,6 @@ class SurfaceDistances:
     def on_floor(self) -> Tensor:
         """Vertices (..., V) bool that are nearer to the floor's plane than to the scene."""
         return self.floor.abs() < self.scene.abs()
-
-
-def nearby_surfaces(
-    around: Surroundings, vertices: Tensor, scale: float, floor: tuple[Tensor, float] | None
-) -> ContactSurfaces:
-    """Return the scaled scene near bodies (B, V, 3), metres, and a floor."""
-    points = around.points * scale
-    normals = around.normals
-    near = inside_body_boxes(points, vertices, SEARCH_RADIUS_M)
-    scene = NearestPointSearch(points[near], normals[near], SEARCH_RADIUS_M)
-    return ContactSurfaces(scene, near.nonzero(as_tuple=True)[0], floor)
 
 
 def surface_distances(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import torch
@@ -11,10 +11,10 @@ from torch import Tensor
 
 from physic_core.engine.contact.distances import (
     HAND_BREADTH_M,
+    SEARCH_RADIUS_M,
     ContactSurfaces,
     Distances,
     distance_along_normal,
-    nearby_surfaces,
 )
 from physic_core.engine.contact.probability import (
     by_vertex,
@@ -25,6 +25,7 @@ from physic_core.engine.contact.probability import (
     skin_contact,
 )
 from physic_core.engine.ground.touch import LEAST_PROBABILITY
+from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 from physic_core.geometry.visibility import front_depth, in_free_space
 from physic_core.types.bounds import Share
 
@@ -52,13 +53,6 @@ class Touch:
     parts: Mapping[str, Tensor] = field(default_factory=dict)
     gaps: Mapping[str, Tensor] = field(default_factory=dict)
 
-    @staticmethod
-    def of_rank(rank: Tensor, touches: Tensor, probability: Tensor | None) -> Touch:
-        """Return the kind of contact with the highest rank (K, N, V) where a vertex ``touches`` (N,
-        V) bool.
-        """
-        return Touch(torch.where(touches, rank.argmax(0), -1), probability)
-
 
 @dataclass(frozen=True)
 class ContactMethod:
@@ -80,9 +74,12 @@ class ContactMethod:
         """Return what bodies (N, V, 3), metres, may touch: the scaled scene near them, and the
         plane of the floor.
         """
+        points = around.points * scale
+        near = inside_body_boxes(points, vertices, SEARCH_RADIUS_M)
+        scene = NearestPointSearch(points[near], around.normals[near], SEARCH_RADIUS_M)
         normal = around.floor_normal
         floor = None if normal is None else (normal, around.floor_offset * scale)
-        return nearby_surfaces(around, vertices, scale, floor)
+        return ContactSurfaces(scene, near.nonzero(as_tuple=True)[0], floor)
 
     def free_vertices(self, state: State) -> Tensor | None:
         """Return the vertices (N, V) bool in space that the photo shows to be free; None if the
@@ -114,5 +111,5 @@ class ContactMethod:
         rank = torch.where(sure, probabilities, -1.0)
         touches = rank.amax(0) >= self.threshold
         likely = torch.where(touches, rank.amax(0), on_scene.nan_to_num())
-        gaps = dict(zip(parts, at.gap.T, strict=True))
-        return replace(Touch.of_rank(rank, touches, likely), parts=parts, gaps=gaps)
+        kind = torch.where(touches, rank.argmax(0), -1)
+        return Touch(kind, likely, parts, gaps=dict(zip(parts, at.gap.T, strict=True)))

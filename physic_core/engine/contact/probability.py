@@ -91,7 +91,7 @@ def kind_of_part(part: str) -> str:
     """Return the kind of a part: "foot", "hand", "seat" or "other"; parts of one kind have one
     model.
     """
-    kind = part.removeprefix("left_").removeprefix("right_")
+    kind = part.rpartition("_")[2]
     return kind if kind in RATED else "other"
 
 

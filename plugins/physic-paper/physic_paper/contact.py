@@ -50,7 +50,8 @@ class DistanceContact(ContactMethod):
         """Return the contacts of vertices whose distance is within the bounds of the settings."""
         distance = near.by_kind
         within = self.contains(distance) & state.model.outer
-        return Touch.of_rank(torch.where(within, -distance.abs(), -torch.inf), within.any(0), None)
+        nearest = torch.where(within, distance.abs(), torch.inf).argmin(0)
+        return Touch(torch.where(within.any(0), nearest, -1), None)
 
 
 def with_floor_samples(around: Surroundings) -> Surroundings:
