@@ -94,7 +94,7 @@ def _people(
     rows = _arrays_of_people(state, contact)
     sizes = zip(state.model.stature(state.betas), body_size_sigmas(estimates, state), strict=True)
     unseen = _unseen(state)
-    touch = estimates.ground.stance.touch
+    touch = estimates.ground.stance.limb_touch
     people = []
     for i, (stature, sigma) in enumerate(sizes):
         has_body = bool(torch.isfinite(stature))
