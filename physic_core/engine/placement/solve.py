@@ -111,13 +111,12 @@ def people_to_place(
     landmarks = _on_cpu(model.landmarks(posed, state.skeleton))
     vertices = _on_cpu(posed.vertices)
     keypoints = _on_cpu(state.keypoints)
-    soles = model.soles.cpu()
     plane = None
     if scene.floor is not None:
         height = torch.tensor([scene.floor.offset], dtype=torch.float64)
         plane = torch.cat((_on_cpu(scene.floor.normal), height))
     people = []
-    low = _lowest_skin(state, vertices)
+    resting = _resting_skin(state, vertices)
     for i, body in enumerate(vertices):
         on_floor = plane is not None and bool(feet_seen[i])
         person = PlacementProblem(
@@ -130,7 +129,7 @@ def people_to_place(
             outer=model.outer.cpu(),
             points=_on_cpu(clouds[i]),
             mask=masks[i],
-            soles=body[soles if low[i] is None else low[i]] if on_floor else body[:0],
+            soles=body[resting[i]] if on_floor else body[:0],
             plane=plane if on_floor else None,
             K=_on_cpu(scene.K),
             row=i,
@@ -140,19 +139,20 @@ def people_to_place(
     return people
 
 
-def _lowest_skin(state: State, vertices: Tensor) -> list[Tensor | None]:
-    """Return the lowest skin in sight (V,) bool of each person who lies, planks or is on all fours;
-    None of others.
+def _resting_skin(state: State, vertices: Tensor) -> list[Tensor]:
+    """Return the vertices of each person that may rest on the floor: the lowest skin in sight of
+    those who lie, plank or are on all fours, the soles of others.
     """
+    found = [state.model.soles.cpu()] * len(state)
     if state.rests is None:
-        return [None] * len(state)
+        return found
     parts = observed_parts(state.model.part_names, state.observed)
     skin = (parts[:, state.model.part_of_vertex] & state.model.outer).cpu()
     heights = vertices @ state.up.to(vertices)
-    return [
-        lowest_layer(height, own) if math.isfinite(rests) and bool(own.any()) else None
-        for height, own, rests in zip(heights, skin, state.rests.tolist(), strict=True)
-    ]
+    for i in torch.isfinite(state.rests).nonzero()[:, 0].tolist():
+        if bool(skin[i].any()):
+            found[i] = lowest_layer(heights[i], skin[i]).nonzero()[:, 0]
+    return found
 
 
 def _on_cpu(x: Tensor) -> Tensor:
