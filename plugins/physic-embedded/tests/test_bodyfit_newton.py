@@ -147,6 +147,7 @@ def two_people(*, landmarks):
         LiftedLimbs(
             torch.from_numpy(rng.normal(0, 0.4, (2, 12, 3))),
             torch.from_numpy(rng.uniform(0, 1, (2, 12))),
+            torch.zeros(2, 12, dtype=torch.float64),
         ),
     )
 

@@ -62,7 +62,7 @@ def test_the_mask_of_a_pose_is_covered_in_grey():
     square = RotatedSquare(np.array([50.0, 40.0]), 40.0, 0.0)
     mask = np.full((256, 256), -1.0)
     mask[:, 128:] = 1.0  # the right half of the square
-    pose = Pose(*(np.zeros((33, n)) for n in (2, 1, 1, 3)), 1.0, mask, square, 0.0, 1.0)
+    pose = Pose(*(np.zeros((33, n)) for n in (2, 1, 1, 3, 1)), 1.0, mask, square, 0.0, 1.0)
     image = np.zeros((100, 100, 3), np.uint8)
     rows, columns = np.nonzero(grey_out(image, [pose])[..., 0] == GREY)
     extent = [rows.min(), rows.max(), columns.min(), columns.max()]
@@ -102,7 +102,7 @@ def test_boxes_of_people_who_have_a_pose_and_of_chairs_are_left_out(monkeypatch)
     points[[23, 24], 1] = 50.0
     points[[15, 16]] = [[65.0, 20.0], [65.0, 70.0]]
     square = RotatedSquare(np.array([30.0, 40.0]), 100.0, 0.0)
-    rest = (np.ones((33, n)) for n in (1, 1, 3))
+    rest = (np.ones((33, n)) for n in (1, 1, 3, 1))
     somebody = Pose(points, *rest, 1.0, np.zeros((64, 64)), square, 0.0, 1.0)
     found, mask = segment_unposed(None, embedding, boxes, [somebody], people, surfaces)
     assert [one.reason for one in found] == ["sure", "sure, with another's hand", "labelled"]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -54,7 +56,7 @@ def test_joints_that_another_person_covers_are_not_visible():
     mask = np.full((256, 256), -1.0)
     mask[:, 128:] = 1.0  # the right half of the square
     joints = np.tile([[45.0, 40.0], [55.0, 40.0], [90.0, 40.0]], (11, 1))
-    other = Pose(*(np.zeros((33, n)) for n in (2, 1, 1, 3)), 1.0, mask, square, 0.0, 1.0)
-    pose = Pose(joints, np.ones(33), np.ones(33), np.zeros((33, 3)), 1.0, mask, square, 0.0, 1.0)
+    other = Pose(*(np.zeros((33, n)) for n in (2, 1, 1, 3, 1)), 1.0, mask, square, 0.0, 1.0)
+    pose = replace(other, points=joints, visibility=np.ones(33), presence=np.ones(33))
     assert without_covered(pose, [other]).visibility[:3] == pytest.approx([1, 0, 1])
     assert without_covered(pose, []).visibility.all()
