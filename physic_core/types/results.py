@@ -46,11 +46,12 @@ KNOWN_UP_SIGMA_DEG = 8.0
 UNSURE_M = 0.25
 """Error of a wrist or an ankle from which on an arm or leg counts as unsure."""
 
-_LIMB_ENDS = {
+LIMB_ENDS = {
     f"{side}_{limb}": f"{side}_{joint}"
     for limb, joint in (("arm", "wrist"), ("leg", "ankle"))
     for side in SIDES
 }
+"""Arm or leg -> joint at its end."""
 
 
 @dataclass(frozen=True)
@@ -242,7 +243,7 @@ class Person(ShortRepr):
         sigma = self.joint_sigma
         return {
             limb: math.nan if sigma is None else float(sigma[JOINT_INDEX[joint]])
-            for limb, joint in _LIMB_ENDS.items()
+            for limb, joint in LIMB_ENDS.items()
         }
 
     @property
@@ -691,7 +692,7 @@ _ROW: dict[str, Callable[[Reconstruction, int], Any]] = {
     "assumed": lambda result, index: contacts_text(result.people[index].contacts, assumed=True),
     "unseen": lambda result, index: ", ".join(map(part_words, result.people[index].unseen)),
     "unsure": lambda result, index: ", ".join(map(part_words, result.people[index].unsure)),
-    **{f"{limb}_sigma_m": partial(_limb_sigma, limb=limb) for limb in _LIMB_ENDS},
+    **{f"{limb}_sigma_m": partial(_limb_sigma, limb=limb) for limb in LIMB_ENDS},
 }
 
 _SIZES = ("pelvis_height_m", "seat_height_m")

@@ -446,6 +446,20 @@ def test_one_seen_ankle_is_enough_of_a_leg(in_another_photo):
     assert failed_checks(run_checks(evidence, result), 0) == ("support",)
 
 
+def test_a_limb_that_moves_between_looks_is_named():
+    evidence, result = case()
+    keypoints = evidence.photo.keypoints
+    names = skeleton_named(keypoints.skeleton).names
+    spread = np.zeros(keypoints.confidence.shape)
+    spread[0, names.index("right_ankle")] = 0.9  # hidden
+    spread[0, names.index("left_wrist")] = 0.35
+    evidence.photo.keypoints = replace(keypoints, world_spread=spread)
+    found = {check.name: check for check in run_checks(evidence, result)}
+    assert found["limb_spread"].value == pytest.approx(0.35)
+    assert found["limb_spread"].failed
+    assert "left arm" in found["limb_spread"].message
+
+
 def test_failed_checks_of_a_body_are_no_warnings_of_the_result():
     found = run_checks(*case(report={"body_in_mask_share": 0.5, "clearance_m": 0.5}, lean=20.0))
     assert warning_messages(found) == ()

@@ -20,7 +20,7 @@ from physic_core.pipeline.checks.spec import YES, check
 from physic_core.types import MARKS, Plane, skeleton_named
 from physic_core.types.contacts import SupportState, part_words
 from physic_core.types.observations import TOUCH_PARTS
-from physic_core.types.results import UNSURE_M
+from physic_core.types.results import LIMB_ENDS, UNSURE_M
 from physic_core.types.skeletons import SIDES, keypoint_in_words
 
 if TYPE_CHECKING:
@@ -355,6 +355,37 @@ def limb_sigma(estimates: Estimates, result: Reconstruction, person: int) -> Mea
         return None
     limbs = " and ".join(map(part_words, who.unsure))
     return max(known), f"{limbs} unsure: compare with the photo" if limbs else ""
+
+
+# Of wrists and ankles with measured truth .1 in the median and .3 in nine of ten.
+@_check(
+    "Move of a seen arm or leg between looks at the same person",
+    at_most=0.3,
+    unit="m",
+    advice="compare arms and legs with the photo",
+    optional=True,
+)
+def limb_spread(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
+    """Return how far the 3D landmark of a wrist or an ankle that the photo shows moves between the
+    detector's looks, such as at the mirror image, at most, metres.
+    """
+    keypoints = estimates.photo.keypoints
+    if keypoints.world_spread is None:
+        return None
+    names = skeleton_named(keypoints.skeleton).names
+    moves = {
+        limb: float(keypoints.world_spread[person, names.index(joint)])
+        for limb, joint in LIMB_ENDS.items()
+        if joint in names and not result.people[person].hides(limb)
+    }
+    known = {limb: move for limb, move in moves.items() if math.isfinite(move)}
+    if not known:
+        return None
+    worst = max(known, key=known.__getitem__)
+    return known[worst], (
+        f"{part_words(worst)} unsure: the detector sees it otherwise at a second look; compare it "
+        "with the photo"
+    )
 
 
 # Right people on right floors 0-0.2; seats and floors that are wrong 0.26-0.9.
