@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from physic_core.engine.state import Estimates, OtherView
     from physic_core.interfaces import Backend
     from physic_core.io.photo import PhotoSource
+    from physic_core.pipeline.given.photo import PreparedPhoto
     from physic_core.pipeline.stage_runner import Progress
 
     Configuration = ResolvedPipeline | Config | Mapping[str, Any] | str | os.PathLike[str] | None
@@ -365,9 +366,7 @@ def _reconstruct(
     photo: Photo, plan: ResolvedPipeline, given: _Given, stages: StageRunner, *, close: bool
 ) -> Reconstruction:
     from physic_core.backends.devices import limited_threads
-    from physic_core.backends.memory import release_memory
     from physic_core.body import load_body
-    from physic_core.pipeline.estimate import run_backends
 
     @cache
     def load_model() -> BodyModel:
@@ -378,19 +377,7 @@ def _reconstruct(
     stages.note(*photo.notes)
     stages.warn(*photo.warnings)
     with limited_threads(plan.config.run.threads):
-        try:
-            estimates = run_backends(prepared, plan, load_model, stages)
-        finally:
-            if close:
-                stages.close()
-            else:
-                stages.trim_cache()
-            # So that a worker's networks and engine do not hold theirs at one time. A single run
-            # would take the memory of the C library again at once.
-            release_memory(
-                (one.backend for one in plan.backends.values()),
-                all_of_it=plan.config.run.low_memory or not close,
-            )
+        estimates = _estimate(prepared, plan, load_model, stages, close=close)
     from physic_core.pipeline.checks import run_checks, warning_messages
     from physic_core.pipeline.optimise import run_engine
     from physic_core.pipeline.reconstruction import (
@@ -426,6 +413,33 @@ def _reconstruct(
         diagnostics={**found.diagnostics, **repositories},
     )
     return found if prepared.border is None else prepared.border.added_to(found)
+
+
+def _estimate(
+    prepared: PreparedPhoto,
+    plan: ResolvedPipeline,
+    load_model: Callable[[], BodyModel],
+    stages: StageRunner,
+    *,
+    close: bool,
+) -> Estimates:
+    """Run the backends, and release their memory."""
+    from physic_core.backends.memory import release_memory
+    from physic_core.pipeline.estimate import run_backends
+
+    try:
+        return run_backends(prepared, plan, load_model, stages)
+    finally:
+        if close:
+            stages.close()
+        else:
+            stages.trim_cache()
+        # So that a worker's networks and engine do not hold theirs at one time. A single run
+        # would take the memory of the C library again at once.
+        release_memory(
+            (one.backend for one in plan.backends.values()),
+            all_of_it=plan.config.run.low_memory or not close,
+        )
 
 
 @contextmanager

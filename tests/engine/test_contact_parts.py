@@ -113,12 +113,12 @@ def test_a_foot_that_surely_touches_and_has_nothing_near_touches_something_unkno
 
 
 def test_parts_of_which_nobody_speaks_touch_only_what_is_near(person):
-    """The back of a person who lies on the floor, and a hand's breadth over it."""
+    """The back of a person who lies on the floor, not on the seat, and a hand's breadth over it."""
     axes = torch.tensor([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
     vertices = person.vertices @ axes.T
     back = contact_part_masks(person.model)["back"]
     moved = replace(person.joint, vertices=vertices, joints=person.joints @ axes.T)
-    lies = replace(person, joint=moved)
+    lies = observed(replace(person, joint=moved), seat=-4.0)
     lowest = float(vertices[0, back, 1].max())
     on, over = (with_scene(lies, floor_offset=lowest + gap - 0.02) for gap in (0.0, 0.12))
     assert touch(on)[1]["back"] > touch(over)[1]["back"]

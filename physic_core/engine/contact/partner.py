@@ -202,6 +202,13 @@ def body_contacts(
             one = BodyContact(part, table[partner], sure, count, assumed=part in assumed)
             off = None if gap is None else round(min(gap, SEARCH_RADIUS_M), DECIMALS)
             found.append(replace(one, dent_m=_dent_of(dent[here]), distance_m=off))
+    return _listed(found)
+
+
+def _listed(found: Sequence[BodyContact]) -> tuple[BodyContact, ...]:
+    """Leave out contacts of adjacent parts, repeated pairs of parts, and all but the partner of
+    most vertices of assumed parts; most probable first.
+    """
     on_self = {(one.part, one.partner.part) for one in found if one.partner.kind == "self"}
     found = [
         one

@@ -116,21 +116,15 @@ def find_support(
     contact = person.contact
     vertices = person.vertices
     centre = centre_of_mass(vertices, model.faces)
-    none = torch.zeros_like(contact)
+    seat = none = torch.zeros_like(contact)
     outside = float("inf")
     level = _level_contacts(model, person, up)
-    seat = none
     if person.sits:
-        under = _outer_vertices(model, "thighs", "gluteus")
-        seat = level & under
+        seat = level & _outer_vertices(model, "thighs", "gluteus")
         rests = _outer_vertices(model, *(("gluteus", "back") if person.lies else ("gluteus",)))
         patch = _lowest_layer(person, rests, up)
         if assume and not bool(seat.any()) and int(patch.sum()) >= _MIN_VERTICES:
-            outside = distance_to_hull(centre, vertices[contact | patch], up)
-            seat = none if person.lies else patch
-            return PersonSupport(
-                SupportState.ASSUMED, contact, patch & ~contact, seat, outside, centre
-            )
+            return _on_hidden(person, patch, none if person.lies else patch, centre, up)
     hold = _overhead_hands(model, person, centre, up)
     for state, carrying in _carrying_candidates(contact, level & ~hold, hold):
         outside = distance_to_hull(centre, vertices[carrying], up)
@@ -145,13 +139,21 @@ def find_support(
     best = PersonSupport(state, contact, none, seat, outside, centre)
     least = _BALANCE_M
     for patch in _hidden_supports(model, person, up) if assume else ():
-        outside = distance_to_hull(centre, vertices[contact | patch], up)
-        if outside <= least and int(patch.sum()) >= _MIN_VERTICES:
-            best = PersonSupport(
-                SupportState.ASSUMED, contact, patch & ~contact, seat, outside, centre
-            )
-            least = outside
+        assumed = _on_hidden(person, patch, seat, centre, up)
+        if assumed.outside_m <= least and int(patch.sum()) >= _MIN_VERTICES:
+            best, least = assumed, assumed.outside_m
     return best
+
+
+def _on_hidden(
+    person: PersonContact, patch: Tensor, seat: Tensor, centre: Tensor, up: Tensor
+) -> PersonSupport:
+    """Return the support of a person whose contacts carry together with a hidden support of a patch
+    (V,) of skin.
+    """
+    contact = person.contact
+    outside = distance_to_hull(centre, person.vertices[contact | patch], up)
+    return PersonSupport(SupportState.ASSUMED, contact, patch & ~contact, seat, outside, centre)
 
 
 def _heel_masks(model: BodyModel) -> Iterator[Tensor]:

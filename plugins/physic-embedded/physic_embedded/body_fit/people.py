@@ -90,9 +90,7 @@ def fit_people(
     skeleton = keypoints.joint_set
     camera = intrinsics.matrix
     said = hints.observations or Observations.unknown(len(people))
-    known = hints.up
-    if known is None and hints.floor is not None:
-        known = hints.floor.normal
+    known = _known_up(hints)
     up = np.array([0.0, -1.0, 0.0]) if known is None else known
     observations = with_hidden_legs(
         observe_people(keypoints, people, intrinsics, said), skeleton, said, up
@@ -113,17 +111,21 @@ def fit_people(
             lifted = lifted_limbs(fit, observations, camera, known, cut)
         fit = fit_outlines(model, fit, without_legs(model, pairs, cut), lifted)
         rotation_sigma = _rotation_sigma(fit, observations)
-    stated = None
-    if lifted is not None:
-        stated = joint_sigma(limb_evidence(observations, lifted.moved.numpy(), skeleton))
     return Bodies(
         parameters_from_rotations(fit.rotations, fit.betas, None, fit.transl),
         "embedded",
         observed,
         rotation_sigma=rotation_sigma,
         lean_sigma=np.where(upright, UPRIGHT_SIGMA, np.where(cut, pitch_sigma(said), np.nan)),
-        joint_sigma=stated,
+        joint_sigma=None
+        if lifted is None
+        else joint_sigma(limb_evidence(observations, lifted.moved.numpy(), skeleton)),
     )
+
+
+def _known_up(hints: Hints) -> FloatArray | None:
+    """Return up, else the floor's normal; None if neither is known."""
+    return hints.floor.normal if hints.up is None and hints.floor is not None else hints.up
 
 
 def _fit_keypoints(

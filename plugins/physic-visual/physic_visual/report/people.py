@@ -110,13 +110,20 @@ def _record(
         "distance_sigma": reconstruction.distance_sigmas[index],
         "pelvis": pelvis.tolist() if posed else None,
         **_heights(reconstruction, person),
-        "others": [
-            {"person": other, "pelvis": _between(person, reconstruction.people[other]), "gap": gap}
-            for (first, other), gap in gaps.items()
-            if first == index
-        ],
+        "others": _others(reconstruction, index, gaps),
         "contact": None if body is None else _contact_by_part(reconstruction, person, body),
     }
+
+
+def _others(
+    reconstruction: Reconstruction, index: int, gaps: dict[tuple[int, int], float]
+) -> list[dict[str, Any]]:
+    people = reconstruction.people
+    return [
+        {"person": other, "pelvis": _between(people[index], people[other]), "gap": gap}
+        for (first, other), gap in gaps.items()
+        if first == index
+    ]
 
 
 def _between(person: Person, other: Person) -> float:
