@@ -23,13 +23,14 @@ if TYPE_CHECKING:
 
     Inside = tuple[slice, slice]
 
-_SIDE = 400  # px of the long side, at which the noise of a scan is averaged
+_SIDE = 560  # px of the long side, at which the noise of a scan is averaged
 _LAB_STEPS = (2.55, 1, 1)  # of 255 in L, a and b
 _STEPS = (2, 6)  # difference of neighbours in a ground without noise, and in any, of 255 in Lab
 _LAYERS = 3  # a scanner's bed, the white of a print, its mount
 _GROUND = 0.02  # least share of the area, but of a strip across the photo
 _FILLED = 0.8  # share of the box round such a strip
 _PICTURE = 0.15  # least share of a picture that is cut out
+_MOST = 0.9  # of the largest thing on the ground: a window beside a person is no picture
 _ENCLOSED = 0.2  # the same of one whose frame does not reach the edge of the photo
 _PART = 0.04  # the same of one of several
 _PARTS = 0.4  # least share of several together
@@ -45,6 +46,7 @@ _STRAIGHT_DEG = 0.5  # of a bar that crosses the photo: a screen draws it along 
 _PLAIN_BAR = 0.75  # mean deviation of such a bar's colour, of 255
 _SQUARE_DEG = 6.0  # a corner of a picture that is looked at from the front
 _ONE_COLOUR = 4  # largest difference of a plain ground from its colour; walls have shading
+_GROUND_SIDE = 400  # px of the long side, at which it is looked for
 _PLAIN_GROUND = 0.3  # least share of the area
 
 
@@ -142,7 +144,7 @@ def plain_ground(image: UInt8Array) -> BoolArray | None:
     of a studio or a cut-out; None if there is little of it.
     """
     height, width = image.shape[:2]
-    scale = max(1.0, max(height, width) / _SIDE)
+    scale = max(1.0, max(height, width) / _GROUND_SIDE)
     size = max(1, round(width / scale)), max(1, round(height / scale))
     small = cv2.medianBlur(cv2.resize(image, size, interpolation=cv2.INTER_AREA), 3).astype(int)
     outermost = np.concatenate([small[0], small[:, 0], small[:, -1]])
@@ -182,7 +184,7 @@ def _layer(image: UInt8Array) -> _Picture | tuple[_Picture, ...] | None:
     if len(pictures) > 1 and sum(one.share for one in pictures) >= _PARTS:
         return tuple(pictures)
     for one in pictures[:1]:
-        if one.share < _PICTURE:
+        if one.share < max(_PICTURE, _MOST * _largest(~outer)):
             break
         if one.broken or one.turn_deg > _CUT_DEG or one.skew_deg > _SQUARE_DEG:
             return (one,)
@@ -201,6 +203,12 @@ def _layer(image: UInt8Array) -> _Picture | tuple[_Picture, ...] | None:
             if one.share >= _ENCLOSED and one.inner == 4:
                 return (one,)
     return None
+
+
+def _largest(parts: BoolArray) -> float:
+    """Return the share of the largest connected part of a photo (H, W)."""
+    *_, stats, _ = cv2.connectedComponentsWithStats(parts.astype(np.uint8), connectivity=4)
+    return float(stats[1:, cv2.CC_STAT_AREA].max(initial=0)) / parts.size
 
 
 def _several(number: int) -> str:
