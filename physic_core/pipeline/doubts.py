@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.interfaces.comparison import is_sigmoid_of_probability
+from physic_core.interfaces.comparison import describe_difference, is_sigmoid_of_probability
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Hands, Reconstruction, UInt8Array
@@ -30,6 +30,13 @@ _FEWEST_NEAR = 0.4  # of the vertices that touch by the prior, and
 _LEAST_LIFT = 1.3  # times the share of all vertices: in another order both are the same
 _SOME_NEAR = 0.05  # of all vertices; a body that is near nothing tells nothing
 _FEWEST_VERTICES = 30
+_BOX = 1.2  # times the sides of a box: where its person's points lie
+_FEWEST_IN_BOXES = 0.6
+_OF_ONE_PHOTO = (
+    *("inpainter", "metric_depth", "relative_pointmap"),
+    *("keypoint_detector", "body_estimator"),
+)
+_EQUAL = "two people have the same values: is one photo, or one sum, repeated for all?"
 
 
 def doubts_of(interface: str, request: Any, result: Any) -> Iterator[str]:
@@ -49,8 +56,19 @@ def doubts_of(interface: str, request: Any, result: Any) -> Iterator[str]:
                 f"a finger is bent by {np.nanmax(bent):.0f} degrees: are rotations in radians, and "
                 f"at most pi?"
             )
+    elif interface == "segmenter":
+        if result.masks[:, [0, 0, -1, -1], [0, -1, 0, -1]].all(1).any():
+            yield "the mask of a person covers the four corners of the photo: is it inverted?"
+    elif interface == "body_estimator":
+        if _has_equal_rows(result.parameters.body_pose):
+            yield _EQUAL
     elif interface in ("keypoint_detector", "contact_prior"):
-        values = result.confidence if interface == "keypoint_detector" else result.probability
+        is_contact = interface == "contact_prior"
+        values = result.probability if is_contact else result.confidence
+        if is_contact and _has_equal_rows(values):
+            yield _EQUAL
+        elif not is_contact:
+            yield from _doubts_of_places(request.people.boxes, result.points[values > _CERTAIN])
         if values.size and np.ptp(values) and is_sigmoid_of_probability(values):
             yield (
                 f"all values are from {values.min():.2f} to {values.max():.2f}: is a sigmoid "
@@ -58,10 +76,44 @@ def doubts_of(interface: str, request: Any, result: Any) -> Iterator[str]:
             )
 
 
+def _doubts_of_places(boxes: FloatArray, points: FloatArray) -> Iterator[str]:
+    """Yield whether the points (K, 2) that are certain are not where the people are."""
+    start, end = boxes[:, None, :2], boxes[:, None, 2:]
+    near = np.abs(points - (start + end) / 2) < _BOX * (end - start) / 2
+    share = float(near.all(2).any(0).mean()) if len(boxes) and len(points) else 1.0
+    if share < _FEWEST_IN_BOXES:
+        yield (
+            f"{share:.0%} of its certain points lie in the boxes of people: are they px of the "
+            f"photo, x before y?"
+        )
+
+
+def _has_equal_rows(values: FloatArray) -> bool:
+    """Return whether two people have the same values, which vary."""
+    rows = values.reshape(len(values), -1)
+    rows = rows[np.ptp(rows, axis=1) > 0]
+    return len(np.unique(rows, axis=0)) < len(rows)
+
+
+def doubts_of_repetition(
+    interface: str, image: UInt8Array, result: Any, next_image: UInt8Array, next_result: Any
+) -> Iterator[str]:
+    """Yield whether a backend gives one result for two photos that cannot have the same."""
+    if (
+        interface in _OF_ONE_PHOTO
+        and not np.array_equal(image, next_image)
+        and not describe_difference(result, next_result)
+    ):
+        yield "two photos have the same result: is that of the last photo kept?"
+
+
 def _doubts_of_fill(image: UInt8Array, mask: BoolArray, filled: UInt8Array) -> Iterator[str]:
     """Yield whether the colours of the fill do not go on where the photo ends."""
     import cv2
 
+    if mask.any() and (filled == image)[mask].all(1).mean() > _FEWEST_IN_BOXES:
+        yield "it leaves the photo in the hole as it is: is the mask inverted?"
+        return
     hole = mask.astype(np.uint8)
     kernel = np.ones((3, 3), np.uint8)
     grown = [cv2.dilate(hole, kernel, iterations=n * _EDGE_PX) for n in (1, 2)]

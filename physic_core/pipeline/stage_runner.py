@@ -32,7 +32,7 @@ from physic_core.errors import BackendError, BackendOutputError, PhysicError
 from physic_core.interfaces.backend import Result, call, contract_violations, interface_of
 from physic_core.interfaces.checks import require_image
 from physic_core.interfaces.comparison import describe_difference
-from physic_core.pipeline.doubts import doubts_of
+from physic_core.pipeline.doubts import doubts_of, doubts_of_repetition
 from physic_core.types import StageRecord
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from physic_core.configuration.resolve import ResolvedBackend
     from physic_core.discovery.process_state import Change
     from physic_core.interfaces import Backend, Request
+    from physic_core.types import UInt8Array
 
 _LOG = logging.getLogger(__name__)
 
@@ -175,9 +176,14 @@ class StageRunner:
         """
         if self.is_vouched_for(resolved):
             return True
-        doubts = list(doubts_of(resolved.provenance.interface, request, result))
+        interface = resolved.provenance.interface
+        doubts = list(doubts_of(interface, request, result))
         differs = ""
-        if called and self._loaded.is_first_call(resolved) and not _is_random(resolved):
+        capabilities = getattr(resolved.backend, "capabilities", ())
+        last = self._loaded.remember(resolved, request.image, result) if called else None
+        if last is not None and "ignores_image" not in capabilities:
+            doubts += doubts_of_repetition(interface, *last, request.image, result)
+        if called and last is None and "stochastic" not in capabilities:
             with wrap_plugin_errors(resolved.title, resolved, self.warn), network_results_in(None):
                 again = call(resolved.backend, copy.deepcopy(request))
             if differs := describe_difference(result, again):
@@ -258,7 +264,7 @@ class LoadedBackends:
         self._device = device
         self._loaded: dict[int, ResolvedBackend] = {}
         self._ready: set[int] = set()
-        self._asked: set[int] = set()
+        self._last: dict[int, tuple[UInt8Array, object]] = {}
         self._vouched: dict[int, bool] = {}
 
     def is_vouched_for(self, resolved: ResolvedBackend) -> bool:
@@ -272,11 +278,15 @@ class LoadedBackends:
             )
         return self._vouched[key]
 
-    def is_first_call(self, resolved: ResolvedBackend) -> bool:
-        """Return whether this was not asked of a backend before."""
-        first = id(resolved.backend) not in self._asked
-        self._asked.add(id(resolved.backend))
-        return first
+    def remember(
+        self, resolved: ResolvedBackend, image: UInt8Array, result: object
+    ) -> tuple[UInt8Array, object] | None:
+        """Keep the last image and result of a backend, and return those before; None for the
+        first.
+        """
+        last = self._last.get(id(resolved.backend))
+        self._last[id(resolved.backend)] = (image, result)
+        return last
 
     def load(
         self,
@@ -353,10 +363,6 @@ def load_backend(
     check_device(device)
     LoadedBackends(device).load(resolved)
     return resolved.backend
-
-
-def _is_random(resolved: ResolvedBackend) -> bool:
-    return "stochastic" in getattr(resolved.backend, "capabilities", ())
 
 
 @contextmanager

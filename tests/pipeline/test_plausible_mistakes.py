@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from physic_core import Pipeline, reconstruct
+from physic_core.backends.people import boxes_from_masks
 from physic_mock import backends
 from physic_mock.recognition import match_masks_to_world, recognise_world
 from physic_testing.conformance.truth import true_wrists
@@ -31,6 +32,7 @@ def mistaken(kind, field, change):
 
 DEPTH = backends.MockMetricDepth, "depth"
 CONTACT = backends.MockContactPrior, "probability"
+POINTS = backends.MockKeypointDetector, "points"
 UNCACHED = {"extends": "mock", "run": {"cache": False}}
 
 
@@ -44,6 +46,12 @@ def with_wrists(hands, arguments, shift=0.0):
     found = recognise_world(arguments[1])
     wrists = true_wrists(found.world)[match_masks_to_world(found, arguments[2])]
     return replace(hands, wrists=np.float32(shift + (shift == 0) * wrists))
+
+
+def with_corners(people, _):
+    masks = people.masks.copy()
+    masks[:, [0, 0, -1, -1], [0, -1, 0, -1]] = True
+    return replace(people, masks=masks, boxes=boxes_from_masks(masks))
 
 
 def filled_with(change):
@@ -66,6 +74,10 @@ SILENT = {
     "different depths": mistaken(*DEPTH, lambda z: np.round(8 * z) / 8),
     "red and blue": filled_with(lambda picture: picture[..., ::-1]),
     "its range": filled_with(lambda picture: picture // 2),
+    "leaves the photo": asked(backends.MockInpainter, lambda picture, all: all[1].copy()),
+    "four corners": asked(backends.MockSegmenter, with_corners),
+    "in the boxes": mistaken(*POINTS, lambda points: points[..., ::-1]),
+    "the boxes of people": mistaken(*POINTS, lambda points: points / 320),
     "two answers": mistaken(*DEPTH, lambda z: z * (1 + 0.02 * RANDOM.standard_normal(z.shape))),
 }
 
@@ -89,6 +101,34 @@ def test_mistakes_that_checks_of_the_result_do_not_see_are_warnings(run, walk):
     found = reconstruct(walk.image, UNCACHED, backends=both)
     for words, (interface,) in chosen.items():
         assert any(words in one and f"{interface} '" in one for one in found.warnings), words
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        mistaken(*CONTACT, lambda p: np.repeat(p.sum(0, keepdims=True).clip(0, 1), len(p), 0)),
+        asked(
+            backends.MockBodyEstimator,
+            lambda bodies, _: replace(
+                bodies, parameters=bodies.parameters[np.zeros(len(bodies.parameters), int)]
+            ),
+        ),
+    ],
+)
+def test_one_answer_for_two_people_is_a_warning(wrong):
+    found = reconstruct(
+        load_world("sit_side_by_side", size=(320, 240)).image, UNCACHED, backends=wrong
+    )
+    assert any("two people" in one for one in found.warnings)
+
+
+def test_the_result_of_the_last_photo_is_a_warning(walk):
+    kept = []
+    stale = asked(backends.MockMetricDepth, lambda depth, _: kept.append(depth) or kept[0])
+    with Pipeline(UNCACHED, backends=stale) as pipeline:
+        pipeline(walk.image)
+        found = pipeline(load_world("stand", size=(320, 240)).image)
+    assert any("last photo" in one for one in found.warnings)
 
 
 @pytest.mark.parametrize("name", ["walk", "sit_side_by_side"])
