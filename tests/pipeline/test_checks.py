@@ -296,8 +296,8 @@ def test_nothing_fails_where_all_is_well():
         ),
         ({"camera": GIVEN, "scene_camera": FAR_FOCAL}, "focal_agreement", 0.3, "650 px"),
         ({"camera": GIVEN, "scene_camera": NEAR_FOCAL}, "focal_agreement", 0.25, "400 px"),
-        ({"unposed": (stranger(200), stranger(201))}, "unposed_people", 2.0, "2 people"),
-        ({"unposed": (stranger(200), stranger(199))}, "unposed_people", 1.0, "1 person"),
+        ({"unposed": (stranger(200), stranger(201))}, "unposed_people", 2.0, "2 large people"),
+        ({"unposed": (stranger(200), stranger(199))}, "unposed_people", 1.0, "1 large person"),
         (
             {"unposed": (replace(stranger(200), reason="more than 20 people: give N"),)},
             "unposed_people",

@@ -87,10 +87,11 @@ def walk():
     return load_world("walk", size=(320, 240))
 
 
-@pytest.mark.parametrize("run", range(3))
+@pytest.mark.parametrize("run", range(4))
 def test_mistakes_that_checks_of_the_result_do_not_see_are_warnings(run, walk):
     """Of at most one backend for each interface in a run."""
-    seen = Counter()
+    # people who reach into the corners hide the label of a world, and have boxes of the photo's size
+    seen = Counter({backends.MockSegmenter.interface: 3})
     chosen = {}
     for words, backend in SILENT.items():
         (interface,) = backend

@@ -102,7 +102,7 @@ def test_the_value_of_an_option_in_place_of_a_format_is_refused_with_the_option(
             {},
             "no person of this result has a body",
         ),
-        (InputError, lambda result: replace(result, people=()), "a.bvh", {}, "no people"),
+        (InputError, lambda result: replace(result, people=()), "a.bvh", {}, "no person"),
         (ConfigError, None, "a.bvh", {"up": "camera"}, "--up y or z"),
         (InputError, without_floor, "a.xml", {}, "z up needs"),
         (ConfigError, None, "a.ply", {"format": "obj"}, r"\.obj"),
