@@ -109,11 +109,11 @@ def trunk_tilt_deg(joints: FloatArray, up: FloatArray) -> NDArray[np.float64]:
     return angle_deg(exact[..., _NECK, :] - exact[..., _PELVIS, :], np.asarray(up, np.float64))
 
 
-def photo_turned_deg(joints: FloatArray, floor: Plane | None) -> int:
-    """Return by how many degrees a photo seems to be turned, by its people: 0, 90 or 180.
+def photo_seems_turned(joints: FloatArray, floor: Plane | None) -> bool:
+    """Return whether a photo seems to be turned, by its people.
 
-    At 180, the trunks of all people point down in the picture. At 90, all point to the same side,
-    and people are straight. No floor beneath them is known.
+    The trunks of all people point down in the picture, or all point to the same side, and people
+    are straight. No floor beneath them is known.
 
     Args:
         joints: (P, 55, 3) metres, camera frame, NaN for people without a body.
@@ -124,13 +124,13 @@ def photo_turned_deg(joints: FloatArray, floor: Plane | None) -> int:
     x, y = (pixels[:, _NECK] - pixels[:, _PELVIS]).T
     turned = np.degrees(np.arctan2(x, -y))  # from up in the picture, clockwise
     if not len(people):
-        return 0
+        return False
     tilt = 0.0 if floor is None else trunk_tilt_deg(people, floor.normal)
     if (np.abs(turned) > _UPSIDE_DOWN_DEG).all():
-        return 0 if (np.abs(tilt - 90.0) < LYING_DEG).all() else 180
+        return not (np.abs(tilt - 90.0) < LYING_DEG).all()
     sideways = any((np.abs(side * turned - 90.0) < _SIDEWAYS_DEG).all() for side in (-1, 1))
     lying = np.any(tilt > STANDING_DEG)
-    return 90 if sideways and not lying and standing_legs(people).any(1).all() else 0
+    return bool(sideways and not lying and standing_legs(people).any(1).all())
 
 
 def angle_deg(first: FloatArray, second: FloatArray) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ import torch
 
 from physic_core.body.bones import parameters_from_rotations
 from physic_core.body.joints import NUM_JOINTS
-from physic_core.body.posture import photo_turned_deg
+from physic_core.body.posture import photo_seems_turned
 from physic_core.engine.contact.partner import DECIMALS
 from physic_core.engine.ground.report import scale_note
 from physic_core.engine.ground.touch import LEAST_PROBABILITY
@@ -308,11 +308,11 @@ def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
             "unknown"
         )
     joints = np.reshape([person.joints for person in people], (-1, NUM_JOINTS, 3))
-    degrees = photo_turned_deg(joints, result.scene.floor)
-    if degrees and not _shows_level_floor(estimates.ground.search):
+    turned = photo_seems_turned(joints, result.scene.floor)
+    if turned and not _shows_level_floor(estimates.ground.search):
         notes.append(
-            f"the people do not stand upright in the picture: is it turned by {degrees} degrees? "
-            f"Then poses, floor and sizes are wrong: turn it back, and run that"
+            "the people do not stand upright in the picture: is it turned? Then poses, floor and "
+            "sizes are wrong: turn it back, and run that"
         )
     return notes
 

@@ -117,7 +117,7 @@ class BodyContact:
     def text(self, partner: str) -> str:
         """Return "left foot: floor, 0.97", with this name of the partner."""
         sure = "" if self.probability is None else f", {self.probability:.2f}"
-        far = f" (nearest surface {self.distance_m:.2f} m off)" if self.distance_m else ""
+        far = f" (nearest surface at least {self.distance_m:.2f} m off)" if self.distance_m else ""
         assumed = " (assumed: not seen)" if self.assumed else ""
         return f"{part_words(self.part)}: {partner}{far}{sure}{assumed}"
 

@@ -13,7 +13,7 @@ import torch
 from physic_core import load_config, reconstruct
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.bones import parameters_from_rotations
-from physic_core.body.posture import photo_turned_deg
+from physic_core.body.posture import photo_seems_turned
 from physic_core.engine.ground.floor_and_scale import (
     find_ground,
     floor_evidence,
@@ -142,8 +142,8 @@ def test_a_photo_of_people_who_lie_is_not_turned():
     joints = np.zeros((1, 55, 3))
     joints[..., 2] = 2.0
     joints[0, JOINT_INDEX["neck"], 1] = 0.5  # below the pelvis in the picture
-    assert photo_turned_deg(joints, None) == 180
-    assert photo_turned_deg(joints, Plane(DOWN, 2.2)) == 0
+    assert photo_seems_turned(joints, None)
+    assert not photo_seems_turned(joints, Plane(DOWN, 2.2))
 
 
 def test_people_who_lie_touch_the_floor_with_back_head_and_seat(few_steps):

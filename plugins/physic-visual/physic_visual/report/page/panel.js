@@ -34,7 +34,7 @@ function personCard(data, index) {
     card.append(element("p", { textContent: "There is no body: a backend gave no finite values for this person." }));
   } else {
     const seen = [
-      ["Seems to", person.posture && `${person.posture}, ${person.posture_probability.toFixed(2)}`],
+      ["Seems to", person.posture_probability >= .5 && `${person.posture}, ${person.posture_probability.toFixed(2)}`],
       ["Is a child", person.child_probability?.toFixed(2)],
       ["Unsure", person.unsure],
     ].filter(([, value]) => value);
@@ -64,7 +64,7 @@ function partnerRows(person) {
     const dot = element("span", { className: "dot" });
     dot.style.background = cssColor(color);
     const sure = probability === null ? "" : `, ${probability.toFixed(2)}`;
-    const far = distance ? ` (nearest surface ${distance.toFixed(2)} m off)` : "";
+    const far = distance ? ` (nearest surface at least ${distance.toFixed(2)} m off)` : "";
     return element("li", {}, dot, `${part}: ${partner}${far}${sure}`);
   });
   const list = chosen => element("ul", { className: "partners" }, ...rows.filter((row, i) => chosen(person.contacts[i])));
