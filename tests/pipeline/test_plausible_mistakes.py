@@ -90,7 +90,7 @@ def walk():
 @pytest.mark.parametrize("run", range(4))
 def test_mistakes_that_checks_of_the_result_do_not_see_are_warnings(run, walk):
     """Of at most one backend for each interface in a run."""
-    # people who reach into the corners hide the label of a world, and have boxes of the photo's size
+    # people who reach into the corners hide the label of a world, and have boxes as large as it
     seen = Counter({backends.MockSegmenter.interface: 3})
     chosen = {}
     for words, backend in SILENT.items():
