@@ -53,7 +53,7 @@ SAME_PERSON = 0.9
 
 TERMS = (
     *("contact_sure", "detected", "lean", "body_in_mask", "low_depth"),
-    *("support", "scale_sigma", "limb_sigma", "limb_spread"),
+    *("support", "scale_sigma", "limb_sigma", "limb_spread", "hidden_limbs", "unknown_contacts"),
 )
 """Checks whose values are in the models."""
 

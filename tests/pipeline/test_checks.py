@@ -40,6 +40,7 @@ from physic_core.types.contacts import BodyContact, ContactPartner, Support, Sup
 from physic_core.types.known_sizes import KnownPeople
 from physic_core.types.observations import POSTURES
 from physic_core.types.results import UNSURE_M
+from physic_core.types.skeletons import SIDES
 from tests.rooms import tiny_result
 
 CAMERA = Intrinsics.from_focal(500, 640, 480, "EXIF")
@@ -227,6 +228,8 @@ def case(
         support=None,
         vertices=joints,
         contacts=(),
+        has_body=True,
+        unseen=("right_upper_leg", "right_lower_leg", "right_foot"),
         posture=posture,
         posture_probability=0.9,
         joints=joints,
@@ -248,14 +251,23 @@ def case(
     return evidence, result
 
 
-def test_a_foot_that_touches_something_unknown_lowers_the_place_alone():
+def test_a_foot_that_touches_something_unknown_is_told():
     evidence, result = case()
     foot = BodyContact("left_foot", ContactPartner("hidden"), 0.9, 30, distance_m=0.14)
     result.people[0].contacts = (foot,)
     found = run_checks(evidence, result)
-    assert failed_checks(found, 0) == ("support",)
+    assert failed_checks(found, 0) == ("support", "unknown_contacts")
     result.people[0].contacts = (replace(foot, partner=ContactPartner("hidden", "seat")),)
-    assert failed_checks(run_checks(evidence, result), 0) == ()
+    assert failed_checks(run_checks(evidence, result), 0) == ("unknown_contacts",)
+    result.people[0].contacts = (replace(foot, assumed=True),)
+    assert "unknown_contacts" not in failed_checks(run_checks(evidence, result), 0)
+
+
+def test_somebody_of_whom_the_photo_shows_little_is_told():
+    evidence, result = case()
+    parts = ("upper_arm", "lower_arm", "hand", "foot")
+    result.people[0].unseen = tuple(f"{side}_{part}" for part in parts for side in SIDES)
+    assert failed_checks(run_checks(evidence, result), 0) == ("hidden_limbs",)
 
 
 def test_nothing_fails_where_all_is_well():

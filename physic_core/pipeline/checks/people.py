@@ -388,6 +388,47 @@ def limb_spread(estimates: Estimates, result: Reconstruction, person: int) -> Me
     )
 
 
+# With more than six, readers find the pose of 31 % right, else of 57 %.
+@_check(
+    "Parts of arms and legs that the photo does not show",
+    at_most=6,
+    unit="count",
+    advice="most of the pose is a guess: use what the photo shows, and leave out joints whose "
+    "parts are in unseen",
+    unmeasured=_NO_BODY,
+)
+def hidden_limbs(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
+    """Return how many upper and lower arms and legs, hands and feet are ``unseen``."""
+    who = result.people[person]
+    return float(len(who.unseen)) if who.has_body else None
+
+
+# Of people with one, readers find the contacts of 19 % right and the place of 35 %, of others 63
+# and 83 %.
+@_check(
+    "Parts seen to touch something with no surface of the scene near them",
+    at_most=0,
+    unit="count",
+    unmeasured="there is no body, or this preset estimates no probabilities",
+)
+def unknown_contacts(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
+    """Return how many parts touch what lies nowhere near them, without those that are assumed."""
+    who = result.people[person]
+    if not who.world_contact:
+        return None
+    parts = [
+        one.part
+        for one in who.contacts
+        if one.likely and one.partner.kind == "hidden" and not one.assumed
+    ]
+    return float(len(parts)), (
+        f"{' and '.join(map(part_words, parts))} seem to touch something, and no surface is near: "
+        f"it is hidden, or body or scene is wrong: see {_FROM_THE_SIDE}"
+        if parts
+        else ""
+    )
+
+
 # Right people on right floors 0-0.2; seats and floors that are wrong 0.26-0.9.
 @_check(
     "Depth of the photo at feet or seat differs from the body's by",
