@@ -2,8 +2,8 @@
 # Human and face-api, two libraries of one author, find the face of one photo of 512 px: a portrait by NASA, of
 # scikit-image 0.26.0. The photo is given as it is, with pixels of half the size, and with the head leaned by 20
 # degrees to the right of the picture.
-# Guessed: x, y and z of the mesh double with the pixels; both state angles in radians, of equal sign; "left" is the
-# person's left in both.
+# Guessed: x, y and z of the mesh double with the pixels; both state angles in radians, of equal sign. What each calls
+# "left" was guessed as it is.
 # Measured on 2026-11-29 with @vladmandic/human 3.3.6 and @vladmandic/face-api 1.7.15: x and y of Human's mesh double, z
 # stays, in px of the network's crop, so a face is half as deep in the larger photo. Human's roll grows by .31 for the
 # leaned head, in radians, face-api's falls by 21, in degrees. Human's left eye is the person's, face-api's the one at
