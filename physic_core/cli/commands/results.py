@@ -71,7 +71,7 @@ def _name_to(ctx: click.Context, _: click.Parameter, given: str | None) -> None:
 @click.option("--body-model", type=AnyPath(), metavar="FILE", help="Your SMPLX_*.npz.")
 @click.option(
     "--names",
-    type=click.Choice(["smplx", "mixamo", "unreal", "unity", "lafan"]),
+    type=click.Choice(["smplx", "mixamo", "unreal", "unity", "vrm", "lafan"]),
     help="Names of the bones.",
 )
 @click.option(
@@ -81,6 +81,7 @@ def _name_to(ctx: click.Context, _: click.Parameter, given: str | None) -> None:
     "--texture-size", type=click.Choice(["512", "1024", "2048", "4096"]), help="Texels per side."
 )
 @click.option("--contact-texture", is_flag=True, help="Also write contact as a UV texture.")
+@click.option("--plain", is_flag=True, help="Leave out contact and guessed colours (GLB).")
 @click.option("--rigid", is_flag=True, help="People without joints (MJCF).")
 @click.option(
     "--keep-lean", is_flag=True, help="People lean as in the photo, and may fall (MJCF, URDF)."

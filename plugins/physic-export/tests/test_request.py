@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -43,6 +44,16 @@ def test_the_list_names_every_format_with_suffix_and_needs(physic):
         *sorted(each.name for each in physic_exporters()),
     ]
     assert "SMPL-X file of yours (--body-model)" in lines[1]
+
+
+def test_the_command_takes_each_value_of_each_option_of_a_format(physic):
+    told = re.sub(r"\s+", " ", physic("export", "--help").output)
+    for record in physic_exporters():
+        for name, values in record.options.items():
+            option = f"--{name.replace('_', '-')} "
+            assert option in told
+            choices = told.partition(option)[2].partition("]")[0].strip("[").split("|")
+            assert {*values} <= {False, True} or {*values} <= {*choices}, (record.name, name)
 
 
 def test_embedded_bodies_are_exported_without_torch(saved_pair, tmp_path):
