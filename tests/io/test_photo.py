@@ -338,6 +338,17 @@ def test_a_turned_photo_swaps_the_focal_lengths(stored):
     assert (intrinsics.fx, intrinsics.fy) == pytest.approx((550, 500), rel=1e-6)
 
 
+@pytest.mark.parametrize(("size", "shape"), [(1 << 20, (HEIGHT, WIDTH)), (1, (WIDTH, HEIGHT))])
+def test_exif_data_of_more_than_1_mb_are_not_read(size, shape, tmp_path):
+    tags = Image.Exif()
+    tags[0x0112] = 6
+    path = tmp_path / "a.png"
+    Image.fromarray(corners()).save(path, exif=tags.tobytes() + bytes(size))
+    photo = read_photo(path)
+    assert photo.image.shape[:2] == shape
+    assert any("1 MB" in note for note in photo.notes) == (size > 1)
+
+
 def test_a_broken_exif_block_only_loses_the_camera(tmp_path):
     path = tmp_path / "a.jpg"
     Image.fromarray(corners()).save(path, exif=b"Exif\x00\x00II*\x00\xff\xff\xff\xff garbage")
