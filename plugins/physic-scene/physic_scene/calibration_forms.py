@@ -154,8 +154,8 @@ def _read_toml(path: Path) -> CameraFile:
 # Read without OpenCV, whose parser answers damaged text with SystemError.
 _ENTRY = re.compile(r"^([^\s:-][^\s:]*):(.*(?:\n(?:[ \t-].*)?)*)", re.M)
 _COMMENT = re.compile(r"(?:^|\s)#.*$|^(?:%|---).*$", re.M)
-_YAML_KEYS = re.compile(r"(?:K|dist|R|Rot|T|H|W)_.+")
-"""What EasyMocap writes."""
+_YAML_KEYS = ("K", "dist", "R", "Rot", "T", "H", "W")
+"""What EasyMocap writes of a camera, before its name."""
 
 
 def _read_easymocap(path: Path) -> CameraFile:
@@ -166,11 +166,14 @@ def _read_easymocap(path: Path) -> CameraFile:
     for key, value in _ENTRY.findall(_COMMENT.sub("", text)):
         if key != "names":  # each of the two files has it
             _add(entries, key, value)
-    _refuse_others("the file", entries, [*filter(_YAML_KEYS.fullmatch, entries)])
+    names = [key[2:] for key in entries if key.startswith("K_")]
+    if names:
+        known = {f"{kind}_{name}" for kind in _YAML_KEYS for name in names}
+        _refuse_others("the file", entries, known)
     sides = {key: entries.pop(key).strip() for key in [*entries] if key[:2] in ("W_", "H_")}
     numbers = {key: _matrix(key, value) for key, value in entries.items()}
     tables = {}
-    for name in [key[2:] for key in numbers if key.startswith("K_")]:
+    for name in names:
         size = [sides.get(f"{side}_{name}") for side in "WH"]
         turn = numbers.get(f"Rot_{name}")
         vector = numbers.get(f"R_{name}", turn)
