@@ -406,9 +406,10 @@ class _Worker(Generic[Task]):
             write_own(self._log, f"{MARK}\n".encode())
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_work, args=(theirs, self._open_worker, self._log))
+        process = context.Process(target=_work, args=(theirs, self._open_worker, self._log))
         with started_processes(_SINGLE_THREAD):
-            self._process.start()
+            process.start()
+        self._process = process
         theirs.close()
         self._starts += 1
         self.deadline = self._since + LOAD_LIMIT_S
