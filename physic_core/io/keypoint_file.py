@@ -148,8 +148,9 @@ def _csv_rows(text: str) -> Iterable[KeypointRow]:
 def _given(table: KeypointTable, is_csv: bool, size: tuple[int, int]) -> GivenKeypoints:
     """Return the keypoints that count, in px of the photo, with notes on what was left out."""
     is_scored = table.scored or any(row[4] not in (0, 1, 2) for row in table.rows)
-    rows = [row for row in table.rows if row[4] > 0 and (is_csv or row[2:4] != (0, 0))]
-    certain = [row for row in rows if not is_scored or row[4] >= _LEAST_SCORE]
+    # A joint that JSON does not have is at (0, 0), or has no score.
+    rows = [row for row in table.rows if is_csv or (row[4] > 0 and row[2:4] != (0, 0))]
+    certain = [row for row in rows if row[4] >= (_LEAST_SCORE if is_scored else 1)]
     notes = [*table.notes]
     if unsure := len(rows) - len(certain):
         notes.append(f"left out {unsure} given keypoints whose score is below {_LEAST_SCORE:g}")

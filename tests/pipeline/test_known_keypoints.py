@@ -56,6 +56,14 @@ def test_a_csv_file_moves_one_joint_and_leaves_the_others(tmp_path, world):
     assert np.linalg.norm(one.joints - other.joints, axis=1).max() > 0.02
 
 
+@pytest.mark.parametrize("score", ["0", "-1", "nan"])
+def test_a_joint_without_a_score_is_left_out_with_a_note(tmp_path, score):
+    text = "person,joint,x,y,confidence\n0,left_wrist,150,120,0.9\n0,nose,150,60,"
+    found = read_keypoints(str(written(tmp_path, f"{text}{score}\n")), 320, 240)
+    assert found.joint == ("left_wrist",)
+    assert any("1 given keypoints" in note for note in found.notes)
+
+
 def test_a_wrist_that_no_arm_reaches_is_contradicted_by_the_photo(tmp_path, world):
     found = run(world, written(tmp_path, "person,joint,x,y\n0,left_wrist,2,110\n"))
     off_body, off_photo = (text for text in found.warnings if "given" in text)

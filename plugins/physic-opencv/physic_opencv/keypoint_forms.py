@@ -29,6 +29,7 @@ _PARTS = {
 }
 
 # What COCO and the tools write beside keypoints, and what changes none of them.
+_OF_DATASET = "info licenses images annotations categories"
 _OF_IMAGE = "id file_name width height license coco_url flickr_url date_captured"
 _OF_PERSON = (
     "keypoints scores keypoint_scores labels bbox bboxes bbox_score score name box confidence "
@@ -130,6 +131,7 @@ def _read_coco(document: Any, photo: str) -> KeypointTable:
     of_image = [one for one in annotations if one.get("image_id") == image]
     notes = (
         *_other_name(about, "file_name", photo),
+        *_unread((dataset,), _OF_DATASET),
         *_unread((about,), _OF_IMAGE),
         *_unread(of_image, f"{_OF_ANNOTATION} {' '.join(_PARTS)}"),
     )

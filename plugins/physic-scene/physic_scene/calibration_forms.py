@@ -161,7 +161,7 @@ _YAML_KEYS = ("K", "dist", "R", "Rot", "T", "H", "W")
 def _read_easymocap(path: Path) -> CameraFile:
     """Read EasyMocap's intri.yml and extri.yml, of which either is given."""
     pair = path.parent.glob(re.sub("intri|extri", "??tri", path.name))
-    text = "\n".join(map(_text, {path, *pair}))
+    text = "\n".join(map(_text, sorted({path, *pair})))
     entries: dict[str, str] = {}
     for key, value in _ENTRY.findall(_COMMENT.sub("", text)):
         if key != "names":  # each of the two files has it
@@ -221,6 +221,17 @@ def _lens(name: str, model: str, size: Sequence[Any], values: Mapping[str, Any])
     }
 
 
+_OF_NERFSTUDIO = (
+    *("camera_model", "fl_x", "fl_y", "cx", "cy", "w", "h", "k1", "k2", "k3", "k4", "p1", "p2"),
+    *("camera_angle_x", "camera_angle_y", "is_fisheye", "frames", "file_path", "transform_matrix"),
+    *("colmap_im_id", "mask_path", "depth_file_path", "normal_file_path", "sharpness", "timestamp"),
+    *("time", "integer_depth_scale", "enable_depth_loading", "applied_transform", "applied_scale"),
+    *("aabb", "aabb_scale", "scale", "offset", "from_na", "render_aabb", "ply_file_path"),
+    *("orientation_override", "train_filenames", "val_filenames", "test_filenames"),
+)
+"""What nerfstudio and instant-ngp write of a scene and of a frame."""
+
+
 def _read_nerfstudio(path: Path) -> CameraFile:
     """Read nerfstudio's transforms.json, which instant-ngp has as well."""
     document = parse_json(_text(path))
@@ -235,6 +246,7 @@ def _read_nerfstudio(path: Path) -> CameraFile:
         to_world = np.array(one["transform_matrix"], np.float64)[:3]
         R = (to_world[:, :3] * _OPENGL).T
         lens = _lens(name, model, (one["w"], one["h"]), values)
+        _refuse_others(f"camera {name}", one, _OF_NERFSTUDIO)
         _add(tables, name, lens | _pose(R, -R @ to_world[:, 3]))
     return CameraFile(tables, of_images=True)
 
