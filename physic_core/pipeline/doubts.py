@@ -31,7 +31,7 @@ _LEAST_LIFT = 1.3  # times the share of all vertices: in another order both are 
 _SOME_NEAR = 0.05  # of all vertices; a body that is near nothing tells nothing
 _FEWEST_VERTICES = 30
 _BOX = 1.2  # times the sides of a box: where its person's points lie
-_FEWEST_IN_BOXES = 0.6
+_FEWEST_IN_BOXES = 0.6  # share of certain points; a choice, not fitted to photos
 _OF_ONE_PHOTO = (
     *("inpainter", "metric_depth", "relative_pointmap"),
     *("keypoint_detector", "body_estimator"),

@@ -155,9 +155,9 @@ def _sizes(state: State, person: int) -> dict[str, float]:
 def _observed(said: Observations, touch: FloatArray, person: int) -> dict[str, Any]:
     """Return what the person observer says of a person, as fields of a Person.
 
-    A plank has no name among the postures, and looks like lying: on feet and hands, whose
-    probabilities to touch are the first four of ``touch`` (5,), and not on the buttocks, nobody
-    lies.
+    A plank has no name among the postures, and looks like lying: a person on feet and hands, whose
+    probabilities to touch are the first four of ``touch`` (5,), and not on the buttocks, does not
+    lie.
     """
     posture = said.posture[person]
     best = int(posture.argmax())  # 0 in a row of NaN

@@ -11,7 +11,7 @@ from physic_core.types.people import CARRIER_NAMES
 
 PARTNER_KINDS = ("floor", "scene", "person", "self", "object", "hidden")
 """Kinds of :class:`ContactPartner`: the floor or ground; a part of the scene; another person; the
-own body; an object or an animal that a hand holds or pets, which carries nobody; something unknown,
+own body; an object or an animal that a hand holds or pets, which carries no one; something unknown,
 or a support that the reconstructed scene does not have, such as a seat behind the person or a thin
 bar.
 """

@@ -79,7 +79,7 @@ def floor(estimates: Estimates, result: Reconstruction) -> Measured:
             else "A photo that shows the ground at the feet may have one"
         )
         return 0.0, (
-            f"{NO_FLOOR}: {_WHY_NO_FLOOR.get(reason, reason)}. Nobody is set on the ground, and "
+            f"{NO_FLOOR}: {_WHY_NO_FLOOR.get(reason, reason)}. No person is set on the ground, and "
             f"no height above it is known. {cure}"
         )
     plane = result.scene.floor
