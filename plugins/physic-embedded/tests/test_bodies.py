@@ -462,6 +462,47 @@ def test_people_who_stand_by_the_observer_are_set_upright_though_a_leg_is_not_se
     assert abs(lean) < 4 < abs(unset)
 
 
+def knees_deg(bodies):
+    """Bends of both knees of one person, degrees."""
+    joints = posed(bodies)[0][0]
+    hip, knee, ankle = (joints[joints_of(name)] for name in ("hip", "knee", "ankle"))
+    thigh, shank = knee - hip, ankle - knee
+    lengths = np.linalg.norm(thigh, axis=1) * np.linalg.norm(shank, axis=1)
+    return np.degrees(np.arccos((thigh * shank).sum(1) / lengths))
+
+
+def fit_said(backend, seen, *posture):
+    hints = Hints(floor=FLOOR, observations=says(*posture) if posture else None)
+    return backend.infer(IMAGE, seen.people, CAMERA, seen.keypoints, hints)
+
+
+def test_legs_that_landmarks_fold_in_depth_are_straight_if_the_person_stands(backend):
+    crouches = pose(
+        left_hip=(-45, 0, 4), right_hip=(-45, 0, -4), left_knee=(90, 0, 0), right_knee=(90, 0, 0)
+    )
+    stands, folded = (truth([one], PLACES[:1], yaw_deg=0.0) for one in (STANDS, crouches))
+    seen = with_keypoints(stands, world=folded.keypoints.world)
+    assert knees_deg(fit_said(backend, seen)).min() > 40
+    assert knees_deg(fit_said(backend, seen, "stand")).max() < 20
+
+
+def test_knees_that_are_bent_in_the_picture_stay_bent_though_the_person_stands(backend):
+    squats = pose(
+        left_hip=(-50, 0, 4), right_hip=(-50, 0, -4), left_knee=(80, 0, 0), right_knee=(80, 0, 0)
+    )
+    seen = truth([squats], PLACES[:1], yaw_deg=80.0)
+    assert knees_deg(fit_said(backend, seen, "stand")) == pytest.approx(80, abs=12)
+
+
+def test_thighs_of_who_sits_are_level_though_the_landmarks_half_stand(backend):
+    half_stands = pose(
+        left_hip=(-45, 0, 5), right_hip=(-45, 0, -8), left_knee=(60, 0, 0), right_knee=(60, 0, 0)
+    )
+    seen = unsure_of(truth([half_stands], PLACES[:1]), 0.4, *LEGS)
+    assert thighs_deg(fit_said(backend, seen)).max() < 55
+    assert thighs_deg(fit_said(backend, seen, "sit")) == pytest.approx(80, abs=12)
+
+
 def test_the_estimator_states_the_lean_of_people_whose_legs_are_hidden(backend):
     sure, unsure = (
         fit_behind_table(backend, STANDS, word).lean_sigma[0] for word in ("stand", "squat")

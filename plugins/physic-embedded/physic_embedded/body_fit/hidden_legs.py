@@ -114,6 +114,36 @@ def with_hidden_legs(
     return replace(observations, weight=weight, world=world, world_weight=world_weight)
 
 
+def without_guessed_legs(
+    observations: BodyObservations,
+    skeleton: Skeleton,
+    said: Observations,
+    up: FloatArray,
+    legs: BoolArray,
+) -> BodyObservations:
+    """Return observations in which legs (N, 2) bend as the posture says where the picture does not
+    show knee or ankle; other arguments as of :func:`with_hidden_legs`.
+    """
+    if observations.world is None:
+        return observations
+    row = keypoint_indices(skeleton)
+    weight = observations.weight.copy()
+    world = observations.world.copy()
+    world_weight = observations.world_weight.copy()
+    bends = _bends(said)
+    for i, k in np.argwhere(legs):
+        ends = [row[f"{SIDES[k]}_{joint}"] for joint in ("knee", "ankle")]
+        if observations.confidence[i, ends].min() >= _HIDDEN:
+            continue
+        leg = [row[f"{SIDES[k]}_{name}"] for name in _LEG if f"{SIDES[k]}_{name}" in row]
+        weight[i, leg] = world_weight[i, leg] = 0
+        places = _places_of_legs(world[i], row, -observations.turn[i].T @ up, bends[i])
+        for joint in ends:
+            world[i, joint] = places[joint]
+            world_weight[i, joint] = LEAST_WORLD_WEIGHT
+    return replace(observations, weight=weight, world=world, world_weight=world_weight)
+
+
 def pitch_sigma(said: Observations) -> FloatArray:
     """Return the standard deviation (N,) of the trunk's pitch from the vertical by the posture,
     radians; that of the usual postures where nothing is said.

@@ -16,13 +16,24 @@ from physic_core.engine.ground.posture import trunk_in_picture_deg, upright_peop
 from physic_core.geometry import rotmat_to_rotvec
 from physic_core.types import POSTURES, Bodies, Observations
 from physic_embedded.body_fit.fit import fit_bodies, fit_outlines, lifted_limbs
-from physic_embedded.body_fit.hidden_legs import legs_hidden, pitch_sigma, with_hidden_legs
+from physic_embedded.body_fit.hidden_legs import (
+    legs_hidden,
+    pitch_sigma,
+    with_hidden_legs,
+    without_guessed_legs,
+)
 from physic_embedded.body_fit.joint_sigma import joint_sigma, limb_evidence
 from physic_embedded.body_fit.lean import lean_towards_camera
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices, limb_keypoints
 from physic_embedded.body_fit.multi_start import fit_without_world_landmarks
 from physic_embedded.body_fit.newton import covariance
 from physic_embedded.body_fit.observations import observe_people
+from physic_embedded.body_fit.posture_legs import (
+    legs_by_posture,
+    legs_of_other_postures,
+    with_legs,
+    without_posture,
+)
 from physic_embedded.body_fit.problem import UPRIGHT_SIGMA, FloorConstraint, InitialPose
 from physic_embedded.body_fit.silhouette import outline_pairs, without_legs
 from physic_embedded.body_fit.start import initial_translation, pose_from_landmarks
@@ -101,6 +112,7 @@ def fit_people(
         _trunks_to_compare(keypoints, said, cut, known is not None),
         _stands(said) & upright_people(keypoints, said),
         cut,
+        said,
     )
     with torch.enable_grad(), limited_threads():
         fit = _fit_keypoints(model, observations, camera, skeleton)
@@ -176,12 +188,14 @@ class _Vertical(NamedTuple):
         trunk: (N,) bool, people whose trunk is compared with it.
         stands: (N,) bool, people who stand or walk by picture and observer.
         cut: (N,) bool, people without visible legs.
+        said: by the person observer.
     """
 
     up: FloatArray
     trunk: BoolArray
     stands: BoolArray
     cut: BoolArray
+    said: Observations
 
 
 def _upright(
@@ -191,8 +205,8 @@ def _upright(
     camera: FloatArray,
     vertical: _Vertical,
 ) -> tuple[FittedBodies, BoolArray]:
-    """Repeat the fit with a known vertical: feet level, and standing people upright. These have
-    visible straight legs, or stand by picture and observer.
+    """Repeat the fit with a known vertical: feet level, legs as the posture says, and standing
+    people upright. These have visible straight legs, or stand by picture and observer.
 
     Return the fit, and who was set upright: (N,) bool. A fit whose detector states errors of depth
     stays as it is.
@@ -201,34 +215,43 @@ def _upright(
     would not do: its keypoints move, and the next optimisation turns it back.
     """
     trunk = vertical.trunk
+    said = vertical.said
     if not trunk.any() or observations.depth_sigma is not None:
         return fit, np.zeros(len(trunk), bool)
-    row = keypoint_indices(fit.problem.skeleton)
+    skeleton = fit.problem.skeleton
+    row = keypoint_indices(skeleton)
     up = np.asarray(vertical.up, np.float64)
-    legs = [row[f"{side}_{joint}"] for side in ("left", "right") for joint in ("knee", "ankle")]
+    ends = [row[f"{side}_{joint}"] for side in ("left", "right") for joint in ("knee", "ankle")]
     joints = fit.joints.double().numpy()
     lean = lean_towards_camera(joints, observations.turn, up, vertical.cut)
-    legs_seen = observations.confidence[:, legs].min(1) > _MIN_LEG_CONFIDENCE
+    legs_seen = observations.confidence[:, ends].min(1) > _MIN_LEG_CONFIDENCE
     straight = standing_legs(joints).any(1) & legs_seen
     upright = (straight | vertical.stands) & trunk & (np.abs(lean) < 2 * _MAX_LEAN)
     turn = np.clip(np.where(upright, -lean, 0.0), -_MAX_LEAN, _MAX_LEAN)
+    legs = without_posture(legs_by_posture(said), ~trunk)
+    posed = legs_of_other_postures(joints, observations, skeleton, up, legs)
     again = fit
     earlier = None
-    for _ in range(2):
+    for _ in range(3):
         again = fit_bodies(
             model,
-            observations,
+            without_guessed_legs(observations, skeleton, said, up, posed),
             camera,
-            fit.problem.skeleton,
-            _restart(fit, observations, turn, upright),
-            floor=FloorConstraint(up, trunk, upright, turn),
+            skeleton,
+            with_legs(_restart(fit, observations, turn, upright), joints, posed, up, legs),
+            floor=FloorConstraint(up, trunk, upright, turn, legs),
             earlier=earlier,
         )
-        costly = upright & (again.loss - fit.loss > _ACCEPTED_RISE)
+        costly = (upright | posed.any(1)) & (again.loss - fit.loss > _ACCEPTED_RISE)
         if not costly.any():
             break
-        turn = np.where(costly, turn / 2, turn)
-        upright = upright & ~costly
+        # first without the posture of the legs, then with less of the turn
+        unlike = costly & posed.any(1)
+        leaning = costly & ~unlike
+        legs = without_posture(legs, unlike)
+        posed &= ~unlike[:, None]
+        turn = np.where(leaning, turn / 2, turn)
+        upright = upright & ~leaning
         earlier = again, costly
     return again, upright
 

@@ -5,7 +5,7 @@ masks.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
@@ -68,6 +68,7 @@ _KNEE_SIGMA = 0.12
 # Std. dev. between the lowest points of two visible feet that probably both stand. The loss is
 # robust: a foot in the air is not pulled.
 _LEVEL_SIGMA_M = 0.02
+_LEGS_LIMIT = 3.0  # standard deviations at which a leg of another posture is pulled most
 _OUTLINE_SIGMA = 0.015  # distance between the outlines of body and mask, in sizes
 # Standard deviations at which a pair of outline points pulls most. Beyond, it is probably wrong.
 _OUTLINE_LIMIT = 2.0
@@ -98,6 +99,19 @@ class InitialPose:
     transl: FloatArray
 
 
+class LegsByPosture(NamedTuple):
+    """Limits of the cosines between thigh and vertical, and between shank and thigh, of N people.
+
+    Attributes:
+        cosine: (N, 2) limits.
+        sigma: (N, 2) standard deviations of cosines below the limit; negative: of cosines above it;
+            infinite where nothing is known.
+    """
+
+    cosine: FloatArray
+    sigma: FloatArray
+
+
 @dataclass(frozen=True)
 class FloorConstraint:
     """Constraint of the vertical on the fit of N people: level feet, and upright bodies.
@@ -108,16 +122,19 @@ class FloorConstraint:
             are level.
         upright: (N,) bool, people whose line from ankles to neck must be vertical.
         lean: (N,) rotation of the landmarks about the view's x axis before the fit, radians.
+        legs: where the legs lie by the posture.
     """
 
     up: FloatArray
     trunk: BoolArray
     upright: BoolArray
     lean: FloatArray
+    legs: LegsByPosture
 
 
-_SHOULDERS, _HIPS = (
-    [JOINT_INDEX[f"{side}_{name}"] for side in ("left", "right")] for name in ("shoulder", "hip")
+_SHOULDERS, _HIPS, *_KNEES_AND_ANKLES = (
+    [JOINT_INDEX[f"{side}_{name}"] for side in ("left", "right")]
+    for name in ("shoulder", "hip", "knee", "ankle")
 )
 
 
@@ -221,6 +238,8 @@ class FitProblem:
         soles: number of vertices of the left and the right sole.
         upright: (N,) weight of a vertical line from ankles to neck.
         trunk: (N,) weight of a vertical trunk.
+        legs: (N, 2) limits of the cosines of :class:`LegsByPosture`.
+        legs_sigma: (N, 2), the same.
         upper: (J,) 1 for keypoints above the hips, which lean with the trunk; 0 for legs.
         outlines: pairs of points on the outlines of bodies and masks; None before the second fit.
         lifted: what the lifter tells of the limbs, or None.
@@ -254,6 +273,8 @@ class FitProblem:
     soles: tuple[int, int]
     upright: Tensor = field(metadata=PER_PERSON)
     trunk: Tensor = field(metadata=PER_PERSON)
+    legs: Tensor = field(metadata=PER_PERSON)
+    legs_sigma: Tensor = field(metadata=PER_PERSON)
     upper: Tensor
     outlines: OutlinePairs | None = field(metadata=PER_PERSON)
     lifted: LiftedLimbs | None = field(metadata=PER_PERSON)
@@ -341,7 +362,10 @@ class FitProblem:
             data = data + prior
         soles, outline = vertices.tensor_split([sum(self.soles)], 1)
         constraints = (
-            self._upright_loss(joints, body) + self._trunk_loss(joints) + self._level_loss(soles)
+            self._upright_loss(joints, body)
+            + self._trunk_loss(joints)
+            + self._legs_loss(joints)
+            + self._level_loss(soles)
         )
         if self.outlines is not None:
             constraints = constraints + self._outline_loss(self.outlines, outline)
@@ -411,6 +435,18 @@ class FitProblem:
         tilt = torch.atan2(torch.sin(tilt), torch.cos(tilt))
         bent = 1 - torch.exp(-(tilt / _TRUNK_LIMIT).square())
         return self.trunk * ((_TRUNK_LIMIT / _TRUNK_SIGMA) ** 2 * bent)
+
+    def _legs_loss(self, joints: Tensor) -> Tensor:
+        """Return the loss (N,) of thighs and shanks that lie as in another posture."""
+        hips, knees, ankles = (joints[:, rows] for rows in (_HIPS, *_KNEES_AND_ANKLES))
+        thigh = torch.nn.functional.normalize(knees - hips, dim=-1)
+        shank = torch.nn.functional.normalize(ankles - knees, dim=-1)
+        cosines = torch.stack([-(thigh @ self.up), (thigh * shank).sum(-1)], -1)
+        beyond = torch.relu((self.legs[:, None] - cosines) / self.legs_sigma[:, None])
+        # Newton's method needs second derivatives without jumps.
+        square = beyond.pow(3) / (beyond + 0.5)
+        limit = _LEGS_LIMIT**2
+        return (limit * torch.log1p(square / limit)).sum((1, 2))
 
     def _level_loss(self, soles: Tensor) -> Tensor:
         """Return the loss (N,) of lowest points of the left and the right sole that differ."""
@@ -542,7 +578,13 @@ def _floor_arrays(
     """Return the fields of :class:`FitProblem` that a floor sets, zero without one."""
     if floor is None:
         names = ("up_angle", "feet", "upright", "trunk", "lean")
-        return {"up": np.zeros(3), **dict.fromkeys(names, np.zeros(len(observations.points)))}
+        people = len(observations.points)
+        return {
+            "up": np.zeros(3),
+            "legs": np.zeros((people, 2)),
+            "legs_sigma": np.full((people, 2), np.inf),
+            **dict.fromkeys(names, np.zeros(people)),
+        }
     up = np.asarray(floor.up, np.float64)
     seen_up = np.einsum("nij,i->nj", observations.turn, up)
     ankles = observations.confidence[:, [index["left_ankle"], index["right_ankle"]]].min(1)
@@ -555,6 +597,8 @@ def _floor_arrays(
         "upright": floor.upright,
         "trunk": floor.trunk,
         "lean": floor.lean,
+        "legs": floor.legs.cosine,
+        "legs_sigma": floor.legs.sigma,
     }
 
 

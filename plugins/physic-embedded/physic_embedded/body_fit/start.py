@@ -52,7 +52,7 @@ def pose_from_landmarks(landmarks: FloatArray, skeleton: Skeleton) -> tuple[Floa
     for side, sign in (("left", 1.0), ("right", -1.0)):
         thigh = _normalise(at(f"{side}_knee") - at(f"{side}_hip"))
         shank = _normalise(at(f"{side}_ankle") - at(f"{side}_knee"))
-        pose[JOINT_INDEX[f"{side}_hip"] - 1], bend = _bent_leg(thigh, shank, pelvis)
+        pose[JOINT_INDEX[f"{side}_hip"] - 1], bend = bent_leg(thigh, shank, pelvis)
         pose[JOINT_INDEX[f"{side}_knee"] - 1, 0] = bend
         upper = _normalise(at(f"{side}_elbow") - at(f"{side}_shoulder"))
         fore = _normalise(at(f"{side}_wrist") - at(f"{side}_elbow"))
@@ -61,7 +61,7 @@ def pose_from_landmarks(landmarks: FloatArray, skeleton: Skeleton) -> tuple[Floa
     return pelvis, pose
 
 
-def _bent_leg(thigh: FloatArray, shank: FloatArray, pelvis: FloatArray) -> tuple[FloatArray, float]:
+def bent_leg(thigh: FloatArray, shank: FloatArray, pelvis: FloatArray) -> tuple[FloatArray, float]:
     """Return rotation vector (3,) of the hip and bend of the knee, radians, for unit directions
     (3,) and a pelvis (3, 3).
     """
