@@ -30,32 +30,6 @@ LEAST_VISIBLE = 0.5
 UNSURE = 0.1, 0.9
 """Probabilities between which a body part counts as unsure."""
 
-COLUMNS = (
-    *(
-        "people",
-        "lost or new %",
-        "distance %",
-        "distance / sigma",
-        "sigma %",
-        "stature %",
-        "scene %",
-        "focal %",
-    ),
-    *(
-        "focal / sigma",
-        "floor deg",
-        "floor height %",
-        "floor lost or new %",
-        "parts",
-        "unsure parts cross %",
-    ),
-    *("support %", "grade %", "good <-> bad", "trust"),
-)
-"""Of the table.
-
-"distance %", say, is the median and the 90th percentile, "distance / sigma" also the 95th.
-"""
-
 
 @dataclass(frozen=True)
 class PersonChange:
@@ -177,36 +151,51 @@ def _common(one: float | None, other: float | None) -> float:
 
 
 def table(changes: Mapping[str, Sequence[Change]]) -> list[list[str]]:
-    """Return the header and one row for each variant: variant -> changes of photos."""
-    return [["variant", *COLUMNS], *([name, *_row(found)] for name, found in changes.items())]
+    """Return the header and one row for each variant: variant -> changes of photos.
+
+    "distance %", say, is the median and the 90th percentile, "distance / sigma" also the 95th.
+    """
+    rows = {name: _row(found) for name, found in changes.items()}
+    return [
+        ["variant", *_row(())],
+        *([name, *row.values()] for name, row in rows.items()),
+    ]
 
 
-def _row(changes: Sequence[Change]) -> list[str]:
+def _row(changes: Sequence[Change]) -> dict[str, str]:
+    """Return column -> what it says of the changes of a variant."""
     people = [person for one in changes for person in one.people]
+    lost = sum(one.lost + one.new for one in changes)
+    visible = sum(one.visible for one in changes)
+    return {
+        "people": str(len(people)),
+        "lost or new %": _percent(lost, visible),
+        "distance %": _spread((p.distance for p in people), _as_percent),
+        "distance / sigma": _spread((p.sigmas for p in people), None, (50, 90, 95)),
+        "sigma %": _spread((one.sigma for one in changes), _as_percent),
+        "stature %": _spread((p.stature for p in people), _as_percent),
+        "scene %": _spread((one.scene for one in changes), _as_percent),
+        "focal %": _spread((one.focal for one in changes), _as_percent),
+        "focal / sigma": _spread((one.focal_sigmas for one in changes), None, (50, 90, 95)),
+        "floor deg": _spread(one.floor_deg for one in changes),
+        "floor height %": _spread((one.floor_height for one in changes), _as_percent),
+        "floor lost or new %": _percent(sum(one.floor_lost for one in changes), len(changes)),
+        **_parts(people),
+        "support %": _percent(sum(len(set(p.supports)) > 1 for p in people), len(people)),
+        "grade %": _percent(sum(len(set(p.grades)) > 1 for p in people), len(people)),
+        "good <-> bad": str(sum(set(p.grades) == {"good", "bad"} for p in people)),
+        "trust": _spread(p.trust for p in people),
+    }
+
+
+def _parts(people: Sequence[PersonChange]) -> dict[str, str]:
     parts = np.array([pair for person in people for pair in person.parts]).reshape(-1, 2)
     unsure = ((parts >= UNSURE[0]) & (parts <= UNSURE[1])).any(-1)
     crosses = (parts[:, 0] >= 0.5) != (parts[:, 1] >= 0.5)
-    visible = sum(one.visible for one in changes)
-    return [
-        str(len(people)),
-        _percent(sum(one.lost + one.new for one in changes), visible),
-        _spread((p.distance for p in people), _as_percent),
-        _spread((p.sigmas for p in people), None, (50, 90, 95)),
-        _spread((one.sigma for one in changes), _as_percent),
-        _spread((p.stature for p in people), _as_percent),
-        _spread((one.scene for one in changes), _as_percent),
-        _spread((one.focal for one in changes), _as_percent),
-        _spread((one.focal_sigmas for one in changes), None, (50, 90, 95)),
-        _spread(one.floor_deg for one in changes),
-        _spread((one.floor_height for one in changes), _as_percent),
-        _percent(sum(one.floor_lost for one in changes), len(changes)),
-        f"{np.abs(parts[:, 0] - parts[:, 1]).mean():.3f}" if len(parts) else "-",
-        _percent(int((crosses & unsure).sum()), int(unsure.sum())),
-        _percent(sum(len(set(p.supports)) > 1 for p in people), len(people)),
-        _percent(sum(len(set(p.grades)) > 1 for p in people), len(people)),
-        str(sum(set(p.grades) == {"good", "bad"} for p in people)),
-        _spread(p.trust for p in people),
-    ]
+    return {
+        "parts": f"{np.abs(parts[:, 0] - parts[:, 1]).mean():.3f}" if len(parts) else "-",
+        "unsure parts cross %": _percent(int((crosses & unsure).sum()), int(unsure.sum())),
+    }
 
 
 def _as_percent(logarithm: float) -> float:

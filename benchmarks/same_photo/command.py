@@ -46,39 +46,15 @@ CROWDS = ("lisa__jackma",)
 
 def main() -> int:
     """Run what is missing and print the table."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks same_photo",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("data", type=Path, help="folder with contact and photos")
-    parser.add_argument("out", type=Path)
-    parser.add_argument(
-        "--variants", default="", help="names of variants without their K; all if empty"
-    )
-    parser.add_argument(
-        "--photos", type=int, default=30, help="number of photos; fewer are the first of more"
-    )
-    parser.add_argument("--seed", type=int, default=0, help="of the draw of photos")
-    parser.add_argument("--half", choices=HALVES, help="only photos of this half; all if not given")
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE", help="setting that differs"
-    )
-    parser.add_argument(
-        "--cache", type=Path, help="folder of the networks' outputs; OUT/cache if not given"
-    )
-    parser.add_argument(
-        "--worst", type=int, default=5, help="number of changes of distance to list"
-    )
+    parser = _parser()
     given = parser.parse_args()
     samples = drawn(samples_of(given.data), given.photos, given.seed)
     samples = [sample for sample in samples if given.half in (None, half_of(sample.name))]
-    names = [name for name in given.variants.split(",") if name]
-    variants = [
-        variant for variant in VARIANTS if not names or variant.name.removesuffix(", K") in names
-    ]
-    if unknown := set(names) - {variant.name.removesuffix(", K") for variant in VARIANTS}:
+    known = [variant.name.removesuffix(", K") for variant in VARIANTS]
+    names = {name for name in given.variants.split(",") if name}
+    if unknown := names - set(known):
         parser.error(f"there is no variant {', '.join(sorted(unknown))}")
+    variants = [v for v, name in zip(VARIANTS, known, strict=True) if not names or name in names]
     cache = given.cache or given.out / "cache"
     os.environ["PHYSIC_CACHE"] = str(cache.resolve())
     changes: dict[str, dict[str, Change]] = {variant.name: {} for variant in variants}
@@ -89,14 +65,31 @@ def main() -> int:
             for variant in variants:
                 changes[variant.name][sample.name] = found[variant.name]
             keep_networks_only(cache)
-            print(
-                f"[{number}/{len(samples)}] {half_of(sample.name)} {sample.name}",
-                file=sys.stderr,
-                flush=True,
-            )
+            words = f"[{number}/{len(samples)}] {half_of(sample.name)} {sample.name}"
+            print(words, file=sys.stderr, flush=True)
     print(markdown_table(table({name: list(photos.values()) for name, photos in changes.items()})))
     print("\n" + worst_of(changes, given.worst))
     return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks same_photo",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("data", type=Path, help="folder with contact and photos")
+    add("out", type=Path)
+    add("--variants", default="", help="names of variants without their K; all if empty")
+    add("--photos", type=int, default=30, help="number of photos; fewer are the first of more")
+    add("--seed", type=int, default=0, help="of the draw of photos")
+    add("--half", choices=HALVES, help="only photos of this half; all if not given")
+    words = "setting that differs"
+    add("--set", action="append", default=[], metavar="KEY=VALUE", help=words)
+    add("--cache", type=Path, help="folder of the networks' outputs; OUT/cache if not given")
+    add("--worst", type=int, default=5, help="number of changes of distance to list")
+    return parser
 
 
 def drawn(samples: Sequence[Sample], count: int, seed: int) -> list[Sample]:

@@ -16,6 +16,7 @@ from physic_core.types.skeletons import other_side
 
 if TYPE_CHECKING:
     from physic_core import Intrinsics, Reconstruction
+    from physic_core.types import Plane
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
@@ -185,13 +186,6 @@ def answer_of(result: Reconstruction, variant: Variant, width: int, height: int)
     scene = result.scene
     camera = result.intrinsics
     depth = sampled(np.where(scene.valid, scene.points[..., 2], np.nan))
-    floor = (
-        None
-        if scene.floor is None
-        else np.array([*scene.floor.normal, scene.floor.offset], np.float64)
-    )
-    if floor is not None and variant.mirrored:
-        floor[0] *= -1
     return Answer(
         inside=inside,
         depth=np.where(inside, depth, np.nan).astype(np.float32),
@@ -199,9 +193,16 @@ def answer_of(result: Reconstruction, variant: Variant, width: int, height: int)
         focal=camera.fx * (right - left) / camera.width,
         focal_sigma=None if camera.known else camera.focal_sigma,
         distance_sigma=result.distance_sigma,
-        floor=floor,
+        floor=_floor(scene.floor, variant),
         notes=result.notes,
     )
+
+
+def _floor(floor: Plane | None, variant: Variant) -> Array | None:
+    if floor is None:
+        return None
+    signs = [-1 if variant.mirrored else 1, 1, 1, 1]
+    return np.array([*floor.normal, floor.offset], np.float64) * signs
 
 
 def no_answer(variant: Variant, width: int, height: int) -> Answer:

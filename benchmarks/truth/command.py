@@ -32,42 +32,7 @@ from .table import as_json, rows_of, text_table
 
 def main() -> int:
     """Run, compare, print."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks truth", description=(__doc__ or "").partition("\n")[0]
-    )
-    parser.add_argument("data", nargs="*", type=Path, help="folders that hold the data sets")
-    parser.add_argument(
-        "--out", type=Path, default=Path("truth-results"), help="for results and the table"
-    )
-    parser.add_argument("--preset", default="embedded", help="preset of physic run")
-    parser.add_argument(
-        "--config",
-        type=Path,
-        metavar="FILE",
-        help="configuration of physic run, in place of a preset",
-    )
-    parser.add_argument(
-        "--set",
-        dest="settings",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="one setting",
-    )
-    parser.add_argument(
-        "--sets", default=",".join(SETS), help="data sets, with commas between them"
-    )
-    parser.add_argument("--photos", type=int, help="the first N of each data set")
-    parser.add_argument("--jobs", type=int, default=1, help="photos at once")
-    parser.add_argument(
-        "--no-camera",
-        action="store_true",
-        help="do not give the tool the camera, where it is known",
-    )
-    parser.add_argument(
-        "--triangulated", type=Path, metavar="FILE", help="joints of an earlier run, as truth"
-    )
-    parser.add_argument("--no-run", action="store_true", help="only what --out holds already")
+    parser = _parser()
     given = parser.parse_args()
     if unknown := sorted(set(given.sets.split(",")) - set(SETS)):
         parser.error(f"no data set is called {', '.join(unknown)}: choose of {', '.join(SETS)}")
@@ -78,10 +43,6 @@ def main() -> int:
             "benchmarks/README.md."
         )
         return 0
-    chosen = (
-        ["--config", str(given.config.resolve())] if given.config else ["--preset", given.preset]
-    )
-    options = [*chosen, *(part for setting in given.settings for part in ("--set", setting))]
     if given.no_run:
         samples = [
             s for s in samples if (given.out / "answers" / s.set / f"{s.name}.json").exists()
@@ -90,26 +51,7 @@ def main() -> int:
             parser.error(
                 f"{given.out} has no answer to any of these photos: run without --no-run first"
             )
-
-    def run(sample: Sample) -> dict[str, Any]:
-        answer = answer_of(sample, given.out, options, with_camera=not given.no_camera)
-        print(
-            sample.set,
-            sample.name,
-            f"{answer['cpu_s']:.1f} s",
-            answer["error"],
-            file=sys.stderr,
-            flush=True,
-        )
-        return answer
-
-    with ThreadPoolExecutor(given.jobs) as pool:
-        pending = [pool.submit(run, sample) for sample in samples]
-        try:
-            answers = [future.result() for future in pending]
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    answers = _answers(samples, given)
     earlier = json.loads(given.triangulated.read_text()) if given.triangulated else {}
     records = compared(samples, answers, earlier)
     rows = rows_of(records["people"], records["floors"], records["photos"])
@@ -126,16 +68,61 @@ def main() -> int:
         "scores": parts,
         **records,
     }
-    (given.out / "results.json").write_text(
-        json.dumps(without_nan(measured), indent=1, allow_nan=False)
-    )
-    (given.out / "triangulated.json").write_text(
-        json.dumps(without_nan(records["triangulated"]), allow_nan=False)
-    )
+    for name, content, indent in (
+        ("results", measured, 1),
+        ("triangulated", records["triangulated"], None),
+    ):
+        text = json.dumps(without_nan(content), indent=indent, allow_nan=False)
+        (given.out / f"{name}.json").write_text(text)
     (given.out / "table.md").write_text(table + "\n")
     print(table)
     print("photos: " + ", ".join(f"{name} {count}" for name, count in counts.items()))
     return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks truth", description=(__doc__ or "").partition("\n")[0]
+    )
+    add = parser.add_argument
+    add("data", nargs="*", type=Path, help="folders that hold the data sets")
+    add("--out", type=Path, default=Path("truth-results"), help="for results and the table")
+    add("--preset", default="embedded", help="preset of physic run")
+    words = "configuration of physic run, in place of a preset"
+    add("--config", type=Path, metavar="FILE", help=words)
+    setting = {"dest": "settings", "action": "append", "metavar": "KEY=VALUE"}
+    add("--set", default=[], help="one setting", **setting)
+    add("--sets", default=",".join(SETS), help="data sets, with commas between them")
+    add("--photos", type=int, help="the first N of each data set")
+    add("--jobs", type=int, default=1, help="photos at once")
+    words = "do not give the tool the camera, where it is known"
+    add("--no-camera", action="store_true", help=words)
+    words = "joints of an earlier run, as truth"
+    add("--triangulated", type=Path, metavar="FILE", help=words)
+    add("--no-run", action="store_true", help="only what --out holds already")
+    return parser
+
+
+def _answers(samples: Sequence[Sample], given: argparse.Namespace) -> list[dict[str, Any]]:
+    """Run the tool on the samples, or take what earlier runs left."""
+    options = (
+        ["--config", str(given.config.resolve())] if given.config else ["--preset", given.preset]
+    )
+    options += [part for setting in given.settings for part in ("--set", setting)]
+
+    def run(sample: Sample) -> dict[str, Any]:
+        answer = answer_of(sample, given.out, options, with_camera=not given.no_camera)
+        words = sample.set, sample.name, f"{answer['cpu_s']:.1f} s", answer["error"]
+        print(*words, file=sys.stderr, flush=True)
+        return answer
+
+    with ThreadPoolExecutor(given.jobs) as pool:
+        pending = [pool.submit(run, sample) for sample in samples]
+        try:
+            return [future.result() for future in pending]
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
 
 
 def samples_of(folders: Sequence[Path], sets: Sequence[str], photos: int | None) -> list[Sample]:

@@ -97,7 +97,7 @@ def film_rows(films: Sequence[Record]) -> list[Row]:
     for words, names in FILMS.items():
         mine = [r for r in films if r["group"] in names]
         name = f"camera height where no foot touches / where one does, {words}"
-        rows.append(Row(name, figure(mine, pooled("ratio")), ".85-1.15", digits=2))
+        rows.append(Row(name, figure(mine, pooled("ratio")), ".85-1.15", ".2f"))
     return rows
 
 

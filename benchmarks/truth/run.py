@@ -20,7 +20,11 @@ from .measures import depth_errors, depths_inside_cm
 from .sets import Sample, picture_of
 
 if TYPE_CHECKING:
-    from physic_core.types import Reconstruction
+    from numpy.typing import NDArray
+
+    from physic_core.types import Person, Reconstruction, Skeleton
+
+    Array = NDArray[np.float64]
 
 NO_RESULT = (3, 5)
 """Exit codes of ``physic run`` that concern one photo: it is of no use, or a backend failed on
@@ -121,38 +125,14 @@ def measured_fields(
     result: Reconstruction, size: tuple[int, int], sample: Sample
 ) -> dict[str, Any]:
     """What is measured of a result, in px of the photo of ``size`` (width, height)."""
-    from physic_core.types import skeleton_named
-
     camera = result.intrinsics.resized(*size)
     factor = np.array([size[0] / result.intrinsics.width, size[1] / result.intrinsics.height])
-    names = list(skeleton_named(result.skeleton).names)
-    people = []
-    for person in result.people:
-        keypoints = np.full((len(LIMB_JOINTS), 3), np.nan)
-        for row, name in enumerate(LIMB_JOINTS):
-            if name in names:
-                k = names.index(name)
-                keypoints[row] = (
-                    *((person.keypoints[k] + 0.5) * factor - 0.5),
-                    person.keypoint_confidence[k],
-                )
-        people.append(
-            {
-                "box": (np.asarray(person.box, np.float64) * np.tile(factor, 2)).tolist(),
-                "score": float(person.score),
-                "joints": np.round(person.joints.astype(np.float64), 5).tolist(),
-                "keypoints": np.round(keypoints, 4).tolist(),
-                "joint_sigma": None if person.joint_sigma is None else person.joint_sigma.tolist(),
-                "parts": dict(person.world_contact or {}),
-                "failed_checks": list(person.failed_checks),
-                "grade": person.grade,
-                "distance_sigma": result.distance_sigmas[len(people)],
-                "stature_sigma": person.stature_sigma,
-            }
-        )
     floor = result.scene.floor
     answer = {
-        "people": people,
+        "people": [
+            {**_person(person, result.skeleton, factor), "distance_sigma": sigma}
+            for person, sigma in zip(result.people, result.distance_sigmas, strict=True)
+        ],
         "depths_inside_cm": depths_inside_cm(result.people),
         "camera": [camera.fx, camera.fy, camera.cx, camera.cy],
         "floor": None
@@ -171,6 +151,30 @@ def measured_fields(
     if "depth_file" in sample.truth:
         answer |= _depth(result, sample)
     return answer
+
+
+def _person(person: Person, skeleton: Skeleton | str, factor: Array) -> dict[str, Any]:
+    """What is measured of a person, in px of the result times ``factor`` (2,)."""
+    from physic_core.types import skeleton_named
+
+    names = skeleton_named(skeleton).names
+    keypoints = np.full((len(LIMB_JOINTS), 3), np.nan)
+    for row, name in enumerate(LIMB_JOINTS):
+        if name in names:
+            k = names.index(name)
+            pixel = (person.keypoints[k] + 0.5) * factor - 0.5
+            keypoints[row] = (*pixel, person.keypoint_confidence[k])
+    return {
+        "box": (np.asarray(person.box, np.float64) * np.tile(factor, 2)).tolist(),
+        "score": float(person.score),
+        "joints": np.round(person.joints.astype(np.float64), 5).tolist(),
+        "keypoints": np.round(keypoints, 4).tolist(),
+        "joint_sigma": None if person.joint_sigma is None else person.joint_sigma.tolist(),
+        "parts": dict(person.world_contact or {}),
+        "failed_checks": list(person.failed_checks),
+        "grade": person.grade,
+        "stature_sigma": person.stature_sigma,
+    }
 
 
 def _depth(result: Reconstruction, sample: Sample) -> dict[str, float]:

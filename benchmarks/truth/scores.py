@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +25,8 @@ from .sets import Sample, camera_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from physic_bench.cameras import Camera
 
     Array = NDArray[np.float64]
     Answer = Mapping[str, Any]
@@ -117,22 +119,8 @@ def score_moment(
             cameras, [[keypoints_of(p) for p in people_of(answer)] for answer in answers]
         )
         truth = [person.joints for person in found]
-    people: list[Record] = []
-    pelvises: dict[int, list[Array]] = {i: [] for i in range(len(truth))}
-    for sample, answer, camera in zip(samples, answers, cameras, strict=True):
-        shown = [visible_joints(camera, joints) for joints in truth]
-        known = [int(np.isfinite(joints).all(-1).sum()) for joints in truth]
-        visible = [i for i in range(len(truth)) if shown[i].sum() >= min(MIN_VISIBLE, known[i])]
-        pixels = [np.where(shown[i][:, None], camera.project(truth[i]), np.nan) for i in visible]
-        matched = _match(answer, pixels)
-        for row, i in enumerate(visible):
-            person = matched.get(row)
-            record = _person(
-                sample, str(i), camera.in_camera(truth[i]), camera.R @ sample.truth["up"], person
-            )
-            people.append(record)
-            if person is not None:
-                pelvises[i].append(camera.in_world(root(joints_of(person))))
+    views = list(zip(samples, answers, cameras, strict=True))
+    people = [one for view in views for one in _seen_people(*view, truth)]
     floors = [
         _floor(
             sample,
@@ -140,14 +128,32 @@ def score_moment(
             camera.R @ sample.truth["up"],
             float(camera.in_world(np.zeros(3)) @ sample.truth["up"]),
         )
-        for sample, answer, camera in zip(samples, answers, cameras, strict=True)
+        for sample, answer, camera in views
     ]
-    for i, places in pelvises.items():
-        apart = spread_m(np.array(places))
-        for record in people:
-            if record["person"] == str(i):
-                record |= {"spread_m": apart, "views": len(places)}
+    for name in {record["person"] for record in people}:
+        own = [record for record in people if record["person"] == name]
+        places = [record.pop("pelvis") for record in own if "pelvis" in record]
+        for record in own:
+            record |= {"spread_m": spread_m(np.array(places)), "views": len(places)}
     return people, floors, list(truth)
+
+
+def _seen_people(
+    sample: Sample, answer: Answer, camera: Camera, truth: Sequence[Array]
+) -> Iterator[Record]:
+    """Yield the people whom a view shows, who are found with "pelvis", (3,) m of the world."""
+    shown = [visible_joints(camera, joints) for joints in truth]
+    known = [int(np.isfinite(joints).all(-1).sum()) for joints in truth]
+    visible = [i for i in range(len(truth)) if shown[i].sum() >= min(MIN_VISIBLE, known[i])]
+    pixels = [np.where(shown[i][:, None], camera.project(truth[i]), np.nan) for i in visible]
+    matched = _match(answer, pixels)
+    up = camera.R @ sample.truth["up"]
+    for row, i in enumerate(visible):
+        person = matched.get(row)
+        record = _person(sample, str(i), camera.in_camera(truth[i]), up, person)
+        if person is not None:
+            record["pelvis"] = camera.in_world(root(joints_of(person)))
+        yield record
 
 
 def score_annotated(sample: Sample, answer: Answer) -> list[Record]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
 from physic_testing.metrics import ValueWithInterval, markdown_table
@@ -23,19 +24,16 @@ WRONG = {
 
 @dataclass(frozen=True)
 class Row:
-    """A figure of the table; ``goal`` in words."""
+    """A figure of the table; ``goal`` in words, ``form`` a format of numbers."""
 
     name: str
     figure: ValueWithInterval
-    goal: str
-    digits: int = 0
-    percent: bool = False
+    goal: str = ""
+    form: str = ".0f"
 
     def text(self, number: float) -> str:
         """As printed."""
-        if not math.isfinite(number):
-            return "-"
-        return f"{100 * number:.0f} %" if self.percent else f"{number:.{self.digits}f}"
+        return f"{number:{self.form}}".replace("%", " %") if math.isfinite(number) else "-"
 
     @property
     def interval(self) -> str:
@@ -44,221 +42,178 @@ class Row:
         return f"{self.text(self.figure.low)} .. {self.text(self.figure.high)}" if known else ""
 
 
+_RMS = partial(pooled, average=rms_of)
+_MEDIAN = partial(pooled, average=median_of)
+_MEDIAN_OF_LISTS = partial(of_lists, average=median_of)
+_SHARE = ".0%"
+
+
 def rows_of(
     people: Sequence[Record], floors: Sequence[Record], photos: Sequence[Record]
 ) -> list[Row]:
     """All rows, those of a data set that was not run with no number."""
+    everybody = [r for r in people if r["set"] in CAMERA_SETS]
+    found = [r for r in everybody if r["found"]]
+    parkour = _of(people, "parkour", found=True)
+    return [
+        *_people_rows(people),
+        *_pose_rows(found),
+        *_scene_rows(floors, _of(photos, "rgbd")),
+        *_sigma_rows(found, floors),
+        _row("PA-MPJPE mm, parkour", "pa_mpjpe_mm", parkour, pooled, "<= 80"),
+        *_spread_rows(everybody),
+        *_grade_rows(people, floors, photos),
+        *up_rows(floors),
+        *_photo_rows(_of(photos, error="")),
+    ]
 
-    def of(records: Sequence[Record], *sets: str, **fixed: Any) -> list[Record]:
-        return [
-            r
-            for r in records
-            if (not sets or r["set"] in sets) and all(r.get(k) == v for k, v in fixed.items())
+
+def _of(records: Sequence[Record], *sets: str, **fixed: Any) -> list[Record]:
+    """The records of some sets, or of all, with these values."""
+    return [
+        r
+        for r in records
+        if (not sets or r["set"] in sets) and all(r.get(k) == v for k, v in fixed.items())
+    ]
+
+
+def _row(
+    name: str,
+    key: str,
+    records: Sequence[Record],
+    statistic: Callable[[str], Callable[[Strata], float]],
+    goal: str = "",
+    form: str = ".0f",
+) -> Row:
+    """A row about the records that have a list, or a finite number."""
+    known = [
+        r for r in records if isinstance(r.get(key), list) or math.isfinite(r.get(key, math.nan))
+    ]
+    return Row(name, figure(known, statistic(key)), goal, form)
+
+
+def _people_rows(people: Sequence[Record]) -> list[Row]:
+    goals = {**dict.fromkeys((*CAMERA_SETS, "parkour"), "all"), "people2d": ">= 34 of 38"}
+    joints = _of(people, "people2d", found=True)
+    words = "2D joints off, share of the box's diagonal: visible"
+    return [
+        *(
+            _row(f"people found, {name}", "found", _of(people, name), pooled, goal, _SHARE)
+            for name, goal in goals.items()
+        ),
+        _row(words, "visible", joints, of_lists, "<= .025", ".3f"),
+        _row("  median of visible", "visible", joints, _MEDIAN_OF_LISTS, form=".3f"),
+        _row("  hidden", "hidden", joints, of_lists, "<= .07", ".3f"),
+    ]
+
+
+def _pose_rows(found: Sequence[Record]) -> list[Row]:
+    upright, bent = (_of(found, posture=posture) for posture in ("upright", "bent"))
+    scaled = "MPJPE mm once the bones are scaled to the true ones, mean of sets"
+    depth = "depth of the pelvis, estimated / true, mean of sets"
+    rows = []
+    for name, key, records, mean, goal, form in (
+        ("PA-MPJPE mm, upright", "pa_mpjpe_mm", upright, pooled, "<= 58", ".0f"),
+        ("PA-MPJPE mm, on floor, seat or bent", "pa_mpjpe_mm", bent, pooled, "<= 85", ".0f"),
+        ("root-aligned MPJPE mm, mean of sets", "root_aligned_mm", found, of_sets, "<= 95", ".0f"),
+        ("MPJPE mm at own scale, mean of sets", "mpjpe_mm", found, of_sets, "<= 180", ".0f"),
+        (scaled, "mpjpe_scaled_mm", found, of_sets, "", ".0f"),
+        ("bones, estimated / true, mean of sets", "bones_ratio", found, of_sets, ".98-1.02", ".3f"),
+        (depth, "pelvis_depth_ratio", found, of_sets, "", ".3f"),
+    ):
+        rows.append(_row(name, key, records, mean, goal, form))
+        rows += [
+            _row(f"  {a_set}", key, _of(records, a_set), pooled, "", form) for a_set in CAMERA_SETS
         ]
+    return rows
 
-    def known(records: Sequence[Record], key: str) -> list[Record]:
-        return [r for r in records if math.isfinite(r.get(key, math.nan))]
 
-    def row(
-        name: str,
-        records: Sequence[Record],
-        statistic: Callable[[Strata], float],
-        goal: str = "",
-        **how: Any,
-    ) -> Row:
-        return Row(name, figure(records, statistic), goal, **how)
+def _scene_rows(floors: Sequence[Record], scenes: Sequence[Record]) -> list[Row]:
+    missing = "  missing where one is in sight"
+    return [
+        _row("floor: angle deg", "floor_angle_deg", floors, pooled, "<= 2.5", ".1f"),
+        _row(missing, "missing", floors, pooled, "<= 5 %", _SHARE),
+        _row("  camera height off by", "camera_height_off", floors, pooled, "<= 8 %", _SHARE),
+        _row("scene depth, absrel as it comes", "absrel", scenes, pooled, "<= .15", ".3f"),
+        _row("  after one factor", "absrel_scaled", scenes, pooled, "<= .10", ".3f"),
+    ]
 
-    everybody = of(people, *CAMERA_SETS)
-    found = of(people, *CAMERA_SETS, found=True)
+
+def _sigma_rows(found: Sequence[Record], floors: Sequence[Record]) -> list[Row]:
+    spread = "  stated sigma of the log distance, median"
+    sure = [r for r in found if math.isfinite(r.get("distance_in_sigmas", math.nan))]
     rows = [
-        row(f"people found, {name}", of(people, name), pooled("found"), goal, percent=True)
-        for name, goal in {
-            **dict.fromkeys((*CAMERA_SETS, "parkour"), "all"),
-            "people2d": ">= 34 of 38",
-        }.items()
-    ]
-    annotated = of(people, "people2d", found=True)
-    rows += [
-        row(
-            "2D joints off, share of the box's diagonal: visible",
-            annotated,
-            of_lists("visible"),
-            "<= .025",
-            digits=3,
-        ),
-        row("  median of visible", annotated, of_lists("visible", median_of), digits=3),
-        row("  hidden", annotated, of_lists("hidden"), "<= .07", digits=3),
-    ]
-    for posture, words, goal in (
-        ("upright", "upright", "<= 58"),
-        ("bent", "on floor, seat or bent", "<= 85"),
-    ):
-        mine = [r for r in found if r["posture"] == posture]
-        rows.append(row(f"PA-MPJPE mm, {words}", mine, pooled("pa_mpjpe_mm"), goal))
-        rows += [row(f"  {name}", of(mine, name), pooled("pa_mpjpe_mm")) for name in CAMERA_SETS]
-    for key, words, goal, digits in (
-        ("root_aligned_mm", "root-aligned MPJPE mm, mean of sets", "<= 95", 0),
-        ("mpjpe_mm", "MPJPE mm at own scale, mean of sets", "<= 180", 0),
-        (
-            "mpjpe_scaled_mm",
-            "MPJPE mm once the bones are scaled to the true ones, mean of sets",
-            "",
-            0,
-        ),
-        ("bones_ratio", "bones, estimated / true, mean of sets", ".98-1.02", 3),
-        ("pelvis_depth_ratio", "depth of the pelvis, estimated / true, mean of sets", "", 3),
-    ):
-        mine = known(found, key)
-        rows.append(row(words, mine, of_sets(key), goal, digits=digits))
-        rows += [
-            row(f"  {name}", of(mine, name), pooled(key), digits=digits) for name in CAMERA_SETS
-        ]
-    rows += [
-        row(
-            "floor: angle deg",
-            known(of(floors), "floor_angle_deg"),
-            pooled("floor_angle_deg"),
-            "<= 2.5",
-            digits=1,
-        ),
-        row(
-            "  missing where one is in sight", of(floors), pooled("missing"), "<= 5 %", percent=True
-        ),
-        row(
-            "  camera height off by",
-            known(of(floors), "camera_height_off"),
-            pooled("camera_height_off"),
-            "<= 8 %",
-            percent=True,
-        ),
-        row(
-            "scene depth, absrel as it comes",
-            known(of(photos, "rgbd"), "absrel"),
-            pooled("absrel"),
-            "<= .15",
-            digits=3,
-        ),
-        row(
-            "  after one factor",
-            known(of(photos, "rgbd"), "absrel_scaled"),
-            pooled("absrel_scaled"),
-            "<= .10",
-            digits=3,
-        ),
-    ]
-    sure = known(found, "distance_in_sigmas")
-    rows += [
-        row(
-            "distance over its stated sigma, rms",
-            sure,
-            pooled("distance_in_sigmas", rms_of),
-            ".6-1.5",
-            digits=2,
-        ),
-        row(
-            "  stated sigma of the log distance, median",
-            sure,
-            pooled("distance_sigma", median_of),
-            digits=3,
-        ),
-        row(
-            "stature over its stated sigma, rms",
-            known(found, "stature_in_sigmas"),
-            pooled("stature_in_sigmas", rms_of),
-            ".6-1.5",
-            digits=2,
-        ),
-        row(
-            "error of a joint over its stated sigma, rms",
-            known(found, "joints_in_sigmas"),
-            pooled("joints_in_sigmas", rms_of),
-            ".6-1.5",
-            digits=2,
-        ),
-        row(
-            "camera height over the stated sigma of the scale, rms",
-            known(of(floors), "scale_in_sigmas"),
-            pooled("scale_in_sigmas", rms_of),
-            ".6-1.5",
-            digits=2,
-        ),
-    ]
-    rows.append(
-        row(
-            "PA-MPJPE mm, parkour",
-            of(people, "parkour", found=True),
-            pooled("pa_mpjpe_mm"),
-            "<= 80",
+        _row(f"{words}, rms", f"{key}_in_sigmas", records, _RMS, ".6-1.5", ".2f")
+        for words, key, records in (
+            ("distance over its stated sigma", "distance", found),
+            ("stature over its stated sigma", "stature", found),
+            ("error of a joint over its stated sigma", "joints", found),
+            ("camera height over the stated sigma of the scale", "scale", floors),
         )
-    )
+    ]
+    return [rows[0], _row(spread, "distance_sigma", sure, _MEDIAN, form=".3f"), *rows[1:]]
+
+
+def _spread_rows(everybody: Sequence[Record]) -> list[Row]:
+    rows = []
     for name, goal in (("panoptic", "<= .15"), ("roundtable", "")):
-        once = {(r["set"], r["group"], r["person"]): r for r in of(everybody, name)}
+        once = {(r["set"], r["group"], r["person"]): r for r in _of(everybody, name)}
         words = f"spread of one pelvis over cameras, m, {name}"
-        rows.append(
-            row(words, known(list(once.values()), "spread_m"), pooled("spread_m"), goal, digits=2)
-        )
-    measured = [photo for photo in of(photos) if photo["set"] != "rgbd"]
-    judged = [{**photo, "wrong": is_wrong(photo, people, floors)} for photo in measured]
+        rows.append(_row(words, "spread_m", list(once.values()), pooled, goal, ".2f"))
+    return rows
+
+
+def _grade_rows(
+    people: Sequence[Record], floors: Sequence[Record], photos: Sequence[Record]
+) -> list[Row]:
+    judged = [
+        {**photo, "wrong": is_wrong(photo, people, floors)}
+        for photo in photos
+        if photo["set"] != "rgbd" and not photo["error"]
+    ]
     bodies = [
-        {**r, "wrong": is_wrong_person(r)} for r in known(of(people, found=True), "pa_mpjpe_mm")
+        {**r, "wrong": is_wrong_person(r)}
+        for r in _of(people, found=True)
+        if math.isfinite(r.get("pa_mpjpe_mm", math.nan))
     ]
-    for words, graded in (
-        ("photos", [r for r in judged if not r["error"]]),
-        ("people with 3D truth", bodies),
-    ):
-        good = [{**r, "good": r["grade"] == "good"} for r in graded]
+    rows = []
+    for words, graded in (("photos", judged), ("people with 3D truth", bodies)):
+        every = [{**r, "good": r["grade"] == "good"} for r in graded]
+        good = [r for r in every if r["good"]]
+        right = [r for r in every if not r["wrong"]]
         rows += [
-            row(f"{words} graded good", good, pooled("good"), percent=True),
-            row(
-                "  measurably wrong of those",
-                [r for r in good if r["good"]],
-                pooled("wrong"),
-                "none",
-                percent=True,
-            ),
-            row(
-                "  graded good of those that are not wrong",
-                [r for r in good if not r["wrong"]],
-                pooled("good"),
-                percent=True,
-            ),
+            _row(f"{words} graded good", "good", every, pooled, "", _SHARE),
+            _row("  measurably wrong of those", "wrong", good, pooled, "none", _SHARE),
+            _row("  graded good of those that are not wrong", "good", right, pooled, "", _SHARE),
         ]
-    rows += up_rows(of(floors))
-    rows += [
-        row(
-            "deepest vertex of a body inside scene or floor, cm",
-            of(photos, error=""),
-            of_lists("inside_scene_cm"),
-            digits=1,
-        ),
-        row(
-            "  inside another body, cm, photos of several people",
-            [r for r in of(photos, error="") if r["bodies"] > 1],
-            of_lists("inside_people_cm"),
-            digits=1,
-        ),
-        row("CPU seconds a photo", of(photos, error=""), pooled("cpu_s"), "<= 20 (720p)", digits=1),
-        row("seconds a photo", of(photos, error=""), pooled("wall_s"), digits=1),
-    ]
     return rows
 
 
 def up_rows(floors: Sequence[Record]) -> list[Row]:
     """Errors of up, of the floor's normal and of the stated sigma of up, by data set."""
-    rows = []
-    for name in CAMERA_SETS:
-        mine = [r for r in floors if r["set"] == name]
-        for key, words, average, digits in (
-            ("up_angle_deg", "up: angle deg, rms", rms_of, 1),
-            ("up_angle_deg", "  median", median_of, 1),
-            ("up_in_sigmas", "  over its sigma, rms", rms_of, 2),
-            ("floor_angle_deg", "  of the floor's normal, rms", rms_of, 1),
-            ("floor_angle_deg", "  median of that", median_of, 1),
-        ):
-            known = [r for r in mine if math.isfinite(r[key])]
-            of = figure(known, pooled(key, average))
-            rows.append(Row(f"{words}, {name}", of, "", digits))
-    return rows
+    return [
+        _row(f"{words}, {name}", key, _of(floors, name), average, form=form)
+        for name in CAMERA_SETS
+        for key, words, average, form in (
+            ("up_angle_deg", "up: angle deg, rms", _RMS, ".1f"),
+            ("up_angle_deg", "  median", _MEDIAN, ".1f"),
+            ("up_in_sigmas", "  over its sigma, rms", _RMS, ".2f"),
+            ("floor_angle_deg", "  of the floor's normal, rms", _RMS, ".1f"),
+            ("floor_angle_deg", "  median of that", _MEDIAN, ".1f"),
+        )
+    ]
+
+
+def _photo_rows(photos: Sequence[Record]) -> list[Row]:
+    scene = "deepest vertex of a body inside scene or floor, cm"
+    other = "  inside another body, cm, photos of several people"
+    several = [r for r in photos if r["bodies"] > 1]
+    return [
+        _row(scene, "inside_scene_cm", photos, of_lists, form=".1f"),
+        _row(other, "inside_people_cm", several, of_lists, form=".1f"),
+        _row("CPU seconds a photo", "cpu_s", photos, pooled, "<= 20 (720p)", ".1f"),
+        _row("seconds a photo", "wall_s", photos, pooled, form=".1f"),
+    ]
 
 
 def is_wrong(photo: Record, people: Sequence[Record], floors: Sequence[Record]) -> bool:

@@ -52,8 +52,9 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyOutput as BodyOutput
     from physic_core.body.model import LandmarkModel as LandmarkModel
     from physic_core.body.model import build_body_model as build_body_model
-    from physic_core.body.motions import PointMotions as PointMotions
-    from physic_core.body.motions import point_motions as point_motions
+    from physic_core.body.posing import JointTree as JointTree
+    from physic_core.body.posing import Skin as Skin
+    from physic_core.body.posing import turns_above as turns_above
     from physic_core.body.posture import angle_deg as angle_deg
     from physic_core.body.posture import legs_in_line as legs_in_line
     from physic_core.body.posture import standing_legs as standing_legs
@@ -82,7 +83,7 @@ _NAMES = {
     "joint_angles": "segment_axes",
     "landmarks": "BODY_POINTS keypoints_on_body",
     "model": "BodyModel BodyOutput LandmarkModel build_body_model",
-    "motions": "PointMotions point_motions",
+    "posing": "JointTree Skin turns_above",
     "posture": "angle_deg legs_in_line standing_legs",
 }
 

@@ -79,7 +79,7 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 
 
 _COMMANDS = {
-    "cache": ("physic_core.cli.commands.weights:cache", "Show or clear the cache."),
+    "cache": ("physic_core.cli.commands.cache:cache", "Show or clear the cache."),
     "config": ("physic_core.cli.commands.config:config", "Check, show or create a configuration."),
     "export": (
         "physic_core.cli.commands.results:export",
@@ -96,10 +96,6 @@ _COMMANDS = {
     "show": (
         "physic_core.cli.commands.results:show",
         "Print the people, grade and warnings of a saved result.",
-    ),
-    "weights": (
-        "physic_core.cli.commands.weights:weights",
-        "List, download and verify the weights that plugins need.",
     ),
 }
 

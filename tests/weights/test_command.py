@@ -81,7 +81,7 @@ def test_the_list_shows_size_licence_and_state_of_each_weight_set(plugin, own_ca
 
 
 def test_a_broken_list_is_a_row(plugin, site, monkeypatch, physic):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-odd")
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-odd,physic-setup")
     path = site.list_weights("physic-odd", "[odd]\nsummary = 'x'\nlicense = 'MIT'\nfiles = []\n")
     done = physic("weights", "list")
     assert done.exit_code == 0

@@ -1,16 +1,16 @@
 """Self-checks of a reconstruction: measured value, threshold, state, and advice for a failed check.
 
 If nothing was measured, the value is None, the state "unknown", and the message says why. Names,
-units and directions are stable. Each check is one function in ``photo`` or ``people``, with its
-spec above it.
+units and directions are stable. Each check is one function in ``photo``, ``people`` or ``limbs``,
+with its spec above it.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from physic_core.pipeline.checks import photo  # noqa: F401  # fills CHECKS
-from physic_core.pipeline.checks.people import limb_keypoint_error
+from physic_core.pipeline.checks import people, photo  # noqa: F401  # fill CHECKS
+from physic_core.pipeline.checks.limbs import limb_keypoint_error
 from physic_core.pipeline.checks.spec import (
     CHECKS,
     CheckSpec,
@@ -39,6 +39,16 @@ __all__ = [
     "unknown_checks",
     "warning_messages",
 ]
+
+_OF_PERSON = (
+    *("placed", "detected", "heads", "limb_keypoints", "body_in_mask", "support", "contact_sure"),
+    *("lean", "limb_sigma", "limb_spread", "hidden_limbs", "unknown_contacts", "low_depth"),
+    *("given_size", "given_keypoints", "contradicted_keypoints"),
+)
+"""Checks of a person in the order of the results."""
+
+for _name in _OF_PERSON:
+    CHECKS[_name] = CHECKS.pop(_name)
 
 
 def run_checks(estimates: Estimates, result: Reconstruction) -> tuple[CheckResult, ...]:

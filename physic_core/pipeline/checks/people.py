@@ -11,51 +11,37 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from physic_core.body.joints import JOINT_INDEX, joint_pair
+from physic_core.body.joints import joint_pair
 from physic_core.body.posture import LYING_DEG, lean_deg, standing_legs, trunk_tilt_deg
 from physic_core.engine.ground.posture import upright_people
-from physic_core.engine.joint.terms.reprojection_settings import ReprojectionSettings
 from physic_core.pipeline.checks.photo import NO_FLOOR, relative_difference
-from physic_core.pipeline.checks.spec import YES, check
+from physic_core.pipeline.checks.spec import NO_BODY, YES, check
 from physic_core.types import MARKS, Plane, skeleton_named
 from physic_core.types.contacts import SupportState, part_words
 from physic_core.types.observations import TOUCH_PARTS
-from physic_core.types.results import LIMB_ENDS, UNSURE_M
-from physic_core.types.skeletons import SIDES, keypoint_in_words
 
 if TYPE_CHECKING:
     from physic_core.engine.state import Estimates
     from physic_core.pipeline.checks.spec import Measured
     from physic_core.types import (
         BoolArray,
-        FloatArray,
-        Intrinsics,
         Person,
         Reconstruction,
-        Skeleton,
     )
 
 _KNEES = joint_pair("knee")
 _ANKLES = joint_pair("ankle")
 _SEATED = ("sit", "ride")  # postures of people on a seat
-_NO_BODY = "no body was found for this person"
 _ASSUMED_SUPPORT = "what carries this person is assumed, since the photo does not show it"
 _FROM_THE_SIDE = "the view from the side in preview.png"
 
-_LIMB_JOINTS = tuple(
-    f"{side}_{name}"
-    for name in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
-    for side in SIDES
-)
 _HEAD = ("nose", "eye_surface", "ear_surface")
 _FEWEST_HEAD = 3
 _CONFIDENT = 0.5
-_FEWEST = 4
 _SUPPORT_M = 0.1  # largest distance from what carries
 _LOWEST_SHARE = 0.01  # of the vertices, below which the body of a person who lies may reach
 _FAR_BELOW_M = 0.5  # of soles below the floor: no error of a floor that people stand on
 _LIES_DEG = 60.0  # lean beyond which people lie
-_QUANTILE = 0.9  # two joints of a dozen may be wrong
 
 _check = partial(check, "person")
 
@@ -135,29 +121,6 @@ def heads(estimates: Estimates, result: Reconstruction, person: int) -> Measured
     return float(found if counted is None else max(found, int(counted[person])))
 
 
-# Right bodies 0.013-0.033; bodies of the wrong person 0.036-0.15.
-@_check(
-    "Distance of limb joints from those seen in the photo, which 90 % do not exceed",
-    at_most=0.035,
-    contradicts=("pose",),
-    share_of="the diagonal of the person's box",
-    advice="a limb is wrong: compare the people over the photo in preview.png. If a joint was "
-    "detected wrongly: physic export FOLDER --to keypoints, correct that file, and give it as "
-    "--keypoints FILE",
-    unmeasured="the photo shows fewer than 4 limb joints clearly",
-)
-def limb_keypoints(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return :func:`limb_keypoint_error` of this person."""
-    return limb_keypoint_error(
-        result.people[person].joints,
-        estimates.photo.keypoints.points[person],
-        estimates.photo.keypoints.confidence[person],
-        np.asarray(estimates.photo.people.boxes[person], np.float64),
-        estimates.photo.keypoints.skeleton,
-        result.intrinsics,
-    )
-
-
 # Right bodies 0.90-1.00; bodies of people who are hardly visible 0.65-0.85.
 @_check(
     "Body within the person's outline",
@@ -165,7 +128,7 @@ def limb_keypoints(estimates: Estimates, result: Reconstruction, person: int) ->
     share_of="its visible silhouette",
     advice="pose, size or outline is wrong, or an object hides a part of the person: compare the "
     "people over the photo in preview.png",
-    unmeasured=_NO_BODY,
+    unmeasured=NO_BODY,
 )
 def body_in_mask(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the share of the visible silhouette within the mask."""
@@ -303,7 +266,7 @@ def _sure_carriers(who: Person) -> Measured:
     "Lean of body or trunk towards the camera or away",
     at_most=15,
     unit="deg",
-    unmeasured=_NO_BODY,
+    unmeasured=NO_BODY,
 )
 def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the larger tilt towards the camera or away of body and trunk, degrees, of a person
@@ -335,72 +298,6 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
         f"shows: if the person looks upright there, do not use the depth of this pose; see "
         f"{_FROM_THE_SIDE}"
     )
-
-
-@_check(
-    "Error of the least sure arm or leg that the photo shows",
-    at_most=UNSURE_M,
-    unit="m",
-    advice="compare arms and legs with the photo",
-    optional=True,
-)
-def limb_sigma(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the largest stated error of a wrist or an ankle relative to the middle of the hips,
-    metres, of arms and legs whose end the photo shows.
-    """
-    who = result.people[person]
-    sigmas = {limb: sigma for limb, sigma in who.limb_sigmas.items() if not who.hides(limb)}
-    known = [sigma for sigma in sigmas.values() if math.isfinite(sigma)]
-    if not known:
-        return None
-    limbs = " and ".join(map(part_words, who.unsure))
-    return max(known), f"{limbs} unsure: compare with the photo" if limbs else ""
-
-
-# Of wrists and ankles with measured truth .1 in the median and .3 in nine of ten.
-@_check(
-    "Move of a seen arm or leg between looks at the same person",
-    at_most=0.3,
-    unit="m",
-    advice="compare arms and legs with the photo",
-    optional=True,
-)
-def limb_spread(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return how far the 3D landmark of a wrist or an ankle that the photo shows moves between the
-    detector's looks, such as at the mirror image, at most, metres.
-    """
-    keypoints = estimates.photo.keypoints
-    if keypoints.world_spread is None:
-        return None
-    names = skeleton_named(keypoints.skeleton).names
-    moves = {
-        limb: float(keypoints.world_spread[person, names.index(joint)])
-        for limb, joint in LIMB_ENDS.items()
-        if joint in names and not result.people[person].hides(limb)
-    }
-    known = {limb: move for limb, move in moves.items() if math.isfinite(move)}
-    if not known:
-        return None
-    worst = max(known, key=known.__getitem__)
-    return known[worst], (
-        f"{part_words(worst)} unsure: the detector sees it otherwise at a second look; compare it "
-        "with the photo"
-    )
-
-
-# With more than six, readers find the pose of 31 % right, else of 57 %.
-@_check(
-    "Parts of arms and legs that the photo does not show",
-    at_most=6,
-    unit="count",
-    advice="most of the pose is a guess: use what the photo shows, and leave out joints whose "
-    "parts are in unseen",
-    unmeasured=_NO_BODY,
-)
-def hidden_limbs(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return how many upper and lower arms and legs, hands and feet are ``unseen``."""
-    who = result.people[person]
-    return float(len(who.unseen)) if who.has_body else None
 
 
 # Of people with one, readers find the contacts of 19 % right and the place of 35 %, of others 63
@@ -468,101 +365,6 @@ def given_size(estimates: Estimates, result: Reconstruction, person: int) -> Mea
     return sigmas, (
         f"the photo shows {shown:.2f} m, and {given:.2f} m {origin}: check the ages and statures "
         f"that you gave"
-    )
-
-
-# In sigmas of the joint fit, and beyond as many as it takes for an outlier. Of 1581 limb joints of
-# 147 people graded good, whose keypoints were detected, none is farther off than 4.
-@_check(
-    "Given keypoints off the body",
-    at_most=ReprojectionSettings.outlier_sigmas,
-    unit="sigma",
-    contradicts=("pose",),
-    warns=True,
-    optional=True,
-)
-def given_keypoints(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return by how many standard deviations the body misses the worst of the keypoints that the
-    user gave.
-    """
-    measured = result.people[person].measures
-    off = measured.given_keypoints_px
-    stature_px = measured.stature_px
-    if not off or stature_px is None:
-        return None
-    worst = max(off, key=off.__getitem__)
-    file_px = off[worst] * estimates.file_px
-    return off[worst] / (ReprojectionSettings.sigma * stature_px), (
-        f"the given {keypoint_in_words(worst)} lies {file_px:.0f} px from where depth, "
-        "floor and body put it: check the keypoints that you gave"
-    )
-
-
-# Of 202 visible joints that people marked in 12 photos one is farther, of 155 hidden ones nine.
-@_check(
-    "Given keypoints against mask and detector",
-    at_most=0.1,
-    share_of="the diagonal of the person's box",
-    contradicts=("pose",),
-    warns=True,
-    optional=True,
-)
-def contradicted_keypoints(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return how far mask and detector contradict the worst of the keypoints that the user gave, as
-    a share.
-    """
-    given = estimates.given_keypoints
-    contradicted = estimates.contradicted_px
-    if given is None or contradicted is None or not given[person].any():
-        return None
-    off = contradicted[person]
-    box = estimates.photo.people.boxes[person]
-    worst = int(off.argmax())
-    name = keypoint_in_words(estimates.photo.keypoints.joint_set.names[worst])
-    return float(off[worst] / np.hypot(box[2] - box[0], box[3] - box[1])), (
-        f"the given {name} lies {off[worst] * estimates.file_px:.0f} px from where mask and "
-        "detector have it: check the keypoints that you gave"
-    )
-
-
-def limb_keypoint_error(
-    joints: FloatArray,
-    points: FloatArray,
-    confidence: FloatArray,
-    box: FloatArray,
-    skeleton: Skeleton | str,
-    camera: Intrinsics,
-) -> float | None:
-    """Return the 0.9 quantile of the limb joints' distances from their confident keypoints, as a
-    share of the box's diagonal.
-
-    Args:
-        joints: (55, 3) of the body, in the frame of the camera, metres.
-        points: (J, 2) keypoints of the person, px.
-        confidence: (J,) of the keypoints.
-        box: (4,) of the person, px, x0 y0 x1 y1.
-        skeleton: of the keypoints.
-        camera: of the photo.
-
-    Returns:
-        None with fewer than four such keypoints or without a body.
-    """
-    names = skeleton_named(skeleton).names
-    rows = {name: names.index(name) for name in _LIMB_JOINTS if name in names}
-    chosen = [name for name, row in rows.items() if confidence[row] >= _CONFIDENT]
-    diagonal = float(np.hypot(box[2] - box[0], box[3] - box[1]))
-    if len(chosen) < _FEWEST or diagonal <= 0:
-        return None
-    pixels = (
-        np.asarray(joints[[JOINT_INDEX[name] for name in chosen]], np.float64) @ camera.matrix.T
-    )
-    errors = np.linalg.norm(
-        points[[rows[name] for name in chosen]] - pixels[:, :2] / pixels[:, 2:], axis=1
-    )
-    return (
-        float(np.quantile(errors, _QUANTILE, method="lower")) / diagonal
-        if np.isfinite(errors).all()
-        else None
     )
 
 

@@ -11,6 +11,7 @@ from physic_core.types import CheckResult, CheckState
 
 YES = "1: yes"
 """Unit of a check that holds or not."""
+NO_BODY = "no body was found for this person"
 
 Measured = float | tuple[float | None, str] | None
 """Value of a check, None if nothing was measured; with a text in place of the check's advice, or of

@@ -9,7 +9,7 @@ __all__: list[str] = []
 
 @hookimpl
 def physic_commands() -> list[PluginItem]:
-    """Return the commands "setup" and "weights fetch"."""
+    """Return the commands "setup" and "weights"."""
     return [
         PluginItem(
             "setup",
@@ -17,8 +17,8 @@ def physic_commands() -> list[PluginItem]:
             "Print or run the steps that install a preset's estimators.",
         ),
         PluginItem(
-            "weights fetch",
-            "physic_setup.commands:fetch",
-            "Download the missing files of weight sets.",
+            "weights",
+            "physic_setup.weights_commands:weights",
+            "List, download and verify the weights that plugins need.",
         ),
     ]

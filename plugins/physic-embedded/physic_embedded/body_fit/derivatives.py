@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from physic_core.body import point_motions
+from physic_embedded.body_fit.motions import point_motions
 from physic_embedded.body_fit.problem import NUM_TURNED
 
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from physic_core.body import PointMotions
+    from physic_embedded.body_fit.motions import PointMotions
     from physic_embedded.body_fit.problem import DecodedUnknowns, FitProblem
 
 _STEP_SIZE = 1e-5  # of an unknown: the difference of two gradients is a row of the Hessian

@@ -56,12 +56,13 @@ _SHAPE_WEIGHT = 4.0
 # short people as for tall ones.
 _STATURE_SIGMA_M = 0.05
 _SIZE_SIGMA = 0.1  # logarithm of the size of the network's landmarks
-_LEAN_SIGMA = 0.05  # radians, lean of the landmarks towards the camera, where it is free
+_PITCH_SIGMA = 0.05  # radians, of the landmarks about the view's x axis, where it is free
 # Radians between trunk and vertical, from the side, where a floor is known. The loss is robust:
 # people who bend are not pulled.
 _TRUNK_SIGMA = 0.1
-# Radians between the leans of the landmarks above the hips and of the legs, where a floor is known.
-_TRUNK_LEAN_SIGMA = 0.3
+# Radians between the pitches of the landmarks above the hips and of the legs, where a floor is
+# known.
+_TRUNK_PITCH_SIGMA = 0.3
 # Radians, bend of knees of people who stand from where the fit starts. Without it, a body that is
 # set upright bends them until it is as short as the leaning one looked.
 _KNEE_SIGMA = 0.12
@@ -121,14 +122,14 @@ class FloorConstraint:
         trunk: (N,) bool, people whose trunk is vertical unless it is clearly bent, and whose feet
             are level.
         upright: (N,) bool, people whose line from ankles to neck must be vertical.
-        lean: (N,) rotation of the landmarks about the view's x axis before the fit, radians.
+        pitch: (N,) rotation of the landmarks about the view's x axis before the fit, radians.
         legs: where the legs lie by the posture.
     """
 
     up: FloatArray
     trunk: BoolArray
     upright: BoolArray
-    lean: FloatArray
+    pitch: FloatArray
     legs: LegsByPosture
 
 
@@ -148,8 +149,8 @@ class DecodedUnknowns:
         betas: (N, K).
         transl: (N, 3) metres.
         landmark_size: (N,) factor on the network's landmarks.
-        lean: (N,) rotation of the landmarks about the view's x axis, radians.
-        trunk_lean: (N,) the same of the landmarks above the hips beside that, radians.
+        pitch: (N,) rotation of the landmarks about the view's x axis, radians.
+        trunk_pitch: (N,) the same of the landmarks above the hips beside that, radians.
     """
 
     rotations: Tensor
@@ -157,8 +158,8 @@ class DecodedUnknowns:
     betas: Tensor
     transl: Tensor
     landmark_size: Tensor
-    lean: Tensor
-    trunk_lean: Tensor
+    pitch: Tensor
+    trunk_pitch: Tensor
 
 
 @dataclass(frozen=True)
@@ -231,7 +232,7 @@ class FitProblem:
         fingers: (33, 3, 3), of jaw, eyes and fingers, which are not fitted.
         log_z: (N, 1) logarithm of the start's depth.
         side: (N, 2) start across the line of sight, as a share of the depth.
-        lean: (N,) start of the landmarks' lean, radians.
+        pitch: (N,) start of the landmarks' rotation about the view's x axis, radians.
         up: (3,) unit, camera frame; zero without a floor.
         up_angle: (N,) of ``up`` from the view's vertical, seen from the side, radians.
         feet: (N,) weight of level feet.
@@ -240,7 +241,7 @@ class FitProblem:
         trunk: (N,) weight of a vertical trunk.
         legs: (N, 2) limits of the cosines of :class:`LegsByPosture`.
         legs_sigma: (N, 2), the same.
-        upper: (J,) 1 for keypoints above the hips, which lean with the trunk; 0 for legs.
+        upper: (J,) 1 for keypoints above the hips, which turn with the trunk; 0 for legs.
         outlines: pairs of points on the outlines of bodies and masks; None before the second fit.
         lifted: what the lifter tells of the limbs, or None.
         stature: (K,) metres that one unit of each shape component adds.
@@ -266,7 +267,7 @@ class FitProblem:
     fingers: Tensor
     log_z: Tensor = field(metadata=PER_PERSON)
     side: Tensor = field(metadata=PER_PERSON)
-    lean: Tensor = field(metadata=PER_PERSON)
+    pitch: Tensor = field(metadata=PER_PERSON)
     up: Tensor
     up_angle: Tensor = field(metadata=PER_PERSON)
     feet: Tensor = field(metadata=PER_PERSON)
@@ -286,7 +287,7 @@ class FitProblem:
     @property
     def num_unknowns(self) -> int:
         """Number of unknowns of one person: root rotation, pose, shape, translation, landmark scale
-        and leans.
+        and pitches.
         """
         return 3 + 63 + len(self.stature) + 3 + 3
 
@@ -297,7 +298,7 @@ class FitProblem:
     def decode(self, unknowns: Tensor) -> DecodedUnknowns:
         """Convert unknowns (N, W) to body parameters."""
         count = len(unknowns)
-        root, pose, betas, transl, size, lean, trunk = unknowns.split(  # type: ignore[no-untyped-call]
+        root, pose, betas, transl, size, pitch, trunk = unknowns.split(  # type: ignore[no-untyped-call]
             [3, 63, len(self.stature), 3, 1, 1, 1], 1
         )
         rotvecs = self.pose + self.sigma * pose.view(count, 21, 3)
@@ -314,8 +315,8 @@ class FitProblem:
             self.adult + betas,
             transl,
             torch.exp(_SIZE_SIGMA * size)[:, 0],
-            self.lean + _LEAN_SIGMA * lean[:, 0] * self.upright,
-            _TRUNK_LEAN_SIGMA * trunk[:, 0] * self.trunk,
+            self.pitch + _PITCH_SIGMA * pitch[:, 0] * self.upright,
+            _TRUNK_PITCH_SIGMA * trunk[:, 0] * self.trunk,
         )
 
     def rotation_sigma(self, covariance: Tensor) -> Tensor:
@@ -387,9 +388,9 @@ class FitProblem:
         """Return the loss (N,) of points (N, J, 3) that do not lie as their landmarks do."""
         hips = points[:, self.hips].mean(1, keepdim=True)
         seen = (points - hips) @ self.turn  # rows times the rotation: back into the view's axes
-        lean = body.lean[:, None] + body.trunk_lean[:, None] * self.upper
-        cos = torch.cos(lean)
-        sin = torch.sin(lean)
+        pitch = body.pitch[:, None] + body.trunk_pitch[:, None] * self.upper
+        cos = torch.cos(pitch)
+        sin = torch.sin(pitch)
         x, y, z = (world * body.landmark_size[:, None, None]).unbind(-1)
         turned = torch.stack([x, cos * y - sin * z, sin * y + cos * z], -1)
         rest = ((seen - turned) / self.world_sigma).square().sum(-1)
@@ -401,7 +402,7 @@ class FitProblem:
         return _HEAD_LIMIT**2 * torch.log1p(apart / _HEAD_LIMIT**2)
 
     def _priors(self, unknowns: Tensor, body: DecodedUnknowns) -> Iterator[Tensor]:
-        """Yield the losses (N,) of pose, shape, stature, landmark size with leans, and hinges."""
+        """Yield the losses (N,) of pose, shape, stature, landmark size with pitches, and hinges."""
         yield ((body.pose - self.mean) / self.sigma).square().sum((1, 2))
         shape = body.betas - self.adult
         yield _SHAPE_WEIGHT * shape.square().sum(1)
@@ -577,7 +578,7 @@ def _floor_arrays(
 ) -> dict[str, BoolArray | FloatArray]:
     """Return the fields of :class:`FitProblem` that a floor sets, zero without one."""
     if floor is None:
-        names = ("up_angle", "feet", "upright", "trunk", "lean")
+        names = ("up_angle", "feet", "upright", "trunk", "pitch")
         people = len(observations.points)
         return {
             "up": np.zeros(3),
@@ -596,7 +597,7 @@ def _floor_arrays(
         "feet": (ankles > _SEEN) * floor.trunk * observations.touch.prod(1),
         "upright": floor.upright,
         "trunk": floor.trunk,
-        "lean": floor.lean,
+        "pitch": floor.pitch,
         "legs": floor.legs.cosine,
         "legs_sigma": floor.legs.sigma,
     }

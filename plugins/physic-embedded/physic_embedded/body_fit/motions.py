@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from physic_core.body.posing import turns_above
+from physic_core.body import turns_above
 
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from physic_core.body.posing import JointTree, Skin
+    from physic_core.body import JointTree, Skin
 
 
 @dataclass(frozen=True)

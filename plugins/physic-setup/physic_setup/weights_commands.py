@@ -1,32 +1,36 @@
-"""The commands ``physic weights`` and ``physic cache``.
-
-They list and verify the weights of installed plugins, and show, fill and clear the cache;
-physic-setup adds ``fetch``.
+"""The command ``physic weights``: list, download and verify what the networks of installed plugins
+need.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from physic_core.cache.folders import CACHE_VARIABLE, CACHES, users_cache
-from physic_core.cli.arguments import configuration_options
-from physic_core.cli.exit_codes import WEIGHTS
-from physic_core.cli.groups import ExtensibleGroup
+from physic_core.cli.arguments import FolderPath
+from physic_core.cli.exit_codes import INTERRUPTED, WEIGHTS
 from physic_core.cli.output import echo, format_table
-from physic_core.errors import ConfigError
+from physic_core.errors import PhysicError
+from physic_core.weights import (
+    common_folder,
+    describe_mismatch,
+    format_size,
+    locate_files,
+    presence,
+    read_library,
+)
 
 if TYPE_CHECKING:
-    from physic_core.cache.folders import CacheFile, LruFolder
+    from physic_core.weights import WeightFile
 
 _USE = {True: "yes", False: "NO", None: "not stated"}
 
 
-@click.group(cls=ExtensibleGroup, path="weights")
+@click.group()
 def weights() -> None:
     """List, download and verify the weights that plugins need.
 
@@ -41,8 +45,6 @@ def weights() -> None:
 )
 def list_weights(missing: bool) -> None:
     """List all weight sets: plugin, size, licence, and whether they are on this machine."""
-    from physic_core.weights.find import format_size, presence
-    from physic_core.weights.library import read_library
 
     library = read_library()
     sets = [one for one in library.sets if not (missing and presence(one.weights) == "here")]
@@ -77,8 +79,6 @@ def verify(ctx: click.Context, names: tuple[str, ...]) -> None:
 
     Exits with code 4 if a file differs, or if a file of a set NAME is missing.
     """
-    from physic_core.weights.find import describe_mismatch, locate_files
-    from physic_core.weights.library import read_library
 
     library = read_library()
     count = Counter[str]()
@@ -102,61 +102,53 @@ def verify(ctx: click.Context, names: tuple[str, ...]) -> None:
     ctx.exit(WEIGHTS if count["DIFFERS"] or count["missing"] else 0)
 
 
-@click.group()
-def cache() -> None:
-    """Show, fill or clear the cache: outputs of backends, correspondences of body meshes, optimised
-    networks, hashes of files.
+@weights.command()
+@click.argument("names", nargs=-1, required=True, metavar="NAME...")
+@click.option(
+    "--accept-licence",
+    "--accept-license",
+    "accept",
+    is_flag=True,
+    help="Accept a licence that restricts use or requires an account.",
+)
+@click.option(
+    "--to",
+    type=FolderPath(),
+    metavar="FOLDER",
+    help="Download to this folder, to copy it to a machine without network. Set PHYSIC_WEIGHTS to "
+    "it there.",
+)
+@click.pass_context
+def fetch(ctx: click.Context, names: tuple[str, ...], accept: bool, to: Path | None) -> None:
+    """Download the missing files of the weight sets NAME..., and verify their size and SHA-256.
+
+    The next call goes on with the files that are missing. Exits with code 4 if one still is.
     """
+    from physic_setup.fetch import fetch as fetch_set
+
+    library = read_library()
+    chosen = [library.get(name) for name in dict.fromkeys(names)]
+    failed = False
+    for one in chosen:
+        name = one.weights.name
+        try:
+            fetched = fetch_set(one.weights, accept=accept, to=to, report=partial(_report, name))
+        except PhysicError as error:
+            failed = True
+            echo(f"{name}: {error}", err=True)
+        except KeyboardInterrupt:
+            echo(f"{name}: interrupted; complete files are kept", err=True)
+            ctx.exit(INTERRUPTED)
+        else:
+            here = locate_files(one.weights)
+            where = to / name if to else common_folder(here) or ", ".join(map(str, here.values()))
+            echo(
+                f"{name}: {', '.join(fetched)} downloaded to {where}"
+                if fetched
+                else f"{name}: already in {where}"
+            )
+    ctx.exit(WEIGHTS if failed else 0)
 
 
-@cache.command()
-def info() -> None:
-    """Print the cache folders, the number and size of their files, and how to delete them."""
-    for name in CACHES:
-        kept = _cache(name)
-        echo(f"{kept.path}: {_sum(kept.files())}")
-    echo(f"`physic cache clear {' '.join(CACHES)}` deletes all, or those that you name")
-
-
-@cache.command()
-@configuration_options
-def fill(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> None:
-    """Open the networks of a configuration once, so that they are kept as onnxruntime optimises
-    them for this processor. One is open at a time.
-    """
-    from physic_core.configuration.model import load_config
-    from physic_core.pipeline.run import Pipeline
-
-    graphs = _cache("graphs")
-    one_at_a_time = (*overrides, "run.low_memory=true")
-    with Pipeline(load_config(file, preset=preset, overrides=one_at_a_time)) as pipeline:
-        pipeline.warm_up()
-    echo(f"{graphs.path}: {_sum(graphs.files())}")
-
-
-@cache.command()
-@click.argument("names", nargs=-1, metavar="[NAME...]", type=click.Choice(tuple(CACHES)))
-def clear(names: tuple[str, ...]) -> None:
-    """Delete all cached files, or those of the caches NAME..., and print what was deleted; results
-    of runs are kept.
-
-    The caches are results (of backends), correspondences, graphs (optimised networks), hashes and
-    kit (backends that passed it).
-    """
-    for name in names or CACHES:
-        kept = _cache(name)
-        echo(f"removed {_sum(kept.clear())} from {kept.path}")
-
-
-def _cache(name: str) -> LruFolder:
-    kept = users_cache(name)
-    if kept is None:
-        raise ConfigError(
-            f"the cache is disabled by the environment variable {CACHE_VARIABLE}: unset it to use "
-            f"the cache"
-        )
-    return kept
-
-
-def _sum(files: Collection[CacheFile]) -> str:
-    return f"{len(files)} files, {sum(file.size for file in files) / 1e6:.1f} MB"
+def _report(name: str, file: WeightFile) -> None:
+    echo(f"{name}: {file.path} ({format_size(file.bytes) or '-'})", err=True)
