@@ -188,9 +188,9 @@ def body_in_mask(estimates: Estimates, result: Reconstruction, person: int) -> M
 )
 def support(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the largest, in metres, of the gap between the body and the nearest surface, unless a
-    support is assumed, that of a foot or hand that touches something unknown, the depth of people
-    who lie below the floor, and the distance of the lower sole below the floor, or above it if the
-    person stands.
+    support is assumed, that of a foot or hand that touches something unknown, unless the person
+    lies, the depth of people who lie below the floor, and the distance of the lower sole below the
+    floor, or above it if the person stands.
     """
     measures = result.people[person].measures
     height = None if result.scene.floor is None else measures.sole_height_m
@@ -204,8 +204,9 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
                 f"the person is in the air, person or surface lies wrong: see {_FROM_THE_SIDE}",
             )
         )
+    lies = _lies(result, person)
     for one in result.people[person].contacts:
-        limb = one.part.endswith(("foot", "hand"))
+        limb = one.part.endswith(("foot", "hand")) and not lies
         if limb and one.distance_m is not None and not one.partner.surface:
             found.append(
                 (
@@ -214,7 +215,7 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
                     f"surface is {one.distance_m:.2f} m away or more: see {_FROM_THE_SIDE}",
                 )
             )
-    if result.scene.floor is not None and _lies(result, person):
+    if result.scene.floor is not None and lies:
         above = result.people[person].vertices @ result.scene.floor.normal
         low = float(np.quantile(above, _LOWEST_SHARE)) + result.scene.floor.offset
         if low < -_SUPPORT_M:
