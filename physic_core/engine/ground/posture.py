@@ -37,7 +37,6 @@ _BENT = {"stand": 0.6, "squat": 0.15, "lie": 0.1, "kneel": 0.05}
 _KNEE_BELOW = 0.3
 _ANKLE_BELOW = 0.7
 _LEAST_SHARE = 1e-4  # of a posture
-_LEG = ("hip", "knee", "ankle")
 
 
 def weigh_posture(said: Observations, keypoints: Keypoints) -> Observations:
@@ -67,12 +66,12 @@ def weigh_posture(said: Observations, keypoints: Keypoints) -> Observations:
 def _stands_on_a_leg(keypoints: Keypoints) -> BoolArray:
     """Return who of N people has a seen leg far below the hips in the picture (N,)."""
     columns = {name: j for j, name in enumerate(keypoints.joint_set.names)}
-    ends = [[columns.get(f"{side}_{joint}") for side in SIDES] for joint in _LEG]
-    found = np.zeros(len(keypoints.points), bool)
-    if any(column is None for both in ends for column in both):
-        return found
-    points = keypoints.points[:, ends].astype(np.float64)
-    seen = keypoints.confidence[:, ends].min(1) >= SEEN_CONFIDENCE
+    names = [f"{side}_{joint}" for joint in ("hip", "knee", "ankle") for side in SIDES]
+    if not set(names) <= set(columns):
+        return np.zeros(len(keypoints.points), bool)
+    ends = [columns[name] for name in names]
+    points = keypoints.points[:, ends].astype(np.float64).reshape(-1, 3, 2, 2)
+    seen = keypoints.confidence[:, ends].reshape(-1, 3, 2).min(1) >= SEEN_CONFIDENCE
     length = np.linalg.norm(np.diff(points, axis=1), axis=-1).sum(1).max(1)
     below = points[..., 1] - points[:, :1, :, 1].mean(2, keepdims=True)
     knee, ankle = (below[:, i] / (length[:, None] + 1e-9) for i in (1, 2))
