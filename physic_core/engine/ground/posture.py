@@ -31,7 +31,7 @@ _ACROSS = {"lie": 0.8, "sit": 0.08, "kneel": 0.04, "squat": 0.03, "jump": 0.03}
 _ACROSS_OTHERS = 0.005
 _ACROSS_DEG = (30.0, 70.0)  # angles of trunks that surely do not, and surely do
 # Of those whose trunk does, but one of whose legs carries the hips: a guess, one of the 67 is such.
-_BENT = {"stand": 0.6, "squat": 0.15, "lie": 0.1, "kneel": 0.05}
+_BENT = {"stand": 0.8, "squat": 0.06, "lie": 0.05}
 # Lengths of a leg from which on its knee is so far below the hips, and its ankle: of the 67, bars
 # and benches on which people lie with their feet on the floor are lower.
 _KNEE_BELOW = 0.3
