@@ -56,6 +56,7 @@ _LOWEST_SHARE = 0.01  # of the vertices, below which the body of a person who li
 _FAR_BELOW_M = 0.5  # of soles below the floor: no error of a floor that people stand on
 _LIES_DEG = 60.0  # lean beyond which people lie
 _TRUNK = ("torso", "back", "seat")
+_OBSERVED = (*TOUCH_PARTS, "back")
 _QUANTILE = 0.9  # two joints of a dozen may be wrong
 
 _check = partial(check, "person")
@@ -286,10 +287,13 @@ def _lies(result: Reconstruction, person: int) -> bool:
 
 
 def _sure_carriers(who: Person) -> Measured:
-    """Return the probability of the least sure part that carries a person, 0 if none does."""
+    """Return the probability of the least sure part that carries a person, 0 if none does; of feet,
+    hands, buttocks and back, if any is among them, since others are listed by distance.
+    """
     likely = {}
     if who.support is not None and who.support.state != SupportState.UNBALANCED:
         likely = {one.part: one.probability for one in who.support.contacts if one.probability}
+        likely = {part: p for part, p in likely.items() if part in _OBSERVED} or likely
     if not likely:
         return 0.0, f"what this person is found to touch carries no body: see {_FROM_THE_SIDE}"
     least = min(likely, key=likely.__getitem__)
