@@ -134,7 +134,7 @@ def surest_up(floor: PlaneFit | None, up: Up | None, slope: float) -> Up:
     views look level. The error contains the contradiction of floor and up, by the share of the
     other one in their precisions.
     """
-    other = min((one for one in (up, camera_axis()) if one), key=lambda one: one.sigma)
+    other = _up_or_axis(up)
     if floor is None:
         return other
     sure = other.sigma < _LEAST_SURE_DEG
@@ -149,6 +149,15 @@ def surest_up(floor: PlaneFit | None, up: Up | None, slope: float) -> Up:
     share = other.sigma / math.hypot(other.sigma, seen.sigma)
     off = angle_deg(seen.direction, other.direction)
     return replace(other, sigma=math.hypot(other.sigma, share * off))
+
+
+def _up_or_axis(up: Up | None) -> Up:
+    """Return up, or the camera's axis if that is surer, beside half of the angle between them."""
+    axis = camera_axis()
+    if up is None:
+        return axis
+    off = angle_deg(up.direction, axis.direction)
+    return up if up.sigma < math.hypot(axis.sigma, off / 2) else axis
 
 
 def fused_up(witnesses: Sequence[Up]) -> Up:

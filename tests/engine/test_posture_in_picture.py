@@ -71,6 +71,16 @@ def test_a_trunk_across_the_picture_makes_it_likely_that_a_person_lies():
     assert across.sum() == pytest.approx(1.0, abs=1e-5)
 
 
+def test_who_bends_over_a_leg_that_carries_the_hips_does_not_lie():
+    lying = keypoints_of(-85.0)
+    bent = replace(lying, points=lying.points.copy())
+    for joint, below in (("knee", 20), ("ankle", 40)):
+        bent.points[0, NAMES.index(f"left_{joint}"), 1] += below
+    standing = replace(unsure(), posture=np.roll(unsure().posture, -POSTURES.index("sit")))
+    said = [weigh_posture(standing, k).posture[0, POSTURES.index("lie")] for k in (lying, bent)]
+    assert said[0] > 0.5 > 0.1 > said[1]
+
+
 def test_observations_that_say_nothing_stay_so():
     assert np.isnan(weigh_posture(Observations.unknown(1), keypoints_of(80.0)).posture).all()
 

@@ -138,3 +138,8 @@ def test_a_floor_tells_up_where_people_contradict_the_edges():
     asked, _ = questioned_up(edges(5), bodies(40, 43, 38))
     assert surest_up(level_plane(floor(9), asked, 0.5, FEET), asked, 0.5).source == "the floor"
     assert surest_up(None, asked, 0.5).source == camera_axis().source
+
+
+def test_a_look_that_is_unsure_of_a_steep_view_is_still_surer_than_the_camera():
+    steep = Up(looking_down(40), 21.0, "look")
+    assert surest_up(None, steep, 0.5) == steep

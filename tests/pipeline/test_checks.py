@@ -263,6 +263,22 @@ def test_a_foot_that_touches_something_unknown_is_told():
     assert "unknown_contacts" not in failed_checks(run_checks(evidence, result), 0)
 
 
+def test_a_foot_that_does_not_carry_may_touch_something_unknown():
+    evidence, result = case(joints=across_the_picture(standing(0.0)))
+    foot = BodyContact("left_foot", ContactPartner("hidden"), 0.9, 30, distance_m=0.14)
+    result.people[0].contacts = (foot,)
+    assert "support" not in failed_checks(run_checks(evidence, result), 0)
+
+
+@pytest.mark.parametrize(("lies", "failed"), [(True, ()), (False, ("unknown_contacts",))])
+def test_only_the_trunk_of_who_lies_may_rest_on_what_is_not_seen(lies, failed):
+    evidence, result = case(joints=across_the_picture(standing(0.0)) if lies else None)
+    back = BodyContact("back", ContactPartner("hidden"), 0.9, 30)
+    result.people[0].contacts = (back,)
+    found = failed_checks(run_checks(evidence, result), 0)
+    assert tuple(name for name in found if name == "unknown_contacts") == failed
+
+
 def test_somebody_of_whom_the_photo_shows_little_is_told():
     evidence, result = case()
     parts = ("upper_arm", "lower_arm", "hand", "foot")

@@ -16,6 +16,8 @@ from physic_core.engine.ground.stance import Stance
 from physic_core.engine.limbs import lowest_layer, observed_parts
 from physic_core.geometry.tensors import exact_arrays
 from physic_core.types.arrays import select_people
+from physic_core.types.observations import TOUCH_PARTS
+from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -55,6 +57,16 @@ class LowSkin(NamedTuple):
         """Return the lowest vertices (V,) bool of a person by a unit vector (3,)."""
         return lowest_layer(self.vertices[person] @ up.to(self.vertices), self.skin[person])
 
+    def limbs(self, model: BodyModel, up: Tensor) -> BoolArray:
+        """Return which left and right feet, and hands, in sight or not, are as low (N, 4)."""
+        found = np.zeros((len(self.across), 4), bool)
+        parts = [model.on_parts(name).cpu() for name in TOUCH_PARTS[:4]]
+        for i in np.flatnonzero(self.across).tolist():
+            height = self.vertices[i] @ up.to(self.vertices)
+            top = height[self.layer(i, up)].amax()
+            found[i] = [bool(height[part].amin() <= top) for part in parts]
+        return found
+
     def scales(self, normal: Tensor, offset: float) -> FloatArray:
         """Return the scale (N,), metres per unit of a floor with a normal (3,) and an offset, that
         puts the lowest skin on it; NaN for people who stand, and where it is not positive.
@@ -80,18 +92,27 @@ class LowSkin(NamedTuple):
 
 
 def low_skin(
-    across: BoolArray, vertices: Tensor, model: BodyModel, observed: BoolArray, up: Tensor
+    across: BoolArray,
+    vertices: Tensor,
+    model: BodyModel,
+    observed: BoolArray,
+    holds: BoolArray,
+    up: Tensor,
 ) -> LowSkin:
-    """Return the skin of N people ``across`` (N,), unless most of the lowest is that of feet.
+    """Return the skin of N people ``across`` (N,), unless most of the lowest is that of feet;
+    without hands that hold something, which may be a bar over the floor.
 
     Args:
         across: (N,) who may rest on any part.
         vertices: (N, V, 3) metres.
         model: of the bodies.
         observed: (N, 55) bool, visible joints.
+        holds: (N, 2) left and right hand.
         up: (3,) unit.
     """
     parts = observed_parts(model.part_names, torch.from_numpy(observed))
+    for side, held in zip(SIDES, holds.T, strict=True):
+        parts[:, model.part_names.index(f"{side}_hand")] &= ~torch.from_numpy(held)
     low = LowSkin(across.copy(), vertices, parts[:, model.part_of_vertex.cpu()] & model.outer.cpu())
     feet = model.on_parts("foot").cpu()
     for i in np.flatnonzero(across).tolist():

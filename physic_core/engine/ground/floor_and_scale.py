@@ -268,6 +268,8 @@ def _ground_by_vote(
     best = int(np.argmax(vote.weights))
     soles = planes[best].soles
     stance = _stance_by_vote(vote, planes, seen)
+    if (plane := candidates[best].plane) is not None:
+        stance = stance.with_resting(seen.low.limbs(seen.model, plane.normal))
     notes = size_notes(vote, soles, seen.torsos, seen.feet & (stance.stands > _STANDS))
     of_plane = {"soles": soles, "usual height of cameras": planes[best].camera}
     return Ground(
@@ -351,7 +353,7 @@ def _people_evidence(
     upright = ~(said.posture[:, POSTURES.index("lie")] > _LIES)
     joints = posed.joints.cpu()
     across = rests_on_any_part(keypoints, said)
-    low = low_skin(across, posed.vertices.cpu().double(), model, observed, up)
+    low = low_skin(across, posed.vertices.cpu().double(), model, observed, stance.holds, up)
     return _PeopleEvidence(
         model, vertices, joints, feet, real, torch.from_numpy(upright), low, stance, sigma, torsos
     )

@@ -30,12 +30,19 @@ _UPRIGHT_DEG = 45.0  # largest angle of an upright trunk from up in the picture
 _ACROSS = {"lie": 0.8, "sit": 0.08, "kneel": 0.04, "squat": 0.03, "jump": 0.03}
 _ACROSS_OTHERS = 0.005
 _ACROSS_DEG = (30.0, 70.0)  # angles of trunks that surely do not, and surely do
+# Of those whose trunk does, but one of whose legs carries the hips: a guess, one of the 67 is such.
+_BENT = {"stand": 0.8, "squat": 0.06, "lie": 0.05}
+# Lengths of a leg from which on its knee is so far below the hips, and its ankle: of the 67, bars
+# and benches on which people lie with their feet on the floor are lower.
+_KNEE_BELOW = 0.3
+_ANKLE_BELOW = 0.7
 _LEAST_SHARE = 1e-4  # of a posture
 
 
 def weigh_posture(said: Observations, keypoints: Keypoints) -> Observations:
     """Return observations of N people whose posture is weighed by the axis of the trunk: the share
-    of each posture in the fitted data gives way to that of people whose trunk points to the side.
+    of each posture in the fitted data gives way to that of people whose trunk points to the side,
+    and whose legs carry the hips or do not.
 
     Args:
         said: of the people.
@@ -44,12 +51,31 @@ def weigh_posture(said: Observations, keypoints: Keypoints) -> Observations:
     axis = np.abs(trunk_in_picture_deg(keypoints.points, keypoints.joint_set.names))
     low, high = _ACROSS_DEG
     across = np.nan_to_num(np.clip((axis - low) / (high - low), 0, 1))[:, None]
-    usual = np.array([_ACROSS.get(name, _ACROSS_OTHERS) for name in POSTURES])
+    usual, bent = (
+        np.array([shares.get(name, _ACROSS_OTHERS) for name in POSTURES])
+        for shares in (_ACROSS, _BENT)
+    )
+    usual = np.where(_stands_on_a_leg(keypoints)[:, None], bent / bent.sum(), usual / usual.sum())
     share = np.maximum(said.posture_share.astype(np.float64), _LEAST_SHARE)
-    prior = (1 - across) * share + across * usual / usual.sum()
+    prior = (1 - across) * share + across * usual
     posture = said.posture * prior / share
     posture /= posture.sum(1, keepdims=True)
     return replace(said, posture=posture.astype(np.float32))
+
+
+def _stands_on_a_leg(keypoints: Keypoints) -> BoolArray:
+    """Return who of N people has a seen leg far below the hips in the picture (N,)."""
+    columns = {name: j for j, name in enumerate(keypoints.joint_set.names)}
+    names = [f"{side}_{joint}" for joint in ("hip", "knee", "ankle") for side in SIDES]
+    if not set(names) <= set(columns):
+        return np.zeros(len(keypoints.points), bool)
+    ends = [columns[name] for name in names]
+    points = keypoints.points[:, ends].astype(np.float64).reshape(-1, 3, 2, 2)
+    seen = keypoints.confidence[:, ends].reshape(-1, 3, 2).min(1) >= SEEN_CONFIDENCE
+    length = np.linalg.norm(np.diff(points, axis=1), axis=-1).sum(1).max(1)
+    below = points[..., 1] - points[:, :1, :, 1].mean(2, keepdims=True)
+    knee, ankle = (below[:, i] / (length[:, None] + 1e-9) for i in (1, 2))
+    return np.asarray((seen & (knee > _KNEE_BELOW) & (ankle > _ANKLE_BELOW)).any(1))
 
 
 def upright_people(keypoints: Keypoints, said: Observations) -> BoolArray:

@@ -42,6 +42,8 @@ _SUPPORT_M = 0.1  # largest distance from what carries
 _LOWEST_SHARE = 0.01  # of the vertices, below which the body of a person who lies may reach
 _FAR_BELOW_M = 0.5  # of soles below the floor: no error of a floor that people stand on
 _LIES_DEG = 60.0  # lean beyond which people lie
+_TRUNK = ("torso", "back", "seat")
+_OBSERVED = (*TOUCH_PARTS, "back")
 
 _check = partial(check, "person")
 
@@ -150,9 +152,9 @@ def body_in_mask(estimates: Estimates, result: Reconstruction, person: int) -> M
 )
 def support(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the largest, in metres, of the gap between the body and the nearest surface, unless a
-    support is assumed, that of a foot or hand that touches something unknown, the depth of people
-    who lie below the floor, and the distance of the lower sole below the floor, or above it if the
-    person stands.
+    support is assumed, that of a foot or hand that touches something unknown, unless the person
+    lies, the depth of people who lie below the floor, and the distance of the lower sole below the
+    floor, or above it if the person stands.
     """
     measures = result.people[person].measures
     height = None if result.scene.floor is None else measures.sole_height_m
@@ -166,8 +168,9 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
                 f"the person is in the air, person or surface lies wrong: see {_FROM_THE_SIDE}",
             )
         )
+    lies = _lies(result, person)
     for one in result.people[person].contacts:
-        limb = one.part.endswith(("foot", "hand"))
+        limb = one.part.endswith(("foot", "hand")) and not lies
         if limb and one.distance_m is not None and not one.partner.surface:
             found.append(
                 (
@@ -176,7 +179,7 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
                     f"surface is {one.distance_m:.2f} m away or more: see {_FROM_THE_SIDE}",
                 )
             )
-    if result.scene.floor is not None and _lies(result, person):
+    if result.scene.floor is not None and lies:
         above = result.people[person].vertices @ result.scene.floor.normal
         low = float(np.quantile(above, _LOWEST_SHARE)) + result.scene.floor.offset
         if low < -_SUPPORT_M:
@@ -247,10 +250,13 @@ def _lies(result: Reconstruction, person: int) -> bool:
 
 
 def _sure_carriers(who: Person) -> Measured:
-    """Return the probability of the least sure part that carries a person, 0 if none does."""
+    """Return the probability of the least sure part that carries a person, 0 if none does; of feet,
+    hands, buttocks and back, if any is among them, since others are listed by distance.
+    """
     likely = {}
     if who.support is not None and who.support.state != SupportState.UNBALANCED:
         likely = {one.part: one.probability for one in who.support.contacts if one.probability}
+        likely = {part: p for part, p in likely.items() if part in _OBSERVED} or likely
     if not likely:
         return 0.0, f"what this person is found to touch carries no body: see {_FROM_THE_SIDE}"
     least = min(likely, key=likely.__getitem__)
@@ -309,14 +315,17 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     unmeasured="there is no body, or this preset estimates no probabilities",
 )
 def unknown_contacts(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return how many parts touch what lies nowhere near them, without those that are assumed."""
+    """Return how many parts touch what lies nowhere near them, without those that are assumed, and
+    without the trunk of people who lie: it hides what carries it.
+    """
     who = result.people[person]
     if not who.world_contact:
         return None
+    hides = _TRUNK if _lies(result, person) else ()
     parts = [
         one.part
         for one in who.contacts
-        if one.likely and one.partner.kind == "hidden" and not one.assumed
+        if one.likely and one.partner.kind == "hidden" and not (one.assumed or one.part in hides)
     ]
     return float(len(parts)), (
         f"{' and '.join(map(part_words, parts))} seem to touch something, and no surface is near: "

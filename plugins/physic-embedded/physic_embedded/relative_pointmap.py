@@ -163,9 +163,10 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
                     "the depth of the photo with people could not be matched to that of the scene "
                     "without them: gaps between people and scene may be wrong"
                 )
-            frame, up = _directions(segments, camera, hints)
+            look = up_of_tokens(tokens or self._small_look(image), fitted_numbers())
+            frame, up = _directions(segments, camera, hints, look)
             estimate = _disparity_at_infinity(raw, camera, hints, frame, up)
-            up = up or up_of_tokens(tokens or self._small_look(image), fitted_numbers())
+            up = up or look
             infinity = estimate.disparity
             disparity_sigma = estimate.disparity_sigma
             factor = float(np.exp(estimate.sigma))
@@ -303,15 +304,15 @@ def _unproject(depth: FloatArray, camera: Intrinsics) -> NDArray[np.float32]:
 
 
 def _directions(
-    segments: NDArray[np.float64] | None, camera: Intrinsics, hints: Hints
+    segments: NDArray[np.float64] | None, camera: Intrinsics, hints: Hints, look: UpInPhoto
 ) -> tuple[tuple[FloatArray, float] | None, UpInPhoto | None]:
     """Return the directions of the room with their trust, and up, each None if edges (M, 2, 2) do
-    not tell it.
+    not tell it, beside the look of the picture.
     """
     if segments is None:
         return None, None
     frame = manhattan_frame(segments, camera.width, camera.height, camera.fx)
-    return frame, up_of_edges(frame, _open_air(hints))
+    return frame, up_of_edges(frame, _open_air(hints), look)
 
 
 def _disparity_at_infinity(

@@ -63,6 +63,8 @@ def test_up_is_turned_by_pitch_and_roll():
     assert found.pitch[0] == pytest.approx(30)
     assert np.degrees(np.arctan2(found.up[0], -found.up[1])) == pytest.approx(10)
     assert np.linalg.norm(found.up) == pytest.approx(1)
+    numbers = {"angles": np.zeros((2, 10))}
+    assert up_of_tokens(tokens_of(np.ones((6, 6, 1))), numbers).sigma < 8 < 15 < found.sigma
 
 
 def test_mirrored_tokens_have_the_mirrored_up():

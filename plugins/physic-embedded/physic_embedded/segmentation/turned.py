@@ -30,9 +30,11 @@ _UPRIGHT_DEG = 45.0  # largest angle of an upright trunk from up in the picture
 # Of a pose in a turned square. Of 180 people in street and sport photos, poses beyond are wrong.
 _LEAST_FIT = 0.3
 _LARGEST_GAP = 0.04
-# In mirror gaps. On 67 pictures of exercises, weights of .02 to .2 choose alike.
+# In mirror gaps. Of 758 joints of 72 people in 67 pictures of exercises, 253 are farther than a
+# tenth of the box from where readers see them by the first look, and 61 by the chosen one; 69 where
+# the weight of the fit is chosen on the other four fifths of the pictures.
 _SCORE_WEIGHT = 0.05
-_FIT_WEIGHT = 0.1
+_FIT_WEIGHT = 0.02
 
 
 def square_around(box: FloatArray, angle: float = 0.0) -> RotatedSquare:
