@@ -5,6 +5,7 @@
 # Measured on 2026-11-29 with ahrs 0.4.0: Quaternion does. DCM takes roll for yaw, and yaw for roll, so it is 18
 # degrees off, in silence, and its `to_rpy` returns -.286, -.220 and -.038 rad. Of the matrix of the quaternion it
 # returns -.038, -.220 and -.286.
+# Readers guessed: right, right, in part.
 . "$(dirname "$0")/common.sh"
 install ahrs==0.4.0 scipy==1.17.1 numpy==2.4.6
 python - <<'PYTHON'

@@ -5,6 +5,7 @@
 # Measured on 2026-11-29 with albumentations 2.0.8, at 300 x 200 px: for PiecewiseAffine it is 9 to 13 px beside a dot
 # that has moved by 17 px, and for OpticalDistortion 1.4 px beside a dot that has moved by .7 px: worse than a joint
 # that had not been moved at all. Affine keeps it on the dot.
+# Readers guessed: in part, right, in part.
 . "$(dirname "$0")/common.sh"
 install albumentations==2.0.8 albucore==0.0.24 \
     opencv-python-headless==4.14.0.94 scipy==1.17.1 numpy==2.4.6

@@ -4,6 +4,7 @@
 # Measured on 2026-11-27 with aniposelib 0.8.0: c0, c1, c10, c2, ...: tables are sorted as text. Pixels of each
 # camera, which `CameraGroup.triangulate` takes in the order of the cameras, are those of another camera from the
 # third on.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install numpy==2.4.6 scipy==1.17.1 numba==0.68.1 pandas==3.1.1 toml==0.10.2 tqdm==4.70.1 opencv-python-headless==5.0.0.93
 install --no-deps aniposelib==0.8.0

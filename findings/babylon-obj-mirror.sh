@@ -4,6 +4,7 @@
 # Measured on 2026-11-29 with @babylonjs/core 9.35.0, loaders and serializers 9.28.0: the hand is at x = -2: a left
 # hand has become a right one. A scene is left-handed by default, so the loader mirrors what it loads at a root node.
 # OBJExport.OBJ mirrors it back, but leaves that node out, unless its fourth argument (globalposition) is true.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install_npm @babylonjs/core@9.35.0 @babylonjs/loaders@9.28.0 \
     @babylonjs/serializers@9.28.0

@@ -3,6 +3,7 @@
 # Guessed: the joints come back where they were.
 # Measured on 2026-11-28 with bpy 5.0.1: its reader turns y up to z up, its writer turns nothing and has no setting
 # for it, so that the file is z up and the person lies on the back for other readers. Frames of 1/30 s become 1/24 s.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install bpy==5.0.1
 cat > in.bvh <<'BVH'

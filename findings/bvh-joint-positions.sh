@@ -4,6 +4,7 @@
 # Guessed: readers put the knee 13 below the hip, since a position replaces the OFFSET.
 # Measured on 2026-11-27: bvhio 1.5.4 does; bvh-converter 1.0.2 puts it 10 below in silence, bvhtools 1.6.0 with a
 # warning, and pybvh 0.9.0 refuses the file.
+# Readers guessed: in part, wrong, in part.
 . "$(dirname "$0")/common.sh"
 install bvhio==1.5.4 pyglm==2.8.2 spatial-transform==1.3.3 bvh-converter==1.0.2 bvhtools==1.6.0 \
     pybvh==0.9.0 numpy==2.4.6

@@ -3,6 +3,7 @@
 # Guessed: readers read both, or refuse the file.
 # Measured on 2026-11-28: pybvh 0.9.0 and bvhio 1.5.4 refuse it. bvhtools 1.6.0 returns the first person alone, in
 # silence. bvhsdk 0.2.1 returns the second person alone, at the place of the first.
+# Readers guessed: in part, in part, in part.
 . "$(dirname "$0")/common.sh"
 install bvhio==1.5.4 pyglm==2.8.2 spatial-transform==1.3.3 \
     bvhtools==1.6.0 bvhsdk==0.2.1 pybvh==0.9.0 numpy==2.4.6

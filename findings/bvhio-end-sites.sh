@@ -4,6 +4,7 @@
 # Measured on 2026-11-27 with bvhio 1.5.4: the end of a chain is lost when the file is read, and another is made up
 # when it is written, three tenths of the last bone: .06 m beyond a forearm of .2 m, where the file has .1 m. Reading
 # and writing it as BVH alone keeps the end.
+# Readers guessed: in part, in part, in part.
 . "$(dirname "$0")/common.sh"
 install bvhio==1.5.4 numpy==2.4.6 pyglm==2.8.2 spatial-transform==1.3.3
 python - <<'PYTHON'

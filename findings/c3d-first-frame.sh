@@ -4,6 +4,7 @@
 # Guessed: both have times from 1.00 s, by the header; or both from 0.
 # Measured on 2026-11-29 with kineticstoolkit 0.17.0, pyomeca 2026.0.2 and ezc3d 1.7.2: kineticstoolkit has 1.00 s,
 # pyomeca 0 s, for the same frame, in silence, though both read the file with ezc3d.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install ezc3d==1.7.2 kineticstoolkit==0.17.0 pyomeca==2026.0.2 numpy==2.4.6
 python -W ignore - <<'PYTHON'

@@ -4,6 +4,7 @@
 # Measured on 2026-11-28 with c3d 0.6.0: it has the place of the frame before, with residual -1, in the unit mm
 # whatever the numbers are. ezc3d 1.7.2 obeys the residual (NaN); c3d's own reader returns the old place, as does all
 # that looks at coordinates alone.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install c3d==0.6.0 ezc3d==1.7.2 numpy==2.4.6
 python -W ignore - <<'PYTHON'

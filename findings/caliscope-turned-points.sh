@@ -4,6 +4,7 @@
 # Guessed: the index of a pixel comes back as it was.
 # Measured on 2026-11-27 with caliscope 0.11.8: it comes back 1 px off in one axis after one or three quarter turns,
 # and in both after two.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install numpy==2.4.6 opencv-python-headless==5.0.0.93
 install --no-deps caliscope==0.11.8

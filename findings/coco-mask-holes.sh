@@ -5,6 +5,7 @@
 # Measured on 2026-11-28 with datumaro 1.13.12 and supervision 0.31.2: both write polygons, which COCO adds up, so the
 # hole is filled, and run through the middles of border pixels: the mask has 1,521 px in place of 1,200. supervision
 # still states the old area. Neither warns.
+# Readers guessed: in part, in part, wrong.
 . "$(dirname "$0")/common.sh"
 install datumaro==1.13.12 supervision==0.31.2 \
     pycocotools==2.0.11 opencv-python-headless==4.14.0.94

@@ -4,6 +4,7 @@
 # Guessed: the ranges of all joints keep their angles, or the library refuses two units.
 # Measured on 2026-11-28 with dm_control 1.0.50: the scene takes over angle="radian", and its numbers stay: the door's
 # limit of 90 degrees is 90 rad, 14 turns, in silence. A scene that states "degree" is refused.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install dm_control==1.0.50 mujoco==4.0.0 numpy==2.4.6
 MUJOCO_GL=disable python -W ignore - <<'PYTHON'

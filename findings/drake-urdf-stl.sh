@@ -3,6 +3,7 @@
 # Guessed: both are read, STL perhaps with a warning. Each joint has a limit of effort, and becomes an actuator.
 # Measured on 2026-11-27 with drake 1.51.1: STL fails when the plant is finalized; OBJ is read. No actuator is made,
 # since the file has no <transmission>.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install drake==1.51.1 trimesh==5.2.0 numpy==2.4.6
 python - <<'PYTHON'

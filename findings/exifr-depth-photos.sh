@@ -6,6 +6,7 @@
 # Measured on 2026-11-29 with exifr 7.1.3 and exifreader 4.46.0: from a path, exifr returns nothing without
 # `multiSegment`, and throws nothing: a RangeError lies in the field `errors`. From the bytes of the same file it has
 # all, with or without. Of the second file neither has the depth, in silence.
+# Readers guessed: wrong, wrong, wrong.
 . "$(dirname "$0")/common.sh"
 install_npm exifr@7.1.3 exifreader@4.46.0 jpeg-js@0.4.4 fast-png@8.0.0
 cat > look.mjs <<'NODE'

@@ -6,6 +6,7 @@
 # Measured on 2026-11-29 with opencv-python-headless 4.14.0.94, openimageio 3.2.2.0, mitsuba 3.9.1 and three 0.187.0:
 # all return 4 x 3 px from the first row and column on, without a word, so each pixel is another one in the photo.
 # Only OpenImageIO keeps the offset, beside the pixels (`roi`).
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install OpenEXR==3.5.3 opencv-python-headless==4.14.0.94 openimageio==3.2.2.0 mitsuba==3.9.1 numpy==2.4.6
 install_npm three@0.187.0

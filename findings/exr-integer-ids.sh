@@ -5,6 +5,7 @@
 # Measured on 2026-11-29 with openimageio 3.2.2.0 and opencv-python-headless 4.14.0.94: OpenImageIO divides by 2^32,
 # so the numbers are .0039 and .698, and a small number of people is 0, nearly; asked for UINT32, it keeps them.
 # OpenCV rounds 16,777,217 to 16,777,216, the neighbour's number. Neither says so.
+# Readers guessed: in part, in part, in part.
 . "$(dirname "$0")/common.sh"
 install OpenEXR==3.5.3 opencv-python-headless==4.14.0.94 openimageio==3.2.2.0 numpy==2.4.6
 OPENCV_IO_ENABLE_OPENEXR=1 python - <<'PYTHON'

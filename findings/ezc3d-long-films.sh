@@ -6,6 +6,7 @@
 # writes all frames and states 65,535 of them, without more, so that it and kineticstoolkit read 65,535 of its own file,
 # and c3d none, in silence. Of the file of c3d they read 70,016: what fills the last block counts as frames, of zeros.
 # pupyC3D reads 65,535 of both. sqzc3d refuses films from 32,768 frames on.
+# Readers guessed: wrong, wrong, wrong.
 . "$(dirname "$0")/common.sh"
 install ezc3d==1.7.2 kineticstoolkit==0.17.0 c3d==0.6.0 pupyC3D==0.1.3 sqzc3d==0.4.0 numpy==2.4.6
 python -W ignore - <<'PYTHON'

@@ -3,6 +3,7 @@
 # Guessed: the unit is millimetres where nobody states one, and both read the file.
 # Measured on 2026-11-27: ezc3d 1.7.2 writes an empty POINT:UNITS. kineticstoolkit 0.17.0 and pyomeca 2026.0.2 both
 # end with an IndexError. With the unit "m" both read the file.
+# Readers guessed: right, right, in part.
 . "$(dirname "$0")/common.sh"
 install ezc3d==1.7.2 kineticstoolkit==0.17.0 pyomeca==2026.0.2 numpy==2.4.6
 python - <<'PYTHON'

@@ -5,6 +5,7 @@
 # Measured on 2026-11-29: three 0.187.0 takes the first four, so the vertex stays at 0. gltfpack 1.3.0 keeps the four
 # largest: 8 m. assimpjs 0.0.10 reads eight, and writes the four largest as they are, so that the weights add up to
 # .8, where glTF asks for 1. All do it in silence. Babylon.js 9.35.0 has 6.4 m.
+# Readers guessed: in part, in part, in part.
 . "$(dirname "$0")/common.sh"
 install_npm three@0.187.0 @babylonjs/core@9.35.0 @babylonjs/loaders@9.28.0 gltfpack@1.3.0 assimpjs@0.0.10
 cat > look.mjs <<'NODE'

@@ -4,6 +4,7 @@
 # Guessed: the lit variant keeps its normals.
 # Measured on 2026-11-28 with @gltf-transform/cli 4.5.1: NORMAL is removed, the variant stays. `--keep-attributes
 # true` keeps it.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install_npm @gltf-transform/cli@4.5.1
 cat > make.mjs <<'NODE'

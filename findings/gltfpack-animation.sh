@@ -4,6 +4,7 @@
 # Measured on 2026-11-28 with gltfpack 1.3: it samples animations at 30 Hz, so at 1/24 s the node is .15 m short of
 # its place, and the last key is at 1/15 s. `-af 0` keeps the keys. No switch keeps attributes of vertices whose names
 # begin with _.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install_npm gltfpack@1.3.0
 cat > make.mjs <<'NODE'

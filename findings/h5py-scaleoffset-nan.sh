@@ -5,6 +5,7 @@
 # Measured on 2026-11-29 with h5py 3.16.0 (HDF5 2.0.0) on x86-64: NaN comes back as the smallest depth of its chunk,
 # in silence: what is not known is nearest. If the first pixel of a chunk is NaN, all of the chunk is lost: it is
 # written, but reading fails.
+# Readers guessed: right, in part, in part.
 . "$(dirname "$0")/common.sh"
 install h5py==3.16.0 numpy==2.4.6
 python -W error - <<'PYTHON'

@@ -5,6 +5,7 @@
 # Measured on 2026-11-27 with holosoma-retargeting 0.1.0: its list of names has the right side first, and its change
 # of axes is a reflection (x, z, y). Both together move the hand that is called right: the robot does the mirrored
 # motion, in silence.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install --no-deps holosoma-retargeting==0.1.0 numpy==2.4.6 \
     scipy==1.17.1 trimesh==5.2.0 jinja2==3.1.6 markupsafe==3.0.3

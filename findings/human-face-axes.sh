@@ -8,6 +8,7 @@
 # stays, in px of the network's crop, so a face is half as deep in the larger photo. Human's roll grows by .31 for the
 # leaned head, in radians, face-api's falls by 21, in degrees. Human's left eye is the person's, face-api's the one at
 # the left of the picture.
+# Readers guessed: right, in part, in part.
 . "$(dirname "$0")/common.sh"
 install --no-deps scikit-image==0.26.0
 install_npm @vladmandic/human@3.3.6 @vladmandic/face-api@1.7.15 @tensorflow/tfjs@4.22.0 \

@@ -5,6 +5,7 @@
 # Measured on 2026-11-29 with kapture 1.1.12 and pycolmap 4.2.1: those of the NVM file have. All of the Bundler file is
 # turned by 180 degrees about x, in silence, the point and the centres of the cameras: 2 m up is 2 m down. Pictures fit
 # their points within .01 px, so nothing shows it, but a mesh or a floor of the same scene lies elsewhere.
+# Readers guessed: in part, in part, wrong.
 . "$(dirname "$0")/common.sh"
 install kapture==1.1.12 pycolmap==4.2.1 numpy==2.4.6 pillow==13.0.0
 PATH="$folder/venv/bin:$PATH" python -W ignore - <<'PYTHON'

@@ -5,6 +5,7 @@
 # Measured on 2026-11-29 with ikpy 4.2.1, kinpy 0.6.1, mujoco 4.0.0, pin 4.1.0, pybullet 3.2.7, scikit-robot 0.4.7,
 # urchin 0.0.30 and yourdfpy 0.0.60, and once with drake 1.51.1, newton 1.8.0 and sapien 3.0.3: kinpy alone turns
 # about z, in silence: the foot of a leg of 2 m is 2.1 m beside its place.
+# Readers guessed: right, in part, right.
 . "$(dirname "$0")/common.sh"
 install kinpy==0.6.1 ikpy==4.2.1 urchin==0.0.30 yourdfpy==0.0.60 mujoco==4.0.0 pin==4.1.0 pybullet==3.2.7 \
     scikit-robot==0.4.7 numpy==2.4.6

@@ -4,6 +4,7 @@
 # Guessed: two people, the first with two polygons; the point is left out.
 # Measured on 2026-11-28 with labelme2coco 0.2.6: four people. The parts are two, and the point is one of 1 x 1 px;
 # group_id is not read. The rectangle has an empty segmentation, so it has no mask.
+# Readers guessed: wrong, in part, wrong.
 . "$(dirname "$0")/common.sh"
 install labelme2coco==0.2.6 sahi==0.12.8 numpy==2.3.5
 python -W ignore - 2> log.txt <<'PYTHON'

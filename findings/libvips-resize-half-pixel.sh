@@ -4,6 +4,7 @@
 # Measured on 2026-11-29 with pyvips 3.2.0 and libvips 8.18.7: so they do for smaller pictures. A larger one is
 # shifted by half of its own pixels to the right and down, which is .25 px of the first picture at twice the size, and
 # .33 px at 1.5 times.
+# Readers guessed: wrong, wrong, wrong.
 . "$(dirname "$0")/common.sh"
 install pyvips==3.2.0 pyvips-binary==8.18.7 \
     opencv-python-headless==5.0.0.93 numpy==2.4.6

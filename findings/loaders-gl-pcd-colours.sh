@@ -5,6 +5,7 @@
 # Measured on 2026-11-29 with @loaders.gl/pcd 4.4.2: red and blue are exchanged in all of them, so skin is blue. An
 # integer in an ASCII file is taken for a number first, of whose bits as a float it makes the colour: other colours
 # altogether.
+# Readers guessed: right, in part, in part.
 . "$(dirname "$0")/common.sh"
 install_npm @loaders.gl/core@4.4.2 @loaders.gl/pcd@4.4.2 \
     @math.gl/types@4.1.0

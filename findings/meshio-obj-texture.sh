@@ -5,6 +5,7 @@
 # Measured on 2026-11-29 with meshio 5.3.5: it gives them to the vertices in the order of the file, so the picture
 # lies elsewhere, in silence. Where their numbers differ, as at each seam of a texture, it refuses the file. trimesh
 # 5.2.0 obeys the faces.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install meshio==5.3.5 trimesh==5.2.0 pillow==13.0.0 \
     numpy==2.4.6

@@ -3,6 +3,7 @@
 # Guessed: colours become 0 to 1, and the normal stays 0.
 # Measured on 2026-11-28 with mitsuba 3.9.1: the attribute "vertex_color" is 0 to 255, with a warning, so as a texture
 # (mesh_attribute) it reflects up to 255 times the light; the normal becomes NaN, without one.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install mitsuba==3.9.1 plyfile==1.1.5 numpy==2.4.6
 python - <<'PYTHON'

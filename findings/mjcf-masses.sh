@@ -5,6 +5,7 @@
 # Measured on 2026-11-29 with mujoco 4.0.0, pin 4.1.0 and drake 1.51.1: Pinocchio leaves settotalmass out in silence,
 # and Drake with a warning: 8.4 kg. Pinocchio gives a shape that touches nothing no mass: a shank of 0 kg, in silence.
 # newton 1.8.0 leaves settotalmass out in silence, too.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install mujoco==4.0.0 pin==4.1.0 drake==1.51.1 numpy==2.4.6
 python -W ignore - 2> log.txt <<'PYTHON' || { cat log.txt >&2; exit 1; }

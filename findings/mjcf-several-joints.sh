@@ -6,6 +6,7 @@
 # first joint at the origin of the parent, in place of the body's, so the child of a body 1 m up is .30 m off for any
 # two joints. Newton has the second hinge at the place of the first (.41 m off), turns an axis that is not at right
 # angles to the first (.17 m), and does a slide before a hinge (.41 m). Neither says so.
+# Readers guessed: in part, in part, in part.
 . "$(dirname "$0")/common.sh"
 install mujoco==4.0.0 pin==4.1.0 drake==1.51.1 newton==1.8.0 numpy==2.4.6
 python -W ignore - 2> log.txt <<'PYTHON' || { cat log.txt >&2; exit 1; }

@@ -3,6 +3,7 @@
 # Guessed: the keyframe has the body at that place, as the attached model has.
 # Measured on 2026-11-28 with mujoco 4.0.0: the keyframe arrives with its prefix, but with the numbers of the child:
 # it puts the body back to where it was in its own file, 5 m off.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install mujoco==4.0.0 numpy==2.4.6
 python -W ignore - <<'PYTHON'

@@ -6,6 +6,7 @@
 # half through a thin board falls through it: it measures from the ends of the capsule's axis, which are 20 cm above
 # and below. A capsule that is 10 cm higher touches with -1 cm, in place of -21 cm. coal 3.0.3 and pybullet 3.2.7 have
 # -31 and -21 cm, and so has MuJoCo for the same board as a mesh.
+# Readers guessed: wrong, wrong, wrong.
 . "$(dirname "$0")/common.sh"
 install mujoco==4.0.0 coal==3.0.3 pybullet==3.2.7 numpy==2.4.6
 python -W ignore - <<'PYTHON'

@@ -3,6 +3,7 @@
 # Guessed: the model has the mass of all links.
 # Measured on 2026-11-27 with mujoco 4.0.0: the root link is melted into the world, and its mass is in no body (1 kg of 3 kg
 # is left); <compiler fusestatic="false"/> in the element <mujoco> keeps it.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install mujoco==4.0.0
 python - <<'PYTHON'

@@ -2,6 +2,7 @@
 # An MJCF mesh has its vertices in the file (`vertex`), which MuJoCo reads.
 # Guessed: NVIDIA's and Newton's converter to USD writes it.
 # Measured on 2026-11-28 with mujoco-usd-converter 0.8.0: it refuses the model, since the mesh has no file.
+# Readers guessed: wrong, in part, wrong.
 . "$(dirname "$0")/common.sh"
 install mujoco-usd-converter==0.8.0
 cat > model.xml <<'XML'

@@ -5,6 +5,7 @@
 # Measured on 2026-11-29 with nerfstudio 1.1.5: the initial one, in silence, since it takes the first: a focal length
 # of 1000 px in place of 1100. Where the adjusted one stands alone, p1 and p2 keep their names, but P1 of Metashape is
 # p2 of OpenCV, whose model nerfstudio has: a corner of the picture is 2.9 px off.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install numpy==2.4.6 opencv-python-headless==5.0.0.93 rich==14.3.3 imageio==2.38.1 rawpy==0.27.0 requests==2.34.2
 install --no-deps nerfstudio==1.1.5

@@ -6,6 +6,7 @@
 # Measured on 2026-11-29 with nerfstudio 1.1.5: the middle of the picture in both, in silence, so 36 px beside. It
 # adds the shares of OpenDroneMap to the middle as if they were px, and leaves the point of Record3D out, as a comment
 # of its source says. Focal lengths are right.
+# Readers guessed: in part, in part, in part.
 . "$(dirname "$0")/common.sh"
 install numpy==2.4.6 scipy==1.17.1 opencv-python-headless==5.0.0.93 rich==14.3.3 imageio==2.38.1 rawpy==0.27.0 \
     requests==2.34.2

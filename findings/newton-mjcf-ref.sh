@@ -3,6 +3,7 @@
 # Guessed: another simulator that reads the file has the same coordinate there.
 # Measured on 2026-11-27 with newton 1.8.0: its coordinate is 0, and its limits are those of the file less 30 degrees.
 # The pose is the same, but coordinates of a keyframe, or of a JSON file, mean another pose there.
+# Readers guessed: in part, in part, in part.
 . "$(dirname "$0")/common.sh"
 install newton==1.8.0 mujoco==4.0.0 numpy==2.4.6
 python - <<'PYTHON'

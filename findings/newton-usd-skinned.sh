@@ -4,6 +4,7 @@
 # Guessed: the mesh is left out, since a simulator has no skinning.
 # Measured on 2026-11-27 with newton 1.8.0: it becomes a visible shape in the bind pose, at the origin, without a
 # warning.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install newton==1.8.0 newton-usd-schemas usd-core==26.11 numpy==2.4.6
 python - <<'PYTHON'

@@ -4,6 +4,7 @@
 # Guessed: eight frames, from the first.
 # Measured on 2026-11-29 with nimblephysics 0.10.52.1: six, of both files: the first two are left out, in silence, and
 # times begin at 0 with the third, so videos and forces of the same take are 20 ms apart from it.
+# Readers guessed: wrong, in part, wrong.
 . "$(dirname "$0")/common.sh"
 install ezc3d==1.7.2 c3d==0.6.0 numpy==2.4.6
 install --no-deps nimblephysics==0.10.52.1

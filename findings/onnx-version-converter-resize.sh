@@ -5,6 +5,7 @@
 # Measured on 2026-11-28 with onnx 1.23.2: it leaves the rule out, and the default has changed to half_pixel, so
 # values move by a quarter of a step. An Upsample of version 9 fares alike. Neither the converter nor the checker says
 # so. onnxruntime 1.32.0 runs both.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install onnx==1.23.2 onnxruntime==1.32.0 numpy==2.4.6
 python - <<'PYTHON'

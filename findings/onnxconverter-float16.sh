@@ -4,6 +4,7 @@
 # Measured on 2026-11-27 with 1.16.0: it leaves the type in which a Cast to float32 ends, as torch's older exporter
 # writes one in each attention, and with keep_io_types an input that two nodes read is cast by two nodes of one name.
 # It reports neither, and onnxruntime 1.31.1 refuses both files.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install \
     onnxconverter-common==1.16.0 onnxruntime==1.31.1 onnx==1.23.2

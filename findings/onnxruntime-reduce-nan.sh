@@ -3,6 +3,7 @@
 # Guessed: the result is NaN, as in NumPy and torch.
 # Measured on 2026-11-28 with onnxruntime 1.31.1 on a CPU: NaN only if it is the first value. Elsewhere it is skipped,
 # and takes values with it: the minimum of 1, NaN, 2, 0 is 1.
+# Readers guessed: in part, in part, in part.
 . "$(dirname "$0")/common.sh"
 install onnxruntime==1.31.1 onnx==1.22.0 numpy==2.4.6
 python -W ignore - <<'PYTHON'

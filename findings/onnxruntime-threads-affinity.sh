@@ -3,6 +3,7 @@
 # Guessed: threads on that core.
 # Measured on 2026-11-27 with onnxruntime 1.31.1: it starts a thread for each core of the machine, and pins them
 # outside; a stated number of threads stays inside. Needs Linux and two cores.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install onnxruntime==1.31.1 onnx==1.23.2
 python - <<'PYTHON'

@@ -3,6 +3,7 @@
 # Guessed: each pixel gives a point.
 # Measured on 2026-11-27 with open3d 0.20.0: none does, without a warning: depth_trunc is 3 m unless stated. Needs the
 # system libraries of its wheel (Debian: libusb-1.0-0, libgl1, libegl1, libx11-6).
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install open3d==0.20.0
 python - <<'PYTHON'

@@ -6,6 +6,7 @@
 # `create_rays_pinhole` counts pixels from their edges, and `create_from_depth_image` from their middles, in both of
 # its classes, so points are half a pixel off. Needs the system libraries of its wheel (Debian: libusb-1.0-0, libgl1,
 # libegl1, libx11-6).
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install open3d==0.20.0 numpy==2.4.6
 python - <<'PYTHON'

@@ -3,6 +3,7 @@
 # Guessed: its values, or an error.
 # Measured on 2026-11-27 with opencv-python-headless 4.14.0.94: zeros, without a warning; of X, Y and Z it returns Y
 # alone. The wheel 5.0.0.93 is built without EXR: it returns None, although OPENCV_IO_ENABLE_OPENEXR is set.
+# Readers guessed: in part, in part, in part.
 . "$(dirname "$0")/common.sh"
 install OpenEXR==3.5.3 opencv-python-headless==4.14.0.94
 export OPENCV_IO_ENABLE_OPENEXR=1

@@ -5,6 +5,7 @@
 # Measured on 2026-11-29 with opencv-python-headless 5.0.0.93: fisheye.projectPoints has it at 60.4 px, on the other
 # side of the picture, where a joint 80 degrees off the axis would be on that side. It takes the angle from x / z,
 # whose sign turns.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install opencv-python-headless==5.0.0.93 numpy==2.4.6
 python - <<'PYTHON'

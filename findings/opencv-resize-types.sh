@@ -3,6 +3,7 @@
 # Guessed: the same labels, and 133 channels, or an error for both.
 # Measured on 2026-11-27 with opencv-python-headless 5.0.0.93: labels become int32 and wrap without a warning; more
 # than 128 channels are an error (4.14 takes 512).
+# Readers guessed: in part, in part, in part.
 . "$(dirname "$0")/common.sh"
 install opencv-python-headless==5.0.0.93
 python - <<'PYTHON'

@@ -3,6 +3,7 @@
 # Guessed: it reads it, or raises cv2.error.
 # Measured on 2026-11-27 with opencv-python-headless 5.0.0.93: SystemError "returned a result with an exception set",
 # which `except cv2.error` does not catch; the cv2.error is its cause.
+# Readers guessed: wrong, wrong, wrong.
 . "$(dirname "$0")/common.sh"
 install numpy==2.4.6 opencv-python-headless==5.0.0.93
 python - "$folder/cameras.yml" <<'PYTHON'

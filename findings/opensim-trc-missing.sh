@@ -3,6 +3,7 @@
 # Guessed: OpenSim reads a missing marker as NaN.
 # Measured on 2026-11-27 with opensim 4.6: it does where another marker follows. Where the last marker is missing,
 # TimeSeriesTableVec3 refuses the file for its number of columns; MarkerData takes the same file.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install opensim==4.6 numpy==2.4.6
 python - <<'PYTHON'

@@ -4,6 +4,7 @@
 # Guessed: the bounds are those of the mesh (1 m).
 # Measured on 2026-11-27 with usd-core 26.11: they are those of the joint, widened by its distance from the mesh:
 # about 20 m.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install usd-core==26.11
 python - <<'PYTHON'

@@ -5,6 +5,7 @@
 # Measured on 2026-11-28 with openvino 2026.4.1 and opencv-python-headless 5.0.0.93: they divide by what lies beyond
 # the border, too, so the last corner is .111 in place of .25, which onnxruntime 1.32.0 and ONNX's reference have; the
 # last row is a third too small.
+# Readers guessed: in part, in part, wrong.
 . "$(dirname "$0")/common.sh"
 install openvino==2026.4.1 onnxruntime==1.32.0 \
     onnx==1.23.2 \

@@ -4,6 +4,7 @@
 # Measured on 2026-11-28 with openvino 2026.4.1 on a CPU: -1,294,967,295, since it computes int64 in 32 bits, and
 # returns int64 all the same; bytes end at 0. opencv-python-headless 5.0.0.93 has the first number, too. onnxruntime
 # 1.32.0 is right in both.
+# Readers guessed: in part, in part, in part.
 . "$(dirname "$0")/common.sh"
 install openvino==2026.4.1 onnxruntime==1.32.0 \
     onnx==1.23.2 \

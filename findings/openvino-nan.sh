@@ -3,6 +3,7 @@
 # Guessed: it stays NaN, as in onnxruntime, NumPy and torch.
 # Measured on 2026-11-28 with openvino 2026.4.1 on a CPU: Relu, Clip from 0 to 1 and Max with the constant 0 make 0 of
 # it, so a network that has failed looks like one that has found nothing. Sigmoid keeps it.
+# Readers guessed: in part, right, in part.
 . "$(dirname "$0")/common.sh"
 install openvino==2026.4.1 onnx==1.22.0 \
     onnxruntime==1.31.1 numpy==2.4.6

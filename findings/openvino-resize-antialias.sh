@@ -4,6 +4,7 @@
 # Measured on 2026-11-28 with openvino 2026.4.1 on a CPU: it leaves antialias out in silence, for linear and cubic,
 # and answers as with antialias=0: stripes of 0 and 1 that become nearly even stay stripes, .5 off. Larger pictures
 # are equal.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install openvino==2026.4.1 onnx==1.22.0 \
     onnxruntime==1.31.1 numpy==2.4.6

@@ -3,6 +3,7 @@
 # Guessed: readers leave the size of the scale out, and put the first row on top.
 # Measured on 2026-11-28: Pillow 13.0.0 does. OpenCV 5.0.0 divides by 2, OpenImageIO 3.2.2.0 multiplies by 2.
 # OpenImageIO has the picture upside down, also for a scale of -1.
+# Readers guessed: in part, in part, in part.
 . "$(dirname "$0")/common.sh"
 install pillow==13.0.0 opencv-python-headless==5.0.0.93 \
     openimageio==3.2.2.0 numpy==2.4.6

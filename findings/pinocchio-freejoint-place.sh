@@ -4,6 +4,7 @@
 # turned.
 # Measured on 2026-11-28 with pin 4.1.0: a turned body is moved by a constant, its place minus its place turned; an
 # unturned one is not.
+# Readers guessed: in part, in part, in part.
 . "$(dirname "$0")/common.sh"
 install pin==4.1.0 numpy==2.4.6
 python - <<'PYTHON'

@@ -5,6 +5,7 @@
 # Measured on 2026-11-28 with pin 4.1.0: of the single hinge it does. Of two hinges in one body it leaves `ref` out in
 # silence, so the foot is .52 m beside its place, and the second hinge has no name: the joint is called Composite_ and
 # the first.
+# Readers guessed: in part, in part, in part.
 . "$(dirname "$0")/common.sh"
 install pin==4.1.0 mujoco==4.0.0 numpy==2.4.6
 python - <<'PYTHON'

@@ -3,6 +3,7 @@
 # Guessed: alpha is 255, or there is none.
 # Measured on 2026-11-27 with point-cloud-utils 0.34.0: colours have four columns, and alpha is whatever the memory
 # held.
+# Readers guessed: in part, right, in part.
 . "$(dirname "$0")/common.sh"
 install point-cloud-utils==0.34.0 plyfile==1.1.5 numpy==2.4.6
 python - <<'PYTHON'

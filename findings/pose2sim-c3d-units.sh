@@ -4,6 +4,7 @@
 # Measured on 2026-11-29 with pose2sim 0.10.49: 1.7 with the unit mm, so readers that obey the unit, as OpenSim does,
 # see a person of 1.7 mm. The rate is cut to 59, and times with it: the last frame is at 10.17 s in place of 9.99 s.
 # `trc_scale` leaves the unit as it was, too.
+# Readers guessed: wrong, wrong, wrong.
 . "$(dirname "$0")/common.sh"
 install c3d==0.6.0 ezc3d==1.7.2 pandas==3.1.1 numpy==2.4.6
 install --no-deps pose2sim==0.10.49

@@ -4,6 +4,7 @@
 # Measured on 2026-11-27 with pose2sim 0.10.49: the fifth, k3, is left out without a warning. With k3 = 0.2 the corner
 # of the picture moves by 53 px. The size that the file states is not read, but is twice the principal point, as a
 # comment of its source says.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install numpy==2.4.6 scipy==1.17.1 pandas==3.1.1 matplotlib==3.11.2 opencv-python-headless==5.0.0.93 \
     rtoml==0.14.0 lxml==6.1.3 c3d==0.6.0 anytree==2.13.0 tqdm==4.70.1

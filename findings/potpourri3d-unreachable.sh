@@ -5,6 +5,7 @@
 # Measured on 2026-11-29 with potpourri3d 1.4.0: its heat method answers 1.55 m for all of the other part, half of the
 # largest distance on the first, though it lies 100 m away, for the mesh and for its points. Its fast marching answers
 # infinity.
+# Readers guessed: in part, in part, in part.
 . "$(dirname "$0")/common.sh"
 install potpourri3d==1.4.0 trimesh==5.2.0 scipy==1.17.1 \
     numpy==2.4.6

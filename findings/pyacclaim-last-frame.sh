@@ -4,6 +4,7 @@
 # Guessed: three poses.
 # Measured on 2026-11-29 with pyacclaim 0.0.1: two; the last is left out, in silence. Of a file with one pose nothing
 # is left.
+# Readers guessed: right, right, wrong.
 . "$(dirname "$0")/common.sh"
 install pyacclaim==0.0.1 numpy==2.4.6
 python -W ignore - <<'PYTHON'

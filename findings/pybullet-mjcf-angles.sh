@@ -5,6 +5,7 @@
 # Measured on 2026-11-29 with pybullet 3.2.7 and kinpy 0.6.1, against mujoco 4.0.0: both leave `euler` and `axisangle`
 # out in silence, so the knee hangs down in place of ahead. PyBullet's limit is 45 rad, seven turns. `quat` is right
 # in both.
+# Readers guessed: in part, in part, wrong.
 . "$(dirname "$0")/common.sh"
 install pybullet==3.2.7 kinpy==0.6.1 \
     mujoco==4.0.0 numpy==2.4.6

@@ -4,6 +4,7 @@
 # Measured on 2026-11-27 with pye57 0.4.19: they are stored as float32, so 6,378,137.123456 m comes back .123 m
 # smaller. Colours from 0 to 1 are truncated to bytes of 0 and 1. One unknown point (NaN) makes the file fail when it
 # is closed.
+# Readers guessed: in part, in part, in part.
 . "$(dirname "$0")/common.sh"
 install pye57==0.4.19 numpy==2.4.6
 python - <<'PYTHON'

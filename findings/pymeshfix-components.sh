@@ -5,6 +5,7 @@
 # ball goes.
 # Measured on 2026-11-29 with pymeshfix 0.18.1: the box is gone, and the ball is left: the part with most triangles
 # counts as the largest. It does not say so. With remove_smallest_components=False both stay, and the hole is closed.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install pymeshfix==0.18.1 trimesh==5.2.0 numpy==2.4.6
 python -W error - <<'PYTHON'

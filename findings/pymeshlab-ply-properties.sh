@@ -4,6 +4,7 @@
 # Guessed: own properties of integers arrive as attributes of vertices, as floats of other names do.
 # Measured on 2026-11-27 with pymeshlab 2025.7.post1: only "quality" (float) is kept; the others are gone without a
 # word.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install pymeshlab==2025.7.post1
 cat > "$folder/in.ply" <<'PLY'

@@ -4,6 +4,7 @@
 # Guessed: all turn it towards +z, by the right-hand rule.
 # Measured on 2026-11-29 with pyrr 0.10.3: the quaternion does, and both matrices turn it towards -z, in silence: a
 # quaternion and its own matrix are opposite turns. A product of matrix and vector takes the vector for a row.
+# Readers guessed: in part, in part, in part.
 . "$(dirname "$0")/common.sh"
 install pyrr==0.10.3 numpy==2.4.6
 python -W ignore - <<'PYTHON'

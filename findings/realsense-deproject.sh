@@ -6,6 +6,7 @@
 # `rs2_deproject_pixel_to_point` leaves the distortion out, which is 12 px here; for ftheta it divides by an
 # arctangent where the model has twice a tangent, which is 61 px. The models none, brown_conrady,
 # inverse_brown_conrady and kannala_brandt4 come back.
+# Readers guessed: in part, in part, in part.
 . "$(dirname "$0")/common.sh"
 install pyrealsense2==2.59.1.11053 numpy==2.4.6
 python - <<'PYTHON'

@@ -4,6 +4,7 @@
 # Guessed: rosbags-image returns 2000 and 3000 in 16 bits, or refuses it.
 # Measured on 2026-11-29 with rosbags-image 0.10.4 and OpenCV 5.0.0: 7 and 11 in 8 bits, in silence. If 16 bits are
 # asked for (color_space="mono16"), OpenCV refuses it for its number of channels.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install rosbags-image==0.10.4 rosbags==0.11.9 \
     opencv-python-headless==5.0.0.93 numpy==2.4.6

@@ -4,6 +4,7 @@
 # Measured on 2026-11-27 with sapien 3.0.3: the order is breadth-first (hips, then knees), so angles in the order of
 # the file are those of other joints, and the limits of effort and velocity are left out: the limit of force is
 # 3.4e38.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install sapien==3.0.3 numpy==2.4.6 setuptools==80.9.0
 python -W ignore - <<'PYTHON'

@@ -5,6 +5,7 @@
 # Measured on 2026-11-29 with sharp 0.35.5: 7 and 11, in 16 bits and three channels, in silence: it makes a picture of
 # 8 bits first. With `toColourspace("grey16")` before it has 2000 and 3000. A PNG that is turned by 90 degrees and
 # written has 8 bits and three channels, too, without that.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install_npm sharp@0.35.5 fast-png@8.0.0
 cat > look.mjs <<'NODE'

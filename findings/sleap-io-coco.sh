@@ -4,6 +4,7 @@
 # Guessed: visibility, box and mask come back.
 # Measured on 2026-11-28 with sleap-io 0.9.5: visibility 1 becomes 2, the box and the area are those around the
 # keypoints, and the mask is left out. It reports none of them. A keypoint that is not known (0) comes back as 0.
+# Readers guessed: right, right, in part.
 . "$(dirname "$0")/common.sh"
 install sleap-io==0.9.5 numpy==2.4.6
 python -W ignore - <<'PYTHON'

@@ -3,6 +3,7 @@
 # Guessed: the points, without the colours.
 # Measured on 2026-11-27 with small-gicp 1.0.1: a cloud of 0 points and a line on standard error, without an
 # exception, since it reads properties of type float alone. Without the colours it reads the points.
+# Readers guessed: wrong, wrong, right.
 . "$(dirname "$0")/common.sh"
 install small-gicp==1.0.1 plyfile==1.1.5 numpy==2.4.6
 python - <<'PYTHON'

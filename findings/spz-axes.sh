@@ -5,6 +5,7 @@
 # Measured on 2026-11-29 with gsply 0.4.6, gaussforge 0.6.0 and @playcanvas/splat-transform 2.7.1: it is at .5, -1,
 # -2, in silence: the scene is upside down, and behind the camera. Both libraries store the numbers of the PLY as they
 # are, and read their own files alike.
+# Readers guessed: in part, in part, in part.
 . "$(dirname "$0")/common.sh"
 install gsply==0.4.6 gaussforge==0.6.0 numpy==2.4.6
 install_npm @playcanvas/splat-transform@2.7.1

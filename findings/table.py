@@ -28,6 +28,7 @@ def row(path: Path) -> tuple[int, str]:
     text = path.read_text()
     named = tools(text)
     date = re.search(r"^# Measured on ([\d-]+)", text, re.MULTILINE)
+    readers = re.search(r"^# Readers guessed: (.+)\.", text, re.MULTILINE)
     run = subprocess.run(["sh", path], capture_output=True, text=True, check=False)
     versions = [tool.rsplit(" ", 1)[-1] for tool in named.split(", ")]
     seen = run.stdout.strip().splitlines()
@@ -35,7 +36,8 @@ def row(path: Path) -> tuple[int, str]:
         del seen[0]
     seen = seen or (run.stderr or run.stdout).strip().splitlines()[-1:]
     state = STATES.get(run.returncode, "changed")
-    cells = [path.stem, named, date[1] if date else "", state, " ".join(seen).replace("|", "/")]
+    stated = [found[1] if found else "" for found in (date, readers)]
+    cells = [path.stem, named, *stated, state, " ".join(seen).replace("|", "/")]
     return run.returncode, "| " + " | ".join(cells) + " |"
 
 
@@ -45,7 +47,8 @@ def main() -> None:
     known = {path.stem for path in scripts}
     if unknown := set(names) - known:
         sys.exit(f"no finding of this name: {', '.join(sorted(unknown))}; see {FOLDER}")
-    print("| finding | tools | measured on | now | seen now |\n|---|---|---|---|---|")
+    print("| finding | tools | measured on | readers guessed | now | seen now |")
+    print("|---|---|---|---|---|---|")
     codes = []
     for path in scripts:
         if not names or path.stem in names:

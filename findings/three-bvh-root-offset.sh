@@ -4,6 +4,7 @@
 # Guessed: three.js puts the root 1 m high, since a position replaces the OFFSET, as Blender and bvhio have it.
 # Measured on 2026-11-28 with three 0.187.0 and bvhio 1.5.4: three.js adds both, so the person floats 1 m above the
 # floor (root at 2 m); bvhio has 1 m.
+# Readers guessed: in part, in part, right.
 . "$(dirname "$0")/common.sh"
 install bvhio==1.5.4 pyglm==2.8.2 spatial-transform==1.3.3 \
     numpy==2.4.6

@@ -5,6 +5,7 @@
 # Measured on 2026-11-29 with three 0.187.0: STLExporter alone writes the pose. OBJExporter, PLYExporter and
 # USDZExporter write the mesh as it was bound, at 0, without a warning; USDZ has no skeleton either, though the format
 # has them.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install_npm three@0.187.0
 cat > look.mjs <<'NODE'

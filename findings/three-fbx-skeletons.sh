@@ -4,6 +4,7 @@
 # Guessed: each skeleton does its own motion, as in Blender and FBX2glTF.
 # Measured on 2026-11-28 with three 0.187.0: animations find joints by their names, and both are those of the first
 # skeleton: it does the mean of both motions (x = 5), and the second stays as it was. It says nothing.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install_npm three@0.187.0
 cat > look.mjs <<'NODE'

@@ -3,6 +3,7 @@
 # "invisible".
 # Guessed: three.js shows the body alone, as OpenUSD's default asks for.
 # Measured on 2026-11-29 with three 0.187.0: it shows all three, in silence.
+# Readers guessed: right, in part, right.
 . "$(dirname "$0")/common.sh"
 install_npm three@0.187.0
 cat > look.mjs <<'NODE'

@@ -6,6 +6,7 @@
 # Measured on 2026-11-29 with three 0.187.0 and usd-core 26.11: for time samples it does. A pose without them is left
 # out, so the triangle stays at x = 0; the place of the skeleton is left out; that of the mesh is added. It says
 # nothing.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install usd-core==26.11 numpy==2.4.6
 install_npm three@0.187.0

@@ -4,6 +4,7 @@
 # Guessed: three.js has OpenUSD's places.
 # Measured on 2026-11-29 with three 0.187.0 and usd-core 26.11: for rotateXYZ it does. rotateZYX is left out, and so
 # is the second translation, in silence.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install usd-core==26.11
 install_npm three@0.187.0

@@ -5,6 +5,7 @@
 # Measured on 2026-11-29 with trc-data-reader 0.4.1 and nimblephysics 0.10.52.1: both read cells between spaces, so
 # the head has the place of the foot, and the foot is missing, in silence. trc-data-reader writes such files itself.
 # nimblephysics states 150 frames per second for three frames of 100, too.
+# Readers guessed: in part, in part, wrong.
 . "$(dirname "$0")/common.sh"
 install trc-data-reader==0.4.1 c3d==0.6.0 numpy==2.4.6
 install --no-deps nimblephysics==0.10.52.1

@@ -4,6 +4,7 @@
 # with y up).
 # Measured on 2026-11-28 with trimesh 5.2.0: pixel (0, 0) is the lower left one: rows count from below. Columns and
 # half pixels agree with K.
+# Readers guessed: wrong, right, wrong.
 . "$(dirname "$0")/common.sh"
 install trimesh==5.2.0 numpy==2.4.6
 python - <<'PYTHON'

@@ -4,6 +4,7 @@
 # Guessed: a library reads it, and writes it again, without a mass.
 # Measured on 2026-11-28 with urchin 0.0.30: it gives the link 1 kg and moments of inertia of 1 kg m2, and writes
 # them, in silence. yourdfpy 0.0.60 leaves the link as it is.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install urchin==0.0.30 yourdfpy==0.0.60 numpy==2.4.6
 python -W ignore - <<'PYTHON'

@@ -3,6 +3,7 @@
 # Guessed: masses and moments stay, and the limit of effort limits the motor.
 # Measured on 2026-11-27 with urdf2mjcf 0.2.39: the first link loses its <inertial>, so MuJoCo makes its mass of the
 # collision shape (8 kg in place of 2 kg); products of inertia are left out, with a warning; the motor has no limit.
+# Readers guessed: in part, in part, in part.
 . "$(dirname "$0")/common.sh"
 install urdf2mjcf==0.2.39 mujoco==4.0.0 numpy==2.4.6
 python - <<'PYTHON'

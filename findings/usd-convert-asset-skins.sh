@@ -5,6 +5,7 @@
 # Measured on 2026-11-28 with usd-convert-asset 1.1.0: it binds both to the first, so person_1 stands where person_0
 # stands, in silence, whatever the names of the joints. It also writes centimetres. Its wheel needs Python 3.12, in
 # PATH or of pyenv.
+# Readers guessed: right, right, wrong.
 . "$(dirname "$0")/common.sh"
 python=python3.12
 "$python" --version > /dev/null 2>&1 || python="$(pyenv prefix 3.12)/bin/python3.12"

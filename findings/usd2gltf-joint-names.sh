@@ -3,6 +3,7 @@
 # schema makes optional.
 # Guessed: a converter to glTF writes the mesh without its skin.
 # Measured on 2026-11-27 with usd2gltf 0.3.5: it ends with a TypeError. With both it writes mesh and skin.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install usd2gltf==0.3.5 usd-core==26.11 pygltflib==1.16.5
 python - <<'PYTHON'

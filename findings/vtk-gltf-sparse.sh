@@ -4,6 +4,7 @@
 # Guessed: VTK, which ParaView, F3D, PyVista and vedo read with, reads the mesh, perhaps without the shape.
 # Measured on 2026-11-27 with vtk 9.7.2: it reports "Invalid accessor.sparse.indices.byteOffset value", and returns no
 # mesh at all, without an exception. The same shape in a plain accessor is read.
+# Readers guessed: right, right, right.
 . "$(dirname "$0")/common.sh"
 install vtk==9.7.2 numpy==2.4.6
 python - <<'PYTHON'

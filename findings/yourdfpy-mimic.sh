@@ -5,6 +5,7 @@
 # Measured on 2026-11-29 with yourdfpy 0.0.60 and urchin 0.0.30: <mimic> is left out in silence, and so are
 # <transmission> and <safety_controller>, so the tip stays straight, and the hand has one free joint more. urchin
 # writes all three.
+# Readers guessed: wrong, wrong, wrong.
 . "$(dirname "$0")/common.sh"
 install yourdfpy==0.0.60 urchin==0.0.30 numpy==2.4.6
 python -W ignore - <<'PYTHON'

@@ -18,6 +18,7 @@ from physic_embedded.networks.sessions import PackagedBackend
 from physic_embedded.segmentation.cut_heads import doubt_cut_heads, doubt_hidden_hips
 from physic_embedded.segmentation.turned import look_turned, square_around
 from physic_networks.onnx_sessions import select_provider
+from physic_networks.runtime import onnxruntime
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -58,9 +59,7 @@ class EmbeddedKeypoints(PackagedBackend, KeypointDetector):
 
     def build(self, device: str) -> dict[str, OnnxSession]:
         """Check the device; the two networks are opened for the first people without joints."""
-        from onnxruntime import get_available_providers
-
-        select_provider("auto", device, get_available_providers())
+        select_provider("auto", device, onnxruntime().get_available_providers())
         return {}
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:

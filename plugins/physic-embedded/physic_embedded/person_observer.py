@@ -27,6 +27,7 @@ from physic_embedded.networks.sessions import (
     open_packaged_session,
 )
 from physic_networks.onnx_sessions import select_provider
+from physic_networks.runtime import onnxruntime
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -129,9 +130,7 @@ class EmbeddedPersonObserver(PackagedBackend, PersonObserver):
 
     def build(self, device: str) -> dict[str, OnnxSession]:
         """Check the device; a network is opened for the first photo that needs it."""
-        from onnxruntime import get_available_providers
-
-        select_provider("auto", device, get_available_providers())
+        select_provider("auto", device, onnxruntime().get_available_providers())
         return {}
 
     def infer(

@@ -14,6 +14,7 @@ from physic_core.backends.devices import DEVICE_PATTERN
 from physic_core.cache import cached_network_result
 from physic_core.errors import BackendError, DeviceError
 from physic_networks.optimised_graphs import KeptGraph
+from physic_networks.runtime import onnxruntime
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -126,7 +127,7 @@ def open_session(
         DeviceError: the device does not exist, or the provider is not installed or does not start.
         BackendError: a file is broken, missing, or has another SHA-256.
     """
-    import onnxruntime as ort
+    ort = onnxruntime()
 
     threads = threads or _own_cores()
     chosen, settings = select_provider(provider, device, ort.get_available_providers())
@@ -187,7 +188,7 @@ class _OnnxFile:
             ) from cause
 
     def _create(self, content: bytes | str, options: SessionOptions) -> InferenceSession:
-        import onnxruntime as ort
+        ort = onnxruntime()
 
         # The CPU runs the few operators that another provider does not implement.
         cpu = [] if self.provider.name == "CPU" else ["CPUExecutionProvider"]
@@ -239,7 +240,7 @@ def _own_cores() -> int:
 
 
 def _session_options(threads: int, provider: ExecutionProvider) -> SessionOptions:
-    import onnxruntime as ort
+    ort = onnxruntime()
 
     options = ort.SessionOptions()
     options.intra_op_num_threads = threads
@@ -342,7 +343,7 @@ def _keep_optimised(options: SessionOptions, graph: Path, weights: str) -> None:
 
 def _use_optimised(options: SessionOptions, folder: Path) -> None:
     """Let a session run an optimised graph, whose weights are in a folder."""
-    import onnxruntime as ort
+    ort = onnxruntime()
 
     # For a graph that is opened by its path, it would refuse links to other folders.
     options.add_session_config_entry(
@@ -353,7 +354,7 @@ def _use_optimised(options: SessionOptions, folder: Path) -> None:
 
 def _require_provider(session: InferenceSession, chosen: ExecutionProvider, path: Path) -> None:
     """Raise DeviceError if a session does not run with the chosen provider."""
-    import onnxruntime as ort
+    ort = onnxruntime()
 
     running = session.get_providers()
     if chosen.key not in running:
@@ -373,7 +374,7 @@ def _register_shared_arena() -> None:
     after each run, or without arenas, memory comes anew from the system: 400,000 page faults a
     photo, 6 % of its processor time or more.
     """
-    import onnxruntime as ort
+    ort = onnxruntime()
 
     memory = ort.OrtMemoryInfo(
         "Cpu", ort.OrtAllocatorType.ORT_ARENA_ALLOCATOR, 0, ort.OrtMemType.DEFAULT
@@ -393,7 +394,8 @@ def shrink_arena() -> None:
     if not _register_shared_arena.cache_info().currsize:
         return
     import numpy as np
-    import onnxruntime as ort
+
+    ort = onnxruntime()
 
     options = ort.SessionOptions()
     options.intra_op_num_threads = 1

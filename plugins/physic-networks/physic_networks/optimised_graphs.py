@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.cache import LruFolder, claimed_cache, is_own
+from physic_networks.runtime import onnxruntime
 
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession
@@ -54,7 +55,7 @@ class KeptGraph:
         """Return the kept form of a graph, by its name and the SHA-256 of its files; None if none
         can be kept.
         """
-        import onnxruntime as ort
+        ort = onnxruntime()
 
         kept = claimed_cache("graphs")
         made_of = (
