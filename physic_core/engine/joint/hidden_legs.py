@@ -1,4 +1,4 @@
-"""Legs that no photo shows: their pose is a guess, and a guess does not pass through the floor."""
+"""Legs that no photo shows: a guessed pose does not pass far through the floor."""
 
 from __future__ import annotations
 
@@ -13,14 +13,17 @@ from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_core.types.skeletons import SIDES
 
 _HIPS, _KNEES, _ANKLES = (list(joint_pair(name)) for name in ("hip", "knee", "ankle"))
+# Depth that a leg keeps below the floor, which is no better known: to raise a foot by 2 cm, a
+# straight knee bends by 25 degrees.
+_KEPT_M = 0.05
 _MOST_RAD = 1.4  # fold of a thigh; a leg is then a sixth of its length high
 _HALVINGS = 8  # of that range: to a third of a degree, or 5 mm at the sole
 
 
 @torch.no_grad()
 def fold_hidden_legs(state: State) -> State:
-    """Return the state with hidden legs folded at hip and knee until the foot is on the floor, as
-    far as it was under it.
+    """Return the state with hidden legs folded at hip and knee until the foot is no farther than 5
+    cm under the floor.
 
     A leg is hidden if no photo shows its knee or ankle. The foot stays below the hip, and as it is
     turned. Vertices and joints are those of the folded bodies.
@@ -32,14 +35,14 @@ def fold_hidden_legs(state: State) -> State:
         return state
     seen = state.observed_in_any_photo
     hidden = ~(seen[:, _KNEES] | seen[:, _ANKLES])
-    fold = hidden & (_sole_heights(state) < 0)
+    fold = hidden & (_sole_heights(state) < -_KEPT_M)
     if not bool(fold.any()):
         return state
     least = torch.zeros_like(fold, dtype=state.transl.dtype)
     most = torch.where(fold, _MOST_RAD, least)
     for _ in range(_HALVINGS):
         middle = (least + most) / 2
-        under = _sole_heights(_folded(state, middle)) < 0
+        under = _sole_heights(_folded(state, middle)) < -_KEPT_M
         least = torch.where(under, middle, least)
         most = torch.where(under, most, middle)
     return _folded(state, most)
