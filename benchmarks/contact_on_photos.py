@@ -22,11 +22,8 @@ apart, from the pictures alone.
 
 from __future__ import annotations
 
-import argparse
-import hashlib
 import json
 import math
-import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -54,7 +51,9 @@ from physic_core.engine.ground.touch import (
 from physic_core.types.skeletons import SIDES
 from physic_testing.metrics import match_by_boxes
 
+from .fits import FOLDS, fold_of, name_in_sets, parser_of, write_record
 from .observer.labels import COLLECTIONS, collected_photos
+from .observer.regression import Examples, fit_logistic
 from .truth.contact import MIN_IOU, OF_RESULTS, TOUCHES
 from .truth.measures import probability_scores
 from .truth.sets import Sample, labelled_photos, picture_of
@@ -76,8 +75,6 @@ EXERCISES = "postures"
 """Collection that was chosen by what people do: it takes part in the fit of "other" parts alone."""
 RIDGE = 1.0
 """Weight of half the squared coefficients of standardised features."""
-
-HALVES = ("development", "held")
 
 CONTACT = "contact"
 """Set of the photos of DATA/contact and DATA/photos, and of the films."""
@@ -121,15 +118,11 @@ class Case:
 
 def main() -> int:
     """Sample or fit."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks contact_on_photos",
-        description=(__doc__ or "").partition("\n")[0],
-    )
+    parser = parser_of("contact_on_photos", __doc__)
     parser.add_argument("step", choices=("sample", "fit"))
     parser.add_argument("data", type=Path, help="folder with contact and photos")
     parser.add_argument("out", type=Path)
     parser.add_argument("--kinds", nargs="+", choices=PARTS, default=tuple(PARTS))
-    parser.add_argument("--write", action="store_true", help="write the fitted file")
     given = parser.parse_args()
     samples = samples_of(given.data)
     if given.step == "sample":
@@ -281,24 +274,6 @@ def skin_cases(one: Mapping[str, Any], labels: Mapping[str, str], people: int) -
             yield SKIN, features, of_results[part] == partner
 
 
-def name_in_sets(photo: str) -> str:
-    """Return a name that a photo has in all sets: the number that its source gave it, else the end
-    of its name.
-    """
-    numbers = re.findall(r"\d{6,}", photo)
-    return numbers[-1] if numbers else re.sub("^tfjs(-models_)?_", "", photo)
-
-
-def half_of(picture: str) -> str:
-    """Return the half of a photo with this :func:`name_in_sets`."""
-    return HALVES[digest(picture) % 2]
-
-
-def digest(text: str) -> int:
-    """Return a number below 256 that depends on a text alone."""
-    return hashlib.sha256(text.encode()).digest()[0]
-
-
 def labels_of(
     sample: Sample, people: Sequence[Mapping[str, Any]]
 ) -> list[tuple[Mapping[str, Any], dict[str, str]]]:
@@ -319,21 +294,8 @@ def logistic(features: Array, touches: Array) -> Array:
     """Return constant and coefficients of log odds, by maximum likelihood with a ridge on
     standardised columns.
     """
-    from scipy.optimize import minimize
-
-    mean = features.mean(0)
-    spread = features.std(0) + 1e-9
-    columns = np.c_[np.ones(len(features)), (features - mean) / spread]
-
-    def loss(w: Array) -> float:
-        odds = columns @ w
-        return float(
-            (np.logaddexp(0, odds) - touches * odds).sum() + RIDGE / 2 * (w[1:] ** 2).sum()
-        )
-
-    found = minimize(loss, np.zeros(columns.shape[1])).x
-    slopes = found[1:] / spread
-    return np.array([found[0] - slopes @ mean, *slopes])
+    cases = Examples(features, touches[:, None], np.ones(len(features)), ())
+    return np.roll(fit_logistic(cases, RIDGE)[0], 1)
 
 
 def table_of(cases: Sequence[Case], kind: str) -> tuple[Array, Array]:
@@ -396,9 +358,7 @@ def fit_all(
     record["fitted on"] |= {
         kind: f"{count} photos labelled by two readers" for kind, count in pictures.items()
     }
-    print(json.dumps(record, indent=2))
-    if write:
-        TOUCH.write_text(json.dumps(record, indent=2) + "\n")
+    write_record(record, TOUCH, write=write)
 
 
 def left_out(
@@ -408,10 +368,9 @@ def left_out(
     the pictures.
     """
     found = []
-    for fold in range(10):
-        others = [case for case in cases if digest(case.picture + "fold") % 10 != fold]
-        w = fit_of(others, kind, shares)
-        own = (c for c in cases if c.kind == kind and digest(c.picture + "fold") % 10 == fold)
+    for fold in range(FOLDS):
+        w = fit_of([case for case in cases if fold_of(case.picture) != fold], kind, shares)
+        own = (c for c in cases if c.kind == kind and fold_of(c.picture) == fold)
         found += [(case, chance(case, w)) for case in own]
     return found
 

@@ -12,7 +12,6 @@ difference exceeds the limit of its row.
 
 from __future__ import annotations
 
-import argparse
 import importlib.metadata
 import importlib.util
 import tempfile
@@ -29,6 +28,7 @@ from physic_core.pictures import GLB_FILE
 from physic_visual.glb import combined_glb
 
 from . import export_readers as readers
+from .fits import parser_of
 
 
 @dataclass(frozen=True)
@@ -190,9 +190,7 @@ def is_wrong(reader: Reader, outcome: Outcome) -> bool:
 
 def main() -> int:
     """Print the table, reasons and faults."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks exports_opened", description=(__doc__ or "").partition("\n")[0]
-    )
+    parser = parser_of("exports_opened", __doc__, fits=False)
     parser.add_argument("results", nargs="+", help="folders of results")
     forms = list(dict.fromkeys(reader.form for reader in READERS))
     parser.add_argument("--format", nargs="+", choices=forms, default=forms, metavar="NAME")

@@ -11,8 +11,6 @@ plugin.
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +25,7 @@ from physic_embedded.body_fit import people as body_fit
 from physic_embedded.body_fit.joint_sigma import EVIDENCE, NUMBERS, kind_of
 from physic_embedded.body_fit.lifter import LIMBS
 
+from .fits import parser_of, write_record
 from .truth.command import compared, samples_of
 from .truth.run import measured_fields
 from .truth.sets import Sample, picture_of
@@ -50,12 +49,9 @@ KEYS = ("joint_errors_m", "evidence")
 
 def main() -> int:
     """Run, fit, print, and write."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks joint_errors", description=(__doc__ or "").partition("\n")[0]
-    )
+    parser = parser_of("joint_errors", __doc__)
     parser.add_argument("data", type=Path)
     parser.add_argument("--photos", type=int, help="the first N of each data set")
-    parser.add_argument("--write", action="store_true", help="write the fitted file")
     given = parser.parse_args()
     people = people_of(samples_of([given.data], SETS, given.photos))
     for name in SETS:
@@ -66,9 +62,7 @@ def main() -> int:
     variances = fitted(people)
     print(f"all, fitted to all: {described(people, variances)}")
     record = {"made by": "benchmarks/joint_errors.py", "variances": variances}
-    print(json.dumps(record, indent=2))
-    if given.write:
-        NUMBERS.write_text(json.dumps(record, indent=2) + "\n")
+    write_record(record, NUMBERS, write=given.write)
     return 0
 
 

@@ -15,7 +15,6 @@ no more on films for fits.
 
 from __future__ import annotations
 
-import argparse
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -38,6 +37,8 @@ from physic_embedded.body_fit.lifter import (
     LimbView,
     inputs,
 )
+
+from .fits import parser_of
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -97,13 +98,10 @@ _UNKNOWN_UP = 0.25
 
 def main() -> int:
     """Fit, print the error on motions left out, and write."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks lifter", description=(__doc__ or "").partition("\n")[0]
-    )
+    parser = parser_of("lifter", __doc__)
     parser.add_argument("motions", type=Path)
     parser.add_argument("--steps", type=int, default=2500, help="batches of the fit")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--write", action="store_true", help="write the numbers into the plugin")
     given = parser.parse_args()
     torch.set_num_threads(1)
     poses, clips = read_motions(given.motions)

@@ -19,7 +19,6 @@ tenth of the repositories by a fit to the rest, which is nearly as large as that
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -33,7 +32,7 @@ from physic_core.pipeline.checks.trust import ALL, CAP, load_of, probabilities_o
 from physic_core.types import MARKS
 from physic_testing.metrics import match_by_boxes, resampled_interval
 
-from .contact_on_photos import HALVES, digest, half_of, name_in_sets
+from .fits import HALVES, fold_of, half_of, name_in_sets, parser_of, write_record
 from .truth.measures import probability_scores
 
 Array = NDArray[np.float64]
@@ -47,7 +46,6 @@ RIDGE = 3.0
 GOOD = 0.8
 BAD = 0.3
 DRAWS = 1000
-FOLDS = 10
 SAME_PERSON = 0.9
 """Least overlap of the boxes of one person in two runs."""
 
@@ -60,10 +58,7 @@ TERMS = (
 
 def main() -> int:
     """Gather people, or fit."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks trust_on_photos",
-        description=(__doc__ or "").partition("\n")[0],
-    )
+    parser = parser_of("trust_on_photos", __doc__, fits=False)
     steps = parser.add_subparsers(dest="step", required=True)
     gather = steps.add_parser("gather")
     gather.add_argument("results", type=Path)
@@ -78,10 +73,7 @@ def main() -> int:
         given.table.write_text("[\n" + ",\n".join(lines) + "\n]\n")
         return 0
     rows = [row for row in json.loads(given.table.read_text()) if row["verdicts"]]
-    record = fit_all(rows)
-    print(json.dumps(record, indent=2))
-    if given.write:
-        TRUST.write_text(json.dumps(record, indent=2) + "\n")
+    write_record(fit_all(rows), TRUST, write=given.write)
     return 0
 
 
@@ -248,7 +240,7 @@ def left_out(rows: Sequence[Row]) -> dict[str, Array]:
     """Return the probability (n,) of each person by fits without a tenth of the repositories, by
     mark.
     """
-    fold = np.array([fold_of(row["photo"]) for row in rows])
+    fold = np.array([fold_of(row["photo"].partition("__")[0]) for row in rows])
     found = {mark: np.zeros(len(rows)) for mark in (*MARKS, ALL)}
     for number in sorted(set(fold.tolist())):
         others = [row for row, own in zip(rows, fold, strict=True) if own != number]
@@ -256,11 +248,6 @@ def left_out(rows: Sequence[Row]) -> dict[str, Array]:
         for mark, chance in probabilities(mine, fitted(others)).items():
             found[mark][fold == number] = chance
     return found
-
-
-def fold_of(photo: str) -> int:
-    """Return the tenth of a photo, by its repository."""
-    return digest(f"{photo.partition('__')[0]}fold") % FOLDS
 
 
 def described(

@@ -13,7 +13,6 @@ for mirrored. They are scored with places left out. The numbers are written to O
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -21,6 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import cv2
 import numpy as np
 
+from benchmarks.fits import parser_of, write_numbers
 from benchmarks.observer.command import opened
 from benchmarks.observer.regression import Examples, left_out
 from physic_core.files.npz import read_arrays, write_arrays
@@ -86,13 +86,10 @@ class View(NamedTuple):
 
 def main() -> int:
     """Look at the crops that are missing in OUT, score and fit."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks up", description=(__doc__ or "").partition("\n")[0]
-    )
+    parser = parser_of("up", __doc__)
     parser.add_argument("panoramas", type=Path)
     parser.add_argument("out", type=Path)
     parser.add_argument("--crops", type=int, default=CROPS, metavar="N", help="of each panorama")
-    parser.add_argument("--write", action="store_true", help="write the plugin's numbers")
     given = parser.parse_args()
     files = sorted(given.panoramas.glob("*.jpg"))
     if not files:
@@ -101,9 +98,7 @@ def main() -> int:
     examples = examples_of(files, given.out, given.crops)
     print(f"{len(examples.x)} crops of {len(files)} places", *scores(examples), sep="\n")
     numbers = {"angles": fit_angles(examples).astype(np.float32)}
-    for file in (given.out / NUMBERS.name, *([NUMBERS] if given.write else [])):
-        write_arrays(file, numbers, stored="f")
-        print(f"wrote {file}")
+    write_numbers(numbers, NUMBERS, given.out, write=given.write)
     return 0
 
 

@@ -20,7 +20,6 @@ backend of your own.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from functools import cache
 from importlib import import_module
@@ -29,9 +28,9 @@ from typing import TYPE_CHECKING
 
 import cv2
 
+from benchmarks.fits import parser_of, write_numbers
 from benchmarks.truth.scores import LIMBS as LIMBS_OF_FILMS
 from benchmarks.truth.sets import FILMS_OF_FITS, Sample, parkour, picture_of
-from physic_core.files.npz import write_arrays
 from physic_embedded.networks.depth_anything import patch_tokens
 from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.person_observer import NUMBERS, REGIONS, tokens_of_questions
@@ -69,13 +68,10 @@ _LEAST_IOU = 0.4  # of a labelled person and of a person in OUT, whose labels ma
 
 def main() -> int:
     """Sample what is missing in OUT, score and fit."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks observer", description=(__doc__ or "").partition("\n")[0]
-    )
+    parser = parser_of("observer", __doc__)
     parser.add_argument("data", type=Path, help="folder with contact and truth")
     parser.add_argument("out", type=Path)
     parser.add_argument("--encoder", default=ENCODER, metavar="MODULE:NAME")
-    parser.add_argument("--write", action="store_true", help="write the plugin's numbers")
     given = parser.parse_args()
     if not (given.data / "contact" / "labels.json").is_file():
         print(f"skipped: {given.data / 'contact' / 'labels.json'} is not there")
@@ -96,9 +92,7 @@ def main() -> int:
     encoder = getattr(import_module(module), name)
     people = list(_people(pictures, given.out, encoder))
     numbers = {name: _fitted(question_of(name, people)) for name in REGIONS}
-    for file in (given.out / NUMBERS.name, *([NUMBERS] if given.write else [])):
-        write_arrays(file, numbers, stored="f")
-        print(f"wrote {file}")
+    write_numbers(numbers, NUMBERS, given.out, write=given.write)
     return 0
 
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.special import expit, log_softmax, softmax
 
-Array = NDArray[np.float64]
+from benchmarks.fits import FOLDS
 
-FOLDS = 10
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

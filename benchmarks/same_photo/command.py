@@ -27,7 +27,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmarks.contact_on_photos import HALVES, half_of, samples_of
+from benchmarks.contact_on_photos import samples_of
+from benchmarks.fits import HALVES, half_of
 from benchmarks.truth.sets import Sample, picture_of
 from physic_testing.metrics import aligned_table, markdown_table
 

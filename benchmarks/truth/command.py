@@ -23,6 +23,8 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.fits import parser_of
+
 from .contact import film_records, film_rows, part_tables, table_of_parts
 from .run import answer_of
 from .scores import photo_record, score_annotated, score_moment, score_parkour, score_single
@@ -81,9 +83,7 @@ def main() -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks truth", description=(__doc__ or "").partition("\n")[0]
-    )
+    parser = parser_of("truth", __doc__, fits=False)
     add = parser.add_argument
     add("data", nargs="*", type=Path, help="folders that hold the data sets")
     add("--out", type=Path, default=Path("truth-results"), help="for results and the table")

@@ -22,7 +22,6 @@ _MIN_WIDTH = 30  # characters of the last column, on a narrow terminal
 
 def print_summary(
     folder: Path,
-    record: ResultRecord | None = None,
     *,
     verbose: bool = False,
     notes: int | None = SHOWN_NOTES,
@@ -32,7 +31,6 @@ def print_summary(
 
     Args:
         folder: of the result.
-        record: of the result; read from its folder if None.
         verbose: as of :func:`summary_text`.
         notes: as of :func:`summary_text`.
         seconds: as of :func:`summary_text`.
@@ -41,8 +39,8 @@ def print_summary(
         InputError: its ``reconstruction.json`` is missing, damaged, edited, or of another schema
             version.
     """
-    record = record or read_record(folder)
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+    record = read_record(folder)
     text = summary_text(record, folder, width=width, verbose=verbose, notes=notes, seconds=seconds)
     echo(text)
 

@@ -15,12 +15,11 @@ from physic_core.interfaces.checks import (
     METRES,
     RADIANS,
     SHAPE,
-    check_array,
     check_faces,
+    check_fields,
     check_limit,
     check_type,
     check_unit_range,
-    length,
     rows_to_check,
     valid_rows,
     within,
@@ -37,21 +36,6 @@ from physic_core.types import (
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, Intrinsics, Keypoints, People, UInt8Array
-
-_JOINTS = 55  # of SMPL-X
-_ROTATIONS = 22  # of pelvis and body joints
-
-_WIDTHS = {
-    "global_orient": 3,
-    "body_pose": 63,
-    "left_hand_pose": 45,
-    "right_hand_pose": 45,
-    "jaw_pose": 3,
-    "leye_pose": 3,
-    "reye_pose": 3,
-    "transl": 3,
-}
-"""Length of each parameter per person; betas and expression may have any length."""
 
 
 @dataclass(frozen=True)
@@ -117,16 +101,13 @@ class BodyEstimator(Backend):
             yield from wrong_type
             return
         yield from _check_parameters(result.parameters, n)
-        if result.observed is not None:
-            yield from check_array("observed", result.observed, (n, _JOINTS), "bool")
-        if result.rotation_sigma is not None:
-            yield from _check_sigma("rotation_sigma", result.rotation_sigma, (n, _ROTATIONS))
-        if result.joint_sigma is not None:
-            yield from _check_sigma("joint_sigma", result.joint_sigma, (n, _JOINTS), METRES, "m")
-        if result.lean_sigma is not None:
-            yield from _check_sigma("lean_sigma", result.lean_sigma, (n,))
-        if result.joints is not None:
-            yield from _check_joints(result.joints, n)
+        wrong = check_fields(result, N=n)
+        yield from wrong
+        if not wrong:
+            yield from _check_sigma("rotation_sigma", result.rotation_sigma)
+            yield from _check_sigma("joint_sigma", result.joint_sigma, METRES, "m")
+            yield from _check_sigma("lean_sigma", result.lean_sigma)
+            yield from _check_joints(result.joints)
         if result.mesh is not None:
             wrong_type = list(check_type(result.mesh, Mesh, "mesh"))
             yield from wrong_type or _check_mesh(result.mesh, n)
@@ -159,38 +140,26 @@ def _limit(name: str) -> tuple[float, str]:
 
 
 def _check_parameters(parameters: BodyParameters, people: int) -> Iterator[str]:
-    readable = {}
-    for name in (one.name for one in fields(parameters)):
-        value = getattr(parameters, name)
-        width = _WIDTHS.get(name, value.shape[-1] if getattr(value, "ndim", 0) else 0)
-        wrong = list(check_array(name, value, (people, width), "float"))
-        yield from wrong
-        if not wrong:
-            readable[name] = value
-    if (
-        people
-        and not valid_rows(
-            [(value, _limit(name)[0]) for name, value in readable.items()], people
-        ).any()
-    ):
-        for name, value in readable.items():
+    wrong = check_fields(parameters, N=people)
+    yield from wrong
+    if wrong or not people:
+        return
+    values = [(getattr(parameters, one.name), one.name) for one in fields(parameters)]
+    if not valid_rows([(value, _limit(name)[0]) for value, name in values], people).any():
+        for value, name in values:
             yield from check_limit(name, value, *_limit(name))
 
 
 def _check_sigma(
-    name: str, sigma: Any, shape: tuple[int, ...], largest: float = math.pi, unit: str = "radians"
+    name: str, sigma: Any, largest: float = math.pi, unit: str = "radians"
 ) -> Iterator[str]:
-    wrong = list(check_array(name, sigma, shape, "float"))
-    yield from wrong
-    if not wrong and not ((sigma > 0) & (sigma <= largest) | (sigma != sigma)).all():
+    if sigma is not None and not ((sigma > 0) & (sigma <= largest) | (sigma != sigma)).all():
         limit = "pi" if largest == math.pi else f"{largest:g}"
         yield f"{name} must be within 0 and {limit} {unit}, or NaN where unknown"
 
 
-def _check_joints(joints: Any, people: int) -> Iterator[str]:
-    wrong = list(check_array("joints", joints, (people, _JOINTS, 3), "float"))
-    yield from wrong
-    if wrong or not people:
+def _check_joints(joints: Any) -> Iterator[str]:
+    if joints is None or not len(joints):
         return
     beyond = ~(within(joints, METRES) | (joints != joints))
     if beyond.any((1, 2)).all():
@@ -201,18 +170,15 @@ def _check_joints(joints: Any, people: int) -> Iterator[str]:
 
 
 def _check_mesh(mesh: Mesh, people: int) -> Iterator[str]:
-    vertices = mesh.vertices.shape[1] if getattr(mesh.vertices, "ndim", 0) == 3 else 0
-    wrong = [
-        *check_type(mesh.name, str, "mesh.name"),
-        *check_array("mesh.vertices", mesh.vertices, (people, vertices, 3), "float"),
-    ]
+    wrong = [*check_type(mesh.name, str, "mesh.name"), *check_fields(mesh, "mesh.", N=people)]
     yield from wrong
-    if not wrong and people and not valid_rows([(mesh.vertices, METRES)], people).any():
+    if wrong:
+        return
+    if people and not valid_rows([(mesh.vertices, METRES)], people).any():
         yield from check_limit("mesh.vertices", mesh.vertices, METRES, "m")
     if mesh.rest is not None:
-        wrong = list(check_array("mesh.rest", mesh.rest, (vertices, 3), "float"))
-        yield from wrong or check_limit("mesh.rest", mesh.rest, METRES, "m")
-    yield from check_faces("mesh.faces", mesh.faces, vertices)
+        yield from check_limit("mesh.rest", mesh.rest, METRES, "m")
+    yield from check_faces("mesh.faces", mesh.faces, mesh.vertices.shape[1])
 
 
 @dataclass(frozen=True)
@@ -247,13 +213,7 @@ class HandEstimator(Backend):
     @classmethod
     def check(cls, result: Hands, request: HandEstimatorRequest) -> Iterator[str]:
         """Check N x 2 hands; rotations with a confidence above 0 must be within limits."""
-        n = len(request.people)
-        wrong = [
-            *check_array("rotvecs", result.rotvecs, (n, 2, 15, 3), "float"),
-            *check_array("confidence", result.confidence, (n, 2), "float"),
-        ]
-        if result.wrists is not None:
-            wrong += check_array("wrists", result.wrists, (n, 2, 3), "float")
+        wrong = check_fields(result, N=len(request.people))
         yield from wrong
         if wrong:
             return
@@ -319,22 +279,20 @@ class ContactPrior(Backend):
         """Check contact probabilities of N people: in [0, 1], one per vertex of the bodies or of
         ``result.rest``.
         """
-        vertices = request.vertices
         topology = request.topology
-        if topology is None or vertices is None:
-            vertices = result.probability.shape[-1]
-        elif result.topology != topology:
-            if result.rest is None:
-                yield f"topology must be {topology!r} as the bodies', got {result.topology!r}"
-                return
-            wrong = list(_check_rest(result.rest, result.topology))
-            if wrong:
-                yield from wrong
-                return
-            vertices = len(result.rest.vertices)
-        wrong = list(
-            check_array("probability", result.probability, (len(request.people), vertices), "float")
-        )
+        sizes = {}
+        if topology is not None and request.vertices is not None:
+            sizes["V"] = request.vertices
+            if result.topology != topology:
+                if result.rest is None:
+                    yield f"topology must be {topology!r} as the bodies', got {result.topology!r}"
+                    return
+                wrong = list(_check_rest(result.rest, result.topology))
+                if wrong:
+                    yield from wrong
+                    return
+                sizes["V"] = len(result.rest.vertices)
+        wrong = check_fields(result, "", N=len(request.people), **sizes)
         yield from wrong or check_unit_range(
             "probability", result.probability[rows_to_check(valid_contact_rows(result))]
         )
@@ -350,12 +308,13 @@ def _check_rest(rest: RestMesh, topology: str) -> Iterator[str]:
     if wrong_type:
         yield from wrong_type
         return
-    vertices = length(rest.vertices)
     if rest.topology != topology:
         yield (
             f"rest must be the mesh {topology!r} that the probabilities are on, got "
             f"{rest.topology!r}"
         )
-    wrong = list(check_array("rest.vertices", rest.vertices, (vertices, 3), "float"))
-    yield from wrong or check_limit("rest.vertices", rest.vertices, METRES, "m")
-    yield from check_faces("rest.faces", rest.faces, vertices)
+    wrong = check_fields(rest, "rest.")
+    yield from wrong
+    if not wrong:
+        yield from check_limit("rest.vertices", rest.vertices, METRES, "m")
+        yield from check_faces("rest.faces", rest.faces, len(rest.vertices))

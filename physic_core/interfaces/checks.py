@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from dataclasses import fields
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
@@ -75,8 +76,8 @@ def check_type(value: object, expected: type, name: str = "") -> Iterator[str]:
 
 
 def check_array(name: str, value: Any, shape: tuple[int, ...], kind: str) -> Iterator[str]:
-    """Check the type, shape and dtype of a numpy array; dtype "float" accepts floats of up to 64
-    bits.
+    """Check the type, shape and dtype of a numpy array; "float" accepts floats of up to 64 bits,
+    "int" all integers.
     """
     import numpy as np
 
@@ -91,12 +92,38 @@ def check_array(name: str, value: Any, shape: tuple[int, ...], kind: str) -> Ite
     if tuple(value.shape) != shape:
         yield f"{name} must be {_text(shape)}, got {_text(tuple(value.shape))}"
     # Neither torch nor SciPy's filters take the wider floats of some machines.
-    if not (
-        value.dtype.kind == "f" and value.dtype.itemsize <= 8
-        if kind == "float"
-        else value.dtype == kind
-    ):
+    is_float = value.dtype.kind == "f" and value.dtype.itemsize <= 8
+    fits = {"float": is_float, "int": value.dtype.kind in "iu"}
+    if not fits.get(kind, value.dtype == kind):
         yield f"{name} must be {kind}, got {value.dtype}"
+
+
+_KINDS = {"BoolArray": "bool", "FloatArray": "float", "IntArray": "int", "UInt8Array": "uint8"}
+
+
+def check_fields(record: Any, name: str = "", **sizes: int) -> list[str]:
+    """Check the arrays of a dataclass: their shapes by the metadata of its fields, their dtypes by
+    the types of these.
+
+    Args:
+        record: of :mod:`physic_core.types`.
+        name: of the record, with a dot at its end, for messages.
+        sizes: by letter of the shapes; that of another letter is the size in the first array with
+            it.
+    """
+    wrong: list[str] = []
+    for one in fields(record):
+        value = getattr(record, one.name)
+        kind, _, optional = str(one.type).partition(" | ")
+        dims = one.metadata.get("shape")
+        if dims is None or (optional and value is None):
+            continue
+        shape = getattr(value, "shape", ())
+        if len(shape) == len(dims):
+            sizes = dict(zip(map(str, dims), shape, strict=True)) | sizes
+        wanted = tuple(n if isinstance(n, int) else sizes.get(n, 0) for n in dims)
+        wrong += check_array(name + one.name, value, wanted, _KINDS[kind])
+    return wrong
 
 
 def check_finite(name: str, value: Any) -> Iterator[str]:
@@ -141,14 +168,8 @@ def check_unit_range(name: str, value: Any) -> Iterator[str]:
 
 
 def check_faces(name: str, faces: Any, vertices: int) -> Iterator[str]:
-    """Check that faces (F, 3) are integers in [0, ``vertices``)."""
-    count = length(faces)
-    if getattr(faces, "dtype", None) is not None and faces.dtype.kind not in "iu":
-        yield f"{name} must be integers, got {faces.dtype}"
-        return
-    wrong = list(check_array(name, faces, (count, 3), str(getattr(faces, "dtype", ""))))
-    yield from wrong
-    if not wrong and count and not 0 <= int(faces.min()) <= int(faces.max()) < vertices:
+    """Check that faces (F, 3) are in [0, ``vertices``)."""
+    if len(faces) and not 0 <= int(faces.min()) <= int(faces.max()) < vertices:
         yield (
             f"{name} must number the {vertices} vertices from 0, got {int(faces.min())} to "
             f"{int(faces.max())}"

@@ -16,6 +16,7 @@ from physic_core.interfaces.checks import (
     RELATIVE_DEPTH,
     check_array,
     check_camera,
+    check_fields,
     check_finite,
     check_log_sigma,
     check_median,
@@ -85,7 +86,7 @@ class MetricDepth(Backend):
         scale_sigma and notes.
         """
         height, width = request.image.shape[:2]
-        wrong = list(check_array("depth", result.depth, (height, width), "float"))
+        wrong = check_fields(result, H=height, W=width)
         yield from wrong
         if not wrong:
             known = result.depth[is_finite(result.depth)]
@@ -141,13 +142,11 @@ class RelativePointmap(Backend):
         rest.
         """
         height, width = request.image.shape[:2]
-        wrong = [
-            *check_array("points", result.points, (height, width, 3), "float"),
-            *check_array("valid", result.valid, (height, width), "bool"),
-        ]
+        wrong = check_fields(result, H=height, W=width)
         yield from wrong
         if not wrong:
             yield from _check_points(result.points, result.valid)
+            yield from _check_up(result)
         if result.unknown not in get_args(AffineAmbiguity):
             yield (
                 f"unknown must be one of {', '.join(get_args(AffineAmbiguity))}, got "
@@ -160,7 +159,6 @@ class RelativePointmap(Backend):
                 f"people_farther must be a finite mean and a sigma > 0, or None, got "
                 f"{result.people_farther!r}"
             )
-        yield from _check_up(result)
         yield from check_camera(result.intrinsics, height, width)
         yield from check_notes(result.notes)
         yield from check_notes(result.warnings, "warnings")
@@ -178,9 +176,7 @@ def _check_up(result: Pointmap) -> Iterator[str]:
         if result.up_sigma is not None:
             yield f"up_sigma is of up, which is None: give both or neither, got {result.up_sigma!r}"
         return
-    wrong = list(check_array("up", result.up, (3,), "float"))
-    yield from wrong
-    if not wrong and not abs(float(np.linalg.norm(result.up)) - 1) < _UNIT:
+    if not abs(float(np.linalg.norm(result.up)) - 1) < _UNIT:
         yield f"up must be a vector (3,) of length 1, got {result.up.tolist()}"
     if result.up_sigma is None or not 0 < result.up_sigma < _MOST_UP_DEG:
         yield f"up_sigma must be degrees, > 0 and < {_MOST_UP_DEG:g}, got {result.up_sigma!r}"

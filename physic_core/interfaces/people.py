@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -16,6 +16,7 @@ from physic_core.interfaces.checks import (
     METRES,
     PIXELS,
     check_array,
+    check_fields,
     check_finite,
     check_limit,
     check_type,
@@ -93,21 +94,9 @@ class Segmenter(Backend):
         """Check masks (disjoint), boxes and scores of N people, and all optional fields."""
         height, width = request.image.shape[:2]
         n = length(result.masks)
-        wrong = [
-            *check_array("masks", result.masks, (n, height, width), "bool"),
-            *check_array("boxes", result.boxes, (n, 4), "float"),
-            *check_array("scores", result.scores, (n,), "float"),
-        ]
-        if result.floor is not None:
-            wrong += check_array("floor", result.floor, (height, width), "bool")
+        wrong = check_fields(result, N=n, H=height, W=width)
         for mask in result.floor_candidates:
             wrong += check_array("floor_candidates", mask, (height, width), "bool")
-        if result.unposed_mask is not None:
-            wrong += check_array("unposed_mask", result.unposed_mask, (height, width), "bool")
-        if result.heads is not None:
-            wrong += check_array("heads", result.heads, (n,), "int")
-        if result.held is not None:
-            wrong += check_array("held", result.held, (n, 2, height, width), "bool")
         yield from wrong
         yield from _check_boxes("unposed", result.unposed, UnposedPerson)
         yield from _check_boxes("carriers", result.carriers, Carrier)
@@ -125,7 +114,7 @@ class Segmenter(Backend):
 
 def _check_surfaces(surfaces: SurfaceLabels, height: int, width: int) -> Iterator[str]:
     names = surfaces.names
-    wrong = list(check_array("surfaces.labels", surfaces.labels, (height, width), "uint8"))
+    wrong = check_fields(surfaces, "surfaces.", H=height, W=width)
     if not isinstance(names, tuple) or not all(isinstance(name, str) for name in names):
         wrong.append(f"surfaces.names must be a tuple of texts, got {names!r}")
     elif unknown := [name for name in names if name not in SURFACE_NAMES]:
@@ -270,15 +259,8 @@ def keypoint_violations(keypoints: Keypoints, people: int) -> Iterator[str]:
     joints = keypoints.points.shape[1] if getattr(keypoints.points, "ndim", 0) == 3 else None
     wrong = [
         *_check_skeleton(keypoints.skeleton, joints),
-        *check_array("points", keypoints.points, (people, joints or 0, 2), "float"),
-        *check_array("confidence", keypoints.confidence, (people, joints or 0), "float"),
+        *check_fields(keypoints, N=people),
     ]
-    if keypoints.world is not None:
-        wrong += check_array("world", keypoints.world, (people, joints or 0, 3), "float")
-    for name, sigma in _sigmas(keypoints):
-        wrong += check_array(name, sigma, (people, joints or 0), "float")
-    if keypoints.world_spread is not None:
-        wrong += check_array("world_spread", keypoints.world_spread, (people, joints or 0), "float")
     if keypoints.depth_sigma is not None and keypoints.world is None:
         wrong.append("depth_sigma is given without world, whose depth it is of")
     yield from wrong
@@ -372,15 +354,10 @@ class PersonObserver(Backend):
         """Check shapes; probabilities in [0, 1] with a share in (0, 1), postures that sum to 1,
         and directions of length 1 with a sigma above 0. NaN is allowed.
         """
-        wrong: list[str] = []
-        for one in fields(result):
-            value = getattr(result, one.name)
-            dims = one.metadata.get("shape")
-            if dims is not None:
-                sizes = tuple(len(request.people) if size == "N" else size for size in dims)
-                wrong += check_array(one.name, value, sizes, "float")
-            elif not isinstance(value, Real):
-                wrong.append(f"{one.name} must be a number or NaN, got {value!r}")
+        wrong = check_fields(result, N=len(request.people))
+        for name in ("in_air_share", "child_share"):
+            if not isinstance(value := getattr(result, name), Real):
+                wrong.append(f"{name} must be a number or NaN, got {value!r}")
         yield from wrong
         if not wrong:
             for name in PROBABILITIES:

@@ -13,7 +13,7 @@ import json
 import os
 from collections.abc import Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -434,18 +434,3 @@ def read_record(folder: Path) -> ResultRecord:
         raise damaged(folder, error) from error
     inside = paths_inside(folder, record.files)
     return replace(record, files={name: record.files[name] for name in inside})
-
-
-def record_of(result: Reconstruction, files: Mapping[str, str]) -> ResultRecord:
-    """Return the record of a result that was saved.
-
-    Args:
-        result: of a run.
-        files: name -> SHA-256 of each file but the document.
-    """
-    same = {
-        one.name: getattr(result, one.name)
-        for one in fields(ResultRecord)
-        if one.name not in ("files", "rows")
-    }
-    return ResultRecord(files=files, rows=tuple(person_rows(result)), **same)

@@ -65,7 +65,7 @@ def wrong_rows(record: Any, people: int, name: str = "") -> Iterator[str]:
     """Yield each field of a dataclass, and of those in it, that has not a row for each of some
     people: "people.heads has 3 rows".
     """
-    for field, value in _per_person(record):
+    for field, value in per_person(record):
         if is_dataclass(value):
             yield from wrong_rows(value, people, f"{name}{field}.")
         elif len(value) != people:
@@ -75,13 +75,15 @@ def wrong_rows(record: Any, people: int, name: str = "") -> Iterator[str]:
 def _map_rows(record: _Record, change: Callable[[Any], Any]) -> _Record:
     changed = {
         name: _map_rows(value, change) if is_dataclass(value) else change(value)
-        for name, value in _per_person(record)
+        for name, value in per_person(record)
     }
     return replace(record, **changed)  # type: ignore[type-var]  # cannot be bound to dataclasses
 
 
-def _per_person(record: Any) -> Iterator[tuple[str, Any]]:
-    """Yield name and value of the given fields with a row for each person."""
+def per_person(record: Any) -> Iterator[tuple[str, Any]]:
+    """Yield name and value of the fields of a dataclass with a row for each person that are not
+    None.
+    """
     for field in fields(record):
         value = getattr(record, field.name)
         sizes = field.metadata.get("shape", ("",))

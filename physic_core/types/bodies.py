@@ -102,9 +102,9 @@ class Mesh(ShortRepr):
     """
 
     name: str
-    vertices: FloatArray = field(metadata=PER_PERSON)
-    faces: IntArray
-    rest: FloatArray | None = None
+    vertices: FloatArray = field(metadata=shape("N", "V", 3))
+    faces: IntArray = field(metadata=shape("F", 3))
+    rest: FloatArray | None = field(default=None, metadata=shape("V", 3))
 
 
 @dataclass(frozen=True)
@@ -118,8 +118,8 @@ class RestMesh(ShortRepr):
     """
 
     topology: str
-    vertices: FloatArray
-    faces: IntArray
+    vertices: FloatArray = field(metadata=shape("V", 3))
+    faces: IntArray = field(metadata=shape("F", 3))
 
 
 @dataclass(frozen=True)
@@ -155,12 +155,12 @@ class Bodies(ShortRepr):
 
     parameters: BodyParameters = field(metadata=PER_PERSON)
     body_model: str
-    observed: BoolArray | None = field(default=None, metadata=PER_PERSON)
-    joints: FloatArray | None = field(default=None, metadata=PER_PERSON)
+    observed: BoolArray | None = field(default=None, metadata=shape("N", 55))
+    joints: FloatArray | None = field(default=None, metadata=shape("N", 55, 3))
     mesh: Mesh | None = field(default=None, metadata=PER_PERSON)
-    rotation_sigma: FloatArray | None = field(default=None, metadata=PER_PERSON)
-    lean_sigma: FloatArray | None = field(default=None, metadata=PER_PERSON)
-    joint_sigma: FloatArray | None = field(default=None, metadata=PER_PERSON)
+    rotation_sigma: FloatArray | None = field(default=None, metadata=shape("N", 22))
+    lean_sigma: FloatArray | None = field(default=None, metadata=shape("N"))
+    joint_sigma: FloatArray | None = field(default=None, metadata=shape("N", 55))
 
 
 @dataclass(frozen=True)
@@ -175,9 +175,9 @@ class Hands(ShortRepr):
             fit the hand.
     """
 
-    rotvecs: FloatArray = field(metadata=PER_PERSON)
-    confidence: FloatArray = field(metadata=PER_PERSON)
-    wrists: FloatArray | None = field(default=None, metadata=PER_PERSON)
+    rotvecs: FloatArray = field(metadata=shape("N", 2, 15, 3))
+    confidence: FloatArray = field(metadata=shape("N", 2))
+    wrists: FloatArray | None = field(default=None, metadata=shape("N", 2, 3))
 
 
 @dataclass(frozen=True)
@@ -191,6 +191,6 @@ class ContactProbability(ShortRepr):
             transfer the probabilities to it.
     """
 
-    probability: FloatArray = field(metadata=PER_PERSON)
+    probability: FloatArray = field(metadata=shape("N", "V"))
     topology: str
     rest: RestMesh | None = None

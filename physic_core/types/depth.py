@@ -57,8 +57,8 @@ class Pointmap(ShortRepr):
         up_source: what tells it, in words ("lines of a room").
     """
 
-    points: FloatArray
-    valid: BoolArray
+    points: FloatArray = field(metadata=shape("H", "W", 3))
+    valid: BoolArray = field(metadata=shape("H", "W"))
     unknown: AffineAmbiguity
     intrinsics: Intrinsics | None = None
     notes: tuple[str, ...] = ()
@@ -83,7 +83,7 @@ class DepthMap(ShortRepr):
         notes: plain sentences for the user ("scale from the soles of 2 people").
     """
 
-    depth: FloatArray
+    depth: FloatArray = field(metadata=shape("H", "W"))
     intrinsics: Intrinsics | None = None
     scale_sigma: float | None = None
     notes: tuple[str, ...] = ()

@@ -5,10 +5,10 @@ legs are bent.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from physic_core.types.arrays import PER_PERSON, shape
+from physic_core.types.arrays import per_person, shape
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
@@ -25,10 +25,6 @@ PROBABILITIES = ("posture", "touch", "holds", "in_air", "child")
 
 _LEAST = 1e-4
 """Probability closest to 0 and 1 that counts as evidence: no network is surer than this."""
-
-
-def _rows(*sizes: int) -> dict[str, Any]:
-    return {**PER_PERSON, **shape("N", *sizes)}
 
 
 @dataclass(frozen=True)
@@ -59,13 +55,13 @@ class Observations(ShortRepr):
         child_share: a number.
     """
 
-    posture: FloatArray = field(metadata=_rows(len(POSTURES)))
-    touch: FloatArray = field(metadata=_rows(len(TOUCH_PARTS)))
-    holds: FloatArray = field(metadata=_rows(2))
-    in_air: FloatArray = field(metadata=_rows())
-    child: FloatArray = field(metadata=_rows())
-    head: FloatArray = field(metadata=_rows(3))
-    head_sigma: FloatArray = field(metadata=_rows())
+    posture: FloatArray = field(metadata=shape("N", len(POSTURES)))
+    touch: FloatArray = field(metadata=shape("N", len(TOUCH_PARTS)))
+    holds: FloatArray = field(metadata=shape("N", 2))
+    in_air: FloatArray = field(metadata=shape("N"))
+    child: FloatArray = field(metadata=shape("N"))
+    head: FloatArray = field(metadata=shape("N", 3))
+    head_sigma: FloatArray = field(metadata=shape("N"))
     posture_share: FloatArray = field(metadata=shape(len(POSTURES)))
     touch_share: FloatArray = field(metadata=shape(len(TOUCH_PARTS)))
     holds_share: FloatArray = field(metadata=shape(2))
@@ -103,10 +99,10 @@ class Observations(ShortRepr):
         selects.
         """
         blank = Observations.unknown(len(rows))
-        names = [one.name for one in fields(self) if one.metadata.get("per_person")]
-        for name in names:
-            getattr(blank, name)[rows] = getattr(self, name)
-        return replace(self, **{name: getattr(blank, name) for name in names})
+        own = dict(per_person(self))
+        for name, value in own.items():
+            getattr(blank, name)[rows] = value
+        return replace(self, **{name: getattr(blank, name) for name in own})
 
     def evidence(self, name: str) -> FloatArray:
         """Return what the photo says about one of :data:`PROBABILITIES` beyond its share, in the

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from itertools import compress
 from typing import TYPE_CHECKING
 
-from physic_core.types.arrays import PER_PERSON
+from physic_core.types.arrays import PER_PERSON, shape
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import Skeleton, skeleton_named
 
@@ -84,13 +84,13 @@ class Keypoints(ShortRepr):
             once.
     """
 
-    points: FloatArray = field(metadata=PER_PERSON)
-    confidence: FloatArray = field(metadata=PER_PERSON)
+    points: FloatArray = field(metadata=shape("N", "J", 2))
+    confidence: FloatArray = field(metadata=shape("N", "J"))
     skeleton: Skeleton | str
-    world: FloatArray | None = field(default=None, metadata=PER_PERSON)
-    sigma: FloatArray | None = field(default=None, metadata=PER_PERSON)
-    depth_sigma: FloatArray | None = field(default=None, metadata=PER_PERSON)
-    world_spread: FloatArray | None = field(default=None, metadata=PER_PERSON)
+    world: FloatArray | None = field(default=None, metadata=shape("N", "J", 3))
+    sigma: FloatArray | None = field(default=None, metadata=shape("N", "J"))
+    depth_sigma: FloatArray | None = field(default=None, metadata=shape("N", "J"))
+    world_spread: FloatArray | None = field(default=None, metadata=shape("N", "J"))
 
     @property
     def joint_set(self) -> Skeleton:
@@ -169,18 +169,18 @@ class People(ShortRepr):
         notes: plain sentences for the user ("left out what looks like a person ...").
     """
 
-    masks: BoolArray = field(metadata=PER_PERSON)
-    boxes: FloatArray = field(metadata=PER_PERSON)
-    scores: FloatArray = field(metadata=PER_PERSON)
-    floor: BoolArray | None = None
+    masks: BoolArray = field(metadata=shape("N", "H", "W"))
+    boxes: FloatArray = field(metadata=shape("N", 4))
+    scores: FloatArray = field(metadata=shape("N"))
+    floor: BoolArray | None = field(default=None, metadata=shape("H", "W"))
     keypoints: Keypoints | None = field(default=None, metadata=PER_PERSON)
     surfaces: SurfaceLabels | None = None
     unposed: tuple[UnposedPerson, ...] = ()
-    unposed_mask: BoolArray | None = None
+    unposed_mask: BoolArray | None = field(default=None, metadata=shape("H", "W"))
     floor_candidates: tuple[BoolArray, ...] = ()
     carriers: tuple[Carrier, ...] = ()
-    heads: IntArray | None = field(default=None, metadata=PER_PERSON)
-    held: BoolArray | None = field(default=None, metadata=PER_PERSON)
+    heads: IntArray | None = field(default=None, metadata=shape("N"))
+    held: BoolArray | None = field(default=None, metadata=shape("N", 2, "H", "W"))
     notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
@@ -201,7 +201,7 @@ class SurfaceLabels(ShortRepr):
             may be omitted.
     """
 
-    labels: UInt8Array
+    labels: UInt8Array = field(metadata=shape("H", "W"))
     names: tuple[str, ...] = SURFACE_NAMES
 
     def mask(self, *names: str) -> BoolArray:

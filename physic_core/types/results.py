@@ -12,7 +12,8 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from physic_core.doors import DOORS
 from physic_core.errors import InputError, PackageMissingError
@@ -628,9 +629,11 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
     right_leg_sigma_m (its ``limb_sigmas``), the sizes of :class:`Person`, and main angles of
     ``Person.joint_angles``, degrees. Lengths and angles are None without a body.
     """
+    main = main_people([person.box for person in result.people])
+    sigmas = zip(result.people, result.distance_sigmas, strict=True)
+    rows = [_Row(i, i in main, person, sigma) for i, (person, sigma) in enumerate(sigmas)]
     return [
-        {name: value(result, index) for name, value in _ROW.items()} | _angles(person)
-        for index, person in enumerate(result.people)
+        {name: value(row) for name, value in _ROW.items()} | _angles(row.person) for row in rows
     ]
 
 
@@ -656,46 +659,53 @@ def _rounded(value: float | None, digits: int = 3) -> float | None:
     return None if value is None or not math.isfinite(value) else round(value, digits)
 
 
-def _mark(result: Reconstruction, index: int, name: str) -> float | None:
-    return result.people[index].marks[name]
+class _Row(NamedTuple):
+    number: int
+    main: bool
+    person: Person
+    distance_sigma: float | None
 
 
-def _grade_of_mark(result: Reconstruction, index: int, name: str) -> str:
-    probability = result.people[index].marks[name]
+def _grade_of_mark(row: _Row, name: str) -> str:
+    probability = row.person.marks[name]
     return "" if probability is None else str(Grade.of(probability))
 
 
-def _limb_sigma(result: Reconstruction, index: int, limb: str) -> float | None:
-    return _rounded(result.people[index].limb_sigmas[limb])
+def _limb_sigma(row: _Row, limb: str) -> float | None:
+    return _rounded(row.person.limb_sigmas[limb])
 
 
-_ROW: dict[str, Callable[[Reconstruction, int], Any]] = {
-    "person": lambda result, index: index,
-    "main": lambda result, index: index in main_people([person.box for person in result.people]),
-    "grade": lambda result, index: str(result.people[index].grade or ""),
-    "trust": lambda result, index: result.people[index].trust,
+def _size(row: _Row, name: str) -> float | None:
+    return _rounded(row.person.sizes.get(name))
+
+
+def _same(*names: str) -> dict[str, Callable[[_Row], Any]]:
+    """Return columns that are attributes of the person."""
+    return {name: attrgetter(f"person.{name}") for name in names}
+
+
+_ROW: dict[str, Callable[[_Row], Any]] = {
+    "person": lambda row: row.number,
+    "main": lambda row: row.main,
+    "grade": lambda row: str(row.person.grade or ""),
+    **_same("trust"),
     **{f"grade_{name}": partial(_grade_of_mark, name=name) for name in MARKS},
-    **{f"trust_{name}": partial(_mark, name=name) for name in MARKS},
-    "why": lambda result, index: result.people[index].why,
-    "distance_m": lambda result, index: _rounded(pelvis_distance_m(result.people[index])),
-    "distance_sigma_m": lambda result, index: _rounded(
-        spread_m(pelvis_distance_m(result.people[index]), result.distance_sigmas[index])
+    **_same(*(f"trust_{name}" for name in MARKS), "why"),
+    "distance_m": lambda row: _rounded(pelvis_distance_m(row.person)),
+    "distance_sigma_m": lambda row: _rounded(
+        spread_m(pelvis_distance_m(row.person), row.distance_sigma)
     ),
-    "stature_m": lambda result, index: _rounded(result.people[index].stature),
-    "stature_sigma_m": lambda result, index: _rounded(
-        spread_m(result.people[index].stature, result.people[index].stature_sigma)
-    ),
-    "posture": lambda result, index: result.people[index].posture,
-    "posture_probability": lambda result, index: result.people[index].posture_probability,
-    "child_probability": lambda result, index: result.people[index].child_probability,
-    "contacts": lambda result, index: contacts_text(result.people[index].contacts, assumed=False),
-    "assumed": lambda result, index: contacts_text(result.people[index].contacts, assumed=True),
-    "unseen": lambda result, index: ", ".join(map(part_words, result.people[index].unseen)),
-    "unsure": lambda result, index: ", ".join(map(part_words, result.people[index].unsure)),
+    "stature_m": lambda row: _rounded(row.person.stature),
+    "stature_sigma_m": lambda row: _rounded(spread_m(row.person.stature, row.person.stature_sigma)),
+    **_same("posture", "posture_probability", "child_probability"),
+    "contacts": lambda row: contacts_text(row.person.contacts, assumed=False),
+    "assumed": lambda row: contacts_text(row.person.contacts, assumed=True),
+    "unseen": lambda row: ", ".join(map(part_words, row.person.unseen)),
+    "unsure": lambda row: ", ".join(map(part_words, row.person.unsure)),
     **{f"{limb}_sigma_m": partial(_limb_sigma, limb=limb) for limb in LIMB_ENDS},
+    **{name: partial(_size, name=name) for name in ("pelvis_height_m", "seat_height_m")},
 }
 
-_SIZES = ("pelvis_height_m", "seat_height_m")
 _ANGLES = (
     *("trunk_flexion", "neck_flexion"),
     *(
@@ -706,16 +716,10 @@ _ANGLES = (
 )
 
 
-def _size(result: Reconstruction, index: int, name: str) -> float | None:
-    return _rounded(result.people[index].sizes.get(name))
-
-
 def _angles(person: Person) -> dict[str, float | None]:
     angles = person.joint_angles
     return {f"{name}_deg": _rounded(angles[name], 1) for name in _ANGLES}
 
-
-_ROW |= {name: partial(_size, name=name) for name in _SIZES}
 
 PERSON_COLUMNS = ("id", *_ROW, *(f"{name}_deg" for name in _ANGLES))
 """Columns of ``people.csv``; the id is the name of the photo, in a batch its id."""

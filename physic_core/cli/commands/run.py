@@ -240,9 +240,7 @@ def run(
 
         beside = {PEOPLE_TABLE: people_csv(result, photo.name)}
         title = photo.name if report else None
-        written = save_reconstruction(
-            result, folder, save, overwrite=overwrite, beside=beside, page=title
-        )
+        save_reconstruction(result, folder, save, overwrite=overwrite, beside=beside, page=title)
     if quiet:
         for text in result.warnings:
             echo(f"warning: {text}", err=True)
@@ -251,10 +249,8 @@ def run(
             echo(text, err=True)
     if not quiet:
         from physic_core.cli.result_summary import print_summary
-        from physic_core.io.results import record_of
 
-        record = record_of(result, {path.name: file_digest(path) for path in written[1:]})
-        print_summary(folder, record, verbose=verbose)
+        print_summary(folder, verbose=verbose)
         _suggest_focal_length(result)
     if open_page:
         _open_in_browser(folder / "report.html")
