@@ -271,7 +271,7 @@ def test_a_foot_that_does_not_carry_may_touch_something_unknown():
 
 
 @pytest.mark.parametrize(("lies", "failed"), [(True, ()), (False, ("unknown_contacts",))])
-def test_only_the_trunk_of_who_lies_may_rest_on_what_is_not_seen(lies, failed):
+def test_who_lies_may_rest_on_what_is_not_seen(lies, failed):
     evidence, result = case(joints=across_the_picture(standing(0.0)) if lies else None)
     back = BodyContact("back", ContactPartner("hidden"), 0.9, 30)
     result.people[0].contacts = (back,)
@@ -284,6 +284,12 @@ def test_somebody_of_whom_the_photo_shows_little_is_told():
     parts = ("upper_arm", "lower_arm", "hand", "foot")
     result.people[0].unseen = tuple(f"{side}_{part}" for part in parts for side in SIDES)
     assert failed_checks(run_checks(evidence, result), 0) == ("hidden_limbs",)
+
+
+def test_limbs_that_a_side_view_of_who_lies_hides_are_not_counted():
+    evidence, result = case(joints=across_the_picture(standing(0.0)))
+    result.people[0].unseen = tuple(f"part {i}" for i in range(9))
+    assert "hidden_limbs" not in failed_checks(run_checks(evidence, result), 0)
 
 
 def test_nothing_fails_where_all_is_well():

@@ -13,6 +13,7 @@ import numpy as np
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.terms.reprojection_settings import ReprojectionSettings
+from physic_core.pipeline.checks.people import lies
 from physic_core.pipeline.checks.spec import NO_BODY, check
 from physic_core.types import skeleton_named
 from physic_core.types.contacts import part_words
@@ -120,9 +121,15 @@ def limb_spread(estimates: Estimates, result: Reconstruction, person: int) -> Me
     unmeasured=NO_BODY,
 )
 def hidden_limbs(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return how many upper and lower arms and legs, hands and feet are ``unseen``."""
+    """Return how many upper and lower arms and legs, hands and feet are ``unseen``, of a person who
+    does not lie.
+    """
     who = result.people[person]
-    return float(len(who.unseen)) if who.has_body else None
+    if not who.has_body:
+        return None
+    if lies(result, person):
+        return None, "this person lies, and one side of the body may hide the other"
+    return float(len(who.unseen))
 
 
 # In sigmas of the joint fit, and beyond as many as it takes for an outlier. Of 1581 limb joints of

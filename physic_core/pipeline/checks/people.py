@@ -42,7 +42,6 @@ _SUPPORT_M = 0.1  # largest distance from what carries
 _LOWEST_SHARE = 0.01  # of the vertices, below which the body of a person who lies may reach
 _FAR_BELOW_M = 0.5  # of soles below the floor: no error of a floor that people stand on
 _LIES_DEG = 60.0  # lean beyond which people lie
-_TRUNK = ("torso", "back", "seat")
 _OBSERVED = (*TOUCH_PARTS, "back")
 
 _check = partial(check, "person")
@@ -168,9 +167,9 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
                 f"the person is in the air, person or surface lies wrong: see {_FROM_THE_SIDE}",
             )
         )
-    lies = _lies(result, person)
+    lying = lies(result, person)
     for one in result.people[person].contacts:
-        limb = one.part.endswith(("foot", "hand")) and not lies
+        limb = one.part.endswith(("foot", "hand")) and not lying
         if limb and one.distance_m is not None and not one.partner.surface:
             found.append(
                 (
@@ -179,7 +178,7 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
                     f"surface is {one.distance_m:.2f} m away or more: see {_FROM_THE_SIDE}",
                 )
             )
-    if result.scene.floor is not None and lies:
+    if result.scene.floor is not None and lying:
         above = result.people[person].vertices @ result.scene.floor.normal
         low = float(np.quantile(above, _LOWEST_SHARE)) + result.scene.floor.offset
         if low < -_SUPPORT_M:
@@ -219,7 +218,7 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
     who = result.people[person]
     if not (likely := who.world_contact):
         return None
-    if _lies(result, person):
+    if lies(result, person):
         return _sure_carriers(who)
     value = math.prod(max(likely[part], 1 - likely[part]) for part in TOUCH_PARTS)
     seated = who.posture in _SEATED and (who.posture_probability or 0.0) >= 0.5
@@ -243,7 +242,7 @@ def _level(result: Reconstruction) -> Plane:
     return result.scene.level or Plane(np.array([0.0, -1.0, 0.0]), 0.0)
 
 
-def _lies(result: Reconstruction, person: int) -> bool:
+def lies(result: Reconstruction, person: int) -> bool:
     """Return whether the trunk of a person is nearly horizontal."""
     tilt = trunk_tilt_deg(result.people[person].joints, _level(result).normal)
     return bool(abs(tilt - 90) < LYING_DEG)
@@ -315,17 +314,18 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     unmeasured="there is no body, or this preset estimates no probabilities",
 )
 def unknown_contacts(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return how many parts touch what lies nowhere near them, without those that are assumed, and
-    without the trunk of people who lie: it hides what carries it.
+    """Return how many parts touch what lies nowhere near them, without those that are assumed, of a
+    person who does not lie.
     """
     who = result.people[person]
     if not who.world_contact:
         return None
-    hides = _TRUNK if _lies(result, person) else ()
+    if lies(result, person):
+        return None, "this person lies, and hides what carries the trunk"
     parts = [
         one.part
         for one in who.contacts
-        if one.likely and one.partner.kind == "hidden" and not (one.assumed or one.part in hides)
+        if one.likely and one.partner.kind == "hidden" and not one.assumed
     ]
     return float(len(parts)), (
         f"{' and '.join(map(part_words, parts))} seem to touch something, and no surface is near: "
