@@ -20,6 +20,7 @@ from physic_core.pipeline.checks.spec import YES, check
 from physic_core.types import MARKS, Plane, skeleton_named
 from physic_core.types.contacts import SupportState, part_words
 from physic_core.types.observations import TOUCH_PARTS
+from physic_core.types.people import CARRIER_NAMES
 from physic_core.types.results import LIMB_ENDS, UNSURE_M
 from physic_core.types.skeletons import SIDES, keypoint_in_words
 
@@ -205,7 +206,7 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
         )
     for one in result.people[person].contacts:
         limb = one.part.endswith(("foot", "hand"))
-        if limb and one.distance_m is not None and not one.partner.surface:
+        if limb and one.distance_m is not None and one.partner.surface not in CARRIER_NAMES:
             found.append(
                 (
                     one.distance_m,
@@ -416,11 +417,7 @@ def unknown_contacts(estimates: Estimates, result: Reconstruction, person: int) 
     who = result.people[person]
     if not who.world_contact:
         return None
-    parts = [
-        one.part
-        for one in who.contacts
-        if one.likely and one.partner.kind == "hidden" and not one.assumed
-    ]
+    parts = [one.part for one in who.contacts if one.likely and one.distance_m is not None]
     return float(len(parts)), (
         f"{' and '.join(map(part_words, parts))} seem to touch something, and no surface is near: "
         f"it is hidden, or body or scene is wrong: see {_FROM_THE_SIDE}"
