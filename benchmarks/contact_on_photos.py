@@ -307,9 +307,10 @@ def table_of(cases: Sequence[Case], kind: str) -> tuple[Array, Array]:
 
 def labelled_shares(samples: Sequence[Sample]) -> dict[str, float]:
     """Return foot, hand, seat -> share that touches the world among all labelled people of photos
-    but exercises; and "object", that of hands that hold or pet something.
+    but exercises; "object", that of hands that hold or pet something; and "floor", that of feet
+    that touch which do so with the floor.
     """
-    touches: dict[str, list[bool]] = {kind: [] for kind in (*RATED, "object")}
+    touches: dict[str, list[bool]] = {kind: [] for kind in (*RATED, "object", "floor")}
     for sample in samples:
         if sample.set == EXERCISES:
             continue
@@ -320,6 +321,8 @@ def labelled_shares(samples: Sequence[Sample]) -> dict[str, float]:
                     touches[kind].append(TOUCHES[label])
                 if label is not None and kind == "hand":
                     touches["object"].append(label == "object")
+                if kind == "foot" and TOUCHES.get(label):
+                    touches["floor"].append(label == "floor")
     return {kind: float(np.mean(values)) for kind, values in touches.items()}
 
 

@@ -55,6 +55,9 @@ def answers(question: str, truth: Truth) -> Array:
     if question in ("foot", "seat"):
         names = ["seat"] if question == "seat" else [f"{side}_{question}" for side in SIDES]
         return _column(TOUCHES.get(parts.get(name)) for name in names)
+    if question == "on_floor":
+        labels = [parts.get(f"{side}_foot") for side in SIDES]
+        return _column(label == "floor" if TOUCHES.get(label) else None for label in labels)
     if question == "hand":
         labels = [parts.get(f"{side}_hand") for side in SIDES]
         world, held = (
@@ -127,10 +130,8 @@ def _both(one: Truth, other: Truth) -> Truth:
         for part, label in one["parts"].items()
     }
     words = [*_words(one), *_words(other)]
-    flags = {
-        key: one.get(key) if one.get(key) == other.get(key) else None for key in ("in_air", "child")
-    }
-    return {"box": one["box"], "posture": words, "parts": parts, **flags}
+    child = one.get("child") if one.get("child") == other.get("child") else None
+    return {"box": one["box"], "posture": words, "parts": parts, "child": child}
 
 
 def _words(one: Truth) -> list[str]:
@@ -139,5 +140,11 @@ def _words(one: Truth) -> list[str]:
 
 
 def _same(a: str | None, b: str | None) -> bool:
-    """Return whether two labels say the same: touches the world, or not, and holds an object."""
-    return (TOUCHES.get(a or ""), a == "object") == (TOUCHES.get(b or ""), b == "object")
+    """Return whether two labels say the same: touches the world, or not, on the floor or elsewhere,
+    and holds an object.
+    """
+    return _answers(a) == _answers(b)
+
+
+def _answers(label: str | None) -> tuple[bool | None, bool, bool]:
+    return TOUCHES.get(label or ""), label == "floor", label == "object"

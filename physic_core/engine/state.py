@@ -199,7 +199,7 @@ class State(ShortRepr):
         stands: (N, 2) probability that the foot stands on the floor; None if unknown.
         rests: (N,) probability that the lowest skin rests on the floor, of people who lie, plank or
             are on all fours; NaN of others; None if unknown.
-        observed_touch: (N, 7) as ``observed`` of :class:`~physic_core.engine.ground.stance.Stance`;
+        observed_touch: (N, 9) as ``observed`` of :class:`~physic_core.engine.ground.stance.Stance`;
             None if unknown.
         limb_touch: (N, 5) probability by the picture that feet, hands and seat touch something; by
             stage 2 less for feet of people who ride. It weights their attraction to floor and
@@ -240,7 +240,7 @@ class State(ShortRepr):
     head_sigma: Tensor | None = field(default=None, metadata=shape("N"))
     stands: Tensor | None = field(default=None, metadata=shape("N", 2))
     rests: Tensor | None = field(default=None, metadata=shape("N"))
-    observed_touch: Tensor | None = field(default=None, metadata=shape("N", 7))
+    observed_touch: Tensor | None = field(default=None, metadata=shape("N", 9))
     limb_touch: Tensor | None = field(default=None, metadata=shape("N", 5))
     carried: Carried | None = None
     scale_sigma: float | None = None

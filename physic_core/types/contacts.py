@@ -11,9 +11,8 @@ from physic_core.types.people import CARRIER_NAMES
 
 PARTNER_KINDS = ("floor", "scene", "person", "self", "object", "hidden")
 """Kinds of :class:`ContactPartner`: the floor or ground; a part of the scene; another person; the
-own body; an object or an animal that a hand holds or pets, which carries no one; something unknown,
-or a support that the reconstructed scene does not have, such as a seat behind the person or a thin
-bar.
+own body; an object or an animal that a hand holds or pets, which carries no one; something that the
+picture does not show, such as a seat behind the person.
 """
 
 NO_PARTNER = -1
@@ -36,7 +35,7 @@ class ContactPartner:
         surface: semantic class, one of :data:`physic_core.types.SURFACE_NAMES`, or of
             :data:`physic_core.types.CARRIER_NAMES`; "" if no class is known.
         id: of the connected surface or the carrier; the same for all people who touch it. None
-            otherwise.
+            otherwise: the picture shows a part of the scene, and it has no place in 3D.
         person: index of the person touched, for kind "person"; None otherwise.
         part: body part touched, for kinds "person" and "self"; "" otherwise.
 
@@ -55,9 +54,14 @@ class ContactPartner:
             raise ValueError(f"'{self.kind}' is no kind of contact partner: {PARTNER_KINDS}")
 
     @property
+    def in_scene(self) -> bool:
+        """Whether the reconstructed scene has it, and not the picture alone, or nothing."""
+        return self.kind != "hidden" and (self.kind != "scene" or self.id is not None)
+
+    @property
     def title(self) -> str:
-        """Name for readers: "floor", "seat", "unnamed surface 3", "left hand of person 1", "own
-        head", "object or animal", "hidden seat", "something hidden", "bicycle".
+        """Name for readers: "floor", "seat", "unnamed surface 3", "something seen", "left hand of
+        person 1", "own head", "object or animal", "hidden seat", "something hidden", "bicycle".
         """
         part = part_words(self.part) or "body"
         if self.kind == "person":
@@ -68,7 +72,9 @@ class ContactPartner:
             return "object or animal"
         if self.kind == "hidden" and self.surface not in CARRIER_NAMES:
             return f"hidden {self.surface}" if self.surface else "something hidden"
-        return self.surface or ("floor" if self.kind == "floor" else f"unnamed surface {self.id}")
+        if not self.surface and self.kind == "scene":
+            return "something seen" if self.id is None else f"unnamed surface {self.id}"
+        return self.surface or "floor"
 
 
 def partner_titles(partners: Iterable[ContactPartner]) -> dict[ContactPartner, str]:
@@ -97,8 +103,9 @@ class BodyContact:
             quantile over the vertices in contact, metres. None where nothing gives way.
         assumed: whether nothing shows the part. What it touches is then a guess, and the
             probability is mostly that of such parts.
-        distance_m: of a part that surely touches something hidden or unknown from the nearest
-            surface, metres; the radius of the search, 0.15, if none is within it. None otherwise.
+        distance_m: of a part that surely touches something of which the scene has no surface within
+            a hand's breadth from the nearest surface, metres; the radius of the search, 0.15, if
+            none is within it. None otherwise.
     """
 
     part: str

@@ -20,7 +20,7 @@ POSTURES = ("stand", "walk", "run", "sit", "squat", "kneel", "lie", "jump", "rid
 TOUCH_PARTS = ("left_foot", "right_foot", "left_hand", "right_hand", "seat")
 """Columns of ``touch`` of :class:`Observations`."""
 
-PROBABILITIES = ("posture", "touch", "holds", "in_air", "child")
+PROBABILITIES = ("posture", "touch", "holds", "on_floor", "child")
 """Fields of :class:`Observations` that are probabilities; each has a share."""
 
 _LEAST = 1e-4
@@ -41,7 +41,8 @@ class Observations(ShortRepr):
             wall or another support, but not the own body, other people or held objects.
         holds: (N, 2) probability that the left and right hand hold or pet an object or an animal
             that does not carry the person: with ``touch`` of this hand at most 1.
-        in_air: (N,) probability that nothing carries the person.
+        on_floor: (N, 2) probability that the left and right foot, if it touches the world, touches
+            floor or ground, and not a pedal, a board, a step or a seat.
         child: (N,) probability that the person is younger than about 12 years.
         head: (N, 3) unit vector, direction in which the face looks, in the photo's camera frame:
             (0, 0, -1) looks along the optical axis towards the camera. It is that of the head, not
@@ -51,21 +52,21 @@ class Observations(ShortRepr):
         posture_share: (9,), sums to 1.
         touch_share: (5,).
         holds_share: (2,).
-        in_air_share: a number.
+        on_floor_share: (2,).
         child_share: a number.
     """
 
     posture: FloatArray = field(metadata=shape("N", len(POSTURES)))
     touch: FloatArray = field(metadata=shape("N", len(TOUCH_PARTS)))
     holds: FloatArray = field(metadata=shape("N", 2))
-    in_air: FloatArray = field(metadata=shape("N"))
+    on_floor: FloatArray = field(metadata=shape("N", 2))
     child: FloatArray = field(metadata=shape("N"))
     head: FloatArray = field(metadata=shape("N", 3))
     head_sigma: FloatArray = field(metadata=shape("N"))
     posture_share: FloatArray = field(metadata=shape(len(POSTURES)))
     touch_share: FloatArray = field(metadata=shape(len(TOUCH_PARTS)))
     holds_share: FloatArray = field(metadata=shape(2))
-    in_air_share: float = math.nan
+    on_floor_share: FloatArray = field(metadata=shape(2))
     child_share: float = math.nan
 
     @classmethod
@@ -82,13 +83,14 @@ class Observations(ShortRepr):
             posture=nan(people, 9),
             touch=nan(people, 5),
             holds=nan(people, 2),
-            in_air=nan(people),
+            on_floor=nan(people, 2),
             child=nan(people),
             head=nan(people, 3),
             head_sigma=nan(people),
             posture_share=nan(9),
             touch_share=nan(5),
             holds_share=nan(2),
+            on_floor_share=nan(2),
         )
 
     def __len__(self) -> int:

@@ -84,7 +84,8 @@ NAN = [np.nan] * 3
         ("hand", {"parts": {"left_hand": "object", "right_hand": None}}, [[0, 1, 0], NAN]),
         ("hand", {"parts": {"left_hand": "wall", "right_hand": "own"}}, [[1, 0, 0], [0, 0, 1]]),
         ("seat", {"parts": {"seat": "seat"}}, [[1]]),
-        ("in_air", {"in_air": True}, [[1]]),
+        ("on_floor", {"parts": {"left_foot": "floor", "right_foot": "support"}}, [[1], [0]]),
+        ("on_floor", {"parts": {"left_foot": "none", "right_foot": None}}, [[np.nan], [np.nan]]),
         ("child", {}, [[np.nan]]),
         ("posture", {"posture": ["sit", "ride"]}, [[0, 0, 0, 0.5, 0, 0, 0, 0, 0.5]]),
         ("posture", {"posture": "other"}, [[np.nan] * 9]),
@@ -99,7 +100,6 @@ def test_what_readers_differ_about_is_left_out():
         return {
             "box": box,
             "posture": posture,
-            "in_air": False,
             "child": child,
             "parts": {"left_foot": foot, "seat": "none"},
         }

@@ -4,6 +4,9 @@ body part.
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import pytest
 import torch
 
@@ -16,6 +19,7 @@ from physic_core.engine.contact.distances import (
 from physic_core.engine.contact.partner import (
     HIDDEN,
     HIDDEN_SEAT,
+    Seen,
     assign_partners,
     body_contacts,
 )
@@ -25,6 +29,7 @@ from physic_core.engine.contact.parts import (
     is_farther_out,
     scene_parts,
 )
+from physic_core.engine.contact.picture import Picture
 from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.types import NO_PARTNER, BodyContact, ContactPartner
 
@@ -101,7 +106,7 @@ def assigned(touched, scene, floor, point):
     surface = SurfaceDistances(*(torch.tensor([each]) for each in (scene, floor, point)), none)
     near = distances_of(none, surface, parts, skin)
     regions = ContactRegions(("head", "left_hand"), torch.tensor([0, 1] * 8)[: max(count, 2)])
-    table, index = assign_partners(torch.tensor([touched]), near, regions, UP)
+    table, index = assign_partners(torch.tensor([touched]), near, regions, UP, Seen())
     return [table[i] if i != NO_PARTNER else None for i in index[0].tolist()]
 
 
@@ -131,15 +136,95 @@ def test_each_contact_vertex_has_its_partner():
     ("label", "facing", "name"), [("wall", 1.0, ""), ("wall", 0.0, "wall"), ("seat", 1.0, "seat")]
 )
 def test_a_part_that_rests_on_a_surface_does_not_rest_on_a_wall(label, facing, name):
+    assert surface_under("left_foot", label, facing) == [name]
+
+
+@pytest.mark.parametrize("label", ["table", "wall", "seat"])
+def test_what_people_sit_on_is_a_seat(label):
+    assert surface_under("seat", label, 1.0) == ["seat"]
+
+
+def surface_under(part, label, facing):
+    """Names of what a part of a person touches, whose skin faces a surface so much."""
     _, parts = parts_of((square(0.45), label, True), normal=BACK)
     far = torch.full((1, 4), torch.inf)
     touched = torch.zeros(1, 4, dtype=torch.int64)
     skin = SkinDistances(far, touched, touched)
     surface = SurfaceDistances(torch.zeros(1, 4), far, torch.arange(4)[None], torch.zeros(1, 4, 3))
     down = torch.tensor([0.0, facing, 1 - facing]).expand(1, 4, 3)
+    regions = ContactRegions((part,), torch.zeros(4, dtype=torch.int64))
+    near = distances_of(down, surface, parts, skin)
+    table, _ = assign_partners(touched, near, regions, UP, Seen())
+    return [partner.surface for partner in table]
+
+
+@pytest.mark.parametrize(
+    ("height", "said", "kind"),
+    [(0.01, None, "floor"), (0.01, 0.9, "floor"), (0.01, 0.1, "scene"), (0.08, 0.9, "floor")],
+)
+def test_feet_are_on_the_floor_or_on_something_else_as_is_seen(height, said, kind):
+    _, parts = parts_of((square(0.0), "floor", True), (square(0.45), "seat", True))
+    far = torch.full((1, 4), torch.inf)
+    touched = torch.zeros(1, 4, dtype=torch.int64)
+    none = torch.zeros(1, 4, 3)
+    on_seat = torch.full((1, 4), 500)
+    surface = SurfaceDistances(torch.full((1, 4), 0.05), far, on_seat, none)
+    if height < 0.05:
+        surface = SurfaceDistances(far, torch.full((1, 4), height), torch.zeros_like(on_seat), none)
+    near = distances_of(none, surface, parts, SkinDistances(far, touched, touched))
     regions = ContactRegions(("left_foot",), torch.zeros(4, dtype=torch.int64))
-    table, _ = assign_partners(touched, distances_of(down, surface, parts, skin), regions, UP)
-    assert [partner.surface for partner in table] == [name]
+    seen = Seen(on_floor=None if said is None else torch.tensor([[said, torch.nan]]))
+    table, _ = assign_partners(touched, near, regions, UP, seen)
+    assert [partner.kind for partner in table] == [kind]
+
+
+def square_px(x, y, side):
+    mask = torch.zeros(100, 100, dtype=torch.bool)
+    mask[y : y + side, x : x + side] = True
+    return mask
+
+
+@pytest.mark.parametrize(
+    ("part", "label", "partner"),
+    [
+        ("seat", "seat", ContactPartner("scene", "seat")),
+        ("seat", "wall", ContactPartner("scene", "seat")),
+        ("left_foot", "wall", ContactPartner("scene")),
+        ("left_foot", "floor", FLOOR_PARTNER),
+        ("left_hand", "wall", ContactPartner("scene")),
+        ("left_hand", "table", ContactPartner("scene", "table")),
+    ],
+)
+def test_what_is_seen_around_a_part_is_not_hidden(part, label, partner):
+    person = square_px(30, 30, 40)
+    photo = SimpleNamespace(
+        label_names=NAMES,
+        labels=torch.full((100, 100), NAMES.index(label)),
+        masks=person[None],
+        hole=person,
+    )
+    points = torch.tensor([[[50.0, 70.0]] * 4])
+    picture = Picture(photo, points, torch.ones(1, 4, dtype=torch.bool))
+    assert named_in(picture, part, HIDDEN) == [partner]
+    inside = replace(picture, points=points * torch.tensor([1.0, 0.7]))
+    unseen = replace(picture, shown=~picture.shown)
+    for other in (inside, unseen):
+        assert named_in(other, part, HIDDEN) == [ContactPartner("hidden")]
+
+
+def named_in(picture, part, touched):
+    """Partners of a person all of whose skin is of one part, far from all surfaces."""
+    _, parts = parts_of((square(0.0), "floor", True))
+    far = torch.full((1, 4), torch.inf)
+    index = torch.zeros(1, 4, dtype=torch.int64)
+    none = torch.zeros(1, 4, 3)
+    near = distances_of(
+        none, SurfaceDistances(far, far, index, none), parts, SkinDistances(far, index, index)
+    )
+    regions = ContactRegions((part,), torch.zeros(4, dtype=torch.int64))
+    kinds = torch.full((1, 4), touched)
+    table, _ = assign_partners(kinds, near, regions, UP, Seen(picture=picture))
+    return list(table)
 
 
 def test_the_list_by_body_part_has_the_most_probable_contact_first():

@@ -112,6 +112,14 @@ def test_a_foot_that_surely_touches_and_has_nothing_near_touches_something_unkno
     assert all(one.probability > 0.8 for one in feet)
 
 
+def test_feet_seen_on_the_floor_touch_it_however_far_the_scene_has_it(person):
+    said = dict.fromkeys(("left_floor", "right_floor"), 4.0) | dict.fromkeys(TOUCH_PARTS, 5.0)
+    found = contact(observed(raised(person, 0.12), **said)).contacts[0]
+    feet = {one.part: one for one in found if one.part.endswith("_foot")}
+    assert {one.partner.kind for one in feet.values()} == {"floor"}
+    assert feet["left_foot"].distance_m == pytest.approx(0.12, abs=0.01)
+
+
 def test_parts_of_which_nobody_speaks_touch_only_what_is_near(person):
     """The back of a person who lies on the floor, not on the seat, and a hand's breadth over it."""
     axes = torch.tensor([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])

@@ -84,7 +84,7 @@ def test_a_foot_stands_by_its_touch_and_by_the_depth_behind_it():
     assert (high < unknown).all()
     assert (unknown < low).all()
     assert (unknown[:, 1] < unknown[:, 0]).all()
-    assert (prior(np.nan, np.ones((1, 2), bool))[0] < unknown).all()
+    assert (prior(0.3, np.ones((1, 2), bool))[0] == unknown).all()
 
 
 def test_a_gap_too_large_for_a_lifted_foot_makes_the_depth_wrong_and_not_the_foot():
@@ -94,12 +94,16 @@ def test_a_gap_too_large_for_a_lifted_foot_makes_the_depth_wrong_and_not_the_foo
     assert prior(0.02)[1] > 0.9
 
 
-def test_feet_of_people_who_ride_are_not_on_the_floor():
-    walks, rides = (
-        standing_prior(np.array([[0.9, 0.9]]), np.full((1, 2), np.nan), NOWHERE, np.array([p]))[0]
-        for p in (0.0, 0.95)
+def test_feet_that_touch_something_else_do_not_stand_on_the_floor():
+    half = np.full(2, 0.5, np.float32)
+    stands, rides = (
+        Stance.in_picture(
+            replace(observed([0.9] * 5), on_floor=np.full((1, 2), p), on_floor_share=half)
+        )
+        for p in (0.9, 0.05)
     )
-    assert rides.max() < 0.1 * walks.min()
+    assert stands.limb_touch.tolist() == rides.limb_touch.tolist()
+    assert rides.stands.max() < 0.25 * stands.stands.min()
 
 
 def test_people_without_a_body_have_average_feet():

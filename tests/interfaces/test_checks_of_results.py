@@ -299,8 +299,8 @@ def test_valid_results_have_no_violation(result, changes):
         ),
         (
             OBSERVED,
-            {"touch": np.zeros((2, 4)), "in_air_share": None},
-            ["touch must be (2, 5), got (2, 4)", "in_air_share must be a number or NaN, got None"],
+            {"touch": np.zeros((2, 4)), "child_share": None},
+            ["touch must be (2, 5), got (2, 4)", "child_share must be a number or NaN, got None"],
         ),
         (OBSERVED, {"child": np.array([0.5, 1.5])}, ["child must lie in [0, 1], got 0 to 1.5"]),
         (

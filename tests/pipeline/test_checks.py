@@ -257,9 +257,9 @@ def test_a_foot_that_touches_something_unknown_is_told():
     result.people[0].contacts = (foot,)
     found = run_checks(evidence, result)
     assert failed_checks(found, 0) == ("support", "unknown_contacts")
-    result.people[0].contacts = (replace(foot, partner=ContactPartner("hidden", "seat")),)
+    result.people[0].contacts = (replace(foot, partner=ContactPartner("hidden", "bicycle")),)
     assert failed_checks(run_checks(evidence, result), 0) == ("unknown_contacts",)
-    result.people[0].contacts = (replace(foot, assumed=True),)
+    result.people[0].contacts = (replace(foot, assumed=True, distance_m=None),)
     assert "unknown_contacts" not in failed_checks(run_checks(evidence, result), 0)
 
 

@@ -40,5 +40,5 @@ def test_evidence_of_a_posture_is_the_log_of_its_ratio_to_the_share():
 
 
 def test_certainty_is_finite_evidence():
-    found = replace(UNKNOWN, in_air=np.array([0.0, 1.0]), in_air_share=0.5).evidence("in_air")
+    found = replace(UNKNOWN, child=np.array([0.0, 1.0]), child_share=0.5).evidence("child")
     np.testing.assert_allclose(found, [-9.21, 9.21], atol=1e-2)

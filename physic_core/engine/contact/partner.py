@@ -1,23 +1,36 @@
-"""Partner of each contact vertex: floor, part of the scene, skin, or a hidden support."""
+"""Partner of each contact vertex: floor, part of the scene, skin, an object, or what the scene has
+no surface of: the picture names it, or it is hidden.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import torch
 from torch import Tensor
 
-from physic_core.engine.contact.distances import KINDS, SEARCH_RADIUS_M, Distances
+from physic_core.engine.contact.distances import (
+    HAND_BREADTH_M,
+    KINDS,
+    SEARCH_RADIUS_M,
+    Distances,
+)
 from physic_core.engine.contact.parts import (
+    SAT_ON,
+    SEAT,
     UPRIGHT_CLASSES,
     ContactRegions,
     are_adjacent,
     is_farther_out,
 )
+from physic_core.engine.contact.picture import Picture
 from physic_core.engine.contact.probability import mean_of_surest
+from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.types.contacts import NO_PARTNER, BodyContact, ContactPartner
+from physic_core.types.people import GROUND_SURFACES
+from physic_core.types.skeletons import SIDES
 
 HIDDEN = len(KINDS)
 HIDDEN_SEAT = len(KINDS) + 1
@@ -26,25 +39,41 @@ HIDDEN_SEAT = len(KINDS) + 1
 DECIMALS = 4
 """Decimals of probabilities and lengths of listed contacts and supports."""
 
+_OF_WORLD = ("floor", "scene", "hidden")
 _MIN_VERTICES = 3  # of a contact that is listed
 _DENT_QUANTILE = 0.9  # of the depths of a part's vertices in a dent
 _GROUND_M = 0.05  # height over the floor of feet that stand on it: its error and that of the pose
 _RESTS = -0.3  # cosine between up and the mean normal of touching skin; below it, the part rests
 
 
+@dataclass(frozen=True)
+class Seen:
+    """What is seen of what N people touch.
+
+    Attributes:
+        carriers: name of each carrier, and vertices (N, V) bool of limbs that it carries.
+        on_floor: (N, 2) probability that left and right foot are on the floor if they touch
+            anything, NaN where unknown; None if unknown of all.
+        picture: what it shows beside parts; None if unknown.
+    """
+
+    carriers: Sequence[tuple[str, Tensor]] = ()
+    on_floor: Tensor | None = None
+    picture: Picture | None = None
+
+
 def assign_partners(
-    touched: Tensor,
-    near: Distances,
-    regions: ContactRegions,
-    up: Tensor,
-    on_carriers: Sequence[tuple[str, Tensor]] = (),
+    touched: Tensor, near: Distances, regions: ContactRegions, up: Tensor, seen: Seen
 ) -> tuple[tuple[ContactPartner, ...], Tensor]:
     """Name the partner of each contact vertex.
 
-    Feet at the height of the floor stand on it, whatever label is near. What else touches scene or
-    a hidden support on a carrier touches the carrier. A surface has the most frequent class of its
-    points. A class on which nothing rests, such as "wall", does not
-    name what lies under a sole or a seat: the surface is then nameless there.
+    Feet are on the floor, or on something else, if the observer says so; where it says nothing,
+    those at its height are on it, whatever label is near. What else touches scene or a hidden
+    support on a carrier touches the carrier. A surface has the most frequent class of its points. A
+    class on which nothing rests, such as "wall", does not name what lies under a sole: the surface
+    is then nameless there. What people sit on is a seat unless its class is another of those on
+    which people sit. What the scene has no surface of has the name that the
+    picture gives it, and is hidden only where the picture does not show it.
 
     Args:
         touched: (N, V) int64, what a vertex touches: index into ``KINDS``, :data:`HIDDEN` or
@@ -52,41 +81,35 @@ def assign_partners(
         near: distances to all of these.
         regions: body parts.
         up: (3,) unit.
-        on_carriers: name of each carrier, and vertices (N, V) bool of limbs that it carries.
+        seen: of what people touch.
 
     Returns:
         All partners, and the index (N, V) int16 of each vertex's; :data:`NO_PARTNER` without
         contact.
     """
     index = torch.full(touched.shape, NO_PARTNER, dtype=torch.int16, device=touched.device)
-    table: list[ContactPartner] = []
-    for rows, partner in _partners(touched, near, regions, up, on_carriers):
+    numbers: dict[ContactPartner, int] = {}
+    for rows, partner in _partners(touched, near, regions, up, seen):
+        rows = rows & (index == NO_PARTNER)
         if bool(rows.any()):
-            index[rows] = len(table)
-            table.append(partner)
-    return tuple(table), index
+            index[rows] = numbers.setdefault(partner, len(numbers))
+    return tuple(numbers), index
 
 
 def _partners(
-    touched: Tensor,
-    near: Distances,
-    regions: ContactRegions,
-    up: Tensor,
-    on_carriers: Sequence[tuple[str, Tensor]],
+    touched: Tensor, near: Distances, regions: ContactRegions, up: Tensor, seen: Seen
 ) -> Iterator[tuple[Tensor, ContactPartner]]:
-    """Yield the vertices (N, V) bool of each partner; there may be none."""
+    """Yield the vertices (N, V) bool of each partner; there may be none, and the first counts."""
     on_scene = touched == KINDS.index("scene")
-    stands = _standing_feet(near, regions)
-    for number, (name, carried) in enumerate(on_carriers):
-        carried = carried & ~(on_scene & stands)
+    hidden = touched >= HIDDEN
+    stands, off = _feet_on_floor(near, regions, seen.on_floor)
+    yield (on_scene | hidden) & stands, ContactPartner("floor", "floor")
+    for number, (name, carried) in enumerate(seen.carriers):
         yield carried & on_scene, ContactPartner("scene", name, id=number)
-        hidden = carried & ((touched == HIDDEN) | (touched == HIDDEN_SEAT))
-        yield hidden, ContactPartner("hidden", name, id=number)
-        on_scene = on_scene & ~carried
-        touched = torch.where(hidden, -1, touched)
-    ground = near.surface.on_floor | near.on_ground | stands
-    yield on_scene & ground, ContactPartner("floor", "floor")
-    yield from _surfaces(on_scene & ~ground, near, regions, up, len(on_carriers))
+        yield carried & hidden, ContactPartner("hidden", name, id=number)
+    ground = near.surface.on_floor | near.on_ground
+    yield on_scene & ground & ~off, ContactPartner("floor", "floor")
+    yield from _surfaces(on_scene & ~ground, near, regions, up, len(seen.carriers))
     for kind, skin in (("person", near.people), ("own body", near.own)):
         on_skin = touched == KINDS.index(kind)
         person = skin.person if kind == "person" else torch.zeros_like(skin.person)
@@ -100,8 +123,36 @@ def _partners(
             )
             yield on_skin & (pair == code), replace(whose, part=regions.names[part])
     yield touched == KINDS.index("object"), ContactPartner("object")
+    if seen.picture is not None:
+        yield from _in_picture(hidden | (on_scene & off), regions, off, seen.picture)
     yield touched == HIDDEN_SEAT, ContactPartner("hidden", "seat")
-    yield touched == HIDDEN, ContactPartner("hidden")
+    yield hidden, ContactPartner("hidden")
+    yield on_scene, ContactPartner("scene")
+
+
+def _in_picture(
+    unmeasured: Tensor, regions: ContactRegions, off: Tensor, picture: Picture
+) -> Iterator[tuple[Tensor, ContactPartner]]:
+    """Yield the vertices (N, V) bool of each partner that the picture shows.
+
+    Args:
+        unmeasured: (N, V) bool, skin that touches what the scene has no surface of.
+        regions: body parts.
+        off: (N, V) bool, feet that are not on the floor.
+        picture: of the people.
+    """
+    unmeasured = unmeasured & picture.shown
+    for number, part in enumerate(regions.names):
+        own = unmeasured & (regions.region == number)
+        for person in own.any(1).nonzero()[:, 0].tolist():
+            name = picture.surface_beside(person, part, regions.region == number)
+            rows = torch.zeros_like(own)
+            rows[person] = own[person]
+            if name in GROUND_SURFACES:
+                yield rows & ~off, ContactPartner("floor", "floor")
+                name = ""
+            if name is not None:
+                yield rows, ContactPartner("scene", name)
 
 
 def _surfaces(
@@ -113,24 +164,39 @@ def _surfaces(
     if bool(on_scene.any()):
         surface = parts.surface[surfaces.point]
         rests = _resting(near.normals @ up, on_scene, regions)
+        sits = torch.zeros_like(rests)
+        if SEAT in regions.names:
+            sits |= regions.region == regions.names.index(SEAT)
         for number, own in enumerate(torch.unique(surface[on_scene]).tolist(), first):
             rows = on_scene & (surface == own)
             label = int(parts.label[surfaces.point[rows]].mode().values)
             name = parts.names[label] if label >= 0 else ""
-            nameless = rests if name in UPRIGHT_CLASSES else torch.zeros_like(rests)
-            yield rows & ~nameless, ContactPartner("scene", name, id=number)
-            yield rows & nameless, ContactPartner("scene", id=number)
+            if name not in SAT_ON:
+                yield rows & sits, ContactPartner("scene", "seat", id=number)
+            if name in UPRIGHT_CLASSES:
+                yield rows & rests, ContactPartner("scene", id=number)
+            yield rows, ContactPartner("scene", name, id=number)
 
 
-def _standing_feet(near: Distances, regions: ContactRegions) -> Tensor:
-    """Return the vertices (N, V) bool of feet whose soles are at the height of the floor."""
+def _feet_on_floor(
+    near: Distances, regions: ContactRegions, on_floor: Tensor | None
+) -> tuple[Tensor, Tensor]:
+    """Return the vertices (N, V) bool of feet that are on the floor if they touch anything, and
+    those of feet that are surely on something else.
+    """
     height = near.surface.floor.abs()
-    found = torch.zeros_like(height, dtype=torch.bool)
-    for number, name in enumerate(regions.names):
-        if name.endswith("_foot"):
-            foot = regions.region == number
-            found |= foot & (height[:, foot].amin(1, keepdim=True) < _GROUND_M)
-    return found
+    stands, off = torch.zeros(2, *height.shape, dtype=torch.bool, device=height.device)
+    for side, name in enumerate(f"{side}_foot" for side in SIDES):
+        if name not in regions.names:
+            continue
+        foot = regions.region == regions.names.index(name)
+        near_floor = height[:, foot].amin(1) < _GROUND_M
+        said = torch.full_like(near_floor, torch.nan, dtype=height.dtype)
+        if on_floor is not None:
+            said = on_floor[:, side].to(height)
+        stands |= foot & torch.where(said.isnan(), near_floor, said >= LEAST_PROBABILITY)[:, None]
+        off |= foot & (said < LEAST_PROBABILITY)[:, None]
+    return stands, off
 
 
 def _resting(facing: Tensor, on_scene: Tensor, regions: ContactRegions) -> Tensor:
@@ -197,7 +263,8 @@ def body_contacts(
         if probability is not None:
             likely = probability[here]
             sure = round(assumed.get(part, mean_of_surest(likely)), DECIMALS)
-        gap = gaps.get(part) if kind == "hidden" and part not in assumed else None
+        far = not table[partner].in_scene or gaps.get(part, 0.0) > HAND_BREADTH_M
+        gap = gaps.get(part) if far and kind in _OF_WORLD and part not in assumed else None
         if sure is None or sure >= least:
             one = BodyContact(part, table[partner], sure, count, assumed=part in assumed)
             off = None if gap is None else round(min(gap, SEARCH_RADIUS_M), DECIMALS)

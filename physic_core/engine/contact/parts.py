@@ -19,13 +19,19 @@ from physic_core.geometry.neighbors import NearestPointSearch, nearest_indices, 
 from physic_core.geometry.tensors import exact_arrays
 from physic_core.types.people import GROUND_SURFACES
 
-_OWN_REGIONS = {"gluteus": "seat", "back": "back"}
+SEAT = "seat"
+"""Part of the buttocks: what people sit on."""
+
+_OWN_REGIONS = {"gluteus": SEAT, "back": "back"}
 _TRUNK = ("torso", *_OWN_REGIONS.values())
 _CHAINS = (("hand", "lower_arm", "upper_arm"), ("foot", "lower_leg", "upper_leg"))
 _OUTER_FIRST = ("hand", "lower_arm", "foot", "lower_leg", "upper_arm", "head", "upper_leg", *_TRUNK)
 
 UPRIGHT_CLASSES = ("wall", "ceiling", "window")
 """Classes of surfaces on which nothing rests."""
+
+SAT_ON = ("seat", "bed", "stairs", "vehicle")
+"""Classes of surfaces above the floor on which people sit; others below them are seats."""
 
 _CELL_M = 0.04  # side of the cells in which points are joined to surfaces
 

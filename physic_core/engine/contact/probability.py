@@ -29,7 +29,7 @@ from torch import Tensor
 from physic_core.body.model import BodyModel
 from physic_core.body.posture import LYING_DEG, trunk_tilt_deg
 from physic_core.engine.contact.distances import SEARCH_RADIUS_M, Distances
-from physic_core.engine.contact.parts import are_adjacent, contact_regions
+from physic_core.engine.contact.parts import SEAT, are_adjacent, contact_regions
 from physic_core.engine.ground.stance import OBSERVED_COLUMNS
 from physic_core.engine.ground.touch import (
     CARRIES,
@@ -52,9 +52,6 @@ _GAP_VERTICES = 5
 # Least cosine between down and the skin of a back on which a person lies. On 67 pictures of
 # exercises the backs of all 21 who lie on their backs with the seat touch, too.
 _FACES_DOWN = 0.5
-
-SEAT = "seat"
-"""Part of the buttocks: what people sit on."""
 
 BACK = "back"
 """Part on which people lie."""
@@ -137,6 +134,14 @@ def object_contact(state: State) -> Tensor:
         likely = torch.where(said == 0, 0.0, torch.sigmoid(observed_log_odds("object", said)))
         found[:, state.model.in_contact_sets(f"{side}_hand")] = likely[:, None]
     return found
+
+
+def feet_on_floor(state: State) -> Tensor:
+    """Return the probability (N, 2) that left and right foot, if they touch anything, are on the
+    floor; NaN where the observer says nothing.
+    """
+    said = torch.stack([_observed(state, f"{side}_floor") for side in SIDES], 1)
+    return torch.where(said == 0, torch.nan, torch.sigmoid(observed_log_odds("floor", said)))
 
 
 def unseen_parts(state: State) -> dict[str, Tensor]:

@@ -25,14 +25,16 @@ from physic_core.engine.contact.method import ContactMethod, Touch
 from physic_core.engine.contact.partner import (
     HIDDEN,
     HIDDEN_SEAT,
+    Seen,
     assign_partners,
     body_contacts,
 )
-from physic_core.engine.contact.parts import contact_regions, scene_parts
+from physic_core.engine.contact.parts import SEAT, contact_regions, scene_parts
+from physic_core.engine.contact.picture import Picture
 from physic_core.engine.contact.probability import (
-    SEAT,
     by_vertex,
     contact_part_masks,
+    feet_on_floor,
     lying_bodies,
     unseen_parts,
 )
@@ -61,14 +63,22 @@ def solve_contact(estimates: Estimates, state: State, method: ContactMethod) -> 
     bodies = state.vertices[state.finite_people]
     surfaces = method.surfaces(state.surroundings, bodies, state.scene_scale)
     near = measure_distances(state, surfaces, _classify_points(estimates, state), method)
-    return replace(state, contact=find_contact(state, near, method))
+    return replace(
+        state, contact=find_contact(state, near, method, Picture.of(estimates.photo, state))
+    )
 
 
-def find_contact(state: State, near: Distances, method: ContactMethod) -> Contact:
-    """Return the contact of people by their distances."""
+def find_contact(
+    state: State, near: Distances, method: ContactMethod, picture: Picture | None = None
+) -> Contact:
+    """Return the contact of people by their distances, and by what the picture shows beside
+    them.
+    """
     touch = _with_unknown(state, method.find_touch(state, near))
     carried = _find_supports(state, near, touch, method)
-    return _describe_contacts(state, near, _add_hidden_contacts(state, touch, carried), carried)
+    return _describe_contacts(
+        state, near, _add_hidden_contacts(state, touch, carried), carried, picture
+    )
 
 
 def measure_distances(
@@ -224,11 +234,12 @@ def _describe_contacts(
     near: Distances,
     touch: Touch,
     carried: tuple[PersonSupport | None, ...],
+    picture: Picture | None,
 ) -> Contact:
     """Name partners and supports, and list the contacts of each body part."""
     regions = contact_regions(state.model)
-    carriers = _carried_limbs(state)
-    partners, index = assign_partners(touch.kind, near, regions, state.up, carriers)
+    seen = Seen(_carried_limbs(state), feet_on_floor(state), picture)
+    partners, index = assign_partners(touch.kind, near, regions, state.up, seen)
     dents = dent_depths(near.surface.scene, largest_dents(near.surface, near.parts))
     dents = torch.where(touch.kind == KINDS.index("scene"), dents, torch.nan)
     unseen = unseen_parts(state) if touch.parts else {}

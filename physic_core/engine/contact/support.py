@@ -246,9 +246,7 @@ def support_record(
         listed: all contacts of the person, whose probabilities are those of the support.
     """
     known = {(one.part, one.partner): one.probability for one in listed}
-    large = (
-        one for one in contacts if one.vertices >= _MIN_VERTICES or one.partner.kind == "hidden"
-    )
+    large = (one for one in contacts if one.vertices >= _MIN_VERTICES or not one.partner.in_scene)
     found = [
         replace(one, probability=known.get((one.part, one.partner)), dent_m=None) for one in large
     ]

@@ -33,8 +33,8 @@ _BESIDE_SOLES = 0.12  # of the height of a person's mask: reach of the ground be
 _BESIDE_SOLES_PHOTO = 0.02  # of the photo's long side, added to it
 _FORESHORTENED = 0.6  # height over width of the window
 _FEWEST_PIXELS = 10  # of that ground
-_ON_FLOOR = 0.9  # of people who stand; 18 of 185 in photos stand on something else
-_ON_FLOOR_AMONG_RAISED = 0.4  # of those whose soles are beside what can carry them
+_RESTS = 0.9  # probability that people who lie do so on the ground below them
+_RESTS_AMONG_RAISED = 0.4  # the same above what can carry people
 _BELOW = 0.05  # of the diagonal of a person's mask: reach of the ground below it
 _MOST_FEET = 0.5  # share of feet in the lowest skin of who does not stand on them
 _DRAWN = 5  # one of as many vertices is followed into the picture
@@ -138,7 +138,7 @@ def ground_beside(
         up: (3,) unit, with ``low``.
     """
     raised = photo.labelled(*RAISED_SURFACES)
-    touch = Stance.in_picture(photo.observations).limb_touch[:, :2]
+    on_feet = 1 - (1 - Stance.in_picture(photo.observations).stands).prod(1)
     found = []
     for i in range(len(photo.people)):
         rests = low is not None and up is not None and bool(low.across[i])
@@ -149,9 +149,10 @@ def ground_beside(
         ground = (window & ~photo.hole).nonzero()
         if len(ground) >= _FEWEST_PIXELS:
             at = ground[:, 0], ground[:, 1]
-            among_raised = float(raised[at].double().mean()) > 0.5
-            share = _ON_FLOOR_AMONG_RAISED if among_raised else _ON_FLOOR
-            stands = share * (1.0 if rests else float(1 - (1 - touch[i]).prod()))
+            stands = float(on_feet[i])
+            if rests:
+                among_raised = float(raised[at].double().mean()) > 0.5
+                stands = _RESTS_AMONG_RAISED if among_raised else _RESTS
             found.append(GroundAtSoles(*at, stands, float(photo.people.scores[i]), i))
     return tuple(found)
 

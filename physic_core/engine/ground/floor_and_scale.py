@@ -369,8 +369,7 @@ def _stance_without_floor(photo: PhotoContent) -> tuple[Stance, FloatArray]:
     gap, among = depth_gaps_at_feet(
         keypoints, photo.masks, photo.aligned.depth, photo.scene.depth, raised
     )
-    rides = np.nan_to_num(photo.observations.posture[:, POSTURES.index("ride")])
-    stands, right = standing_prior(stance.limb_touch[:, :2], gap, among, rides)
+    stands, right = standing_prior(stance.stands, gap, among)
     carriers = photo.people.carriers
     carried = carried_people(carriers, keypoints) if carriers else None
     return replace(stance, stands=stands, carried=carried), right

@@ -44,16 +44,14 @@ _MARGIN_PX = 3  # between people and background; depth maps are blurred at outli
 _MAX_BACKGROUND_GAP = 0.15  # where the maps differ more, they are not aligned
 _MAX_RAISED_SHARE = 0.5  # of the background around a foot that carries people over the ground
 
-_ON_FLOOR_SHARE = 0.95  # of feet that touch something; the others are on seats and steps
-_FURNITURE_SHARE = 0.4  # of feet among seats and tables that stand on the floor all the same
 _GAP_STANDING = (0.02, 0.05)  # mean and sigma of the gap behind a foot that stands
 _GAP_IN_AIR = (0.2, 0.15)  # the same behind a foot in the air
 _MAP_WRONG = 0.05  # share of people whose depth in the photo is wrong
 _WRONG_GAPS = 6.0  # range of their gaps
 
-OBSERVED_COLUMNS = (*TOUCH_PARTS, "left_object", "right_object")
-"""Columns of ``observed`` of :class:`Stance`: touch of the world by each part, and hands that hold
-an object.
+OBSERVED_COLUMNS = (*TOUCH_PARTS, "left_object", "right_object", "left_floor", "right_floor")
+"""Columns of ``observed`` of :class:`Stance`: touch of the world by each part, hands that hold an
+object, and feet that are on the floor if they touch anything.
 """
 
 
@@ -62,7 +60,7 @@ class Stance(ShortRepr):
     """Evidence of a picture for the touch of N people; feet and hands are left and right.
 
     Attributes:
-        observed: (N, 7) log odds by the person observer of each of :data:`OBSERVED_COLUMNS`, beyond
+        observed: (N, 9) log odds by the person observer of each of :data:`OBSERVED_COLUMNS`, beyond
             those of its base rate; 0 where unknown.
         stands: (N, 2) probability that the foot stands on the floor; only a prior if no floor was
             found.
@@ -78,13 +76,14 @@ class Stance(ShortRepr):
 
     @staticmethod
     def in_picture(observations: Observations) -> Stance:
-        """Return the stance of people by what is observed of them; feet that touch stand with the
-        usual share.
+        """Return the stance of people by what is observed of them; feet of which nothing
+        is said are on the floor as often as others that touch.
         """
-        parts = [observations.evidence(name) for name in ("touch", "holds")]
+        parts = [observations.evidence(name) for name in ("touch", "holds", "on_floor")]
         count = len(parts[0])
         stance = Stance(np.concatenate(parts, 1), np.zeros((count, 2)), np.full(count, np.nan))
-        return replace(stance, stands=_ON_FLOOR_SHARE * stance.limb_touch[:, :2])
+        on_floor = _probability(observed_log_odds("floor", stance.observed[:, 7:]))
+        return replace(stance, stands=on_floor * stance.limb_touch[:, :2])
 
     @staticmethod
     def unknown(count: int) -> Stance:
@@ -100,7 +99,7 @@ class Stance(ShortRepr):
             observed_log_odds(kind, self.observed[:, own])
             for kind, own in (("foot", [0, 1]), ("hand", [2, 3]), ("seat", [4]))
         ]
-        return np.asarray(1 / (1 + np.exp(-np.concatenate(odds, 1))))
+        return _probability(np.concatenate(odds, 1))
 
     @property
     def holds(self) -> BoolArray:
@@ -145,6 +144,10 @@ class Stance(ShortRepr):
         return Stance(wider(self.observed, 0.0), stands, wider(self.rests), carried)
 
 
+def _probability(log_odds: FloatArray) -> FloatArray:
+    return np.asarray(1 / (1 + np.exp(-log_odds)))
+
+
 def _height_px(mask: Tensor) -> float:
     """Return the height of a mask (H, W), px; 0 if it is empty."""
     rows = mask.any(1).nonzero()
@@ -152,10 +155,7 @@ def _height_px(mask: Tensor) -> float:
 
 
 def standing_prior(
-    touch: FloatArray,
-    gap: FloatArray,
-    on_furniture: BoolArray,
-    rides: FloatArray | None = None,
+    prior: FloatArray, gap: FloatArray, on_furniture: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the probability that feet stand on the floor, and that the photo's depth of people is
     right.
@@ -164,13 +164,10 @@ def standing_prior(
     foot in the air shows that the depth is wrong, and does not count for the foot.
 
     Args:
-        touch: (N, 2) probability that the feet touch something.
+        prior: (N, 2) probability by the observer that the feet stand on the floor.
         gap: (N, 2) of :func:`depth_gaps_at_feet`.
         on_furniture: (N, 2) bool of the same.
-        rides: (N,) probability that people ride: then their feet are on pedals or in stirrups.
     """
-    share = _ON_FLOOR_SHARE * np.where(on_furniture, _FURNITURE_SHARE, 1.0)
-    prior = share * touch * (1.0 if rides is None else 1 - rides[:, None])
     known = np.isfinite(gap) & ~on_furniture
 
     def density(mean: float, spread: float) -> FloatArray:

@@ -60,7 +60,7 @@ def observed_log_odds(kind: str, beyond: Values) -> Values:
     where it says 0, nothing, those of an average part.
 
     Args:
-        kind: "foot", "hand" or "seat"; "object" for what hands hold.
+        kind: "foot", "hand" or "seat"; "object" for what hands hold; "floor" for feet that touch.
         beyond: (...).
     """
     share = _fitted()["shares"][kind]

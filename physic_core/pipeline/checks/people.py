@@ -19,6 +19,7 @@ from physic_core.pipeline.checks.spec import NO_BODY, YES, check
 from physic_core.types import MARKS, Plane, skeleton_named
 from physic_core.types.contacts import SupportState, part_words
 from physic_core.types.observations import TOUCH_PARTS
+from physic_core.types.people import CARRIER_NAMES
 
 if TYPE_CHECKING:
     from physic_core.engine.state import Estimates
@@ -170,7 +171,7 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
     lying = lies(result, person)
     for one in result.people[person].contacts:
         limb = one.part.endswith(("foot", "hand")) and not lying
-        if limb and one.distance_m is not None and not one.partner.surface:
+        if limb and one.distance_m is not None and one.partner.surface not in CARRIER_NAMES:
             found.append(
                 (
                     one.distance_m,
@@ -322,11 +323,7 @@ def unknown_contacts(estimates: Estimates, result: Reconstruction, person: int) 
         return None
     if lies(result, person):
         return None, "this person lies, and hides what carries the trunk"
-    parts = [
-        one.part
-        for one in who.contacts
-        if one.likely and one.partner.kind == "hidden" and not one.assumed
-    ]
+    parts = [one.part for one in who.contacts if one.likely and one.distance_m is not None]
     return float(len(parts)), (
         f"{' and '.join(map(part_words, parts))} seem to touch something, and no surface is near: "
         f"it is hidden, or body or scene is wrong: see {_FROM_THE_SIDE}"

@@ -60,13 +60,13 @@ REGIONS = {
     "foot": ("foot",),
     "hand": ("hand",),
     "seat": ("hips", "box"),
-    "in_air": ("box",),
+    "on_floor": ("foot", "hips"),
     "child": ("head", "shoulders", "hips"),
     "posture": ("box",),
 }
 """Question -> the regions whose tokens answer it; it is not answered where the photo does not have
 the first one. "hand" has three answers: it touches the world, it holds or pets an object or an
-animal, neither.
+animal, neither. "on_floor" is asked of feet that touch.
 """
 
 LIMBS = {
@@ -204,12 +204,12 @@ def observed(found: Mapping[str, FloatArray], numbers: Mapping[str, FloatArray])
         posture=answer("posture")[:, 0],
         touch=np.concatenate([foot[..., 0], hand[..., 0], seat[..., 0]], axis=1),
         holds=hand[..., 1],
-        in_air=answer("in_air")[:, 0, 0],
+        on_floor=answer("on_floor")[..., 0],
         child=answer("child")[:, 0, 0],
         posture_share=share("posture"),
         touch_share=np.array([*share("foot").repeat(2), world, world, *share("seat")]),
         holds_share=np.array([held, held]),
-        in_air_share=float(share("in_air")[0]),
+        on_floor_share=share("on_floor").repeat(2),
         child_share=float(share("child")[0]),
     )
 

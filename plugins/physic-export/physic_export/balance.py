@@ -185,7 +185,7 @@ def feet_that_carry(person: Person) -> tuple[str, ...]:
     carrying = [
         one for one in person.support.contacts if one.partner.kind in ("floor", "scene", "hidden")
     ]
-    if any(not one.part.endswith("_foot") or one.partner.kind == "hidden" for one in carrying):
+    if any(not one.part.endswith("_foot") or not one.partner.in_scene for one in carrying):
         return ()
     return tuple(side for side in SIDES if any(one.part == f"{side}_foot" for one in carrying))
 

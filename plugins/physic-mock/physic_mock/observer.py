@@ -8,7 +8,8 @@ import numpy as np
 
 from physic_core import interfaces
 from physic_core.body import JOINT_INDEX
-from physic_core.types import POSTURES, SIDES, TOUCH_PARTS, Observations
+from physic_core.types import POSTURES, SIDES, SURFACE_NAMES, TOUCH_PARTS, Observations
+from physic_core.types.people import GROUND_SURFACES
 from physic_mock.noise import HEAD_DEG, LOG_ODDS, LOG_ODDS_SIGMA, Noise
 from physic_mock.recognition import MockOptions, match_masks_to_world, recognise_world
 from physic_testing.conformance.truth import true_head, true_touch
@@ -67,7 +68,7 @@ class MockPersonObserver(interfaces.PersonObserver):
             posture=posture,
             touch=probability(true_touch(world)),
             holds=probability(_held(world)),
-            in_air=probability(_nothing(world)),
+            on_floor=probability(_on_floor(world)),
             child=probability(np.asarray(world.ages < _CHILD_YEARS)),
             **_heads(world, rows, noise.factor, rng),
             **_shares(),
@@ -96,14 +97,18 @@ def _shares() -> dict[str, Any]:
         "posture_share": np.full(len(POSTURES), 1 / len(POSTURES), np.float32),
         "touch_share": np.full(len(TOUCH_PARTS), 0.5, np.float32),
         "holds_share": np.full(2, 0.5, np.float32),
-        "in_air_share": 0.5,
+        "on_floor_share": np.full(2, 0.5, np.float32),
         "child_share": 0.5,
     }
 
 
-def _nothing(world: World) -> BoolArray:
-    """Return which people (N,) touch neither the scene nor another person."""
-    return np.asarray(~world.contact.any(1) & (world.touched_person < 0).all(1))
+def _on_floor(world: World) -> BoolArray:
+    """Return which feet (N, 2) touch the floor or the ground."""
+    from physic_core.body import load_body
+
+    sets = load_body(world.body_model).contact_sets
+    ground = np.isin(world.touched_surface, [SURFACE_NAMES.index(name) for name in GROUND_SURFACES])
+    return np.stack([ground[:, sets[f"{side}_foot"].numpy()].any(1) for side in SIDES], 1)
 
 
 def _held(world: World) -> BoolArray:

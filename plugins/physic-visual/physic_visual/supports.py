@@ -55,7 +55,7 @@ def assumed_supports(result: Reconstruction) -> list[AssumedSupport]:
         vertices = person.vertices.astype(np.float64)
         for number, partner in enumerate(result.contact_partners):
             on = np.asarray(person.contact_partner) == number
-            if partner.kind == "hidden" and on.sum() >= _LEAST:
+            if not partner.in_scene and on.sum() >= _LEAST:
                 normals = vertex_normals(vertices, np.asarray(result.faces, np.int64))
                 found.append(
                     AssumedSupport(
