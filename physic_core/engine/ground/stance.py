@@ -104,7 +104,7 @@ class Stance(ShortRepr):
     @property
     def holds(self) -> BoolArray:
         """Left and right hands (N, 2) bool that probably hold something."""
-        return np.asarray(observed_log_odds("object", self.observed[:, 5:]) > 0)
+        return np.asarray(observed_log_odds("object", self.observed[:, 5:7]) > 0)
 
     @property
     def stands_on_both_feet(self) -> BoolArray:
