@@ -25,6 +25,7 @@ from physic_core.engine.ground.floor_and_scale import (
     floor_evidence,
     scene_floor_candidates,
 )
+from physic_core.engine.ground.stance import Stance
 from physic_core.engine.photo import PhotoContent
 from physic_core.engine.sizes.evidence import depth_witness
 from physic_core.engine.sizes.scale_vote import Witnesses, scaled_depth
@@ -517,4 +518,6 @@ def lying(height_m):
 def test_people_who_lie_rest_on_the_floor_only_if_it_is_seen_right_below_them(height_m, on_floor):
     found, error = lying(height_m)
     assert (found.stance.rests > 0.5).tolist() == [on_floor]
+    usual = Stance.unknown(1).limb_touch[:, :4]
+    assert (found.stance.limb_touch[:, :4] > usual + 0.01).any() == on_floor
     assert error(found) == pytest.approx(0, abs=0.05 if on_floor else 0.2)

@@ -50,6 +50,16 @@ def test_what_is_observed_of_a_part_moves_its_touch_and_no_other():
             assert np.delete(found, column).tolist() == np.delete(average, column).tolist()
 
 
+@pytest.mark.parametrize(("rests", "moved"), [(0.8, True), (0.3, False), (math.nan, False)])
+def test_low_limbs_of_who_rests_on_the_lowest_skin_touch(rests, moved):
+    stance = replace(Stance.in_picture(observed(np.full(5, 0.3))), rests=np.array([rests]))
+    found = stance.with_resting(np.array([[True, False, True, False]])).limb_touch[0]
+    before = stance.limb_touch[0]
+    assert found[[1, 3, 4]].tolist() == before[[1, 3, 4]].tolist()
+    wanted = 1 - (1 - before[[0, 2]]) * (1 - rests * moved) if moved else before[[0, 2]]
+    assert found[[0, 2]] == pytest.approx(wanted)
+
+
 NOWHERE = np.zeros((1, 2), bool)
 
 

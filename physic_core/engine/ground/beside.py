@@ -16,6 +16,7 @@ from physic_core.engine.ground.stance import Stance
 from physic_core.engine.limbs import lowest_layer, observed_parts
 from physic_core.geometry.tensors import exact_arrays
 from physic_core.types.arrays import select_people
+from physic_core.types.observations import TOUCH_PARTS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -54,6 +55,16 @@ class LowSkin(NamedTuple):
     def layer(self, person: int, up: Tensor) -> Tensor:
         """Return the lowest vertices (V,) bool of a person by a unit vector (3,)."""
         return lowest_layer(self.vertices[person] @ up.to(self.vertices), self.skin[person])
+
+    def limbs(self, model: BodyModel, up: Tensor) -> BoolArray:
+        """Return which left and right feet, and hands, in sight or not, are as low (N, 4)."""
+        found = np.zeros((len(self.across), 4), bool)
+        parts = [model.on_parts(name).cpu() for name in TOUCH_PARTS[:4]]
+        for i in np.flatnonzero(self.across).tolist():
+            height = self.vertices[i] @ up.to(self.vertices)
+            top = height[self.layer(i, up)].amax()
+            found[i] = [bool(height[part].amin() <= top) for part in parts]
+        return found
 
     def scales(self, normal: Tensor, offset: float) -> FloatArray:
         """Return the scale (N,), metres per unit of a floor with a normal (3,) and an offset, that

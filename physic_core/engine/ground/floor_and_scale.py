@@ -268,6 +268,8 @@ def _ground_by_vote(
     best = int(np.argmax(vote.weights))
     soles = planes[best].soles
     stance = _stance_by_vote(vote, planes, seen)
+    if (plane := candidates[best].plane) is not None:
+        stance = stance.with_resting(seen.low.limbs(seen.model, plane.normal))
     notes = size_notes(vote, soles, seen.torsos, seen.feet & (stance.stands > _STANDS))
     of_plane = {"soles": soles, "usual height of cameras": planes[best].camera}
     return Ground(

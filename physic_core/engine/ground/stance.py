@@ -107,6 +107,20 @@ class Stance(ShortRepr):
         """People (N,) bool with both feet probably on the floor."""
         return np.asarray((self.stands >= LEAST_PROBABILITY).all(1))
 
+    def with_resting(self, limbs: BoolArray) -> Stance:
+        """Return the stance of people whose feet and hands (N, 4) lie lowest: where the lowest skin
+        probably rests, these touch by what is seen of them, or else by that; not hands that hold
+        something, which may be a bar.
+        """
+        lifted = (1 - self.limb_touch[:, :4]) * (1 - self.rests[:, None])
+        usual = replace(self, observed=np.zeros_like(self.observed)).limb_touch[:, :4]
+        odds = np.log1p(-lifted) - np.log(lifted) - np.log(usual) + np.log1p(-usual)
+        observed = self.observed.copy()
+        rests = limbs & (self.rests >= LEAST_PROBABILITY)[:, None]
+        rests[:, 2:] &= observed_log_odds("object", self.observed[:, 5:]) < 0
+        observed[:, :4] = np.where(rests, odds, observed[:, :4])
+        return replace(self, observed=observed)
+
     def expanded(self, rows: BoolArray) -> Stance:
         """Return N rows from those of the people selected by ``rows`` (N,); the others have average
         feet.
