@@ -60,6 +60,18 @@ def test_low_limbs_of_who_rests_on_the_lowest_skin_touch(rests, moved):
     assert found[[0, 2]] == pytest.approx(wanted)
 
 
+def test_a_low_hand_that_holds_something_does_not_rest():
+    said = replace(
+        observed(np.full(5, 0.3)),
+        holds=np.array([[0.9, 0.1]], np.float32),
+        holds_share=np.full(2, 0.4, np.float32),
+    )
+    stance = replace(Stance.in_picture(said), rests=np.array([0.9]))
+    assert stance.holds.tolist() == [[True, False]]
+    found = stance.with_resting(np.ones((1, 4), bool)).limb_touch[0]
+    assert (found[:4] > stance.limb_touch[0, :4]).tolist() == [True, True, False, True]
+
+
 NOWHERE = np.zeros((1, 2), bool)
 
 

@@ -17,6 +17,7 @@ from physic_core.engine.limbs import lowest_layer, observed_parts
 from physic_core.geometry.tensors import exact_arrays
 from physic_core.types.arrays import select_people
 from physic_core.types.observations import TOUCH_PARTS
+from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -91,18 +92,27 @@ class LowSkin(NamedTuple):
 
 
 def low_skin(
-    across: BoolArray, vertices: Tensor, model: BodyModel, observed: BoolArray, up: Tensor
+    across: BoolArray,
+    vertices: Tensor,
+    model: BodyModel,
+    observed: BoolArray,
+    holds: BoolArray,
+    up: Tensor,
 ) -> LowSkin:
-    """Return the skin of N people ``across`` (N,), unless most of the lowest is that of feet.
+    """Return the skin of N people ``across`` (N,), unless most of the lowest is that of feet;
+    without hands that hold something, which may be a bar over the floor.
 
     Args:
         across: (N,) who may rest on any part.
         vertices: (N, V, 3) metres.
         model: of the bodies.
         observed: (N, 55) bool, visible joints.
+        holds: (N, 2) left and right hand.
         up: (3,) unit.
     """
     parts = observed_parts(model.part_names, torch.from_numpy(observed))
+    for side, held in zip(SIDES, holds.T, strict=True):
+        parts[:, model.part_names.index(f"{side}_hand")] &= ~torch.from_numpy(held)
     low = LowSkin(across.copy(), vertices, parts[:, model.part_of_vertex.cpu()] & model.outer.cpu())
     feet = model.on_parts("foot").cpu()
     for i in np.flatnonzero(across).tolist():

@@ -353,7 +353,7 @@ def _people_evidence(
     upright = ~(said.posture[:, POSTURES.index("lie")] > _LIES)
     joints = posed.joints.cpu()
     across = rests_on_any_part(keypoints, said)
-    low = low_skin(across, posed.vertices.cpu().double(), model, observed, up)
+    low = low_skin(across, posed.vertices.cpu().double(), model, observed, stance.holds, up)
     return _PeopleEvidence(
         model, vertices, joints, feet, real, torch.from_numpy(upright), low, stance, sigma, torsos
     )

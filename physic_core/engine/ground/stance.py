@@ -103,6 +103,11 @@ class Stance(ShortRepr):
         return np.asarray(1 / (1 + np.exp(-np.concatenate(odds, 1))))
 
     @property
+    def holds(self) -> BoolArray:
+        """Left and right hands (N, 2) bool that probably hold something."""
+        return np.asarray(observed_log_odds("object", self.observed[:, 5:]) > 0)
+
+    @property
     def stands_on_both_feet(self) -> BoolArray:
         """People (N,) bool with both feet probably on the floor."""
         return np.asarray((self.stands >= LEAST_PROBABILITY).all(1))
@@ -117,7 +122,7 @@ class Stance(ShortRepr):
         odds = np.log1p(-lifted) - np.log(lifted) - np.log(usual) + np.log1p(-usual)
         observed = self.observed.copy()
         rests = limbs & (self.rests >= LEAST_PROBABILITY)[:, None]
-        rests[:, 2:] &= observed_log_odds("object", self.observed[:, 5:]) < 0
+        rests[:, 2:] &= ~self.holds
         observed[:, :4] = np.where(rests, odds, observed[:, :4])
         return replace(self, observed=observed)
 
