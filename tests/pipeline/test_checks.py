@@ -286,6 +286,12 @@ def test_somebody_of_whom_the_photo_shows_little_is_told():
     assert failed_checks(run_checks(evidence, result), 0) == ("hidden_limbs",)
 
 
+def test_limbs_that_a_side_view_of_who_lies_hides_are_not_counted():
+    evidence, result = case(joints=across_the_picture(standing(0.0)))
+    result.people[0].unseen = tuple(f"part {i}" for i in range(9))
+    assert "hidden_limbs" not in failed_checks(run_checks(evidence, result), 0)
+
+
 def test_nothing_fails_where_all_is_well():
     found = run_checks(*case())
     measured = [name for name, spec in CHECKS.items() if not spec.optional or name == "floor_shown"]

@@ -404,9 +404,15 @@ def limb_spread(estimates: Estimates, result: Reconstruction, person: int) -> Me
     unmeasured=_NO_BODY,
 )
 def hidden_limbs(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return how many upper and lower arms and legs, hands and feet are ``unseen``."""
+    """Return how many upper and lower arms and legs, hands and feet are ``unseen``, of a person who
+    does not lie.
+    """
     who = result.people[person]
-    return float(len(who.unseen)) if who.has_body else None
+    if not who.has_body:
+        return None
+    if _lies(result, person):
+        return None, "this person lies, and one side of the body may hide the other"
+    return float(len(who.unseen))
 
 
 # Of people with one, readers find the contacts of 19 % right and the place of 35 %, of others 63
