@@ -58,13 +58,18 @@ class LowSkin(NamedTuple):
         return lowest_layer(self.vertices[person] @ up.to(self.vertices), self.skin[person])
 
     def limbs(self, model: BodyModel, up: Tensor) -> BoolArray:
-        """Return which left and right feet, and hands, in sight or not, are as low (N, 4)."""
+        """Return which left and right feet, and hands, in sight or not, are as low (N, 4); none of
+        people whose trunk is.
+        """
         found = np.zeros((len(self.across), 4), bool)
         parts = [model.on_parts(name).cpu() for name in TOUCH_PARTS[:4]]
+        trunk = model.on_parts("torso").cpu()
         for i in np.flatnonzero(self.across).tolist():
+            layer = self.layer(i, up)
             height = self.vertices[i] @ up.to(self.vertices)
-            top = height[self.layer(i, up)].amax()
-            found[i] = [bool(height[part].amin() <= top) for part in parts]
+            top = height[layer].amax()
+            if not bool(layer[trunk].any()):
+                found[i] = [bool(height[part].amin() <= top) for part in parts]
         return found
 
     def scales(self, normal: Tensor, offset: float) -> FloatArray:
