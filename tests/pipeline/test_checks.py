@@ -271,7 +271,7 @@ def test_a_foot_that_does_not_carry_may_touch_something_unknown():
 
 
 @pytest.mark.parametrize(("lies", "failed"), [(True, ()), (False, ("unknown_contacts",))])
-def test_only_the_trunk_of_who_lies_may_rest_on_what_is_not_seen(lies, failed):
+def test_who_lies_may_rest_on_what_is_not_seen(lies, failed):
     evidence, result = case(joints=across_the_picture(standing(0.0)) if lies else None)
     back = BodyContact("back", ContactPartner("hidden"), 0.9, 30)
     result.people[0].contacts = (back,)

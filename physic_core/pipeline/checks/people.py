@@ -55,7 +55,6 @@ _SUPPORT_M = 0.1  # largest distance from what carries
 _LOWEST_SHARE = 0.01  # of the vertices, below which the body of a person who lies may reach
 _FAR_BELOW_M = 0.5  # of soles below the floor: no error of a floor that people stand on
 _LIES_DEG = 60.0  # lean beyond which people lie
-_TRUNK = ("torso", "back", "seat")
 _OBSERVED = (*TOUCH_PARTS, "back")
 _QUANTILE = 0.9  # two joints of a dozen may be wrong
 
@@ -424,17 +423,18 @@ def hidden_limbs(estimates: Estimates, result: Reconstruction, person: int) -> M
     unmeasured="there is no body, or this preset estimates no probabilities",
 )
 def unknown_contacts(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return how many parts touch what lies nowhere near them, without those that are assumed, and
-    without the trunk of people who lie: it hides what carries it.
+    """Return how many parts touch what lies nowhere near them, without those that are assumed, of a
+    person who does not lie.
     """
     who = result.people[person]
     if not who.world_contact:
         return None
-    hides = _TRUNK if _lies(result, person) else ()
+    if _lies(result, person):
+        return None, "this person lies, and hides what carries the trunk"
     parts = [
         one.part
         for one in who.contacts
-        if one.likely and one.partner.kind == "hidden" and not (one.assumed or one.part in hides)
+        if one.likely and one.partner.kind == "hidden" and not one.assumed
     ]
     return float(len(parts)), (
         f"{' and '.join(map(part_words, parts))} seem to touch something, and no surface is near: "
