@@ -105,7 +105,8 @@ class Stance(ShortRepr):
     @property
     def holds(self) -> BoolArray:
         """Left and right hands (N, 2) bool that probably hold something."""
-        return np.asarray(observed_log_odds("object", self.observed[:, 5:]) > 0)
+        columns = [OBSERVED_COLUMNS.index(f"{side}_object") for side in SIDES]
+        return np.asarray(observed_log_odds("object", self.observed[:, columns]) > 0)
 
     @property
     def stands_on_both_feet(self) -> BoolArray:
