@@ -132,6 +132,9 @@ def test_parts_of_which_nobody_speaks_touch_only_what_is_near(person):
     assert touch(on)[1]["back"] > touch(over)[1]["back"]
     assert touch(over)[1]["back"] < LEAST_PROBABILITY
     assert "back" not in {one.part for one in contact(over).contacts[0]}
+    on_seat = touch(observed(on, seat=4.0))[1]
+    assert on_seat["head"] == on_seat["back"] == on_seat["seat"] > LEAST_PROBABILITY
+    assert touch(on)[1]["head"] < on_seat["head"]
 
 
 def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stage):

@@ -449,8 +449,9 @@ def test_a_doubtful_contact_names_the_part_or_the_seat_that_is_missing():
 def test_of_people_who_lie_the_least_sure_part_that_carries_them_is_asked():
     result = case(joints=standing()[:, [0, 2, 1]], likely={"left_hand": 0.55, "seat": 0.9})[1]
     (who,) = result.people
-    carriers = [BodyContact(part, ContactPartner("floor"), 0.9, 20) for part in ("back", "seat")]
-    for state, value in (("balanced", 0.9), ("unbalanced", 0.0)):
+    sure = [("back", 0.9), ("seat", 0.8), ("left_lower_arm", 0.55), ("back", 0.51)]
+    carriers = [BodyContact(part, ContactPartner("floor"), p, 20) for part, p in sure]
+    for state, value in (("balanced", 0.8), ("unbalanced", 0.0)):
         who.support = Support(SupportState(state), tuple(carriers), 0.0, (0.0, 0.0, 0.0))
         assert CHECKS["contact_sure"].measure(None, result, 0)[0] == value
 

@@ -107,6 +107,12 @@ class Stance(ShortRepr):
         return np.asarray(observed_log_odds("object", self.observed[:, 5:7]) > 0)
 
     @property
+    def holds(self) -> BoolArray:
+        """Left and right hands (N, 2) bool that probably hold something."""
+        columns = [OBSERVED_COLUMNS.index(f"{side}_object") for side in SIDES]
+        return np.asarray(observed_log_odds("object", self.observed[:, columns]) > 0)
+
+    @property
     def stands_on_both_feet(self) -> BoolArray:
         """People (N,) bool with both feet probably on the floor."""
         return np.asarray((self.stands >= LEAST_PROBABILITY).all(1))

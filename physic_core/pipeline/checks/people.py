@@ -255,7 +255,8 @@ def _sure_carriers(who: Person) -> Measured:
     """
     likely = {}
     if who.support is not None and who.support.state != SupportState.UNBALANCED:
-        likely = {one.part: one.probability for one in who.support.contacts if one.probability}
+        surest_last = sorted((one.probability or 0.0, one.part) for one in who.support.contacts)
+        likely = {part: probability for probability, part in surest_last if probability}
         likely = {part: p for part, p in likely.items() if part in _OBSERVED} or likely
     if not likely:
         return 0.0, f"what this person is found to touch carries no body: see {_FROM_THE_SIDE}"
