@@ -120,6 +120,7 @@ MODULES = {
 }
 """Import names that are not the distribution's."""
 THROUGH_OTHERS = {
+    "physic-embedded": {"onnxruntime"},  # physic-networks
     "physic-onnx": {"onnxruntime"},  # physic-networks
     "physic-serve": {"jinja2", "python-multipart"},  # starlette
     # diffusers
