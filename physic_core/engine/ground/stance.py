@@ -104,11 +104,6 @@ class Stance(ShortRepr):
     @property
     def holds(self) -> BoolArray:
         """Left and right hands (N, 2) bool that probably hold something."""
-        return np.asarray(observed_log_odds("object", self.observed[:, 5:7]) > 0)
-
-    @property
-    def holds(self) -> BoolArray:
-        """Left and right hands (N, 2) bool that probably hold something."""
         columns = [OBSERVED_COLUMNS.index(f"{side}_object") for side in SIDES]
         return np.asarray(observed_log_odds("object", self.observed[:, columns]) > 0)
 
