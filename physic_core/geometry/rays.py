@@ -34,12 +34,12 @@ class RayHits:
         face: (n,) int64, -1 without a hit.
         distance: (n,) float64 in units of the direction's length, inf without a hit; for z = 1 it
             is the depth.
-        corners: (n, 3) float64 barycentric coordinates.
+        barycentric: (n, 3) float64, coordinates in the triangle.
     """
 
     face: _Indices
     distance: _Array
-    corners: _Array
+    barycentric: _Array
 
 
 class RayCaster:

@@ -79,8 +79,8 @@ def test_numpy_finds_the_faces_and_distances_of_embree(name):
     hit = same & (by_numpy.face >= 0)
     assert hit.sum() > 800
     assert_allclose(by_numpy.distance[hit], by_embree.distance[hit], rtol=1e-6)
-    assert_allclose(by_numpy.corners[hit], by_embree.corners[hit], atol=2e-3)
-    on_face = (by_numpy.corners[hit][..., None] * vertices[faces[by_numpy.face[hit]]]).sum(1)
+    assert_allclose(by_numpy.barycentric[hit], by_embree.barycentric[hit], atol=2e-3)
+    on_face = (by_numpy.barycentric[hit][..., None] * vertices[faces[by_numpy.face[hit]]]).sum(1)
     along = origins[hit] + by_numpy.distance[hit][:, None] * directions[hit]
     assert_allclose(on_face, along, atol=1e-9 * np.abs(along).max())
 

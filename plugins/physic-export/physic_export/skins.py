@@ -36,13 +36,13 @@ class Skins:
         request: with the option ``skin``.
         source: of the texture coordinates, "embedded" or the path of the SMPL-X file; "" if the
             bodies have none.
-        size: texels along a side of a texture.
+        texels: along a side of a texture.
         notes: sentences for the user.
     """
 
     request: ExportRequest
     source: str = ""
-    size: int = 512
+    texels: int = 512
     notes: tuple[str, ...] = ()
 
     @property
@@ -70,7 +70,7 @@ class Skins:
         """Return the texture (N, N, 3) sRGB of a person, and (N, N) 255 where the photo does not
         show the texel, 0 where it does.
         """
-        raster = _raster(self.source, self.size)
+        raster = _raster(self.source, self.texels)
         return dressed_texture(self.request.result, index, raster, darken=False)
 
     def contact_image(self, index: int) -> UInt8Array:
@@ -78,7 +78,7 @@ class Skins:
         of the body.
         """
         result = self.request.result
-        raster = _raster(self.source, self.size)
+        raster = _raster(self.source, self.texels)
         corners = np.asarray(result.faces)[raster.faces]
         nearest = np.take_along_axis(corners, raster.corners.argmax(1)[:, None], 1)[:, 0]
         colors = contact_colors(result.people[index], result.contact_partners)

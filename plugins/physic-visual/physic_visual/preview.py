@@ -328,9 +328,9 @@ def _draw_view(page: Image.Image, frame: _Frame, title: str, plan: LabeledView) 
         row = frame.y + plan.floor_row
         pen.line((frame.x, row + 1, right - 1, row + 1), fill=(*FLOOR_RGB, 200), width=1)
         draw_text(pen, (right - 8, row + 3), "floor", 14, FLOOR_RGB, "ra")
-    if plan.camera is not None:
-        x = frame.x + plan.camera[0]
-        y = frame.y + plan.camera[1]
+    if plan.camera_px is not None:
+        x = frame.x + plan.camera_px[0]
+        y = frame.y + plan.camera_px[1]
         pen.ellipse((x - 5, y - 5, x + 5, y + 5), fill=INK_RGB)
         draw_text(pen, (x + 10, y - 4), "camera", 13, anchor="lm")
     scale_bar = _draw_scale_bar(pen, frame, plan.pixels_per_metre)

@@ -253,7 +253,7 @@ def _cast_rays(
     hits = shapes.first(origins, directions)
     hit = np.flatnonzero(hits.face >= 0)
     corners = shapes.faces[hits.face[hit]]
-    weights = hits.corners[hit]
+    weights = hits.barycentric[hit]
     base = np.einsum("nkc,nk->nc", colors[corners], weights)
     color = np.zeros((columns.size, colors.shape[1] + 1), np.float32)
     color[hit, :-1] = base

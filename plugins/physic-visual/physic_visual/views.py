@@ -171,7 +171,7 @@ class LabeledView:
         picture: (H, W, 3) uint8 RGB.
         pixels_per_metre: scale.
         floor_row: row of the floor; None if there is no floor, or in the top view.
-        camera: column and row of the camera; None if it is outside.
+        camera_px: column and row of the camera; None if it is outside.
         crowns: person -> column and row of their highest vertex, of those in the picture.
         assumed: name, and column and row (8, 2) of the corners, of each support that the photo does
             not show.
@@ -180,7 +180,7 @@ class LabeledView:
     picture: UInt8Array
     pixels_per_metre: float
     floor_row: float | None
-    camera: tuple[float, float] | None
+    camera_px: tuple[float, float] | None
     crowns: Mapping[int, tuple[float, float]]
     assumed: Sequence[tuple[str, Array]]
 
@@ -309,7 +309,7 @@ def _render(geometry: PreviewGeometry, direction: _Direction, size: tuple[int, i
         _draw(geometry, view, full_colour_m, radius),
         scale,
         floor_row=ground[1] if direction is _SIDE and geometry.has_floor else None,
-        camera=own if inside[1] else None,
+        camera_px=own if inside[1] else None,
         crowns={
             index: spot
             for index, spot, shown in zip(geometry.crowns, crowns, inside[2:], strict=True)

@@ -196,7 +196,7 @@ def test_from_above_people_stand_beside_each_other(reconstruction):
     offset = (np.array(spots[1]) - spots[0]) / plan.pixels_per_metre
     assert_allclose(offset, [0.9, -0.8], atol=0.1)  # farther is higher
     assert plan.floor_row is None
-    assert (spots[0][0] - plan.camera[0]) / plan.pixels_per_metre == pytest.approx(-0.6, abs=0.1)
+    assert (spots[0][0] - plan.camera_px[0]) / plan.pixels_per_metre == pytest.approx(-0.6, abs=0.1)
 
 
 def test_from_the_side_people_have_the_colours_of_the_photo_and_are_darker_where_it_does_not_show_them(  # noqa: E501
@@ -217,8 +217,8 @@ def test_from_the_side_people_have_the_colours_of_the_photo_and_are_darker_where
 
 def test_the_scene_is_seen_from_above_in_its_colours(reconstruction):
     plan = top_view(build_preview_geometry(reconstruction), 400, 900)
-    column = round(plan.camera[0] + 1.0 * plan.pixels_per_metre)
-    row = round(plan.camera[1] - 3.1 * plan.pixels_per_metre)
+    column = round(plan.camera_px[0] + 1.0 * plan.pixels_per_metre)
+    row = round(plan.camera_px[1] - 3.1 * plan.pixels_per_metre)
     assert_allclose(plan.picture[row, column], [215, 120, 95], atol=6)  # the box's lid
 
 

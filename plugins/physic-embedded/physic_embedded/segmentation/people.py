@@ -118,14 +118,14 @@ class FoundPeople(NamedTuple):
     Attributes:
         posed: people with a pose, best first.
         unposed: boxes of people without a pose.
-        left_out: name of the animal or the board in each box that was left out.
+        not_people: name of the animal or the board in each box that was left out.
         carriers: what may carry a person.
         holdable: (M, 4) x0 y0 x1 y1 px of what a person may hold.
     """
 
     posed: list[DetectedPose]
     unposed: list[UnposedPerson]
-    left_out: list[str]
+    not_people: list[str]
     carriers: tuple[Carrier, ...]
     holdable: Float
 
