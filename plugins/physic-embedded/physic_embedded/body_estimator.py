@@ -42,8 +42,7 @@ class EmbeddedBodies(BodyEstimator):
         from physic_core.body import load_body
 
         if self._model is None:
-            # Newton's method differentiates gradients by differences, for which float32 is too
-            # coarse.
+            # The Hessian is a difference of gradients, for which float32 is too coarse.
             self._model = load_body("embedded").to(dtype=torch.float64)
 
     def close(self) -> None:

@@ -1,8 +1,7 @@
-"""Fit the body model to 2D keypoints and 3D landmarks, all people in one optimisation.
+"""Fit the body model to 2D keypoints and 3D landmarks, people side by side.
 
-Every unknown is divided by its standard deviation. On such whitened unknowns L-BFGS comes near a
-minimum in about 20 iterations; on raw ones it stalls. Newton's method then converges to the
-minimum.
+Every unknown is divided by its standard deviation. On such whitened unknowns BFGS comes near a
+minimum in about 20 steps; on raw ones it stalls.
 """
 
 from __future__ import annotations
@@ -12,13 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-from scipy.optimize import minimize
 
 from physic_embedded.body_fit.lifter import HIPS, LIMBS, LimbView, lift
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
-from physic_embedded.body_fit.newton import minimize_newton
+from physic_embedded.body_fit.minimise import approach_minimum, minimise
 from physic_embedded.body_fit.problem import (
-    ITERATIONS,
     LIMB_ROWS,
     LiftedLimbs,
     fit_problem,
@@ -43,6 +40,7 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.floating]
 
 
+_EVALUATIONS = 25  # which choose the minimum
 # How far 3D landmarks of arms move between two looks that are as sure as the lifter's joints, and
 # the largest weight of these where looks differ. Chosen on mpi_inf_3dhp, panoptic and roundtable.
 _STEADY_M = 0.05
@@ -105,14 +103,14 @@ def fit_bodies(
         rows = torch.from_numpy(np.flatnonzero(changed))
         part = problem.select(rows)
         found = fit.unknowns.clone()
-        found[rows] = minimize_newton(part, _near_minimum(part))
+        found[rows] = minimise(part, _near_minimum(part))
         return _body_fit(model, problem, found)
     unknowns = _near_minimum(problem)
     with torch.no_grad():
         best = problem.loss(unknowns).view(starts, -1).argmin(0)
     rows = best * len(best) + torch.arange(len(best))
     problem = problem.select(rows)
-    return _body_fit(model, problem, minimize_newton(problem, unknowns[rows]))
+    return _body_fit(model, problem, minimise(problem, unknowns[rows]))
 
 
 def fit_outlines(
@@ -121,8 +119,8 @@ def fit_outlines(
     """Continue a fit of N people with pairs of points on the outlines of bodies and masks, and with
     what the lifter tells of their limbs.
 
-    The fit is a minimum without them, so near to the one with them that Newton's method starts
-    there. People without any stay as they are.
+    The fit is a minimum without them, and near to the one with them. People without any stay as
+    they are.
     """
     told = pairs.weight.any(1)
     if lifted is not None:
@@ -133,7 +131,7 @@ def fit_outlines(
     problem = with_outlines(fit.problem, pairs, lifted)
     part = problem.select(rows)
     found = fit.unknowns.clone()
-    found[rows] = minimize_newton(part, fit.unknowns[rows])
+    found[rows] = minimise(part, fit.unknowns[rows])
     return _body_fit(model, problem, found)
 
 
@@ -182,24 +180,9 @@ def lifted_limbs(
 
 
 def _near_minimum(problem: FitProblem) -> Tensor:
-    """Return the unknowns (N, W) after L-BFGS on the sum of the losses of all people."""
-    shape = len(problem.points), problem.num_unknowns
-    dtype = problem.points.dtype
-
-    def loss_and_gradient(values: FloatArray) -> tuple[float, FloatArray]:
-        at = torch.from_numpy(values.reshape(shape)).to(dtype).requires_grad_(True)
-        total = problem.loss(at).sum()
-        (gradient,) = torch.autograd.grad(total, at)
-        return float(total.detach()), gradient.double().numpy().ravel()
-
-    found = minimize(
-        loss_and_gradient,
-        np.zeros(shape).ravel(),
-        jac=True,
-        method="L-BFGS-B",
-        options={"maxiter": ITERATIONS, "maxfun": ITERATIONS * 5 // 4, "maxcor": 20, "ftol": 0.0},
-    )
-    return torch.from_numpy(found.x.reshape(shape)).to(dtype)
+    """Return the unknowns (N, W) that the search reaches from the initial poses."""
+    start = problem.points.new_zeros(len(problem.points), problem.num_unknowns)
+    return approach_minimum(problem, start, _EVALUATIONS)
 
 
 def _body_fit(model: BodyModel, problem: FitProblem, unknowns: Tensor) -> FittedBodies:

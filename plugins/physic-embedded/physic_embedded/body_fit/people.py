@@ -20,8 +20,8 @@ from physic_embedded.body_fit.hidden_legs import legs_hidden, pitch_sigma, with_
 from physic_embedded.body_fit.joint_sigma import joint_sigma, limb_evidence
 from physic_embedded.body_fit.lean import lean_towards_camera
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices, limb_keypoints
+from physic_embedded.body_fit.minimise import covariance
 from physic_embedded.body_fit.multi_start import fit_without_world_landmarks
-from physic_embedded.body_fit.newton import covariance
 from physic_embedded.body_fit.observations import observe_people
 from physic_embedded.body_fit.problem import UPRIGHT_SIGMA, FloorConstraint, InitialPose
 from physic_embedded.body_fit.silhouette import outline_pairs, without_legs

@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.floating]
 
 
-ITERATIONS = 20
-"""Iterations of L-BFGS, which choose the minimum that Newton's method then finds."""
 UPRIGHT_SIGMA = 0.03
 """Radians between the line from ankles to neck and the vertical, seen from the side."""
 
@@ -436,7 +434,7 @@ class FitProblem:
         """
         pixels = self._project(vertices.gather(1, pairs.vertex[..., None].expand(-1, -1, 3)))
         excess = torch.relu((pairs.normal * pixels).sum(-1) - pairs.offset) / _OUTLINE_SIGMA
-        # A square that starts as a cube: Newton's method needs second derivatives without jumps.
+        # A square that starts as a cube, since the Hessian is to have no jumps.
         square = excess.pow(3) / (excess + 0.5)
         return (pairs.weight * square * _OUTLINE_LIMIT**2 / (_OUTLINE_LIMIT**2 + square)).sum(1)
 

@@ -14,7 +14,7 @@ from torch import Tensor
 from physic_core.body import load_body
 from physic_core.types import Intrinsics, skeleton_named
 from physic_embedded.body_fit.derivatives import derivatives, loss_and_gradient
-from physic_embedded.body_fit.newton import covariance, minimize_newton
+from physic_embedded.body_fit.minimise import approach_minimum, covariance, minimise
 from physic_embedded.body_fit.observations import BodyObservations
 from physic_embedded.body_fit.problem import (
     FloorConstraint,
@@ -66,7 +66,7 @@ def doubles(*values):
 
 
 def minimum(problem, start):
-    return minimize_newton(problem, start, by_differences)
+    return minimise(problem, start, by_differences)
 
 
 def test_people_end_at_their_own_minima_and_stop_one_by_one():
@@ -77,6 +77,16 @@ def test_people_end_at_their_own_minima_and_stop_one_by_one():
     torch.testing.assert_close(found, wanted, rtol=0, atol=1e-9)
     assert start[1].tolist() == [0.0, 0.0]
     assert problem.asked[-1] == 1  # of the last step of the first person alone
+
+
+def test_the_way_of_a_person_is_the_same_beside_others():
+    start = doubles([-1.2, 1.0], [30.0, -20.0], [2.0, 4.0])
+    values = doubles(1.0, -0.5, 2.0)
+    together = approach_minimum(Valley(values), start, 25)
+    for row in range(3):
+        alone = approach_minimum(Valley(values[[row]]), start[[row]], 25)
+        torch.testing.assert_close(together[[row]], alone, rtol=0, atol=1e-9)
+    assert (valley_loss(together, values) <= 0.1 * valley_loss(start, values)).all()
 
 
 def test_a_saddle_is_left_downhill():
@@ -172,7 +182,7 @@ def test_no_derivative_imports_the_compiler_of_torch():
         f"import {Path(__file__).stem} as tests\n"
         "problem = tests.two_people(landmarks=True)\n"
         "at = tests.torch.zeros(2, problem.num_unknowns, dtype=tests.torch.float64)\n"
-        "tests.minimize_newton(problem, at)\n"
+        "tests.minimise(problem, at)\n"
         "print({'sympy', 'torch._dynamo'} & set(sys.modules))"
     )
     done = subprocess.run(
