@@ -120,6 +120,13 @@ def test_feet_seen_on_the_floor_touch_it_however_far_the_scene_has_it(person):
     assert feet["left_foot"].distance_m == pytest.approx(0.12, abs=0.01)
 
 
+def test_feet_seen_on_something_else_are_not_on_the_floor_beside_them(person):
+    said = dict.fromkeys(("left_floor", "right_floor"), -4.0) | dict.fromkeys(TOUCH_PARTS, 5.0)
+    found = contact(observed(person, **said)).contacts[0]
+    feet = [one for one in found if one.part.endswith("_foot")]
+    assert {(one.partner, one.distance_m) for one in feet} == {(ContactPartner("scene"), None)}
+
+
 def test_parts_of_which_nobody_speaks_touch_only_what_is_near(person):
     """The back of a person who lies on the floor, not on the seat, and a hand's breadth over it."""
     axes = torch.tensor([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])

@@ -1,4 +1,4 @@
-"""Whether feet, hands and seat touch something, by what is observed and by depth."""
+"""Whether feet, hands and seat touch something, by what is observed."""
 
 from __future__ import annotations
 
@@ -10,14 +10,9 @@ import pytest
 import torch
 
 from physic_core import engine_preset
-from physic_core.engine.ground.stance import (
-    Stance,
-    depth_gaps_at_feet,
-    standing_prior,
-)
+from physic_core.engine.ground.stance import Stance
 from physic_core.engine.joint.solve import optimize
-from physic_core.geometry.camera import pixel_rays
-from physic_core.types import Keypoints, Observations
+from physic_core.types import Observations
 
 from .conftest import FLOOR_Y
 
@@ -72,28 +67,6 @@ def test_a_low_hand_that_holds_something_does_not_rest():
     assert (found[:4] > stance.limb_touch[0, :4]).tolist() == [True, True, False, True]
 
 
-NOWHERE = np.zeros((1, 2), bool)
-
-
-def prior(gap, raised=NOWHERE):
-    return standing_prior(np.array([[0.8, 0.2]]), np.full((1, 2), gap), raised)
-
-
-def test_a_foot_stands_by_its_touch_and_by_the_depth_behind_it():
-    unknown, low, high = (prior(gap)[0] for gap in (np.nan, 0.01, 0.3))
-    assert (high < unknown).all()
-    assert (unknown < low).all()
-    assert (unknown[:, 1] < unknown[:, 0]).all()
-    assert (prior(0.3, np.ones((1, 2), bool))[0] == unknown).all()
-
-
-def test_a_gap_too_large_for_a_lifted_foot_makes_the_depth_wrong_and_not_the_foot():
-    absurd, wrong = prior(2.3)
-    assert absurd == pytest.approx(prior(np.nan)[0], abs=0.01)
-    assert wrong < 0.01
-    assert prior(0.02)[1] > 0.9
-
-
 def test_feet_that_touch_something_else_do_not_stand_on_the_floor():
     half = np.full(2, 0.5, np.float32)
     stands, rides = (
@@ -111,44 +84,6 @@ def test_people_without_a_body_have_average_feet():
     wider = known.expanded(np.array([False, True]))
     assert wider.limb_touch[1].tolist() == known.limb_touch[0].tolist()
     assert wider.limb_touch[0].tolist() == Stance.unknown(1).limb_touch[0].tolist()
-
-
-def floor_depth(state):
-    """(H, W) depth of the floor alone."""
-    down = pixel_rays(*state.masks.shape[-2:], state.K)[..., 1]
-    return torch.where(down > 0.02, state.scene.floor.offset / down, torch.nan)
-
-
-def people_of(state):
-    """Keypoints and masks of a problem, and the depth (H, W) of the photo."""
-    photo = torch.where(state.photo_depth.isnan(), floor_depth(state), state.photo_depth)
-    points = state.keypoints.numpy()
-    confidence = state.keypoint_confidence.numpy()
-    return Keypoints(points, confidence, state.skeleton), state.masks, photo
-
-
-def test_feet_over_the_floor_have_a_gap_and_may_be_among_seats_and_tables(make_stage):
-    on_floor, over_it = (make_stage([({}, (0.0, 0.0, 3.0))], stands_at=y).state for y in (1.3, 1.0))
-    low, high = (
-        depth_gaps_at_feet(*people_of(p), floor_depth(p), torch.zeros_like(p.masks[0]))[0]
-        for p in (on_floor, over_it)
-    )
-    assert low.max() < 0.1
-    # The visible foot is a few centimetres higher than its sole.
-    assert high.mean() == pytest.approx(math.log(1.3 / (1.3 - 0.33)), abs=0.05)
-    for raised in (False, True):
-        labels = torch.full_like(over_it.masks[0], raised)
-        _, among = depth_gaps_at_feet(*people_of(over_it), floor_depth(over_it), labels)
-        assert bool(among.all()) == raised
-
-
-def test_keypoints_that_are_not_seen_have_no_gap(make_stage):
-    state = make_stage([({}, (0.0, 0.0, 3.0))]).state
-    left = torch.tensor([name.startswith("left_") for name in state.skeleton.names])
-    unseen = replace(state, keypoint_confidence=torch.where(left, 0.1, state.keypoint_confidence))
-    nowhere = torch.zeros_like(state.masks[0])
-    gap, _ = depth_gaps_at_feet(*people_of(unseen), floor_depth(state), nowhere)
-    assert np.isnan(gap).tolist() == [[True, False]]
 
 
 def test_a_foot_that_hardly_touches_stays_lifted(make_stage):

@@ -263,7 +263,7 @@ def body_contacts(
         if probability is not None:
             likely = probability[here]
             sure = round(assumed.get(part, mean_of_surest(likely)), DECIMALS)
-        far = not table[partner].in_scene or gaps.get(part, 0.0) > HAND_BREADTH_M
+        far = kind == "hidden" or gaps.get(part, 0.0) > HAND_BREADTH_M
         gap = gaps.get(part) if far and kind in _OF_WORLD and part not in assumed else None
         if sure is None or sure >= least:
             one = BodyContact(part, table[partner], sure, count, assumed=part in assumed)

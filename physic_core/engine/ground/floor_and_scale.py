@@ -47,11 +47,7 @@ from physic_core.engine.ground.report import (
     size_notes,
     small_statures,
 )
-from physic_core.engine.ground.stance import (
-    Stance,
-    depth_gaps_at_feet,
-    standing_prior,
-)
+from physic_core.engine.ground.stance import Stance
 from physic_core.engine.sizes.evidence import (
     USUAL_CAMERA_HEIGHT_M,
     USUAL_CAMERA_HEIGHT_SIGMA,
@@ -99,7 +95,7 @@ _SOLE_SIGMA = 0.05  # one person's soles
 _FLOOR_SIGMA = 0.06  # the floor, shared by all
 _TORSO_SIGMA = 0.1  # one torso
 _PEOPLE_SIGMA = 0.12  # people in the map, shared by all
-_TORSO_SURE = 0.9  # probability that a torso's scale is right
+_TORSO_SURE = 0.855  # probability that a torso's scale is right, and its depth in the map
 _CAMERA_SURE = 0.9  # probability that a usual camera height is right
 _PEOPLE_WRONG = 0.15  # share of photos in which all people's depth is far from the scene's
 _LEAST_SIZE_SIGMA = 0.01  # of a person of known stature: the pose is not exact
@@ -337,7 +333,9 @@ def _people_evidence(
     sigma = _size_sigmas(photo, *sizes)
     real = photo.people.scores * adult_probability(*sizes, photo.observations.child)
     farther, spread = photo.aligned_map.people_farther or (0.0, _TORSO_SIGMA)
-    stance, depth_right = _stance_without_floor(photo)
+    carriers = photo.people.carriers
+    carried = carried_people(carriers, photo.keypoints) if carriers else None
+    stance = replace(Stance.in_picture(photo.observations), carried=carried)
     by_torsos = scales_by_torsos(
         vertices, model, photo.people.masks, photo.aligned_map, photo.camera.matrix
     )
@@ -345,7 +343,7 @@ def _people_evidence(
         scale=by_torsos * math.exp(farther),
         depth=vertices[..., 2].mean(1),
         sigma=np.hypot(np.hypot(sigma, spread), _TORSO_SIGMA),
-        sure=_TORSO_SURE * depth_right * real,
+        sure=_TORSO_SURE * real,
         shared_sigma=_PEOPLE_SIGMA,
         shared_wrong=_PEOPLE_WRONG,
     )
@@ -357,22 +355,6 @@ def _people_evidence(
     return _PeopleEvidence(
         model, vertices, joints, feet, real, torch.from_numpy(upright), low, stance, sigma, torsos
     )
-
-
-def _stance_without_floor(photo: PhotoContent) -> tuple[Stance, FloatArray]:
-    """Return the stance of N people by keypoints and depth, and the probability (N,) that their
-    depth is right.
-    """
-    keypoints = photo.keypoints
-    stance = Stance.in_picture(photo.observations)
-    raised = photo.labelled(*RAISED_SURFACES)
-    gap, among = depth_gaps_at_feet(
-        keypoints, photo.masks, photo.aligned.depth, photo.scene.depth, raised
-    )
-    stands, right = standing_prior(stance.stands, gap, among)
-    carriers = photo.people.carriers
-    carried = carried_people(carriers, keypoints) if carriers else None
-    return replace(stance, stands=stands, carried=carried), right
 
 
 def _size_sigmas(photo: PhotoContent, stature: FloatArray, years: FloatArray) -> FloatArray:
