@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     Float = NDArray[np.floating[Any]]
 
 _FRAMED = (23, 28)  # painting, mirror
+_LEAST_PROBABILITY = 0.5  # pixels whose best surface is less probable are "unknown"
 
 INPUT_SIZE = 512
 STRIDE = 4
@@ -85,7 +86,6 @@ def label_surfaces(
     session: OnnxSession,
     image: NDArray[np.uint8],
     people: NDArray[np.bool_],
-    min_probability: float = 0.5,
 ) -> tuple[SurfaceLabels, NDArray[np.bool_]]:
     """Label each pixel with its most probable surface, and return the pixels (H, W) of paintings
     and mirrors, also on people.
@@ -97,7 +97,6 @@ def label_surfaces(
         session: of ``deeplabv3_mnv2_ade20k``.
         image: (H, W, 3) uint8 RGB.
         people: (H, W), pixels of people; they are "person".
-        min_probability: pixels whose best surface is less probable are "unknown".
     """
     import cv2
 
@@ -106,7 +105,7 @@ def label_surfaces(
     without_people[people] = PADDING_VALUE
     probability, framed, to_grid = predict_surfaces(session, without_people)
     labels = np.zeros((height, width), np.uint8)
-    best = np.full((height, width), min_probability, np.float32)
+    best = np.full((height, width), _LEAST_PROBABILITY, np.float32)
 
     def in_photo(grid: Float) -> Float:
         whole: Float = cv2.warpAffine(
@@ -118,13 +117,13 @@ def label_surfaces(
         )
         return whole
 
-    for index in np.flatnonzero(probability.max(axis=(0, 1)) >= min_probability):
+    for index in np.flatnonzero(probability.max(axis=(0, 1)) >= _LEAST_PROBABILITY):
         here = in_photo(probability[..., index])
         better = here >= best
         labels[better] = index
         best[better] = here[better]
     labels[people] = SURFACE_NAMES.index("person")
-    return SurfaceLabels(labels), in_photo(framed) >= min_probability
+    return SurfaceLabels(labels), in_photo(framed) >= _LEAST_PROBABILITY
 
 
 @cache

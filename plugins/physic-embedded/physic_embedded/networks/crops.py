@@ -55,6 +55,9 @@ class RotatedSquare:
         return (unit + 0.5) * size
 
 
+_SMALLEST_PX = 128  # long side of a level
+
+
 @dataclass(frozen=True)
 class ImagePyramid:
     """Photo with half-size copies, so that crops of a large photo are not aliased.
@@ -67,14 +70,14 @@ class ImagePyramid:
     levels: tuple[Image, ...]
 
     @classmethod
-    def from_image(cls, image: Image, smallest: int = 128) -> ImagePyramid:
+    def from_image(cls, image: Image) -> ImagePyramid:
         """Build a pyramid of an image (H, W, 3), halved until its long side would fall below
-        ``smallest`` px.
+        128 px.
         """
         import cv2
 
         levels = [image]
-        while max(levels[-1].shape[:2]) >= 2 * smallest and min(levels[-1].shape[:2]) > 1:
+        while max(levels[-1].shape[:2]) >= 2 * _SMALLEST_PX and min(levels[-1].shape[:2]) > 1:
             h, w = levels[-1].shape[:2]
             levels.append(
                 cv2.resize(levels[-1], ((w + 1) // 2, (h + 1) // 2), interpolation=cv2.INTER_AREA)

@@ -151,6 +151,9 @@ def hand_search_square(
     )
 
 
+_LEAST_PALM = 0.4  # score
+
+
 def find_hand(
     detector: OnnxSession,
     landmarker: OnnxSession,
@@ -159,8 +162,6 @@ def find_hand(
     arm_angle: float,
     wrist: Float,
     side: str,
-    *,
-    threshold: float = 0.4,
 ) -> HandLandmarks | None:
     """Detect the hand at a wrist and return its landmarks, or None.
 
@@ -172,12 +173,11 @@ def find_hand(
         arm_angle: see :func:`hand_search_square`.
         wrist: (2,) of the pose, px.
         side: "left" or "right"; of two hands at one wrist, the one of this side is taken.
-        threshold: lowest score of a palm.
     """
     starts = []
     for angle in (0.0, arm_angle):
         view = RotatedSquare(around.center, around.side, angle)
-        starts += _palm_squares(detector, picture, view, threshold)
+        starts += _palm_squares(detector, picture, view)
     # No palm is visible: the pose gives the place of the hand.
     starts.append(RotatedSquare(around.center, around.side / 1.5, arm_angle))
     best = None
@@ -194,7 +194,7 @@ def find_hand(
 
 
 def _palm_squares(
-    detector: OnnxSession, picture: ImagePyramid, view: RotatedSquare, threshold: float
+    detector: OnnxSession, picture: ImagePyramid, view: RotatedSquare
 ) -> list[RotatedSquare]:
     """Return the landmark network's input squares for the two best palms in a square."""
     cut = picture.crop(view, DETECTOR_SIZE)
@@ -202,7 +202,7 @@ def _palm_squares(
         ["boxes", "scores"], {"image": cut[None].astype(np.float32) / 255.0}
     )
     anchors = anchor_centers(DETECTOR_SIZE, DETECTOR_LAYERS)
-    palms = decode_detections(boxes[0], scores[0, :, 0], anchors, DETECTOR_SIZE, threshold)
+    palms = decode_detections(boxes[0], scores[0, :, 0], anchors, DETECTOR_SIZE, _LEAST_PALM)
     squares = []
     for palm in palms[:2]:
         center = view.to_photo((palm.box[:2] + palm.box[2:]) / 2, DETECTOR_SIZE)

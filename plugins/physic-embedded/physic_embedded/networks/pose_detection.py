@@ -95,13 +95,14 @@ def _points_of(found: BoxDetection, mirrored: bool) -> Float:
     return points
 
 
-def merge_candidates(
-    found: Sequence[BoxDetection], nearness: float = 0.35, overlap: float = 0.3
-) -> list[BoxDetection]:
+_NEAR = 0.35  # of the larger radius of two bodies
+_OVERLAP = 0.3  # intersection over union of two boxes
+
+
+def merge_candidates(found: Sequence[BoxDetection]) -> list[BoxDetection]:
     """Merge detections of the same person and keep the best.
 
-    Two candidates are one person if their mid hips are nearer than ``nearness`` times the larger
-    body radius, or if their boxes overlap by more than ``overlap`` (intersection over union).
+    Two candidates are one person if their mid hips are near, or if their boxes overlap.
     """
 
     def radius(d: BoxDetection) -> float:
@@ -110,8 +111,8 @@ def merge_candidates(
     kept: list[BoxDetection] = []
     for d in sorted(found, key=lambda d: -d.score):
         if all(
-            np.linalg.norm(d.keypoints[0] - k.keypoints[0]) > nearness * max(radius(d), radius(k))
-            and box_iou(d.box[None], k.box[None])[0, 0] < overlap
+            np.linalg.norm(d.keypoints[0] - k.keypoints[0]) > _NEAR * max(radius(d), radius(k))
+            and box_iou(d.box[None], k.box[None])[0, 0] < _OVERLAP
             for k in kept
         ):
             kept.append(d)

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     Float = NDArray[np.floating[Any]]
 
 
+_OVERLAP = 0.3  # boxes with a larger intersection over union are averaged
+
+
 @dataclass(frozen=True)
 class BoxDetection:
     """Detected box with keypoints and score.
@@ -50,7 +53,7 @@ def anchor_centers(size: int, layers: tuple[tuple[int, int], ...]) -> Float:
 
 
 def decode_detections(
-    raw: Float, logits: Float, anchors: Float, size: int, threshold: float, overlap: float = 0.3
+    raw: Float, logits: Float, anchors: Float, size: int, threshold: float
 ) -> list[BoxDetection]:
     """Decode network output to detections in pixel-edge coordinates of the ``size`` px input, best
     first.
@@ -63,7 +66,6 @@ def decode_detections(
         anchors: (A, 2) of :func:`anchor_centers`.
         size: side of the network's input, px.
         threshold: detections with a lower score are dropped.
-        overlap: boxes with a larger intersection over union are averaged.
     """
     scores = sigmoid(logits)
     kept = np.flatnonzero(scores >= threshold)
@@ -80,7 +82,7 @@ def decode_detections(
     for i in range(len(kept)):
         if not left[i]:
             continue
-        group = left & (box_iou(boxes[i : i + 1], boxes)[0] > overlap)
+        group = left & (box_iou(boxes[i : i + 1], boxes)[0] > _OVERLAP)
         group[i] = True
         left &= ~group
         weight = scores[group] / scores[group].sum()

@@ -59,6 +59,7 @@ MAX_IOU = 0.6
 """Of two boxes with a larger intersection over union, only the better one is kept."""
 
 
+_EDGE = 0.02  # of the side of a tile: boxes nearer to its edge touch it
 _LEAST = {"skateboard": 0.7}  # boxes with lower scores are mostly shoes
 
 
@@ -201,12 +202,12 @@ def _grid() -> tuple[Float, Float]:
 
 
 def _touches_inner_edge(
-    boxes: Float, tile: tuple[int, int, int, int], width: int, height: int, margin: float = 0.02
+    boxes: Float, tile: tuple[int, int, int, int], width: int, height: int
 ) -> NDArray[np.bool_]:
     """Return (N,) whether a box touches an edge of its tile x0 y0 x1 y1 that is not an edge of the
     image.
     """
-    near = max(4.0, margin * max(tile[2] - tile[0], tile[3] - tile[1]))
+    near = max(4.0, _EDGE * max(tile[2] - tile[0], tile[3] - tile[1]))
     x0, y0, x1, y1 = boxes.T
     touches: NDArray[np.bool_] = (
         ((x0 < tile[0] + near) & (tile[0] > 0))

@@ -25,32 +25,34 @@ if TYPE_CHECKING:
 FEET = ((27, 29, 31), (28, 30, 32))
 """Landmark indices of ankle, heel and toe of the left and the right foot."""
 
+_CLEAR = 0.5  # confidence of a visible foot
+_REACH = 0.45  # from the middle of the foot, in lengths of the person's trunk
+_MOST_POINTS = 16  # that the network gets
 _LEAST_LABELLED = 0.02  # of the picture; a smaller floor among the labels is ignored
 
 
-def visible_feet(pose: Pose, width: int, height: int, clear: float = 0.5) -> list[Float]:
+def visible_feet(pose: Pose, width: int, height: int) -> list[Float]:
     """Return the midpoint (2,) px of heel and toe of each foot whose ankle, heel and toe are
     visible.
     """
     confidence = pose.confidence(width, height)
     return [
-        pose.points[list(f[1:])].mean(axis=0) for f in FEET if confidence[list(f)].min() > clear
+        pose.points[list(f[1:])].mean(axis=0) for f in FEET if confidence[list(f)].min() > _CLEAR
     ]
 
 
-def ground_points(poses: Sequence[Pose], people: Bool, reach: float = 0.45) -> Float:
+def ground_points(poses: Sequence[Pose], people: Bool) -> Float:
     """Return prompt points (P, 2) px beside and below the feet, outside all people and inside the
     photo.
 
     Args:
         poses: of the people.
         people: (H, W), pixels of people.
-        reach: how far from the middle of the foot, in lengths of the person's trunk.
     """
     height, width = people.shape
     ways = np.array([[-1.0, 0.0], [1.0, 0.0], [-0.6, 0.35], [0.6, 0.35], [0.0, 0.45]])
     points = [
-        foot + ways * reach * pose.torso_length
+        foot + ways * _REACH * pose.torso_length
         for pose in poses
         for foot in visible_feet(pose, width, height)
     ]
@@ -70,7 +72,6 @@ def floor_mask(
     embedding: ImageEmbedding,
     poses: Sequence[Pose],
     people: Bool,
-    most_points: int = 16,
 ) -> Bool:
     """Segment the floor (H, W) beside people's feet; all False if no foot is visible.
 
@@ -83,13 +84,12 @@ def floor_mask(
         embedding: of the photo.
         poses: of the people.
         people: (H, W), pixels of people.
-        most_points: largest number of points that the network gets.
     """
     none = np.zeros_like(people)
     points = ground_points(poses, people)
     if not len(points):
         return none
-    points = points[np.linspace(0, len(points) - 1, min(len(points), most_points)).astype(int)]
+    points = points[np.linspace(0, len(points) - 1, min(len(points), _MOST_POINTS)).astype(int)]
     nobody = _person_points(poses, people)
     answer = predict_masks(decoder, embedding, points, nobody)
     best = none

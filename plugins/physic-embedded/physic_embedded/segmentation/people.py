@@ -435,14 +435,17 @@ def mask_box(pose: Pose) -> Float:
     return np.concatenate([np.percentile(points, q, axis=0) for q in (0.5, 99.5)])
 
 
-def mask_overlap(a: Pose, b: Pose, cells: int = 96) -> float:
+_CELLS = 96
+
+
+def mask_overlap(a: Pose, b: Pose) -> float:
     """Return the intersection of the masks of two poses over the smaller of them, on a grid of
-    ``cells`` a side.
+    96 cells a side.
     """
     both = np.stack([mask_box(a), mask_box(b)])
     low = both[:, :2].min(axis=0)
     high = both[:, 2:].max(axis=0)
-    step = max(float((high - low).max()) / cells, 1.0)
+    step = max(float((high - low).max()) / _CELLS, 1.0)
     x, y = (np.arange(low[i], high[i], step) for i in (0, 1))
     first = a.mask_on_grid(x, y) > 0
     second = b.mask_on_grid(x, y) > 0

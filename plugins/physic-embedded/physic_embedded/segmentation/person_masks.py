@@ -112,18 +112,19 @@ def _person_mask(
     return best, inside
 
 
-def resolve_overlaps(
-    masks: Sequence[tuple[Float, Float]], embedding: ImageEmbedding, speck: float = 0.1
-) -> Bool:
+_SPECK = 0.1  # of the whole mask
+
+
+def resolve_overlaps(masks: Sequence[tuple[Float, Float]], embedding: ImageEmbedding) -> Bool:
     """Assign each pixel to the person with the largest logit, and return masks (N, H, W) at photo
     size of people by :func:`person_masks`.
 
-    A piece of a mask that holds none of the person's own points and is smaller than ``speck`` times
-    the whole mask counts as part of another person.
+    A piece of a mask that holds none of the person's own points and is a small part
+    of the whole mask counts as part of another person.
     """
     owner = np.full((embedding.height, embedding.width), -1, np.int16)
     strongest = np.zeros((embedding.height, embedding.width), np.float32)
-    for i, logits in enumerate(_drop_stray_pieces(masks, embedding, speck)):
+    for i, logits in enumerate(_drop_stray_pieces(masks, embedding)):
         fine = embedding.to_photo(logits)
         wins = fine > strongest
         owner[wins] = i
@@ -135,9 +136,7 @@ def resolve_overlaps(
     )
 
 
-def _drop_stray_pieces(
-    masks: Sequence[tuple[Float, Float]], embedding: ImageEmbedding, speck: float
-) -> Float:
+def _drop_stray_pieces(masks: Sequence[tuple[Float, Float]], embedding: ImageEmbedding) -> Float:
     """Return the mask logits (N, rows, columns), negative on small pieces without a point of the
     person.
     """
@@ -157,7 +156,7 @@ def _drop_stray_pieces(
         )
         x, y = _cells(points, embedding)
         held = set(pieces[y, x])
-        least = speck * mine[i].sum()
+        least = _SPECK * mine[i].sum()
         for piece in range(1, count):
             if piece not in held and stats[piece, cv2.CC_STAT_AREA] < least:
                 logits[i][pieces == piece] = -1.0

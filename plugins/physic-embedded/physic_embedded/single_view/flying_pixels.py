@@ -10,9 +10,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-def flying_pixels(
-    inverse_depth: NDArray[np.floating], ratio: float = 1.05, bend: float = 0.02
-) -> NDArray[np.bool_]:
+_STEEP = 1.05  # ratio of the farthest to the nearest depth among 3 x 3 pixels; 1.03-1.1 works
+_BENT = 0.02  # second difference of the inverse depth within 2 px, relative to it
+
+
+def flying_pixels(inverse_depth: NDArray[np.floating]) -> NDArray[np.bool_]:
     """Return a mask of flying pixels: pixels where depth changes steeply, but not along a plane.
 
     The inverse depth of a plane is linear at any angle of view, and as steep as an edge near the
@@ -20,8 +22,6 @@ def flying_pixels(
 
     Args:
         inverse_depth: (H, W), positive, at the resolution of the network that made it.
-        ratio: of the farthest to the nearest depth among 3 x 3 pixels; 1.03-1.1 works.
-        bend: second difference of the inverse depth within 2 px, relative to it.
 
     Returns:
         (H, W) bool.
@@ -30,7 +30,7 @@ def flying_pixels(
 
     values = np.ascontiguousarray(inverse_depth, dtype=np.float32)
     box = np.ones((3, 3), np.uint8)
-    steep = cv2.dilate(values, box) > ratio * cv2.erode(values, box)
+    steep = cv2.dilate(values, box) > _STEEP * cv2.erode(values, box)
     # Kernels of a constant second derivative: [1, -2, 1] along each axis.
     second = np.zeros_like(values)
     for kernel in (np.array([[1.0, -2.0, 1.0]]), np.array([[1.0], [-2.0], [1.0]])):
@@ -40,5 +40,5 @@ def flying_pixels(
     for row in (0, -1):
         second[row] = 0  # the replicated border bends every slope
         second[:, row] = 0
-    bent = cv2.dilate(second / values, np.ones((5, 5), np.uint8)) > bend
+    bent = cv2.dilate(second / values, np.ones((5, 5), np.uint8)) > _BENT
     return np.asarray(steep & bent)

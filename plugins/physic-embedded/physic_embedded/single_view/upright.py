@@ -73,9 +73,10 @@ def wall_planes(disparity: NDArray[np.floating], walls: BoolArray, focal_px: flo
     return np.asarray(np.stack([a, b, c], -1)[inside])
 
 
-def walls_cost(
-    planes: FloatArray, infinity: FloatArray, down: FloatArray, most: int = 1500
-) -> FloatArray:
+_MOST_PLANES = 1500  # that are looked at
+
+
+def walls_cost(planes: FloatArray, infinity: FloatArray, down: FloatArray) -> FloatArray:
     """Return how badly walls stand upright, -2 log likelihood up to a constant, (C,).
 
     The spread of the walls about the vertical is estimated too, so that curved or wrongly labelled
@@ -85,11 +86,10 @@ def walls_cost(
         planes: (M, 3) of :func:`wall_planes`.
         infinity: (C,) candidates of the disparity at infinity.
         down: (C, 3) unit normals of the floor for each candidate.
-        most: planes that are looked at.
     """
     if not len(planes):
         return np.zeros(len(infinity))
-    planes = planes[:: -(-len(planes) // most)]
+    planes = planes[:: -(-len(planes) // _MOST_PLANES)]
     along = down[:, :2] @ planes[:, :2].T + down[:, 2:] * (planes[:, 2] - infinity[:, None])
     length = np.sqrt((planes[:, :2] ** 2).sum(1) + (planes[:, 2] - infinity[:, None]) ** 2)
     tilt = np.degrees(np.arcsin(np.clip(np.abs(along) / (length + 1e-12), 0, 1)))
@@ -98,9 +98,7 @@ def walls_cost(
     )
 
 
-def frame_cost(
-    planes: FloatArray, infinity: FloatArray, axes: FloatArray, most: int = 1500
-) -> FloatArray:
+def frame_cost(planes: FloatArray, infinity: FloatArray, axes: FloatArray) -> FloatArray:
     """Return how badly surfaces agree with the directions of a room, -2 log likelihood up to a
     constant, (C,).
 
@@ -110,9 +108,8 @@ def frame_cost(
         planes: (M, 3) of :func:`wall_planes`.
         infinity: (C,) candidates of the disparity at infinity.
         axes: (3, 3) unit directions in rows.
-        most: planes that are looked at.
     """
-    planes = planes[:: max(1, -(-len(planes) // most))]
+    planes = planes[:: max(1, -(-len(planes) // _MOST_PLANES))]
     rest = planes[:, 2] - infinity[:, None]
     along = planes[:, :2] @ axes[:, :2].T + rest[..., None] * axes[:, 2]
     length = np.sqrt((planes[:, :2] ** 2).sum(1) + rest**2) + 1e-12
