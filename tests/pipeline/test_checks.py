@@ -273,7 +273,7 @@ def test_a_foot_that_does_not_carry_may_touch_something_unknown():
 @pytest.mark.parametrize(("lies", "failed"), [(True, ()), (False, ("unknown_contacts",))])
 def test_who_lies_may_rest_on_what_is_not_seen(lies, failed):
     evidence, result = case(joints=across_the_picture(standing(0.0)) if lies else None)
-    back = BodyContact("back", ContactPartner("hidden"), 0.9, 30)
+    back = BodyContact("back", ContactPartner("hidden"), 0.9, 30, distance_m=0.14)
     result.people[0].contacts = (back,)
     found = failed_checks(run_checks(evidence, result), 0)
     assert tuple(name for name in found if name == "unknown_contacts") == failed
