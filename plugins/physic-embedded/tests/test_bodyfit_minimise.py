@@ -19,6 +19,7 @@ from physic_embedded.body_fit.observations import BodyObservations
 from physic_embedded.body_fit.problem import (
     FloorConstraint,
     InitialPose,
+    LegsByPosture,
     LiftedLimbs,
     OutlinePairs,
     fit_problem,
@@ -113,7 +114,7 @@ def test_no_person_moves_where_the_loss_is_nan():
 
 
 def two_people(*, landmarks):
-    """Two people of random keypoints, with all terms: floor, feet, heads, outlines, limbs."""
+    """Two people of random keypoints, with all terms: floor, feet, legs, heads, outlines, limbs."""
     rng = np.random.default_rng(0)
     skeleton = skeleton_named("coco23")
     shape = (2, len(skeleton))
@@ -130,6 +131,9 @@ def two_people(*, landmarks):
         head_sigma=np.array([0.1, 0.2]),
     )
     yes = np.ones(2, bool)
+    legs = LegsByPosture(
+        np.array([[0.97, 0.94], [0.25, 0.0]]), np.array([[0.08, 0.12], [-0.12, np.inf]])
+    )
     model = load_body("embedded").to(dtype=torch.float64)
     problem = fit_problem(
         model,
@@ -141,7 +145,7 @@ def two_people(*, landmarks):
             rng.normal(0, 0.3, (2, 21, 3)),
             np.array([[0.1, 0.2, 3.0], [-0.5, 0.1, 4.0]]),
         ),
-        FloorConstraint(np.array([0.0, -1.0, 0.0]), yes, yes, np.array([0.1, -0.1])),
+        FloorConstraint(np.array([0.0, -1.0, 0.0]), yes, yes, np.array([0.1, -0.1]), legs),
     )
     problem = replace(problem, feet=torch.ones(2, dtype=torch.float64))
     pairs = (2, 5)

@@ -442,7 +442,7 @@ class FitProblem:
         shank = torch.nn.functional.normalize(ankles - knees, dim=-1)
         cosines = torch.stack([-(thigh @ self.up), (thigh * shank).sum(-1)], -1)
         beyond = torch.relu((self.legs[:, None] - cosines) / self.legs_sigma[:, None])
-        # Newton's method needs second derivatives without jumps.
+        # A square that starts as a cube, since the Hessian is to have no jumps.
         square = beyond.pow(3) / (beyond + 0.5)
         limit = _LEGS_LIMIT**2
         return (limit * torch.log1p(square / limit)).sum((1, 2))
