@@ -9,6 +9,7 @@ import torch
 from physic_core.engine.contact.method import ContactMethod
 from physic_core.engine.contact.solve import find_contact
 from physic_core.engine.ground.carriers import NOTHING, Carried, carried_people
+from physic_core.engine.ground.stance import OBSERVED_COLUMNS
 from physic_core.types import SKELETONS, Carrier, Keypoints
 
 from .test_contact_probability import alone, near_of
@@ -87,7 +88,7 @@ def test_people_touch_what_carries_them(body, name, ridden, board, gap, feet, ha
     """
     soles = float(body(*body.zero_pose()).vertices[..., 1].min())
     carried = Carried((name,), np.array([ridden]), np.array([board]))
-    observed = torch.zeros(1, 7)
+    observed = torch.zeros(1, len(OBSERVED_COLUMNS))
     observed[:, :5] = 0.0 if ridden == NOTHING else 4.0
     floor = torch.tensor([0.0, 1.0, 0.0]), gap - soles
     state = alone(body, floor, carried=carried, observed_touch=observed)

@@ -8,8 +8,7 @@ import numpy as np
 
 from physic_core import interfaces
 from physic_core.body import JOINT_INDEX
-from physic_core.types import POSTURES, SIDES, SURFACE_NAMES, TOUCH_PARTS, Observations
-from physic_core.types.people import GROUND_SURFACES
+from physic_core.types import POSTURES, SIDES, TOUCH_PARTS, Observations, SurfaceLabels
 from physic_mock.noise import HEAD_DEG, LOG_ODDS, LOG_ODDS_SIGMA, Noise
 from physic_mock.recognition import MockOptions, match_masks_to_world, recognise_world
 from physic_testing.conformance.truth import true_head, true_touch
@@ -107,7 +106,7 @@ def _on_floor(world: World) -> BoolArray:
     from physic_core.body import load_body
 
     sets = load_body(world.body_model).contact_sets
-    ground = np.isin(world.touched_surface, [SURFACE_NAMES.index(name) for name in GROUND_SURFACES])
+    ground = SurfaceLabels(world.touched_surface).ground
     return np.stack([ground[:, sets[f"{side}_foot"].numpy()].any(1) for side in SIDES], 1)
 
 
