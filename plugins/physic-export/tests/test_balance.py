@@ -168,7 +168,7 @@ def test_a_foot_far_over_the_floor_does_not_balance_a_person_though_it_is_said_t
 def test_who_stands_on_a_raised_surface_stands_on_a_step_as_others_on_the_floor(
     leaning, export, rise_of_heads
 ):
-    feet = support(SupportState.BALANCED, partner=ContactPartner("scene"))
+    feet = support(SupportState.BALANCED, partner=ContactPartner("scene", id=0))
     high = changed(leaning, raised_m=0.5, support=feet, contacts=feet.contacts)
     done = export("a.xml", of=high)
     assert rise_of_heads(done.files[0]) == pytest.approx([0], abs=0.03)
