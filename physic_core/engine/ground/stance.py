@@ -55,7 +55,7 @@ class Stance(ShortRepr):
         parts = [observations.evidence(name) for name in ("touch", "holds", "on_floor")]
         count = len(parts[0])
         stance = Stance(np.concatenate(parts, 1), np.zeros((count, 2)), np.full(count, np.nan))
-        on_floor = _probability(observed_log_odds("floor", stance.observed[:, 7:]))
+        on_floor = _probability(observed_log_odds("floor", stance.observed[:, _both("floor")]))
         return replace(stance, stands=on_floor * stance.limb_touch[:, :2])
 
     @staticmethod
@@ -70,15 +70,18 @@ class Stance(ShortRepr):
         """Probability (N, 5) that feet, hands and seat touch floor, seat or support."""
         odds = [
             observed_log_odds(kind, self.observed[:, own])
-            for kind, own in (("foot", [0, 1]), ("hand", [2, 3]), ("seat", [4]))
+            for kind, own in (
+                ("foot", _both("foot")),
+                ("hand", _both("hand")),
+                ("seat", [OBSERVED_COLUMNS.index("seat")]),
+            )
         ]
         return _probability(np.concatenate(odds, 1))
 
     @property
     def holds(self) -> BoolArray:
         """Left and right hands (N, 2) bool that probably hold something."""
-        columns = [OBSERVED_COLUMNS.index(f"{side}_object") for side in SIDES]
-        return np.asarray(observed_log_odds("object", self.observed[:, columns]) > 0)
+        return np.asarray(observed_log_odds("object", self.observed[:, _both("object")]) > 0)
 
     @property
     def stands_on_both_feet(self) -> BoolArray:
@@ -116,6 +119,11 @@ class Stance(ShortRepr):
             board=wider(self.carried.board, NOTHING),
         )
         return Stance(wider(self.observed, 0.0), stands, wider(self.rests), carried)
+
+
+def _both(name: str) -> list[int]:
+    """Return the columns of :data:`OBSERVED_COLUMNS` of the left and the right side."""
+    return [OBSERVED_COLUMNS.index(f"{side}_{name}") for side in SIDES]
 
 
 def _probability(log_odds: FloatArray) -> FloatArray:
