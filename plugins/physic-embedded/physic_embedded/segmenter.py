@@ -19,7 +19,6 @@ from physic_embedded.networks.ade20k import label_surfaces
 from physic_embedded.networks.mobile_sam import embed_image
 from physic_embedded.networks.sessions import PackagedBackend, Products
 from physic_embedded.segmentation.chosen import DetectedPeople, choose_poses
-from physic_embedded.segmentation.cut_heads import doubt_cut_heads, doubt_hidden_hips
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, floor_mask
 from physic_embedded.segmentation.framed import question_people
 from physic_embedded.segmentation.held import segment_held
@@ -242,13 +241,12 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         image: UInt8Array,
     ) -> People:
         """Return the people with their poses."""
-        keypoints = keypoints_from_poses([person.pose for person in found], *image.shape[:2])
         return People(
             masks=masks,
             boxes=boxes_from_masks(masks).astype(np.float32),
             scores=np.array([person.score for person in found], np.float32),
             floor=floor,
-            keypoints=doubt_hidden_hips(doubt_cut_heads(keypoints, masks), masks),
+            keypoints=keypoints_from_poses([person.pose for person in found], *image.shape[:2]),
             surfaces=surfaces,
         )
 
