@@ -20,7 +20,6 @@ from physic_core.engine.sizes.stature import size_sigmas, stature_sigmas
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.pixels import dilate_square
-from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.raster import rasterize
 from physic_core.geometry.tensors import exact_arrays
 from physic_core.types import Measures
@@ -70,7 +69,7 @@ def measure_agreement(estimates: Estimates, state: State) -> list[Measures]:
         body = state.vertices[i]
         heights = None
         if floor is not None:
-            heights = height_over_plane(body, floor.normal, floor.offset * scale)
+            heights = floor.scaled(scale).height(body)
         share, ratio = silhouettes[i]
         measured[i] = replace(
             measured[i],

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from physic_core.geometry.mesh import vertex_areas as vertex_areas
     from physic_core.geometry.mesh import vertex_normals as vertex_normals
     from physic_core.geometry.neighbors import NearestPointSearch as NearestPointSearch
-    from physic_core.geometry.plane import height_over_plane as height_over_plane
     from physic_core.geometry.pointmap import pointmap_normals as pointmap_normals
     from physic_core.geometry.raster import rasterize as rasterize
     from physic_core.geometry.rays import RayCaster as RayCaster
@@ -56,7 +55,6 @@ _NAMES = {
     "floor": "FOCAL_PITCH_DEG FloorSearch InverseDepthMap LOWER_SHARE PlaneFit plane_of_pixels",
     "mesh": "coarse_mesh vertex_areas vertex_normals",
     "neighbors": "NearestPointSearch",
-    "plane": "height_over_plane",
     "pointmap": "pointmap_normals",
     "raster": "rasterize",
     "rays": "RayCaster",

@@ -323,6 +323,23 @@ class PlaneFit:
         """Whether people lie on the plane, and the camera looks down on them."""
         return self.source == "people who lie"
 
+    @property
+    def by_ray(self) -> Tensor:
+        """Inverse depth (3,) of the plane by ray, float64: 1 / Z is its product with (x, y, 1)."""
+        return -self.normal.double() / self.offset
+
+    def height(self, points: Tensor) -> Tensor:
+        """Return the signed height (...) of points (..., 3) over the plane, in their unit."""
+        return points @ self.normal.to(points) + self.offset
+
+    def moved(self, factor: float) -> PlaneFit:
+        """Return the plane with its inverse depth times a factor; the normal stays."""
+        return replace(self, offset=self.offset / factor, reanchored=factor)
+
+    def scaled(self, factor: float) -> PlaneFit:
+        """Return the plane of points times a factor."""
+        return replace(self, offset=self.offset * factor)
+
     def to_plane(self) -> Plane:
         """Return normal and offset as an array and a number."""
         return Plane(self.normal.numpy(), float(self.offset))
@@ -358,11 +375,11 @@ class InverseDepthMap(NamedTuple):
     least_rise: float  # inverse depth
     hole: Tensor | None  # (H, W) bool, inpainted pixels
 
-    def error(self, plane: Tensor) -> Tensor:
-        """Return the error (H, W) of a plane (3,) in inverse depth, positive for pixels in front of
+    def error(self, plane: PlaneFit) -> Tensor:
+        """Return the error (H, W) of a plane in inverse depth, positive for pixels in front of
         it.
         """
-        return self.inverse - self.rays @ plane.to(self.rays)
+        return self.inverse - self.rays @ plane.by_ray.to(self.rays)
 
 
 _TOLERANCE = 0.02  # largest error of an inlier, as a share of the range of inverse depth
@@ -394,7 +411,7 @@ def plane_of_pixels(
     up: Tensor | None,
     source: FloorSource,
     slack: float = 1.0,
-) -> tuple[Tensor, PlaneFit] | None:
+) -> PlaneFit | None:
     """Fit a plane to the pixels of a mask (H, W), or to the lower part of the image without one;
     None if none fits.
 
@@ -405,9 +422,6 @@ def plane_of_pixels(
             an upright camera.
         source: name of the pixels.
         slack: factor on the tolerance.
-
-    Returns:
-        (3,) inverse depth of the plane by ray, and the plane.
     """
     samples = average_blocks(view, mask)
     if int(samples.candidate.sum()) < FEWEST_SAMPLES:
@@ -417,7 +431,7 @@ def plane_of_pixels(
     if plane is None:
         return None
     shares = plane_inlier_shares(samples, plane, tolerance)
-    return plane, plane_as_fit(view, plane, shares, source, slack)
+    return plane_as_fit(view, plane, shares, source, slack)
 
 
 def plane_as_fit(
@@ -437,9 +451,7 @@ def plane_as_fit(
     return PlaneFit(-(plane / length).to(view.rays), 1 / length, inliers, *shares, source)
 
 
-def plane_at_feet(
-    view: InverseDepthMap, up: Tensor, feet_px: Tensor
-) -> tuple[Tensor, PlaneFit] | None:
+def plane_at_feet(view: InverseDepthMap, up: Tensor, feet_px: Tensor) -> PlaneFit | None:
     """Return the plane with a normal (3,) through the points at the feet (F, 2) px; None if none is
     in front of them.
 
@@ -454,7 +466,7 @@ def plane_at_feet(
     if not bool(seen.any()):
         return None
     plane = -up.double() * (inverse[seen] / slope[seen]).quantile(0.5)
-    return plane, plane_as_fit(view, plane, lower_inlier_shares(view, plane), "soles")
+    return plane_as_fit(view, plane, lower_inlier_shares(view, plane), "soles")
 
 
 _SAME_PLANE = 0.5  # least cosine between the normals of a plane in two point maps
@@ -480,11 +492,8 @@ def refit_floor(points: Tensor, valid: Tensor, found: FloorSearch) -> FloorSearc
     fit = plane_as_fit(view, plane, shares, found.plane.source, MASK_SLACK)
     if float(fit.normal.double() @ found.plane.normal.to(fit.normal).double()) < _SAME_PLANE:
         return FloorSearch(None, "no_consensus", *shares)
-    factor = found.plane.reanchored
     moved = replace(
-        fit,
-        offset=fit.offset / factor,
-        reanchored=factor,
+        fit.moved(found.plane.reanchored),
         pitch_sigma=found.plane.pitch_sigma,
         plane_sigma=found.plane.plane_sigma,
     )
@@ -511,14 +520,13 @@ _REANCHOR_BANDS = 4.0  # largest distance of floor pixels near feet from the pla
 
 
 def move_to_feet(
-    view: InverseDepthMap, plane: Tensor, fit: PlaneFit, mask: Tensor | None, feet_px: Tensor | None
+    view: InverseDepthMap, plane: PlaneFit, mask: Tensor | None, feet_px: Tensor | None
 ) -> PlaneFit:
     """Scale the plane's inverse depth by the median factor at the feet; the normal stays.
 
     Args:
         view: the point map.
-        plane: (3,) inverse depth by ray.
-        fit: the same plane.
+        plane: that is not moved.
         mask: (H, W) bool, pixels that it was fitted to, which are the ground near it; None for all
             pixels.
         feet_px: (F, 2) px, or None.
@@ -529,12 +537,12 @@ def move_to_feet(
     factors = _depth_factors_at_feet(plane, view, ground, feet_px)
     factor = float(factors.quantile(0.5)) if len(factors) else 0.0
     if not _REANCHOR_RANGE[0] < factor < _REANCHOR_RANGE[1]:
-        return fit
-    return replace(fit, offset=fit.offset / factor, reanchored=factor)
+        return plane
+    return plane.moved(factor)
 
 
 def _depth_factors_at_feet(
-    plane: Tensor, view: InverseDepthMap, pixels: Tensor, feet_px: Tensor | None
+    plane: PlaneFit, view: InverseDepthMap, pixels: Tensor, feet_px: Tensor | None
 ) -> Tensor:
     """Return the ratio of measured inverse depth to the plane's at each foot in front of the
     plane's horizon.
@@ -549,7 +557,7 @@ def _depth_factors_at_feet(
             slice(max(0, u - reach), max(0, u + reach + 1)),
         )
         seen = pixels[box]
-        expected = view.rays[box][seen] @ plane.to(view.rays)
+        expected = view.rays[box][seen] @ plane.by_ray.to(view.rays)
         near = expected > 2 * view.tolerance
         if bool(near.any()):
             factors.append(float((view.inverse[box][seen][near] / expected[near]).median()))

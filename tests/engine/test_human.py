@@ -31,6 +31,7 @@ from physic_core.engine.placement.terms import (
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays, project
 from physic_paper import outliers
 
+from .conftest import plane_of
 from .drawn import normal, uniform
 
 pytestmark = pytest.mark.quick
@@ -57,7 +58,8 @@ LANDMARKS = JOINTS * torch.tensor([0.2, 0.75, 0.1])
 SOLES = (VERTICES[:, 1] > 0.8).nonzero()[:, 0]
 TRUE = torch.tensor([[0.3, 0.45, 4.0], [-0.9, 0.45, 5.0]], dtype=torch.float64)
 START = TRUE + torch.tensor([[0.2, -0.1, 0.9], [-0.1, 0.1, -0.8]])
-FLOOR = torch.cat((UP, torch.tensor([0.45 + 0.85])))
+FLOOR_M = 0.45 + 0.85
+FLOOR = plane_of(UP, FLOOR_M)
 
 
 class Placed(NamedTuple):
@@ -103,7 +105,7 @@ class Picture:
             points=self.points[i],
             mask=self.masks[i],
             soles=body[:0] if floor is None else body[SOLES],
-            plane=floor,
+            floor=floor,
             K=self.K,
             row=i,
             people=2,
@@ -159,7 +161,7 @@ def test_standing_people_keep_their_place_if_depth_is_too_far():
     assert error_cm(stands).max() < 0.5
     assert depth_offsets(stands) == pytest.approx([1 / 1.15, 1 / 1.15], rel=2e-3)
     lowest = (VERTICES + stands.transl[0])[SOLES, 1].max()
-    assert FLOOR[3] - lowest == pytest.approx(0.0, abs=0.01)
+    assert FLOOR_M - lowest == pytest.approx(0.0, abs=0.01)
     # Without the offset the points pull the body with them; the paper's sums all the way.
     assert error_cm(picture.place()).min() > 10
     assert error_cm(Picture(farther=1.15, settings=PAPER).place(PAPER)).min() > 40
@@ -172,7 +174,7 @@ def test_only_people_with_visible_feet_have_a_depth_offset():
 
 
 def test_a_foot_in_the_air_is_not_pulled_down():
-    high = torch.cat((UP, FLOOR[3:] + 0.8))
+    high = plane_of(UP, FLOOR_M + 0.8)
     assert error_cm(Picture().place(floor=high)).max() < 3
 
 
@@ -219,7 +221,7 @@ def test_keypoints_that_no_place_explains_leave_the_body_in_front_of_the_camera(
 def subject():
     picture = Picture()
     picture.confidence = picture.confidence * torch.linspace(0.3, 1, 17)
-    return picture.person(0, START, torch.cat((UP, torch.tensor([1.3]))))
+    return picture.person(0, START, FLOOR)
 
 
 @pytest.mark.parametrize("kind", ["reprojection_term", "chamfer_term", "floor_term"])

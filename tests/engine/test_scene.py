@@ -18,7 +18,6 @@ from physic_core.engine.scene import solve
 from physic_core.engine.scene.method import Cameras, SceneMethod
 from physic_core.geometry import pointmap
 from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project
-from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.pointmap import edge_ratio
 
 from .drawn import normal, uniform
@@ -74,10 +73,7 @@ def test_metric_scale_is_recovered_for_each_kind_of_unknown(unknown, preset):
     assert angle_deg(state.floor.normal, UP) < 0.5
     assert state.floor.offset == pytest.approx(HEIGHT_M, abs=0.02)
     assert state.K[0, 0] == pytest.approx(140.0, rel=0.01)
-    assert (
-        height_over_plane(state.floor_points, state.floor.normal, state.floor.offset).abs().max()
-        < 1e-4
-    )
+    assert state.floor.height(state.floor_points).abs().max() < 1e-4
 
 
 def build_scene(
