@@ -117,8 +117,6 @@ def _block_mean(x: Tensor, block: int) -> Tensor:
     """Return the mean of x (H, W) over block x block pixels; blocks at the border may be
     smaller.
     """
-    if block == 1:
-        return x
     blocks: Tensor = torch.nn.functional.avg_pool2d(x[None, None], block, ceil_mode=True)[0, 0]
     return blocks
 
@@ -166,10 +164,29 @@ def _draw_planes(
         index.device
     )
     triples = index[drawn].view(_HYPOTHESES, 3)
-    planes, singular = torch.linalg.solve_ex(samples.rays[triples], samples.inverse[triples])
-    planes = planes[(singular == 0) & torch.isfinite(planes).all(-1)]
-    level: Tensor = planes[_is_level(planes, slope, up)]
-    return level
+    planes = planes_through(samples.rays, samples.inverse, triples)
+    return planes[_is_level(planes, slope, up)]
+
+
+def planes_through(rays: Tensor, inverse: Tensor, triples: Tensor) -> Tensor:
+    """Return the finite planes (G, 3) through triples (M, 3) int64 of pixels with rays (P, 3) and
+    inverse depths (P,).
+    """
+    planes, singular = torch.linalg.solve_ex(rays[triples], inverse[triples])
+    found: Tensor = planes[(singular == 0) & torch.isfinite(planes).all(-1)]
+    return found
+
+
+def weighted_plane(
+    rays: Tensor, inverse: Tensor, weight: Tensor, prior: Tensor | float = 0.0
+) -> Tensor | None:
+    """Return the plane (3,) of least squares through pixels with rays (P, 3), inverse depths (P,)
+    and weights (P,), whose moments (3, 3) have a prior; None if the rays are in one plane.
+    """
+    # Not lstsq: the last bit of its solution depends on where LAPACK's work space lies in memory.
+    weighted = (rays * weight[:, None]).T
+    plane, singular = torch.linalg.solve_ex(weighted @ rays + prior, weighted @ inverse)
+    return None if int(singular) else plane
 
 
 def _is_level(planes: Tensor, slope: float, up: Tensor | None) -> Tensor:
@@ -193,8 +210,7 @@ def _refine(
     for _ in range(_REFITS):
         error = (samples.inverse - samples.rays @ plane) / tolerance
         weight = samples.weight * samples.candidate * (1 - error.square()).clamp(min=0).square()
-        weighted = samples.rays * weight[:, None]
-        moments = weighted.T @ samples.rays
+        prior: Tensor | float = 0.0
         if up is not None:
             # A prior on the component perpendicular to up, which is the angle between them times
             # the length.
@@ -202,11 +218,11 @@ def _refine(
                 plane
             )
             angle = float(torch.linalg.vector_norm(plane)) * _UP_SIGMA
-            moments = moments + _UP_SHARE * weight.sum() * (tolerance / angle) ** 2 * across
-        refit, singular = torch.linalg.solve_ex(moments, weighted.T @ samples.inverse)
-        if int(singular) != 0 or not bool(_is_level(refit, slope, up)):
+            prior = _UP_SHARE * weight.sum() * (tolerance / angle) ** 2 * across
+        again = weighted_plane(samples.rays, samples.inverse, weight, prior)
+        if again is None or not bool(_is_level(again, slope, up)):
             break
-        plane = refit
+        plane = again
     return plane
 
 
@@ -241,11 +257,9 @@ def refit(rays: Tensor, inverse: Tensor, tolerance: float) -> Tensor:
     """
     plane = torch.zeros_like(rays[0])
     weight = torch.ones_like(inverse)
-    # Not lstsq: the last bit of its solution depends on where LAPACK's work space lies in memory.
     for _ in range(1 + _REFITS):
-        weighted = rays * weight[:, None]
-        again, singular = torch.linalg.solve_ex(weighted.T @ rays, weighted.T @ inverse)
-        if int(singular) != 0:
+        again = weighted_plane(rays, inverse, weight)
+        if again is None:
             break
         plane = again
         weight = (1 - ((inverse - rays @ plane) / tolerance).square()).clamp(min=0).square()
