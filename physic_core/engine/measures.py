@@ -219,12 +219,6 @@ def clearance(distance: Tensor, heights: Tensor | None) -> float | None:
     return max(0.0, gap) if gap != float("inf") else None
 
 
-def _median_ratio(ratio: Tensor, fewest: int) -> float | None:
-    """Return the median of the positive finite ratios; None with too few."""
-    ratio = ratio[torch.isfinite(ratio) & (ratio > 0)]
-    return float(ratio.median()) if len(ratio) >= fewest else None
-
-
 def compare_silhouettes(
     vertices: Tensor,
     faces: Tensor,
@@ -291,7 +285,9 @@ def _low_depth_ratio(depth: Tensor, mask: Tensor, photo_depth: Tensor) -> float 
         return None
     low = torch.zeros_like(body)
     low[int(rows[-1] - _LOW_SHARE * (rows[-1] - rows[0])) :] = True
-    return _median_ratio((photo_depth / depth)[body & mask & low], _FEWEST_PIXELS)
+    ratio = (photo_depth / depth)[body & mask & low]
+    ratio = ratio[torch.isfinite(ratio) & (ratio > 0)]
+    return float(ratio.median()) if len(ratio) >= _FEWEST_PIXELS else None
 
 
 def _share(part: Tensor, surface: Tensor) -> float | None:

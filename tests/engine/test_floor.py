@@ -12,6 +12,7 @@ from torch.nn.functional import normalize
 
 from physic_core.engine.ground import floor as engine_floor
 from physic_core.engine.ground.floor import FloorEvidence, GroundAtSoles
+from physic_core.engine.up import angle_deg
 from physic_core.geometry import floor
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
 from physic_core.geometry.pointmap import pointmap_normals
@@ -74,10 +75,6 @@ def room(normal, camera_height=1.5, wall=6.0):
     for part, z in ((area[60:120, 10:50], 3.5), (area[80:140, 180:230], 2.5)):
         depth = torch.where(part, depth.clamp(max=z), depth)
     return depth, (floor <= wall) & (floor <= depth)
-
-
-def angle_deg(a, b):
-    return math.degrees(math.acos(min(1.0, float(a.double() @ b.double()))))
 
 
 def assert_plane(plane, normal, offset, *, degrees=0.3, metres=0.02):
@@ -229,20 +226,14 @@ def test_feet_beside_the_mask_move_the_floor_to_the_ground_round_them():
     assert moved.plane.source == "floor mask"
 
 
-def test_the_floor_is_looked_at_within_a_window_round_the_feet(
-    monkeypatch,
-):
+def test_ground_beside_the_feet_that_is_not_near_does_not_move_the_floor():
     normal = up(12)
     depth = meet(normal, 1.5).clamp(max=20)
     mask = depth < 20
     mask[100:, 90:150] = False  # 30 pixels to either side of the foot
     depth[100:, 60:180] *= 0.95
     feet = torch.tensor([[120.0, 145.0]])
-    near = fit_floor(depth, mask=mask, feet_px=feet).plane
-    monkeypatch.setattr(floor, "FEET_WINDOW", 0.2)
-    wide = fit_floor(depth, mask=mask, feet_px=feet).plane
-    assert near.reanchored == 1.0
-    assert wide.reanchored == pytest.approx(1 / 0.95, abs=0.005)
+    assert fit_floor(depth, mask=mask, feet_px=feet).plane.reanchored == 1.0
 
 
 @pytest.mark.parametrize("pitch", [15.0, 25.0])

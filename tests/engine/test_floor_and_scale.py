@@ -27,7 +27,6 @@ from physic_core.engine.ground.floor_and_scale import (
     scene_floor_candidates,
 )
 from physic_core.engine.ground.stance import Stance
-from physic_core.engine.photo import PhotoContent
 from physic_core.engine.sizes.evidence import depth_witness
 from physic_core.engine.sizes.scale_vote import Witnesses, scaled_depth
 from physic_core.geometry.floor import PlaneFit
@@ -44,7 +43,7 @@ from physic_core.types import (
 from physic_core.types.known_sizes import KnownPeople
 from physic_core.types.skeletons import SKELETONS
 
-from .seen import pointmap_of, rays_of, seen
+from .seen import photo_of, pointmap_of, rays_of
 
 HEIGHT = 180
 WIDTH = 160
@@ -53,7 +52,6 @@ UNIT = 3.7
 """Metres in one unit of the relative scene."""
 CAMERA_HEIGHT = 1.45
 ANKLES = [JOINT_INDEX[f"{s}_{j}"] for s in ("left", "right") for j in ("ankle", "foot")]
-NONE_KNOWN = KnownPeople()
 
 
 EMPTY = np.zeros((HEIGHT, WIDTH), bool)
@@ -75,10 +73,6 @@ def level_floor(height_m):
     up = torch.tensor([0.0, -1.0, 0.0])
     fit = PlaneFit(up, height_m / UNIT, torch.tensor(EMPTY), 0.5, 0.0, "lower image")
     return FloorCandidate(fit, {"pixels": 5.0})
-
-
-def people_of(masks, **labels):
-    return People(np.array(masks), np.zeros((len(masks), 4)), np.ones(len(masks)), **labels)
 
 
 def keypoints_of(count, skeleton="coco17"):
@@ -107,23 +101,12 @@ class World:
         transl[:, [0, 2]] = torch.tensor(places)
         transl[:, 1] = CAMERA_HEIGHT - lowest
         transl[-1, 1] -= lifted
-        self.vertices = model(rotations, betas, transl).vertices.double().numpy()
+        posed = model(rotations, betas, transl)
+        self.vertices = posed.vertices.double().numpy()
         self.depth = level(CAMERA_HEIGHT)
-        bodies = np.array([seen(body, model.faces, CAMERA)[0] for body in self.vertices])
-        self.original = self.depth
-        for depth in bodies:
-            self.original = np.where(np.isfinite(depth), depth, self.original)
-        self.photo = PhotoContent(
-            people=people_of(np.isfinite(bodies)),
-            keypoints=keypoints_of(len(places)),
-            observations=Observations.unknown(len(places)),
-            known=NONE_KNOWN,
-            camera=CAMERA,
-            hole=torch.tensor(EMPTY),
-            scene_map=in_units(self.depth),
-            photo_map=in_units(self.original),
-            aligned_map=in_units(self.original),
-        )
+        photo = photo_of(model, posed, self.depth, CAMERA, UNIT)
+        unknown = keypoints_of(len(places))
+        self.photo = replace(photo, keypoints=unknown, hole=torch.tensor(EMPTY))
         self.bodies = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded")
 
     def answer(self, candidates=FLOOR, depth=None, bodies=None, **changed):
@@ -386,7 +369,8 @@ def test_people_at_several_depths_show_the_shift_of_the_inverse_depth():
     length = float(np.linalg.norm(plane))
     normal = torch.from_numpy((-plane / length).astype(np.float32))
     floor = replace(FLOOR[0], plane=replace(FLOOR[0].plane, normal=normal, offset=1 / length))
-    photo = in_units(1 / (1 / world.original + shift / UNIT))
+    original = UNIT * world.photo.photo_map.points[..., 2].astype(np.float64)
+    photo = in_units(1 / (1 / original + shift / UNIT))
     scene = in_units(shifted, shift_sigma=0.3)
     found = world.answer((floor, NO_FLOOR), scene_map=scene, aligned_map=photo)
     ratio = scaled_depth(scene, found.scale, CAMERA).depth / world.depth
@@ -398,7 +382,7 @@ def test_people_at_several_depths_show_the_shift_of_the_inverse_depth():
 def test_without_people_the_scale_is_a_guess_that_names_its_assumption(world):
     bodies = replace(world.bodies, parameters=world.bodies.parameters[0:0])
     no_people = {
-        "people": people_of(EMPTY[None][:0]),
+        "people": People(EMPTY[None][:0], np.zeros((0, 4)), np.zeros(0)),
         "bodies": bodies,
         "keypoints": keypoints_of(0),
         "observations": Observations.unknown(0),
@@ -488,29 +472,15 @@ def lying(height_m):
     lowest = model(rotations, betas, transl).vertices[..., 1].amax()
     transl[:] = torch.tensor([[0.0, CAMERA_HEIGHT - height_m - float(lowest), 3.0]])
     posed = model(rotations, betas, transl)
-    own = seen(posed.vertices.double().numpy()[0], model.faces, CAMERA)[0]
     depth = level(CAMERA_HEIGHT)
     top = (CAMERA_HEIGHT - height_m) / np.maximum(ROW, 1e-6)
     front = 2.6
     block = np.where((top > front) & (top < 3.6), top, np.inf)
     block = np.where((ROW * front > CAMERA_HEIGHT - height_m), front, block)
     depth = np.where(ROW * block < CAMERA_HEIGHT, np.minimum(depth, block), depth)
-    keypoints = keypoints_of(1)
-    pixels = model.landmarks(posed, "coco17").double().numpy() @ CAMERA.matrix.T
-    keypoints.points[:] = pixels[..., :2] / pixels[..., 2:]
-    keypoints.confidence[:] = 1
-    mask = np.isfinite(own)
-    both = np.where(mask, own, depth)
+    photo = photo_of(model, posed, depth, CAMERA, UNIT)
     labels = SurfaceLabels(np.uint8(depth == level(CAMERA_HEIGHT)), ("unknown", "floor"))
-    photo = replace(
-        world.photo,
-        people=people_of([mask], surfaces=labels),
-        keypoints=keypoints,
-        hole=torch.tensor(mask),
-        scene_map=in_units(depth),
-        photo_map=in_units(both),
-        aligned_map=in_units(both),
-    )
+    photo = replace(photo, people=replace(photo.people, surfaces=labels))
     bodies = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded")
     return find_ground(photo, bodies, model, FLOOR, floor_evidence(photo)), world.error
 

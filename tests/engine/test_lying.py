@@ -19,22 +19,11 @@ from physic_core.engine.ground.floor_and_scale import (
     floor_evidence,
     scene_floor_candidates,
 )
-from physic_core.engine.photo import PhotoContent
-from physic_core.geometry.camera import project
-from physic_core.types import (
-    Bodies,
-    Intrinsics,
-    Keypoints,
-    Observations,
-    People,
-    Plane,
-    SurfaceLabels,
-)
-from physic_core.types.known_sizes import KnownPeople
+from physic_core.types import Bodies, Intrinsics, Plane, SurfaceLabels
 from physic_core.types.observations import POSTURES
 from physic_testing.worlds import load_world
 
-from .seen import pointmap_of, rays_of, seen
+from .seen import photo_of, rays_of
 
 CAMERA = Intrinsics.from_focal(200.0, 180, 240)
 DISTANCE = 2.4
@@ -57,44 +46,26 @@ def answer(turned=False, floor_m=None, gap_m=0.0, label=None, posture=None, up=N
     _, low, back = still.amax(0)
     y = -(low + still[:, 1].amin()) / 2 if floor_m is None else floor_m - low
     transl = torch.tensor([[0.0, float(y), DISTANCE - gap_m - float(back)]])
-    body = model(rotations, betas, transl)
     depth = np.full((CAMERA.height, CAMERA.width), DISTANCE)
     depth[:, :BED_EDGE] += 0.5
     if floor_m is not None:
         depth = np.minimum(depth, floor_m / np.maximum(rays_of(CAMERA)[..., 1], 1e-6))
-    own = seen(body.vertices[0], model.faces, CAMERA)[0]
-    mask = np.isfinite(own)
-    landmarks = model.landmarks(body, "coco17")
-    points = project(landmarks, torch.tensor(CAMERA.matrix).float()).numpy()
-    keypoints = Keypoints(points, np.ones((1, 17), np.float32), "coco17")
-    labels = None if label is None else SurfaceLabels(np.zeros(mask.shape, np.uint8), (label,))
-    people = People(mask[None], np.zeros((1, 4)), np.ones(1), surfaces=labels)
-    scene, photo = (
-        pointmap_of(z, CAMERA, people_farther=(0.0, 0.1))
-        for z in (depth, np.where(mask, own, depth))
-    )
+    photo = photo_of(model, model(rotations, betas, transl), depth, CAMERA)
+    if label is not None:
+        labels = SurfaceLabels(np.zeros(depth.shape, np.uint8), (label,))
+        photo = replace(photo, people=replace(photo.people, surfaces=labels))
     if up is not None:
-        scene = replace(scene, up=np.array(up), up_sigma=2.0, up_source="edges")
+        scene = replace(photo.scene_map, up=np.array(up), up_sigma=2.0, up_source="edges")
+        photo = replace(photo, scene_map=scene)
     bodies = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded")
-    said = Observations.unknown(1)
     if posture is not None:
+        said = replace(photo.observations, posture_share=np.full(9, 1 / 9))
         said.posture[:] = 0.01 / 0.92
         said.posture[:, POSTURES.index(posture)] = 0.92
-        said = replace(said, posture_share=np.full(9, 1 / 9))
-    content = PhotoContent(
-        people=people,
-        keypoints=keypoints,
-        observations=said,
-        known=KnownPeople(),
-        camera=CAMERA,
-        hole=torch.tensor(mask),
-        scene_map=scene,
-        photo_map=photo,
-        aligned_map=photo,
-    )
-    evidence = floor_evidence(content)
-    floors = scene_floor_candidates(content.scene, evidence)
-    return find_ground(content, bodies, model, floors, evidence)
+        photo = replace(photo, observations=said)
+    evidence = floor_evidence(photo)
+    floors = scene_floor_candidates(photo.scene, evidence)
+    return find_ground(photo, bodies, model, floors, evidence)
 
 
 @pytest.mark.parametrize("turned", [False, True], ids=["head up", "head down"])

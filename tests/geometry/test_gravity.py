@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch.nn.functional import normalize
 
+from physic_core.engine.up import angle_deg
 from physic_core.geometry.plane import estimate_up
 
 pytestmark = pytest.mark.quick
@@ -61,10 +62,6 @@ def surfaces(
     )
     random = torch.randn(clutter, 3, dtype=torch.float64, generator=generator)
     return normalize(torch.cat([flat, random]) @ turned.T, dim=-1)
-
-
-def angle_deg(a, b):
-    return math.degrees(math.acos(min(1.0, float(a.double() @ b.double()))))
 
 
 @given(st.floats(-10, 35), st.floats(-15, 15), st.integers(0, 1000))

@@ -170,11 +170,6 @@ class FloorCandidate:
         """The evidence together, nats."""
         return sum(self.evidence.values())
 
-    @property
-    def beneath(self) -> bool:
-        """Whether people lie on it, if it is the floor."""
-        return self.plane is not None and self.plane.beneath
-
 
 def find_floor(
     points: Tensor, valid: Tensor, evidence: FloorEvidence, normals: Tensor | None = None
