@@ -115,11 +115,6 @@ class World:
         model = load_body("embedded")
         return find_ground(photo, bodies or self.bodies, model, candidates, evidence, depth)
 
-    def with_depth(self, factor, sigma=None, **changed):
-        """The answer with a metric depth that is this many times the true one."""
-        depth = DepthMap((self.depth * factor).astype(np.float32), None, sigma, ("a network",))
-        return self.answer(depth=depth, **changed)
-
     def candidates(self, searched=True, **changed):
         photo = replace(self.photo, hole=self.photo.masks.any(0), **changed)
         return scene_floor_candidates(photo.scene, floor_evidence(photo), searched=searched)
@@ -145,16 +140,13 @@ class World:
         observed[np.ix_(people, ANKLES)] = False
         return replace(self.bodies, observed=observed)
 
-    def placed(self, places):
-        parameters = replace(self.bodies.parameters, transl=places)
-        return replace(self.bodies, parameters=parameters)
-
     def moved(self, person, factor):
         """The feet of one person this many times as far away, at the same pixels."""
         places = self.bodies.parameters.transl.copy()
         feet = np.array([places[person, 0], CAMERA_HEIGHT, places[person, 2]])
         places[person] += (factor - 1) * feet
-        return self.placed(places)
+        parameters = replace(self.bodies.parameters, transl=places)
+        return replace(self.bodies, parameters=parameters)
 
     def error(self, found):
         """Logarithm of the depth by an answer over the true one."""
@@ -277,7 +269,7 @@ def test_two_planes_that_tie_give_the_scale_between_them_and_a_larger_sigma(worl
     assert both.scale.sigma > max(one.scale.sigma for one in alone)
 
 
-@pytest.mark.parametrize("step", [0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
+@pytest.mark.parametrize("step", [0.0, 0.2, 0.4])
 def test_no_evidence_near_a_limit_switches_the_scale(step):
     world = World([(-0.6, 2.5), (0.7, 2.8)])
     here, there = (
@@ -285,12 +277,6 @@ def test_no_evidence_near_a_limit_switches_the_scale(step):
         for more in (0, 0.02)
     )
     assert abs(there - here) < 0.02
-
-
-def test_a_small_person_hardly_moves_the_scale_of_two_large_ones():
-    world = World([(-0.6, 2.5), (0.7, 2.8), (0.3, 7.5)])
-    found = world.answer(bodies=world.moved(2, 1.8))
-    assert world.error(found) == pytest.approx(0, abs=0.5 * found.scale.sigma)
 
 
 def test_people_who_contradict_each_other_make_the_scale_unsure():
@@ -302,13 +288,15 @@ def test_people_who_contradict_each_other_make_the_scale_unsure():
     assert "person 1" in notes or "not on the floor" in notes
 
 
-def test_who_is_too_small_for_an_adult_on_the_floor_of_others_is_named():
+def test_who_is_too_small_on_the_floor_of_others_is_named_and_hardly_moves_the_scale():
     """A person of adult size whose feet are 1.6 times too far away is a child of 1.1 m, if nothing
     else is known.
     """
     world = World([(-0.6, 2.5), (0.7, 2.8), (0.1, 3.0)])
     bodies = world.moved(1, 1.6)
-    assert world.answer(bodies=bodies).small == {1: pytest.approx(1.1, abs=0.1)}
+    found = world.answer(bodies=bodies)
+    assert found.small == {1: pytest.approx(1.1, abs=0.1)}
+    assert world.error(found) == pytest.approx(0, abs=0.5 * found.scale.sigma)
     assert world.answer().small == {}
     known = KnownPeople(years=np.array([np.nan, 6.0, np.nan]))
     assert world.answer(bodies=bodies, known=known).small == {}
@@ -322,28 +310,14 @@ def test_people_of_known_stature_or_age_are_surer_witnesses(world, known):
     assert surer < world.answer().scale.sigma
 
 
-def test_a_metric_depth_of_small_error_keeps_its_metres(world):
-    """Two children with sizes of adults do not change a measured depth."""
-    farther = 1.3 * world.bodies.parameters.transl
-    found = world.with_depth(1.0, 0.01, bodies=world.placed(farther))
-    assert found.measured is not None
-    in_result = found.depth.depth * found.measured.depth_over_people
-    assert np.nanmedian(in_result / world.depth) == pytest.approx(1, abs=0.02)
-    assert found.measured.evidence.sigma == pytest.approx(0.01)
-
-
 def test_people_and_a_metric_depth_of_like_errors_meet_between_them(world):
-    found = world.with_depth(1.2)
+    depth = DepthMap(np.float32(1.2 * world.depth), notes=("a network",))
+    found = world.answer(depth=depth)
     off = math.log(np.nanmedian(found.depth.depth / world.depth))
     assert 0.02 < off < math.log(1.2) - 0.02
     assert found.scale.sigma < world.answer().scale.sigma
     assert found.depth.notes[0] == "a network"
     assert f"multiplied by {math.exp(off) / 1.2:.2f}" in found.depth.notes[-1]
-
-
-def test_a_metric_depth_that_is_far_off_counts_little(world):
-    found = world.with_depth(3.0)
-    assert np.nanmedian(found.depth.depth / world.depth) == pytest.approx(1, abs=0.05)
 
 
 def test_a_metric_depth_is_converted_to_the_focal_length_of_the_bodies(world):
