@@ -13,7 +13,7 @@ from torch.nn.functional import normalize
 from physic_core.engine.ground import floor as engine_floor
 from physic_core.engine.ground.floor import FloorEvidence, GroundAtSoles
 from physic_core.engine.up import angle_deg
-from physic_core.geometry import floor
+from physic_core.geometry import floor, inverse_depth
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
 from physic_core.geometry.pointmap import pointmap_normals
 
@@ -168,7 +168,7 @@ def test_a_mask_on_a_table_is_not_followed():
 def test_a_tilted_camera_beyond_the_roll_limit_finds_none(monkeypatch):
     depth = meet(up(15, 40), 1.5).clamp(max=8)
     assert fit_floor(depth).plane is None
-    monkeypatch.setattr(floor, "MAX_ROLL_DEG", 50.0)
+    monkeypatch.setattr(inverse_depth, "MAX_ROLL_DEG", 50.0)
     assert fit_floor(depth).plane is not None
 
 

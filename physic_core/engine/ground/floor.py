@@ -26,21 +26,23 @@ from physic_core.engine.ground.lying import LYING_RATE, Background, plane_beneat
 from physic_core.engine.up import Up, angle_deg, level_plane
 from physic_core.geometry.floor import (
     FOCAL_PITCH_DEG,
-    HOLE_WEIGHT,
-    LOWER_SHARE,
     MASK_SLACK,
     PITCH_SIGMA,
     FloorSearch,
     FloorSource,
-    InverseDepthMap,
     PlaneFit,
-    inverse_depth_map,
-    lower_inlier_shares,
     move_to_feet,
     plane_as_fit,
     plane_at_feet,
     plane_of_pixels,
     ray_to_floor,
+)
+from physic_core.geometry.inverse_depth import (
+    HOLE_WEIGHT,
+    LOWER_SHARE,
+    InverseDepthMap,
+    inverse_depth_map,
+    lower_inlier_shares,
 )
 from physic_core.geometry.pixels import quantiles
 from physic_core.geometry.plane import estimate_up, sample_normals

@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.ground.posture import of_both_sides
-from physic_core.geometry.floor import planes_through, weighted_plane
+from physic_core.geometry.inverse_depth import planes_through, weighted_plane
 from physic_core.geometry.pixels import dilate_square, median
 from physic_core.types.skeletons import SEEN_CONFIDENCE
 

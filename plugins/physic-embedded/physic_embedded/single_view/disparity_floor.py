@@ -97,7 +97,7 @@ def fit_disparity_floor(
     found = found or plane_of_pixels(view, None, None, "lower image")
     if found is None:
         return None
-    rest = view.error(found)[round((1 - LOWER_SHARE) * height) :]
+    rest = view.error(found.by_ray)[round((1 - LOWER_SHARE) * height) :]
     on = (rest.abs() < view.tolerance).double().mean()
     du, dv, d0 = (float(p) for p in found.by_ray)
     return DisparityFloor(du, dv, d0, float(on))
