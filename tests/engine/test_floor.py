@@ -90,8 +90,7 @@ def assert_moved(plain, moved, before, after):
     assert torch.equal(plain.plane.normal, moved.plane.normal)
 
 
-@pytest.mark.parametrize("pitch", [5.0, 15.0, 35.0])
-@pytest.mark.parametrize("roll", [0.0, -12.0])
+@pytest.mark.parametrize(("pitch", "roll"), [(5.0, 0.0), (15.0, -12.0), (35.0, -12.0)])
 @pytest.mark.parametrize("masked", [False, True])
 def test_the_floor_of_a_furnished_room_is_found_under_noise(pitch, roll, masked):
     normal = up(pitch, roll)
@@ -104,13 +103,11 @@ def test_the_floor_of_a_furnished_room_is_found_under_noise(pitch, roll, masked)
     assert float(torch.linalg.vector_norm(plane.normal)) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("factor", [1, 3])
-def test_the_resolution_does_not_matter(factor):
+def test_the_resolution_does_not_matter():
     normal = up(12)
     depth, _ = room(normal)
-    every = slice(None, None, factor)
-    points = (RAYS * depth[..., None])[every, every]
-    found = engine_floor.find_floor(points, ALL[every, every], FloorEvidence())
+    points = (RAYS * depth[..., None])[::3, ::3]
+    found = engine_floor.find_floor(points, ALL[::3, ::3], FloorEvidence())
     assert_plane(found.plane, normal, 1.5, degrees=0.1)
     assert found.inlier_share == pytest.approx(0.67, abs=0.05)
 

@@ -179,12 +179,6 @@ def test_a_photo_without_a_floor_reports_it_and_nothing_else_changes():
     assert state.diagnostics["floor"]["reason"] == "no_consensus"
 
 
-def test_a_floor_mask_that_is_no_floor_is_reported():
-    state = scene(mask=BOX)
-    assert angle_deg(state.floor.normal, UP) < 0.5
-    assert state.diagnostics["floor"]["in_mask"] is False
-
-
 def test_disagreement_with_the_metric_depth_is_reported():
     wrong = torch.where(uniform(ROWS, COLUMNS) < 0.7, DEPTH * 3, DEPTH)
     state = scene(depth=wrong * (1 + 0.2 * normal(ROWS, COLUMNS, seed=1).abs()))
