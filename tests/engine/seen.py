@@ -30,7 +30,7 @@ def pointmap_of(depth, camera, unknown="inverse_scale_shift", **known):
     return Pointmap(points, np.isfinite(depth), unknown, camera, **known)
 
 
-def photo_of(model, posed, depth, camera, unit=1.0):
+def photo_of(model, posed, depth, camera, unit=1.0, skeleton="coco17"):
     """Return what a photo shows of bodies before a scene of a depth (H, W) m, of which nothing is
     observed; its point maps are in units of so many metres.
     """
@@ -39,12 +39,12 @@ def photo_of(model, posed, depth, camera, unit=1.0):
     both = depth
     for body, mask in zip(people, masks, strict=True):
         both = np.where(mask, body, both)
-    pixels = model.landmarks(posed, "coco17").double().numpy() @ camera.matrix.T
+    pixels = model.landmarks(posed, skeleton).double().numpy() @ camera.matrix.T
     points = np.float32(pixels[..., :2] / pixels[..., 2:])
     scene, photo = (pointmap_of(z / unit, camera, people_farther=(0.0, 0.1)) for z in (depth, both))
     return PhotoContent(
         people=People(masks, np.zeros((len(masks), 4)), np.ones(len(masks))),
-        keypoints=Keypoints(points, np.ones(points.shape[:2], np.float32), "coco17"),
+        keypoints=Keypoints(points, np.ones(points.shape[:2], np.float32), skeleton),
         observations=Observations.unknown(len(masks)),
         known=KnownPeople(),
         camera=camera,

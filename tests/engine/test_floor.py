@@ -8,6 +8,7 @@ import math
 
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 from torch.nn.functional import normalize
 
 from physic_core.engine.ground import floor as engine_floor
@@ -55,11 +56,8 @@ def up(pitch_deg, roll_deg=0.0):
     """Normal of a level floor, seen by a camera that looks down by ``pitch_deg`` and is rolled by
     ``roll_deg``.
     """
-    pitch = math.radians(pitch_deg)
-    roll = math.radians(roll_deg)
-    side = math.sin(roll) * math.cos(pitch)
-    down = math.cos(roll) * math.cos(pitch)
-    return torch.tensor([side, -down, -math.sin(pitch)], dtype=torch.float64)
+    turn = Rotation.from_euler("xz", [pitch_deg, roll_deg], degrees=True)
+    return torch.from_numpy(turn.apply([0.0, -1.0, 0.0]))
 
 
 def meet(normal, offset):

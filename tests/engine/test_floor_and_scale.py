@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.bones import parameters_from_rotations
-from physic_core.engine.ground.beside import LowSkin
+from physic_core.engine.ground.beside import LowSkin, feet_pixels
 from physic_core.engine.ground.floor import (
     FloorCandidate,
     FloorEvidence,
@@ -35,13 +35,12 @@ from physic_core.types import (
     CameraTrust,
     DepthMap,
     Intrinsics,
-    Keypoints,
     Observations,
     People,
     SurfaceLabels,
 )
+from physic_core.types.arrays import select_people
 from physic_core.types.known_sizes import KnownPeople
-from physic_core.types.skeletons import SKELETONS
 
 from .seen import photo_of, pointmap_of, rays_of
 
@@ -75,14 +74,6 @@ def level_floor(height_m):
     return FloorCandidate(fit, {"pixels": 5.0})
 
 
-def keypoints_of(count, skeleton="coco17"):
-    """Keypoints of people of whom none is known."""
-    joints = len(SKELETONS[skeleton].names)
-    return Keypoints(
-        np.zeros((count, joints, 2), np.float32), np.zeros((count, joints), np.float32), skeleton
-    )
-
-
 NO_WITNESSES = Witnesses(*[np.zeros(0)] * 4, 0.0)
 NO_FLOOR = FloorCandidate(None, {"no pixel to explain": 1.5})
 FLOOR = (level_floor(CAMERA_HEIGHT), NO_FLOOR)
@@ -104,9 +95,8 @@ class World:
         posed = model(rotations, betas, transl)
         self.vertices = posed.vertices.double().numpy()
         self.depth = level(CAMERA_HEIGHT)
-        photo = photo_of(model, posed, self.depth, CAMERA, UNIT)
-        unknown = keypoints_of(len(places))
-        self.photo = replace(photo, keypoints=unknown, hole=torch.tensor(EMPTY))
+        photo = photo_of(model, posed, self.depth, CAMERA, UNIT, "coco23")
+        self.photo = replace(photo, hole=torch.tensor(EMPTY))
         self.bodies = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded")
 
     def answer(self, candidates=FLOOR, depth=None, bodies=None, **changed):
@@ -122,18 +112,6 @@ class World:
     def labelled(self, name, ground, **masks):
         labels = SurfaceLabels(ground.astype(np.uint8), ("unknown", name))
         return replace(self.photo.people, surfaces=labels, **masks)
-
-    def soles(self):
-        """Heels and big toes of people with their soles in sight."""
-        keypoints = keypoints_of(len(self.vertices), "halpe26")
-        for side in ("left", "right"):
-            sole = load_body("embedded").contact_sets[f"{side}_sole"]
-            pixel = self.vertices[:, sole].mean(1) @ CAMERA.matrix.T
-            for end in ("heel", "big_toe"):
-                j = SKELETONS["halpe26"].names.index(f"{side}_{end}")
-                keypoints.points[:, j] = pixel[:, :2] / pixel[:, 2:]
-                keypoints.confidence[:, j] = 1
-        return keypoints
 
     def without_feet(self, *people):
         observed = np.ones((len(self.photo.people), 55), bool)
@@ -358,7 +336,7 @@ def test_without_people_the_scale_is_a_guess_that_names_its_assumption(world):
     no_people = {
         "people": People(EMPTY[None][:0], np.zeros((0, 4)), np.zeros(0)),
         "bodies": bodies,
-        "keypoints": keypoints_of(0),
+        "keypoints": select_people(world.photo.keypoints, np.zeros(2, bool)),
         "observations": Observations.unknown(0),
     }
     found = world.answer(**no_people)
@@ -375,7 +353,7 @@ def test_no_label_hides_the_ground_under_soles_that_agree(world, name):
     answers = []
     for label in ("floor", name):
         people = world.labelled(label, (ROW > 0.1) & ~lower)
-        given = {"scene_map": scene, "people": people, "keypoints": world.soles()}
+        given = {"scene_map": scene, "people": people}
         candidates = world.candidates(**given)
         planes = [c for c in candidates if c.plane is not None]
         likeliest = max(planes, key=lambda c: c.log_score).plane
@@ -387,27 +365,27 @@ def test_no_label_hides_the_ground_under_soles_that_agree(world, name):
 
 
 def test_people_on_a_box_do_not_lift_the_floor_off_the_ground_that_is_seen(world):
-    soles = world.soles()
     street = ~EMPTY
-    for x, y in soles.points[soles.confidence > 0].round().astype(int):
+    for x, y in feet_pixels(world.photo.keypoints, HEIGHT, WIDTH).round().astype(int):
         street[y - 12 : y + 13, x - 12 : x + 13] = False
     scene = in_units(np.where(street, level(CAMERA_HEIGHT + 0.35), world.depth))
     people = world.labelled("ground", street & (ROW > 0.25))
-    given = {"scene_map": scene, "people": people, "keypoints": soles}
+    given = {"scene_map": scene, "people": people}
     found = world.answer(world.candidates(**given), **given)
     assert found.plane.offset * UNIT == pytest.approx(CAMERA_HEIGHT + 0.35, rel=0.03)
     assert found.scale.scale > 0.88 * UNIT
     assert found.stance.stands.max() < 0.1
 
 
-def test_masks_labels_and_other_masks_are_candidates(world):
+def test_masks_labels_other_masks_and_what_people_may_lie_on_are_candidates(world):
     rows = np.indices(EMPTY.shape)[0]
     lower = rows >= 100
     people = world.labelled("floor", rows >= 120, floor=lower, floor_candidates=(lower,))
     candidates = world.candidates(people=people)
     sources = [c.plane.source for c in candidates if c.plane is not None]
-    assert sources[:4] == ["floor mask", "floor mask", "labels", "lower image"]
-    assert len(sources) <= 6
+    assert sources[1:5] == ["floor mask", "floor mask", "labels", "lower image"]
+    assert sources[0] == "people who lie"
+    assert len(sources) <= 7
     assert candidates[-1].plane is None
     best = max(candidates, key=lambda c: c.log_score)
     assert best.plane.offset == pytest.approx(CAMERA_HEIGHT / UNIT, rel=0.02)
