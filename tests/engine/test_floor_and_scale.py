@@ -79,24 +79,26 @@ NO_FLOOR = FloorCandidate(None, {"no pixel to explain": 1.5})
 FLOOR = (level_floor(CAMERA_HEIGHT), NO_FLOOR)
 
 
+STANDS = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
+LIES = ((0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0))
+
+
 class World:
-    """People who stand on a level floor before a wall at 8 m, seen by a level camera; the last one
-    may be lifted.
+    """People on a level floor before a wall at 8 m, or before another depth, seen by a level
+    camera; the last one may be lifted.
     """
 
-    def __init__(self, places, lifted=0.0):
+    def __init__(self, places, lifted=0.0, turn=STANDS, depth=None):
         model = load_body("embedded")
         rotations, betas, transl = model.zero_pose(len(places))
-        rotations[:, 0] = torch.diag(torch.tensor([1.0, -1.0, -1.0]))
+        rotations[:, 0] = torch.tensor(turn)
         lowest = model(rotations, betas, transl).vertices[..., 1].amax(1)
         transl[:, [0, 2]] = torch.tensor(places)
         transl[:, 1] = CAMERA_HEIGHT - lowest
         transl[-1, 1] -= lifted
         posed = model(rotations, betas, transl)
-        self.vertices = posed.vertices.double().numpy()
-        self.depth = level(CAMERA_HEIGHT)
-        photo = photo_of(model, posed, self.depth, CAMERA, UNIT, "coco23")
-        self.photo = replace(photo, hole=torch.tensor(EMPTY))
+        self.depth = level(CAMERA_HEIGHT) if depth is None else depth
+        self.photo = photo_of(model, posed, self.depth, CAMERA, UNIT, "coco23")
         self.bodies = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded")
 
     def answer(self, candidates=FLOOR, depth=None, bodies=None, **changed):
@@ -106,7 +108,7 @@ class World:
         return find_ground(photo, bodies or self.bodies, model, candidates, evidence, depth)
 
     def candidates(self, searched=True, **changed):
-        photo = replace(self.photo, hole=self.photo.masks.any(0), **changed)
+        photo = replace(self.photo, **changed)
         return scene_floor_candidates(photo.scene, floor_evidence(photo), searched=searched)
 
     def labelled(self, name, ground, **masks):
@@ -417,24 +419,15 @@ def test_a_floor_is_doubted_on_which_people_lie():
 
 def lying(height_m):
     """A person who lies across the picture, so high over the floor, on a block if it is high."""
-    world = World([(0.0, 3.0)])
-    model = load_body("embedded")
-    rotations, betas, transl = model.zero_pose(1)
-    rotations[:, 0] = torch.tensor([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-    lowest = model(rotations, betas, transl).vertices[..., 1].amax()
-    transl[:] = torch.tensor([[0.0, CAMERA_HEIGHT - height_m - float(lowest), 3.0]])
-    posed = model(rotations, betas, transl)
     depth = level(CAMERA_HEIGHT)
     top = (CAMERA_HEIGHT - height_m) / np.maximum(ROW, 1e-6)
     front = 2.6
     block = np.where((top > front) & (top < 3.6), top, np.inf)
     block = np.where((ROW * front > CAMERA_HEIGHT - height_m), front, block)
     depth = np.where(ROW * block < CAMERA_HEIGHT, np.minimum(depth, block), depth)
-    photo = photo_of(model, posed, depth, CAMERA, UNIT)
-    labels = SurfaceLabels(np.uint8(depth == level(CAMERA_HEIGHT)), ("unknown", "floor"))
-    photo = replace(photo, people=replace(photo.people, surfaces=labels))
-    bodies = Bodies(parameters_from_rotations(rotations, betas, None, transl), "embedded")
-    return find_ground(photo, bodies, model, FLOOR, floor_evidence(photo)), world.error
+    world = World([(0.0, 3.0)], height_m, LIES, depth)
+    people = world.labelled("floor", depth == level(CAMERA_HEIGHT))
+    return world, world.answer(people=people)
 
 
 @pytest.mark.parametrize(
@@ -449,7 +442,7 @@ def test_low_feet_and_hands_are_those_of_people_whose_trunk_is_higher(up, limbs)
 
 @pytest.mark.parametrize(("height_m", "on_floor"), [(0.0, True), (0.5, False)])
 def test_people_who_lie_rest_on_the_floor_only_if_it_is_seen_right_below_them(height_m, on_floor):
-    found, error = lying(height_m)
+    world, found = lying(height_m)
     assert (found.stance.rests > 0.5).tolist() == [on_floor]
     assert found.stance.limb_touch.tolist() == Stance.unknown(1).limb_touch.tolist()
-    assert error(found) == pytest.approx(0, abs=0.05 if on_floor else 0.2)
+    assert world.error(found) == pytest.approx(0, abs=0.05 if on_floor else 0.2)
