@@ -20,7 +20,6 @@ from physic_core.engine.sizes.stature import size_sigmas, stature_sigmas
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.pixels import dilate_square
-from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.raster import rasterize
 from physic_core.geometry.tensors import exact_arrays
 from physic_core.types import Measures
@@ -70,7 +69,7 @@ def measure_agreement(estimates: Estimates, state: State) -> list[Measures]:
         body = state.vertices[i]
         heights = None
         if floor is not None:
-            heights = height_over_plane(body, floor.normal, floor.offset * scale)
+            heights = floor.scaled(scale).height(body)
         share, ratio = silhouettes[i]
         measured[i] = replace(
             measured[i],
@@ -220,12 +219,6 @@ def clearance(distance: Tensor, heights: Tensor | None) -> float | None:
     return max(0.0, gap) if gap != float("inf") else None
 
 
-def _median_ratio(ratio: Tensor, fewest: int) -> float | None:
-    """Return the median of the positive finite ratios; None with too few."""
-    ratio = ratio[torch.isfinite(ratio) & (ratio > 0)]
-    return float(ratio.median()) if len(ratio) >= fewest else None
-
-
 def compare_silhouettes(
     vertices: Tensor,
     faces: Tensor,
@@ -292,7 +285,9 @@ def _low_depth_ratio(depth: Tensor, mask: Tensor, photo_depth: Tensor) -> float 
         return None
     low = torch.zeros_like(body)
     low[int(rows[-1] - _LOW_SHARE * (rows[-1] - rows[0])) :] = True
-    return _median_ratio((photo_depth / depth)[body & mask & low], _FEWEST_PIXELS)
+    ratio = (photo_depth / depth)[body & mask & low]
+    ratio = ratio[torch.isfinite(ratio) & (ratio > 0)]
+    return float(ratio.median()) if len(ratio) >= _FEWEST_PIXELS else None
 
 
 def _share(part: Tensor, surface: Tensor) -> float | None:

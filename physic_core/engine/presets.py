@@ -127,7 +127,7 @@ class DefaultOptimisation(JointMethod):
         if not offset_sigma.any():
             frozen.add("offset")
         around = sampling.around
-        if not len(around.points) and around.floor_normal is None:
+        if not len(around.points) and around.floor is None:
             frozen.add("scale")  # nothing constrains the scale
         return Variables(
             state.rotations,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import torch
@@ -50,11 +50,6 @@ class SceneState(ShortRepr):
         """Depth map (H, W) along z, metres; NaN at invalid pixels."""
         return torch.where(self.valid, self.points[..., 2], torch.nan)
 
-    @property
-    def floor_plane(self) -> tuple[Tensor, float] | None:
-        """Normal and offset of the floor, or None."""
-        return None if self.floor is None else (self.floor.normal, self.floor.offset)
-
 
 @dataclass(frozen=True)
 class Surroundings(ShortRepr):
@@ -63,9 +58,7 @@ class Surroundings(ShortRepr):
     Attributes:
         points: (M, 3), valid points of the scene.
         normals: (M, 3) unit towards the camera, zero where unreliable.
-        floor_normal: (3,) unit, up; None if there is no plane of the floor.
-        floor_offset: height of the camera above the floor, metres: the height of X is
-            ``floor_normal . X + floor_offset``; 0 without a floor.
+        floor: None if there is no plane of the floor.
         floor_points: (F, 3) samples of the plane.
         depth: (H, W) metres along z of the points, NaN where unknown; None if nothing shows which
             space is free.
@@ -73,8 +66,7 @@ class Surroundings(ShortRepr):
 
     points: Tensor
     normals: Tensor
-    floor_normal: Tensor | None
-    floor_offset: float
+    floor: PlaneFit | None
     floor_points: Tensor
     depth: Tensor | None
 
@@ -86,8 +78,7 @@ class Surroundings(ShortRepr):
         return cls(
             points=points.to(like),
             normals=normals.to(like),
-            floor_normal=None if floor is None else floor.normal.to(like),
-            floor_offset=0.0 if floor is None else floor.offset,
+            floor=floor and replace(floor, normal=floor.normal.to(like)),
             floor_points=scene.floor_points.to(like),
             depth=scene.depth.to(like),
         )

@@ -2,9 +2,9 @@
 losses.
 
 Other packages use :mod:`.camera`, :mod:`.colors`, :mod:`.pointmap`, :mod:`.alignment`,
-:mod:`.floor`, :mod:`.plane`, :mod:`.upright`, :mod:`.mesh`, :mod:`.rays`, :mod:`.raster`,
-:mod:`.neighbors`, :mod:`.visibility`, :mod:`.robust`, :mod:`.rotations`, :mod:`.rotvecs`,
-:mod:`.pixels` and :mod:`.tensors`.
+:mod:`.floor`, :mod:`.inverse_depth`, :mod:`.plane`, :mod:`.upright`, :mod:`.mesh`, :mod:`.rays`,
+:mod:`.raster`, :mod:`.neighbors`, :mod:`.visibility`, :mod:`.robust`, :mod:`.rotations`,
+:mod:`.rotvecs`, :mod:`.pixels` and :mod:`.tensors`.
 """
 
 from __future__ import annotations
@@ -23,16 +23,15 @@ if TYPE_CHECKING:
     from physic_core.geometry.colors import lab_from_srgb as lab_from_srgb
     from physic_core.geometry.colors import linear_from_srgb as linear_from_srgb
     from physic_core.geometry.floor import FOCAL_PITCH_DEG as FOCAL_PITCH_DEG
-    from physic_core.geometry.floor import LOWER_SHARE as LOWER_SHARE
     from physic_core.geometry.floor import FloorSearch as FloorSearch
-    from physic_core.geometry.floor import InverseDepthMap as InverseDepthMap
     from physic_core.geometry.floor import PlaneFit as PlaneFit
     from physic_core.geometry.floor import plane_of_pixels as plane_of_pixels
+    from physic_core.geometry.inverse_depth import LOWER_SHARE as LOWER_SHARE
+    from physic_core.geometry.inverse_depth import InverseDepthMap as InverseDepthMap
     from physic_core.geometry.mesh import coarse_mesh as coarse_mesh
     from physic_core.geometry.mesh import vertex_areas as vertex_areas
     from physic_core.geometry.mesh import vertex_normals as vertex_normals
     from physic_core.geometry.neighbors import NearestPointSearch as NearestPointSearch
-    from physic_core.geometry.plane import height_over_plane as height_over_plane
     from physic_core.geometry.pointmap import pointmap_normals as pointmap_normals
     from physic_core.geometry.raster import rasterize as rasterize
     from physic_core.geometry.rays import RayCaster as RayCaster
@@ -53,10 +52,10 @@ _NAMES = {
     "alignment": "AlignmentOptions",
     "camera": "pixel_grid pixel_rays project undistort_pixels unproject",
     "colors": "lab_from_srgb linear_from_srgb",
-    "floor": "FOCAL_PITCH_DEG FloorSearch InverseDepthMap LOWER_SHARE PlaneFit plane_of_pixels",
+    "floor": "FOCAL_PITCH_DEG FloorSearch PlaneFit plane_of_pixels",
+    "inverse_depth": "InverseDepthMap LOWER_SHARE",
     "mesh": "coarse_mesh vertex_areas vertex_normals",
     "neighbors": "NearestPointSearch",
-    "plane": "height_over_plane",
     "pointmap": "pointmap_normals",
     "raster": "rasterize",
     "rays": "RayCaster",

@@ -1,46 +1,25 @@
-"""Planes of a point map in inverse depth, any of which may be the floor, found by RANSAC.
-
-OpenCV camera frame.
-
-A plane n . X + o = 0 is linear in inverse depth: with the ray (x, y, 1) = X / Z of a pixel, 1 / Z =
-a x + b y + c, where ``n = -(a, b, c) / |(a, b, c)|`` and ``o = 1 / |(a, b, c)|``. A fit in inverse
-depth needs no scale, and uncertain distant points have little weight. Inverse depth is averaged
-over square pixel blocks to reduce noise. The mean is exact on a plane.
-"""
+"""Planes fitted to a point map, any of which may be the floor. OpenCV camera frame."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import torch
 from torch import Tensor
 
-from physic_core.geometry.pixels import all_finite, quantiles, select_pixels
+from physic_core.geometry.inverse_depth import (
+    FEWEST_SAMPLES,
+    InverseDepthMap,
+    average_blocks,
+    fit_plane,
+    inverse_depth_map,
+    lower_inlier_shares,
+    plane_inlier_shares,
+    refit,
+)
 from physic_core.types import Plane
-
-LOWER_SHARE = 0.6
-"""Height of the lower part of the image, in which a floor is searched without a mask."""
-
-FEWEST_SAMPLES = 40
-
-HOLE_WEIGHT = 0.3
-"""Weight of inpainted pixels: an inpainter may continue furniture instead of the floor."""
-
-MAX_ROLL_DEG = 25.0
-"""Largest roll of the camera relative to the floor, if up is not known."""
-
-_HYPOTHESES = 1000
-_SEED = 0
-_SAMPLES = 16_000
-_SCORED_SAMPLES = 2000
-_SCORED_ERRORS = 512_000  # at a time, of planes at samples
-_FINALISTS = 32  # hypotheses that are scored on all samples
-_REFITS = 8
-_UP_COSINE = math.cos(math.radians(15.0))  # least cosine between a floor's normal and up
-_UP_SIGMA = math.radians(3.0)  # standard error of the up direction
-_UP_SHARE = 0.05  # weight of the up direction as a share of the pixels' weight
 
 FEET_WINDOW = 0.08
 """Half side of the pixel window around each foot, as a share of the long image side."""
@@ -55,229 +34,6 @@ degrees.
 
 FOCAL_PITCH_DEG = 23.0
 """Error of that pitch by the logarithmic error of the focal length: 6 degrees of a default one."""
-
-
-class BlockMeans(NamedTuple):
-    """Means over M blocks of pixels.
-
-    Attributes:
-        rays: (M, 3) mean ray (x, y, 1).
-        inverse: (M,) mean inverse depth.
-        weight: (M,) less for inpainted pixels.
-        candidate: (M,) bool, blocks of the mask, or of the lower part of the image without a mask.
-        lower: (M,) bool, blocks of the lower part, in which pixels below a plane count against it.
-    """
-
-    rays: Tensor
-    inverse: Tensor
-    weight: Tensor
-    candidate: Tensor
-    lower: Tensor
-
-
-def average_blocks(view: InverseDepthMap, mask: Tensor | None) -> BlockMeans:
-    """Average the rays and inverse depths of a point map over square blocks of pixels.
-
-    Args:
-        view: the point map.
-        mask: (H, W) bool, candidate pixels; None takes the lower part of the image.
-    """
-    rays, inverse, valid, *_, hole = view
-    rows, columns = valid.shape
-    block = max(1, math.ceil(math.sqrt(rows * columns / _SAMPLES)))
-    while True:
-        share = _block_mean(valid.to(inverse), block)
-        candidate = share > 0
-        if mask is not None:
-            candidate &= _block_mean((mask & valid).to(inverse), block) > 0.5 * share
-        if mask is None or block == 1 or int(candidate.sum()) >= 10 * FEWEST_SAMPLES:
-            break
-        block = block // 2
-    scale = share.clamp(min=torch.finfo(share.dtype).tiny).reciprocal()
-    mean_inverse = _block_mean(inverse, block) * scale
-    mean_rays = torch.stack([_block_mean(rays[..., i], block) * scale for i in range(3)], -1)
-    down = torch.linspace(0, 1, len(share), dtype=share.dtype, device=share.device)[:, None].expand(
-        share.shape
-    )
-    lower = down >= 1 - LOWER_SHARE
-    weight = torch.ones_like(share)
-    if hole is not None:
-        weight = 1 - (1 - HOLE_WEIGHT) * _block_mean(hole.to(inverse), block)
-    known = share > 0
-    return BlockMeans(
-        rays=mean_rays[known].double(),
-        inverse=mean_inverse[known].double(),
-        weight=weight[known].double(),
-        candidate=(candidate if mask is not None else lower & candidate)[known],
-        lower=lower[known],
-    )
-
-
-def _block_mean(x: Tensor, block: int) -> Tensor:
-    """Return the mean of x (H, W) over block x block pixels; blocks at the border may be
-    smaller.
-    """
-    if block == 1:
-        return x
-    blocks: Tensor = torch.nn.functional.avg_pool2d(x[None, None], block, ceil_mode=True)[0, 0]
-    return blocks
-
-
-def fit_plane(
-    samples: BlockMeans, tolerance: float, least_rise: float, up: Tensor | None
-) -> Tensor | None:
-    """Fit a plane to the candidate blocks by RANSAC and reweighted least squares.
-
-    Args:
-        samples: at least ``FEWEST_SAMPLES`` candidates.
-        tolerance: largest error of an inlier, inverse depth.
-        least_rise: least increase of inverse depth from the top of the image to its bottom.
-        up: (3,) unit up direction, or None.
-
-    Returns:
-        (3,) plane a, b, c, which points down; None without a valid hypothesis.
-    """
-    height = float(samples.rays[:, 1].max() - samples.rays[:, 1].min())
-    if not height > 0:
-        return None
-    slope = least_rise / height
-    generator = torch.Generator().manual_seed(_SEED)
-    planes = _draw_planes(samples, slope, up, generator)
-    if not len(planes):
-        return None
-    counted = samples.candidate | samples.lower
-    if int(counted.sum()) > 2 * _SCORED_SAMPLES:
-        order = torch.randperm(len(counted), generator=generator).to(counted.device)
-        some = order[counted[order]][:_SCORED_SAMPLES]
-        planes = planes[
-            _score(samples, planes, tolerance, some).topk(min(_FINALISTS, len(planes))).indices
-        ]
-    best = _score(samples, planes, tolerance, counted.nonzero()[:, 0]).argmax()
-    return _refine(samples, planes[best], tolerance, slope, up)
-
-
-def _draw_planes(
-    samples: BlockMeans, slope: float, up: Tensor | None, generator: torch.Generator
-) -> Tensor:
-    """Return valid planes (G, 3) through three random candidates each."""
-    index = samples.candidate.nonzero()[:, 0]
-    odds = samples.weight[index].float().cpu()
-    drawn = torch.multinomial(odds, 3 * _HYPOTHESES, replacement=True, generator=generator).to(
-        index.device
-    )
-    triples = index[drawn].view(_HYPOTHESES, 3)
-    planes, singular = torch.linalg.solve_ex(samples.rays[triples], samples.inverse[triples])
-    planes = planes[(singular == 0) & torch.isfinite(planes).all(-1)]
-    level: Tensor = planes[_is_level(planes, slope, up)]
-    return level
-
-
-def _is_level(planes: Tensor, slope: float, up: Tensor | None) -> Tensor:
-    """Return whether planes (..., 3) are seen from above, unrolled and perpendicular to up: (...)
-    bool.
-    """
-    # Inverse depth increases downwards on a plane seen from above; a / b is the tangent of the
-    # camera's roll.
-    if up is None:
-        level: Tensor = (
-            planes[..., 0].abs() <= math.tan(math.radians(MAX_ROLL_DEG)) * planes[..., 1]
-        )
-    else:
-        level = -(planes @ up.to(planes)) > _UP_COSINE * torch.linalg.vector_norm(planes, dim=-1)
-    return level & (planes[..., 1] > slope)
-
-
-def _refine(
-    samples: BlockMeans, plane: Tensor, tolerance: float, slope: float, up: Tensor | None
-) -> Tensor:
-    for _ in range(_REFITS):
-        error = (samples.inverse - samples.rays @ plane) / tolerance
-        weight = samples.weight * samples.candidate * (1 - error.square()).clamp(min=0).square()
-        weighted = samples.rays * weight[:, None]
-        moments = weighted.T @ samples.rays
-        if up is not None:
-            # A prior on the component perpendicular to up, which is the angle between them times
-            # the length.
-            across = torch.eye(3, dtype=plane.dtype, device=plane.device) - torch.outer(up, up).to(
-                plane
-            )
-            angle = float(torch.linalg.vector_norm(plane)) * _UP_SIGMA
-            moments = moments + _UP_SHARE * weight.sum() * (tolerance / angle) ** 2 * across
-        refit, singular = torch.linalg.solve_ex(moments, weighted.T @ samples.inverse)
-        if int(singular) != 0 or not bool(_is_level(refit, slope, up)):
-            break
-        plane = refit
-    return plane
-
-
-def _score(samples: BlockMeans, planes: Tensor, tolerance: float, some: Tensor) -> Tensor:
-    """Return the weight (G,) of the inliers minus that of blocks below; weights double towards the
-    bottom.
-    """
-    rays = samples.rays[some].float()
-    inverse = samples.inverse[some].float()
-    low = rays[:, 1].min()
-    high = rays[:, 1].max()
-    weight = samples.weight[some].float() * (1 + (rays[:, 1] - low) / (high - low).clamp(min=1e-12))
-    counted = weight * samples.candidate[some]
-    against = weight * samples.lower[some]
-
-    def score(planes: Tensor) -> Tensor:
-        error = inverse - planes @ rays.T
-        on = (error.abs() < tolerance).float() @ counted
-        return on - (error < -2 * tolerance).float() @ against
-
-    # A part at a time lies in the processor's cache: half of the time of all at once, and .25 GB
-    # less where few pixels of a floor are seen and each is a sample.
-    parts = torch.split(planes.float(), max(1, _SCORED_ERRORS // max(1, len(some))))
-    return torch.cat([score(part) for part in parts])
-
-
-def refit(rays: Tensor, inverse: Tensor, tolerance: float) -> Tensor:
-    """Fit a plane (3,) to pixels (M, 3), (M,) that mostly lie on it, by least squares, then
-    reweighted ones.
-
-    It is 0, at infinity, where the rays of the pixels are in one plane.
-    """
-    plane = torch.zeros_like(rays[0])
-    weight = torch.ones_like(inverse)
-    # Not lstsq: the last bit of its solution depends on where LAPACK's work space lies in memory.
-    for _ in range(1 + _REFITS):
-        weighted = rays * weight[:, None]
-        again, singular = torch.linalg.solve_ex(weighted.T @ rays, weighted.T @ inverse)
-        if int(singular) != 0:
-            break
-        plane = again
-        weight = (1 - ((inverse - rays @ plane) / tolerance).square()).clamp(min=0).square()
-    return plane
-
-
-def lower_inlier_shares(view: InverseDepthMap, plane: Tensor) -> tuple[float, float]:
-    """Return :func:`plane_inlier_shares` of the lower part of the image."""
-    return plane_inlier_shares(average_blocks(view, None), plane, view.tolerance)
-
-
-def plane_inlier_shares(
-    samples: BlockMeans, plane: Tensor, tolerance: float
-) -> tuple[float, float]:
-    """Return two shares: of the candidates on a plane, and of the lower blocks over two tolerances
-    below it.
-
-    Args:
-        samples: blocks of inverse depth.
-        plane: (3,) whose product with a ray is the inverse depth.
-        tolerance: of inverse depth.
-    """
-    error = samples.inverse - samples.rays @ plane
-
-    def share(found: Tensor, among: Tensor) -> float:
-        weight = samples.weight * among
-        return float((weight * found).sum() / weight.sum()) if bool(among.any()) else 0.0
-
-    return share(error.abs() < tolerance, samples.candidate), share(
-        error < -2 * tolerance, samples.lower
-    )
-
 
 FloorReason = Literal["found", "no_pixels", "no_consensus", "switched_off"]
 """Result of a search: "found"; "no_pixels": too few pixels; "no_consensus": no plane is more likely
@@ -323,6 +79,23 @@ class PlaneFit:
         """Whether people lie on the plane, and the camera looks down on them."""
         return self.source == "people who lie"
 
+    @property
+    def by_ray(self) -> Tensor:
+        """Inverse depth (3,) of the plane by ray, float64: 1 / Z is its product with (x, y, 1)."""
+        return -self.normal.double() / self.offset
+
+    def height(self, points: Tensor) -> Tensor:
+        """Return the signed height (...) of points (..., 3) over the plane, in their unit."""
+        return points @ self.normal.to(points) + self.offset
+
+    def moved(self, factor: float) -> PlaneFit:
+        """Return the plane with its inverse depth times a factor; the normal stays."""
+        return replace(self, offset=self.offset / factor, reanchored=factor)
+
+    def scaled(self, factor: float) -> PlaneFit:
+        """Return the plane of points times a factor."""
+        return replace(self, offset=self.offset * factor)
+
     def to_plane(self) -> Plane:
         """Return normal and offset as an array and a number."""
         return Plane(self.normal.numpy(), float(self.offset))
@@ -348,53 +121,13 @@ class FloorSearch:
     in_mask: bool | None = None
 
 
-class InverseDepthMap(NamedTuple):
-    """A point map as inverse depth over rays."""
-
-    rays: Tensor  # (H, W, 3), X / Z, zero where not valid
-    inverse: Tensor  # (H, W), 1 / Z
-    valid: Tensor  # (H, W) bool
-    tolerance: float  # inverse depth
-    least_rise: float  # inverse depth
-    hole: Tensor | None  # (H, W) bool, inpainted pixels
-
-    def error(self, plane: Tensor) -> Tensor:
-        """Return the error (H, W) of a plane (3,) in inverse depth, positive for pixels in front of
-        it.
-        """
-        return self.inverse - self.rays @ plane.to(self.rays)
-
-
-_TOLERANCE = 0.02  # largest error of an inlier, as a share of the range of inverse depth
-_LEAST_RISE = 0.05  # least increase of inverse depth from top to bottom, as a share of its range
-
-
-def inverse_depth_map(
-    points: Tensor, valid: Tensor, hole: Tensor | None = None
-) -> InverseDepthMap | None:
-    """Convert a point map (H, W, 3), valid (H, W), of any unit; None with too few pixels or a
-    single depth.
-    """
-    valid = valid & all_finite(points) & (points[..., 2] > 0)
-    inverse = torch.where(valid, 1 / points[..., 2], 0.0)
-    rays = torch.where(valid[..., None], points * inverse[..., None], 0.0)
-    (known,) = select_pixels(valid, inverse)
-    if len(known) < FEWEST_SAMPLES:
-        return None
-    low, high = quantiles(known, (0.01, 0.99))
-    spread = high - low
-    if not _TOLERANCE * spread > 0:
-        return None
-    return InverseDepthMap(rays, inverse, valid, _TOLERANCE * spread, _LEAST_RISE * spread, hole)
-
-
 def plane_of_pixels(
     view: InverseDepthMap,
     mask: Tensor | None,
     up: Tensor | None,
     source: FloorSource,
     slack: float = 1.0,
-) -> tuple[Tensor, PlaneFit] | None:
+) -> PlaneFit | None:
     """Fit a plane to the pixels of a mask (H, W), or to the lower part of the image without one;
     None if none fits.
 
@@ -405,9 +138,6 @@ def plane_of_pixels(
             an upright camera.
         source: name of the pixels.
         slack: factor on the tolerance.
-
-    Returns:
-        (3,) inverse depth of the plane by ray, and the plane.
     """
     samples = average_blocks(view, mask)
     if int(samples.candidate.sum()) < FEWEST_SAMPLES:
@@ -417,7 +147,7 @@ def plane_of_pixels(
     if plane is None:
         return None
     shares = plane_inlier_shares(samples, plane, tolerance)
-    return plane, plane_as_fit(view, plane, shares, source, slack)
+    return plane_as_fit(view, plane, shares, source, slack)
 
 
 def plane_as_fit(
@@ -437,9 +167,7 @@ def plane_as_fit(
     return PlaneFit(-(plane / length).to(view.rays), 1 / length, inliers, *shares, source)
 
 
-def plane_at_feet(
-    view: InverseDepthMap, up: Tensor, feet_px: Tensor
-) -> tuple[Tensor, PlaneFit] | None:
+def plane_at_feet(view: InverseDepthMap, up: Tensor, feet_px: Tensor) -> PlaneFit | None:
     """Return the plane with a normal (3,) through the points at the feet (F, 2) px; None if none is
     in front of them.
 
@@ -454,7 +182,7 @@ def plane_at_feet(
     if not bool(seen.any()):
         return None
     plane = -up.double() * (inverse[seen] / slope[seen]).quantile(0.5)
-    return plane, plane_as_fit(view, plane, lower_inlier_shares(view, plane), "soles")
+    return plane_as_fit(view, plane, lower_inlier_shares(view, plane), "soles")
 
 
 _SAME_PLANE = 0.5  # least cosine between the normals of a plane in two point maps
@@ -480,11 +208,8 @@ def refit_floor(points: Tensor, valid: Tensor, found: FloorSearch) -> FloorSearc
     fit = plane_as_fit(view, plane, shares, found.plane.source, MASK_SLACK)
     if float(fit.normal.double() @ found.plane.normal.to(fit.normal).double()) < _SAME_PLANE:
         return FloorSearch(None, "no_consensus", *shares)
-    factor = found.plane.reanchored
     moved = replace(
-        fit,
-        offset=fit.offset / factor,
-        reanchored=factor,
+        fit.moved(found.plane.reanchored),
         pitch_sigma=found.plane.pitch_sigma,
         plane_sigma=found.plane.plane_sigma,
     )
@@ -511,30 +236,29 @@ _REANCHOR_BANDS = 4.0  # largest distance of floor pixels near feet from the pla
 
 
 def move_to_feet(
-    view: InverseDepthMap, plane: Tensor, fit: PlaneFit, mask: Tensor | None, feet_px: Tensor | None
+    view: InverseDepthMap, plane: PlaneFit, mask: Tensor | None, feet_px: Tensor | None
 ) -> PlaneFit:
     """Scale the plane's inverse depth by the median factor at the feet; the normal stays.
 
     Args:
         view: the point map.
-        plane: (3,) inverse depth by ray.
-        fit: the same plane.
+        plane: that is not moved.
         mask: (H, W) bool, pixels that it was fitted to, which are the ground near it; None for all
             pixels.
         feet_px: (F, 2) px, or None.
     """
     ground = view.valid
     if mask is not None:
-        ground = ground & mask & (view.error(plane).abs() < _REANCHOR_BANDS * view.tolerance)
+        ground = ground & mask & (view.error(plane.by_ray).abs() < _REANCHOR_BANDS * view.tolerance)
     factors = _depth_factors_at_feet(plane, view, ground, feet_px)
     factor = float(factors.quantile(0.5)) if len(factors) else 0.0
     if not _REANCHOR_RANGE[0] < factor < _REANCHOR_RANGE[1]:
-        return fit
-    return replace(fit, offset=fit.offset / factor, reanchored=factor)
+        return plane
+    return plane.moved(factor)
 
 
 def _depth_factors_at_feet(
-    plane: Tensor, view: InverseDepthMap, pixels: Tensor, feet_px: Tensor | None
+    plane: PlaneFit, view: InverseDepthMap, pixels: Tensor, feet_px: Tensor | None
 ) -> Tensor:
     """Return the ratio of measured inverse depth to the plane's at each foot in front of the
     plane's horizon.
@@ -549,7 +273,7 @@ def _depth_factors_at_feet(
             slice(max(0, u - reach), max(0, u + reach + 1)),
         )
         seen = pixels[box]
-        expected = view.rays[box][seen] @ plane.to(view.rays)
+        expected = view.rays[box][seen] @ plane.by_ray.to(view.rays)
         near = expected > 2 * view.tolerance
         if bool(near.any()):
             factors.append(float((view.inverse[box][seen][near] / expected[near]).median()))

@@ -1,5 +1,4 @@
-"""Planes ``n @ X + o = 0``: signed heights, sample points, and the up direction that surface
-normals show.
+"""Planes ``n @ X + o = 0``: sample points, and the up direction that surface normals show.
 
 The height ``n @ X + o`` is positive above the plane, and o is the height of the camera. OpenCV
 camera frame.
@@ -19,11 +18,6 @@ from torch import Tensor
 _SPACING_M = 0.025  # between points near people
 _NEAR_M = 1.5  # distance from a person up to which points are near
 _MAX_POINTS = 40_000
-
-
-def height_over_plane(points: Tensor, normal: Tensor, offset: float | Tensor) -> Tensor:
-    """Return the signed height (...) of points (..., 3) over a plane, in the unit of the points."""
-    return points @ normal.to(points) + offset
 
 
 def plane_basis(normal: Tensor) -> tuple[Tensor, Tensor]:

@@ -147,8 +147,8 @@ def _sizes(state: State, person: int) -> dict[str, float]:
     pelvis = state.joints[person, :1]
     seat = state.vertices[person, state.model.contact_sets["gluteus"]]
     for name, points in (("pelvis_height_m", pelvis), ("seat_height_m", seat)):
-        heights = points.double() @ floor.normal.double()
-        sizes[name] = round(float(heights.min() + floor.offset * state.scene_scale), 4)
+        heights = floor.scaled(state.scene_scale).height(points.double())
+        sizes[name] = round(float(heights.min()), 4)
     return sizes
 
 
@@ -221,9 +221,7 @@ def _scene(estimates: Estimates, state: State) -> Scene:
     """Convert the scene, multiplied by the scale of stage 3."""
     scene = state.scene
     scale = state.scene_scale
-    floor = None
-    if scene.floor is not None:
-        floor = replace(scene.floor, offset=scene.floor.offset * scale).to_plane()
+    floor = None if scene.floor is None else scene.floor.scaled(scale).to_plane()
     valid = scene.valid
     if (plain := _plain_ground(estimates)) is not None:
         valid = valid & ~torch.from_numpy(plain)

@@ -61,6 +61,12 @@ def box(low, high):
     return mesh
 
 
+def plane_of(normal, offset, inliers=None):
+    """The floor of no map, or of the pixels (H, W) of one."""
+    inliers = torch.zeros(2, 2, dtype=torch.bool) if inliers is None else inliers
+    return PlaneFit(normal, offset, inliers, 1.0, 0.0, "floor mask")
+
+
 def state_of(body, rotations, betas, transl, *, depth, floor, normals=None, **people):
     """The state of people before a scene of a depth (H, W), NaN where it is unknown."""
     count = len(transl)
@@ -75,7 +81,7 @@ def state_of(body, rotations, betas, transl, *, depth, floor, normals=None, **pe
         valid=known,
         floor_points=torch.zeros(0, 3),
         K=K,
-        floor=None if floor is None else PlaneFit(*floor, known, 1.0, 0.0, "floor mask"),
+        floor=None if floor is None else plane_of(*floor, known),
     )
     given = {
         "model": body,

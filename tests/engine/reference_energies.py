@@ -11,7 +11,6 @@ import torch
 from physic_core.engine.joint.sampling import root_relative
 from physic_core.engine.joint.terms.picture import MIN_DEPTH_M
 from physic_core.engine.joint.terms.scene import SLACK_M, lowest_height
-from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.robust import robust_loss
 from physic_paper.terms.printed_regularisation import mesh_energies
 
@@ -92,8 +91,8 @@ def reference_surface_energies(
     signed = height = torch.zeros_like(data.plane_distance)
     if data.normals is not None:
         signed = (data.normals.transpose(1, 2) * vertices).sum(-1) / scale - data.plane_distance
-    if data.floor_normal is not None:
-        height = height_over_plane(vertices, data.floor_normal, data.floor_offset * scale) / scale
+    if data.floor is not None:
+        height = (vertices @ data.floor.normal + data.floor.offset * scale) / scale
     if "depth" in on:
         term, s = on["depth"]
         mean = depth_energy(
@@ -117,7 +116,7 @@ def reference_surface_energies(
         term, s = on["floor"]
         # Invisible legs give the scale no gradient: they use the scale at the last refresh.
         invisible = (
-            height * scale + data.floor_offset * (data.last_scale - scale)
+            height * scale + data.floor.offset * (data.last_scale - scale)
         ) / scale.detach()
         above = torch.where(term.eligible, height, invisible)
         energies["floor"] = penetration_energy(above, s.weight, 0.0, s.sigma, rho_of(s))

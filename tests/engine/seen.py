@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import torch
 
+from physic_core.engine.photo import PhotoContent
 from physic_core.geometry.camera import pixel_rays
 from physic_core.geometry.rays import RayCaster
-from physic_core.types import Pointmap
+from physic_core.types import Keypoints, Observations, People, Pointmap
+from physic_core.types.known_sizes import KnownPeople
 
 
 def rays_of(camera):
@@ -26,3 +28,28 @@ def pointmap_of(depth, camera, unknown="inverse_scale_shift", **known):
     """Return the point map of a depth (H, W), valid where it is finite."""
     points = np.float32(rays_of(camera) * depth[..., None])
     return Pointmap(points, np.isfinite(depth), unknown, camera, **known)
+
+
+def photo_of(model, posed, depth, camera, unit=1.0, skeleton="coco17"):
+    """Return what a photo shows of bodies before a scene of a depth (H, W) m, of which nothing is
+    observed; its point maps are in units of so many metres.
+    """
+    people = np.array([seen(body, model.faces, camera)[0] for body in posed.vertices.double()])
+    masks = np.isfinite(people)
+    both = depth
+    for body, mask in zip(people, masks, strict=True):
+        both = np.where(mask, body, both)
+    pixels = model.landmarks(posed, skeleton).double().numpy() @ camera.matrix.T
+    points = np.float32(pixels[..., :2] / pixels[..., 2:])
+    scene, photo = (pointmap_of(z / unit, camera, people_farther=(0.0, 0.1)) for z in (depth, both))
+    return PhotoContent(
+        people=People(masks, np.zeros((len(masks), 4)), np.ones(len(masks))),
+        keypoints=Keypoints(points, np.ones(points.shape[:2], np.float32), skeleton),
+        observations=Observations.unknown(len(masks)),
+        known=KnownPeople(),
+        camera=camera,
+        hole=torch.from_numpy(masks.any(0)),
+        scene_map=scene,
+        photo_map=photo,
+        aligned_map=photo,
+    )

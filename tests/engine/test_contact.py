@@ -12,6 +12,8 @@ from physic_core.engine.contact.distances import (
 )
 from physic_core.geometry.neighbors import NearestPointSearch
 
+from .conftest import UP, plane_of
+
 pytestmark = pytest.mark.quick
 
 
@@ -20,7 +22,7 @@ def plane():
     steps = torch.linspace(-0.5, 0.5, 101)
     x, z = torch.meshgrid(steps, steps, indexing="xy")
     points = torch.stack([x, torch.ones_like(x), z + 2], -1).reshape(-1, 3)
-    return NearestPointSearch(points, torch.tensor([0.0, -1.0, 0.0]).expand_as(points))
+    return NearestPointSearch(points, UP.expand_as(points))
 
 
 def distances(vertices, scene, floor=None):
@@ -30,7 +32,7 @@ def distances(vertices, scene, floor=None):
 
 def test_the_nearer_of_scene_and_floor_counts():
     vertex = torch.tensor([[0.0, 0.97, 2.0]])
-    floor = (torch.tensor([0.0, -1.0, 0.0]), 0.98)  # 2 cm over the scene's plane
+    floor = plane_of(UP, 0.98)  # 2 cm over the scene's plane
     assert distances(vertex, plane(), floor).nearest.item() == pytest.approx(0.01, abs=1e-5)
 
 

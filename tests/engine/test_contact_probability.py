@@ -77,7 +77,7 @@ def near_of(state, method):
     """Distances of people who are near no point of a scene."""
     empty = NearestPointSearch(torch.zeros(0, 3), torch.zeros(0, 3))
     none = torch.zeros(0, dtype=torch.int64)
-    surfaces = ContactSurfaces(empty, none, state.scene.floor_plane)
+    surfaces = ContactSurfaces(empty, none, state.scene.floor)
     return measure_distances(state, surfaces, (("unknown",), none), method)
 
 

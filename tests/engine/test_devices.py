@@ -151,7 +151,7 @@ def test_cuda_gives_the_distances_of_the_cpu(with_box):
         around = state.surroundings
         scene = NearestPointSearch(around.points, around.normals)
         rows = torch.arange(len(around.points), device=device)
-        surfaces = ContactSurfaces(scene, rows, (around.floor_normal, around.floor_offset))
+        surfaces = ContactSurfaces(scene, rows, around.floor)
         distance = surface_distances(body.vertices, surfaces, distance_along_normal).nearest
         assert distance.device.type == device
         answers.append(distance.cpu())

@@ -1,231 +1,168 @@
 """Stage 2: background alignment, human points, and bodies put back to where they truly are.
 
-The body is an ellipsoid of a person's size: its picture and its points are known in closed form.
+Keypoints and depth are those of the bodies at their true places.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
 
 import pytest
 import torch
-from torch import Tensor
-from torch.nn.functional import normalize
 from torch.testing import assert_close
 
 from physic_core import engine_preset
 from physic_core.engine.photo import PixelPoints
-from physic_core.engine.placement import method, terms
+from physic_core.engine.placement import terms
 from physic_core.engine.placement.solve import (
     align_photo_points_to_scene,
     human_points,
     move_photo_points_to_scene,
+    people_to_place,
 )
 from physic_core.engine.placement.terms import (
-    PlacementProblem,
     closed_form_translation,
     gauss_newton,
 )
-from physic_core.geometry.camera import intrinsics_matrix, pixel_rays, project
+from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
 from physic_paper import outliers
 
-from .drawn import normal, uniform
+from .drawn import normal
 
 pytestmark = pytest.mark.quick
 
 DEFAULT = engine_preset("default").placement
 EVERY_POINT = replace(DEFAULT, max_points=10_000)
 PAPER = engine_preset("paper").placement
-AXES = torch.tensor([0.25, 0.85, 0.15], dtype=torch.float64)
-UP = torch.tensor([0.0, -1.0, 0.0], dtype=torch.float64)
+AWAY = torch.tensor([[0.2, -0.1, 0.9], [-0.1, 0.1, -0.8]])
 
 
-def sphere(count=2500):
-    """(count, 3) points spread evenly over the unit sphere."""
-    k = torch.arange(count, dtype=torch.float64) + 0.5
-    polar = torch.acos(1 - 2 * k / count)
-    turn = math.pi * (1 + math.sqrt(5)) * k
-    return torch.stack((polar.sin() * turn.cos(), polar.cos(), polar.sin() * turn.sin()), -1)
+def people(
+    stage, settings, away=AWAY, *, farther=1.0, feet_seen=(True, True), most=None, **changed
+):
+    """What places two people who were estimated away from where they are, by at most so many points
+    of a depth that is too far by a factor; ``changed`` has other values of the state.
+    """
+    state = replace(stage.state, transl=stage.state.transl + away, **changed)
+    rays = pixel_rays(*state.masks.shape[1:], state.K)
+    points = rays * (farther * state.photo_depth)[..., None]
+    valid = points[..., 2] > 0
+    clouds = [human_points(points, valid, mask, settings)[:most] for mask in state.masks]
+    return people_to_place(state, clouds, torch.tensor(feet_seen), settings)
 
 
-VERTICES = sphere() * AXES
-NORMALS = normalize(sphere() / AXES, dim=-1)
-JOINTS = 2 * uniform(17, 3, seed=1) - 1
-LANDMARKS = JOINTS * torch.tensor([0.2, 0.75, 0.1])
-SOLES = (VERTICES[:, 1] > 0.8).nonzero()[:, 0]
-TRUE = torch.tensor([[0.3, 0.45, 4.0], [-0.9, 0.45, 5.0]], dtype=torch.float64)
-START = TRUE + torch.tensor([[0.2, -0.1, 0.9], [-0.1, 0.1, -0.8]])
-FLOOR = torch.cat((UP, torch.tensor([0.45 + 0.85])))
+def place(stage, settings=DEFAULT, away=AWAY, **changed):
+    """How both were placed, and how far each is from its true place, cm."""
+    fits = [settings.fit(person) for person in people(stage, settings, away, **changed)]
+    return fits, 100 * (torch.stack([fit.x[:3] for fit in fits]) + away).norm(dim=-1)
 
 
-class Placed(NamedTuple):
-    """Places (2, 3) of two people, metres, and how each was found."""
-
-    transl: Tensor
-    fits: list[method.Fit]
+def depth_offsets(fits):
+    return [math.exp(fit.x[3]) for fit in fits]
 
 
-class Picture:
-    """Two ellipsoids seen by a camera of a given width."""
-
-    def __init__(self, columns=320, farther=1.0, settings=DEFAULT):
-        rows = columns * 3 // 4
-        focal = 0.8 * columns
-        self.K = intrinsics_matrix(focal, focal, (columns - 1) / 2, (rows - 1) / 2, TRUE[0, 0])
-        rays = pixel_rays(rows, columns, self.K)
-        masks = []
-        self.points = []
-        for centre in TRUE:
-            a = ((rays / AXES) ** 2).sum(-1)
-            b = -(rays / AXES * (centre / AXES)).sum(-1)
-            inside = b**2 - a * (((centre / AXES) ** 2).sum() - 1)
-            masks.append(inside > 0)
-            near = (-b - inside.clamp(min=0).sqrt()) / a
-            self.points.append(
-                human_points(rays * (near * farther)[..., None], inside > 0, inside > 0, settings)
-            )
-        self.masks = torch.stack(masks)
-        self.keypoints = project(LANDMARKS + TRUE[:, None], self.K)
-        self.confidence = torch.ones(2, 17, dtype=torch.float64)
-
-    def person(self, i, start, floor=None):
-        body = VERTICES + start[i]
-        return PlacementProblem(
-            landmarks=LANDMARKS + start[i],
-            keypoints=self.keypoints[i],
-            confidence=self.confidence[i],
-            size=torch.full((2,), 200.0, dtype=torch.float64),
-            vertices=body,
-            normals=NORMALS,
-            outer=torch.ones(len(body), dtype=torch.bool),
-            points=self.points[i],
-            mask=self.masks[i],
-            soles=body[:0] if floor is None else body[SOLES],
-            plane=floor,
-            K=self.K,
-            row=i,
-            people=2,
-        )
-
-    def place(
-        self, settings=DEFAULT, start=START, *, floor=None, feet_seen=(True, True), **changed
-    ):
-        """Place both people; ``changed`` has other values (2, ...) of their problems."""
-        fits = []
-        for i, seen in enumerate(feet_seen):
-            own = {k: v[i] for k, v in changed.items()}
-            person = self.person(i, start, floor if seen else None)._replace(**own)
-            fits.append(settings.fit(settings.observe(person)))
-        return Placed(start + torch.stack([fit.x[:3] for fit in fits]), fits)
+def without_floor(stage):
+    return replace(stage.state.scene, floor=None)
 
 
-def depth_offsets(placed):
-    return [math.exp(fit.x[3]) for fit in placed.fits]
-
-
-def error_cm(placement):
-    return 100 * (placement.transl - TRUE).norm(dim=-1)
-
-
-@pytest.mark.parametrize("columns", [160, 320, 800])
-def test_bodies_return_to_the_millimetre_at_any_resolution(columns):
-    placed = Picture(columns).place()
-    assert error_cm(placed).max() < 0.1
-    assert depth_offsets(placed) == [1.0, 1.0]
+@pytest.mark.parametrize("larger", [1, 3])
+def test_bodies_return_to_the_millimetre_at_any_resolution(two, larger):
+    state = two.state
+    K = larger * state.K
+    K[:2, 2] += (larger - 1) / 2
+    K[2, 2] = 1.0
+    pictures = torch.cat((state.masks, state.photo_depth[None]))
+    *masks, depth = pictures.repeat_interleave(larger, 1).repeat_interleave(larger, 2)
+    fits, error_cm = place(
+        two,
+        scene=replace(without_floor(two), K=K),
+        K=K,
+        keypoints=larger * state.keypoints + (larger - 1) / 2,
+        masks=torch.stack(masks) > 0,
+        photo_depth=depth,
+    )
+    assert error_cm.max() < 0.1
+    assert depth_offsets(fits) == [1.0, 1.0]
 
 
 @pytest.mark.parametrize("seed", [0, 3])
-def test_keypoints_far_outside_of_the_photo_send_no_body_to_infinity(seed):
+def test_keypoints_far_outside_of_the_photo_send_no_body_to_infinity(two, seed):
     """The best fit to half of the keypoints and to points off by thousands of pixels is a body
     without a size.
     """
-    picture = Picture()
-    picture.keypoints[1, :9] += 3000 * normal(9, 2, seed=seed)
-    placed = picture.place()
-    assert error_cm(placed)[0] < 0.1
-    assert error_cm(placed)[1] < 100
+    keypoints = two.state.keypoints.clone()
+    keypoints[1, :17] += 3000 * normal(17, 2, seed=seed).float()
+    _, error_cm = place(two, keypoints=keypoints, scene=without_floor(two))
+    assert error_cm[0] < 0.1
+    assert error_cm[1] < 100
 
 
-def test_the_papers_solver_finds_the_place_too():
-    placed = Picture(160, settings=PAPER).place(PAPER)
-    assert error_cm(placed).max() < 3
-
-
-def test_standing_people_keep_their_place_if_depth_is_too_far():
-    picture = Picture(farther=1.15)
-    stands = picture.place(floor=FLOOR)
-    assert error_cm(stands).max() < 0.5
-    assert depth_offsets(stands) == pytest.approx([1 / 1.15, 1 / 1.15], rel=2e-3)
-    lowest = (VERTICES + stands.transl[0])[SOLES, 1].max()
-    assert FLOOR[3] - lowest == pytest.approx(0.0, abs=0.01)
+def test_people_who_are_seen_to_stand_keep_their_place_if_depth_is_too_far(two):
+    fits, error_cm = place(two, farther=1.15)
+    assert error_cm.max() < 0.5
+    assert depth_offsets(fits) == pytest.approx([1 / 1.15, 1 / 1.15], rel=2e-3)
+    fits, _ = place(two, farther=1.15, feet_seen=(True, False))
+    assert depth_offsets(fits) == pytest.approx([1 / 1.15, 1.0], rel=2e-3)
     # Without the offset the points pull the body with them; the paper's sums all the way.
-    assert error_cm(picture.place()).min() > 10
-    assert error_cm(Picture(farther=1.15, settings=PAPER).place(PAPER)).min() > 40
+    assert place(two, farther=1.15, scene=without_floor(two))[1].min() > 4
+    assert place(two, PAPER, farther=1.15)[1].min() > 40
 
 
-def test_only_people_with_visible_feet_have_a_depth_offset():
-    placed = Picture(farther=1.15).place(floor=FLOOR, feet_seen=(True, False))
-    assert depth_offsets(placed)[0] == pytest.approx(1 / 1.15, rel=2e-3)
-    assert depth_offsets(placed)[1] == 1.0
-
-
-def test_a_foot_in_the_air_is_not_pulled_down():
-    high = torch.cat((UP, FLOOR[3:] + 0.8))
-    assert error_cm(Picture().place(floor=high)).max() < 3
+def test_a_foot_in_the_air_is_not_pulled_down(two):
+    scene = two.state.scene
+    lower = replace(scene.floor, offset=scene.floor.offset + 0.8)
+    assert place(two, scene=replace(scene, floor=lower))[1].max() < 3
 
 
 @pytest.mark.parametrize("settings", [DEFAULT, PAPER])
-def test_a_person_that_fails_does_not_change_the_other(settings):
-    picture = Picture(160, settings=settings)
-    good = picture.place(settings).transl[1]
-    broken = VERTICES + START[:, None]
-    broken[0, 7] = math.nan
-    placed = picture.place(settings, vertices=broken)
-    assert torch.equal(placed.transl[1], good)
-    assert torch.equal(placed.transl[0], START[0])
-    assert "non-finite vertices" in placed.fits[0].problem
-    assert not placed.fits[1].problem
+def test_a_person_that_fails_does_not_change_the_other(two, settings):
+    good, _ = place(two, settings)
+    betas = two.state.betas.clone()
+    betas[0] = math.nan
+    fits, _ = place(two, settings, betas=betas)
+    assert torch.equal(fits[1].x, good[1].x)
+    assert not fits[0].x.any()
+    assert "non-finite vertices" in fits[0].problem
+    assert not fits[1].problem
 
 
-def test_few_keypoints_leave_it_to_the_points():
-    picture = Picture()
-    picture.confidence[0, 2:] = 0.1
-    picture.keypoints[0, 5] = math.nan
-    near = TRUE + torch.tensor([0.02, 0.0, 0.1])
-    placed = picture.place(start=near)
-    assert placed.fits[0].problem.startswith("2 joints")
-    assert error_cm(placed)[0] < 2
-    assert error_cm(placed)[1] < 0.1
+def test_few_keypoints_leave_it_to_the_points(two):
+    confidence = two.state.keypoint_confidence.clone()
+    confidence[0, 2:] = 0.1
+    near = torch.tensor([[0.02, 0.0, 0.1]]).expand(2, 3)
+    given = {"keypoint_confidence": confidence, "scene": without_floor(two)}
+    fits, error_cm = place(two, away=near, **given)
+    assert fits[0].problem.startswith("2 joints")
+    assert error_cm[0] < 2
+    assert error_cm[1] < 0.1
 
 
-def test_few_points_leave_it_to_the_keypoints():
-    picture = Picture()
-    picture.points[0] = picture.points[0][:10]
-    placed = picture.place()
-    assert placed.fits[0].problem.startswith("10 points ")
-    assert error_cm(placed).max() < 0.1
+def test_few_points_leave_it_to_the_keypoints(two):
+    fits, error_cm = place(two, most=10, scene=without_floor(two))
+    assert fits[0].problem.startswith("10 points ")
+    assert error_cm.max() < 0.1
 
 
-def test_keypoints_that_no_place_explains_leave_the_body_in_front_of_the_camera():
-    picture = Picture()
-    picture.keypoints = picture.keypoints.mean(1, keepdim=True) * 2 - picture.keypoints
-    placed = picture.place(replace(DEFAULT, chamfer_weight=0.0))
-    assert torch.isfinite(placed.transl).all()
-    assert (placed.transl[:, 2] > 0.1).all()
+def test_keypoints_that_no_place_explains_leave_the_body_in_front_of_the_camera(two):
+    state = two.state
+    mirrored = state.keypoints.mean(1, keepdim=True) * 2 - state.keypoints
+    settings = replace(DEFAULT, chamfer_weight=0.0)
+    fits, _ = place(two, settings, keypoints=mirrored, scene=without_floor(two))
+    depth = state.transl[:, 2] + AWAY[:, 2] + torch.stack([fit.x[2] for fit in fits])
+    assert (depth > 0.1).all()
 
 
-def subject():
-    picture = Picture()
-    picture.confidence = picture.confidence * torch.linspace(0.3, 1, 17)
-    return picture.person(0, START, torch.cat((UP, torch.tensor([1.3]))))
+@pytest.fixture(scope="module")
+def person(two):
+    """Who is placed by keypoints of unlike confidence, points and floor."""
+    confidence = torch.linspace(0.3, 1, two.state.keypoints.shape[1]).expand(2, -1)
+    return people(two, DEFAULT, keypoint_confidence=confidence)[0]
 
 
 @pytest.mark.parametrize("kind", ["reprojection_term", "chamfer_term", "floor_term"])
-def test_slopes_are_the_derivatives_of_the_errors(kind):
-    person = subject()
-    front = person.vertices[:, 2] < START[0, 2] - 0.02
+def test_slopes_are_the_derivatives_of_the_errors(person, kind):
+    front = person.vertices[:, 2] < person.vertices[:, 2].mean() - 0.02
     given = (person, front) if kind == "chamfer_term" else (person,)
     term = getattr(DEFAULT, kind)(*given)
     x = torch.tensor([0.05, -0.1, 0.2, 0.07], dtype=torch.float64)
@@ -238,18 +175,14 @@ def test_slopes_are_the_derivatives_of_the_errors(kind):
             assert_close(difference, now.slope[..., axis], atol=1e-5, rtol=1e-5)
 
 
-def test_closed_form_is_exact_for_exact_keypoints():
-    person = subject()
+def test_closed_form_is_exact_for_exact_keypoints(person):
     found = closed_form_translation(person)
-    assert_close(found[:3] + START[0], TRUE[0], atol=1e-3, rtol=0)
+    assert_close(found[:3], -AWAY[0].double(), atol=1e-3, rtol=0)
     assert found[3] == 0
 
 
-def test_descent_never_raises_the_energy_and_leaves_fixed_numbers_alone(
-    monkeypatch,
-):
+def test_descent_never_raises_the_energy_and_leaves_fixed_numbers_alone(person, monkeypatch):
     monkeypatch.setattr(terms, "ITERATIONS", 1)
-    person = subject()
     term = replace(DEFAULT, robust_px_share=math.inf).reprojection_term(person)
 
     values = []
@@ -265,13 +198,14 @@ def test_descent_never_raises_the_energy_and_leaves_fixed_numbers_alone(
 
 ROWS = 90
 COLUMNS = 120
-RAYS = pixel_rays(ROWS, COLUMNS, intrinsics_matrix(100.0, 100.0, 59.5, 44.5, TRUE[0, 0]))
+ZERO = torch.zeros((), dtype=torch.float64)
+RAYS = pixel_rays(ROWS, COLUMNS, intrinsics_matrix(100.0, 100.0, 59.5, 44.5, ZERO))
 PERSON = torch.zeros((ROWS, COLUMNS), dtype=torch.bool)
 PERSON[20:80, 45:75] = True
 BACKGROUND = (1.5 / RAYS[..., 1].clamp(min=0.05)).clamp(max=6.0)
 SCENE = RAYS * BACKGROUND[..., None]
 EVERYWHERE = torch.ones_like(PERSON)
-CAMERA = intrinsics_matrix(150.0, 150.0, 59.5, 44.5, TRUE[0, 0])
+CAMERA = intrinsics_matrix(150.0, 150.0, 59.5, 44.5, ZERO)
 
 
 def align(points, scene, people=PERSON, method=DEFAULT, **options):

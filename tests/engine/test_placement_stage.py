@@ -18,7 +18,6 @@ from physic_core.engine.joint.solve import optimize
 from physic_core.engine.photo import PixelPoints
 from physic_core.engine.placement.solve import solve_placement
 from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry, scale_scene
-from physic_core.geometry.plane import height_over_plane
 from physic_core.types import Observations
 from physic_core.types.observations import POSTURES
 
@@ -87,7 +86,7 @@ def known(given):
 def test_heights_over_the_floor_grow_with_the_scene(given, known):
     before = replace(given[1].scene, floor_points=torch.tensor([[0.3, 1.2, 3.0]]))
     scenes = before, scale_scene(before, known, 1.1)[0]
-    low, high = (height_over_plane(s.floor_points, s.floor.normal, s.floor.offset) for s in scenes)
+    low, high = (s.floor.height(s.floor_points) for s in scenes)
     assert_close(high, 1.1 * low)
 
 

@@ -35,7 +35,7 @@ def observed_as(posture):
 
 @pytest.mark.parametrize("degrees", [0.0, 30.0, -60.0, 150.0])
 def test_the_angle_of_a_trunk_in_the_picture_is_clockwise_from_up(degrees):
-    assert trunk_in_picture_deg(keypoints_of(degrees).points, NAMES) == pytest.approx(degrees)
+    assert trunk_in_picture_deg(keypoints_of(degrees)) == pytest.approx(degrees)
 
 
 @pytest.mark.parametrize(

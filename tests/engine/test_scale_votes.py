@@ -21,10 +21,13 @@ def test_known_sizes_give_their_geometric_mean_and_dominate_a_guess():
     assert combined_scale([]) is None
 
 
-def vote(scales, sigma=0.06, sure=0.9, shared=0.0):
-    scales = np.array(scales, float)
+def witnesses(scales, sigma=0.06, sure=0.9, shared=0.0, wrong=0.0):
     every = np.ones(len(scales))
-    return vote_on_scale([Witnesses(scales, every, every * sigma, every * sure, shared)])
+    return Witnesses(np.array(scales), every, every * sigma, every * sure, shared, wrong)
+
+
+def vote(*given):
+    return vote_on_scale([witnesses(*given)])
 
 
 def test_witnesses_of_known_stature_outvote_a_majority_of_unknown_stature():
@@ -43,9 +46,8 @@ def test_an_error_that_all_share_does_not_shrink_with_their_number():
 
 
 def test_what_all_share_may_be_far_off():
-    one = np.ones(3)
-    map_depth = Witnesses(one, one, one * 0.1, one, 0.1, shared_wrong=0.1)
-    soles = Witnesses(one * 5, one, one * 0.1, one * 0.9, 0.0)
+    map_depth = witnesses([1.0] * 3, 0.1, 1.0, 0.1, 0.1)
+    soles = witnesses([5.0] * 3, 0.1)
     assert vote_on_scale([map_depth, soles]).scale.scale == pytest.approx(5.0, rel=0.05)
     assert vote_on_scale([map_depth]).scale.scale == pytest.approx(1.0, rel=0.05)
 
@@ -55,22 +57,16 @@ def test_a_witness_who_is_far_off_counts_little():
 
 
 def test_kinds_of_witnesses_are_weighed_by_their_errors():
-    one = np.ones(1)
     soles = 0.08
     torsos = 0.2
-    kinds = [
-        Witnesses(one * m, one, one * sigma, one, 0.0) for m, sigma in ((1.0, soles), (1.2, torsos))
-    ]
-    found = vote_on_scale(kinds).scale
+    found = vote_on_scale([witnesses([1.0], soles, 1.0), witnesses([1.2], torsos, 1.0)]).scale
     share = soles**-2 / (soles**-2 + torsos**-2)
     assert math.log(found.scale) == pytest.approx((1 - share) * math.log(1.2), abs=0.002)
 
 
 def test_a_plane_at_which_the_witnesses_agree_is_more_likely():
-    one = np.ones(1)
-    torso = Witnesses(one, one, one * 0.1, one, 0.0)
-    planes = [[Witnesses(one * m, one, one * 0.1, one * 0.9, 0.0)] for m in (1.0, 2.0)]
-    found = vote_on_scale([torso], planes, [0.0, 0.0])
+    planes = [[witnesses([m], 0.1)] for m in (1.0, 2.0)]
+    found = vote_on_scale([witnesses([1.0], 0.1, 1.0)], planes, [0.0, 0.0])
     assert found.weights[0] > 0.9
     assert found.weights.sum() == pytest.approx(1)
 

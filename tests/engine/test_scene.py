@@ -14,11 +14,11 @@ from torch.testing import assert_close
 from physic_core import engine_preset
 from physic_core.engine.ground.floor import FloorEvidence
 from physic_core.engine.photo import PixelPoints
-from physic_core.engine.scene import solve
 from physic_core.engine.scene.method import Cameras, SceneMethod
+from physic_core.engine.scene.solve import build_scene
+from physic_core.engine.up import angle_deg
 from physic_core.geometry import pointmap
 from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project
-from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.pointmap import edge_ratio
 
 from .drawn import normal, uniform
@@ -57,76 +57,66 @@ def relative(unknown):
     return RAYS * (2 / (1 / DEPTH - 0.05))[..., None]
 
 
-def angle_deg(a, b):
-    return math.degrees(math.acos(min(1.0, float(a.double() @ b.double()))))
-
-
 @pytest.mark.parametrize("unknown", ["scale", "scale_shift", "inverse_scale_shift"])
 @pytest.mark.parametrize("preset", ["default", "paper"])
 def test_metric_scale_is_recovered_for_each_kind_of_unknown(unknown, preset):
     noisy = DEPTH * (1 + 0.02 * normal(ROWS, COLUMNS))
-    state = build_scene(
-        relative(unknown), ALL, unknown, noisy, K_metric=K, floor_mask=ON_FLOOR, feet_px=FEET,
+    state = scene(
+        points=relative(unknown),
+        unknown=unknown,
+        depth=noisy,
+        feet_px=FEET,
         settings=engine_preset(preset).scene,
-    )  # fmt: skip
+    )
     error = ((state.points[..., 2] - DEPTH).abs() / DEPTH)[state.valid]
     assert float(error.median()) < 0.005
     assert angle_deg(state.floor.normal, UP) < 0.5
     assert state.floor.offset == pytest.approx(HEIGHT_M, abs=0.02)
     assert state.K[0, 0] == pytest.approx(140.0, rel=0.01)
-    assert (
-        height_over_plane(state.floor_points, state.floor.normal, state.floor.offset).abs().max()
-        < 1e-4
-    )
+    assert state.floor.height(state.floor_points).abs().max() < 1e-4
 
 
-def build_scene(
-    points,
-    valid,
-    unknown,
-    metric_depth,
-    *,
-    K=None,
-    K_metric=None,
-    K_pointmap=None,
-    floor_mask=None,
-    feet_px=None,
+def scene(
+    points=RAYS * DEPTH[..., None] / 2,
+    unknown="scale",
+    depth=DEPTH,
     settings=None,
+    cameras=None,
+    mask=ON_FLOOR,
+    feet_px=None,
 ):
-    cameras = Cameras(K, K_metric, K_pointmap)
-    floor = FloorEvidence(mask=floor_mask, feet_px=feet_px)
-    relative = PixelPoints(points, valid, unknown)
-    return solve.build_scene(relative, metric_depth, cameras, floor, settings or SceneMethod())
+    floor = FloorEvidence(mask=mask, feet_px=feet_px)
+    cameras = cameras or Cameras(metric_depth=K)
+    points = PixelPoints(points, ALL, unknown)
+    return build_scene(points, depth, cameras, floor, settings or SceneMethod())
 
 
-def scene(**options):
-    given = {"K_metric": K, "floor_mask": ON_FLOOR}
-    return build_scene(RAYS * DEPTH[..., None] / 2, ALL, "scale", DEPTH, **(given | options))
+def given(focal, **others):
+    return Cameras(camera(focal), **others)
 
 
 def test_every_valid_point_lies_on_its_pixels_ray_of_the_given_camera():
-    mine = camera(200.0)
-    state = scene(K=mine)
-    assert torch.equal(state.K, mine)
-    assert_close(project(state.points, mine), pixel_grid(ROWS, COLUMNS, state.points))
+    state = scene(cameras=given(200.0, metric_depth=K))
+    assert torch.equal(state.K, camera(200.0))
+    assert_close(project(state.points, state.K), pixel_grid(ROWS, COLUMNS, state.points))
 
 
 @pytest.mark.parametrize("focal", [100.0, 140.0, 200.0])
 def test_a_scene_keeps_the_sizes_that_its_depth_network_saw(focal):
     """Pixels times Z / f: with a longer focal length the same things are farther away."""
-    state = scene(K=camera(focal))
+    state = scene(cameras=given(focal, metric_depth=K))
     assert_close(state.points[..., 2], DEPTH * focal / 140.0)
     assert_close(state.points[..., :2], (RAYS * DEPTH[..., None])[..., :2])
 
 
 def test_a_depth_of_unknown_camera_is_unchanged():
-    state = scene(K=camera(200.0), K_metric=None)
+    state = scene(cameras=given(200.0))
     assert_close(state.points[..., 2], DEPTH)
 
 
 @pytest.mark.parametrize("seen", [100.0, 196.0])
 def test_of_two_estimated_cameras_the_mean_is_taken(seen):
-    state = scene(K_pointmap=camera(seen))
+    state = scene(cameras=Cameras(None, K, camera(seen)))
     mean = (140.0 * seen) ** 0.5
     assert state.K[0, 0] == state.K[1, 1] == pytest.approx(mean)
     assert state.K[:2, 2].tolist() == [(COLUMNS - 1) / 2, (ROWS - 1) / 2]
@@ -136,21 +126,20 @@ def test_of_two_estimated_cameras_the_mean_is_taken(seen):
 
 def test_a_point_map_of_another_camera_keeps_its_pixels_and_depth():
     own = camera(100.0)
-    given = camera(200.0)
     points = pixel_rays(ROWS, COLUMNS, own) * DEPTH[..., None]
-    converted, _, _ = SceneMethod().share_camera(points, DEPTH, Cameras(given=given, pointmap=own))
-    assert_close(project(converted, given), pixel_grid(ROWS, COLUMNS, points))
+    converted, _, _ = SceneMethod().share_camera(points, DEPTH, given(200.0, pointmap=own))
+    assert_close(project(converted, camera(200.0)), pixel_grid(ROWS, COLUMNS, points))
     assert torch.equal(converted[..., 2], DEPTH)
 
 
 def test_the_metric_depths_camera_comes_before_the_point_maps():
-    wide = camera(100.0)
-    assert torch.equal(scene(K_metric=wide).K, wide)
-    assert scene(K_metric=wide, settings=PAPER).K[0, 0] == pytest.approx(140.0)
+    wide = Cameras(metric_depth=camera(100.0))
+    assert torch.equal(scene(cameras=wide).K, wide.metric_depth)
+    assert scene(cameras=wide, settings=PAPER).K[0, 0] == pytest.approx(140.0)
 
 
 def test_shift_is_found_by_depth_alone_without_a_known_camera():
-    state = build_scene(relative("scale_shift"), ALL, "scale_shift", DEPTH)
+    state = scene(relative("scale_shift"), "scale_shift", cameras=Cameras(), mask=None)
     assert state.diagnostics["alignment"]["shift"] == pytest.approx(0.3)
     assert_close(state.points[..., 2], DEPTH)
 
@@ -169,11 +158,9 @@ def test_depth_edges_are_not_valid_but_keep_their_own_surfaces_normal():
 
 
 def test_the_grazing_far_floor_is_not_taken_for_an_edge(monkeypatch):
-    without = build_scene(
-        RAYS * DEPTH[..., None], ALL, "scale", DEPTH, K=K, settings=SceneMethod(floor="off")
-    )
+    without = scene(mask=None, settings=SceneMethod(floor="off"))
     monkeypatch.setattr(pointmap, "EDGE_RATIO", 1.01)
-    with_floor = build_scene(RAYS * DEPTH[..., None], ALL, "scale", DEPTH, K=K)
+    with_floor = scene(mask=None)
     far_floor = ON_FLOOR & (DEPTH > 4) & (DEPTH < 5.5)
     far_floor[:, 95:145] = False
     assert bool(with_floor.valid[far_floor].all())
@@ -185,28 +172,16 @@ def test_the_grazing_far_floor_is_not_taken_for_an_edge(monkeypatch):
 
 
 def test_a_photo_without_a_floor_reports_it_and_nothing_else_changes():
-    wall = RAYS * 3.0
-    state = build_scene(wall, ALL, "scale", wall[..., 2], K=K)
+    state = scene(RAYS * 3.0, depth=torch.full_like(DEPTH, 3.0), mask=None)
     assert state.floor is None
     assert state.floor_points.shape == (0, 3)
     assert state.valid.all()
     assert state.diagnostics["floor"]["reason"] == "no_consensus"
 
 
-def test_a_floor_mask_that_is_no_floor_is_reported():
-    state = scene(floor_mask=BOX)
-    assert angle_deg(state.floor.normal, UP) < 0.5
-    assert state.diagnostics["floor"]["in_mask"] is False
-
-
 def test_disagreement_with_the_metric_depth_is_reported():
-    wrong = torch.where(
-        uniform(ROWS, COLUMNS) < 0.7,
-        DEPTH * 3,
-        DEPTH,
-    )
-    wrong = wrong * (1 + 0.2 * normal(ROWS, COLUMNS, seed=1).abs())
-    state = build_scene(RAYS * DEPTH[..., None], ALL, "scale", wrong, K=K)
+    wrong = torch.where(uniform(ROWS, COLUMNS) < 0.7, DEPTH * 3, DEPTH)
+    state = scene(depth=wrong * (1 + 0.2 * normal(ROWS, COLUMNS, seed=1).abs()))
     assert state.diagnostics["alignment"]["inlier_share"] < 0.5
 
 

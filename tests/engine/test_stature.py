@@ -61,8 +61,7 @@ def test_the_shape_prior_alone_knows_stature_to_five_percent(body):
     assert spread_of_stature(body) == pytest.approx(0.054, abs=0.003)
 
 
-@pytest.mark.parametrize("scale_sigma", [0.05, 0.1])
-@pytest.mark.parametrize("stature_weight", [0.0, 1.0])
+@pytest.mark.parametrize(("scale_sigma", "stature_weight"), [(0.05, 1.0), (0.1, 0.0)])
 def test_scene_and_stature_share_a_disagreement_as_two_measurements_do(
     standing, body, scale_sigma, stature_weight
 ):

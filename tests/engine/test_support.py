@@ -51,30 +51,36 @@ def support(make_stage):
     that the photo does not show.
     """
 
-    def find(bends, touching=(), chosen=None, *, up=UP, assume=True, unseen=(), **evidence):
+    def find(
+        bends,
+        touching=(),
+        chosen=None,
+        *,
+        up=UP,
+        assume=True,
+        unseen=(),
+        feet=True,
+        grips=False,
+        sits=False,
+        lies=False,
+        height=0.0,
+    ):
         stage = make_stage([(bends, (0.0, 0.0, 3.0))])
         model = stage.state.model
         normals = vertex_normals(stage.vertices, model.faces)[0]
         contact = members(model, *touching)
         if chosen is not None:
             contact |= chosen(model, normals)
-        known = {
-            "feet": True,
-            "grips": False,
-            "sits": False,
-            "lies": False,
-            "height": 0.0,
-        } | evidence
         person = PersonContact(
             stage.vertices[0],
             normals,
             contact,
             ~members(model, *unseen),
-            feet=torch.tensor([known["feet"]] * 2),
-            sits=known["sits"],
-            lies=known["lies"],
-            grips=torch.tensor([known["grips"]] * 2),
-            height=torch.full((model.num_vertices,), known["height"]),
+            feet=torch.tensor([feet] * 2),
+            sits=sits,
+            lies=lies,
+            grips=torch.tensor([grips] * 2),
+            height=torch.full((model.num_vertices,), height),
         )
         return model, person, find_support(model, person, up, assume=assume)
 

@@ -27,9 +27,7 @@ SETTINGS = {
     "frozen": adjusted(DEFAULT, frozen=("scale", "offset")),
     "no plane": with_options(
         DEFAULT,
-        surroundings=lambda self, state: select_surface(
-            replace(state.surroundings, floor_normal=None)
-        ),
+        surroundings=lambda self, state: select_surface(replace(state.surroundings, floor=None)),
     ),
     "no contact": adjusted(DEFAULT, contact__weight=0.0),
     "contact alone": adjusted(

@@ -97,11 +97,23 @@ def test_a_street_may_slope_and_a_floor_may_not():
     [
         (None, None, 0.0, camera_axis().sigma),
         (None, edges(20), 20.0, 1.5),
+        (None, edges(40, 21.0), 40.0, 21.0),
+        (None, edges(5, 40.0), 0.0, camera_axis().sigma),
         (floor(12), None, 12.0, 6.0),
+        (floor(9, 6.0), edges(5, 40.0), 9.0, 6.0),
         (floor(33), edges(5), 5.0, 6.9),
         (floor(33, 24.0), edges(5, 7.0), 5.0, 7.0),
     ],
-    ids=["the camera", "edges", "the floor", "edges against the floor", "a floor that is a guess"],
+    ids=[
+        "the camera",
+        "edges",
+        "edges of a steep view",
+        "the camera against unsure edges",
+        "the floor",
+        "the floor against unsure edges",
+        "edges against the floor",
+        "a floor that is a guess",
+    ],
 )
 def test_the_surest_witness_tells_up(plane, up, pitch, sigma):
     found = surest_up(plane, up, 0.0)
@@ -132,14 +144,3 @@ def test_people_who_stand_leave_an_error_to_up_that_they_contradict(leans, low, 
     assert low <= found.sigma <= high
     assert len(warnings) == said
     assert found.direction.equal(looking_down(5))
-
-
-def test_a_floor_tells_up_where_people_contradict_the_edges():
-    asked, _ = questioned_up(edges(5), bodies(40, 43, 38))
-    assert surest_up(level_plane(floor(9), asked, 0.5, FEET), asked, 0.5).source == "the floor"
-    assert surest_up(None, asked, 0.5).source == camera_axis().source
-
-
-def test_a_look_that_is_unsure_of_a_steep_view_is_still_surer_than_the_camera():
-    steep = Up(looking_down(40), 21.0, "look")
-    assert surest_up(None, steep, 0.5) == steep

@@ -8,8 +8,10 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 from torch.nn.functional import normalize
 
+from physic_core.engine.up import angle_deg
 from physic_core.geometry.plane import estimate_up
 
 pytestmark = pytest.mark.quick
@@ -19,15 +21,8 @@ def camera(pitch_deg, roll_deg=0.0):
     """(3, 3), turns room axes (x right, y down, z forward) into those of a camera that looks down
     and is rolled.
     """
-    pitch = math.radians(pitch_deg)
-    roll = math.radians(roll_deg)
-    down = [
-        [1, 0, 0],
-        [0, math.cos(pitch), -math.sin(pitch)],
-        [0, math.sin(pitch), math.cos(pitch)],
-    ]
-    rolled = [[math.cos(roll), -math.sin(roll), 0], [math.sin(roll), math.cos(roll), 0], [0, 0, 1]]
-    return torch.tensor(rolled, dtype=torch.float64) @ torch.tensor(down, dtype=torch.float64)
+    turn = Rotation.from_euler("xz", [pitch_deg, roll_deg], degrees=True)
+    return torch.from_numpy(turn.as_matrix())
 
 
 def up(pitch_deg, roll_deg=0.0):
@@ -61,10 +56,6 @@ def surfaces(
     )
     random = torch.randn(clutter, 3, dtype=torch.float64, generator=generator)
     return normalize(torch.cat([flat, random]) @ turned.T, dim=-1)
-
-
-def angle_deg(a, b):
-    return math.degrees(math.acos(min(1.0, float(a.double() @ b.double()))))
 
 
 @given(st.floats(-10, 35), st.floats(-15, 15), st.integers(0, 1000))

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from torch.nn.functional import normalize
 from torch.testing import assert_close
 
-from physic_core.geometry.plane import height_over_plane, plane_basis, sample_plane
+from physic_core.geometry.floor import PlaneFit
+from physic_core.geometry.plane import plane_basis, sample_plane
 
 pytestmark = pytest.mark.quick
 
@@ -30,9 +31,12 @@ def unit(x, y, z):
     return normalize(torch.tensor([x, y, z], dtype=torch.float64), dim=0)
 
 
-def test_height_is_positive_above_and_the_camera_is_at_the_offset():
+def test_height_is_positive_above_and_a_ray_meets_the_plane_at_its_inverse_depth():
     points = torch.tensor([[0.0, 0.0, 0.0], [3.0, 1.5, 2.0], [0.0, 2.0, 5.0]])
-    assert height_over_plane(points, UP, 1.5).tolist() == [1.5, 0.0, -0.5]
+    plane = PlaneFit(UP, 1.5, points[:0, :0], 1.0, 0.0, "labels")
+    assert plane.height(points).tolist() == [1.5, 0.0, -0.5]
+    assert plane.scaled(2.0).height(points).tolist() == [3.0, 1.5, 1.0]
+    assert points.new_tensor([0.0, 0.5, 1.0]) @ plane.by_ray.float() == pytest.approx(1 / 3)
 
 
 directions = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: math.hypot(*v) > 0.1)
@@ -52,7 +56,7 @@ def test_samples_lie_on_any_plane_and_stay_within_the_bound(direction, offset):
     normal = unit(*direction)
     points = sample_plane(normal, offset, cloud(300).double())
     assert 0 < len(points) <= 40_000
-    assert height_over_plane(points, normal, offset).abs().max() < 1e-9
+    assert (points @ normal + offset).abs().max() < 1e-9
 
 
 def test_spacing_is_fine_near_the_people_and_the_count_bounded():

@@ -23,8 +23,8 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.contact.parts import SceneParts
+from physic_core.geometry.floor import PlaneFit
 from physic_core.geometry.neighbors import NearestPointSearch, array_tree
-from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.tensors import exact_arrays
 
 KINDS = ("scene", "person", "own body", "object")
@@ -58,13 +58,12 @@ class ContactSurfaces:
         scene: scaled scene points near bodies, and samples of the floor if the method uses them.
         row: (n,) int64, row of each of these points in ``Surroundings.points``; -1 for
             samples of the floor.
-        floor: unit normal (3,) and offset in metres; None without a plane, or if its samples are in
-            ``scene``.
+        floor: None without a plane, or if its samples are in ``scene``.
     """
 
     scene: NearestPointSearch
     row: Tensor
-    floor: tuple[Tensor, float] | None
+    floor: PlaneFit | None
 
 
 @dataclass(frozen=True)
@@ -112,8 +111,7 @@ def surface_distances(
     far = torch.full_like(nearest.distance, torch.inf)
     height = far
     if surfaces.floor is not None:
-        normal, offset = surfaces.floor
-        height = height_over_plane(vertices, normal.to(vertices), vertices.new_tensor(offset))
+        height = surfaces.floor.height(vertices)
         height = torch.where(height.abs() < SEARCH_RADIUS_M, height, far)
     if not len(scene.points):
         return SurfaceDistances(far, height, nearest.index, torch.zeros_like(vertices))

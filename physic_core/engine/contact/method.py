@@ -77,8 +77,7 @@ class ContactMethod:
         points = around.points * scale
         near = inside_body_boxes(points, vertices, SEARCH_RADIUS_M)
         scene = NearestPointSearch(points[near], around.normals[near], SEARCH_RADIUS_M)
-        normal = around.floor_normal
-        floor = None if normal is None else (normal, around.floor_offset * scale)
+        floor = around.floor and around.floor.scaled(scale)
         return ContactSurfaces(scene, near.nonzero(as_tuple=True)[0], floor)
 
     def free_vertices(self, state: State) -> Tensor | None:

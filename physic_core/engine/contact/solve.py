@@ -48,7 +48,6 @@ from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.engine.state import Contact, Estimates, State
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.pixels import select_pixels
-from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.tensors import tensors
 from physic_core.types.skeletons import SIDES
 
@@ -102,10 +101,7 @@ def measure_distances(
     free = method.free_vertices(state)
     surface = surface_distances(vertices, surfaces, method.measure, free)
     floor = state.scene.floor
-    height = None
-    if floor is not None:
-        offset = vertices.new_tensor(floor.offset * state.scene_scale)
-        height = height_over_plane(scene.points, state.up, offset)
+    height = None if floor is None else floor.scaled(state.scene_scale).height(scene.points)
     parts = scene_parts(scene, surfaces.row, *classes, height, state.up)
     people = own = SkinDistances.none(vertices)
     if method.people:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.engine.photo import PhotoContent
+    from physic_core.geometry.floor import PlaneFit
     from physic_core.types import BoolArray, FloatArray, Keypoints
 
 RAISED_SURFACES = ("seat", "bed", "table", "cabinet", "vehicle")
@@ -72,15 +73,15 @@ class LowSkin(NamedTuple):
                 found[i] = [bool(height[part].amin() <= top) for part in parts]
         return found
 
-    def scales(self, normal: Tensor, offset: float) -> FloatArray:
-        """Return the scale (N,), metres per unit of a floor with a normal (3,) and an offset, that
-        puts the lowest skin on it; NaN for people who stand, and where it is not positive.
+    def scales(self, floor: PlaneFit) -> FloatArray:
+        """Return the scale (N,), metres per unit of a floor, that puts the lowest skin on it; NaN
+        for people who stand, and where it is not positive.
         """
         found = np.full(len(self.across), np.nan)
         for i in np.flatnonzero(self.across).tolist():
-            rests = self.vertices[i][self.layer(i, normal)]
-            low = -float((rests @ normal.to(self.vertices)).amin())
-            found[i] = low / offset if low > 0 else np.nan
+            rests = self.vertices[i][self.layer(i, floor.normal)]
+            low = -float((rests @ floor.normal.to(self.vertices)).amin())
+            found[i] = low / floor.offset if low > 0 else np.nan
         return found
 
     def pixels(self, person: int, up: Tensor, matrix: FloatArray) -> FloatArray:

@@ -26,21 +26,23 @@ from physic_core.engine.ground.lying import LYING_RATE, Background, plane_beneat
 from physic_core.engine.up import Up, angle_deg, level_plane
 from physic_core.geometry.floor import (
     FOCAL_PITCH_DEG,
-    HOLE_WEIGHT,
-    LOWER_SHARE,
     MASK_SLACK,
     PITCH_SIGMA,
     FloorSearch,
     FloorSource,
-    InverseDepthMap,
     PlaneFit,
-    inverse_depth_map,
-    lower_inlier_shares,
     move_to_feet,
     plane_as_fit,
     plane_at_feet,
     plane_of_pixels,
     ray_to_floor,
+)
+from physic_core.geometry.inverse_depth import (
+    HOLE_WEIGHT,
+    LOWER_SHARE,
+    InverseDepthMap,
+    inverse_depth_map,
+    lower_inlier_shares,
 )
 from physic_core.geometry.pixels import quantiles
 from physic_core.geometry.plane import estimate_up, sample_normals
@@ -170,11 +172,6 @@ class FloorCandidate:
         """The evidence together, nats."""
         return sum(self.evidence.values())
 
-    @property
-    def beneath(self) -> bool:
-        """Whether people lie on it, if it is the floor."""
-        return self.plane is not None and self.plane.beneath
-
 
 def find_floor(
     points: Tensor, valid: Tensor, evidence: FloorEvidence, normals: Tensor | None = None
@@ -261,7 +258,8 @@ def floor_candidates(
     up = _floor_up(evidence, sample)
     pixel_score = _pixel_score(view, evidence)
 
-    def candidate(plane: Tensor, fit: PlaneFit, moved: PlaneFit) -> FloorCandidate:
+    def candidate(fit: PlaneFit, moved: PlaneFit) -> FloorCandidate:
+        plane = fit.by_ray
         nats = {
             "pixels": pixel_score(plane),
             "gravity": _gravity_score(fit, evidence, sample),
@@ -272,14 +270,14 @@ def floor_candidates(
         return FloorCandidate(_levelled_plane(view, moved, evidence), nats)
 
     found = [
-        candidate(plane, fit, _plane_at_people(view, plane, fit, mask, evidence))
-        for plane, fit, mask in _fitted_planes(view, evidence, normals, up)
+        candidate(fit, _plane_at_people(view, fit, mask, evidence))
+        for fit, mask in _fitted_planes(view, evidence, normals, up)
     ]
     if up is None and found and (likeliest := found[best_index(found)].plane) is not None:
         up = likeliest.normal
     if up is not None and evidence.feet_px is not None and len(evidence.feet_px):
         at_feet = plane_at_feet(view, up, evidence.feet_px)
-        found += [] if at_feet is None else [candidate(*at_feet, at_feet[1])]
+        found += [] if at_feet is None else [candidate(at_feet, at_feet)]
     found.append(FloorCandidate(None, {"no pixel to explain": _NO_FLOOR_NATS}))
     beneath = _candidate_of_lying_people(view, evidence, found)
     return tuple(found) if beneath is None else (beneath, *found)
@@ -296,17 +294,13 @@ def _floor_up(evidence: FloorEvidence, normals: Tensor | None) -> Tensor | None:
 
 
 def _plane_at_people(
-    view: InverseDepthMap,
-    plane: Tensor,
-    fit: PlaneFit,
-    mask: Tensor | None,
-    evidence: FloorEvidence,
+    view: InverseDepthMap, fit: PlaneFit, mask: Tensor | None, evidence: FloorEvidence
 ) -> PlaneFit:
     """Return a plane moved to the ground beside soles, or else to the feet; where they stand on
     something else than the ground that is seen, it stays.
     """
-    moved = _plane_through_soles(fit, _heights_at_soles(view, plane, evidence.soles))
-    moved = moved or move_to_feet(view, plane, fit, mask, evidence.feet_px)
+    moved = _plane_through_soles(fit, _heights_at_soles(view, fit.by_ray, evidence.soles))
+    moved = moved or move_to_feet(view, fit, mask, evidence.feet_px)
     off = _misses_ground(view, moved, evidence) and not _misses_ground(view, fit, evidence)
     return fit if off else moved
 
@@ -335,10 +329,8 @@ def _candidate_of_lying_people(
 
 def _fitted_planes(
     view: InverseDepthMap, evidence: FloorEvidence, normals: Tensor | None, up: Tensor | None
-) -> list[tuple[Tensor, PlaneFit, Tensor | None]]:
-    """Return the planes of masks, lower part and horizontal surfaces, each as (3,), as a fit, and
-    with its mask.
-    """
+) -> list[tuple[PlaneFit, Tensor | None]]:
+    """Return the planes of masks, lower part and horizontal surfaces, each with its mask."""
     regions: list[tuple[FloorSource, Tensor | None, Tensor | None]] = [
         ("floor mask", evidence.mask, None)
     ]
@@ -349,15 +341,15 @@ def _fitted_planes(
     found = []
     for source, mask, direction in regions:
         fit = plane_of_pixels(view, mask, direction, source, 1.0 if mask is None else MASK_SLACK)
-        found += [] if fit is None else [(*fit, mask)]
+        found += [] if fit is None else [(fit, mask)]
     if found and up is not None and normals is not None:
         # A large table or seat is horizontal, too: the next largest surface may be the floor.
-        level = view.valid & ~found[-1][1].inliers
+        level = view.valid & ~found[-1][0].inliers
         first = len(level) - math.floor(LOWER_SHARE * len(level))
         level[:first] = False
         level[first:] &= normals[first:].double() @ up > _LEVEL_COSINE
         fit = plane_of_pixels(view, level, up, "level surfaces", MASK_SLACK)
-        found += [] if fit is None else [(*fit, level)]
+        found += [] if fit is None else [(fit, level)]
     return found
 
 
@@ -455,8 +447,7 @@ def _plane_through_soles(
     stand = sorted(height for height, stands, _ in heights if stands > 0.5)
     if not stand or abs(height := median(stand)) > _FAR_OFF:
         return None
-    factor = 1 / (1 - height)
-    return replace(fit, offset=fit.offset / factor, reanchored=factor)
+    return fit.moved(1 / (1 - height))
 
 
 def standing_score(normal: Tensor, joints: Tensor) -> float:
@@ -512,7 +503,7 @@ def _misses_ground(view: InverseDepthMap, plane: PlaneFit, evidence: FloorEviden
     seen = evidence.seen_ground
     if seen is None or not bool((seen := seen & view.valid).any()):
         return False
-    on_plane = view.rays[seen] @ plane.normal.to(view.rays) / -plane.offset
+    on_plane = view.rays[seen] @ plane.by_ray.to(view.rays)
     low, high = quantiles(1 - on_plane / view.inverse[seen], (0.1, 0.9))
     return low > _OFF_GROUND or high < -_OFF_GROUND
 

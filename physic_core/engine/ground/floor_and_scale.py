@@ -424,19 +424,17 @@ def _floor_hypothesis(
     by_soles = np.full((len(seen.feet), 2), np.nan)
     across = seen.low.across
     by_low = np.full(len(across), np.nan)
-    if candidate.plane is None:
+    fit = candidate.plane
+    if fit is None:
         score["no height of the camera"] = _NO_CAMERA_NATS
     else:
-        plane = candidate.plane.to_plane()
-        by_soles = scales_by_soles(seen.vertices, seen.model, seen.feet, plane)
-        height = plane.offset
-        if candidate.beneath:  # no sole stands on what people lie on
-            by_soles[:] = np.nan
-        else:
-            by_low = seen.low.scales(candidate.plane.normal, plane.offset)
-            score["upright people"] = standing_score(candidate.plane.normal, seen.joints[seen.up])
+        height = fit.offset
+        if not fit.beneath:  # no sole stands on what people lie on
+            by_soles = scales_by_soles(seen.vertices, seen.model, seen.feet, fit.to_plane())
+            by_low = seen.low.scales(fit)
+            score["upright people"] = standing_score(fit.normal, seen.joints[seen.up])
     lower = np.where(across, by_low, np.fmax(by_soles[:, 0], by_soles[:, 1]))
-    if not candidate.beneath:
+    if fit is None or not fit.beneath:
         off = float(seen.real[seen.feet.any(1) & ~np.isfinite(lower)].sum())
         if off:
             score["people who are not on it"] = _NOT_ON_PLANE_NATS * off

@@ -12,15 +12,17 @@ from dataclasses import dataclass
 from operator import itemgetter
 from typing import TYPE_CHECKING
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from physic_core.engine.ground.posture import of_both_sides
+from physic_core.geometry.inverse_depth import planes_through, weighted_plane
 from physic_core.geometry.pixels import dilate_square, median
-from physic_core.types.skeletons import SEEN_CONFIDENCE, SIDES
+from physic_core.types.skeletons import SEEN_CONFIDENCE
 
 if TYPE_CHECKING:
     from physic_core.engine.photo import PhotoContent
-    from physic_core.types import Keypoints
 
 LYING_RATE = 0.05
 """Share of photos in which people lie beneath the camera."""
@@ -80,27 +82,28 @@ class Background:
 def people_backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
     """Return the background around each person whose shoulders and ankles are seen."""
     soft, wall = (photo.labelled(*names) for names in (_SOFT, _WALL))
+    points, confidence = of_both_sides(photo.keypoints, "shoulder", "ankle")
+    ends = points.mean(2)
+    seen = (confidence >= SEEN_CONFIDENCE).all((1, 2)) & np.isfinite(ends).all((1, 2))
     found = []
-    for i, mask in enumerate(photo.masks):
-        ends = _shoulders_and_ankles(photo.keypoints, i)
-        if ends is None:
-            continue
-        start = ends[0]
-        way = ends[1] - ends[0]
+    for i in np.flatnonzero(seen).tolist():
+        mask = photo.masks[i]
+        start, end = torch.from_numpy(ends[i]).double()
+        way = end - start
         length = float(torch.linalg.vector_norm(way))
         if length < _SMALLEST * mask.shape[0]:
             continue
         ring = dilate_square(mask, max(2, round(_RING * length))) & ~photo.hole
         rows, columns = ring.nonzero(as_tuple=True)
         body = (mask & photo.aligned.valid).nonzero()
-        places = (body.flip(1) - start) @ way / length**2
-        parts = [body[(places > low) & (places < high)] for low, high in _PARTS]
+        along = (body.flip(1) - start) @ way / length**2
+        parts = [body[(along > low) & (along < high)] for low, high in _PARTS]
         if min(len(rows), *map(len, parts)) < _FEWEST:
             continue
-        points = torch.stack(
+        places = torch.stack(
             [median(photo.aligned.points[part.unbind(1)].double()) for part in parts]
         )
-        depth = points[:, 2]
+        depth = places[:, 2]
         found.append(
             Background(
                 rows,
@@ -108,28 +111,11 @@ def people_backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
                 (torch.stack([columns, rows], 1) - start) @ way / length**2,
                 float(soft[ring].double().mean()),
                 float(wall[ring].double().mean()),
-                points / depth[:, None],
+                places / depth[:, None],
                 depth,
             )
         )
     return tuple(found)
-
-
-def _shoulders_and_ankles(keypoints: Keypoints, person: int) -> Tensor | None:
-    """Return the middles (2, 2) px of the shoulders and of the ankles of a person; None if they are
-    not seen.
-    """
-    row = {name: j for j, name in enumerate(keypoints.joint_set.names)}
-    middles = []
-    for joint in ("shoulder", "ankle"):
-        if f"left_{joint}" not in row:
-            return None
-        both = [row[f"{side}_{joint}"] for side in SIDES]
-        if not (keypoints.confidence[person, both] >= SEEN_CONFIDENCE).all():
-            return None
-        middles.append(keypoints.points[person, both].mean(0).tolist())
-    found = torch.tensor(middles, dtype=torch.float64)
-    return found if bool(torch.isfinite(found).all()) else None
 
 
 def plane_beneath_people(
@@ -168,17 +154,15 @@ def _background_plane(rays: Tensor, inverse: Tensor, person: Background) -> Tens
     drawn = torch.randint(
         len(near), (_HYPOTHESES, 3), generator=torch.Generator().manual_seed(_SEED)
     )
-    planes, singular = torch.linalg.solve_ex(ray[drawn], near[drawn])
-    planes = planes[(singular == 0) & torch.isfinite(planes).all(-1)]
+    planes = planes_through(ray, near, drawn)
     if not len(planes):
         return None
     share = (planes @ ray.T / near - 1) / _TOLERANCE
     plane: Tensor = planes[(1 - share.square()).clamp(min=0).sum(1).argmax()]
     for _ in range(_REFITS):
         error = (ray @ plane / near - 1) / _TOLERANCE
-        weighted = (ray * ((1 - error.square()).clamp(min=0) / near).square()[:, None]).T
-        again, singular = torch.linalg.solve_ex(weighted @ ray, weighted @ near)
-        if int(singular) != 0:
+        again = weighted_plane(ray, near, ((1 - error.square()).clamp(min=0) / near).square())
+        if again is None:
             break
         plane = again
     return plane

@@ -16,8 +16,6 @@ from physic_core.types.observations import POSTURES
 from physic_core.types.skeletons import SEEN_CONFIDENCE, SIDES
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from physic_core.types import BoolArray, FloatArray, Intrinsics, Keypoints, Observations
 
 _UPRIGHT_POSTURES = ("stand", "walk", "run", "sit", "ride")
@@ -39,6 +37,22 @@ _ANKLE_BELOW = 0.7
 _LEAST_SHARE = 1e-4  # of a posture
 
 
+def of_both_sides(keypoints: Keypoints, *joints: str) -> tuple[FloatArray, FloatArray]:
+    """Return the left and right keypoints of J joints of N people: points (N, J, 2, 2) px and
+    confidence (N, J, 2); NaN and 0 of those that the skeleton lacks.
+    """
+    columns = {name: j for j, name in enumerate(keypoints.joint_set.names)}
+    shape = (len(keypoints.points), len(joints), 2)
+    points = np.full((*shape, 2), np.nan, keypoints.points.dtype)
+    confidence = np.zeros(shape, keypoints.confidence.dtype)
+    for at in np.ndindex(shape[1:]):
+        column = columns.get(f"{SIDES[at[1]]}_{joints[at[0]]}")
+        if column is not None:
+            points[:, *at] = keypoints.points[:, column]
+            confidence[:, *at] = keypoints.confidence[:, column]
+    return points, confidence
+
+
 def weigh_posture(said: Observations, keypoints: Keypoints) -> Observations:
     """Return observations of N people whose posture is weighed by the axis of the trunk: the share
     of each posture in the fitted data gives way to that of people whose trunk points to the side,
@@ -48,7 +62,7 @@ def weigh_posture(said: Observations, keypoints: Keypoints) -> Observations:
         said: of the people.
         keypoints: of the same people.
     """
-    axis = np.abs(trunk_in_picture_deg(keypoints.points, keypoints.joint_set.names))
+    axis = np.abs(trunk_in_picture_deg(keypoints))
     low, high = _ACROSS_DEG
     across = np.nan_to_num(np.clip((axis - low) / (high - low), 0, 1))[:, None]
     usual, bent = (
@@ -65,13 +79,9 @@ def weigh_posture(said: Observations, keypoints: Keypoints) -> Observations:
 
 def _stands_on_a_leg(keypoints: Keypoints) -> BoolArray:
     """Return who of N people has a seen leg far below the hips in the picture (N,)."""
-    columns = {name: j for j, name in enumerate(keypoints.joint_set.names)}
-    names = [f"{side}_{joint}" for joint in ("hip", "knee", "ankle") for side in SIDES]
-    if not set(names) <= set(columns):
-        return np.zeros(len(keypoints.points), bool)
-    ends = [columns[name] for name in names]
-    points = keypoints.points[:, ends].astype(np.float64).reshape(-1, 3, 2, 2)
-    seen = keypoints.confidence[:, ends].reshape(-1, 3, 2).min(1) >= SEEN_CONFIDENCE
+    points, confidence = of_both_sides(keypoints, "hip", "knee", "ankle")
+    points = points.astype(np.float64)
+    seen = confidence.min(1) >= SEEN_CONFIDENCE
     length = np.linalg.norm(np.diff(points, axis=1), axis=-1).sum(1).max(1)
     below = points[..., 1] - points[:, :1, :, 1].mean(2, keepdims=True)
     knee, ankle = (below[:, i] / (length[:, None] + 1e-9) for i in (1, 2))
@@ -85,7 +95,7 @@ def upright_people(keypoints: Keypoints, said: Observations) -> BoolArray:
         keypoints: of the people.
         said: of the same people.
     """
-    axis = trunk_in_picture_deg(keypoints.points, keypoints.joint_set.names)
+    axis = trunk_in_picture_deg(keypoints)
     postures = [POSTURES.index(name) for name in _UPRIGHT_POSTURES]
     likely = said.posture[:, postures].sum(1)
     return np.asarray(~(np.abs(axis) > _UPRIGHT_DEG) & ~(likely < _LEAST_UPRIGHT))
@@ -99,10 +109,8 @@ def rests_on_any_part(keypoints: Keypoints, said: Observations) -> BoolArray:
         keypoints: of the people.
         said: of the same people.
     """
-    names = keypoints.joint_set.names
-    trunk = [j for j, name in enumerate(names) if name.endswith(("_shoulder", "_hip"))]
-    seen = keypoints.confidence[:, trunk].min(1, initial=1.0) >= SEEN_CONFIDENCE
-    across = seen & (np.abs(trunk_in_picture_deg(keypoints.points, names)) > _UPRIGHT_DEG)
+    seen = of_both_sides(keypoints, "shoulder", "hip")[1].min((1, 2)) >= SEEN_CONFIDENCE
+    across = seen & (np.abs(trunk_in_picture_deg(keypoints)) > _UPRIGHT_DEG)
     return np.asarray(across | (said.posture[:, POSTURES.index("lie")] > _LEAST_UPRIGHT))
 
 
@@ -117,36 +125,21 @@ def bodies_of_people_who_stand(
         said: of the same people.
         camera: of the photo.
     """
-    columns = {name: j for j, name in enumerate(keypoints.joint_set.names)}
-    names = [f"{side}_{joint}" for joint in ("shoulder", "hip") for side in SIDES]
-    if not set(names) <= set(columns):
-        return np.zeros((0, 3))
-    ends = [columns[name] for name in names]
+    points, confidence = of_both_sides(keypoints, "shoulder", "hip")
     postures = [POSTURES.index(name) for name in ("stand", "walk")]
     stands = said.posture[:, postures].sum(1) > _STANDS
-    stands &= keypoints.confidence[:, ends].min(1) >= SEEN_CONFIDENCE
-    pixels = keypoints.points[stands][:, ends].astype(np.float64)
+    stands &= confidence.min((1, 2)) >= SEEN_CONFIDENCE
+    pixels = points[stands].reshape(-1, 4, 2).astype(np.float64)
     rays = np.concatenate([pixels, np.ones((*pixels.shape[:2], 1))], 2)
     rays = rays @ np.linalg.inv(camera.matrix).T
     normals = np.cross(rays[:, :2].mean(1), rays[:, 2:].mean(1))
     return np.asarray(normals / (np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12))
 
 
-def trunk_in_picture_deg(points: FloatArray, names: Sequence[str]) -> FloatArray:
+def trunk_in_picture_deg(keypoints: Keypoints) -> FloatArray:
     """Return the angle (N,) from up in the picture to the line from hips to shoulders, degrees in
     (-180, 180], clockwise; NaN where a joint is unknown.
-
-    Args:
-        points: (N, J, 2) px; y points down.
-        names: of the J keypoints.
     """
-    columns = {name: j for j, name in enumerate(names)}
-    unknown = np.full((len(points), 2), np.nan)
-
-    def middle(joint: str) -> FloatArray:
-        ends = [columns.get(f"{side}_{joint}") for side in SIDES]
-        both = [unknown if j is None else points[:, j] for j in ends]
-        return np.asarray(np.mean(both, axis=0, dtype=np.float64))
-
-    trunk = middle("shoulder") - middle("hip")
+    middles = of_both_sides(keypoints, "shoulder", "hip")[0].mean(2, dtype=np.float64)
+    trunk = middles[:, 0] - middles[:, 1]
     return np.asarray(np.degrees(np.arctan2(trunk[:, 0], -trunk[:, 1])))

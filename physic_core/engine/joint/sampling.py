@@ -10,7 +10,6 @@ from torch import Tensor
 from physic_core.body.model import BodyOutput, LandmarkModel
 from physic_core.engine.scene_state import Surroundings
 from physic_core.engine.state import State
-from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.visibility import FACING_DEG
 from physic_core.types.bounds import Degrees, NotNegative
 
@@ -112,10 +111,8 @@ def select_surface(around: Surroundings) -> Surroundings:
     ones = points.new_ones(3)
     length = normals.square() @ ones
     chosen = torch.isfinite(points @ ones + length) & (length > 0.5)
-    if around.floor_normal is not None:
-        offset = points.new_tensor(around.floor_offset)
-        height = height_over_plane(points, around.floor_normal, offset)
-        chosen = chosen & (height.abs() > _FLOOR_BAND_M)
+    if around.floor is not None:
+        chosen = chosen & (around.floor.height(points).abs() > _FLOOR_BAND_M)
     return replace(around, points=points[chosen], normals=normals[chosen])
 
 

@@ -18,7 +18,6 @@ from physic_core.engine.limbs import limb_part_indices
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.neighbors import NearestPointSearch
-from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.visibility import (
     facing_camera,
     in_free_space,
@@ -211,7 +210,7 @@ def update_contacts(
         scale: of the scene.
     """
     state = sampling.state
-    plane = sampling.around.floor_normal
+    floor = sampling.around.floor
     nearest = scene.query(vertices, scale)
     far = torch.full_like(sampling.area, torch.inf)
     zeros = torch.zeros_like(sampling.area)
@@ -219,7 +218,6 @@ def update_contacts(
     free = (
         no if sampling.fronts is None else in_free_space(vertices / scale, sampling.fronts, state.K)
     )
-    floor_offset = vertices.new_tensor(sampling.around.floor_offset * scale)
     signed = far
     facing_scene = zeros
     points = normals = plane_distance = None
@@ -234,9 +232,9 @@ def update_contacts(
         found=nearest.found,
         distance=nearest.distance,
         signed=signed,
-        height=far if plane is None else height_over_plane(vertices, plane, floor_offset),
+        height=far if floor is None else floor.scaled(scale).height(vertices),
         facing_scene=facing_scene,
-        facing_floor=zeros if plane is None else -(body_normals @ plane),
+        facing_floor=zeros if floor is None else -(body_normals @ floor.normal),
         in_free_space=free,
         points=points,
         normals=normals,

@@ -111,14 +111,10 @@ def people_to_place(
     landmarks = _on_cpu(model.landmarks(posed, state.skeleton))
     vertices = _on_cpu(posed.vertices)
     keypoints = _on_cpu(state.keypoints)
-    plane = None
-    if scene.floor is not None:
-        height = torch.tensor([scene.floor.offset], dtype=torch.float64)
-        plane = torch.cat((_on_cpu(scene.floor.normal), height))
     people = []
     resting = _resting_skin(state, vertices)
     for i, body in enumerate(vertices):
-        on_floor = plane is not None and bool(feet_seen[i])
+        on_floor = scene.floor is not None and bool(feet_seen[i])
         person = PlacementProblem(
             landmarks=landmarks[i],
             keypoints=keypoints[i],
@@ -130,7 +126,7 @@ def people_to_place(
             points=_on_cpu(clouds[i]),
             mask=masks[i],
             soles=body[resting[i]] if on_floor else body[:0],
-            plane=plane if on_floor else None,
+            floor=scene.floor if on_floor else None,
             K=_on_cpu(scene.K),
             row=i,
             people=len(vertices),
@@ -272,7 +268,7 @@ def _resized(
     posed = model(state.rotations, state.betas, state.transl, state.expression).vertices
     assert placed.keypoint_transl is not None
     vertices = posed + (placed.keypoint_transl - state.transl)[:, None]
-    floor = placed.scene.floor_plane
+    floor = placed.scene.floor
     clouds = placed.human_points or (vertices[0, :0],) * len(posed)
     ratio = known.factor * size_factors(vertices, model.soles, feet_seen.tolist(), floor, clouds)
     own = model.stature(state.betas)

@@ -15,8 +15,8 @@ import torch
 from torch import Tensor
 
 from physic_core.geometry.camera import project
+from physic_core.geometry.floor import PlaneFit
 from physic_core.geometry.neighbors import nearest_indices, search_tree
-from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.robust import cauchy
 
 FEWEST_KEYPOINTS = 3
@@ -49,7 +49,7 @@ class PlacementProblem(NamedTuple):
     points: Tensor  # (M, 3)
     mask: Tensor  # (H, W) bool
     soles: Tensor  # (S, 3), empty if the feet are invisible or there is no floor
-    plane: Tensor | None  # (4,) normal and offset of the floor
+    floor: PlaneFit | None
     K: Tensor  # (3, 3)
     row: int  # of the person, among the people in the image
     people: int  # in the image
@@ -63,8 +63,8 @@ class PlacementProblem(NamedTuple):
         """Return the height () of the lower foot above the floor, metres, of a person moved by x
         (4,).
         """
-        assert self.plane is not None
-        return height_over_plane(self.soles + x[:-1], self.plane[:-1], self.plane[-1]).min()
+        assert self.floor is not None
+        return self.floor.height(self.soles + x[:-1]).min()
 
     def median_error_px(self, x: Tensor) -> float:
         """Return the median reprojection error of a person moved by x (4,), px."""
@@ -173,11 +173,11 @@ class PlacementFloorTerm:
         self.offset_cost = offset_cost
 
     def residuals(self, x: Tensor) -> list[Residuals]:
-        assert self.person.plane is not None
+        assert self.person.floor is not None
         lowest = self.person.foot_height(x).reshape(1, 1)
-        upward = self.person.plane.clone()
+        upward = torch.zeros_like(x)
+        upward[:-1] = self.person.floor.normal
         only_offset = torch.zeros_like(x)
-        upward[-1] = 0.0
         only_offset[-1] = 1.0
         foot = lowest.new_tensor([self.weight])
         cost = lowest.new_tensor([self.offset_cost])

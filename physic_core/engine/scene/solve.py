@@ -30,7 +30,6 @@ from physic_core.geometry.alignment import Alignment, apply_alignment, fit_align
 from physic_core.geometry.camera import unproject
 from physic_core.geometry.floor import FloorSearch, PlaneFit
 from physic_core.geometry.pixels import all_finite, select_pixels
-from physic_core.geometry.plane import height_over_plane
 from physic_core.geometry.pointmap import depth_to_pointmap
 from physic_core.geometry.tensors import tensor, to_device
 
@@ -173,8 +172,8 @@ def build_scene(
     floor_points = placed.new_zeros((0, 3))
     if floor is not None:
         # A floor at a grazing angle resembles a depth edge: keep points on its plane.
-        height = height_over_plane(placed, floor.normal, floor.offset)
-        on_floor = known & floor.inliers & (height.abs() < _FLOOR_THICKNESS * placed[..., 2])
+        thin = floor.height(placed).abs() < _FLOOR_THICKNESS * placed[..., 2]
+        on_floor = known & floor.inliers & thin
         edges &= ~on_floor
         outliers &= ~on_floor
         clean |= on_floor

@@ -19,6 +19,7 @@ from physic_core.types import KnownSizes
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
+    from physic_core.geometry.floor import PlaneFit
     from physic_core.types import FloatArray
 
 _NEIGHBOURS = 4  # vertices that give the depth of a body at a pixel
@@ -49,7 +50,7 @@ def size_factors(
     vertices: Tensor,
     soles: Tensor,
     on_floor: Sequence[bool],
-    floor: tuple[Tensor, float] | None,
+    floor: PlaneFit | None,
     points: Sequence[Tensor],
 ) -> Tensor:
     """Return the factor (B,) by which people must be enlarged to stand in the scene as the photo
@@ -63,15 +64,14 @@ def size_factors(
         vertices: (B, V, 3), each body where the photo shows it.
         soles: (S,) int64, vertices of the soles.
         on_floor: of B people, whether the soles are seen on the floor.
-        floor: unit normal (3,) and offset.
+        floor: of the scene, or None.
         points: of B people, (n, 3) each.
     """
     by_floor, by_points = (torch.full_like(vertices[:, 0, 0], torch.nan) for _ in range(2))
     for i, body in enumerate(vertices):
         if floor is not None and on_floor[i]:
-            normal, offset = floor
-            drop = -(body[soles] @ normal.to(body)).amin()
-            by_floor[i] = offset / drop if bool(drop > 0) else torch.nan
+            drop = -(body[soles] @ floor.normal.to(body)).amin()
+            by_floor[i] = floor.offset / drop if bool(drop > 0) else torch.nan
         if len(points[i]):
             by_points[i] = points[i][:, 2].median().to(body) / body[:, 2].median()
     too_far = (by_points / by_floor).nanmedian().nan_to_num(nan=1.0)
@@ -304,7 +304,7 @@ def scale_scene(
     scene: SceneState, known: KnownGeometry, factor: float
 ) -> tuple[SceneState, KnownGeometry]:
     """Scale the scene about the camera."""
-    floor = scene.floor and replace(scene.floor, offset=scene.floor.offset * factor)
+    floor = scene.floor and scene.floor.scaled(factor)
     points = scene.points * factor
     floor_points = scene.floor_points * factor
     scaled = replace(scene, points=points, floor_points=floor_points, floor=floor)

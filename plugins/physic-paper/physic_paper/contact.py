@@ -56,12 +56,12 @@ class DistanceContact(ContactMethod):
 
 def with_floor_samples(around: Surroundings) -> Surroundings:
     """Return the surroundings with samples of the floor among the points, instead of its plane."""
-    if around.floor_normal is None:
+    if around.floor is None:
         return around
-    up = around.floor_normal.expand_as(around.floor_points)
+    up = around.floor.normal.expand_as(around.floor_points)
     return replace(
         around,
         points=torch.cat([around.points, around.floor_points]),
         normals=torch.cat([around.normals, up]),
-        floor_normal=None,
+        floor=None,
     )

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import torch
 from torch import Tensor
 
-from physic_core.geometry import FloorSearch, PlaneFit, height_over_plane
+from physic_core.geometry import FloorSearch, PlaneFit
 
 _TOLERANCE_M = 0.01  # as released; the paper only names RANSAC
 _MIN_NORMAL_COSINE = math.cos(math.radians(30.0))  # of an inlier
@@ -55,13 +56,11 @@ def fit_floor_metric(
         n = -n
         o = -o
     share = float(_is_inlier(n, o, cloud, directions).double().mean())
-    below = float(
-        (height_over_plane(points[valid].double(), n, o) < -10 * _TOLERANCE_M).double().mean()
-    )
+    below = float((points[valid].double() @ n + o < -10 * _TOLERANCE_M).double().mean())
     if share <= MIN_INLIER_SHARE:
         return FloorSearch(None, "no_consensus", share, below)
-    inliers = valid & (height_over_plane(points, n, float(o)).abs() < _TOLERANCE_M)
-    fit = PlaneFit(n.to(points), float(o), inliers, share, below, "floor mask")
+    fit = PlaneFit(n.to(points), float(o), valid, share, below, "floor mask")
+    fit = replace(fit, inliers=valid & (fit.height(points).abs() < _TOLERANCE_M))
     return FloorSearch(fit, "found", share, below, in_mask=True)
 
 

@@ -81,7 +81,7 @@ class PublishedOptimisation(JointMethod):
         around = replace(around, points=points, normals=normals, depth=None)
         if self.samples_floor:
             return with_floor_samples(around)
-        return replace(around, floor_normal=None)
+        return replace(around, floor=None)
 
     def weigh_people(self, state: State) -> Tensor:
         """Return 1 for each person."""

@@ -210,7 +210,7 @@ def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest
         points=published.human_points.double(),
         mask=masks[0],
         soles=vertices[:0],
-        plane=None,
+        floor=None,
         K=state.K.double(),
         row=0,
         people=1,

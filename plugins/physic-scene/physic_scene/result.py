@@ -82,11 +82,8 @@ def _solved_views(solved: SolvedScene) -> list[SolvedView]:
     for v, (photo, camera) in enumerate(zip(solved.photos, solved.intrinsics, strict=True)):
         floor = photo.result.scene.floor
         size = (camera.width, camera.height)
-        plane = (
-            None if floor is None else np.append(np.asarray(floor.normal, np.float64), floor.offset)
-        )
         found.append(
-            SolvedView(photo.name, photo.people, solved.bundle.pose(v), camera.matrix, size, plane)
+            SolvedView(photo.name, photo.people, solved.bundle.pose(v), camera.matrix, size, floor)
         )
     return found
 

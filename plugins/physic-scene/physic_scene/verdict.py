@@ -20,7 +20,7 @@ from physic_core.types import Grade
 from physic_scene.matching import answer_cost
 
 if TYPE_CHECKING:
-    from physic_core.types import CheckResult, FloatArray, IntArray, Reconstruction
+    from physic_core.types import CheckResult, FloatArray, IntArray, Plane, Reconstruction
     from physic_scene.observations import PhotoPeople
     from physic_scene.rigid import CameraPose
     from physic_scene.types import SolvedPhoto
@@ -65,8 +65,7 @@ class SolvedView:
         pose: of its camera, metres.
         K: (3, 3) px, of the solved camera.
         size: (width, height) px.
-        floor: (4,) normal and offset of the floor of the single photo, metres, in the frame of its
-            camera; None without.
+        floor: of the single photo, metres, in the frame of its camera; None without.
     """
 
     name: str
@@ -74,7 +73,7 @@ class SolvedView:
     pose: CameraPose
     K: FloatArray
     size: tuple[int, int]
-    floor: FloatArray | None
+    floor: Plane | None
 
 
 def with_checks(result: Reconstruction, checks: Sequence[CheckResult]) -> Reconstruction:
@@ -219,5 +218,6 @@ def _height(view: SolvedView, other: SolvedView) -> float | None:
     """
     if view.floor is None or other.floor is None:
         return None
-    height = other.floor[:3] @ other.pose.to_camera(view.pose.centre) + other.floor[3]
-    return float(np.log(max(height, 0.1) / max(view.floor[3], 0.1)))
+    above = float(other.floor.normal @ other.pose.to_camera(view.pose.centre))
+    height = above + other.floor.offset
+    return float(np.log(max(height, 0.1) / max(view.floor.offset, 0.1)))

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX
-from physic_core.types import skeleton_named
+from physic_core.types import Plane, skeleton_named
 from physic_scene.matching import PairMatch, answer_cost, join_tracks, match_pair
 from physic_scene.observations import COLOUR_GROUPS, PhotoPeople
 from physic_scene.rigid import CameraPose
@@ -121,7 +121,7 @@ def verdict(*views, rows):
 def solved_views(facing_each_other):
     """Return both photos with their true cameras, and the floor 1.5 m under the first one."""
     one, two, motion = facing_each_other
-    down = np.array([0.0, -1.0, 0.0, 1.5])
+    down = Plane(np.array([0.0, -1.0, 0.0]), 1.5)
     views = [
         SolvedView(name, people, pose, people.K, (120, 90), down)
         for name, people, pose in (("a.png", one, CameraPose.identity()), ("b.png", two, motion))
@@ -145,6 +145,6 @@ def test_a_camera_with_an_empty_place_where_a_person_is_fails_its_check(solved_v
 
 def test_cameras_of_different_heights_over_one_floor_disagree(solved_views):
     a, b = solved_views
-    found = verdict(a, replace(b, floor=np.array([0.0, -1.0, 0.0, 0.5])), rows=[[0, 0], [1, 1]])
+    found = verdict(a, replace(b, floor=replace(b.floor, offset=0.5)), rows=[[0, 0], [1, 1]])
     assert found["view_height"] == pytest.approx([np.log(3), np.log(3)])
     assert verdict(a, replace(b, floor=None), rows=[[0, 0], [1, 1]])["view_height"] == [None, None]

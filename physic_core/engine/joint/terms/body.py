@@ -222,7 +222,7 @@ class KnownSizeTerm(Term):
         assert state.known is not None
         self._known = state.known
         self._K = state.K
-        self._floor_offset = sampling.around.floor_offset
+        self._floor = state.scene.floor
         self._stature = linearise_stature(state.model, state.betas)
         self._ends: list[BodyEnds] = []
 
@@ -242,8 +242,8 @@ class KnownSizeTerm(Term):
         stature = torch.where(given, known.stature, self._stature.height)
         own = stature_prior(self._stature(estimate.betas), stature, KNOWN_SIZE_SIGMA) * given
         shared = own.new_zeros(())
-        if known.camera_height is not None and self._floor_offset:
-            height = estimate.log_scale + math.log(self._floor_offset / known.camera_height)
+        if known.camera_height is not None and self._floor is not None:
+            height = estimate.log_scale + math.log(self._floor.offset / known.camera_height)
             shared = shared + (height / KNOWN_SIZE_SIGMA).square()
         if known.depth_sigma is not None:
             shared = shared + (estimate.log_scale / KNOWN_SIZE_SIGMA).square()

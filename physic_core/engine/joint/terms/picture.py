@@ -218,7 +218,7 @@ def depth_offset_sigmas(settings: DepthSettings, sampling: Sampling) -> Tensor:
     state = sampling.state
     feet_visible = sampling.feet_visible
     alone = torch.full_like(state.transl[:, 2], settings.offset_alone_sigma)
-    if sampling.around.floor_normal is None:
+    if sampling.around.floor is None:
         return alone
     on_floor = feet_visible.any(1).to(alone)
     if state.limb_touch is not None:

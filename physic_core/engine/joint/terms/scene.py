@@ -210,16 +210,14 @@ class FloorTerm(SurfaceTerm):
         # the others.
         weight = weight / (1 + (below / _MAX_FLOOR_DEPTH_M).square())
         self.weights = {
-            "floor": torch.zeros_like(area)
-            if self._sampling.around.floor_normal is None
-            else weight
+            "floor": torch.zeros_like(area) if self._sampling.around.floor is None else weight
         }
 
     def robust_sum(self) -> RobustSum | None:
         """Return the robust sum over depths below the floor; None if the term is off or there is no
         floor.
         """
-        if not self._weight or self._sampling.around.floor_normal is None:
+        if not self._weight or self._sampling.around.floor is None:
             return None
         weight = self._weight * self.weights["floor"]
         return RobustSum.of("pseudo_huber", _PLANE_OUTLIER_SIGMAS, _PLANE_SIGMA_M, weight)
@@ -312,7 +310,7 @@ class SoleTerm:
         not 0.
         """
         s = self.settings
-        return self._sampling.around.floor_normal is not None and bool(s.weight or s.unseen_weight)
+        return self._sampling.around.floor is not None and bool(s.weight or s.unseen_weight)
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Weigh the visible feet by their touch, and select people whose lower foot is expected to

@@ -32,6 +32,7 @@ from physic_core.engine.joint.term import (
 from physic_core.engine.joint.terms.body import RegularisationTerm
 from physic_core.engine.joint.terms.picture import MIN_DEPTH_M
 from physic_core.engine.joint.terms.scene import SoleTerm, lowest_sole_indices
+from physic_core.geometry.floor import PlaneFit
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,7 @@ class SurfaceInputs:
         relative: (B, 3, n) at the start in the root's frame, metres.
         normals: (B, 3, n) of the nearest scene points; None without a scene.
         plane_distance: (B, n) from the camera to the planes through those points, unscaled.
-        floor_normal: (3,) unit; None without a floor.
-        floor_offset: of the floor, metres, unscaled.
+        floor: unscaled; None without one.
         last_scale: of the scene, at the last refresh.
         soles: rows of the left and the right sole's vertices.
     """
@@ -57,8 +57,7 @@ class SurfaceInputs:
     relative: Tensor
     normals: Tensor | None
     plane_distance: Tensor
-    floor_normal: Tensor | None
-    floor_offset: float
+    floor: PlaneFit | None
     last_scale: float
     soles: tuple[Tensor, Tensor]
 
@@ -87,10 +86,11 @@ class _SurfaceEnergies(torch.autograd.Function):
         none = torch.zeros_like(offset)
         unit = 1.0 / log_scale.exp().reshape(-1, 1)
         ahead, over = _projections(data, points, unit)
+        offset_m = 0.0 if data.floor is None else data.floor.offset
         at = SurfacePlace(
             scene=ahead if data.normals is None else ahead - data.plane_distance,
-            floor=over if data.floor_normal is None else over + data.floor_offset,
-            last_floor=over + unit * (data.floor_offset * data.last_scale),
+            floor=over + offset_m,
+            last_floor=over + unit * (offset_m * data.last_scale),
             log_depth=points[:, 2].clamp(min=MIN_DEPTH_M).log(),
             log_scale=(log_scale + offset)[:, None],
         )
@@ -134,9 +134,9 @@ class _SurfaceEnergies(torch.autograd.Function):
         if data.normals is not None:
             by_point = (unit * by_signed)[:, None] * data.normals
             by_scale = by_scale - (by_signed * ahead).sum(1)
-        if data.floor_normal is not None:
+        if data.floor is not None:
             by_point = (
-                by_point + (unit * (by_height + by_last))[:, None] * data.floor_normal[:, None]
+                by_point + (unit * (by_height + by_last))[:, None] * data.floor.normal[:, None]
             )
             by_scale = by_scale - (by_height * over).sum(1)
         by_deviation = of_terms[-1][..., None] * ctx.mesh_slope
@@ -184,8 +184,8 @@ def _projections(data: SurfaceInputs, points: Tensor, unit: Tensor) -> tuple[Ten
     ahead = over = torch.zeros_like(data.plane_distance)
     if data.normals is not None:
         ahead = unit * (data.normals * points).sum(1)
-    if data.floor_normal is not None:
-        over = unit * (data.floor_normal @ points)
+    if data.floor is not None:
+        over = unit * (data.floor.normal @ points)
     return ahead, over
 
 
@@ -253,8 +253,7 @@ class SurfaceTerms(Term):
             plane_distance=torch.zeros_like(sampling.area)
             if plane_distance is None
             else plane_distance,
-            floor_normal=sampling.around.floor_normal,
-            floor_offset=sampling.around.floor_offset,
+            floor=sampling.around.floor,
             last_scale=snapshot.scale,
             soles=sampling.soles,
         )

@@ -176,7 +176,7 @@ def _trunks_to_compare(
     people across the picture.
     """
     lies = said.posture[:, POSTURES.index("lie")] > _LIES
-    across = np.abs(trunk_in_picture_deg(keypoints.points, keypoints.joint_set.names))
+    across = np.abs(trunk_in_picture_deg(keypoints))
     return ((cut & ~lies) | is_known) & ~(across > _ACROSS_DEG)
 
 

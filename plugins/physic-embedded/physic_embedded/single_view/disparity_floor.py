@@ -93,11 +93,11 @@ def fit_disparity_floor(
     found = None
     if mask is not None and float(mask.double().mean()) >= _LABELLED_SHARE:
         found = plane_of_pixels(view, mask, None, "labels")
-        found = found if found is None or found[1].inlier_share >= _LABELLED_INLIERS else None
+        found = found if found is None or found.inlier_share >= _LABELLED_INLIERS else None
     found = found or plane_of_pixels(view, None, None, "lower image")
     if found is None:
         return None
-    rest = view.error(found[0])[round((1 - LOWER_SHARE) * height) :]
+    rest = view.error(found.by_ray)[round((1 - LOWER_SHARE) * height) :]
     on = (rest.abs() < view.tolerance).double().mean()
-    du, dv, d0 = (float(p) for p in found[0])
+    du, dv, d0 = (float(p) for p in found.by_ray)
     return DisparityFloor(du, dv, d0, float(on))
