@@ -26,7 +26,7 @@ import json
 import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 from unittest.mock import patch
@@ -52,11 +52,11 @@ from physic_core.types.skeletons import SIDES
 from physic_testing.metrics import match_by_boxes
 
 from .fits import FOLDS, fold_of, name_in_sets, parser_of, write_record
-from .observer.labels import COLLECTIONS, collected_photos
+from .observer.labels import COLLECTIONS, collected_photos, given_photos, labelled_photos
 from .observer.regression import Examples, fit_logistic
 from .truth.contact import MIN_IOU, OF_RESULTS, TOUCHES
 from .truth.measures import probability_scores
-from .truth.sets import Sample, labelled_photos, picture_of
+from .truth.sets import Sample, picture_of
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -139,19 +139,11 @@ def main() -> int:
 
 def samples_of(data: Path) -> list[Sample]:
     """Return the labelled photos of all collections."""
-    photos = labelled_photos(data / "contact")
-    files = {file.stem: file for file in (data / "photos").iterdir()}
+    photos = given_photos(data / "contact")
     more = json.loads(LABELS_OF_PHOTOS.read_text())
-    photos += [
-        Sample(CONTACT, name, name, files[name], truth={"people": people})
-        for name, people in more.items()
-    ]
-    for collection in COLLECTIONS:
-        for photo in collected_photos(data / "contact", collection):
-            source = next((data / "contact" / collection / "photos").glob(f"{photo.name}.*"))
-            truth = {"people": photo.people}
-            photos.append(Sample(collection, photo.name, photo.name, source, truth=truth))
-    return photos
+    photos += labelled_photos(CONTACT, data / "photos", more)
+    photos = [replace(photo, set=CONTACT) for photo in photos]
+    return photos + [p for name in COLLECTIONS for p in collected_photos(data / "contact", name)]
 
 
 def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:

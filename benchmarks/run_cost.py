@@ -14,7 +14,6 @@ the place of the two examples.
 
 from __future__ import annotations
 
-import argparse
 import compileall
 import json
 import os
@@ -33,6 +32,7 @@ import docs_numbers
 import numpy as np
 from docs_numbers import CODE, ROOT, git
 
+from benchmarks.fits import parser_of
 from benchmarks.processes import run_measured
 
 PHOTOS = ("examples/slope.jpg", "examples/couple.jpg")
@@ -63,16 +63,8 @@ def run(photo: str, tree: Path = ROOT) -> Run:
     paths = [tree, *sorted(path.parent for path in tree.glob("plugins/*/pyproject.toml"))]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, paths))}
     with tempfile.TemporaryDirectory() as folder:
-        command = [
-            sys.executable,
-            "-m",
-            "physic_core",
-            "run",
-            str(ROOT / photo),
-            "--no-cache",
-            "-o",
-            f"{folder}/out",
-        ]
+        command = [sys.executable, "-m", "physic_core", "run", str(ROOT / photo), "--no-cache"]
+        command += ["-o", f"{folder}/out"]
         cost = run_measured(command, cwd=tree, env=environment)
         files = [file for file in Path(folder).rglob("*") if file.is_file()]
         size = sum(file.stat().st_size for file in files)
@@ -135,7 +127,7 @@ def _difference(before: np.ndarray, after: np.ndarray) -> str:
 
 def main() -> None:
     """Measure, write, and print what was written."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser = parser_of("run_cost", __doc__, fits=False)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument(
         "--against",

@@ -19,10 +19,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from benchmarks.fits import parser_of, write_numbers
-from benchmarks.observer.command import opened
 from benchmarks.observer.regression import Examples, left_out
+from benchmarks.observer.sample import opened
 from physic_core.files.npz import read_arrays, write_arrays
 from physic_embedded.networks.depth_anything import patch_tokens
 from physic_embedded.single_view.gravity import (
@@ -165,11 +166,8 @@ def crop_of(panorama: Picture, view: View) -> Picture:
     width, height = view.size
     x, y = np.meshgrid(np.arange(width) - (width - 1) / 2, np.arange(height) - (height - 1) / 2)
     focal = _LONG_SIDE_PX / 2 / np.tan(np.radians(view.along / 2))
-    down, turn = np.radians([view.pitch, view.roll])
-    about_x = [[1, 0, 0], [0, np.cos(down), -np.sin(down)], [0, np.sin(down), np.cos(down)]]
-    about_z = [[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]]
-    level_to_camera = np.array(about_z) @ np.array(about_x)
-    rays = np.stack([x / focal, y / focal, np.ones_like(x)], axis=-1) @ level_to_camera
+    turned = Rotation.from_euler("ZX", [view.roll, view.pitch], degrees=True)
+    rays = np.stack([x / focal, y / focal, np.ones_like(x)], axis=-1) @ turned.as_matrix()
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     rows, columns = panorama.shape[:2]
     around = (np.arctan2(rays[..., 0], rays[..., 2]) + view.yaw) / (2 * np.pi)

@@ -1,6 +1,6 @@
 """Fit the embedded observer of people to labelled photos, and score it on other collections.
 
-    python -m benchmarks observer DATA OUT [--encoder MODULE:NAME] [--write]
+    python -m benchmarks observer DATA OUT [--write]
 
 DATA/contact has ``labels.json``, ``children.json`` and ``photos``; its folders ``other``, ``third``
 and ``postures`` have photos of other collections, whose labels by two readers lie beside the
@@ -13,26 +13,21 @@ collections and films by a fit to the given photos alone; then the photos of eac
 to the others of all collections. The numbers are fitted to all pictures but the films apart, and
 calibrated on people whose repository took no part, and written to OUT, with ``--write`` into the
 plugin.
-
-``--encoder`` names a function from a photo (H, W, 3) to ``PatchTokens``, whose numbers are for a
-backend of your own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
-from importlib import import_module
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import cv2
+import numpy as np
 
 from benchmarks.fits import parser_of, write_numbers
 from benchmarks.truth.scores import LIMBS as LIMBS_OF_FILMS
 from benchmarks.truth.sets import FILMS_OF_FITS, Sample, parkour, picture_of
-from physic_embedded.networks.depth_anything import patch_tokens
-from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.person_observer import NUMBERS, REGIONS, tokens_of_questions
 from physic_testing.metrics import match_by_boxes
 
@@ -44,24 +39,18 @@ from .fit import (
     fitted,
     question_of,
 )
-from .labels import COLLECTIONS, Photo, collected_photos, given_photos
-from .sample import Networks, Picture, read_seen, write_seen
+from .labels import COLLECTIONS, collected_photos, given_photos
+from .sample import Networks, read_seen, write_seen
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    import numpy as np
     from numpy.typing import NDArray
 
-    from physic_embedded.networks.patch_tokens import PatchTokens
-    from physic_networks.onnx_sessions import OnnxSession
-
-    from .sample import Encoder, Seen
+    from .sample import Seen
 
 FILM_FRAMES = 6
 """Frames of each film."""
-
-ENCODER = "benchmarks.observer.command:embedded_encoder"
 
 _LEAST_IOU = 0.4  # of a labelled person and of a person in OUT, whose labels may have changed
 
@@ -71,26 +60,16 @@ def main() -> int:
     parser = parser_of("observer", __doc__)
     parser.add_argument("data", type=Path, help="folder with contact and truth")
     parser.add_argument("out", type=Path)
-    parser.add_argument("--encoder", default=ENCODER, metavar="MODULE:NAME")
     given = parser.parse_args()
     if not (given.data / "contact" / "labels.json").is_file():
         print(f"skipped: {given.data / 'contact' / 'labels.json'} is not there")
         return 0
     pictures = [
-        *_photos(given_photos(given.data / "contact"), given.data / "contact" / "photos"),
-        *(
-            one
-            for name in COLLECTIONS
-            for one in _photos(
-                collected_photos(given.data / "contact", name),
-                given.data / "contact" / name / "photos",
-            )
-        ),
+        *given_photos(given.data / "contact"),
+        *(p for name in COLLECTIONS for p in collected_photos(given.data / "contact", name)),
         *_frames(given.data / "truth" / "parkour"),
     ]
-    module, _, name = given.encoder.partition(":")
-    encoder = getattr(import_module(module), name)
-    people = list(_people(pictures, given.out, encoder))
+    people = list(_people(pictures, given.out))
     numbers = {name: _fitted(question_of(name, people)) for name in REGIONS}
     write_numbers(numbers, NUMBERS, given.out, write=given.write)
     return 0
@@ -103,30 +82,12 @@ def _fitted(question: Question) -> NDArray[np.float32]:
     return fitted(question.of(question.sets != APART))
 
 
-def embedded_encoder(picture: Picture) -> PatchTokens:
-    """Return the tokens of the packaged depth network's encoder, as the embedded backend reads
-    them.
-    """
-    return patch_tokens("depth_anything_v2_vits", opened, picture, 406, 3600)
-
-
-@cache
-def opened(graph: str) -> OnnxSession:
-    """Return a session of a packaged network, opened once."""
-    return open_packaged_session(graph, 1)
-
-
-def _photos(photos: Sequence[Photo], folder: Path) -> list[tuple[Photo, Path | Sample]]:
-    files = {file.stem: file for file in sorted(folder.iterdir())} if photos else {}
-    return [(photo, files[photo.name]) for photo in photos]
-
-
-def _frames(folder: Path) -> list[tuple[Photo, Path | Sample]]:
+def _frames(folder: Path) -> list[Sample]:
     """Return frames of each film whose forces are measured, spread over the film."""
     films: dict[str, list[Sample]] = {}
     for sample in parkour(folder) if folder.is_dir() else ():
         films.setdefault(sample.group, []).append(sample)
-    frames: list[tuple[Photo, Path | Sample]] = []
+    frames = []
     for film, samples in films.items():
         name = "films" if film in FILMS_OF_FITS else APART
         for sample in samples[:FILM_FRAMES]:
@@ -135,44 +96,37 @@ def _frames(folder: Path) -> list[tuple[Photo, Path | Sample]]:
                 for limb, part in LIMBS_OF_FILMS.items()
                 if not sample.truth["uncaptured"][limb]
             }
-            frames.append((Photo(name, sample.name, film, [{"parts": parts}]), sample))
+            frames.append(replace(sample, set=name, truth={"people": [{"parts": parts}]}))
     return frames
 
 
-def _people(
-    pictures: Sequence[tuple[Photo, Path | Sample]], out: Path, encoder: Encoder
-) -> Iterable[LabelledPerson]:
+def _people(pictures: Sequence[Sample], out: Path) -> Iterable[LabelledPerson]:
     """Return the labelled people of all pictures; what is not in OUT is looked at first."""
     networks = None
-    for photo, source in pictures:
+    for photo in pictures:
         file = out_file(out, photo)
         if not file.is_file():
-            networks = networks or Networks(encoder)
-            boxes = [person["box"] for person in photo.people if "box" in person]
-            write_seen(file, networks.see(_rgb(source), boxes))
+            networks = networks or Networks()
+            boxes = [person["box"] for person in photo.truth["people"] if "box" in person]
+            picture = cv2.cvtColor(picture_of(photo), cv2.COLOR_BGR2RGB).astype(np.uint8)
+            write_seen(file, networks.see(picture, boxes))
             print(photo.set, photo.name, flush=True)
         yield from _labelled(photo, read_seen(file))
 
 
-def out_file(out: Path, photo: Photo) -> Path:
+def out_file(out: Path, photo: Sample) -> Path:
     """Return the file of OUT with what was seen of a picture."""
     return out / photo.set / f"{photo.name}.npz"
 
 
-def _rgb(source: Path | Sample) -> Picture:
-    bgr = picture_of(source) if isinstance(source, Sample) else cv2.imread(str(source))
-    found: Picture = cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
-    return found
-
-
-def _labelled(photo: Photo, seen: Seen) -> Iterable[LabelledPerson]:
+def _labelled(photo: Sample, seen: Seen) -> Iterable[LabelledPerson]:
     """Return the people of a picture that were seen, with their tokens."""
     if not len(seen.boxes):
         return
     found = tokens_of_questions(seen.tokens, seen.boxes, seen.keypoints)
-    boxes = [person.get("box", seen.boxes[0]) for person in photo.people]
+    boxes = [person.get("box", seen.boxes[0]) for person in photo.truth["people"]]
     same = match_by_boxes(list(seen.boxes), boxes, _LEAST_IOU).predicted_of
-    for i, person in enumerate(photo.people):
+    for i, person in enumerate(photo.truth["people"]):
         if i in same:
             tokens = {name: values[same[i]] for name, values in found.items()}
             yield LabelledPerson(photo, person, tokens)

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.truth.measures import probability_scores
+from benchmarks.truth.sets import Sample
 from physic_testing.metrics.intervals import draw_counts, percentile_interval
 
-from .labels import Photo, Truth, answers
+from .labels import Truth, answers, repository_of
 from .regression import (
     Array,
     Examples,
@@ -54,7 +55,7 @@ class LabelledPerson:
         tokens: question -> (sides, C); NaN where the photo does not show it.
     """
 
-    photo: Photo
+    photo: Sample
     truth: Truth
     tokens: Mapping[str, Array]
 
@@ -105,7 +106,7 @@ def question_of(name: str, people: Sequence[LabelledPerson]) -> Question:
         [photo.group for photo in photos],
     )
     sets = np.array([photo.set for photo in photos])
-    return Question(name, examples, sets, np.array([photo.repository for photo in photos]))
+    return Question(name, examples, sets, np.array([repository_of(photo) for photo in photos]))
 
 
 def fitted(question: Question, ridge: float = RIDGE) -> NDArray[np.float32]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.truth.contact import MIN_IOU, TOUCHES, WORLD
+from benchmarks.truth.sets import Sample
 from physic_core.types.observations import POSTURES
 from physic_core.types.skeletons import SIDES
 from physic_testing.metrics import match_by_boxes
@@ -25,26 +25,9 @@ Array = NDArray[np.float64]
 Truth = Mapping[str, Any]
 
 
-@dataclass(frozen=True)
-class Photo:
-    """A picture with labelled people.
-
-    Attributes:
-        set: "given", one of :data:`COLLECTIONS`, or "films".
-        name: of the file, without its ending; of a film and its frame.
-        group: what is left out at once: the photo, or the film.
-        people: labels, each with its "box"; of a film, one without.
-    """
-
-    set: str
-    name: str
-    group: str
-    people: Sequence[Truth]
-
-    @property
-    def repository(self) -> str:
-        """Where the picture is from: its name up to two underscores, or its film."""
-        return self.name.partition("__")[0] if "__" in self.name else self.group
+def repository_of(photo: Sample) -> str:
+    """Return where a picture is from: its name up to two underscores, or its film."""
+    return photo.name.partition("__")[0] if "__" in photo.name else photo.group
 
 
 def answers(question: str, truth: Truth) -> Array:
@@ -77,33 +60,41 @@ def _column(values: Any) -> Array:
     return np.array([[np.nan if value is None else float(value)] for value in values])
 
 
-def given_photos(folder: Path) -> list[Photo]:
-    """Return the photos of a folder with ``labels.json``, and ``children.json`` if there is one."""
+def labelled_photos(name: str, folder: Path, labels: Mapping[str, Sequence[Truth]]) -> list[Sample]:
+    """Return the pictures of a folder that have labels, as a set of this name."""
+    files = {file.stem: file for file in sorted(folder.iterdir())}
+    return [
+        Sample(name, photo, photo, files[photo], truth={"people": people})
+        for photo, people in labels.items()
+    ]
+
+
+def given_photos(folder: Path) -> list[Sample]:
+    """Return the photos of a folder with ``labels.json``, and ``children.json`` if there is one, as
+    set "given".
+    """
     labels = json.loads((folder / "labels.json").read_text())
     file = folder / "children.json"
     ages = json.loads(file.read_text()) if file.is_file() else {}
-    photos = []
-    for name, people in labels.items():
-        known = [dict(one) for one in people]
-        for i, one in enumerate(known) if ages else ():
+    for name, people in labels.items() if ages else ():
+        for i, one in enumerate(people):
             unsure = i in ages["unsure"].get(name, ())
             one["child"] = None if unsure else i in ages["child"].get(name, ())
-        photos.append(Photo("given", name, name, known))
-    return photos
+    return labelled_photos("given", folder / "photos", labels)
 
 
-def collected_photos(folder: Path, name: str) -> list[Photo]:
+def collected_photos(folder: Path, name: str) -> list[Sample]:
     """Return the photos of one of :data:`COLLECTIONS` in DATA/contact, with the labels on which its
     readers agree; none if they are not there.
     """
     if not (folder / name).is_dir():
         return []
-    labels = Path(__file__).parents[1] / "truth"
+    beside = Path(__file__).parents[1] / "truth"
     readers = [
-        json.loads((labels / f"labels_of_{name}_{reader}.json").read_text())
+        json.loads((beside / f"labels_of_{name}_{reader}.json").read_text())
         for reader in ("first", "second")
     ]
-    return [Photo(name, photo, photo, people) for photo, people in agreed(readers).items()]
+    return labelled_photos(name, folder / name / "photos", agreed(readers))
 
 
 def agreed(readers: Sequence[Mapping[str, Sequence[Truth]]]) -> dict[str, list[Truth]]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ from physic_core.files.npz import read_arrays, write_arrays
 from physic_core.types import Keypoints
 from physic_embedded.keypoint_detector import keypoints_from_poses
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
+from physic_embedded.networks.depth_anything import patch_tokens
 from physic_embedded.networks.patch_tokens import PatchTokens
 from physic_embedded.networks.pose import predict_pose
 from physic_embedded.networks.sessions import open_packaged_session
@@ -28,7 +30,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
-Encoder = Callable[[Picture], PatchTokens]
 
 _PASSES = 3
 _LEAST_IOU = 0.3  # of a pose and its box
@@ -49,11 +50,16 @@ class Seen:
     keypoints: Keypoints
 
 
-class Networks:
-    """Pose network and encoder, opened once."""
+@cache
+def opened(graph: str) -> OnnxSession:
+    """Return a session of a packaged network, opened once."""
+    return open_packaged_session(graph, 1)
 
-    def __init__(self, encoder: Encoder) -> None:
-        self.encoder = encoder
+
+class Networks:
+    """Pose network and the packaged depth network's encoder, opened once."""
+
+    def __init__(self) -> None:
         self._pose = open_packaged_session("pose_landmark_heavy", 1)
         self._detector = open_packaged_session("yolox_nano", 1)
 
@@ -74,7 +80,8 @@ class Networks:
         lost = np.diag(box_iou(boxes, own)) < _LEAST_IOU
         keypoints = keypoints_from_poses(poses, *picture.shape[:2])
         confidence = np.where(lost[:, None], np.float32(0), keypoints.confidence)
-        return Seen(self.encoder(picture), boxes, replace(keypoints, confidence=confidence))
+        tokens = patch_tokens("depth_anything_v2_vits", opened, picture, 406, 3600)
+        return Seen(tokens, boxes, replace(keypoints, confidence=confidence))
 
 
 def pose_in_box(session: OnnxSession, picture: ImagePyramid, box: Array) -> Pose:

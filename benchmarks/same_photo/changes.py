@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.posture import angle_deg
 from physic_testing.metrics import match_by_masks
 
 from .variants import GRID
@@ -38,18 +37,14 @@ class PersonChange:
     Attributes:
         distance: logarithm of the ratio of the distances.
         sigmas: the same over the stated sigma; NaN if none is stated.
-        stature: logarithm of the ratio of the statures.
         parts: probabilities of each body part in both answers.
-        supports: states in both answers.
         grades: in both answers.
         trust: difference of the probabilities that the person is right; NaN without checks.
     """
 
     distance: float
     sigmas: float
-    stature: float
     parts: tuple[tuple[float, float], ...]
-    supports: tuple[str | None, str | None]
     grades: tuple[str | None, str | None]
     trust: float
 
@@ -63,32 +58,21 @@ class Change:
         visible: number of the photo's largest people of whom the variant shows enough.
         lost: of these, people whom the variant's answer lacks.
         new: of the variant's largest people, those whom the photo's answer lacks.
-        sigma: stated sigma of distances, of both answers together.
         scene: logarithm of the median ratio of the depths.
-        focal: logarithm of the ratio of the focal lengths.
-        focal_sigmas: the same over the stated sigma; NaN if the camera was given.
-        floor_deg: angle between the floors.
-        floor_height: logarithm of the ratio of the heights of the camera.
-        floor_lost: whether one of the answers alone has a floor.
     """
 
     people: tuple[PersonChange, ...]
     visible: int
     lost: int
     new: int
-    sigma: float
     scene: float
-    focal: float
-    focal_sigmas: float
-    floor_deg: float
-    floor_height: float
-    floor_lost: bool
 
 
 def change(photo: Answer, variant: Answer) -> Change:
     """Compare the answer to a photo with that to its variant."""
-    ours = _by_size(photo.people)
-    theirs = _by_size(variant.people)
+    ours, theirs = (
+        sorted(one.people, key=lambda person: -int(person.mask.sum())) for one in (photo, variant)
+    )
     cut = [person.mask & variant.inside for person in ours]
     found = match_by_masks(_stack([person.mask for person in theirs]), _stack(cut)).predicted_of
     counted = [
@@ -96,13 +80,9 @@ def change(photo: Answer, variant: Answer) -> Change:
         for i, person in enumerate(ours[:LARGEST])
         if cut[i].any() and cut[i].sum() >= LEAST_VISIBLE * person.mask.sum()
     ]
-    sigma = _common(photo.distance_sigma, variant.distance_sigma)
-    focal = math.log(variant.focal / photo.focal)
+    stated = [one.distance_sigma or math.nan for one in (photo, variant)]
+    sigma = math.hypot(*stated) / math.sqrt(2)
     both = np.isfinite(photo.depth) & np.isfinite(variant.depth)
-    angle = height = math.nan
-    if photo.floor is not None and variant.floor is not None:
-        angle = float(angle_deg(photo.floor[:3], variant.floor[:3]))
-        height = math.log(variant.floor[3] / photo.floor[3])
     return Change(
         people=tuple(
             _person_change(ours[i], theirs[found[i]], sigma) for i in counted if i in found
@@ -110,15 +90,9 @@ def change(photo: Answer, variant: Answer) -> Change:
         visible=len(counted),
         lost=len(set(counted) - set(found)),
         new=len(set(range(len(theirs[:LARGEST]))) - set(found.values())),
-        sigma=sigma,
         scene=float(np.log(np.median(variant.depth[both] / photo.depth[both])))
         if both.any()
         else math.nan,
-        focal=focal,
-        focal_sigmas=focal / _common(photo.focal_sigma, variant.focal_sigma),
-        floor_deg=angle,
-        floor_height=height,
-        floor_lost=(photo.floor is None) != (variant.floor is None),
     )
 
 
@@ -127,27 +101,16 @@ def _person_change(photo: SeenPerson, variant: SeenPerson, sigma: float) -> Pers
     return PersonChange(
         distance=distance,
         sigmas=distance / sigma,
-        stature=math.log(variant.stature / photo.stature),
         parts=tuple(
             (p, variant.parts[part]) for part, p in photo.parts.items() if part in variant.parts
         ),
-        supports=(photo.support, variant.support),
         grades=(photo.grade, variant.grade),
         trust=(variant.trust or math.nan) - (photo.trust or math.nan),
     )
 
 
-def _by_size(people: Sequence[SeenPerson]) -> list[SeenPerson]:
-    return sorted(people, key=lambda person: -int(person.mask.sum()))
-
-
 def _stack(masks: Sequence[NDArray[np.bool_]]) -> NDArray[np.bool_]:
     return np.array(masks, bool).reshape(-1, GRID, GRID)
-
-
-def _common(one: float | None, other: float | None) -> float:
-    """Return the root mean square of two sigmas; NaN without one of them."""
-    return math.nan if not one or not other else math.hypot(one, other) / math.sqrt(2)
 
 
 def table(changes: Mapping[str, Sequence[Change]]) -> list[list[str]]:
@@ -155,46 +118,27 @@ def table(changes: Mapping[str, Sequence[Change]]) -> list[list[str]]:
 
     "distance %", say, is the median and the 90th percentile, "distance / sigma" also the 95th.
     """
-    rows = {name: _row(found) for name, found in changes.items()}
-    return [
-        ["variant", *_row(())],
-        *([name, *row.values()] for name, row in rows.items()),
-    ]
+    rows = [[name, *_row(found).values()] for name, found in changes.items()]
+    return [["variant", *_row(())], *rows]
 
 
 def _row(changes: Sequence[Change]) -> dict[str, str]:
     """Return column -> what it says of the changes of a variant."""
     people = [person for one in changes for person in one.people]
     lost = sum(one.lost + one.new for one in changes)
+    parts = np.array([pair for person in people for pair in person.parts]).reshape(-1, 2)
+    unsure = ((parts >= UNSURE[0]) & (parts <= UNSURE[1])).any(-1)
+    crosses = (parts[:, 0] >= 0.5) != (parts[:, 1] >= 0.5)
     visible = sum(one.visible for one in changes)
     return {
         "people": str(len(people)),
         "lost or new %": _percent(lost, visible),
         "distance %": _spread((p.distance for p in people), _as_percent),
         "distance / sigma": _spread((p.sigmas for p in people), None, (50, 90, 95)),
-        "sigma %": _spread((one.sigma for one in changes), _as_percent),
-        "stature %": _spread((p.stature for p in people), _as_percent),
         "scene %": _spread((one.scene for one in changes), _as_percent),
-        "focal %": _spread((one.focal for one in changes), _as_percent),
-        "focal / sigma": _spread((one.focal_sigmas for one in changes), None, (50, 90, 95)),
-        "floor deg": _spread(one.floor_deg for one in changes),
-        "floor height %": _spread((one.floor_height for one in changes), _as_percent),
-        "floor lost or new %": _percent(sum(one.floor_lost for one in changes), len(changes)),
-        **_parts(people),
-        "support %": _percent(sum(len(set(p.supports)) > 1 for p in people), len(people)),
-        "grade %": _percent(sum(len(set(p.grades)) > 1 for p in people), len(people)),
-        "good <-> bad": str(sum(set(p.grades) == {"good", "bad"} for p in people)),
-        "trust": _spread(p.trust for p in people),
-    }
-
-
-def _parts(people: Sequence[PersonChange]) -> dict[str, str]:
-    parts = np.array([pair for person in people for pair in person.parts]).reshape(-1, 2)
-    unsure = ((parts >= UNSURE[0]) & (parts <= UNSURE[1])).any(-1)
-    crosses = (parts[:, 0] >= 0.5) != (parts[:, 1] >= 0.5)
-    return {
-        "parts": f"{np.abs(parts[:, 0] - parts[:, 1]).mean():.3f}" if len(parts) else "-",
         "unsure parts cross %": _percent(int((crosses & unsure).sum()), int(unsure.sum())),
+        "grade %": _percent(sum(len(set(p.grades)) > 1 for p in people), len(people)),
+        "trust": _spread(p.trust for p in people),
     }
 
 

@@ -19,18 +19,17 @@ from __future__ import annotations
 
 import argparse
 import hashlib
-import math
 import os
 import pickle
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmarks.contact_on_photos import samples_of
-from benchmarks.fits import HALVES, half_of
+from benchmarks.fits import HALVES, half_of, parser_of
 from benchmarks.truth.sets import Sample, picture_of
-from physic_testing.metrics import aligned_table, markdown_table
+from physic_testing.metrics import markdown_table
 
 from .changes import Change, change, table
 from .variants import PHOTO, PHOTO_K, VARIANTS, Answer, Picture, Variant, answer_of, no_answer
@@ -58,27 +57,22 @@ def main() -> int:
     variants = [v for v, name in zip(VARIANTS, known, strict=True) if not names or name in names]
     cache = given.cache or given.out / "cache"
     os.environ["PHYSIC_CACHE"] = str(cache.resolve())
-    changes: dict[str, dict[str, Change]] = {variant.name: {} for variant in variants}
+    changes: dict[str, list[Change]] = {variant.name: [] for variant in variants}
     with embedded_pipeline(given.set) as pipeline:
         for number, sample in enumerate(samples, 1):
             folder = given.out / "answers" / sample.name
             found = changes_of(picture_of(sample)[..., ::-1], variants, folder, pipeline)
-            for variant in variants:
-                changes[variant.name][sample.name] = found[variant.name]
+            for name, one in found.items():
+                changes[name].append(one)
             keep_networks_only(cache)
             words = f"[{number}/{len(samples)}] {half_of(sample.name)} {sample.name}"
             print(words, file=sys.stderr, flush=True)
-    print(markdown_table(table({name: list(photos.values()) for name, photos in changes.items()})))
-    print("\n" + worst_of(changes, given.worst))
+    print(markdown_table(table(changes)))
     return 0
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks same_photo",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    parser = parser_of("same_photo", __doc__, fits=False)
     add = parser.add_argument
     add("data", type=Path, help="folder with contact and photos")
     add("out", type=Path)
@@ -89,7 +83,6 @@ def _parser() -> argparse.ArgumentParser:
     words = "setting that differs"
     add("--set", action="append", default=[], metavar="KEY=VALUE", help=words)
     add("--cache", type=Path, help="folder of the networks' outputs; OUT/cache if not given")
-    add("--worst", type=int, default=5, help="number of changes of distance to list")
     return parser
 
 
@@ -170,44 +163,3 @@ def keep_networks_only(cache: Path) -> None:
     for file in (cache / "results").glob("*.npz"):
         if not file.name.startswith("network-"):
             file.unlink(missing_ok=True)
-
-
-def worst_of(changes: Mapping[str, Mapping[str, Change]], count: int) -> str:
-    """Return the largest changes of a distance as lines, with what else changed."""
-    rows = [
-        (person, found, variant, photo)
-        for variant, photos in changes.items()
-        for photo, found in photos.items()
-        for person in found.people
-        if math.isfinite(person.distance)
-    ]
-    rows.sort(key=lambda row: -abs(row[0].distance))
-    logarithms = [
-        (p.distance, p.stature, c.scene, c.focal, c.floor_height) for p, c, _, _ in rows[:count]
-    ]
-    ratios = [[f"{math.exp(value):.2f}" for value in row] for row in logarithms]
-    return aligned_table(
-        [
-            (
-                "photo",
-                "variant",
-                "distance",
-                "stature",
-                "scene",
-                "focal",
-                "floor height",
-                "floor deg",
-                "grades",
-            ),
-            *(
-                (
-                    photo,
-                    variant,
-                    *ratio,
-                    f"{found.floor_deg:.1f}",
-                    " ".join(str(g) for g in person.grades),
-                )
-                for (person, found, variant, photo), ratio in zip(rows, ratios, strict=False)
-            ),
-        ]
-    )

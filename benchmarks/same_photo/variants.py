@@ -16,7 +16,6 @@ from physic_core.types.skeletons import other_side
 
 if TYPE_CHECKING:
     from physic_core import Intrinsics, Reconstruction
-    from physic_core.types import Plane
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
@@ -114,18 +113,14 @@ class SeenPerson:
     Attributes:
         mask: (GRID, GRID) bool, at the points of the photo.
         distance: from the camera to the pelvis, m; NaN without a body.
-        stature: m; NaN without a body.
         parts: body part -> probability that it touches the world.
-        support: state of the support; None without a body.
         grade: of the person.
         trust: probability that the person is right; None without checks.
     """
 
     mask: NDArray[np.bool_]
     distance: float
-    stature: float
     parts: Mapping[str, float]
-    support: str | None
     grade: str | None
     trust: float | None
 
@@ -139,20 +134,14 @@ class Answer:
         depth: (GRID, GRID) float32 m of the scene, NaN where unknown.
         people: of the result.
         focal: px of the photo.
-        focal_sigma: standard deviation of its logarithm; None if it was given.
         distance_sigma: standard deviation of the logarithm of all distances; None if not stated.
-        floor: (4,) normal and height of the camera in its frame; None without a floor.
-        notes: of the result.
     """
 
     inside: NDArray[np.bool_]
     depth: NDArray[np.float32]
     people: tuple[SeenPerson, ...]
     focal: float
-    focal_sigma: float | None
     distance_sigma: float | None
-    floor: Array | None
-    notes: tuple[str, ...] = ()
 
 
 def answer_of(result: Reconstruction, variant: Variant, width: int, height: int) -> Answer:
@@ -176,9 +165,7 @@ def answer_of(result: Reconstruction, variant: Variant, width: int, height: int)
             SeenPerson(
                 mask=sampled(person.mask) & inside,
                 distance=float(np.linalg.norm(person.joints[0])),
-                stature=math.nan if person.stature is None else float(person.stature),
                 parts=parts,
-                support=None if person.support is None else str(person.support.state),
                 grade=None if person.grade is None else str(person.grade),
                 trust=person.trust,
             )
@@ -191,24 +178,14 @@ def answer_of(result: Reconstruction, variant: Variant, width: int, height: int)
         depth=np.where(inside, depth, np.nan).astype(np.float32),
         people=tuple(people),
         focal=camera.fx * (right - left) / camera.width,
-        focal_sigma=None if camera.known else camera.focal_sigma,
         distance_sigma=result.distance_sigma,
-        floor=_floor(scene.floor, variant),
-        notes=result.notes,
     )
-
-
-def _floor(floor: Plane | None, variant: Variant) -> Array | None:
-    if floor is None:
-        return None
-    signs = [-1 if variant.mirrored else 1, 1, 1, 1]
-    return np.array([*floor.normal, floor.offset], np.float64) * signs
 
 
 def no_answer(variant: Variant, width: int, height: int) -> Answer:
     """Return the answer of a variant for which there is no result."""
     inside = _grid(variant, width, height)[2]
-    return Answer(inside, np.full((GRID, GRID), np.nan, np.float32), (), math.nan, None, None, None)
+    return Answer(inside, np.full((GRID, GRID), np.nan, np.float32), (), math.nan, None)
 
 
 def _grid(variant: Variant, width: int, height: int) -> tuple[Array, Array, NDArray[np.bool_]]:

@@ -25,7 +25,7 @@ import numpy as np
 
 from benchmarks.fits import parser_of
 
-from .contact import film_records, film_rows, part_tables, table_of_parts
+from .contact import part_tables, table_of_parts
 from .run import answer_of
 from .scores import photo_record, score_annotated, score_moment, score_parkour, score_single
 from .sets import SETS, Sample
@@ -45,19 +45,10 @@ def main() -> int:
             "benchmarks/README.md."
         )
         return 0
-    if given.no_run:
-        samples = [
-            s for s in samples if (given.out / "answers" / s.set / f"{s.name}.json").exists()
-        ]
-        if not samples:
-            parser.error(
-                f"{given.out} has no answer to any of these photos: run without --no-run first"
-            )
     answers = _answers(samples, given)
     earlier = json.loads(given.triangulated.read_text()) if given.triangulated else {}
     records = compared(samples, answers, earlier)
     rows = rows_of(records["people"], records["floors"], records["photos"])
-    rows += film_rows(records["films"])
     parts = part_tables(records["parts"])
     table = "\n\n".join([text_table(rows), table_of_parts(parts)])
     counts = {name: sum(sample.set == name for sample in samples) for name in SETS}
@@ -99,7 +90,6 @@ def _parser() -> argparse.ArgumentParser:
     add("--no-camera", action="store_true", help=words)
     words = "joints of an earlier run, as truth"
     add("--triangulated", type=Path, metavar="FILE", help=words)
-    add("--no-run", action="store_true", help="only what --out holds already")
     return parser
 
 
@@ -154,7 +144,7 @@ def compared(
     answers: Sequence[dict[str, Any]],
     earlier: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """The records of all people, floors, body parts, films and photos, and the joints that were
+    """The records of all people, floors, body parts and photos, and the joints that were
     triangulated.
     """
     people: list[Any] = []
@@ -190,7 +180,6 @@ def compared(
         "people": people,
         "floors": floors,
         "parts": parts,
-        "films": film_records(samples, answers),
         "photos": photos,
         "triangulated": triangulated,
     }

@@ -5,20 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from physic_core.types.skeletons import SIDES
 from physic_testing.metrics import ValueWithInterval, markdown_table
 
 from .measures import SCORES, probability_scores
 from .sets import FILMS_APART, FILMS_OF_FITS, Sample
-from .statistics import Record, Strata, figure, pooled
-from .table import Row
-
-if TYPE_CHECKING:
-    Answer = Mapping[str, Any]
+from .statistics import Record, Strata, figure
 
 WORLD = ("floor", "seat", "wall", "support")
 OTHER = ("none", "own", "object", "person")
@@ -64,43 +58,6 @@ def part_record(
     }
 
 
-def film_records(samples: Sequence[Sample], answers: Sequence[Answer]) -> list[dict[str, Any]]:
-    """Of each film of parkour, the median camera height of frames where no foot touches over that
-    of the others.
-    """
-    heights: dict[str, dict[bool, list[float]]] = {}
-    for sample, answer in zip(samples, answers, strict=True):
-        if sample.set != "parkour" or answer["floor"] is None:
-            continue
-        touches = [sample.truth["touches"][foot] for foot in ("l_ankle", "r_ankle")]
-        if any(touches) or not any(
-            sample.truth["uncaptured"][foot] for foot in ("l_ankle", "r_ankle")
-        ):
-            of_film = heights.setdefault(sample.group, {True: [], False: []})
-            of_film[any(touches)].append(float(answer["floor"][3]))
-    return [
-        {
-            "set": "parkour",
-            "photo": film,
-            "group": film,
-            "frames": {"stands": len(found[True]), "in_air": len(found[False])},
-            "ratio": float(np.median(found[False]) / np.median(found[True])),
-        }
-        for film, found in heights.items()
-        if found[True] and found[False]
-    ]
-
-
-def film_rows(films: Sequence[Record]) -> list[Row]:
-    """Rows about the floor under people who hang or jump."""
-    rows = []
-    for words, names in FILMS.items():
-        mine = [r for r in films if r["group"] in names]
-        name = f"camera height where no foot touches / where one does, {words}"
-        rows.append(Row(name, figure(mine, pooled("ratio")), ".85-1.15", ".2f"))
-    return rows
-
-
 def part_tables(parts: Sequence[Record]) -> dict[str, dict[str, dict[str, Any]]]:
     """Figures of each score: group of photos -> kind of part -> score, and "touching", the number
     that touch.
@@ -125,19 +82,7 @@ def part_tables(parts: Sequence[Record]) -> dict[str, dict[str, dict[str, Any]]]
 
 def table_of_parts(tables: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
     """As Markdown: a line for each kind of part, each score with its interval."""
-    heads = [
-        "judged",
-        "touch",
-        "AUC",
-        "Brier",
-        "Brier, constant",
-        "recall",
-        "specificity",
-        "balanced",
-        "F1",
-    ]
-    heads.append("calibration error")
-    rows = [["contact with the world", *heads]]
+    rows = [["contact with the world", "judged", "touch", *SCORES]]
     for group, kinds in tables.items():
         for kind, scores in kinds.items():
             counts = [str(scores["auc"]["count"]), str(scores["touching"])]

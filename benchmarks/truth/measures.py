@@ -9,7 +9,6 @@ import numpy as np
 
 from benchmarks.truth.joints import bone_lengths, root
 from physic_core.backends.people import box_iou
-from physic_core.body.posture import angle_deg
 from physic_testing.metrics import assign, mpjpe_mm, pa_mpjpe_mm, penetration
 
 if TYPE_CHECKING:
@@ -30,11 +29,7 @@ FORCE_SHARE = 0.05
 
 
 def pose_errors(predicted: Array, truth: Array) -> dict[str, Any]:
-    """Of (12, 3) m in the camera's frame. Joints that the truth lacks do not count.
-
-    ``mpjpe_scaled_mm`` is after the scale about the camera that makes the bones as long in sum as
-    the true ones: what a stature that the user knows could mend of the distance.
-    """
+    """Of (12, 3) m in the camera's frame. Joints that the truth lacks do not count."""
     known = np.isfinite(truth).all(-1)
     own = bone_lengths(predicted)
     true = bone_lengths(truth)
@@ -48,41 +43,12 @@ def pose_errors(predicted: Array, truth: Array) -> dict[str, Any]:
         "pa_mpjpe_mm": float(pa_mpjpe_mm(predicted, truth, known)),
         "root_aligned_mm": float(mpjpe_mm(predicted - pelvis, truth - true_pelvis, known)),
         "mpjpe_mm": float(mpjpe_mm(predicted, truth, known)),
-        "mpjpe_scaled_mm": float(mpjpe_mm(predicted / ratio, truth, known)),
-        "pelvis_mm": 1000 * float(np.linalg.norm(pelvis - true_pelvis)),
         "pelvis_depth_ratio": float(pelvis[2] / true_pelvis[2]),
         "bones_ratio": ratio,
-        "bones": {name: own[name] / true[name] for name in both},
-        "joints": int(known.sum()),
         "joint_errors_m": np.linalg.norm(
             predicted - pelvis - truth + true_pelvis, axis=-1
         ).tolist(),
     }
-
-
-def floor_errors(floor: Array | None, up: Array, height: float) -> dict[str, Any]:
-    """Of a plane (4,) normal and offset in the camera's frame against the direction up and the
-    camera's true height.
-    """
-    if floor is None:
-        return {
-            "floor": False,
-            "floor_angle_deg": float("nan"),
-            "camera_height_ratio": float("nan"),
-        }
-    return {
-        "floor": True,
-        "floor_angle_deg": float(angle_deg(floor[:3], up)),
-        "camera_height_ratio": float(floor[3] / height),
-    }
-
-
-def up_errors(said: Array | None, sigma: float | None, up: Array) -> dict[str, float]:
-    """Of an up direction (3,), and of its stated error in each of two directions, degrees."""
-    if said is None or not sigma:
-        return {"up_angle_deg": float("nan"), "up_in_sigmas": float("nan")}
-    angle = float(angle_deg(said, up))
-    return {"up_angle_deg": angle, "up_in_sigmas": angle / sigma / 2**0.5}
 
 
 def box_of(points: Array) -> Array:
@@ -194,14 +160,13 @@ def depth_errors(depth: Array, truth: Array) -> dict[str, float]:
     """
     known = np.isfinite(depth) & np.isfinite(truth) & (truth > 0) & (depth > 0)
     if not known.any():
-        return {"absrel": float("nan"), "absrel_scaled": float("nan"), "depth_factor": float("nan")}
+        return {"absrel": float("nan"), "absrel_scaled": float("nan")}
     own = depth[known]
     true = truth[known]
     factor = float(np.median(true / own))
     return {
         "absrel": float((np.abs(own - true) / true).mean()),
         "absrel_scaled": float((np.abs(factor * own - true) / true).mean()),
-        "depth_factor": factor,
     }
 
 

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import shutil
 import sys
 import tempfile
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,7 +52,7 @@ def answer_of(
         earlier: dict[str, Any] = json.loads(file.read_text())
         if earlier["key"] == key:
             return earlier
-    answer = {"set": sample.set, "photo": sample.name, "key": key, **_run(sample, out, arguments)}
+    answer = {"set": sample.set, "photo": sample.name, "key": key, **_run(sample, arguments)}
     file.parent.mkdir(parents=True, exist_ok=True)
     part = file.with_suffix(".part")
     part.write_text(json.dumps(answer))
@@ -62,7 +60,7 @@ def answer_of(
     return answer
 
 
-def _run(sample: Sample, out: Path, arguments: list[str]) -> dict[str, Any]:
+def _run(sample: Sample, arguments: list[str]) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         photo = sample.source
         results = Path(folder) / "results"
@@ -71,45 +69,25 @@ def _run(sample: Sample, out: Path, arguments: list[str]) -> dict[str, Any]:
 
             photo = Path(folder) / f"{sample.name}.png"
             cv2.imwrite(str(photo), picture_of(sample))
-        command = [
-            sys.executable,
-            "-m",
-            "physic_core",
-            "run",
-            str(photo),
-            "--out",
-            str(results),
-            "--no-cache",
-        ]
-        command += arguments
-        began = time.perf_counter()
+        command = [sys.executable, "-m", "physic_core", "run", str(photo), *arguments]
+        command += ["--out", str(results), "--no-cache"]
         with (Path(folder) / "log").open("w+") as log:
             cost = run_measured(command, output=log, check=False)
             log.seek(0)
             lines = log.read().strip().splitlines()
-        times = {"wall_s": time.perf_counter() - began, "cpu_s": cost.cpu_s}
         if cost.code in NO_RESULT:
-            return {
-                "error": lines[-1] if lines else "",
-                "people": [],
-                "floor": None,
-                "checks": [],
-                **times,
-            }
+            error = lines[-1] if lines else ""
+            return {"error": error, "people": [], "floor": None, "cpu_s": cost.cpu_s}
         if cost.code:
             raise RuntimeError(
                 "\n".join([f"{' '.join(command)} ended with {cost.code}:", *lines[-20:]])
             )
-        preview = out / "previews" / sample.set / f"{sample.name}.png"
-        preview.parent.mkdir(parents=True, exist_ok=True)
-        if (results / "preview.png").exists():
-            shutil.copyfile(results / "preview.png", preview)
         from physic_core import load_reconstruction
 
         return {
             "error": "",
             **measured_fields(load_reconstruction(str(results)), _size(photo), sample),
-            **times,
+            "cpu_s": cost.cpu_s,
         }
 
 
@@ -138,15 +116,10 @@ def measured_fields(
         "floor": None
         if floor is None
         else [*(float(v) for v in floor.normal), float(floor.offset)],
-        "checks": [
-            {"name": c.name, "person": c.person, "value": c.value, "state": str(c.state)}
-            for c in result.checks
-        ],
         "grade": result.grade,
         "scale_sigma": result.scene.scale_sigma,
         "up": None if result.scene.up is None else result.scene.up.tolist(),
         "up_sigma": result.scene.up_sigma,
-        "warnings": list(result.warnings),
     }
     if "depth_file" in sample.truth:
         answer |= _depth(result, sample)
@@ -166,12 +139,10 @@ def _person(person: Person, skeleton: Skeleton | str, factor: Array) -> dict[str
             keypoints[row] = (*pixel, person.keypoint_confidence[k])
     return {
         "box": (np.asarray(person.box, np.float64) * np.tile(factor, 2)).tolist(),
-        "score": float(person.score),
         "joints": np.round(person.joints.astype(np.float64), 5).tolist(),
         "keypoints": np.round(keypoints, 4).tolist(),
         "joint_sigma": None if person.joint_sigma is None else person.joint_sigma.tolist(),
         "parts": dict(person.world_contact or {}),
-        "failed_checks": list(person.failed_checks),
         "grade": person.grade,
         "stature_sigma": person.stature_sigma,
     }

@@ -10,16 +10,15 @@ import numpy as np
 
 from benchmarks.truth.joints import BODY_ROWS, is_upright, limb_joints, root
 from benchmarks.truth.triangulation import match_views, visible_joints
+from physic_core.body.posture import angle_deg
 
 from .contact import part_record
 from .measures import (
     box_of,
-    floor_errors,
     match_people,
     points_error,
     pose_errors,
     spread_m,
-    up_errors,
 )
 from .sets import Sample, camera_of
 
@@ -64,27 +63,17 @@ def people_of(answer: Answer) -> list[Mapping[str, Any]]:
 
 
 def photo_record(sample: Sample, answer: Answer) -> Record:
-    """Time, checks and grade; no grade where there is no result."""
-    failed = sorted({check["name"] for check in answer["checks"] if check["state"] == "failed"})
-    unknown = sorted({check["name"] for check in answer["checks"] if check["state"] == "unknown"})
+    """Time, depths and grade; no grade where there is no result."""
     return {
-        "set": sample.set,
-        "photo": sample.name,
-        "group": sample.group,
+        **_of(sample),
         "error": answer["error"],
-        "people": len(answer["people"]),
         "bodies": len(people_of(answer)),
-        "failed_checks": failed,
-        "unknown_checks": unknown,
         **{
-            f"inside_{other}_cm": answer.get("depths_inside_cm", {}).get(other, [])
-            for other in ("scene", "people")
+            f"inside_{other}_cm": depths
+            for other, depths in answer.get("depths_inside_cm", {}).items()
         },
         "grade": answer.get("grade"),
-        **{
-            key: answer.get(key, math.nan)
-            for key in ("wall_s", "cpu_s", "absrel", "absrel_scaled", "depth_factor")
-        },
+        **{key: answer.get(key, math.nan) for key in ("cpu_s", "absrel", "absrel_scaled")},
     }
 
 
@@ -134,7 +123,7 @@ def score_moment(
         own = [record for record in people if record["person"] == name]
         places = [record.pop("pelvis") for record in own if "pelvis" in record]
         for record in own:
-            record |= {"spread_m": spread_m(np.array(places)), "views": len(places)}
+            record["spread_m"] = spread_m(np.array(places))
     return people, floors, list(truth)
 
 
@@ -202,9 +191,7 @@ def score_parkour(sample: Sample, answer: Answer) -> tuple[Record, list[Record]]
     if person is not None:
         own = pose_errors(joints_of(person), truth)
         # The camera is unknown: nothing else has a truth.
-        record |= {key: own[key] for key in ("pa_mpjpe_mm", "bones_ratio", "bones")} | {
-            "grade": person.get("grade")
-        }
+        record |= {"pa_mpjpe_mm": own["pa_mpjpe_mm"], "grade": person.get("grade")}
     parts = person["parts"] if person else dict.fromkeys(LIMBS.values(), 0.0)
     limbs = [
         part_record(sample, "0", part, parts[part], sample.truth["touches"][limb])
@@ -270,14 +257,18 @@ def _joints_in_sigmas(errors: Sequence[float], person: Mapping[str, Any]) -> flo
 
 
 def _floor(sample: Sample, answer: Answer, up: Array, height: float) -> Record:
-    floor = None if answer["floor"] is None else np.array(answer["floor"], np.float64)
-    said = None if answer.get("up") is None else np.array(answer["up"], np.float64)
-    record = {
-        **_of(sample),
-        **floor_errors(floor, up, height),
-        **up_errors(said, answer.get("up_sigma"), up),
-    }
-    record["missing"] = not record["floor"]
+    """The errors of floor and up against the direction up and the camera's true height; the error
+    of up over its stated one is that in each of two directions.
+    """
+    keys = ("floor_angle_deg", "camera_height_ratio", "up_angle_deg", "up_in_sigmas")
+    record = {**_of(sample), **dict.fromkeys(keys, math.nan), "missing": answer["floor"] is None}
+    if answer["floor"] is not None:
+        *normal, offset = answer["floor"]
+        record["floor_angle_deg"] = float(angle_deg(np.array(normal, np.float64), up))
+        record["camera_height_ratio"] = float(offset / height)
+    if answer.get("up") is not None and answer["up_sigma"]:
+        angle = float(angle_deg(np.array(answer["up"], np.float64), up))
+        record |= {"up_angle_deg": angle, "up_in_sigmas": angle / answer["up_sigma"] / 2**0.5}
     record["camera_height_off"] = abs(record["camera_height_ratio"] - 1)
     record["scale_in_sigmas"] = _in_sigmas(record["camera_height_ratio"], answer.get("scale_sigma"))
     return record

@@ -233,18 +233,6 @@ def rgbd(folder: Path) -> list[Sample]:
     return found
 
 
-def labelled_photos(folder: Path) -> list[Sample]:
-    """Photos whose people were labelled by eye: their boxes, postures, and what each body part
-    touches.
-    """
-    labels = json.loads((folder / "labels.json").read_text())
-    photos = {photo.stem: photo for photo in sorted((folder / "photos").iterdir())}
-    return [
-        Sample("contact", name, name, photos[name], truth={"people": people})
-        for name, people in labels.items()
-    ]
-
-
 SETS: dict[str, Callable[[Path], list[Sample]]] = {
     "mpi_inf_3dhp": mpi_inf_3dhp,
     "panoptic": multiview("panoptic", (0.0, -1.0, 0.0)),

@@ -6,8 +6,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from physic_testing.metrics import ValueWithInterval, resampled_interval
 
 Record = Mapping[str, Any]
@@ -29,7 +27,9 @@ def figure(records: Sequence[Record], statistic: Callable[[Strata], float]) -> V
     for record in records:
         sets.setdefault(record["set"], []).append(record)
     strata = [
-        max(_grouped(of_set, "group"), _grouped(of_set, "photo"), key=_several)
+        max(
+            _grouped(of_set, "group"), _grouped(of_set, "photo"), key=lambda groups: len(groups) > 1
+        )
         for of_set in sets.values()
     ]
 
@@ -45,10 +45,6 @@ def _grouped(records: Sequence[Record], key: str) -> list[list[Record]]:
     for record in records:
         groups.setdefault(record[key], []).append(record)
     return list(groups.values())
-
-
-def _several(groups: Sequence[Sequence[Record]]) -> bool:
-    return len(groups) > 1
 
 
 def mean_of(values: Sequence[float]) -> float:
@@ -76,13 +72,6 @@ def of_sets(key: str) -> Callable[[Strata], float]:
     return lambda strata: mean_of([mean_of([r[key] for r in stratum]) for stratum in strata])
 
 
-def of_lists(
-    key: str, average: Callable[[Sequence[float]], float] = mean_of
-) -> Callable[[Strata], float]:
-    """Mean, or another average, over the numbers in a list of each record."""
-    return lambda strata: average([v for stratum in strata for r in stratum for v in r[key]])
-
-
-def median_of(values: Sequence[float]) -> float:
-    """NaN of none."""
-    return float(np.median(values)) if len(values) else math.nan
+def of_lists(key: str) -> Callable[[Strata], float]:
+    """Mean over the numbers in a list of each record."""
+    return lambda strata: mean_of([v for stratum in strata for r in stratum for v in r[key]])

@@ -10,7 +10,7 @@ from typing import Any
 
 from physic_testing.metrics import ValueWithInterval, markdown_table
 
-from .statistics import Record, Strata, figure, median_of, of_lists, of_sets, pooled, rms_of
+from .statistics import Record, Strata, figure, of_lists, of_sets, pooled, rms_of
 
 CAMERA_SETS = ("mpi_inf_3dhp", "panoptic", "roundtable")
 WRONG = {
@@ -43,8 +43,6 @@ class Row:
 
 
 _RMS = partial(pooled, average=rms_of)
-_MEDIAN = partial(pooled, average=median_of)
-_MEDIAN_OF_LISTS = partial(of_lists, average=median_of)
 _SHARE = ".0%"
 
 
@@ -102,14 +100,12 @@ def _people_rows(people: Sequence[Record]) -> list[Row]:
             for name, goal in goals.items()
         ),
         _row(words, "visible", joints, of_lists, "<= .025", ".3f"),
-        _row("  median of visible", "visible", joints, _MEDIAN_OF_LISTS, form=".3f"),
         _row("  hidden", "hidden", joints, of_lists, "<= .07", ".3f"),
     ]
 
 
 def _pose_rows(found: Sequence[Record]) -> list[Row]:
     upright, bent = (_of(found, posture=posture) for posture in ("upright", "bent"))
-    scaled = "MPJPE mm once the bones are scaled to the true ones, mean of sets"
     depth = "depth of the pelvis, estimated / true, mean of sets"
     rows = []
     for name, key, records, mean, goal, form in (
@@ -117,7 +113,6 @@ def _pose_rows(found: Sequence[Record]) -> list[Row]:
         ("PA-MPJPE mm, on floor, seat or bent", "pa_mpjpe_mm", bent, pooled, "<= 85", ".0f"),
         ("root-aligned MPJPE mm, mean of sets", "root_aligned_mm", found, of_sets, "<= 95", ".0f"),
         ("MPJPE mm at own scale, mean of sets", "mpjpe_mm", found, of_sets, "<= 180", ".0f"),
-        (scaled, "mpjpe_scaled_mm", found, of_sets, "", ".0f"),
         ("bones, estimated / true, mean of sets", "bones_ratio", found, of_sets, ".98-1.02", ".3f"),
         (depth, "pelvis_depth_ratio", found, of_sets, "", ".3f"),
     ):
@@ -140,9 +135,7 @@ def _scene_rows(floors: Sequence[Record], scenes: Sequence[Record]) -> list[Row]
 
 
 def _sigma_rows(found: Sequence[Record], floors: Sequence[Record]) -> list[Row]:
-    spread = "  stated sigma of the log distance, median"
-    sure = [r for r in found if math.isfinite(r.get("distance_in_sigmas", math.nan))]
-    rows = [
+    return [
         _row(f"{words}, rms", f"{key}_in_sigmas", records, _RMS, ".6-1.5", ".2f")
         for words, key, records in (
             ("distance over its stated sigma", "distance", found),
@@ -151,7 +144,6 @@ def _sigma_rows(found: Sequence[Record], floors: Sequence[Record]) -> list[Row]:
             ("camera height over the stated sigma of the scale", "scale", floors),
         )
     ]
-    return [rows[0], _row(spread, "distance_sigma", sure, _MEDIAN, form=".3f"), *rows[1:]]
 
 
 def _spread_rows(everybody: Sequence[Record]) -> list[Row]:
@@ -196,10 +188,8 @@ def up_rows(floors: Sequence[Record]) -> list[Row]:
         for name in CAMERA_SETS
         for key, words, average, form in (
             ("up_angle_deg", "up: angle deg, rms", _RMS, ".1f"),
-            ("up_angle_deg", "  median", _MEDIAN, ".1f"),
             ("up_in_sigmas", "  over its sigma, rms", _RMS, ".2f"),
             ("floor_angle_deg", "  of the floor's normal, rms", _RMS, ".1f"),
-            ("floor_angle_deg", "  median of that", _MEDIAN, ".1f"),
         )
     ]
 
@@ -212,7 +202,6 @@ def _photo_rows(photos: Sequence[Record]) -> list[Row]:
         _row(scene, "inside_scene_cm", photos, of_lists, form=".1f"),
         _row(other, "inside_people_cm", several, of_lists, form=".1f"),
         _row("CPU seconds a photo", "cpu_s", photos, pooled, "<= 20 (720p)", ".1f"),
-        _row("seconds a photo", "wall_s", photos, pooled, form=".1f"),
     ]
 
 

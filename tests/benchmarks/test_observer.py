@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks.observer.fit import LabelledPerson, fitted, question_of
-from benchmarks.observer.labels import Photo, agreed, answers
+from benchmarks.observer.labels import agreed, answers
 from benchmarks.observer.regression import (
     Examples,
     calibrated,
@@ -19,6 +20,7 @@ from benchmarks.observer.regression import (
     logits_of,
     probabilities,
 )
+from benchmarks.truth.sets import Sample
 
 fit = partial(fit_logistic, ridge=1.0)
 
@@ -122,7 +124,7 @@ def test_a_question_is_fitted_to_what_is_labelled_and_seen():
         tokens = rng.normal(size=(2, 5)) + 3 * touches
         tokens[1, i % 2 :] = np.nan
         labels = {"parts": {"left_foot": "floor" if touches else "none", "right_foot": "none"}}
-        photo = Photo("given", f"{'ab'[i % 2]}__{i}", f"{i}", [])
+        photo = Sample("given", f"{'ab'[i % 2]}__{i}", f"{i}", Path())
         people.append(LabelledPerson(photo, labels, {"foot": tokens}))
     question = question_of("foot", people)
     assert len(question.examples.x) == 60

@@ -19,7 +19,7 @@ from physic_core import load_backend
 from physic_core.body import load_body
 from physic_core.body.bones import parameters_from_rotations
 from physic_core.io.photo import read_photo
-from physic_core.types import Hints, Intrinsics, Person, Plane, Reconstruction, Scene, Support
+from physic_core.types import Hints, Intrinsics, Person, Reconstruction, Scene
 
 WIDTH = 640
 HEIGHT = 480
@@ -29,7 +29,7 @@ BY_NAME = {variant.name: variant for variant in VARIANTS}
 
 
 def result(mirrored=False):
-    """A person at the left and 4 m away, with a left foot on a floor that leans to the right."""
+    """A person at the left and 4 m away, with a left foot that touches."""
     model = load_body("embedded")
     rotations, betas, transl = model.zero_pose()
     sign = -1 if mirrored else 1
@@ -41,7 +41,6 @@ def result(mirrored=False):
     if mirrored:
         mask = mask[:, ::-1]
         points = points[:, ::-1]
-    normal = np.array([sign * 0.1, -1, -0.2])
     joints = np.tile(np.array([sign * -1.0, 0.2, 4.0], np.float32), (55, 1))
     person = Person(
         box=np.array([50, 100, 200, 400], np.float32),
@@ -57,14 +56,11 @@ def result(mirrored=False):
         world_contact={"left_foot": 0.9, "right_foot": 0.3, "seat": 0.2}
         if not mirrored
         else {"right_foot": 0.9, "left_foot": 0.3, "seat": 0.2},
-        support=Support("balanced", (), None, (0.0, 0.0, 0.0)),
-        stature=1.7,
     )
     nothing = np.zeros((HEIGHT, WIDTH, 3), np.float32)
     image = nothing.astype(np.uint8)
     valid = np.ones((HEIGHT, WIDTH), bool)
-    floor = Plane(normal / np.linalg.norm(normal), 1.5)
-    scene = Scene(points, nothing, image, valid, floor, np.zeros((0, 3)), scale_sigma=0.1)
+    scene = Scene(points, nothing, image, valid, None, np.zeros((0, 3)), scale_sigma=0.1)
     return Reconstruction(
         image, CAMERA, scene, (person,), np.zeros((0, 3), np.int32), "embedded", "coco17"
     )
@@ -83,54 +79,30 @@ def answer():
 def test_the_mirrored_result_of_a_mirrored_photo_is_no_change():
     found = change(answer(), answer_of(result(mirrored=True), BY_NAME["mirror"], WIDTH, HEIGHT))
     assert (found.visible, found.lost, found.new, len(found.people)) == (1, 0, 0, 1)
-    numbers = [found.scene, found.focal, found.focal_sigmas, found.floor_deg, found.floor_height]
-    assert numbers == pytest.approx([0] * 5, abs=1e-6)
     (person,) = found.people
-    assert [person.distance, person.sigmas, person.stature] == pytest.approx([0] * 3, abs=1e-6)
+    assert [found.scene, person.distance, person.sigmas] == pytest.approx([0] * 3, abs=1e-6)
     assert all(one == other for one, other in person.parts)
 
 
-def test_a_result_that_is_not_mirrored_is_another_person_on_another_floor():
+def test_a_result_that_is_not_mirrored_is_another_person():
     found = change(answer(), answer_of(result(), BY_NAME["mirror"], WIDTH, HEIGHT))
     assert (found.lost, found.new) == (1, 1)
-    assert found.floor_deg == pytest.approx(
-        2 * math.degrees(math.atan2(0.1, math.hypot(1, 0.2))), rel=1e-6
-    )
 
 
 def test_what_is_changed_by_hand_is_measured():
     one = answer()
     (person,) = one.people
     parts = {"left_foot": 0.4, "right_foot": 0.3, "seat": 0.05}
-    moved = replace(
-        person,
-        distance=1.1 * person.distance,
-        stature=1.05 * person.stature,
-        parts=parts,
-        grade="bad",
-        trust=0.2,
-    )
-    other = replace(
-        one,
-        people=(moved,),
-        focal=1.2 * one.focal,
-        depth=0.9 * one.depth,
-        floor=one.floor * [1, 1, 1, 2],
-        notes=(),
-    )
+    moved = replace(person, distance=1.1 * person.distance, parts=parts, grade="bad", trust=0.2)
+    other = replace(one, people=(moved,), depth=0.9 * one.depth)
     found = change(replace(one, people=(replace(person, grade="good", trust=0.9),)), other)
-    assert np.exp([found.scene, found.focal, found.floor_height]) == pytest.approx(
-        [0.9, 1.2, 2], rel=1e-6
-    )
-    assert found.focal_sigmas == pytest.approx(math.log(1.2) / 0.2)
+    assert np.exp(found.scene) == pytest.approx(0.9, rel=1e-6)
     assert np.exp(found.people[0].distance) == pytest.approx(1.1)
     assert found.people[0].sigmas == pytest.approx(math.log(1.1) / math.hypot(0.1, 0.2))
     row = dict(zip(*table({"changed": [found]}), strict=True))
     assert row["distance %"] == "10; 10"
-    assert row["parts"] == f"{(0.5 + 0.15) / 3:.3f}"
     assert row["unsure parts cross %"] == "33"  # the left foot, of three
-    assert (row["grade %"], row["support %"], row["good <-> bad"]) == ("100", "0", "1")
-    assert row["trust"] == "0.7; 0.7"
+    assert (row["grade %"], row["trust"]) == ("100", "0.7; 0.7")
 
 
 @pytest.mark.parametrize("name", ["crop8", "column", "scale"])
@@ -150,7 +122,6 @@ def test_the_part_of_a_result_that_a_variant_shows_is_no_change(name):
     )
     assert (found.visible, found.lost, found.new) == (1, 0, 0)
     assert found.scene == pytest.approx(0, abs=2e-3)  # depths are read at the nearest pixels
-    assert found.focal == pytest.approx(0, abs=2e-3)  # the scaled sides are whole pixels
 
 
 def test_a_person_whom_a_crop_cuts_off_is_not_missed():

@@ -69,7 +69,7 @@ def answer_with(*people, **more):
         "camera": [1000, 1000, 500, 400],
         "floor": [0, -1, 0, 1.0],
     }
-    return answer | {"checks": [], "grade": "good", "wall_s": 2.0, "cpu_s": 1.0} | more
+    return answer | {"grade": "good", "cpu_s": 1.0} | more
 
 
 def test_a_person_who_sits_bends_or_lies_is_not_upright(joints):
@@ -316,7 +316,6 @@ def test_up_and_the_floor_are_judged_by_their_angles_and_up_by_its_stated_error_
     rows = table.rows_of(records["people"], records["floors"], records["photos"])
     found = {r.name.strip(): r.figure.value for r in rows if r.name.endswith(", mpi_inf_3dhp")}
     assert found["up: angle deg, rms, mpi_inf_3dhp"] == pytest.approx(4)
-    assert found["median, mpi_inf_3dhp"] == pytest.approx(4)
     assert found["over its sigma, rms, mpi_inf_3dhp"] == pytest.approx(2**0.5)
     assert found["of the floor's normal, rms, mpi_inf_3dhp"] == pytest.approx(0)
 
@@ -353,36 +352,15 @@ def test_limbs_of_parkour_films_have_contact_labels(joints):
 
 
 def test_films_of_fits_and_films_apart_are_tables_of_their_own():
-    """The camera is half as high where nobody stands on one film; a film where somebody always
-    stands tells nothing.
-    """
     assert not set(sets.FILMS_OF_FITS) & set(sets.FILMS_APART)
-    samples = []
-    answers = []
-    for film, stands, height in (
-        *((sets.FILMS_OF_FITS[0], *frame) for frame in ((True, 1.0), (True, 2.0), (False, 0.75))),
-        (sets.FILMS_APART[0], True, 1.0),
-    ):
-        facts = {
-            "touches": {"l_ankle": stands, "r_ankle": False},
-            "uncaptured": {"l_ankle": 0, "r_ankle": 0},
-        }
-        samples.append(
-            sets.Sample("parkour", f"{film}_{len(samples)}", film, Path("f.mp4"), 0, truth=facts)
+    parts = [
+        touch.part_record(
+            sets.Sample("parkour", film, film, Path("f.mp4"), 0), "0", "left_foot", 0.6, True
         )
-        answers.append(answer_with(floor=[0, -1, 0, height]))
-    (record,) = touch.film_records(samples, answers)
-    assert (record["group"], record["ratio"], record["frames"]) == (
-        samples[0].group,
-        0.5,
-        {"stands": 2, "in_air": 1},
-    )
-    parts = [touch.part_record(sample, "0", "left_foot", 0.6, True) for sample in samples]
-    tables = touch.part_tables(parts)
-    assert [tables[f"parkour, {name}"]["feet"]["touching"] for name in touch.FILMS] == [
-        3,
-        1,
+        for film in (*sets.FILMS_OF_FITS[:3], sets.FILMS_APART[0])
     ]
+    tables = touch.part_tables(parts)
+    assert [tables[f"parkour, {name}"]["feet"]["touching"] for name in touch.FILMS] == [3, 1]
 
 
 def test_a_run_writes_table_and_json(tmp_path, monkeypatch, capsys, joints):

@@ -15,7 +15,6 @@ from pydantic import Field
 
 from physic_core import interfaces
 from physic_core.types import DepthMap, Pointmap
-from physic_mock.depth_noise import blur_depth_edges, flatten_relief
 from physic_mock.fill import fill_from_surroundings
 from physic_mock.noise import NORMAL, RELIEF_LOST, SMEAR_PX, Noise, scale_to_image
 from physic_mock.recognition import (
@@ -178,13 +177,13 @@ def _noisy_depth(found: RecognisedWorld, hints: Hints, noise: Noise) -> FloatArr
     relief_lost = min(1.0, noise.factor * RELIEF_LOST)
     for i, mask in enumerate(world.masks):
         farther = noise.normal("depth of person", str(i))
-        depth = flatten_relief(depth, mask & found.people, relief_lost, farther)
+        depth = _flatten_relief(depth, mask & found.people, relief_lost, farther)
         # What somebody holds is as far away as they are, also to a network.
         held = np.zeros_like(mask)
         for k, item in enumerate(found.items):
             held |= item & found.present[i] & (world.touched_item[i] == k).any()
         depth = np.where(held, depth * np.exp(farther), depth)
-    depth = blur_depth_edges(depth, noise.factor * scale_to_image(SMEAR_PX, depth.shape))
+    depth = _blur_depth_edges(depth, noise.factor * scale_to_image(SMEAR_PX, depth.shape))
     if noise.factor and hints.hole is not None and hints.hole.any():
         # From zero at the border of the hole.
         inside = cv2.distanceTransform(hints.hole.astype(np.uint8), cv2.DIST_L2, 5)
@@ -193,6 +192,48 @@ def _noisy_depth(found: RecognisedWorld, hints: Hints, noise: Noise) -> FloatArr
     for name, of in (("bumps", ""), ("point map", ""), ("point map of the", _image_kind(found))):
         depth = depth * noise.smooth(name, depth.shape, of)
     return np.where(np.isfinite(depth), depth, np.nan)
+
+
+_EDGE_RATIO = 1.06  # farthest over nearest depth among 3 x 3 pixels
+_REACH = 2.0  # a blurred edge fades out over this many of its widths
+
+
+def _flatten_relief(
+    depth: FloatArray, mask: BoolArray, relief_lost: float, offset: float
+) -> FloatArray:
+    """Reduce a person's relief about the median depth, and shift the person by a factor
+    exp(offset).
+    """
+    seen = mask & np.isfinite(depth)
+    if not seen.any() or relief_lost == offset == 0:
+        return depth
+    middle = float(np.median(depth[seen]))
+    result = depth.copy()
+    result[seen] = (middle + (1 - relief_lost) * (depth[seen] - middle)) * np.exp(offset)
+    return result
+
+
+def _blur_depth_edges(depth: FloatArray, width_px: float) -> FloatArray:
+    """Blur depth edges over ``width_px``, so that silhouette pixels lie between foreground and
+    background.
+    """
+    import cv2
+
+    if width_px == 0:
+        return depth
+    known = np.isfinite(depth)
+    log_depth = np.where(known, np.log(np.where(known, depth, 1.0)), 0.0)
+    kernel = np.ones((3, 3), np.uint8)
+    low = np.where(known, log_depth, 99.0)
+    high = np.where(known, log_depth, -99.0)
+    edge = cv2.dilate(high, kernel) - cv2.erode(low, kernel) > np.log(_EDGE_RATIO)
+    if not edge.any():
+        return depth
+    weight = cv2.GaussianBlur(known.astype(np.float64), (0, 0), width_px)
+    blurred = cv2.GaussianBlur(log_depth, (0, 0), width_px) / np.maximum(weight, 1e-9)
+    away = cv2.distanceTransform((~edge).astype(np.uint8), cv2.DIST_L2, 5).astype(np.float64)
+    near = np.clip(1 - away / (_REACH * width_px), 0, 1)
+    return np.where(known, np.exp((1 - near) * log_depth + near * blurred), depth)
 
 
 def _scale_and_shift(

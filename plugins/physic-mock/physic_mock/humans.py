@@ -1,4 +1,11 @@
-"""Mocks of the body estimator and the hand estimator."""
+"""Mocks of the body estimator and the hand estimator.
+
+Errors of poses are larger along the line of sight, correlated within a limb, and larger for hidden
+bones. An image shows the direction of a bone in the image plane; the tilt out of the plane is
+visible only as foreshortening, which hardly changes at small tilts. Errors about the two axes
+across the line of sight are therefore larger than about the line of sight. Errors apply to bones in
+the camera frame, so they do not add up along a limb, but each limb has a common part.
+"""
 
 from __future__ import annotations
 
@@ -10,32 +17,38 @@ import numpy as np
 from pydantic import Field
 
 from physic_core import interfaces
-from physic_core.body import JOINT_INDEX
+from physic_core.body import JOINT_INDEX, JOINT_NAMES, PARENTS
 from physic_core.types import Bodies, Hands
-from physic_mock.body_noise import (
-    BONES,
-    LIMBS,
-    camera_rotations,
-    depth_flip,
-    draw_bone_errors,
-    line_of_sight_axes,
-    local_rotations,
-)
 from physic_mock.noise import (
     DISTANCE_SHARE,
     FINGER_DEG,
+    HIDDEN_FACTOR,
     LATERAL_M,
+    LEAN_DEG,
+    LIMB_SHARE,
+    PLANE_DEG,
     POSE_SIGMA,
     ROOT_DEG,
     ROOT_LEAN_FACTOR,
     SHAPE_SIGMA,
     STATURE_SIGMA,
+    TRUNK_FACTOR,
     Noise,
 )
 from physic_mock.recognition import MockOptions, match_masks_to_world, recognise_world
 
 if TYPE_CHECKING:
-    from physic_core.types import FloatArray, Hints, Intrinsics, Keypoints, People, UInt8Array
+    from scipy.spatial.transform import Rotation
+
+    from physic_core.types import (
+        BoolArray,
+        FloatArray,
+        Hints,
+        Intrinsics,
+        Keypoints,
+        People,
+        UInt8Array,
+    )
 
 _WRISTS = (20, 21)
 _SEGMENTS = [
@@ -123,7 +136,7 @@ class MockBodyEstimator(interfaces.BodyEstimator):
             parameters=replace(parameters, **picked),
             body_model=world.body_model,
             observed=(world.joints_visible ^ wrong)[rows],
-            rotation_sigma=None if sigma is None else np.full((len(rows), BONES), sigma),
+            rotation_sigma=None if sigma is None else np.full((len(rows), _BONES), sigma),
         )
 
 
@@ -154,7 +167,7 @@ def _noisy_translations(
         moved *= [1.0, 1.0, camera.fx / world.intrinsics.fx]  # the same pixel of the other camera
     moved *= _seen_shapes(noise)[1][:, None]
     for i, point in enumerate(pelvis):
-        moved[i] += noise.factor * LATERAL_M * across[i] @ line_of_sight_axes(point)[:2]
+        moved[i] += noise.factor * LATERAL_M * across[i] @ _line_of_sight_axes(point)[:2]
     placed: FloatArray = (world.parameters.transl + moved - pelvis).astype(np.float32)
     return placed
 
@@ -167,28 +180,125 @@ def _noisy_pose(noise: Noise, person: int) -> FloatArray:
     truth = world.parameters
     local = np.concatenate([truth.global_orient[person], truth.body_pose[person]])
     joints = world.joints[person]
-    sight = line_of_sight_axes(joints[0].astype(np.float64))
+    sight = _line_of_sight_axes(joints[0].astype(np.float64))
     own = noise.rng(f"how the pose of person {person} fares")
     fares = np.exp(POSE_SIGMA * own.normal())
     rng = noise.rng(f"pose of person {person}")
     root_error = fares * np.radians(noise.factor * ROOT_DEG) * rng.normal(size=3)
     root_error = sight.T @ (sight @ root_error * [ROOT_LEAN_FACTOR, ROOT_LEAN_FACTOR, 1.0])
     visible = world.joints_visible[person]
-    errors = draw_bone_errors(sight, visible, fares * noise.factor, rng)
+    errors = _draw_bone_errors(sight, visible, fares * noise.factor, rng)
     turn = Rotation.from_rotvec(root_error)
+    bones = _camera_rotations(local.reshape(_BONES, 3).astype(np.float64))
     seen = [
-        (turn if limb == "trunk" else Rotation.identity()) * Rotation.from_rotvec(e) * g
-        for e, g, limb in zip(
-            errors, camera_rotations(local.reshape(BONES, 3).astype(np.float64)), LIMBS, strict=True
-        )
+        (turn if limb == "trunk" else Rotation.identity()) * Rotation.from_rotvec(error) * bone
+        for error, bone, limb in zip(errors, bones, _LIMBS, strict=True)
     ]
     for joint, child in _SEGMENTS:
         share = "flipped forearms" if "elbow" in joint else "flipped segments"
         if noise.happens(share, own.random(1))[0]:
             j = JOINT_INDEX[joint]
             bone = (joints[JOINT_INDEX[child]] - joints[j]).astype(np.float64)
-            seen[j] = depth_flip(bone, sight[2]) * seen[j]
-    return local_rotations(seen).astype(np.float32)
+            seen[j] = _depth_flip(bone, sight[2]) * seen[j]
+    return _local_rotations(seen).astype(np.float32)
+
+
+_BONES = 22
+"""Number of body joints; each rotates the bone that follows it."""
+
+_ARM = ("shoulder", "elbow", "wrist")
+_LEG = ("hip", "knee", "ankle", "foot")
+
+
+def _limb(joint: str) -> str:
+    """Return the limb of a joint."""
+    side, _, name = joint.partition("_")
+    if name in _ARM:
+        return f"{side} arm"
+    return f"{side} leg" if name in _LEG else "trunk"
+
+
+_LIMBS = tuple(_limb(name) for name in JOINT_NAMES[:_BONES])
+"""Limb of each bone."""
+
+
+def _line_of_sight_axes(point: FloatArray) -> FloatArray:
+    """Return orthonormal rows (3, 3): two axes across the line of sight to a point (3,), and the
+    line of sight.
+    """
+    line = point / np.linalg.norm(point)
+    across = np.cross([0.0, 1.0, 0.0], line)
+    across /= np.linalg.norm(across)
+    return np.stack([across, np.cross(line, across), line])
+
+
+_LIMB_NUMBER = np.array([sorted(set(_LIMBS)).index(limb) for limb in _LIMBS])
+
+_FIRST_CHILD = np.array(
+    [PARENTS.index(j, 0, _BONES) if j in PARENTS[:_BONES] else j for j in range(_BONES)]
+)
+
+
+def _draw_bone_errors(
+    sight: FloatArray, joints_visible: BoolArray, size: float, rng: np.random.Generator
+) -> FloatArray:
+    """Draw the errors of one person's bones as rotation vectors (22, 3), camera frame, radians; 0
+    for the root.
+
+    Args:
+        sight: result of :func:`_line_of_sight_axes`.
+        joints_visible: (J,) bool; a bone is hidden if the joint at its end is.
+        size: factor on all errors.
+        rng: random generator.
+    """
+    common = rng.normal(size=(len(set(_LIMBS)), 3))
+    own = rng.normal(size=(_BONES, 3))
+    draws = np.sqrt(LIMB_SHARE) * common[_LIMB_NUMBER] + np.sqrt(1 - LIMB_SHARE) * own
+    factor = np.where(joints_visible[_FIRST_CHILD], 1.0, HIDDEN_FACTOR)
+    factor = factor * np.where(np.array(_LIMBS) == "trunk", TRUNK_FACTOR, 1.0)
+    sigmas = np.radians([size * LEAN_DEG, size * LEAN_DEG, size * PLANE_DEG])
+    errors: FloatArray = (draws * sigmas) @ sight * factor[:, None]
+    errors[0] = 0.0
+    return errors
+
+
+def _depth_flip(bone: FloatArray, sight: FloatArray) -> Rotation:
+    """Return the rotation that mirrors the direction of a bone (3,) in the plane across the line of
+    sight (3,) unit.
+
+    The bone keeps its place in the image, and points away from the camera if it pointed towards it.
+    """
+    from scipy.spatial.transform import Rotation
+
+    direction = bone / np.linalg.norm(bone)
+    along = float(direction @ sight)
+    axis = np.cross(direction, sight)
+    length = np.linalg.norm(axis)
+    if length < 1e-6:  # along the line of sight, where it has no place in the image to keep
+        return Rotation.identity()
+    return Rotation.from_rotvec(-2 * np.arcsin(np.clip(along, -1, 1)) * axis / length)
+
+
+def _camera_rotations(local: FloatArray) -> list[Rotation]:
+    """Convert rotation vectors (22, 3) relative to the parents to bone rotations in the camera
+    frame.
+    """
+    from scipy.spatial.transform import Rotation
+
+    turns: list[Rotation] = []
+    for j in range(_BONES):
+        own = Rotation.from_rotvec(local[j])
+        turns.append(own if j == 0 else turns[PARENTS[j]] * own)
+    return turns
+
+
+def _local_rotations(seen: list[Rotation]) -> FloatArray:
+    """Convert bone rotations in the camera frame to rotation vectors (22, 3) relative to the
+    parents.
+    """
+    local = [seen[0].as_rotvec()]
+    local += [(seen[PARENTS[j]].inv() * seen[j]).as_rotvec() for j in range(1, _BONES)]
+    return np.stack(local)
 
 
 def _noisy_betas(noise: Noise, options: BodyOptions, rng: np.random.Generator) -> FloatArray:

@@ -1,4 +1,6 @@
-"""Mocks of the segmenter and the inpainter."""
+"""Mocks of the segmenter and the inpainter, and errors of masks: rough borders, missing hands and
+feet, added pixels.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +11,14 @@ from pydantic import Field
 
 from physic_core import interfaces
 from physic_core.backends.people import boxes_from_masks
+from physic_core.body import JOINT_INDEX
 from physic_core.types import SURFACE_NAMES, People, SurfaceLabels
 from physic_mock.fill import fill_from_surroundings
-from physic_mock.mask_noise import add_stray_disc, draw_floor_mask, remove_hands_and_feet
-from physic_mock.noise import Noise
+from physic_mock.noise import Noise, scale_to_image
 from physic_mock.recognition import MockOptions, recognise_world
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, UInt8Array
+    from physic_core.types import BoolArray, FloatArray, UInt8Array
     from physic_mock.recognition import RecognisedWorld
 
 
@@ -80,22 +82,37 @@ def _found_people(found: RecognisedWorld, noise: Noise, options: SegmenterOption
 
 
 def _person(noise: Noise, person: int) -> BoolArray:
-    """Return the mask of one person with errors."""
+    """Return the mask of one person with errors: a rough border, without some hands and feet, and
+    for some people with a disc at the border.
+    """
     world = noise.world
     rng = noise.rng(f"mask of person {person}")
     x0, y0, x1, y1 = world.boxes[person]
-    mask = noise.rough_border(world.masks[person], rng)
-    whole = remove_hands_and_feet(mask, noise, person, rng)
-    return add_stray_disc(whole, noise, max(x1 - x0, y1 - y0), rng)
+    rough = noise.rough_border(world.masks[person], rng)
+    mask = _without_limb_ends(rough, noise, person, rng)
+    strays = noise.happens("strays", rng.random(1))[0]
+    radius = max(x1 - x0, y1 - y0) * rng.uniform(0.03, 0.07)
+    pick = rng.random()
+    return mask | _disc_on_border(mask, radius, pick) if strays else mask
 
 
 def _floor(found: RecognisedWorld, noise: Noise) -> BoolArray | None:
-    """Return the floor mask with errors; None if it is missed."""
+    """Return the floor mask with a rough border, false patches and missing ones; None if it is
+    missed.
+    """
     rng = noise.rng("floor mask")
     if noise.happens("missed floors", rng.random(1))[0]:
         return None
     seen = found.world.empty_floor_mask & ~found.people
-    return draw_floor_mask(seen, noise, rng) & ~found.people
+    rough = noise.rough_border(seen, rng)
+    happens = noise.happens("spills", rng.random((2, 8)))
+    picks = rng.random((2, 8))
+    radii = scale_to_image(1.0, seen.shape) * rng.uniform(8, 30, (2, 8))
+    for takes_in in (1, 0):
+        for i in np.flatnonzero(happens[takes_in]):
+            bit = _disc_on_border(seen, radii[takes_in, i], picks[takes_in, i])
+            rough = rough | bit if takes_in else rough & ~bit
+    return rough & ~found.people
 
 
 def _surfaces(found: RecognisedWorld) -> SurfaceLabels:
@@ -104,6 +121,59 @@ def _surfaces(found: RecognisedWorld) -> SurfaceLabels:
     return SurfaceLabels(
         np.where(found.people, person, found.world.empty_surfaces).astype(np.uint8)
     )
+
+
+_LIMB_ENDS = ("left_wrist", "right_wrist", "left_ankle", "right_ankle")
+"""Joints at the start of hands and feet."""
+
+_HAND_RADIUS_M = 0.06  # round the joints of the fingers
+_FOOT_RADIUS_M = 0.09  # round the line from ankle to toes
+
+
+def _without_limb_ends(
+    mask: BoolArray, noise: Noise, person: int, rng: np.random.Generator
+) -> BoolArray:
+    """Return the mask (H, W) of a person without some hands and feet."""
+    missed = noise.happens("missed ends", rng.random(len(_LIMB_ENDS)))
+    if not missed.any():
+        return mask
+    rows, columns = np.nonzero(mask)
+    points = noise.world.points(people=True)[rows, columns].astype(np.float64)
+    kept = mask.copy()
+    for name in np.array(_LIMB_ENDS)[missed]:
+        beads, radius = _limb_end_points(noise.world.joints[person].astype(np.float64), str(name))
+        near = np.linalg.norm(points[:, None] - beads, axis=2).min(axis=1) < radius
+        kept[rows[near], columns[near]] = False
+    return kept
+
+
+def _limb_end_points(joints: FloatArray, end: str) -> tuple[FloatArray, float]:
+    """Return points (M, 3) along a hand or a foot, and the radius of its skin."""
+    side, _, name = end.partition("_")
+    if name == "wrist":
+        first = JOINT_INDEX[f"{side}_index1"]
+        knuckles = joints[first : first + 15]
+        return np.concatenate(
+            [(joints[[JOINT_INDEX[end]]] + knuckles) / 2, knuckles]
+        ), _HAND_RADIUS_M
+    ankle = joints[JOINT_INDEX[end]]
+    foot = joints[JOINT_INDEX[f"{side}_foot"]]
+    return ankle + np.linspace(-0.3, 1.7, 7)[:, None] * (foot - ankle), _FOOT_RADIUS_M
+
+
+def _disc_on_border(mask: BoolArray, radius: float, pick: float) -> BoolArray:
+    """Return a disc (H, W) around the border pixel that ``pick`` in [0, 1) selects; empty without a
+    border.
+    """
+    import cv2
+
+    border = np.argwhere(mask & (cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) == 0))
+    if not len(border):
+        return np.zeros_like(mask)
+    row, column = border[int(pick * len(border))]
+    v, u = np.ogrid[: mask.shape[0], : mask.shape[1]]
+    disc: BoolArray = (v - row) ** 2 + (u - column) ** 2 <= radius**2
+    return disc
 
 
 class MockInpainter(interfaces.Inpainter):
