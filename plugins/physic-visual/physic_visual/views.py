@@ -100,6 +100,7 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     stride = max(1, math.ceil(math.sqrt(scene.valid.size / _POINTS)))
     points, point_colors = _cloud(scene, limit, stride)
     dressed = dressed_bodies(reconstruction)
+    dress = [one.colors for one in dressed.people.values()]
     backdrop, backdrop_colors = _backdrop(reconstruction)
     depth = float(np.median(points[:, 2])) if len(points) else 0.0
     main = set(main_people([person.box for person in reconstruction.people]))
@@ -108,10 +109,8 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     )
     return PreviewGeometry(
         people=dressed.bodies,
-        people_colors=np.concatenate(colors) if colors else np.zeros((0, 3)),
-        dress=np.concatenate([dressed.colors[index] for index, _ in finite]) / 255.0
-        if finite
-        else np.zeros((0, 3)),
+        people_colors=np.concatenate([np.zeros((0, 3)), *colors]),
+        dress=np.concatenate([np.zeros((0, 3)), *dress]) / 255.0,
         crowns={index: vertices[(vertices @ matrix[1, :3]).argmax()] for index, vertices in finite},
         points=points,
         point_colors=point_colors,

@@ -119,17 +119,16 @@ def _others(
     reconstruction: Reconstruction, index: int, gaps: dict[tuple[int, int], float]
 ) -> list[dict[str, Any]]:
     people = reconstruction.people
+    pelvis = np.asarray(people[index].joints[_PELVIS], np.float64)
     return [
-        {"person": other, "pelvis": _between(people[index], people[other]), "gap": gap}
+        {
+            "person": other,
+            "pelvis": float(np.linalg.norm(pelvis - people[other].joints[_PELVIS])),
+            "gap": gap,
+        }
         for (first, other), gap in gaps.items()
         if first == index
     ]
-
-
-def _between(person: Person, other: Person) -> float:
-    """Return the distance of two people's pelvises, metres."""
-    pelvis = np.asarray(person.joints[_PELVIS], np.float64)
-    return float(np.linalg.norm(pelvis - other.joints[_PELVIS]))
 
 
 def _contacts(person: Person) -> list[dict[str, Any]]:
