@@ -16,11 +16,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body import JOINT_INDEX, PART_NAMES, embedded_arrays, smplx_arrays
-from physic_core.errors import PhysicError
 from physic_core.geometry import up_in_camera, vertex_areas, vertex_normals
 from physic_visual.palette import BODY_RGB
 from physic_visual.render import prepare_meshes
-from physic_visual.rig import body_of_result
+from physic_visual.rig import body_at_hand
 from physic_visual.surface import kept_for_next_picture
 from physic_visual.textures.photo import SHOWN, photo_colors, photo_weights
 from physic_visual.textures.raster import (
@@ -112,7 +111,7 @@ def dressed_bodies(result: Reconstruction) -> DressedBodies:
     if not posed:
         return DressedBodies({})
     faces = np.asarray(result.faces, np.int64)
-    model = _model(result)
+    model = body_at_hand(result)
     shod = {index: _shod(result, index, faces, model) for index in posed}
     bodies = prepare_meshes([vertices for vertices, _, _ in shod.values()], faces)
     others, parts, pull = _sides_and_parts(model, len(result.people[0].vertices))
@@ -210,15 +209,6 @@ def texture_coordinates(source: str) -> TextureCoordinates:
 def texture_raster(source: str, size: int) -> TextureRaster:
     """Return the texels of a body in a texture of ``size`` x ``size``."""
     return rasterize_texture(texture_coordinates(source), size)
-
-
-def _model(result: Reconstruction) -> BodyArrays | None:
-    """Return the body model of a result; None if it is not at hand, or has another mesh."""
-    try:
-        model = body_of_result(result)
-    except PhysicError:
-        return None
-    return model if np.array_equal(model.faces, result.faces) else None
 
 
 def _sides_and_parts(
