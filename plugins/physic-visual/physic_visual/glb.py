@@ -74,16 +74,15 @@ class Appearance:
     Attributes:
         material: its entry in the file.
         primitive: further properties of the primitive.
-        vertex: (U,) index of the body's vertex; None for the body's own vertices.
-        faces: (F, 3) indices of these vertices; None for the body's own faces.
+        mesh: texture coordinates, whose vertices are those of the primitive; None for the body's
+            own vertices and faces.
         attributes: name -> (U, ...) further values of the vertices.
         accessors: name -> index of an accessor of the file, with further values of the vertices.
     """
 
     material: dict[str, Any]
     primitive: Mapping[str, Any] = field(default_factory=dict)
-    vertex: NDArray[np.int64] | None = None
-    faces: NDArray[np.int64] | None = None
+    mesh: TextureCoordinates | None = None
     attributes: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     accessors: Mapping[str, int] = field(default_factory=dict)
 
@@ -212,8 +211,7 @@ def photo_appearance(
     return Appearance(
         materials[SKINS.index(skin)],
         {"extensions": {"KHR_materials_variants": {"mappings": mappings}}},
-        mesh.vertex,
-        mesh.faces,
+        mesh,
         {"TEXCOORD_0": uv},
     )
 
@@ -334,7 +332,11 @@ def _add_person(
         else rig.vertices
     )
     normals = unit_normals(vertices, faces)
-    own = slice(None) if look.vertex is None else look.vertex
+    own: Any = slice(None)
+    drawn = faces
+    if look.mesh is not None:
+        own = look.mesh.vertex
+        drawn = look.mesh.faces
     attributes = {
         "POSITION": glb.accessor(vertices.astype(np.float32)[own], ARRAY, bounds=True),
         "NORMAL": glb.accessor(normals[own], ARRAY),
@@ -348,9 +350,7 @@ def _add_person(
         top, skin["skin"] = _add_skeleton(glb, name, rig)
         tops.append(top)
         attributes |= _skin_attributes(glb, rig, own)
-    tops.append(
-        _add_mesh(glb, name, attributes, faces if look.faces is None else look.faces, look, **skin)
-    )
+    tops.append(_add_mesh(glb, name, attributes, drawn, look, **skin))
     if toes := dressed_bodies(result).people[index].shoes:
         shod, turned = with_shoes(vertices, normals.astype(np.float64), toes)
         _add_target(glb, "shoes", (shod - vertices)[own], (turned - normals)[own])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -160,11 +161,9 @@ def _gaps(reconstruction: Reconstruction) -> dict[tuple[int, int], float]:
     }
     trees = {index: cKDTree(points[index]) for index in posed}
     gaps: dict[tuple[int, int], float] = {}
-    for first in posed:
-        for second in posed:
-            if first < second:
-                gap = _gap(trees[first], points[first], points[second])
-                gaps[first, second] = gaps[second, first] = gap
+    for first, second in combinations(posed, 2):
+        gap = _gap(trees[first], points[first], points[second])
+        gaps[first, second] = gaps[second, first] = gap
     return gaps
 
 
