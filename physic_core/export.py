@@ -175,7 +175,7 @@ def export_reconstruction(
         InputError: the result does not have what the format needs.
         OutputError: a file exists already and may not be replaced, or cannot be written.
         BodyModelError: the body model file cannot be used.
-        PluginError: the exporter of a plugin cannot be imported, or fails.
+        PluginError: the exporter of a plugin cannot be imported, fails, or returns no files.
     """
     exporter, folder, stem, suffix = _target(Path(path), format)
     kind = exporter.record
@@ -197,7 +197,12 @@ def export_reconstruction(
     )
     # before an exporter that takes long is called
     _check_names(folder, names, overwrite, result.photo)
-    made = _call(exporter, request)
+    made = call_item(exporter, "exporter", request)
+    if not isinstance(made, ExportedFiles):
+        raise PluginError(
+            f"{exporter.title('exporter')} should return physic_core.ExportedFiles, got "
+            f"{type(made).__name__}"
+        )
     _check_names(folder, made.files, overwrite, result.photo)
     return Exported(
         _write(folder, made, main=f"{stem}{suffix}"), (*notes, *frame.notes, *made.notes)
@@ -221,22 +226,6 @@ def _target(path: Path, format: str | None) -> tuple[Found[ExporterRecord], Path
             f"{kind.name} must: name another file"
         )
     return exporter, path.parent, path.stem, path.suffix.lower()
-
-
-def _call(exporter: Found[ExporterRecord], request: ExportRequest) -> ExportedFiles:
-    """Call the function of an exporter.
-
-    Raises:
-        PluginError: it cannot be imported, fails, or does not return files.
-        PhysicError: raised by the exporter itself.
-    """
-    made = call_item(exporter, "exporter", request)
-    if not isinstance(made, ExportedFiles):
-        raise PluginError(
-            f"{exporter.title('exporter')} should return physic_core.ExportedFiles, got "
-            f"{type(made).__name__}"
-        )
-    return made
 
 
 def _people(

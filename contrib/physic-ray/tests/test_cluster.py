@@ -32,7 +32,7 @@ pytestmark = [
     pytest.mark.skipif(find_spec("ray") is None, reason="needs Ray: pip install 'ray[data]'"),
 ]
 
-HERE = Path(__file__).parent
+STANDIN = Path(__file__).parents[3] / "plugins" / "physic-batch" / "tests" / "standin"
 RESOURCES = Resources(memory_gb=0.0)
 TIMES = ("seconds", "finished", "peak_mb")
 
@@ -40,12 +40,12 @@ TIMES = ("seconds", "finished", "peak_mb")
 @pytest.fixture(scope="module")
 def cluster():
     """Two nodes that listen on 127.0.0.1, with 2 logical CPUs each."""
-    paths = os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")])
+    paths = os.pathsep.join([str(STANDIN), os.environ.get("PYTHONPATH", "")])
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
         patch.setenv("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
         patch.setenv("PYTHONPATH", paths)
-        patch.syspath_prepend(HERE)
+        patch.syspath_prepend(STANDIN)
         from ray.cluster_utils import Cluster
 
         node = {"num_cpus": 2, "object_store_memory": 100_000_000, "include_dashboard": False}
@@ -61,10 +61,10 @@ def cluster():
 
 @pytest.fixture
 def standin(monkeypatch):
-    monkeypatch.syspath_prepend(HERE)
-    import cluster_standin
+    monkeypatch.syspath_prepend(STANDIN)
+    import batch_standin
 
-    return cluster_standin
+    return batch_standin
 
 
 def make_photos(folder, *names):
@@ -108,9 +108,9 @@ def test_thirty_photos_have_the_rows_of_the_local_executor(cluster, standin, tmp
     run(
         photos,
         local,
-        partial(run_locally, settings=workers, open_worker=partial(standin.open_worker, local)),
+        partial(run_locally, settings=workers, open_worker=partial(standin.open_processor, local)),
     )
-    run(photos, remote, on(cluster, partial(standin.open_worker, remote), timeout=5.0))
+    run(photos, remote, on(cluster, partial(standin.open_processor, remote), timeout=5.0))
     rows = comparable(tmp_path / "remote")
     assert rows == comparable(tmp_path / "local")
     assert len(rows) == 30
@@ -135,7 +135,7 @@ def test_a_node_that_is_killed_costs_no_photo(cluster, standin, tmp_path):
         if count.total() == 6:
             cluster.remove_node(cluster.second, allow_graceful=False)
 
-    run(photos, job, on(cluster, partial(standin.open_worker, job, 0.3)), kill_one_node)
+    run(photos, job, on(cluster, partial(standin.open_processor, job, 0.3)), kill_one_node)
     assert count == {"done": 24}
     lines = (tmp_path / "out" / "journal.jsonl").read_text().splitlines()
     assert len(lines) == len(read_journals(tmp_path / "out")) == 24
@@ -152,7 +152,7 @@ def test_a_node_that_is_killed_costs_no_photo(cluster, standin, tmp_path):
             BackendError,
             "a worker ended while it loaded the backends: it was ended by SIGABRT",
         ),
-        ("open_worker", "full", OutputError, "cannot write results: No space left on device"),
+        ("open_processor", "full", OutputError, "cannot write results: No space left on device"),
     ],
 )
 def test_what_concerns_every_photo_ends_the_batch_with_one_message(

@@ -111,14 +111,17 @@ def batch(
     Run the same command again to resume. A photo that fails becomes a row of the journal with the
     reason.
     """
-    from physic_batch.journal import shard_journal
+    from physic_batch.contact_sheet import check_contact_sheet
+    from physic_batch.journal import check_tables, shard_journal
     from physic_batch.photos import Shard, list_photos
     from physic_batch.run import plan_batch, run_batch
 
     if tables == bool(photos):
         raise click.UsageError("--tables takes no photos" if tables else "name photos, or --tables")
     with_sheet = not options["no_thumbnails"]
-    _check_tables(out, with_sheet=with_sheet)
+    check_tables(out)
+    if with_sheet:
+        check_contact_sheet(out)
     if tables:
         _write_tables(out, with_sheet=with_sheet)
         return
@@ -156,16 +159,6 @@ def batch(
     journal = folder / shard_journal(part)
     with _finished(finish, progress), _stopped_by_signals():
         run_batch(todo, job, run, journal, progress.add)
-
-
-def _check_tables(folder: Path, *, with_sheet: bool) -> None:
-    """Raise OutputError if tables or contact sheet would replace a file of another kind."""
-    from physic_batch.contact_sheet import check_contact_sheet
-    from physic_batch.journal import check_tables
-
-    check_tables(folder)
-    if with_sheet:
-        check_contact_sheet(folder)
 
 
 def _tables(folder: Path, *, with_sheet: bool) -> list[Path]:
@@ -210,15 +203,21 @@ def _job(out: Path, options: Mapping[str, Any], *, write: bool) -> BatchJob:
     from physic_batch.process import prepare_job
     from physic_core.configuration.model import load_config
 
-    file = options["file"]
-    preset = options["preset"]
     device = options["device"]
-    save = options["save"]
-    thumbnails = not options["no_thumbnails"]
-    flags = {"--device": {"run": {"device": device}}} if device else {}
-    config = load_config(file, preset=preset, overrides=options["overrides"], flags=flags)
-    cache = options["cache"]
-    return prepare_job(config, out, save, thumbnails=thumbnails, cache=cache, write=write)
+    config = load_config(
+        options["file"],
+        preset=options["preset"],
+        overrides=options["overrides"],
+        flags={"--device": {"run": {"device": device}}} if device else {},
+    )
+    return prepare_job(
+        config,
+        out,
+        options["save"],
+        thumbnails=not options["no_thumbnails"],
+        cache=options["cache"],
+        write=write,
+    )
 
 
 def _executor(logs: Path, options: Mapping[str, Any]) -> Executor:

@@ -96,15 +96,11 @@ class PhotoList:
 
     def kinds(self) -> str:
         """Return what was left out: "3 .jxl, 1 .livp, 2 in folders of results"."""
-        return _kinds(self.left_out)
-
-
-def _kinds(left_out: Mapping[str, int]) -> str:
-    ordered = sorted(left_out.items(), key=lambda one: (-one[1], one[0]))
-    parts = [f"{count:,} {kind}" for kind, count in ordered]
-    if more := len(parts[_MAX_KINDS:]):
-        parts[_MAX_KINDS:] = [f"files of {more} more kinds"]
-    return ", ".join(parts) or "nothing"
+        ordered = sorted(self.left_out.items(), key=lambda one: (-one[1], one[0]))
+        parts = [f"{count:,} {kind}" for kind, count in ordered]
+        if more := len(parts[_MAX_KINDS:]):
+            parts[_MAX_KINDS:] = [f"files of {more} more kinds"]
+        return ", ".join(parts) or "nothing"
 
 
 def list_photos(inputs: Iterable[str]) -> PhotoList:
@@ -137,12 +133,13 @@ def list_photos(inputs: Iterable[str]) -> PhotoList:
                 f"two photos have the id {quoted(item.id)}, {where}: give each an id of its own, "
                 f"or remove one"
             )
+    listed = PhotoList(list(found.values()), left_out)
     if not found:
         raise InputError(
-            f"no photos in {_show(', '.join(inputs))} (left out: {_kinds(left_out)}): name photos, "
+            f"no photos in {_show(', '.join(inputs))} (left out: {listed.kinds()}): name photos, "
             "folders or CSV tables; pictures of results are not photos"
         )
-    return PhotoList(list(found.values()), left_out)
+    return listed
 
 
 def photo_folder(item_id: str) -> str:

@@ -56,14 +56,6 @@ def test_a_file_of_the_user_ends_the_batch_before_its_first_photo(name, place, p
     assert "[1/1]" not in done.stderr
 
 
-def test_the_table_of_photos_is_never_replaced_by_the_table_of_results(photos):
-    table = photos / "summary.csv"
-    table.write_text("path,stature\nbroken.jpg,1.71\n")
-    done = batch(str(table), photos)
-    assert done.exit_code == USAGE
-    assert table.read_text() == "path,stature\nbroken.jpg,1.71\n"
-
-
 def painted(path):
     path.write_text("mine")
 
@@ -73,11 +65,12 @@ def replaced_by_a_link(path):
     path.symlink_to(path.with_name("mine"))
 
 
-@pytest.mark.parametrize("change", [painted, replaced_by_a_link])
+@pytest.mark.parametrize(
+    ("name", "change"), [("preview.png", painted), ("combined.glb", replaced_by_a_link)]
+)
 @pytest.mark.parametrize(
     "why", ["nothing changed", "another setting", "deleted arrays", "deleted document"]
 )
-@pytest.mark.parametrize("name", ["preview.png", "combined.glb"])
 def test_an_edited_file_of_a_result_is_kept(
     name,
     why,

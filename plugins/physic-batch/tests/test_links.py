@@ -73,7 +73,7 @@ def test_a_sheet_neither_embeds_nor_links_what_lies_outside(link, target, home, 
     assert '"link": ""' in page
 
 
-@pytest.mark.parametrize("folder", ["../home", "{}", "photos/../../home"])
+@pytest.mark.parametrize("folder", ["../home", "{}", "photos/../../home", "x" * 5000])
 def test_a_sheet_links_no_folder_of_the_journal_that_lies_outside(folder, home, tmp_path):
     write_journal(tmp_path / "out", folder=folder.format(home))
     assert physic("report", tmp_path / "out").exit_code == 0
@@ -144,19 +144,6 @@ def test_a_photo_whose_folder_is_a_link_that_leads_out_fails(home, tmp_path):
     with pytest.raises(OutputError, match="leads out"):
         write_thumbnail(tiny_result(1), home, "photos/../../x")
     assert sorted(home.rglob("*")) == before
-
-
-@pytest.mark.parametrize("people", ["NaN", "1e400", "-1e400", '"Infinity"'])
-def test_a_row_whose_numbers_are_not_finite_is_skipped(people, tmp_path):
-    out = tmp_path / "out"
-    write_journal(out)
-    line = json.dumps({**ROW, "id": "b"})[:-1] + f', "people": {people}}}\n'
-    with (out / "journal.jsonl").open("a") as file:
-        file.write(line)
-    write_journal(out, id="c", folder="x" * 5000)
-    assert physic("report", out).exit_code == 0
-    page = (out / "contact-sheet.html").read_text()
-    assert ('"name": "a"' in page, '"name": "b"' in page, '"name": "c"' in page) == (1, 0, 1)
 
 
 @pytest.mark.parametrize("document", ["", "{}", "[]", '[{"cameras": {}, "shots": {}}]', "{"])

@@ -130,14 +130,3 @@ def test_the_contact_sheet_is_one_file_that_needs_no_network(batch):
     assert cards[1]["message"] == "cannot read the photo bad.jpg: </script><b>&"
     # a result of people alone has no page
     assert (cards[0]["link"], cards[0]["lacks_page"]) == ("", False)
-
-
-def test_a_result_without_its_thumbnail_stays_on_the_page(result, tmp_path):
-    job = BatchJob(load_config(preset="mock"), str(tmp_path), "numbers")
-    with Journal(tmp_path / "journal.jsonl") as journal:
-        journal.append(
-            PhotoProcessor(job, lambda path, settings: result)(PhotoItem("a", "/photos/a.jpg"))
-        )
-    (thumbnail,) = tmp_path.glob("thumbnails/*/a.jpg")
-    thumbnail.unlink()
-    assert '"thumbnail": "", "state": "done"' in write_contact_sheet(tmp_path).read_text()

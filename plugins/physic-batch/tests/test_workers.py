@@ -37,25 +37,16 @@ def test_two_workers_share_the_tasks_and_are_opened_once(standin, tmp_path):
     assert all(outcome.peak_mb > 5 for outcome in found)
 
 
-@pytest.mark.parametrize(
-    ("task", "how"),
-    [
-        ("abort", "SIGABRT"),
-        ("killed", "memory is too small"),
-        ("exit", "code 7"),
-    ],
-)
-def test_a_task_that_takes_its_worker_down_is_tried_twice_and_stops_no_other(
-    standin, tmp_path, task, how
-):
-    found = outcomes(standin, "a", task, "b", "c", count=1, logs=tmp_path)
-    bad = found.pop(task)
-    assert (bad.failure, bad.attempts) == ("WorkerDied", 2)
-    assert how in bad.message
-    assert str(tmp_path / "worker-1.txt") in bad.message
+def test_a_task_that_takes_its_worker_down_is_tried_twice_and_stops_no_other(standin, tmp_path):
+    ends = {"abort": "SIGABRT", "killed": "memory is too small", "exit": "code 7"}
+    found = outcomes(standin, "a", *ends, "b", "c", count=1, logs=tmp_path)
+    for number, (task, how) in enumerate(ends.items()):
+        bad = found.pop(task)
+        assert (bad.failure, bad.attempts) == ("WorkerDied", 2)
+        assert how in bad.message
+        assert str(tmp_path / f"worker-{2 * number + 1}.txt") in bad.message
     assert all(outcome.failure == "" for outcome in found.values())
-    if task == "abort":
-        assert "Fatal Python error: Aborted" in (tmp_path / "worker-1.txt").read_text()
+    assert "Fatal Python error: Aborted" in (tmp_path / "worker-1.txt").read_text()
 
 
 def test_a_worker_that_was_killed_for_another_reason_costs_no_photo(standin, tmp_path):

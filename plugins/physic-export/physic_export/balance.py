@@ -148,7 +148,10 @@ def people_of(request: ExportRequest) -> list[ExportedPerson]:
     for index, rig in rigs(request):
         person = request.result.people[index]
         vertices = transform_points(request.frame.from_camera, person.vertices)
-        heels = _heel_heights(vertices, vertex_segments(rig.weights))
+        part = vertex_segments(rig.weights)
+        heels = {
+            side: float(vertices[part == JOINT_INDEX[f"{side}_ankle"], 2].min()) for side in SIDES
+        }
         touching = _touching_floor(person, heels)
         on_floor = tuple(side for side in touching if heels[side] < SOLE_REACH_M)
         carrying = feet_that_carry(person)
@@ -158,14 +161,15 @@ def people_of(request: ExportRequest) -> list[ExportedPerson]:
         if not feet:
             feet = tuple(side for side in carrying if side not in touching)
         if carrying and not feet:
-            lowest = min(heels[side] for side in carrying)
-            falls = f"its soles are {100 * lowest:.0f} cm over the floor"
+            over = min(heels[side] for side in carrying)
+            falls = f"its soles are {100 * over:.0f} cm over the floor"
         elif feet and not on_floor and not request.scene:
             falls = "it stands on the scene, which is left out"
         unsteady = person.support is not None and person.support.state is SupportState.UNSTEADY
         plain = ExportedPerson(index, rig, vertices, feet, on_floor, unsteady, falls)
         if feet:
-            plain = _set_down(plain, _height(vertices))
+            lowest = float(vertices[:, 2].min())
+            plain = _set_down(plain, 0.0 if abs(lowest) < FLAT_M else lowest)
         made.append(balanced(plain) if feet and not request.options["keep_lean"] else plain)
     return made
 
@@ -196,14 +200,9 @@ def _why_falling(person: Person) -> str:
     return "" if person.support.state is SupportState.BALANCED else str(person.support)
 
 
-def _heel_heights(vertices: Array, part: NDArray[np.int64]) -> dict[str, float]:
-    """Return the height of the lowest skin of heel and instep of each foot, metres."""
-    return {side: float(vertices[part == JOINT_INDEX[f"{side}_ankle"], 2].min()) for side in SIDES}
-
-
 def _touching_floor(person: Person, heels: dict[str, float]) -> tuple[str, ...]:
     """Return the sides of the feet that touch the floor, or the scene where it counts as the floor
-    (FLOOR_M).
+    (FLOOR_M), by the height of the lowest skin of heel and instep, metres.
     """
     likely = [one for one in person.contacts if one.likely]
     made = []
@@ -266,12 +265,6 @@ def _turned(rig: Rig, centre: Array, aim: Array, feet: Sequence[str]) -> Rig:
         above = world[rig.parents[ankle], :3, :3]
         rotations[ankle] = (turn @ above).T @ above @ rotations[ankle]
     return replace(rig, rotations=rotations, offsets=offsets)
-
-
-def _height(vertices: Array) -> float:
-    """Return the height at which the lowest skin is exported: the floor, if it is near."""
-    lowest = float(vertices[:, 2].min())
-    return 0.0 if abs(lowest) < FLAT_M else lowest
 
 
 def _set_down(person: ExportedPerson, height: float) -> ExportedPerson:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -56,10 +57,7 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
         skins = {index: with_ends(replace(rig, names=names)) for index, rig in skins.items()}
     colors = skins_of(request)
 
-    def look(glb: GlbBuilder, index: int, _: ExportRequest) -> Appearance:
-        return body_look(glb, index, colors)
-
-    glb = build_glb(request, skins, look=look)
+    glb = build_glb(request, skins, partial(_body_look, colors))
     if skins:
         joints = [skin["joints"] for skin in glb.tree["skins"]]
         keys = [
@@ -80,22 +78,17 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     return ExportedFiles(files, (*colors.notes, *glb_notes(request, skins)))
 
 
-def body_look(glb: GlbBuilder, index: int, colors: Skins) -> Appearance:
+def _body_look(colors: Skins, glb: GlbBuilder, index: int, request: ExportRequest) -> Appearance:
     """Return the materials of a person, as variants, and their texture coordinates."""
-    request = colors.request
     mesh = colors.mesh
     if mesh is None:
         return Appearance(body_material("body", BODY_RGB))
-    dressed = dressed_bodies(request.result)
+    dressed = dressed_bodies(request.result).people[index]
     contact = encode_image(colors.contact_image(index), "PNG"), "image/png"
     photo = encode_image(colors.photo_images(index)[0], "JPEG")
     skin = str(request.options["skin"])
-    look = photo_appearance(
-        glb, f"person_{index}", photo, contact, mesh, dressed.shown[index], skin
-    )
-    return replace(
-        look, attributes={**look.attributes, "_FILLED": dressed.filled[index][mesh.vertex]}
-    )
+    look = photo_appearance(glb, f"person_{index}", photo, contact, mesh, dressed.shown, skin)
+    return replace(look, attributes={**look.attributes, "_FILLED": dressed.filled[mesh.vertex]})
 
 
 def add_animation(

@@ -208,12 +208,6 @@ class Segment:
     capsule: Capsule | None
     soles: Array
 
-    def inertia(self) -> tuple[Array, Array]:
-        """Return the centre of mass (3,), and the moments of inertia (3, 3) about it, kg m2, of the
-        hull with uniform density.
-        """
-        return inertia_of(self.hull, self.mass)
-
 
 def inertia_of(mesh: Mesh, mass: float) -> tuple[Array, Array]:
     """Return the centre of mass (3,), and the moments of inertia (3, 3) about it, kg m2, of a

@@ -9,8 +9,9 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
 import numpy as np
 import trimesh
@@ -54,21 +55,31 @@ ground.
 """
 
 
-def add_mesh(
-    asset: ElementTree.Element,
-    name: str,
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.integer[Any]],
-    uv: NDArray[np.float64] | None = None,
-) -> None:
-    """Add a mesh whose numbers are in the file itself, closed unless it has texture coordinates (V,
-    2), v up.
-    """
-    made = ElementTree.SubElement(asset, "mesh", name=name, vertex=numbers(vertices.reshape(-1), 4))
-    made.set("face", " ".join(map(str, faces.reshape(-1).tolist())))
-    if uv is not None:
-        made.set("texcoord", numbers((uv * [1, -1] + [0, 1]).reshape(-1), 5))
-        made.set("inertia", "shell")  # an open surface has no volume
+@dataclass(frozen=True)
+class _File:
+    """Elements of a file to which people and scene are added."""
+
+    root: Element
+    asset: Element
+    world: Element
+    actuators: Element
+
+    def add_mesh(
+        self,
+        name: str,
+        vertices: NDArray[np.float64],
+        faces: NDArray[np.integer[Any]],
+        uv: NDArray[np.float64] | None = None,
+    ) -> dict[str, str]:
+        """Add a mesh whose numbers are in the file itself, closed unless it has texture coordinates
+        (V, 2), v up; return the attributes of a geom of the same name that shows it.
+        """
+        made = SubElement(self.asset, "mesh", name=name, vertex=numbers(vertices.reshape(-1), 4))
+        made.set("face", " ".join(map(str, faces.reshape(-1).tolist())))
+        if uv is not None:
+            made.set("texcoord", numbers((uv * [1, -1] + [0, 1]).reshape(-1), 5))
+            made.set("inertia", "shell")  # an open surface has no volume
+        return {"name": name, "type": "mesh", "mesh": name}
 
 
 def numbers(values: Iterable[float], digits: int = 6) -> str:
@@ -76,23 +87,23 @@ def numbers(values: Iterable[float], digits: int = 6) -> str:
     return " ".join(f"{value:.{digits}f}" for value in values)
 
 
-def xml_file(root: ElementTree.Element) -> bytes:
+def xml_file(root: Element) -> bytes:
     """Return the content of an XML file with an element and what is in it, indented."""
-    ElementTree.indent(root)
-    content: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+    indent(root)
+    content: bytes = tostring(root, encoding="utf-8", xml_declaration=True)
     return content
 
 
 _ARMATURE = 0.05  # kg m2, keeps the small bodies stable
 
 
-def add_humanoid(
-    root: ElementTree.Element, name: str, segments: Sequence[Segment], geom: dict[str, str]
+def _add_humanoid(
+    file: _File, name: str, segments: Sequence[Segment], geom: dict[str, str]
 ) -> dict[str, float]:
     """Add a person with joints, in their pose, where all hinges are 0.
 
     Args:
-        root: of the file, with "asset", "worldbody" and "actuator".
+        file: to which it is added.
         name: such as "person_0"; bodies are "person_0" (the pelvis), "person_0_left_hip", ...
         segments: of the person.
         geom: attributes of the shapes that collide.
@@ -100,39 +111,34 @@ def add_humanoid(
     Returns:
         Hinge -> its angle in the T-pose, radians.
     """
-    asset, world, actuators = (root.find(tag) for tag in ("asset", "worldbody", "actuator"))
-    assert asset is not None
-    assert world is not None
-    assert actuators is not None
     mass = sum(one.mass for one in segments)
-    bodies: list[ElementTree.Element] = []
+    bodies: list[Element] = []
     resting = {}
     for segment in segments:
         own = name if segment.parent < 0 else f"{name}_{segment.name}"
         quaternion = rotmat_to_quat(segment.pose[:3, :3])[[3, 0, 1, 2]]
-        above = world if segment.parent < 0 else bodies[segment.parent]
+        above = file.world if segment.parent < 0 else bodies[segment.parent]
         place = {"pos": numbers(segment.pose[:3, 3]), "quat": numbers(quaternion, 8)}
-        body = ElementTree.SubElement(above, "body", {"name": own} | place)
+        body = SubElement(above, "body", {"name": own} | place)
         bodies.append(body)
-        _add_inertia(body, segment.mass, *segment.inertia())
+        _add_inertia(body, segment.mass, *inertia_of(segment.hull, segment.mass))
         if segment.parent < 0:
-            ElementTree.SubElement(body, "freejoint", name=f"{name}_root")
+            SubElement(body, "freejoint", name=f"{name}_root")
         for hinge in segment.hinges:
             joint = f"{own}_{hinge.axis}"
             limits = np.rad2deg([hinge.low - hinge.angle, hinge.high - hinge.angle])
-            ElementTree.SubElement(
+            SubElement(
                 body, "joint", name=joint, axis=numbers(hinge.posed, 8), range=numbers(limits)
             )
             resting[joint] = -hinge.angle
-            _add_actuator(actuators, joint, max_torque(segment.name, mass))
-        add_mesh(asset, f"{own}_skin", *segment.skin)
-        skin = {"name": f"{own}_skin", "type": "mesh", "mesh": f"{own}_skin"}
-        ElementTree.SubElement(body, "geom", skin | _DRAWN | {"rgba": RGBA})
-        _add_shapes(asset, body, own, segment, geom)
+            _add_actuator(file.actuators, joint, max_torque(segment.name, mass))
+        skin = file.add_mesh(f"{own}_skin", *segment.skin)
+        SubElement(body, "geom", skin | _DRAWN | {"rgba": RGBA})
+        _add_shapes(file, body, own, segment, geom)
     return resting
 
 
-def _add_t_pose(root: ElementTree.Element, resting: dict[str, float]) -> None:
+def _add_t_pose(root: Element, resting: dict[str, float]) -> None:
     """Add the keyframe "t_pose" of hinge -> angle, and the controls that move people there."""
     places = []
     for body in root.iter("body"):
@@ -142,13 +148,13 @@ def _add_t_pose(root: ElementTree.Element, resting: dict[str, float]) -> None:
             elif joint.tag == "joint":
                 places.append(f"{resting[joint.attrib['name']]:.6f}")
     controls = numbers(resting[one.attrib["joint"]] for one in root.iter("position"))
-    key = ElementTree.SubElement(root, "keyframe")
-    ElementTree.SubElement(key, "key", name="t_pose", qpos=" ".join(places), ctrl=controls)
+    key = SubElement(root, "keyframe")
+    SubElement(key, "key", name="t_pose", qpos=" ".join(places), ctrl=controls)
 
 
-def _add_actuator(actuators: ElementTree.Element, joint: str, torque: float) -> None:
+def _add_actuator(actuators: Element, joint: str, torque: float) -> None:
     stiffness = torque / FULL_TORQUE_RAD
-    ElementTree.SubElement(
+    SubElement(
         actuators,
         "position",
         name=joint,
@@ -161,8 +167,8 @@ def _add_actuator(actuators: ElementTree.Element, joint: str, torque: float) -> 
 
 
 def _add_shapes(
-    asset: ElementTree.Element,
-    body: ElementTree.Element,
+    file: _File,
+    body: Element,
     name: str,
     segment: Segment,
     geom: dict[str, str],
@@ -178,19 +184,18 @@ def _add_shapes(
             }
         ]
     else:
-        add_mesh(asset, name, *segment.hull)
-        shapes = [{"type": "mesh", "mesh": name}]
+        shapes = [file.add_mesh(name, *segment.hull)]
     shapes += [
         {"type": "sphere", "pos": numbers(point), "size": f"{SOLE_RADIUS_M:g}"}
         for point in segment.soles
     ]
     for number, shape in enumerate(shapes):
         own = {"name": f"{name}_{number}" if number else name}
-        ElementTree.SubElement(body, "geom", own | shape | geom)
+        SubElement(body, "geom", own | shape | geom)
 
 
 def _add_inertia(
-    body: ElementTree.Element,
+    body: Element,
     mass: float,
     center: NDArray[np.float64],
     inertia: NDArray[np.float64],
@@ -198,7 +203,7 @@ def _add_inertia(
     """Add the mass of a body: readers that skip meshes in the file would leave it out."""
     moments = [inertia[at] for at in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     shape = {"pos": numbers(center), "fullinertia": numbers(moments, 9)}
-    ElementTree.SubElement(body, "inertial", {"mass": f"{mass:.4f}"} | shape)
+    SubElement(body, "inertial", {"mass": f"{mass:.4f}"} | shape)
 
 
 _PERSON_BITS = 29
@@ -233,9 +238,9 @@ def export_mjcf(request: ExportRequest) -> ExportedFiles:
     """
     jointed = [] if request.options["rigid"] else people_of(request)
     tiles, left_out = tiles_beside(request, jointed) if request.scene else ([], ())
-    root = _mjcf_tree(request, tiles, jointed)
-    picture = _add_scene(root, request)
-    files = {f"{request.stem}{request.suffix}": xml_file(root), **picture}
+    file = _file(request, tiles, jointed)
+    picture = _add_scene(file, request)
+    files = {f"{request.stem}{request.suffix}": xml_file(file.root), **picture}
     notes = tuple(person.note for person in jointed if person.note)
     if not request.scene:
         return ExportedFiles(files, notes)
@@ -251,9 +256,9 @@ def export_mjcf(request: ExportRequest) -> ExportedFiles:
     return ExportedFiles(files, (*notes, note, *left_out))
 
 
-def _mjcf_tree(
+def _file(
     request: ExportRequest, tiles: Sequence[Tile], jointed: Sequence[ExportedPerson]
-) -> ElementTree.Element:
+) -> _File:
     """Return the MJCF elements of a request, without the mesh of the scene.
 
     Args:
@@ -263,74 +268,58 @@ def _mjcf_tree(
     """
     result = request.result
     matrix = request.frame.from_camera
-    root = ElementTree.Element("mujoco", model="physic")
-    root.append(ElementTree.Comment(f" PhySIC; metres; {request.frame.axes} "))
-    ElementTree.SubElement(root, "compiler", angle="degree")
-    ElementTree.SubElement(
-        root, "option", gravity="0 0 -9.81", timestep="0.002", integrator="implicitfast"
-    )
+    root = Element("mujoco", model="physic")
+    root.append(Comment(f" PhySIC; metres; {request.frame.axes} "))
+    SubElement(root, "compiler", angle="degree")
+    SubElement(root, "option", gravity="0 0 -9.81", timestep="0.002", integrator="implicitfast")
     _add_visual(root, result.intrinsics)
     if jointed:
-        ElementTree.SubElement(
-            ElementTree.SubElement(root, "default"), "joint", armature=f"{_ARMATURE:g}"
-        )
-    asset = ElementTree.SubElement(root, "asset")
-    world = ElementTree.SubElement(root, "worldbody")
+        SubElement(SubElement(root, "default"), "joint", armature=f"{_ARMATURE:g}")
+    world = Element("worldbody")
+    file = _File(root, SubElement(root, "asset"), world, Element("actuator"))
+    root.append(world)
     if jointed:
-        ElementTree.SubElement(root, "actuator")
+        root.append(file.actuators)
     if result.scene.floor is not None:
-        ElementTree.SubElement(
+        SubElement(
             world, "geom", name="floor", type="plane", size="0 0 1", rgba=_FLOOR, friction=FRICTION
         )
     for number, tile in enumerate(tiles):
-        _add_tile(asset, world, f"scene_{number}", tile, matrix)
+        _add_tile(file, f"scene_{number}", tile, matrix)
     if rigid := [index for index in request.person if index not in {one.index for one in jointed}]:
         model = body_of_result(result, request.body_file)
         for index in rigid:
-            _person(asset, world, f"person_{index}", result.people[index], model, matrix)
+            _add_rigid(file, f"person_{index}", result.people[index], model, matrix)
     resting: dict[str, float] = {}
     for person in jointed:
         bit = 2 << person.index % _PERSON_BITS
         geom = {"contype": str(bit), "conaffinity": str(2**31 - 1 - bit), "group": "3"}
         geom |= {"friction": FRICTION, "rgba": RGBA}
         segments = body_segments(person.rig, person.vertices, person.ground)
-        resting |= add_humanoid(root, f"person_{person.index}", segments, geom)
+        resting |= _add_humanoid(file, f"person_{person.index}", segments, geom)
     if resting:
         _add_t_pose(root, resting)
     _exclude_touching(root, jointed)
     _add_camera(world, result.intrinsics, camera_pose(request.frame))
-    return root
+    return file
 
 
-def _add_visual(root: ElementTree.Element, camera: Intrinsics) -> None:
+def _add_visual(root: Element, camera: Intrinsics) -> None:
     """Add the size of pictures, and the light and the near plane of views."""
-    visual = ElementTree.SubElement(root, "visual")
-    ElementTree.SubElement(
-        visual, "global", offwidth=str(camera.width), offheight=str(camera.height)
-    )
-    ElementTree.SubElement(
-        visual, "headlight", ambient="0.4 0.4 0.4", diffuse="0.6 0.6 0.6", specular="0 0 0"
-    )
-    ElementTree.SubElement(visual, "map", znear="0.01")
+    visual = SubElement(root, "visual")
+    SubElement(visual, "global", offwidth=str(camera.width), offheight=str(camera.height))
+    SubElement(visual, "headlight", ambient="0.4 0.4 0.4", diffuse="0.6 0.6 0.6", specular="0 0 0")
+    SubElement(visual, "map", znear="0.01")
 
 
-def _add_tile(
-    asset: ElementTree.Element,
-    world: ElementTree.Element,
-    name: str,
-    tile: Tile,
-    matrix: NDArray[np.float64],
-) -> None:
+def _add_tile(file: _File, name: str, tile: Tile, matrix: NDArray[np.float64]) -> None:
     """Add a collision mesh of the scene."""
-    add_mesh(asset, name, transform_points(matrix, tile.vertices), tile.faces)
-    rgba = " ".join(f"{v:.3f}" for v in [*tile.color, 1.0])
-    ElementTree.SubElement(
-        world, "geom", {"name": name, "type": "mesh", "mesh": name, "rgba": rgba} | _HARD
-    )
+    shape = file.add_mesh(name, transform_points(matrix, tile.vertices), tile.faces)
+    SubElement(file.world, "geom", shape | {"rgba": numbers([*tile.color, 1.0], 3)} | _HARD)
 
 
-def _add_camera(world: ElementTree.Element, camera: Intrinsics, pose: NDArray[np.float64]) -> None:
-    ElementTree.SubElement(
+def _add_camera(world: Element, camera: Intrinsics, pose: NDArray[np.float64]) -> None:
+    SubElement(
         world,
         "camera",
         name="photo",
@@ -341,7 +330,7 @@ def _add_camera(world: ElementTree.Element, camera: Intrinsics, pose: NDArray[np
     )
 
 
-def _exclude_touching(root: ElementTree.Element, people: Sequence[ExportedPerson]) -> None:
+def _exclude_touching(root: Element, people: Sequence[ExportedPerson]) -> None:
     """Exclude collisions of parts of two people that touch in the pose: shapes that overlap push
     people over.
     """
@@ -349,50 +338,40 @@ def _exclude_touching(root: ElementTree.Element, people: Sequence[ExportedPerson
     for person in people:
         part = vertex_segments(person.rig.weights)
         parts.append([person.vertices[part == joint] for joint in range(NUM_BODIES)])
-    contact = ElementTree.Element("contact")
+    contact = Element("contact")
     for first, second in itertools.combinations(range(len(people)), 2):
         for pair in parts_that_meet(parts[first], parts[second]):
             names = {}
             for number, row, joint in zip((1, 2), (first, second), pair, strict=True):
                 name = f"person_{people[row].index}"
                 names[f"body{number}"] = f"{name}_{JOINT_NAMES[joint]}" if joint else name
-            ElementTree.SubElement(contact, "exclude", names)
+            SubElement(contact, "exclude", names)
     if len(contact):
         root.append(contact)
 
 
-def _add_scene(root: ElementTree.Element, request: ExportRequest) -> dict[str, bytes]:
+def _add_scene(out: _File, request: ExportRequest) -> dict[str, bytes]:
     """Add the mesh of the scene and the floor that is drawn, and return the picture."""
     scene = scene_mesh(request, _MAX_VERTICES)
-    asset = root.find("asset")
-    world = root.find("worldbody")
-    if scene is None or scene.uv is None or asset is None or world is None:
+    if scene is None or scene.uv is None:
         return {}
     file = f"{request.stem}_scene.png"
-    ElementTree.SubElement(asset, "texture", name="scene", type="2d", file=file)
-    ElementTree.SubElement(
-        asset, "material", name="scene", texture="scene", specular="0", shininess="0"
-    )
-    add_mesh(asset, "scene", scene.vertices, scene.faces, scene.uv)
-    ElementTree.SubElement(
-        world,
-        "geom",
-        {"name": "scene", "type": "mesh", "mesh": "scene", "material": "scene"} | _DRAWN,
-    )
+    SubElement(out.asset, "texture", name="scene", type="2d", file=file)
+    SubElement(out.asset, "material", name="scene", texture="scene", specular="0", shininess="0")
+    shape = out.add_mesh("scene", scene.vertices, scene.faces, scene.uv)
+    SubElement(out.world, "geom", shape | {"material": "scene"} | _DRAWN)
     surface = mesh_scene(request.result.scene, scene_reach(request.result), _MAX_VERTICES)
     floor = drawn_floor(request.result, request.frame, surface)
     if floor is not None and len(floor[1]):
-        add_mesh(asset, "drawn_floor", *floor, uv=np.zeros((len(floor[0]), 2)))
-        shape = {"name": "drawn_floor", "type": "mesh", "mesh": "drawn_floor", "rgba": _FLOOR}
-        ElementTree.SubElement(world, "geom", shape | _DRAWN)
-    for geom in world.iterfind("geom[@name='floor']"):
+        shape = out.add_mesh("drawn_floor", *floor, uv=np.zeros((len(floor[0]), 2)))
+        SubElement(out.world, "geom", shape | {"rgba": _FLOOR} | _DRAWN)
+    for geom in out.world.iterfind("geom[@name='floor']"):
         geom.set("group", "3")  # it would be drawn in one place with the surface of the scene
     return {file: encode_image(request.result.scene.colors, "PNG")}
 
 
-def _person(
-    asset: ElementTree.Element,
-    world: ElementTree.Element,
+def _add_rigid(
+    file: _File,
     name: str,
     person: Person,
     model: BodyArrays,
@@ -406,15 +385,12 @@ def _person(
         )
     pelvis = transform_points(matrix, person.joints[0])
     vertices = transform_points(matrix, person.vertices) - pelvis
-    body = ElementTree.SubElement(world, "body", name=name, mocap="true", pos=numbers(pelvis))
+    body = SubElement(file.world, "body", name=name, mocap="true", pos=numbers(pelvis))
     mass = DENSITY_KG_M3 * trimesh.Trimesh(vertices, model.faces, process=False).volume
     _add_inertia(body, mass, *inertia_of((vertices, model.faces), mass))
-    add_mesh(asset, name, vertices, model.faces)
-    skin = {"name": f"{name}_skin", "type": "mesh", "mesh": name, "rgba": RGBA}
-    ElementTree.SubElement(body, "geom", skin | _DRAWN)
+    skin = file.add_mesh(name, vertices, model.faces)
+    SubElement(body, "geom", skin | {"name": f"{name}_skin", "rgba": RGBA} | _DRAWN)
     parts = model.part_of_vertex
     for number, part in enumerate(PART_NAMES):
-        own = f"{name}_{part}"
-        add_mesh(asset, own, *convex_hull(vertices[parts == number]))
-        shape = {"name": own, "type": "mesh", "mesh": own, "rgba": RGBA}
-        ElementTree.SubElement(body, "geom", shape | _HARD)
+        shape = file.add_mesh(f"{name}_{part}", *convex_hull(vertices[parts == number]))
+        SubElement(body, "geom", shape | {"rgba": RGBA} | _HARD)

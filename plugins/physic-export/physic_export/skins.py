@@ -5,27 +5,25 @@ contact.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body import embedded_arrays, smplx_arrays
 from physic_core.errors import InputError, PhysicError
 from physic_visual.palette import BODY_RGB, contact_colors
 from physic_visual.rig import body_of_result
-from physic_visual.textures.dressed import dressed_bodies, dressed_texture
-from physic_visual.textures.photo import encode_image
-from physic_visual.textures.raster import (
-    TextureCoordinates,
-    TextureRaster,
-    load_texture_coordinates,
-    rasterize_texture,
+from physic_visual.textures.dressed import (
+    dressed_bodies,
+    dressed_texture,
+    texture_coordinates,
+    texture_raster,
 )
+from physic_visual.textures.photo import encode_image
 
 if TYPE_CHECKING:
     from physic_core import ExportRequest
     from physic_core.types import UInt8Array
+    from physic_visual.textures.raster import TextureCoordinates
 
 
 @dataclass(frozen=True)
@@ -48,7 +46,7 @@ class Skins:
     @property
     def mesh(self) -> TextureCoordinates | None:
         """Bodies with split vertices; None if they have no texture coordinates."""
-        return _mesh(self.source) if self.source else None
+        return texture_coordinates(self.source) if self.source else None
 
     @property
     def kind(self) -> str:
@@ -63,14 +61,15 @@ class Skins:
         if self.kind == "contact":
             return contact_colors(person, result.contact_partners)
         if self.kind == "photo":
-            return np.clip(np.round(dressed_bodies(result).fill[index]), 0, 255).astype(np.uint8)
+            fill = dressed_bodies(result).people[index].fill
+            return np.clip(np.round(fill), 0, 255).astype(np.uint8)
         return np.tile(np.array(BODY_RGB, np.uint8), (len(person.vertices), 1))
 
     def photo_images(self, index: int) -> tuple[UInt8Array, UInt8Array]:
         """Return the texture (N, N, 3) sRGB of a person, and (N, N) 255 where the photo does not
         show the texel, 0 where it does.
         """
-        raster = _raster(self.source, self.texels)
+        raster = texture_raster(self.source, self.texels)
         return dressed_texture(self.request.result, index, raster, darken=False)
 
     def contact_image(self, index: int) -> UInt8Array:
@@ -78,7 +77,7 @@ class Skins:
         of the body.
         """
         result = self.request.result
-        raster = _raster(self.source, self.texels)
+        raster = texture_raster(self.source, self.texels)
         corners = np.asarray(result.faces)[raster.faces]
         nearest = np.take_along_axis(corners, raster.corners.argmax(1)[:, None], 1)[:, 0]
         colors = contact_colors(result.people[index], result.contact_partners)
@@ -130,16 +129,5 @@ def textured_skins(request: ExportRequest, size: int) -> Skins:
         if model.name == "embedded"
         else str(request.body_file or result.config["body_model"]["path"])
     )
-    _mesh(source)  # raises if there are no texture coordinates
+    texture_coordinates(source)  # raises if there are none
     return Skins(request, source, size)
-
-
-@lru_cache(maxsize=2)
-def _mesh(source: str) -> TextureCoordinates:
-    body = embedded_arrays() if source == "embedded" else smplx_arrays(source)
-    return load_texture_coordinates(source, body.faces)
-
-
-@lru_cache(maxsize=2)
-def _raster(source: str, size: int) -> TextureRaster:
-    return rasterize_texture(_mesh(source), size)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,7 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from physic_core.geometry import RayCaster, transform_points, vertex_normals
 from physic_export.humanoid import convex_hull
-from physic_visual.surface import SceneMesh, is_near, mesh_scene, scene_reach
+from physic_visual.surface import is_near, mesh_scene, scene_reach
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -84,19 +84,21 @@ def convex_tiles(result: Reconstruction) -> list[Tile]:
     if not len(surface.faces):
         return []
     points = surface.vertices.astype(np.float64)
-    cells = _cells(surface)
+    # row and column of the grid square that each face lies in
+    cells = surface.pixels[surface.faces].min(1)[:, ::-1] // surface.stride
     colors = result.scene.colors[surface.pixels[:, 1], surface.pixels[:, 0]] / 255
     floor = result.scene.floor
     heights = np.full(len(points), np.inf)
     if floor is not None:
         heights = points @ np.asarray(floor.normal, np.float64) + floor.offset
-    patches: list[tuple[Array, Array]] = []
     raised = np.flatnonzero(heights[surface.faces].max(1) >= FLOOR_M)
-    for square in _top_squares(cells, raised, _LARGEST):
-        _divide(square, _LARGEST, cells, surface.faces, points, colors, patches)
     skin, normals = _skin(result)
     tree = cKDTree(skin)
-    tiles = (_thicken(patch, color, skin, normals, tree) for patch, color in patches)
+    tiles = (
+        _thicken(points[patch], colors[patch].mean(0), skin, normals, tree)
+        for square in _top_squares(cells, raised, _LARGEST)
+        for patch in _flat_patches(square, _LARGEST, cells, surface.faces, points)
+    )
     return [tile for tile in tiles if tile is not None]
 
 
@@ -198,13 +200,6 @@ def tile_errors(result: Reconstruction, tiles: Sequence[Tile]) -> tuple[float, f
     return (float(np.median(apart)), float(np.quantile(apart, 0.95))) if len(apart) else None
 
 
-def _cells(surface: SceneMesh) -> NDArray[np.int64]:
-    """Return the row and column (F, 2) of the grid square that each face lies in."""
-    corners = surface.pixels[surface.faces]
-    lowest: NDArray[np.int64] = corners.min(1)[:, ::-1] // surface.stride
-    return lowest
-
-
 def _top_squares(
     cells: NDArray[np.int64], faces: NDArray[np.int64], side: int
 ) -> list[NDArray[np.int64]]:
@@ -215,26 +210,24 @@ def _top_squares(
     return np.split(faces[order], np.flatnonzero(np.diff(key[order])) + 1)
 
 
-def _divide(
+def _flat_patches(
     inside: NDArray[np.int64],
     side: int,
     cells: NDArray[np.int64],
     faces: NDArray[np.int64],
     points: Array,
-    colors: Array,
-    patches: list[tuple[Array, Array]],
-) -> None:
-    """Append points and colour of the faces in one square; divide the square in four if they are
-    not flat.
+) -> Iterator[NDArray[np.int64]]:
+    """Yield the points of the faces in one square, or of each of its four squares if they are not
+    flat.
     """
     used = np.unique(faces[inside])
     filled = len(inside) / (2 * side * side)
     flat = max(FLAT_M, FLAT_SHARE * float(points[used, 2].mean()))
     if side == 1 or (filled >= MIN_FILLED and _deviation(points[used]) <= flat):
-        patches.append((points[used], colors[used].mean(0)))
+        yield used
         return
     for quarter in _top_squares(cells, inside, side // 2):
-        _divide(quarter, side // 2, cells, faces, points, colors, patches)
+        yield from _flat_patches(quarter, side // 2, cells, faces, points)
 
 
 def _plane_axis(points: Array) -> Array:

@@ -8,7 +8,7 @@ import json
 from dataclasses import dataclass, field
 from pathlib import PurePath
 from typing import TYPE_CHECKING
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 import trimesh
@@ -17,7 +17,7 @@ from trimesh.exchange.obj import export_obj
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.geometry import rotmat_to_euler, rotmat_to_quat, transform_points
 from physic_export.balance import people_of, tiles_beside
-from physic_export.humanoid import SOLE_RADIUS_M, body_segments, max_torque
+from physic_export.humanoid import SOLE_RADIUS_M, body_segments, inertia_of, max_torque
 from physic_export.meshes import scene_mesh
 from physic_export.mjcf import numbers, xml_file
 
@@ -58,10 +58,10 @@ class _Robot:
     """
 
     stem: str
-    root: ElementTree.Element
+    root: Element
     meshes: dict[str, bytes] = field(default_factory=dict)
 
-    def mesh(self, name: str, mesh: Mesh) -> ElementTree.Element:
+    def mesh(self, name: str, mesh: Mesh) -> Element:
         """Add a mesh file, and return the geometry that shows it."""
         # Drake reads no STL.
         file = f"{_MESHES}/{self.stem}_{name}.obj"
@@ -69,8 +69,8 @@ class _Robot:
         self.meshes[file] = export_obj(
             shape, include_normals=False, include_color=False, header=None, digits=6
         ).encode()
-        geometry = ElementTree.Element("geometry")
-        ElementTree.SubElement(geometry, "mesh", filename=file)
+        geometry = Element("geometry")
+        SubElement(geometry, "mesh", filename=file)
         return geometry
 
 
@@ -107,14 +107,12 @@ def _scene(request: ExportRequest, tiles: Sequence[Tile]) -> dict[str, bytes]:
     """Return the scene as a robot of one link, and its meshes."""
     stem = f"{request.stem}_scene"
     robot = _Robot(stem, _root("scene", collides=True))
-    link = ElementTree.SubElement(robot.root, "link", name="scene")
+    link = SubElement(robot.root, "link", name="scene")
     if (surface := scene_mesh(request)) is not None:
-        ElementTree.SubElement(link, "visual").append(
-            robot.mesh("surface", (surface.vertices, surface.faces))
-        )
+        SubElement(link, "visual").append(robot.mesh("surface", (surface.vertices, surface.faces)))
     for number, tile in enumerate(tiles):
         mesh = transform_points(request.frame.from_camera, tile.vertices), tile.faces
-        ElementTree.SubElement(link, "collision").append(robot.mesh(f"tile_{number}", mesh))
+        SubElement(link, "collision").append(robot.mesh(f"tile_{number}", mesh))
     if request.result.scene.floor is not None:
         below = np.eye(4)
         below[2, 3] = -_GROUND_M[2] / 2
@@ -122,15 +120,15 @@ def _scene(request: ExportRequest, tiles: Sequence[Tile]) -> dict[str, bytes]:
     return {**robot.meshes, f"{stem}.urdf": xml_file(robot.root)}
 
 
-def _root(name: str, collides: bool) -> ElementTree.Element:
+def _root(name: str, collides: bool) -> Element:
     """Return a robot without links; in MuJoCo, its links collide or do not."""
-    root = ElementTree.Element("robot", name=name)
+    root = Element("robot", name=name)
     # For MuJoCo, which otherwise looks for meshes beside the file, and melts the root into the
     # world.
-    mujoco = ElementTree.SubElement(root, "mujoco")
-    ElementTree.SubElement(mujoco, "compiler", strippath="false", fusestatic="false")
+    mujoco = SubElement(root, "mujoco")
+    SubElement(mujoco, "compiler", strippath="false", fusestatic="false")
     if not collides:
-        ElementTree.SubElement(ElementTree.SubElement(mujoco, "option"), "flag", contact="disable")
+        SubElement(SubElement(mujoco, "option"), "flag", contact="disable")
     return root
 
 
@@ -159,7 +157,7 @@ def _robot(stem: str, name: str, segments: Sequence[Segment]) -> _Robot:
         above = segments[segment.parent].name
         place = segment.zero
         for number, hinge in enumerate(segment.hinges, 1):
-            joint = ElementTree.SubElement(
+            joint = SubElement(
                 robot.root, "joint", name=f"{segment.name}_{hinge.axis}", type="revolute"
             )
             below = (
@@ -167,20 +165,18 @@ def _robot(stem: str, name: str, segments: Sequence[Segment]) -> _Robot:
                 if number == len(segment.hinges)
                 else f"{segment.name}_after_{hinge.axis}"
             )
-            ElementTree.SubElement(joint, "parent", link=above)
-            ElementTree.SubElement(joint, "child", link=below)
-            ElementTree.SubElement(joint, "origin", _origin(place))
-            ElementTree.SubElement(joint, "axis", xyz=numbers(hinge.resting, 8))
+            SubElement(joint, "parent", link=above)
+            SubElement(joint, "child", link=below)
+            SubElement(joint, "origin", _origin(place))
+            SubElement(joint, "axis", xyz=numbers(hinge.resting, 8))
             limits = {
                 "lower": f"{hinge.low:.6f}",
                 "upper": f"{hinge.high:.6f}",
                 "velocity": f"{_FASTEST_RAD_S:g}",
             }
-            ElementTree.SubElement(
-                joint, "limit", limits, effort=f"{max_torque(segment.name, mass):.3f}"
-            )
+            SubElement(joint, "limit", limits, effort=f"{max_torque(segment.name, mass):.3f}")
             if below != segment.name:
-                link = ElementTree.SubElement(robot.root, "link", name=below)
+                link = SubElement(robot.root, "link", name=below)
                 _add_inertia(link, _SMALL_KG, np.zeros(3), np.eye(3) * _SMALL_KG_M2)
             above = below
             place = np.eye(4)
@@ -189,18 +185,18 @@ def _robot(stem: str, name: str, segments: Sequence[Segment]) -> _Robot:
 
 
 def _add_link(robot: _Robot, segment: Segment) -> None:
-    link = ElementTree.SubElement(robot.root, "link", name=segment.name)
-    _add_inertia(link, segment.mass, *segment.inertia())
-    ElementTree.SubElement(link, "visual").append(robot.mesh(f"{segment.name}_skin", segment.skin))
+    link = SubElement(robot.root, "link", name=segment.name)
+    _add_inertia(link, segment.mass, *inertia_of(segment.hull, segment.mass))
+    SubElement(link, "visual").append(robot.mesh(f"{segment.name}_skin", segment.skin))
     if segment.capsule is not None:
         _add_capsule(link, segment.capsule)
     else:
-        ElementTree.SubElement(link, "collision").append(robot.mesh(segment.name, segment.hull))
+        SubElement(link, "collision").append(robot.mesh(segment.name, segment.hull))
     for point in segment.soles:
         _add_sphere(link, point, SOLE_RADIUS_M)
 
 
-def _add_capsule(link: ElementTree.Element, capsule: Capsule) -> None:
+def _add_capsule(link: Element, capsule: Capsule) -> None:
     """Add a cylinder and two spheres: the format has no capsules."""
     along = capsule.ends[1] - capsule.ends[0]
     length = float(np.linalg.norm(along))
@@ -211,26 +207,24 @@ def _add_capsule(link: ElementTree.Element, capsule: Capsule) -> None:
         _add_sphere(link, end, capsule.radius)
 
 
-def _add_sphere(link: ElementTree.Element, center: Array, radius: float) -> None:
+def _add_sphere(link: Element, center: Array, radius: float) -> None:
     place = np.eye(4)
     place[:3, 3] = center
     _add_collision(link, place, "sphere", radius=f"{radius:.5f}")
 
 
-def _add_collision(link: ElementTree.Element, place: Array, shape: str, **sizes: str) -> None:
-    collision = ElementTree.SubElement(link, "collision")
-    ElementTree.SubElement(collision, "origin", _origin(place))
-    ElementTree.SubElement(ElementTree.SubElement(collision, "geometry"), shape, sizes)
+def _add_collision(link: Element, place: Array, shape: str, **sizes: str) -> None:
+    collision = SubElement(link, "collision")
+    SubElement(collision, "origin", _origin(place))
+    SubElement(SubElement(collision, "geometry"), shape, sizes)
 
 
-def _add_inertia(link: ElementTree.Element, mass: float, center: Array, inertia: Array) -> None:
-    made = ElementTree.SubElement(link, "inertial")
-    ElementTree.SubElement(made, "origin", xyz=numbers(center), rpy="0 0 0")
-    ElementTree.SubElement(made, "mass", value=f"{mass:.4f}")
+def _add_inertia(link: Element, mass: float, center: Array, inertia: Array) -> None:
+    made = SubElement(link, "inertial")
+    SubElement(made, "origin", xyz=numbers(center), rpy="0 0 0")
+    SubElement(made, "mass", value=f"{mass:.4f}")
     names = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
-    ElementTree.SubElement(
-        made, "inertia", {f"i{name}": f"{inertia[at]:.8f}" for name, at in names.items()}
-    )
+    SubElement(made, "inertia", {f"i{name}": f"{inertia[at]:.8f}" for name, at in names.items()})
 
 
 def _origin(place: Array) -> dict[str, str]:

@@ -212,7 +212,7 @@ def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Ri
     primvars = UsdGeom.PrimvarsAPI(made)
     values = {"contact": mesh.contact.astype(np.float32)}
     if skins.mesh is not None:
-        values["filled"] = dressed_bodies(skins.request.result).filled[index]
+        values["filled"] = dressed_bodies(skins.request.result).people[index].filled
         _add_uv(made, skins.mesh.uv, skins.mesh.faces)
     for name, numbers in values.items():
         primvar = primvars.CreatePrimvar(name, Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex)
@@ -396,8 +396,7 @@ def _add_camera(stage: Any, camera: Intrinsics, pose: NDArray[np.float64]) -> No
         height * (camera.cy - (camera.height - 1) / 2) / camera.height
     )
     made.CreateClippingRangeAttr(Gf.Vec2f(0.05, 1000.0))
-    # USD multiplies row vectors from the left.
-    made.AddTransformOp().Set(Gf.Matrix4d(*pose.T.reshape(-1).tolist()))
+    made.AddTransformOp().Set(_matrices(pose[None])[0])
 
 
 def _add_gravity(stage: Any, up: NDArray[np.float64]) -> None:

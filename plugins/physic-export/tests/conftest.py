@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from physic_core import Reconstruction, export_reconstruction
@@ -26,6 +27,16 @@ def other():
 @pytest.fixture(scope="session")
 def result(saved_pair):
     return Reconstruction.load(str(saved_pair))
+
+
+@pytest.fixture(scope="session")
+def rays(result):
+    """(H, W, 3) the point of each pixel at a depth of 1."""
+    camera = result.intrinsics
+    rows, columns = np.indices(result.scene.valid.shape)
+    return np.stack(
+        [(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones(rows.shape)], -1
+    )
 
 
 @pytest.fixture(scope="session")

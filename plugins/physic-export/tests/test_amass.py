@@ -14,7 +14,6 @@ from scipy.spatial import cKDTree
 from physic_core.body import load_body
 from physic_core.body.convert.bodies import convert_with_residuals
 from physic_core.errors import InputError
-from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_core.types import Bodies
 
 
@@ -27,77 +26,59 @@ def file(other, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def model(file):
-    return load_body(file)
+def converted(result, file):
+    """The first person as a body of the file, as a run with [body_model] path gives it."""
+    model = load_body(file)
+    bodies = Bodies(result.people[0].parameters, "embedded")
+    parameters = convert_with_residuals(bodies, model).bodies.parameters
+    vertices, joints = (values[0] for values in posed(model.to(dtype=torch.float64), parameters))
+    faces = model.faces.numpy().astype(np.int32)
+    person = replace(
+        result.people[0],
+        parameters=parameters,
+        vertices=vertices,
+        joints=joints,
+        contact=np.zeros(len(vertices), bool),
+        contact_partner=np.full(len(vertices), -1, np.int16),
+        faces=faces,
+    )
+    config = {"body_model": {"path": str(file)}}
+    return replace(result, people=(person,), faces=faces, body_model="smplx", config=config)
 
 
 @pytest.fixture(scope="module")
-def converted(result, file, model):
-    """The first person as a body of the file, as a run with [body_model] path gives it."""
-    people = []
-    for person in result.people[:1]:
-        parameters = convert_with_residuals(
-            Bodies(person.parameters, "embedded"), model
-        ).bodies.parameters
-        vertices, joints = alone(model, parameters)
-        contact = np.zeros(len(vertices), bool)
-        own = replace(
-            person, parameters=parameters, vertices=vertices, joints=joints, contact=contact
-        )
-        people.append(replace(own, contact_partner=np.full(len(vertices), -1, np.int16)))
-    faces = model.faces.numpy().astype(np.int32)
-    people = [replace(person, faces=faces) for person in people]
-    config = {"body_model": {"path": str(file)}}
-    return replace(result, people=tuple(people), faces=faces, body_model="smplx", config=config)
+def read(file):
+    """A function that gives vertices and joints of the body in a file, by smplfitter."""
+    from smplfitter.pt import BodyModel
 
+    np.save(file.parent / "kid_template.npy", np.zeros((10475, 3)))  # smplfitter wants one
+    peer = BodyModel("smplx", "female", model_root=str(file.parent), num_betas=20)
 
-def alone(model, parameters):
-    """Vertices and joints of one body, by the model in float64."""
-    return (values[0] for values in posed(model.to(dtype=torch.float64), parameters))
+    def body(path):
+        with np.load(path) as arrays:
+            shape = np.concatenate([arrays["betas"], arrays["expression"][0]])
+            given = (arrays["poses"][:1], shape[None], arrays["trans"][:1])
+        poses, betas, trans = (torch.from_numpy(values).float() for values in given)
+        made = peer(pose_rotvecs=poses, shape_betas=betas, trans=trans)
+        return made["vertices"][0].numpy(), made["joints"][0].numpy()
 
-
-def read(model, path):
-    """Vertices and joints of the body in a file, by the model in float64."""
-    with np.load(path) as arrays:
-        poses, trans = (torch.from_numpy(arrays[name][:1]) for name in ("poses", "trans"))
-        betas, expression = (torch.from_numpy(arrays[name]) for name in ("betas", "expression"))
-    turns = rotvec_to_rotmat(poses.reshape(1, 55, 3))
-    out = model.to(dtype=torch.float64)(turns, betas[None], trans, expression[:1])
-    return out.vertices[0].numpy(), out.joints[0].numpy()
+    return body
 
 
 @pytest.mark.parametrize("up", ["z", "camera"])
-def test_our_model_poses_the_same_bodies_from_the_file(converted, model, tmp_path, up, in_frame):
-    done = converted.export(str(tmp_path / "a.npz"), up=up)
-    for path, person in zip(done.files, converted.people, strict=True):
-        vertices, joints = read(model, path)
-        np.testing.assert_allclose(vertices, in_frame(person.vertices, up), atol=1e-5)
-        with np.load(path) as arrays:
-            pelvis = arrays["pelvis"] + arrays["trans"][0]
-            assert float(arrays["fit_error_m"]) == 0
-        np.testing.assert_allclose(pelvis, joints[0], atol=1e-5)
+def test_smplfitter_poses_the_same_body_from_the_file(converted, read, tmp_path, up, in_frame):
+    (path,) = converted.export(str(tmp_path / "a.npz"), up=up).files
+    vertices, joints = read(path)
+    np.testing.assert_allclose(vertices, in_frame(converted.people[0].vertices, up), atol=1e-5)
+    with np.load(path) as arrays:
+        np.testing.assert_array_equal(arrays["poses"][0], arrays["poses"][1])
+        np.testing.assert_allclose(arrays["pelvis"] + arrays["trans"][0], joints[0], atol=1e-5)
+        assert float(arrays["fit_error_m"]) == 0
 
 
-def test_smplfitter_poses_the_same_body_from_the_file(converted, file, tmp_path, in_frame):
-    from smplfitter.pt import BodyModel as Peer
-
-    np.save(file.parent / "kid_template.npy", np.zeros((10475, 3)))  # smplfitter wants one
-    peer = Peer("smplx", "female", model_root=str(file.parent), num_betas=20)
-    with np.load(converted.export(str(tmp_path / "a.npz"), person=0).files[0]) as arrays:
-        poses, trans = (torch.from_numpy(arrays[name]).float() for name in ("poses", "trans"))
-        shape = torch.from_numpy(np.concatenate([arrays["betas"], arrays["expression"][0]]))[
-            None
-        ].float()
-    assert torch.equal(poses[0], poses[1])
-    theirs = peer(pose_rotvecs=poses[:1], shape_betas=shape, trans=trans[:1])["vertices"][0].numpy()
-    np.testing.assert_allclose(theirs, in_frame(converted.people[0].vertices), atol=1e-5)
-
-
-def test_embedded_bodies_are_fitted_and_the_error_is_stated(
-    result, file, model, tmp_path, in_frame
-):
+def test_embedded_bodies_are_fitted_and_the_error_is_stated(result, file, read, tmp_path, in_frame):
     done = result.export(str(tmp_path / "a.npz"), body_model=file, person=1)
-    vertices, joints = read(model, done.files[0])
+    vertices, joints = read(done.files[0])
     with np.load(done.files[0]) as arrays:
         error = float(arrays["fit_error_m"])
         assert str(arrays["gender"]) == "female"

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physic_core.errors import ConfigError
 from physic_core.types import Lens, skeleton_named
 
 # of pycocotools
@@ -97,10 +96,3 @@ def test_a_person_whom_the_photo_does_not_show_has_no_annotation(export, result)
     done = export("a.json", "coco", of=replace(result, people=(hidden, *result.people[1:])))
     assert [one["person"] for one in opened(done.files[0]).anns.values()] == [1]
     assert any(note.startswith("person 0") for note in done.notes)
-
-
-def test_two_formats_have_the_suffix_json(export):
-    with pytest.raises(
-        ConfigError, match="coco of physic-export or nerfstudio of physic-export: state which"
-    ):
-        export("a.json")

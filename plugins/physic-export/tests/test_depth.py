@@ -14,9 +14,17 @@ from physic_core.export import export_frame
 from physic_core.geometry.upright import transform_points
 
 
-def test_opencv_reads_the_points_of_the_scene_to_half_a_millimetre(export, result, tmp_path):
+@pytest.fixture
+def picture(tmp_path):
+    """A function that reads a picture of an export."""
+    return lambda name: cv2.imread(str(tmp_path / name), cv2.IMREAD_UNCHANGED)
+
+
+def test_opencv_reads_the_points_of_the_scene_to_half_a_millimetre_and_masks_of_people(
+    export, result, tmp_path, picture
+):
     export("a.png")
-    depth = cv2.imread(str(tmp_path / "a.png"), cv2.IMREAD_UNCHANGED)
+    depth = picture("a.png")
     assert depth.dtype == np.uint16
     camera = json.loads((tmp_path / "a_camera.json").read_text())
     assert (camera["height"], camera["width"]) == depth.shape
@@ -28,22 +36,16 @@ def test_opencv_reads_the_points_of_the_scene_to_half_a_millimetre(export, resul
         [(u - camera["cx"]) / camera["fx"] * z, (v - camera["cy"]) / camera["fy"] * z, z], 1
     )
     assert np.abs(points - result.scene.points[valid]).max() < 0.00051
+    assert len(camera["masks"]) == len(result.people)
+    for index, name in camera["masks"].items():
+        np.testing.assert_array_equal(picture(name), 255 * result.people[int(index)].mask)
 
 
-def test_each_person_has_a_mask(export, result, tmp_path):
-    export("a.png")
-    masks = json.loads((tmp_path / "a_camera.json").read_text())["masks"]
-    assert len(masks) == len(result.people)
-    for index, name in masks.items():
-        mask = cv2.imread(str(tmp_path / name), cv2.IMREAD_UNCHANGED)
-        np.testing.assert_array_equal(mask, 255 * result.people[int(index)].mask)
-
-
-def test_what_16_bits_cannot_hold_is_unknown_and_said(export, result, tmp_path):
+def test_what_16_bits_cannot_hold_is_unknown_and_said(export, result, picture):
     points = result.scene.points.copy()
     points[:12] *= 65.6 / points[:12, :, 2:]
     done = export("a.png", of=replace(result, scene=replace(result.scene, points=points)))
-    depth = cv2.imread(str(tmp_path / "a.png"), cv2.IMREAD_UNCHANGED)
+    depth = picture("a.png")
     assert not depth[:12].any()
     assert "65.535 m" in done.notes[-1]
 
@@ -55,12 +57,16 @@ def test_depth_without_the_scene_is_refused(export, name):
 
 
 @pytest.mark.parametrize("up", ["z", "y", "camera"])
-def test_rays_of_nerfstudio_meet_the_points_of_the_scene(export, result, tmp_path, up):
+def test_rays_of_nerfstudio_meet_the_points_of_the_scene_and_its_mask_leaves_people_out(
+    export, result, tmp_path, picture, up
+):
     export("a.json", "nerfstudio", up=up)
     data = json.loads((tmp_path / "a.json").read_text())
     (frame,) = data["frames"]
-    depth = cv2.imread(str(tmp_path / frame["depth_file_path"]), cv2.IMREAD_ANYDEPTH)
-    assert cv2.imread(str(tmp_path / frame["file_path"])).shape == (data["h"], data["w"], 3)
+    depth = picture(frame["depth_file_path"])
+    assert picture(frame["file_path"]).shape == (data["h"], data["w"], 3)
+    people = np.any([person.mask for person in result.people], axis=0)
+    np.testing.assert_array_equal(picture(frame["mask_path"]), np.where(people, 0, 255))
     valid = result.scene.valid
     v, u = np.nonzero(valid)
     z = depth[valid] * 0.001  # the default of nerfstudio's parsers
@@ -71,10 +77,3 @@ def test_rays_of_nerfstudio_meet_the_points_of_the_scene(export, result, tmp_pat
     points = transform_points(np.array(frame["transform_matrix"]), np.stack([x * z, -y * z, -z], 1))
     back = transform_points(np.linalg.inv(export_frame(result.scene.floor, up).from_camera), points)
     assert np.abs(back - result.scene.points[valid]).max() < 0.00051
-
-
-def test_the_mask_of_nerfstudio_leaves_people_out(export, result, tmp_path):
-    export("a.json", "nerfstudio")
-    mask = cv2.imread(str(tmp_path / "a_mask.png"), cv2.IMREAD_UNCHANGED)
-    people = np.any([person.mask for person in result.people], axis=0)
-    np.testing.assert_array_equal(mask, np.where(people, 0, 255))

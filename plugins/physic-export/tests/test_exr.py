@@ -34,15 +34,11 @@ def test_the_depth_of_the_scene_is_metres_and_1e10_where_it_is_unknown(files, re
     assert stated == {"file": "a.exr", "unit_m": 1.0, "unknown": 1e10, "along": "z"}
 
 
-def test_people_are_in_front_of_the_scene_at_the_depth_of_their_skin(files, result):
+def test_people_are_in_front_of_the_scene_at_the_depth_of_their_skin(files, result, rays):
     behind = read(files["a.exr"])
     with_people = read(files["a_people.exr"])
-    bodies = [trimesh.Trimesh(p.vertices, result.faces, process=False) for p in result.people]
-    camera = result.intrinsics
-    rows, columns = np.indices(behind.shape)
-    rays = np.stack(
-        [(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones(rows.shape)], -1
-    ).reshape(-1, 3)
+    bodies = [person.mesh() for person in result.people]
+    rays = rays.reshape(-1, 3)
     skin = trimesh.util.concatenate(bodies)
     caster = trimesh.ray.ray_pyembree.RayMeshIntersector(skin)
     places, hits, _ = caster.intersects_location(np.zeros_like(rays), rays, multiple_hits=False)

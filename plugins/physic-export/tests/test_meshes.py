@@ -73,7 +73,7 @@ def test_bodies_are_closed_where_a_program_merges_equal_places(export, result, n
         assert len(places) == len(result.people[index].vertices)
         assert whole.is_watertight
         metres = 1000 if name == "a.stl" else 1
-        volume = trimesh.Trimesh(result.people[index].vertices, result.faces, process=False).volume
+        volume = result.people[index].mesh().volume
         assert whole.volume == pytest.approx(volume * metres**3, rel=1e-3)
 
 

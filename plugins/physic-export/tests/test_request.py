@@ -35,17 +35,6 @@ def without_body(result, index):
     )
 
 
-def test_the_list_names_every_format_with_suffix_and_needs(physic):
-    done = physic("export", "--list")
-    assert done.exit_code == 0
-    lines = done.output.splitlines()
-    assert [line.split()[0] for line in lines] == [
-        "format",
-        *sorted(each.name for each in physic_exporters()),
-    ]
-    assert "SMPL-X file of yours (--body-model)" in lines[1]
-
-
 def test_the_command_takes_each_value_of_each_option_of_a_format(physic):
     told = re.sub(r"\s+", " ", physic("export", "--help").output)
     for record in physic_exporters():
@@ -79,15 +68,6 @@ def test_a_suffix_selects_a_format(suffix, name):
 
 
 @pytest.mark.parametrize(
-    ("name", "suffix"),
-    [(None, ".xyz"), ("smplx", "")],
-)
-def test_an_unknown_format_is_refused_with_the_known_ones(name, suffix):
-    with pytest.raises(ConfigError, match=f"'{name or suffix}'.*amass, bvh"):
-        find_exporter(name, suffix)
-
-
-@pytest.mark.parametrize(
     ("name", "option"), [("mixamo", "--to bvh --names mixamo"), ("photo", "--to glb --skin photo")]
 )
 def test_the_value_of_an_option_in_place_of_a_format_is_refused_with_the_option(name, option):
@@ -98,7 +78,6 @@ def test_the_value_of_an_option_in_place_of_a_format_is_refused_with_the_option(
 @pytest.mark.parametrize(
     ("kind", "change", "name", "options", "message"),
     [
-        (ConfigError, None, "a.bvh", {"person": 2}, "no person 2"),
         (
             ConfigError,
             lambda result: without_body(result, 0),
@@ -116,7 +95,6 @@ def test_the_value_of_an_option_in_place_of_a_format_is_refused_with_the_option(
         (InputError, lambda result: replace(result, people=()), "a.bvh", {}, "no person"),
         (ConfigError, None, "a.bvh", {"up": "camera"}, "--up y or z"),
         (InputError, without_floor, "a.xml", {}, "z up needs"),
-        (ConfigError, None, "a.ply", {"format": "obj"}, r"\.obj"),
     ],
 )
 def test_what_a_format_needs(

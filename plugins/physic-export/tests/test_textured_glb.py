@@ -18,12 +18,14 @@ from physic_visual.rig import rigs
 pygltflib = pytest.importorskip("pygltflib")
 
 
+def read(done):
+    return pygltflib.GLTF2().load(str(done.files[0]))
+
+
 @pytest.fixture(scope="module")
 def tree(result, tmp_path_factory):
-    path = result.export(
-        str(tmp_path_factory.mktemp("textured") / "a.glb"), names="unity", texture_size="512"
-    ).files[0]
-    return pygltflib.GLTF2().load(str(path))
+    file = tmp_path_factory.mktemp("textured") / "a.glb"
+    return read(result.export(str(file), names="unity", texture_size="512"))
 
 
 def test_each_person_has_a_picture_and_three_skins(tree):
@@ -51,9 +53,7 @@ def test_each_person_has_a_picture_and_three_skins(tree):
 
 
 def test_the_skin_can_be_neutral(export):
-    tree = pygltflib.GLTF2().load(
-        str(export("a.glb", skin="neutral", scene=False, person=0).files[0])
-    )
+    tree = read(export("a.glb", skin="neutral", scene=False, person=0))
     assert {tree.materials[mesh.primitives[0].material].name for mesh in tree.meshes} == {"body"}
 
 
@@ -87,9 +87,7 @@ def test_the_animation_has_a_t_pose_and_the_pose(tree):
 
 def test_bones_have_the_names_of_the_option(tree, export):
     assert [tree.nodes[joint].name for joint in tree.skins[0].joints] == list(bone_names("unity"))
-    other = pygltflib.GLTF2().load(
-        str(export("a.glb", names="mixamo", scene=False, person=0).files[0])
-    )
+    other = read(export("a.glb", names="mixamo", scene=False, person=0))
     names = [other.nodes[joint].name for joint in other.skins[0].joints]
     assert names[:2] == ["mixamorig:Hips", "mixamorig:LeftUpLeg"]
     ends = ["HeadTop_End", "LeftToe_End", "RightHandPinky4"]
@@ -98,9 +96,9 @@ def test_bones_have_the_names_of_the_option(tree, export):
 
 
 def test_the_root_of_unreals_skeleton_is_on_the_floor_below_the_pelvis(export, result, in_frame):
-    file = str(export("a.glb", names="unreal", scene=False).files[0])
-    tree = pygltflib.GLTF2().load(file)
-    places = trimesh.load_scene(file).graph
+    done = export("a.glb", names="unreal", scene=False)
+    tree = read(done)
+    places = trimesh.load_scene(done.files[0]).graph
     for skin, person in zip(tree.skins, result.people, strict=True):
         root, pelvis = skin.joints[:2]
         assert [tree.nodes[node].name for node in (root, pelvis)] == ["root", "pelvis"]
@@ -163,7 +161,7 @@ def test_the_names_of_vrm_are_unitys_with_the_metacarpal_of_the_thumb():
 
 
 def test_a_plain_file_has_no_attributes_of_its_own(export):
-    tree = pygltflib.GLTF2().load(str(export("a.glb", plain=True, person=0).files[0]))
+    tree = read(export("a.glb", plain=True, person=0))
     names = {
         name
         for mesh in tree.meshes

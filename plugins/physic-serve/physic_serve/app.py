@@ -21,9 +21,9 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.templating import Jinja2Templates
 
+from physic_core.pictures import REPORT_FILE
 from physic_core.types import trust_text
 from physic_serve.jobs import Job, Jobs
-from physic_serve.worker import REPORT_FILE
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send

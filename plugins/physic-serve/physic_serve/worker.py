@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from physic_batch.workers import started_processes
 from physic_core.errors import BackendError, PhysicError
+from physic_core.pictures import REPORT_FILE
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str, int, int], None]
 Reconstruct = Callable[["Task", Progress], "Reconstruction"]
-
-REPORT_FILE = "report.html"
 
 
 class Task(NamedTuple):

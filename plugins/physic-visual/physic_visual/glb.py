@@ -74,16 +74,15 @@ class Appearance:
     Attributes:
         material: its entry in the file.
         primitive: further properties of the primitive.
-        vertex: (U,) index of the body's vertex; None for the body's own vertices.
-        faces: (F, 3) indices of these vertices; None for the body's own faces.
+        mesh: texture coordinates, whose vertices are those of the primitive; None for the body's
+            own vertices and faces.
         attributes: name -> (U, ...) further values of the vertices.
         accessors: name -> index of an accessor of the file, with further values of the vertices.
     """
 
     material: dict[str, Any]
     primitive: Mapping[str, Any] = field(default_factory=dict)
-    vertex: NDArray[np.int64] | None = None
-    faces: NDArray[np.int64] | None = None
+    mesh: TextureCoordinates | None = None
     attributes: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     accessors: Mapping[str, int] = field(default_factory=dict)
 
@@ -212,8 +211,7 @@ def photo_appearance(
     return Appearance(
         materials[SKINS.index(skin)],
         {"extensions": {"KHR_materials_variants": {"mappings": mappings}}},
-        mesh.vertex,
-        mesh.faces,
+        mesh,
         {"TEXCOORD_0": uv},
     )
 
@@ -230,10 +228,10 @@ def add_dressed(glb: GlbBuilder, index: int, request: ExportRequest) -> Appearan
         contact = encode_image(image_of_vertices(touched, _CONTACT_TEXELS), "JPEG")
         photo = encode_image(dressed_images(request.result)[index], "JPEG")
         return photo_appearance(
-            glb, name, photo, (contact, "image/jpeg"), dressed.mesh, dressed.shown[index]
+            glb, name, photo, (contact, "image/jpeg"), dressed.mesh, dressed.people[index].shown
         )
     linear = np.ones((len(person.vertices), 4))
-    linear[:, :3] = linear_from_srgb(dressed.colors[index])
+    linear[:, :3] = linear_from_srgb(dressed.people[index].colors)
     colors = glb.accessor(np.round(65535 * linear).astype(np.uint16), ARRAY, normalized=True)
     white = body_material("photo_colors") | {"extensions": {"KHR_materials_unlit": {}}}
     return Appearance(white, accessors={"COLOR_0": colors})
@@ -334,7 +332,11 @@ def _add_person(
         else rig.vertices
     )
     normals = unit_normals(vertices, faces)
-    own = slice(None) if look.vertex is None else look.vertex
+    own: Any = slice(None)
+    drawn = faces
+    if look.mesh is not None:
+        own = look.mesh.vertex
+        drawn = look.mesh.faces
     attributes = {
         "POSITION": glb.accessor(vertices.astype(np.float32)[own], ARRAY, bounds=True),
         "NORMAL": glb.accessor(normals[own], ARRAY),
@@ -345,24 +347,14 @@ def _add_person(
     tops = list[int]()
     skin = dict[str, int]()
     if rig is not None:
-        top, skin["skin"] = _add_skin(glb, name, rig)
+        top, skin["skin"] = _add_skeleton(glb, name, rig)
         tops.append(top)
         attributes |= _skin_attributes(glb, rig, own)
-    tops.append(
-        _add_mesh(glb, name, attributes, faces if look.faces is None else look.faces, look, **skin)
-    )
-    if toes := dressed_bodies(result).shoes.get(index, ()):
+    tops.append(_add_mesh(glb, name, attributes, drawn, look, **skin))
+    if toes := dressed_bodies(result).people[index].shoes:
         shod, turned = with_shoes(vertices, normals.astype(np.float64), toes)
         _add_target(glb, "shoes", (shod - vertices)[own], (turned - normals)[own])
     return tops
-
-
-def _add_skin(glb: GlbBuilder, name: str, rig: Rig) -> tuple[int, int]:
-    """Add a skeleton, and return the indices of the node above it and of its skin."""
-    top, joints = add_joints(glb, f"{name}_skeleton", rig)
-    inverse = glb.accessor(rig.inverse_bind.astype(np.float32))
-    entry = {"name": name, "inverseBindMatrices": inverse, "joints": joints, "skeleton": top}
-    return top, glb.add("skins", entry)
 
 
 def _skin_attributes(glb: GlbBuilder, rig: Rig, vertices: Any) -> dict[str, int]:
@@ -389,9 +381,9 @@ def _add_target(
     mesh |= {"weights": [1.0], "extras": {"targetNames": [name]}}
 
 
-def add_joints(glb: GlbBuilder, name: str, rig: Rig) -> tuple[int, list[int]]:
-    """Add the joints of a rig in its pose, and return the index of the node above them, and
-    theirs.
+def _add_skeleton(glb: GlbBuilder, name: str, rig: Rig) -> tuple[int, int]:
+    """Add the joints of a rig in its pose, and return the indices of the node above them and of
+    their skin.
     """
     quaternions = Rotation.from_matrix(rig.rotations).as_quat()
     first = len(glb.tree.get("nodes", ()))
@@ -407,9 +399,14 @@ def add_joints(glb: GlbBuilder, name: str, rig: Rig) -> tuple[int, list[int]]:
         glb.add("nodes", node)
     # A node of its own above each skeleton: Blender makes one armature of skeletons with a common
     # parent.
-    return glb.add("nodes", {"name": name, "children": [first]}), list(
-        range(first, first + len(rig.names))
-    )
+    top = glb.add("nodes", {"name": f"{name}_skeleton", "children": [first]})
+    skin = {
+        "name": name,
+        "inverseBindMatrices": glb.accessor(rig.inverse_bind.astype(np.float32)),
+        "joints": list(range(first, top)),
+        "skeleton": top,
+    }
+    return top, glb.add("skins", skin)
 
 
 def _add_mesh(

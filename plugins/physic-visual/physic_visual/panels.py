@@ -274,11 +274,21 @@ def draw_text(
     size: int,
     color: tuple[int, int, int] = INK_RGB,
     anchor: str = "la",
+    *,
+    rim: tuple[int, int, int] | None = None,
 ) -> None:
     """Draw one line of text with its upper left corner, or another of Pillow's anchors, at a spot,
-    px.
+    px; with a rim of a colour, it can be read on any picture.
     """
-    pen.text(spot, text.translate(_PLAIN), font=font(size), fill=color, anchor=anchor)
+    pen.text(
+        spot,
+        text.translate(_PLAIN),
+        font=font(size),
+        fill=color,
+        anchor=anchor,
+        stroke_width=0 if rim is None else 2,
+        stroke_fill=rim,
+    )
 
 
 def wrap(text: str, size: int, width: float, between: str = " ") -> list[str]:

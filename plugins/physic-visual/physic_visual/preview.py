@@ -72,16 +72,6 @@ _CELL = (_WIDTH - 2 * _MARGIN - 2 * _GAP) // 3  # width of a column, px
 _DEPTH_TITLE = "Depth without people"
 
 
-def unposed_boxes(reconstruction: Reconstruction) -> list[tuple[_Box, str]]:
-    """Return the boxes (px of the image) and reasons of all people without a body."""
-    found = [(one.box, one.reason) for one in reconstruction.unposed]
-    for index, person in enumerate(reconstruction.people):
-        if not person.has_body:
-            x0, y0, x1, y1 = (float(edge) for edge in person.box)
-            found.append(((x0, y0, x1, y1), f"person {index}: no body"))
-    return found
-
-
 def draw_unposed(
     pen: ImageDraw.ImageDraw,
     reconstruction: Reconstruction,
@@ -90,12 +80,16 @@ def draw_unposed(
     width: float,
     height: float,
 ) -> None:
-    """Draw the boxes of people without a body on a panel that shows the image at x, y, width,
-    height px.
+    """Draw the boxes of people without a body, with the reasons, on a panel that shows the image at
+    x, y, width, height px.
     """
     rows, columns = reconstruction.image.shape[:2]
-    for box, reason in unposed_boxes(reconstruction):
-        edges = np.array(box) * ([width / columns, height / rows] * 2)
+    boxes = [(np.array(one.box), one.reason) for one in reconstruction.unposed]
+    for index, person in enumerate(reconstruction.people):
+        if not person.has_body:
+            boxes.append((person.box.astype(np.float64), f"person {index}: no body"))
+    for box, reason in boxes:
+        edges = box * ([width / columns, height / rows] * 2)
         x0, y0, x1, y1 = np.clip(edges, 0, [width - 1, height - 1] * 2) + np.array([x, y] * 2)
         _draw_dashed(pen, [(x0, y0), (x1, y0), (x1, y1), (x0, y1)], _BOX_RGB)
         wide = font(_FONT_PX).getlength(reason)
@@ -188,14 +182,14 @@ def _draw_photo_panels(
     places = surfaces_in_photo(reconstruction, *size)
     halves = {name: font(13).getlength(name) / 2 for name in places}
     for name, (x, y) in free_places(places, halves, _NAME, size).items():
-        _draw_over(pen, (mesh.x + x, mesh.y + y), name, PAGE_RGB, "mm")
+        draw_text(pen, (mesh.x + x, mesh.y + y), name, 13, PAGE_RGB, "mm", rim=INK_RGB)
     depths = depth_panel(reconstruction, *size)
     _draw_panel(page, depth, _DEPTH_TITLE, depths)
     _depth_bar(page, depth, depth_range(reconstruction))
     # a pixel is not seen
     if cv2.erode((depths == UNKNOWN_RGB).all(-1).astype(np.uint8), np.ones((3, 3))).any():
         at = depth.x + 6, depth.y + depth.height - 6
-        _draw_over(pen, at, "grey: distance unknown", UNKNOWN_RGB, "ls")
+        draw_text(pen, at, "grey: distance unknown", 13, UNKNOWN_RGB, "ls", rim=INK_RGB)
 
 
 def _draw_views(
@@ -211,17 +205,6 @@ def _draw_views(
     if geometry.crowns:
         at = aside.x + aside.width, aside.y - 8
         draw_text(ImageDraw.Draw(page), at, GUESSED, 14, SOFT_RGB, "rs")
-
-
-def _draw_over(
-    pen: ImageDraw.ImageDraw,
-    at: tuple[float, float],
-    text: str,
-    rgb: tuple[int, int, int],
-    anchor: str,
-) -> None:
-    """Draw a text that can be read on any picture."""
-    pen.text(at, text, font=font(13), fill=rgb, anchor=anchor, stroke_width=2, stroke_fill=INK_RGB)
 
 
 def summary_line(reconstruction: Reconstruction) -> str:
@@ -380,9 +363,7 @@ def _draw_assumed(page: Image.Image, frame: _Frame, plan: LabeledView) -> None:
         ):
             y -= _NAME
         taken.append((x - half, x + half, y))
-        pen.text(
-            (x, y), name, font=font(14), fill=rgb, anchor="ma", stroke_width=2, stroke_fill=PAGE_RGB
-        )
+        draw_text(pen, (x, y), name, 14, rgb, "ma", rim=PAGE_RGB)
         page.paste(layer, (frame.x, frame.y))
 
 

@@ -5,7 +5,6 @@ Colours are sRGB in 0-1; row 0 of an image is its top.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -118,35 +117,28 @@ class RenderedLayer:
     distance: NDArray[np.float32]
 
 
-def prepare_meshes(
-    bodies: Sequence[Array], faces: NDArray[Any], *, longest_edge: float = math.inf
-) -> RayCaster | None:
+def prepare_meshes(bodies: Sequence[Array], faces: NDArray[np.int64]) -> RayCaster | None:
     """Concatenate N bodies with common faces for ray casting; None without bodies.
 
+    Triangles with an edge above :data:`LONGEST_BODY_EDGE_M` are skipped. It bounds the time for
+    bodies of a degenerate backend, of which each triangle may cover the image.
+
     Args:
-        bodies: vertices of each body, (V, 3) metres.
+        bodies: vertices of each body, (V, 3) float64, metres.
         faces: (F, 3) of one body.
-        longest_edge: of a triangle, metres; others are skipped. It bounds the time for bodies of a
-            degenerate backend, of which each triangle may cover the image.
     """
     from physic_core.geometry import RayCaster
 
-    if not bodies or not len(faces):
+    if not bodies:
         return None
-    count = len(bodies[0])
-    vertices = np.concatenate([np.asarray(body, np.float64) for body in bodies])
-    triangles = np.concatenate(
-        [np.asarray(faces, np.int64) + index * count for index in range(len(bodies))]
-    )
-    if math.isfinite(longest_edge):
-        # By columns: sums over an axis of three take several times as long.
-        corners = [vertices[column].T for column in triangles.T]
-        sides = zip(corners, [*corners[1:], corners[0]], strict=True)
-        short = [np.square(end - start).sum(0) <= longest_edge**2 for start, end in sides]
-        triangles = triangles[np.logical_and.reduce(short)]
-        if not len(triangles):
-            return None
-    return RayCaster(vertices, triangles)
+    vertices = np.concatenate(bodies)
+    triangles = np.concatenate([faces + index * len(body) for index, body in enumerate(bodies)])
+    # By columns: sums over an axis of three take several times as long.
+    corners = [vertices[column].T for column in triangles.T]
+    sides = zip(corners, [*corners[1:], corners[0]], strict=True)
+    short = [np.square(end - start).sum(0) <= LONGEST_BODY_EDGE_M**2 for start, end in sides]
+    triangles = triangles[np.logical_and.reduce(short)]
+    return RayCaster(vertices, triangles) if len(triangles) else None
 
 
 def render_mesh(shapes: RayCaster, viewer: View, colors: Array) -> RenderedLayer:

@@ -10,7 +10,7 @@ import numpy as np
 
 from physic_core.backends.devices import limited_blas
 from physic_core.body import JOINT_NAMES, PARENTS, ROTATION_FIELDS
-from physic_core.errors import InputError
+from physic_core.errors import InputError, PhysicError
 from physic_core.geometry import rotvec_to_rotmat_numpy, transform_points
 
 if TYPE_CHECKING:
@@ -125,6 +125,17 @@ def body_of_result(result: Reconstruction, file: Path | None = None) -> BodyArra
         num_betas=parameters.betas.shape[1],
         num_expression=parameters.expression.shape[1],
     )
+
+
+def body_at_hand(result: Reconstruction) -> BodyArrays | None:
+    """Return the body model of a result with people; None if it is not at hand, such as a file of
+    another machine, or has another mesh.
+    """
+    try:
+        model = body_of_result(result)
+    except PhysicError:
+        return None
+    return model if np.array_equal(model.faces, result.faces) else None
 
 
 def pose_rig(body: BodyArrays, person: Person, frame: ExportFrame) -> Rig:

@@ -87,32 +87,32 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     scene = reconstruction.scene
     limit = scene_reach(reconstruction)
     matrix = gltf_from_camera(scene.level)
-    finite = [
-        (index, np.asarray(person.vertices, np.float64))
+    bodies = {
+        index: np.asarray(person.vertices, np.float64)
         for index, person in enumerate(reconstruction.people)
         if person.has_body
-    ]
-    bodies = [vertices for _, vertices in finite]
+    }
     colors = [
         np.tile(np.array(person_color(index)) / 255.0, (len(vertices), 1))
-        for index, vertices in finite
+        for index, vertices in bodies.items()
     ]
     stride = max(1, math.ceil(math.sqrt(scene.valid.size / _POINTS)))
     points, point_colors = _cloud(scene, limit, stride)
     dressed = dressed_bodies(reconstruction)
+    dress = [one.colors for one in dressed.people.values()]
     backdrop, backdrop_colors = _backdrop(reconstruction)
     depth = float(np.median(points[:, 2])) if len(points) else 0.0
     main = set(main_people([person.box for person in reconstruction.people]))
-    low, high = _bounds(
-        [vertices for index, vertices in finite if index in main] or bodies, points, matrix
-    )
+    framed = [bodies[index] for index in bodies.keys() & main] or [*bodies.values()]
+    low, high = _bounds(framed, points, matrix)
     return PreviewGeometry(
         people=dressed.bodies,
-        people_colors=np.concatenate(colors) if colors else np.zeros((0, 3)),
-        dress=np.concatenate([dressed.colors[index] for index, _ in finite]) / 255.0
-        if finite
-        else np.zeros((0, 3)),
-        crowns={index: vertices[(vertices @ matrix[1, :3]).argmax()] for index, vertices in finite},
+        people_colors=np.concatenate([np.zeros((0, 3)), *colors]),
+        dress=np.concatenate([np.zeros((0, 3)), *dress]) / 255.0,
+        crowns={
+            index: vertices[(vertices @ matrix[1, :3]).argmax()]
+            for index, vertices in bodies.items()
+        },
         points=points,
         point_colors=point_colors,
         backdrop=backdrop,

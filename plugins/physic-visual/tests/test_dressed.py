@@ -33,15 +33,16 @@ def test_a_body_has_the_photo_s_colour_where_it_is_seen_and_a_darker_guess_of_it
 ):
     dressed = dressed_bodies(pink)
     images = dressed_images(pink)
-    assert set(dressed.colors) == set(images) == {0, 1}
+    assert set(dressed.people) == set(images) == {0, 1}
     for index, person in enumerate(pink.people):
         mesh = person.mesh()
         away = (mesh.vertex_normals * mesh.vertices).sum(1) / np.linalg.norm(mesh.vertices, axis=1)
-        colors = dressed.colors[index].astype(int)
-        assert 0.1 < dressed.shown[index] < (away < 0).mean()  # no photo shows what faces away
+        body = dressed.people[index]
+        colors = body.colors.astype(int)
+        assert 0.1 < body.shown < (away < 0).mean()  # no photo shows what faces away
         assert (np.abs(colors - PINK).max(1) < 3).mean() > 0.1
         guess = colors[away > 0.3]
-        assert dressed.filled[index][away > 0.3].min() == 1
+        assert body.filled[away > 0.3].min() == 1
         assert_allclose(guess / guess.max(1, keepdims=True) - PINK / 230, 0, atol=0.03)
         assert guess[:, 0].max() < 0.92 * PINK[0]
         assert np.ptp(guess[:, 0]) > 30  # with a light
@@ -65,7 +66,7 @@ def test_the_back_of_the_head_has_the_colour_of_hair_that_stands_off(pink):
     )
     assert behind.sum() > 20
     for one, expected in ((curly, blue), (pink, PINK)):
-        guess = dressed_bodies(one).colors[0][behind].astype(float).mean(0)
+        guess = dressed_bodies(one).people[0].colors[behind].astype(float).mean(0)
         assert guess @ expected > 0.9 * np.linalg.norm(guess) * np.linalg.norm(expected)
 
 
@@ -77,11 +78,11 @@ def test_a_texture_is_as_fine_as_the_photo(result):
 
 def test_a_person_whom_no_photo_shows_is_grey_in_shoes(result):
     person = replace(result.people[0], mask=np.zeros_like(result.people[0].mask))
-    dressed = dressed_bodies(replace(result, people=(person,)))
-    assert dressed.shown[0] == 0
-    assert len(dressed.shoes[0]) == 2
-    assert saturation(dressed.colors[0]).max() < 15
-    assert np.ptp(dressed.colors[0][:, 0]) > 30  # with a light
+    dressed = dressed_bodies(replace(result, people=(person,))).people[0]
+    assert dressed.shown == 0
+    assert len(dressed.shoes) == 2
+    assert saturation(dressed.colors).max() < 15
+    assert np.ptp(dressed.colors[:, 0]) > 30  # with a light
 
 
 def test_bodies_without_texture_coordinates_have_colours_of_vertices(pink):
@@ -89,14 +90,14 @@ def test_bodies_without_texture_coordinates_have_colours_of_vertices(pink):
     dressed = dressed_bodies(other)
     assert dressed.mesh is None
     assert not dressed_images(other)
-    assert saturation(dressed.colors[0]).min() > 60
+    assert saturation(dressed.people[0].colors).min() > 60
 
 
 def test_who_has_no_body_has_no_colours(result):
     person = result.people[0]
     lost = replace(person, vertices=person.vertices * np.nan, joints=person.joints * np.nan)
-    assert set(dressed_bodies(replace(result, people=(lost, result.people[1]))).colors) == {1}
-    assert not dressed_bodies(replace(result, people=())).colors
+    assert set(dressed_bodies(replace(result, people=(lost, result.people[1]))).people) == {1}
+    assert not dressed_bodies(replace(result, people=())).people
 
 
 def test_a_result_that_is_saved_as_numbers_loads_no_code_of_pictures(saved_pair, tmp_path):

@@ -9,10 +9,11 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
-from numpy.testing import assert_allclose, assert_array_equal
-from PIL import Image
+from numpy.testing import assert_allclose
+from PIL import Image, ImageDraw
 
-from physic_core.types import CheckResult, Grade, Intrinsics
+from physic_core.geometry import RayCaster
+from physic_core.types import CheckResult, Grade, Intrinsics, UnposedPerson
 from physic_visual.palette import person_color
 from physic_visual.panels import (
     CONTACT_VIEWS,
@@ -21,14 +22,8 @@ from physic_visual.panels import (
     overlay_panel,
     render_contact_views,
 )
-from physic_visual.preview import preview_image, preview_png, summary_line
-from physic_visual.render import (
-    LONGEST_BODY_EDGE_M,
-    View,
-    prepare_meshes,
-    render_mesh,
-    render_points,
-)
+from physic_visual.preview import draw_unposed, preview_image, preview_png, summary_line
+from physic_visual.render import View, prepare_meshes, render_mesh
 from physic_visual.views import (
     BACKGROUND_RGB,
     PAGE_RGB,
@@ -49,14 +44,11 @@ def in_colors_of_numbers(reconstruction):
     return replace(geometry, dress=geometry.people_colors)
 
 
-def sphere_at(*centers):
-    return prepare_meshes([SPHERE.vertices + center for center in centers], SPHERE.faces)
-
-
 def drawn(view, *centers, colors=1.0):
     """Spheres, the first in the first of the colours."""
     shades = np.broadcast_to(colors, (len(centers), 3)).repeat(len(SPHERE.vertices), axis=0)
-    return render_mesh(sphere_at(*centers), view, shades)
+    bodies = [SPHERE.vertices + center for center in centers]
+    return render_mesh(prepare_meshes(bodies, SPHERE.faces), view, shades)
 
 
 def is_hue(picture, index):
@@ -66,19 +58,9 @@ def is_hue(picture, index):
     return (values @ wanted > 0.995 * np.linalg.norm(values, axis=-1)) & (values.max(-1) > 40)
 
 
-def test_a_sphere_is_a_disc_of_the_right_size():
-    layer = drawn(PINHOLE, [0, 0, 4.0], colors=0.8)
-    radius = 100 * 0.5 / np.sqrt(4.0**2 - 0.5**2)
-    assert layer.alpha.sum() == pytest.approx(np.pi * radius**2, rel=0.01)
-    rows, columns = np.nonzero(layer.alpha > 0.5)
-    assert [rows.mean(), columns.mean()] == pytest.approx([40, 50], abs=0.05)
-    assert layer.distance[40, 50] == pytest.approx(3.5, abs=0.005)
-    assert np.isinf(layer.distance[0, 0])
-
-
 def test_a_surface_may_fill_the_picture():
     corners = np.array([[-9.0, -9.0, 4.0], [9.0, -9.0, 4.0], [0.0, 18.0, 4.0]])
-    wall = prepare_meshes([corners], np.array([[0, 1, 2]]))
+    wall = RayCaster(corners, np.array([[0, 1, 2]]))
     layer = render_mesh(wall, PINHOLE, np.ones((3, 3)))
     assert layer.alpha.min() == 1
     assert layer.distance == pytest.approx(4.0)
@@ -88,34 +70,18 @@ def test_the_nearer_hides_the_farther():
     layer = drawn(PINHOLE, [0, 0, 6.0], [0, 0, 4.0], colors=[[1.0, 0, 0], [0, 1.0, 0]])
     assert layer.color[40, 50, 1] > 0.5
     assert layer.color[40, 50, 0] == 0
+    assert layer.distance[40, 50] == pytest.approx(3.5, abs=0.005)
+    assert np.isinf(layer.distance[0, 0])
 
 
 def test_what_lies_behind_the_camera_is_not_drawn():
     assert drawn(PINHOLE, [0, 0, -4.0]).alpha.max() == 0
 
 
-def test_a_parallel_view_is_to_scale():
-    axes = np.array([[0, 0, 1.0], [0, -1.0, 0], [1.0, 0, 0]])
-    view = View.orthographic(axes, np.array([0, 0, 4.0]), 60.0, (120, 100))
-    assert drawn(view, [0, 0, 4.0]).alpha.sum() == pytest.approx(np.pi * 30**2, rel=0.01)
-    spot = view.project(np.array([[7.0, -0.5, 4.5]]))[0]
-    assert spot[:2] == pytest.approx([59.5 + 30, 49.5 - 30])
-
-
 def test_a_parallel_view_can_cut():
     view = View.orthographic(FRONT, np.array([0, 0, 4.0]), 60.0, (120, 100), start=-0.1)
     nearest = drawn(view, [0, 0, 3.0], [0, 0, 5.0]).distance.min()
     assert nearest == pytest.approx(0.4, abs=0.005)
-
-
-def test_a_splat_is_a_square_and_the_nearer_wins():
-    view = View.orthographic(FRONT, np.zeros(3), 10.0, (21, 11))
-    points = np.array([[0, 0, 1.0], [0.1, 0, 2.0], [50, 0, 0], [np.nan, 0, 0], [1.0, 0.5, 0]])
-    colors = np.array([[1.0, 0, 0], [0, 1.0, 0], [1, 1, 1], [1, 1, 1], [0, 0, 1.0]])
-    layer = render_points(view, points, colors)
-    assert layer.alpha.sum() == 9 + 3 + 4  # the corner's square is cut
-    assert_array_equal(layer.color[[5, 5, 10], [10, 12, 20]], np.eye(3))
-    assert layer.distance[5, 10] == 51
 
 
 def test_people_are_drawn_where_their_joints_project(reconstruction):
@@ -327,6 +293,27 @@ def test_a_person_who_lies_or_bends_has_views(reconstruction):
 def test_triangles_that_may_each_cover_the_image_are_left_out():
     faces = np.array([[0, 1, 2], [0, 1, 3]])
     vertices = np.array([[0.0, 0.0, 2.0], [0.05, 0.0, 2.0], [0.0, 0.05, 2.0], [90.0, 0.0, 2.5]])
-    kept = prepare_meshes([vertices], faces, longest_edge=LONGEST_BODY_EDGE_M)
-    assert kept.faces.tolist() == [[0, 1, 2]]
-    assert prepare_meshes([1e3 * vertices], faces, longest_edge=LONGEST_BODY_EDGE_M) is None
+    assert prepare_meshes([vertices], faces).faces.tolist() == [[0, 1, 2]]
+    assert prepare_meshes([1e3 * vertices], faces) is None
+
+
+@pytest.mark.parametrize("posed", [True, False])
+def test_people_without_a_body_are_dashed_boxes_at_the_size_of_the_panel(reconstruction, posed):
+    height, width = reconstruction.image.shape[:2]
+    box = (20.0, 20.0, 60.0, 80.0)
+    nobody = replace(
+        reconstruction.people[0],
+        vertices=reconstruction.people[0].vertices * np.nan,
+        box=np.array(box, np.float32),
+    )
+    one = UnposedPerson(box, 0.7, "a reason that is far too long for the box")
+    changes = {"people": (nobody,)} if posed else {"people": (), "unposed": (one,)}
+    page = Image.new("RGB", (2 * width + 50, 2 * height + 50))
+    draw_unposed(
+        ImageDraw.Draw(page), replace(reconstruction, **changes), 10, 30, 2 * width, 2 * height
+    )
+    rows, columns = np.nonzero(np.asarray(page).any(-1))
+    extent = np.array([columns.min(), rows.min(), columns.max(), rows.max()])
+    assert np.abs(extent - [10 + 40, 30 + 40, 10 + 120, 30 + 160]).max() <= 1
+    edge = np.asarray(page)[30 + 40, 50:130].any(-1)
+    assert 0.3 < edge.mean() < 0.8  # dashes and gaps

@@ -120,7 +120,7 @@ def test_readers_without_skinning_show_people_of_the_combined_file_at_their_plac
 
 def test_shoes_are_a_shape_that_moves_toes_and_can_be_switched_off(tree, result):
     toes = load_body("embedded").skin.weights[joint_pair("foot")].max(0).values.numpy() > 0
-    for index in dressed_bodies(result).shoes:
+    for index in dressed_bodies(result).people:
         mesh = mesh_of(tree, index)
         assert (mesh.weights, mesh.extras["targetNames"]) == ([1.0], ["shoes"])
         (target,) = mesh.primitives[0].targets
@@ -152,14 +152,13 @@ def test_contact_is_an_attribute_and_no_colour(tree, result):
 
 
 def test_the_combined_file_shows_people_in_the_photo_s_colours_with_two_other_skins(
-    result, tmp_path
+    result, saved_pair
 ):
     gltf = pytest.importorskip("pygltflib").GLTF2()
-    result.save(str(tmp_path / "again"))
-    tree = gltf.load(str(tmp_path / "again" / "combined.glb"))
+    tree = gltf.load(str(saved_pair / "combined.glb"))
     variants = tree.extensions["KHR_materials_variants"]["variants"]
     assert [variant["name"] for variant in variants] == ["photo", "neutral", "contact"]
-    shown = dressed_bodies(result).shown
+    dressed = dressed_bodies(result).people
     for index in (0, 1):
         primitive = mesh_of(tree, index).primitives[0]
         photo, neutral, contact = (
@@ -173,7 +172,7 @@ def test_the_combined_file_shows_people_in_the_photo_s_colours_with_two_other_sk
         )
         assert photo_texture.index != contact_texture.index
         assert no_texture is None
-        assert photo.extras["share_from_photo"] == pytest.approx(shown[index], abs=1e-4)
+        assert photo.extras["share_from_photo"] == pytest.approx(dressed[index].shown, abs=1e-4)
     assert tree.scenes[0].extras["colors_of_people"] == f"those of the photo; {GUESSED}"
 
 

@@ -136,7 +136,7 @@ def _finite(value: Any) -> Any:
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_finite(item) for item in value]
-    if isinstance(value, str) or value is None or isinstance(value, bool | int):
+    if isinstance(value, str | int | None):
         return value
     number = float(value)
     return number if math.isfinite(number) else None

@@ -16,7 +16,6 @@ from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from physic_core.errors import InputError
 from physic_core.pictures import PAGE_MARK
 from physic_visual.report.contents import page_contents
 
@@ -35,15 +34,6 @@ _SCRIPTS = (
     "main.js",
 )
 _TOKEN = re.compile(r"@([A-Z]+)@")
-
-
-def result_page(result: Reconstruction | InputError, title: str) -> str:
-    """Return the page of a result, or of the reason why it cannot be read."""
-    return (
-        failure_html(title, str(result))
-        if isinstance(result, InputError)
-        else report_html(result, title)
-    )
 
 
 def report_html(reconstruction: Reconstruction, title: str = "") -> str:

@@ -2,40 +2,28 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.errors import PhysicError
+from physic_core.body import PART_NAMES
 from physic_core.geometry import vertex_areas
 from physic_core.types import grade_text, part_words, partner_titles
 from physic_visual.palette import contact_color, contact_colors, person_color, person_tint
+from physic_visual.rig import body_at_hand
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.spatial import cKDTree
 
-    from physic_core.body import BodyModel
+    from physic_core.body import BodyArrays
     from physic_core.types import Person, Reconstruction
 
 # Vertices of all people between which gaps are measured; of a crowd, every n-th.
 _MAX_COMPARED = 120_000
 _PELVIS = 0
 _SPARSE = 32  # every n-th vertex bounds the distance of two people
-
-
-def body_model_of(reconstruction: Reconstruction) -> BodyModel | None:
-    """Load the body model of the people's parameters; None if it is not at hand, such as a file of
-    another machine.
-    """
-    from physic_core.body import load_body
-
-    path = dict(reconstruction.config.get("body_model", {})).get("path")
-    try:
-        model = load_body(path or "embedded")
-    except (PhysicError, OSError):
-        return None
-    return model if model.name == reconstruction.body_model else None
 
 
 def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
@@ -66,14 +54,11 @@ def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
         - ``contact``: ``part``, ``cm2``, ``share`` and ``colors`` by body part, where ``colors``
           divides the share by what is touched (``color`` sRGB, ``share``).
     """
-    model = (
-        body_model_of(reconstruction)
-        if any(person.has_body for person in reconstruction.people)
-        else None
-    )
+    posed = any(person.has_body for person in reconstruction.people)
+    body = body_at_hand(reconstruction) if posed else None
     gaps = _gaps(reconstruction)
     return [
-        _record(reconstruction, index, gaps, model) for index in range(len(reconstruction.people))
+        _record(reconstruction, index, gaps, body) for index in range(len(reconstruction.people))
     ]
 
 
@@ -81,13 +66,12 @@ def _record(
     reconstruction: Reconstruction,
     index: int,
     gaps: dict[tuple[int, int], float],
-    model: BodyModel | None,
+    model: BodyArrays | None,
 ) -> dict[str, Any]:
     person = reconstruction.people[index]
     posed = person.has_body
     pelvis = np.asarray(person.joints[_PELVIS], np.float64)
-    fits = posed and model is not None and model.num_vertices == len(person.vertices)
-    body = model if fits else None
+    body = model if posed else None
     return {
         "grade": None if person.grade is None else str(person.grade),
         "graded": grade_text(person.grade, person.trust, person.marks),
@@ -100,7 +84,7 @@ def _record(
         "vertices": len(person.vertices),
         "contacts": _contacts(person),
         "support": None if person.support is None else str(person.support),
-        "stature": None if body is None else _stature(person, body),
+        "stature": None if body is None else person.stature,
         "stature_sigma": None if body is None else person.stature_sigma,
         "posture": person.posture,
         "posture_probability": person.posture_probability,
@@ -119,17 +103,16 @@ def _others(
     reconstruction: Reconstruction, index: int, gaps: dict[tuple[int, int], float]
 ) -> list[dict[str, Any]]:
     people = reconstruction.people
+    pelvis = np.asarray(people[index].joints[_PELVIS], np.float64)
     return [
-        {"person": other, "pelvis": _between(people[index], people[other]), "gap": gap}
+        {
+            "person": other,
+            "pelvis": float(np.linalg.norm(pelvis - people[other].joints[_PELVIS])),
+            "gap": gap,
+        }
         for (first, other), gap in gaps.items()
         if first == index
     ]
-
-
-def _between(person: Person, other: Person) -> float:
-    """Return the distance of two people's pelvises, metres."""
-    pelvis = np.asarray(person.joints[_PELVIS], np.float64)
-    return float(np.linalg.norm(pelvis - other.joints[_PELVIS]))
 
 
 def _contacts(person: Person) -> list[dict[str, Any]]:
@@ -146,16 +129,6 @@ def _contacts(person: Person) -> list[dict[str, Any]]:
         }
         for contact in person.contacts
     ]
-
-
-def _stature(person: Person, model: BodyModel) -> float | None:
-    """Return the standing height of a body from soles to crown, metres."""
-    import torch
-
-    betas = torch.from_numpy(np.array(person.parameters.betas, np.float32).reshape(1, -1))
-    if betas.shape[1] != model.num_betas or not bool(torch.isfinite(betas).all()):
-        return None
-    return float(model.stature(betas))
 
 
 def _heights(reconstruction: Reconstruction, person: Person) -> dict[str, Any]:
@@ -188,11 +161,9 @@ def _gaps(reconstruction: Reconstruction) -> dict[tuple[int, int], float]:
     }
     trees = {index: cKDTree(points[index]) for index in posed}
     gaps: dict[tuple[int, int], float] = {}
-    for first in posed:
-        for second in posed:
-            if first < second:
-                gap = _gap(trees[first], points[first], points[second])
-                gaps[first, second] = gaps[second, first] = gap
+    for first, second in combinations(posed, 2):
+        gap = _gap(trees[first], points[first], points[second])
+        gaps[first, second] = gaps[second, first] = gap
     return gaps
 
 
@@ -206,14 +177,13 @@ def _gap(tree: cKDTree, first: NDArray[np.float64], second: NDArray[np.float64])
 
 
 def _contact_by_part(
-    reconstruction: Reconstruction, person: Person, model: BodyModel
+    reconstruction: Reconstruction, person: Person, model: BodyArrays
 ) -> list[dict[str, Any]]:
     """Return name, area in cm2, share and colours of each body part in contact, the largest area
     first.
     """
     area = vertex_areas(person.vertices, reconstruction.faces)
-    part = model.part_of_vertex.cpu().numpy()
-    names = model.part_names
+    part = model.part_of_vertex
     contact = np.asarray(person.contact, bool)
     painted = contact_colors(person, reconstruction.contact_partners)
     # One number for each colour: rows take ten times as long.
@@ -222,8 +192,9 @@ def _contact_by_part(
     )
     colors = painted[first]
     cell = part * len(colors) + color
-    touching = np.bincount(cell, area * contact, len(names) * len(colors)).reshape(len(names), -1)
-    share = touching / np.maximum(np.bincount(part, area, len(names)), 1e-12)[:, None]
+    count = len(PART_NAMES)
+    touching = np.bincount(cell, area * contact, count * len(colors)).reshape(count, -1)
+    share = touching / np.maximum(np.bincount(part, area, count), 1e-12)[:, None]
     found = [
         {
             "part": part_words(name),
@@ -234,7 +205,7 @@ def _contact_by_part(
                 for k in np.flatnonzero(touching[i])
             ],
         }
-        for i, name in enumerate(names)
+        for i, name in enumerate(PART_NAMES)
         if touching[i].sum() > 5e-5  # half a square centimetre
     ]
     return sorted(found, key=lambda row: -float(row["cm2"]))

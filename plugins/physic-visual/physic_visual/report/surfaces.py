@@ -155,12 +155,13 @@ def pack_bodies(reconstruction: Reconstruction) -> dict[str, Any]:
     images = {} if mesh is None else dressed_images(reconstruction)
 
     def pack(index: int, person: Person) -> dict[str, Any]:
+        body = dressed.people[index]
         texture = None if mesh is None else photo_jpeg(images[index], len(images[index]), 88)
         return {
             "points": pack_points(person.vertices[ids]),
-            "shoes": _pack_shoes(person, dressed.vertices[index]) if whole else None,
+            "shoes": _pack_shoes(person, body.vertices) if whole else None,
             "texture": texture,
-            "colors": pack_bytes(dressed.colors[index][ids]) if texture is None else None,
+            "colors": pack_bytes(body.colors[ids]) if texture is None else None,
             "contact": _pack_contact(person, groups, len(ids)),
             "partner": _pack_partner(person, groups, len(ids)),
         }

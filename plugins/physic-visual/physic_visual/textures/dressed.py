@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body import JOINT_INDEX, PART_NAMES, embedded_arrays
-from physic_core.errors import PhysicError
+from physic_core.body import JOINT_INDEX, PART_NAMES, embedded_arrays, smplx_arrays
 from physic_core.geometry import up_in_camera, vertex_areas, vertex_normals
 from physic_visual.palette import BODY_RGB
-from physic_visual.render import LONGEST_BODY_EDGE_M, prepare_meshes
-from physic_visual.rig import body_of_result
+from physic_visual.render import prepare_meshes
+from physic_visual.rig import body_at_hand
 from physic_visual.surface import kept_for_next_picture
 from physic_visual.textures.photo import SHOWN, photo_colors, photo_weights
 from physic_visual.textures.raster import (
@@ -66,78 +65,86 @@ _NAPE_M = -0.03  # the same at the neck
 
 
 @dataclass(frozen=True)
-class DressedBodies:
-    """Colours of the people of a result, each of those with a body.
+class DressedBody:
+    """Colours and shoes of a person.
 
     Attributes:
-        colors: person -> (V, 3) uint8 sRGB of each vertex.
-        weight: person -> (V,) see :func:`photo_weights`.
-        fill: person -> (V, 3) sRGB 0-255 that is guessed where no photo shows the vertex, not
-            darkened.
-        filled: person -> (V,) float32 in 0-1, how much of the colour is guessed.
-        shown: person -> share of the body's surface that a photo shows.
-        shoes: person -> for each foot with a shoe, see :func:`with_shoes`.
-        vertices: person -> (V, 3) metres, camera frame, with shoes.
-        normals: person -> (V, 3) of those.
-        mesh: texture coordinates of the bodies; None for others than the embedded body.
-        bodies: meshes of ``vertices``, without triangles of an implausible length; None without
-            bodies.
+        vertices: (V, 3) metres, camera frame, with shoes.
+        normals: (V, 3) of those.
+        shoes: for each foot with a shoe, see :func:`with_shoes`.
+        weight: (V,) see :func:`photo_weights`.
+        fill: (V, 3) sRGB 0-255 that is guessed where no photo shows the vertex, not darkened.
+        colors: (V, 3) uint8 sRGB of each vertex.
+        filled: (V,) float32 in 0-1, how much of the colour is guessed.
+        shown: share of the body's surface that a photo shows.
     """
 
-    colors: Mapping[int, UInt8Array]
-    weight: Mapping[int, Array]
-    fill: Mapping[int, Array]
-    filled: Mapping[int, NDArray[np.float32]]
-    shown: Mapping[int, float]
-    shoes: Mapping[int, Sequence[Array]]
-    vertices: Mapping[int, Array]
-    normals: Mapping[int, Array]
-    mesh: TextureCoordinates | None
-    bodies: RayCaster | None
+    vertices: Array
+    normals: Array
+    shoes: Sequence[Array]
+    weight: Array
+    fill: Array
+    colors: UInt8Array
+    filled: NDArray[np.float32]
+    shown: float
+
+
+@dataclass(frozen=True)
+class DressedBodies:
+    """The people of a result as pictures show them.
+
+    Attributes:
+        people: index of each person with a body -> the dressed body.
+        mesh: texture coordinates of the bodies; None for others than the embedded body.
+        bodies: meshes of all, without triangles of an implausible length; None without bodies.
+    """
+
+    people: Mapping[int, DressedBody]
+    mesh: TextureCoordinates | None = None
+    bodies: RayCaster | None = None
 
 
 @kept_for_next_picture
 def dressed_bodies(result: Reconstruction) -> DressedBodies:
     """Return the colours of the people of a result."""
+    posed = [index for index, person in enumerate(result.people) if person.has_body]
+    if not posed:
+        return DressedBodies({})
     faces = np.asarray(result.faces, np.int64)
-    model = _model(result) if any(one.has_body for one in result.people) else None
-    posed, normals, shoes = _shod(result, faces, model)
-    bodies = prepare_meshes(list(posed.values()), faces, longest_edge=LONGEST_BODY_EDGE_M)
-    mesh = embedded_coordinates() if model is not None and model.name == "embedded" else None
-    colors: dict[int, UInt8Array] = {}
-    weight: dict[int, Array] = {}
-    fill: dict[int, Array] = {}
-    filled: dict[int, NDArray[np.float32]] = {}
-    shown: dict[int, float] = {}
-    others, parts, pull = _sides_and_parts(model, len(result.people[0].vertices) if posed else 0)
-    laplacian = _laplacian(faces, len(others)) if posed else None
-    for index, vertices in posed.items():
-        weight[index] = photo_weights(vertices, normals[index], bodies)
-        photo, seen, near = photo_colors(result, index, vertices, weight[index])
+    model = body_at_hand(result)
+    shod = {index: _shod(result, index, faces, model) for index in posed}
+    bodies = prepare_meshes([vertices for vertices, _, _ in shod.values()], faces)
+    others, parts, pull = _sides_and_parts(model, len(result.people[0].vertices))
+    laplacian = _laplacian(faces, len(others))
+    people = {}
+    for index, (vertices, normals, shoes) in shod.items():
+        weight = photo_weights(vertices, normals, bodies)
+        photo, seen, near = photo_colors(result, index, vertices, weight)
         hair = None if model is None else _hair(result, index, vertices, model, parts)
-        fill[index] = _fill(photo, near, laplacian, others, parts, pull, hair)
-        colors[index] = _mixed(photo, near, _darkened(fill[index], normals[index], result))
-        filled[index] = (1 - seen).astype(np.float32)
+        fill = _fill(photo, near, laplacian, others, parts, pull, hair)
         areas = vertex_areas(vertices, faces)
-        shown[index] = float(areas[seen > SHOWN].sum() / max(areas.sum(), 1e-12))
-    return DressedBodies(colors, weight, fill, filled, shown, shoes, posed, normals, mesh, bodies)
+        people[index] = DressedBody(
+            vertices,
+            normals,
+            shoes,
+            weight,
+            fill,
+            colors=_mixed(photo, near, _darkened(fill, normals, result)),
+            filled=(1 - seen).astype(np.float32),
+            shown=float(areas[seen > SHOWN].sum() / max(areas.sum(), 1e-12)),
+        )
+    is_embedded = model is not None and model.name == "embedded"
+    return DressedBodies(people, texture_coordinates("embedded") if is_embedded else None, bodies)
 
 
 def _shod(
-    result: Reconstruction, faces: NDArray[np.int64], model: BodyArrays | None
-) -> tuple[dict[int, Array], dict[int, Array], dict[int, Sequence[Array]]]:
-    """Return person -> vertices and normals, both with shoes, and the shoes, of those with a
-    body.
-    """
-    people = enumerate(result.people)
-    posed = {i: one.vertices.astype(np.float64) for i, one in people if one.has_body}
-    normals = {i: vertex_normals(vertices, faces) for i, vertices in posed.items()}
-    shoes: dict[int, Sequence[Array]] = {}
-    if model is not None:
-        for i in posed:
-            shoes[i] = worn_shoes(result, i, posed[i], normals[i], model)
-            posed[i], normals[i] = with_shoes(posed[i], normals[i], shoes[i])
-    return posed, normals, shoes
+    result: Reconstruction, index: int, faces: NDArray[np.int64], model: BodyArrays | None
+) -> tuple[Array, Array, Sequence[Array]]:
+    """Return vertices and normals of a person, both with shoes, and the shoes."""
+    vertices = result.people[index].vertices.astype(np.float64)
+    normals = vertex_normals(vertices, faces)
+    shoes = () if model is None else worn_shoes(result, index, vertices, normals, model)
+    return *with_shoes(vertices, normals, shoes), shoes
 
 
 @kept_for_next_picture
@@ -146,8 +153,9 @@ def dressed_images(result: Reconstruction) -> dict[int, UInt8Array]:
     dressed = dressed_bodies(result)
     images = dict[int, "UInt8Array"]()
     if dressed.mesh is not None:
-        for index in dressed.colors:
-            images[index] = dressed_texture(result, index, embedded_raster(_size(result, index)))[0]
+        for index in dressed.people:
+            raster = texture_raster("embedded", _size(result, index))
+            images[index] = dressed_texture(result, index, raster)[0]
     return images
 
 
@@ -163,14 +171,12 @@ def dressed_texture(
         raster: of the texture.
         darken: whether what is guessed is darker.
     """
-    dressed = dressed_bodies(result)
+    body = dressed_bodies(result).people[index]
     faces = np.asarray(result.faces, np.int64)
-    guess = dressed.fill[index]
-    if darken:
-        guess = _darkened(guess, dressed.normals[index], result)
+    guess = _darkened(body.fill, body.normals, result) if darken else body.fill
     colors = []
     filled = []
-    values = np.concatenate([dressed.vertices[index], dressed.weight[index][:, None], guess], 1)
+    values = np.concatenate([body.vertices, body.weight[:, None], guess], 1)
     for part in raster.parts():
         points, weight, beside = np.split(part.interpolate(faces, values), [3, 4], axis=1)
         photo, seen, near = photo_colors(result, index, points, weight[:, 0])
@@ -181,32 +187,28 @@ def dressed_texture(
 
 def image_of_vertices(colors: UInt8Array, size: int) -> UInt8Array:
     """Return colours (V, 3) of the vertices of an embedded body as a texture (size, size, 3)."""
-    raster = embedded_raster(size)
-    mesh = embedded_coordinates()
+    raster = texture_raster("embedded", size)
+    mesh = texture_coordinates("embedded")
     made = raster.interpolate(mesh.vertex[mesh.faces], colors.astype(np.float64))
     image: UInt8Array = raster.image(np.round(made).astype(np.uint8))
     return image
 
 
-@lru_cache(maxsize=1)
-def embedded_coordinates() -> TextureCoordinates:
-    """Return the texture coordinates of the embedded body."""
-    return load_texture_coordinates("embedded", embedded_arrays().faces)
+@lru_cache(maxsize=2)
+def texture_coordinates(source: str) -> TextureCoordinates:
+    """Return the texture coordinates of a body: "embedded", or the path of an SMPL-X file.
+
+    Raises:
+        BodyModelError: the file has none.
+    """
+    body = embedded_arrays() if source == "embedded" else smplx_arrays(source)
+    return load_texture_coordinates(source, body.faces)
 
 
 @lru_cache(maxsize=len(SIZES))
-def embedded_raster(size: int) -> TextureRaster:
-    """Return the texels of the embedded body in a texture of ``size`` x ``size``."""
-    return rasterize_texture(embedded_coordinates(), size)
-
-
-def _model(result: Reconstruction) -> BodyArrays | None:
-    """Return the body model of a result; None if it is not at hand, or has another mesh."""
-    try:
-        model = body_of_result(result)
-    except PhysicError:
-        return None
-    return model if np.array_equal(model.faces, result.faces) else None
+def texture_raster(source: str, size: int) -> TextureRaster:
+    """Return the texels of a body in a texture of ``size`` x ``size``."""
+    return rasterize_texture(texture_coordinates(source), size)
 
 
 def _sides_and_parts(

@@ -156,10 +156,7 @@ def _sample(
     with np.errstate(divide="ignore", invalid="ignore"):
         spots = (pixels[:, :2] / pixels[:, 2:]).astype(np.float32)
     x, y = (spots - np.array(picture.corner, np.float32)).T
-    place = (
-        np.nan_to_num(x, nan=-9, posinf=-9, neginf=-9),
-        np.nan_to_num(y, nan=-9, posinf=-9, neginf=-9),
-    )
+    place = [np.nan_to_num(axis, nan=-9, posinf=-9, neginf=-9) for axis in (x, y)]
     limit = 32_000  # cv2.remap takes no more rows than this
     parts = [slice(start, start + limit) for start in range(0, len(points), limit)]
 
