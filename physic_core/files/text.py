@@ -133,13 +133,9 @@ def _check_columns(columns: list[str], needed: Sequence[str], others: Sequence[s
         )
 
 
-def as_utf8(value: Any) -> Any:
-    """Write bytes of a file's name that are not UTF-8 as in the journal of a batch: ``\\udcff``."""
-    return value.encode("utf-8", "backslashreplace").decode() if isinstance(value, str) else value
-
-
 def _cell(value: str) -> str:
-    value = value if value.isascii() else as_utf8(value)
+    # Bytes of a file's name that are not UTF-8 are written as in the journal of a batch: \udcff.
+    value = value.encode("utf-8", "backslashreplace").decode()
     return f"'{value}" if value.startswith(_QUOTED) else value
 
 

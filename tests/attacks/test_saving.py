@@ -46,7 +46,7 @@ def quick_pictures(monkeypatch):
         output, "photos_png", lambda scene: f"photos of {mark(scene.reconstruction)}".encode()
     )
     page = f"<meta {PAGE_MARK}> page of "
-    monkeypatch.setattr(pictures, "report_html", lambda result, title: page + mark(result))
+    monkeypatch.setattr(pictures, "report_html", lambda result, title: page + mark(result) + title)
 
 
 def save(folder, result):
@@ -71,7 +71,7 @@ def save_moment(folder, result):
 def add_page(folder, result):
     if not (folder / "reconstruction.json").exists():
         save_reconstruction(OLD, folder)
-    add_report(folder, result)
+    add_report(folder, f" of {mark(result)}")
 
 
 def write_page(folder, result):
@@ -211,7 +211,7 @@ def test_a_page_that_is_interrupted_at_any_step_costs_no_result(before, how, tmp
         assert {name: found[name] for name in ("preview.png", "combined.glb")} == {
             name: (tmp_path / "old" / name).read_bytes() for name in ("preview.png", "combined.glb")
         }
-    new = f"<meta {PAGE_MARK}> page of {mark(NEW)}".encode()
+    new = f"<meta {PAGE_MARK}> page of {mark(OLD)} of {mark(NEW)}".encode()
     assert pages == ({old} if how == "full" else {old, new})
 
 
