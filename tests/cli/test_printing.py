@@ -96,7 +96,7 @@ def test_messages_and_logs_of_plugins_are_escaped(site):
     assert TITLE not in done.stdout + done.stderr
 
 
-def test_a_process_ends_with_its_exit_code_and_runs_its_exit_handlers(tmp_path):
+def test_a_process_ends_with_its_exit_code_and_runs_its_exit_handlers(tmp_path, python):
     """The interpreter is not torn down, but functions of ``atexit`` are called, and lines in
     buffers are written.
     """
@@ -117,18 +117,11 @@ def test_a_process_ends_with_its_exit_code_and_runs_its_exit_handlers(tmp_path):
         "physic_core.cli.main.invoke = invoke\n"
         "main_of_process()\n"
     )
-
-    def run(*arguments):
-        done = subprocess.run(
-            [sys.executable, "-c", start, *arguments], capture_output=True, text=True, check=False
-        )
-        return done.returncode, done.stdout
-
-    code, shown = run("config", "check", "--preset", "mock")
-    assert (code, shown.splitlines()[-1]) == (0, "at exit")
+    shown = python(start, "config", "check", "--preset", "mock").stdout
+    assert shown.splitlines()[-1] == "at exit"
     assert "torn down" not in shown
-    assert run("run", "missing.jpg", "--preset", "mock") == (3, "at exit\n")
-    assert run("run") == (2, "at exit\n")
+    assert python(start, "run", "missing.jpg", "--preset", "mock", ends=3).stdout == "at exit\n"
+    assert python(start, "run", ends=2).stdout == "at exit\n"
     assert list(tmp_path.iterdir()) == []
 
 
