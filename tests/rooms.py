@@ -51,10 +51,8 @@ def to_camera(world):
 def make_room(width, height):
     camera = Intrinsics.from_focal(0.8 * width, width, height, "given")
     columns, rows = np.meshgrid(np.arange(width), np.arange(height))
-    rays = np.stack(
-        [(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones_like(columns)],
-        -1,
-    )
+    x, y = (columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy
+    rays = np.stack([x, y, np.ones_like(x)], -1)
     world = rays @ CAMERA_FROM_WORLD
     origin = np.array([0.0, CAMERA_HEIGHT, 0.0])
     depth = np.full((height, width), np.inf)
@@ -156,24 +154,16 @@ def make_person(x, z, camera, turn_deg=180.0):
     x1, y1 = np.ceil(pixels.max(0)).astype(int)
     mask[y0:y1, x0:x1] = True
     rng = np.random.default_rng(3)
-    sizes = {
-        "global_orient": 3,
-        "body_pose": 63,
-        "left_hand_pose": 45,
-        "right_hand_pose": 45,
-        "jaw_pose": 3,
-    }
-    sizes |= {"leye_pose": 3, "reye_pose": 3, "betas": 16, "expression": 0, "transl": 3}
-    parameters = {
-        name: rng.normal(size=(1, size)).astype(np.float32) for name, size in sizes.items()
-    }
+    sizes = (3, 63, 45, 45, 3, 3, 3, 16, 0, 3)  # in the order of the fields
+    parameters = (rng.normal(size=(1, size)).astype(np.float32) for size in sizes)
+    left_foot = BodyContact("left_foot", FLOOR, 0.9, 12)
     person = Person(
         box=np.array([x0, y0, x1, y1], np.float32),
         score=0.875,
         mask=mask,
         keypoints=(spots[:, :2] / spots[:, 2:]).astype(np.float32),
         keypoint_confidence=np.linspace(0, 1, 23, dtype=np.float32),
-        parameters=BodyParameters(**parameters),
+        parameters=BodyParameters(*parameters),
         vertices=vertices.astype(np.float32),
         joints=joints.astype(np.float32),
         contact=heights < 0.02,
@@ -183,10 +173,8 @@ def make_person(x, z, camera, turn_deg=180.0):
         grade=Grade.DOUBTFUL,
         contact_probability=np.exp(-np.abs(heights) / 0.03).astype(np.float16),
         contact_partner=np.where(heights < 0.02, 0, -1).astype(np.int16),
-        contacts=(BodyContact("left_foot", FLOOR, 0.9, 12),),
-        support=Support(
-            "balanced", (BodyContact("left_foot", FLOOR, 0.9, 12),), -0.03, (0.5, 0.25, 3.0)
-        ),
+        contacts=(left_foot,),
+        support=Support("balanced", (left_foot,), -0.03, (0.5, 0.25, 3.0)),
         world_contact={"left_foot": 0.9, "left_hand": 0.02},
     )
     return person, faces

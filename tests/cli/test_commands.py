@@ -156,23 +156,6 @@ def test_a_lack_of_memory_is_a_message(pipeline, physic):
     assert done.stderr.splitlines()[-1].startswith("Error: out of memory. Close other programs")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "expected"),
-    [
-        (run("--focal-px", "900", "--intrinsics", "1,2,3,4"), "--focal-px and --intrinsics"),
-        (run("--config", "x.toml"), "--preset cannot be combined with --config"),
-        (run("--intrinsics", "1,2,3"), "comma-separated numbers: fx,fy,cx,cy"),
-        (run("-o", ""), "'-o' / '--out': it is empty"),
-        (
-            ("batch", "a.jpg", "-o", "out", "--preset", "mock", "--config", "x.toml"),
-            "cannot be combined with --config",
-        ),
-    ],
-)
-def test_a_wrong_use_exits_with_2(arguments, expected, pipeline):
-    assert expected in refusal(*arguments).splitlines()[-1]
-
-
 def test_debug_shows_the_traceback(pipeline, monkeypatch, physic):
     pipeline.error = InputError("no photo at photo.jpg")
     monkeypatch.setenv("PHYSIC_DEBUG", "1")

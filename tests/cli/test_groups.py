@@ -92,12 +92,6 @@ def test_a_restriction_hides_the_commands_of_other_plugins(plugin, monkeypatch, 
     assert "hello" not in physic("--help").output
 
 
-def test_a_misspelt_command_names_the_nearest(plugin, physic):
-    done = physic("hallo")
-    assert done.exit_code == 2
-    assert "Did you mean 'hello'?" in done.stderr
-
-
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_known_command_that_is_not_installed_names_its_distribution(name, monkeypatch, physic):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")

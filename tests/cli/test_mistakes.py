@@ -81,18 +81,16 @@ MISTAKES = [
     (INPUT, "no such file", "run none.png"),
     (INPUT, "folder", "run folder"),
     (INPUT, "not a regular file", "run pipe.png"),
-    (INPUT, "no such file", f"{RUN} --depth none.npy"),
-    (INPUT, "no such file", f"{RUN} --pointmap none.npz"),
-    (INPUT, "no such file", f"{RUN} --keypoints none.csv"),
-    (INPUT, "a folder", f"{RUN} --depth folder"),
-    (INPUT, "a folder", f"{RUN} --pointmap folder"),
-    (INPUT, "a folder", f"{RUN} --keypoints folder"),
-    (INPUT, "not a regular file", f"{RUN} --depth pipe.npy"),
-    (INPUT, "not a regular file", f"{RUN} --pointmap pipe.npz"),
-    (INPUT, "not a regular file", f"{RUN} --keypoints pipe.json"),
-    (INPUT, "link to itself", f"{RUN} --depth loop.npy"),
-    (INPUT, "link to itself", f"{RUN} --pointmap loop.npz"),
-    (INPUT, "link to itself", f"{RUN} --keypoints loop.csv"),
+    *(
+        (INPUT, words, f"{RUN} --{option} {path}")
+        for option, suffix in (("depth", "npy"), ("pointmap", "npz"), ("keypoints", "csv"))
+        for words, path in (
+            ("no such file", f"none.{suffix}"),
+            ("a folder", "folder"),
+            ("not a regular file", f"pipe.{suffix}"),
+            ("link to itself", f"loop.{suffix}"),
+        )
+    ),
     (INPUT, "no such file", "config check --preset mock --set photo.depth=none.npy"),
     (
         INPUT,
@@ -135,6 +133,12 @@ MISTAKES = [
     (USAGE, "did you mean 'physic batch folder -o results'", "folder"),
     (USAGE, "write --to glb", "export result --format glb"),
     (USAGE, "--no-report", f"{RUN} --no-report --open"),
+    (USAGE, "--focal-px and --intrinsics", f"{RUN} --focal-px 900 --intrinsics 1,2,3,4"),
+    (USAGE, "--preset cannot be combined with --config", f"{RUN} --config x.toml"),
+    (USAGE, "--preset cannot be combined with --config", f"{BATCH} --config x.toml"),
+    (USAGE, "comma-separated numbers: fx,fy,cx,cy", f"{RUN} --intrinsics 1,2,3"),
+    (USAGE, "'-o' / '--out': it is empty", f"{RUN} -o ''"),
+    (USAGE, "Did you mean 'export'?", "exprot result"),
     (USAGE, "in single quotes", "run a.png --config windows.toml"),
     (INPUT, "CSV with commas", "batch semicolons.csv -o many --preset mock"),
     (INPUT, "CSV with commas", f"{RUN} --keypoints tabs.csv"),
