@@ -6,7 +6,6 @@ import hashlib
 import mmap
 import os
 import re
-import sys
 from collections import ChainMap
 from collections.abc import Mapping
 from dataclasses import replace
@@ -259,24 +258,15 @@ def find_in_hub_cache(file: WeightFile) -> Path | None:
     origin = file.origin
     if not isinstance(origin, HubSource) or find_spec("huggingface_hub") is None:
         return None
-    if "huggingface_hub" not in sys.modules and not _hub_folder(origin.repository).is_dir():
-        return None  # saves the slow import of the library
+    from huggingface_hub import constants
+
+    folder = f"models--{origin.repository.replace('/', '--')}"
+    if not Path(constants.HF_HUB_CACHE, folder).is_dir():
+        return None  # saves the slow import of the rest of the library
     from huggingface_hub import try_to_load_from_cache
 
     found = try_to_load_from_cache(origin.repository, origin.path, revision=origin.revision)
     return Path(found) if isinstance(found, str) else None
-
-
-def _hub_folder(repository: str) -> Path:
-    """Return the cache folder of a repository, from the environment variables of
-    ``huggingface_hub``.
-    """
-    home = os.environ.get("HF_HOME") or os.path.join(
-        os.environ.get("XDG_CACHE_HOME") or "~/.cache", "huggingface"
-    )
-    old = os.environ.get("HUGGINGFACE_HUB_CACHE") or os.path.join(home, "hub")
-    cache = os.path.expandvars(os.path.expanduser(os.environ.get("HF_HUB_CACHE") or old))
-    return Path(cache, f"models--{repository.replace('/', '--')}")
 
 
 def _path_of_user(manifest: Path, value: str, file: str | None) -> Path:

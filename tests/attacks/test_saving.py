@@ -13,11 +13,9 @@ import pytest
 
 from interrupted import Steps
 from physic_batch.journal import Journal, read_journals
-from physic_core.cache.folders import LruFolder
 from physic_core.errors import InputError, OutputError
 from physic_core.files.atomic import atomic_write
-from physic_core.files.plain import write_value
-from physic_core.io.report_file import add_report, save_report
+from physic_core.io.report_file import add_report
 from physic_core.io.results import load_reconstruction, save_reconstruction
 from physic_core.pictures import PAGE_MARK
 from physic_scene import output
@@ -74,19 +72,10 @@ def add_page(folder, result):
     add_report(folder, f" of {mark(result)}")
 
 
-def write_page(folder, result):
-    save_report(result, folder / "a.html")
-
-
-def write_cache(folder, result):
-    write_value(folder / "a.result.npz", (result.image, mark(result)))
-
-
 def export(folder, result):
     result.export(str(folder / "a.obj"), overwrite=True)
 
 
-OPERATIONS = [save, save_compact, save_people, save_moment, write_page, write_cache, export]
 RESULTS = (save, save_compact, save_people, save_moment)
 REFUSED = "there is no such file; name the folder of a finished run"
 UNFINISHED = "the result is unfinished"
@@ -128,7 +117,7 @@ def made(operation, folder, *of):
     ("operation", "how"),
     [
         pytest.param(operation, how, id=f"{operation.__name__}-{how}")
-        for operation in OPERATIONS
+        for operation in (*RESULTS, export)
         for how in ("killed", "full")
     ],
 )
@@ -154,9 +143,6 @@ def test_a_write_happens_completely_or_not_at_all(operation, how, tmp_path):
             assert not list(folder.glob(".*"))  # what failed is cleaned at once
         else:
             operation(folder, NEW)  # without a cleanup by the user
-            if operation == write_cache:  # which deletes them when it is trimmed
-                LruFolder(folder, ".result.npz").clear()
-                operation(folder, NEW)
             assert files(folder) == new
     # The last step of a single file is its rename: nothing comes after it.
     assert seen - {"new"} == (
