@@ -238,18 +238,18 @@ def test_a_first_result_is_complete_or_not_there(how, tmp_path):
 def test_a_row_of_the_journal_is_there_or_not(how, tmp_path):
     rows = [{"id": name, "state": "done", "config": "1", "finished": name} for name in "abc"]
 
-    def append(folder, _):
+    def append(folder, row):
         with Journal(folder / "journal.jsonl") as journal:
-            journal.append(rows[1])
+            journal.append(row)
 
     (tmp_path / "old").mkdir()
-    with Journal(tmp_path / "old" / "journal.jsonl") as journal:
-        journal.append(rows[0])
-    for folder in interruptions(append, tmp_path / "old", tmp_path, how):
+    append(tmp_path / "old", rows[0])
+    for folder in interruptions(
+        lambda folder, _: append(folder, rows[1]), tmp_path / "old", tmp_path, how
+    ):
         found = read_journals(folder, rows[0])
         assert found in ({"a": rows[0]}, {"a": rows[0], "b": rows[1]})
-        with Journal(folder / "journal.jsonl") as journal:
-            journal.append(rows[2])
+        append(folder, rows[2])
         assert read_journals(folder, rows[0]) == {**found, "c": rows[2]}
 
 

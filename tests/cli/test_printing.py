@@ -60,6 +60,26 @@ def pipeline(monkeypatch):
     monkeypatch.setattr("physic_core.pipeline.run.reconstruct", reconstruct)
 
 
+def test_messages_of_plugins_are_printed_once_and_only_with_verbose(monkeypatch):
+    root = logging.getLogger()
+    before = root.level, list(root.handlers)
+
+    def reconstruct(path, plan, *, progress):
+        for name in ("one.onnx", "two.onnx", "two.onnx"):
+            logging.getLogger("physic_mine").info("%s runs on CPU", name)
+        logging.getLogger("somebody_else").info("net.onnx was read")
+        return empty_reconstruction()
+
+    monkeypatch.setattr("physic_core.pipeline.run.reconstruct", reconstruct)
+    Path("a.jpg").write_text("a")
+    for options, shown in (((), 0), (("-v",), 1), (("-q",), 0)):
+        words = ("run", "a.jpg", "--preset", "mock", "--save", "numbers", "--overwrite")
+        text = printed(*words, *options)
+        assert (text.count("one.onnx"), text.count("two.onnx runs on CPU")) == (shown, shown)
+        assert "net.onnx" not in text
+    assert (root.level, list(root.handlers)) == before
+
+
 @pytest.mark.parametrize("options", [(), ("-v",), ("-q",)], ids=" ".join)
 def test_a_run_escapes_names_and_texts(pipeline, options):
     name = f"a{TITLE}\x7f.jpg"

@@ -14,7 +14,6 @@ from physic_core.types import (
     CheckState,
     ContactPartner,
     Grade,
-    Support,
     UnposedPerson,
 )
 
@@ -31,39 +30,28 @@ def folder(make, tmp_path):
     made = make()
     floor = ContactPartner("floor", "floor")
     own = ContactPartner("self", person=0, part="head")
-    feet = tuple(BodyContact(f"{side}_foot", floor, 0.9, 200) for side in ("left", "right"))
-    support = Support("balanced", feet, -0.05, (0.0, 0.0, 3.0))
-    first, second = made.people
-    vertices = len(first.vertices)
-    people = (
+    contacts = (
+        BodyContact("left_foot", floor, 0.9, 200),
+        BodyContact("right_hand", own, 0.8, 9),
+        BodyContact("left_lower_leg", floor, 0.8, 9, assumed=True),
+    )
+    why = "Limbs off their keypoints: 4.5 % (check the overlay)"
+    doubtful = {"grade": Grade.DOUBTFUL, "trust": 0.5, "failed_checks": ("limb_keypoints", "lean")}
+    places = ([0.0, 1.8, 2.4], [0.0, 0.0, 12.5], [np.nan] * 3)
+    first, second, third = (
         replace(
-            first,
-            grade=Grade.GOOD,
-            trust=0.914,
-            why="no check lowers it much",
-            support=support,
-            contacts=(
-                *feet,
-                BodyContact("right_hand", own, 0.8, 9),
-                BodyContact(
-                    "left_hand", ContactPartner("person", person=1, part="right_hand"), 0.4, 9
-                ),
-                BodyContact("left_lower_leg", floor, 0.8, 9, assumed=True),
-            ),
-            contact=np.arange(vertices) < vertices / 4,
-            joints=np.broadcast_to([0.0, 1.8, 2.4], first.joints.shape),
-        ),
-        replace(
-            second,
-            grade=Grade.DOUBTFUL,
-            trust=0.5,
-            why="Limbs off their keypoints: 4.5 % (check the overlay)",
-            contact=np.zeros(vertices, bool),
+            made.people[0],
+            grade=Grade.BAD,
+            trust=0.0,
             contacts=(),
-            joints=np.broadcast_to([0.0, 0.0, 12.5], first.joints.shape),
-            failed_checks=("limb_keypoints", "lean"),
-        ),
-        replace(second, grade=Grade.BAD, trust=0.0, joints=np.full_like(first.joints, np.nan)),
+            joints=np.broadcast_to(place, made.people[0].joints.shape),
+        )
+        for place in places
+    )
+    people = (
+        replace(first, grade=Grade.GOOD, trust=0.914, why="no check lowers it", contacts=contacts),
+        replace(second, why=why, **doubtful),
+        third,
     )
     failed = CheckState.FAILED
     checks = (
@@ -80,13 +68,13 @@ def folder(make, tmp_path):
 
 def test_a_person_is_a_row(folder, physic):
     touches = (
-        "left foot: floor, 0.90; right foot: floor, 0.90; right hand: own head, 0.80; "
+        "left foot: floor, 0.90; right hand: own head, 0.80; "
         "left lower leg: floor, 0.80 (assumed: not seen)"
     )
     room = len(touches)
     assert physic("show", folder).stdout.splitlines()[1:6] == [
         f"person  grade           distance      {'likely contact':<{room}}  why",
-        f"0       good, 0.91      3.0 ± 0.2 m   {touches}  no check lowers it much",
+        f"0       good, 0.91      3.0 ± 0.2 m   {touches}  no check lowers it",
         f"1       doubtful, 0.50  12.5 ± 0.9 m  {'none':<{room}}  Limbs off their keypoints: 4.5 % "
         "(check the overlay)",
         f"2       bad, 0.00       -             {'-':<{room}}  -",

@@ -5,7 +5,6 @@ and nothing else.
 from __future__ import annotations
 
 import json
-import logging
 import os
 import signal
 import subprocess
@@ -20,7 +19,6 @@ from click.testing import CliRunner
 from PIL import Image
 
 from physic_core.cli import main
-from physic_mock.pixels import MockInpainter
 from physic_testing.worlds import load_world
 
 pytestmark = pytest.mark.usefixtures("few_steps")
@@ -122,27 +120,3 @@ def test_a_run_that_is_broken_off_leaves_nothing(world):
         "asleep",
         "sleeper.py",
     }
-
-
-def test_what_runs_the_networks_is_printed_only_with_verbose(world, monkeypatch):
-    plain = MockInpainter.infer
-    root = logging.getLogger()
-    before = root.level, list(root.handlers)
-
-    def infer(self, *asked):
-        log = logging.getLogger("physic_mock.pixels")
-        for name in ("one.onnx", "two.onnx", "two.onnx"):
-            log.info("%s runs on CPU", name)
-        log.info("a network was tuned")
-        logging.getLogger("somebody_else").info("net.onnx was read")
-        return plain(self, *asked)
-
-    monkeypatch.setattr(MockInpainter, "infer", infer)
-    Image.fromarray(world.image).save("a.png")
-    lines = ["one.onnx runs on CPU", "two.onnx runs on CPU", "a network was tuned"]
-    for arguments, expected in (((), []), (("-v",), lines), (("-q",), [])):
-        done = run("a.png", "--no-cache", "--save", "numbers", "--focal-px", "147", *arguments)
-        assert done.exit_code == 0
-        assert [line for line in done.stderr.splitlines() if line[0] != "["] == expected
-        assert "onnx" not in done.stdout
-    assert (root.level, list(root.handlers)) == before
