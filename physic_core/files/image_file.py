@@ -23,6 +23,7 @@ import simplejpeg
 from PIL import Image, ImageFile, PngImagePlugin, UnidentifiedImageError
 
 from physic_core.errors import InputError, PackageMissingError
+from physic_core.files.text import printable
 
 if TYPE_CHECKING:
     from io import BufferedReader, BytesIO
@@ -181,10 +182,7 @@ class ImageSource:
 
     def __str__(self) -> str:
         # Line ends and escape sequences in a file name would change the message.
-        text = "".join(
-            c if c.isprintable() else c.encode("unicode_escape").decode() for c in self.name
-        )
-        return f"{self.what} {text}"
+        return f"{self.what} {printable(self.name, kept='')}"
 
     @property
     def suffix(self) -> str:

@@ -37,10 +37,10 @@ def shorten(text: str, limit: int) -> str:
     return f"{text[: limit - end - 5]} ... {text[-end:]}"
 
 
-def printable(text: str) -> str:
-    """Escape characters that a terminal obeys or cannot print; newlines and tabs are kept."""
+def printable(text: str, kept: str = "\n\t") -> str:
+    """Escape characters that a terminal obeys or cannot print, but for those that are kept."""
     return "".join(
-        c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode("ascii")
+        c if c.isprintable() or c in kept else c.encode("unicode_escape").decode("ascii")
         for c in text
     )
 
