@@ -49,28 +49,17 @@ def process(*arguments, shell="", **environment):
     )
 
 
-@pytest.fixture
-def pipeline(monkeypatch):
-    """A stand-in of the pipeline whose texts control a terminal."""
-
-    def reconstruct(path, plan, *, progress):
-        logging.getLogger("physic_mine").info("read %s", TITLE)
-        return empty_reconstruction(notes=(f"note {TITLE}",), warnings=(f"warning {TITLE}",))
-
-    monkeypatch.setattr("physic_core.pipeline.run.reconstruct", reconstruct)
-
-
-def test_messages_of_plugins_are_printed_once_and_only_with_verbose(monkeypatch):
+def test_messages_of_plugins_are_printed_once_and_only_with_verbose(pipeline):
     root = logging.getLogger()
     before = root.level, list(root.handlers)
 
-    def reconstruct(path, plan, *, progress):
+    def result(path):
         for name in ("one.onnx", "two.onnx", "two.onnx"):
             logging.getLogger("physic_mine").info("%s runs on CPU", name)
         logging.getLogger("somebody_else").info("net.onnx was read")
         return empty_reconstruction()
 
-    monkeypatch.setattr("physic_core.pipeline.run.reconstruct", reconstruct)
+    pipeline.result = result
     Path("a.jpg").write_text("a")
     for options, shown in (((), 0), (("-v",), 1), (("-q",), 0)):
         words = ("run", "a.jpg", "--preset", "mock", "--save", "numbers", "--overwrite")
@@ -82,6 +71,11 @@ def test_messages_of_plugins_are_printed_once_and_only_with_verbose(monkeypatch)
 
 @pytest.mark.parametrize("options", [(), ("-v",), ("-q",)], ids=" ".join)
 def test_a_run_escapes_names_and_texts(pipeline, options):
+    def result(path):
+        logging.getLogger("physic_mine").info("read %s", TITLE)
+        return empty_reconstruction(notes=(f"note {TITLE}",), warnings=(f"warning {TITLE}",))
+
+    pipeline.result = result
     name = f"a{TITLE}\x7f.jpg"
     Path(name).write_text("a")
     text = printed("run", name, "--preset", "mock", "--save", "numbers", *options)
