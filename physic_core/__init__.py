@@ -126,6 +126,7 @@ _DOORS = {
     "report": "save_report",
     "save": "save_reconstruction",
 }
+_public = importer(__name__, _NAMES)
 _imported = importer(__name__, _NAMES | {"body.joint_angles": "joint_angles joints_beside"})
 
 DOORS.update({door: partial(_imported, name) for door, name in _DOORS.items()})
@@ -134,7 +135,7 @@ DOORS.update({door: partial(_imported, name) for door, name in _DOORS.items()})
 def __getattr__(name: str) -> Any:
     if name == "__version__":
         return import_module("physic_core.discovery.entry_points").core_version()
-    return importer(__name__, _NAMES)(name)
+    return _public(name)
 
 
 def __dir__() -> list[str]:
