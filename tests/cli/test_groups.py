@@ -83,15 +83,6 @@ def test_help_imports_no_command(plugin, python):
         assert shown.endswith("imported: []\n")
 
 
-def test_a_restriction_hides_the_commands_of_other_plugins(plugin, monkeypatch, physic):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-hello")
-    assert physic("hello").exit_code == 0
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
-    done = physic("hello")
-    assert (done.exit_code, "No such command 'hello'" in done.stderr) == (2, True)
-    assert "hello" not in physic("--help").output
-
-
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_known_command_that_is_not_installed_names_its_distribution(name, monkeypatch, physic):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
