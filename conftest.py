@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import subprocess
 import sys
 from functools import cache, partial, partialmethod
 from importlib.util import module_from_spec, spec_from_file_location
@@ -105,6 +106,26 @@ def physic():
         from physic_core.cli import main
 
         return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def python():
+    """A function that runs code with arguments in a process of its own, and returns what it
+    printed; the process has to end with ``ends``, and gets further variables of the environment.
+    """
+
+    def run(code, *arguments, ends=0, **variables):
+        done = subprocess.run(
+            [sys.executable, "-c", code, *map(str, arguments)],
+            capture_output=True,
+            text=True,
+            timeout=300,
+            env=os.environ | variables,
+        )
+        assert done.returncode == ends, done.stdout + done.stderr
+        return done
 
     return run
 

@@ -24,6 +24,7 @@ from physic_core.errors import (
     PhysicError,
     WeightsMissingError,
 )
+from physic_core.lazy import importer
 
 if TYPE_CHECKING:
     from physic_core.configuration.model import (
@@ -100,50 +101,41 @@ __all__ = [
 ]
 
 _NAMES = {
-    "physic_core.configuration.model": "Config engine_preset engine_preset_names load_config",
-    "physic_core.discovery.backends": "find_backend list_backends",
-    "physic_core.discovery.plugins": "find_exporter find_exporters",
-    "physic_core.discovery.hooks": "ExporterRecord PluginItem hookimpl",
-    "physic_core.export": "ExportRequest export_reconstruction",
-    "physic_core.io.photo": "Photo read_photo",
-    "physic_core.io.report_file": "save_report",
-    "physic_core.io.results": "load_people load_reconstruction save_reconstruction",
-    "physic_core.pictures": "preview_png report_html",
-    "physic_core.pipeline.stage_runner": "load_backend",
-    "physic_core.pipeline.run": "Pipeline reconstruct",
-    "physic_core.types": "Intrinsics KnownLength KnownSizes PeoplePrompt Person Reconstruction "
-    "Scene",
-    "physic_core.types.records": "ExportedFiles",
+    "configuration.model": "Config engine_preset engine_preset_names load_config",
+    "discovery.backends": "find_backend list_backends",
+    "discovery.plugins": "find_exporter find_exporters",
+    "discovery.hooks": "ExporterRecord PluginItem hookimpl",
+    "export": "ExportRequest export_reconstruction",
+    "io.photo": "Photo read_photo",
+    "io.report_file": "save_report",
+    "io.results": "load_people load_reconstruction save_reconstruction",
+    "pictures": "preview_png report_html",
+    "pipeline.stage_runner": "load_backend",
+    "pipeline.run": "Pipeline reconstruct",
+    "types": "Intrinsics KnownLength KnownSizes PeoplePrompt Person Reconstruction Scene",
+    "types.records": "ExportedFiles",
 }
-_ON_FIRST_USE = {name: module for module, names in _NAMES.items() for name in names.split()}
-"""Module of each name that is imported at its first use."""
-
+"""Module -> its names that are imported at their first use."""
 
 _DOORS = {
-    "export": "physic_core.export:export_reconstruction",
-    "joint_angles": "physic_core.body.joint_angles:joint_angles",
-    "joints_beside": "physic_core.body.joint_angles:joints_beside",
-    "load": "physic_core.io.results:load_reconstruction",
-    "preview": "physic_core.pictures:preview_png",
-    "report": "physic_core.io.report_file:save_report",
-    "save": "physic_core.io.results:save_reconstruction",
+    "export": "export_reconstruction",
+    "joint_angles": "joint_angles",
+    "joints_beside": "joints_beside",
+    "load": "load_reconstruction",
+    "preview": "preview_png",
+    "report": "save_report",
+    "save": "save_reconstruction",
 }
+_public = importer(__name__, _NAMES)
+_imported = importer(__name__, _NAMES | {"body.joint_angles": "joint_angles joints_beside"})
 
-
-def _imported(target: str) -> Any:
-    module, _, name = target.partition(":")
-    return getattr(import_module(module), name)
-
-
-DOORS.update({name: partial(_imported, target) for name, target in _DOORS.items()})
+DOORS.update({door: partial(_imported, name) for door, name in _DOORS.items()})
 
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
         return import_module("physic_core.discovery.entry_points").core_version()
-    if name not in _ON_FIRST_USE:
-        raise AttributeError(f"module 'physic_core' has no attribute '{name}'")
-    return getattr(import_module(_ON_FIRST_USE[name]), name)
+    return _public(name)
 
 
 def __dir__() -> list[str]:

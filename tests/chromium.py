@@ -187,36 +187,27 @@ class Page:
             "(r => [r.x, r.y, r.width, "
             "r.height])(document.querySelector(%s).getBoundingClientRect())"
         )
-        x, y, width, height = self.evaluate(code % json.dumps(selector))
-        return x, y, width, height
+        return self.evaluate(code % json.dumps(selector))
+
+    def _mouse(self, kind, x, y, **more):
+        self.call("Input.dispatchMouseEvent", type=f"mouse{kind}", x=x, y=y, **more)
 
     def click(self, x, y):
-        for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
-            pressed = {"button": "left", "clickCount": 1} if kind != "mouseMoved" else {}
-            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **pressed)
+        self.drag((x, y), (x, y))
 
     def drag(self, start, end, button="left"):
         """Move the mouse from one place to another, px; the pressed button is "left" or "right"."""
-        middle = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2)
-        for kind, (x, y) in (
-            ("mouseMoved", start),
-            ("mousePressed", start),
-            ("mouseMoved", middle),
-            ("mouseMoved", end),
-            ("mouseReleased", end),
-        ):
-            pressed = {"button": button, "buttons": 1 if button == "left" else 2, "clickCount": 1}
-            self.call(
-                "Input.dispatchMouseEvent",
-                type=kind,
-                x=x,
-                y=y,
-                **(pressed if kind != "mouseMoved" else {}),
-            )
+        pressed = {"button": button, "buttons": 1 if button == "left" else 2, "clickCount": 1}
+        self._mouse("Moved", *start)
+        self._mouse("Pressed", *start, **pressed)
+        if start != end:
+            self._mouse("Moved", (start[0] + end[0]) / 2, (start[1] + end[1]) / 2)
+            self._mouse("Moved", *end)
+        self._mouse("Released", *end, **pressed)
 
     def turn_wheel(self, x, y, amount):
         """Turn the wheel of the mouse at a place, px; a positive amount scrolls down."""
-        self.call("Input.dispatchMouseEvent", type="mouseWheel", x=x, y=y, deltaX=0, deltaY=amount)
+        self._mouse("Wheel", x, y, deltaX=0, deltaY=amount)
 
     def press(self, key):
         codes = {"Tab": 9, "Enter": 13, " ": 32, "Escape": 27, "ArrowLeft": 37, "ArrowUp": 38}

@@ -42,6 +42,18 @@ CAMERA_FROM_WORLD = np.array(
 BOX = np.array([[0.5, 0.0, 2.8], [1.2, 0.45, 3.4]])
 WALL_Z = 5.0
 WALL_X = -2.5
+RIGHT_JOINTS = {
+    1: (0.1, 0.88, 0.0),
+    4: (0.11, 0.48, 0.01),
+    7: (0.12, 0.08, 0.0),
+    10: (0.13, 0.04, 0.13),
+    16: (0.18, 1.4, 0.0),
+    18: (0.24, 1.12, 0.0),
+    20: (0.26, 0.88, 0.04),
+}
+"""Joint of the left side -> place of the next joint, its like on the right side, metres."""
+LIMBS = ((1, 4, 0.08), (4, 7, 0.055), (7, 10, 0.04), (16, 18, 0.05), (18, 20, 0.04))
+"""Joints of a left side at both ends of a limb, and its radius, metres."""
 
 
 def to_camera(world):
@@ -51,36 +63,40 @@ def to_camera(world):
 def make_room(width, height):
     camera = Intrinsics.from_focal(0.8 * width, width, height, "given")
     columns, rows = np.meshgrid(np.arange(width), np.arange(height))
-    rays = np.stack(
-        [(columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy, np.ones_like(columns)],
-        -1,
-    )
+    x, y = (columns - camera.cx) / camera.fx, (rows - camera.cy) / camera.fy
+    rays = np.stack([x, y, np.ones_like(x)], -1)
     world = rays @ CAMERA_FROM_WORLD
     origin = np.array([0.0, CAMERA_HEIGHT, 0.0])
     depth = np.full((height, width), np.inf)
     normals = np.zeros((height, width, 3))
     colors = np.zeros((height, width, 3))
 
-    def keep(distance, normal, color, mask=True):
-        nonlocal depth
-        hit = mask & (distance > 0) & (distance < depth)
-        depth = np.where(hit, distance, depth)
-        normals[hit] = normal
-        colors[hit] = np.broadcast_to(color, colors.shape)[hit]
+    def to_plane(axis, place):
+        return (place - origin[axis]) / world[..., axis]
 
     with np.errstate(divide="ignore", invalid="ignore"):
-        floor_t = -CAMERA_HEIGHT / world[..., 1]
-        spot = origin + floor_t[..., None] * world
+        spot = origin + to_plane(1, 0.0)[..., None] * world
         checks = (np.floor(spot[..., 0] * 2) + np.floor(spot[..., 2] * 2)) % 2
-        keep(floor_t, [0, 1, 0], np.where(checks[..., None] > 0, [150, 120, 90], [205, 180, 150]))
-        keep(WALL_Z / world[..., 2], [0, 0, -1], [120, 150, 170])
-        keep(WALL_X / world[..., 0], [1, 0, 0], [170, 190, 160])
-        for axis, side, normal in ((0, 0, [-1, 0, 0]), (1, 1, [0, 1, 0]), (2, 0, [0, 0, -1])):
-            distance = (BOX[side, axis] - origin[axis]) / world[..., axis]
+        tiles = np.where(checks[..., None] > 0, [150, 120, 90], [205, 180, 150])
+        surfaces = [
+            (to_plane(1, 0.0), [0, 1, 0], tiles, True),
+            (to_plane(2, WALL_Z), [0, 0, -1], [120, 150, 170], True),
+            (to_plane(0, WALL_X), [1, 0, 0], [170, 190, 160], True),
+        ]
+        for axis, side, normal, color in (
+            (0, 0, [-1, 0, 0], [190, 90, 70]),
+            (1, 1, [0, 1, 0], [215, 120, 95]),
+            (2, 0, [0, 0, -1], [160, 70, 55]),
+        ):
+            distance = to_plane(axis, BOX[side, axis])
             hit = origin + distance[..., None] * world
-            others = [other for other in range(3) if other != axis]
-            inside = ((hit >= BOX[0]) & (hit <= BOX[1]))[..., others].all(-1)
-            keep(distance, normal, [[190, 90, 70], [215, 120, 95], [160, 70, 55]][axis], inside)
+            inside = ((hit >= BOX[0]) & (hit <= BOX[1])) | (np.arange(3) == axis)
+            surfaces.append((distance, normal, color, inside.all(-1)))
+        for distance, normal, color, mask in surfaces:
+            hit = mask & (distance > 0) & (distance < depth)
+            depth = np.where(hit, distance, depth)
+            normals[hit] = normal
+            colors[hit] = np.broadcast_to(color, colors.shape)[hit]
     points = np.where(np.isfinite(depth)[..., None], rays * depth[..., None], np.nan).astype(
         np.float32
     )
@@ -113,26 +129,13 @@ def mannequin(x, z, turn_deg=180.0):
         return shape.apply_transform(turn)
 
     joints = np.tile([0.0, 0.92, 0.0], (55, 1))
-    for side, sign in ((0, -1.0), (1, 1.0)):  # the figure looks along +z, so its left is -x
-        joints[1 + side] = [sign * 0.1, 0.88, 0.0]
-        joints[4 + side] = [sign * 0.11, 0.48, 0.01]
-        joints[7 + side] = [sign * 0.12, 0.08, 0.0]
-        joints[10 + side] = [sign * 0.13, 0.04, 0.13]
-        joints[16 + side] = [sign * 0.18, 1.4, 0.0]
-        joints[18 + side] = [sign * 0.24, 1.12, 0.0]
-        joints[20 + side] = [sign * 0.26, 0.88, 0.04]
-    joints[3], joints[6], joints[9], joints[12], joints[15] = (
-        [0, y, 0] for y in (1.03, 1.15, 1.25, 1.47, 1.57)
-    )
+    for index, y in {3: 1.03, 6: 1.15, 9: 1.25, 12: 1.47, 15: 1.57}.items():
+        joints[index] = [0, y, 0]
     pieces = [limb(joints[0], joints[9], 0.14), limb(joints[12], [0, 1.58, 0], 0.11)]
-    for side in (0, 1):
-        pieces += [
-            limb(joints[1 + side], joints[4 + side], 0.08),
-            limb(joints[4 + side], joints[7 + side], 0.055),
-            limb(joints[7 + side], joints[10 + side], 0.04),
-            limb(joints[16 + side], joints[18 + side], 0.05),
-            limb(joints[18 + side], joints[20 + side], 0.04),
-        ]
+    for side, sign in ((0, -1.0), (1, 1.0)):  # the figure looks along +z, so its left is -x
+        for index, (right, y, forward) in RIGHT_JOINTS.items():
+            joints[index + side] = [sign * right, y, forward]
+        pieces += [limb(joints[a + side], joints[b + side], radius) for a, b, radius in LIMBS]
     body = trimesh.util.concatenate(pieces)
     angle = np.deg2rad(turn_deg)
     turn = np.array(
@@ -156,24 +159,16 @@ def make_person(x, z, camera, turn_deg=180.0):
     x1, y1 = np.ceil(pixels.max(0)).astype(int)
     mask[y0:y1, x0:x1] = True
     rng = np.random.default_rng(3)
-    sizes = {
-        "global_orient": 3,
-        "body_pose": 63,
-        "left_hand_pose": 45,
-        "right_hand_pose": 45,
-        "jaw_pose": 3,
-    }
-    sizes |= {"leye_pose": 3, "reye_pose": 3, "betas": 16, "expression": 0, "transl": 3}
-    parameters = {
-        name: rng.normal(size=(1, size)).astype(np.float32) for name, size in sizes.items()
-    }
+    sizes = (3, 63, 45, 45, 3, 3, 3, 16, 0, 3)  # in the order of the fields
+    parameters = (rng.normal(size=(1, size)).astype(np.float32) for size in sizes)
+    left_foot = BodyContact("left_foot", FLOOR, 0.9, 12)
     person = Person(
         box=np.array([x0, y0, x1, y1], np.float32),
         score=0.875,
         mask=mask,
         keypoints=(spots[:, :2] / spots[:, 2:]).astype(np.float32),
         keypoint_confidence=np.linspace(0, 1, 23, dtype=np.float32),
-        parameters=BodyParameters(**parameters),
+        parameters=BodyParameters(*parameters),
         vertices=vertices.astype(np.float32),
         joints=joints.astype(np.float32),
         contact=heights < 0.02,
@@ -183,10 +178,8 @@ def make_person(x, z, camera, turn_deg=180.0):
         grade=Grade.DOUBTFUL,
         contact_probability=np.exp(-np.abs(heights) / 0.03).astype(np.float16),
         contact_partner=np.where(heights < 0.02, 0, -1).astype(np.int16),
-        contacts=(BodyContact("left_foot", FLOOR, 0.9, 12),),
-        support=Support(
-            "balanced", (BodyContact("left_foot", FLOOR, 0.9, 12),), -0.03, (0.5, 0.25, 3.0)
-        ),
+        contacts=(left_foot,),
+        support=Support("balanced", (left_foot,), -0.03, (0.5, 0.25, 3.0)),
         world_contact={"left_foot": 0.9, "left_hand": 0.02},
     )
     return person, faces

@@ -133,22 +133,6 @@ def _refuse_file(ctx: click.Context, parameter: click.Parameter, preset: str | N
     return preset
 
 
-def require_interface(name: str | None) -> None:
-    """Raise UsageError if ``name`` is neither None nor the name of an interface.
-
-    Raises:
-        UsageError: the message lists the interfaces and suggests a similar one.
-    """
-    from physic_core.discovery.error_text import did_you_mean
-    from physic_core.interfaces import INTERFACES
-
-    if name is not None and name not in INTERFACES:
-        raise click.UsageError(
-            f"no interface named '{name}'; there are: "
-            f"{', '.join(INTERFACES)}{did_you_mean(name, INTERFACES)}"
-        )
-
-
 def with_current_folder(name: str) -> str:
     """Add the current folder to a backend name "module:Class" if the folder contains the module."""
     from physic_core.discovery.local_modules import with_folder

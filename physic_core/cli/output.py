@@ -43,8 +43,6 @@ def echo(text: object, *, nl: bool = True, err: bool = False) -> None:
 
 def echo_json(value: object) -> None:
     """Print a value as JSON."""
-    import json
-
     # DEL is the one control character that JSON leaves as it is.
     echo(json.dumps(value, indent=2).replace("\x7f", "\\u007f"))
 

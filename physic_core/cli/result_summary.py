@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from physic_core.cli.output import echo, format_table
-from physic_core.io.results import ResultRecord, read_record
+from physic_core.io.results import read_record
 from physic_core.pictures import REPORT_FILE
 from physic_core.types import grade_text, marks_of_row, summarize_checks
 from physic_core.types.results import metres_text
@@ -27,55 +27,30 @@ def print_summary(
     notes: int | None = SHOWN_NOTES,
     seconds: float | None = None,
 ) -> None:
-    """Print the summary of a result.
+    """Print the summary of a result: a table of its people, its grade, and where its page is.
 
     Args:
         folder: of the result.
-        verbose: as of :func:`summary_text`.
-        notes: as of :func:`summary_text`.
-        seconds: as of :func:`summary_text`.
+        verbose: whether to list the time of each stage, and each check that is not ok.
+        notes: largest number of notes, the most useful first; None for all.
+        seconds: taken by the whole command; None for the time of the result's stages.
 
     Raises:
         InputError: its ``reconstruction.json`` is missing, damaged, edited, or of another schema
             version.
     """
-    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
     record = read_record(folder)
-    text = summary_text(record, folder, width=width, verbose=verbose, notes=notes, seconds=seconds)
-    echo(text)
-
-
-def summary_text(
-    record: ResultRecord,
-    folder: Path,
-    *,
-    width: int | None = None,
-    verbose: bool = False,
-    notes: int | None = SHOWN_NOTES,
-    seconds: float | None = None,
-) -> str:
-    """Return the summary of a result as text: a table of its people, its grade, and where its page
-    is.
-
-    Args:
-        record: of the result.
-        folder: of the result.
-        width: of the terminal, characters; None for lines of any length.
-        verbose: whether to list the time of each stage, and each check that is not ok.
-        notes: largest number of notes, the most useful first; None for all.
-        seconds: taken by the whole command; None for the time of the result's stages.
-    """
     stages = record.stages
     people = record.rows
-    checks = record.checks
     found = {0: "no person was found, only the scene,", 1: "1 person"}.get(
         len(people), f"{len(people)} people"
     )
-    work, loading = (
-        sum(getattr(stage, name) for stage in stages) for name in ("seconds", "load_seconds")
-    )
+    work = sum(stage.seconds for stage in stages)
+    loading = sum(stage.load_seconds for stage in stages)
     time = f"{work:.1f} s, plus {loading:.1f} s to load models"
-    lines = [f"{found} in {time if seconds is None else f'{seconds:.1f} s, with all steps'}"]
+    if seconds is not None:
+        time = f"{seconds:.1f} s, with all steps"
+    lines = [f"{found} in {time}"]
     backends = [stage for stage in stages if stage.provenance is not None]
     if cached := sum(stage.cached for stage in backends):
         count = f"{cached} of {len(backends)}"
@@ -83,7 +58,7 @@ def summary_text(
             f"{count} backends were not run, since the cache has their results; --no-cache runs all"
         )
     if people:
-        lines.append(_table([_row(person) for person in people], width))
+        lines.append(_table([_row(person) for person in people]))
     lines += [
         f"no body: {one.reason}, box {', '.join(f'{edge:.0f}' for edge in one.box)}, score "
         f"{one.score:.2f}"
@@ -97,15 +72,17 @@ def summary_text(
     lines += [f"warning: {text}" for text in record.warnings]
     if verbose:
         lines += [f"{stage.name}: {stage.seconds:.1f} s" for stage in stages]
-        for check in checks:
-            if not check.ok:
-                lines.append(f"{'' if check.person is None else f'person {check.person}: '}{check}")
+        lines += [
+            f"{'' if check.person is None else f'person {check.person}: '}{check}"
+            for check in record.checks
+            if not check.ok
+        ]
     graded = grade_text(record.grade, record.trust)
-    lines.append(f"grade: {graded}  (checks: {summarize_checks(checks)})")
+    lines.append(f"grade: {graded}  (checks: {summarize_checks(record.checks)})")
     lines.append(f"results: {folder}{'' if str(folder).endswith('/') else '/'}")
     if REPORT_FILE in record.files:
         lines.append(f"page: {folder / REPORT_FILE}")
-    return "\n".join(lines)
+    echo("\n".join(lines))
 
 
 def _leaves_nothing_to_do(note: str) -> bool:
@@ -134,8 +111,9 @@ def _row(person: Mapping[str, Any]) -> tuple[str, ...]:
     )
 
 
-def _table(rows: Sequence[tuple[str, ...]], width: int | None) -> str:
-    """Format the rows; the last column is wrapped to the width of the terminal."""
+def _table(rows: Sequence[tuple[str, ...]]) -> str:
+    """Format the rows; on a terminal, the last column is wrapped to its width."""
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
     used = sum(max(len(row[i]) for row in (_HEAD, *rows)) + 2 for i in range(len(_HEAD) - 1))
     wrapped: list[tuple[str, ...]] = [_HEAD]
     for *cells, last in rows:

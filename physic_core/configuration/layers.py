@@ -206,7 +206,7 @@ def _merge(
     layer: Mapping[str, Any],
     label: str,
     sources: dict[str, str],
-    table: str = "",
+    table: str,
 ) -> None:
     """Merge a layer into ``base`` in place, and store the label of the layer for each value."""
     if table in INTERFACES and not _same_backend(layer.get("backend"), base.get("backend")):

@@ -63,11 +63,7 @@ DEFAULT_ENERGY = "default"
 """Name of the core's preset."""
 
 
-class _Table(StrictModel):
-    """Base class of the tables of a configuration."""
-
-
-class _StrictTable(_Table):
+class _StrictTable(StrictModel):
     model_config = ConfigDict(strict=True)
 
 
@@ -80,7 +76,7 @@ def _absolute(path: str) -> str:
 _FilePath = Annotated[str, AfterValidator(_absolute)] | None
 
 
-class BackendChoice(_Table):
+class BackendChoice(StrictModel):
     """The table of one interface, such as ``[metric_depth]``: a backend and its options."""
 
     backend: str = Field(
@@ -111,7 +107,7 @@ _Length = Annotated[float, Field(ge=0.01, le=1000)]  # metres
 _Distortion = Annotated[float, Field(ge=-1000, le=1000)]
 
 
-class PhotoSettings(_Table):
+class PhotoSettings(StrictModel):
     """The table ``[photo]``: camera of the photo, its size for the pipeline, and the people to
     reconstruct.
     """
@@ -274,7 +270,7 @@ class PhotoSettings(_Table):
         return self
 
 
-class BodyModelChoice(_Table):
+class BodyModelChoice(StrictModel):
     """The table ``[body_model]``: the embedded body, or an SMPL-X file of the user."""
 
     name: Literal["embedded"] | None = Field(
@@ -296,7 +292,7 @@ class BodyModelChoice(_Table):
         return self.path or "embedded"
 
 
-class EngineChoice(_Table):
+class EngineChoice(StrictModel):
     """The table ``[engine]``: a preset of the engine, and settings of each stage that override the
     preset.
     """
@@ -318,7 +314,7 @@ class EngineChoice(_Table):
         return with_overrides(engine_preset(self.preset), changed)
 
 
-class RunSettings(_Table):
+class RunSettings(StrictModel):
     """The table ``[run]``: device, threads, memory and cache."""
 
     device: str = Field(
@@ -351,7 +347,7 @@ class RunSettings(_Table):
         return value
 
 
-class Config(_Table):
+class Config(StrictModel):
     """A complete, validated configuration, created by :func:`load_config`."""
 
     segmenter: BackendChoice
@@ -529,7 +525,8 @@ def _engine_problems(engine: Any) -> list[Problem]:
     if not isinstance(preset, str):
         return []
     try:
-        check_engine_preset(preset)
+        if preset != DEFAULT_ENERGY:
+            _find(preset)  # which imports nothing
     except ConfigError as error:
         return [Problem("engine.preset", str(error))]
     given = {stage: table for stage, table in engine.items() if table and isinstance(table, dict)}
@@ -543,7 +540,7 @@ def _engine_problems(engine: Any) -> list[Problem]:
 
 
 @cache
-def stage_models(preset: str = "default") -> dict[str, type[_Table]]:
+def stage_models(preset: str) -> dict[str, type[StrictModel]]:
     """Return a pydantic model of the settings of each stage; ``preset`` determines the terms of the
     joint stage.
 
@@ -554,7 +551,7 @@ def stage_models(preset: str = "default") -> dict[str, type[_Table]]:
 
 
 @cache
-def settings_model(kind: Any) -> type[_Table]:
+def settings_model(kind: Any) -> type[StrictModel]:
     """Build a pydantic model from a dataclass of settings; nested dataclasses become nested
     models.
     """
@@ -574,17 +571,6 @@ def _accept_list(hint: Any) -> Any:
 def engine_preset_names() -> tuple[str, ...]:
     """Return the names of the core's preset and of those of installed plugins, sorted."""
     return tuple(sorted({DEFAULT_ENERGY, *(preset.record.name for preset in find_items(_HOOK))}))
-
-
-def check_engine_preset(name: str) -> None:
-    """Check that there is one preset of this name, without importing it.
-
-    Raises:
-        ConfigError: no preset has this name, or several plugins offer it; the message names the
-            distribution if it is known.
-    """
-    if name != DEFAULT_ENERGY:
-        _find(name)
 
 
 def engine_preset(name: str = DEFAULT_ENERGY) -> EngineSettings:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from pydantic import ValidationError
 
 from physic_core.backends.devices import check_device, has_gpu
-from physic_core.configuration.model import BackendChoice, load_config
+from physic_core.configuration.model import BackendChoice
 from physic_core.configuration.problems import Problem, config_error, problems_from_pydantic
 from physic_core.discovery.backends import (
     class_problem,
@@ -250,23 +250,6 @@ def named_weights(plan: ResolvedPipeline) -> tuple[WeightSet, ...]:
         for weights in named_sets(who.distribution, who.options):
             found[who.distribution, weights.name] = weights
     return tuple(found.values())
-
-
-def load_plan(file: str | os.PathLike[str] | None = None, **settings: Any) -> ResolvedPipeline:
-    """Load a configuration and check it, with its backends, their weights and the device; no
-    network is loaded.
-
-    Args:
-        file: as in :func:`physic_core.configuration.model.load_config`.
-        settings: preset, overrides, flags and environment, as in ``load_config``.
-
-    Raises:
-        ConfigError: the configuration is invalid.
-        PhysicError: a backend cannot be imported or constructed, or its weights are missing.
-    """
-    plan = resolve(load_config(file, **settings))
-    require_available(plan)
-    return plan
 
 
 def _given_in_python(interface: str, given: object) -> ResolvedBackend:

@@ -99,22 +99,14 @@ def _package(module: str) -> str:
     return module.partition(".")[0]
 
 
-def similar_names(name: str, known: Iterable[str]) -> list[str]:
-    """Return known names that have a name at the start of a word, or the one that is most similar
-    to it.
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return ". Did you mean 'x' or 'y'?" with the known names that have this one at the start of a
+    word, or with the most similar one; "" if none is.
     """
     names = sorted(known)
-    if len(name) >= _MIN_PART:
-        part = re.compile(rf"(?:^|[^a-z0-9]){re.escape(name)}")
-        if containing := [other for other in names if part.search(other)]:
-            return containing
-    return get_close_matches(name, names, n=1) if len(name) <= _MAX_LENGTH else []
-
-
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the hint ".
-
-    Did you mean 'x' or 'y'?" for a misspelt name, or "" if no known name is similar.
-    """
-    close = [f"'{other}'" for other in similar_names(name, known)]
-    return f". Did you mean {' or '.join(close)}?" if close else ""
+    part = re.compile(rf"(?:^|[^a-z0-9]){re.escape(name)}")
+    close = [other for other in names if len(name) >= _MIN_PART and part.search(other)]
+    if not close and len(name) <= _MAX_LENGTH:
+        close = get_close_matches(name, names, n=1)
+    named = " or ".join(f"'{other}'" for other in close)
+    return f". Did you mean {named}?" if close else ""

@@ -23,6 +23,7 @@ import simplejpeg
 from PIL import Image, ImageFile, PngImagePlugin, UnidentifiedImageError
 
 from physic_core.errors import InputError, PackageMissingError
+from physic_core.files.text import printable
 
 if TYPE_CHECKING:
     from io import BufferedReader, BytesIO
@@ -181,10 +182,7 @@ class ImageSource:
 
     def __str__(self) -> str:
         # Line ends and escape sequences in a file name would change the message.
-        text = "".join(
-            c if c.isprintable() else c.encode("unicode_escape").decode() for c in self.name
-        )
-        return f"{self.what} {text}"
+        return f"{self.what} {printable(self.name, kept='')}"
 
     @property
     def suffix(self) -> str:
@@ -243,13 +241,6 @@ class ImageSource:
             "it came, or save it again from a program that shows it completely"
         )
 
-    def unusual_tiff(self) -> InputError:
-        """Return the error for a TIFF whose header Pillow does not understand."""
-        return InputError(
-            f"cannot read the {self}: its header is damaged, or its pixels are of an unusual kind, "
-            f"such as floating point in several channels; save it with 8 bits per channel"
-        )
-
     def raw(self) -> InputError:
         """Return the error for a raw file of a camera."""
         return InputError(
@@ -302,9 +293,13 @@ def open_image(source: ImageSource) -> Iterator[tuple[Image.Image, BufferedReade
             try:
                 image = Image.open(file, formats=["JPEG", "MPO"] if kind == "JPEG" else [kind])
             except UnidentifiedImageError as error:
-                if kind == "TIFF":
-                    raise source.unusual_tiff() from error
-                raise
+                if kind != "TIFF":
+                    raise
+                raise InputError(
+                    f"cannot read the {source}: its header is damaged, or its pixels are of an "
+                    "unusual kind, such as floating point in several channels; save it with 8 bits "
+                    "per channel"
+                ) from error
         with image:
             if image.size[0] * image.size[1] > max_pixels(kind):
                 raise source.too_large(max_pixels(kind))

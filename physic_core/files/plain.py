@@ -28,6 +28,7 @@ from physic_core.files.text import from_json, parse_json, to_json
 Arrays = dict[str, NDArray[Any]]
 
 _DOCUMENT = "document"
+_STORED = "iufc"  # kinds of dtype that compress badly; masks and texts do well
 
 
 class DamagedFileError(Exception):
@@ -88,9 +89,7 @@ def join(
     return _Join(arrays, dict(sizes or {}), tuple(named)).value(kind, value, "")
 
 
-def write_value(
-    path: Path, value: Any, head: Mapping[str, Any] | None = None, *, stored: str = "iufc"
-) -> None:
+def write_value(path: Path, value: Any, head: Mapping[str, Any] | None = None) -> None:
     """Write a value to a file that only its owner can read, completely or not at all.
 
     Its folder is created if missing.
@@ -99,8 +98,6 @@ def write_value(
         path: of the file.
         value: as of :func:`split`.
         head: further entries of the document, JSON-ready.
-        stored: kinds of dtype that are not compressed: numbers compress badly, masks and texts
-            well.
 
     Raises:
         TypeError: the value cannot be stored.
@@ -113,7 +110,7 @@ def write_value(
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_write(path.parent, lock=False) as temporary:
         temporary(path.name).touch(mode=0o600)
-        write_arrays(temporary(path.name), {**arrays, _DOCUMENT: text}, stored=stored)
+        write_arrays(temporary(path.name), {**arrays, _DOCUMENT: text}, stored=_STORED)
 
 
 def read_value(path: Path, kinds: Iterable[Any], head: Mapping[str, Any] | None = None) -> Any:

@@ -37,10 +37,10 @@ def shorten(text: str, limit: int) -> str:
     return f"{text[: limit - end - 5]} ... {text[-end:]}"
 
 
-def printable(text: str) -> str:
-    """Escape characters that a terminal obeys or cannot print; newlines and tabs are kept."""
+def printable(text: str, kept: str = "\n\t") -> str:
+    """Escape characters that a terminal obeys or cannot print, but for those that are kept."""
     return "".join(
-        c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode("ascii")
+        c if c.isprintable() or c in kept else c.encode("unicode_escape").decode("ascii")
         for c in text
     )
 
@@ -133,13 +133,9 @@ def _check_columns(columns: list[str], needed: Sequence[str], others: Sequence[s
         )
 
 
-def as_utf8(value: Any) -> Any:
-    """Write bytes of a file's name that are not UTF-8 as in the journal of a batch: ``\\udcff``."""
-    return value.encode("utf-8", "backslashreplace").decode() if isinstance(value, str) else value
-
-
 def _cell(value: str) -> str:
-    value = value if value.isascii() else as_utf8(value)
+    # Bytes of a file's name that are not UTF-8 are written as in the journal of a batch: \udcff.
+    value = value.encode("utf-8", "backslashreplace").decode()
     return f"'{value}" if value.startswith(_QUOTED) else value
 
 

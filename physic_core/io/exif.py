@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from typing import Any
 
 ORIENTATION = 0x0112
-_MAKE = 0x010F
+MAKE = 0x010F
 _SOFTWARE = 0x0131
 EXIF_IFD = 0x8769
-_FOCAL_LENGTH = 0x920A
+FOCAL_LENGTH = 0x920A
 _FOCAL_LENGTH_35MM = 0xA405
 _DIGITAL_ZOOM = 0xA404
 _PIXEL_WIDTH = 0xA002
@@ -43,12 +43,10 @@ _EDITED_SIGMA = 0.05  # log focal length that two tags of an edited file state: 
 _SENSOR_ASPECTS = (4 / 3, 3 / 2)
 _ASPECT_ERROR = 0.02  # 4608 x 3456, 6048 x 4024: cameras leave a few rows out
 _EDITORS = re.compile(
-    "photo|lightroom|camera raw|elements|gimp|snapseed|picasa|capture "
-    "one|darktable|rawtherapee|luminar|affinity|"
-    "irfanview|viewer|pixelmator|vsco|instagram|imagemagick|polarr|digikam|acdsee|acd "
-    "systems|paint|aperture|viewnx|"
-    "capture nx|nx "
-    "studio|workspace|silkypix|dxo|corel|canva|picsart|facetune|fotor|pixlr|topaz|krita|meitu|zoner",
+    "photo|lightroom|camera raw|elements|gimp|snapseed|picasa|capture one|darktable|rawtherapee|"
+    "luminar|affinity|irfanview|viewer|pixelmator|vsco|instagram|imagemagick|polarr|digikam|"
+    "acdsee|acd systems|paint|aperture|viewnx|capture nx|nx studio|workspace|silkypix|dxo|corel|"
+    "canva|picsart|facetune|fotor|pixlr|topaz|krita|meitu|zoner",
     re.IGNORECASE,
 )
 """Names of programs that crop or resize photos and keep the tags of the camera."""
@@ -98,7 +96,7 @@ def intrinsics_from_exif(
         source = f"EXIF: {equivalent:g} mm (35 mm equivalent, by the diagonal)"
     elif plane:
         focal = plane
-        focal_mm = positive_number(tags.get(_FOCAL_LENGTH))
+        focal_mm = positive_number(tags.get(FOCAL_LENGTH))
         source = f"EXIF: {focal_mm:g} mm and the sensor's resolution"
     else:
         return None, ()
@@ -109,8 +107,9 @@ def intrinsics_from_exif(
     camera = Intrinsics(
         fx, fy, (width - 1) / 2, (height - 1) / 2, width, height, source, CameraTrust.KNOWN
     )
-    notes = [f"the focal length is that of the photo with its digital zoom of {zoom:g}"]
-    notes = notes if zoom != 1 else []
+    notes = []
+    if zoom != 1:
+        notes.append(f"the focal length is that of the photo with its digital zoom of {zoom:g}")
     if math.prod(stored) < _CAMERA_PIXELS and not (plane and equivalent):
         notes.append(
             "the file is smaller than cameras write: if it was cropped, the focal length in its "
@@ -134,7 +133,7 @@ def _plane_focal(tags: Mapping[int, Any], zoom: float) -> tuple[float, float] | 
     """Return the focal lengths along the stored axes by the resolution of the focal plane and the
     digital zoom, px; None if not known.
     """
-    focal_mm = positive_number(tags.get(_FOCAL_LENGTH))
+    focal_mm = positive_number(tags.get(FOCAL_LENGTH))
     plane_x = positive_number(tags.get(_PLANE_X))
     unit_mm = _UNIT_MM.get(int(positive_number(tags.get(_PLANE_UNIT)) or 2))
     if not focal_mm or not plane_x or unit_mm is None:
@@ -175,18 +174,16 @@ def _doubt(
             f"a crop or a resize"
         )
     if other:
-        agree = abs(math.log(max(other) / max(focal))) < _AGREEMENT
+        if abs(math.log(max(other) / max(focal))) < _AGREEMENT:
+            return ""
         return (
-            ""
-            if agree
-            else "the 35 mm equivalent and the sensor's resolution differ, as after a crop or a "
-            "resize"
+            "the 35 mm equivalent and the sensor's resolution differ, as after a crop or a resize"
         )
     if editor := _EDITORS.search(str(tags.get(_SOFTWARE))):
         return f"the photo was saved by an editor ({editor[0]}), which may have cropped it"
-    sensor_mm = max(stored) * (positive_number(tags.get(_FOCAL_LENGTH)) or 0.0) / max(focal)
+    sensor_mm = max(stored) * (positive_number(tags.get(FOCAL_LENGTH)) or 0.0) / max(focal)
     zoom = _zoom(tags)
-    has_zoom = 0 < sensor_mm < _SENSOR_MM[0] or "Apple" in str(tags.get(_MAKE))
+    has_zoom = 0 < sensor_mm < _SENSOR_MM[0] or "Apple" in str(tags.get(MAKE))
     if by_film and zoom != 1 and not has_zoom:
         return f"whether the 35 mm equivalent has the digital zoom of {zoom:g} cannot be told"
     sensor_mm *= 1 if by_film else zoom
@@ -196,7 +193,7 @@ def _doubt(
     ):
         return f"sides of {aspect:.2f}:1 are of no usual sensor, so the photo may have been cropped"
     is_sensor = _SENSOR_MM[0] <= sensor_mm <= _SENSOR_MM[1]
-    if (by_film or is_sensor) if share <= _MAX_FOCAL_BY_ONE else (by_film and is_sensor):
+    if (by_film and is_sensor) or (share <= _MAX_FOCAL_BY_ONE and (by_film or is_sensor)):
         return ""
     return (
         f"{share:.2g} times the long side, with a sensor {sensor_mm:.2g} mm wide, needs a "

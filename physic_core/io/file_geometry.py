@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.io.exif import positive_number, swaps_sides
+from physic_core.io.exif import FOCAL_LENGTH, MAKE, positive_number, swaps_sides
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -35,11 +35,10 @@ _LEVEL_DEG = 2.0  # of roll; a gimbal keeps the horizon level
 _ALTITUDE = _xmp("drone-dji", "RelativeAltitude", _NUMBER)
 _FLAT = ("perspective", "rectilinear")
 
-_MAKE = 0x010F
 _RESOLUTIONS = (0x011A, 0x011B)
 _CUSTOM_RENDERED = 0xA401
 _PANORAMA_OF_APPLE = 6
-_OF_CAMERAS = {_MAKE, 0x0110, 0x920A}  # make, model, focal length
+_OF_CAMERAS = {MAKE, 0x0110, FOCAL_LENGTH}  # 0x0110: model
 
 _SQUARE = math.log(1.02)
 _LARGEST = math.log(2.5)  # a more extreme ratio is a mistake in a tag that no program reads
@@ -68,7 +67,7 @@ def panorama_kind(xmp: str, tags: Mapping[int, Any]) -> str:
     """
     if (kind := (_value(_PROJECTION, xmp) or "").lower()) and kind not in _FLAT:
         return kind
-    is_apple = str(tags.get(_MAKE)).strip("\0 ") == "Apple"
+    is_apple = str(tags.get(MAKE)).strip("\0 ") == "Apple"
     return "cylindrical" if is_apple and tags.get(_CUSTOM_RENDERED) == _PANORAMA_OF_APPLE else ""
 
 

@@ -110,7 +110,12 @@ def read_photo(photo: PhotoSource) -> Photo:
             return replace(_read(image, source, colours), digest=digest)
     if isinstance(photo, Image.Image):
         found = _read_image(photo)
-    elif _is_grey_or_rgba(photo):
+    elif (
+        isinstance(photo, np.ndarray)
+        and photo.dtype == np.uint8
+        and photo.ndim > 1
+        and photo.shape[2:] in ((), (1,), (4,))
+    ):
         array = np.ascontiguousarray(photo)
         found = _read(Image.fromarray(array[..., 0] if array.shape[2:] == (1,) else array), _ARRAY)
     else:
@@ -225,13 +230,6 @@ def _is_raw(image: Image.Image) -> bool:
         return False
     tags = getattr(image, "tag_v2", {})
     return bool(int(tags.get(_NEW_SUBFILE_TYPE, 0)) & 1) or _DNG_VERSION in tags
-
-
-def _is_grey_or_rgba(image: object) -> bool:
-    """Return whether an image is an array of uint8, (H, W), (H, W, 1) or (H, W, 4)."""
-    if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim not in (2, 3):
-        return False
-    return image.ndim == 2 or image.shape[2] in (1, 4)
 
 
 def check_photo_file(path: Path) -> None:

@@ -34,9 +34,7 @@ def save_report(
     return write_own(Path(path), report_html(reconstruction, title).encode(), PAGE_MARK)
 
 
-def add_report(
-    folder: str | os.PathLike[str], reconstruction: Reconstruction | None = None, title: str = ""
-) -> Path:
+def add_report(folder: str | os.PathLike[str], title: str = "") -> Path:
     """Write ``report.html`` to the folder of a result, and list it there, so that later runs
     replace it.
 
@@ -44,7 +42,6 @@ def add_report(
 
     Args:
         folder: of a finished run.
-        reconstruction: its result; loaded if None.
         title: of the page; by default the name of the photo, or of the folder if that is not known.
 
     Raises:
@@ -59,15 +56,12 @@ def add_report(
         )
     check_finished(folder)
     check_own(folder / REPORT_FILE, mark=PAGE_MARK)
-    shown = reconstruction
+    name = folder.resolve().name
     try:
-        if shown is None:
-            shown = load_reconstruction(folder)
+        shown = load_reconstruction(folder)
     except InputError as error:
-        add_result_file(
-            folder, REPORT_FILE, report_html(error, title or folder.resolve().name).encode()
-        )
+        add_result_file(folder, REPORT_FILE, report_html(error, title or name).encode())
         raise
-    title = title or shown.photo_name or folder.resolve().name
-    add_result_file(folder, REPORT_FILE, report_html(shown, title).encode())
+    page = report_html(shown, title or shown.photo_name or name)
+    add_result_file(folder, REPORT_FILE, page.encode())
     return folder / REPORT_FILE

@@ -6,15 +6,15 @@ import hashlib
 import mmap
 import os
 import re
-import sys
 from collections import ChainMap
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
-from physic_core.cache.digests import remembered_sha256
+from physic_core.cache.digests import file_stamp, remembered_sha256
 from physic_core.cache.folders import cache_folder
 from physic_core.discovery.error_text import did_you_mean
 from physic_core.errors import BackendError, WeightsMissingError
@@ -88,9 +88,12 @@ def find_weights(manifest: Path, value: str, file: str | None = None) -> Path:
     facts = ", ".join(fact for fact in (format_size(weights.bytes), weights.license) if fact)
     part = f"lack {', '.join(lacking)}" if len(lacking) < len(weights.files) else "are missing"
     what = part if lacking else "are in several folders"
+    searched = [str(folder / value) for folder in search_folders()]
+    if find_spec("huggingface_hub") is not None:
+        searched.append("Hugging Face's cache")
     raise WeightsMissingError(
         f"weights '{value}' ({facts}) {what}: {weights.how_to_get()}\nsearched: "
-        f"{describe_search_folders(value)}"
+        f"{', '.join(searched)}"
     )
 
 
@@ -208,8 +211,7 @@ def describe_mismatch(path: Path, file: WeightFile) -> str:
         status = path.stat()
         if file.bytes not in (None, status.st_size):
             return f"it has {status.st_size} bytes instead of {file.bytes}"
-        # No user can set the time of the last change of an inode.
-        stamp = status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
+        stamp = f"{status.st_dev} {file_stamp(status)}"
         if file.sha256 is not None and (found := _sha256(path, stamp)) != file.sha256:
             return f"its SHA-256 is {found} instead of {file.sha256}"
     except OSError as error:
@@ -218,7 +220,7 @@ def describe_mismatch(path: Path, file: WeightFile) -> str:
 
 
 @lru_cache(maxsize=1000)
-def _sha256(path: Path, stamp: tuple[int, ...]) -> str:
+def _sha256(path: Path, stamp: str) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -228,13 +230,11 @@ def size_mismatches(weights: WeightSet) -> str:
     are none.
     """
     here = locate_files(weights)
-    unhashed = [
-        (here[file.path], WeightFile(file.path, file.bytes))
+    texts = [
+        f"{here[file.path]}: {wrong}"
         for file in weights.files
         if file.path in here
-    ]
-    texts = [
-        f"{path}: {wrong}" for path, file in unhashed if (wrong := describe_mismatch(path, file))
+        and (wrong := describe_mismatch(here[file.path], replace(file, sha256=None)))
     ]
     return f"{', '.join(texts)}: `physic weights verify {weights.name}`" if texts else ""
 
@@ -253,35 +253,20 @@ def format_size(size: int | None) -> str:
     return f"{size} bytes"
 
 
-def describe_search_folders(name: str) -> str:
-    """Return the list of folders that are searched for a weight set, as text."""
-    hub = ["Hugging Face's cache"] if find_spec("huggingface_hub") is not None else []
-    return ", ".join([*(str(folder / name) for folder in search_folders()), *hub])
-
-
 def find_in_hub_cache(file: WeightFile) -> Path | None:
     """Return the path of a file in the cache of Hugging Face, or None if it is not in the cache."""
     origin = file.origin
     if not isinstance(origin, HubSource) or find_spec("huggingface_hub") is None:
         return None
-    if "huggingface_hub" not in sys.modules and not _hub_folder(origin.repository).is_dir():
-        return None  # saves the slow import of the library
+    from huggingface_hub import constants
+
+    folder = f"models--{origin.repository.replace('/', '--')}"
+    if not Path(constants.HF_HUB_CACHE, folder).is_dir():
+        return None  # saves the slow import of the rest of the library
     from huggingface_hub import try_to_load_from_cache
 
     found = try_to_load_from_cache(origin.repository, origin.path, revision=origin.revision)
     return Path(found) if isinstance(found, str) else None
-
-
-def _hub_folder(repository: str) -> Path:
-    """Return the cache folder of a repository, from the environment variables of
-    ``huggingface_hub``.
-    """
-    home = os.environ.get("HF_HOME") or os.path.join(
-        os.environ.get("XDG_CACHE_HOME") or "~/.cache", "huggingface"
-    )
-    old = os.environ.get("HUGGINGFACE_HUB_CACHE") or os.path.join(home, "hub")
-    cache = os.path.expandvars(os.path.expanduser(os.environ.get("HF_HUB_CACHE") or old))
-    return Path(cache, f"models--{repository.replace('/', '--')}")
 
 
 def _path_of_user(manifest: Path, value: str, file: str | None) -> Path:

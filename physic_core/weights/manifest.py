@@ -257,9 +257,11 @@ def _read(stamps: tuple[tuple[Path, int, int], ...]) -> Mapping[str, WeightSet]:
     for file, _, _ in stamps:
         try:
             tables = parse_toml(file.read_text(encoding="utf-8"))
-            found = _SETS.validate_python(
-                {name: _named(name, table) for name, table in tables.items()}
-            )
+            named = {
+                name: {"name": name, **table} if isinstance(table, dict) else table
+                for name, table in tables.items()
+            }
+            found = _SETS.validate_python(named)
             for name, weights in found.items():
                 if name in sets:
                     raise ValueError(f"[{name}] is in another manifest already")
@@ -268,10 +270,6 @@ def _read(stamps: tuple[tuple[Path, int, int], ...]) -> Mapping[str, WeightSet]:
             raise BackendError(f"the weight manifest {file} is invalid: {error}") from error
         sets |= found
     return MappingProxyType(sets)
-
-
-def _named(name: str, table: object) -> object:
-    return {"name": name, **table} if isinstance(table, dict) else table
 
 
 def _check_files(weights: WeightSet) -> None:

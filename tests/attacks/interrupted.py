@@ -74,12 +74,6 @@ class Steps:
         with pytest.MonkeyPatch.context() as patch:
             opened = {}
             real_open = io.open
-            real_os_open = os.open
-
-            def os_open(path, *args, **options):
-                file = real_os_open(path, *args, **options)
-                opened[file] = str(path)
-                return file
 
             def open_(path, mode="r", *args, **options):
                 is_ours = isinstance(path, str | os.PathLike) and str(path).startswith(self.folder)
@@ -90,31 +84,18 @@ class Steps:
                 opened[file.fileno()] = str(path)
                 return _File(file, str(path), self)
 
-            def fsync(file):
-                path = opened[file]
-                self.step(path)
-
-            def moving(real):
-                def move(source, target):
-                    self.step(source)
-                    real(source, target)
-
-                return move
-
-            def deleting(real):
-                def unlink(path, *args, **options):
+            def stepped(real):
+                def call(path, *args, **options):
                     self.step(path)
-                    real(path, *args, **options)
+                    return real(path, *args, **options)
 
-                return unlink
+                return call
 
             for module in (io, builtins):
                 patch.setattr(module, "open", open_)
-            patch.setattr(os, "open", os_open)
-            patch.setattr(os, "fsync", fsync)
-            patch.setattr(os, "replace", moving(os.replace))
-            patch.setattr(os, "rename", moving(os.rename))
-            patch.setattr(os, "unlink", deleting(os.unlink))
+            patch.setattr(os, "fsync", lambda file: self.step(opened[file]))
+            for name in ("replace", "rename", "unlink"):
+                patch.setattr(os, name, stepped(getattr(os, name)))
             try:
                 yield
             except Killed:

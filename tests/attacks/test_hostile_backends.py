@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 
 import numpy as np
 import pytest
@@ -12,8 +11,6 @@ import torch
 import hostile
 from physic_batch.workers import WorkerSettings, run_in_workers
 from physic_core.configuration.resolve import ResolvedBackend
-from physic_core.discovery.error_text import PluginExit
-from physic_core.discovery.plugin_code import plugin_code
 from physic_core.errors import BackendOutputError
 from physic_core.interfaces import MetricDepth, MetricDepthRequest
 from physic_core.pipeline.stage_runner import StageRunner
@@ -117,11 +114,6 @@ def test_what_is_no_array_of_floats_is_refused_by_name(depth, name):
         give(depth)
     assert name in str(error.value)
     assert "metric_depth 'own' (my-dist 1.0)" in str(error.value)
-
-
-def test_plugin_exit_has_the_message_of_its_cause():
-    with pytest.raises(PluginExit, match=r"^SystemExit: weights are missing$"), plugin_code():
-        sys.exit("weights are missing")
 
 
 # ---- calls that hang

@@ -27,15 +27,19 @@ def peak():
 """
 
 
-def lines_of(code, *arguments):
-    """What a new process prints, which writes nothing to stderr."""
-    command = [sys.executable, "-c", PEAK + code, *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert (done.returncode, done.stderr) == (0, "")
-    return done.stdout.splitlines()
+@pytest.fixture
+def lines_of(python):
+    """A function that returns the lines which a new process prints; it writes nothing to stderr."""
+
+    def run(code, paths):
+        done = python(PEAK + code, *paths)
+        assert done.stderr == ""
+        return done.stdout.splitlines()
+
+    return run
 
 
-def test_no_image_takes_more_than_one_and_a_half_gigabytes(tmp_path):
+def test_no_image_takes_more_than_one_and_a_half_gigabytes(tmp_path, lines_of):
     for i, (make, _) in enumerate(BOMBS.values()):
         (tmp_path / str(i)).write_bytes(make())
     code = """
@@ -48,7 +52,7 @@ for path in sys.argv[1:]:
         print(error)
 print(peak())
 """
-    *texts, peak = lines_of(code, *(tmp_path / str(i) for i in range(len(BOMBS))))
+    *texts, peak = lines_of(code, [tmp_path / str(i) for i in range(len(BOMBS))])
     for (name, (_, expected)), text in zip(BOMBS.items(), texts, strict=True):
         assert expected in text, name
     assert float(peak) < 1.5e9
@@ -102,7 +106,7 @@ KINDS = {
 }
 
 
-def test_decoding_the_largest_image_of_each_format_takes_less_than_1_5_gb(tmp_path):
+def test_decoding_the_largest_image_of_each_format_takes_less_than_1_5_gb(tmp_path, lines_of):
     x = np.linspace(0, 255, SIDE).astype(np.uint8)[None].repeat(SIDE, 0)
     picture = Image.fromarray(np.stack([x, x[:, ::-1], x // 2], -1))
     for name, (mode, options) in KINDS.items():
@@ -121,6 +125,6 @@ for path in map(Path, sys.argv[1:]):
         print(path.name, (peak() - before - 8e6) / pixels * most)  # a few MB are the decoders' own, whatever the size
     del image, file
 """  # noqa: E501
-    for line in lines_of(code, *(tmp_path / name for name in KINDS)):
+    for line in lines_of(code, [tmp_path / name for name in KINDS]):
         name, taken = line.split()
         assert float(taken) < 1.5e9, name

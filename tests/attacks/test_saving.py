@@ -13,11 +13,9 @@ import pytest
 
 from interrupted import Steps
 from physic_batch.journal import Journal, read_journals
-from physic_core.cache.folders import LruFolder
 from physic_core.errors import InputError, OutputError
 from physic_core.files.atomic import atomic_write
-from physic_core.files.plain import write_value
-from physic_core.io.report_file import add_report, save_report
+from physic_core.io.report_file import add_report
 from physic_core.io.results import load_reconstruction, save_reconstruction
 from physic_core.pictures import PAGE_MARK
 from physic_scene import output
@@ -46,7 +44,7 @@ def quick_pictures(monkeypatch):
         output, "photos_png", lambda scene: f"photos of {mark(scene.reconstruction)}".encode()
     )
     page = f"<meta {PAGE_MARK}> page of "
-    monkeypatch.setattr(pictures, "report_html", lambda result, title: page + mark(result))
+    monkeypatch.setattr(pictures, "report_html", lambda result, title: page + mark(result) + title)
 
 
 def save(folder, result):
@@ -71,22 +69,13 @@ def save_moment(folder, result):
 def add_page(folder, result):
     if not (folder / "reconstruction.json").exists():
         save_reconstruction(OLD, folder)
-    add_report(folder, result)
-
-
-def write_page(folder, result):
-    save_report(result, folder / "a.html")
-
-
-def write_cache(folder, result):
-    write_value(folder / "a.result.npz", (result.image, mark(result)))
+    add_report(folder, f" of {mark(result)}")
 
 
 def export(folder, result):
     result.export(str(folder / "a.obj"), overwrite=True)
 
 
-OPERATIONS = [save, save_compact, save_people, save_moment, write_page, write_cache, export]
 RESULTS = (save, save_compact, save_people, save_moment)
 REFUSED = "there is no such file; name the folder of a finished run"
 UNFINISHED = "the result is unfinished"
@@ -128,7 +117,7 @@ def made(operation, folder, *of):
     ("operation", "how"),
     [
         pytest.param(operation, how, id=f"{operation.__name__}-{how}")
-        for operation in OPERATIONS
+        for operation in (*RESULTS, export)
         for how in ("killed", "full")
     ],
 )
@@ -154,9 +143,6 @@ def test_a_write_happens_completely_or_not_at_all(operation, how, tmp_path):
             assert not list(folder.glob(".*"))  # what failed is cleaned at once
         else:
             operation(folder, NEW)  # without a cleanup by the user
-            if operation == write_cache:  # which deletes them when it is trimmed
-                LruFolder(folder, ".result.npz").clear()
-                operation(folder, NEW)
             assert files(folder) == new
     # The last step of a single file is its rename: nothing comes after it.
     assert seen - {"new"} == (
@@ -211,7 +197,7 @@ def test_a_page_that_is_interrupted_at_any_step_costs_no_result(before, how, tmp
         assert {name: found[name] for name in ("preview.png", "combined.glb")} == {
             name: (tmp_path / "old" / name).read_bytes() for name in ("preview.png", "combined.glb")
         }
-    new = f"<meta {PAGE_MARK}> page of {mark(NEW)}".encode()
+    new = f"<meta {PAGE_MARK}> page of {mark(OLD)} of {mark(NEW)}".encode()
     assert pages == ({old} if how == "full" else {old, new})
 
 
@@ -252,18 +238,18 @@ def test_a_first_result_is_complete_or_not_there(how, tmp_path):
 def test_a_row_of_the_journal_is_there_or_not(how, tmp_path):
     rows = [{"id": name, "state": "done", "config": "1", "finished": name} for name in "abc"]
 
-    def append(folder, _):
+    def append(folder, row):
         with Journal(folder / "journal.jsonl") as journal:
-            journal.append(rows[1])
+            journal.append(row)
 
     (tmp_path / "old").mkdir()
-    with Journal(tmp_path / "old" / "journal.jsonl") as journal:
-        journal.append(rows[0])
-    for folder in interruptions(append, tmp_path / "old", tmp_path, how):
+    append(tmp_path / "old", rows[0])
+    for folder in interruptions(
+        lambda folder, _: append(folder, rows[1]), tmp_path / "old", tmp_path, how
+    ):
         found = read_journals(folder, rows[0])
         assert found in ({"a": rows[0]}, {"a": rows[0], "b": rows[1]})
-        with Journal(folder / "journal.jsonl") as journal:
-            journal.append(rows[2])
+        append(folder, rows[2])
         assert read_journals(folder, rows[0]) == {**found, "c": rows[2]}
 
 

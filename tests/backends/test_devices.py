@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 import torch
@@ -29,7 +26,7 @@ def test_threads_are_limited_inside_and_restored_after(count):
     assert (torch.get_num_threads(), blas_threads()) == (torch_before, blas_before)
 
 
-def test_torch_is_imported_beside_the_block_and_limited():
+def test_torch_is_imported_beside_the_block_and_limited(python):
     code = """
 import sys, threading
 from physic_core.backends.devices import limited_threads
@@ -38,5 +35,4 @@ with limited_threads(1):
         thread.join()
     print(sys.modules["torch"].get_num_threads())
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "1\n", done.stderr
+    assert python(code).stdout == "1\n"

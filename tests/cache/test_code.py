@@ -74,38 +74,43 @@ def test_every_edit_of_the_package_counts(site, file, text):
     assert CodeDigester().digest(kind) not in (first, None)
 
 
-def test_a_module_in_no_package_counts_with_those_beside_it(site):
-    write(site / "my_depth.py", SOURCE)
+STANDING = {
+    "a module beside one in no package": (
+        {"my_depth.py": SOURCE},
+        "my_depth",
+        ("my_helpers.py", "x = 1\n"),
+    ),
+    "a base class": (
+        {
+            "base.py": SOURCE,
+            "pack/__init__.py": "from base import Depth as D\nclass Depth(D): ...\n",
+        },
+        "pack",
+        ("base.py", SOURCE.replace("1", "2")),
+    ),
+    "a package that it stands on": (
+        {
+            "physic_base/__init__.py": "from physic_ground import x",
+            "physic_ground/__init__.py": "from physic_base import y",
+            "pack/__init__.py": f"{SOURCE}    def infer(self):\n        import physic_base\n",
+        },
+        "pack",
+        ("physic_ground/__init__.py", "x = 2"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", STANDING)
+def test_an_edit_outside_of_the_own_package_counts(site, name):
+    files, module, edit = STANDING[name]
+    for path, text in files.items():
+        write(site / path, text)
     importlib.invalidate_caches()
-    kind = importlib.import_module("my_depth").Depth
+    kind = importlib.import_module(module).Depth
     first = CodeDigester().digest(kind)
-    write(site / "my_helpers.py", "x = 1\n")
-    other = CodeDigester().digest(kind)
-    assert None not in (first, other)
-    assert first != other
-
-
-def test_an_edit_of_a_base_class_changes_the_digest(site):
-    write(site / "base.py", SOURCE)
-    write(site / "pack" / "__init__.py", "from base import Depth\nclass Own(Depth): ...\n")
-    importlib.invalidate_caches()
-    kind = importlib.import_module("pack").Own
-    first = CodeDigester().digest(kind)
-    write(site / "base.py", SOURCE.replace("1", "2"))
-    assert CodeDigester().digest(kind) not in (first, None)
-
-
-def test_an_edit_of_a_package_that_it_stands_on_changes_the_digest(site):
-    write(site / "physic_base" / "__init__.py", "from physic_ground import x")
-    write(site / "physic_ground" / "__init__.py", "from physic_base import y")
-    write(
-        site / "pack" / "__init__.py", SOURCE + "    def infer(self):\n        import physic_base\n"
-    )
-    importlib.invalidate_caches()
-    kind = importlib.import_module("pack").Depth
-    first = CodeDigester().digest(kind)
-    write(site / "physic_ground" / "__init__.py", "x = 2")
-    assert CodeDigester().digest(kind) not in (first, None)
+    write(site / edit[0], edit[1])
+    assert None not in (first, second := CodeDigester().digest(kind))
+    assert first != second
 
 
 def test_a_module_edited_after_the_start_has_no_digest(site, monkeypatch):

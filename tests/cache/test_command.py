@@ -14,21 +14,24 @@ def folder(root):
 
 def fill(folder):
     folder.mkdir(parents=True)
-    for name, size in (
-        ("metric_depth-embedded-00", 400_000),
-        ("metric_depth-embedded-01", 900_000),
-        ("inpainter-navier-stokes-02", 1_000),
-        ("segmenter-my_plugin_MyMasks-03", 60_000),
-    ):
+    for name, size in (("metric_depth-embedded-00", 400_000), ("inpainter-telea-01", 1_000_000)):
         (folder / f"{name}.result.npz").write_bytes(bytes(size))
+    (folder / ".x.result.npz.0b.physic-part").write_text("incomplete")
     (folder / "mine.npz").write_text("not theirs")
 
 
-def test_clear_removes_all_entries_and_says_how_many(folder, physic):
+def test_a_cache_is_cleared_alone_or_with_all_others(folder, physic):
     fill(folder)
-    assert physic("cache", "clear").output.startswith(f"removed 4 files, 1.4 MB from {folder}\n")
+    hashes = folder.parent / "hashes"
+    hashes.mkdir()
+    (hashes / "a.sha256").write_text("a")
+    assert physic("cache", "clear", "hashes").output == f"removed 1 files, 0.0 MB from {hashes}\n"
+    assert len(list(folder.iterdir())) == 4
+    assert physic("cache", "clear").output.startswith(f"removed 2 files, 1.4 MB from {folder}\n")
     assert [path.name for path in folder.iterdir()] == ["mine.npz"]
     assert f"removed 0 files, 0.0 MB from {folder}\n" in physic("cache", "clear").output
+    done = physic("cache", "clear", "graph")
+    assert (done.exit_code, "graphs" in done.output) == (2, True)
 
 
 def test_the_other_caches_are_listed_and_removed_too(folder, physic):
@@ -51,17 +54,6 @@ def test_the_other_caches_are_listed_and_removed_too(folder, physic):
     assert {file.name for name in others for file in (folder.parent / name).iterdir()} == {
         "mine.onnx"
     }
-
-
-def test_one_cache_can_be_cleared_alone(folder, physic):
-    fill(folder)
-    hashes = folder.parent / "hashes"
-    hashes.mkdir()
-    (hashes / "a.sha256").write_text("a")
-    assert physic("cache", "clear", "hashes").output == f"removed 1 files, 0.0 MB from {hashes}\n"
-    assert len(list(folder.iterdir())) == 5
-    done = physic("cache", "clear", "graph")
-    assert (done.exit_code, "graphs" in done.output) == (2, True)
 
 
 @pytest.mark.parametrize("command", ["info", "clear", "fill"])

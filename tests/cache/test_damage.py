@@ -15,7 +15,6 @@ from physic_core.cache import correspondences
 from physic_core.cache.digests import Digester
 from physic_core.cache.folders import CACHES
 from physic_core.cache.results import CacheKey, ResultCache
-from physic_core.files.plain import DamagedFileError, read_value, write_value
 from physic_core.types import DepthMap, Intrinsics
 
 pytestmark = pytest.mark.quick
@@ -97,13 +96,6 @@ def test_a_folder_with_files_in_it_is_left_alone_and_named(tmp_path):
     cache.write(ASKED, depth_map())
     assert "a result of a backend cannot be cached" in cache.notes[1]
     assert (path / "mine.txt").read_text() == "mine"
-
-
-def test_an_archive_that_claims_more_than_memory_is_not_unpacked(tmp_path, monkeypatch):
-    write_value(tmp_path / "a.npz", np.zeros(100_000))
-    monkeypatch.setattr("physic_core.files.npz.MAX_ARRAY_BYTES", 99_999)
-    with pytest.raises(DamagedFileError, match="its arrays claim"):
-        read_value(tmp_path / "a.npz", [np.ndarray])
 
 
 def test_a_map_between_bodies_that_does_not_fit_them_is_made_anew(tmp_path):

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import subprocess
-import sys
 
 import pytest
 
@@ -56,15 +54,11 @@ def test_two_changes_within_a_step_of_the_clock_are_both_noticed(root, tmp_path,
         assert remembered_sha256(path) == hashlib.sha256(content).hexdigest()
 
 
-def later(path, *words):
-    """Hash a file in another process, some seconds later."""
-    done = subprocess.run(
-        [sys.executable, "-c", LATER, path, *words], capture_output=True, text=True, check=True
-    )
-    return done.stdout.strip()
+def test_a_file_is_read_by_one_process_for_all(root, tmp_path, python):
+    def later(path, word):
+        """Hash a file in another process, some seconds later."""
+        return python(LATER, path, word).stdout.strip()
 
-
-def test_a_file_is_read_by_one_process_for_all(root, tmp_path):
     path = tmp_path / "weights"
     path.write_bytes(b"one")
     digest = hashlib.sha256(b"one").hexdigest()

@@ -69,14 +69,6 @@ def test_files_of_a_dead_writer_are_deleted_and_those_of_a_live_one_stay(folder)
     ]
 
 
-def test_clearing_removes_the_kept_and_nothing_else(folder):
-    put(folder, ".8.result.npz.0b.physic-part", 10, 4)
-    assert [file.path.name for file in cache_in(folder).clear()] == [
-        f"{i}.result.npz" for i in range(4)
-    ]
-    assert names(folder) == ["notes.txt", "reconstruction.npz"]
-
-
 @pytest.mark.parametrize("word", ["off", "OFF", "0", "no", "False"])
 def test_a_cache_can_be_switched_off(monkeypatch, word):
     monkeypatch.setenv("SWITCH", word)

@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from physic_core.cache.digests import Digester
 from physic_core.cache.results import ResultCache, cached_network_result, network_results_in
 
 pytestmark = pytest.mark.quick
@@ -18,8 +19,7 @@ OUTPUTS = (np.array([[1.5, np.nan]], np.float32), np.zeros((0, 4), np.int64))
 class Network:
     """A network that counts its runs."""
 
-    def __init__(self):
-        self.runs = 0
+    runs = 0
 
     def __call__(self):
         self.runs += 1
@@ -30,20 +30,21 @@ class Network:
 
 
 @pytest.fixture
+def network():
+    return Network()
+
+
+@pytest.fixture
 def cache(tmp_path):
     return ResultCache(tmp_path / "results", 10**6)
 
 
-def test_equal_inputs_are_not_run_again(cache):
-    network = Network()
+def test_equal_inputs_are_not_run_again(cache, network):
     with network_results_in(cache):
         first = network.outputs()
         second = network.outputs(IMAGE.copy())
     assert network.runs == 1
-    for one, other, expected in zip(first, second, OUTPUTS, strict=True):
-        np.testing.assert_array_equal(one, expected)
-        np.testing.assert_array_equal(other, expected)
-        assert other.dtype == expected.dtype
+    assert Digester().digest(first) == Digester().digest(second) == Digester().digest(OUTPUTS)
 
 
 @pytest.mark.parametrize(
@@ -55,16 +56,14 @@ def test_equal_inputs_are_not_run_again(cache):
     ],
     ids=["value", "shape", "network"],
 )
-def test_another_input_or_network_is_run(cache, other):
-    network = Network()
+def test_another_input_or_network_is_run(cache, network, other):
     with network_results_in(cache):
         network.outputs()
         network.outputs(**other)
     assert network.runs == 2
 
 
-def test_nothing_is_kept_outside_of_a_run_with_a_cache(cache):
-    network = Network()
+def test_nothing_is_kept_outside_of_a_run_with_a_cache(cache, network):
     with network_results_in(cache):
         with network_results_in(None):
             network.outputs()

@@ -1,9 +1,7 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -13,7 +11,7 @@ from physic_core.cli.commands.config import config_toml
 from physic_core.configuration.layers import preset_names
 from physic_core.configuration.model import load_config
 from physic_core.errors import InputError
-from physic_core.types import Reconstruction, StageRecord
+from physic_core.types import StageRecord
 
 from .results import empty_reconstruction
 
@@ -26,36 +24,11 @@ def refusal(*arguments, code=2):
     return done.stderr.removeprefix("Error: ").rstrip("\n")
 
 
-def small_result():
+@pytest.fixture(autouse=True)
+def small_result(pipeline):
     stages = (StageRecord("people", 1.25, 0.5), StageRecord("scene", 2.0))
-    return empty_reconstruction(
-        warnings=("no floor was found",), notes=("focal length is a default",), stages=stages
-    )
-
-
-@dataclass
-class Pipeline:
-    """Stands in for the real one, and remembers what it was asked."""
-
-    result: Reconstruction = field(default_factory=small_result)
-    error: Exception | None = None
-    calls: list[tuple[Any, Any]] = field(default_factory=list)
-
-    def reconstruct(self, path, plan, *, progress):
-        self.calls.append((path, plan.config))
-        progress = progress or (lambda *_: None)
-        progress("people", 0, 2)
-        if self.error is not None:
-            raise self.error
-        progress("scene", 1, 2)
-        return self.result
-
-
-@pytest.fixture
-def pipeline(monkeypatch):
-    stand_in = Pipeline()
-    monkeypatch.setattr("physic_core.pipeline.run.reconstruct", stand_in.reconstruct)
-    return stand_in
+    told = {"warnings": ("no floor was found",), "notes": ("focal length is a default",)}
+    pipeline.result = lambda path: empty_reconstruction(stages=stages, **told)
 
 
 def run(*arguments):
@@ -154,23 +127,6 @@ def test_a_lack_of_memory_is_a_message(pipeline, physic):
     done = physic(*run())
     assert done.exit_code == 1
     assert done.stderr.splitlines()[-1].startswith("Error: out of memory. Close other programs")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "expected"),
-    [
-        (run("--focal-px", "900", "--intrinsics", "1,2,3,4"), "--focal-px and --intrinsics"),
-        (run("--config", "x.toml"), "--preset cannot be combined with --config"),
-        (run("--intrinsics", "1,2,3"), "comma-separated numbers: fx,fy,cx,cy"),
-        (run("-o", ""), "'-o' / '--out': it is empty"),
-        (
-            ("batch", "a.jpg", "-o", "out", "--preset", "mock", "--config", "x.toml"),
-            "cannot be combined with --config",
-        ),
-    ],
-)
-def test_a_wrong_use_exits_with_2(arguments, expected, pipeline):
-    assert expected in refusal(*arguments).splitlines()[-1]
 
 
 def test_debug_shows_the_traceback(pipeline, monkeypatch, physic):

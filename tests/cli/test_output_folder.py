@@ -16,17 +16,8 @@ from .results import empty_reconstruction
 
 
 @pytest.fixture(autouse=True)
-def asked(tmp_path, monkeypatch):
-    """The photos that a stand-in of the pipeline was given."""
-    photos = []
-
-    def reconstruct(path, config, **_):
-        photos.append(path)
-        return empty_reconstruction(photo=file_digest(path))
-
-    monkeypatch.setattr("physic_core.pipeline.run.reconstruct", reconstruct)
-    monkeypatch.chdir(tmp_path)
-    return photos
+def result_of_photo(pipeline):
+    pipeline.result = lambda path: empty_reconstruction(photo=file_digest(path))
 
 
 def photo(name):
@@ -47,19 +38,19 @@ def folder_of(done):
 
 
 def test_the_folder_has_the_name_of_the_photo_and_is_taken_from_another_one_with_overwrite(
-    asked,
+    pipeline,
 ):
     for _ in range(2):
         assert folder_of(run(photo("x/a.jpg"))) == "a-physic"
     done = run(photo("y/a.jpg"))
     assert (done.exit_code, "it holds the result of another photo" in done.stderr) == (2, True)
-    assert len(asked) == 2
+    assert len(pipeline.calls) == 2
     assert folder_of(run("y/a.jpg", "--overwrite")) == "a-physic"
     assert photo_identity_of_result("a-physic") == file_digest("y/a.jpg")
 
 
 @pytest.mark.parametrize("overwrite", [(), ("--overwrite",)])
-def test_a_photo_named_like_a_result_file_in_its_folder_is_refused_at_once(asked, overwrite):
+def test_a_photo_named_like_a_result_file_in_its_folder_is_refused_at_once(pipeline, overwrite):
     photo("out/preview.png")
     photo("out/combined.glb")
     Path("link.png").symlink_to("out/preview.png")
@@ -69,5 +60,5 @@ def test_a_photo_named_like_a_result_file_in_its_folder_is_refused_at_once(asked
             "preview.png there is the photo itself; combined.glb there is not of an earlier run"
             in done.stderr
         )
-    assert asked == []
+    assert pipeline.calls == []
     assert Path("out/preview.png").read_text() == "out/preview.png"

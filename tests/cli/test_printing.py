@@ -49,19 +49,33 @@ def process(*arguments, shell="", **environment):
     )
 
 
-@pytest.fixture
-def pipeline(monkeypatch):
-    """A stand-in of the pipeline whose texts control a terminal."""
+def test_messages_of_plugins_are_printed_once_and_only_with_verbose(pipeline):
+    root = logging.getLogger()
+    before = root.level, list(root.handlers)
 
-    def reconstruct(path, plan, *, progress):
-        logging.getLogger("physic_mine").info("read %s", TITLE)
-        return empty_reconstruction(notes=(f"note {TITLE}",), warnings=(f"warning {TITLE}",))
+    def result(path):
+        for name in ("one.onnx", "two.onnx", "two.onnx"):
+            logging.getLogger("physic_mine").info("%s runs on CPU", name)
+        logging.getLogger("somebody_else").info("net.onnx was read")
+        return empty_reconstruction()
 
-    monkeypatch.setattr("physic_core.pipeline.run.reconstruct", reconstruct)
+    pipeline.result = result
+    Path("a.jpg").write_text("a")
+    for options, shown in (((), 0), (("-v",), 1), (("-q",), 0)):
+        words = ("run", "a.jpg", "--preset", "mock", "--save", "numbers", "--overwrite")
+        text = printed(*words, *options)
+        assert (text.count("one.onnx"), text.count("two.onnx runs on CPU")) == (shown, shown)
+        assert "net.onnx" not in text
+    assert (root.level, list(root.handlers)) == before
 
 
 @pytest.mark.parametrize("options", [(), ("-v",), ("-q",)], ids=" ".join)
 def test_a_run_escapes_names_and_texts(pipeline, options):
+    def result(path):
+        logging.getLogger("physic_mine").info("read %s", TITLE)
+        return empty_reconstruction(notes=(f"note {TITLE}",), warnings=(f"warning {TITLE}",))
+
+    pipeline.result = result
     name = f"a{TITLE}\x7f.jpg"
     Path(name).write_text("a")
     text = printed("run", name, "--preset", "mock", "--save", "numbers", *options)
@@ -96,7 +110,7 @@ def test_messages_and_logs_of_plugins_are_escaped(site):
     assert TITLE not in done.stdout + done.stderr
 
 
-def test_a_process_ends_with_its_exit_code_and_runs_its_exit_handlers(tmp_path):
+def test_a_process_ends_with_its_exit_code_and_runs_its_exit_handlers(tmp_path, python):
     """The interpreter is not torn down, but functions of ``atexit`` are called, and lines in
     buffers are written.
     """
@@ -117,18 +131,11 @@ def test_a_process_ends_with_its_exit_code_and_runs_its_exit_handlers(tmp_path):
         "physic_core.cli.main.invoke = invoke\n"
         "main_of_process()\n"
     )
-
-    def run(*arguments):
-        done = subprocess.run(
-            [sys.executable, "-c", start, *arguments], capture_output=True, text=True, check=False
-        )
-        return done.returncode, done.stdout
-
-    code, shown = run("config", "check", "--preset", "mock")
-    assert (code, shown.splitlines()[-1]) == (0, "at exit")
+    shown = python(start, "config", "check", "--preset", "mock").stdout
+    assert shown.splitlines()[-1] == "at exit"
     assert "torn down" not in shown
-    assert run("run", "missing.jpg", "--preset", "mock") == (3, "at exit\n")
-    assert run("run") == (2, "at exit\n")
+    assert python(start, "run", "missing.jpg", "--preset", "mock", ends=3).stdout == "at exit\n"
+    assert python(start, "run", ends=2).stdout == "at exit\n"
     assert list(tmp_path.iterdir()) == []
 
 

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from physic_core import save_reconstruction
-from physic_core.cli.result_summary import summary_text
-from physic_core.io.results import read_record
 from physic_core.types import (
     BodyContact,
     CheckResult,
     CheckState,
     ContactPartner,
     Grade,
-    Support,
     UnposedPerson,
 )
 
@@ -26,44 +22,36 @@ def check(name, state, value, label):
     return CheckResult(name, state, value, 0.035, "at most", "share", "", 1, label=label)
 
 
+TOLD = ("the size is a guess", "it was rotated", "give --age", "is it turned?", "a default")
+
+
 @pytest.fixture
-def record(make, tmp_path):
+def folder(make, tmp_path):
     made = make()
     floor = ContactPartner("floor", "floor")
     own = ContactPartner("self", person=0, part="head")
-    feet = tuple(BodyContact(f"{side}_foot", floor, 0.9, 200) for side in ("left", "right"))
-    support = Support("balanced", feet, -0.05, (0.0, 0.0, 3.0))
-    first, second = made.people
-    vertices = len(first.vertices)
-    people = (
+    contacts = (
+        BodyContact("left_foot", floor, 0.9, 200),
+        BodyContact("right_hand", own, 0.8, 9),
+        BodyContact("left_lower_leg", floor, 0.8, 9, assumed=True),
+    )
+    why = "Limbs off their keypoints: 4.5 % (check the overlay)"
+    doubtful = {"grade": Grade.DOUBTFUL, "trust": 0.5, "failed_checks": ("limb_keypoints", "lean")}
+    places = ([0.0, 1.8, 2.4], [0.0, 0.0, 12.5], [np.nan] * 3)
+    first, second, third = (
         replace(
-            first,
-            grade=Grade.GOOD,
-            trust=0.914,
-            why="no check lowers it much",
-            support=support,
-            contacts=(
-                *feet,
-                BodyContact("right_hand", own, 0.8, 9),
-                BodyContact(
-                    "left_hand", ContactPartner("person", person=1, part="right_hand"), 0.4, 9
-                ),
-                BodyContact("left_lower_leg", floor, 0.8, 9, assumed=True),
-            ),
-            contact=np.arange(vertices) < vertices / 4,
-            joints=np.broadcast_to([0.0, 1.8, 2.4], first.joints.shape),
-        ),
-        replace(
-            second,
-            grade=Grade.DOUBTFUL,
-            trust=0.5,
-            why="Limbs off their keypoints: 4.5 % (check the overlay)",
-            contact=np.zeros(vertices, bool),
+            made.people[0],
+            grade=Grade.BAD,
+            trust=0.0,
             contacts=(),
-            joints=np.broadcast_to([0.0, 0.0, 12.5], first.joints.shape),
-            failed_checks=("limb_keypoints", "lean"),
-        ),
-        replace(second, grade=Grade.BAD, trust=0.0, joints=np.full_like(first.joints, np.nan)),
+            joints=np.broadcast_to(place, made.people[0].joints.shape),
+        )
+        for place in places
+    )
+    people = (
+        replace(first, grade=Grade.GOOD, trust=0.914, why="no check lowers it", contacts=contacts),
+        replace(second, why=why, **doubtful),
+        third,
     )
     failed = CheckState.FAILED
     checks = (
@@ -72,22 +60,21 @@ def record(make, tmp_path):
         replace(check("support", CheckState.UNKNOWN, None, "Supported"), person=2),
     )
     unposed = (UnposedPerson((1.0, 2.0, 30.0, 40.0), 0.5, "only a hand is seen"),)
-    result = replace(
-        made, people=people, checks=checks, grade=Grade.BAD, unposed=unposed, contact_partners=()
-    )
+    graded = {"checks": checks, "grade": Grade.BAD, "notes": TOLD}
+    result = replace(made, people=people, unposed=unposed, contact_partners=(), **graded)
     save_reconstruction(result, tmp_path, "numbers")
-    return read_record(tmp_path)
+    return tmp_path
 
 
-def test_a_person_is_a_row(record):
+def test_a_person_is_a_row(folder, physic):
     touches = (
-        "left foot: floor, 0.90; right foot: floor, 0.90; right hand: own head, 0.80; "
+        "left foot: floor, 0.90; right hand: own head, 0.80; "
         "left lower leg: floor, 0.80 (assumed: not seen)"
     )
     room = len(touches)
-    assert summary_text(record, Path("out")).splitlines()[1:6] == [
+    assert physic("show", folder).stdout.splitlines()[1:6] == [
         f"person  grade           distance      {'likely contact':<{room}}  why",
-        f"0       good, 0.91      3.0 ± 0.2 m   {touches}  no check lowers it much",
+        f"0       good, 0.91      3.0 ± 0.2 m   {touches}  no check lowers it",
         f"1       doubtful, 0.50  12.5 ± 0.9 m  {'none':<{room}}  Limbs off their keypoints: 4.5 % "
         "(check the overlay)",
         f"2       bad, 0.00       -             {'-':<{room}}  -",
@@ -95,14 +82,11 @@ def test_a_person_is_a_row(record):
     ]
 
 
-def test_three_notes_are_shown_and_those_that_leave_something_to_do_come_first(record):
-    told = ("the size is a guess", "it was rotated", "give --age", "is it turned?", "a default")
-    record = replace(record, notes=told)
-
-    def shown(**options):
-        lines = summary_text(record, Path("out"), **options).splitlines()
+def test_three_notes_are_shown_and_those_that_leave_something_to_do_come_first(folder, physic):
+    def shown(*options):
+        lines = physic("show", folder, *options).stdout.splitlines()
         return [line[6:] for line in lines if line.startswith("note: ")]
 
     assert shown() == ["give --age", "is it turned?", "the size is a guess"]
-    assert "physic show out --notes" in summary_text(record, Path("out"))
-    assert sorted(shown(notes=None)) == sorted(told)
+    assert f"physic show {folder} --notes" in physic("show", folder).stdout
+    assert sorted(shown("--notes")) == sorted(TOLD)

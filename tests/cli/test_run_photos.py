@@ -5,7 +5,6 @@ and nothing else.
 from __future__ import annotations
 
 import json
-import logging
 import os
 import signal
 import subprocess
@@ -20,7 +19,6 @@ from click.testing import CliRunner
 from PIL import Image
 
 from physic_core.cli import main
-from physic_mock.pixels import MockInpainter
 from physic_testing.worlds import load_world
 
 pytestmark = pytest.mark.usefixtures("few_steps")
@@ -49,10 +47,21 @@ ARRAYS = ["reconstruction.json", "reconstruction.npz"]
 DEFAULT_FILES = ["combined.glb", "people.csv", "preview.png", *ARRAYS, "report.html"]
 
 
+def written_by(*arguments):
+    """The files that a run writes, which its document lists: name -> content."""
+    done = run("a.png", *arguments)
+    assert done.exit_code == 0, done.output
+    files = {path.name: path.read_bytes() for path in Path("new/out").iterdir()}
+    assert files.keys() == {
+        "reconstruction.json",
+        *json.loads(files["reconstruction.json"])["files"],
+    }
+    return files
+
+
 @pytest.mark.parametrize(
     ("arguments", "names"),
     [
-        ((), DEFAULT_FILES),
         (("--save", "numbers", "--report"), ["people.csv", *ARRAYS, "report.html"]),
         (("--save", "people"), ["people.csv", *ARRAYS]),
     ],
@@ -60,21 +69,13 @@ DEFAULT_FILES = ["combined.glb", "people.csv", "preview.png", *ARRAYS, "report.h
 )
 def test_save_option_of_run_chooses_these_files(world, arguments, names):
     Image.fromarray(world.image).save("a.png")
-    assert run("a.png", *arguments).exit_code == 0
-    assert sorted(path.name for path in Path("new/out").iterdir()) == names
-    listed = json.loads(Path("new/out/reconstruction.json").read_text())["files"]
-    assert sorted([*listed, "reconstruction.json"]) == names
+    assert sorted(written_by(*arguments)) == names
 
 
 def test_a_run_writes_every_file_and_the_same_bytes_again(world):
     Image.fromarray(world.image).save("a.png")
-    written = []
-    for _ in range(2):
-        done = run("a.png", "--no-report", "--intrinsics", "178,179,80,59")
-        assert done.exit_code == 0, done.output
-        written.append({path.name: path.read_bytes() for path in Path("new/out").iterdir()})
-    names = DEFAULT_FILES[:-1]
-    assert [sorted(files) for files in written] == [names, names]
+    written = [written_by("--intrinsics", "178,179,80,59") for _ in range(2)]
+    assert [sorted(files) for files in written] == [DEFAULT_FILES] * 2
     for name in ("combined.glb", "people.csv"):
         assert written[0][name] == written[1][name], name
     one, other = (np.load(BytesIO(files["reconstruction.npz"])) for files in written)
@@ -119,27 +120,3 @@ def test_a_run_that_is_broken_off_leaves_nothing(world):
         "asleep",
         "sleeper.py",
     }
-
-
-def test_what_runs_the_networks_is_printed_only_with_verbose(world, monkeypatch):
-    plain = MockInpainter.infer
-    root = logging.getLogger()
-    before = root.level, list(root.handlers)
-
-    def infer(self, *asked):
-        log = logging.getLogger("physic_mock.pixels")
-        for name in ("one.onnx", "two.onnx", "two.onnx"):
-            log.info("%s runs on CPU", name)
-        log.info("a network was tuned")
-        logging.getLogger("somebody_else").info("net.onnx was read")
-        return plain(self, *asked)
-
-    monkeypatch.setattr(MockInpainter, "infer", infer)
-    Image.fromarray(world.image).save("a.png")
-    lines = ["one.onnx runs on CPU", "two.onnx runs on CPU", "a network was tuned"]
-    for arguments, expected in (((), []), (("-v",), lines), (("-q",), [])):
-        done = run("a.png", "--no-cache", "--save", "numbers", "--focal-px", "147", *arguments)
-        assert done.exit_code == 0
-        assert [line for line in done.stderr.splitlines() if line[0] != "["] == expected
-        assert "onnx" not in done.stdout
-    assert (root.level, list(root.handlers)) == before

@@ -1,9 +1,8 @@
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import pytest
+
+from physic_core.configuration.layers import preset_names
 
 pytestmark = pytest.mark.quick
 
@@ -30,17 +29,21 @@ HEAVY = {
     "roma",
     "kornia",
 }
-PRESETS = ("best", "embedded", "light-cpu", "mock", "open-body", "paper")
 
 
-def require_light(commands, banned, ends=(0,)):
-    """Run commands in one new process, after each of which no banned module may be imported."""
-    code = LIGHT.format(commands=commands, banned=banned, ends=ends)
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stdout + done.stderr
+@pytest.fixture
+def require_light(python):
+    """A function that runs commands in one new process, after each of which no banned module may be
+    imported.
+    """
+
+    def run(commands, banned, ends=(0,)):
+        python(LIGHT.format(commands=commands, banned=banned, ends=ends))
+
+    return run
 
 
-def test_commands_that_look_around_import_nothing_heavy():
+def test_commands_that_look_around_import_nothing_heavy(require_light):
     commands = (
         "--help",
         "--version",
@@ -56,51 +59,35 @@ def test_commands_that_look_around_import_nothing_heavy():
     require_light([command.split() for command in commands], HEAVY)
 
 
-def test_looking_into_the_cache_imports_nothing_heavy(tmp_path, monkeypatch):
+def test_looking_into_the_cache_imports_nothing_heavy(require_light, tmp_path, monkeypatch):
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path))
     require_light([["cache", "info"]], HEAVY | {"pydantic"})
 
 
-def test_configs_are_checked_without_torch_and_without_a_runtime():
+def test_configs_are_checked_without_torch_and_without_a_runtime(require_light):
     # 4: weights are missing here.
     require_light(
-        [["config", "check", "--preset", name] for name in PRESETS],
+        [["config", "check", "--preset", name] for name in preset_names()],
         {"torch", "onnxruntime"},
         (0, 4),
     )
 
 
-def test_importing_the_package_imports_nothing_heavy():
-    code = (
-        "import sys, physic_core\n"
-        f"print(sorted({{m.partition('.')[0] for m in sys.modules}} & {HEAVY | {'pydantic'}!r}))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True
-    )
-    assert done.stdout.strip() == "[]"
-
-
-def test_the_pipeline_is_imported_without_torch_which_is_imported_beside_the_first_network():
-    code = (
-        "import sys, physic_core.pipeline.run, physic_core.pipeline.estimate; print('torch' in "
-        "sys.modules)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True
-    )
-    assert done.stdout.strip() == "False"
-
-
-def test_a_run_of_the_default_preset_does_not_import_the_compiler_of_torch():
-    """It takes longer than a second of processor time; roma and torch.optim import it."""
-    code = (
-        "import sys, torch\n"
-        "import physic_core.pipeline.optimise, physic_core.pipeline.checks, "
-        "physic_embedded.body_fit.fit\n"
-        "print('torch._dynamo' in sys.modules)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True
-    )
-    assert done.stdout.strip() == "False"
+@pytest.mark.parametrize(
+    ("modules", "banned"),
+    [
+        ("physic_core", HEAVY | {"pydantic"}),
+        # torch is imported beside the first network.
+        ("physic_core.pipeline.run, physic_core.pipeline.estimate", {"torch"}),
+        # It takes longer than a second of processor time; roma and torch.optim import it.
+        (
+            "torch, physic_core.pipeline.optimise, physic_core.pipeline.checks, "
+            "physic_embedded.body_fit.fit",
+            {"torch._dynamo"},
+        ),
+    ],
+    ids=["package", "pipeline", "run of the default preset"],
+)
+def test_an_import_imports_nothing_heavy(python, modules, banned):
+    code = f"import sys, {modules}; print(sorted(set(sys.modules) & {banned!r}))"
+    assert python(code).stdout == "[]\n"

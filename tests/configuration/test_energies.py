@@ -9,7 +9,6 @@ from click.testing import CliRunner
 
 from physic_core import engine_preset, engine_preset_names, load_config
 from physic_core.cli import main
-from physic_core.discovery.catalog import ENGINE_PRESETS
 from physic_core.errors import ConfigError, PluginError
 
 PRESET = """
@@ -25,10 +24,6 @@ def install(site, distribution, name, target):
         "from physic_core import PluginItem, hookimpl\n@hookimpl\ndef physic_engine_presets():\n"
     )
     site.install(distribution, f"{source}    return [PluginItem({name!r}, {target!r})]\n")
-
-
-def test_the_catalog_lists_the_energies_of_physic_paper():
-    assert set(engine_preset_names()) == {"default", *ENGINE_PRESETS}
 
 
 def test_an_energy_of_a_plugin_is_a_preset_with_settings_of_its_own(site):

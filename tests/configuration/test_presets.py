@@ -5,6 +5,7 @@ photo is read.
 from __future__ import annotations
 
 import pytest
+from huggingface_hub import constants
 
 SHARED = ("vitpose-h-wholebody", "wilor-mini", "https://github.com/warmshao/WiLoR-mini")
 LACKING = {
@@ -50,10 +51,9 @@ WAYS = (
 def test_missing_parts_of_a_preset_are_listed_with_the_way_to_get_them(
     preset, tmp_path, monkeypatch, physic
 ):
-    for name in ("PHYSIC_WEIGHTS", "PHYSIC_CACHE", "HF_HOME", "XDG_CACHE_HOME"):
+    for name in ("PHYSIC_WEIGHTS", "PHYSIC_CACHE", "XDG_CACHE_HOME"):
         monkeypatch.setenv(name, str(tmp_path / name.lower()))
-    for name in ("HF_HUB_CACHE", "HUGGINGFACE_HUB_CACHE"):
-        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path / "hub"))
     monkeypatch.setattr("physic_core.configuration.resolve.has_gpu", lambda: False)
     done = physic("config", "check", "--preset", preset)
     assert (done.exit_code, done.stderr) == (4, "")

@@ -4,7 +4,6 @@ imported.
 
 from __future__ import annotations
 
-import subprocess
 import sys
 
 import numpy as np
@@ -65,7 +64,18 @@ def test_the_catalog_says_what_the_plugins_of_the_project_offer():
 # -----------------------------------------------------
 
 
-def test_an_unused_backend_is_not_imported(site, tmp_path):
+PRINT_IMPORTED = """
+import sys
+from physic_core.cli import main
+try:
+    main(sys.argv[1:])
+finally:
+    print('imported:', 'physic_slow' in sys.modules)
+"""
+
+
+def test_an_unused_backend_is_not_imported(site, python, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     site.install(
         "physic-slow",
         f"raise SystemExit(3)\n{FILL}",
@@ -73,25 +83,12 @@ def test_an_unused_backend_is_not_imported(site, tmp_path):
         group="physic.inpainter",
     )
     Image.fromarray(np.zeros((24, 32, 3), np.uint8)).save(tmp_path / "photo.png")
-    code = (
-        "import sys\n"
-        "from physic_core.cli import main\n"
-        "try:\n    main(sys.argv[1:])\n"
-        "finally:\n    print('imported:', 'physic_slow' in sys.modules)\n"
-    )
-    command = [
-        sys.executable,
-        "-c",
-        f"import sys; sys.path.insert(0, {str(site.folder)!r})\n{code}",
-    ]
     run = ["run", "photo.png", "--preset", "mock", "-o", "out", "--set", "inpainter.backend=telea"]
     for arguments in (["--help"], ["plugins"], run):
-        done = subprocess.run(
-            [*command, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False
-        )
-        assert done.stdout.endswith("imported: False\n"), (arguments, done.stdout, done.stderr)
         # the photo shows no person
-        assert done.returncode == (3 if arguments is run else 0), done.stderr
+        ends = 3 if arguments is run else 0
+        done = python(PRINT_IMPORTED, *arguments, ends=ends, PYTHONPATH=str(site.folder))
+        assert done.stdout.endswith("imported: False\n"), arguments
 
 
 # ---- hostile backends are named when they are used

@@ -66,11 +66,6 @@ def test_the_class_of_a_config_lies_beside_the_config(tmp_path):
     assert sys.modules["own_depth"].__file__ == str(tmp_path / "elsewhere" / "own_depth.py")
 
 
-def test_the_class_of_set_lies_in_the_current_folder(tmp_path):
-    Path("own_depth.py").write_text(DEPTH)
-    assert kind(None, "metric_depth.backend=own_depth:MyDepth").__name__ == "MyDepth"
-
-
 def test_the_class_of_a_variable_lies_on_pythons_path_alone(monkeypatch):
     Path("own_depth.py").write_text(DEPTH)
     monkeypatch.setenv("PHYSIC__METRIC_DEPTH__BACKEND", "own_depth:MyDepth")

@@ -103,12 +103,6 @@ def test_code_points_that_are_not_known_are_named(stored):
     assert "10" in read_photo(stored("PNG", PICTURE, pnginfo=info)).notes[0]
 
 
-def test_an_unreadable_profile_is_named(stored):
-    photo = read_photo(stored("PNG", icc_profile=b"no profile of any kind"))
-    np.testing.assert_array_equal(photo.image, np.asarray(PICTURE))
-    assert ["colour profile" in note for note in photo.notes] == [True]
-
-
 def test_a_profile_of_more_than_8_mb_is_not_read(stored):
     large = wide_profile() + bytes(8 << 20)
     photo = read_photo(stored("TIFF", icc_profile=large))
@@ -116,11 +110,17 @@ def test_a_profile_of_more_than_8_mb_is_not_read(stored):
     assert ["colour profile" in note for note in photo.notes] == [True]
 
 
-@pytest.mark.parametrize("gamma", [0.00001, 0.05, 3.5, 20])
-def test_a_gamma_that_no_photo_has_is_ignored_and_named(stored, gamma):
-    photo = read_photo(stored("PNG", **with_gamma(gamma)))
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        *((with_gamma(gamma), "gamma") for gamma in (0.00001, 0.05, 3.5, 20)),
+        ({"icc_profile": b"no profile of any kind"}, "colour profile"),
+    ],
+)
+def test_what_no_photo_has_is_ignored_and_named(stored, options, word):
+    photo = read_photo(stored("PNG", **options))
     np.testing.assert_array_equal(photo.image, np.asarray(PICTURE))
-    assert ["gamma" in note for note in photo.notes] == [True]
+    assert [word in note for note in photo.notes] == [True]
 
 
 def test_grey_is_read_by_a_grey_profile(stored):

@@ -53,15 +53,6 @@ def refusal(folder, photo, **settings):
     return str(caught.value).removeprefix(start)
 
 
-def result(folder, photo, files=FILES):
-    folder.mkdir(exist_ok=True)
-    for name in files:
-        (folder / name).write_text("ours")
-    digests = {name: file_digest(folder / name) for name in files}
-    document = {"schema": "physic-reconstruction", "photo": photo, "files": digests}
-    (folder / "reconstruction.json").write_text(json.dumps(document))
-
-
 def test_a_new_folder_an_empty_one_and_one_with_other_files_will_do(out, photo):
     check_overwrite(out / "new", file_digest(photo))
     check_overwrite(out, file_digest(photo))
@@ -153,11 +144,25 @@ def test_an_edited_file_and_a_link_are_kept_beside_the_new_one(
     assert len(list(out.glob("*.edited*"))) == 2
 
 
-def test_a_result_states_the_digest_of_each_file_but_its_own(out, reconstruction):
+NUMBERS = {"reconstruction.json", "reconstruction.npz"}
+SAVED = {
+    "people": NUMBERS,
+    "numbers": NUMBERS,
+    "pictures": {*NUMBERS, "combined.glb", "preview.png"},
+}
+
+
+@pytest.mark.parametrize("save", SAVED)
+def test_a_saved_result_has_exactly_its_files_and_states_their_digests(out, reconstruction, save):
     reconstruction.save(str(out))
+    (out / "notes.txt").write_text("mine")
+    for _ in range(2):
+        paths = save_reconstruction(reconstruction, out, save, beside={"a.txt": b"a"})
+        names = {path.name for path in paths}
+        assert names == SAVED[save] | {"a.txt"}
+        assert {path.name for path in out.iterdir()} == names | {"notes.txt"}
     files = json.loads((out / "reconstruction.json").read_text())["files"]
-    assert set(files) == {path.name for path in out.iterdir()} - {"reconstruction.json"}
-    assert files == {name: file_digest(out / name) for name in files}
+    assert files == {name: file_digest(out / name) for name in names - {"reconstruction.json"}}
 
 
 def test_an_edited_file_that_the_next_result_has_not_is_kept_too(out, reconstruction):
@@ -165,8 +170,7 @@ def test_an_edited_file_that_the_next_result_has_not_is_kept_too(out, reconstruc
     (out / "combined.glb").write_text("mine")
     reconstruction.save(str(out), "numbers")
     assert (out / "combined.edited.glb").read_text() == "mine"
-    names = {"combined.edited.glb", "reconstruction.json", "reconstruction.npz"}
-    assert {path.name for path in out.iterdir()} == names
+    assert {path.name for path in out.iterdir()} == NUMBERS | {"combined.edited.glb"}
 
 
 @pytest.mark.parametrize("is_link", [True, False])

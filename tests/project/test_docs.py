@@ -19,7 +19,6 @@ from physic_core.pipeline.photo_run import STAGES
 pytestmark = pytest.mark.usefixtures("few_steps")
 
 ROOT = Path(__file__).parents[2]
-TOPS = ("benchmarks", "contrib", "docs", "examples", "physic_core", "plugins", "tools")
 CHECKS_PAGE = ROOT / "docs" / "checks.md"
 PAPERS = [page for page in ROOT.glob("*.md") if page.name != "CHANGELOG.md"]
 PAGES = sorted(
@@ -30,7 +29,6 @@ PAGES = sorted(
         ROOT / "examples" / "README.md",
     ]
 )
-MARKDOWN = sorted({*ROOT.glob("*.md"), *(p for top in TOPS for p in (ROOT / top).rglob("*.md"))})
 
 
 def blocks(language):
@@ -136,13 +134,6 @@ def test_every_file_that_a_paper_names_is_there(page):
             r"`([\w*]+\.py)`", "\n".join(row.split("|")[1] for row in names.splitlines())
         ):
             assert list((ROOT / "physic_core" / folder).glob(name)), name
-
-
-@pytest.mark.parametrize("page", MARKDOWN, ids=lambda p: str(p.relative_to(ROOT)))
-def test_no_table_is_cut_by_a_blank_line(page):
-    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
-    starts = re.findall(r"(?:^|\n\n)(\|.*)\n(.*)", text)
-    assert [row for row, below in starts if not re.fullmatch(r"\|[-:| ]+\|", below)] == []
 
 
 def test_the_page_of_checks_has_each_check_with_its_label_and_limit():

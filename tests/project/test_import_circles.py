@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import ast
 from pathlib import Path
 
 import pytest
+
+from .imports import imported_names
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = [
@@ -16,14 +17,10 @@ PACKAGES = [
 
 def imported(file, modules):
     """The modules of the package that a file imports anywhere."""
-    found = set[str]()
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            names = [f"{node.module}.{alias.name}" for alias in node.names]
-            found |= {name if name in modules else node.module for name in names}
-        elif isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-    return found & modules
+    pairs = list(imported_names(file))
+    inner = {f"{module}.{name}" for module, name in pairs} & modules
+    outer = {module for module, name in pairs if f"{module}.{name}" not in inner}
+    return inner | outer & modules
 
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.name)

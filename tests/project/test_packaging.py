@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import ast
 import re
 import sys
 import tomllib
@@ -12,9 +11,12 @@ import pytest
 from hatchling.builders.sdist import SdistBuilder
 from hatchling.builders.wheel import WheelBuilder
 
+from physic_core.configuration.layers import preset_names
 from physic_core.discovery.catalog import REQUIRES
 from physic_core.discovery.entry_points import group_problem
 from physic_core.interfaces import INTERFACES
+
+from .imports import imported_names
 
 pytestmark = pytest.mark.quick
 
@@ -34,9 +36,7 @@ def project(folder):
 
 def requirements(folder):
     own = project(folder)
-    return own["dependencies"] + [
-        r for extra in own.get("optional-dependencies", {}).values() for r in extra
-    ]
+    return [*own["dependencies"], *chain(*own.get("optional-dependencies", {}).values())]
 
 
 def wheel_files(folder):
@@ -143,16 +143,9 @@ def imported(folder):
     """Top-level modules that the package in a project's folder imports anywhere, without its own
     and Python's.
     """
-    package = folder.name.replace("-", "_")
-    found = set()
-    if folder == ROOT:
-        package = "physic_core"
-    for file in (*(folder / package).rglob("*.py"), *folder.glob(f"{package}.py")):
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Import):
-                found |= {alias.name.partition(".")[0] for alias in node.names}
-            elif isinstance(node, ast.ImportFrom) and node.level == 0:
-                found.add(str(node.module).partition(".")[0])
+    package = "physic_core" if folder == ROOT else folder.name.replace("-", "_")
+    files = (*(folder / package).rglob("*.py"), *folder.glob(f"{package}.py"))
+    found = {module.partition(".")[0] for file in files for module, _ in imported_names(file)}
     return found - {package, "__future__"} - set(sys.stdlib_module_names)
 
 
@@ -238,13 +231,17 @@ def test_a_built_wheel_holds_its_package_and_its_notices(name, tmp_path):
         for f in files
         if re.search(r"(^|/)(tests?|test_[^/]*|conftest\.py|__pycache__|shared|out)(/|$)", f)
     ]
-    assert NOTICES.get(name, set()) <= files
+    assert HELD.get(name, set()) <= files
     assert (f"{info}/licenses/NOTICE" in files) == (ALL[name] / "NOTICE").exists()
     assert Path(wheel).stat().st_size < 1e6 * MEGABYTES.get(name, 1)
 
 
-NOTICES = {
-    "physic-core": {"physic_core/body/NOTICE-embedded.md"},
+HELD = {
+    "physic-core": {
+        "physic_core/body/NOTICE-embedded.md",
+        "physic_core/body/embedded.npz",
+        *(f"physic_core/configuration/presets/{name}.toml" for name in preset_names()),
+    },
     "physic-embedded": {
         f"physic_embedded/weights/{name}"
         for name in (
@@ -254,19 +251,6 @@ NOTICES = {
             "LICENSES/MIT-TinyViT.txt",
         )
     },
+    "physic-testing": {f"physic_testing/scaffold/{interface}.py" for interface in INTERFACES},
 }
-"""Notices of the assets in a wheel."""
-
-
-def test_the_core_wheel_holds_presets_and_the_body():
-    files = wheel_files(ROOT)
-    assert {
-        f"physic_core/configuration/presets/{name}.toml"
-        for name in ("embedded", "light-cpu", "mock")
-    } <= files
-    assert any(f.startswith("physic_core/body/") and f.endswith(".npz") for f in files)
-
-
-def test_the_wheel_of_physic_testing_holds_the_templates_of_plugins():
-    files = wheel_files(ROOT / "plugins" / "physic-testing")
-    assert {f"physic_testing/scaffold/{interface}.py" for interface in INTERFACES} <= files
+"""Files beside the code of a wheel: presets, the body, templates, and notices of assets."""

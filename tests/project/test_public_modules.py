@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import ast
 import re
 from pathlib import Path
 
 import pytest
+
+from .imports import imported_names
 
 pytestmark = pytest.mark.quick
 
@@ -31,16 +32,11 @@ def public_modules():
 
 
 def imported_modules(path):
-    """The modules of the core that a file imports, in functions and for types, too."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            inner = [f"{node.module}.{alias.name}" for alias in node.names]
-            names = [name if is_module(name) else str(node.module) for name in inner]
-        else:
-            continue
-        yield from (name for name in names if name.partition(".")[0] == "physic_core")
+    """The modules of the core that a file imports."""
+    for module, name in imported_names(path):
+        if module.partition(".")[0] == "physic_core":
+            inner = f"{module}.{name}"
+            yield inner if name and is_module(inner) else module
 
 
 def is_module(name):

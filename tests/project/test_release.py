@@ -59,9 +59,9 @@ def test_two_commands_lead_from_the_archive_to_a_result(archive, tmp_path):
     environment = own | {"PATH": "/usr/bin:/bin", "PHYSIC_CACHE": str(tmp_path / "cache")}
     subprocess.run([sys.executable, str(archive)], cwd=tmp_path, env=environment, check=True)
     installed = tmp_path / "physic"
-    for path in [installed, *installed.rglob("*")]:
-        if not path.is_symlink():
-            path.chmod(path.stat().st_mode & ~(stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH))
+    paths = [path for path in (installed, *installed.rglob("*")) if not path.is_symlink()]
+    for path in paths:
+        path.chmod(path.stat().st_mode & ~(stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH))
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
     shutil.copy(ROOT / "examples" / "slope.jpg", elsewhere / "photo.jpg")
@@ -69,7 +69,6 @@ def test_two_commands_lead_from_the_archive_to_a_result(archive, tmp_path):
         command = [str(installed / "bin" / "physic"), "run", "photo.jpg"]
         subprocess.run(command, cwd=elsewhere, env=environment, check=True)
     finally:
-        for path in [installed, *installed.rglob("*")]:
-            if not path.is_symlink():
-                path.chmod(path.stat().st_mode | stat.S_IWUSR)
+        for path in paths:
+            path.chmod(path.stat().st_mode | stat.S_IWUSR)
     assert (elsewhere / "photo-physic" / "report.html").stat().st_size > 0

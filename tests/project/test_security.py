@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from functools import cache
 from pathlib import Path
 
@@ -124,13 +122,11 @@ def test_the_tests_of_a_statement_are_there(tests):
     assert all(test in names_of_tests() for test in tests.split())
 
 
-def test_a_warning_cannot_control_a_terminal():
+def test_a_warning_cannot_control_a_terminal(python):
     """In a process of its own: where pytest has handlers of logs, warnings are left to them."""
     code = (
         "import warnings; from physic_core.cli.output import printed_logs\n"
         "with printed_logs(): warnings.warn('a\\x1b[2Jb')"
     )
-    done = subprocess.run(
-        [sys.executable, "-W", "always", "-c", code], capture_output=True, text=True, check=True
-    )
-    assert done.stderr == "<string>:2: UserWarning: a\\x1b[2Jb\n"
+    shown = python(code, PYTHONWARNINGS="always").stderr
+    assert shown == "<string>:2: UserWarning: a\\x1b[2Jb\n"

@@ -1,14 +1,17 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import threading
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
+import numpy as np
 import pytest
 
+from physic_core.cli.output import toml_value
 from physic_core.errors import DownloadError
 from physic_core.weights import WeightSet
 from physic_setup.fetch import fetch
@@ -32,44 +35,71 @@ def own_cache(tmp_path, monkeypatch):
 
 def weights(*files, **keys):
     """Return a set named net."""
-    known = {
-        "summary": "",
-        "license": "MIT",
-        "commercial": True,
-        "account": False,
-        "homepage": "",
-        "advice": "",
-    }
+    known = {"summary": "", "license": "MIT", "commercial": True}
     return WeightSet(name="net", files=files, **(known | keys))
 
 
-class Lists:
-    """A plugin's folder of TOML files, written table by table."""
+@pytest.fixture
+def add_list(tmp_path):
+    """A function that writes a set of weights to a TOML file of its own in a plugin's folder, and
+    returns the folder.
+    """
+    folder = tmp_path / "lists"
+    folder.mkdir()
 
-    def __init__(self, folder):
-        self.folder = folder
-        folder.mkdir()
+    def add(name, *files, **keys):
+        known = {"summary": f"The {name} weights", "license": "MIT", "commercial": True}
+        table = {**known, **keys, "files": list(files)}
+        lines = [f"{key} = {toml_value(v)}" for key, v in table.items() if v is not None]
+        (folder / f"{name}.toml").write_text("\n".join([f'["{name}"]', *lines]))
+        return folder
 
-    def add(self, name, *files, **keys):
-        """Add a set in a file of its own; return the folder."""
-        keys = {"summary": f"The {name} weights", "license": "MIT", "commercial": True} | keys
-        lines = [
-            f'["{name}"]',
-            *(f"{key} = {_toml(v)}" for key, v in keys.items() if v is not None),
-        ]
-        for file in files:
-            lines += [f'[["{name}".files]]', *(f"{key} = {_toml(v)}" for key, v in file.items())]
-        (self.folder / f"{name}.toml").write_text("\n".join(lines) + "\n")
-        return self.folder
+    return add
 
 
-def _toml(value):
-    return str(value).lower() if isinstance(value, bool) else repr(value)
+COMMIT = "c" * 40
+ADDED = np.arange(400, dtype=np.float32)
+
+
+def toy_graph(*names):
+    """Return the bytes of a graph that adds to its input the numbers of files of these names."""
+    import onnx
+
+    ports = [onnx.helper.make_tensor_value_info(name, 1, [400]) for name in "xy"]
+    tensors = []
+    for name in names:
+        tensors.append(onnx.numpy_helper.from_array(ADDED, f"numbers of {name}"))
+        onnx.external_data_helper.set_external_data(tensors[-1], name)
+        tensors[-1].ClearField("raw_data")
+    nodes = [onnx.helper.make_node("Sum", ["x", *(one.name for one in tensors)], ["y"])]
+    graph = onnx.helper.make_graph(nodes, "toy", ports[:1], ports[1:], tensors)
+    opset = onnx.helper.make_opsetid("", 14)
+    return onnx.helper.make_model(graph, opset_imports=[opset], ir_version=8).SerializeToString()
+
+
+def write(path, content=b"weights"):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
+    return path
 
 
 @pytest.fixture
-def lists(tmp_path):
-    return Lists(tmp_path / "lists")
+def lay(tmp_path):
+    """A function that writes a file as the library lays its cache, and returns its path: a link of
+    a revision to a file named after its digest.
+    """
+
+    def lay(origin, content=b"weights"):
+        repository = tmp_path / "hub" / f"models--{origin.repository.replace('/', '--')}"
+        revision = COMMIT if origin.revision == "main" else origin.revision
+        write(repository / "refs" / "main", COMMIT.encode())
+        blob = write(repository / "blobs" / hashlib.sha256(content).hexdigest(), content)
+        link = repository / "snapshots" / revision / origin.path
+        link.parent.mkdir(parents=True, exist_ok=True)
+        link.symlink_to(os.path.relpath(blob, link.parent))
+        return link
+
+    return lay
 
 
 @dataclass

@@ -13,7 +13,7 @@ from physic_core.errors import OutputError
 from physic_core.weights import WeightFile, locate, read_manifest
 from physic_setup.fetch import fetch
 
-from .conftest import CONTENT, HASH, left, refusal, weights
+from .conftest import CONTENT, HASH, left, refusal, weights, write
 
 pytestmark = pytest.mark.quick
 
@@ -24,11 +24,10 @@ def one(source, content=CONTENT, path="model.onnx", **keys):
     )
 
 
-def test_a_file_is_fetched_once_and_found_by_its_name(server, own_cache, lists):
+def test_a_file_is_fetched_once_and_found_by_its_name(server, own_cache, add_list):
     url = server.add("/model.onnx", CONTENT)
-    folder = lists.add(
-        "net", {"path": "model.onnx", "bytes": len(CONTENT), "sha256": HASH, "source": url}
-    )
+    file = {"path": "model.onnx", "bytes": len(CONTENT), "sha256": HASH, "source": url}
+    folder = add_list("net", file)
     chosen = read_manifest(folder)["net"]
     reported = []
     assert fetch(chosen, report=reported.append) == ("model.onnx",)
@@ -44,8 +43,7 @@ def test_only_missing_files_of_a_set_are_fetched(server, own_cache):
         WeightFile("a.onnx", source=server.add("/a", b"a")),
         WeightFile("deep/b.onnx", source=server.add("/b", b"b")),
     )
-    (own_cache / "net").mkdir(parents=True)
-    (own_cache / "net" / "a.onnx").write_bytes(b"mine")
+    write(own_cache / "net" / "a.onnx", b"mine")
     assert fetch(both) == ("deep/b.onnx",)
     assert (own_cache / "net" / "a.onnx").read_bytes() == b"mine"
     assert (own_cache / "net" / "deep" / "b.onnx").read_bytes() == b"b"
@@ -85,15 +83,6 @@ def test_ctrl_c_leaves_no_part_of_a_file(server, own_cache, monkeypatch):
     assert left(own_cache) == []
 
 
-@pytest.mark.parametrize("size", [len(CONTENT) - 7, len(CONTENT) + 7], ids=["longer", "shorter"])
-def test_a_file_of_another_size_is_removed(server, own_cache, size):
-    url = server.add("/model.onnx", CONTENT)
-    assert f"{len(CONTENT)} bytes instead of {size}" in refusal(
-        weights(WeightFile("model.onnx", size, None, url))
-    )
-    assert left(own_cache) == []
-
-
 @pytest.mark.parametrize("code", [401, 404, 500])
 def test_a_refusal_of_a_server_is_reported_with_the_homepage(server, code):
     url = server.add("/model.onnx", status=code)
@@ -122,9 +111,7 @@ def test_restricted_weights_are_fetched_only_with_accept_licence(server, keys):
 
 def test_a_file_of_another_size_is_not_taken_for_the_published_one(server, own_cache):
     chosen = one(server.add("/model.onnx", CONTENT))
-    there = own_cache / "net" / "model.onnx"
-    there.parent.mkdir(parents=True)
-    there.write_bytes(b"cut off")
+    there = write(own_cache / "net" / "model.onnx", b"cut off")
     assert f"7 bytes instead of {len(CONTENT)}" in refusal(chosen)
     there.unlink()
     assert fetch(chosen) == ("model.onnx",)

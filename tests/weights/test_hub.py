@@ -6,11 +6,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from pathlib import Path
 
 import numpy as np
-import onnx
 import pytest
 
 import physic_onnx
@@ -20,16 +18,11 @@ from physic_core.weights.find import find_weights
 from physic_onnx.sessions import OnnxOptions, open_network
 from physic_setup.fetch import fetch
 
-from .conftest import CONTENT, HASH, left, refusal, weights
+from .conftest import ADDED, COMMIT, CONTENT, HASH, left, refusal, toy_graph, weights
 
 pytestmark = pytest.mark.quick
 
 CONFIG = b'{"hidden_size": 8}'
-COMMIT = "c" * 40
-
-
-def git(content):
-    return hashlib.sha1(b"blob %d\0" % len(content) + content).hexdigest()
 
 
 class Hub:
@@ -38,32 +31,23 @@ class Hub:
     def __init__(self, server):
         self.server = server
 
-    def add(
-        self,
-        path,
-        content,
-        repository="owner/net",
-        revision="main",
-        **more,
-    ):
+    def add(self, path, content, repository="owner/net", revision="main"):
         """Serve a file, large ones from another place as the hub does; return its source."""
-        etag = hashlib.sha256(content).hexdigest() if len(content) > 1000 else git(content)
         address = f"/{repository}/resolve/{revision}/{path}"
         headers = {"X-Repo-Commit": COMMIT}
         if len(content) > 1000:
-            there = f"/cdn/{etag}"
-            # Another host, since the library follows what stays on the same one.
-            elsewhere = self.server.add(there, content, etag='"of the cdn"', **more).replace(
-                "127.0.0.1", "localhost"
-            )
+            etag = hashlib.sha256(content).hexdigest()
+            there = self.server.add(f"/cdn/{etag}", content, etag='"of the cdn"')
             linked = {
                 "X-Linked-Etag": f'"{etag}"',
                 "X-Linked-Size": str(len(content)),
-                "Location": elsewhere,
+                # Another host, since the library follows what stays on the same one.
+                "Location": there.replace("127.0.0.1", "localhost"),
             }
-            self.server.add(address, b"", status=302, headers=headers | linked)
+            self.server.add(address, status=302, headers=headers | linked)
         else:
-            self.server.add(address, content, etag=f'"{etag}"', headers=headers, **more)
+            etag = hashlib.sha1(b"blob %d\0" % len(content) + content).hexdigest()  # as git's
+            self.server.add(address, content, etag=f'"{etag}"', headers=headers)
         return f"hf://{repository}/{path}" + ("" if revision == "main" else f"@{revision}")
 
     def refuse(self, path, code=""):
@@ -92,15 +76,12 @@ def hub(server, monkeypatch, tmp_path):
     (getattr(utils, "close_session", None) or utils.reset_sessions)()
 
 
-def test_a_set_of_one_repository_comes_into_the_librarys_cache(hub, lists, own_cache, tmp_path):
-    large = {
-        "path": "model.onnx",
-        "bytes": len(CONTENT),
-        "sha256": HASH,
-        "source": hub.add("onnx/model.onnx", CONTENT),
-    }
-    folder = lists.add(
-        "net", large, {"path": "config.json", "source": hub.add("onnx/config.json", CONFIG)}
+def test_a_set_of_one_repository_comes_into_the_librarys_cache(hub, add_list, own_cache, tmp_path):
+    stated = {"bytes": len(CONTENT), "sha256": HASH}
+    folder = add_list(
+        "net",
+        {"path": "model.onnx", "source": hub.add("onnx/model.onnx", CONTENT), **stated},
+        {"path": "config.json", "source": hub.add("onnx/config.json", CONFIG)},
     )
     chosen = read_manifest(folder)["net"]
     assert fetch(chosen) == ("model.onnx", "config.json")
@@ -124,7 +105,7 @@ def test_files_at_other_paths_of_a_repository_go_into_our_folder(hub, own_cache)
     assert fetch(both) == ()
 
 
-def test_files_in_several_places_are_gathered_without_a_network(hub, own_cache, server, lists):
+def test_files_in_several_places_are_gathered_without_a_network(hub, own_cache, server, add_list):
     one = {"path": "encoder.onnx", "source": hub.add("encoder.onnx", CONTENT)}
     other = {
         "path": "decoder.onnx",
@@ -133,7 +114,7 @@ def test_files_in_several_places_are_gathered_without_a_network(hub, own_cache, 
     for file in (one, other):
         fetch(weights(WeightFile(**file)))
     server.close()
-    folder = lists.add("net", one, other)
+    folder = add_list("net", one, other)
     assert fetch(read_manifest(folder)["net"]) == ("encoder.onnx", "decoder.onnx")
     assert locate(folder, "net") == own_cache / "net"
 
@@ -208,19 +189,6 @@ IN_TWO_FILES = {
     for name, weights in read_manifest(MANIFEST).items()
     if any("data" in file.path for file in weights.files)
 }
-ADDED = np.arange(400, dtype=np.float32)
-
-
-def toy_graph(data):
-    """Return the bytes of a graph that adds the numbers in its file ``data`` to its input."""
-    ports = [onnx.helper.make_tensor_value_info(name, 1, [400]) for name in "xy"]
-    numbers = onnx.numpy_helper.from_array(ADDED, "numbers")
-    onnx.external_data_helper.set_external_data(numbers, data)
-    numbers.ClearField("raw_data")
-    nodes = [onnx.helper.make_node("Add", ["x", "numbers"], ["y"])]
-    graph = onnx.helper.make_graph(nodes, "toy", ports[:1], ports[1:], [numbers])
-    opset = onnx.helper.make_opsetid("", 14)
-    return onnx.helper.make_model(graph, opset_imports=[opset], ir_version=8).SerializeToString()
 
 
 def opens(path):
@@ -228,28 +196,21 @@ def opens(path):
     return found.tolist() == ADDED.tolist()
 
 
-def lay_cache(hub, chosen):
-    """Write toy files of a set, whose data follow their graphs, as the library lays its cache:
-    links of a revision to files named after their digest.
-    """
-    for graph, data in zip(chosen.files[::2], chosen.files[1::2], strict=True):
-        named = Path(data.origin.path).name
-        for file, content in ((graph, toy_graph(named)), (data, ADDED.tobytes())):
-            origin = file.origin
-            repository = hub / f"models--{origin.repository.replace('/', '--')}"
-            blob = repository / "blobs" / hashlib.sha256(content).hexdigest()
-            revision = COMMIT if origin.revision == "main" else origin.revision
-            link = repository / "snapshots" / revision / origin.path
-            for folder in (link.parent, blob.parent, repository / "refs"):
-                folder.mkdir(parents=True, exist_ok=True)
-            blob.write_bytes(content)
-            (repository / "refs" / "main").write_text(COMMIT)
-            link.symlink_to(os.path.relpath(blob, link.parent))
+@pytest.fixture
+def lay_set(lay):
+    """A function that lays toy files of a set, whose data follow their graphs."""
+
+    def run(chosen):
+        for graph, data in zip(chosen.files[::2], chosen.files[1::2], strict=True):
+            lay(graph.origin, toy_graph(Path(data.origin.path).name))
+            lay(data.origin, ADDED.tobytes())
+
+    return run
 
 
 @pytest.mark.parametrize("name", IN_TWO_FILES)
-def test_graphs_and_data_behind_links_of_the_librarys_cache_open(tmp_path, name):
-    lay_cache(tmp_path / "hub", IN_TWO_FILES[name])
+def test_graphs_and_data_behind_links_of_the_librarys_cache_open(lay_set, name):
+    lay_set(IN_TWO_FILES[name])
     graphs = [file.path for file in IN_TWO_FILES[name].files if file.path.endswith(".onnx")]
     folder = find_weights(MANIFEST, name)
     for graph in graphs:
@@ -258,11 +219,11 @@ def test_graphs_and_data_behind_links_of_the_librarys_cache_open(tmp_path, name)
         assert opens(find_weights(MANIFEST, name, graph))
 
 
-def test_setup_takes_what_it_finds_behind_links(tmp_path, physic):
+def test_setup_takes_what_it_finds_behind_links(lay_set, tmp_path, physic):
     def fetched():
         words = physic("setup", "open", "--folder", tmp_path / "setup").stdout.split()
         return "sam2.1-hiera-large" in words[words.index("fetch") :]
 
     assert fetched()
-    lay_cache(tmp_path / "hub", IN_TWO_FILES["sam2.1-hiera-large"])
+    lay_set(IN_TWO_FILES["sam2.1-hiera-large"])
     assert not fetched()

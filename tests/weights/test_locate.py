@@ -6,7 +6,9 @@ import re
 import pytest
 
 from physic_core.errors import WeightsMissingError
-from physic_core.weights import fingerprint, locate, missing
+from physic_core.weights import HubSource, fingerprint, locate, missing
+
+from .conftest import toy_graph, write
 
 pytestmark = pytest.mark.quick
 
@@ -14,44 +16,14 @@ SOURCE = "hf://owner/net/model.onnx"
 
 
 @pytest.fixture
-def net(lists):
+def net(add_list):
     """The folder with the list of one set named net, of one file."""
-    return lists.add("net", {"path": "model.onnx", "source": SOURCE})
-
-
-def write(path, content=b"weights"):
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(content)
-    return path
-
-
-def in_hub(tmp_path, name, content=b"weights", repository="owner/net"):
-    """A file as Hugging Face's library keeps it."""
-    repo = tmp_path / "hub" / f"models--{repository.replace('/', '--')}"
-    commit = "c" * 40
-    write(repo / "refs" / "main", commit.encode())
-    return write(repo / "snapshots" / commit / name, content)
-
-
-def graph_naming(path, *names):
-    """An ONNX file of tensors that lie in other files."""
-    from onnx import TensorProto, helper, save
-
-    tensors = []
-    for name in names:
-        tensor = TensorProto(name=f"t {name}", data_type=TensorProto.FLOAT, dims=[1])
-        tensor.data_location = TensorProto.EXTERNAL
-        tensor.external_data.add(key="location", value=name)
-        tensor.external_data.add(key="length", value="4")
-        tensors.append(tensor)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    save(helper.make_model(helper.make_graph([], "g", [], [], tensors)), str(path))
-    return path
+    return add_list("net", {"path": "model.onnx", "source": SOURCE})
 
 
 def test_tensors_in_other_files_of_an_onnx_file_belong_to_it(net, tmp_path):
     names = ("net.onnx.data", f"{'long' * 40}.bin")
-    own = str(graph_naming(tmp_path / "own" / "net.onnx", *names))
+    own = str(write(tmp_path / "own" / "net.onnx", toy_graph(*names)))
     (message,) = missing(net, own)
     assert all(name in message for name in names)
     for name in names:
@@ -65,12 +37,12 @@ def test_tensors_in_other_files_of_an_onnx_file_belong_to_it(net, tmp_path):
 
 
 def test_folders_of_the_environment_in_their_order_come_before_the_cache_and_hugging_faces_last(
-    net, own_cache, tmp_path, monkeypatch
+    net, own_cache, tmp_path, monkeypatch, lay
 ):
     first = tmp_path / "first"
     second = tmp_path / "second"
     monkeypatch.setenv("PHYSIC_WEIGHTS", f"{first}{os.pathsep}{second}")
-    there = in_hub(tmp_path, "model.onnx")
+    there = lay(HubSource("owner/net", "model.onnx"))
     assert locate(net, "net") == there
     for folder in (own_cache, second, first):
         there = write(folder / "net" / "model.onnx")
@@ -78,18 +50,18 @@ def test_folders_of_the_environment_in_their_order_come_before_the_cache_and_hug
     assert missing(net, "net") == ()
 
 
-def test_a_snapshot_is_the_folder_of_a_set_that_lies_in_it_as_listed(lists, tmp_path):
+def test_a_snapshot_is_the_folder_of_a_set_that_lies_in_it_as_listed(add_list, lay):
     names = ("config.json", "model.safetensors")
-    folder = lists.add("net", *({"path": n, "source": f"hf://owner/net/{n}"} for n in names))
-    there = [in_hub(tmp_path, name) for name in names]
+    folder = add_list("net", *({"path": n, "source": f"hf://owner/net/{n}"} for n in names))
+    there = [lay(HubSource("owner/net", name)) for name in names]
     assert locate(folder, "net") == there[0].parent
     assert locate(folder, "net", "config.json") == there[0]
 
 
 def test_missing_weights_are_named_with_size_licence_command_and_searched_folders(
-    lists, own_cache, tmp_path, monkeypatch
+    add_list, own_cache, tmp_path, monkeypatch
 ):
-    folder = lists.add("net", {"path": "model.onnx", "source": SOURCE, "bytes": 140852051})
+    folder = add_list("net", {"path": "model.onnx", "source": SOURCE, "bytes": 140852051})
     monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path / "mine"))
     with pytest.raises(WeightsMissingError) as caught:
         locate(folder, "net")
@@ -107,8 +79,8 @@ def test_missing_weights_are_named_with_size_licence_command_and_searched_folder
         ({"account": True}, "an account with access, commercial use allowed"),
     ],
 )
-def test_how_to_get_it_follows_the_licence(lists, keys, words):
-    (message,) = missing(lists.add("net", {"path": "a", "source": SOURCE}, **keys), "net")
+def test_how_to_get_it_follows_the_licence(add_list, keys, words):
+    (message,) = missing(add_list("net", {"path": "a", "source": SOURCE}, **keys), "net")
     assert f"`physic weights fetch net --accept-licence` ({words}" in message
 
 
@@ -140,20 +112,20 @@ def test_a_missing_weight_path_is_named(net, tmp_path, value, file, says):
         locate(net, value, file)
 
 
-def test_a_sets_name_goes_before_a_folder_of_that_name(lists, own_cache, tmp_path, monkeypatch):
-    folder = lists.add("sam2.1-tiny", {"path": "model.onnx", "source": SOURCE})
+def test_a_sets_name_goes_before_a_folder_of_that_name(add_list, own_cache, tmp_path, monkeypatch):
+    folder = add_list("sam2.1-tiny", {"path": "model.onnx", "source": SOURCE})
     there = write(own_cache / "sam2.1-tiny" / "model.onnx")
     (tmp_path / "sam2.1-tiny").mkdir()
     monkeypatch.chdir(tmp_path)
     assert locate(folder, "sam2.1-tiny") == there
 
 
-def test_a_fingerprint_is_that_of_the_published_file_wherever_it_lies(lists, own_cache, tmp_path):
-    folder = lists.add(
+def test_a_fingerprint_is_that_of_the_published_file_wherever_it_lies(add_list, own_cache, lay):
+    folder = add_list(
         "net", {"path": "model.onnx", "source": SOURCE, "bytes": 7, "sha256": "ab" * 32}
     )
     assert fingerprint(folder, "net") == ""
-    there = in_hub(tmp_path, "model.onnx")
+    there = lay(HubSource("owner/net", "model.onnx"))
     first = fingerprint(folder, "net")
     os.utime(there, (1, 1))
     assert fingerprint(folder, "net") == first != ""

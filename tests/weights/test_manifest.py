@@ -7,7 +7,7 @@ import pytest
 from physic_core.discovery.backends import list_backends, load_class
 from physic_core.errors import BackendError
 from physic_core.weights import read_manifest
-from physic_core.weights.library import default_sets, named_sets, read_library
+from physic_core.weights.library import default_sets, licence_text, named_sets, read_library
 from physic_core.weights.manifest import HubSource, WebSource, is_inside
 
 pytestmark = pytest.mark.quick
@@ -161,6 +161,10 @@ def test_a_path_out_of_the_folder_is_refused_everywhere(tmp_path, path):
         assert "net" in fault(write(tmp_path, text)), text
 
 
+ADAPTERS = ("physic-onnx", "physic-transformers", "physic-human", "physic-omnieraser")
+"""Distributions whose backends all need weights."""
+
+
 def test_manifests_name_the_backends_that_use_their_sets_by_default():
     for offer in list_backends():
         kind = load_class(offer)
@@ -171,6 +175,7 @@ def test_manifests_name_the_backends_that_use_their_sets_by_default():
         named = {one.name for one in named_sets(offer.distribution, options)}
         stated = default_sets(offer)
         assert {one.name for one in stated} == named, offer
+        assert licence_text(stated) or offer.distribution not in ADAPTERS, offer
         if "needs_cuda" in getattr(kind, "capabilities", ()):
             assert all("a GPU" in one.needs for one in stated), offer
 

@@ -10,6 +10,8 @@ import pytest
 from physic_core.errors import BackendError
 from physic_core.weights import fingerprint, locate, missing
 
+from .conftest import write
+
 pytestmark = pytest.mark.quick
 
 CONTENT = b"weights" * 1000
@@ -17,22 +19,19 @@ DIGEST = hashlib.sha256(CONTENT).hexdigest()
 
 
 @pytest.fixture
-def folder(lists):
+def folder(add_list):
     file = {
         "path": "model.onnx",
         "source": "hf://owner/net/model.onnx",
         "bytes": len(CONTENT),
         "sha256": DIGEST,
     }
-    return lists.add("net", file)
+    return add_list("net", file)
 
 
 @pytest.fixture
 def model(own_cache):
-    path = own_cache / "net" / "model.onnx"
-    path.parent.mkdir(parents=True)
-    path.write_bytes(CONTENT)
-    return path
+    return write(own_cache / "net" / "model.onnx", CONTENT)
 
 
 def flip_bit(path):
@@ -82,10 +81,7 @@ def test_a_file_is_read_once_in_a_process_until_it_changes(folder, model, monkey
 
 
 def test_a_link_to_another_file_is_compared_again(folder, model, tmp_path):
-    good = tmp_path / "good"
-    other = tmp_path / "other"
-    good.write_bytes(CONTENT)
-    other.write_bytes(CONTENT)
+    good, other = (write(tmp_path / name, CONTENT) for name in ("good", "other"))
     flip_bit(other)
     model.unlink()
     model.symlink_to(good)
@@ -99,9 +95,3 @@ def test_looking_for_files_reads_none(folder, model, monkeypatch):
     monkeypatch.setattr(hashlib, "file_digest", None)
     assert missing(folder, "net") == ()
     assert fingerprint(folder, "net")
-
-
-def test_a_path_of_the_user_is_not_compared(folder, model, tmp_path):
-    own = tmp_path / "mine.onnx"
-    own.write_bytes(b"other weights")
-    assert locate(folder, str(own)) == own

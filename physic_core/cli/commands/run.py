@@ -217,11 +217,13 @@ def run(
     """
     flags: dict[str, dict[str, Any]] = ctx.ensure_object(dict)
     _check_flags(flags, open_page=open_page, report=report)
-    from physic_core.configuration.resolve import load_plan
+    from physic_core.configuration.model import load_config
+    from physic_core.configuration.resolve import require_available, resolve
 
     # Fast checks come first: no network is loaded before config, files, device and output folder
     # are checked.
-    plan = load_plan(file, preset=preset, overrides=overrides, flags=flags)
+    plan = resolve(load_config(file, preset=preset, overrides=overrides, flags=flags))
+    require_available(plan)
     report = _writes_report(open_page or report, save)
     from physic_core.io.result_folder import file_digest
 

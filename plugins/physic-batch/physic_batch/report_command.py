@@ -65,7 +65,7 @@ def _write(folder: Path, out: Path | None, title: str, each: bool) -> None:
         )
     # arrays alone are not a folder of results
     elif is_result(folder) or (folder / ARRAYS_FILE).is_file():
-        echo(f"wrote {add_report(folder, title=title)}")
+        echo(f"wrote {add_report(folder, title)}")
     else:
         _write_index(folder, each)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from huggingface_hub import constants
 
 from physic_core import list_backends
 from physic_core.weights.library import read_library
@@ -15,7 +16,7 @@ OFFERS = [offer for offer in list_backends() if offer.distribution == "physic-hu
 def _nothing_here(monkeypatch, tmp_path):
     monkeypatch.setenv("PHYSIC_WEIGHTS", "")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setenv("HF_HOME", str(tmp_path))
+    monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path))
 
 
 @pytest.mark.parametrize("offer", OFFERS, ids=lambda offer: offer.name)
