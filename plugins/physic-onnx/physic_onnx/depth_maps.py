@@ -120,12 +120,6 @@ def squeeze_map(
     return found
 
 
-def fixed_input_size(shape: tuple[int | str, ...]) -> tuple[int | None, int | None]:
-    """Return height and width of a network input; None for a side that is not fixed."""
-    rows, columns = (side if isinstance(side, int) else None for side in shape[-2:])
-    return rows, columns
-
-
 _MOST_SQUASH = 1.6
 
 
