@@ -106,9 +106,7 @@ class Wilor(CheckoutBackend, HandEstimator):
         if not outputs:
             return empty_hands(len(people))
         fingers, wrists = outputs
-        return hands_from_mano(
-            len(people), found.person, found.right, fingers, found.confidence, wrists
-        )
+        return hands_from_mano(len(people), found, fingers, wrists)
 
     def ask(self, inputs: dict[str, torch.Tensor]) -> Sequence[Any]:
         """Run the network: fingers (M, 15, 3) and wrists (M, 1, 3) of right hands."""

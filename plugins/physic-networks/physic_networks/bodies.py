@@ -63,7 +63,7 @@ def to_rotvecs(rotations: FloatArray, joints: int) -> FloatArray:
 
 
 def parameters_from_rotvecs(
-    rotvecs: FloatArray, betas: FloatArray, transl: FloatArray, expression: FloatArray | None = None
+    rotvecs: FloatArray, betas: FloatArray, transl: FloatArray
 ) -> BodyParameters:
     """Build BodyParameters from rotation vectors in SMPL-X joint order, float32.
 
@@ -72,7 +72,6 @@ def parameters_from_rotvecs(
             without an estimate.
         betas: (N, K) shape.
         transl: (N, 3) metres.
-        expression: (N, E); None for E = 0.
     """
     rows = len(rotvecs)
     full = np.zeros((rows, NUM_JOINTS, 3), np.float32)
@@ -90,9 +89,7 @@ def parameters_from_rotvecs(
         left_hand_pose=flat(25, 40),
         right_hand_pose=flat(40, 55),
         betas=np.asarray(betas, np.float32),
-        expression=np.zeros((rows, 0), np.float32)
-        if expression is None
-        else np.asarray(expression, np.float32),
+        expression=np.zeros((rows, 0), np.float32),
         transl=np.asarray(transl, np.float32).reshape(rows, 3),
     )
 
@@ -104,7 +101,6 @@ def bodies_from_smpl(
     *,
     joints: FloatArray | None = None,
     mesh: Mesh | None = None,
-    observed: BoolArray | None = None,
 ) -> Bodies:
     """Build Bodies of the model "smpl" from SMPL parameters.
 
@@ -116,7 +112,6 @@ def bodies_from_smpl(
         joints: (N, 24, 3) or (N, 22, 3) metres, camera frame, joint positions of SMPL; None if not
             evaluated.
         mesh: SMPL meshes, or None.
-        observed: (N, 55) bool, visible joints, or None.
 
     Raises:
         ValueError: a shape does not match.
@@ -134,7 +129,6 @@ def bodies_from_smpl(
     return Bodies(
         parameters_from_rotvecs(rotvecs, betas, transl),
         "smpl",
-        observed=observed,
         joints=placed,
         mesh=mesh,
     )

@@ -239,7 +239,6 @@ def letterbox(
     width: int,
     fill: float | Sequence[float] = 0,
     where: Literal["top-left", "centre"] = "centre",
-    multiple: int | None = None,
     how: Resampling = "bilinear",
 ) -> tuple[NDArray[Any], Letterbox]:
     """Resize a photo into a padded canvas, keeping its aspect.
@@ -250,15 +249,11 @@ def letterbox(
         width: of the canvas, px.
         fill: padding value, one or one per channel.
         where: position of the photo.
-        multiple: crop the canvas to the smallest multiple of this that contains the photo; None to
-            keep it.
         how: see :data:`Resampling`.
     """
     rows, columns = image.shape[:2]
     scale = min(height / rows, width / columns)
     inner = (max(1, min(height, round(rows * scale))), max(1, min(width, round(columns * scale))))
-    if multiple is not None:
-        height, width = (-(-side // multiple) * multiple for side in inner)
     top, left = ((height - inner[0]) // 2, (width - inner[1]) // 2) if where == "centre" else (0, 0)
     box = Letterbox(scale, left, top, inner, (rows, columns))
     canvas = np.empty((height, width, *image.shape[2:]), image.dtype)
