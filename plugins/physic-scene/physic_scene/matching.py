@@ -106,7 +106,14 @@ def answer_cost(
 
 
 def _clothes_cost(one: PhotoPeople, two: PhotoPeople) -> FloatArray:
-    cost: FloatArray = np.minimum(_CLOTHES * clothes_apart(one, two), _CLOTHES_MOST)
+    """Return the cost (N, M) of the mean difference of the chroma of clothes, CIELAB; 0 where no
+    part is seen in both photos.
+    """
+    a, b = (people.colours[..., 1:] for people in (one, two))
+    away = np.linalg.norm(a[:, None] - b[None], axis=-1)
+    seen = np.isfinite(away)
+    mean = np.where(seen, away, 0).sum(-1) / np.maximum(seen.sum(-1), 1)
+    cost: FloatArray = np.minimum(_CLOTHES * mean, _CLOTHES_MOST)
     return cost
 
 
@@ -145,22 +152,19 @@ def _answers(
         yield pairs
 
 
-def _summed_odds(
-    one: Mapping[int, int], two: Mapping[int, int], matches: Mapping[tuple[int, int], PairMatch]
-) -> float:
-    """Return the summed log odds that two groups of views show one person."""
-    pairs = (sorted(pair) for pair in itertools.product(one.items(), two.items()))
-    return float(sum(matches[a, b].odds[i, j] for (a, i), (b, j) in pairs))
-
-
 def _next_pair(
     groups: Sequence[Mapping[int, int]],
     linked: Sequence[set[int]],
     matches: Mapping[tuple[int, int], PairMatch],
 ) -> tuple[int, int] | None:
     """Return the groups to join next; None if no more are one person and all photos are linked."""
+
+    def summed_odds(one: Mapping[int, int], two: Mapping[int, int]) -> float:
+        pairs = (sorted(pair) for pair in itertools.product(one.items(), two.items()))
+        return float(sum(matches[a, b].odds[i, j] for (a, i), (b, j) in pairs))
+
     gain = {
-        (g, h): _summed_odds(groups[g], groups[h], matches)
+        (g, h): summed_odds(groups[g], groups[h])
         for g, h in itertools.combinations(range(len(groups)), 2)
         if not groups[g].keys() & groups[h].keys()
     }
@@ -230,17 +234,6 @@ def compare_poses(one: PhotoPeople, two: PhotoPeople) -> tuple[FloatArray, Float
         scale = np.linalg.norm(b) / np.linalg.norm(a)
         away[i, j] = np.linalg.norm(scale * a @ turns[i, j].T - b, axis=1).mean()
     return away, turns
-
-
-def clothes_apart(one: PhotoPeople, two: PhotoPeople) -> FloatArray:
-    """Return the mean difference (N, M) of the chroma of clothes, CIELAB; 0 where no part is seen
-    in both photos.
-    """
-    a, b = (people.colours[..., 1:] for people in (one, two))
-    away = np.linalg.norm(a[:, None] - b[None], axis=-1)
-    seen = np.isfinite(away)
-    mean: FloatArray = np.where(seen, away, 0).sum(-1) / np.maximum(seen.sum(-1), 1)
-    return mean
 
 
 def compare_places(
