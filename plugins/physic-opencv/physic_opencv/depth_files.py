@@ -26,7 +26,7 @@ from physic_core.files import (
     shorten,
     wrap_decoding_errors,
 )
-from physic_opencv.exr import MAX_BYTES, read_exr
+from physic_opencv.exr import MAX_BYTES, check_size, read_exr
 from physic_opencv.jpeg_depth import read_jpeg_depth
 
 if TYPE_CHECKING:
@@ -273,7 +273,7 @@ def _load_npy(path: Path) -> NDArray[np.generic]:
         raise InputError(
             f"cannot read {path}: it is an archive of arrays; save one array with numpy.save"
         )
-    _check_size(path, values.nbytes)  # a sparse file can be larger than the disk
+    check_size(path, values.nbytes)  # a sparse file can be larger than the disk
     return values
 
 
@@ -320,11 +320,3 @@ def _read_picture(path: Path) -> NDArray[np.generic]:
                 f"read differently; write 1 or -1, with the depth in metres"
             )
         return np.asarray(image if image.mode in _GREY else image.convert("RGB"))
-
-
-def _check_size(path: Path, size: int) -> None:
-    if size > MAX_BYTES:
-        raise InputError(
-            f"cannot read {path}: its numbers take {size / 1e9:,.1f} GB, more than "
-            f"{MAX_BYTES / 1e9} GB"
-        )
