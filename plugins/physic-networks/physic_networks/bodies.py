@@ -95,7 +95,7 @@ def parameters_from_rotvecs(
 
 
 def bodies_from_smpl(
-    rotations: FloatArray,
+    rotvecs: FloatArray,
     betas: FloatArray,
     transl: FloatArray,
     *,
@@ -105,29 +105,19 @@ def bodies_from_smpl(
     """Build Bodies of the model "smpl" from SMPL parameters.
 
     Args:
-        rotations: (N, 24, 3), (N, 72) rotation vectors in radians, or (N, 24, 3, 3) matrices, of
-            SMPL's joints relative to their parents; 22 joints are also accepted.
+        rotvecs: (N, 24, 3) rotation vectors, radians, of SMPL's joints relative to their parents;
+            :func:`to_rotvecs` converts matrices.
         betas: (N, K) SMPL shape.
         transl: (N, 3) metres, added after posing.
-        joints: (N, 24, 3) or (N, 22, 3) metres, camera frame, joint positions of SMPL; None if not
-            evaluated.
+        joints: (N, 24, 3) metres, camera frame, joint positions of SMPL; None if not evaluated.
         mesh: SMPL meshes, or None.
-
-    Raises:
-        ValueError: a shape does not match.
     """
-    count = (
-        SHARED_JOINTS
-        if np.shape(rotations)[1] in (SHARED_JOINTS, 3 * SHARED_JOINTS)
-        else SMPL_JOINTS
-    )
-    rotvecs = to_rotvecs(rotations, count)[:, :SHARED_JOINTS]
     placed = None
     if joints is not None:
         placed = np.full((len(rotvecs), NUM_JOINTS, 3), np.nan, np.float32)
         placed[:, :SHARED_JOINTS] = np.asarray(joints)[:, :SHARED_JOINTS]
     return Bodies(
-        parameters_from_rotvecs(rotvecs, betas, transl),
+        parameters_from_rotvecs(rotvecs[:, :SHARED_JOINTS], betas, transl),
         "smpl",
         joints=placed,
         mesh=mesh,

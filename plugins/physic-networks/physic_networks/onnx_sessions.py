@@ -41,6 +41,7 @@ class ExecutionProvider:
     install: str
 
 
+@dataclass(eq=False)
 class OnnxSession:
     """An ONNX file that is opened with onnxruntime.
 
@@ -51,17 +52,10 @@ class OnnxSession:
         made_of: SHA-256s of its files, runtime and threads; "" if no SHA-256 is published.
     """
 
-    def __init__(
-        self,
-        session: InferenceSession,
-        provider: ExecutionProvider,
-        name: str = "",
-        made_of: str = "",
-    ) -> None:
-        self.session = session
-        self.provider = provider
-        self.name = name
-        self.made_of = made_of
+    session: InferenceSession
+    provider: ExecutionProvider
+    name: str = ""
+    made_of: str = ""
 
     def run(
         self,

@@ -100,8 +100,21 @@ class Sam2(NetworkBackend, Segmenter):
         """Describe the missing files of encoder, decoder and detector, or the missing plugin of the
         embedded one.
         """
+        from .sam2_networks import find_sam2_files
+
         lack = missing(self.manifest(), self.options.weights)
-        return (*(lack or self._not_in_folder()), *self._missing_detector())
+        if not lack:
+            try:
+                find_sam2_files(self.file(), self.options.variant)
+            except PhysicError as error:
+                lack = (str(error),)
+        if self.options.detector != EMBEDDED:
+            return (*lack, *missing(self.manifest(), self.options.detector))
+        try:
+            find_backend("segmenter", _SEGMENTER)
+        except BackendNotFoundError as error:
+            return (*lack, str(error).partition("\n")[0])
+        return lack
 
     def fingerprint(self) -> str:
         """Return the checksums of the weights."""
@@ -155,26 +168,6 @@ class Sam2(NetworkBackend, Segmenter):
         if seen is None:
             return people
         return _with_rest(people, seen, with_floor=self.options.floor != "none")
-
-    def _missing_detector(self) -> tuple[str, ...]:
-        """Describe missing files of the detector, or the missing plugin of the embedded one."""
-        if self.options.detector != EMBEDDED:
-            return missing(self.manifest(), self.options.detector)
-        try:
-            find_backend("segmenter", _SEGMENTER)
-        except BackendNotFoundError as error:
-            return (str(error).partition("\n")[0],)
-        return ()
-
-    def _not_in_folder(self) -> tuple[str, ...]:
-        """Describe a missing encoder or decoder in the folder."""
-        from .sam2_networks import find_sam2_files
-
-        try:
-            find_sam2_files(self.file(), self.options.variant)
-        except PhysicError as error:
-            return (str(error),)
-        return ()
 
 
 def _with_rest(people: People, seen: People, *, with_floor: bool) -> People:

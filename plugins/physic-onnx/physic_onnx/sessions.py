@@ -123,10 +123,6 @@ class Network:
     def _cast(self, name: str, value: NDArray[Any]) -> NDArray[Any]:
         """Cast an array to the type of an input."""
         value = np.asarray(value)
-        if name not in self.inputs:
-            raise BackendError(
-                f"{self.name} has no input {name!r}; it has {', '.join(self.inputs)}"
-            )
         wanted = self.inputs[name].dtype
         if value.dtype.name == wanted:
             return np.require(value, requirements="C")

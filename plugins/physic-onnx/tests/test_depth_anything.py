@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from physic_core.errors import BackendError
 from physic_core.types import Hints, Intrinsics
 from physic_networks.pictures import resize_map
 from physic_onnx.depth_anything import (
@@ -147,7 +148,11 @@ class TestExports:
         backend = opened(values=np.linspace(1, 2, 28)[:, None] * np.ones((1, 28)))
         answer = backend.infer(ramp(140, 280), Hints())
         assert answer.unknown == "inverse_scale_shift"
-        disparity = 1 / answer.points[:, 0, 2]
+        camera, z = answer.intrinsics, answer.points[..., 2]
+        x, y = (np.arange(280) - camera.cx) / camera.fx, (np.arange(140) - camera.cy) / camera.fy
+        np.testing.assert_allclose(answer.points[..., 0], z * x, atol=1e-6)
+        np.testing.assert_allclose(answer.points[..., 1], z * y[:, None], atol=1e-6)
+        disparity = 1 / z[:, 0]
         rows = np.clip(1 + (np.arange(140) + 0.5) / 140 * 28 / 27 - 0.5 / 27, 1, 2)
         np.testing.assert_allclose(disparity * np.median(rows), rows, atol=1e-5)
 
@@ -194,6 +199,7 @@ VERSION_3 = {"shape": ("b", "n", 3, "h", "w"), "map_shape": ("b", "n", "h", "w")
     ("ports", "sizes"),
     [
         ({}, {(720, 1280): (518, 924), (1280, 720): (924, 518), (97, 131): (378, 518)}),
+        ({}, {(800, 4800): (392, 2422)}),  # 5000 patches at most
         (VERSION_3, {(720, 1280): (280, 504), (640, 480): (504, 378)}),
     ],
 )
@@ -261,6 +267,18 @@ class TestVersion3:
         answer = opened(**ONE_PHOTO, further={"sky": sky}).infer(ramp(252, 252), Hints())
         assert not answer.valid[:100].any()
         assert answer.valid[100:].all()
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        (np.zeros((2, 3, 4)), r"predicted_depth of shape \(1, 2, 3, 4\): one map"),
+        (np.full((2, 3), 0.9741), r"predicted_depth = 0\.9741 for every pixel"),
+    ],
+)
+def test_several_maps_and_a_constant_map_are_refused(opened, values, words):
+    with pytest.raises(BackendError, match=words):
+        opened(values=values).infer(ramp(28, 28), Hints())
 
 
 def test_an_unknown_camera_becomes_a_default_and_is_noted(opened):
