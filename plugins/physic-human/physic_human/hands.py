@@ -22,7 +22,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -134,8 +134,8 @@ def _from_arm(
 
 
 @contextmanager
-def chumpy_free_copy(path: str | Path, family: Literal["smpl", "mano"]) -> Iterator[Path]:
-    """Yield the path of a chumpy-free copy of a body model, for ``pickle.load(file,
+def chumpy_free_copy(path: str | Path) -> Iterator[Path]:
+    """Yield the path of a chumpy-free copy of a MANO model, for ``pickle.load(file,
     encoding="latin1")`` and smplx.
 
     The copy exists only inside the block, in a new folder that only the user can open. It is a
@@ -144,17 +144,16 @@ def chumpy_free_copy(path: str | Path, family: Literal["smpl", "mano"]) -> Itera
 
     Args:
         path: the user's file, a published ``.pkl`` or ``.npz``.
-        family: type of the model.
 
     Raises:
         BodyModelError: the file is missing, has another type, is damaged, or could run code.
     """
-    from physic_core.body import MANO, SMPL, read_model_file
+    from physic_core.body import MANO, read_model_file
 
     source = Path(os.path.expanduser(path))
     arrays = {
         name: array.astype(array.dtype.newbyteorder("="), order="C")
-        for name, array in read_model_file(source, MANO if family == "mano" else SMPL).items()
+        for name, array in read_model_file(source, MANO).items()
     }
     with tempfile.TemporaryDirectory(prefix="physic-") as folder:
         copy = Path(folder, f"{source.stem}.pkl")

@@ -79,7 +79,7 @@ class Wilor(CheckoutBackend, HandEstimator):
         """Build the network and load its weights."""
         checkpoint, mano, mean = (self.file(name) for name in _FILES)
         kind = self.checkout.attribute("WiLor")
-        with chumpy_free_copy(mano, "mano") as plain, self.inference():
+        with chumpy_free_copy(mano) as plain, self.inference():
             network = kind(
                 mano_model_path=str(plain),
                 mano_mean_path=str(mean),

@@ -71,7 +71,7 @@ def mano(tmp_path):
 
 
 def test_the_published_file_has_a_copy_that_needs_no_chumpy(mano):
-    with chumpy_free_copy(str(mano), "mano") as copy:
+    with chumpy_free_copy(str(mano)) as copy:
         found = pickle.loads(copy.read_bytes(), encoding="latin1")  # as smplx reads it
         assert copy.name == "MANO_RIGHT.pkl", "smplx tells right hands by this name"
     for (name, array), (wanted, own) in zip(found.items(), mano_arrays().items(), strict=True):
@@ -81,7 +81,7 @@ def test_the_published_file_has_a_copy_that_needs_no_chumpy(mano):
 
 def test_a_copy_exists_only_inside_the_block_and_for_its_user_alone(mano, tmp_path, monkeypatch):
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "kept"))
-    with chumpy_free_copy(mano, "mano") as copy:
+    with chumpy_free_copy(mano) as copy:
         assert os.name != "posix" or copy.parent.stat().st_mode & 0o077 == 0
     assert not copy.parent.exists()
     assert not (tmp_path / "kept").exists()

@@ -142,7 +142,9 @@ def _answers(
         pairs: Pairs = ((i, j),)
         yield pairs
         for _ in range(2):
-            place, turn = compare_places(one, two, relative_motion(one, two, pairs), turns)
+            motion = relative_motion(one, two, pairs)
+            place = compare_places(one, two, motion)
+            turn = rotation_angle_deg(turns, motion.rotation)
             apart = (place / _PLACE) ** 2 + (turn / _TURN_DEG) ** 2 + (pose / _POSE_M) ** 2
             apart[i] = _UNLIKE
             apart[:, j] = _UNLIKE
@@ -236,20 +238,15 @@ def compare_poses(one: PhotoPeople, two: PhotoPeople) -> tuple[FloatArray, Float
     return away, turns
 
 
-def compare_places(
-    one: PhotoPeople, two: PhotoPeople, motion: CameraPose, turns: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Compare the places and turns of the people of two photos under a motion between the cameras.
-
-    Returns:
-        The distance (N, M) of the pelvis from where the other photo has it, as a share of the mean
-        distance from both cameras, and the angle (N, M) between the rotation that a pair gives and
-        that of the motion, degrees.
+def compare_places(one: PhotoPeople, two: PhotoPeople, motion: CameraPose) -> FloatArray:
+    """Return the distance (N, M) of the pelvis from where the other photo has it under a motion
+    between the cameras, as a share of the mean distance from both.
     """
     there = motion.to_camera(one.joints[:, _PELVIS])
     apart = np.linalg.norm(there[:, None] - two.joints[None, :, _PELVIS], axis=-1)
     reach = (one.joints[:, _PELVIS, 2][:, None] + two.joints[:, _PELVIS, 2][None]) / 2
-    return apart / reach, rotation_angle_deg(turns, motion.rotation)
+    share: FloatArray = apart / reach
+    return share
 
 
 def relative_motion(one: PhotoPeople, two: PhotoPeople, pairs: Pairs) -> CameraPose:
