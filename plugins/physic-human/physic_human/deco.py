@@ -15,7 +15,7 @@ from pydantic import Field
 from physic_core.errors import BackendError
 from physic_core.interfaces import ContactPrior, Options
 from physic_core.types import ContactProbability
-from physic_human.user_smpl import SmplCheckoutBackend, SmplCheckoutOptions, load_rest_mesh
+from physic_human.user_smpl import SmplCheckoutBackend, SmplCheckoutOptions, open_smpl
 from physic_networks.checkouts import Checkout
 from physic_networks.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
 
@@ -34,15 +34,13 @@ _WHITE = 255
 SMPL_VERTICES = 6890
 
 
-def enlarged_box_slices(
-    box: FloatArray, height: int, width: int, growth: float = BOX_GROWTH
-) -> tuple[slice, slice]:
+def enlarged_box_slices(box: FloatArray, height: int, width: int) -> tuple[slice, slice]:
     """Enlarge a box (4,) x0 y0 x1 y1 px, clip it to the image, and return its row and column
     slices.
     """
     x0, y0, x1, y1 = (float(v) for v in box)
-    dx = growth * (x1 - x0)
-    dy = growth * (y1 - y0)
+    dx = BOX_GROWTH * (x1 - x0)
+    dy = BOX_GROWTH * (y1 - y0)
     return _span(y0 - dy, y1 + dy, height), _span(x0 - dx, x1 + dx, width)
 
 
@@ -50,7 +48,6 @@ def contact_crop(
     image: UInt8Array,
     box: FloatArray,
     *,
-    growth: float = BOX_GROWTH,
     fit: Literal["letterbox", "squash"] = "letterbox",
 ) -> FloatArray:
     """Return the network input (3, 256, 256) float32 for one person.
@@ -58,13 +55,12 @@ def contact_crop(
     Args:
         image: (H, W, 3) uint8 RGB.
         box: (4,) x0 y0 x1 y1 px, half open.
-        growth: the box is enlarged by this share of its size on every side.
         fit: "letterbox" keeps the aspect and pads with white; "squash" stretches the box to a
             square.
     """
     import cv2
 
-    rows, columns = enlarged_box_slices(box, image.shape[0], image.shape[1], growth)
+    rows, columns = enlarged_box_slices(box, image.shape[0], image.shape[1])
     cut = np.ascontiguousarray(image[rows, columns, ::-1])
     height, width = cut.shape[:2]
     scale = INPUT_SIDE / max(height, width)
@@ -131,7 +127,8 @@ class Deco(SmplCheckoutBackend, ContactPrior):
         """Build the network and load its weights."""
         path = self.file()
         kind = self.checkout.attribute("DECO")
-        self._rest = load_rest_mesh(self.options.smpl_file)
+        smpl = self.options.smpl_file
+        self._rest = open_smpl(smpl).rest if smpl else None
         with self.inference():
             # Encoder, whether it looks at the context too, device; older versions always do, and
             # have no such argument.

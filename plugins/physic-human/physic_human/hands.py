@@ -20,9 +20,9 @@ import pickle
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -134,8 +134,8 @@ def _from_arm(
 
 
 @contextmanager
-def chumpy_free_copy(path: str | Path, family: Literal["smpl", "mano"]) -> Iterator[Path]:
-    """Yield the path of a chumpy-free copy of a body model, for ``pickle.load(file,
+def chumpy_free_copy(path: str | Path) -> Iterator[Path]:
+    """Yield the path of a chumpy-free copy of a MANO model, for ``pickle.load(file,
     encoding="latin1")`` and smplx.
 
     The copy exists only inside the block, in a new folder that only the user can open. It is a
@@ -144,17 +144,16 @@ def chumpy_free_copy(path: str | Path, family: Literal["smpl", "mano"]) -> Itera
 
     Args:
         path: the user's file, a published ``.pkl`` or ``.npz``.
-        family: type of the model.
 
     Raises:
         BodyModelError: the file is missing, has another type, is damaged, or could run code.
     """
-    from physic_core.body import MANO, SMPL, read_model_file
+    from physic_core.body import MANO, read_model_file
 
     source = Path(os.path.expanduser(path))
     arrays = {
         name: array.astype(array.dtype.newbyteorder("="), order="C")
-        for name, array in read_model_file(source, MANO if family == "mano" else SMPL).items()
+        for name, array in read_model_file(source, MANO).items()
     }
     with tempfile.TemporaryDirectory(prefix="physic-") as folder:
         copy = Path(folder, f"{source.stem}.pkl")
@@ -169,28 +168,16 @@ def empty_hands(count: int) -> Hands:
     )
 
 
-def hands_from_mano(
-    count: int,
-    person: IntArray,
-    right: BoolArray,
-    fingers: FloatArray,
-    confidence: FloatArray,
-    wrists: FloatArray | None = None,
-    *,
-    left_in_mirror: bool = True,
-) -> Hands:
+def hands_from_mano(count: int, found: HandBoxes, fingers: FloatArray, wrists: FloatArray) -> Hands:
     """Assemble the result of a HandEstimator from M single hands.
 
     Args:
         count: N people.
-        person: (M,) row of the person.
-        right: (M,) whether it is the right hand.
-        fingers: (M, 15, 3) rotation vectors, (M, 45), or (M, 15, 3, 3) matrices, as of right hands.
-        confidence: (M,) in [0, 1].
+        found: whose hands they are, and how sure they are.
+        fingers: (M, 15, 3) rotation vectors, (M, 45), or (M, 15, 3, 3) matrices, as of right hands;
+            left ones are results of mirrored images.
         wrists: (M, 3), (M, 1, 3) or (M, 1, 3, 3), rotation of the hand from the T-pose to the
-            camera frame of the network's input image; None if the network does not estimate it.
-        left_in_mirror: whether left hands are results of mirrored images, still as right hands;
-            False if they are already mirrored back.
+            camera frame of the network's input image.
 
     Returns:
         Hands of N people. A hand with non-finite values counts as not detected. Of several results
@@ -199,38 +186,25 @@ def hands_from_mano(
     Raises:
         ValueError: the shapes do not match.
     """
-    found = len(person)
-    rotvecs = to_rotvecs(
-        np.asarray(fingers).reshape(found, *np.shape(fingers)[1:]), JOINTS_PER_HAND
+    rotvecs = to_rotvecs(fingers, JOINTS_PER_HAND)
+    wrist_rotvecs = to_rotvecs(wrists, 1)[:, 0]
+    left = ~found.right
+    rotvecs[left] = mirror_rotvecs(rotvecs[left])
+    wrist_rotvecs[left] = mirror_rotvecs(wrist_rotvecs[left])
+    valid = (
+        np.isfinite(rotvecs).all(axis=(1, 2))
+        & np.isfinite(wrist_rotvecs).all(axis=1)
+        & np.isfinite(found.confidence)
     )
-    wrist_rotvecs = None if wrists is None else _wrist_rotvecs(wrists, found)
-    mirror = ~np.asarray(right, bool) & left_in_mirror
-    rotvecs[mirror] = mirror_rotvecs(rotvecs[mirror])
-    valid = np.isfinite(rotvecs).all(axis=(1, 2)) & np.isfinite(confidence)
-    if wrist_rotvecs is not None:
-        wrist_rotvecs[mirror] = mirror_rotvecs(wrist_rotvecs[mirror])
-        valid &= np.isfinite(wrist_rotvecs).all(axis=1)
-    none = empty_hands(count)
-    out = none.rotvecs
-    sure = none.confidence
     turned = np.zeros((count, 2, 3), np.float32)
+    hands = replace(empty_hands(count), wrists=turned)
     for i in np.flatnonzero(valid):
-        place = (int(person[i]), int(bool(right[i])))
-        if confidence[i] <= sure[place]:
-            continue
-        out[place] = rotvecs[i]
-        sure[place] = min(float(confidence[i]), 1.0)
-        if wrist_rotvecs is not None:
+        place = (int(found.person[i]), int(found.right[i]))
+        if found.confidence[i] > hands.confidence[place]:
+            hands.rotvecs[place] = rotvecs[i]
+            hands.confidence[place] = min(float(found.confidence[i]), 1.0)
             turned[place] = wrist_rotvecs[i]
-    return Hands(out, sure) if wrist_rotvecs is None else Hands(out, sure, turned)
-
-
-def _wrist_rotvecs(wrists: FloatArray, found: int) -> FloatArray:
-    """Convert wrist rotations, matrices or vectors, to rotation vectors (M, 3)."""
-    given = np.asarray(wrists, np.float64)
-    if given.shape == (found, 3, 3):
-        given = given[:, None]
-    return to_rotvecs(given, 1)[:, 0]
+    return hands
 
 
 def mirror_rotvecs(rotvecs: FloatArray) -> FloatArray:

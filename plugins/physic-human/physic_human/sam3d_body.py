@@ -229,16 +229,15 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
         found: list[dict[str, Any]] = []
         for first in range(0, len(people), self.options.batch):
             found += self._ask(image, people, slice(first, first + self.options.batch), intrinsics)
-        place = np.stack([np.asarray(one["pred_cam_t"], np.float32) for one in found])
+
+        def joined(name: str) -> FloatArray:
+            return np.stack([np.asarray(one[name], np.float32) for one in found])
+
+        place = joined("pred_cam_t")
         if not uses_principal_point(estimator.cfg):
             place[:, :2] += _principal_point_shift(image, intrinsics) * place[:, 2:]
-        vertices = (
-            np.stack([np.asarray(one["pred_vertices"], np.float32) for one in found])
-            + place[:, None]
-        )
-        points = np.stack(
-            [np.asarray(one["pred_keypoints_3d"], np.float32)[:MHR_KEYPOINTS] for one in found]
-        )
+        vertices = joined("pred_vertices") + place[:, None]
+        points = joined("pred_keypoints_3d")[:, :MHR_KEYPOINTS]
         zero = np.zeros((len(people), 22, 3), np.float32)
         betas = np.stack(
             [np.asarray(one.get("shape_params", ()), np.float32).reshape(-1) for one in found]

@@ -19,7 +19,7 @@ from physic_networks.bodies import SMPL_JOINTS, bodies_from_smpl, to_rotvecs
 if TYPE_CHECKING:
     from physic_core.body import SmplBody
     from physic_core.interfaces import Requirement
-    from physic_core.types import Bodies, FloatArray, RestMesh
+    from physic_core.types import Bodies, FloatArray
 
 _ADVICE = (
     "set smpl_file to your SMPL_NEUTRAL.npz or .pkl: register at https://smpl.is.tue.mpg.de "
@@ -36,17 +36,6 @@ def smpl_missing(path: str) -> tuple[str, ...]:
     )
 
 
-def smpl_requirement(path: str) -> UserFile:
-    """Return the SMPL file as a requirement."""
-    return UserFile(
-        "smpl_file",
-        "SMPL_NEUTRAL.pkl",
-        _ADVICE,
-        "https://smpl.is.tue.mpg.de",
-        is_here=not smpl_missing(path),
-    )
-
-
 def open_smpl(path: str) -> SmplBody:
     """Load a SMPL file.
 
@@ -59,16 +48,6 @@ def open_smpl(path: str) -> SmplBody:
     from physic_core.body import load_smpl
 
     return load_smpl(Path(os.path.expanduser(path)))
-
-
-def load_rest_mesh(path: str) -> RestMesh | None:
-    """Return the T-pose of a SMPL file; None for an empty path.
-
-    Raises:
-        WeightsMissingError: it is not there.
-        BodyModelError: it is not an SMPL file.
-    """
-    return open_smpl(path).rest if path else None
 
 
 def pose_smpl_bodies(
@@ -125,4 +104,7 @@ class SmplCheckoutBackend(CheckoutBackend):
 
     def requirements(self) -> tuple[Requirement, ...]:
         """Return the repository, its packages, and the SMPL file."""
-        return (*super().requirements(), smpl_requirement(self.options.smpl_file))
+        here = not smpl_missing(self.options.smpl_file)
+        page = "https://smpl.is.tue.mpg.de"
+        file = UserFile("smpl_file", "SMPL_NEUTRAL.pkl", _ADVICE, page, is_here=here)
+        return (*super().requirements(), file)

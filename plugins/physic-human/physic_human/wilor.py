@@ -79,7 +79,7 @@ class Wilor(CheckoutBackend, HandEstimator):
         """Build the network and load its weights."""
         checkpoint, mano, mean = (self.file(name) for name in _FILES)
         kind = self.checkout.attribute("WiLor")
-        with chumpy_free_copy(mano, "mano") as plain, self.inference():
+        with chumpy_free_copy(mano) as plain, self.inference():
             network = kind(
                 mano_model_path=str(plain),
                 mano_mean_path=str(mean),
@@ -106,9 +106,7 @@ class Wilor(CheckoutBackend, HandEstimator):
         if not outputs:
             return empty_hands(len(people))
         fingers, wrists = outputs
-        return hands_from_mano(
-            len(people), found.person, found.right, fingers, found.confidence, wrists
-        )
+        return hands_from_mano(len(people), found, fingers, wrists)
 
     def ask(self, inputs: dict[str, torch.Tensor]) -> Sequence[Any]:
         """Run the network: fingers (M, 15, 3) and wrists (M, 1, 3) of right hands."""

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import os
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ import torch
 from physic_core.errors import BackendError
 from physic_core.interfaces import HandEstimator
 from physic_core.types import Keypoints, People
-from physic_human.hands import chumpy_free_copy, hand_boxes, hands_from_mano
+from physic_human.hands import HandBoxes, chumpy_free_copy, hand_boxes, hands_from_mano
 from physic_human.wilor import Wilor, WilorOptions
 from physic_testing import violations
 from physic_testing.body_files import mano_arrays, write_published
@@ -70,7 +71,7 @@ def mano(tmp_path):
 
 
 def test_the_published_file_has_a_copy_that_needs_no_chumpy(mano):
-    with chumpy_free_copy(str(mano), "mano") as copy:
+    with chumpy_free_copy(str(mano)) as copy:
         found = pickle.loads(copy.read_bytes(), encoding="latin1")  # as smplx reads it
         assert copy.name == "MANO_RIGHT.pkl", "smplx tells right hands by this name"
     for (name, array), (wanted, own) in zip(found.items(), mano_arrays().items(), strict=True):
@@ -80,7 +81,7 @@ def test_the_published_file_has_a_copy_that_needs_no_chumpy(mano):
 
 def test_a_copy_exists_only_inside_the_block_and_for_its_user_alone(mano, tmp_path, monkeypatch):
     monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "kept"))
-    with chumpy_free_copy(mano, "mano") as copy:
+    with chumpy_free_copy(mano) as copy:
         assert os.name != "posix" or copy.parent.stat().st_mode & 0o077 == 0
     assert not copy.parent.exists()
     assert not (tmp_path / "kept").exists()
@@ -89,15 +90,11 @@ def test_a_copy_exists_only_inside_the_block_and_for_its_user_alone(mano, tmp_pa
 RNG = np.random.default_rng(0)
 FINGERS = RNG.normal(0, 0.4, (2, 15, 3))
 TURNED_WRISTS = RNG.normal(0, 1, (2, 1, 3))
-BOTH = {
-    "person": np.array([1, 1]),
-    "right": np.array([False, True]),
-    "confidence": np.array([0.8, 0.9]),
-}
+BOTH = HandBoxes(np.ones(2, int), np.array([False, True]), np.zeros((2, 4)), np.array([0.8, 0.9]))
 
 
 def test_left_comes_first_and_is_mirrored_back():
-    hands = hands_from_mano(2, fingers=FINGERS, wrists=TURNED_WRISTS, **BOTH)
+    hands = hands_from_mano(2, BOTH, FINGERS, TURNED_WRISTS)
     np.testing.assert_allclose(hands.rotvecs[1, 0], FINGERS[0] * [1, -1, -1], atol=1e-6)
     np.testing.assert_allclose(hands.rotvecs[1, 1], FINGERS[1], atol=1e-6)
     np.testing.assert_allclose(
@@ -108,16 +105,15 @@ def test_left_comes_first_and_is_mirrored_back():
 
 
 def test_the_hand_with_the_higher_confidence_counts():
-    hands = hands_from_mano(
-        1, np.zeros(2, int), np.array([True, True]), FINGERS, np.array([0.9, 0.3])
-    )
-    np.testing.assert_allclose(hands.rotvecs[0, 1], FINGERS[0], atol=1e-6)
+    same = replace(BOTH, right=np.array([True, True]), confidence=np.array([0.9, 0.3]))
+    hands = hands_from_mano(2, same, FINGERS, TURNED_WRISTS)
+    np.testing.assert_allclose(hands.rotvecs[1, 1], FINGERS[0], atol=1e-6)
 
 
 def test_a_hand_that_is_not_a_number_was_not_found():
     broken = FINGERS.copy()
     broken[1, 3] = np.nan
-    hands = hands_from_mano(2, fingers=broken, **BOTH)
+    hands = hands_from_mano(2, BOTH, broken, TURNED_WRISTS)
     np.testing.assert_allclose(hands.confidence[1], [0.8, 0.0], atol=1e-6)
     assert np.isfinite(hands.rotvecs).all()
 

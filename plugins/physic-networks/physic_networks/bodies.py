@@ -63,7 +63,7 @@ def to_rotvecs(rotations: FloatArray, joints: int) -> FloatArray:
 
 
 def parameters_from_rotvecs(
-    rotvecs: FloatArray, betas: FloatArray, transl: FloatArray, expression: FloatArray | None = None
+    rotvecs: FloatArray, betas: FloatArray, transl: FloatArray
 ) -> BodyParameters:
     """Build BodyParameters from rotation vectors in SMPL-X joint order, float32.
 
@@ -72,7 +72,6 @@ def parameters_from_rotvecs(
             without an estimate.
         betas: (N, K) shape.
         transl: (N, 3) metres.
-        expression: (N, E); None for E = 0.
     """
     rows = len(rotvecs)
     full = np.zeros((rows, NUM_JOINTS, 3), np.float32)
@@ -90,51 +89,36 @@ def parameters_from_rotvecs(
         left_hand_pose=flat(25, 40),
         right_hand_pose=flat(40, 55),
         betas=np.asarray(betas, np.float32),
-        expression=np.zeros((rows, 0), np.float32)
-        if expression is None
-        else np.asarray(expression, np.float32),
+        expression=np.zeros((rows, 0), np.float32),
         transl=np.asarray(transl, np.float32).reshape(rows, 3),
     )
 
 
 def bodies_from_smpl(
-    rotations: FloatArray,
+    rotvecs: FloatArray,
     betas: FloatArray,
     transl: FloatArray,
     *,
     joints: FloatArray | None = None,
     mesh: Mesh | None = None,
-    observed: BoolArray | None = None,
 ) -> Bodies:
     """Build Bodies of the model "smpl" from SMPL parameters.
 
     Args:
-        rotations: (N, 24, 3), (N, 72) rotation vectors in radians, or (N, 24, 3, 3) matrices, of
-            SMPL's joints relative to their parents; 22 joints are also accepted.
+        rotvecs: (N, 24, 3) rotation vectors, radians, of SMPL's joints relative to their parents;
+            :func:`to_rotvecs` converts matrices.
         betas: (N, K) SMPL shape.
         transl: (N, 3) metres, added after posing.
-        joints: (N, 24, 3) or (N, 22, 3) metres, camera frame, joint positions of SMPL; None if not
-            evaluated.
+        joints: (N, 24, 3) metres, camera frame, joint positions of SMPL; None if not evaluated.
         mesh: SMPL meshes, or None.
-        observed: (N, 55) bool, visible joints, or None.
-
-    Raises:
-        ValueError: a shape does not match.
     """
-    count = (
-        SHARED_JOINTS
-        if np.shape(rotations)[1] in (SHARED_JOINTS, 3 * SHARED_JOINTS)
-        else SMPL_JOINTS
-    )
-    rotvecs = to_rotvecs(rotations, count)[:, :SHARED_JOINTS]
     placed = None
     if joints is not None:
         placed = np.full((len(rotvecs), NUM_JOINTS, 3), np.nan, np.float32)
         placed[:, :SHARED_JOINTS] = np.asarray(joints)[:, :SHARED_JOINTS]
     return Bodies(
-        parameters_from_rotvecs(rotvecs, betas, transl),
+        parameters_from_rotvecs(rotvecs[:, :SHARED_JOINTS], betas, transl),
         "smpl",
-        observed=observed,
         joints=placed,
         mesh=mesh,
     )

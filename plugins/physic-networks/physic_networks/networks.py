@@ -305,7 +305,6 @@ def picture_tensor(
     std: Sequence[float] = (1.0, 1.0, 1.0),
     *,
     size: tuple[int, int] | None = None,
-    align_corners: bool = False,
     device: str = "cpu",
 ) -> Any:
     """Return images as the input of a torch network, resized and normalised on the device by
@@ -317,8 +316,6 @@ def picture_tensor(
         std: standard deviation of each channel, the same.
         size: rows and columns to which the image is resized, bilinear without antialiasing; None to
             keep its size.
-        align_corners: whether the centres of the corner pixels stay in the corners when it is
-            resized.
         device: of torch.
 
     Returns:
@@ -330,7 +327,7 @@ def picture_tensor(
     pixels = torch.from_numpy(np.ascontiguousarray(image)).to(device)
     pixels = (pixels if pixels.ndim == 4 else pixels[None]).permute(0, 3, 1, 2).float() / 255
     if size is not None:
-        pixels = kornia.geometry.resize(pixels, size, "bilinear", align_corners=align_corners)
+        pixels = kornia.geometry.resize(pixels, size, "bilinear", align_corners=False)
     return kornia.enhance.normalize(pixels, torch.tensor(mean), torch.tensor(std))
 
 

@@ -41,6 +41,7 @@ class ExecutionProvider:
     install: str
 
 
+@dataclass(eq=False)
 class OnnxSession:
     """An ONNX file that is opened with onnxruntime.
 
@@ -51,17 +52,10 @@ class OnnxSession:
         made_of: SHA-256s of its files, runtime and threads; "" if no SHA-256 is published.
     """
 
-    def __init__(
-        self,
-        session: InferenceSession,
-        provider: ExecutionProvider,
-        name: str = "",
-        made_of: str = "",
-    ) -> None:
-        self.session = session
-        self.provider = provider
-        self.name = name
-        self.made_of = made_of
+    session: InferenceSession
+    provider: ExecutionProvider
+    name: str = ""
+    made_of: str = ""
 
     def run(
         self,
@@ -213,14 +207,21 @@ class _OnnxFile:
 
     def _optimise(self, graph: Path, weights: str) -> InferenceSession:
         options = _session_options(self.threads, self.provider)
-        _keep_optimised(options, graph, weights)
+        options.optimized_model_filepath = str(graph)
+        external = "session.optimized_model_external_initializers"
+        options.add_session_config_entry(f"{external}_file_name", weights)
+        options.add_session_config_entry(f"{external}_min_size_in_bytes", "1024")
         return self._create_compared(options)
 
     def _open_kept(self, kept: KeptGraph) -> InferenceSession | None:
         if (content := kept.read()) is None:
             return None
         options = _session_options(self.threads, self.provider)
-        _use_optimised(options, kept.kept.path)
+        # For a graph that is opened by its path, it would refuse links to other folders.
+        options.add_session_config_entry(
+            "session.model_external_initializers_file_folder_path", str(kept.kept.path)
+        )
+        options.graph_optimization_level = onnxruntime().GraphOptimizationLevel.ORT_DISABLE_ALL
         try:
             return self._create(content, options)
         except Exception:  # onnxruntime's own exceptions share no public base class
@@ -328,28 +329,6 @@ def _read_compared(path: Path, sha256: str, broken: str) -> bytes:
             f"{path} is damaged: its SHA-256 is {found} instead of {sha256}. {broken}"
         )
     return content
-
-
-def _keep_optimised(options: SessionOptions, graph: Path, weights: str) -> None:
-    """Let a session write its optimised graph, and the weights to a file beside it."""
-    options.optimized_model_filepath = str(graph)
-    options.add_session_config_entry(
-        "session.optimized_model_external_initializers_file_name", weights
-    )
-    options.add_session_config_entry(
-        "session.optimized_model_external_initializers_min_size_in_bytes", "1024"
-    )
-
-
-def _use_optimised(options: SessionOptions, folder: Path) -> None:
-    """Let a session run an optimised graph, whose weights are in a folder."""
-    ort = onnxruntime()
-
-    # For a graph that is opened by its path, it would refuse links to other folders.
-    options.add_session_config_entry(
-        "session.model_external_initializers_file_folder_path", str(folder)
-    )
-    options.graph_optimization_level = ort.GraphOptimizationLevel.ORT_DISABLE_ALL
 
 
 def _require_provider(session: InferenceSession, chosen: ExecutionProvider, path: Path) -> None:

@@ -82,17 +82,14 @@ def nms(boxes: FloatArray, scores: FloatArray, overlap: float) -> NDArray[np.int
     return np.array(kept, np.intp)
 
 
-def clip_boxes(
-    boxes: FloatArray, height: int, width: int, smallest: float = 1.0
-) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Clip boxes to the photo, and return which clipped boxes are finite and at least ``smallest``
-    px wide and high.
+def clip_boxes(boxes: FloatArray, height: int, width: int) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Clip boxes to the photo, and return which clipped boxes are finite and at least one pixel
+    wide and high.
 
     Args:
         boxes: (N, 4) x0 y0 x1 y1 px; boxes with non-finite coordinates are not kept.
         height: of the photo, px.
         width: of the photo, px.
-        smallest: px.
 
     Returns:
         (N, 4) clipped boxes, and (N,) bool, which to keep.
@@ -101,7 +98,7 @@ def clip_boxes(
     inside: FloatArray = np.clip(
         np.where(finite[:, None], boxes, 0.0), 0.0, [width, height, width, height]
     )
-    large: NDArray[np.bool_] = np.asarray((inside[:, 2:] - inside[:, :2] >= smallest).all(axis=1))
+    large: NDArray[np.bool_] = np.asarray((inside[:, 2:] - inside[:, :2] >= 1).all(axis=1))
     return inside, finite & large
 
 
@@ -113,13 +110,11 @@ def people_from_masks(
     *,
     size: tuple[int, int],
     keypoints: Keypoints | None = None,
-    reach: float = 0.25,
-    smallest: int = 1,
 ) -> People:
     """Build People from masks: disjoint masks with tight boxes, best score first.
 
     A pixel of several masks goes to the largest logit, or for bool masks to the best score. People
-    with fewer than ``smallest`` pixels are removed. Pixels of people are removed from the floor.
+    without a pixel are removed. Pixels of people are removed from the floor.
 
     Args:
         masks: N of (H, W), logits (above 0 inside) or bool; processed one by one, so a generator
@@ -129,8 +124,6 @@ def people_from_masks(
         floor: (H, W) bool or None.
         size: H and W, px.
         keypoints: N rows, or None.
-        reach: how far a mask may extend outside its box, in widths and heights of the box.
-        smallest: px.
     """
     scores = np.clip(np.asarray(scores, np.float64), 0.0, 1.0).reshape(-1)
     owner = np.full(size, -1, np.int16)
@@ -141,16 +134,14 @@ def people_from_masks(
         strength: FloatArray = np.nan_to_num(np.asarray(mask, np.float32), nan=0.0)
         claim: BoolArray = np.asarray(strength > 0)
         if boxes is not None:
-            claim &= _within(boxes[i], reach, size)
+            claim &= _within(boxes[i], size)
         # For equal logits, as of bool masks, the better score wins.
         wins = claim & ((strength > strongest) | ((strength == strongest) & (scores[i] > best)))
         owner[wins] = i
         best[wins] = scores[i]
         strongest[wins] = strength[wins]
     area = np.bincount(owner[owner >= 0].ravel(), minlength=len(scores))
-    rows = np.array(
-        [i for i in np.argsort(-scores, kind="stable") if area[i] >= max(1, smallest)], int
-    )
+    rows = np.array([i for i in np.argsort(-scores, kind="stable") if area[i]], int)
     final = np.stack([owner == i for i in rows]) if len(rows) else np.zeros((0, *size), bool)
     if keypoints is not None:
         keypoints = select_people(keypoints, rows)
@@ -180,11 +171,12 @@ def mask_nms(masks: BoolArray, scores: FloatArray, overlap: float = 0.8) -> NDAr
     return np.array(kept, np.intp)
 
 
-def _within(box: FloatArray, reach: float, size: tuple[int, int]) -> BoolArray:
-    """Return a mask (H, W) of the pixels of a box enlarged by ``reach`` of its size on each
-    side.
-    """
-    grow = reach * (box[2:] - box[:2])
+_REACH = 0.25  # how far a mask may extend outside its box, in widths and heights of the box
+
+
+def _within(box: FloatArray, size: tuple[int, int]) -> BoolArray:
+    """Return a mask (H, W) of the pixels of a box enlarged on each side."""
+    grow = _REACH * (box[2:] - box[:2])
     x0, y0 = np.maximum(np.floor(box[:2] - grow), 0).astype(int)
     x1, y1 = np.ceil(box[2:] + grow).astype(int)
     inside = np.zeros(size, bool)

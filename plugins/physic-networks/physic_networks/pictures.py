@@ -27,26 +27,12 @@ if TYPE_CHECKING:
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)
 
-Resampling = Literal[
-    "nearest",
-    "bilinear",
-    "bicubic",
-    "area",
-    "bilinear-antialias",
-    "bicubic-antialias",
-    "lanczos-antialias",
-]
-"""Interpolation methods.
-
-"nearest" is OpenCV's INTER_NEAREST_EXACT and Pillow's NEAREST: the pixel whose centre is nearest.
-OpenCV's INTER_NEAREST and torch's "nearest" take other pixels. "bilinear", "bicubic" and "area" are
-as in OpenCV and torch; with "antialias", as in Pillow.
+Resampling = Literal["bilinear", "bicubic", "area", "bilinear-antialias", "bicubic-antialias"]
+"""Interpolation methods: "bilinear", "bicubic" and "area" are as in OpenCV and torch; with
+"antialias", as in Pillow.
 """
 
-# Types that OpenCV 5 interpolates.
-_OPENCV = frozenset({"uint8", "uint16", "int16", "float32", "float64"})
 _CHANNELS = 4  # OpenCV 5 takes 128 at most, its "area" no more than 4
-_INTEGERS = {"float32": 2**24, "float64": 2**53}  # up to which these types hold every integer
 
 
 def normalized_nchw(
@@ -73,33 +59,39 @@ def resize_image(
     """Resize an image to exactly ``height`` x ``width``; the aspect may change.
 
     Args:
-        image: (H, W) or (H, W, C), with any number of channels. Any type of values for "nearest",
-            else bool, integers or floats up to float64.
+        image: (H, W) or (H, W, C) uint8 or float32, with any number of channels.
         height: px.
         width: px.
         how: see :data:`Resampling`.
 
     Returns:
-        The image with the same type of values. Interpolated integers are rounded and clipped to
-        their type, and a bool is True where more than half is.
+        The image with the same type of values; uint8 are rounded and clipped.
 
     Raises:
-        InputError: ``image`` is not an image array; its numbers are larger than the method can
-            compute exactly; the size is not positive.
+        InputError: ``image`` is not such an array, or the size is not positive.
     """
     if height < 1 or width < 1:
         raise InputError(f"an image cannot be resized to {width} x {height} px")
-    _require_picture(image, any_values=how == "nearest")
+    _require_picture(image)
+    if image.dtype not in (np.uint8, np.float32):
+        raise InputError(
+            f"an image to resize must hold uint8 or float32, got {image.dtype}: convert it"
+        )
     if image.shape[:2] == (height, width):
         return image.copy()
-    if how == "nearest":
-        rows, columns = (
-            _nearest_indices(*sizes) for sizes in zip(image.shape[:2], (height, width), strict=True)
-        )
-        return image[rows[:, None], columns]
+    channels = image[..., None] if image.ndim == 2 else image
+    count = channels.shape[2]
     if how.endswith("antialias"):
-        return _pillow(image, height, width, how.removesuffix("-antialias"))
-    return _opencv(image, height, width, how)
+        resize = _pillow
+        at_once = 3 if count == 3 and image.dtype == np.uint8 else 1
+    else:
+        resize = _opencv
+        at_once = _CHANNELS
+    whole = np.empty((height, width, count), image.dtype)
+    for first in range(0, count, at_once):
+        part = np.ascontiguousarray(channels[..., first : first + at_once])
+        whole[..., first : first + at_once] = resize(part, height, width, how)
+    return whole.reshape(height, width, *image.shape[2:])
 
 
 def resize_map(values: NDArray[Any], height: int, width: int) -> FloatArray:
@@ -113,7 +105,7 @@ def resize_map(values: NDArray[Any], height: int, width: int) -> FloatArray:
     return np.asarray(resize_image(np.asarray(values, np.float32), height, width, "bilinear"))
 
 
-def _require_picture(image: object, *, any_values: bool = False) -> None:
+def _require_picture(image: object) -> None:
     """Raise InputError unless an image is a plain numpy array (H, W) or (H, W, C) of real numbers
     that has pixels.
     """
@@ -127,65 +119,29 @@ def _require_picture(image: object, *, any_values: bool = False) -> None:
         raise InputError(
             f"an image to resize must be (H, W) or (H, W, C), with pixels, got {image.shape}"
         )
-    if not any_values and (image.dtype.kind not in "biuf" or image.dtype.itemsize > 8):
+    if image.dtype.kind not in "biuf":
         raise InputError(
-            "an image to resize must hold bool, integers or floats up to float64, got "
-            f"{image.dtype}: convert it, or take 'nearest'"
+            f"an image to resize must hold bool, integers or floats, got {image.dtype}: convert it"
         )
 
 
-def _require_exact(image: NDArray[Any], computed: str) -> None:
-    """Raise InputError if an image has integers that the type in which it is resized does not
-    hold.
-    """
-    limit = _INTEGERS[computed]
-    if image.dtype.kind in "iu" and image.size and max(-int(image.min()), int(image.max())) > limit:
-        raise InputError(
-            f"an image is resized in {computed}, which holds integers to {limit}, got "
-            f"{image.dtype} from {image.min()} to {image.max()}: convert it, or take 'nearest'"
-        )
-
-
-def _nearest_indices(size: int, wanted: int) -> NDArray[np.int64]:
-    """Return which of ``size`` pixels in a row OpenCV takes for each of ``wanted`` pixels."""
-    import cv2
-
-    line = np.arange(size, dtype=np.float64)[:, None]
-    taken = cv2.resize(line, (1, wanted), interpolation=cv2.INTER_NEAREST_EXACT)
-    return np.asarray(taken, np.int64).reshape(wanted)
-
-
-def _opencv(image: NDArray[Any], height: int, width: int, how: str) -> NDArray[Any]:
-    """Resize an image with OpenCV, a few channels at a time, in a type that it takes."""
+def _opencv(part: NDArray[Any], height: int, width: int, how: str) -> NDArray[Any]:
+    """Resize up to four channels (H, W, c) with OpenCV."""
     import cv2
 
     kinds = {"bilinear": cv2.INTER_LINEAR, "bicubic": cv2.INTER_CUBIC, "area": cv2.INTER_AREA}
-    wider = "float32" if image.dtype.itemsize < 4 else "float64"
-    _require_exact(image, wider)
-    values = np.asarray(image, image.dtype.name if image.dtype.name in _OPENCV else wider)
-    channels = values[..., None] if image.ndim == 2 else values
-    parts = [
-        cv2.resize(
-            np.ascontiguousarray(channels[..., first : first + _CHANNELS]),
-            (width, height),
-            interpolation=kinds[how],
-        ).reshape(height, width, -1)
-        for first in range(0, channels.shape[2], _CHANNELS)
-    ]
-    whole = np.concatenate(parts, axis=-1) if parts else np.empty((height, width, 0))
-    return _as_type(whole.reshape(height, width, *image.shape[2:]), image.dtype)
+    resized = cv2.resize(part, (width, height), interpolation=kinds[how])
+    return resized.reshape(height, width, -1)
 
 
-def _as_type(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Convert interpolated values; integers are rounded and clipped to the limits of their type."""
-    if values.dtype == dtype or dtype.kind == "f":
-        # bicubic float16 may exceed its type, and is infinite then
-        with np.errstate(over="ignore"):
-            return values.astype(dtype, copy=False)
-    if dtype.kind == "b":
-        return values > 0.5
-    limits = np.iinfo(dtype)
-    return np.asarray(np.rint(values).clip(limits.min, limits.max), dtype)
+def _pillow(part: NDArray[Any], height: int, width: int, how: str) -> NDArray[Any]:
+    """Resize one channel (H, W, 1), or three of uint8, with Pillow."""
+    from PIL import Image
+
+    kinds = {"bilinear": Image.Resampling.BILINEAR, "bicubic": Image.Resampling.BICUBIC}
+    kind = kinds[how.removesuffix("-antialias")]
+    plane = Image.fromarray(part if part.shape[2] == 3 else part[..., 0])
+    return np.asarray(plane.resize((width, height), kind)).reshape(height, width, -1)
 
 
 @dataclass(frozen=True)
@@ -239,7 +195,6 @@ def letterbox(
     width: int,
     fill: float | Sequence[float] = 0,
     where: Literal["top-left", "centre"] = "centre",
-    multiple: int | None = None,
     how: Resampling = "bilinear",
 ) -> tuple[NDArray[Any], Letterbox]:
     """Resize a photo into a padded canvas, keeping its aspect.
@@ -250,45 +205,17 @@ def letterbox(
         width: of the canvas, px.
         fill: padding value, one or one per channel.
         where: position of the photo.
-        multiple: crop the canvas to the smallest multiple of this that contains the photo; None to
-            keep it.
         how: see :data:`Resampling`.
     """
     rows, columns = image.shape[:2]
     scale = min(height / rows, width / columns)
     inner = (max(1, min(height, round(rows * scale))), max(1, min(width, round(columns * scale))))
-    if multiple is not None:
-        height, width = (-(-side // multiple) * multiple for side in inner)
     top, left = ((height - inner[0]) // 2, (width - inner[1]) // 2) if where == "centre" else (0, 0)
     box = Letterbox(scale, left, top, inner, (rows, columns))
     canvas = np.empty((height, width, *image.shape[2:]), image.dtype)
     canvas[:] = np.asarray(fill).astype(image.dtype)
     box.crop(canvas)[:] = resize_image(image, *inner, how)
     return canvas, box
-
-
-def _pillow(image: NDArray[Any], height: int, width: int, kind: str) -> NDArray[Any]:
-    """Resize an image with Pillow, channel by channel in float32 if Pillow cannot resize it
-    directly.
-    """
-    from PIL import Image
-
-    resampling = {
-        "bilinear": Image.Resampling.BILINEAR,
-        "bicubic": Image.Resampling.BICUBIC,
-        "lanczos": Image.Resampling.LANCZOS,
-    }[kind]
-    if image.dtype == np.uint8 and (image.ndim == 2 or image.shape[2] == 3):
-        return np.array(
-            Image.fromarray(np.ascontiguousarray(image)).resize((width, height), resampling)
-        )
-    _require_exact(image, "float32")
-    channels = image[..., None] if image.ndim == 2 else image
-    resized = np.empty((height, width, channels.shape[2]), np.float32)
-    for c in range(channels.shape[2]):
-        plane = Image.fromarray(np.ascontiguousarray(channels[..., c], np.float32))
-        resized[..., c] = np.asarray(plane.resize((width, height), resampling))
-    return _as_type(resized.reshape(height, width, *image.shape[2:]), image.dtype)
 
 
 def check_mask(image: UInt8Array, mask: BoolArray) -> BoolArray:

@@ -129,15 +129,13 @@ def antialias_sigma(crop: Crop) -> float:
     return (half - 1) / 2 if half > 1.1 else 0.0
 
 
-def resample_crop(
-    image: UInt8Array, crop: Crop, *, fill: int = 0, sigma: float = 0.0
-) -> UInt8Array:
-    """Resample a crop (height, width, 3) from an image (H, W, 3) by bilinear interpolation.
+def resample_crop(image: UInt8Array, crop: Crop, *, sigma: float = 0.0) -> UInt8Array:
+    """Resample a crop (height, width, 3) from an image (H, W, 3) by bilinear interpolation, black
+    outside the image.
 
     Args:
         image: uint8.
         crop: which pixels.
-        fill: value outside the image.
         sigma: standard deviation of a Gaussian blur before resampling, px of the photo; 0 for none.
     """
     import cv2
@@ -147,15 +145,8 @@ def resample_crop(
             np.uint8
         )
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    found: UInt8Array = cv2.warpAffine(
-        image,
-        crop.matrix,
-        (crop.width, crop.height),
-        flags=flags,
-        borderMode=cv2.BORDER_CONSTANT,
-        borderValue=(float(fill), float(fill), float(fill)),
-    ).astype(np.uint8)
-    return found
+    size = (crop.width, crop.height)
+    return np.asarray(cv2.warpAffine(image, crop.matrix, size, flags=flags), np.uint8)
 
 
 def heatmap_peaks(heatmaps: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -192,12 +183,12 @@ def _newton_step(values: FloatArray) -> tuple[FloatArray, BoolArray]:
 
 _FLOOR = 1e-3  # least value of a heat map before its logarithm
 _CEILING = 50.0  # its largest value
+_SIGMA = 0.8  # standard deviation of the smoothing Gaussian, cells
+_RADIUS = 5  # cells at which it is truncated
 _FARTHEST = 1.0  # maximum distance of a peak from the highest cell, cells
 
 
-def subpixel_peaks(
-    heatmaps: FloatArray, *, sigma: float = 0.8, radius: int = 5
-) -> tuple[FloatArray, FloatArray]:
+def subpixel_peaks(heatmaps: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return sub-cell peaks by one Newton step on the logarithm of the smoothed map (DARK,
     arXiv:1910.06278).
 
@@ -207,8 +198,6 @@ def subpixel_peaks(
 
     Args:
         heatmaps: (N, J, h, w).
-        sigma: standard deviation of the smoothing Gaussian, cells.
-        radius: cells at which it is truncated.
 
     Returns:
         Points (N, J, 2), and the values (N, J) of the unsmoothed maps at their highest cells.
@@ -216,7 +205,7 @@ def subpixel_peaks(
     from scipy.ndimage import gaussian_filter
 
     cells, value = heatmap_peaks(heatmaps)
-    smooth = gaussian_filter(heatmaps.astype(np.float64), sigma, radius=radius, axes=(2, 3))
+    smooth = gaussian_filter(heatmaps.astype(np.float64), _SIGMA, radius=_RADIUS, axes=(2, 3))
     logs = np.pad(
         np.log(np.clip(smooth, _FLOOR, _CEILING)), ((0, 0), (0, 0), (1, 1), (1, 1)), mode="edge"
     )

@@ -169,11 +169,8 @@ def test_pictures_are_normalised_as_on_numpy():
     )
 
 
-@pytest.mark.parametrize("align_corners", [False, True])
-def test_pictures_are_resized_as_by_torch(align_corners):
+def test_pictures_are_resized_as_by_torch():
     plain = torch.from_numpy(normalized_nchw(PHOTO))
-    theirs = torch.nn.functional.interpolate(
-        plain, (24, 32), mode="bilinear", align_corners=align_corners
-    )
-    found = picture_tensor(PHOTO, size=(24, 32), align_corners=align_corners)
+    theirs = torch.nn.functional.interpolate(plain, (24, 32), mode="bilinear", align_corners=False)
+    found = picture_tensor(PHOTO, size=(24, 32))
     np.testing.assert_allclose(found, theirs, atol=1e-6)

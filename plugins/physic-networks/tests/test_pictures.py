@@ -82,54 +82,17 @@ class TestSquash:
             resize_image(image, 4, 4, "area"), image.reshape(4, 2, 4, 3).mean((1, 3)), rtol=1e-5
         )
 
-    def test_nearest_takes_the_pixel_whose_centre_is_nearest(self):
-        image = np.arange(9, dtype=np.float32)[None].repeat(3, 0)
-        np.testing.assert_array_equal(resize_image(image, 1, 3, "nearest"), [[1, 4, 7]])
-
-
-METHODS = (
-    "bilinear",
-    "bicubic",
-    "area",
-    "bilinear-antialias",
-    "bicubic-antialias",
-    "lanczos-antialias",
-)
-TYPES = (
-    "int8",
-    "uint8",
-    "int16",
-    "uint16",
-    "int32",
-    "uint32",
-    "int64",
-    "uint64",
-    "float16",
-    "float32",
-    ">f4",
-)
-
 
 @pytest.mark.parametrize(("height", "width"), [(31, 44), (7, 9)])
-@pytest.mark.parametrize("how", METHODS)
-class TestTypesAndChannels:
-    @pytest.mark.parametrize("dtype", TYPES)
-    def test_each_type_comes_back_with_the_values_of_float64(self, how, dtype, height, width):
-        image = rng.integers(50, 80, (16, 20, 3)).astype(dtype)
-        expected = resize_image(image.astype(np.float64), height, width, how)
-        found = resize_image(image, height, width, how)
-        assert found.dtype.name == np.dtype(dtype).name
-        # Integers are rounded, by OpenCV and Pillow twice.
-        error = {"float16": 0.1, "float32": 1e-3, ">f4": 1e-3}.get(dtype, 1.6)
-        np.testing.assert_allclose(found.astype(float), expected, atol=error)
-
-    def test_a_mask_is_true_where_more_than_half_is(self, how, height, width):
-        mask = rng.random((16, 20)) > 0.5
-        share = resize_image(mask.astype(np.float64), height, width, how)
-        clear = abs(share - 0.5) > 1e-4
-        np.testing.assert_array_equal(
-            resize_image(mask, height, width, how)[clear], share[clear] > 0.5
-        )
+@pytest.mark.parametrize(
+    "how", ["bilinear", "bicubic", "area", "bilinear-antialias", "bicubic-antialias"]
+)
+def test_bytes_of_any_number_of_channels_are_rounded(how, height, width):
+    image = rng.integers(50, 80, (16, 20, 6), np.uint8)
+    expected = resize_image(image.astype(np.float32), height, width, how)
+    found = resize_image(image, height, width, how)
+    assert (found.dtype, expected.dtype) == (np.uint8, np.float32)
+    np.testing.assert_allclose(found.astype(float), expected, atol=1.6)  # both round on the way
 
 
 @pytest.mark.parametrize("resize", [resize_map, resize_image])
@@ -137,8 +100,6 @@ class TestTypesAndChannels:
     ("image", "words"),
     [
         (np.zeros((4, 5), complex), "got complex128"),
-        (np.zeros((4, 5), object), "got object"),
-        (np.zeros((4, 5), np.longdouble), "got float128"),
         (np.ma.zeros((4, 5)), "got MaskedArray: write numpy.asarray"),
         (torch.zeros(4, 5), "got Tensor: write .detach().cpu().numpy()"),
         ([[1, 2]], "got list"),
@@ -153,13 +114,9 @@ def test_what_cannot_be_resized_is_refused_by_name(resize, image, words):
     assert words in str(error.value)
 
 
-@pytest.mark.parametrize(
-    ("dtype", "how", "value"),
-    [("int64", "bilinear", 2**53 + 1), ("int32", "bicubic-antialias", 2**24 + 1)],
-)
-def test_integers_that_would_lose_digits_are_refused(dtype, how, value):
-    with pytest.raises(InputError, match=str(value)):
-        resize_image(np.full((4, 5), value, dtype), 8, 9, how)
+def test_an_image_of_other_numbers_is_to_be_converted():
+    with pytest.raises(InputError, match="uint8 or float32, got int64: convert it"):
+        resize_image(np.ones((4, 5), int), 8, 9)
 
 
 def test_resample_keeps_places_by_half_pixel_centres():
@@ -217,13 +174,6 @@ class TestLetterbox:
         assert (box.left, box.top) == (0, 16)
         np.testing.assert_array_equal(canvas[0, 0], [1, 2, 3])
         assert (canvas[16:48] == 200).all()
-
-    def test_canvas_is_cut_to_a_multiple(self):
-        canvas, box = letterbox(
-            np.zeros((300, 400, 3), np.uint8), 518, 518, multiple=14, where="top-left"
-        )
-        assert box.inner == (388, 518)
-        assert canvas.shape == (392, 518, 3)
 
 
 IMAGE = np.arange(60 * 80 * 3, dtype=np.uint32).reshape(60, 80, 3).astype(np.uint8)

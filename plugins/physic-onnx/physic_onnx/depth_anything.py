@@ -104,9 +104,11 @@ class DepthAnything(OnnxBackend, RelativePointmap):
         loaded = self.network
         file = loaded.network.name
         rows, columns = self._size(image)
-        extras = tuple(name for name in ("sky", "intrinsics") if loaded.has_output(name))
+        shape = loaded.inputs["pixel_values"].shape
+        extras = [name for name in ("sky", "intrinsics") if name in loaded.outputs]
         fed = preprocess(image, rows, columns, normalised=not takes_raw_pixels(loaded))
-        raw, *more = loaded.run_image("pixel_values", fed, "predicted_depth", *extras)
+        fed = fed.reshape((1,) * (len(shape) - 3) + fed.shape[1:])  # version 3 has an axis of views
+        raw, *more = loaded.run({"pixel_values": fed}, ["predicted_depth", *extras])
         values = squeeze_map(raw, "predicted_depth", file)
         optional = dict(zip(extras, more, strict=True))
         unknown = self._ambiguity()
@@ -121,7 +123,7 @@ class DepthAnything(OnnxBackend, RelativePointmap):
             raise BackendError(f"{file} saw no structure in the photo: no pixel has a depth")
         camera, said = _camera(hints, image, optional.get("intrinsics"), values.shape)
         points, valid = points_from_disparity(np.where(lost, gap[~lost].min(), gap), lost, camera)
-        fixed = loaded.input_shape("pixel_values")[-2:] == (rows, columns)
+        fixed = shape[-2:] == (rows, columns)
         notes = aspect_change_note(image, rows, columns, file) if fixed else ()
         return Pointmap(points, valid, unknown, camera, (*said, *notes))
 
@@ -134,7 +136,7 @@ class DepthAnything(OnnxBackend, RelativePointmap):
         loaded = self.network
         return (
             loaded.signature == VIEWS
-            or any(loaded.has_output(extra.name) for extra in _EXTRAS)
+            or any(extra.name in loaded.outputs for extra in _EXTRAS)
             or any(word in self._names() for word in _NAMES_OF_3)
         )
 
@@ -152,8 +154,7 @@ class DepthAnything(OnnxBackend, RelativePointmap):
         loaded = self.network
         unshifted = (
             loaded.signature == VIEWS
-            or loaded.has_output("intrinsics")
-            or loaded.has_output("depth_conf")
+            or not {"intrinsics", "depth_conf"}.isdisjoint(loaded.outputs)
             or "metric" in self._names()
         )
         return "scale" if unshifted else "scale_shift"
@@ -167,7 +168,6 @@ class DepthAnything(OnnxBackend, RelativePointmap):
     def _size(self, image: UInt8Array) -> tuple[int, int]:
         """Return the input size (rows, columns): the file's own where it fixes a side."""
         from .depth_maps import (
-            fixed_input_size,
             input_size_by_long_side,
             input_size_least_scaling,
             limit_patches,
@@ -182,8 +182,11 @@ class DepthAnything(OnnxBackend, RelativePointmap):
             ),
             _MAX_PATCHES,
         )
-        rows, columns = fixed_input_size(self.network.input_shape("pixel_values"))
-        return rows or free[0], columns or free[1]
+        stated = self.network.inputs["pixel_values"].shape[-2:]
+        rows, columns = (
+            side if isinstance(side, int) else own for side, own in zip(stated, free, strict=True)
+        )
+        return rows, columns
 
 
 def preprocess(
@@ -262,5 +265,5 @@ def takes_raw_pixels(loaded: LoadedGraph) -> bool:
 
     Exports that do so name their input 'image' and its sides 'H' and 'W', and take one photo.
     """
-    port = loaded.ports.inputs["pixel_values"]
+    port = loaded.inputs["pixel_values"]
     return port.name == "image" and port.shape == (1, 3, "H", "W")

@@ -20,9 +20,10 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Intrinsics
 
 
-def input_size_least_scaling(
-    height: int, width: int, side: int, patch: int = 14
-) -> tuple[int, int]:
+_PATCH = 14  # px
+
+
+def input_size_least_scaling(height: int, width: int, side: int) -> tuple[int, int]:
     """Return the input size of DPT and Depth Anything: ``side`` px for the image side that needs
     less scaling.
 
@@ -31,8 +32,7 @@ def input_size_least_scaling(
     Args:
         height: of the photo, px.
         width: of the photo, px.
-        side: px, a multiple of ``patch``.
-        patch: px.
+        side: px, a multiple of a patch.
 
     Returns:
         Rows and columns, px, each the nearest multiple of ``patch`` and at least one patch.
@@ -40,45 +40,46 @@ def input_size_least_scaling(
     tall = side / height
     wide = side / width
     scale = wide if abs(1 - wide) < abs(1 - tall) else tall
-    return _nearest(scale * height, patch), _nearest(scale * width, patch)
+    return _nearest(scale * height), _nearest(scale * width)
 
 
-def input_size_by_long_side(height: int, width: int, side: int, patch: int = 14) -> tuple[int, int]:
+def input_size_by_long_side(height: int, width: int, side: int) -> tuple[int, int]:
     """Return the input size of Depth Anything 3: long side ``side`` px, both sides rounded to
-    multiples of ``patch``.
+    whole patches.
 
     Args:
         height: of the photo, px.
         width: of the photo, px.
         side: px.
-        patch: px; both sides are multiples of it.
     """
     scale = side / max(height, width)
     rows = max(1, round(height * scale))
     columns = max(1, round(width * scale))
-    return _nearest_or_up(rows, patch), _nearest_or_up(columns, patch)
+    return _nearest_or_up(rows), _nearest_or_up(columns)
 
 
-def limit_patches(rows: int, columns: int, most: int, patch: int = 14) -> tuple[int, int]:
+def limit_patches(rows: int, columns: int, most: int) -> tuple[int, int]:
     """Reduce an input size to at most ``most`` patches, keeping about the same aspect.
 
     Time and memory of a transformer grow with the square of the number of patches.
     """
-    patches = (rows // patch) * (columns // patch)
+    patches = (rows // _PATCH) * (columns // _PATCH)
     if patches <= most:
         return rows, columns
     scale = math.sqrt(most / patches)
-    return max(1, int(rows * scale) // patch) * patch, max(1, int(columns * scale) // patch) * patch
+    fewer = (max(1, int(side * scale) // _PATCH) for side in (rows, columns))
+    rows, columns = (_PATCH * count for count in fewer)
+    return rows, columns
 
 
-def _nearest(value: float, patch: int) -> int:
+def _nearest(value: float) -> int:
     """Round to the nearest multiple of the patch size, at least one patch."""
-    return max(1, round(value / patch)) * patch
+    return max(1, round(value / _PATCH)) * _PATCH
 
 
-def _nearest_or_up(value: int, patch: int) -> int:
+def _nearest_or_up(value: int) -> int:
     """Round to the nearest multiple of the patch size, ties up, at least one patch."""
-    return max(1, (2 * value + patch) // (2 * patch)) * patch
+    return max(1, (2 * value + _PATCH) // (2 * _PATCH)) * _PATCH
 
 
 _LEAST_SPREAD = 1e-6  # of the largest value; below it a map is a constant
@@ -118,12 +119,6 @@ def squeeze_map(
             "half precision do so on GPUs; use its float32 file, or provider 'cpu'"
         )
     return found
-
-
-def fixed_input_size(shape: tuple[int | str, ...]) -> tuple[int | None, int | None]:
-    """Return height and width of a network input; None for a side that is not fixed."""
-    rows, columns = (side if isinstance(side, int) else None for side in shape[-2:])
-    return rows, columns
 
 
 _MOST_SQUASH = 1.6

@@ -12,7 +12,7 @@ import numpy as np
 
 from physic_core.errors import BackendError
 
-from .one_graph import GraphSignature, PortMatch, PortSpec, match_signature
+from .one_graph import GraphSignature, LoadedGraph, PortSpec, match_signature
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -61,16 +61,11 @@ square.
 
 
 class Detector:
-    """Loaded person detector.
-
-    Attributes:
-        signature: one of SIGNATURES.
-    """
+    """Loaded person detector, of one of SIGNATURES."""
 
     def __init__(self, network: Network) -> None:
-        self.network = network
-        self.signature, self._match = match_signature(network, SIGNATURES)
-        (port,) = self._match.inputs.values()
+        self._graph = match_signature(network, SIGNATURES)
+        (port,) = self._graph.inputs.values()
         self._size = tuple(
             side if isinstance(side, int) else DEFAULT_SIDE for side in port.shape[2:]
         )
@@ -87,23 +82,20 @@ class Detector:
         Raises:
             BackendError: the output does not match the signature, or has no finite score.
         """
+        from physic_core.types import Keypoints
         from physic_networks.networks import check_answer
         from physic_networks.people import Detections, clip_boxes, nms
 
-        boxes, scores, joints = _DECODERS[self.signature](
-            self._match, self.network, image, self._size
-        )
-        check_answer(scores, self.network.name)
+        boxes, scores, joints = _DECODERS[self._graph.signature](self._graph, image, self._size)
+        check_answer(scores, self._graph.network.name)
         height, width = image.shape[:2]
         boxes, stay = clip_boxes(boxes, height, width)
         stay &= scores >= score
-        found = Detections(boxes[stay], scores[stay].clip(0, 1), None)
+        keypoints = None
         if joints is not None:
-            from physic_core.types import Keypoints
-
             own = joints[stay]
             keypoints = Keypoints(own[..., :2], own[..., 2].clip(0, 1), "coco17")
-            found = Detections(found.boxes, found.scores, keypoints)
+        found = Detections(boxes[stay], scores[stay].clip(0, 1), keypoints)
         return found[nms(found.boxes, found.scores, overlap)]
 
 
@@ -131,9 +123,7 @@ def _letterbox_bgr(image: UInt8Array, size: tuple[int, ...]) -> tuple[FloatArray
     return normalized_nchw(canvas[..., ::-1], scale=1.0), box
 
 
-def _decode_yolox(
-    match: PortMatch, network: Network, image: UInt8Array, size: tuple[int, ...]
-) -> Answer:
+def _decode_yolox(graph: LoadedGraph, image: UInt8Array, size: tuple[int, ...]) -> Answer:
     """Run YOLOX and decode its head: per cell an offset, a log size, an objectness and 80 class
     scores.
     """
@@ -141,7 +131,7 @@ def _decode_yolox(
     from physic_networks.people import xyxy_from_cxcywh
 
     frame, box = _letterbox_bgr(image, size)
-    (raw,) = match.run(network, {"images": frame}, ["output"])
+    (raw,) = graph.run({"images": frame}, ["output"])
     rows = raw[0].astype(np.float64)
     cells, strides = _yolox_cells(size)
     if rows.ndim != 2 or rows.shape[0] != len(cells) or rows.shape[1] < 6:
@@ -171,16 +161,13 @@ def _yolox_cells(size: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
     return np.concatenate(cells), np.concatenate(strides)
 
 
-def _decode_nms(
-    match: PortMatch, network: Network, image: UInt8Array, size: tuple[int, ...]
-) -> Answer:
+def _decode_nms(graph: LoadedGraph, image: UInt8Array, size: tuple[int, ...]) -> Answer:
     """Run a detector with built-in NMS: boxes x0 y0 x1 y1 of the letterbox, scores, and RTMO's
     joints.
     """
 
     frame, box = _letterbox_bgr(image, size)
-    names = ["dets", "keypoints"] if "keypoints" in match.outputs else ["dets"]
-    dets, *rest = match.run(network, {"input": frame}, names)
+    dets, *rest = graph.run({"input": frame}, graph.outputs)
     rows = dets[0].astype(np.float64)
     joints = None
     if rest:
@@ -191,9 +178,7 @@ def _decode_nms(
     return box.edges_to_photo(rows[:, :4]), rows[:, 4], joints
 
 
-def _decode_rt_detr(
-    match: PortMatch, network: Network, image: UInt8Array, size: tuple[int, ...]
-) -> Answer:
+def _decode_rt_detr(graph: LoadedGraph, image: UInt8Array, size: tuple[int, ...]) -> Answer:
     """Run RT-DETR: 300 queries with logits of 80 classes, and centred boxes in shares of the
     photo.
     """
@@ -202,10 +187,10 @@ def _decode_rt_detr(
     from physic_networks.pictures import normalized_nchw, resize_image
 
     frame = normalized_nchw(resize_image(image, size[0], size[1], "bilinear-antialias"))
-    logits, boxes = match.run(network, {"pixel_values": frame}, ["logits", "pred_boxes"])
+    logits, boxes = graph.run({"pixel_values": frame}, ["logits", "pred_boxes"])
     if logits.shape[-1] in (91, 92):
         raise BackendError(
-            f"{network.name} returns {logits.shape[-1]} classes, as DETR does, and not 80 as "
+            f"{graph.network.name} returns {logits.shape[-1]} classes, as DETR does, and not 80 as "
             "RT-DETR and D-FINE: choose a file of those"
         )
     score = sigmoid(logits[0, :, PERSON].astype(np.float64))
@@ -217,7 +202,7 @@ def _decode_rt_detr(
     )
 
 
-_DECODERS: Mapping[str, Callable[[PortMatch, Network, UInt8Array, tuple[int, ...]], Answer]] = {
+_DECODERS: Mapping[str, Callable[[LoadedGraph, UInt8Array, tuple[int, ...]], Answer]] = {
     "RTMO": _decode_nms,
     "YOLOX with NMS inside": _decode_nms,
     "YOLOX": _decode_yolox,

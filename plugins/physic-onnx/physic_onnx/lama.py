@@ -8,6 +8,7 @@ place of 0.28 with crops twice as wide as their hole (0.50 at 1.5, 0.28 at 3), a
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -22,7 +23,6 @@ from .one_graph import GraphSignature, LoadedGraph, OnnxBackend, OnnxBackendOpti
 from .sessions import open_network
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -82,7 +82,7 @@ class Lama(OnnxBackend, Inpainter):
     def match(self, network: Network) -> LoadedGraph:
         """Match an open network, whose pictures must be squares or of any size."""
         loaded = super().match(network)
-        side = loaded.input_shape("image")[2:]
+        side = loaded.inputs["image"].shape[2:]
         fixed = [n for n in side if isinstance(n, int)]
         if len(fixed) == 1 or len(set(fixed)) == 2:
             raise BackendError(
@@ -101,13 +101,13 @@ class Lama(OnnxBackend, Inpainter):
         """
         from physic_networks.pictures import inpaint_masked
 
-        shape = self.network.input_shape("image") if isinstance(self.network, LoadedGraph) else ()
-        side = shape[2] if shape and isinstance(shape[2], int) else None
-        if side is None:
+        network = self.network
+        side = network.inputs["image"].shape[2] if isinstance(network, LoadedGraph) else None
+        if not isinstance(side, int):
             return inpaint_masked(image, mask, _RIM, self._fill)
 
         def in_crops(image: UInt8Array, hole: BoolArray) -> UInt8Array:
-            return inpaint_in_crops(image, hole, partial(self._fill, square=side), _CONTEXT, side)
+            return inpaint_in_crops(image, hole, partial(self._fill, square=side), side)
 
         return inpaint_masked(image, mask, _RIM, in_crops)
 
@@ -117,7 +117,7 @@ class Lama(OnnxBackend, Inpainter):
         if not isinstance(network, LoadedGraph):
             filled: FloatArray = network(image, mask)
             return filled
-        (output,) = network.ports.run(network.network, {"image": image, "mask": mask}, ["output"])
+        (output,) = network.run({"image": image, "mask": mask}, ["output"])
         return output
 
     def _fill(self, image: UInt8Array, hole: BoolArray, square: int | None = None) -> UInt8Array:
@@ -206,7 +206,6 @@ def inpaint_in_crops(
     image: UInt8Array,
     hole: BoolArray,
     fill: Callable[[UInt8Array, BoolArray], UInt8Array],
-    context: float,
     least: int,
 ) -> UInt8Array:
     """Fill every hole of an image with a network that runs on a crop around the hole.
@@ -217,12 +216,11 @@ def inpaint_in_crops(
         image: (H, W, 3).
         hole: (H, W), neither empty nor everything.
         fill: of a crop (h, w, 3) and its hole (h, w), which is neither empty nor everything.
-        context: side of a crop in sides of its hole.
         least: side that a crop has at least, px.
     """
     filled = image.copy()
     left = hole.copy()
-    for own, (y0, y1, x0, x1) in hole_crops(hole, context, least):
+    for own, (y0, y1, x0, x1) in hole_crops(hole, least):
         here = (slice(y0, y1), slice(x0, x1))
         answer = fill(np.ascontiguousarray(filled[here]), np.ascontiguousarray(left[here]))
         filled[here][own[here]] = answer[own[here]]
@@ -230,7 +228,7 @@ def inpaint_in_crops(
     return filled
 
 
-def hole_crops(hole: BoolArray, context: float, least: int) -> list[tuple[BoolArray, Box]]:
+def hole_crops(hole: BoolArray, least: int) -> list[tuple[BoolArray, Box]]:
     """Group the connected components of a hole, and return for each group its mask (H, W) and
     crop.
     """
@@ -240,7 +238,7 @@ def hole_crops(hole: BoolArray, context: float, least: int) -> list[tuple[BoolAr
     groups: list[list[int]] = [[i] for i in range(1, count)]
     boxes = [_box(stats[i]) for i in range(1, count)]
     while len(groups) > 1:
-        pair = _pair_to_join(boxes, context, least, hard=len(groups) > MOST_CROPS)
+        pair = _pair_to_join(boxes, least, hard=len(groups) > MOST_CROPS)
         if pair is None:
             break
         i, j = pair
@@ -248,38 +246,33 @@ def hole_crops(hole: BoolArray, context: float, least: int) -> list[tuple[BoolAr
         boxes[i] = _around(boxes[i], boxes.pop(j))
     order = np.argsort([-(b[1] - b[0]) * (b[3] - b[2]) for b in boxes], kind="stable")
     # A small hole beside a large one is filled first, so that it is context for the large one.
-    return [(np.isin(piece, groups[i]), _crop(boxes[i], hole, context, least)) for i in order[::-1]]
+    return [(np.isin(piece, groups[i]), _crop(boxes[i], hole, least)) for i in order[::-1]]
 
 
-def _pair_to_join(
-    boxes: list[Box], context: float, least: int, *, hard: bool
-) -> tuple[int, int] | None:
+def _pair_to_join(boxes: list[Box], least: int, *, hard: bool) -> tuple[int, int] | None:
     """Return the two boxes whose common crop is relatively smallest, if small enough or if
     ``hard``.
     """
-    best = np.inf
-    pair = None
-    for i in range(len(boxes)):
-        for j in range(i + 1, len(boxes)):
-            together = _side(_around(boxes[i], boxes[j]), context, least)
-            apart = max(_side(boxes[i], context, least), _side(boxes[j], context, least))
-            if together / apart < best:
-                best = together / apart
-                pair = (i, j)
-    return pair if hard or best <= NEAR else None
+
+    def growth(pair: tuple[int, int]) -> float:
+        one, two = (boxes[i] for i in pair)
+        return _side(_around(one, two), least) / max(_side(one, least), _side(two, least))
+
+    best = min(itertools.combinations(range(len(boxes)), 2), key=growth)
+    return best if hard or growth(best) <= NEAR else None
 
 
-def _side(box: Box, context: float, least: int) -> float:
+def _side(box: Box, least: int) -> float:
     """Return the side of a box's crop."""
-    return max(float(least), context * max(box[1] - box[0], box[3] - box[2]))
+    return max(float(least), _CONTEXT * max(box[1] - box[0], box[3] - box[2]))
 
 
-def _crop(box: Box, hole: BoolArray, context: float, least: int) -> Box:
+def _crop(box: Box, hole: BoolArray, least: int) -> Box:
     """Return a square crop around a box, inside the photo; larger if less than 30 % of it is
     known.
     """
     height, width = hole.shape
-    side = _side(box, context, least)
+    side = _side(box, least)
     while True:
         y0, y1 = _span((box[0] + box[1]) / 2, side, height)
         x0, x1 = _span((box[2] + box[3]) / 2, side, width)

@@ -2,35 +2,46 @@
 
 The network returns points up to a scale and a shift along z, a mask, and the scale in metres. Focal
 length and shift are computed here (:mod:`physic_networks.affine_pointmap`). The two backends
-share network and outputs, so that each photo is run once.
+take the outputs for a photo from the cache of a run, so that each photo is run once.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
 from pydantic import Field
 
+from physic_core.cache import cached_network_result
+from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth, Options, RelativePointmap
 from physic_core.types import CameraTrust, DepthMap, Intrinsics, Pointmap
 from physic_networks.affine_pointmap import half_diagonal, points_on_rays, recover_camera
-from physic_networks.networks import NetworkBackend
-from physic_networks.pictures import resize_map
+from physic_networks.pictures import normalized_nchw, resize_image, resize_map
+from physic_networks.runtime import onnxruntime
 
-from .moge_network import OpenMoge, SharedMoge, shared_moge
-from .sessions import OnnxOptions, open_network
+from .one_graph import GraphSignature, LoadedGraph, OnnxBackend, OnnxBackendOptions, PortSpec
 
 if TYPE_CHECKING:
-    from pydantic import BaseModel
+    from pathlib import Path
+
+    from numpy.typing import NDArray
 
     from physic_core.types import AffineAmbiguity, Hints, UInt8Array
 
+    from .sessions import Network
+
 _FILE = "model.onnx"
+_PATCH = 14  # px
+_LEAST_SHARE = 0.85  # of the tokens
+_MOST_SQUASH = 0.01  # by which the aspect may change, as a logarithm
+_SURE = 0.5  # confidence of being a surface at all; sky is below
 
 
-class MogeOptions(OnnxOptions):
-    """Settings of MoGe-2; backends with equal settings share their network."""
+class MogeOptions(OnnxBackendOptions):
+    """Settings of MoGe-2."""
 
     weights: str = Field(
         "moge-2-vits-normal",
@@ -45,32 +56,61 @@ class MogeOptions(OnnxOptions):
     )
 
 
-class _Moge(NetworkBackend):
+class _Moge(OnnxBackend):
     """Base class of both MoGe-2 backends."""
 
     Options: ClassVar[type[Options]] = MogeOptions
     options: MogeOptions
     reads = ("intrinsics",)
     capabilities: ClassVar[frozenset[str]] = frozenset({"returns_intrinsics"})
+    signatures: ClassVar = {
+        "MoGe-2": GraphSignature(
+            inputs=(
+                PortSpec("image", dtype="float", shape=("batch", 3, "height", "width")),
+                PortSpec("num_tokens", dtype=("int64", "int32")),
+            ),
+            outputs=(
+                PortSpec("points", shape=("batch", "height", "width", 3)),
+                PortSpec("normal", shape=("batch", "height", "width", 3), optional=True),
+                PortSpec("mask", shape=("batch", "height", "width")),
+                # The published files say "scale", what upstream's instructions export says
+                # "metric_scale".
+                PortSpec("metric_scale", ("scale",)),
+            ),
+            by_position=True,
+        )
+    }
 
-    def __init__(self, options: BaseModel | None = None) -> None:
-        super().__init__(options)
-        chosen = self.options
-        self.runner: SharedMoge = shared_moge(chosen.weights, chosen.provider, chosen.threads)
-        self.runner.members.add(self)
+    def graph_file(self) -> Path:
+        """Return the path of the network's file."""
+        return self.file(_FILE)
 
-    def build(self, device: str) -> OpenMoge:
-        """Open the network, or share it if it is open."""
-        path = self.file(_FILE)
-        status = path.stat()
-        identity = (str(path), status.st_size, status.st_mtime_ns, device)
-        self.runner.members.add(self)
-        return self.runner.open(identity, lambda: open_network(path, self.options, device))
+    def match(self, network: Network) -> LoadedGraph:
+        """Match an open network, which must take photos of any size.
 
-    def close(self) -> None:
-        """Release the network."""
-        super().close()
-        self.runner.release(self)
+        Raises:
+            BackendError: it is not a MoGe-2, or takes photos of one size.
+        """
+        loaded = super().match(network)
+        fixed = [size for size in loaded.inputs["image"].shape[2:] if isinstance(size, int)]
+        if fixed:
+            raise BackendError(
+                f"{network.name} was exported for photos of one size, {fixed}: export it "
+                "with free height and width (dynamic_axes), or use a published file, see "
+                "`physic weights list`"
+            )
+        return loaded
+
+    def _outputs(self, image: UInt8Array) -> tuple[NDArray[Any], ...]:
+        """Return points (h, w, 3), up to a scale and a shift along z, confidence (h, w) of a
+        surface, and metres a unit of the points, from the cache if the other backend has run.
+        """
+        graph = self.network
+        runtime = f"{graph.network.provider}, onnxruntime {onnxruntime().__version__}"
+        made_of = f"{self.fingerprint()} {self.options!r} {runtime}"
+        return cached_network_result(
+            "moge-2", made_of, {"image": image}, lambda: _run(graph, image, self.options.tokens)
+        )
 
     def _ask(self, image: UInt8Array, known: Intrinsics | None, *, metric: bool) -> Pointmap:
         """Return the points of a photo on the rays of the known or the estimated camera.
@@ -82,15 +122,16 @@ class _Moge(NetworkBackend):
             BackendError: the backend is not loaded, or the output of the network is unusable.
         """
         height, width = image.shape[:2]
-        raw = self.runner.run(self.network, image, self.options.tokens)
-        seen_height, seen_width = raw.mask.shape
-        notes = [f"MoGe-2 ran on {raw.provider}"]
+        xyz, confidence, scale = self._outputs(image)
+        surface = confidence > _SURE
+        seen_height, seen_width = surface.shape
+        notes = [f"MoGe-2 ran on {self.network.network.provider}"]
         if known is not None:
             focal = (known.fx * seen_width / width, known.fy * seen_height / height)
-            found = recover_camera(raw.points, raw.mask, focal)
+            found = recover_camera(xyz, surface, focal)
             camera = known
         else:
-            found = recover_camera(raw.points, raw.mask)
+            found = recover_camera(xyz, surface)
             focal_px = (
                 found.fx * half_diagonal(height, width) / half_diagonal(seen_height, seen_width)
             )
@@ -102,9 +143,9 @@ class _Moge(NetworkBackend):
                     f"MoGe-2 saw a scene too flat to tell the focal length: {focal_px:.0f} px is "
                     f"a guess"
                 )
-        mask = resize_map(raw.confidence, height, width) > 0.5
-        depth = resize_map(raw.points[..., 2], height, width)
-        points, valid = points_on_rays(depth, mask, found, camera, raw.scale if metric else 1.0)
+        mask = resize_map(confidence, height, width) > _SURE
+        depth = resize_map(xyz[..., 2], height, width)
+        points, valid = points_on_rays(depth, mask, found, camera, float(scale) if metric else 1.0)
         unknown: AffineAmbiguity = "scale" if found.determined else "scale_shift"
         return Pointmap(points, valid, unknown, camera, tuple(notes))
 
@@ -141,3 +182,58 @@ class Moge2Pointmap(_Moge, RelativePointmap):
             BackendError: it is not loaded, or sees no surface at all.
         """
         return self._ask(image, hints.intrinsics, metric=False)
+
+
+def network_input_size(height: int, width: int, tokens: int) -> tuple[int, int, int]:
+    """Return the height and width to which a photo is reduced, px, and the number of patches to ask
+    for.
+
+    The network resizes what it gets to patches of 14 px: with antialiasing in its authors' code,
+    without in the files. So a larger photo is reduced here to whole patches, which the network then
+    leaves as they are. Of the grids of at least :data:`_LEAST_SHARE` of ``tokens``, the one nearest
+    to the photo's aspect is taken. If none is near, as for a narrow strip, the photo keeps its
+    aspect and is resized twice.
+    """
+    factor = (tokens * _PATCH**2 / (height * width)) ** 0.5
+    if factor >= 1:
+        return height, width, tokens
+    most = int(factor * height / _PATCH)
+    grids = [
+        (rows, round(rows * width / height))
+        for rows in range(max(1, int(_LEAST_SHARE**0.5 * most)), most + 2)
+    ]
+    fits = [grid for grid in grids if _LEAST_SHARE * tokens <= grid[0] * grid[1] <= tokens]
+    off, (rows, columns) = min(
+        ((abs(math.log(c / r * height / width)), (r, c)) for r, c in fits),
+        default=(math.inf, (0, 0)),
+    )
+    if off > _MOST_SQUASH:
+        return max(1, round(height * factor)), max(1, round(width * factor)), tokens
+    return rows * _PATCH, columns * _PATCH, rows * columns
+
+
+def _run(graph: LoadedGraph, image: UInt8Array, tokens: int) -> tuple[NDArray[Any], ...]:
+    """Run the network on a photo and check its outputs."""
+    height, width, tokens = network_input_size(image.shape[0], image.shape[1], tokens)
+    seen = resize_image(image, height, width, "bilinear-antialias")
+    feed: dict[str, NDArray[Any]] = {
+        "image": normalized_nchw(seen),  # the graph subtracts mean and divides by deviation itself
+        # The published files take it without dimensions, and refuse one of shape (1,).
+        "num_tokens": np.full((1,) * len(graph.inputs["num_tokens"].shape), tokens, np.int64),
+    }
+    points, confidence, scale = graph.run(feed, ["points", "mask", "metric_scale"])
+    name = graph.network.name
+    if points.shape != (1, *seen.shape) or confidence.shape != points.shape[:3]:
+        raise BackendError(
+            f"{name} returned points {points.shape} and a mask {confidence.shape} for "
+            f"{seen.shape[1]} x {seen.shape[0]} px: it was exported for other sizes, or is not "
+            "MoGe-2"
+        )
+    metres = float(np.reshape(scale, -1)[0])
+    if not 0 < metres < np.inf:
+        raise BackendError(f"{name} returned a scale of {metres}, which has to be a number above 0")
+    return (
+        np.asarray(points[0], np.float32),
+        np.asarray(confidence[0], np.float32),
+        np.array(metres),
+    )

@@ -4,7 +4,7 @@ signature.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -14,7 +14,7 @@ from physic_core.errors import BackendError
 from physic_core.weights import read_manifest
 from physic_networks.networks import NetworkBackend
 
-from .sessions import OnnxOptions, open_network
+from .sessions import OnnxOptions, described_shape, open_network
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -50,31 +50,11 @@ class PortSpec:
         kinds = (self.dtype,) if isinstance(self.dtype, str) else self.dtype
         shape = "any shape"
         if self.shape is not None:
-            shape = _shape(tuple("?" if d is None else d for d in self.shape))
+            shape = described_shape("?" if d is None else d for d in self.shape)
         others = f" (or {', '.join(self.aliases)})" if self.aliases else ""
         return f"{self.name}{others} {' or '.join(kinds)} {shape}" + (
             ", optional" if self.optional else ""
         )
-
-
-@dataclass(frozen=True)
-class PortMatch:
-    """Inputs and outputs ("ports") of an ONNX file by the names that the backend uses.
-
-    Attributes:
-        inputs: what the adapter calls it -> port of the file.
-        outputs: the same of outputs.
-    """
-
-    inputs: Mapping[str, Port]
-    outputs: Mapping[str, Port]
-
-    def run(
-        self, network: Network, feed: Mapping[str, NDArray[Any]], outputs: Sequence[str]
-    ) -> list[NDArray[Any]]:
-        """Run a network; inputs and outputs have the names that the backend uses."""
-        given = {self.inputs[name].name: value for name, value in feed.items()}
-        return network.run(given, [self.outputs[name].name for name in outputs])
 
 
 @dataclass(frozen=True)
@@ -93,11 +73,30 @@ class GraphSignature:
     by_position: bool = False
 
 
-def match_signature(
-    network: Network, signatures: Mapping[str, GraphSignature]
-) -> tuple[str, PortMatch]:
-    """Return the name of the first signature that matches a network, with the network's inputs and
-    outputs.
+@dataclass(frozen=True, eq=False)
+class LoadedGraph:
+    """Open network whose inputs and outputs ("ports") have the names that the backend uses.
+
+    Attributes:
+        network: open.
+        signature: name of the form of the file that it matches.
+        inputs: what the backend calls it -> port of the file.
+        outputs: the same of outputs, in the order of the signature.
+    """
+
+    network: Network
+    signature: str
+    inputs: Mapping[str, Port]
+    outputs: Mapping[str, Port]
+
+    def run(self, feed: Mapping[str, NDArray[Any]], outputs: Iterable[str]) -> list[NDArray[Any]]:
+        """Run the network, and return the named outputs."""
+        given = {self.inputs[name].name: value for name, value in feed.items()}
+        return self.network.run(given, [self.outputs[name].name for name in outputs])
+
+
+def match_signature(network: Network, signatures: Mapping[str, GraphSignature]) -> LoadedGraph:
+    """Return a network with the first signature that it matches.
 
     Raises:
         BackendError: no signature matches; the message compares each of them with the network.
@@ -114,21 +113,22 @@ def match_signature(
         ]
         faults += more
         if not faults:
-            return name, PortMatch(ins, outs)
+            return LoadedGraph(network, name, ins, outs)
         expected += [
-            f"expected{f' of {name}' if name else ''}:",
+            f"expected of {name}:",
             f"  inputs:  {'; '.join(map(str, signature.inputs))}",
             f"  outputs: {'; '.join(map(str, signature.outputs))}",
             f"  but {'; '.join(faults)}",
         ]
     found = [
         "found:",
-        f"  inputs:  {'; '.join(map(_described, network.inputs.values())) or 'none'}",
-        f"  outputs: {'; '.join(map(_described, network.outputs.values())) or 'none'}",
+        f"  inputs:  {'; '.join(map(str, network.inputs.values())) or 'none'}",
+        f"  outputs: {'; '.join(map(str, network.outputs.values())) or 'none'}",
     ]
-    file = getattr(network, "name", "the file")
     raise BackendError(
-        "\n".join([f"{file} is not a network that this backend can run:", *expected, *found])
+        "\n".join(
+            [f"{network.name} is not a network that this backend can run:", *expected, *found]
+        )
     )
 
 
@@ -143,7 +143,7 @@ def _assign(
         if named is not None:
             found[want.name] = named
             if not _fits(want, named, kind):
-                faults.append(f"{kind} {_described(named)} has another form")
+                faults.append(f"{kind} {named} has another form")
     taken = {port.name for port in found.values()}
     for place, want in enumerate(wanted):
         if want.name in found:
@@ -171,52 +171,10 @@ def _fits(want: PortSpec, port: Port, kind: str) -> bool:
     return all(w == p for w, p in pairs if isinstance(w, int) and isinstance(p, int))
 
 
-def _described(port: Port) -> str:
-    """Format a port for a message."""
-    return f"{port.name} {port.dtype} {_shape(port.shape)}"
-
-
-def _shape(shape: Sequence[int | str]) -> str:
-    """Format a shape for a message."""
-    return f"({', '.join(map(str, shape))})"
-
-
 class OnnxBackendOptions(OnnxOptions):
     """Base class of the settings of a backend that runs one ONNX file."""
 
     weights: str = Field("", description=WEIGHTS_HELP)
-
-
-@dataclass(frozen=True)
-class LoadedGraph:
-    """Open network with its matched signature, inputs and outputs.
-
-    Attributes:
-        network: open.
-        signature: key in the adapter's table of signatures.
-        ports: its inputs and outputs by the adapter's names.
-    """
-
-    network: Network
-    signature: str
-    ports: PortMatch
-
-    def input_shape(self, name: str) -> tuple[int | str, ...]:
-        """Return the shape of an input; a number is a fixed size."""
-        return self.ports.inputs[name].shape
-
-    def has_output(self, output: str) -> bool:
-        """Return whether the network has the output ``output``."""
-        return output in self.ports.outputs
-
-    def run_image(self, name: str, value: NDArray[Any], *outputs: str) -> list[NDArray[Any]]:
-        """Run the network on one image and return the named outputs.
-
-        Axes of length 1 are added in front of the image up to the rank of the input.
-        """
-        rank = len(self.input_shape(name)) or value.ndim
-        fed = value.reshape((1,) * (rank - 3) + value.shape[-3:])
-        return self.ports.run(self.network, {name: fed}, outputs)
 
 
 class OnnxBackend(NetworkBackend):
@@ -239,7 +197,7 @@ class OnnxBackend(NetworkBackend):
         Raises:
             BackendError: its form is unknown.
         """
-        return LoadedGraph(network, *match_signature(network, self.signatures))
+        return match_signature(network, self.signatures)
 
     def graph_file(self) -> Path:
         """Return the path of the one ONNX file that the option ``weights`` names.

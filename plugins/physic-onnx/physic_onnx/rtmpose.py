@@ -1,9 +1,9 @@
 """Detect keypoints with RTMPose, RTMW or DWPose, one person at a time, and with RTMW3D in three
 dimensions.
 
-The networks classify x and y separately (SimCC), RTMW3D the depth too. MMPose trains these networks
-on RGB, and its own deployment feeds RGB. rtmlib feeds the same files BGR; set ``channels = "bgr"``
-to compare with it.
+The networks classify x and y separately (SimCC, arXiv:2107.03332), RTMW3D the depth too. MMPose
+trains these networks on RGB, and its own deployment feeds RGB. rtmlib feeds the same files BGR; set
+``channels = "bgr"`` to compare with it.
 """
 
 from __future__ import annotations
@@ -95,17 +95,11 @@ class RtmPose(TopDownKeypoints):
         return self.options.channels == "bgr"
 
     def decode(self, crops: FloatArray) -> tuple[FloatArray, FloatArray, tuple[int, int]]:
-        """Return the peaks in px of the crop."""
+        """Return the peaks in px of the crop, of a network of three dimensions with their depths in
+        metres.
+        """
         height, width = crops.shape[2:]
-        along_x, along_y = run_batches(
-            self.network, {"input": crops}, ["simcc_x", "simcc_y"], self.options.batch
-        )
-        return *self.peaks(along_x, along_y, width, height), (height, width)
-
-    def peaks(
-        self, along_x: FloatArray, along_y: FloatArray, width: int, height: int
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the peaks (N, J, 2) in px of the crop, and the confidence (N, J)."""
+        along_x, along_y, *along_z = run_batches(self.network, {"input": crops}, self.options.batch)
         split = along_x.shape[2] / width
         if (
             along_y.shape[:2] != along_x.shape[:2]
@@ -117,8 +111,17 @@ class RtmPose(TopDownKeypoints):
                 f"{along_y.shape} for {width} x {height} px: as many bins a pixel along both were "
                 "expected"
             )
-        points, score = simcc_peaks(along_x, along_y, split)
-        return points, scores_to_confidence(score, self.options.full_score)
+        points = np.stack([along_x.argmax(-1), along_y.argmax(-1)], -1) / split
+        if along_z:
+            (along,) = along_z
+            if along.shape[:2] != along_x.shape[:2]:
+                raise BackendError(
+                    f"{self.network.network.name} returned simcc_z {along.shape} of other joints"
+                )
+            depth = (2 * along.argmax(-1) / along.shape[2] - 1) * DEPTH_RANGE_M
+            points = np.concatenate([points, depth[..., None]], -1)
+        score = np.minimum(along_x.max(-1), along_y.max(-1)).astype(np.float64)
+        return points, scores_to_confidence(score, self.options.full_score), (height, width)
 
 
 class Rtmw3dOptions(RtmPoseOptions):
@@ -148,21 +151,6 @@ class Rtmw3d(RtmPose):
             by_position=True,
         ),
     }
-
-    def decode(self, crops: FloatArray) -> tuple[FloatArray, FloatArray, tuple[int, int]]:
-        """Return the peaks in px of the crop, and their depths in metres."""
-        height, width = crops.shape[2:]
-        names = ["simcc_x", "simcc_y", "simcc_z"]
-        along_x, along_y, along_z = run_batches(
-            self.network, {"input": crops}, names, self.options.batch
-        )
-        points, score = self.peaks(along_x, along_y, width, height)
-        if along_z.shape[:2] != along_x.shape[:2]:
-            raise BackendError(
-                f"{self.network.network.name} returned simcc_z {along_z.shape} of other joints"
-            )
-        depth = (2 * along_z.argmax(-1) / along_z.shape[2] - 1) * DEPTH_RANGE_M
-        return np.concatenate([points, depth[..., None]], -1), score, (height, width)
 
     def complete(self, found: Keypoints, decoded: FloatArray, crops: Sequence[Crop]) -> Keypoints:
         """Add the joints in metres, and the errors of points and depths."""
@@ -207,20 +195,3 @@ def metres_per_pixel(found: Keypoints, depth: FloatArray) -> FloatArray:
     square = (weight * pixels * across).sum(1) / ((weight * pixels**2).sum(1) + 1e-9)
     tall = STATURE_M / np.maximum(np.ptp(found.points, axis=1).max(-1), 1.0)
     return np.asarray(np.clip(np.sqrt(np.maximum(square, 0)), tall / 3, 1.5 * tall))
-
-
-def simcc_peaks(
-    along_x: FloatArray, along_y: FloatArray, split: float = 2.0
-) -> tuple[FloatArray, FloatArray]:
-    """Decode keypoints of a network that classifies x and y separately (SimCC, arXiv:2107.03332).
-
-    Args:
-        along_x: (N, J, split * width).
-        along_y: (N, J, split * height).
-        split: bins per px of the network's input.
-
-    Returns:
-        Points (N, J, 2) in px of the network's input, and the lower of the two maxima (N, J).
-    """
-    points = np.stack([along_x.argmax(-1), along_y.argmax(-1)], -1) / split
-    return points, np.minimum(along_x.max(-1), along_y.max(-1)).astype(np.float64)

@@ -17,10 +17,9 @@ from .sessions import OnnxOptions
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, People, UInt8Array
-    from physic_networks.people import Detections
 
     from .detectors import Detector
-    from .sam2_networks import EncodedImage, Sam2Networks
+    from .sam2_networks import Sam2Networks
 
 EMBEDDED = "embedded"
 """Value of the option ``detector``: boxes, joints and surfaces of the segmenter in the wheel of
@@ -101,8 +100,21 @@ class Sam2(NetworkBackend, Segmenter):
         """Describe the missing files of encoder, decoder and detector, or the missing plugin of the
         embedded one.
         """
+        from .sam2_networks import find_sam2_files
+
         lack = missing(self.manifest(), self.options.weights)
-        return (*(lack or self._not_in_folder()), *self._missing_detector())
+        if not lack:
+            try:
+                find_sam2_files(self.file(), self.options.variant)
+            except PhysicError as error:
+                lack = (str(error),)
+        if self.options.detector != EMBEDDED:
+            return (*lack, *missing(self.manifest(), self.options.detector))
+        try:
+            find_backend("segmenter", _SEGMENTER)
+        except BackendNotFoundError as error:
+            return (*lack, str(error).partition("\n")[0])
+        return lack
 
     def fingerprint(self) -> str:
         """Return the checksums of the weights."""
@@ -121,7 +133,7 @@ class Sam2(NetworkBackend, Segmenter):
         """
         from dataclasses import replace
 
-        from physic_networks.people import Detections, people_from_masks
+        from physic_networks.people import Detections, mask_nms, people_from_masks
         from physic_networks.pictures import resize_map
 
         from .sam2_floor import floor_mask
@@ -137,15 +149,13 @@ class Sam2(NetworkBackend, Segmenter):
             : self.options.most
         ]
         border = self.options.floor == "feet-and-border"
-        if not len(found) and not border:
-            nobody = people_from_masks([], None, found.scores, size=size, keypoints=found.keypoints)
-            return (
-                nobody
-                if seen is None
-                else _with_rest(nobody, seen, with_floor=self.options.floor != "none")
-            )
-        photo = networks.encode(image)
-        found, logits = self._masks(networks, photo, found)
+        photo = networks.encode(image) if len(found) or border else None
+        logits: FloatArray = np.zeros((0, 1, 1), np.float32)
+        if photo is not None and len(found):
+            three, fits = networks.masks_from_boxes(photo, found.boxes)
+            logits = three[np.arange(len(three)), fits.argmax(axis=1)]
+            rows = mask_nms(logits > 0, found.scores)
+            found, logits = found[rows], logits[rows]
         people = people_from_masks(
             (resize_map(grid, *size) for grid in logits),
             found.boxes,
@@ -153,48 +163,11 @@ class Sam2(NetworkBackend, Segmenter):
             size=size,
             keypoints=found.keypoints,
         )
-        if self.options.floor != "none":
+        if photo is not None and self.options.floor != "none":
             people = replace(people, floor=floor_mask(networks, photo, people, border=border))
-        return (
-            people
-            if seen is None
-            else _with_rest(people, seen, with_floor=self.options.floor != "none")
-        )
-
-    def _missing_detector(self) -> tuple[str, ...]:
-        """Describe missing files of the detector, or the missing plugin of the embedded one."""
-        if self.options.detector != EMBEDDED:
-            return missing(self.manifest(), self.options.detector)
-        try:
-            find_backend("segmenter", _SEGMENTER)
-        except BackendNotFoundError as error:
-            return (str(error).partition("\n")[0],)
-        return ()
-
-    @staticmethod
-    def _masks(
-        networks: Sam2Networks, photo: EncodedImage, found: Detections
-    ) -> tuple[Detections, FloatArray]:
-        """Return the people with distinct masks, and their mask logits (N, h, w)."""
-
-        from physic_networks.people import mask_nms
-
-        if not len(found):
-            return found, np.zeros((0, 1, 1), np.float32)
-        three, fits = networks.masks_from_boxes(photo, found.boxes)
-        logits = three[np.arange(len(three)), fits.argmax(axis=1)]
-        rows = mask_nms(logits > 0, found.scores)
-        return found[rows], logits[rows]
-
-    def _not_in_folder(self) -> tuple[str, ...]:
-        """Describe a missing encoder or decoder in the folder."""
-        from .sam2_networks import find_sam2_files
-
-        try:
-            find_sam2_files(self.file(), self.options.variant)
-        except PhysicError as error:
-            return (str(error),)
-        return ()
+        if seen is None:
+            return people
+        return _with_rest(people, seen, with_floor=self.options.floor != "none")
 
 
 def _with_rest(people: People, seen: People, *, with_floor: bool) -> People:

@@ -24,25 +24,24 @@ if TYPE_CHECKING:
 
     from .sessions import Network, OnnxOptions
 
-ENCODERS: Mapping[str, GraphSignature] = {
-    "transformers.js": GraphSignature(
-        (PortSpec("pixel_values", shape=(None, 3, None, None)),),
-        (
-            PortSpec("image_embeddings.0", shape=(None, 32, None, None)),
-            PortSpec("image_embeddings.1", shape=(None, 64, None, None)),
-            PortSpec("image_embeddings.2", shape=(None, 256, None, None)),
-        ),
-    ),
-    "samexporter": GraphSignature(
-        (PortSpec("image", shape=(None, 3, None, None)),),
-        (
-            PortSpec("high_res_feats_0", shape=(None, 32, None, None)),
-            PortSpec("high_res_feats_1", shape=(None, 64, None, None)),
-            PortSpec("image_embed", shape=(None, 256, None, None)),
-        ),
-    ),
+_FEATURES = {
+    "transformers.js": ("image_embeddings.0", "image_embeddings.1", "image_embeddings.2"),
+    "samexporter": ("high_res_feats_0", "high_res_feats_1", "image_embed"),
 }
-"""Signatures of the encoder by the exporting tool. Outputs are sorted from fine to coarse."""
+"""Outputs of the encoder by the exporting tool, sorted from fine to coarse."""
+_MAPS = {
+    tool: tuple(
+        PortSpec(name, shape=(None, channels, None, None))
+        for name, channels in zip(names, (32, 64, 256), strict=True)
+    )
+    for tool, names in _FEATURES.items()
+}
+_PICTURES = {"transformers.js": "pixel_values", "samexporter": "image"}
+ENCODERS: Mapping[str, GraphSignature] = {
+    tool: GraphSignature((PortSpec(name, shape=(None, 3, None, None)),), _MAPS[tool])
+    for tool, name in _PICTURES.items()
+}
+"""Signatures of the encoder by the exporting tool."""
 
 DECODERS: Mapping[str, GraphSignature] = {
     "transformers.js": GraphSignature(
@@ -50,16 +49,16 @@ DECODERS: Mapping[str, GraphSignature] = {
             PortSpec("input_points", shape=(None, None, None, 2)),
             PortSpec("input_labels", dtype="int64", shape=(None, None, None)),
             PortSpec("input_boxes", shape=(None, None, 4)),
-            *ENCODERS["transformers.js"].outputs,
+            *_MAPS["transformers.js"],
         ),
         (
-            PortSpec("iou_scores", shape=(None, None, None)),
             PortSpec("pred_masks", shape=(None, None, None, None, None)),
+            PortSpec("iou_scores", shape=(None, None, None)),
         ),
     ),
     "samexporter": GraphSignature(
         (
-            *ENCODERS["samexporter"].outputs,
+            *_MAPS["samexporter"],
             PortSpec("point_coords", shape=(None, None, 2)),
             PortSpec("point_labels", shape=(None, None)),
             PortSpec("mask_input", shape=(None, 1, None, None)),
@@ -71,6 +70,7 @@ DECODERS: Mapping[str, GraphSignature] = {
         ),
     ),
 }
+"""Signatures of the decoder by the exporting tool. The outputs are masks and their quality."""
 
 INSIDE = 1
 OUTSIDE = 0
@@ -115,25 +115,21 @@ class EncodedImage:
 class Sam2Networks:
     """Loaded encoder and decoder networks of SAM 2.
 
-    Attributes:
-        signature: one of ENCODERS.
-
     Raises:
         BackendError: one does not match its signature, or they are of different exports.
     """
 
     def __init__(self, encoder: Network, decoder: Network) -> None:
-        self._encoder = encoder
-        self._decoder = decoder
-        self.signature, self._encoding = match_signature(encoder, ENCODERS)
-        signature, self._decoding = match_signature(decoder, DECODERS)
-        if signature != self.signature:
+        self._encoder = match_signature(encoder, ENCODERS)
+        self._decoder = match_signature(decoder, DECODERS)
+        if self._decoder.signature != self._encoder.signature:
             raise BackendError(
-                f"the encoder {encoder.name} comes from {self.signature} and the decoder "
-                f"{decoder.name} from {signature}: take both from one export"
+                f"the encoder {encoder.name} comes from {self._encoder.signature} and the decoder "
+                f"{decoder.name} from {self._decoder.signature}: take both from one export"
             )
-        (port,) = self._encoding.inputs.values()
+        ((self._picture, port),) = self._encoder.inputs.items()
         self._side = port.shape[2] if isinstance(port.shape[2], int) else 1024
+        self._has_boxes = "input_boxes" in self._decoder.inputs
 
     def encode(self, image: UInt8Array) -> EncodedImage:
         """Encode a photo (H, W, 3), RGB."""
@@ -149,8 +145,7 @@ class Sam2Networks:
         frame = normalized_nchw(
             resize_image(image, self._side, self._side, "bilinear-antialias"), mean, std
         )
-        (name,) = self._encoding.inputs
-        features = self._encoding.run(self._encoder, {name: frame}, list(self._encoding.outputs))
+        features = self._encoder.run({self._picture: frame}, self._encoder.outputs)
         return EncodedImage(tuple(features), (image.shape[0], image.shape[1]), self._side)
 
     def masks_from_boxes(
@@ -204,18 +199,11 @@ class Sam2Networks:
         points: tuple[FloatArray, NDArray[Any]] | None = None,
     ) -> tuple[FloatArray, FloatArray]:
         """Run the decoder on boxes and optional points: logits and predicted fits."""
-        if self.signature == "transformers.js":
-            feed = self._with_boxes(corners, points)
-            names = ["pred_masks", "iou_scores"]
-        else:
-            feed = self._with_corner_points(corners, points)
-            names = ["masks", "iou_predictions"]
-        feed.update(zip(self._encoding.outputs, photo.features, strict=True))
-        logits, fits = self._decoding.run(self._decoder, feed, names)
-        if self.signature == "transformers.js":
-            logits = logits[0]
-            fits = fits[0]
-        return logits, fits
+        prompt = self._with_boxes if self._has_boxes else self._with_corner_points
+        feed = prompt(corners, points)
+        feed.update(zip(self._encoder.outputs, photo.features, strict=True))
+        logits, fits = self._decoder.run(feed, self._decoder.outputs)
+        return (logits[0], fits[0]) if self._has_boxes else (logits, fits)
 
     def _with_boxes(
         self, corners: FloatArray, points: tuple[FloatArray, NDArray[Any]] | None
@@ -226,7 +214,7 @@ class Sam2Networks:
             labels = points[1][None, None]
         else:
             # Not every provider takes empty arrays; a padding point has nearly the same effect.
-            none = 0 if self._decoder.provider in ("CPU", "CUDA") else 1
+            none = 0 if self._decoder.network.provider in ("CPU", "CUDA") else 1
             prompt = np.zeros((1, len(corners), none, 2))
             labels = np.full((1, len(corners), none), NOTHING)
         return {
@@ -244,7 +232,7 @@ class Sam2Networks:
         if points is not None:
             prompt = np.concatenate([prompt, points[0][None]], axis=1)
             labels = np.concatenate([labels, points[1][None]], axis=1)
-        side = self._decoding.inputs["mask_input"].shape[2]
+        side = self._decoder.inputs["mask_input"].shape[2]
         grid = side if isinstance(side, int) else self._side // 4
         return {
             "point_coords": prompt.astype(np.float32),
@@ -255,10 +243,8 @@ class Sam2Networks:
 
     def _boxes_per_call(self) -> int:
         """Return the number of boxes in one run, which a file may fix to one."""
-        name, axis = (
-            ("input_boxes", 1) if self.signature == "transformers.js" else ("point_coords", 0)
-        )
-        fixed = self._decoding.inputs[name].shape[axis]
+        name, axis = ("input_boxes", 1) if self._has_boxes else ("point_coords", 0)
+        fixed = self._decoder.inputs[name].shape[axis]
         return fixed if isinstance(fixed, int) and fixed > 0 else BOXES_PER_CALL
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import mmap
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -57,6 +57,14 @@ class Port:
     name: str
     dtype: str
     shape: tuple[int | str, ...]
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.dtype} {described_shape(self.shape)}"
+
+
+def described_shape(shape: Iterable[int | str]) -> str:
+    """Format a shape for a message."""
+    return f"({', '.join(map(str, shape))})"
 
 
 class Network:
@@ -115,10 +123,6 @@ class Network:
     def _cast(self, name: str, value: NDArray[Any]) -> NDArray[Any]:
         """Cast an array to the type of an input."""
         value = np.asarray(value)
-        if name not in self.inputs:
-            raise BackendError(
-                f"{self.name} has no input {name!r}; it has {', '.join(self.inputs)}"
-            )
         wanted = self.inputs[name].dtype
         if value.dtype.name == wanted:
             return np.require(value, requirements="C")

@@ -84,7 +84,7 @@ class TopDownKeypoints(OnnxBackend, KeypointDetector):
             BackendError: its form or its skeleton is unknown.
         """
         loaded = self._network = super().match(network)
-        stated = (*next(iter(loaded.ports.outputs.values())).shape, "", "")[1]
+        stated = (*next(iter(loaded.outputs.values())).shape, "", "")[1]
         if not isinstance(stated, int):
             stated = self.decode(np.zeros((1, 3, *self._crop_size()), np.float32))[0].shape[1]
         if stated not in SKELETON_BY_JOINTS:
@@ -125,7 +125,7 @@ class TopDownKeypoints(OnnxBackend, KeypointDetector):
 
     def _crop_size(self) -> tuple[int, int]:
         """Return height and width of a crop, px."""
-        shape = next(iter(self.network.ports.inputs.values())).shape[2:]
+        shape = next(iter(self.network.inputs.values())).shape[2:]
         rows, columns = (
             n if isinstance(n, int) else own for n, own in zip(shape, self.crop_size, strict=True)
         )
@@ -151,26 +151,25 @@ def crop_batch(image: UInt8Array, crops: Sequence[Crop], *, bgr: bool = False) -
 
 
 def run_batches(
-    loaded: LoadedGraph, feed: Mapping[str, NDArray[Any]], outputs: Sequence[str], most: int
+    loaded: LoadedGraph, feed: Mapping[str, NDArray[Any]], most: int
 ) -> list[NDArray[Any]]:
-    """Run a network over N rows in batches.
+    """Run a network over N rows in batches, and return all outputs of its signature.
 
     Args:
         loaded: the network; a file that fixes its batch gets batches of that size. One that
             quantises a batch with one range gets one row at a time, repeated where it fixes its
             batch.
         feed: input, by the adapter's name -> (N, ...), N > 0.
-        outputs: by the adapter's names.
         most: rows at a time where the file leaves the batch free.
 
     Raises:
         BackendError: it fails, or answers another number of rows.
     """
-    firsts = [shape[0] for name in feed if (shape := loaded.input_shape(name))]
+    firsts = [shape[0] for name in feed if (shape := loaded.inputs[name].shape)]
     fixed = [first for first in firsts if isinstance(first, int) and first > 0]
 
     def call(part: dict[str, NDArray[Any]]) -> list[NDArray[Any]]:
-        return loaded.ports.run(loaded.network, part, outputs)
+        return loaded.run(part, loaded.outputs)
 
     def call_alone(part: dict[str, NDArray[Any]]) -> list[NDArray[Any]]:
         return run_in_batches(call, part, fixed[0] if fixed else 1, full=bool(fixed))

@@ -80,18 +80,17 @@ class VitPose(TopDownKeypoints):
     def decode(self, crops: FloatArray) -> tuple[FloatArray, FloatArray, tuple[int, int]]:
         """Return the peaks in cells of the heatmaps."""
         loaded = self.network
-        picture = next(iter(loaded.ports.inputs))
-        maps = next(iter(loaded.ports.outputs))
+        picture = next(iter(loaded.inputs))
         feed: dict[str, NDArray[Any]] = {picture: crops}
         if loaded.signature == PLUS:
             feed["dataset_index"] = np.full(
                 len(crops), EXPERT_BY_JOINTS.get(self._joints, COCO), np.int64
             )
-        (heatmaps,) = run_batches(loaded, feed, [maps], self.options.batch)
+        (heatmaps,) = run_batches(loaded, feed, self.options.batch)
         if heatmaps.ndim != 4:
             raise BackendError(
-                f"{loaded.network.name} returned {maps} {heatmaps.shape}: heat maps (N, joints, "
-                "rows, columns) were expected"
+                f"{loaded.network.name} returned {next(iter(loaded.outputs))} {heatmaps.shape}: "
+                "heat maps (N, joints, rows, columns) were expected"
             )
         cells, peaks = subpixel_peaks(heatmaps)
         rows, columns = heatmaps.shape[2:]

@@ -14,9 +14,8 @@ WANTED_IMAGE = PortSpec("image", shape=("batch", 3, "height", "width"))
 
 def match(network, inputs, outputs, *, by_position=False):
     """Match a network with one signature."""
-    return match_signature(
-        network, {"": GraphSignature(tuple(inputs), tuple(outputs), by_position)}
-    )[1]
+    form = GraphSignature(tuple(inputs), tuple(outputs), by_position)
+    return match_signature(network, {"one": form})
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from physic_core.types import People
 from physic_onnx.vitpose import HUB, PLUS, VitPose
 from physic_testing import violations
 
-from .pose_worlds import BOX, PLACES, blobs, people, region
+from .pose_worlds import BOX, blobs, people, region
 
 PORTS = {
     "easy": ("input_0", "output_0"),
@@ -31,11 +31,11 @@ def vitpose(bound, stand_in_network):
     pixel 4 q.
     """
 
-    def make(kind="easy", count=17, batch="batch", *, stated=True):
+    def make(kind="easy", count=17, *, stated=True):
         picture, maps = PORTS[kind]
-        inputs = {picture: ("float32", (batch, 3, 256, 192))}
+        inputs = {picture: ("float32", ("batch", 3, 256, 192))}
         if kind == "plus":
-            inputs["dataset_index"] = ("int64", (batch,))
+            inputs["dataset_index"] = ("int64", ("batch",))
 
         def answer(feed):
             seen = torch.from_numpy(feed[picture][:, np.arange(count) % 3])
@@ -47,7 +47,7 @@ def vitpose(bound, stand_in_network):
             expert = feed.get("dataset_index", np.zeros(1))
             return {maps: small.numpy() + expert[:, None, None, None]}
 
-        outputs = {maps: ("float32", (batch, count if stated else "joints", 64, 48))}
+        outputs = {maps: ("float32", ("batch", count if stated else "joints", 64, 48))}
         return bound(VitPose, stand_in_network(inputs, answer, outputs))
 
     return make
@@ -87,15 +87,6 @@ def test_vitpose_plus_gets_the_expert_of_its_joint_set(vitpose, count, expert):
 def test_keypoints_of_one_hand_are_refused(vitpose, stated):
     with pytest.raises(BackendError, match=r"returns 21 keypoints a person.*those of one hand"):
         vitpose(count=21, stated=stated)
-
-
-@pytest.mark.parametrize("batch", [1, "batch"])
-def test_people_do_not_depend_on_their_batch(vitpose, batch):
-    seen = blobs(PLACES)
-    boxes = [(60.0 + i, 40.0, 140.0, 170.0) for i in range(5)]
-    together = vitpose(batch=batch).infer(seen, people(*boxes))
-    alone = [vitpose(batch=batch).infer(seen, people(box)) for box in boxes]
-    assert np.allclose(together.points, np.concatenate([one.points for one in alone]), atol=1e-6)
 
 
 @pytest.fixture(params=[1, 3], ids=["plain", "plus"])

@@ -26,7 +26,7 @@ from physic_core.files import (
     shorten,
     wrap_decoding_errors,
 )
-from physic_opencv.exr import MAX_BYTES, read_exr
+from physic_opencv.exr import MAX_BYTES, check_size, read_exr
 from physic_opencv.jpeg_depth import read_jpeg_depth
 
 if TYPE_CHECKING:
@@ -112,10 +112,13 @@ def read_depth(
     _require(path, "depth map")
     is_relative = False
     values: NDArray[np.generic]
-    valid: NDArray[np.bool_] | None = None
+    valid: NDArray[np.generic] | None = None
     notes: tuple[str, ...] = ()
-    if suffix == ".npy":
-        values = _load_npy(path)
+    if suffix in POINTMAP_SUFFIXES:
+        values, valid, notes = _load_arrays(path, "depth")
+        if suffix == ".npz" and values.ndim == 3 and len(values) == 1:
+            values = values[0]  # of a network that takes several pictures
+            valid = None if valid is None else valid.reshape(valid.shape[-2:])
     elif suffix in (".png", ".pfm"):
         values = _read_picture(path)
         if values.dtype == np.uint8:
@@ -124,11 +127,6 @@ def read_depth(
                 f"steps are too coarse: "
                 "give a PNG of 16 bits in millimetres, or a .npy array in metres"
             )
-    elif suffix == ".npz":
-        values, valid, notes = _load_npz(path, "depth")
-        if values.ndim == 3 and len(values) == 1:  # of a network that takes several pictures
-            values = values[0]
-            valid = None if valid is None else valid.reshape(valid.shape[-2:])
     elif suffix == ".exr":
         values = read_exr(path)
     elif suffix in (".jpg", ".jpeg"):
@@ -172,14 +170,9 @@ def read_pointmap(path: Path, scale: float) -> tuple[FloatArray, BoolArray, tupl
     Raises:
         InputError: the file cannot be read, has another format or shape, or has no valid point.
     """
-    suffix = check_suffix(path, POINTMAP_SUFFIXES)
+    check_suffix(path, POINTMAP_SUFFIXES)
     _require(path, "point map")
-    valid: NDArray[np.bool_] | None = None
-    notes: tuple[str, ...] = ()
-    if suffix == ".npy":
-        points = _load_npy(path)
-    else:
-        points, valid, notes = _load_npz(path, "points")
+    points, valid, notes = _load_arrays(path, "points")
     if points.ndim != 3 or points.shape[2] != 3 or points.dtype.kind not in "fiu":
         raise InputError(
             f"the points of {path} must be (H, W, 3) numbers, got {points.shape} {points.dtype}"
@@ -280,14 +273,18 @@ def _load_npy(path: Path) -> NDArray[np.generic]:
         raise InputError(
             f"cannot read {path}: it is an archive of arrays; save one array with numpy.save"
         )
-    _check_size(path, values.nbytes)  # a sparse file can be larger than the disk
+    check_size(path, values.nbytes)  # a sparse file can be larger than the disk
     return values
 
 
-def _load_npz(
+def _load_arrays(
     path: Path, needed: str
-) -> tuple[NDArray[np.generic], NDArray[np.bool_] | None, tuple[str, ...]]:
-    """Read an array and "valid", None if it is missing, with a note on the other arrays."""
+) -> tuple[NDArray[np.generic], NDArray[np.generic] | None, tuple[str, ...]]:
+    """Read a .npy file, or an array of a .npz and "valid", None if it is missing, with a note on
+    the other arrays.
+    """
+    if path.suffix.lower() == ".npy":
+        return _load_npy(path), None, ()
     try:
         with open_regular(path) as stream:
             names = read_names(stream)
@@ -323,11 +320,3 @@ def _read_picture(path: Path) -> NDArray[np.generic]:
                 f"read differently; write 1 or -1, with the depth in metres"
             )
         return np.asarray(image if image.mode in _GREY else image.convert("RGB"))
-
-
-def _check_size(path: Path, size: int) -> None:
-    if size > MAX_BYTES:
-        raise InputError(
-            f"cannot read {path}: its numbers take {size / 1e9:,.1f} GB, more than "
-            f"{MAX_BYTES / 1e9} GB"
-        )

@@ -48,11 +48,7 @@ def read_exr(path: Path) -> NDArray[np.generic]:
     try:
         heads = OpenEXR.File(str(path), separate_channels=True, header_only=True).parts
         size = sum(_bytes(part.header) for part in heads)
-        if size > MAX_BYTES:
-            raise InputError(
-                f"cannot read {path}: its numbers take {size / 1e9:,.1f} GB, more than "
-                f"{MAX_BYTES / 1e9} GB"
-            )
+        check_size(path, size)
         parts = OpenEXR.File(str(path), separate_channels=True).parts
         found = {
             _name(part, name): _displayed(channel.pixels, part.header, path)
@@ -64,6 +60,15 @@ def read_exr(path: Path) -> NDArray[np.generic]:
     except Exception as error:  # the package raises many classes for damaged files
         raise InputError(f"cannot read the depth map {path}: it is damaged ({error})") from error
     return _depth(found, path)
+
+
+def check_size(path: Path, size: int) -> None:
+    """Raise InputError if the numbers of a file take more than :data:`MAX_BYTES`."""
+    if size > MAX_BYTES:
+        raise InputError(
+            f"cannot read {path}: its numbers take {size / 1e9:,.1f} GB, more than "
+            f"{MAX_BYTES / 1e9} GB"
+        )
 
 
 def _bytes(header: Mapping[str, Any]) -> int:

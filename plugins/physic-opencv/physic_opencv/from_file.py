@@ -5,7 +5,7 @@ program.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -56,51 +56,6 @@ class DepthFileOptions(interfaces.Options):
     )
 
 
-class DepthFile(interfaces.MetricDepth):
-    """Metric depth of the photo from a file of the user's.
-
-    The file shows the photo with its people. Pixels in a hole of the hints are unknown.
-    """
-
-    written_for = 1
-    Options = DepthFileOptions
-    options: DepthFileOptions
-    sees = "photo"
-    cacheable = False  # reading the file again costs less than the cache
-
-    def missing(self) -> tuple[str, ...]:
-        """Return a line if the file does not exist.
-
-        Raises:
-            InputError: no file of this suffix is read.
-        """
-        return _missing_file(self.options.path, "metric_depth", DEPTH_SUFFIXES)
-
-    def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
-        """Return the depth (H, W) of the file in metres, NaN where it is unknown and in
-        ``hints.hole``.
-
-        Raises:
-            InputError: the file cannot be read, or shows another photo.
-        """
-        options = self.options
-        path = _given(options.path, "metric_depth")
-        depth, is_relative, notes = read_depth(path, options.scale, options.invalid)
-        resized, resizing = resize_nearest(depth, image.shape[0], image.shape[1], path)
-        notes += resizing
-        if hints.hole is not None:
-            resized = np.where(hints.hole, np.nan, resized)
-        if np.isnan(resized).all():
-            raise _only_people(path, "depth")
-        sigma = options.relative_sigma if is_relative else options.sigma
-        if is_relative:
-            notes += (
-                f"{path.name} calls its depth relative: its scale counts with a deviation of "
-                f"{100 * sigma:g} %",
-            )
-        return DepthMap(np.asarray(resized, np.float32), None, sigma, notes)
-
-
 class PointmapFileOptions(interfaces.Options):
     """Settings of the point map from a file."""
 
@@ -122,7 +77,88 @@ class PointmapFileOptions(interfaces.Options):
     )
 
 
-class PointmapFile(interfaces.RelativePointmap):
+class _FromFile(interfaces.Backend):
+    """Base class of backends whose result is in the file of the option ``path``."""
+
+    suffixes: ClassVar[tuple[str, ...]]
+    options: DepthFileOptions | PointmapFileOptions
+    cacheable = False  # reading the file again costs less than the cache
+
+    def missing(self) -> tuple[str, ...]:
+        """Return a line if the file does not exist.
+
+        Raises:
+            InputError: no file of this suffix is read.
+        """
+        path = self.options.path
+        if path is None:
+            return (f"a file of this photo: set {self.interface}.options.path",)
+        if path.is_file():
+            check_suffix(path, self.suffixes)
+            return ()
+        return (
+            f"{path}: there is no such file; set {self.interface}.options.path to the file of this "
+            "photo",
+        )
+
+    def given(self) -> Path:
+        """Return the path of the file.
+
+        Raises:
+            InputError: none was given.
+        """
+        if self.options.path is None:
+            raise InputError(
+                f"no file was given: set {self.interface}.options.path to the file of this photo"
+            )
+        return self.options.path
+
+    def only_people(self, what: str) -> InputError:
+        """Return the error for a map without a known pixel of the scene."""
+        return InputError(
+            f"{self.options.path} has no {what} outside the people, so that nothing is known of "
+            "the scene: give a map of the whole photo"
+        )
+
+
+class DepthFile(_FromFile, interfaces.MetricDepth):
+    """Metric depth of the photo from a file of the user's.
+
+    The file shows the photo with its people. Pixels in a hole of the hints are unknown.
+    """
+
+    written_for = 1
+    Options = DepthFileOptions
+    options: DepthFileOptions
+    suffixes = DEPTH_SUFFIXES
+    sees = "photo"
+
+    def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
+        """Return the depth (H, W) of the file in metres, NaN where it is unknown and in
+        ``hints.hole``.
+
+        Raises:
+            InputError: the file cannot be read, or shows another photo.
+        """
+        options = self.options
+        path = self.given()
+        depth, is_relative, notes = read_depth(path, options.scale, options.invalid)
+        resized, resizing = resize_nearest(depth, image.shape[0], image.shape[1], path)
+        notes += resizing
+        if hints.hole is not None:
+            resized = np.where(hints.hole, np.nan, resized)
+        if np.isnan(resized).all():
+            raise self.only_people("depth")
+        sigma = options.relative_sigma if is_relative else options.sigma
+        if is_relative:
+            notes += (
+                f"{path.name} calls its depth relative: its scale counts with a deviation of "
+                f"{100 * sigma:g} %",
+            )
+        return DepthMap(np.asarray(resized, np.float32), None, sigma, notes)
+
+
+class PointmapFile(_FromFile, interfaces.RelativePointmap):
     """Point map of the photo from a file of the user's.
 
     The file shows the photo with its people: for the inpainted photo, points in the inpainted hole
@@ -132,15 +168,7 @@ class PointmapFile(interfaces.RelativePointmap):
     written_for = 1
     Options = PointmapFileOptions
     options: PointmapFileOptions
-    cacheable = False  # reading the file again costs less than the cache
-
-    def missing(self) -> tuple[str, ...]:
-        """Return a line if the file does not exist.
-
-        Raises:
-            InputError: no file of this suffix is read.
-        """
-        return _missing_file(self.options.path, "relative_pointmap", POINTMAP_SUFFIXES)
+    suffixes = POINTMAP_SUFFIXES
 
     def infer(self, image: UInt8Array, hints: Hints) -> Pointmap:
         """Return the points (H, W, 3) of the file and their validity, without those in
@@ -150,7 +178,7 @@ class PointmapFile(interfaces.RelativePointmap):
             InputError: the file cannot be read, or shows another photo.
         """
         options = self.options
-        path = _given(options.path, "relative_pointmap")
+        path = self.given()
         points, valid, notes = read_pointmap(path, options.scale)
         points_here, resizing = resize_nearest(points, image.shape[0], image.shape[1], path)
         notes += resizing
@@ -159,31 +187,5 @@ class PointmapFile(interfaces.RelativePointmap):
         if hints.hole is not None:
             known = known & ~hints.hole
         if not known.any():
-            raise _only_people(path, "point")
+            raise self.only_people("point")
         return Pointmap(np.asarray(points_here, np.float32), known, options.unknown, None, notes)
-
-
-def _only_people(path: Path, what: str) -> InputError:
-    return InputError(
-        f"{path} has no {what} outside the people, so that nothing is known of the scene: give a "
-        f"map of the whole photo"
-    )
-
-
-def _missing_file(path: Path | None, interface: str, suffixes: tuple[str, ...]) -> tuple[str, ...]:
-    if path is None:
-        return (f"a file of this photo: set {interface}.options.path",)
-    if path.is_file():
-        check_suffix(path, suffixes)
-        return ()
-    return (
-        f"{path}: there is no such file; set {interface}.options.path to the file of this photo",
-    )
-
-
-def _given(path: Path | None, interface: str) -> Path:
-    if path is None:
-        raise InputError(
-            f"no file was given: set {interface}.options.path to the file of this photo"
-        )
-    return path

@@ -259,7 +259,7 @@ def _read_scored(document: Any, photo: str) -> KeypointTable:
     """
     about = document if isinstance(document, Mapping) else {}
     _check_names(about.get("meta_info") or {})
-    people = about.get("instance_info", about.get("predictions", document))
+    people = _scored_people(document)
     if isinstance(people, Mapping):  # rtmlib's two arrays, as lists
         scores = people.get("keypoint_scores", people.get("scores"))
         keys = zip(people["keypoints"], scores or (), strict=True)
@@ -301,15 +301,14 @@ def _label(label: int) -> str:
     return joints[label]
 
 
+def _scored_people(document: Any) -> Any:
+    """Return what has the people of a document with points and scores apart."""
+    about = document if isinstance(document, Mapping) else {}
+    return about.get("instance_info", about.get("predictions", document))
+
+
 def _has_scores(document: Any) -> bool:
-    people = (
-        document.get("instance_info", document.get("predictions"))
-        if isinstance(document, Mapping)
-        else document
-    )
-    if people is None:
-        people = document
-    people = _innermost(people)
+    people = _innermost(_scored_people(document))
     entry = people if isinstance(people, Mapping) else _first(people)
     return "keypoints" in entry and ("keypoint_scores" in entry or "scores" in entry)
 

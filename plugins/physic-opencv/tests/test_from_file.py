@@ -176,18 +176,17 @@ def test_the_scale_of_relative_disparity_is_uncertain(tmp_path):
     assert "relative" in found.notes[0]
 
 
-def test_a_photo_without_depth_is_refused(tmp_path):
-    path = heic(tmp_path, b"auxid:2", b"auxid:9")
-    message = f"the photo {path} has no depth map: take one in portrait mode"
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (b"auxid:2", b"auxid:9", "has no depth map: take one in portrait mode"),
+        # another kind of message than depth representation
+        (b"\x4e\x01\xb1", b"\x4e\x01\xb2", "not disparity with its range"),
+    ],
+)
+def test_a_photo_without_depth_or_its_range_is_refused(tmp_path, old, new, message):
     with pytest.raises(InputError, match=message):
-        depth(path)
-
-
-def test_depth_without_its_range_is_refused(tmp_path):
-    # another kind of message than depth representation
-    path = heic(tmp_path, b"\x4e\x01\xb1", b"\x4e\x01\xb2")
-    with pytest.raises(InputError, match="not disparity with its range"):
-        depth(path)
+        depth(heic(tmp_path, old, new))
 
 
 def of_phone(tmp_path, *, form="RangeInverse", more=""):
@@ -205,20 +204,19 @@ def of_phone(tmp_path, *, form="RangeInverse", more=""):
     return path, shares / 255
 
 
-@pytest.mark.parametrize("form", ["RangeInverse", "RangeLinear"])
-def test_depth_in_a_jpeg_of_a_phone_is_read_in_its_range(tmp_path, form):
-    path, shares = of_phone(tmp_path, form=form, more='GDepth:Units="m"')
-    found = depth(path, image=np.zeros((24, 52, 3), np.uint8))
+@pytest.mark.parametrize(
+    ("form", "unit", "sigma"),
+    [("RangeInverse", 'GDepth:Units="m"', 0.01), ("RangeLinear", "", 0.3)],
+)
+def test_depth_in_a_jpeg_of_a_phone_has_its_range_and_without_a_unit_no_sure_size(
+    tmp_path, form, unit, sigma
+):
+    path, shares = of_phone(tmp_path, form=form, more=unit)
+    found = depth(path, image=np.zeros((24, 52, 3), np.uint8), relative_sigma=0.3)
     far = 1 / (1 / 1.5 + shares * (1 / 20 - 1 / 1.5))
     wanted = far if form == "RangeInverse" else 1.5 + shares * 18.5
     np.testing.assert_allclose(found.depth, wanted, rtol=1e-5)
-    assert found.scale_sigma == 0.01
-
-
-def test_the_size_of_depth_without_a_unit_is_uncertain(tmp_path):
-    path, _ = of_phone(tmp_path)
-    found = depth(path, image=np.zeros((24, 52, 3), np.uint8), relative_sigma=0.3)
-    assert found.scale_sigma == 0.3
+    assert found.scale_sigma == sigma
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -168,6 +168,37 @@ class MomentObservations:
 
 
 @dataclass(frozen=True)
+class Columns:
+    """Columns of the Jacobian, in the order of the parameters of a step.
+
+    Attributes:
+        camera: (V, 6) turn and translation of each camera.
+        focal: (V,) its logarithm of the focal length.
+        points: (P, J, 3) points of each person.
+        turn: (V, P, 3) turn of each photo's body.
+        place: (V, P, 3) place of each photo's body.
+        count: of all.
+    """
+
+    camera: IntArray
+    focal: IntArray
+    points: IntArray
+    turn: IntArray
+    place: IntArray
+    count: int
+
+    @classmethod
+    def of(cls, views: int, people: int, joints: int) -> Columns:
+        """Return the columns of V cameras and P people with J keypoints."""
+        body = (views, people, 3)
+        shapes = ((views, 6), (views,), (people, joints, 3), body, body)
+        *ends, count = np.cumsum([np.prod(shape) for shape in shapes]).tolist()
+        parts = np.split(np.arange(count), ends)
+        fields = (part.reshape(shape) for part, shape in zip(parts, shapes, strict=True))
+        return cls(*fields, count)
+
+
+@dataclass(frozen=True)
 class Bundle:
     """Cameras and points.
 
@@ -206,6 +237,11 @@ class Bundle:
             place=np.zeros((*shown.shape, 3)),
         )
 
+    @cached_property
+    def columns(self) -> Columns:
+        """Columns of the parameters."""
+        return Columns.of(*self.place.shape[:2], self.points.shape[1])
+
     def pose(self, view: int) -> CameraPose:
         """Return the pose of a camera."""
         return CameraPose(self.rotation[view], self.translation[view])
@@ -217,18 +253,16 @@ class Bundle:
         return replace(self, translation=factor * self.translation, points=factor * self.points)
 
     def moved(self, step: FloatArray) -> Bundle:
-        """Return a copy after a step of all parameters, in the order of the columns."""
-        views = len(self.rotation)
-        ends = np.cumsum([6 * views, views, self.points.size, self.place.size])
-        camera, focal, points, turn, place = np.split(step, ends)
-        camera = camera.reshape(views, 6)
+        """Return a copy after a step of all parameters."""
+        at = self.columns
+        camera = step[at.camera]
         return Bundle(
             _rotations(camera[:, :3]) @ self.rotation,
             self.translation + camera[:, 3:],
-            self.log_focal + focal,
-            self.points + points.reshape(self.points.shape),
-            _rotations(turn.reshape(self.place.shape)) @ self.turn,
-            self.place + place.reshape(self.place.shape),
+            self.log_focal + step[at.focal],
+            self.points + step[at.points],
+            _rotations(step[at.turn]) @ self.turn,
+            self.place + step[at.place],
         )
 
 
@@ -313,16 +347,18 @@ def camera_sigmas(observations: MomentObservations, state: Bundle, reference: in
     """
     normal, _, _ = _normal_equations(observations, state, reference, SOLVED_CAMERAS)
     views = len(state.rotation)
-    covariance = splu(csc_array(normal)).solve(np.eye(normal.shape[0], 7 * views))[: 7 * views]
+    covariance = splu(csc_array(normal)).solve(np.eye(normal.shape[0], 7 * views))
     variances = np.empty((views, 3))
-    for v in range(views):
-        own = covariance[6 * v : 6 * v + 6, 6 * v : 6 * v + 6]
+    for v, (camera, focal) in enumerate(
+        zip(state.columns.camera, state.columns.focal, strict=True)
+    ):
+        own = covariance[np.ix_(camera, camera)]
         # The centre is -R^T t: a rotation by w turns it by R^T (t x w).
         moves = np.hstack(
             [state.rotation[v].T @ _cross(state.translation[v]), -state.rotation[v].T]
         )
-        focal = covariance[6 * views + v, 6 * views + v]
-        variances[v] = np.trace(own[:3, :3]), max(np.trace(moves @ own @ moves.T), 0.0), focal
+        moved = max(np.trace(moves @ own @ moves.T), 0.0)
+        variances[v] = np.trace(own[:3, :3]), moved, covariance[focal, focal]
     sigmas: FloatArray = np.sqrt(variances) * [_ROTATION_STATED, _POSITION_STATED, 1.0]
     return sigmas
 
@@ -331,7 +367,6 @@ def _normal_equations(
     observations: MomentObservations, state: Bundle, reference: int, settings: BundleSettings
 ) -> tuple[csc_array, FloatArray, float]:
     """Return normal matrix, gradient and energy, with Cauchy weights."""
-    size = 7 * len(state.rotation) + state.points.size + 2 * state.place.size
     energy = 0.0
     first = 0
     values = []
@@ -349,32 +384,30 @@ def _normal_equations(
         residuals.append((root * block.residual).reshape(-1))
         first += m * d
     places = np.concatenate(rows), np.concatenate(columns)
-    jacobian = csr_array(coo_array((np.concatenate(values), places), (first, size)))
+    jacobian = csr_array(coo_array((np.concatenate(values), places), (first, state.columns.count)))
     return csc_array(jacobian.T @ jacobian), jacobian.T @ np.concatenate(residuals), energy
 
 
 def _blocks(
     observations: MomentObservations, state: Bundle, reference: int, settings: BundleSettings
 ) -> list[ResidualBlock]:
-    views = len(state.rotation)
-    first_turn = 7 * len(state.rotation) + state.points.size
-    errors = measured_errors()
+    at = state.columns
     known = np.flatnonzero(observations.known).tolist()
     return [
         # The frame is that of the reference camera, which is a known one if there are any.
-        *(_prior(np.zeros(6), 6 * v, _FIXED) for v in {reference, *known}),
-        *(_prior(np.zeros(1), 6 * views + v, _FIXED) for v in known),
-        _focal_block(state.log_focal, observations.focal_sigma, 6 * views),
+        *(_prior(np.zeros(6), at.camera[v], _FIXED) for v in {reference, *known}),
+        *(_prior(np.zeros(1), at.focal[[v]], _FIXED) for v in known),
+        _focal_block(state, observations.focal_sigma),
         # The place of a body is free; where a photo does not show the person, place and turn are
         # without meaning.
-        _prior(state.place.reshape(-1), first_turn + state.place.size, 1e4),
-        _prior(np.zeros(state.place.size), first_turn, 1e4),
+        _prior(state.place.reshape(-1), at.place.reshape(-1), 1e4),
+        _prior(np.zeros(state.place.size), at.turn.reshape(-1), 1e4),
         *itertools.chain.from_iterable(
             _person_blocks(observations, state, v, p, settings)
             for v, p in zip(*np.nonzero(observations.shown), strict=True)
         ),
-        _bone_block(observations, state, 7 * views, errors.bone),
-        *_floor_blocks(observations, state, errors.floor_deg),
+        _bone_block(observations, state),
+        *_floor_blocks(observations, state),
     ]
 
 
@@ -390,31 +423,23 @@ def _person_blocks(
     middle = observations.landmarks[v, p].mean(axis=0)
     turning = _along_and_across(middle, np.array([about]), np.array([tilt]))
     vector = Rotation.from_matrix(state.turn[v, p]).as_rotvec()
-    turn = _turn_columns(state, v, p)[None]
-    yield ResidualBlock((turning[0] @ vector)[None], turning, turn, robust=False)
+    turn = state.columns.turn[v, p]
+    yield ResidualBlock((turning[0] @ vector)[None], turning, turn[None], robust=False)
 
 
 def _in_camera(state: Bundle, v: int, p: int) -> tuple[FloatArray, FloatArray, IntArray]:
     """Return the points (J, 3) of person ``p`` in the frame of camera ``v``, their derivatives
     (J, 3, 9) by the camera (6) and the points (3), and the columns (J, 9) of these.
     """
-    views = len(state.rotation)
     joints = state.points.shape[1]
     each = np.broadcast_to(np.eye(3), (joints, 3, 3))
     turned = state.points[p] @ state.rotation[v].T
     moves = np.concatenate(
         [-_cross(turned), each, np.broadcast_to(state.rotation[v], (joints, 3, 3))], axis=2
     )
-    camera = np.broadcast_to(np.arange(6 * v, 6 * v + 6), (joints, 6))
-    at = 7 * views + 3 * (p * joints + np.arange(joints))[:, None] + np.arange(3)
-    return turned + state.translation[v], moves, np.concatenate([camera, at], axis=1)
-
-
-def _turn_columns(state: Bundle, v: int, p: int) -> IntArray:
-    """Return the columns (3,) of the turn of person ``p`` in photo ``v``."""
-    views, people = state.turn.shape[:2]
-    turn: IntArray = 7 * views + state.points.size + 3 * (v * people + p) + np.arange(3)
-    return turn
+    camera = np.broadcast_to(state.columns.camera[v], (joints, 6))
+    columns = np.concatenate([camera, state.columns.points[p]], axis=1)
+    return turned + state.translation[v], moves, columns
 
 
 def _keypoint_block(
@@ -423,13 +448,13 @@ def _keypoint_block(
     """Return the residuals of the keypoints of a person in a photo."""
     local, moves, columns = _in_camera(state, v, p)
     share, _ = _errors_of(observations.names)
-    uv, by_local, by_focal = _projection(local, observations.K[v], state.log_focal[v])
+    uv, by_local, by_focal = project(local, observations.K[v], state.log_focal[v])
     confidence = observations.confidence[v, p]
     sigma = measured_errors().keypoint_sigma(confidence)
     unit = settings.keypoint * sigma * observations.size_px[v, p]
     weight = np.sqrt(share) * (confidence > 0) / unit
     seen = weight > 0
-    focal = np.full((len(local), 1), 6 * len(state.rotation) + v)
+    focal = np.full((len(local), 1), state.columns.focal[v])
     jacobian = weight[:, None, None] * np.concatenate(
         [by_local @ moves, by_focal[..., None]], axis=2
     )
@@ -448,8 +473,8 @@ def _landmark_block(
     _, landmark_m = _errors_of(observations.names)
     middle = observations.landmarks[v, p].mean(axis=0)
     body = (observations.landmarks[v, p] - middle) @ state.turn[v, p].T
-    turn = _turn_columns(state, v, p)
-    own = np.broadcast_to(np.concatenate([turn, state.place.size + turn]), (len(local), 6))
+    at = state.columns
+    own = np.broadcast_to(np.concatenate([at.turn[v, p], at.place[v, p]]), (len(local), 6))
     scaled = _along_and_across(middle, *(1 / landmark_m).T)
     residual = np.einsum("jab,jb->ja", scaled, local - body - middle - state.place[v, p])
     each = np.broadcast_to(np.eye(3), (len(local), 3, 3))
@@ -488,7 +513,7 @@ def _along_and_across(point: FloatArray, along: FloatArray, across: FloatArray) 
     return scaled
 
 
-def _focal_block(log_focal: FloatArray, sigma: FloatArray, first: int) -> ResidualBlock:
+def _focal_block(state: Bundle, sigma: FloatArray) -> ResidualBlock:
     """Return the residuals of the logarithms of focal lengths (V,), which share a part of their
     error.
     """
@@ -501,8 +526,8 @@ def _focal_block(log_focal: FloatArray, sigma: FloatArray, first: int) -> Residu
     covariance[:, known] = 0
     covariance[known, known] = sigma[known] ** 2
     white = np.linalg.inv(np.linalg.cholesky(covariance))
-    columns = first + np.arange(len(sigma))
-    return ResidualBlock((white @ log_focal)[None], white[None], columns[None], robust=False)
+    residual = (white @ state.log_focal)[None]
+    return ResidualBlock(residual, white[None], state.columns.focal[None], robust=False)
 
 
 def _limb(name: str) -> int:
@@ -514,57 +539,48 @@ def _limb(name: str) -> int:
     return 1 + SIDES.index(side) + 2 * (kind in ("hip", "knee", "foot"))
 
 
-def _prior(values: FloatArray, first: int, sigma: FloatArray | float) -> ResidualBlock:
-    """Return the residuals of parameters (n,) from 0; their columns begin at ``first``."""
-    n = len(values)
-    slope = np.broadcast_to(1 / np.asarray(sigma, np.float64), (n,))
-    return ResidualBlock(
-        (values * slope)[:, None], slope[:, None, None], first + np.arange(n)[:, None], robust=False
-    )
+def _prior(values: FloatArray, columns: IntArray, sigma: float) -> ResidualBlock:
+    """Return the residuals of parameters (n,) from 0."""
+    slope = np.full((len(values), 1, 1), 1 / sigma)
+    return ResidualBlock(values[:, None] * slope[..., 0], slope, columns[:, None], robust=False)
 
 
-def _bone_block(
-    observations: MomentObservations, state: Bundle, first_point: int, bone: float
-) -> ResidualBlock:
+def _bone_block(observations: MomentObservations, state: Bundle) -> ResidualBlock:
     """Return the residuals of bone lengths."""
-    people, joints, _ = state.points.shape
     a, b = observations.bones.T
     along = state.points[:, b] - state.points[:, a]
     length = np.maximum(np.linalg.norm(along, axis=-1), 1e-3)
-    sigma = np.where(np.isnan(observations.bone_sigma), bone, observations.bone_sigma)[:, None]
+    own = observations.bone_sigma
+    sigma = np.where(np.isnan(own), measured_errors().bone, own)[:, None]
     residual = np.log(length / observations.bone_m) / sigma
     slope = along / length[..., None] ** 2 / sigma[..., None]
-    person = joints * np.arange(people)[:, None]
-    columns = (
-        first_point + 3 * np.stack([person + a, person + b], axis=-1)[..., None] + np.arange(3)
-    )
+    points = state.columns.points
+    columns = np.concatenate([points[:, a], points[:, b]], axis=-1)
     jacobian = np.concatenate([-slope, slope], axis=-1)
     return ResidualBlock(
         residual.reshape(-1, 1), jacobian.reshape(-1, 1, 6), columns.reshape(-1, 6)
     )
 
 
-def _floor_blocks(
-    observations: MomentObservations, state: Bundle, floor_deg: float
-) -> list[ResidualBlock]:
+def _floor_blocks(observations: MomentObservations, state: Bundle) -> list[ResidualBlock]:
     """Return the residuals of the floors' normals of each two photos."""
     known = np.flatnonzero(np.isfinite(observations.up).all(1))
     # Each of n floors is in n - 1 of the pairs, and a pair has the errors of both: together they
     # count as n floors.
-    unit = np.radians(floor_deg) * np.sqrt(max(len(known), 1))
+    unit = np.radians(measured_errors().floor_deg) * np.sqrt(max(len(known), 1))
     blocks = []
     for a, b in itertools.combinations(known, 2):
         motion = state.rotation[b] @ state.rotation[a].T
         turned = motion @ observations.up[a]
         jacobian = np.hstack([motion @ _cross(observations.up[a]), -_cross(turned)]) / unit
-        columns = np.concatenate([np.arange(6 * a, 6 * a + 3), np.arange(6 * b, 6 * b + 3)])
+        columns = state.columns.camera[[a, b], :3].reshape(-1)
         blocks.append(
             ResidualBlock((turned - observations.up[b])[None] / unit, jacobian[None], columns[None])
         )
     return blocks
 
 
-def _projection(
+def project(
     local: FloatArray, K: FloatArray, log_focal: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return pixels (n, 2) of points (n, 3), and their derivatives (n, 2, 3) and (n, 2) by point

@@ -106,7 +106,14 @@ def answer_cost(
 
 
 def _clothes_cost(one: PhotoPeople, two: PhotoPeople) -> FloatArray:
-    cost: FloatArray = np.minimum(_CLOTHES * clothes_apart(one, two), _CLOTHES_MOST)
+    """Return the cost (N, M) of the mean difference of the chroma of clothes, CIELAB; 0 where no
+    part is seen in both photos.
+    """
+    a, b = (people.colours[..., 1:] for people in (one, two))
+    away = np.linalg.norm(a[:, None] - b[None], axis=-1)
+    seen = np.isfinite(away)
+    mean = np.where(seen, away, 0).sum(-1) / np.maximum(seen.sum(-1), 1)
+    cost: FloatArray = np.minimum(_CLOTHES * mean, _CLOTHES_MOST)
     return cost
 
 
@@ -135,7 +142,9 @@ def _answers(
         pairs: Pairs = ((i, j),)
         yield pairs
         for _ in range(2):
-            place, turn = compare_places(one, two, relative_motion(one, two, pairs), turns)
+            motion = relative_motion(one, two, pairs)
+            place = compare_places(one, two, motion)
+            turn = rotation_angle_deg(turns, motion.rotation)
             apart = (place / _PLACE) ** 2 + (turn / _TURN_DEG) ** 2 + (pose / _POSE_M) ** 2
             apart[i] = _UNLIKE
             apart[:, j] = _UNLIKE
@@ -145,22 +154,19 @@ def _answers(
         yield pairs
 
 
-def _summed_odds(
-    one: Mapping[int, int], two: Mapping[int, int], matches: Mapping[tuple[int, int], PairMatch]
-) -> float:
-    """Return the summed log odds that two groups of views show one person."""
-    pairs = (sorted(pair) for pair in itertools.product(one.items(), two.items()))
-    return float(sum(matches[a, b].odds[i, j] for (a, i), (b, j) in pairs))
-
-
 def _next_pair(
     groups: Sequence[Mapping[int, int]],
     linked: Sequence[set[int]],
     matches: Mapping[tuple[int, int], PairMatch],
 ) -> tuple[int, int] | None:
     """Return the groups to join next; None if no more are one person and all photos are linked."""
+
+    def summed_odds(one: Mapping[int, int], two: Mapping[int, int]) -> float:
+        pairs = (sorted(pair) for pair in itertools.product(one.items(), two.items()))
+        return float(sum(matches[a, b].odds[i, j] for (a, i), (b, j) in pairs))
+
     gain = {
-        (g, h): _summed_odds(groups[g], groups[h], matches)
+        (g, h): summed_odds(groups[g], groups[h])
         for g, h in itertools.combinations(range(len(groups)), 2)
         if not groups[g].keys() & groups[h].keys()
     }
@@ -232,31 +238,15 @@ def compare_poses(one: PhotoPeople, two: PhotoPeople) -> tuple[FloatArray, Float
     return away, turns
 
 
-def clothes_apart(one: PhotoPeople, two: PhotoPeople) -> FloatArray:
-    """Return the mean difference (N, M) of the chroma of clothes, CIELAB; 0 where no part is seen
-    in both photos.
-    """
-    a, b = (people.colours[..., 1:] for people in (one, two))
-    away = np.linalg.norm(a[:, None] - b[None], axis=-1)
-    seen = np.isfinite(away)
-    mean: FloatArray = np.where(seen, away, 0).sum(-1) / np.maximum(seen.sum(-1), 1)
-    return mean
-
-
-def compare_places(
-    one: PhotoPeople, two: PhotoPeople, motion: CameraPose, turns: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Compare the places and turns of the people of two photos under a motion between the cameras.
-
-    Returns:
-        The distance (N, M) of the pelvis from where the other photo has it, as a share of the mean
-        distance from both cameras, and the angle (N, M) between the rotation that a pair gives and
-        that of the motion, degrees.
+def compare_places(one: PhotoPeople, two: PhotoPeople, motion: CameraPose) -> FloatArray:
+    """Return the distance (N, M) of the pelvis from where the other photo has it under a motion
+    between the cameras, as a share of the mean distance from both.
     """
     there = motion.to_camera(one.joints[:, _PELVIS])
     apart = np.linalg.norm(there[:, None] - two.joints[None, :, _PELVIS], axis=-1)
     reach = (one.joints[:, _PELVIS, 2][:, None] + two.joints[:, _PELVIS, 2][None]) / 2
-    return apart / reach, rotation_angle_deg(turns, motion.rotation)
+    share: FloatArray = apart / reach
+    return share
 
 
 def relative_motion(one: PhotoPeople, two: PhotoPeople, pairs: Pairs) -> CameraPose:

@@ -103,9 +103,7 @@ def _may_be_same(
         j for j in in_result | set(known[known[:, other] >= 0, other].tolist()) if j not in in_both
     ]
     motion = solved.bundle.pose(other).after(solved.bundle.pose(v).inverse())
-    place, _ = compare_places(
-        one, two, motion, np.broadcast_to(np.eye(3), (len(one), len(two), 3, 3))
-    )
+    place = compare_places(one, two, motion)
     return bool((place[row, candidates] < _SAME_PLACE).any())
 
 

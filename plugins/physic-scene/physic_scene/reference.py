@@ -210,27 +210,6 @@ def scene_scales(solved: SolvedScene) -> FloatArray:
     return factors
 
 
-def _contact(
-    solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyModel
-) -> tuple[FloatArray, FloatArray]:
-    """Return the summed probability of contact (N, V) of the single photos that show a person, and
-    their number.
-
-    Both are 0 for a person whom only the reference photo shows, and if the single photos have no
-    probabilities.
-    """
-    photos = solved.photos
-    total = np.zeros((len(people), model.num_vertices))
-    count = np.zeros(len(people))
-    for i, person in enumerate(people):
-        for v, row in person.shown.items() if _shown_elsewhere(person, solved) else ():
-            probability = photos[v].result.people[row].contact_probability
-            if probability is not None:
-                total[i] += probability
-                count[i] += 1
-    return total, count
-
-
 def _shown_elsewhere(person: PersonOfScene, solved: SolvedScene) -> bool:
     """Return whether other photos than the reference determine the place of a person."""
     return set(person.shown) != {solved.reference}
@@ -343,13 +322,26 @@ def _observed(keypoints: Keypoints, size: tuple[int, ...]) -> BoolArray:
 
 
 def _alone(solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyModel) -> OtherViews:
-    """Return the results of the single photos on all people of the result and on the floor."""
-    contact, count = _contact(solved, people, model)
+    """Return the results of the single photos on all people of the result and on the floor.
+
+    The probability of contact is summed over the photos that show a person. Sum and number are 0
+    for a person whom only the reference photo shows, and if the single photos have no
+    probabilities.
+    """
+    placed = [_shown_elsewhere(person, solved) for person in people]
+    contact = torch.zeros(len(people), model.num_vertices, dtype=torch.float64)
+    count = torch.zeros(len(people), dtype=torch.float64)
+    for i in np.flatnonzero(placed).tolist():
+        for v, row in people[i].shown.items():
+            probability = solved.photos[v].result.people[row].contact_probability
+            if probability is not None:
+                contact[i] += torch.tensor(probability)
+                count[i] += 1
     floors = _floors(solved, model)
     return OtherViews(
-        placed=torch.tensor([_shown_elsewhere(person, solved) for person in people]),
-        contact=torch.from_numpy(contact),
-        photos=torch.from_numpy(count),
+        placed=torch.tensor(placed),
+        contact=contact,
+        photos=count,
         floors=None if floors is None else torch.from_numpy(floors),
         known_scale=bool(solved.observations.known.any()),
     )

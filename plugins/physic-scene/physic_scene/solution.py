@@ -24,6 +24,7 @@ from physic_scene.bundle import (
     MomentObservations,
     adjust,
     camera_sigmas,
+    project,
 )
 from physic_scene.photos import ChosenPhotos, ScenePhoto
 from physic_scene.rigid import CameraPose
@@ -235,9 +236,7 @@ def keypoint_errors(observations: MomentObservations, bundle: Bundle) -> FloatAr
     errors = np.full(observations.shown.shape, np.nan)
     for v, p in zip(*np.nonzero(observations.shown), strict=True):
         local = bundle.pose(v).to_camera(bundle.points[p])
-        K = observations.K[v]
-        focal = np.exp(bundle.log_focal[v]) * np.array([K[0, 0], K[1, 1]])
-        uv = focal * local[:, :2] / np.maximum(local[:, 2:], 0.1) + K[:2, 2]
+        uv, _, _ = project(local, observations.K[v], bundle.log_focal[v])
         away = np.linalg.norm(uv - observations.points[v, p], axis=1) / observations.size_px[v, p]
         seen = observations.confidence[v, p] >= _SEEN
         errors[v, p] = np.median(away[seen]) if seen.any() else np.nan

@@ -43,10 +43,13 @@ def ages_of(world):
     return tuple(np.where(is_child, YEARS, 0.0).tolist())
 
 
-def test_the_age_of_a_person_in_each_photo_is_that_of_the_result(solver, worlds):
-    found = solver.join(
-        [solver.alone(world.image, known=KnownSizes(age=ages_of(world))) for world in worlds]
-    )
+@pytest.fixture(scope="module")
+def alone(solver, worlds):
+    return [solver.alone(world.image, known=KnownSizes(age=ages_of(world))) for world in worlds]
+
+
+def test_the_age_of_a_person_in_each_photo_is_that_of_the_result(solver, alone):
+    found = solver.join(alone)
     child, other = sorted(found.reconstruction.people, key=lambda person: person.age != YEARS)
     assert (child.age, other.age) == (YEARS, None)
     model = load_body("embedded")
@@ -61,13 +64,9 @@ def test_several_ages_are_those_of_one_photo(solver, worlds):
         solver([world.image for world in worlds], known=KnownSizes(age=(38, 5)))
 
 
-def test_statures_of_a_photo_that_is_left_out_are_refused(solver, worlds):
-    alone = [None, *(solver.alone(world.image) for world in worlds)]
-    with pytest.raises(
-        InputError,
-        match="the statures are those of people of the first photo, but photo 1 is skipped",
-    ):
-        solver.join(alone, statures=(1.8, 0.0))
+def test_statures_of_a_photo_that_is_left_out_are_refused(solver, alone):
+    with pytest.raises(InputError, match="of the first photo, but photo 1 is skipped"):
+        solver.join([None, *alone], statures=(1.8, 0.0))
 
 
 def test_the_command_names_a_wrong_age(worlds, tmp_path):

@@ -11,53 +11,39 @@ from scipy.spatial.transform import Rotation
 from physic_scene.bundle import Bundle, MomentObservations, adjust, camera_sigmas
 from physic_scene.rigid import CameraPose, fit_rotation, mean_rotation, rotation_angle_deg
 
-WIDTH = 1000
-FOCAL = 900.0
-NAMES = tuple(
-    f"{s}_{n}"
-    for s in ("left", "right")
-    for n in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
-)
-JOINTS = len(NAMES)
+from .photos import photo
+
+K = np.array([[900.0, 0, 500], [0, 900.0, 500], [0, 0, 1]])
 
 
 def moment():
-    """Joints (3, J, 3) of three people, and the poses of three cameras."""
+    """Joints (3, 55, 3) of three people, and the poses of three cameras."""
     rng = np.random.default_rng(3)
     middles = np.array([[-0.8, 0, 4], [0.7, 0, 4.4], [0.1, 0, 3.6]])
-    points = rng.normal(0, [0.25, 0.5, 0.25], (3, JOINTS, 3)) + middles[:, None]
+    joints = rng.normal(0, [0.25, 0.5, 0.25], (3, 55, 3)) + middles[:, None]
     poses = [CameraPose.identity()]
     for angle in (40.0, -70.0):
         rotation = Rotation.from_euler("y", angle, degrees=True).as_matrix()
         poses.append(CameraPose(rotation, np.array([0.0, 0.1, 4.0]) - rotation @ [0, 0, 4.0]))
-    return points, poses
+    return joints, poses
 
 
-POINTS, POSES = moment()
+JOINTS, POSES = moment()
+POINTS = photo(JOINTS).landmarks
 
 
-def observations(rng, noise_px=0.0, points=POINTS, poses=POSES):
-    K = np.array([[FOCAL, 0, WIDTH / 2], [0, FOCAL, WIDTH / 2], [0, 0, 1]])
-    local = np.stack([pose.to_camera(points) for pose in poses])
-    pixels = local[..., :2] / local[..., 2:] * FOCAL + WIDTH / 2
-    bones = np.array([(0, 1), (1, 2), (3, 4), (4, 5)])
-    turned = local + rng.normal(0, 0.03, local.shape)
-    return MomentObservations(
-        K=np.stack([K] * len(poses)),
-        focal_sigma=np.full(len(poses), 0.005),
-        names=NAMES,
-        points=pixels + noise_px * rng.normal(size=pixels.shape),
-        confidence=np.ones(pixels.shape[:3]),
-        landmarks=turned,
-        shown=np.ones(pixels.shape[:2], bool),
-        size_px=np.full(pixels.shape[:2], 400.0),
-        limb=np.repeat(np.arange(4), 3),
-        bones=bones,
-        bone_m=np.linalg.norm(points[:, bones[:, 0]] - points[:, bones[:, 1]], axis=-1),
-        bone_sigma=np.full(len(points), np.nan),
-        up=np.full((len(poses), 3), np.nan),
-        known=np.zeros(len(poses), bool),
-    )
+def observations(rng, noise_px=0.0):
+    """Three photos of these people, each with bodies of an own error of 3 cm."""
+    photos = [photo(pose.to_camera(JOINTS), K, 0.005, 400.0) for pose in POSES]
+    noisy = [
+        replace(
+            one,
+            landmarks=one.landmarks + rng.normal(0, 0.03, one.landmarks.shape),
+            points=one.points + noise_px * rng.normal(size=one.points.shape),
+        )
+        for one in photos
+    ]
+    return MomentObservations.of(noisy, np.tile(np.arange(3)[:, None], 3))
 
 
 def rough(rng):
@@ -102,7 +88,7 @@ def test_known_cameras_stay_and_points_have_their_scale():
 def test_one_limb_of_wrong_keypoints_changes_little():
     rng = np.random.default_rng(1)
     seen = observations(rng, noise_px=1.0)
-    seen.points[1, 0, :3] += 120
+    seen.points[1, 0, seen.limb == 1] += 120
     assert off_deg(adjusted(seen, rough(rng)), 1) < 1.5
 
 

@@ -8,43 +8,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physic_core.body import JOINT_INDEX
-from physic_core.types import Plane, skeleton_named
+from physic_core.types import Plane
 from physic_scene.matching import PairMatch, answer_cost, join_tracks, match_pair
-from physic_scene.observations import COLOUR_GROUPS, PhotoPeople
 from physic_scene.rigid import CameraPose
 from physic_scene.verdict import SolvedView, checks_of_cameras
+
+from .photos import photo
 
 MIDDLE = np.array([0.0, 0.0, 4.0])
 TURN = Rotation.from_euler("y", 40, degrees=True).as_matrix()
 HALF_TURN = Rotation.from_euler("y", 180, degrees=True).as_matrix()
-
-
-def photo(joints):
-    """Return people in like clothes with joints (N, 55, 3), and the keypoints that a photo of 120 x
-    90 px shows.
-    """
-    n = len(joints)
-    skeleton = skeleton_named("coco17")
-    landmarks = joints[:, [JOINT_INDEX.get(name, JOINT_INDEX["head"]) for name in skeleton.names]]
-    K = np.array([[100.0, 0.0, 59.5], [0.0, 100.0, 44.5], [0.0, 0.0, 1.0]])
-    pixels = landmarks @ K.T
-    return PhotoPeople(
-        K=K,
-        focal_sigma=0.1,
-        skeleton=skeleton,
-        points=pixels[..., :2] / pixels[..., 2:],
-        confidence=np.ones(landmarks.shape[:2]),
-        landmarks=landmarks,
-        joints=joints,
-        rotations=np.zeros((n, 55, 3, 3)),
-        betas=np.zeros((n, 10)),
-        stature=np.full(n, 1.75),
-        colours=np.full((n, len(COLOUR_GROUPS), 3), 40.0),
-        size_px=np.full(n, 45.0),
-        up=np.full(3, np.nan),
-        known_stature=np.full(n, np.nan),
-    )
 
 
 @pytest.fixture

@@ -333,27 +333,16 @@ def _config_file(
     preset: str, folder: Path, options: list[tuple[str, Repository | UserFile]]
 ) -> SetupStep:
     path = folder / f"{preset}.toml"
+    tables: dict[str, dict[str, str]] = {interface: {} for interface, _ in options}
+    for interface, one in options:
+        if isinstance(one, Repository) and (one.folder or not one.is_here):
+            tables[interface][one.option] = str(_checkout_folder(one, folder))
+        elif isinstance(one, UserFile) and one.option:
+            tables[interface][one.option] = str(folder / one.name)
     lines = [f'extends = "{preset}"']
-    for interface in dict.fromkeys(name for name, _ in options):
-        values = dict(_paths(interface, options, folder))
+    for interface, values in tables.items():
         if values:
-            lines += [
-                "",
-                f"[{interface}.options]",
-                *(
-                    f"{key} = {json.dumps(value, ensure_ascii=False)}"
-                    for key, value in values.items()
-                ),
-            ]
+            lines += ["", f"[{interface}.options]"]
+        for key, value in values.items():
+            lines.append(f"{key} = {json.dumps(value, ensure_ascii=False)}")
     return SetupStep("Configuration", path.is_file(), file=(path, "\n".join(lines) + "\n"))
-
-
-def _paths(
-    interface: str, options: list[tuple[str, Repository | UserFile]], folder: Path
-) -> Iterator[tuple[str, str]]:
-    """Yield each option of a backend that names a folder or file, and the path."""
-    for name, one in options:
-        if name == interface and isinstance(one, Repository) and (one.folder or not one.is_here):
-            yield one.option, str(_checkout_folder(one, folder))
-        elif name == interface and isinstance(one, UserFile) and one.option:
-            yield one.option, str(folder / one.name)

@@ -7,7 +7,6 @@ The defaults are those of PhySIC's release: its prompts, thresholds and models.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -76,21 +75,6 @@ class GroundedSam2Options(ModelOptions):
     same_person: Share = Field(
         default=0.8, description="Masks that share more of their union than this are one person."
     )
-
-
-@dataclass(frozen=True)
-class TextDetections:
-    """Boxes detected from a text prompt, best score first.
-
-    Attributes:
-        boxes: (N, 4) x0 y0 x1 y1, shares of the photo's width and height.
-        scores: (N,) in [0, 1], of the token that fits best.
-        tokens: for each box, places in the text of the tokens that fit.
-    """
-
-    boxes: FloatArray
-    scores: FloatArray
-    tokens: tuple[tuple[int, ...], ...]
 
 
 class GroundedSam2(PretrainedBackend, Segmenter):
@@ -168,15 +152,13 @@ class GroundedSam2(PretrainedBackend, Segmenter):
             },
         )
         threshold = max(threshold, options.box_threshold)
-        found = decode_text_boxes(
+        shares, scores, tokens = decode_text_boxes(
             to_numpy(out.logits)[0], to_numpy(out.pred_boxes)[0], threshold, options.text_threshold
         )
         height, width = size
-        boxes, inside = clip_boxes(
-            found.boxes * np.array([width, height, width, height]), height, width
-        )
-        rows = [i for i in np.flatnonzero(inside) if found.tokens[i]][: options.max_people]
-        return boxes[rows], found.scores[rows]
+        boxes, inside = clip_boxes(shares * np.array([width, height, width, height]), height, width)
+        rows = [i for i in np.flatnonzero(inside) if tokens[i]][: options.max_people]
+        return boxes[rows], scores[rows]
 
     def _masks(self, image: UInt8Array, boxes: FloatArray, points: FloatArray) -> FloatArray:
         """Predict the mask logits (N, h, w) of points (P, 2) px and then of boxes (N - P, 4) px."""
@@ -225,8 +207,8 @@ def format_prompt(words: str) -> str:
 
 def decode_text_boxes(
     logits: FloatArray, boxes: FloatArray, box_threshold: float, text_threshold: float
-) -> TextDetections:
-    """Decode GroundingDINO's queries to boxes, scores and matching tokens.
+) -> tuple[FloatArray, FloatArray, list[list[int]]]:
+    """Decode GroundingDINO's queries, best score first.
 
     Args:
         logits: (Q, T), how well each query fits each token, of which the first begins the text and
@@ -234,6 +216,10 @@ def decode_text_boxes(
         boxes: (Q, 4) centre x, centre y, width, height, shares of the photo.
         box_threshold: of the best token's score.
         text_threshold: of the score of reported tokens.
+
+    Returns:
+        Boxes (N, 4) x0 y0 x1 y1, shares of the photo's width and height; scores (N,) in [0, 1], of
+        the token that fits best; and for each box, places in the text of the tokens that fit.
     """
 
     chance = sigmoid(np.asarray(logits, np.float64))
@@ -241,8 +227,8 @@ def decode_text_boxes(
     rows = best_rows(scores, box_threshold, len(scores))
     named: BoolArray = chance[rows] > text_threshold
     named[:, [0, -1]] = False
-    tokens = tuple(tuple(int(i) for i in np.flatnonzero(row)) for row in named)
-    return TextDetections(xyxy_from_cxcywh(boxes[rows].astype(np.float64)), scores[rows], tokens)
+    tokens = [np.flatnonzero(row).tolist() for row in named]
+    return xyxy_from_cxcywh(boxes[rows].astype(np.float64)), scores[rows], tokens
 
 
 def detector_pixels(image: NDArray[np.uint8], device: str = "cpu") -> Any:
