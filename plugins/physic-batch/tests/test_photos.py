@@ -14,6 +14,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from physic_batch.photos import PhotoItem, Shard, list_photos, photo_folder, photo_of_row
+from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError, InputError
 from physic_core.files import MARK
 
@@ -205,3 +206,10 @@ def test_a_row_names_people_to_leave_out():
     for cell in ("3", "3,4,5", "left"):
         with pytest.raises(ValueError, match="pixels x,y"):
             photo_of_row({"path": "a.jpg", "ignore": cell})
+
+
+@pytest.mark.parametrize("cells", [{"stature": "9"}, {"age": "500"}, {"camera": "0.5"}])
+def test_the_cells_of_a_row_are_checked_like_settings(cells):
+    settings = photo_of_row({"path": "a.jpg", **cells}).settings
+    with pytest.raises(ConfigError, match="settings of this photo"):
+        load_config(preset="mock").with_photo(settings)
