@@ -46,13 +46,6 @@ them took.
 _LEVELS = ("pictures", "numbers", "people", "none")
 
 
-def _logs(out: Path, part: Shard | None) -> Path:
-    from physic_core.files import path_to_write
-
-    name = "logs" if part is None else f"logs/{part.number}-of-{part.count}"
-    return path_to_write(out.absolute(), name)
-
-
 @click.command()
 @click.argument("photos", nargs=-1)
 @click.option("-o", "--out", type=AnyPath(), required=True, help="Folder for all results.")
@@ -126,7 +119,7 @@ def batch(
         _write_tables(out, with_sheet=with_sheet)
         return
     part = None if shard is None else Shard.parse(shard)
-    run = _executor(_logs(out, part), options)
+    run = _executor(out, part, options)
     listed = list_photos(photos)
     items = [item for item in listed.photos if part is None or item.id in part]
     default = "pictures" if with_sheet and len(listed.photos) <= _FEW else "numbers"
@@ -220,14 +213,18 @@ def _job(out: Path, options: Mapping[str, Any], *, write: bool) -> BatchJob:
     )
 
 
-def _executor(logs: Path, options: Mapping[str, Any]) -> Executor:
-    """Return the executor named by the options, without starting it.
+def _executor(out: Path, part: Shard | None, options: Mapping[str, Any]) -> Executor:
+    """Return the executor named by the options, without starting it; its workers write logs into
+    the output folder.
 
     Raises:
         ConfigError: the executor does not have one of the options.
     """
     from physic_batch.run import ExecutorSettings, open_executor
+    from physic_core.files import path_to_write
 
+    name = "logs" if part is None else f"logs/{part.number}-of-{part.count}"
+    logs = path_to_write(out.absolute(), name)
     given = {}
     for text in options["executor_set"]:
         key, equals, value = text.partition("=")

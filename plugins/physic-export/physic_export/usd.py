@@ -48,10 +48,8 @@ def _add_variants(top: Any, mesh: Any, looks: Mapping[str, Any], shown: str) -> 
     variants.SetVariantSelection(shown if shown in looks else "neutral")
 
 
-def _set_poses(animation: Any, poses: Iterable[tuple[int | None, Rig]]) -> None:
-    """Set the rotations and places of the joints of an animation by time; None for all times.
-    Their sizes stay.
-    """
+def _set_poses(animation: Any, poses: Iterable[tuple[Any, Rig]]) -> None:
+    """Set the rotations and places of the joints of an animation by time. Their sizes stay."""
     from pxr import Gf, Vt
 
     translations = animation.CreateTranslationsAttr()
@@ -63,8 +61,8 @@ def _set_poses(animation: Any, poses: Iterable[tuple[int | None, Rig]]) -> None:
         quaternions = Vt.QuatfArray(
             [Gf.Quatf(float(w), float(x), float(y), float(z)) for x, y, z, w in turns]
         )
-        for attribute, value in ((translations, places), (rotations, quaternions)):
-            attribute.Set(value) if time is None else attribute.Set(value, time)
+        translations.Set(places, time)
+        rotations.Set(quaternions, time)
 
 
 def add_skeleton(stage: Any, path: str, mesh: Any, rig: Rig, up: NDArray[np.float64]) -> None:
@@ -77,7 +75,7 @@ def add_skeleton(stage: Any, path: str, mesh: Any, rig: Rig, up: NDArray[np.floa
         rig: in the pose.
         up: (3,) unit vector.
     """
-    from pxr import Gf, UsdSkel, Vt
+    from pxr import Gf, Usd, UsdSkel, Vt
 
     standing = t_pose(rig, up)
     joints = _paths(rig)
@@ -90,7 +88,7 @@ def add_skeleton(stage: Any, path: str, mesh: Any, rig: Rig, up: NDArray[np.floa
     skeleton.CreateRestTransformsAttr(_matrices(rest))
     animation = UsdSkel.Animation.Define(stage, f"{path}/animation")
     animation.CreateJointsAttr(joints)
-    _set_poses(animation, ((None, rig), (0, standing), (1, rig)))
+    _set_poses(animation, ((Usd.TimeCode.Default(), rig), (0, standing), (1, rig)))
     UsdSkel.BindingAPI.Apply(skeleton.GetPrim()).CreateAnimationSourceRel().SetTargets(
         [animation.GetPath()]
     )
