@@ -16,11 +16,6 @@ if TYPE_CHECKING:
 
     from physic_visual.rig import Rig
 
-BONE_NAMES = ("smplx", "mixamo", "unreal", "unity", "vrm")
-"""SMPL-X; Mixamo's rig without the prefix "mixamorig:"; Unreal Engine's mannequin with three spine
-bones; the HumanBodyBones of Unity's humanoid avatar; the humanoid bones of VRM 1.0.
-"""
-
 _MIXAMO = {
     "pelvis": "Hips",
     "spine1": "Spine",
@@ -68,7 +63,13 @@ _SEGMENTS = {"1": "Proximal", "2": "Intermediate", "3": "Distal"}
 
 
 def bone_names(style: str) -> tuple[str, ...]:
-    """Return the 55 names of a style of BONE_NAMES, in the order of SMPL-X."""
+    """Return the 55 names of a style, in the order of SMPL-X.
+
+    Args:
+        style: "smplx"; "mixamo", Mixamo's rig without the prefix "mixamorig:"; "unreal", Unreal
+            Engine's mannequin with three spine bones; "unity", the HumanBodyBones of its humanoid
+            avatar; or "vrm", the humanoid bones of VRM 1.0.
+    """
     return tuple(_name(joint, style) for joint in JOINT_NAMES)
 
 
@@ -104,7 +105,7 @@ def _name_of_vrm(joint: str) -> str:
 
 
 def named_rig(rig: Rig, style: str, up: NDArray[np.float64]) -> Rig:
-    """Return a rig with the names of a style of BONE_NAMES.
+    """Return a rig with the names of a style, see :func:`bone_names`.
 
     Unreal's mannequin hangs on the bone ``root``, which moves no vertex: it is below the pelvis at
     height 0 of the frame, which is the floor.

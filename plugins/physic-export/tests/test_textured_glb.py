@@ -12,7 +12,7 @@ from PIL import Image
 from physic_core import ExportRequest
 from physic_core.errors import ConfigError
 from physic_core.export import export_frame
-from physic_export.skeleton import BONE_NAMES, bone_names, t_pose, with_ends
+from physic_export.skeleton import bone_names, t_pose, with_ends
 from physic_visual.rig import rigs
 
 pygltflib = pytest.importorskip("pygltflib")
@@ -145,7 +145,7 @@ thumb_03_l neck_01 head thigh_l calf_l foot_l ball_l"""  # noqa: E501
 
 
 def test_the_names_are_those_that_unity_publishes():
-    assert set(bone_names("unity")) == set(UNITY.split())
+    assert sorted(bone_names("unity")) == sorted(UNITY.split())
 
 
 def test_the_names_of_vrm_are_unitys_with_the_metacarpal_of_the_thumb():
@@ -178,11 +178,6 @@ def test_the_names_are_those_of_unreals_mannequin():
     wanted += [f"{name[:-2]}_r" for name in wanted if name.endswith("_l")]
     # The mannequin has no jaw and no eyes.
     assert set(bone_names("unreal")) - {"jaw", "eye_l", "eye_r"} == set(wanted)
-
-
-@pytest.mark.parametrize("style", BONE_NAMES)
-def test_every_bone_has_a_name_of_its_own(style):
-    assert len(set(bone_names(style))) == 55
 
 
 def test_names_that_a_format_does_not_have_are_refused(export):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -98,17 +96,3 @@ def test_who_has_no_body_has_no_colours(result):
     lost = replace(person, vertices=person.vertices * np.nan, joints=person.joints * np.nan)
     assert set(dressed_bodies(replace(result, people=(lost, result.people[1]))).people) == {1}
     assert not dressed_bodies(replace(result, people=())).people
-
-
-def test_a_result_that_is_saved_as_numbers_loads_no_code_of_pictures(saved_pair, tmp_path):
-    code = (
-        "import sys\n"
-        "from physic_core import Reconstruction, save_reconstruction\n"
-        f"result = Reconstruction.load({str(saved_pair)!r})\n"
-        f"save_reconstruction(result, {str(tmp_path / 'out')!r}, 'numbers')\n"
-        "print(sorted(m for m in sys.modules if m.startswith('physic_visual.')))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True
-    )
-    assert done.stdout.strip() == "[]"
