@@ -118,7 +118,7 @@ class RenderedLayer:
 
 
 def prepare_meshes(bodies: Sequence[Array], faces: NDArray[np.int64]) -> RayCaster | None:
-    """Concatenate N bodies with common faces for ray casting; None without bodies.
+    """Concatenate bodies (at least one) with common faces for ray casting; None without triangles.
 
     Triangles with an edge above :data:`LONGEST_BODY_EDGE_M` are skipped. It bounds the time for
     bodies of a degenerate backend, of which each triangle may cover the image.
@@ -129,8 +129,6 @@ def prepare_meshes(bodies: Sequence[Array], faces: NDArray[np.int64]) -> RayCast
     """
     from physic_core.geometry import RayCaster
 
-    if not bodies:
-        return None
     vertices = np.concatenate(bodies)
     triangles = np.concatenate([faces + index * len(body) for index, body in enumerate(bodies)])
     # By columns: sums over an axis of three take several times as long.
