@@ -310,14 +310,12 @@ def thumbnail_jpeg(result: Reconstruction, height: int, *, numbered: bool = Fals
     aspect = result.image.shape[1] / result.image.shape[0]
     wide = round(height * max(_NARROWEST, min(_WIDEST, aspect)))
     side = side_view(geometry, round(_SIDE_VIEW * height), height)
-    panels: Sequence[object] = (overlay_panel(result, geometry, wide, height), side.picture)
-    buffer = io.BytesIO()
-    picture = Image.fromarray(
-        np.concatenate([np.asarray(panel)[:height] for panel in panels], axis=1)
-    )
+    over = overlay_panel(result, geometry, wide, height)
+    picture = Image.fromarray(np.concatenate([over, side.picture], axis=1))
     if numbered:
         pen = ImageDraw.Draw(picture)
         draw_numbers(pen, (0, 0), heads_in_photo(result, wide, height), (wide, height))
         draw_numbers(pen, (wide, 0), side.crowns, (picture.width - wide, height))
+    buffer = io.BytesIO()
     picture.save(buffer, "JPEG", quality=72, optimize=True, comment=MARK)
     return buffer.getvalue()

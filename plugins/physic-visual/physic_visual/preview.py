@@ -218,12 +218,9 @@ def summary_line(reconstruction: Reconstruction) -> str:
         f"{camera.width} x {camera.height} px",
         f"focal length {math.sqrt(camera.fx * camera.fy):.0f} px, {camera.source}",
         _errors(reconstruction),
-        *(
-            [f"scene resized by {100 * (scene.scale - 1):+z.1f} % to fit the people"]
-            if reconstruction.people
-            else []
-        ),
     ]
+    if reconstruction.people:
+        facts.append(f"scene resized by {100 * (scene.scale - 1):+z.1f} % to fit the people")
     if scene.floor is None:
         facts.append("no floor found")
     else:
@@ -384,11 +381,9 @@ _SHOWN_MESSAGES = 6
 
 
 def _message_lines(mark: str, texts: Sequence[str]) -> list[str]:
-    more = len(texts) - _SHOWN_MESSAGES
-    shown = [
-        *texts[:_SHOWN_MESSAGES],
-        *([f"{more} more in reconstruction.json"] if more > 0 else []),
-    ]
+    shown = [*texts[:_SHOWN_MESSAGES]]
+    if more := len(texts[_SHOWN_MESSAGES:]):
+        shown.append(f"{more} more in reconstruction.json")
     return [
         line
         for text in shown
