@@ -54,7 +54,7 @@ def assumed_supports(result: Reconstruction) -> list[AssumedSupport]:
             continue
         vertices = person.vertices.astype(np.float64)
         for number, partner in enumerate(result.contact_partners):
-            on = np.asarray(person.contact_partner) == number
+            on = person.contact_partner == number
             if not partner.in_scene and on.sum() >= _LEAST:
                 normals = vertex_normals(vertices, np.asarray(result.faces, np.int64))
                 found.append(

@@ -60,8 +60,8 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
         "people": people_records(reconstruction),
         "main": [i for i in main_people([one.box for one in people]) if people[i].has_body],
         "unposed": [{"box": one.box, "reason": one.reason} for one in reconstruction.unposed],
-        "warnings": list(reconstruction.warnings),
-        "notes": list(reconstruction.notes),
+        "warnings": reconstruction.warnings,
+        "notes": reconstruction.notes,
         "checks": [_check(check) for check in reconstruction.checks],
         "licenses": _licenses(reconstruction.stages),
     }

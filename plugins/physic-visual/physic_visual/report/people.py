@@ -77,8 +77,8 @@ def _record(
         "graded": grade_text(person.grade, person.trust, person.marks),
         "why": person.why,
         "box": [float(edge) for edge in person.box] if person.mask.any() else None,
-        "color": list(person_color(index)),
-        "tint": list(person_tint(index)),
+        "color": person_color(index),
+        "tint": person_tint(index),
         "posed": posed,
         "contact_vertices": int(np.sum(person.contact)),
         "vertices": len(person.vertices),
@@ -121,7 +121,7 @@ def _contacts(person: Person) -> list[dict[str, Any]]:
         {
             "part": part_words(contact.part),
             "partner": titles[contact.partner],
-            "color": list(contact_color(contact.partner)),
+            "color": contact_color(contact.partner),
             "probability": contact.probability,
             "likely": contact.likely,
             "assumed": contact.assumed,
@@ -184,7 +184,6 @@ def _contact_by_part(
     """
     area = vertex_areas(person.vertices, reconstruction.faces)
     part = model.part_of_vertex
-    contact = np.asarray(person.contact, bool)
     painted = contact_colors(person, reconstruction.contact_partners)
     # One number for each colour: rows take ten times as long.
     _, first, color = np.unique(
@@ -193,7 +192,7 @@ def _contact_by_part(
     colors = painted[first]
     cell = part * len(colors) + color
     count = len(PART_NAMES)
-    touching = np.bincount(cell, area * contact, count * len(colors)).reshape(count, -1)
+    touching = np.bincount(cell, area * person.contact, count * len(colors)).reshape(count, -1)
     share = touching / np.maximum(np.bincount(part, area, count), 1e-12)[:, None]
     found = [
         {

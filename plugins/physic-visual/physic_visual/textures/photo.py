@@ -112,7 +112,7 @@ class _MaskPicture:
 @kept_for_next_picture
 def _mask_pictures(result: Reconstruction) -> tuple[_MaskPicture | None, ...]:
     """Return the picture of each person's mask; None of an empty mask."""
-    return tuple(_mask_picture(result.image, np.asarray(one.mask, bool)) for one in result.people)
+    return tuple(_mask_picture(result.image, one.mask) for one in result.people)
 
 
 def _mask_picture(image: NDArray[np.uint8], mask: NDArray[np.bool_]) -> _MaskPicture | None:
