@@ -133,6 +133,18 @@ def _refuse_file(ctx: click.Context, parameter: click.Parameter, preset: str | N
     return preset
 
 
+def require_interface(name: str | None) -> None:
+    """Raise UsageError if ``name`` is neither None nor the name of an interface."""
+    from physic_core.discovery import backends
+    from physic_core.errors import ConfigError
+
+    try:
+        if name is not None:
+            backends.require_interface(name)
+    except ConfigError as error:
+        raise click.UsageError(str(error)) from error
+
+
 def with_current_folder(name: str) -> str:
     """Add the current folder to a backend name "module:Class" if the folder contains the module."""
     from physic_core.discovery.local_modules import with_folder

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from typing import Annotated, Any, Literal, get_origin, get_type_hints
 
@@ -228,9 +228,8 @@ class PhotoSettings(StrictModel):
         is_list = isinstance(value, (list, tuple)) and value
         values = (value,) if is_list and type(value[0]) in (int, float) else value
         for each in values if is_list else ():
-            if isinstance(each, (list, tuple)) and [type(x) in (int, float) for x in each] == 5 * [
-                1
-            ]:
+            numbers = each if isinstance(each, (list, tuple)) else ()
+            if len(numbers) == 5 and all(type(x) in (int, float) for x in numbers):
                 KnownSizes(lengths=(KnownLength((*each[:2],), (*each[2:4],), each[4]),))
         return values
 
@@ -238,16 +237,16 @@ class PhotoSettings(StrictModel):
         """Return the known sizes, in px of the upright photo file; unset ones default to
         ``given``.
         """
-        given = given or KnownSizes()
-        lengths = tuple(
-            KnownLength((a, b), (c, d), metres) for a, b, c, d, metres in self.known_length or ()
-        )
-        return KnownSizes(
-            stature=given.stature if self.stature is None else self.stature,
-            camera_height=given.camera_height if self.camera_height is None else self.camera_height,
-            lengths=given.lengths if self.known_length is None else lengths,
-            age=given.age if self.age is None else self.age,
-        )
+        stated: dict[str, Any] = {
+            name: value
+            for name in ("stature", "camera_height", "age")
+            if (value := getattr(self, name)) is not None
+        }
+        if self.known_length is not None:
+            stated["lengths"] = tuple(
+                KnownLength((a, b), (c, d), metres) for a, b, c, d, metres in self.known_length
+            )
+        return replace(given or KnownSizes(), **stated)
 
     @model_validator(mode="after")
     def _one_camera_and_valid_sizes(self) -> PhotoSettings:

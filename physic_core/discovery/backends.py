@@ -39,9 +39,9 @@ if TYPE_CHECKING:
 _IN_CONFIG = "named in the config"
 
 
-def require_interface(name: str | None) -> None:
-    """Raise ConfigError if no interface has this name; None stands for all of them."""
-    if name is not None and name not in INTERFACES:
+def require_interface(name: str) -> None:
+    """Raise ConfigError if no interface has this name."""
+    if name not in INTERFACES:
         raise ConfigError(
             f"no interface named '{name}'; there are: {', '.join(INTERFACES)}"
             f"{did_you_mean(name, INTERFACES)}"
@@ -55,7 +55,8 @@ def list_backends(interface: str | None = None) -> tuple[Offer, ...]:
     Raises:
         ConfigError: no interface has this name.
     """
-    require_interface(interface)
+    if interface is not None:
+        require_interface(interface)
     offers = installed_offers() if interface is None else installed_offers(f"physic.{interface}")
     return tuple(offer for offer in offers if offer.interface in INTERFACES)
 

@@ -58,49 +58,46 @@ def test_a_colour_profile_is_followed(stored, kind):
     assert photo.notes == ()
 
 
-def of_bt2020(transfer):
-    """A PNG of the picture in BT.2020 with a transfer function, white at 203 cd/m2."""
-    to_2020 = np.array(
-        [[0.6274, 0.3293, 0.0433], [0.0691, 0.9195, 0.0114], [0.0164, 0.0880, 0.8956]]
-    )
-    light = LINEAR @ to_2020.T
-    if transfer == 16:
-        power = (light * 203 / 10_000) ** 0.1593017578125
-        code = ((0.8359375 + 18.8515625 * power) / (1 + 18.6875 * power)) ** 78.84375
-    else:
-        display = light * 203 / 1000
-        luminance = display @ [0.2627, 0.678, 0.0593]
-        scene = display * np.maximum(luminance, 1e-9)[..., None] ** (1 / 1.2 - 1)
-        upper = 0.17883277 * np.log(np.maximum(12 * scene - 0.28466892, 1e-9)) + 0.55991073
-        code = np.where(scene <= 1 / 12, np.sqrt(3 * scene), upper)
+def stripes(colors):
+    return np.uint8(colors)[None].repeat(72, 0).repeat(32, 1)
+
+
+def with_code_points(*points):
+    """Options of a PNG."""
     info = PngImagePlugin.PngInfo()
-    info.add(b"cICP", bytes((9, transfer, 0, 1)))
-    return Image.fromarray((255 * code).round().astype(np.uint8)), {"pnginfo": info}
+    info.add(b"cICP", bytes((*points, 0, 1)))
+    return {"pnginfo": info}
 
 
-@pytest.mark.parametrize("transfer", [16, 18])
-def test_high_dynamic_range_is_converted_with_a_note(stored, transfer):
-    image, options = of_bt2020(transfer)
-    photo = read_photo(stored("PNG", image, **options))
-    error = np.abs(photo.image.astype(float) - np.asarray(PICTURE))
-    assert error.mean() < 2.5
+@pytest.mark.parametrize(
+    ("transfer", "codes"),
+    [
+        (16, [[148, 148, 148], [136, 83, 56], [84, 92, 131]]),
+        (18, [[191, 191, 191], [181, 68, 33], [73, 87, 177]]),
+    ],
+    ids=["PQ", "HLG"],
+)
+def test_high_dynamic_range_is_converted_with_a_note(stored, transfer, codes):
+    """White is at 58 % of PQ and 75 % of HLG by ITU-R BT.2408; of the others the codes in BT.2020
+    were computed by BT.2087 and BT.2100.
+    """
+    picture = Image.fromarray(stripes(codes))
+    photo = read_photo(stored("PNG", picture, **with_code_points(9, transfer)))
+    expected = stripes([[255, 255, 255], [255, 0, 0], [40, 90, 200]])
+    assert np.abs(photo.image.astype(float) - expected).max() <= 6
     assert ["dynamic range" in note for note in photo.notes] == [True]
 
 
 def test_code_points_of_an_avif_are_those_of_its_container(stored):
-    content = stored("AVIF", PICTURE, quality=100, subsampling="4:4:4")
-    path = content if isinstance(content, bytes) else content.read_bytes()
-    assert path.count(b"colrnclx") == 1
-    hdr = path.replace(b"colrnclx\x00\x01\x00\x0d", b"colrnclx\x00\x09\x00\x10")
-    assert hdr != path
-    assert np.abs(read_photo(path).image.astype(float) - np.asarray(PICTURE)).mean() < 3
+    plain = stored("AVIF", quality=100, subsampling="4:4:4")
+    hdr = plain.replace(b"colrnclx\x00\x01\x00\x0d", b"colrnclx\x00\x09\x00\x10")
+    assert hdr != plain
+    assert np.abs(read_photo(plain).image.astype(float) - np.asarray(PICTURE)).mean() < 3
     assert ["dynamic range" in note for note in read_photo(hdr).notes] == [True]
 
 
 def test_code_points_that_are_not_known_are_named(stored):
-    info = PngImagePlugin.PngInfo()
-    info.add(b"cICP", bytes((10, 17, 0, 1)))
-    assert "10" in read_photo(stored("PNG", PICTURE, pnginfo=info)).notes[0]
+    assert "10" in read_photo(stored("PNG", **with_code_points(10, 17))).notes[0]
 
 
 def test_a_profile_of_more_than_8_mb_is_not_read(stored):

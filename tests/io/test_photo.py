@@ -65,17 +65,25 @@ def sparse(path):
 
 WIDE = corners(512, 256)
 HUGE = 2 * (60_000).to_bytes(2, "little")
+STARTS = {
+    "letter.jpg": (b"%PDF-1.7 no image", "not an image"),
+    "page.jpg": (b"<!DOCTYPE html>", "page of the web"),
+    "new.jxl": (b"\xff\x0a\x00", "JPEG XL"),
+    "live.livp": (b"PK\x03\x04\x14", "LIVP"),
+    "film.jpg": (b"\x00\x00\x00\x18ftypmp42", "a video"),
+    "start.jpg": (b"\xff\xd8", "not an image"),
+    "cr3.jpg": (b"\0\0\0\x18ftypcrx \0\0\0\1crx isom", "raw file"),
+    "cr2.jpg": (b"II*\0\x10\0\0\0CR\2\0", "raw file"),
+    "crw.jpg": (b"II\x1a\0\0\0HEAPCCDR", "raw file"),
+    "raf.jpg": (b"FUJIFILMCCD-RAW 0201", "raw file"),
+    "orf.jpg": (b"IIRO\x08\0\0\0", "raw file"),
+    "rw2.jpg": (b"IIU\0\x18\0\0\0", "raw file"),
+}
 REFUSED = {
     "missing.jpg": (lambda path: None, "no such file"),
     "folder.jpg": (Path.mkdir, "it is a folder"),
     "pipe.jpg": (os.mkfifo, "not a regular file"),
     "empty.jpg": (Path.touch, "empty"),
-    "letter.jpg": (lambda path: path.write_bytes(b"%PDF-1.7 no image"), "not an image"),
-    "page.jpg": (lambda path: path.write_bytes(b"<!DOCTYPE html>"), "page of the web"),
-    "new.jxl": (lambda path: path.write_bytes(b"\xff\x0a\x00"), "JPEG XL"),
-    "live.livp": (lambda path: path.write_bytes(b"PK\x03\x04\x14"), "LIVP"),
-    "film.jpg": (lambda path: path.write_bytes(b"\x00\x00\x00\x18ftypmp42"), "a video"),
-    "start.jpg": (lambda path: path.write_bytes(b"\xff\xd8"), "not an image"),
     "icon.jpg": (lambda path: saved(corners(), path, format="ICO"), "give a JPEG, PNG"),
     "postscript.jpg": (lambda path: saved(corners(), path, format="EPS"), "give a JPEG, PNG"),
     "sparse.jpg": (sparse, "damaged or truncated"),
@@ -95,15 +103,8 @@ REFUSED = {
         "floating point in several channels; save it with 8 bits",
     ),
     **{
-        f"{name}.jpg": (lambda path, start=start: path.write_bytes(start + bytes(64)), "raw file")
-        for name, start in {
-            "cr3": b"\0\0\0\x18ftypcrx \0\0\0\1crx isom",
-            "cr2": b"II*\0\x10\0\0\0CR\2\0",
-            "crw": b"II\x1a\0\0\0HEAPCCDR",
-            "raf": b"FUJIFILMCCD-RAW 0201",
-            "orf": b"IIRO\x08\0\0\0",
-            "rw2": b"IIU\0\x18\0\0\0",
-        }.items()
+        name: (lambda path, start=start: path.write_bytes(start), reason)
+        for name, (start, reason) in STARTS.items()
     },
     "sony.arw": (
         lambda path: saved(np.zeros((HEIGHT, WIDTH, 3), np.uint8), path, format="TIFF"),
@@ -218,11 +219,10 @@ GREY = corners()[..., 0] // 2
 DEEP = np.linspace(0, 65535, HEIGHT * WIDTH).round().astype(np.uint16).reshape(HEIGHT, WIDTH)
 HIDDEN = np.where(np.arange(WIDTH) < 48, 0, 255)[None, :, None].repeat(HEIGHT, 0).astype(np.uint8)
 CONVERTED = {
-    "plain.png": (Image.fromarray(corners()), corners(), ()),
-    "plain.webp": (Image.fromarray(corners()), corners(), ()),
-    "plain.bmp": (Image.fromarray(corners()), corners(), ()),
-    "plain.tiff": (Image.fromarray(corners()), corners(), ()),
-    "plain.gif": (Image.fromarray(corners()), corners(), ()),
+    **{
+        f"plain.{suffix}": (Image.fromarray(corners()), corners(), ())
+        for suffix in ("png", "webp", "bmp", "tiff", "gif")
+    },
     "wide.png": (Image.fromarray(WIDE), WIDE, ()),
     "palette.png": (
         Image.fromarray(corners()).convert("P", palette=Image.Palette.ADAPTIVE, colors=4),

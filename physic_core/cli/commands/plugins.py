@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from physic_core.cli.arguments import with_current_folder
+from physic_core.cli.arguments import require_interface, with_current_folder
 from physic_core.cli.groups import ExtensibleGroup
 from physic_core.cli.output import echo
 
@@ -17,6 +17,7 @@ def plugins(ctx: click.Context, interface: str | None) -> None:
     if ctx.invoked_subcommand is None:
         from physic_core.cli.listing import plugins_table
 
+        require_interface(interface)
         echo(plugins_table(interface))
 
 
@@ -28,6 +29,7 @@ def show_plugin(name: str, interface: str | None) -> None:
     from physic_core.cli.listing import describe_backend
     from physic_core.discovery.backends import find_backend, find_by_name
 
+    require_interface(interface)
     name = with_current_folder(name)
     found = find_by_name(name) if interface is None else (find_backend(interface, name),)
     echo("\n\n".join(describe_backend(offer) for offer in found))

@@ -4,6 +4,7 @@ show`` (the summary).
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -131,13 +132,12 @@ def export(
     for note in done.notes:
         echo(f"note: {note}")
     top = min((len(file.parts) for file in done.files), default=0)
-    below: dict[Path, int] = {}
     for file in done.files:
-        size = file.stat().st_size
-        if len(file.parts) > top:
-            below[file.parent] = below.get(file.parent, 0) + 1
-        else:
-            echo(f"{file}  ({f'{size / 1e6:.1f} MB' if size > 99_950 else f'{size / 1e3:.0f} kB'})")
+        if len(file.parts) == top:
+            size = file.stat().st_size
+            shown = f"{size / 1e6:.1f} MB" if size > 99_950 else f"{size / 1e3:.0f} kB"
+            echo(f"{file}  ({shown})")
+    below = Counter(file.parent for file in done.files if len(file.parts) > top)
     for folder, count in below.items():
         echo(f"{folder}/  (files: {count})")
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from physic_core.cli.arguments import Device, with_current_folder
+from physic_core.cli.arguments import Device, require_interface, with_current_folder
 from physic_core.cli.exit_codes import BACKEND, WEIGHTS
 from physic_core.cli.output import echo, echo_json, show_progress
 
@@ -49,7 +49,7 @@ def check(
     fails, and with 4 if the backend could not be tried because something is missing on this
     machine.
     """
-    from physic_core.discovery.backends import find_backend, find_by_name, require_interface
+    from physic_core.discovery.backends import find_backend, find_by_name
     from physic_testing.conformance import check_backend, checks_for
 
     require_interface(interface)
@@ -107,7 +107,6 @@ def compare(
     Each of NAMES may carry options as a TOML table: 'mock{noise=2}'. Ends with code 5 if a backend
     has no valid result on a world.
     """
-    from physic_core.discovery.backends import require_interface
     from physic_testing.conformance.compare import DEFAULT_WORLDS
     from physic_testing.conformance.compare import compare as compared
     from physic_testing.worlds import WORLDS

@@ -20,7 +20,7 @@ from typing import Literal
 
 import click
 
-from physic_core.cli.arguments import Number, with_current_folder
+from physic_core.cli.arguments import Number, require_interface, with_current_folder
 from physic_core.cli.exit_codes import BACKEND
 from physic_core.cli.output import echo, echo_json
 from physic_core.discovery.backends import (
@@ -28,7 +28,6 @@ from physic_core.discovery.backends import (
     list_backends,
     load_class,
     missing_requirements,
-    require_interface,
 )
 from physic_core.discovery.entry_points import Offer
 from physic_core.discovery.error_text import describe_error, is_debugging, traceback_text

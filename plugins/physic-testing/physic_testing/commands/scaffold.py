@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from physic_core.cli.arguments import AnyPath
+from physic_core.cli.arguments import AnyPath, require_interface
 from physic_core.cli.output import echo
 
 
@@ -19,7 +19,7 @@ def new(name: str, interface: str, folder: Path | None) -> None:
 
     Then replace the example code by your own.
     """
-    from physic_core.discovery.backends import list_backends, require_interface
+    from physic_core.discovery.backends import list_backends
     from physic_core.discovery.entry_points import core_version
     from physic_testing.scaffold.package import PluginNames, write_plugin
 
