@@ -26,8 +26,10 @@ import json
 import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypeAlias
 from unittest.mock import patch
 
@@ -63,8 +65,7 @@ if TYPE_CHECKING:
 
     from physic_core import Pipeline
     from physic_core.body.model import BodyModel
-    from physic_core.engine.contact.distances import Distances
-    from physic_core.engine.contact.probability import NearScene, NearSkin
+    from physic_core.engine.contact.probability import NearSkin
     from physic_core.engine.state import Estimates, State
 
 Array = NDArray[np.float64]
@@ -156,53 +157,55 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
     from physic_core.engine.contact import probability
     from physic_core.errors import PhysicError
 
-    kept: list[dict[str, dict[str, list[float]]]] = []
-    estimates: list[Any] = []
-    skin: list[list[SkinFeatures]] = []
-    features_of = probability.part_features
-    skin_of = probability.near_skin
-
-    def recorded(state: State, at: NearScene) -> dict[str, dict[str, Tensor]]:
-        features = features_of(state, at)
-        kept.append(
-            {part: {key: v.tolist() for key, v in own.items()} for part, own in features.items()}
-        )
-        return features
+    estimates: list[Estimates] = []
+    features: list[tuple[State, dict[str, dict[str, Tensor]]]] = []
+    near: list[tuple[State, tuple[NearSkin, NearSkin]]] = []
 
     def complete(found: Estimates) -> Estimates:
         estimates.append(found)
         return found
 
-    def recorded_skin(state: State, near: Distances) -> tuple[NearSkin, NearSkin]:
-        found = skin_of(state, near)
-        skin.extend(skin_features(state.model, found))
-        return found
-
-    with (
-        patch.object(probability, "part_features", recorded),
-        patch.object(probability, "near_skin", recorded_skin),
-    ):
+    picture = picture_of(sample)
+    with recorded(probability, "part_features", features), recorded(probability, "near_skin", near):
         try:
-            pipeline(cv2.cvtColor(picture_of(sample), cv2.COLOR_BGR2RGB), complete=complete)
+            pipeline(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), complete=complete)
         except PhysicError as error:
             print(f"{sample.set} {sample.name}: {error}", file=sys.stderr)
     people: list[dict[str, Any]] = []
-    height, width = picture_of(sample).shape[:2]
-    for e in estimates if kept else ():
-        factor = width / e.image.shape[1], height / e.image.shape[0]
-        for i, box in enumerate(np.asarray(e.photo.people.boxes, np.float64)):
-            people.append(
-                {
-                    "box": (box * np.tile(factor, 2)).tolist(),
-                    "parts": {
-                        part: {k: v[i] for k, v in each.items()} for part, each in kept[0].items()
-                    },
-                    "skin": skin[i] if skin else [],
-                }
-            )
+    for (_, parts), seen in zip(features[:1], estimates, strict=False):
+        skin = [one for state, found in near for one in skin_features(state.model, found)]
+        size = np.array([picture.shape[k] / seen.image.shape[k] for k in (1, 0)])
+        for i, box in enumerate(np.asarray(seen.photo.people.boxes, np.float64)):
+            place = (box * np.tile(size, 2)).tolist()
+            own = features_of_person(parts, i)
+            people.append({"box": place, "parts": own, "skin": skin[i] if skin else []})
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(json.dumps(people))
     print(sample.set, sample.name, len(people), file=sys.stderr, flush=True)
+
+
+def features_of_person(
+    parts: Mapping[str, Mapping[str, Tensor]], person: int
+) -> dict[str, dict[str, float]]:
+    """Return the features of the parts of one of the people (N,)."""
+    return {
+        part: {key: values.tolist()[person] for key, values in features.items()}
+        for part, features in parts.items()
+    }
+
+
+@contextmanager
+def recorded(module: ModuleType, name: str, calls: list[tuple[State, Any]]) -> Iterator[None]:
+    """Keep the state and the result of each call of a module's function meanwhile."""
+    function = getattr(module, name)
+
+    def record(state: State, at: Any) -> Any:
+        found = function(state, at)
+        calls.append((state, found))
+        return found
+
+    with patch.object(module, name, record):
+        yield
 
 
 def skin_features(model: BodyModel, near: Sequence[NearSkin]) -> list[list[SkinFeatures]]:

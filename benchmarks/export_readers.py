@@ -93,13 +93,21 @@ class Files:
 
 @dataclass(frozen=True)
 class Opened:
-    """What a reader has: people (None in a format without people), the largest difference, and what
-    else in words.
+    """What became of a result in a reader.
+
+    Attributes:
+        people: whom it has; None in a format without people.
+        difference: the largest.
+        more: what else arrives, in words.
+        refused: why the format refuses the result; "" if it was exported.
+        fault: why the reader does not have it; "" if it does.
     """
 
-    people: int | None
-    difference: float
+    people: int | None = None
+    difference: float = 0.0
     more: str = ""
+    refused: str = ""
+    fault: str = ""
 
 
 def apart(got: Any, wanted: Any) -> float:

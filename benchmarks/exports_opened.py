@@ -28,6 +28,7 @@ from physic_core.pictures import GLB_FILE
 from physic_visual.glb import combined_glb
 
 from . import export_readers as readers
+from .export_readers import Opened
 from .fits import parser_of
 
 
@@ -48,7 +49,7 @@ class Reader:
     form: str
     distribution: str
     module: str
-    read: Callable[[readers.Files], readers.Opened]
+    read: Callable[[readers.Files], Opened]
     compares: str
     limit: float
     options: dict[str, bool] = field(default_factory=dict)
@@ -104,24 +105,7 @@ READERS = (
 )
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """What became of a result.
-
-    Attributes:
-        difference: the largest; None if it was not opened with all people.
-        refused: why the format refuses the result; "" if it was exported.
-        fault: why it was not opened; "" if it was.
-        more: what else arrives.
-    """
-
-    difference: float | None = None
-    refused: str = ""
-    fault: str = ""
-    more: str = ""
-
-
-def outcome_of(reader: Reader, folder: str, body_model: str | None = None) -> Outcome:
+def outcome_of(reader: Reader, folder: str, body_model: str | None = None) -> Opened:
     """Export the result of a folder to the format of a reader, open the files, and compare."""
     result = Reconstruction.load(folder)
     with tempfile.TemporaryDirectory() as made:
@@ -136,18 +120,18 @@ def outcome_of(reader: Reader, folder: str, body_model: str | None = None) -> Ou
                     made, reader.form, body_model=body_model, **reader.options
                 ).files
             except InputError as error:
-                return Outcome(refused=str(error))
+                return Opened(refused=str(error))
         files = readers.Files(result, paths, export_frame(result.scene.level, up).from_camera)
         try:
             got = reader.read(files)
         except Exception as error:  # whatever a reader raises is what its user sees
-            return Outcome(fault=f"{type(error).__name__}: {error}")
+            return Opened(fault=f"{type(error).__name__}: {error}")
     if got.people not in (None, len(files.bodies)):
-        return Outcome(fault=f"{got.people} of {len(files.bodies)} people")
-    return Outcome(got.difference, more=got.more)
+        return Opened(fault=f"{got.people} of {len(files.bodies)} people")
+    return got
 
 
-def outcomes_of(reader: Reader, folders: Sequence[str], body_model: str | None) -> list[Outcome]:
+def outcomes_of(reader: Reader, folders: Sequence[str], body_model: str | None) -> list[Opened]:
     """Return the outcome of each folder.
 
     Each reader has a process of its own: the libraries exclude one another, and some end the
@@ -159,33 +143,30 @@ def outcomes_of(reader: Reader, folders: Sequence[str], body_model: str | None) 
             try:
                 made.append(pool.submit(outcome_of, reader, folder, body_model).result())
             except BrokenProcessPool:
-                made.append(Outcome(fault="the reader ended the process"))
+                made.append(Opened(fault="the reader ended the process"))
                 break
-    return made + [Outcome(fault="not tried")] * (len(folders) - len(made))
+    return made + [Opened(fault="not tried")] * (len(folders) - len(made))
 
 
-def row_of(reader: Reader, outcomes: Sequence[Outcome]) -> str:
+def row_of(reader: Reader, outcomes: Sequence[Opened]) -> str:
     """Return the row of a reader."""
     written = [one for one in outcomes if not one.refused]
-    opened = [one for one in written if one.difference is not None]
+    opened = [one for one in written if not one.fault]
     cells = (
         f"`{reader.form}`",
         reader.title,
         f"{len(opened)} of {len(written)}",
         str(len(outcomes) - len(written) or ""),
         reader.compares,
-        f"{max(one.difference for one in opened if one.difference is not None):.2g}"
-        if opened
-        else "",
+        f"{max(one.difference for one in opened):.2g}" if opened else "",
         next((one.more for one in opened), ""),
     )
     return f"| {' | '.join(cells)} |".replace("|  |", "| |").replace("|  |", "| |")
 
 
-def is_wrong(reader: Reader, outcome: Outcome) -> bool:
+def is_wrong(reader: Reader, outcome: Opened) -> bool:
     """Return whether a result was not opened, or differs by more than the limit."""
-    too_far = outcome.difference is not None and outcome.difference > reader.limit
-    return bool(outcome.fault) or too_far
+    return bool(outcome.fault) or outcome.difference > reader.limit
 
 
 def main() -> int:

@@ -55,6 +55,7 @@ LEFT_OUT = 10
 
 _IN_FILE = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 _SHOULDERS = [LIMBS.index("left_shoulder"), LIMBS.index("right_shoulder")]
+_UPPER, _LOWER = np.array(BONES).T
 _SWAPPED = [row ^ 1 for row in range(len(LIMBS))]
 
 # Cameras: degrees, and metres to the person.
@@ -232,9 +233,8 @@ def _detected(truth: Array, depth: Array, rng: Generator) -> tuple[Array, Array]
 def _fitted(truth: Array, lengths: Array, confidence: Array, rng: Generator) -> Array:
     """Return joints (N, 12, 3) of bodies with the errors of the body fit."""
     count = len(truth)
-    upper, lower = np.array(BONES).T
-    bones = unit(truth[:, lower] - truth[:, upper])
-    hidden = 1 - confidence[:, lower]
+    bones = unit(truth[:, _LOWER] - truth[:, _UPPER])
+    hidden = 1 - confidence[:, _LOWER]
     whole = _turn(rng, count, "x", _LEAN) @ _turn(rng, count, "y", _TWIST)
     bones = bones @ whole.transpose(0, 2, 1)
     bones[:, 4:] = bones[:, 4:] @ _turn(rng, count, "x", _LEG_LEAN).transpose(0, 2, 1)
@@ -273,8 +273,7 @@ def _embedded_lengths() -> tuple[Array, float, float, float]:
     with torch.no_grad():
         rest = model(*model.zero_pose(1), joints_only=True).joints[0].double().numpy()
     rest = rest[[JOINT_INDEX[name] for name in LIMBS]]
-    upper, lower = np.array(BONES).T
-    lengths = np.linalg.norm(rest[lower] - rest[upper], axis=-1)
+    lengths = np.linalg.norm(rest[_LOWER] - rest[_UPPER], axis=-1)
     rest *= LIMB_SUM_M / lengths.sum()
     trunk = rest[_SHOULDERS].mean(0) - rest[HIPS].mean(0)
     return (
@@ -289,10 +288,9 @@ def _with_lengths(
     poses: Array, lengths: Array, hips: Array, shoulders: Array, trunk: Array
 ) -> Array:
     """Return poses (N, 12, 3) with other lengths and the same directions."""
-    upper, lower = np.array(BONES).T
     left, right = (unit(poses[:, a] - poses[:, b]) for a, b in (HIPS, _SHOULDERS))
     spine = unit(poses[:, _SHOULDERS].mean(1) - poses[:, HIPS].mean(1))
-    bones = unit(poses[:, lower] - poses[:, upper])
+    bones = unit(poses[:, _LOWER] - poses[:, _UPPER])
     return _assembled(hips * left, shoulders * right, trunk * spine, bones, lengths)
 
 

@@ -183,28 +183,16 @@ def fitted_mark(rows: Sequence[Row], mark: str) -> dict[str, Any]:
     """Return constant and terms of the log odds, by maximum likelihood with a ridge; slopes are at
     most 0.
     """
-    from scipy.optimize import minimize
-
     rows = judged(rows, mark)
-    loads, unknown = loads_of(rows)
-    measured = ~unknown.all(0)
+    loads = np.array([loads_of(row) for row in rows], np.float64)
+    measured = ~np.isnan(loads).all(0)
     names = [name for name, any_row in zip(TERMS, measured, strict=True) if any_row]
-    loads, unknown = loads[:, measured], unknown[:, measured]
+    loads = loads[:, measured]
     right = np.array([rightness(row, mark) for row in rows])
     usual = np.array([np.nanmedian(column[right >= CAP]) for column in loads.T])
     spread = np.array([np.nanstd(column) for column in loads.T]) + 1e-9
     # What was not measured costs nothing: its load is the usual one.
-    columns = np.c_[np.ones(len(rows)), np.where(unknown, 0.0, (loads - usual) / spread)]
-    count = len(names)
-
-    def loss(w: Array) -> tuple[float, Array]:
-        odds = columns @ w
-        chance = 1 / (1 + np.exp(-odds))
-        value = (np.logaddexp(0, odds) - right * odds).sum() + RIDGE / 2 * (w[1:] ** 2).sum()
-        return float(value), columns.T @ (chance - right) + RIDGE * np.r_[0.0, w[1:]]
-
-    bounds = [(None, None), *[(None, 0.0)] * count]
-    found = minimize(loss, np.zeros(1 + count), jac=True, bounds=bounds, method="L-BFGS-B").x
+    found = likeliest(np.nan_to_num((loads - usual) / spread), right)
     terms = {
         name: {"slope": round(float(slope), 3), "usual": round(float(load), 3)}
         for name, slope, load in zip(names, found[1:] / spread, usual, strict=True)
@@ -213,21 +201,30 @@ def fitted_mark(rows: Sequence[Row], mark: str) -> dict[str, Any]:
     return {"constant": round(float(found[0]), 3), "terms": terms}
 
 
-def loads_of(rows: Sequence[Row]) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the loads (n, T) of the terms, NaN where unknown, and where they are unknown."""
-    loads = np.array(
-        [[np.nan if load is None else load for load in loads_of_row(row).values()] for row in rows]
-    )
-    return loads, np.isnan(loads)
+def likeliest(columns: Array, right: Array) -> Array:
+    """Return constant and slopes (1 + T,) of standardised columns (n, T)."""
+    from scipy.optimize import minimize
+
+    x = np.c_[np.ones(len(columns)), columns]
+
+    def loss(w: Array) -> tuple[float, Array]:
+        odds = x @ w
+        chance = 1 / (1 + np.exp(-odds))
+        value = (np.logaddexp(0, odds) - right * odds).sum() + RIDGE / 2 * (w[1:] ** 2).sum()
+        return float(value), x.T @ (chance - right) + RIDGE * np.r_[0.0, w[1:]]
+
+    bounds = [(None, None), *[(None, 0.0)] * columns.shape[1]]
+    start = np.zeros(x.shape[1])
+    return np.asarray(minimize(loss, start, jac=True, bounds=bounds, method="L-BFGS-B").x)
 
 
-def loads_of_row(row: Row) -> dict[str, float | None]:
-    """Return term -> load of a person."""
+def loads_of(row: Row) -> list[float | None]:
+    """Return the load of each term of a person; None where unknown."""
     specs = [CHECKS[name] for name in TERMS]
-    return {
-        spec.name: load_of(row["checks"].get(spec.name), spec.threshold, spec.direction, spec.unit)
+    return [
+        load_of(row["checks"].get(spec.name), spec.threshold, spec.direction, spec.unit)
         for spec in specs
-    }
+    ]
 
 
 def probabilities(rows: Sequence[Row], models: Mapping[str, Any]) -> dict[str, Array]:

@@ -125,14 +125,14 @@ def pair_of(question: Question, ridge: float = RIDGE) -> tuple[float, float]:
     return calibration(left_out(of, partial(fit_logistic, ridge=ridge)), of)
 
 
-def figures(question: Question, ridge: float = RIDGE) -> dict[str, str]:
+def figures(question: Question) -> dict[str, str]:
     """Return the scores of a question with photos left out, with repositories left out, on each
     other set by a fit to the given photos alone, on each set by fits to the other pictures of all,
     and on films apart by a fit to all others.
     """
-    fit = partial(fit_logistic, ridge=ridge)
+    fit = partial(fit_logistic, ridge=RIDGE)
     given = question.of(question.sets == "given")
-    pair = pair_of(given, ridge)
+    pair = pair_of(given)
 
     def scaled(logits: Array) -> Array:
         return probabilities(logits * pair[0] + pair[1])
@@ -148,13 +148,13 @@ def figures(question: Question, ridge: float = RIDGE) -> dict[str, str]:
         apart = question.of(question.sets == other).examples
         rows[other] = _scores(scaled(logits_of(numbers, apart.x)), apart)
     rest = question.of(question.sets != APART)
-    factor, offset = pair_of(rest, ridge)
+    factor, offset = pair_of(rest)
     likely = probabilities(left_out(rest.examples, fit) * factor + offset)
     for own in sorted({*rest.sets.tolist()}):
         of_set = rest.sets == own
         rows[f"{own}, by all others"] = _scores(likely[of_set], rest.examples.take(of_set))
     if (apart := question.of(question.sets == APART).examples).groups:
-        numbers = fitted(rest, ridge)[:, :-1].astype(np.float64)
+        numbers = fitted(rest)[:, :-1].astype(np.float64)
         rows[f"{APART}, by all"] = _scores(probabilities(logits_of(numbers, apart.x)), apart)
     return rows
 

@@ -18,18 +18,20 @@ import math
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.fits import parser_of
+from physic_testing.metrics import ValueWithInterval
 
 from .contact import part_tables, table_of_parts
 from .run import answer_of
 from .scores import photo_record, score_annotated, score_moment, score_parkour, score_single
 from .sets import SETS, Sample
-from .table import as_json, rows_of, text_table
+from .table import rows_of, text_table
 
 
 def main() -> int:
@@ -57,7 +59,7 @@ def main() -> int:
         "config": str(given.config) if given.config else None,
         "settings": given.settings,
         "photos": counts,
-        "table": as_json(rows),
+        "table": [{"name": r.name.strip(), "goal": r.goal, **asdict(r.figure)} for r in rows],
         "scores": parts,
         **records,
     }
@@ -131,7 +133,9 @@ def samples_of(folders: Sequence[Path], sets: Sequence[str], photos: int | None)
 
 
 def without_nan(value: Any) -> Any:
-    """JSON knows no NaN: what is unknown is null."""
+    """JSON knows no NaN, nor records: what is unknown is null."""
+    if isinstance(value, ValueWithInterval):
+        value = asdict(value)
     if isinstance(value, dict):
         return {key: without_nan(part) for key, part in value.items()}
     if isinstance(value, list):

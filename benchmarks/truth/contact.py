@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
 from physic_core.types.skeletons import SIDES
@@ -72,7 +71,7 @@ def part_tables(parts: Sequence[Record]) -> dict[str, dict[str, dict[str, Any]]]
     for group, records in groups.items():
         for kind in KINDS.values():
             if mine := [r for r in records if r["kind"] == kind]:
-                scores = {name: asdict(figure(mine, _score(name))) for name in SCORES}
+                scores = {name: figure(mine, _score(name)) for name in SCORES}
                 tables.setdefault(group, {})[kind] = {
                     **scores,
                     "touching": sum(r["touches"] for r in mine),
@@ -85,10 +84,8 @@ def table_of_parts(tables: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str
     rows = [["contact with the world", "judged", "touch", *SCORES]]
     for group, kinds in tables.items():
         for kind, scores in kinds.items():
-            counts = [str(scores["auc"]["count"]), str(scores["touching"])]
-            cells = [
-                _cell(ValueWithInterval(**scores[name]), name != "constant") for name in SCORES
-            ]
+            counts = [str(scores["auc"].count), str(scores["touching"])]
+            cells = [_cell(scores[name], name != "constant") for name in SCORES]
             rows.append([f"{group}: {kind}", *counts, *cells])
     return markdown_table(rows)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -234,8 +234,3 @@ def text_table(rows: Sequence[Row]) -> str:
         name = f"&nbsp; {r.name.strip()}" if r.name.startswith(" ") else r.name
         cells.append([name, r.text(r.figure.value), r.interval, str(r.figure.count), r.goal])
     return markdown_table(cells)
-
-
-def as_json(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Name, figure and goal of each row."""
-    return [{"name": r.name.strip(), "goal": r.goal, **asdict(r.figure)} for r in rows]

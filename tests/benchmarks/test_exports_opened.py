@@ -12,7 +12,7 @@ import pytest
 
 from benchmarks import exports_opened
 from benchmarks.export_readers import Opened
-from benchmarks.exports_opened import READERS, Outcome, is_wrong, outcome_of, outcomes_of, row_of
+from benchmarks.exports_opened import READERS, is_wrong, outcome_of, outcomes_of, row_of
 from physic_core import find_exporters
 from physic_core.pictures import GLB_FILE
 
@@ -58,8 +58,8 @@ def test_a_format_that_refuses_a_result_is_neither_opened_nor_wrong(saved_pair):
 
 
 def test_a_difference_above_the_limit_of_the_row_is_wrong():
-    assert not is_wrong(DEPTH, Outcome(DEPTH.limit))
-    assert is_wrong(DEPTH, Outcome(2 * DEPTH.limit))
+    assert not is_wrong(DEPTH, Opened(difference=DEPTH.limit))
+    assert is_wrong(DEPTH, Opened(difference=2 * DEPTH.limit))
 
 
 def test_a_reader_that_is_not_installed_opens_nothing(saved_pair, monkeypatch, capsys):

@@ -105,7 +105,7 @@ def test_self_occlusion_is_found_again_after_a_motion_of_a_centimetre(standing):
 
 def test_chamfer_equals_its_slow_reference_under_a_scale(standing):
     state = standing.state
-    cloud = HumanPoints.of_state(state, most=0)
+    cloud = HumanPoints.of_state(state)
     vertices = standing.vertices[:, ::7] + torch.tensor([0.01, 0.0, 0.05])
     facing = uniform(*vertices.shape[:2]) < 0.5
     log_scale = torch.tensor(0.1)
@@ -114,18 +114,6 @@ def test_chamfer_equals_its_slow_reference_under_a_scale(standing):
     pairs = torch.cdist(seen, points, compute_mode="donot_use_mm_for_euclid_dist")
     want = pairs.amin(1).square().sum() + pairs.amin(0).square().sum()
     assert cloud(vertices, facing, log_scale).item() == pytest.approx(want.item(), rel=1e-4)
-
-
-def test_a_thinned_cloud_stands_for_the_whole(standing):
-    whole = HumanPoints.of_state(standing.state, most=0)
-    thinned = HumanPoints.of_state(standing.state, most=2000)
-    assert len(thinned.points[0]) <= 2000 < len(whole.points[0])
-    vertices = standing.vertices[:, ::7]
-    facing = torch.ones(1, len(standing.vertices[0, ::7]), dtype=torch.bool)
-    few, all_points = (
-        c(vertices + 0.1, facing, torch.tensor(0.0)).item() for c in (thinned, whole)
-    )
-    assert few == pytest.approx(all_points, rel=0.1)
 
 
 def test_depth_is_read_where_the_photo_shows_the_person(standing):

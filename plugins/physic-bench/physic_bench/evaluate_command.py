@@ -176,7 +176,7 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
     from physic_bench.datasets.base import Choice
     from physic_bench.run import evaluate_methods
     from physic_bench.scoring import columns_with_contact_truths
-    from physic_bench.tables import Tables, check_results, write_results
+    from physic_bench.tables import check_results, write_results
     from physic_core.files import MARK, check_writable
 
     files = BodyFiles(given.smplx, given.smpl)
@@ -203,7 +203,7 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
         "records": records,
     }
     header = _header(chosen, options, given, len(found.frames))
-    paths = write_results(Tables.of(records, columns), given.out, header, scored.notes, document)
+    paths = write_results(records, columns, given.out, header, scored.notes, document)
     echo(paths[0].read_text(encoding="utf-8").removesuffix(f"{MARK}\n"))
     echo(f"wrote {', '.join(map(str, paths))}")
 

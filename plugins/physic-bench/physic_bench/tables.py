@@ -5,76 +5,24 @@ from one of them.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from physic_bench.figures import difference, figure
 from physic_core.files import MARK, atomic_write, check_own, check_writable, to_json
-from physic_testing.metrics import ValueWithInterval, aligned_table, markdown_table
+from physic_testing.metrics import aligned_table, markdown_table
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from physic_bench.figures import Column
+    from physic_testing.metrics import ValueWithInterval
 
     Record = Mapping[str, Any]
+    Figures = Mapping[str, Mapping[str, ValueWithInterval]]
 
 FILES = ("table.txt", "table.md", "results.json")
-
-
-@dataclass(frozen=True, eq=False)
-class Tables:
-    """All figures of a benchmark.
-
-    Attributes:
-        columns: those for which some method has a value.
-        figures: method -> column key -> figure.
-        first: the method that the others are compared with.
-        differences: method -> column key -> its figure minus that of ``first``.
-    """
-
-    columns: tuple[Column, ...]
-    figures: Mapping[str, Mapping[str, ValueWithInterval]]
-    first: str
-    differences: Mapping[str, Mapping[str, ValueWithInterval]]
-
-    @staticmethod
-    def of(
-        records: Mapping[str, Sequence[Record]], columns: Sequence[Column], first: str = ""
-    ) -> Tables:
-        """Compute all figures from the records of each method; ``first`` is by default the
-        first.
-        """
-        first = first or next(iter(records))
-        figures = {name: {c.key: figure(own, c) for c in columns} for name, own in records.items()}
-        kept = tuple(c for c in columns if any(own[c.key].count for own in figures.values()))
-        apart = {
-            name: {c.key: difference(records[first], own, c) for c in kept}
-            for name, own in records.items()
-            if name != first
-        }
-        return Tables(kept, figures, first, apart)
-
-    def text(self, *, markdown: bool = False) -> str:
-        """Return both tables, for a terminal or as Markdown."""
-        draw = markdown_table if markdown else aligned_table
-        parts = [draw(self._rows(self.figures, signed=False))]
-        if self.differences:
-            parts.append(f"Difference from {self.first}, on people whom both measure")
-            parts.append(draw(self._rows(self.differences, signed=True)))
-        return "\n\n".join(parts) + "\n"
-
-    def _rows(
-        self, shown: Mapping[str, Mapping[str, ValueWithInterval]], *, signed: bool
-    ) -> list[list[str]]:
-        rows = [["", *shown, "of"]]
-        for column in self.columns:
-            own = [figures[column.key] for figures in shown.values()]
-            cells = [column.text(f, signed=signed) for f in own]
-            if set(cells) != {"-"}:
-                rows.append([column.label, *cells, str(max(f.count for f in own))])
-        return rows
 
 
 def check_results(folder: Path) -> None:
@@ -83,7 +31,8 @@ def check_results(folder: Path) -> None:
 
 
 def write_results(
-    tables: Tables,
+    records: Mapping[str, Sequence[Record]],
+    columns: Sequence[Column],
     folder: Path,
     header: str,
     notes: Sequence[str],
@@ -92,7 +41,8 @@ def write_results(
     """Write table.txt, table.md and results.json, completely or not at all, and return their paths.
 
     Args:
-        tables: of the figures.
+        records: of each method; the others are compared with the first.
+        columns: of the tables; those for which no method has a value are left out.
         folder: for the files.
         header: a line over the tables.
         notes: sentences below the tables.
@@ -102,27 +52,58 @@ def write_results(
         OutputError: the folder cannot be written, or has files of the user with these names.
     """
     check_results(check_writable(folder))
-    found: dict[str, Any] = {"note": MARK, "header": header, "notes": list(notes), **document}
-    found["columns"] = [
-        {"key": c.key, "label": c.label, "definition": c.definition, "better": c.better}
-        for c in tables.columns
-    ]
-    for name in ("figures", "differences"):
-        by_method = getattr(tables, name)
-        found[name] = {
-            m: {key: asdict(f) for key, f in own.items()} for m, own in by_method.items()
-        }
-    text = tables.text()
-    markdown = tables.text(markdown=True)
+    first, *others = records
+    figures = {name: {c.key: figure(own, c) for c in columns} for name, own in records.items()}
+    kept = [c for c in columns if any(own[c.key].count for own in figures.values())]
+    differences = {
+        name: {c.key: difference(records[first], records[name], c) for c in kept} for name in others
+    }
+    parts = [_rows(figures, kept, signed=False), _rows(differences, kept, signed=True)]
     lines = [*notes, MARK]
+    bullets = [f"- {' '.join(line.splitlines())}" for line in lines]
+    found = {
+        "note": MARK,
+        "header": header,
+        "notes": list(notes),
+        **document,
+        "columns": [
+            {key: getattr(c, key) for key in ("key", "label", "definition", "better")} for c in kept
+        ],
+        "figures": _numbers(figures),
+        "differences": _numbers(differences),
+    }
     texts = (
-        f"{header}\n\n{text}\n" + "\n".join(lines) + "\n",
-        f"{header}\n\n{markdown}\n"
-        + "\n".join(f"- {' '.join(line.splitlines())}" for line in lines)
-        + "\n",
+        "\n".join([header, "", _drawn(aligned_table, parts, first), "", *lines, ""]),
+        "\n".join([header, "", _drawn(markdown_table, parts, first), "", *bullets, ""]),
         json.dumps(to_json(found, digits=9), indent=1) + "\n",
     )
     with atomic_write(folder) as temporary:
         for name, content in zip(FILES, texts, strict=True):
             temporary(name).write_text(content, encoding="utf-8")
     return [folder / name for name in FILES]
+
+
+def _drawn(
+    draw: Callable[[list[list[str]]], str], tables: Sequence[list[list[str]]], first: str
+) -> str:
+    """Return the figures, and below them the differences from the first method if there are any."""
+    figures, differences = map(draw, tables)
+    if len(tables[1]) == 1:
+        return figures
+    title = f"Difference from {first}, on people whom both measure"
+    return "\n\n".join([figures, title, differences])
+
+
+def _rows(shown: Figures, columns: Sequence[Column], *, signed: bool) -> list[list[str]]:
+    """Return the table of figures of methods, without rows that have none."""
+    rows = [["", *shown, "of"]]
+    for column in columns:
+        own = [figures[column.key] for figures in shown.values()]
+        cells = [column.text(f, signed=signed) for f in own]
+        if set(cells) - {"-"}:
+            rows.append([column.label, *cells, str(max(f.count for f in own))])
+    return rows
+
+
+def _numbers(shown: Figures) -> dict[str, Any]:
+    return {name: {key: asdict(f) for key, f in own.items()} for name, own in shown.items()}

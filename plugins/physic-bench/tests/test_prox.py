@@ -88,8 +88,8 @@ def test_a_shift_of_5_cm_down_has_an_error_of_5_cm_in_every_measure(mini, files,
     assert {key: found[key] for key in wanted} == pytest.approx(wanted, abs=0.01)
 
 
-def frames_of(mini, files, *choice, **options):
-    return DATA_SET.frames(mini.root, Choice(*choice, **options), files.bodies, "auto")
+def frames_of(mini, files):
+    return DATA_SET.frames(mini.root, Choice(), files.bodies, "auto")
 
 
 @pytest.mark.parametrize("frame", ["camera", "scene"])
@@ -128,13 +128,6 @@ def test_a_model_file_of_another_gender_is_refused(mini, files, tmp_path):
     done = run_on_results(mini, files, tmp_path, smplx=neutral)
     assert done.exit_code != 0
     assert "posed by SMPLX_NEUTRAL.npz, is" in done.output
-
-
-def test_frames_are_chosen_by_a_list_or_a_limit(mini, files, tmp_path):
-    name = sorted(mini.vertices)[1]
-    (tmp_path / "list.txt").write_text(f"{name}\n")
-    assert [f.id for f in frames_of(mini, files, tmp_path / "list.txt").frames] == [name]
-    assert len(frames_of(mini, files, limit=2).frames) == 2
 
 
 def test_damaged_meshes_are_left_out_with_their_reason(mini, files, tmp_path):

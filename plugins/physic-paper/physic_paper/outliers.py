@@ -14,20 +14,19 @@ released.
 _SIGMA = 1.45  # outlier threshold over the mean, in standard deviations; as released
 
 
-def knn_outliers(points: Tensor, neighbors: int, sigma: float = _SIGMA) -> Tensor:
+def knn_outliers(points: Tensor, neighbors: int) -> Tensor:
     """Return points with an unusually large mean squared distance to their neighbours, (M,) bool
     (paper Sec. 4.1).
 
     Args:
         points: (M, 3), any unit, finite.
         neighbors: k, the point itself not counted.
-        sigma: threshold over the mean of that distance, in standard deviations.
     """
     if min(neighbors, len(points) - 1) < 1:
         return torch.zeros(len(points), dtype=torch.bool, device=points.device)
     distance, _ = nearest_other_points(points, neighbors)
     spread = distance.square().mean(1)
-    return spread > spread.mean() + sigma * spread.std(correction=0)
+    return spread > spread.mean() + _SIGMA * spread.std(correction=0)
 
 
 def image_outliers(points: Tensor, rows: int, columns: int) -> Tensor:

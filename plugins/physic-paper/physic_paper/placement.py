@@ -96,7 +96,7 @@ class PaperPlacement(PlacementMethod):
         # The total weight of all pairs of Eq. 4. Without points its value has no effect.
         pairs = 1 if fit.seen is None else int(fit.seen.sum()) + len(person.points)
         stiffness = self.chamfer_weight * pairs
-        return restore_keypoint_fit(self.reprojection_term(person), fit.x, stiffness, fits)
+        return restore_keypoint_fit(term, fit.x, stiffness, fits)
 
 
 @dataclass(frozen=True)

@@ -43,9 +43,10 @@ def published_normals(points: Tensor, valid: Tensor) -> Tensor:
     return (F.normalize(total, dim=-1) * valid[..., None]).to(kind)
 
 
-def published_normal_outliers(
-    points: Tensor, normals: Tensor, neighbors: int, max_angle_deg: float = 50.0
-) -> Tensor:
+_MAX_ANGLE_DEG = 50.0  # of an inlier's normal to the mean of its neighbours
+
+
+def published_normal_outliers(points: Tensor, normals: Tensor, neighbors: int) -> Tensor:
     """Return points whose normal is zero or differs from the mean normal of their neighbours: (M,)
     bool.
 
@@ -53,7 +54,6 @@ def published_normal_outliers(
         points: (M, 3), finite.
         normals: (M, 3) unit or zero.
         neighbors: k, the point itself not counted.
-        max_angle_deg: largest angle to the mean.
     """
     if min(neighbors, len(points) - 1) < 1:
         return torch.zeros(len(points), dtype=torch.bool, device=points.device)
@@ -62,7 +62,7 @@ def published_normal_outliers(
     for column in index.T:
         mean = mean + normals[column]
     alike = (normals * F.normalize(mean, dim=-1)).sum(-1)
-    return alike < math.cos(math.radians(max_angle_deg))
+    return alike < math.cos(math.radians(_MAX_ANGLE_DEG))
 
 
 def published_floor_grid(normal: Tensor, offset: float, points: Tensor, count: int) -> Tensor:

@@ -20,7 +20,6 @@ def chamfer_energy(
     points: Tensor,
     nearest_point: Tensor,
     nearest_vertex: Tensor,
-    point_weight: float,
 ) -> Tensor:
     """Return L_d (Eq. 4) of one person: ``sum_v min_p |v - p|^2 + sum_p min_v |p - v|^2``, ()
     square metres.
@@ -30,11 +29,10 @@ def chamfer_energy(
         points: (m, 3) human points in the scaled scene, metres.
         nearest_point: (n,) int64, of each vertex.
         nearest_vertex: (m,) int64, of each point.
-        point_weight: number of original points per sampled point.
     """
     to_points = (vertices - points[nearest_point]).square().sum()
     to_vertices = (points - vertices[nearest_vertex]).square().sum()
-    return to_points + point_weight * to_vertices
+    return to_points + to_vertices
 
 
 def human_points_of(state: State) -> tuple[Tensor, ...] | None:
@@ -54,19 +52,15 @@ class HumanPoints(ShortRepr):
 
     Attributes:
         points: per person (m, 3) metres.
-        share: per person, number of original points per sampled point.
         trees: per person, k-d tree of the points.
     """
 
     points: tuple[Tensor, ...]
-    share: tuple[float, ...]
     trees: tuple[cKDTree, ...]
 
     @classmethod
-    def of_state(cls, state: State, most: int = 0) -> HumanPoints:
+    def of_state(cls, state: State) -> HumanPoints:
         """Collect ``human_points``, or unproject ``photo_depth`` inside each mask.
-
-        Points are evenly subsampled to at most ``most`` per person; 0 keeps all.
 
         Raises:
             PhysicError: the state has neither.
@@ -77,11 +71,8 @@ class HumanPoints(ShortRepr):
                 "the depth term compares point clouds, but neither points of people nor a depth of "
                 "the photo are there: give one, or set engine.joint.depth.weight = 0"
             )
-        clouds = [c[torch.isfinite(c).all(-1)] for c in known]
-        step = [max(1, -(-len(c) // most)) if most else 1 for c in clouds]
-        picked = tuple(c[::k] for c, k in zip(clouds, step, strict=True))
-        share = tuple(len(c) / max(1, len(p)) for c, p in zip(clouds, picked, strict=True))
-        return cls(picked, share, tuple(cKDTree(p.cpu().double().numpy()) for p in picked))
+        clouds = tuple(c[torch.isfinite(c).all(-1)] for c in known)
+        return cls(clouds, tuple(cKDTree(c.cpu().double().numpy()) for c in clouds))
 
     def __call__(self, vertices: Tensor, facing: Tensor, log_scale: Tensor) -> Tensor:
         """Return Eq. 4 for each person. The points scale with the scene, without a gradient to its
@@ -117,7 +108,6 @@ class HumanPoints(ShortRepr):
             points,
             torch.from_numpy(nearest_point).to(device),
             torch.from_numpy(nearest_vertex).to(device),
-            self.share[i],
         )
 
 

@@ -1,16 +1,21 @@
-"""Mocks in place of networks, with a fault of the wrapper."""
+"""Mocks in place of networks: without a fault, or with one of the wrapper."""
 
 from __future__ import annotations
 
 import inspect
 import zlib
+from dataclasses import replace
 
 import numpy as np
 
+from physic_core.errors import BackendError
 from physic_core.interfaces.comparison import named_values
 from physic_mock import backends as mocks
 from physic_testing.conformance.backend_under_test import find_backend
 from physic_testing.conformance.kit import start_checks
+
+SIZE = (160, 120)
+"""Of photos on which faults show in networks without other errors, px."""
 
 NO_NOISE = {
     "MockMetricDepth": {"noise": 0, "stated_sigma": 0.1},
@@ -31,14 +36,68 @@ def answer_of(kind, own, arguments):
     return _ANSWERS[key]
 
 
-def run_checks(mock, change=None, *, noise=0, seed=0):
-    """All checks of a mock whose result is changed by ``change(result, *arguments)``."""
+def mirrored_points(ask, image, hints):
+    found = ask(image, hints)
+    side = np.float32([-1, 1, 1])
+    return replace(
+        found, points=found.points[:, ::-1] * side, valid=found.valid[:, ::-1], up=found.up * side
+    )
+
+
+def mirrored_people(ask, image, people, keypoints, intrinsics):
+    found = ask(image, replace(people, masks=people.masks[..., ::-1]), keypoints, intrinsics)
+    return replace(found, touch=found.touch[:, [1, 0, 3, 2, 4]], head=found.head * [-1, 1, 1])
+
+
+MIRRORED = {"MockRelativePointmap": mirrored_points, "MockPersonObserver": mirrored_people}
+"""Mock -> its answer for a mirrored photo, by what it answers for the photo."""
+
+
+def stand_in(mock, change=None):
+    """A mock whose answer goes through ``change(answer, *arguments)``."""
     kind = getattr(mocks, mock)
 
-    def infer(self, *arguments):
-        answer = answer_of(kind, self, arguments)
-        return answer if change is None else change(answer, *arguments)
+    def infer(self, image, *rest):
+        def ask(*arguments):
+            return answer_of(kind, self, arguments)
+
+        try:
+            answer = ask(image, *rest)
+        except BackendError:
+            if mock not in MIRRORED:
+                raise
+            answer = MIRRORED[mock](ask, np.ascontiguousarray(image[:, ::-1]), *rest)
+        return answer if change is None else change(answer, image, *rest)
 
     infer.__signature__ = inspect.signature(kind.infer)
-    options = {"noise": noise, "noise_seed": seed} if noise else NO_NOISE.get(mock, {"noise": 0})
-    return start_checks(find_backend(type(mock, (kind,), {"infer": infer}), None, options=options))
+    return type(mock, (kind,), {"infer": infer})
+
+
+def subject_of(kind, *, noise=0, seed=0, size=SIZE):
+    """A stand-in under test."""
+    options = NO_NOISE.get(kind.__name__, {"noise": 0})
+    if noise:
+        options = {"noise": noise, "noise_seed": seed}
+    return find_backend(kind, None, options=options, size=size)
+
+
+def checks_of(mock, change=None, **settings):
+    """All checks of a mock whose answer is changed."""
+    return start_checks(subject_of(stand_in(mock, change), **settings))
+
+
+class RightDepth(stand_in("MockMetricDepth")):
+    """Has to be loaded before it is asked."""
+
+    loaded = False
+
+    def load(self, device="cpu"):
+        self.loaded = True
+
+    def close(self):
+        self.loaded = False
+
+    def infer(self, image, hints):
+        if not self.loaded:
+            raise BackendError("not loaded: call load() first")
+        return super().infer(image, hints)

@@ -4,9 +4,9 @@ import json
 from pathlib import Path
 
 import pytest
+from faults import fields
 from pydantic import Field
-from right_backends import SIZE, RightMetricDepth, RightSegmenter
-from wrong_backends import WRONG
+from stand_ins import SIZE, RightDepth, stand_in
 
 from physic_core.errors import BackendError, ConfigError
 from physic_testing import check_backend
@@ -14,13 +14,12 @@ from physic_testing.conformance import checks_for
 from physic_testing.conformance.backend_under_test import find_backend
 from physic_testing.conformance.compare import compare
 
-CENTIMETRES = next(
-    m.kind for m in WRONG if m.mistake == "centimetres" and m.kind.interface == "metric_depth"
-)
+CENTIMETRES = stand_in("MockMetricDepth", fields(depth=lambda z: 100 * z))
+RightSegmenter = stand_in("MockSegmenter")
 NO_WEIGHTS = "my-depth needs weights.onnx: fetch it from https://example.org and set options.path"
 
 
-class NotReady(RightMetricDepth):
+class NotReady(RightDepth):
     def load(self, device="cpu"):
         raise BackendError(NO_WEIGHTS)
 
@@ -44,11 +43,11 @@ class PointedAtWorlds(RightSegmenter):
         return super().infer(image)
 
 
-class Stochastic(RightMetricDepth):
+class Stochastic(RightDepth):
     capabilities = ("stochastic",)
 
 
-class Gpu(RightMetricDepth):
+class Gpu(RightDepth):
     capabilities = ("needs_cuda",)
 
 
@@ -66,20 +65,20 @@ def failed():
 
 
 def test_a_name_a_target_a_class_and_an_instance_are_the_same_backend(site):
-    site.put({"metric_depth": RightMetricDepth}, "right")
+    site.put({"metric_depth": RightDepth}, "right")
     for backend, interface in (
         ("right", None),
         ("right", "metric_depth"),
-        ("right_backends:RightMetricDepth", "metric_depth"),
-        (RightMetricDepth, None),
-        (RightMetricDepth(), None),
+        ("stand_ins:RightDepth", "metric_depth"),
+        (RightDepth, None),
+        (RightDepth(), None),
     ):
         subject = find_backend(backend, interface, size=SIZE)
-        assert (subject.kind, subject.interface) == (RightMetricDepth, "metric_depth")
+        assert (subject.kind, subject.interface) == (RightDepth, "metric_depth")
 
 
 def test_a_name_of_several_interfaces_needs_the_interface(site):
-    site.put({"metric_depth": RightMetricDepth, "segmenter": RightSegmenter}, "right")
+    site.put({"metric_depth": RightDepth, "segmenter": RightSegmenter}, "right")
     with pytest.raises(BackendError, match="metric_depth, segmenter"):
         check_backend("right")
 
@@ -111,7 +110,7 @@ def test_the_summary_counts_passed_failed_and_skipped_checks(failed):
 def test_an_expected_failure_counts_as_a_failure_only_if_it_passes():
     wrong, right = (
         check_backend(kind, size=SIZE, expected_failures={"depth_is_in_metres": "known"})
-        for kind in (CENTIMETRES, RightMetricDepth)
+        for kind in (CENTIMETRES, RightDepth)
     )
     assert wrong.ok
     assert outcome(wrong, "depth_is_in_metres").outcome == "xfailed"
@@ -165,9 +164,7 @@ def test_a_disparity_is_asked_about_before_a_unit():
 
 def test_backends_are_compared_in_one_table():
     worlds = ("stand_indoors", "group")
-    found = compare(
-        "metric_depth", [RightMetricDepth, CENTIMETRES, NotReady], worlds=worlds, size=SIZE
-    )
+    found = compare("metric_depth", [RightDepth, CENTIMETRES, NotReady], worlds=worlds, size=SIZE)
     right, hundred, missing = found.rows
     assert right.errors["abs-rel"] == pytest.approx(0, abs=1e-6)
     assert hundred.errors["abs-rel"] == pytest.approx(99, abs=1e-3)
@@ -187,7 +184,7 @@ def test_pytest_gets_one_test_a_check_and_one_that_something_ran(pytester):
         test_conformance=f"""
         import sys
         sys.path.append({str(Path(__file__).parent)!r})
-        from right_backends import SIZE, RightMetricDepth
+        from stand_ins import SIZE, RightDepth
         from test_kit import CENTIMETRES, NotReady
         from physic_testing import parametrize_with_checks
 
@@ -201,7 +198,7 @@ def test_pytest_gets_one_test_a_check_and_one_that_something_ran(pytester):
         test_centimetres = checks_of(CENTIMETRES)
         test_known_centimetres = checks_of(CENTIMETRES, depth_is_in_metres="known")
         test_not_ready = checks_of(NotReady)
-        test_right = checks_of(RightMetricDepth, depth_is_in_metres="no")
+        test_right = checks_of(RightDepth, depth_is_in_metres="no")
         """
     )
     done = pytester.runpytest_subprocess("-p", "no:cacheprovider", "-p", "no:randomly", "-rf")

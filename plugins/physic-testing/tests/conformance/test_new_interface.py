@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from right_backends import SIZE
+from stand_ins import SIZE
 
 from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import BackendOutputError
