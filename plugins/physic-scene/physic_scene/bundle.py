@@ -194,8 +194,10 @@ class Columns:
         shapes = ((views, 6), (views,), (people, joints, 3), body, body)
         *ends, count = np.cumsum([np.prod(shape) for shape in shapes]).tolist()
         parts = np.split(np.arange(count), ends)
-        fields = (part.reshape(shape) for part, shape in zip(parts, shapes, strict=True))
-        return cls(*fields, count)
+        camera, focal, points, turn, place = (
+            part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)
+        )
+        return cls(camera, focal, points, turn, place, count)
 
 
 @dataclass(frozen=True)
