@@ -242,7 +242,8 @@ class Bundle:
     @cached_property
     def columns(self) -> Columns:
         """Columns of the parameters."""
-        return Columns.of(*self.place.shape[:2], self.points.shape[1])
+        people, joints, _ = self.points.shape
+        return Columns.of(len(self.rotation), people, joints)
 
     def pose(self, view: int) -> CameraPose:
         """Return the pose of a camera."""
