@@ -165,38 +165,26 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
         needs=("pytorch_lightning", "einops", "timm", "torchvision"),
     )
 
-    def __init__(self, options: CameraHmrOptions | None = None) -> None:
-        super().__init__(options)
-        self._focal_network: Any = None
-        self._body: SmplBody | None = None
-
     def needs(self) -> tuple[str, ...]:
         """Return the packages that the checkout imports, including those of FLNet if it is used."""
         return (*super().needs(), *(_FLNET_NEEDS if self.options.focal == "own" else ()))
 
-    def build(self, device: str) -> Any:
-        """Build the networks and load their weights."""
+    def build(self, device: str) -> tuple[Any, Any, SmplBody]:
+        """Return CameraHMR, FLNet or None, and the SMPL model, with their weights."""
         checkpoint = self.file(_CHECKPOINT)
         mean = self.file(_MEAN)
-        self._body = open_smpl(self.options.smpl_file)
+        body = open_smpl(self.options.smpl_file)
         constants: Any = self.checkout.load("core.constants")
         # its own path begins at the folder that Python was started in
         constants.SMPL_MEAN_PARAMS_FILE = str(mean)
         kind = self.checkout.attribute("CameraHMR")
+        focal_network = None
         if self.options.focal == "own":
             camera_kind = self.checkout.attribute("FLNet", "core.cam_model.fl_net")
             with self.inference():
-                self._focal_network = self.load_checkpoint(
-                    camera_kind(), self.file(_CAMERA_CHECKPOINT)
-                )
+                focal_network = self.load_checkpoint(camera_kind(), self.file(_CAMERA_CHECKPOINT))
         with self.inference():
-            return self.load_checkpoint(kind(), checkpoint)
-
-    def close(self) -> None:
-        """Release the networks and the SMPL model."""
-        super().close()
-        self._focal_network = None
-        self._body = None
+            return self.load_checkpoint(kind(), checkpoint), focal_network, body
 
     def infer(
         self,
@@ -211,16 +199,15 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
         Raises:
             BackendError: it is not loaded, or the output of the network has another form.
         """
-        self.network  # noqa: B018 -- raises an error if it is not loaded
-        body = self._body
-        if not len(people) or body is None:
+        _, focal_network, body = self.network
+        if not len(people):
             return empty_bodies("smpl")
         regions = [padded_region(box, 1.0, self.options.margin) for box in people.boxes]
         centres = np.array([r[0] for r in regions])
         sides = np.array([r[1][0] for r in regions])
         focal = (
-            self._own_focal(image)
-            if self.options.focal == "own"
+            self._own_focal(image, focal_network)
+            if focal_network is not None
             else math.sqrt(intrinsics.fx * intrinsics.fy)
         )
         crops = np.concatenate([self._crop(image, box) for box in people.boxes])
@@ -248,7 +235,7 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
         """Run the network: root (M, 1, 3, 3), pose (M, 23, 3, 3), betas (M, 10) and weak
         perspective (M, 3).
         """
-        answer = self.network(inputs)
+        answer = self.network[0](inputs)
         try:
             return [
                 *(answer[0][name] for name in ("global_orient", "body_pose", "betas")),
@@ -269,13 +256,13 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
             IMAGENET_STD,
         )
 
-    def _own_focal(self, image: UInt8Array) -> float:
+    def _own_focal(self, image: UInt8Array, network: Any) -> float:
         """Return the focal length in px that FLNet estimates from the photo."""
         order = self.options.focal_channels or self.options.channels
         seen, _ = letterbox(_reorder_channels(image, order), SIDE, SIDE, fill=_WHITE, how="area")
         pixels = picture_tensor(seen, IMAGENET_MEAN, IMAGENET_STD, device=self.device)
         with self.inference():
-            fields = to_numpy(self._focal_network(pixels)[0])
+            fields = to_numpy(network(pixels)[0])
         vertical = float(fields.reshape(-1, 2)[0, 1])
         if not 0.02 < vertical < 3.1:
             raise BackendError(

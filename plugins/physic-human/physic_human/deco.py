@@ -119,27 +119,18 @@ class Deco(SmplCheckoutBackend, ContactPrior):
         needs=("torchvision", "yacs", "loguru"),
     )
 
-    def __init__(self, options: DecoOptions | None = None) -> None:
-        super().__init__(options)
-        self._rest: RestMesh | None = None
-
-    def build(self, device: str) -> Any:
-        """Build the network and load its weights."""
+    def build(self, device: str) -> tuple[Any, RestMesh | None]:
+        """Return the network with its weights, and SMPL's T-pose if its file is given."""
         path = self.file()
         kind = self.checkout.attribute("DECO")
         smpl = self.options.smpl_file
-        self._rest = open_smpl(smpl).rest if smpl else None
+        rest = open_smpl(smpl).rest if smpl else None
         with self.inference():
             # Encoder, whether it looks at the context too, device; older versions always do, and
             # have no such argument.
             takes_context = "context" in inspect.signature(kind).parameters
             network = kind("hrnet", True, device) if takes_context else kind("hrnet", device)
-            return self.load_checkpoint(network, path, "deco")
-
-    def close(self) -> None:
-        """Release the network."""
-        super().close()
-        self._rest = None
+            return self.load_checkpoint(network, path, "deco"), rest
 
     def preprocess(
         self, image: UInt8Array, people: People, bodies: Bodies
@@ -151,7 +142,7 @@ class Deco(SmplCheckoutBackend, ContactPrior):
 
     def ask(self, inputs: dict[str, torch.Tensor]) -> Sequence[Any]:
         """Run the network on crops."""
-        answer = self.network(inputs["img"])
+        answer = self.network[0](inputs["img"])
         return [answer[0] if isinstance(answer, (tuple, list)) else answer]
 
     def postprocess(
@@ -163,4 +154,4 @@ class Deco(SmplCheckoutBackend, ContactPrior):
             raise BackendError(
                 f"DECO returned {found.shape}, expected ({len(people)}, {SMPL_VERTICES})"
             )
-        return ContactProbability(np.clip(found, 0, 1), "smpl", self._rest)
+        return ContactProbability(np.clip(found, 0, 1), "smpl", self.network[1])

@@ -97,7 +97,7 @@ def test_the_network_gets_squares_of_the_longer_side_and_the_given_camera(made):
     """Boxes are relative to its principal point; red comes first."""
     backend = made()
     ask(backend)
-    seen = backend.network.seen[0]
+    seen = backend.network[0].seen[0]
     for crop, middle, side in zip(
         seen["img"], [[119.5, 89.5], [229.5, 79.5]], [100, 60], strict=True
     ):
@@ -118,7 +118,7 @@ def test_channels_can_be_exchanged_and_pixels_outside_of_the_photo_are_black(mad
     backend = made(channels="bgr")
     who = People(np.zeros((1, 200, 300), bool), np.array([[0.0, 150, 60, 200]]), np.ones(1))
     backend.infer(PLAIN, who, CAMERA, NUM_KEYPOINTS, Hints())
-    crop = normalised_back(backend.network.seen[0]["img"][0])
+    crop = normalised_back(backend.network[0].seen[0]["img"][0])
     np.testing.assert_allclose(crop[[128, 250], 128], [[10, 100, 200], [0, 0, 0]], atol=0.6)
 
 
@@ -147,14 +147,14 @@ def test_its_estimated_focal_length_reaches_the_network_and_does_not_move_the_bo
     backend = made(focal="own", focal_channels="bgr")
     bodies = ask(backend, PLAIN)
     np.testing.assert_allclose(
-        backend.network.seen[0]["cam_int"][0, 0, 0], 200 / (2 * np.tan(0.4)), rtol=1e-5
+        backend.network[0].seen[0]["cam_int"][0, 0, 0], 200 / (2 * np.tan(0.4)), rtol=1e-5
     )
     np.testing.assert_allclose(bodies.parameters.transl[0, 2], 2 * 500 / (100 * 0.9), rtol=1e-5)
     (shown,) = backend.checkout.load("core.cam_model.fl_net").SHOWN
     seen = normalised_back(shown[0])
     np.testing.assert_allclose(seen[128, 128], [10, 100, 200], atol=0.6)
     np.testing.assert_allclose(seen[10, 128], 255, atol=0.6)  # letterboxed on white
-    crop = normalised_back(backend.network.seen[0]["img"][0])
+    crop = normalised_back(backend.network[0].seen[0]["img"][0])
     np.testing.assert_allclose(crop[128, 128], [200, 100, 10], atol=0.6)
 
 

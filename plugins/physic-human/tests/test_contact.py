@@ -116,6 +116,6 @@ def test_older_versions_of_deco_get_their_own_arguments(deco):
 def test_deco_is_called_in_batches_and_never_without_people(deco):
     backend = deco(batch=2)
     ask(backend, 3)
-    assert [len(seen) for seen in backend.network.seen] == [2, 1]
+    assert [len(seen) for seen in backend.network[0].seen] == [2, 1]
     assert ask(backend, 0).probability.shape == (0, 6890)
-    assert len(backend.network.seen) == 2
+    assert len(backend.network[0].seen) == 2

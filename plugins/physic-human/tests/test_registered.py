@@ -1,8 +1,27 @@
-"""The weights of the plugin as it is installed: licences and accounts are said."""
+"""The plugin as it is installed: nothing here, everything said, nothing fetched."""
 
 from __future__ import annotations
 
+import pytest
+
+from physic_core import list_backends
 from physic_core.weights.library import read_library
+from physic_testing.conformance import check_backend
+
+OFFERS = [offer for offer in list_backends() if offer.distribution == "physic-human"]
+
+
+@pytest.fixture(autouse=True)
+def _nothing_here(monkeypatch, tmp_path):
+    monkeypatch.setenv("PHYSIC_WEIGHTS", "")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("HF_HOME", str(tmp_path))
+
+
+@pytest.mark.parametrize("offer", OFFERS, ids=lambda offer: offer.name)
+def test_a_backend_without_its_files_names_them_and_fails_no_check(offer):
+    report = check_backend(offer.name, offer.interface)
+    assert not [r for r in report.results if r.outcome == "failed"], report.text
 
 
 def test_weights_with_an_account_or_non_commercial_terms_are_marked():

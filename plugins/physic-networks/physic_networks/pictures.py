@@ -130,7 +130,7 @@ def _opencv(part: NDArray[Any], height: int, width: int, how: str) -> NDArray[An
     import cv2
 
     kinds = {"bilinear": cv2.INTER_LINEAR, "bicubic": cv2.INTER_CUBIC, "area": cv2.INTER_AREA}
-    resized = cv2.resize(part, (width, height), interpolation=kinds[how])
+    resized: NDArray[Any] = cv2.resize(part, (width, height), interpolation=kinds[how])
     return resized.reshape(height, width, -1)
 
 

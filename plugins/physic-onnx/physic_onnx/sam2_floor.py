@@ -14,17 +14,21 @@ import numpy as np
 from physic_networks.pictures import resize_map
 
 if TYPE_CHECKING:
-    from physic_core.types import BoolArray, FloatArray, Keypoints, People
+    from physic_core.types import BoolArray, FloatArray, People
 
     from .sam2_networks import EncodedImage, Sam2Networks
 
-ANKLES = (15, 16)
-"""Indices of the ankles in the skeleton "coco17"."""
+ANKLES = [15, 16]
+KNEES = [13, 14]
+"""Indices of the joints in the skeleton "coco17"."""
+_SEEN = 0.4  # confidence of a visible ankle
+_SOLE = 0.15  # of the shin: how far the sole is below the ankle
 
 GROUND_OFFSETS = np.array([[-1.0, 0.0], [1.0, 0.0], [-0.6, 0.4], [0.6, 0.4], [0.0, 0.5]])
 """Prompt points around a foot, in multiples of its reach."""
 
 MOST_POINTS = 12
+_BOTTOM_POINTS = 5
 
 
 def floor_mask(
@@ -69,9 +73,12 @@ def feet_positions(people: People) -> FloatArray:
     """
     joints = people.keypoints
     if joints is not None and joints.joint_set.name == "coco17":
-        reach = (people.boxes[:, 3] - people.boxes[:, 1]) / 7
-        feet = [(*spot, reach[i]) for i in range(len(people)) for spot in _ankles(joints, i)]
-        return np.array(feet, float).reshape(-1, 3)
+        seen = joints.confidence[:, ANKLES] > _SEEN
+        soles = joints.points[:, ANKLES]
+        shins = np.linalg.norm(joints.points[:, ANKLES] - joints.points[:, KNEES], axis=-1)
+        soles[..., 1] += _SOLE * shins
+        reach = np.broadcast_to((people.boxes[:, 3:] - people.boxes[:, 1:2]) / 7, seen.shape)
+        return np.concatenate([soles[seen], reach[seen][:, None]], axis=1)
     feet = []
     for mask, (x0, y0, x1, y1) in zip(people.masks, people.boxes, strict=True):
         height = y1 - y0
@@ -92,11 +99,11 @@ def ground_points(people: People) -> FloatArray:
     return np.asarray(points[~anybody[y, x]])
 
 
-def bottom_edge_points(anybody: BoolArray, count: int = 5) -> FloatArray:
+def bottom_edge_points(anybody: BoolArray) -> FloatArray:
     """Return prompt points (P, 2) px just above the lower photo edge, outside all people."""
     height, width = anybody.shape
-    x = (np.arange(count) + 0.5) * width / count
-    points = np.stack([x, np.full(count, 0.97 * (height - 1))], axis=1)
+    x = (np.arange(_BOTTOM_POINTS) + 0.5) * width / _BOTTOM_POINTS
+    points = np.stack([x, np.full(_BOTTOM_POINTS, 0.97 * (height - 1))], axis=1)
     column, row = np.rint(points).astype(int).T
     return np.asarray(points[~anybody[row.clip(0, height - 1), column.clip(0, width - 1)]])
 
@@ -115,18 +122,6 @@ def _connected_to_points(logits: FloatArray, photo: EncodedImage, points: FloatA
     held = np.unique(piece[row, column])
     lost = (smooth > 0) & ~np.isin(piece, held[held > 0])
     return np.where(lost, np.float32(-8), smooth)
-
-
-def _ankles(keypoints: Keypoints, person: int) -> list[tuple[float, float]]:
-    """Return the visible ankles, shifted down to the sole."""
-    points = keypoints.points[person]
-    sure = keypoints.confidence[person]
-    shin = np.linalg.norm(points[list(ANKLES)] - points[[13, 14]], axis=1)
-    return [
-        (float(points[a][0]), float(points[a][1] + 0.15 * s))
-        for a, s in zip(ANKLES, shin, strict=True)
-        if sure[a] > 0.4
-    ]
 
 
 def _person_centres(people: People) -> FloatArray:

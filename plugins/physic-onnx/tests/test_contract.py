@@ -23,26 +23,11 @@ def file(stand_in_network):
     return lambda inputs, outputs: stand_in_network(inputs, {}, outputs)
 
 
-def depth(dtype="float32", shape=("batch", "height", "width"), name="depth"):
-    return {name: (dtype, shape)}
+def depth(name="depth"):
+    return {name: ("float32", ("batch", "height", "width"))}
 
 
 class TestOneSignature:
-    @pytest.mark.parametrize(
-        ("outputs", "aliases", "name"),
-        [
-            ({**depth(), "extra": ("float32", ())}, (), "depth"),
-            (depth(name="z"), ("distance", "z"), "z"),
-            ({**depth(name="z"), **depth()}, ("z",), "depth"),
-        ],
-    )
-    def test_a_port_is_found_by_its_name_and_then_by_its_aliases(
-        self, file, outputs, aliases, name
-    ):
-        found = match(file(IMAGE, outputs), [WANTED_IMAGE], [PortSpec("depth", aliases)])
-        assert (found.inputs["image"].name, found.outputs["depth"].name) == ("image", name)
-        assert list(found.outputs) == ["depth"]
-
     def test_ports_match_by_position_only_where_allowed(self, file):
         network = file(IMAGE, depth(name="out_0"))
         wanted = [PortSpec("depth", shape=(None, None, None))]

@@ -129,9 +129,8 @@ def test_near_holes_share_a_crop_and_many_specks_have_few():
     assert 1 <= len(hole_crops(specks, 64)) <= MOST_CROPS
 
 
-def test_a_crop_shows_more_than_hole():
+def test_a_crop_shows_more_than_holes():
     hole = np.zeros((400, 2000), bool)
-    hole[:, 10:1990] = True
-    hole[100:, 500:1500] = False
-    ((_, (y0, y1, x0, x1)),) = hole_crops(hole, 64)
-    assert (~hole[y0:y1, x0:x1]).mean() >= 0.3
+    hole[:, :500] = hole[:, 700:1200] = True
+    for _, (y0, y1, x0, x1) in hole_crops(hole, 64):
+        assert (~hole[y0:y1, x0:x1]).mean() >= 0.3

@@ -108,33 +108,28 @@ def test_depths_are_decoded_as_mmposes_rtmpose3d_does(answering):
     assert violations(KeypointDetector, found, people=2) == []
 
 
-LIMBS = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
-
-
 def test_a_person_is_as_large_as_the_limbs_say_with_their_depths(answering):
     """A limb of an adult that points away from the camera looks short, and does not make the person
     small.
     """
+    rng = np.random.default_rng(0)
     names = SKELETONS["coco_wholebody133"].names
-    places = dict.fromkeys(names, (0.0, 0.0, 0.0))
+    metres = np.zeros((133, 3))
     for side, x in (("left", 0.2), ("right", -0.2)):
-        hip = np.array([x / 2, 0, 0])
-        shoulder = np.array([x, -0.5, 0])
-        knee = hip + np.array([0, 0.3, -np.sqrt(0.38**2 - 0.3**2)])
-        elbow = shoulder + np.array([0, 0.2, np.sqrt(0.26**2 - 0.2**2)])
-        ankle = knee + np.array([0, 0.43, 0])
-        wrist = elbow + np.array([0, 0, -0.23])
-        limbs = (hip, knee, ankle, shoulder, elbow, wrist)
-        for name, place in zip(LIMBS, limbs, strict=True):
-            places[f"{side}_{name}"] = place
-    metres = np.array([places[name] for name in names])
+        leg = np.array([x / 2, 0, 0]), {"hip": 0, "knee": 0.38, "ankle": 0.43}
+        arm = np.array([x, -0.5, 0]), {"shoulder": 0, "elbow": 0.26, "wrist": 0.23}
+        for place, lengths in (leg, arm):
+            for name, length in lengths.items():
+                way = rng.normal(size=3)
+                place += length * way / np.linalg.norm(way)
+                metres[names.index(f"{side}_{name}")] = place
     # 200 bins a metre
     at = np.round(metres * [200, 200, 288 / 2.1744869] + [288, 300, 288]).astype(int)
     lines = [np.zeros((1, 133, length), np.float32) for length in (576, 768, 576)]
     for axis, line in enumerate(lines):
         line[0, np.arange(133), at[:, axis]] = 0.9
     world = answering(*lines).infer(blobs(PLACES), people(BOX)).world[0]
-    own = [i for i, name in enumerate(names) if np.any(places[name])]
+    own = metres.any(axis=1)
     np.testing.assert_allclose(world[own], metres[own], atol=0.01)
 
 

@@ -194,8 +194,10 @@ class Columns:
         shapes = ((views, 6), (views,), (people, joints, 3), body, body)
         *ends, count = np.cumsum([np.prod(shape) for shape in shapes]).tolist()
         parts = np.split(np.arange(count), ends)
-        fields = (part.reshape(shape) for part, shape in zip(parts, shapes, strict=True))
-        return cls(*fields, count)
+        camera, focal, points, turn, place = (
+            part.reshape(shape) for part, shape in zip(parts, shapes, strict=True)
+        )
+        return cls(camera, focal, points, turn, place, count)
 
 
 @dataclass(frozen=True)
@@ -240,7 +242,8 @@ class Bundle:
     @cached_property
     def columns(self) -> Columns:
         """Columns of the parameters."""
-        return Columns.of(*self.place.shape[:2], self.points.shape[1])
+        people, joints, _ = self.points.shape
+        return Columns.of(len(self.rotation), people, joints)
 
     def pose(self, view: int) -> CameraPose:
         """Return the pose of a camera."""

@@ -176,7 +176,8 @@ def test_a_person_who_moved_is_named_and_is_in_the_reference_alone(solver):
     *others, third = (solver.alone(load_world(f"group_view{i}", SIZE).image) for i in (1, 2, 3))
     found = solver.join([*others, stepped_aside(third, 0.8)], NAMES)
     (note,) = (note for note in found.reconstruction.notes if "moved" in note)
-    assert "a.png, b.png, c.png" in note
+    assert "a.png" in note
+    assert "c.png" in note  # one is not found in b.png
     shown = [row for photo in found.photos for row in photo.shown]
     assert [shown.count(row) for row in range(len(found.reconstruction.people))].count(1) == 1
     assert not found.left_out
