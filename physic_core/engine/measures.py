@@ -68,15 +68,17 @@ def measure_agreement(estimates: Estimates, state: State) -> list[Measures]:
             continue
         body = state.vertices[i]
         heights = None
+        gap = float(found.distance[i].min())
         if floor is not None:
             heights = floor.scaled(scale).height(body)
+            gap = min(gap, float(heights.min()))
         share, ratio = silhouettes[i]
         measured[i] = replace(
             measured[i],
             assumed_support=bool(support.hidden),
             body_in_mask_share=share,
             low_depth_ratio=ratio,
-            clearance_m=clearance(found.distance[i], heights),
+            clearance_m=max(0.0, gap) if gap != math.inf else None,
             sole_height_m=None if heights is None else float(heights[model.soles].min()),
         )
     given = estimates.given_keypoints
@@ -201,22 +203,6 @@ def compare_statures(
             stature_sigmas=abs(shown - before[i]) / spread,
         )
     return found
-
-
-def clearance(distance: Tensor, heights: Tensor | None) -> float | None:
-    """Return the gap between a body and the nearest surface or floor, metres; 0 if any vertex
-    touches.
-
-    All vertices count, visible or not. None without a floor or a surface in reach.
-
-    Args:
-        distance: (V,) signed, to scene or floor; inf beyond the search radius.
-        heights: (V,) over the floor; None without a floor.
-    """
-    gap = float(distance.min())
-    if heights is not None:
-        gap = min(gap, float(heights.min()))
-    return max(0.0, gap) if gap != float("inf") else None
 
 
 def compare_silhouettes(

@@ -52,7 +52,10 @@ def sample_plane(
     axes = torch.stack(plane_basis(normal))
     origin = -offset * normal
     flat = (points[:: max(1, len(points) // 100_000)] - origin) @ axes.T
-    low, high = (_percentile(flat, q) for q in (0.02, 0.98))
+    # torch.quantile does not support large inputs
+    low, high = (
+        flat.kthvalue(1 + round(share * (len(flat) - 1)), dim=0).values for share in (0.02, 0.98)
+    )
     if centres is None or not len(centres):
         centres = points[torch.linalg.vector_norm(points, dim=-1).argmin()][None]
     middles = (centres - origin) @ axes.T
@@ -100,13 +103,6 @@ def _disc_points(middles: Tensor, radius: float, spacing: float) -> Tensor:
     width = int(columns.max()) + 1
     once = torch.unique(rows * width + columns)
     return (torch.stack((once // width, once % width), -1) + low).to(middles) * spacing
-
-
-def _percentile(x: Tensor, share: float) -> Tensor:
-    """Return a percentile (C,) of each column of x (M, C); torch.quantile does not support large
-    inputs.
-    """
-    return x.kthvalue(1 + round(share * (len(x) - 1)), dim=0).values
 
 
 class UpEstimate(NamedTuple):

@@ -5,6 +5,7 @@ floor.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -12,7 +13,8 @@ from torch.nn.functional import normalize
 from torch.testing import assert_close
 
 from physic_core import engine_preset
-from physic_core.engine.ground.floor import FloorEvidence
+from physic_core.engine.ground.floor import FloorEvidence, best_index, chosen_floor
+from physic_core.engine.ground.floor_and_scale import scene_floor_candidates
 from physic_core.engine.photo import PixelPoints
 from physic_core.engine.scene.method import Cameras, SceneMethod
 from physic_core.engine.scene.solve import build_scene
@@ -85,10 +87,13 @@ def scene(
     mask=ON_FLOOR,
     feet_px=None,
 ):
-    floor = FloorEvidence(mask=mask, feet_px=feet_px)
+    evidence = FloorEvidence(mask=mask, feet_px=feet_px)
+    relative = PixelPoints(points, ALL, unknown)
+    candidates = scene_floor_candidates(relative, evidence)
+    found = chosen_floor(candidates, best_index(candidates), evidence)
+    evidence = replace(evidence, found=found)
     cameras = cameras or Cameras(metric_depth=K)
-    points = PixelPoints(points, ALL, unknown)
-    return build_scene(points, depth, cameras, floor, settings or SceneMethod())
+    return build_scene(relative, depth, cameras, evidence, settings or SceneMethod())
 
 
 def given(focal, **others):

@@ -125,7 +125,7 @@ class FloorEvidence:
         no_ground: (H, W) bool, pixels with the label of something else, or None.
         soles: of people whose soles are seen.
         around: background around people who are seen from shoulders to ankles.
-        found: the answer for the same photo, if it was found before; None searches.
+        found: the answer for the same photo; None before the search.
         up: against gravity, by other evidence than the floor; None if there is none.
         slope: standard deviation of the floor's normal from up, degrees.
         focal_sigma: standard deviation of the logarithm of the focal length.
@@ -171,14 +171,6 @@ class FloorCandidate:
     def log_score(self) -> float:
         """The evidence together, nats."""
         return sum(self.evidence.values())
-
-
-def find_floor(
-    points: Tensor, valid: Tensor, evidence: FloorEvidence, normals: Tensor | None = None
-) -> FloorSearch:
-    """Return the most likely floor by the pixels alone; see :func:`floor_candidates`."""
-    candidates = floor_candidates(points, valid, evidence, normals)
-    return chosen_floor(candidates, best_index(candidates), evidence)
 
 
 def best_index(candidates: Sequence[FloorCandidate]) -> int:

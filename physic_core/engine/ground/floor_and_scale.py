@@ -438,8 +438,11 @@ def _floor_hypothesis(
         off = float(seen.real[seen.feet.any(1) & ~np.isfinite(lower)].sum())
         if off:
             score["people who are not on it"] = _NOT_ON_PLANE_NATS * off
+    rests = np.full(len(on), _RESTS_UNSEEN)
+    for one in beside:
+        rests[one.person] = one.stands
     by_feet = 1 - (1 - np.where(seen.feet, seen.stance.stands, 0.0)).prod(1)
-    sure = on * seen.real * np.where(across, _shares_at_rest(beside, len(on)), by_feet)
+    sure = on * seen.real * np.where(across, rests, by_feet)
     soles = Witnesses(
         lower, seen.torsos.depth, np.hypot(seen.sigma, _SOLE_SIGMA), sure, _FLOOR_SIGMA
     )
@@ -447,16 +450,6 @@ def _floor_hypothesis(
         USUAL_CAMERA_HEIGHT_M / height, USUAL_CAMERA_HEIGHT_SIGMA, _CAMERA_SURE
     )
     return _FloorHypothesis(candidate, score, on, by_soles, soles, camera)
-
-
-def _shares_at_rest(beside: Sequence[GroundAtSoles], count: int) -> FloatArray:
-    """Return the probability (N,) that the lowest skin rests on the ground that is seen below it;
-    less where none is seen.
-    """
-    shares = np.full(count, _RESTS_UNSEEN)
-    for one in beside:
-        shares[one.person] = one.stands
-    return shares
 
 
 def _floor_below_bodies(search: FloorSearch, seen: _PeopleEvidence, scale: float) -> FloorSearch:

@@ -11,7 +11,7 @@ from typing import ClassVar, Literal, NamedTuple
 import torch
 from torch import Tensor
 
-from physic_core.engine.ground.floor import FloorEvidence, find_floor
+from physic_core.engine.ground.floor import FloorEvidence
 from physic_core.engine.up import level_plane
 from physic_core.geometry.alignment import AlignmentOptions
 from physic_core.geometry.camera import focal_px, intrinsics_matrix, mean_camera
@@ -169,17 +169,15 @@ class SceneMethod:
         """Return the floor in valid metric points (H, W, 3) with their normals, fitted again and
         turned towards up if it is known.
         """
-        if self.floor == "off":
+        if self.floor == "off" or evidence.found is None:
             return FloorSearch(None, "switched_off")
-        if evidence.found is not None:
-            search = refit_floor(points, valid, evidence.found)
-            if search.plane is None or search.plane.beneath:
-                return search
-            rays = torch.where(valid[..., None], points / points[..., 2:], 0.0)
-            at = ray_to_floor(rays, search.plane, evidence.feet_px)
-            level = level_plane(search.plane, evidence.up, evidence.slope, at)
-            return replace(search, plane=level)
-        return find_floor(points, valid, evidence, surface)
+        search = refit_floor(points, valid, evidence.found)
+        if search.plane is None or search.plane.beneath:
+            return search
+        rays = torch.where(valid[..., None], points / points[..., 2:], 0.0)
+        at = ray_to_floor(rays, search.plane, evidence.feet_px)
+        level = level_plane(search.plane, evidence.up, evidence.slope, at)
+        return replace(search, plane=level)
 
     def sample_floor(
         self, floor: PlaneFit, known: Tensor, clean: Tensor, feet: Tensor | None

@@ -203,6 +203,8 @@ def scales_by_torsos(
 
 
 _MIN_HITS = 20
+# Of the long side: the depth of the background bleeds into the edge of a mask.
+_ERODED_SHARE = 0.004
 
 
 def _scale_by_torso(
@@ -218,7 +220,9 @@ def _scale_by_torso(
     """
     from physic_core.geometry.rays import RayCaster
 
-    rows, columns = _sampled_pixels(_erode(mask) & photo.valid)
+    reach = max(1, round(_ERODED_SHARE * max(mask.shape)))
+    inner = ~dilate_square(~tensor(mask), reach).numpy()
+    rows, columns = _sampled_pixels(inner & photo.valid)
     if len(rows) < _MIN_PIXELS or not np.isfinite(body).all():
         return float("nan")
     directions = np.stack(
@@ -249,15 +253,6 @@ def _sampled_pixels(mask: BoolArray) -> tuple[NDArray[np.int64], NDArray[np.int6
     rows, columns = np.nonzero(mask)
     chosen = np.linspace(0, len(rows) - 1, min(_RAYS, len(rows))).astype(int)
     return rows[chosen], columns[chosen]
-
-
-# Of the long side: the depth of the background bleeds into the edge of a mask.
-_ERODED_SHARE = 0.004
-
-
-def _erode(mask: BoolArray) -> BoolArray:
-    reach = max(1, round(_ERODED_SHARE * max(mask.shape)))
-    return ~dilate_square(~tensor(mask), reach).numpy()
 
 
 _SURE = 0.9  # probability that a metric depth without a stated error is right
