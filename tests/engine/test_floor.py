@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 from torch.nn.functional import normalize
 
 from physic_core.engine.ground.floor import (
-    FloorEvidence,
     GroundAtSoles,
     best_index,
     chosen_floor,
@@ -24,6 +23,7 @@ from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
 from physic_core.geometry.pointmap import pointmap_normals
 
 from .drawn import normal
+from .seen import evidence_of
 
 ROWS = 180
 COLUMNS = 240
@@ -51,8 +51,8 @@ def fit_floor(depth, *, every=1, surfaces=False, **evidence):
     """Of every n-th pixel of a depth (H, W); with the normals of its surfaces, if surfaces."""
     points = (RAYS * depth[..., None])[::every, ::every]
     valid = ALL[::every, ::every]
-    normals = pointmap_normals(points, valid) if surfaces else None
-    evidence = FloorEvidence(**evidence)
+    normals = pointmap_normals(points, valid) if surfaces else torch.zeros_like(points)
+    evidence = evidence_of(valid.shape, **evidence)
     candidates = floor_candidates(points, valid, evidence, normals)
     return chosen_floor(candidates, best_index(candidates), evidence)
 
@@ -305,9 +305,11 @@ def test_soles_speak_against_a_floor_below_them_as_surely_as_they_are_of_people(
 
     def nats(real):
         soles = (beside(165, real=real), beside(195, real=real))
-        evidence = FloorEvidence(mask=~sand, soles=soles)
+        evidence = evidence_of(ALL.shape, mask=~sand, soles=soles)
         points = RAYS * depth[..., None]
-        return floor_candidates(points, ALL, evidence)[0].evidence["soles"]
+        return floor_candidates(points, ALL, evidence, torch.zeros_like(points))[0].evidence[
+            "soles"
+        ]
 
     for real in (1.0, 0.05):
         assert nats(real) == pytest.approx(2 * math.log(1 - real * 0.85), abs=0.01)

@@ -17,7 +17,6 @@ from physic_core.body.bones import parameters_from_rotations
 from physic_core.engine.ground.beside import LowSkin, feet_pixels
 from physic_core.engine.ground.floor import (
     FloorCandidate,
-    FloorEvidence,
     chosen_floor,
     standing_score,
 )
@@ -42,7 +41,7 @@ from physic_core.types import (
 from physic_core.types.arrays import select_people
 from physic_core.types.known_sizes import KnownPeople
 
-from .seen import photo_of, pointmap_of, rays_of
+from .seen import evidence_of, photo_of, pointmap_of, rays_of
 
 HEIGHT = 180
 WIDTH = 160
@@ -195,7 +194,7 @@ def test_the_pitch_of_the_floor_is_less_certain_if_the_shift_of_the_scene_is(wor
     found = world.answer().search.plane
     down = -found.normal.double() / found.offset
     sigma = 0.02 * float(torch.linalg.vector_norm(down))
-    evidence = FloorEvidence(shift_sigma=sigma)
+    evidence = evidence_of(EMPTY.shape, shift_sigma=sigma)
     unsure = chosen_floor((FloorCandidate(found, {}),), 0, evidence).plane.pitch_sigma
     shifted = down + torch.tensor([[0.0, 0.0, -sigma], [0.0, 0.0, sigma]])
     pitches = torch.asin(shifted[:, 2] / torch.linalg.vector_norm(shifted, dim=1))
@@ -211,7 +210,7 @@ def test_the_pitch_of_the_floor_is_less_certain_if_another_plane_is_as_likely(wo
     sigmas = []
     for score in (-20.0, -2.0, 0.0):
         planes = FloorCandidate(found, {}), FloorCandidate(other, {"pixels": score})
-        sigmas.append(chosen_floor(planes, 0, FloorEvidence()).plane.pitch_sigma)
+        sigmas.append(chosen_floor(planes, 0, evidence_of(EMPTY.shape)).plane.pitch_sigma)
     assert sigmas[0] == pytest.approx(found.pitch_sigma, rel=0.01)
     assert sigmas[0] < sigmas[1] < sigmas[2] < angle
 

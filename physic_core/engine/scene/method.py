@@ -179,15 +179,13 @@ class SceneMethod:
         level = level_plane(search.plane, evidence.up, evidence.slope, at)
         return replace(search, plane=level)
 
-    def sample_floor(
-        self, floor: PlaneFit, known: Tensor, clean: Tensor, feet: Tensor | None
-    ) -> Tensor:
+    def sample_floor(self, floor: PlaneFit, known: Tensor, clean: Tensor, feet: Tensor) -> Tensor:
         """Return points (F, 3) on the floor.
 
         Args:
             floor: of the scene.
             known: (M, 3) all points of the scene.
             clean: (N, 3) those that are neither edges nor outliers.
-            feet: (K, 3) on the floor, or None.
+            feet: (K, 3) on the floor.
         """
         return sample_plane(floor.normal, floor.offset, clean, centres=feet)
