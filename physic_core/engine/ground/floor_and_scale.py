@@ -426,7 +426,7 @@ def _floor_hypothesis(
     else:
         height = fit.offset
         if not fit.beneath:  # no sole stands on what people lie on
-            by_soles = scales_by_soles(seen.vertices, seen.model, seen.feet, fit.to_plane())
+            by_soles = scales_by_soles(seen.vertices, seen.model, seen.feet, fit)
             by_low = seen.low.scales(fit)
             score["upright people"] = standing_score(fit.normal, seen.upright)
     lower = np.where(across, by_low, np.fmax(by_soles[:, 0], by_soles[:, 1]))

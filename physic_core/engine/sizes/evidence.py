@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.engine.sizes.scale_vote import ScaleVote
-    from physic_core.types import BoolArray, DepthMap, FloatArray, Intrinsics, Plane, Pointmap
+    from physic_core.geometry.floor import PlaneFit
+    from physic_core.types import BoolArray, DepthMap, FloatArray, Intrinsics, Pointmap
 
 KNOWN_SIZE_SIGMA = 0.002
 """Expected error of the logarithm of a known size; 1 % off costs 25, as much as ten keypoints on a
@@ -151,7 +152,7 @@ def combined_scale(evidence: Sequence[ScaleEvidence]) -> ScaleEvidence | None:
 
 
 def scales_by_soles(
-    vertices: FloatArray, model: BodyModel, feet: BoolArray, floor: Plane
+    vertices: FloatArray, model: BodyModel, feet: BoolArray, floor: PlaneFit
 ) -> FloatArray:
     """Return the scale (N, 2), metres per unit, that puts the left and the right sole of each
     person on the floor.
@@ -169,7 +170,7 @@ def scales_by_soles(
     Returns:
         (N, 2) NaN for feet that are not visible.
     """
-    normal = np.asarray(floor.normal, np.float64)
+    (normal,) = exact_arrays(floor.normal)
     soles = exact_arrays(*(model.contact_sets[f"{side}_sole"] for side in SIDES))
     lowest = [(-vertices[:, ids] @ normal).max(1) / floor.offset for ids in soles]
     scale = np.stack(lowest, 1)
