@@ -59,10 +59,9 @@ def scene_camera(points: Tensor, valid: Tensor, cameras: Cameras) -> Tensor:
     Raises:
         BackendOutputError: the camera cannot be estimated from the point map.
     """
-    if cameras.given is not None:
-        return cameras.given.to(points.device, torch.float64)
-    if cameras.metric_depth is not None:
-        return cameras.metric_depth.to(points.device, torch.float64)
+    for stated in (cameras.given, cameras.metric_depth):
+        if stated is not None:
+            return stated.to(points.device, torch.float64)
     fx, fy, cx, cy = intrinsics_from_pointmap(points, valid)
     return intrinsics_matrix(
         fx, fy, cx, cy, torch.zeros((), dtype=torch.float64, device=points.device)
