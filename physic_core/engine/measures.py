@@ -49,13 +49,12 @@ def measure_agreement(estimates: Estimates, state: State) -> list[Measures]:
     found = state.contact
     floor = state.scene.floor
     assert found is not None
+    scene = state.scene.depth.to(state.transl) * scale
+    photo = torch.full_like(scene, torch.nan)
+    if state.photo_depth is not None:
+        photo = state.photo_depth * scale
     silhouettes = compare_silhouettes(
-        state.vertices,
-        model.faces,
-        state.masks,
-        state.K,
-        state.scene.depth.to(state.transl) * scale,
-        None if state.photo_depth is None else state.photo_depth * scale,
+        state.vertices, model.faces, state.masks, state.K, scene, photo
     )
     assert state.unplaced is not None
     assert state.joint is not None
@@ -68,15 +67,17 @@ def measure_agreement(estimates: Estimates, state: State) -> list[Measures]:
             continue
         body = state.vertices[i]
         heights = None
+        gap = float(found.distance[i].min())
         if floor is not None:
             heights = floor.scaled(scale).height(body)
+            gap = min(gap, float(heights.min()))
         share, ratio = silhouettes[i]
         measured[i] = replace(
             measured[i],
             assumed_support=bool(support.hidden),
             body_in_mask_share=share,
             low_depth_ratio=ratio,
-            clearance_m=clearance(found.distance[i], heights),
+            clearance_m=max(0.0, gap) if gap != math.inf else None,
             sole_height_m=None if heights is None else float(heights[model.soles].min()),
         )
     given = estimates.given_keypoints
@@ -203,29 +204,13 @@ def compare_statures(
     return found
 
 
-def clearance(distance: Tensor, heights: Tensor | None) -> float | None:
-    """Return the gap between a body and the nearest surface or floor, metres; 0 if any vertex
-    touches.
-
-    All vertices count, visible or not. None without a floor or a surface in reach.
-
-    Args:
-        distance: (V,) signed, to scene or floor; inf beyond the search radius.
-        heights: (V,) over the floor; None without a floor.
-    """
-    gap = float(distance.min())
-    if heights is not None:
-        gap = min(gap, float(heights.min()))
-    return max(0.0, gap) if gap != float("inf") else None
-
-
 def compare_silhouettes(
     vertices: Tensor,
     faces: Tensor,
     masks: Tensor,
     K: Tensor,
-    scene_depth: Tensor | None = None,
-    photo_depth: Tensor | None = None,
+    scene_depth: Tensor,
+    photo_depth: Tensor,
 ) -> list[tuple[float | None, float | None]]:
     """Measure how the silhouettes of N bodies agree with their masks, and the depth of their lower
     ends.
@@ -235,8 +220,8 @@ def compare_silhouettes(
         faces: (F, 3) int64.
         masks: (N, H, W) bool, visible pixels of the same N people.
         K: (3, 3) px.
-        scene_depth: (H, W) metres along z of the scene without people, NaN where unknown; or None.
-        photo_depth: (H, W) metres along z of the photo with its people, NaN where unknown; or None.
+        scene_depth: (H, W) metres along z of the scene without people, NaN where unknown.
+        photo_depth: (H, W) metres along z of the photo with its people, NaN where unknown.
 
     Returns:
         Per person ``body_in_mask_share`` and ``low_depth_ratio`` of :class:`Measures`.
@@ -250,24 +235,16 @@ def compare_silhouettes(
         K[row] *= factor
         K[row, 2] += (factor - 1) / 2
     scene, photo = (
-        None
-        if depth is None
-        else F.interpolate(depth[None, None].float().cpu(), size, mode="nearest")[0, 0]
+        F.interpolate(depth[None, None].float().cpu(), size, mode="nearest")[0, 0]
         for depth in (scene_depth, photo_depth)
     )
     found = []
     for body, mask in zip(vertices.to("cpu", torch.float32), masks, strict=True):
         depth = _depth_of_body(body, faces.cpu(), K, size)
         rim = max(1, round(_RIM * math.sqrt(float(mask.sum()))))
-        seen = torch.isfinite(depth) & (mask | ~masks.any(0))
-        if scene is not None:
-            seen &= ~(scene < depth - _IN_FRONT_M)
-        found.append(
-            (
-                _share(seen & dilate_square(mask, rim), seen & mask.any()),
-                None if photo is None else _low_depth_ratio(depth, mask, photo),
-            )
-        )
+        seen = torch.isfinite(depth) & (mask | ~masks.any(0)) & ~(scene < depth - _IN_FRONT_M)
+        inside = _share(seen & dilate_square(mask, rim), seen & mask.any())
+        found.append((inside, _low_depth_ratio(depth, mask, photo)))
     return found
 
 

@@ -216,16 +216,15 @@ def refit_floor(points: Tensor, valid: Tensor, found: FloorSearch) -> FloorSearc
     return replace(found, plane=moved)
 
 
-def ray_to_floor(rays: Tensor, plane: PlaneFit, feet_px: Tensor | None) -> Tensor:
+def ray_to_floor(rays: Tensor, plane: PlaneFit, feet_px: Tensor) -> Tensor:
     """Return the mean ray (3,) to the feet, or to the pixels of a floor where no foot is seen.
 
     Args:
         rays: (H, W, 3) with z = 1, zero where unknown.
         plane: the floor.
-        feet_px: (F, 2) px, or None.
+        feet_px: (F, 2) px.
     """
-    feet = rays.new_zeros((0, 2)) if feet_px is None else feet_px
-    x, y = (feet.round().long()[:, i].clamp(0, rays.shape[1 - i] - 1) for i in (0, 1))
+    x, y = (feet_px.round().long()[:, i].clamp(0, rays.shape[1 - i] - 1) for i in (0, 1))
     at_feet = rays[y, x]
     at_feet = at_feet[at_feet[:, 2] > 0]
     return (at_feet if len(at_feet) else rays[plane.inliers]).double().mean(0)
@@ -236,7 +235,7 @@ _REANCHOR_BANDS = 4.0  # largest distance of floor pixels near feet from the pla
 
 
 def move_to_feet(
-    view: InverseDepthMap, plane: PlaneFit, mask: Tensor | None, feet_px: Tensor | None
+    view: InverseDepthMap, plane: PlaneFit, mask: Tensor | None, feet_px: Tensor
 ) -> PlaneFit:
     """Scale the plane's inverse depth by the median factor at the feet; the normal stays.
 
@@ -245,7 +244,7 @@ def move_to_feet(
         plane: that is not moved.
         mask: (H, W) bool, pixels that it was fitted to, which are the ground near it; None for all
             pixels.
-        feet_px: (F, 2) px, or None.
+        feet_px: (F, 2) px.
     """
     ground = view.valid
     if mask is not None:
@@ -258,7 +257,7 @@ def move_to_feet(
 
 
 def _depth_factors_at_feet(
-    plane: PlaneFit, view: InverseDepthMap, pixels: Tensor, feet_px: Tensor | None
+    plane: PlaneFit, view: InverseDepthMap, pixels: Tensor, feet_px: Tensor
 ) -> Tensor:
     """Return the ratio of measured inverse depth to the plane's at each foot in front of the
     plane's horizon.
@@ -267,7 +266,7 @@ def _depth_factors_at_feet(
     """
     reach = max(2, round(FEET_WINDOW * max(pixels.shape)))
     factors = []
-    for u, v in [] if feet_px is None else feet_px.round().long().tolist():
+    for u, v in feet_px.round().long().tolist():
         box = (
             slice(max(0, v - reach), max(0, v + reach + 1)),
             slice(max(0, u - reach), max(0, u + reach + 1)),

@@ -30,9 +30,7 @@ def plane_basis(normal: Tensor) -> tuple[Tensor, Tensor]:
     return first, torch.linalg.cross(normal, first)
 
 
-def sample_plane(
-    normal: Tensor, offset: float, points: Tensor, centres: Tensor | None = None
-) -> Tensor:
+def sample_plane(normal: Tensor, offset: float, points: Tensor, centres: Tensor) -> Tensor:
     """Sample points on a plane over the extent of a scene.
 
     The extent is the 2nd to 98th percentile of the scene along both axes of the plane. Points are
@@ -42,7 +40,7 @@ def sample_plane(
         normal: (3,) unit.
         offset: of the plane.
         points: (M, 3) of the scene, metres.
-        centres: (P, 3) positions of people; the nearest scene point if None or empty.
+        centres: (P, 3) positions of people; the nearest scene point if empty.
 
     Returns:
         (N, 3) metres; N = 0 for an empty scene.
@@ -52,8 +50,11 @@ def sample_plane(
     axes = torch.stack(plane_basis(normal))
     origin = -offset * normal
     flat = (points[:: max(1, len(points) // 100_000)] - origin) @ axes.T
-    low, high = (_percentile(flat, q) for q in (0.02, 0.98))
-    if centres is None or not len(centres):
+    # torch.quantile does not support large inputs
+    low, high = (
+        flat.kthvalue(1 + round(share * (len(flat) - 1)), dim=0).values for share in (0.02, 0.98)
+    )
+    if not len(centres):
         centres = points[torch.linalg.vector_norm(points, dim=-1).argmin()][None]
     middles = (centres - origin) @ axes.T
     # At most half of the points are near the centres.
@@ -100,13 +101,6 @@ def _disc_points(middles: Tensor, radius: float, spacing: float) -> Tensor:
     width = int(columns.max()) + 1
     once = torch.unique(rows * width + columns)
     return (torch.stack((once // width, once % width), -1) + low).to(middles) * spacing
-
-
-def _percentile(x: Tensor, share: float) -> Tensor:
-    """Return a percentile (C,) of each column of x (M, C); torch.quantile does not support large
-    inputs.
-    """
-    return x.kthvalue(1 + round(share * (len(x) - 1)), dim=0).values
 
 
 class UpEstimate(NamedTuple):

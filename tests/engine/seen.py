@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 
+from physic_core.engine.ground.floor import FloorEvidence
 from physic_core.engine.photo import PhotoContent
 from physic_core.geometry.camera import pixel_rays
 from physic_core.geometry.rays import RayCaster
@@ -28,6 +29,13 @@ def pointmap_of(depth, camera, unknown="inverse_scale_shift", **known):
     """Return the point map of a depth (H, W), valid where it is finite."""
     points = np.float32(rays_of(camera) * depth[..., None])
     return Pointmap(points, np.isfinite(depth), unknown, camera, **known)
+
+
+def evidence_of(shape, **given):
+    """Return evidence of a photo (H, W) about its floor, of which nothing else is known."""
+    nowhere = torch.zeros(shape, dtype=torch.bool)
+    nothing = dict.fromkeys(("hole", "ground", "no_ground"), nowhere)
+    return FloorEvidence(**({"feet_px": torch.zeros(0, 2)} | nothing | given))
 
 
 def photo_of(model, posed, depth, camera, unit=1.0, skeleton="coco17"):

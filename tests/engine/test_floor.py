@@ -11,14 +11,19 @@ import torch
 from scipy.spatial.transform import Rotation
 from torch.nn.functional import normalize
 
-from physic_core.engine.ground import floor as engine_floor
-from physic_core.engine.ground.floor import FloorEvidence, GroundAtSoles
+from physic_core.engine.ground.floor import (
+    GroundAtSoles,
+    best_index,
+    chosen_floor,
+    floor_candidates,
+)
 from physic_core.engine.up import angle_deg
 from physic_core.geometry import floor, inverse_depth
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
 from physic_core.geometry.pointmap import pointmap_normals
 
 from .drawn import normal
+from .seen import evidence_of
 
 ROWS = 180
 COLUMNS = 240
@@ -42,11 +47,14 @@ class Area:
 area = Area()
 
 
-def fit_floor(depth, *, surfaces=False, **evidence):
-    """Of a depth (H, W); with the normals of its surfaces, if surfaces."""
-    points = RAYS * depth[..., None]
-    normals = pointmap_normals(points, ALL) if surfaces else None
-    return engine_floor.find_floor(points, ALL, FloorEvidence(**evidence), normals)
+def fit_floor(depth, *, every=1, surfaces=False, **evidence):
+    """Of every n-th pixel of a depth (H, W); with the normals of its surfaces, if surfaces."""
+    points = (RAYS * depth[..., None])[::every, ::every]
+    valid = ALL[::every, ::every]
+    normals = pointmap_normals(points, valid) if surfaces else torch.zeros_like(points)
+    evidence = evidence_of(valid.shape, **evidence)
+    candidates = floor_candidates(points, valid, evidence, normals)
+    return chosen_floor(candidates, best_index(candidates), evidence)
 
 
 NOISE = normal(ROWS, COLUMNS)
@@ -104,8 +112,7 @@ def test_the_floor_of_a_furnished_room_is_found_under_noise(pitch, roll, masked)
 def test_the_resolution_does_not_matter():
     normal = up(12)
     depth, _ = room(normal)
-    points = (RAYS * depth[..., None])[::3, ::3]
-    found = engine_floor.find_floor(points, ALL[::3, ::3], FloorEvidence())
+    found = fit_floor(depth, every=3)
     assert_plane(found.plane, normal, 1.5, degrees=0.1)
     assert found.inlier_share == pytest.approx(0.67, abs=0.05)
 
@@ -298,9 +305,11 @@ def test_soles_speak_against_a_floor_below_them_as_surely_as_they_are_of_people(
 
     def nats(real):
         soles = (beside(165, real=real), beside(195, real=real))
-        evidence = FloorEvidence(mask=~sand, soles=soles)
+        evidence = evidence_of(ALL.shape, mask=~sand, soles=soles)
         points = RAYS * depth[..., None]
-        return engine_floor.floor_candidates(points, ALL, evidence)[0].evidence["soles"]
+        return floor_candidates(points, ALL, evidence, torch.zeros_like(points))[0].evidence[
+            "soles"
+        ]
 
     for real in (1.0, 0.05):
         assert nats(real) == pytest.approx(2 * math.log(1 - real * 0.85), abs=0.01)

@@ -5,6 +5,7 @@ floor.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -12,7 +13,8 @@ from torch.nn.functional import normalize
 from torch.testing import assert_close
 
 from physic_core import engine_preset
-from physic_core.engine.ground.floor import FloorEvidence
+from physic_core.engine.ground.floor import best_index, chosen_floor
+from physic_core.engine.ground.floor_and_scale import scene_floor_candidates
 from physic_core.engine.photo import PixelPoints
 from physic_core.engine.scene.method import Cameras, SceneMethod
 from physic_core.engine.scene.solve import build_scene
@@ -22,6 +24,7 @@ from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_ray
 from physic_core.geometry.pointmap import edge_ratio
 
 from .drawn import normal, uniform
+from .seen import evidence_of
 
 pytestmark = pytest.mark.quick
 
@@ -83,12 +86,15 @@ def scene(
     settings=None,
     cameras=None,
     mask=ON_FLOOR,
-    feet_px=None,
+    feet_px=FEET[:0],
 ):
-    floor = FloorEvidence(mask=mask, feet_px=feet_px)
+    evidence = evidence_of(ALL.shape, mask=mask, feet_px=feet_px)
+    relative = PixelPoints(points, ALL, unknown)
+    candidates = scene_floor_candidates(relative, evidence)
+    found = chosen_floor(candidates, best_index(candidates), evidence)
+    evidence = replace(evidence, found=found)
     cameras = cameras or Cameras(metric_depth=K)
-    points = PixelPoints(points, ALL, unknown)
-    return build_scene(points, depth, cameras, floor, settings or SceneMethod())
+    return build_scene(relative, depth, cameras, evidence, settings or SceneMethod())
 
 
 def given(focal, **others):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import pytest
 import torch
@@ -44,12 +45,18 @@ def members(model, *names):
     return chosen
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def support(make_stage):
     """Return a function that gives the support of a person of some bends: ``touching`` are sets of
     vertices in contact, ``chosen`` selects more of them by the normals, and ``unseen`` are sets
     that the photo does not show.
     """
+
+    @cache
+    def posed(bends):
+        stage = make_stage([(dict(bends), (0.0, 0.0, 3.0))])
+        model = stage.state.model
+        return model, stage.vertices[0], vertex_normals(stage.vertices, model.faces)[0]
 
     def find(
         bends,
@@ -65,14 +72,12 @@ def support(make_stage):
         lies=False,
         height=0.0,
     ):
-        stage = make_stage([(bends, (0.0, 0.0, 3.0))])
-        model = stage.state.model
-        normals = vertex_normals(stage.vertices, model.faces)[0]
+        model, vertices, normals = posed(tuple(bends.items()))
         contact = members(model, *touching)
         if chosen is not None:
             contact |= chosen(model, normals)
         person = PersonContact(
-            stage.vertices[0],
+            vertices,
             normals,
             contact,
             ~members(model, *unseen),

@@ -17,6 +17,7 @@ from physic_core.geometry.plane import plane_basis, sample_plane
 pytestmark = pytest.mark.quick
 
 UP = torch.tensor([0.0, -1.0, 0.0])
+NOBODY = torch.zeros(0, 3)
 
 
 def cloud(count=4000, seed=0):
@@ -54,7 +55,7 @@ def test_basis_is_right_handed_and_orthonormal(direction):
 @given(directions, st.floats(-2, 2))
 def test_samples_lie_on_any_plane_and_stay_within_the_bound(direction, offset):
     normal = unit(*direction)
-    points = sample_plane(normal, offset, cloud(300).double())
+    points = sample_plane(normal, offset, cloud(300).double(), NOBODY.double())
     assert 0 < len(points) <= 40_000
     assert (points @ normal + offset).abs().max() < 1e-9
 
@@ -72,7 +73,7 @@ def test_spacing_is_fine_near_the_people_and_the_count_bounded():
 
 def test_extent_is_that_of_the_scene_without_its_stragglers():
     scene = torch.cat((cloud(), torch.tensor([[500.0, 0.0, 900.0]])))
-    points = sample_plane(UP, 1.5, scene)
+    points = sample_plane(UP, 1.5, scene, NOBODY)
     assert points.amax(0)[0] == pytest.approx(2.9, abs=0.2)
     assert points.amin(0)[0] == pytest.approx(-2.9, abs=0.2)
     assert points.amax(0)[2] == pytest.approx(8.8, abs=0.3)

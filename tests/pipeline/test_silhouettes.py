@@ -27,18 +27,16 @@ def mask(left=175, right=225, top=100, bottom=200):
     return pixels
 
 
-def compare(
-    *masks,
-    bodies=(),
-    scene=None,
-    photo=None,
-):
-    vertices = torch.stack(bodies or (plate(),) * len(masks))
-    return compare_silhouettes(vertices, FACES, torch.stack(masks), K, scene, photo)
-
-
 def depth(metres):
     return torch.full((HEIGHT, WIDTH), metres)
+
+
+UNKNOWN = depth(torch.nan)
+
+
+def compare(*masks, bodies=(), scene=UNKNOWN, photo=UNKNOWN):
+    vertices = torch.stack(bodies or (plate(),) * len(masks))
+    return compare_silhouettes(vertices, FACES, torch.stack(masks), K, scene, photo)
 
 
 def test_a_body_that_fills_its_mask():

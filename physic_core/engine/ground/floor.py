@@ -117,27 +117,27 @@ class FloorEvidence:
     """Evidence of a photo about its floor.
 
     Attributes:
+        hole: (H, W) bool, inpainted pixels.
+        feet_px: (F, 2) px, floor pixels at people's soles; F may be 0.
+        ground: (H, W) bool, pixels with the label of a floor.
+        no_ground: (H, W) bool, pixels with the label of something else.
         mask: (H, W) bool, pixels that a segmenter takes for the floor, or None.
-        hole: (H, W) bool, inpainted pixels, or None.
-        feet_px: (F, 2) px, floor pixels at people's soles; F may be 0; or None.
         others: (H, W) bool each, other masks of what may be the floor.
-        ground: (H, W) bool, pixels with the label of a floor, or None.
-        no_ground: (H, W) bool, pixels with the label of something else, or None.
         soles: of people whose soles are seen.
         around: background around people who are seen from shoulders to ankles.
-        found: the answer for the same photo, if it was found before; None searches.
+        found: the answer for the same photo; None before the search.
         up: against gravity, by other evidence than the floor; None if there is none.
         slope: standard deviation of the floor's normal from up, degrees.
         focal_sigma: standard deviation of the logarithm of the focal length.
         shift_sigma: standard deviation of the shift of inverse depth, 1 / unit of the points.
     """
 
+    hole: Tensor
+    feet_px: Tensor
+    ground: Tensor
+    no_ground: Tensor
     mask: Tensor | None = None
-    hole: Tensor | None = None
-    feet_px: Tensor | None = None
     others: tuple[Tensor, ...] = ()
-    ground: Tensor | None = None
-    no_ground: Tensor | None = None
     soles: tuple[GroundAtSoles, ...] = ()
     around: tuple[Background, ...] = ()
     found: FloorSearch | None = None
@@ -149,9 +149,7 @@ class FloorEvidence:
     @property
     def seen_ground(self) -> Tensor | None:
         """Visible pixels (H, W) bool with the label of a floor; None if they are few."""
-        if self.ground is None:
-            return None
-        seen = self.ground if self.hole is None else self.ground & ~self.hole
+        seen = self.ground & ~self.hole
         return seen if int(seen.sum()) >= _FEWEST_GROUND * seen.numel() else None
 
 
@@ -171,14 +169,6 @@ class FloorCandidate:
     def log_score(self) -> float:
         """The evidence together, nats."""
         return sum(self.evidence.values())
-
-
-def find_floor(
-    points: Tensor, valid: Tensor, evidence: FloorEvidence, normals: Tensor | None = None
-) -> FloorSearch:
-    """Return the most likely floor by the pixels alone; see :func:`floor_candidates`."""
-    candidates = floor_candidates(points, valid, evidence, normals)
-    return chosen_floor(candidates, best_index(candidates), evidence)
 
 
 def best_index(candidates: Sequence[FloorCandidate]) -> int:
@@ -241,7 +231,7 @@ def _pitch_spread(candidates: tuple[FloorCandidate, ...], chosen: PlaneFit) -> f
 
 
 def floor_candidates(
-    points: Tensor, valid: Tensor, evidence: FloorEvidence, normals: Tensor | None = None
+    points: Tensor, valid: Tensor, evidence: FloorEvidence, normals: Tensor
 ) -> tuple[FloorCandidate, ...]:
     """Return at most seven planes that may be the floor, and last the candidate without a floor.
 
@@ -249,12 +239,12 @@ def floor_candidates(
         points: (H, W, 3), any unit, preferably of the photo without its people.
         valid: (H, W) bool.
         evidence: of the floor.
-        normals: (H, W, 3) unit, zero where unknown; None leaves up unknown.
+        normals: (H, W, 3) unit, zero where unknown.
     """
     view = inverse_depth_map(points, valid, evidence.hole)
     if view is None:
         return (FloorCandidate(None, {}),)
-    sample = None if normals is None else sample_normals(normals, view.valid)
+    sample = sample_normals(normals, view.valid)
     up = _floor_up(evidence, sample)
     pixel_score = _pixel_score(view, evidence)
 
@@ -275,7 +265,7 @@ def floor_candidates(
     ]
     if up is None and found and (likeliest := found[best_index(found)].plane) is not None:
         up = likeliest.normal
-    if up is not None and evidence.feet_px is not None and len(evidence.feet_px):
+    if up is not None and len(evidence.feet_px):
         at_feet = plane_at_feet(view, up, evidence.feet_px)
         found += [] if at_feet is None else [candidate(at_feet, at_feet)]
     found.append(FloorCandidate(None, {"no pixel to explain": _NO_FLOOR_NATS}))
@@ -283,13 +273,13 @@ def floor_candidates(
     return tuple(found) if beneath is None else (beneath, *found)
 
 
-def _floor_up(evidence: FloorEvidence, normals: Tensor | None) -> Tensor | None:
+def _floor_up(evidence: FloorEvidence, normals: Tensor) -> Tensor | None:
     """Return the up direction (3,) of floors by surfaces with normals (M, 3), and rather by what
     else shows it; None if neither is sure.
     """
     if evidence.up is not None and evidence.up.sigma < _UP_SIGMA_DEG:
         return evidence.up.direction
-    shown = None if normals is None else estimate_up(normals)
+    shown = estimate_up(normals)
     return shown.up if shown is not None and shown.confidence >= MIN_UP_CONFIDENCE else None
 
 
@@ -328,7 +318,7 @@ def _candidate_of_lying_people(
 
 
 def _fitted_planes(
-    view: InverseDepthMap, evidence: FloorEvidence, normals: Tensor | None, up: Tensor | None
+    view: InverseDepthMap, evidence: FloorEvidence, normals: Tensor, up: Tensor | None
 ) -> list[tuple[PlaneFit, Tensor | None]]:
     """Return the planes of masks, lower part and horizontal surfaces, each with its mask."""
     regions: list[tuple[FloorSource, Tensor | None, Tensor | None]] = [
@@ -342,7 +332,7 @@ def _fitted_planes(
     for source, mask, direction in regions:
         fit = plane_of_pixels(view, mask, direction, source, 1.0 if mask is None else MASK_SLACK)
         found += [] if fit is None else [(fit, mask)]
-    if found and up is not None and normals is not None:
+    if found and up is not None:
         # A large table or seat is horizontal, too: the next largest surface may be the floor.
         level = view.valid & ~found[-1][0].inliers
         first = len(level) - math.floor(LOWER_SHARE * len(level))
@@ -362,13 +352,12 @@ def _pixel_score(view: InverseDepthMap, evidence: FloorEvidence) -> Callable[[Te
     rows, columns = torch.meshgrid(
         torch.arange(step // 2, height, step), torch.arange(step // 2, width, step), indexing="ij"
     )
-    ground = torch.zeros_like(view.valid) if evidence.ground is None else evidence.ground
-    use = view.valid[rows, columns] & ((rows >= (1 - LOWER_SHARE) * height) | ground[rows, columns])
+    use = (rows >= (1 - LOWER_SHARE) * height) | evidence.ground[rows, columns]
+    use &= view.valid[rows, columns]
     rows = rows[use]
     columns = columns[use]
     weight = 1.0 + rows.double() / height
-    if evidence.hole is not None:
-        weight = weight * torch.where(evidence.hole[rows, columns], HOLE_WEIGHT, 1.0)
+    weight = weight * torch.where(evidence.hole[rows, columns], HOLE_WEIGHT, 1.0)
     weight = weight / weight.sum()
     on, front, behind = _label_odds(evidence, rows, columns).unbind(-1)
     rays = view.rays[rows, columns].double()
@@ -469,7 +458,7 @@ def standing_score(normal: Tensor, joints: Tensor) -> float:
     return rate + (_robust_nats(angles[len(angles) // 2] / _AXIS_SIGMA_DEG) if angles else 0.0)
 
 
-def _gravity_score(plane: PlaneFit, evidence: FloorEvidence, normals: Tensor | None) -> float:
+def _gravity_score(plane: PlaneFit, evidence: FloorEvidence, normals: Tensor) -> float:
     """Return the score of a floor by gravity, nats: from the camera, and from up if it is known,
     else from surfaces with normals (M, 3).
     """
@@ -482,7 +471,7 @@ def _gravity_score(plane: PlaneFit, evidence: FloorEvidence, normals: Tensor | N
     )
     if evidence.up is not None:
         return score + _up_score(plane, evidence)
-    estimate = None if normals is None else estimate_up(normals, normal)
+    estimate = estimate_up(normals, normal)
     if estimate is not None:
         trust = min(1.0, estimate.confidence / MIN_UP_CONFIDENCE)
         score += trust * _robust_nats(angle_deg(estimate.up, normal) / _UP_SIGMA_DEG)

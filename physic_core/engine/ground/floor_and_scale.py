@@ -297,16 +297,15 @@ class _PeopleEvidence(NamedTuple):
     """N people and the evidence of their sizes: sigma (N,) of each size, and visible feet (N, 2)
     bool.
 
-    ``real`` (N,) is the probability that they are people, by the segmenter, and adults; ``up`` (N,)
-    bool, whether they do not lie by the observer and their trunk; ``low`` what others rest on.
+    ``real`` (N,) is the probability that they are people, by the segmenter, and adults; ``upright``
+    (M, 55, 3) are joints of those who do not lie by the observer; ``low`` what others rest on.
     """
 
     model: BodyModel
     vertices: FloatArray
-    joints: Tensor
+    upright: Tensor
     feet: BoolArray
     real: FloatArray
-    up: Tensor
     low: LowSkin
     stance: Stance
     sigma: FloatArray
@@ -319,42 +318,39 @@ def _people_evidence(
     """Return people with their torsos as witnesses, and their stance before a floor is known, by
     up (3,) without one.
     """
-    count = len(photo.people)
+    said = photo.observations
     with torch.no_grad():
         posed = model(*pose_from_parameters(bodies.parameters, model.device, model.dtype)[:3])
     (vertices,) = exact_arrays(posed.vertices)
-    observed = (
-        np.ones((count, 55), bool) if bodies.observed is None else np.asarray(bodies.observed, bool)
-    )
+    observed = bodies.observed
+    if observed is None:
+        observed = np.ones((len(vertices), 55), bool)
     feet = np.stack(
         [observed[:, [JOINT_INDEX[f"{s}_{j}"] for j in ("ankle", "foot")]].all(1) for s in SIDES], 1
     )
-    sizes = photo.known.filled(count)
+    sizes = photo.known.filled(len(vertices))
     sigma = _size_sigmas(photo, *sizes)
-    real = photo.people.scores * adult_probability(*sizes, photo.observations.child)
+    real = photo.people.scores * adult_probability(*sizes, said.child)
     farther, spread = photo.aligned_map.people_farther or (0.0, _TORSO_SIGMA)
-    carriers = photo.people.carriers
-    carried = carried_people(carriers, photo.keypoints) if carriers else None
-    stance = replace(Stance.in_picture(photo.observations), carried=carried)
-    by_torsos = scales_by_torsos(
+    stance = Stance.in_picture(said)
+    if carriers := photo.people.carriers:
+        stance = replace(stance, carried=carried_people(carriers, photo.keypoints))
+    scale = scales_by_torsos(
         vertices, model, photo.people.masks, photo.aligned_map, photo.camera.matrix
     )
     torsos = Witnesses(
-        scale=by_torsos * math.exp(farther),
+        scale=scale * math.exp(farther),
         depth=vertices[..., 2].mean(1),
         sigma=np.hypot(np.hypot(sigma, spread), _TORSO_SIGMA),
         sure=_TORSO_SURE * real,
         shared_sigma=_PEOPLE_SIGMA,
         shared_wrong=_PEOPLE_WRONG,
     )
-    keypoints, said = photo.keypoints, photo.observations
-    upright = ~(said.posture[:, POSTURES.index("lie")] > _LIES)
-    joints = posed.joints.cpu()
-    across = rests_on_any_part(keypoints, said)
-    low = low_skin(across, posed.vertices.cpu().double(), model, observed, stance.holds, up)
-    return _PeopleEvidence(
-        model, vertices, joints, feet, real, torch.from_numpy(upright), low, stance, sigma, torsos
-    )
+    lie = said.posture[:, POSTURES.index("lie")] > _LIES
+    upright = posed.joints.cpu()[torch.from_numpy(~lie)]
+    across = rests_on_any_part(photo.keypoints, said)
+    low = low_skin(across, torch.from_numpy(vertices), model, observed, stance.holds, up)
+    return _PeopleEvidence(model, vertices, upright, feet, real, low, stance, sigma, torsos)
 
 
 def _size_sigmas(photo: PhotoContent, stature: FloatArray, years: FloatArray) -> FloatArray:
@@ -430,16 +426,19 @@ def _floor_hypothesis(
     else:
         height = fit.offset
         if not fit.beneath:  # no sole stands on what people lie on
-            by_soles = scales_by_soles(seen.vertices, seen.model, seen.feet, fit.to_plane())
+            by_soles = scales_by_soles(seen.vertices, seen.model, seen.feet, fit)
             by_low = seen.low.scales(fit)
-            score["upright people"] = standing_score(fit.normal, seen.joints[seen.up])
+            score["upright people"] = standing_score(fit.normal, seen.upright)
     lower = np.where(across, by_low, np.fmax(by_soles[:, 0], by_soles[:, 1]))
     if fit is None or not fit.beneath:
         off = float(seen.real[seen.feet.any(1) & ~np.isfinite(lower)].sum())
         if off:
             score["people who are not on it"] = _NOT_ON_PLANE_NATS * off
+    rests = np.full(len(on), _RESTS_UNSEEN)
+    for one in beside:
+        rests[one.person] = one.stands
     by_feet = 1 - (1 - np.where(seen.feet, seen.stance.stands, 0.0)).prod(1)
-    sure = on * seen.real * np.where(across, _shares_at_rest(beside, len(on)), by_feet)
+    sure = on * seen.real * np.where(across, rests, by_feet)
     soles = Witnesses(
         lower, seen.torsos.depth, np.hypot(seen.sigma, _SOLE_SIGMA), sure, _FLOOR_SIGMA
     )
@@ -447,16 +446,6 @@ def _floor_hypothesis(
         USUAL_CAMERA_HEIGHT_M / height, USUAL_CAMERA_HEIGHT_SIGMA, _CAMERA_SURE
     )
     return _FloorHypothesis(candidate, score, on, by_soles, soles, camera)
-
-
-def _shares_at_rest(beside: Sequence[GroundAtSoles], count: int) -> FloatArray:
-    """Return the probability (N,) that the lowest skin rests on the ground that is seen below it;
-    less where none is seen.
-    """
-    shares = np.full(count, _RESTS_UNSEEN)
-    for one in beside:
-        shares[one.person] = one.stands
-    return shares
 
 
 def _floor_below_bodies(search: FloorSearch, seen: _PeopleEvidence, scale: float) -> FloorSearch:

@@ -103,7 +103,6 @@ def people_backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
         places = torch.stack(
             [median(photo.aligned.points[part.unbind(1)].double()) for part in parts]
         )
-        depth = places[:, 2]
         found.append(
             Background(
                 rows,
@@ -111,8 +110,8 @@ def people_backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
                 (torch.stack([columns, rows], 1) - start) @ way / length**2,
                 float(soft[ring].double().mean()),
                 float(wall[ring].double().mean()),
-                places / depth[:, None],
-                depth,
+                places / places[:, 2:],
+                places[:, 2],
             )
         )
     return tuple(found)

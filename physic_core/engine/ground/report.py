@@ -13,6 +13,7 @@ import numpy as np
 from physic_core.engine.ground.floor import FloorCandidate
 from physic_core.engine.sizes.scale_vote import ScaleVote, Witnesses
 from physic_core.engine.sizes.stature import ADULT_STATURE_M
+from physic_core.engine.up import angle_deg
 from physic_core.types import Plane
 from physic_core.types.contacts import has_sole_on_floor
 from physic_core.types.known_sizes import KnownPeople, size_option
@@ -63,8 +64,7 @@ def rival_note(
         if candidate.plane is None:
             rivals.append((weight, "the photo shows no floor"))
             continue
-        cosine = float(candidate.plane.normal @ chosen.normal)
-        angle = math.degrees(math.acos(min(1.0, cosine)))
+        angle = angle_deg(candidate.plane.normal, chosen.normal)
         if angle > _RIVAL_DEG:
             rivals.append((weight, f"the right one is tilted by {angle:.0f} degrees against it"))
     if (total := sum(weight for weight, _ in rivals)) < _RIVAL:

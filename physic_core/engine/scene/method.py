@@ -11,7 +11,7 @@ from typing import ClassVar, Literal, NamedTuple
 import torch
 from torch import Tensor
 
-from physic_core.engine.ground.floor import FloorEvidence, find_floor
+from physic_core.engine.ground.floor import FloorEvidence
 from physic_core.engine.up import level_plane
 from physic_core.geometry.alignment import AlignmentOptions
 from physic_core.geometry.camera import focal_px, intrinsics_matrix, mean_camera
@@ -59,10 +59,9 @@ def scene_camera(points: Tensor, valid: Tensor, cameras: Cameras) -> Tensor:
     Raises:
         BackendOutputError: the camera cannot be estimated from the point map.
     """
-    if cameras.given is not None:
-        return cameras.given.to(points.device, torch.float64)
-    if cameras.metric_depth is not None:
-        return cameras.metric_depth.to(points.device, torch.float64)
+    for stated in (cameras.given, cameras.metric_depth):
+        if stated is not None:
+            return stated.to(points.device, torch.float64)
     fx, fy, cx, cy = intrinsics_from_pointmap(points, valid)
     return intrinsics_matrix(
         fx, fy, cx, cy, torch.zeros((), dtype=torch.float64, device=points.device)
@@ -169,27 +168,23 @@ class SceneMethod:
         """Return the floor in valid metric points (H, W, 3) with their normals, fitted again and
         turned towards up if it is known.
         """
-        if self.floor == "off":
+        if self.floor == "off" or evidence.found is None:
             return FloorSearch(None, "switched_off")
-        if evidence.found is not None:
-            search = refit_floor(points, valid, evidence.found)
-            if search.plane is None or search.plane.beneath:
-                return search
-            rays = torch.where(valid[..., None], points / points[..., 2:], 0.0)
-            at = ray_to_floor(rays, search.plane, evidence.feet_px)
-            level = level_plane(search.plane, evidence.up, evidence.slope, at)
-            return replace(search, plane=level)
-        return find_floor(points, valid, evidence, surface)
+        search = refit_floor(points, valid, evidence.found)
+        if search.plane is None or search.plane.beneath:
+            return search
+        rays = torch.where(valid[..., None], points / points[..., 2:], 0.0)
+        at = ray_to_floor(rays, search.plane, evidence.feet_px)
+        level = level_plane(search.plane, evidence.up, evidence.slope, at)
+        return replace(search, plane=level)
 
-    def sample_floor(
-        self, floor: PlaneFit, known: Tensor, clean: Tensor, feet: Tensor | None
-    ) -> Tensor:
+    def sample_floor(self, floor: PlaneFit, known: Tensor, clean: Tensor, feet: Tensor) -> Tensor:
         """Return points (F, 3) on the floor.
 
         Args:
             floor: of the scene.
             known: (M, 3) all points of the scene.
             clean: (N, 3) those that are neither edges nor outliers.
-            feet: (K, 3) on the floor, or None.
+            feet: (K, 3) on the floor.
         """
         return sample_plane(floor.normal, floor.offset, clean, centres=feet)

@@ -262,14 +262,8 @@ def _share(mask: Tensor) -> float:
     return float(mask.double().mean())
 
 
-def _intersect_feet(
-    floor: PlaneFit, feet_px: Tensor | None, camera: Tensor, far_m: float
-) -> Tensor | None:
-    """Intersect the rays of feet pixels with the floor: (F, 3), at most ``far_m`` away; None
-    without feet.
-    """
-    if feet_px is None or not len(feet_px):
-        return None
+def _intersect_feet(floor: PlaneFit, feet_px: Tensor, camera: Tensor, far_m: float) -> Tensor:
+    """Intersect the rays of feet pixels with the floor: (F, 3), at most ``far_m`` away."""
     normal = floor.normal
     rays = unproject(feet_px.to(normal), normal.new_ones(len(feet_px)), camera)
     steepness = -(rays @ normal)

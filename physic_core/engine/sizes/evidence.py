@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
     from physic_core.body.model import BodyModel
     from physic_core.engine.sizes.scale_vote import ScaleVote
-    from physic_core.types import BoolArray, DepthMap, FloatArray, Intrinsics, Plane, Pointmap
+    from physic_core.geometry.floor import PlaneFit
+    from physic_core.types import BoolArray, DepthMap, FloatArray, Intrinsics, Pointmap
 
 KNOWN_SIZE_SIGMA = 0.002
 """Expected error of the logarithm of a known size; 1 % off costs 25, as much as ten keypoints on a
@@ -151,7 +152,7 @@ def combined_scale(evidence: Sequence[ScaleEvidence]) -> ScaleEvidence | None:
 
 
 def scales_by_soles(
-    vertices: FloatArray, model: BodyModel, feet: BoolArray, floor: Plane
+    vertices: FloatArray, model: BodyModel, feet: BoolArray, floor: PlaneFit
 ) -> FloatArray:
     """Return the scale (N, 2), metres per unit, that puts the left and the right sole of each
     person on the floor.
@@ -169,7 +170,7 @@ def scales_by_soles(
     Returns:
         (N, 2) NaN for feet that are not visible.
     """
-    normal = np.asarray(floor.normal, np.float64)
+    (normal,) = exact_arrays(floor.normal)
     soles = exact_arrays(*(model.contact_sets[f"{side}_sole"] for side in SIDES))
     lowest = [(-vertices[:, ids] @ normal).max(1) / floor.offset for ids in soles]
     scale = np.stack(lowest, 1)
@@ -203,6 +204,8 @@ def scales_by_torsos(
 
 
 _MIN_HITS = 20
+# Of the long side: the depth of the background bleeds into the edge of a mask.
+_ERODED_SHARE = 0.004
 
 
 def _scale_by_torso(
@@ -218,7 +221,9 @@ def _scale_by_torso(
     """
     from physic_core.geometry.rays import RayCaster
 
-    rows, columns = _sampled_pixels(_erode(mask) & photo.valid)
+    reach = max(1, round(_ERODED_SHARE * max(mask.shape)))
+    inner = ~dilate_square(~tensor(mask), reach).numpy()
+    rows, columns = _sampled_pixels(inner & photo.valid)
     if len(rows) < _MIN_PIXELS or not np.isfinite(body).all():
         return float("nan")
     directions = np.stack(
@@ -249,15 +254,6 @@ def _sampled_pixels(mask: BoolArray) -> tuple[NDArray[np.int64], NDArray[np.int6
     rows, columns = np.nonzero(mask)
     chosen = np.linspace(0, len(rows) - 1, min(_RAYS, len(rows))).astype(int)
     return rows[chosen], columns[chosen]
-
-
-# Of the long side: the depth of the background bleeds into the edge of a mask.
-_ERODED_SHARE = 0.004
-
-
-def _erode(mask: BoolArray) -> BoolArray:
-    reach = max(1, round(_ERODED_SHARE * max(mask.shape)))
-    return ~dilate_square(~tensor(mask), reach).numpy()
 
 
 _SURE = 0.9  # probability that a metric depth without a stated error is right

@@ -82,16 +82,11 @@ class AgeClasses:
     sigma: FloatArray
     shape: FloatArray
 
-    @property
-    def middle(self) -> FloatArray:
-        """Mean age (C,) of each class, years."""
-        middle: FloatArray = self.years.mean(1)
-        return middle
-
     def at_age(self, years: float) -> tuple[float, float]:
         """Return mean and standard deviation of log stature at an age below :data:`ADULT_YEARS`."""
+        middle = self.years.mean(1)
         mean, sigma = (
-            np.interp(years, self.middle, values) for values in (self.log_stature, self.sigma)
+            np.interp(years, middle, values) for values in (self.log_stature, self.sigma)
         )
         return float(mean), float(sigma)
 

@@ -85,9 +85,7 @@ class PaperScene(SceneMethod):
             return FloorSearch(None, "switched_off")
         return fit_floor_metric(points, surface, valid, evidence.mask)
 
-    def sample_floor(
-        self, floor: PlaneFit, known: Tensor, clean: Tensor, feet: Tensor | None
-    ) -> Tensor:
+    def sample_floor(self, floor: PlaneFit, known: Tensor, clean: Tensor, feet: Tensor) -> Tensor:
         """Return 10000 points of a grid over the extent of the scene."""
         return published_floor_grid(floor.normal, floor.offset, known, _GRID_SIDE)
 

@@ -267,11 +267,12 @@ def test_stage_one_is_the_published_one(published):
     # float32.
     assert int((off > 1e-5).sum()) <= 1
     assert float(off.max()) < 1e-4
+    mask = published.bits("one/in/floor_mask")
     scene = build_scene(
         PixelPoints(torch.where(valid[..., None], points, 0.0), valid, "scale"),
         torch.where(valid, points[..., 2], torch.nan),
         Cameras(published["camera/K"].double()),
-        FloorEvidence(published.bits("one/in/floor_mask")),
+        FloorEvidence(~valid, points.new_zeros(0, 2), ~valid, ~valid, mask),
         RELEASE.scene,
     )
     # ties among neighbours

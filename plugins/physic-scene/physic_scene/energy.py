@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from physic_core.engine.scene.method import Cameras
     from physic_core.engine.state import State
     from physic_core.geometry import FloorSearch
+    from physic_core.types import Plane
 
 _LEAST_SLOPE = 0.15  # of a ray to the floor, at the horizon
 _MOST_MOVED = 1.6  # factor on a depth
@@ -49,16 +50,15 @@ class OtherViews(ShortRepr):
         contact: (N, V) sum of the probabilities of contact by the single photos that show each
             person.
         photos: (N,) their number.
-        floors: (2, 4) normal and offset of the floor of the single reference photo, at the solved
-            scale, and of the floor of all photos; None if the reference photo or all others have no
-            floor.
+        floors: of the single reference photo, at the solved scale, and of all photos; None if the
+            reference photo or all others have no floor.
         known_scale: whether known cameras give the scale of the scene, which then stays.
     """
 
     placed: Tensor
     contact: Tensor
     photos: Tensor
-    floors: Tensor | None = None
+    floors: tuple[Plane, Plane] | None = None
     known_scale: bool = False
 
 
@@ -79,11 +79,14 @@ class ViewsScene(SceneMethod):
         if self.views is None or self.views.floors is None:
             return placed, camera
         rays = pixel_rays(placed.shape[0], placed.shape[1], camera).to(placed)
-        before, after = self.views.floors.to(placed)
+        before, after = self.views.floors
         # Nearer to the horizon, a small turn of the floor would move far points without bound.
-        slopes = [(-(rays @ plane[:3])).clamp(min=_LEAST_SLOPE) for plane in (before, after)]
-        factor = (after[3] / before[3] * slopes[0] / slopes[1]).clamp(1 / _MOST_MOVED, _MOST_MOVED)
-        return placed * factor[..., None], camera
+        slopes = [
+            (-(rays @ rays.new_tensor(plane.normal))).clamp(min=_LEAST_SLOPE)
+            for plane in (before, after)
+        ]
+        factor = after.offset / before.offset * slopes[0] / slopes[1]
+        return placed * factor.clamp(1 / _MOST_MOVED, _MOST_MOVED)[..., None], camera
 
     def search_floor(
         self, points: Tensor, valid: Tensor, surface: Tensor, evidence: FloorEvidence
@@ -92,8 +95,9 @@ class ViewsScene(SceneMethod):
         found = super().search_floor(points, valid, surface, evidence)
         if self.views is None or self.views.floors is None or found.plane is None:
             return found
-        plane = self.views.floors[1].to(found.plane.normal)
-        return replace(found, plane=replace(found.plane, normal=plane[:3], offset=float(plane[3])))
+        floor = self.views.floors[1]
+        normal = found.plane.normal.new_tensor(floor.normal)
+        return replace(found, plane=replace(found.plane, normal=normal, offset=floor.offset))
 
 
 @dataclass(frozen=True)

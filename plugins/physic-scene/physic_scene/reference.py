@@ -26,6 +26,7 @@ from physic_core.types import (
     Keypoints,
     KnownSizes,
     PeoplePrompt,
+    Plane,
     ShortRepr,
     expand_people,
     select_people,
@@ -215,9 +216,9 @@ def _shown_elsewhere(person: PersonOfScene, solved: SolvedScene) -> bool:
     return set(person.shown) != {solved.reference}
 
 
-def _floors(solved: SolvedScene, model: BodyModel) -> FloatArray | None:
+def _floors(solved: SolvedScene, model: BodyModel) -> tuple[Plane, Plane] | None:
     """Return the floor of the reference photo at the solved scale, and the floor fitted to all
-    photos: (2, 4), normal and offset.
+    photos.
 
     The normal is the median of the photos' normals. The floor is at the median of the lowest points
     of the people who stand on it: those with the lowest point on it in the single photos.
@@ -242,10 +243,8 @@ def _floors(solved: SolvedScene, model: BodyModel) -> FloatArray | None:
     offset = -float(np.median([(bodies[p] @ normal).min() for p in standing]))
     if offset <= 0:
         return None
-    before = np.append(
-        np.asarray(own.normal, np.float64), own.offset * scene_scales(solved)[solved.reference]
-    )
-    return np.stack([before, np.append(normal, offset)])
+    scale = float(scene_scales(solved)[solved.reference])
+    return replace(own, offset=own.offset * scale), Plane(normal, offset)
 
 
 def _height_alone(solved: SolvedScene, row: IntArray, known: IntArray) -> float:
@@ -337,11 +336,10 @@ def _alone(solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyMode
             if probability is not None:
                 contact[i] += torch.tensor(probability)
                 count[i] += 1
-    floors = _floors(solved, model)
     return OtherViews(
         placed=torch.tensor(placed),
         contact=contact,
         photos=count,
-        floors=None if floors is None else torch.from_numpy(floors),
+        floors=_floors(solved, model),
         known_scale=bool(solved.observations.known.any()),
     )
