@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from physic_core.errors import InputError
-from physic_core.types.skeletons import keypoint_in_words
+from physic_core.types.skeletons import keypoint_in_words, other_side
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -135,7 +135,8 @@ def contradicted_keypoints(
 
     names = detected.joint_set.names
     twins = [
-        names.index(twin) if (twin := _twin(name)) in names else k for k, name in enumerate(names)
+        names.index(twin) if (twin := other_side(name)) in names else k
+        for k, name in enumerate(names)
     ]
     sure = detected.confidence >= _CONFIDENT
     off = np.zeros(changed.shape)
@@ -158,14 +159,6 @@ def contradicted_keypoints(
                 by_detector, beyond if beyond > _FAR_OUTSIDE * diagonal else 0.0
             )
     return off
-
-
-def _twin(name: str) -> str:
-    """Return the name of the same joint on the other side of the body, or of the joint itself if
-    there is none.
-    """
-    side, _, joint = name.partition("_")
-    return {"left": f"right_{joint}", "right": f"left_{joint}"}.get(side, name)
 
 
 def _what_changed(before: Keypoints, after: Keypoints, changed: BoolArray, file_px: float) -> str:
