@@ -96,21 +96,16 @@ def _given_values(
     """Return points (N, J, 2) and confidence (N, J) with the given ones, and which ones these
     change.
     """
-    scores = np.ones(len(columns)) if given.confidence is None else given.confidence
-    points = keypoints.points
-    wanted = np.array(points, np.float64)
+    wanted = np.array(keypoints.points, np.float64)
     changed = np.zeros(keypoints.confidence.shape, bool)
     sure = np.ones(keypoints.confidence.shape)
-    for number, column, at, score in zip(
-        given.person, columns, given.points, scores.tolist(), strict=True
-    ):
-        if (person := rows.get(number)) is not None:
-            wanted[person, column] = at
-            sure[person, column] = score
-            changed[person, column] = (
-                keypoints.confidence[person, column] == 0
-                or np.abs(at - points[person, column]).max() > _SAME_PX
-            )
+    kept = [i for i, number in enumerate(given.person) if number in rows]
+    at = [rows[given.person[i]] for i in kept], [columns[i] for i in kept]
+    wanted[at] = given.points[kept]
+    if given.confidence is not None:
+        sure[at] = given.confidence[kept]
+    apart = np.abs(wanted[at] - keypoints.points[at]).max(-1)
+    changed[at] = (keypoints.confidence[at] == 0) | (apart > _SAME_PX)
     return wanted, sure, changed
 
 
