@@ -187,33 +187,29 @@ def check_camera(camera: Intrinsics | None, height: int, width: int) -> Iterator
         yield from wrong_type
         return
     numbers = (camera.fx, camera.fy, camera.cx, camera.cy)
-    if (
-        not all(isinstance(v, Real) and math.isfinite(v) for v in numbers)
-        or min(camera.fx, camera.fy) <= 0
-    ):
+    if not all(isinstance(v, Real) and math.isfinite(v) for v in numbers):
         given = ", ".join(map(str, numbers))
         yield (
             f"intrinsics must be finite numbers fx, fy, cx, cy with fx > 0 and fy > 0, got {given}"
         )
     else:
-        yield from _check_camera_limits(camera, max(height, width))
+        side = max(height, width)
+        low, high = (share * side for share in FOCAL_SHARE)
+        if not low <= min(camera.fx, camera.fy) <= max(camera.fx, camera.fy) <= high:
+            yield (
+                f"fx and fy must lie between {low:g} and {high:g} px for this image, got "
+                f"{camera.fx:g}, {camera.fy:g}"
+            )
+        if max(abs(camera.cx), abs(camera.cy)) > PRINCIPAL_SHARE * side:
+            yield (
+                f"cx and cy must lie within +-{PRINCIPAL_SHARE * side:g} px for this image, got "
+                f"{camera.cx:g}, {camera.cy:g}"
+            )
     if (camera.width, camera.height) != (width, height):
         yield f"intrinsics must be for {width} x {height} px, got {camera.width} x {camera.height}"
     yield from check_type(camera.source, str, "intrinsics.source")
     if camera.focal_sigma is not None:
         yield from check_log_sigma("intrinsics.focal_sigma", camera.focal_sigma)
-
-
-def _check_camera_limits(camera: Intrinsics, side: int) -> Iterator[str]:
-    low, high = (share * side for share in FOCAL_SHARE)
-    if not low <= min(camera.fx, camera.fy) <= max(camera.fx, camera.fy) <= high:
-        yield (
-            f"fx and fy must lie between {low:g} and {high:g} px for this image, got "
-            f"{camera.fx:g}, {camera.fy:g}"
-        )
-    if max(abs(camera.cx), abs(camera.cy)) > PRINCIPAL_SHARE * side:
-        limit = f"+-{PRINCIPAL_SHARE * side:g} px"
-        yield f"cx and cy must lie within {limit} for this image, got {camera.cx:g}, {camera.cy:g}"
 
 
 def check_log_sigma(name: str, sigma: Any) -> Iterator[str]:

@@ -35,12 +35,6 @@ def named_values(thing: Any, path: str = "") -> Iterator[tuple[str, Any]]:
         yield path, thing
 
 
-def changed_fields(before: Any, after: Any) -> list[str]:
-    """Return the paths of the fields whose values changed at all, such as "people.masks"."""
-    pairs = zip(named_values(before), named_values(after), strict=True)
-    return [path for (path, old), (_, new) in pairs if not _identical(old, new)]
-
-
 def describe_difference(first: Any, second: Any) -> str:
     """Describe the first difference of two results beyond rounding error; empty if they agree."""
     left = list(named_values(first))
@@ -56,32 +50,6 @@ def describe_difference(first: Any, second: Any) -> str:
 def is_sigmoid_of_probability(values: FloatArray) -> bool:
     """Return whether all values lie where a sigmoid puts values from 0 to 1."""
     return bool(values.min() >= 0.5 and values.max() <= 1 / (1 + np.exp(-1.0)) + 1e-3)
-
-
-def row_differences(first: Any, second: Any, count: int) -> FloatArray:
-    """Return the mean difference (N, N) of each of ``count`` rows of a result from each row of
-    another, every array scaled to at most 1.
-    """
-    one, other = (_rows(result, count) for result in (first, second))
-    apart: FloatArray = np.abs(one[:, None] - other[None]).mean(axis=2)
-    return apart
-
-
-def _rows(result: Any, count: int) -> FloatArray:
-    found = []
-    for _, value in named_values(result):
-        if isinstance(value, np.ndarray) and value.ndim and len(value) == count:
-            flat = np.nan_to_num(value.astype(np.float64).reshape(count, -1))
-            found.append(flat / max(float(np.abs(flat).max(initial=0)), 1e-9))
-    return np.concatenate(found, axis=1)
-
-
-def _identical(old: Any, new: Any) -> bool:
-    """Return whether two values are equal, NaN equal to NaN."""
-    if isinstance(old, np.ndarray):
-        is_float = old.dtype.kind == "f"
-        return isinstance(new, np.ndarray) and np.array_equal(old, new, equal_nan=is_float)
-    return bool(old == new) or (old != old and new != new)
 
 
 def _difference(a: Any, b: Any) -> str:

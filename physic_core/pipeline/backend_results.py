@@ -19,6 +19,7 @@ from physic_core.interfaces.bodies import valid_body_rows, valid_contact_rows, v
 from physic_core.interfaces.people import valid_keypoint_rows
 from physic_core.pipeline.doubts import doubt_of_wrists
 from physic_core.types import BodyParameters
+from physic_core.types.arrays import select_people
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -184,17 +185,6 @@ def transfer_contact(
     return carried
 
 
-def bodies_for_backends(bodies: Bodies, model: BodyModel) -> Bodies:
-    """Add joints to bodies for other backends, unless all backends can load the body model
-    ("embedded").
-    """
-    if model.name == "embedded":
-        return bodies
-    from physic_core.body.convert.bodies import replace_mesh_with_joints
-
-    return replace_mesh_with_joints(bodies, model)
-
-
 def discard_invalid_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArray]:
     """Set the confidence of people with invalid keypoints to 0, and of people with 3D points none
     of which was seen.
@@ -210,13 +200,9 @@ def discard_invalid_keypoints(keypoints: Keypoints) -> tuple[Keypoints, BoolArra
         valid &= (keypoints.confidence > 0).any(1)
     if valid.all():
         return keypoints, ~valid
-    one = int(valid.argmax())
+    rows = np.where(valid, np.arange(len(valid)), valid.argmax())
     confidence = np.where(valid[:, None], keypoints.confidence, 0)
-    names = ("points", "world", "sigma", "depth_sigma", "world_spread")
-    given = {name: getattr(keypoints, name) for name in names}
-    rows = np.where(valid, np.arange(len(valid)), one)
-    others = {name: value[rows] for name, value in given.items() if value is not None}
-    return replace(keypoints, confidence=confidence, **others), ~valid
+    return replace(select_people(keypoints, rows), confidence=confidence), ~valid
 
 
 def discard_invalid_bodies(bodies: Bodies) -> tuple[Bodies, BoolArray]:
@@ -237,11 +223,7 @@ def discard_invalid_hands(hands: Hands) -> tuple[Hands, BoolArray]:
     hands.
     """
     invalid = ~valid_hand_rows(hands)
-    return (
-        _fill_rows(hands, invalid, rotvecs=0.0, confidence=0.0, wrists=0.0)
-        if invalid.any()
-        else hands
-    ), invalid
+    return _fill_rows(hands, invalid, rotvecs=0.0, confidence=0.0, wrists=0.0), invalid
 
 
 def expand_contact(

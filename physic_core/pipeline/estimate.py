@@ -6,7 +6,6 @@ size of people. OpenCV camera frame.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -29,33 +28,17 @@ from physic_core.pipeline.find_scene import (
     map_photo,
     photo_content,
 )
-from physic_core.pipeline.photo_run import PhotoRun
 from physic_core.types.arrays import select_people
 
 if TYPE_CHECKING:
-    from physic_core.body.model import BodyModel
-    from physic_core.configuration.resolve import ResolvedPipeline
     from physic_core.engine.ground.floor_and_scale import Ground
     from physic_core.engine.state import Estimates
-    from physic_core.pipeline.given.photo import PreparedPhoto
-    from physic_core.pipeline.stage_runner import StageRunner
-    from physic_core.types import BoolArray, DepthMap
+    from physic_core.pipeline.photo_run import PhotoRun
+    from physic_core.types import DepthMap
 
 
-def run_backends(
-    given: PreparedPhoto,
-    plan: ResolvedPipeline,
-    load_model: Callable[[], BodyModel],
-    stages: StageRunner,
-) -> Estimates:
+def run_backends(run: PhotoRun) -> Estimates:
     """Run all backends on a photo.
-
-    Args:
-        given: the photo, and what the user knows of it.
-        plan: the backends and settings of the run.
-        load_model: returns the body model that all bodies are converted to; not called before the
-            bodies are estimated.
-        stages: calls the backends and records the run.
 
     Raises:
         ConfigError: a measured depth is a disparity.
@@ -68,13 +51,13 @@ def run_backends(
     """
     from physic_core.engine.state import Estimates
 
-    run = PhotoRun(given, plan, load_model, stages)
+    plan = run.plan
     found = find_people(run)
     joints = find_keypoints(run, found.people)
     inpainting = inpaint_people(run, found.people)
     maps = map_photo(run, found.people, joints.keypoints, inpainting)
     observations = observe_people(run, found.people, joints.keypoints, maps.camera)
-    with stages.time_engine("floor candidates"):
+    with run.stages.time_engine("floor candidates"):
         photo = photo_content(found, joints.keypoints, observations, maps, plan.engine.placement)
         floors = find_floors(photo, maps.hints, searched=plan.engine.scene.floor != "off")
     bodies, no_body = estimate_bodies(run, photo, floors.hints)
@@ -86,12 +69,19 @@ def run_backends(
     hints = hints_with_bodies(run, seen, posed, floors.hints)
     contact, no_contact = estimate_contact(run, hints, embodied)
     own = depth_of_own_scale(run, maps, hints)
-    with stages.time_engine("floor and scale"):
+    with run.stages.time_engine("floor and scale"):
         ground = find_scale(run, seen, posed, floors, own)
     depth = depth_at_scale(run, ground, own, maps, hints)
+    missing = {
+        "segmenter": found.missing,
+        "keypoint_detector": joints.missing,
+        "body_estimator": no_body,
+        "hand_estimator": no_hands,
+        "contact_prior": no_contact,
+    }
     return Estimates(
         image=run.image,
-        camera_given=given.photo.intrinsics is not None,
+        camera_given=run.given.photo.intrinsics is not None,
         photo=photo,
         inpainted=inpainting.image,
         ground=_stated(ground.expanded(embodied), own, depth),
@@ -99,10 +89,11 @@ def run_backends(
         contact=contact,
         depth=depth,
         depth_by=plan.backends["metric_depth"].title,
-        missing_results=_missing_results(
-            found.missing, joints.missing, no_body, no_hands, no_contact
+        missing_results=tuple(
+            tuple(name for name, who in missing.items() if who is not None and who[i])
+            for i in range(len(no_body))
         ),
-        known=given.known,
+        known=run.given.known,
         given_keypoints=joints.changed,
         contradicted_px=joints.contradicted,
         file_px=joints.file_px,
@@ -116,24 +107,3 @@ def _stated(ground: Ground, own: DepthMap | None, depth: DepthMap) -> Ground:
     if depth.scale_sigma is not None or own is not None:
         ground = replace(ground, guess="")
     return ground
-
-
-def _missing_results(
-    people: BoolArray | None,
-    keypoints: BoolArray | None,
-    bodies: BoolArray,
-    hands: BoolArray | None,
-    contact: BoolArray | None,
-) -> tuple[tuple[str, ...], ...]:
-    """Return for each person the interfaces whose results (N,) bool are missing."""
-    missing = {
-        "segmenter": people,
-        "keypoint_detector": keypoints,
-        "body_estimator": bodies,
-        "hand_estimator": hands,
-        "contact_prior": contact,
-    }
-    return tuple(
-        tuple(name for name, who in missing.items() if who is not None and who[i])
-        for i in range(len(bodies))
-    )

@@ -21,7 +21,6 @@ from physic_core.interfaces import (
 )
 from physic_core.interfaces.bodies import valid_body_rows
 from physic_core.pipeline.backend_results import (
-    bodies_for_backends,
     convert_to_configured,
     discard_invalid_bodies,
     discard_invalid_hands,
@@ -269,14 +268,21 @@ def resize_bodies(run: PhotoRun, photo: PhotoContent, bodies: Bodies) -> Bodies:
 
 
 def hints_with_bodies(run: PhotoRun, photo: PhotoContent, bodies: Bodies, hints: Hints) -> Hints:
-    """Return hints about the people with bodies alone, who are the people of the photo here."""
+    """Return hints about the people with bodies alone, who are the people of the photo here.
+
+    Bodies of a model that not all backends can load have joints, too.
+    """
+    if run.model.name != "embedded":
+        from physic_core.body.convert.bodies import replace_mesh_with_joints
+
+        bodies = replace_mesh_with_joints(bodies, run.model)
     return replace(
         hints,
         people=photo.people,
         keypoints=photo.keypoints,
         observations=photo.observations,
         hole=photo.hole.numpy(),
-        bodies=bodies_for_backends(bodies, run.model),
+        bodies=bodies,
     )
 
 

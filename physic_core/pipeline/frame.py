@@ -19,9 +19,8 @@ from physic_core.pipeline.border import find_inside
 from physic_core.pipeline.twins import one_of_twins
 
 if TYPE_CHECKING:
+    from physic_core.pipeline.border import Inside
     from physic_core.types import BoolArray, FloatArray, UInt8Array
-
-    Inside = tuple[slice, slice]
 
 _SIDE = 560  # px of the long side, at which the noise of a scan is averaged
 _LAB_STEPS = (2.55, 1, 1)  # of 255 in L, a and b
@@ -129,7 +128,13 @@ def _without_layers(image: UInt8Array, inside: Inside | None) -> tuple[Frame, tu
         if found is None:
             break
         if isinstance(found, tuple):
-            warning = _several(len(found)) if len(found) > 1 else _askew(found[0])
+            if len(found) > 1:
+                return replace(frame, warning=_several(len(found))), found
+            warning = (
+                f"a photo of a picture? Four straight lines enclose {found[0].share:.0%} of it, as "
+                "a screen or a print does: all distances and sizes are then wrong. Cut the picture "
+                "out, straighten it, and run that"
+            )
             return replace(frame, warning=warning), found
         corners = cv2.perspectiveTransform(found.corners[None], np.linalg.inv(_upright(corners)))[0]
         is_print = frame.is_print or found.turn_deg > _STRAIGHT_DEG
@@ -218,18 +223,6 @@ def _several(number: int) -> str:
     )
 
 
-def _askew(picture: _Picture) -> str:
-    return (
-        f"a photo of a picture? Four straight lines enclose {picture.share:.0%} of it, as a screen "
-        "or a print does: all distances and sizes are then wrong. Cut the picture out, straighten "
-        "it, and run that"
-    )
-
-
-def _is_plain(colors: UInt8Array) -> bool:
-    return bool(np.abs(colors - np.median(colors, axis=0)).mean(0).max() <= _PLAIN_BAR)
-
-
 def _grounds(small: UInt8Array) -> tuple[BoolArray, list[BoolArray]]:
     """Return where a smooth ground is round or beside pictures (H, W), and the grounds that may
     enclose one inside the photo.
@@ -301,7 +294,9 @@ def _is_frame(picture: _Picture, colors: UInt8Array) -> bool:
     """
     if picture.inner >= 3:
         return True
-    return picture.inner > 0 and picture.turn_deg <= _STRAIGHT_DEG and _is_plain(colors)
+    if picture.inner == 0 or picture.turn_deg > _STRAIGHT_DEG:
+        return False
+    return bool(np.abs(colors - np.median(colors, axis=0)).mean(0).max() <= _PLAIN_BAR)
 
 
 def _pictures(ground: BoolArray) -> list[_Picture]:

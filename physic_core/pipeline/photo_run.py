@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sized
+from collections.abc import Iterable, Sized
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
+from physic_core.errors import PhysicError
 from physic_core.interfaces.backend import Result
 
 if TYPE_CHECKING:
@@ -46,13 +48,11 @@ class PhotoRun:
     Attributes:
         given: the photo, and what the user knows of it.
         plan: the backends and settings of the run.
-        load_model: returns the body model that all bodies are converted to.
         stages: calls the backends and records the run.
     """
 
     given: PreparedPhoto
     plan: ResolvedPipeline
-    load_model: Callable[[], BodyModel]
     stages: StageRunner
 
     @property
@@ -60,10 +60,12 @@ class PhotoRun:
         """The photo (H, W, 3) uint8 RGB."""
         return self.given.photo.image
 
-    @property
+    @cached_property
     def model(self) -> BodyModel:
-        """The body model of the results."""
-        return self.load_model()
+        """The body model of the results; read from its file at the first use."""
+        from physic_core.body import load_body
+
+        return load_body(self.plan.body_model)
 
     def resolved(self, stage: str) -> ResolvedBackend:
         """Return the backend of a stage."""
@@ -83,6 +85,8 @@ class PhotoRun:
         """Call the backend of a stage; None and a warning, what the run does ``otherwise``, if it
         fails.
         """
-        return self.stages.call_optional_backend(
-            stage, self.resolved(stage), request, otherwise=otherwise
-        )
+        try:
+            return self.call(stage, request)
+        except PhysicError as error:
+            self.stages.warn_of(error, otherwise)
+            return None

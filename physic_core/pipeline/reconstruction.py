@@ -33,7 +33,6 @@ from physic_core.pipeline.checks import (
 from physic_core.pipeline.frame import plain_ground
 from physic_core.types import (
     POSTURES,
-    CameraTrust,
     Grade,
     Intrinsics,
     Person,
@@ -207,14 +206,16 @@ def _intrinsics(estimates: Estimates, state: State) -> Intrinsics:
     K = state.scene.K
     height, width = estimates.photo.hole.shape
     fx, fy, cx, cy = (float(v) for v in (K[0, 0], K[1, 1], K[0, 2], K[1, 2]))
+    found = Intrinsics(fx, fy, cx, cy, width, height, "point map and metric depth")
     for camera in (estimates.photo.camera, estimates.depth.intrinsics):
         if camera and (fx, fy, cx, cy) == (camera.fx, camera.fy, camera.cx, camera.cy):
-            return Intrinsics(
-                fx, fy, cx, cy, width, height, camera.source, camera.trust, camera.focal_sigma
+            return replace(
+                found,
+                source=camera.source,
+                trust=camera.trust,
+                focal_sigma=camera.focal_sigma,
             )
-    return Intrinsics(
-        fx, fy, cx, cy, width, height, "point map and metric depth", CameraTrust.ESTIMATED
-    )
+    return found
 
 
 def _scene(estimates: Estimates, state: State) -> Scene:
@@ -267,13 +268,7 @@ def judge(result: Reconstruction, checks: Sequence[CheckResult]) -> Reconstructi
             person,
             failed_checks=failed_checks(checks, i),
             unknown_checks=unknown_checks(checks, i),
-            grade=Grade.of(trust[i].probability),
-            trust=trust[i].probability,
-            trust_pose=trust[i].marks["pose"],
-            trust_place=trust[i].marks["place"],
-            trust_contact=trust[i].marks["contact"],
-            trust_size=trust[i].marks["size"],
-            why=trust[i].why,
+            **trust[i].as_fields(),
         )
         for i, person in enumerate(result.people)
     )

@@ -12,7 +12,6 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,7 +28,7 @@ from physic_core.configuration.resolve import (
 from physic_core.errors import ConfigError, PhysicError
 from physic_core.io.photo import Photo, photo_path_for_messages, read_photo
 from physic_core.pipeline.given.photo import prepare_photo
-from physic_core.pipeline.photo_run import stages_before_the_engine
+from physic_core.pipeline.photo_run import PhotoRun, stages_before_the_engine
 from physic_core.pipeline.stage_runner import LoadedBackends, StageRunner
 from physic_core.types import CameraTrust, Intrinsics, KnownSizes, PeoplePrompt, Reconstruction
 
@@ -38,12 +37,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from typing import Any, Self
 
-    from physic_core.body.model import BodyModel
     from physic_core.configuration.model import Config
     from physic_core.engine.state import Estimates, OtherView
     from physic_core.interfaces import Backend
     from physic_core.io.photo import PhotoSource
-    from physic_core.pipeline.given.photo import PreparedPhoto
     from physic_core.pipeline.stage_runner import Progress
 
     Configuration = ResolvedPipeline | Config | Mapping[str, Any] | str | os.PathLike[str] | None
@@ -366,18 +363,14 @@ def _reconstruct(
     photo: Photo, plan: ResolvedPipeline, given: _Given, stages: StageRunner, *, close: bool
 ) -> Reconstruction:
     from physic_core.backends.devices import limited_threads
-    from physic_core.body import load_body
-
-    @cache
-    def load_model() -> BodyModel:
-        return load_body(plan.body_model)
 
     prepared = prepare_photo(photo, plan.photo, given.people, given.known)
     photo = prepared.photo
     stages.note(*photo.notes)
     stages.warn(*photo.warnings)
+    run = PhotoRun(prepared, plan, stages)
     with limited_threads(plan.config.run.threads):
-        estimates = _estimate(prepared, plan, load_model, stages, close=close)
+        estimates = _estimate(run, close=close)
     from physic_core.pipeline.checks import run_checks, warning_messages
     from physic_core.pipeline.optimise import run_engine
     from physic_core.pipeline.reconstruction import (
@@ -391,7 +384,7 @@ def _reconstruct(
     estimates = replace(estimates, views=given.views)
     estimates = estimates if given.complete is None else given.complete(estimates)
     with limited_threads(plan.config.run.threads):
-        found = run_engine(estimates, plan.engine, load_model(), stages)
+        found = run_engine(estimates, plan.engine, run.model, stages)
         checks = run_checks(estimates, found)
     repositories, others = describe_repositories(plan)
     stages.warn(*others, *warning_messages(checks))
@@ -415,30 +408,23 @@ def _reconstruct(
     return found if prepared.border is None else prepared.border.added_to(found)
 
 
-def _estimate(
-    prepared: PreparedPhoto,
-    plan: ResolvedPipeline,
-    load_model: Callable[[], BodyModel],
-    stages: StageRunner,
-    *,
-    close: bool,
-) -> Estimates:
+def _estimate(run: PhotoRun, *, close: bool) -> Estimates:
     """Run the backends, and release their memory."""
     from physic_core.backends.memory import release_memory
     from physic_core.pipeline.estimate import run_backends
 
     try:
-        return run_backends(prepared, plan, load_model, stages)
+        return run_backends(run)
     finally:
         if close:
-            stages.close()
+            run.stages.close()
         else:
-            stages.trim_cache()
+            run.stages.trim_cache()
         # So that a worker's networks and engine do not hold theirs at one time. A single run
         # would take the memory of the C library again at once.
         release_memory(
-            (one.backend for one in plan.backends.values()),
-            all_of_it=plan.config.run.low_memory or not close,
+            (one.backend for one in run.plan.backends.values()),
+            all_of_it=run.plan.config.run.low_memory or not close,
         )
 
 

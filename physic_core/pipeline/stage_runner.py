@@ -91,6 +91,14 @@ class StageRunner:
         """Add notes, without duplicates."""
         self.notes += [t for t in dict.fromkeys(texts) if t not in self.notes]
 
+    def warn_of(self, error: PhysicError, otherwise: str) -> None:
+        """Add a warning of an error, which ends with what the run does ``otherwise``, and print its
+        traceback on stderr if ``PHYSIC_DEBUG`` is set.
+        """
+        self.warn(f"{' '.join(str(error).split())}; {otherwise}")
+        if trace := traceback_text(error):
+            sys.stderr.write(trace)
+
     @contextmanager
     def time_engine(self, name: str) -> Iterator[None]:
         """Measure the time of one stage of the engine."""
@@ -180,8 +188,10 @@ class StageRunner:
         doubts = list(doubts_of(interface, request, result))
         differs = ""
         capabilities = getattr(resolved.backend, "capabilities", ())
-        last = self._loaded.remember(resolved, request.image, result) if called else None
-        if last is not None and "ignores_image" not in capabilities:
+        last = self._loaded.last.get(id(resolved.backend))
+        if called:
+            self._loaded.last[id(resolved.backend)] = request.image, result
+        if called and last is not None and "ignores_image" not in capabilities:
             doubts += doubts_of_repetition(interface, *last, request.image, result)
         if called and last is None and "stochastic" not in capabilities:
             with wrap_plugin_errors(resolved.title, resolved, self.warn), network_results_in(None):
@@ -190,23 +200,6 @@ class StageRunner:
                 doubts.append(f"asked twice, it gives two answers ({differs}): is dropout left on?")
         self.warn(*(f"{resolved.title}: {doubt}" for doubt in doubts))
         return not differs
-
-    def call_optional_backend(
-        self, name: str, resolved: ResolvedBackend, request: Request[Result], *, otherwise: str
-    ) -> Result | None:
-        """Call a backend that the run does not require; if it fails, add a warning and return None.
-
-        Args:
-            name: of the stage.
-            resolved: the backend.
-            request: of the backend's interface.
-            otherwise: end of the warning: what the run does without this result.
-        """
-        try:
-            return self.call_backend(name, resolved, request)
-        except PhysicError as error:
-            self._warn_of(error, otherwise)
-            return None
 
     def trim_cache(self) -> None:
         """Trim the cache and collect its notes; the backends stay loaded."""
@@ -227,15 +220,7 @@ class StageRunner:
 
     def _close(self, *only: ResolvedBackend) -> None:
         for error in self._loaded.close(*only, report=self.warn):
-            self._warn_of(error, "the result is complete, but memory may be lost")
-
-    def _warn_of(self, error: PhysicError, otherwise: str) -> None:
-        """Add a warning of an error, and print its traceback on stderr if ``PHYSIC_DEBUG`` is
-        set.
-        """
-        self.warn(f"{' '.join(str(error).split())}; {otherwise}")
-        if trace := traceback_text(error):
-            sys.stderr.write(trace)
+            self.warn_of(error, "the result is complete, but memory may be lost")
 
     def _cache_key(
         self, title: str, resolved: ResolvedBackend, inputs: tuple[object, ...]
@@ -258,13 +243,17 @@ class StageRunner:
 
 
 class LoadedBackends:
-    """The backends of a pipeline that are loaded on one device."""
+    """The backends of a pipeline that are loaded on one device.
+
+    Attributes:
+        last: image and result of the last call of each backend that is not vouched for, by its id.
+    """
 
     def __init__(self, device: str) -> None:
+        self.last: dict[int, tuple[UInt8Array, object]] = {}
         self._device = device
         self._loaded: dict[int, ResolvedBackend] = {}
         self._ready: set[int] = set()
-        self._last: dict[int, tuple[UInt8Array, object]] = {}
         self._vouched: dict[int, bool] = {}
 
     def is_vouched_for(self, resolved: ResolvedBackend) -> bool:
@@ -277,16 +266,6 @@ class LoadedBackends:
                 who.interface, who.backend, who.distribution, target
             )
         return self._vouched[key]
-
-    def remember(
-        self, resolved: ResolvedBackend, image: UInt8Array, result: object
-    ) -> tuple[UInt8Array, object] | None:
-        """Keep the last image and result of a backend, and return those before; None for the
-        first.
-        """
-        last = self._last.get(id(resolved.backend))
-        self._last[id(resolved.backend)] = (image, result)
-        return last
 
     def load(
         self,

@@ -61,8 +61,9 @@ def _gap(image: UInt8Array) -> int:
     plain = columns.astype(np.int16).std(0).max(-1) <= _PLAIN
     if not plain[reach]:
         return 0
-    before = reach - int(plain[reach::-1].argmin() if not plain[reach::-1].all() else 0)
-    after = reach + int(plain[reach:].argmin() if not plain[reach:].all() else 0)
+    # 0 where no column up to the end of the strip is another one
+    before = reach - int(plain[reach::-1].argmin())
+    after = reach + int(plain[reach:].argmin())
     return max(0, int(after - before - 1))
 
 

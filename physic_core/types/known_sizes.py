@@ -5,7 +5,7 @@ pixels.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from physic_core.types.arrays import PER_PERSON
@@ -90,20 +90,6 @@ class KnownSizes:
         return bool(
             any(self.stature) or any(self.age) or self.camera_height is not None or self.lengths
         )
-
-    def resized(self, factor_x: float, factor_y: float) -> KnownSizes:
-        """Return the sizes for the same image resized by these factors; pixel centres are at
-        integers.
-        """
-
-        def pixel(at: tuple[float, float]) -> tuple[float, float]:
-            return (at[0] + 0.5) * factor_x - 0.5, (at[1] + 0.5) * factor_y - 0.5
-
-        lengths = tuple(
-            replace(length, start=pixel(length.start), end=pixel(length.end))
-            for length in self.lengths
-        )
-        return replace(self, lengths=lengths)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ legs are bent.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from physic_core.types.arrays import per_person, shape
@@ -76,22 +76,12 @@ class Observations(ShortRepr):
         """
         import numpy as np
 
-        def nan(*sizes: int) -> FloatArray:
-            return np.full(sizes, np.nan, np.float32)
-
-        return cls(
-            posture=nan(people, 9),
-            touch=nan(people, 5),
-            holds=nan(people, 2),
-            on_floor=nan(people, 2),
-            child=nan(people),
-            head=nan(people, 3),
-            head_sigma=nan(people),
-            posture_share=nan(9),
-            touch_share=nan(5),
-            holds_share=nan(2),
-            on_floor_share=nan(2),
-        )
+        shapes = {one.name: one.metadata["shape"] for one in fields(cls) if one.metadata}
+        nothing: dict[str, Any] = {
+            name: np.full([people if n == "N" else n for n in sizes], np.nan, np.float32)
+            for name, sizes in shapes.items()
+        }
+        return cls(**nothing)
 
     def __len__(self) -> int:
         return len(self.posture)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from itertools import compress
 from typing import TYPE_CHECKING
 
-from physic_core.types.arrays import PER_PERSON, shape
+from physic_core.types.arrays import PER_PERSON, per_person, shape
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import Skeleton, skeleton_named
 
@@ -104,11 +104,8 @@ class Keypoints(ShortRepr):
     def take(self, columns: Sequence[int]) -> Keypoints:
         """Return the keypoints of these columns, in this order."""
         chosen = list(columns)
-        names = ("points", "confidence", "world", "sigma", "depth_sigma", "world_spread")
-        given = {
-            name: value[:, chosen] for name in names if (value := getattr(self, name)) is not None
-        }
-        return Keypoints(skeleton=self.joint_set.take(chosen), **given)
+        taken = {name: value[:, chosen] for name, value in per_person(self)}
+        return Keypoints(skeleton=self.joint_set.take(chosen), **taken)
 
 
 @dataclass(frozen=True)

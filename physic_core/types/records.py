@@ -105,16 +105,16 @@ def grade_text(
         trust: probability of the grade, or None.
         marks: of a person, name of :data:`MARKS` -> probability, or None.
     """
-    of_marks: dict[Grade, list[str]] = {}
-    for name, probability in (marks or {}).items():
-        if probability is not None and Grade.of(probability) != grade:
-            of_marks.setdefault(Grade.of(probability), []).append(name)
-    others = [f"; {in_words(names)} {one}" for one, names in sorted(of_marks.items(), key=_order)]
-    return f"{grade or 'none'}{'' if trust is None else f', {trust_text(trust)}'}{''.join(others)}"
-
-
-def _order(item: tuple[Grade, list[str]]) -> int:
-    return list(Grade).index(item[0])
+    others = ""
+    for one in Grade:
+        names = [
+            name
+            for name, probability in (marks or {}).items()
+            if probability is not None and Grade.of(probability) is one
+        ]
+        if names and one != grade:
+            others += f"; {in_words(names)} {one}"
+    return f"{grade or 'none'}{'' if trust is None else f', {trust_text(trust)}'}{others}"
 
 
 def in_words(names: Sequence[str]) -> str:

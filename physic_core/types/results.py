@@ -9,11 +9,9 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from operator import attrgetter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from physic_core.doors import DOORS
 from physic_core.errors import InputError, PackageMissingError
@@ -283,12 +281,9 @@ class Person(ShortRepr):
             raise InputError(
                 "this person has no body: the body estimator returned no finite values for them"
             )
-        attributes = {"contact": self.contact, "distance": self.distance}
-        optional = {
-            "contact_probability": self.contact_probability,
-            "contact_partner": self.contact_partner,
-        }
-        attributes |= {name: values for name, values in optional.items() if values is not None}
+        names = ("contact", "distance", "contact_probability", "contact_partner")
+        given = {name: getattr(self, name) for name in names}
+        attributes = {name: values for name, values in given.items() if values is not None}
         return trimesh.Trimesh(
             self.vertices, self.faces, vertex_attributes=attributes, process=False
         )
@@ -454,7 +449,40 @@ class Reconstruction(ShortRepr):
         focal_px, focal_known, width_px, height_px, seconds, load_seconds, and ``check_NAME`` for
         each self-check, the worst value of all people.
         """
-        values = {name: value(self) for name, value in _SUMMARY.items()}
+        distances = [
+            distance
+            for person in self.people
+            if (distance := pelvis_distance_m(person)) is not None
+        ]
+        kinds = _likely_kinds(self)
+        values = {
+            "grade": None if self.grade is None else str(self.grade),
+            "trust": self.trust,
+            "people": len(self.people),
+            "bodies": len(distances),
+            "failed_checks": sum(check.failed for check in self.checks),
+            "unknown_checks": sum(not (check.ok or check.failed) for check in self.checks),
+            "warnings": len(self.warnings),
+            "nearest_person_m": min(distances, default=None),
+            "farthest_person_m": max(distances, default=None),
+            "distance_sigma": self.distance_sigma,
+            "scene_scale": self.scene.scale,
+            "scale_sigma": self.scene.scale_sigma,
+            "floor_found": int(self.scene.floor is not None),
+            "scene_valid_share": float(self.scene.valid.mean()),
+            "contacts": None if kinds is None else len(kinds),
+            **{
+                f"contacts_with_{kind}": None if kinds is None else kinds.count(kind)
+                for kind in PARTNER_KINDS
+            },
+            "vertices_in_contact": sum(int(person.contact.sum()) for person in self.people),
+            "focal_px": self.intrinsics.fy,
+            "focal_known": int(self.intrinsics.known),
+            "width_px": self.intrinsics.width,
+            "height_px": self.intrinsics.height,
+            "seconds": sum(stage.seconds for stage in self.stages),
+            "load_seconds": sum(stage.load_seconds for stage in self.stages),
+        }
         by_name: dict[str, list[CheckResult]] = defaultdict(list)
         for check in self.checks:
             by_name[check.name].append(check)
@@ -558,52 +586,26 @@ class Reconstruction(ShortRepr):
         return loaded
 
 
-def _distances_m(result: Reconstruction) -> list[float]:
-    """Return the distance of each person with a body."""
+def _likely_kinds(result: Reconstruction) -> list[str] | None:
+    """Return the kind of partner of each contact that is likely; None without partners."""
+    if any(person.contact_partner is None for person in result.people):
+        return None
     return [
-        distance for person in result.people if (distance := pelvis_distance_m(person)) is not None
+        contact.partner.kind
+        for person in result.people
+        for contact in person.contacts
+        if contact.likely
     ]
 
 
-def _touched(result: Reconstruction, kinds: Sequence[str] = PARTNER_KINDS) -> int | None:
-    """Return how many pairs of a body part and a partner of these kinds probably touch; None
-    without partners.
-    """
-    if any(person.contact_partner is None for person in result.people):
-        return None
-    likely = [contact for person in result.people for contact in person.contacts if contact.likely]
-    return sum(contact.partner.kind in kinds for contact in likely)
-
-
-_SUMMARY: dict[str, Callable[[Reconstruction], float | int | str | None]] = {
-    "grade": lambda result: None if result.grade is None else str(result.grade),
-    "trust": lambda result: result.trust,
-    "people": lambda result: len(result.people),
-    "bodies": lambda result: len(_distances_m(result)),
-    "failed_checks": lambda result: sum(check.failed for check in result.checks),
-    "unknown_checks": lambda result: sum(not (check.ok or check.failed) for check in result.checks),
-    "warnings": lambda result: len(result.warnings),
-    "nearest_person_m": lambda result: min(_distances_m(result), default=None),
-    "farthest_person_m": lambda result: max(_distances_m(result), default=None),
-    "distance_sigma": lambda result: result.distance_sigma,
-    "scene_scale": lambda result: result.scene.scale,
-    "scale_sigma": lambda result: result.scene.scale_sigma,
-    "floor_found": lambda result: int(result.scene.floor is not None),
-    "scene_valid_share": lambda result: float(result.scene.valid.mean()),
-    "contacts": _touched,
-    **{f"contacts_with_{kind}": partial(_touched, kinds=(kind,)) for kind in PARTNER_KINDS},
-    "vertices_in_contact": lambda result: sum(
-        int(person.contact.sum()) for person in result.people
-    ),
-    "focal_px": lambda result: result.intrinsics.fy,
-    "focal_known": lambda result: int(result.intrinsics.known),
-    "width_px": lambda result: result.intrinsics.width,
-    "height_px": lambda result: result.intrinsics.height,
-    "seconds": lambda result: sum(stage.seconds for stage in result.stages),
-    "load_seconds": lambda result: sum(stage.load_seconds for stage in result.stages),
-}
-
-SUMMARY_KEYS = tuple(_SUMMARY)
+SUMMARY_KEYS = (
+    *("grade", "trust", "people", "bodies", "failed_checks", "unknown_checks", "warnings"),
+    *("nearest_person_m", "farthest_person_m", "distance_sigma", "scene_scale", "scale_sigma"),
+    *("floor_found", "scene_valid_share", "contacts"),
+    *(f"contacts_with_{kind}" for kind in PARTNER_KINDS),
+    *("vertices_in_contact", "focal_px", "focal_known", "width_px", "height_px"),
+    *("seconds", "load_seconds"),
+)
 """Keys of every summary; that of a result also has ``check_NAME`` for each self-check."""
 
 
@@ -631,10 +633,38 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
     """
     main = main_people([person.box for person in result.people])
     sigmas = zip(result.people, result.distance_sigmas, strict=True)
-    rows = [_Row(i, i in main, person, sigma) for i, (person, sigma) in enumerate(sigmas)]
     return [
-        {name: value(row) for name, value in _ROW.items()} | _angles(row.person) for row in rows
+        {"person": i, "main": i in main} | _row(person, sigma)
+        for i, (person, sigma) in enumerate(sigmas)
     ]
+
+
+def _row(person: Person, distance_sigma: float | None) -> dict[str, Any]:
+    """Return the columns of a person that do not depend on the others."""
+    distance = pelvis_distance_m(person)
+    marks = person.marks.items()
+    angles = person.joint_angles
+    return {
+        "grade": str(person.grade or ""),
+        "trust": person.trust,
+        **{f"grade_{name}": "" if p is None else str(Grade.of(p)) for name, p in marks},
+        **{f"trust_{name}": p for name, p in marks},
+        "why": person.why,
+        "distance_m": _rounded(distance),
+        "distance_sigma_m": _rounded(spread_m(distance, distance_sigma)),
+        "stature_m": _rounded(person.stature),
+        "stature_sigma_m": _rounded(spread_m(person.stature, person.stature_sigma)),
+        "posture": person.posture,
+        "posture_probability": person.posture_probability,
+        "child_probability": person.child_probability,
+        "contacts": contacts_text(person.contacts, assumed=False),
+        "assumed": contacts_text(person.contacts, assumed=True),
+        "unseen": ", ".join(map(part_words, person.unseen)),
+        "unsure": ", ".join(map(part_words, person.unsure)),
+        **{f"{limb}_sigma_m": _rounded(sigma) for limb, sigma in person.limb_sigmas.items()},
+        **{name: _rounded(person.sizes.get(name)) for name in _SIZES},
+        **{f"{name}_deg": _rounded(angles[name], 1) for name in _ANGLES},
+    }
 
 
 def marks_of_row(row: Mapping[str, Any]) -> dict[str, float | None]:
@@ -659,69 +689,29 @@ def _rounded(value: float | None, digits: int = 3) -> float | None:
     return None if value is None or not math.isfinite(value) else round(value, digits)
 
 
-class _Row(NamedTuple):
-    number: int
-    main: bool
-    person: Person
-    distance_sigma: float | None
-
-
-def _grade_of_mark(row: _Row, name: str) -> str:
-    probability = row.person.marks[name]
-    return "" if probability is None else str(Grade.of(probability))
-
-
-def _limb_sigma(row: _Row, limb: str) -> float | None:
-    return _rounded(row.person.limb_sigmas[limb])
-
-
-def _size(row: _Row, name: str) -> float | None:
-    return _rounded(row.person.sizes.get(name))
-
-
-def _same(*names: str) -> dict[str, Callable[[_Row], Any]]:
-    """Return columns that are attributes of the person."""
-    return {name: attrgetter(f"person.{name}") for name in names}
-
-
-_ROW: dict[str, Callable[[_Row], Any]] = {
-    "person": lambda row: row.number,
-    "main": lambda row: row.main,
-    "grade": lambda row: str(row.person.grade or ""),
-    **_same("trust"),
-    **{f"grade_{name}": partial(_grade_of_mark, name=name) for name in MARKS},
-    **_same(*(f"trust_{name}" for name in MARKS), "why"),
-    "distance_m": lambda row: _rounded(pelvis_distance_m(row.person)),
-    "distance_sigma_m": lambda row: _rounded(
-        spread_m(pelvis_distance_m(row.person), row.distance_sigma)
-    ),
-    "stature_m": lambda row: _rounded(row.person.stature),
-    "stature_sigma_m": lambda row: _rounded(spread_m(row.person.stature, row.person.stature_sigma)),
-    **_same("posture", "posture_probability", "child_probability"),
-    "contacts": lambda row: contacts_text(row.person.contacts, assumed=False),
-    "assumed": lambda row: contacts_text(row.person.contacts, assumed=True),
-    "unseen": lambda row: ", ".join(map(part_words, row.person.unseen)),
-    "unsure": lambda row: ", ".join(map(part_words, row.person.unsure)),
-    **{f"{limb}_sigma_m": partial(_limb_sigma, limb=limb) for limb in LIMB_ENDS},
-    **{name: partial(_size, name=name) for name in ("pelvis_height_m", "seat_height_m")},
-}
+_SIZES = ("pelvis_height_m", "seat_height_m")
 
 _ANGLES = (
     *("trunk_flexion", "neck_flexion"),
     *(
         f"{side}_{angle}"
         for angle in ("hip_flexion", "knee_flexion", "shoulder_elevation", "elbow_flexion")
-        for side in ("left", "right")
+        for side in SIDES
     ),
 )
 
 
-def _angles(person: Person) -> dict[str, float | None]:
-    angles = person.joint_angles
-    return {f"{name}_deg": _rounded(angles[name], 1) for name in _ANGLES}
-
-
-PERSON_COLUMNS = ("id", *_ROW, *(f"{name}_deg" for name in _ANGLES))
+PERSON_COLUMNS = (
+    *("id", "person", "main", "grade", "trust"),
+    *(f"grade_{name}" for name in MARKS),
+    *(f"trust_{name}" for name in MARKS),
+    *("why", "distance_m", "distance_sigma_m", "stature_m", "stature_sigma_m"),
+    *("posture", "posture_probability", "child_probability"),
+    *("contacts", "assumed", "unseen", "unsure"),
+    *(f"{limb}_sigma_m" for limb in LIMB_ENDS),
+    *_SIZES,
+    *(f"{name}_deg" for name in _ANGLES),
+)
 """Columns of ``people.csv``; the id is the name of the photo, in a batch its id."""
 
 

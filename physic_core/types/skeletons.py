@@ -134,12 +134,7 @@ def _wholebody133() -> Skeleton:
     return _standard("coco_wholebody133", (*_COCO23, *face, *hands), (*absent, *roots))
 
 
-def _halpe26() -> Skeleton:
-    own = ("head_top", "neck_base", "hips_middle")
-    return _standard(
-        "halpe26", (*_COCO17, *own, *_left_and_right("big_toe", "small_toe", "heel")), own
-    )
-
+_HALPE_OWN = ("head_top", "neck_base", "hips_middle")
 
 _BLAZEPOSE33 = (
     "nose",
@@ -173,7 +168,11 @@ SKELETONS: Mapping[str, Skeleton] = {
             (*_COCO23, *_FACE_POINTS.values(), *_hand("left")[1:], *_hand("right")[1:]),
         ),
         _wholebody133(),
-        _halpe26(),
+        _standard(
+            "halpe26",
+            (*_COCO17, *_HALPE_OWN, *_left_and_right("big_toe", "small_toe", "heel")),
+            _HALPE_OWN,
+        ),
     )
 }
 """Standard skeletons by name, without calibration to a network.

@@ -76,34 +76,22 @@ def test_a_backend_is_called_with_an_array_and_its_result_is_checked():
 
 def test_each_interface_can_be_called_alone():
     world = load_world("stand", (160, 120))
-    image = world.image
-    hints = Hints()
     found = {}
-    arguments = {
-        "segmenter": lambda: (),
-        "inpainter": lambda: (found["segmenter"].masks.any(0),),
-        "metric_depth": lambda: (Hints(scene=found["relative_pointmap"]),),
-        "relative_pointmap": lambda: (hints,),
-        "keypoint_detector": lambda: (found["segmenter"],),
-        "body_estimator": lambda: (
-            found["segmenter"],
-            world.intrinsics,
-            found["keypoint_detector"],
-        ),
-        "hand_estimator": lambda: (found["segmenter"], found["keypoint_detector"]),
-        "person_observer": lambda: (
-            found["segmenter"],
-            found["keypoint_detector"],
-            world.intrinsics,
-        ),
-        "contact_prior": lambda: (found["segmenter"], found["body_estimator"]),
-    }
-    assert set(arguments) == set(INTERFACES)
-    order = sorted(arguments, key=lambda name: name == "metric_depth")
-    for name in order:
-        found[name] = load_backend(name, "mock")(image, *arguments[name]())
-    assert isinstance(found["segmenter"], People)
-    assert len(found["body_estimator"].parameters) == 1
+
+    def ask(name, *arguments):
+        found[name] = load_backend(name, "mock")(world.image, *arguments)
+        return found[name]
+
+    people = ask("segmenter")
+    keypoints = ask("keypoint_detector", people)
+    bodies = ask("body_estimator", people, world.intrinsics, keypoints)
+    ask("hand_estimator", people, keypoints)
+    ask("person_observer", people, keypoints, world.intrinsics)
+    ask("contact_prior", people, bodies)
+    ask("inpainter", people.masks.any(0))
+    ask("metric_depth", Hints(scene=ask("relative_pointmap", Hints())))
+    assert found.keys() == INTERFACES.keys()
+    assert len(bodies.parameters) == 1
     assert found["metric_depth"].depth.shape == (120, 160)
 
 
@@ -150,8 +138,7 @@ class ReadsTheCamera(Flat):
 
 def test_a_backend_gets_the_hints_that_it_declares_and_no_others():
     camera = Intrinsics.from_focal(100.0, 80, 64)
-    nobody = NOBODY
-    found = ReadsTheCamera()(IMAGE, Hints(camera, nobody, hole=np.ones((64, 80), bool)))
+    found = ReadsTheCamera()(IMAGE, Hints(camera, NOBODY, hole=np.ones((64, 80), bool)))
     assert found.intrinsics == camera
 
 

@@ -132,11 +132,8 @@ def test_the_same_run_again_calls_and_loads_no_backend_and_gives_the_same_bits(
     assert (counts.asked, counts.loaded, counts.closed) == (Counter(), Counter(), Counter())
     assert [s.cached for s in again.stages] == [s.provenance is not None for s in again.stages]
     assert not any(s.failed or s.load_seconds for s in again.stages)
-    assert (again.warnings, again.notes, again.checks) == (
-        first[1].warnings,
-        first[1].notes,
-        first[1].checks,
-    )
+    for name in ("warnings", "notes", "checks"):
+        assert getattr(again, name) == getattr(first[1], name)
     for name, result in (("first", first[1]), ("again", again)):
         result.save(str(tmp_path / name), "numbers")
     with (

@@ -17,6 +17,7 @@ from physic_core.engine.settings import with_overrides
 from physic_core.pipeline.estimate import run_backends
 from physic_core.pipeline.given.photo import PreparedPhoto
 from physic_core.pipeline.optimise import run_engine
+from physic_core.pipeline.photo_run import PhotoRun
 from physic_core.pipeline.stage_runner import StageRunner
 from physic_core.types import CameraTrust, Intrinsics
 from physic_testing.worlds import load_world
@@ -32,8 +33,8 @@ SEES_150, SEES_200 = (Intrinsics.from_focal(f, *SIZE, source="a network") for f 
 def evidence():
     world = load_world("stand", SIZE)
     plan = resolve(load_config(preset="mock"))
-    given = PreparedPhoto(Photo(world.image), None, KnownSizes(), None)
-    return run_backends(given, plan, lambda: load_body("embedded"), StageRunner("cpu", 8))
+    given = PreparedPhoto(Photo(world.image), None, KnownSizes())
+    return run_backends(PhotoRun(given, plan, StageRunner("cpu", 8)))
 
 
 def with_cameras(evidence, pointmap, metric):

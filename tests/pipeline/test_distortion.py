@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -12,22 +14,22 @@ from physic_core import (
     KnownLength,
     KnownSizes,
     PeoplePrompt,
-    load_config,
-    reconstruct,
 )
+from physic_core.configuration.model import PhotoSettings
 from physic_core.geometry.camera import check_distortion, undistort_image, undistort_pixels
 from physic_core.io.photo import Photo
-from physic_core.pipeline.given.photo import undistort
+from physic_core.pipeline.given.photo import prepare_photo
 from physic_core.types import Lens
 from physic_testing.worlds import load_world
+from tests.pipeline.mocks import run
 
 CAMERA = Intrinsics(300.0, 310.0, 155.0, 118.0, 320, 240)  # the principal point is off the centre
 BARREL = (-0.28, 0.09, 0.0012, -0.0007, 0.004)
 PINCUSHION = (0.12, -0.03, -0.001, 0.0015, 0.0)
 
 
-def picture(seed=0):
-    noise = np.random.default_rng(seed).integers(0, 256, (240, 320, 3), dtype=np.uint8)
+def picture():
+    noise = np.random.default_rng(0).integers(0, 256, (240, 320, 3), dtype=np.uint8)
     return np.ascontiguousarray(cv2.GaussianBlur(noise, (0, 0), 3))
 
 
@@ -65,16 +67,18 @@ def test_prompts_and_lengths_move_with_the_picture():
     mask[0, 20:60, 30:70] = True
     prompt = PeoplePrompt(((30.0, 20.0),), ((30.0, 20.0, 70.0, 60.0),), mask)
     known = KnownSizes(lengths=(KnownLength((30.0, 20.0), (300.0, 220.0), 1.0),))
-    photo, moved, sizes = undistort(Photo(picture(), CAMERA), prompt, known, BARREL)
+    given = PhotoSettings(intrinsics=(300, 310, 155, 118), distortion=BARREL)
+    found = prepare_photo(Photo(picture()), given, prompt, known)
+    moved = found.people
     corner = undistort_pixels(np.array([[30.0, 20.0]]), CAMERA, BARREL)[0]
     assert corner[0] < 25  # away from the centre: the lens has drawn it inwards
     assert moved.points[0] == pytest.approx(tuple(corner))
-    assert sizes.lengths[0].start == pytest.approx(tuple(corner))
+    assert found.known.lengths[0].start == pytest.approx(tuple(corner))
     rows, columns = moved.masks[0].nonzero()
     extent = (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
     assert moved.boxes[0] == pytest.approx(extent, abs=1.5)
-    assert photo.notes[-1].startswith("the image was undistorted")
-    assert photo.intrinsics == CAMERA
+    assert found.photo.notes[-1].startswith("the image was undistorted")
+    assert found.photo.intrinsics == found.lens.intrinsics == replace(CAMERA, trust="known")
 
 
 def test_a_distortion_that_folds_the_picture_is_refused():
@@ -88,11 +92,8 @@ def test_a_distortion_that_folds_the_picture_is_refused():
 def test_a_result_states_the_lens_and_keeps_it(tmp_path):
     world = load_world("stand", (160, 120))
     K = [world.intrinsics.fx, world.intrinsics.fy, world.intrinsics.cx, world.intrinsics.cy]
-    overrides = ["run.cache=false", "engine.joint.optimiser.steps=2", f"photo.intrinsics={K}"]
-    config = load_config(
-        preset="mock", overrides=[*overrides, "photo.distortion=[1e-9, 0, 0, 0, 0]"]
-    )
-    result = reconstruct(world.image, config)
+    lens = f"photo.intrinsics={K}", "photo.distortion=[1e-9, 0, 0, 0, 0]"
+    result = run(world.image, "engine.joint.optimiser.steps=2", *lens)
     assert result.lens.distortion == (1e-9, 0, 0, 0, 0)
     assert result.lens.intrinsics.fx == pytest.approx(world.intrinsics.fx)
     result.save(str(tmp_path / "out"), "numbers")

@@ -4,71 +4,56 @@ name.
 
 from __future__ import annotations
 
+import signal
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
-from physic_core import load_config, reconstruct
 from physic_core.errors import BackendOutputError
 from physic_core.types import Reconstruction
 from physic_mock import backends
+from tests.pipeline.mocks import changed, run
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
 FILE = "tests/pipeline/test_failures_of_backends.py"
 
 
-def run(world, interface, base, change):
-    """The mocks, one of whose answers is changed."""
-
-    def infer(self, *arguments):
-        return change(base.infer(self, *arguments))
-
-    return reconstruct(
-        world.image, "mock", backends={interface: type("Wrong", (base,), {"infer": infer})}
-    )
-
-
-def fail(answer):
+def fail(*_):
     raise RuntimeError("no weights\nin w.pt")
 
 
 def nans(*names):
     """The fields of an answer, NaN everywhere."""
-    return lambda answer: replace(
+    return lambda answer, *_: replace(
         answer, **{name: np.full_like(getattr(answer, name), np.nan) for name in names}
     )
 
 
-def nan_parameters(answer):
+def nan_parameters(answer, *_):
     return replace(answer, parameters=nans("body_pose", "transl")(answer.parameters))
 
 
 @pytest.mark.parametrize(
-    ("interface", "base", "change", "faults"),
+    ("kind", "change", "faults"),
     [
         (
-            *(
-                "segmenter",
-                backends.MockSegmenter,
-                lambda a: replace(a, masks=a.masks.transpose(0, 2, 1)),
-            ),
+            backends.MockSegmenter,
+            lambda people, _: replace(people, masks=people.masks.transpose(0, 2, 1)),
             ["masks must be (1, 120, 160), got (1, 160, 120)"],
         ),
         (
-            *("body_estimator", backends.MockBodyEstimator, nan_parameters),
+            backends.MockBodyEstimator,
+            nan_parameters,
             ["body_pose must be finite", "transl must be finite"],
         ),
     ],
-    ids=["segmenter", "body_estimator"],
 )
-def test_an_invalid_result_of_a_required_backend_stops_a_run(
-    world, interface, base, change, faults
-):
+def test_an_invalid_result_of_a_required_backend_stops_a_run(world, kind, change, faults):
     with pytest.raises(BackendOutputError) as error:
-        run(world, interface, base, change)
+        run(world.image, backends=changed(kind, change))
     assert all(fault in str(error.value) for fault in faults)
 
 
@@ -78,20 +63,17 @@ def without(few_steps, world):
 
     @cache
     def run_without(interface):
-        config = load_config(preset="mock", overrides=[f"{interface}.backend=none"])
-        return reconstruct(world.image, config)
+        return run(world.image, f"{interface}.backend=none")
 
     return run_without
 
 
 HANDS = (
-    "hand_estimator",
     backends.MockHandEstimator,
     "hands",
     "fingers keep the pose from the body_estimator",
 )
 CONTACT = (
-    "contact_prior",
     backends.MockContactPrior,
     "contact prior",
     "contact is computed from distances only",
@@ -99,7 +81,7 @@ CONTACT = (
 
 
 def test_a_person_observer_that_fails_costs_a_warning_alone(world):
-    result = run(world, "person_observer", backends.MockPersonObserver, nans("posture_share"))
+    result = run(world.image, backends=changed(backends.MockPersonObserver, nans("posture_share")))
     assert any("posture_share" in warning for warning in result.warnings)
     person = result.people[0]
     assert (person.posture, person.posture_probability, person.child_probability) == (None,) * 3
@@ -114,7 +96,11 @@ FAILS = f"RuntimeError: no weights in w.pt ({FILE}:{fail.__code__.co_firstlineno
     [
         (HANDS, fail, FAILS),
         (CONTACT, nans("probability"), "probability must lie in [0, 1], got nan to nan"),
-        (CONTACT, lambda a: replace(a, topology="smpl"), "topology must be 'physic-embedded-1'"),
+        (
+            CONTACT,
+            lambda a, *_: replace(a, topology="smpl"),
+            "topology must be 'physic-embedded-1'",
+        ),
     ],
 )
 def test_a_run_goes_on_without_an_optional_backend_that_fails(
@@ -125,19 +111,29 @@ def test_a_run_goes_on_without_an_optional_backend_that_fails(
     tmp_path,
     without,
 ):
-    interface, base, stage, consequence = optional
-    result = run(world, interface, base, change)
+    kind, stage, consequence = optional
+    result = run(world.image, backends=changed(kind, change))
     assert any(
         reason in warning and warning.endswith(f"; {consequence}") for warning in result.warnings
     )
     assert any(
-        f"no valid values for this person from {interface}" in warning
+        f"no valid values for this person from {kind.interface}" in warning
         for warning in result.warnings
     )
     assert result.people[0].failed_checks[0] == "placed"
-    plain = without(interface)
+    plain = without(kind.interface)
     np.testing.assert_array_equal(result.people[0].vertices, plain.people[0].vertices)
     np.testing.assert_array_equal(result.people[0].contact, plain.people[0].contact)
     assert [s.name for s in result.stages if s.failed] == [stage]
     result.save(str(tmp_path), "numbers")
     assert Reconstruction.load(str(tmp_path)).stages == result.stages
+
+
+def test_ctrl_c_ends_an_optional_stage(world):
+    with pytest.raises(KeyboardInterrupt):
+        run(
+            world.image,
+            backends=changed(
+                backends.MockHandEstimator, lambda *_: signal.raise_signal(signal.SIGINT)
+            ),
+        )

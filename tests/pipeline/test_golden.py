@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physic_core import load_config, reconstruct
 from physic_testing.worlds import load_world
+from tests.pipeline.mocks import run
 
 STORED = Path(__file__).with_name("golden.json")
 CASES = (
@@ -24,7 +24,7 @@ CASES = (
     ("stand", "release"),
     ("lie", "prox"),
 )
-SETTINGS = ("engine.joint.optimiser.steps=4", "run.cache=false", "run.threads=1")
+SETTINGS = ("engine.joint.optimiser.steps=4", "run.threads=1")
 MIDDLE = (60, 80)
 TOLERANCE = 1e-5  # metres; the plainest kernels of torch move results by 2e-7
 VERTICES = 1e-3  # share of vertices that kernels may move over a threshold
@@ -32,8 +32,8 @@ VERTICES = 1e-3  # share of vertices that kernels may move over a threshold
 
 def numbers(world, preset):
     """Return name -> numbers of a result, metres where they have a unit."""
-    config = load_config(preset="mock", overrides=[*SETTINGS, f"engine.preset={preset}"])
-    result = reconstruct(load_world(world, (160, 120)).image, config)
+    image = load_world(world, (160, 120)).image
+    result = run(image, *SETTINGS, f"engine.preset={preset}")
     found = {"middle of the scene": result.scene.points[MIDDLE], "scale": [result.scene.scale]}
     if result.scene.floor is not None:
         found["floor"] = [*result.scene.floor.normal, result.scene.floor.offset]

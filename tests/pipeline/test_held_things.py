@@ -7,43 +7,35 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physic_core import load_config, reconstruct
+from physic_core import reconstruct
 from physic_core.body.joints import JOINT_INDEX
+from physic_core.types.skeletons import SIDES
 from physic_mock.pixels import MockSegmenter
+from tests.pipeline.mocks import changed
 
 pytestmark = [pytest.mark.kernels, pytest.mark.usefixtures("few_steps")]
 
-SIDES = ("left", "right")
 
+def holding(side):
+    """A change of what a segmenter finds: a thing in the left upper corner, in a hand of the first
+    person.
+    """
 
-class Holder(MockSegmenter):
-    """A segmenter that sees a thing in the left upper corner in a hand of the first person."""
-
-    side = 0
-
-    def infer(self, image):
-        people = super().infer(image)
+    def hold(people, image):
         held = np.zeros((len(people), 2, *image.shape[:2]), bool)
-        held[0, self.side, :8, :12] = True
+        held[0, side, :8, :12] = True
         return replace(people, held=held)
 
-
-class RightHolder(Holder):
-    side = 1
+    return changed(MockSegmenter, hold)
 
 
-def solved(world, holder=None):
-    chosen = [f"segmenter.backend={__name__}:{holder.__name__}"] if holder else []
-    return reconstruct(world.image, load_config(preset="mock", overrides=chosen))
-
-
-@pytest.mark.parametrize("holder", [Holder, RightHolder])
-def test_only_the_pixels_of_a_held_thing_move_to_the_hand(world, holder):
-    plain = solved(world)
-    result = solved(world, holder)
+@pytest.mark.parametrize("side", [0, 1])
+def test_only_the_pixels_of_a_held_thing_move_to_the_hand(world, side):
+    plain = reconstruct(world.image, "mock")
+    result = reconstruct(world.image, "mock", backends=holding(side))
     thing = np.zeros(world.image.shape[:2], bool)
     thing[:8, :12] = True
-    hand = result.people[0].joints[JOINT_INDEX[f"{SIDES[holder.side]}_middle1"]]
+    hand = result.people[0].joints[JOINT_INDEX[f"{SIDES[side]}_middle1"]]
     assert result.scene.valid[thing].all()
     np.testing.assert_allclose(result.scene.points[thing][:, 2], hand[2], rtol=1e-5)
     np.testing.assert_array_equal(result.scene.colors[thing], world.image[thing])

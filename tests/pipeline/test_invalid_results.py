@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from physic_core import reconstruct
 from physic_core.cli.result_summary import summary_text
 from physic_core.engine.joint import solve as joint
 from physic_core.io.results import read_record
@@ -21,6 +20,7 @@ from physic_core.types import Keypoints, People, PeoplePrompt, Reconstruction
 from physic_core.types.arrays import select_people
 from physic_mock import backends
 from physic_testing.worlds import load_world
+from tests.pipeline.mocks import changed, run
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -35,19 +35,17 @@ def world():
 
 @pytest.fixture(scope="module")
 def sound(world):
-    return reconstruct(world.image, "mock")
+    return run(world.image)
 
 
 @pytest.fixture(scope="module")
 def alone(world):
     """The person who is kept, in a run that finds no one else."""
-    result = run(world, SeeOne, "segmenter")
-    assert len(result.people) == 1
-    return result.people[0]
-
-
-def run(world, kind, interface):
-    return reconstruct(world.image, "mock", backends={interface: kind})
+    one = changed(
+        backends.MockSegmenter, lambda found, _: select_people(found, np.arange(2) == KEPT)
+    )
+    (person,) = run(world.image, backends=one).people
+    return person
 
 
 def spoilt(values):
@@ -56,38 +54,21 @@ def spoilt(values):
     return values
 
 
-class SeeOne(backends.MockSegmenter):
-    def infer(self, image):
-        return select_people(super().infer(image), np.arange(2) == KEPT)
+def lose_body(answer, *_):
+    lost = spoilt(answer.parameters.body_pose)
+    return replace(answer, parameters=replace(answer.parameters, body_pose=lost))
 
 
-class LoseBody(backends.MockBodyEstimator):
-    def infer(self, *arguments):
-        answer = super().infer(*arguments)
-        return replace(
-            answer,
-            parameters=replace(answer.parameters, body_pose=spoilt(answer.parameters.body_pose)),
-        )
+def lose(*names):
+    """A change that sets these fields of the lost person to NaN."""
+    return lambda answer, *_: replace(
+        answer, **{name: spoilt(getattr(answer, name)) for name in names}
+    )
 
 
-class LoseKeypoints(backends.MockKeypointDetector):
-    def infer(self, image, people):
-        answer = super().infer(image, people)
-        return replace(answer, points=spoilt(answer.points), confidence=spoilt(answer.confidence))
-
-
-class LoseHands(backends.MockHandEstimator):
-    def infer(self, image, people, keypoints):
-        answer = super().infer(image, people, keypoints)
-        return replace(
-            answer, rotvecs=spoilt(answer.rotvecs), confidence=np.full_like(answer.confidence, 0.9)
-        )
-
-
-class LoseContact(backends.MockContactPrior):
-    def infer(self, image, people, bodies):
-        answer = super().infer(image, people, bodies)
-        return replace(answer, probability=spoilt(answer.probability))
+def lose_hands(answer, *_):
+    found = replace(answer, confidence=np.full_like(answer.confidence, 0.9))
+    return lose("rotvecs")(found)
 
 
 def apart(a, b):
@@ -110,7 +91,7 @@ def error_m(person, world):
 
 
 def test_a_person_without_a_body_stays_and_the_other_is_unchanged(world, sound, alone, tmp_path):
-    result = run(world, LoseBody, "body_estimator")
+    result = run(world.image, backends=changed(backends.MockBodyEstimator, lose_body))
     lost = result.people[LOST]
     kept = result.people[KEPT]
     np.testing.assert_array_equal(lost.mask, sound.people[LOST].mask)
@@ -143,20 +124,20 @@ def test_a_person_without_a_body_stays_and_the_other_is_unchanged(world, sound, 
 
 
 @pytest.mark.parametrize(
-    ("kind", "interface"),
+    ("kind", "change"),
     [
-        (LoseHands, "hand_estimator"),
-        (LoseContact, "contact_prior"),
-        (LoseKeypoints, "keypoint_detector"),
+        (backends.MockHandEstimator, lose_hands),
+        (backends.MockContactPrior, lose("probability")),
+        (backends.MockKeypointDetector, lose("points", "confidence")),
     ],
 )
 def test_other_invalid_results_of_a_person_are_named_and_the_body_is_kept(
-    world, sound, alone, kind, interface
+    world, sound, alone, kind, change
 ):
-    result = run(world, kind, interface)
+    result = run(world.image, backends=changed(kind, change))
     failed = [c for c in result.checks if c.name == "placed" and c.failed]
     assert [(c.person, c.value) for c in failed] == [(LOST, 0)]
-    assert f"person 0: no valid values for this person from {interface}" in "\n".join(
+    assert f"person 0: no valid values for this person from {kind.interface}" in "\n".join(
         result.warnings
     )
     assert all(np.isfinite(person.vertices).all() for person in result.people)
@@ -178,7 +159,7 @@ def test_a_person_who_cannot_be_optimised_is_named_and_the_other_goes_on(
         return fine
 
     monkeypatch.setattr(joint, "_finite_energy", one_is_not)
-    result = reconstruct(world.image, "mock")
+    result = run(world.image)
     assert "placed" in result.people[LOST].failed_checks
     assert any(
         warning.endswith("the energy of the start is not finite") for warning in result.warnings
@@ -188,6 +169,12 @@ def test_a_person_who_cannot_be_optimised_is_named_and_the_other_goes_on(
     check_unspoilt(result.people[KEPT], sound, alone, world)
 
 
+def two(masks, points, scores=(1.0, 1.0)):
+    """Two people with keypoints of the segmenter."""
+    keypoints = Keypoints(points.astype(np.float32), np.ones((2, 17), np.float32), "coco17")
+    return People(masks, np.zeros((2, 4)), np.array(scores), keypoints=keypoints)
+
+
 @pytest.mark.parametrize(("on_own", "real"), [(4, False), (7, True)])
 def test_a_person_whose_joints_lie_on_another_one_is_not_real(on_own, real):
     """Of 17 joints 7 on the own mask are a person behind another one; a mask that the user gives is
@@ -195,12 +182,10 @@ def test_a_person_whose_joints_lie_on_another_one_is_not_real(on_own, real):
     """
     masks = np.zeros((2, 40, 60), bool)
     masks[0, :, :30] = masks[1, :, 30:] = True
-    points = np.full((2, 17, 2), 5.0, np.float32)
+    points = np.full((2, 17, 2), 5.0)
     points[1] = 25
-    points[1, :on_own] = 45
-    points[1, :on_own, 1] = 20
-    keypoints = Keypoints(points, np.ones((2, 17), np.float32), "coco17")
-    people = People(masks, np.zeros((2, 4)), np.ones(2), keypoints=keypoints)
+    points[1, :on_own] = 45, 20
+    people = two(masks, points)
     assert real_people(people).tolist() == [True, real]
     assert real_people(people, PeoplePrompt(masks=masks)).all()
 
@@ -211,23 +196,18 @@ def test_a_person_with_a_mask_much_smaller_than_the_joints_is_not_real(columns, 
     masks = np.zeros((2, 40, 60), bool)
     masks[1, 10:30, 20 : 20 + columns] = True
     masks[0, :, :50] = ~masks[1, :, :50]
-    points = np.full((2, 17, 2), 5.0, np.float32)
-    points[1, :, 0] = np.resize([20, 26, 27, 55], 17)
-    points[1, :, 1] = np.linspace(10, 28, 17)
-    keypoints = Keypoints(points, np.ones((2, 17), np.float32), "coco17")
-    people = People(masks, np.zeros((2, 4)), np.ones(2), keypoints=keypoints)
-    assert real_people(people).tolist() == [True, real]
+    points = np.full((2, 17, 2), 5.0)
+    points[1] = np.stack([np.resize([20, 26, 27, 55], 17), np.linspace(10, 28, 17)], -1)
+    assert real_people(two(masks, points)).tolist() == [True, real]
 
 
 @pytest.mark.parametrize(("apart", "real"), [(4, False), (16, True)])
 def test_of_two_people_with_one_pose_the_lower_score_is_not_real(apart, real):
     masks = np.zeros((2, 40, 60), bool)
-    masks[0, :20] = True
-    masks[1, 20:] = True
+    masks[0, :20] = masks[1, 20:] = True
     one = np.stack([np.resize([5, 20], 17), np.linspace(5, 35, 17)], -1)
-    points = np.stack([one, one + np.array([apart, 0])]).astype(np.float32)
-    keypoints = Keypoints(points, np.ones((2, 17), np.float32), "coco17")
+    points = np.stack([one, one + np.array([apart, 0])])
     for scores in ([0.5, 0.9], [0.9, 0.5]):
-        people = People(masks, np.zeros((2, 4)), np.array(scores), keypoints=keypoints)
+        people = two(masks, points, scores)
         lower = int(np.argmin(scores))
         assert real_people(people).tolist() == [real or i != lower for i in range(2)]

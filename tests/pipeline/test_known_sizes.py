@@ -12,13 +12,14 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core import KnownLength, KnownSizes, load_config, reconstruct
+from physic_core import KnownLength, KnownSizes, load_config
 from physic_core.body import load_body
 from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry
 from physic_core.errors import ConfigError
 from physic_core.pipeline.given.people import known_people
 from physic_core.types import PeoplePrompt
 from physic_testing.worlds import load_world
+from tests.pipeline.mocks import run
 
 SIZE = (160, 120)
 MODEL = load_body("embedded")
@@ -29,15 +30,15 @@ def stand():
     return load_world("stand", SIZE)
 
 
-def run(world, known, *overrides):
-    quick = ("run.cache=false", "engine.joint.optimiser.steps=20", *overrides)
-    return reconstruct(world.image, load_config(preset="mock", overrides=quick), known=known)
+def with_sizes(world, *lengths, **known):
+    sizes = KnownSizes(lengths=lengths, **known)
+    return run(world.image, "engine.joint.optimiser.steps=20", known=sizes)
 
 
 @pytest.fixture(scope="module")
 def free(stand):
     """The result without any known size."""
-    return run(stand, KnownSizes())
+    return with_sizes(stand)
 
 
 def stature(result):
@@ -49,13 +50,17 @@ def given_and_result(result):
     return {m["name"]: (m["given"], m["result"]) for m in result.diagnostics["known_sizes"]}
 
 
+def given_statures(result):
+    return [person.measures.given_stature_m for person in result.people]
+
+
 def contradictions(result):
     return [w for w in result.warnings if "contradict" in w or "not used" in w]
 
 
 def test_a_person_has_the_given_stature_and_the_scene_follows(stand, free):
     height = 1.95
-    held = run(stand, KnownSizes(stature=(height,)))
+    held = with_sizes(stand, stature=(height,))
     assert stature(held)[0] == pytest.approx(height, rel=0.01)
     floor = held.scene.floor
     free_floor = free.scene.floor
@@ -69,7 +74,7 @@ def test_a_person_has_the_given_stature_and_the_scene_follows(stand, free):
 
 
 def test_the_camera_stands_at_the_given_height(stand):
-    result = run(stand, KnownSizes(camera_height=1.2))
+    result = with_sizes(stand, camera_height=1.2)
     assert result.scene.floor.offset == pytest.approx(1.2, rel=0.01)
     assert given_and_result(result)["the camera height"] == (1.2, pytest.approx(1.2, rel=0.01))
     assert result.scene.scale_sigma == pytest.approx(0.01)
@@ -78,23 +83,20 @@ def test_the_camera_stands_at_the_given_height(stand):
 
 def test_two_points_of_the_scene_are_as_far_apart_as_given(stand):
     length = KnownLength((10.0, 100.0), (150.0, 100.0), 2.0)
-    result = run(stand, KnownSizes(lengths=(length,)))
-    a, b = (result.scene.points[100, x] for x in (10, 150))
+    result = with_sizes(stand, length)
+    a, b = result.scene.points[100, [10, 150]]
     assert result.scene.valid[100, [10, 150]].all()
     assert np.linalg.norm(a - b) == pytest.approx(2.0, rel=0.01)
 
 
 def test_two_points_of_a_person_are_as_far_apart_as_given(stand):
-    head, ankle = (stand.joints[0, j] @ stand.intrinsics.matrix.T for j in (15, 7))
-    start, end = (tuple(map(float, p[:2] / p[2])) for p in (head, ankle))
-    result = run(stand, KnownSizes(lengths=(KnownLength(start, end, 1.2),)))  # 1.5 m in truth
+    ends = stand.joints[0, [15, 7]] @ stand.intrinsics.matrix.T  # head and ankle
+    start, end = (tuple(map(float, p[:2] / p[2])) for p in ends)
+    result = with_sizes(stand, KnownLength(start, end, 1.2))  # 1.5 m in truth
     rays = np.array([[*start, 1.0], [*end, 1.0]]) @ np.linalg.inv(result.intrinsics.matrix).T
     # The body's surface under the two pixels, by ray casting.
-    import trimesh
-
-    person = result.people[0]
-    mesh = trimesh.Trimesh(person.vertices, result.faces, process=False)
-    points, ray, _ = mesh.ray.intersects_location(np.zeros((2, 3)), rays)
+    rays_of = result.people[0].mesh().ray
+    points, ray, _ = rays_of.intersects_location(np.zeros((2, 3)), rays)
     first = [min(points[ray == i], key=lambda p: float(p[2])) for i in (0, 1)]
     assert np.linalg.norm(first[0] - first[1]) == pytest.approx(1.2, rel=0.02)
     assert list(given_and_result(result).values()) == [(1.2, pytest.approx(1.2, rel=0.02))]
@@ -128,16 +130,14 @@ WIDE = KnownLength((10.0, 100.0), (150.0, 100.0), 8.0)
 )
 def test_a_contradiction_beyond_three_standard_errors_is_refused(stand, known, message):
     with pytest.raises(ConfigError, match=message):
-        run(stand, known)
+        run(stand.image, "engine.joint.optimiser.steps=20", known=known)
 
 
 def test_a_size_within_three_standard_errors_is_used_and_a_difference_is_a_warning(stand, free):
     a, b = (free.scene.points[100, x] for x in (10, 150))
     height = float(free.scene.floor.offset)
     length = float(np.linalg.norm(a - b))
-    result = run(
-        stand, KnownSizes(camera_height=height, lengths=(replace(WIDE, metres=1.2 * length),))
-    )
+    result = with_sizes(stand, replace(WIDE, metres=1.2 * length), camera_height=height)
     (message,) = contradictions(result)
     assert message.startswith(
         "the given sizes contradict one another or the photo: in the result the camera height is"
@@ -146,16 +146,14 @@ def test_a_size_within_three_standard_errors_is_used_and_a_difference_is_a_warni
 
 
 def test_people_and_their_statures_go_from_left_to_right():
-    found = run(load_world("group", SIZE), KnownSizes(stature=(1.7, 0, 1.75, 0)))
+    found = with_sizes(load_world("group", SIZE), stature=(1.7, 0, 1.75, 0))
     centres = [person.box[0] + person.box[2] for person in found.people]
-    assert len(centres) == 4
     assert centres == sorted(centres)
-    given = [person.measures.given_stature_m for person in found.people]
-    assert given == [pytest.approx(1.7), None, pytest.approx(1.75), None]
+    assert given_statures(found) == [pytest.approx(1.7), None, pytest.approx(1.75), None]
 
 
 def test_a_given_stature_that_lifts_a_person_off_the_floor_is_a_warning():
-    found = run(load_world("hug", SIZE), KnownSizes(stature=(1.9, 1.55)))
+    found = with_sizes(load_world("hug", SIZE), stature=(1.9, 1.55))
     (check,) = [check for check in found.checks if check.name == "given_size" and check.person == 1]
     assert check.ok
     (warning,) = [text for text in found.warnings if "off the floor with the given size" in text]
@@ -165,15 +163,11 @@ def test_a_given_stature_that_lifts_a_person_off_the_floor_is_a_warning():
 
 def test_chosen_people_and_their_statures_stay_in_the_order_of_the_choice():
     world = load_world("group", SIZE)
-    boxes = [tuple(run(world, KnownSizes()).people[i].box.tolist()) for i in (2, 0)]
-    quick = load_config(
-        preset="mock", overrides=["run.cache=false", "engine.joint.optimiser.steps=4"]
-    )
-    known = KnownSizes(stature=(1.75, 1.7))
-    found = reconstruct(world.image, quick, known=known, people=PeoplePrompt(boxes=boxes))
+    boxes = [tuple(map(float, box)) for box in sorted(world.boxes.tolist())[::-1][:2]]
+    given = {"known": KnownSizes(stature=(1.75, 1.7)), "people": PeoplePrompt(boxes=boxes)}
+    found = run(world.image, "engine.joint.optimiser.steps=4", **given)
     assert found.people[0].box[0] > found.people[1].box[0]
-    given = [person.measures.given_stature_m for person in found.people]
-    assert given == [pytest.approx(1.75), pytest.approx(1.7)]
+    assert given_statures(found) == pytest.approx([1.75, 1.7])
 
 
 def test_too_many_statures_are_an_error():
@@ -187,7 +181,6 @@ def test_too_many_statures_are_an_error():
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("stature=17.5", "photo.stature: a stature should be 0.4 to 2.6 metres"),
         ("stature=0.2", "a stature should be 0.4 to 2.6 metres, or 0 where unknown (got 0.2)"),
         (
             "camera_height=-1",

@@ -5,14 +5,12 @@ in the pipeline.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from physic_core import load_config, reconstruct
 from physic_core.body import load_body
 from physic_core.body.bones import rotations_from_parameters
 from physic_core.body.convert.bodies import rest_mesh_of_model
@@ -23,6 +21,7 @@ from physic_core.types import Bodies, ContactProbability, Mesh, RestMesh
 from physic_mock import backends
 from physic_networks.bodies import parameters_from_rotvecs
 from physic_testing import violations
+from tests.pipeline.mocks import changed, run
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -59,59 +58,37 @@ def joints_of(estimated):
         return model(rotations_from_parameters(p), *given, joints_only=True).joints.numpy()
 
 
-class Smpl(backends.MockBodyEstimator):
+def of_smpl(estimated, *_):
     """The mock's bodies, estimated as SMPL's."""
-
-    def infer(self, *arguments):
-        estimated = super().infer(*arguments)
-        return Bodies(estimated.parameters, "smpl", estimated.observed, joints_of(estimated))
+    return Bodies(estimated.parameters, "smpl", estimated.observed, joints_of(estimated))
 
 
-class TooFew(Smpl):
-    def infer(self, *arguments):
-        estimated = super().infer(*arguments)
-        estimated.joints[:, 1] = np.nan
-        return estimated
+def without_hips(estimated, *_):
+    found = of_smpl(estimated)
+    found.joints[:, 1] = np.nan
+    return found
 
 
-class OtherContact(backends.MockContactPrior):
+def on_another_mesh(estimated, *_):
     """The mock's contact, on a mesh that has another name and another order of vertices."""
-
-    def infer(self, *arguments):
-        estimated = super().infer(*arguments)
-        rest = rest_mesh_of_model(load_body("embedded"))
-        order = np.random.default_rng(0).permutation(len(rest.vertices))
-        mesh = RestMesh("shuffled", rest.vertices[order], np.argsort(order)[rest.faces])
-        return ContactProbability(estimated.probability[:, order], "shuffled", mesh)
-
-
-class Wrists(backends.MockHandEstimator):
-    """Hands that lie so, the left one first, as rotation vectors (2, 3)."""
-
-    lie: ClassVar[Any]
-
-    def infer(self, image, people, keypoints):
-        estimated = super().infer(image, people, keypoints)
-        return replace(
-            estimated,
-            confidence=np.full_like(estimated.confidence, 0.9),
-            wrists=np.tile(self.lie, (len(people), 1, 1)),
-        )
+    rest = rest_mesh_of_model(load_body("embedded"))
+    order = np.random.default_rng(0).permutation(len(rest.vertices))
+    mesh = RestMesh("shuffled", rest.vertices[order], np.argsort(order)[rest.faces])
+    return ContactProbability(estimated.probability[:, order], "shuffled", mesh)
 
 
 @pytest.fixture(scope="module")
 def plain(few_steps, world):
     """The result with the mock's own backends."""
-    return reconstruct(world.image, "mock")
+    return run(world.image)
 
 
 def test_bodies_of_smpl_are_carried_over(world):
     # In so small a photo a bent point map leaves the left foot two places, 6 cm apart, that explain
     # it alike.
-    sure = load_config(preset="mock", overrides=["relative_pointmap.options.noise=0"])
-    result, plain = (
-        reconstruct(world.image, sure, backends=given) for given in ({"body_estimator": Smpl}, {})
-    )
+    sure = "relative_pointmap.options.noise=0"
+    plain = run(world.image, sure)
+    result = run(world.image, sure, backends=changed(backends.MockBodyEstimator, of_smpl))
     assert result.body_model == "embedded"
     assert (
         "bodies converted from 'smpl' to 'embedded', joints within 1 mm on average" in result.notes
@@ -124,11 +101,11 @@ def test_bodies_with_too_few_joints_are_refused(world):
     with pytest.raises(
         BodyModelError, match="the body model 'smpl' with too few joints to convert them"
     ):
-        reconstruct(world.image, "mock", backends={"body_estimator": TooFew})
+        run(world.image, backends=changed(backends.MockBodyEstimator, without_hips))
 
 
 def test_contact_on_another_mesh_is_carried_over(world, plain):
-    result = reconstruct(world.image, "mock", backends={"contact_prior": OtherContact})
+    result = run(world.image, backends=changed(backends.MockContactPrior, on_another_mesh))
     assert "contact transferred from the mesh 'shuffled' to 'physic-embedded-1'" in result.notes
     was = plain.people[0].contact
     found = result.people[0].contact
@@ -138,17 +115,13 @@ def test_contact_on_another_mesh_is_carried_over(world, plain):
 def test_hands_that_say_how_they_lie_are_put_onto_the_arms(world, plain):
     body = Rotation.from_rotvec(plain.people[0].parameters.global_orient[0])
     lowered = [body * Rotation.from_rotvec([0, 0, angle]) for angle in (-0.7, 0.7)]
-    Wrists.lie = [turn.as_rotvec() for turn in lowered]
-    result = reconstruct(world.image, "mock", backends={"hand_estimator": Wrists})
-    turned = np.linalg.norm(
-        (result.people[0].parameters.body_pose - plain.people[0].parameters.body_pose).reshape(
-            21, 3
-        ),
-        axis=1,
-    )
+    wrists = np.array([[turn.as_rotvec() for turn in lowered]])
+
+    def with_wrists(hands, *_):
+        return replace(hands, confidence=np.full_like(hands.confidence, 0.9), wrists=wrists)
+
+    result = run(world.image, backends=changed(backends.MockHandEstimator, with_wrists))
+    after, before = (one.people[0].parameters for one in (result, plain))
+    turned = np.linalg.norm((after.body_pose - before.body_pose).reshape(21, 3), axis=1)
     assert turned[[19, 20]].min() > 0.2  # both wrists
-    np.testing.assert_allclose(
-        result.people[0].parameters.left_hand_pose,
-        plain.people[0].parameters.left_hand_pose,
-        atol=0.05,
-    )
+    np.testing.assert_allclose(after.left_hand_pose, before.left_hand_pose, atol=0.05)

@@ -9,9 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physic_core import KnownSizes, load_config, reconstruct
+from physic_core import KnownSizes
 from physic_core.errors import ConfigError
 from physic_mock.depths import MockRelativePointmap
+from tests.pipeline.mocks import changed, run
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -20,27 +21,25 @@ EXACT = [
 ]
 
 
-def run(world, *settings, **known):
-    config = load_config(preset="mock", overrides=["run.cache=false", *EXACT, *settings])
-    return reconstruct(world.image, config, **known)
-
-
 def camera_height(result, world):
     return result.scene.floor.offset / world.floor.offset
 
 
+def measured(world, scale, *settings):
+    """The result with a depth that counts as measured, times a scale."""
+    depth = ("metric_depth.options.stated_sigma=0.01", f"metric_depth.options.scale={scale}")
+    return run(world.image, *EXACT, *depth, *settings)
+
+
 def test_a_measured_depth_gives_the_metres_whatever_the_size_of_the_bodies(world):
-    settings = ("body_estimator.options.noise=1", "body_estimator.options.stature_bias=0.15")
-    found = run(world, "metric_depth.options.stated_sigma=0.01", *settings)
+    larger = ("body_estimator.options.noise=1", "body_estimator.options.stature_bias=0.15")
+    found = measured(world, 1, *larger)
     assert camera_height(found, world) == pytest.approx(1, abs=0.04)
     assert any("measured depth gives the scale" in note for note in found.notes)
 
 
 def test_people_follow_a_measured_depth(world):
-    one, larger = (
-        run(world, "metric_depth.options.stated_sigma=0.01", f"metric_depth.options.scale={scale}")
-        for scale in (1, 1.15)
-    )
+    one, larger = (measured(world, scale) for scale in (1, 1.15))
     assert camera_height(larger, world) / camera_height(one, world) == pytest.approx(
         1.15, abs=0.015
     )
@@ -50,7 +49,7 @@ def test_people_follow_a_measured_depth(world):
 
 
 def test_a_measured_depth_that_people_contradict_is_followed_with_a_warning(world):
-    found = run(world, "metric_depth.options.stated_sigma=0.01", "metric_depth.options.scale=0.65")
+    found = measured(world, 0.65)
     assert camera_height(found, world) == pytest.approx(0.65, abs=0.03)
     assert any("given depth" in warning for warning in found.warnings)
     assert found.grade != "good"
@@ -68,32 +67,27 @@ def test_a_measured_depth_that_people_contradict_is_followed_with_a_warning(worl
 )
 def test_a_depth_by_which_people_are_no_people_is_refused_with_its_likely_unit(world, scale, unit):
     with pytest.raises(ConfigError, match=unit):
-        run(world, "metric_depth.options.stated_sigma=0.01", f"metric_depth.options.scale={scale}")
+        measured(world, scale)
 
 
 def test_people_correct_a_metric_depth_that_is_far_off(world):
-    found = run(world, "metric_depth.options.scale=2")
+    found = run(world.image, *EXACT, "metric_depth.options.scale=2")
     assert camera_height(found, world) == pytest.approx(1, abs=0.1)
     assert any("multiplied by 0.5" in note for note in found.notes)
 
 
 def test_a_known_age_makes_sizes_more_certain(world):
-    found = run(world)
+    found = run(world.image, *EXACT)
     assert all(0.1 < person.stature_sigma < 0.15 for person in found.people)
-    given = run(world, known=KnownSizes(age=(40.0,)))
+    given = run(world.image, *EXACT, known=KnownSizes(age=(40.0,)))
     assert all(person.stature_sigma < 0.07 for person in given.people)
     assert np.all(np.array(given.distance_sigmas) <= found.distance_sigmas)
 
 
-class DoubtfulPointmap(MockRelativePointmap):
-    """Says that its background may be wrong."""
-
-    def infer(self, image, hints):
-        """Return the point map of the mock, with a warning."""
-        return replace(super().infer(image, hints), warnings=("the background is a guess",))
-
-
 def test_the_warning_of_a_point_map_is_one_of_the_result(world):
-    config = load_config(preset="mock", overrides=["run.cache=false"])
-    found = reconstruct(world.image, config, backends={"relative_pointmap": DoubtfulPointmap})
+    doubtful = changed(
+        MockRelativePointmap,
+        lambda found, *_: replace(found, warnings=("the background is a guess",)),
+    )
+    found = run(world.image, backends=doubtful)
     assert found.warnings.count("the background is a guess") == 1

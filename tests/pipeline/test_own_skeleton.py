@@ -7,13 +7,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_core import load_config, load_reconstruction, reconstruct
+from physic_core import load_reconstruction
 from physic_core.types import Keypoints, Skeleton
 from physic_mock.keypoints import KeypointOptions, MockKeypointDetector
 from physic_mock.recognition import match_masks_to_world, recognise_world
 from physic_testing.conformance import check_backend
 from physic_testing.conformance.true_keypoints import true_keypoints_px
 from physic_testing.metrics import pa_mpjpe_mm
+from tests.pipeline.mocks import run
 
 SIDES = ("left", "right")
 BLENDS = {
@@ -46,10 +47,7 @@ class MarkerDetector(MockKeypointDetector):
 def test_the_engine_fits_keypoints_of_a_custom_skeleton(world, tmp_path):
     sure = "metric_depth.options.noise=0"
     detector = f"keypoint_detector.backend={__name__}:MarkerDetector"
-    found = reconstruct(
-        world.image,
-        load_config(preset="mock", overrides=[detector, sure, "engine.joint.optimiser.steps=20"]),
-    )
+    found = run(world.image, detector, sure, "engine.joint.optimiser.steps=20")
     person = found.people[0]
     aligned = pa_mpjpe_mm(person.joints[None, :22].astype(float), world.joints[:1, :22])[0]
     assert found.skeleton == MARKERS

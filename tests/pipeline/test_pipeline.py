@@ -8,12 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
-from physic_core import Pipeline, Reconstruction, body, load_config, reconstruct
+from physic_core import Reconstruction, body, reconstruct
 from physic_core.configuration.model import OPTIONAL_INTERFACES, PhotoSettings
 from physic_core.engine.ground.beside import feet_pixels
-from physic_core.engine.state import OtherView
 from physic_core.errors import ConfigError
 from physic_core.io.photo import Photo
 from physic_core.pipeline.backend_results import replace_hands
@@ -21,6 +19,7 @@ from physic_core.pipeline.given.photo import prepare_photo
 from physic_core.types import Hands, Hints, Intrinsics, Keypoints
 from physic_core.types.observations import POSTURES
 from physic_mock import backends
+from tests.pipeline.mocks import changed, run
 
 pytestmark = [pytest.mark.quick, pytest.mark.usefixtures("few_steps")]
 
@@ -28,12 +27,11 @@ pytestmark = [pytest.mark.quick, pytest.mark.usefixtures("few_steps")]
 def test_point_maps_get_the_photo_beside_the_inpainted_one(world):
     calls = []
 
-    class Looks(backends.MockRelativePointmap):
-        def infer(self, image, hints):
-            calls.append((np.array_equal(image, world.image), hints))
-            return super().infer(image, hints)
+    def look(found, image, hints):
+        calls.append((np.array_equal(image, world.image), hints))
+        return found
 
-    reconstruct(world.image, "mock", backends={"relative_pointmap": Looks})
+    reconstruct(world.image, "mock", backends=changed(backends.MockRelativePointmap, look))
     # a strange backend is asked its first question twice
     (same_first, first), *_, (same_second, second) = calls
     assert (same_first, same_second) == (False, True)
@@ -41,39 +39,12 @@ def test_point_maps_get_the_photo_beside_the_inpainted_one(world):
     assert second.photo is None
 
 
-def test_the_bodies_fit_what_another_camera_shows(world):
-    # Two views of equal accuracy: exact keypoints and bodies would hold against the other one.
-    noise = [
-        f"{name}.options.noise=0.5"
-        for name in ("keypoint_detector", "body_estimator", "metric_depth")
-    ]
-    config = load_config(preset="mock", overrides=noise)
-    with Pipeline(config) as pipeline:
-        person = pipeline(world.image).people[0]
-        aside = torch.from_numpy(person.keypoints[None].astype(np.float64)) + 4.0
-        view = OtherView(
-            rotation=torch.eye(3).double(),
-            translation=torch.zeros(3).double(),
-            K=torch.from_numpy(world.intrinsics.matrix),
-            keypoints=aside,
-            keypoint_confidence=torch.from_numpy(
-                person.keypoint_confidence[None].astype(np.float64)
-            ),
-            masks=torch.from_numpy(person.mask[None]),
-            observed=torch.ones((1, 55), dtype=torch.bool),
-        )
-        fitted = pipeline(world.image, views=(view,)).people[0]
-    moved = fitted.joints[:, 0] / fitted.joints[:, 2] > person.joints[:, 0] / person.joints[:, 2]
-    assert moved.mean() > 0.9
-
-
 def test_bodies_of_another_body_model(world):
-    class Smplx(backends.MockBodyEstimator):
-        def infer(self, *arguments):
-            return replace(super().infer(*arguments), body_model="smplx")
-
+    smplx = changed(
+        backends.MockBodyEstimator, lambda found, *_: replace(found, body_model="smplx")
+    )
     with pytest.raises(ConfigError, match="'smplx', but the configuration loads 'embedded': set "):
-        reconstruct(world.image, "mock", backends={"body_estimator": Smplx})
+        reconstruct(world.image, "mock", backends=smplx)
 
 
 def test_bodies_are_converted_to_the_users_own_body_model(world, monkeypatch):
@@ -89,11 +60,9 @@ def test_bodies_are_converted_to_the_users_own_body_model(world, monkeypatch):
 
 
 def test_optional_interfaces_may_be_left_out(world):
-    config = load_config(
-        preset="mock", overrides=[f"{name}.backend=none" for name in OPTIONAL_INTERFACES]
-    )
     steps = []
-    result = reconstruct(world.image, config, progress=lambda *step: steps.append(step))
+    none = [f"{name}.backend=none" for name in OPTIONAL_INTERFACES]
+    result = run(world.image, *none, progress=lambda *step: steps.append(step))
     assert [s.name for s in result.stages] == [name for name, _, _ in steps]
     assert [done for _, done, _ in steps] == list(range(len(steps)))
     assert {total for _, _, total in steps} == {len(steps)}
@@ -110,24 +79,25 @@ def test_what_the_person_observer_says_is_in_the_result_and_saved(world, tmp_pat
 
 @pytest.mark.parametrize(("seat", "posture"), [(0.02, None), (0.95, "lie")])
 def test_nobody_lies_on_feet_and_hands_alone(world, seat, posture):
-    class Lying(backends.MockPersonObserver):
-        def infer(self, *arguments):
-            said = super().infer(*arguments)
-            sure = np.array([[name == "lie" for name in POSTURES]], np.float32)
-            touch = np.array([[0.98, 0.98, 0.98, 0.98, seat]], np.float32)
-            return replace(said, posture=sure, touch=touch, holds=np.zeros_like(said.holds))
+    def lying(said, *_):
+        sure = np.array([[name == "lie" for name in POSTURES]], np.float32)
+        touch = np.array([[0.98, 0.98, 0.98, 0.98, seat]], np.float32)
+        return replace(said, posture=sure, touch=touch, holds=np.zeros_like(said.holds))
 
-    (person,) = reconstruct(world.image, "mock", backends={"person_observer": Lying}).people
+    lies = changed(backends.MockPersonObserver, lying)
+    (person,) = reconstruct(world.image, "mock", backends=lies).people
     assert person.posture == posture
+
+
+def prepared_camera(photo, **settings):
+    return prepare_photo(photo, PhotoSettings(**settings), None, None).photo.intrinsics
 
 
 def test_a_configured_camera_is_in_pixels_of_the_file():
     reduced = Photo(np.zeros((100, 200, 3), np.uint8), None, (), file_size=(400, 200))
-    given = prepare_photo(reduced, PhotoSettings(focal_px=500), None, None).photo.intrinsics
+    given = prepared_camera(reduced, focal_px=500)
     assert (given.fx, given.cx, given.cy, given.width, given.height) == (250, 99.5, 49.5, 200, 100)
-    given = prepare_photo(
-        reduced, PhotoSettings(intrinsics=(500, 400, 199.5, 99.5)), None, None
-    ).photo.intrinsics
+    given = prepared_camera(reduced, intrinsics=(500, 400, 199.5, 99.5))
     assert (given.fx, given.fy, given.cx, given.cy) == (250, 200, 99.5, 49.5)
 
 
@@ -144,23 +114,20 @@ REDUCED = Photo(np.zeros((71, 107, 3), np.uint8), file_size=(1920, 1278))
 )
 def test_intrinsics_of_another_size_of_the_picture_are_refused(intrinsics, size, right):
     with pytest.raises(ConfigError) as caught:
-        prepare_photo(REDUCED, PhotoSettings(intrinsics=intrinsics), None, None)
+        prepared_camera(REDUCED, intrinsics=intrinsics)
     assert size in str(caught.value)
     assert right in str(caught.value)
 
 
 @pytest.mark.parametrize("centre", [(959.5, 638.5), (1010, 600), (1300, 500), (700, 638.5)])
 def test_intrinsics_of_a_lens_or_of_a_crop_are_taken(centre):
-    found = prepare_photo(
-        REDUCED, PhotoSettings(intrinsics=(1632, 1632, *centre)), None, None
-    ).photo.intrinsics
-    assert found is not None
+    assert prepared_camera(REDUCED, intrinsics=(1632, 1632, *centre)) is not None
 
 
 def test_a_configured_camera_wins_over_the_files():
     photo = Photo(np.zeros((100, 200, 3), np.uint8), Intrinsics.from_focal(111, 200, 100, "EXIF"))
-    assert prepare_photo(photo, PhotoSettings(), None, None).photo.intrinsics == photo.intrinsics
-    chosen = prepare_photo(photo, PhotoSettings(focal_px=222), None, None).photo.intrinsics
+    assert prepared_camera(photo) == photo.intrinsics
+    chosen = prepared_camera(photo, focal_px=222)
     assert (chosen.fx, chosen.source) == (222, "given")
 
 

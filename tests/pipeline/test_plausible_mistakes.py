@@ -15,19 +15,17 @@ from physic_mock import backends
 from physic_mock.recognition import match_masks_to_world, recognise_world
 from physic_testing.conformance.truth import true_wrists
 from physic_testing.worlds import load_world
+from tests.pipeline.mocks import changed
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
 
 def mistaken(kind, field, change):
     """A class like a mock, one field of whose results is changed."""
-
-    class Mistaken(kind):
-        def infer(self, *arguments):
-            found = super().infer(*arguments)
-            return replace(found, **{field: np.float32(change(getattr(found, field)))})
-
-    return {kind.interface: Mistaken}
+    return changed(
+        kind,
+        lambda found, *_: replace(found, **{field: np.float32(change(getattr(found, field)))}),
+    )
 
 
 DEPTH = backends.MockMetricDepth, "depth"
@@ -36,15 +34,9 @@ POINTS = backends.MockKeypointDetector, "points"
 UNCACHED = {"extends": "mock", "run": {"cache": False}}
 
 
-def asked(kind, change):
-    """A class like a mock, whose results are changed by what it is asked."""
-    infer = kind.infer
-    return {kind.interface: type("Mine", (kind,), {"infer": lambda *all: change(infer(*all), all)})}
-
-
-def with_wrists(hands, arguments, shift=0.0):
-    found = recognise_world(arguments[1])
-    wrists = true_wrists(found.world)[match_masks_to_world(found, arguments[2])]
+def with_wrists(hands, image, people, _, shift=0.0):
+    found = recognise_world(image)
+    wrists = true_wrists(found.world)[match_masks_to_world(found, people)]
     return replace(hands, wrists=np.float32(shift + (shift == 0) * wrists))
 
 
@@ -55,16 +47,16 @@ def with_corners(people, _):
 
 
 def filled_with(change):
-    return asked(
+    return changed(
         backends.MockInpainter,
-        lambda picture, all: np.where(all[2][..., None], change(picture), picture),
+        lambda picture, _, mask: np.where(mask[..., None], change(picture), picture),
     )
 
 
 HANDS = backends.MockHandEstimator
 RANDOM = np.random.default_rng(1)
 SILENT = {
-    "wrists are turned": asked(HANDS, partial(with_wrists, shift=1e-6)),
+    "wrists are turned": changed(HANDS, partial(with_wrists, shift=1e-6)),
     "a finger is bent": mistaken(HANDS, "rotvecs", lambda r: 6 * r),
     "a finger is bent by": mistaken(HANDS, "rotvecs", lambda r: r + np.array([3.5, 0, 0])),
     "near anything": mistaken(*CONTACT, lambda p: p[:, RANDOM.permutation(p.shape[1])]),
@@ -74,8 +66,8 @@ SILENT = {
     "different depths": mistaken(*DEPTH, lambda z: np.round(8 * z) / 8),
     "red and blue": filled_with(lambda picture: picture[..., ::-1]),
     "its range": filled_with(lambda picture: picture // 2),
-    "leaves the photo": asked(backends.MockInpainter, lambda picture, all: all[1].copy()),
-    "four corners": asked(backends.MockSegmenter, with_corners),
+    "leaves the photo": changed(backends.MockInpainter, lambda _, photo, mask: photo.copy()),
+    "four corners": changed(backends.MockSegmenter, with_corners),
     "in the boxes": mistaken(*POINTS, lambda points: points[..., ::-1]),
     "the boxes of people": mistaken(*POINTS, lambda points: points / 320),
     "two answers": mistaken(*DEPTH, lambda z: z * (1 + 0.02 * RANDOM.standard_normal(z.shape))),
@@ -108,9 +100,9 @@ def test_mistakes_that_checks_of_the_result_do_not_see_are_warnings(run, walk):
     "wrong",
     [
         mistaken(*CONTACT, lambda p: np.repeat(p.sum(0, keepdims=True).clip(0, 1), len(p), 0)),
-        asked(
+        changed(
             backends.MockBodyEstimator,
-            lambda bodies, _: replace(
+            lambda bodies, *_: replace(
                 bodies, parameters=bodies.parameters[np.zeros(len(bodies.parameters), int)]
             ),
         ),
@@ -125,7 +117,7 @@ def test_one_answer_for_two_people_is_a_warning(wrong):
 
 def test_the_result_of_the_last_photo_is_a_warning(walk):
     kept = []
-    stale = asked(backends.MockMetricDepth, lambda depth, _: kept.append(depth) or kept[0])
+    stale = changed(backends.MockMetricDepth, lambda depth, *_: kept.append(depth) or kept[0])
     with Pipeline(UNCACHED, backends=stale) as pipeline:
         pipeline(walk.image)
         found = pipeline(load_world("stand", size=(320, 240)).image)
@@ -136,14 +128,14 @@ def test_the_result_of_the_last_photo_is_a_warning(walk):
 def test_backends_without_a_mistake_and_without_a_stamp_raise_no_doubt(name):
     mocks = {kind.interface: kind for kind in (getattr(backends, n) for n in backends.__all__)}
     same = {interface: type("Mine", (kind,), {}) for interface, kind in mocks.items()}
-    same |= asked(HANDS, with_wrists)
+    same |= changed(HANDS, with_wrists)
     found = reconstruct(load_world(name, size=(320, 240)).image, UNCACHED, backends=same)
-    assert not [one for one in found.warnings if "Mine" in one]
+    assert not [one for one in found.warnings if "Mine" in one or "Changed" in one]
 
 
 def test_a_backend_is_asked_twice_until_it_has_passed_the_kit(walk, monkeypatch):
     calls = []
-    counted = asked(*[backends.MockMetricDepth, lambda depth, _: calls.append(1) or depth])
+    counted = changed(backends.MockMetricDepth, lambda depth, *_: calls.append(1) or depth)
     with Pipeline(UNCACHED, backends=counted) as pipeline:
         pipeline(walk.image)
         assert len(calls) == 2

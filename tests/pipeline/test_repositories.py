@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from physic_core import reconstruct
 from physic_core.interfaces import MetricDepth, Repository
 from physic_core.types import DepthMap
-from physic_testing.worlds import load_world
+from tests.pipeline.mocks import run
 
 URL = "https://example.org/thing"
-FAST = {
-    "extends": "mock",
-    "run": {"cache": False},
-    "engine": {"joint": {"optimiser": {"steps": 5}}},
-}
 
 
-def test_a_result_names_its_checkouts_and_warns_of_others():
+@pytest.mark.usefixtures("few_steps")
+def test_a_result_names_its_checkouts_and_warns_of_others(world):
     class Depth(MetricDepth):
         def load(self, device="cpu"):
             pass
@@ -28,7 +24,6 @@ def test_a_result_names_its_checkouts_and_warns_of_others():
         def infer(self, image, hints):
             return DepthMap(np.full(image.shape[:2], 3.0, np.float32))
 
-    world = load_world("stand", (160, 120))
-    found = reconstruct(world.image, FAST, backends={"metric_depth": Depth()})
+    found = run(world.image, backends={"metric_depth": Depth()})
     assert found.diagnostics["repositories"] == {URL: {"commit": "c" * 40, "state": "differs"}}
     assert any(f"checkout of {URL} is at ccccccc" in warning for warning in found.warnings)

@@ -9,14 +9,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physic_core import load_config, load_reconstruction, reconstruct
+from physic_core import load_reconstruction
 from physic_core.errors import BackendError, NoPersonError
 from physic_core.types import UnposedPerson
 from physic_mock import backends
+from tests.pipeline.mocks import changed, run
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
-MOCK = ["run.cache=false", "metric_depth.options.noise=0", "relative_pointmap.options.noise=0"]
+MOCK = ("metric_depth.options.noise=0", "relative_pointmap.options.noise=0")
 
 
 class NeedsPeople(backends.MockMetricDepth):
@@ -30,7 +31,7 @@ class Broken(backends.MockMetricDepth):
 
 
 def test_the_scene_is_metric_if_the_metric_depth_needs_no_people(world, tmp_path):
-    result = reconstruct(world.empty_image, load_config(preset="mock", overrides=MOCK))
+    result = run(world.empty_image, *MOCK)
     assert result.people == ()
     assert result.scene.floor.offset == pytest.approx(world.floor.offset, abs=0.02)
     assert np.array_equal(result.scene.colors, result.image)
@@ -54,50 +55,45 @@ def test_the_scene_is_metric_if_the_metric_depth_needs_no_people(world, tmp_path
 
 def test_a_metric_depth_that_needs_people_leaves_the_scale_unknown(world):
     needs_people = {"metric_depth": NeedsPeople}
-    result = reconstruct(
-        world.empty_image, load_config(preset="mock", overrides=MOCK), backends=needs_people
-    )
+    result = run(world.empty_image, *MOCK, backends=needs_people)
     assert result.scene.scale_sigma is None
     assert result.scene.floor.offset == pytest.approx(1.45, abs=0.02)
     assert any(
         "the camera is assumed to be 1.45 m above the floor" in warning
         for warning in result.warnings
     )
-    known = load_config(preset="mock", overrides=[*MOCK, "photo.camera_height=2.0"])
-    measured = reconstruct(world.empty_image, known, backends=needs_people)
+    height = "photo.camera_height=2.0"
+    measured = run(world.empty_image, *MOCK, height, backends=needs_people)
     assert measured.scene.floor.offset == pytest.approx(2.0, abs=0.001)
     assert not any("the scale is unknown" in warning for warning in measured.warnings)
     with pytest.raises(BackendError, match="MemoryError"):
-        reconstruct(world.empty_image, "mock", backends={"metric_depth": Broken})
+        run(world.empty_image, backends={"metric_depth": Broken})
 
 
-class SeesBox(backends.MockSegmenter):
-    """Finds the people of the mock, and one more box without a pose, whose pixels are the top left
+def with_box(found, image):
+    """The people of the mock, and one more box without a pose, whose pixels are the top left
     corner.
     """
+    corner = np.zeros(image.shape[:2], bool)
+    corner[:20, :30] = True
+    return replace(found, unposed=(BOX,), unposed_mask=corner)
 
-    def infer(self, image):
-        found = super().infer(image)
-        corner = np.zeros(image.shape[:2], bool)
-        corner[:20, :30] = True
-        one = UnposedPerson((0.0, 0.0, 30.0, 20.0), 0.6, "no pose fits the box")
-        return replace(found, unposed=(one,), unposed_mask=corner)
+
+BOX = UnposedPerson((0.0, 0.0, 30.0, 20.0), 0.6, "no pose fits the box")
 
 
 def test_a_box_without_a_body_is_reported_and_not_left_in_the_scene(world, tmp_path):
     holes = []
 
-    class Inpainter(backends.MockInpainter):
-        def infer(self, image, mask):
-            holes.append(mask)
-            return super().infer(image, mask)
+    def look(picture, _, mask):
+        holes.append(mask)
+        return picture
 
-    result = reconstruct(
-        world.image, "mock", backends={"segmenter": SeesBox, "inpainter": Inpainter}
-    )
+    given = changed(backends.MockSegmenter, with_box) | changed(backends.MockInpainter, look)
+    result = run(world.image, backends=given)
     assert holes[0][:20, :30].all()
     assert len(result.people) == len(world.masks)
-    assert result.unposed == (UnposedPerson((0.0, 0.0, 30.0, 20.0), 0.6, "no pose fits the box"),)
+    assert result.unposed == (BOX,)
     assert ", 1 without a body, " in repr(result)
     result.save(str(tmp_path / "out"))
     assert load_reconstruction(tmp_path / "out").unposed == result.unposed

@@ -6,24 +6,20 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core import load_config, reconstruct
 from physic_core.body import load_body
 from physic_core.geometry.visibility import move_behind_bodies
 from physic_testing.worlds import load_world
+from tests.pipeline.mocks import run
 
 pytestmark = [pytest.mark.kernels, pytest.mark.usefixtures("few_steps")]
 
 SIZE = (320, 240)
 
 
-def solved(world, *overrides):
-    return reconstruct(world.image, load_config(preset="mock", overrides=list(overrides)))
-
-
 def test_inpainted_scene_lies_in_no_body_and_visible_scene_stays():
     world = load_world("sit_on_sofa", SIZE)
-    plain = solved(world, "engine.scene.carve_m=0")
-    result = solved(world)
+    plain = run(world.image, "engine.scene.carve_m=0")
+    result = run(world.image)
     np.testing.assert_array_equal(result.people[0].vertices, plain.people[0].vertices)
     body = load_body("embedded")
     bodies = torch.from_numpy(np.stack([p.vertices for p in result.people]))

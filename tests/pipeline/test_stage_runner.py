@@ -4,7 +4,6 @@ fails.
 
 from __future__ import annotations
 
-import signal
 from typing import ClassVar
 
 import numpy as np
@@ -87,20 +86,8 @@ def resolved(backend):
     )
 
 
-def ask(
-    stages,
-    backend,
-    request=REQUEST,
-    *,
-    last=True,
-):
+def ask(stages, backend, request=REQUEST, *, last=True):
     return stages.call_backend("depth", resolved(backend), request, last=last)
-
-
-def if_it_can(stages, backend):
-    return stages.call_optional_backend(
-        "depth", resolved(backend), REQUEST, otherwise="all is flat"
-    )
 
 
 @pytest.mark.parametrize("low_memory", [True, False])
@@ -112,15 +99,8 @@ def test_a_used_backend_is_closed_after_its_last_call(events, low_memory):
     ask(stages, a)
     ask(stages, b)
     stages.close()
-    assert events == [
-        "load a on cpu",
-        "infer a",
-        "infer a",
-        "close a",
-        "load b on cpu",
-        "infer b",
-        "close b",
-    ]
+    of_a = ["load a on cpu", "infer a", "infer a", "close a"]
+    assert events == [*of_a, "load b on cpu", "infer b", "close b"]
 
 
 @pytest.mark.parametrize("event", ["load", "infer"])
@@ -184,19 +164,6 @@ def test_a_failure_names_interface_backend_distribution_and_stage(event, error, 
     assert (record.failed, record.cached) == (True, False)
 
 
-def test_ctrl_c_ends_an_optional_stage(events):
-    class Interrupted(Counting):
-        def infer(self, *arguments):
-            super().infer(*arguments)
-            signal.raise_signal(signal.SIGINT)
-
-    stages = StageRunner("cpu", 1)
-    with pytest.raises(KeyboardInterrupt):
-        if_it_can(stages, Interrupted())
-    stages.close()
-    assert events[-1] == "close a"
-
-
 @pytest.fixture
 def run(tmp_path):
     """Begins another run with the same cache."""
@@ -235,12 +202,7 @@ def test_failures_and_wrong_answers_are_not_kept(run):
     assert not stages.records[0].cached
 
 
-def test_a_cached_result_must_pass_the_check(
-    events,
-    run,
-    tmp_path,
-    monkeypatch,
-):
+def test_a_cached_result_must_pass_the_check(events, run, tmp_path, monkeypatch):
     ask(run(), Counting())
     stages = run()
     (file,) = (tmp_path / "answers").iterdir()

@@ -51,12 +51,6 @@ def test_a_worse_value_never_raises_the_probability(name):
         assert likely[-1] == likely[-2]
 
 
-def test_some_value_of_a_check_lowers_the_probability():
-    worst = {name: value_at(name, 3.0) for name in MODEL["terms"]}
-    assert min(probabilities_of(best(), MODELS).values()) >= 0.8
-    assert probabilities_of(worst, MODELS)[ALL] < 0.1
-
-
 @pytest.mark.parametrize("name", TERMS)
 def test_what_was_not_measured_costs_nothing(name):
     for mark in MARKS:
@@ -67,17 +61,12 @@ def test_what_was_not_measured_costs_nothing(name):
         )
 
 
-def test_all_are_at_most_as_probable_as_each_mark():
+def test_all_are_at_most_as_probable_as_each_mark_and_fall_from_good_to_bad():
     for load in (0.0, 0.5, 1.0, 3.0):
         found = probabilities_of({name: value_at(name, load) for name in TERMS}, MODELS)
         assert found[ALL] <= min(found[mark] for mark in MARKS)
-
-
-def test_a_contradiction_caps_the_marks_that_it_is_about():
-    trust = person_trust(results(limb_keypoints=0.2), 0)
-    assert trust.marks["pose"] <= CAP
-    assert trust.marks["place"] > CAP
-    assert trust.marks["size"] > CAP
+    assert found[ALL] < 0.1
+    assert min(probabilities_of(best(), MODELS).values()) >= 0.8
 
 
 @pytest.mark.parametrize(
@@ -105,6 +94,7 @@ def test_a_contradiction_caps_the_probability_and_is_named_first(name):
     others = [one for one in results() if one.name != name]
     trust = person_trust([*others, wrong], 0)
     assert trust.probability <= CAP
+    assert {mark for mark in MARKS if trust.marks[mark] <= CAP} == set(CHECKS[name].contradicts)
     assert trust.why.startswith(wrong.title)
 
 
@@ -156,7 +146,6 @@ def test_a_photo_is_as_good_as_its_worst_main_person():
     [
         (0.91, Grade.GOOD, "good, 0.91"),
         (0.796, Grade.DOUBTFUL, "doubtful, 0.79"),
-        (0.794, Grade.DOUBTFUL, "doubtful, 0.79"),
         (0.3, Grade.DOUBTFUL, "doubtful, 0.30"),
         (0.29709, Grade.BAD, "bad, 0.29"),
         (None, Grade.DOUBTFUL, "doubtful"),

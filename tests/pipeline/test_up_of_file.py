@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image, PngImagePlugin
 
-from physic_core import load_config, reconstruct
+from tests.pipeline.mocks import run
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -24,21 +24,20 @@ def by_drone(world, pitch):
     return file.getvalue()
 
 
-def run(world, off, *settings):
+def off_by(world, off, *settings):
     """Reconstruct with a stated pitch that is off by some degrees; also return the right up."""
     up = world.floor.normal
     pitch = math.degrees(math.asin(up[2])) + off
-    config = load_config(preset="mock", overrides=["run.cache=false", *settings])
-    return reconstruct(by_drone(world, pitch), config), up
+    return run(by_drone(world, pitch), *settings), up
 
 
 def test_up_is_that_of_the_file_without_a_floor(world):
     unsure = "relative_pointmap.options.up_sigma=40"
-    found, up = run(world, 0, "engine.scene.floor=off", unsure)
+    found, up = off_by(world, 0, "engine.scene.floor=off", unsure)
     assert found.scene.up @ up > np.cos(np.radians(1))
     assert found.scene.up_source == "the gimbal"
 
 
 def test_a_pitch_that_contradicts_the_photo_is_said(world):
-    found, _ = run(world, -30, "relative_pointmap.options.up_sigma=1")
+    found, _ = off_by(world, -30, "relative_pointmap.options.up_sigma=1")
     assert any("gimbal contradicts" in warning for warning in found.warnings)

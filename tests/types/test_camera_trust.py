@@ -8,23 +8,6 @@ import pytest
 
 from physic_core.types import CameraTrust, Intrinsics
 
-TEXTS = (
-    "given",
-    "EXIF: 50 mm",
-    "measured by lines",
-    "default (1.2 x the long side)",
-    "Default",
-    "a network",
-)
-
-
-@pytest.mark.parametrize("source", TEXTS)
-def test_no_text_makes_a_camera_known_or_guessed(source):
-    camera = Intrinsics.from_focal(500.0, 640, 480, source)
-    assert camera.trust is CameraTrust.ESTIMATED
-    assert not camera.known
-    assert not camera.guessed
-
 
 @pytest.mark.parametrize("trust", CameraTrust)
 def test_trust_is_stated_by_the_enum_or_its_value_and_kept_when_resized(trust):

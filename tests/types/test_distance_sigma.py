@@ -11,29 +11,22 @@ from physic_core.types.results import metres_text
 
 
 @pytest.mark.parametrize(
-    ("trust", "focal_sigma", "expected"),
+    ("trust", "focal_sigma", "scale", "expected"),
     [
-        (CameraTrust.GUESSED, 0.24, math.hypot(0.07, 0.24)),
-        (CameraTrust.ESTIMATED, None, 0.07),
-        (CameraTrust.KNOWN, 0.24, 0.07),
+        (CameraTrust.GUESSED, 0.24, 0.07, pytest.approx(math.hypot(0.07, 0.24))),
+        (CameraTrust.ESTIMATED, None, 0.07, 0.07),
+        (CameraTrust.KNOWN, 0.24, 0.07, 0.07),
+        (CameraTrust.GUESSED, 0.24, None, None),
     ],
 )
-def test_distances_err_by_scale_and_focal_length(reconstruction, trust, focal_sigma, expected):
-    camera = replace(reconstruction.intrinsics, trust=trust, focal_sigma=focal_sigma)
-    result = replace(reconstruction, intrinsics=camera)
-    assert result.distance_sigma == pytest.approx(expected)
-    assert result.summary()["distance_sigma"] == result.distance_sigma
-
-
-def test_distances_have_no_interval_without_an_error_of_the_scale(
-    reconstruction,
+def test_distances_err_by_scale_and_focal_length(
+    reconstruction, trust, focal_sigma, scale, expected
 ):
-    assert (
-        replace(
-            reconstruction, scene=replace(reconstruction.scene, scale_sigma=None)
-        ).distance_sigma
-        is None
-    )
+    camera = replace(reconstruction.intrinsics, trust=trust, focal_sigma=focal_sigma)
+    scene = replace(reconstruction.scene, scale_sigma=scale)
+    result = replace(reconstruction, intrinsics=camera, scene=scene)
+    assert result.distance_sigma == expected
+    assert result.summary()["distance_sigma"] == result.distance_sigma
 
 
 @pytest.mark.parametrize(

@@ -21,8 +21,6 @@ from physic_core.pipeline.checks.spec import (
 from physic_core.pipeline.checks.trust import capped, no_trust, person_trust, photo_trust
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from physic_core.engine.state import Estimates
     from physic_core.types import CheckResult, Reconstruction
 
@@ -52,18 +50,21 @@ for _name in _OF_PERSON:
 
 
 def run_checks(estimates: Estimates, result: Reconstruction) -> tuple[CheckResult, ...]:
-    """Run all self-checks, first of the photo, then of each person, in the order of ``CHECKS``."""
-    of_photo = (spec for spec in CHECKS.values() if spec.of == "photo")
-    found = _measured((spec, spec.compare(spec.measure(estimates, result))) for spec in of_photo)
+    """Run all self-checks, first of the photo, then of each person, in the order of ``CHECKS``.
+
+    Optional ones for which nothing was measured are left out.
+    """
+    found = [
+        spec.compare(spec.measure(estimates, result))
+        for spec in CHECKS.values()
+        if spec.of == "photo"
+    ]
     for person in range(len(result.people)):
-        of_person = (spec for spec in CHECKS.values() if spec.of == "person")
-        found += _measured(
-            (spec, spec.compare(spec.measure(estimates, result, person), person))
-            for spec in of_person
-        )
-    return tuple(found)
-
-
-def _measured(results: Iterable[tuple[CheckSpec, CheckResult]]) -> list[CheckResult]:
-    """Return the results without those of optional checks for which nothing was measured."""
-    return [result for spec, result in results if result.value is not None or not spec.optional]
+        found += [
+            spec.compare(spec.measure(estimates, result, person), person)
+            for spec in CHECKS.values()
+            if spec.of == "person"
+        ]
+    return tuple(
+        check for check in found if check.value is not None or not CHECKS[check.name].optional
+    )

@@ -64,11 +64,12 @@ def placed(estimates: Estimates, result: Reconstruction, person: int) -> Measure
             f"no valid values for this person from {', '.join(missing)}: results that need them "
             "are skipped; try another backend"
         )
-    if problem := result.people[person].measures.placement_problem:
-        return 0.0, problem
-    if failure := result.people[person].measures.joint_problem:
+    measures = result.people[person].measures
+    if measures.placement_problem:
+        return 0.0, measures.placement_problem
+    if failure := measures.joint_problem:
         return 0.0, f"pose and position are those before the joint fit: {failure}"
-    height = result.people[person].measures.sole_height_m
+    height = measures.sole_height_m
     if height is not None and height < -_FAR_BELOW_M:
         return 0.0, (
             f"the body reaches {-height:.1f} m below the floor, so that it is not where the photo "

@@ -66,6 +66,12 @@ class Trust:
     marks: Mapping[str, float]
     why: str
 
+    def as_fields(self) -> dict[str, Any]:
+        """Return the fields of a :class:`~physic_core.types.Person` that say it."""
+        marks = {f"trust_{name}": probability for name, probability in self.marks.items()}
+        grade = Grade.of(self.probability)
+        return {"grade": grade, "trust": self.probability, "why": self.why} | marks
+
 
 @cache
 def trust_models() -> Mapping[str, TrustModel]:

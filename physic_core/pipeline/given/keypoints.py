@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from physic_core.errors import InputError
-from physic_core.types.skeletons import keypoint_in_words
+from physic_core.types.skeletons import keypoint_in_words, other_side
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -96,21 +96,16 @@ def _given_values(
     """Return points (N, J, 2) and confidence (N, J) with the given ones, and which ones these
     change.
     """
-    scores = np.ones(len(columns)) if given.confidence is None else given.confidence
-    points = keypoints.points
-    wanted = np.array(points, np.float64)
+    wanted = np.array(keypoints.points, np.float64)
     changed = np.zeros(keypoints.confidence.shape, bool)
     sure = np.ones(keypoints.confidence.shape)
-    for number, column, at, score in zip(
-        given.person, columns, given.points, scores.tolist(), strict=True
-    ):
-        if (person := rows.get(number)) is not None:
-            wanted[person, column] = at
-            sure[person, column] = score
-            changed[person, column] = (
-                keypoints.confidence[person, column] == 0
-                or np.abs(at - points[person, column]).max() > _SAME_PX
-            )
+    kept = [i for i, number in enumerate(given.person) if number in rows]
+    at = [rows[given.person[i]] for i in kept], [columns[i] for i in kept]
+    wanted[at] = given.points[kept]
+    if given.confidence is not None:
+        sure[at] = given.confidence[kept]
+    apart = np.abs(wanted[at] - keypoints.points[at]).max(-1)
+    changed[at] = (keypoints.confidence[at] == 0) | (apart > _SAME_PX)
     return wanted, sure, changed
 
 
@@ -135,7 +130,8 @@ def contradicted_keypoints(
 
     names = detected.joint_set.names
     twins = [
-        names.index(twin) if (twin := _twin(name)) in names else k for k, name in enumerate(names)
+        names.index(twin) if (twin := other_side(name)) in names else k
+        for k, name in enumerate(names)
     ]
     sure = detected.confidence >= _CONFIDENT
     off = np.zeros(changed.shape)
@@ -158,14 +154,6 @@ def contradicted_keypoints(
                 by_detector, beyond if beyond > _FAR_OUTSIDE * diagonal else 0.0
             )
     return off
-
-
-def _twin(name: str) -> str:
-    """Return the name of the same joint on the other side of the body, or of the joint itself if
-    there is none.
-    """
-    side, _, joint = name.partition("_")
-    return {"left": f"right_{joint}", "right": f"left_{joint}"}.get(side, name)
 
 
 def _what_changed(before: Keypoints, after: Keypoints, changed: BoolArray, file_px: float) -> str:

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
         BoolArray,
         FloatArray,
         IntArray,
-        Keypoints,
         KnownSizes,
         People,
         PeoplePrompt,
@@ -84,18 +83,16 @@ def select_chosen(people: People, prompt: PeoplePrompt) -> People:
                 f"{first} and {second} hit the same person: give one prompt for each person, or a "
                 "box or mask where people overlap"
             )
-    chosen = people.masks[rows]
-    masks = chosen
-    scores = people.scores[rows]
-    keypoints = _rows(people.keypoints, rows)
-    if prompt.masks is not None:
-        matches = [_best_match(mask, people.masks) for mask in prompt.masks]
-        masks = np.concatenate([chosen & ~prompt.masks.any(0), prompt.masks])
-        # The user is sure of a mask.
-        scores = np.concatenate([scores, np.ones(len(prompt.masks), scores.dtype)])
-        keypoints = _rows(people.keypoints, [*rows, *(m for m in matches if m is not None)])
-        if None in matches:
-            keypoints = None  # the keypoint detector finds those of all people
+    given = people.masks[:0] if prompt.masks is None else prompt.masks
+    masks = np.concatenate([people.masks[rows] & ~given.any(0), given])
+    # The user is sure of a mask.
+    scores = np.concatenate([people.scores[rows], np.ones(len(given), people.scores.dtype)])
+    matches = [_best_match(mask, people.masks) for mask in given]
+    keypoints = people.keypoints
+    if None in matches:
+        keypoints = None  # the keypoint detector finds those of all people
+    if keypoints is not None:
+        keypoints = select_people(keypoints, np.array([*rows, *matches], int))
     hidden = np.flatnonzero(~masks.any((1, 2)))
     if len(hidden):
         raise NoPersonError(
@@ -121,25 +118,28 @@ def ignored_people(people: People, prompt: PeoplePrompt) -> BoolArray:
     Raises:
         NoPersonError: no person is at a point, box or mask.
     """
-    rows = _rows_at(people, prompt)
-    masks = () if prompt.masks is None else prompt.masks
-    rows += [
-        _required(_best_match(mask, people.masks), prompt, i, people)
-        for i, mask in enumerate(masks, len(rows))
-    ]
+    rows = _rows_at(people, prompt, prompt.masks)
     return np.isin(np.arange(len(people)), rows)
 
 
-def _rows_at(people: People, prompt: PeoplePrompt) -> list[int]:
-    """Return the rows of the people at the points and boxes of a prompt."""
-    rows = [
-        _required(person_at_point(people, p), prompt, i, people)
-        for i, p in enumerate(prompt.points)
-    ]
-    return rows + [
-        _required(person_in_box(people, b), prompt, i, people)
-        for i, b in enumerate(prompt.boxes, len(rows))
-    ]
+def _rows_at(people: People, prompt: PeoplePrompt, masks: BoolArray | None = None) -> list[int]:
+    """Return the rows of the people at the points, boxes and masks (M, H, W) of a prompt."""
+    found = [person_at_point(people, point) for point in prompt.points]
+    found += [person_in_box(people, box) for box in prompt.boxes]
+    found += [_best_match(mask, people.masks) for mask in (() if masks is None else masks)]
+    rows = []
+    for index, row in enumerate(found):
+        if row is None:
+            height, width = people.masks.shape[1:]
+            boxes = ", ".join(str(tuple(np.round(b).astype(int).tolist())) for b in people.boxes)
+            others = f"people were found in the boxes {boxes}" if boxes else "no person was found"
+            raise NoPersonError(
+                f"no person was found at {prompt.describe(index)}, in px of the photo at {width} x "
+                f"{height} px; {others}: choose one of them, mark the person with a mask, or use a "
+                "segmenter that takes prompts"
+            )
+        rows.append(row)
+    return rows
 
 
 def person_at_point(people: People, point: tuple[float, float]) -> int | None:
@@ -167,19 +167,6 @@ def person_in_box(people: People, box: tuple[float, float, float, float]) -> int
     return best if overlap[best] >= _MIN_BOX_IOU else None
 
 
-def _required(row: int | None, prompt: PeoplePrompt, index: int, people: People) -> int:
-    if row is None:
-        height, width = people.masks.shape[1:]
-        boxes = ", ".join(str(tuple(np.round(box).astype(int).tolist())) for box in people.boxes)
-        found = f"people were found in the boxes {boxes}" if boxes else "no person was found"
-        raise NoPersonError(
-            f"no person was found at {prompt.describe(index)}, in px of the photo at {width} x "
-            f"{height} px; {found}: choose one of them, mark the person with a mask, or use a "
-            "segmenter that takes prompts"
-        )
-    return row
-
-
 def _best_match(mask: BoolArray, masks: BoolArray) -> int | None:
     """Return the row of the mask with the largest intersection over union; None below
     ``_MIN_MASK_IOU``.
@@ -189,7 +176,3 @@ def _best_match(mask: BoolArray, masks: BoolArray) -> int | None:
     overlap: FloatArray = (masks & mask).sum((1, 2)) / (masks | mask).sum((1, 2))
     best = int(overlap.argmax())
     return best if overlap[best] >= _MIN_MASK_IOU else None
-
-
-def _rows(keypoints: Keypoints | None, rows: list[int]) -> Keypoints | None:
-    return None if keypoints is None else select_people(keypoints, np.array(rows, int))

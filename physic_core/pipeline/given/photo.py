@@ -49,9 +49,41 @@ class PreparedPhoto:
     photo: Photo
     people: PeoplePrompt | None
     known: KnownSizes
-    lens: Lens | None
-    border: Border | None = None
     keypoints: GivenKeypoints | None = None
+    lens: Lens | None = None
+    border: Border | None = None
+
+    def moved(
+        self, photo: Photo, move: Move, move_mask: Callable[[BoolArray], BoolArray]
+    ) -> PreparedPhoto:
+        """Return another picture of the same photo, with the user's pixels in it.
+
+        Args:
+            photo: the other picture.
+            move: from pixels (n, 2) to those of the other picture.
+            move_mask: from a mask (H, W) to that of the other picture.
+        """
+        prompt = self.people
+        if prompt is not None:
+            places = move(np.array(prompt.points).reshape(-1, 2))
+            masks = prompt.masks
+            prompt = replace(
+                prompt,
+                points=tuple((float(x), float(y)) for x, y in places),
+                boxes=tuple(_box(box, move) for box in prompt.boxes),
+                masks=None if masks is None else np.stack([move_mask(mask) for mask in masks]),
+            )
+        lengths = []
+        for length in self.known.lengths:
+            start, end = move(np.array([length.start, length.end])).tolist()
+            lengths.append(replace(length, start=(start[0], start[1]), end=(end[0], end[1])))
+        return replace(
+            self,
+            photo=photo,
+            people=prompt,
+            known=replace(self.known, lengths=tuple(lengths)),
+            keypoints=self.keypoints and self.keypoints.moved(move),
+        )
 
 
 def prepare_photo(
@@ -72,7 +104,8 @@ def prepare_photo(
         ConfigError: camera, people, known sizes or distortion cannot be used.
         InputError: the keypoints cannot be used.
     """
-    file_size = photo.file_size or photo.image.shape[1::-1]
+    width, height = photo.file_size or photo.image.shape[1::-1]
+    file_size = width, height
     of_whole = settings.distortion or settings.depth or settings.pointmap
     frame = Frame() if of_whole else find_frame(photo.image)
     photo = _with_camera(_with_words_of_frame(photo, frame), settings)
@@ -81,30 +114,20 @@ def prepare_photo(
         photo = limit_size(photo, settings.max_side)
     else:
         photo, inside = limit_inside(photo, inside, settings.max_side)
-    height, width = photo.image.shape[:2]
-    size = width, height
-    chosen = _chosen_people(people, settings)
-    prompt = None
-    if chosen is not None:
-        prompt = resize_prompt(checked_prompt(chosen, *file_size), file_size, size)
-    given = check_lengths(settings.known_sizes(known), *file_size)
-    sizes = given.resized(width / file_size[0], height / file_size[1])
-    keypoints = _given_keypoints(settings, photo.name, file_size, size)
-    prepared = PreparedPhoto(photo, prompt, sizes, None, keypoints=keypoints)
+    prompt = _chosen_people(people, settings)
+    if prompt is not None:
+        prompt = checked_prompt(prompt, *file_size)
+    sizes = check_lengths(settings.known_sizes(known), *file_size)
+    keypoints = None
+    if settings.keypoints is not None:
+        keypoints = read_keypoints(settings.keypoints, *file_size, photo.name)
+        keypoints = replace(keypoints, file_px=file_size[0] / photo.image.shape[1])
+    prepared = _in_px_of_picture(PreparedPhoto(photo, prompt, sizes, keypoints), file_size)
     if inside is not None:
         return _without_border(prepared, inside, frame.note)
     if settings.distortion is None or photo.intrinsics is None:
         return prepared
-    camera = photo.intrinsics
-    lens = Lens(camera.resized(*file_size), settings.distortion)
-    undistorted = undistort(photo, prompt, sizes, lens.distortion)
-    if keypoints is not None:
-        from physic_core.geometry.camera import undistort_pixels
-
-        keypoints = keypoints.moved(
-            lambda pixels: undistort_pixels(pixels, camera, lens.distortion)
-        )
-    return PreparedPhoto(*undistorted, lens, keypoints=keypoints)
+    return _undistorted(prepared, Lens(photo.intrinsics, settings.distortion), file_size)
 
 
 def _with_words_of_frame(photo: Photo, frame: Frame) -> Photo:
@@ -117,32 +140,46 @@ def _with_words_of_frame(photo: Photo, frame: Frame) -> Photo:
     return replace(photo, warnings=(*photo.warnings, *filter(None, (frame.warning,))))
 
 
-def _given_keypoints(
-    settings: PhotoSettings, photo: str, file_size: tuple[int, int], size: tuple[int, int]
-) -> GivenKeypoints | None:
-    """Return the keypoints of the settings' file, px of a photo of a size, width and height."""
-    if settings.keypoints is None:
-        return None
-    keypoints = read_keypoints(settings.keypoints, file_size[0], file_size[1], photo).moved(
-        lambda pixels: (pixels + 0.5) * np.divide(size, file_size) - 0.5
+def _in_px_of_picture(given: PreparedPhoto, file_size: tuple[int, int]) -> PreparedPhoto:
+    """Return a photo whose user's pixels are those of a file, width and height, with those of its
+    picture.
+
+    Masks are sampled at the nearest pixel.
+
+    Raises:
+        ConfigError: no pixel of a mask is left.
+    """
+    import cv2
+
+    width, height = size = given.photo.image.shape[1::-1]
+    if size == file_size:
+        return given
+    factors = np.divide(size, file_size)
+    found = given.moved(
+        given.photo,
+        lambda pixels: (pixels + 0.5) * factors - 0.5,
+        lambda mask: cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0,
     )
-    return replace(keypoints, file_px=file_size[0] / size[0])
+    if found.people is not None and found.people.masks is not None:
+        empty = ~found.people.masks.any((1, 2))
+        if empty.any():
+            raise ConfigError(
+                f"mask {int(empty.argmax()) + 1} has no pixels at {width} x {height} px: enlarge "
+                "it, or raise photo.max_side"
+            )
+    return found
 
 
 def _without_border(
     prepared: PreparedPhoto, inside: tuple[slice, slice], what: str
 ) -> PreparedPhoto:
-    """Return the part of a photo inside what is cut off, with people, sizes and keypoints in its
-    px.
-    """
+    """Return the part of a photo inside what is cut off, with the user's pixels in it."""
     photo = prepared.photo
     corner = np.array([inside[1].start, inside[0].start])
-    prompt, sizes = move_pixels(
-        prepared.people, prepared.known, lambda pixels: pixels - corner, lambda mask: mask[inside]
+    cut = prepared.moved(
+        cut_border(photo, inside, what), lambda pixels: pixels - corner, lambda mask: mask[inside]
     )
-    keypoints = prepared.keypoints and prepared.keypoints.moved(lambda pixels: pixels - corner)
-    border = Border(photo.image, inside)
-    return PreparedPhoto(cut_border(photo, inside, what), prompt, sizes, None, border, keypoints)
+    return replace(cut, border=Border(photo.image, inside))
 
 
 def _chosen_people(people: PeoplePrompt | None, settings: PhotoSettings) -> PeoplePrompt | None:
@@ -203,16 +240,13 @@ def _check_picture_of(intrinsics: Sequence[float], width: int, height: int) -> N
         )
 
 
-def undistort(
-    photo: Photo, prompt: PeoplePrompt | None, known: KnownSizes, distortion: Sequence[float]
-) -> tuple[Photo, PeoplePrompt | None, KnownSizes]:
-    """Undistort a photo with known intrinsics, and the user's pixels in it.
+def _undistorted(prepared: PreparedPhoto, lens: Lens, file_size: tuple[int, int]) -> PreparedPhoto:
+    """Return an undistorted photo, with the user's pixels in it.
 
     Args:
-        photo: its intrinsics are those of the image, of any size.
-        prompt: chosen people, px of the image.
-        known: known sizes, px of the image.
-        distortion: k1, k2, p1, p2, k3.
+        prepared: the photo.
+        lens: with the intrinsics of its picture.
+        file_size: width and height of the file.
 
     Raises:
         ConfigError: the distortion folds the image.
@@ -220,51 +254,19 @@ def undistort(
     # It imports torch, which other photos load beside the first network.
     from physic_core.geometry.camera import check_distortion, undistort_image, undistort_pixels
 
-    camera = photo.intrinsics
-    assert camera is not None
-    check_distortion(camera, distortion)
-    image = undistort_image(photo.image, camera, distortion)
+    photo = prepared.photo
+    check_distortion(lens.intrinsics, lens.distortion)
     note = (
         "the image was undistorted; its pixels are not those of the file (Reconstruction.lens "
         "maps them back)"
     )
-    photo = replace(photo, image=image, notes=(*photo.notes, note))
-
-    def move(pixels: FloatArray) -> FloatArray:
-        return undistort_pixels(pixels, camera, distortion)
-
-    lens = Lens(camera, (*distortion,))  # type: ignore[arg-type]
-    return photo, *move_pixels(prompt, known, move, lambda mask: _mask(mask, lens))
-
-
-def move_pixels(
-    prompt: PeoplePrompt | None,
-    known: KnownSizes,
-    move: Move,
-    move_mask: Callable[[BoolArray], BoolArray],
-) -> tuple[PeoplePrompt | None, KnownSizes]:
-    """Return the user's pixels of an image in another one.
-
-    Args:
-        prompt: chosen people, px of the image.
-        known: known sizes, px of the image.
-        move: from pixels (n, 2) to those of the other image.
-        move_mask: from a mask (H, W) to that of the other image.
-    """
-    if prompt is not None:
-        points = tuple(
-            (float(x), float(y)) for x, y in move(np.array(prompt.points).reshape(-1, 2))
-        )
-        boxes = tuple(_box(box, move) for box in prompt.boxes)
-        masks = (
-            None if prompt.masks is None else np.stack([move_mask(mask) for mask in prompt.masks])
-        )
-        prompt = replace(prompt, points=points, boxes=boxes, masks=masks)
-    lengths = []
-    for length in known.lengths:
-        start, end = move(np.array([length.start, length.end])).tolist()
-        lengths.append(replace(length, start=(start[0], start[1]), end=(end[0], end[1])))
-    return prompt, replace(known, lengths=tuple(lengths))
+    image = undistort_image(photo.image, lens.intrinsics, lens.distortion)
+    found = prepared.moved(
+        replace(photo, image=image, notes=(*photo.notes, note)),
+        lambda pixels: undistort_pixels(pixels, lens.intrinsics, lens.distortion),
+        lambda mask: _mask(mask, lens),
+    )
+    return replace(found, lens=replace(lens, intrinsics=lens.intrinsics.resized(*file_size)))
 
 
 def _box(box: tuple[float, float, float, float], move: Move) -> tuple[float, float, float, float]:
@@ -349,45 +351,6 @@ def check_lengths(known: KnownSizes, width: int, height: int) -> KnownSizes:
                     f"of {width} x {height} px: give x, y in its px"
                 )
     return known
-
-
-def resize_prompt(
-    prompt: PeoplePrompt, size: tuple[int, int], new_size: tuple[int, int]
-) -> PeoplePrompt:
-    """Convert prompts for an image of ``size`` (width, height) to the same image at ``new_size``.
-
-    Points are pixel centres at integers. Edges of boxes are half open. Masks are sampled at the
-    nearest pixel.
-
-    Raises:
-        ConfigError: no pixel of a mask is left.
-    """
-    if size == new_size:
-        return prompt
-    import cv2
-
-    sx = new_size[0] / size[0]
-    sy = new_size[1] / size[1]
-    masks = prompt.masks
-    if masks is not None:
-        masks = np.stack(
-            [
-                cv2.resize(m.astype(np.uint8), new_size, interpolation=cv2.INTER_NEAREST) > 0
-                for m in masks
-            ]
-        )
-        if not masks.any((1, 2)).all():
-            lost = int((~masks.any((1, 2))).argmax()) + 1
-            raise ConfigError(
-                f"mask {lost} has no pixels at {new_size[0]} x {new_size[1]} px: enlarge it, or "
-                f"raise photo.max_side"
-            )
-    return replace(
-        prompt,
-        points=tuple(((x + 0.5) * sx - 0.5, (y + 0.5) * sy - 0.5) for x, y in prompt.points),
-        boxes=tuple((x0 * sx, y0 * sy, x1 * sx, y1 * sy) for x0, y0, x1, y1 in prompt.boxes),
-        masks=masks,
-    )
 
 
 def _numbers(values: Any, count: int, wanted: str) -> tuple[float, ...]:

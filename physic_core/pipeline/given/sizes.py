@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -104,7 +104,7 @@ def _scene_sizes(known: KnownGeometry, factor: float = 1.0) -> str:
 
 def compare_sizes(
     estimates: Estimates, people: list[Measures], placed: State, state: State
-) -> tuple[list[str], list[Measures], dict[str, list[dict[str, float | str]]]]:
+) -> tuple[list[str], list[Measures], dict[str, Any]]:
     """Compare the known sizes with the result.
 
     Args:
@@ -152,9 +152,7 @@ def _growth_to_floor(people: list[Measures], state: State) -> FloatArray:
     return found
 
 
-def contradictions(
-    known: KnownSizes, state: State
-) -> tuple[list[str], dict[str, list[dict[str, float | str]]]]:
+def contradictions(known: KnownSizes, state: State) -> tuple[list[str], dict[str, Any]]:
     """Compare given sizes with those of the result.
 
     Returns:
@@ -187,7 +185,8 @@ def contradictions(
         raise ConfigError(f"{message}; correct the wrong one, or leave it out")
     if apart > _AGREES:
         warnings.append(f"{message}; check them, or omit the least certain one")
-    measured: list[dict[str, float | str]] = [
-        {"name": name, "given": given, "result": value} for name, given, value in sizes
-    ]
-    return warnings, {"known_sizes": measured}
+    return warnings, {
+        "known_sizes": [
+            {"name": name, "given": given, "result": value} for name, given, value in sizes
+        ]
+    }

@@ -11,6 +11,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from physic_core.configuration.problems import problems_from_pydantic
@@ -20,7 +21,7 @@ from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.local_modules import split_folder
 from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.interfaces import INTERFACES, Backend, call
-from physic_core.interfaces.comparison import changed_fields
+from physic_core.interfaces.comparison import named_values
 from physic_testing.conformance.cases import EVIDENCE, EVIDENCE_OF_HANDS, SIZE, build_case
 from physic_testing.conformance.contract import case_violations
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
@@ -341,9 +342,9 @@ class BackendUnderTest:
         try:
             answer = self.infer(backend, given)
         except (Exception, SystemExit) as error:
-            return CaseRun(None, None, error, (), changed_fields(before, given))
+            return CaseRun(None, None, error, (), _changed_fields(before, given))
         faults = case_violations(self.interface, answer, case)
-        return CaseRun(deepcopy(answer), answer, None, faults, changed_fields(before, given))
+        return CaseRun(deepcopy(answer), answer, None, faults, _changed_fields(before, given))
 
 
 def find_backend(
@@ -399,3 +400,17 @@ def _require_interface(interface: str) -> None:
     """Raise BackendError if no interface has this name."""
     if interface not in INTERFACES:
         raise BackendError(f"no interface named '{interface}'; valid are: {', '.join(INTERFACES)}")
+
+
+def _changed_fields(before: Any, after: Any) -> list[str]:
+    """Return the paths of the fields whose values changed at all, such as "people.masks"."""
+    pairs = zip(named_values(before), named_values(after), strict=True)
+    return [path for (path, old), (_, new) in pairs if not _identical(old, new)]
+
+
+def _identical(old: Any, new: Any) -> bool:
+    """Return whether two values are equal, NaN equal to NaN."""
+    if isinstance(old, np.ndarray):
+        is_float = old.dtype.kind == "f"
+        return isinstance(new, np.ndarray) and np.array_equal(old, new, equal_nan=is_float)
+    return bool(old == new) or (old != old and new != new)

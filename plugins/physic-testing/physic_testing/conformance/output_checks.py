@@ -10,7 +10,7 @@ import numpy as np
 
 from physic_core.discovery.error_text import describe_error
 from physic_core.errors import BodyModelError, ConfigError, PhysicError
-from physic_core.interfaces.comparison import describe_difference, row_differences
+from physic_core.interfaces.comparison import describe_difference, named_values
 from physic_core.types import Hints
 from physic_testing.conformance.accuracy import MAIN_ERROR, main_error
 from physic_testing.conformance.backend_under_test import FIRST_PHOTO
@@ -21,6 +21,7 @@ from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect,
 from physic_testing.conformance.requests import read_only_view
 
 if TYPE_CHECKING:
+    from physic_core.types import FloatArray
     from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.cases import Case
 
@@ -212,7 +213,7 @@ def check_rows_follow_the_people(subject: BackendUnderTest) -> None:
     turned = np.arange(count)[::-1]
     reverse = rows_of(request, turned, count)
     again = subject.call("output for the same people in reverse order", case, reverse)
-    apart = row_differences(answer, again, count)
+    apart = _row_differences(answer, again, count)
     expect(
         not apart.any() or np.trace(apart[::-1]) < MAX_RATIO * np.trace(apart),
         "reversed rows for reversed people",
@@ -295,3 +296,21 @@ ROWS = (
 
 COLOURS = Check(check_reads_images_as_rgb)
 """Check of interfaces whose backends process the whole photo."""
+
+
+def _row_differences(first: Any, second: Any, count: int) -> FloatArray:
+    """Return the mean difference (N, N) of each of ``count`` rows of a result from each row of
+    another, every array scaled to at most 1.
+    """
+    one, other = (_rows(result, count) for result in (first, second))
+    apart: FloatArray = np.abs(one[:, None] - other[None]).mean(axis=2)
+    return apart
+
+
+def _rows(result: Any, count: int) -> FloatArray:
+    found = []
+    for _, value in named_values(result):
+        if isinstance(value, np.ndarray) and value.ndim and len(value) == count:
+            flat = np.nan_to_num(value.astype(np.float64).reshape(count, -1))
+            found.append(flat / max(float(np.abs(flat).max(initial=0)), 1e-9))
+    return np.concatenate(found, axis=1)
