@@ -237,6 +237,7 @@ def test_valid_results_have_no_violation(result, changes):
             {"up": nan_at(UP), "up_sigma": 1.0},
             "up must be a vector (3,) of length 1...",
         ),
+        (POINTMAP, {"up": UP[:2], "up_sigma": 1.0}, "up must be (3), got (2)"),
         (POINTMAP, {"intrinsics": np.eye(3)}, "intrinsics must be Intrinsics, got ndarray"),
         (
             POINTMAP,
