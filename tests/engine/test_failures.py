@@ -58,7 +58,6 @@ FAULTS = [
     ("keypoint_confidence", NAN),
     ("contact_prior", NAN),
     ("betas", NAN),
-    ("betas", 1e30),
     ("rotations", NAN),
     ("transl", INF),
     ("transl", -3.0),
