@@ -10,13 +10,10 @@ from torch import Tensor
 from physic_core.engine.contact.distances import (
     HAND_BREADTH_M,
     KINDS,
-    OWN_RADIUS_M,
-    SEARCH_RADIUS_M,
     ContactSurfaces,
     Distances,
     SkinDistances,
     dent_depths,
-    largest_dents,
     own_distances,
     people_distances,
     surface_distances,
@@ -59,12 +56,13 @@ def solve_contact(estimates: Estimates, state: State, method: ContactMethod) -> 
     """Return the state with the contact of all people; those with non-finite vertices touch
     nothing.
     """
+    photo = estimates.photo
     bodies = state.vertices[state.finite_people]
     surfaces = method.surfaces(state.surroundings, bodies, state.scene_scale)
-    near = measure_distances(state, surfaces, _classify_points(estimates, state), method)
-    return replace(
-        state, contact=find_contact(state, near, method, Picture.of(estimates.photo, state))
-    )
+    # unknown where inpainted
+    (labels,) = select_pixels(state.scene.valid, torch.where(photo.hole, -1, photo.labels))
+    near = measure_distances(state, surfaces, (photo.label_names, labels), method)
+    return replace(state, contact=find_contact(state, near, method, Picture.of(photo, state)))
 
 
 def find_contact(
@@ -106,25 +104,9 @@ def measure_distances(
     people = own = SkinDistances.none(vertices)
     if method.people:
         rest = model(*model.zero_pose()).vertices[0]
-        people = people_distances(vertices, normals, model.outer, SEARCH_RADIUS_M)
-        part = model.part_of_vertex
-        own = own_distances(vertices, normals, model.outer, part, rest, OWN_RADIUS_M)
-    return Distances(
-        normals=normals,
-        surface=surface,
-        parts=parts,
-        people=people,
-        own=own,
-    )
-
-
-def _classify_points(estimates: Estimates, state: State) -> tuple[tuple[str, ...], Tensor]:
-    """Return names and labels (M,) of the valid scene points, -1 where inpainted; all unknown if
-    the segmenter labels none.
-    """
-    photo = estimates.photo
-    (known,) = select_pixels(state.scene.valid, torch.where(photo.hole, -1, photo.labels))
-    return photo.label_names, known
+        people = people_distances(vertices, normals, model.outer)
+        own = own_distances(vertices, normals, model.outer, model.part_of_vertex, rest)
+    return Distances(normals=normals, surface=surface, parts=parts, people=people, own=own)
 
 
 def _find_supports(
@@ -236,8 +218,8 @@ def _describe_contacts(
     regions = contact_regions(state.model)
     seen = Seen(_carried_limbs(state), feet_on_floor(state), picture)
     partners, index = assign_partners(touch.kind, near, regions, state.up, seen)
-    dents = dent_depths(near.surface.scene, largest_dents(near.surface, near.parts))
-    dents = torch.where(touch.kind == KINDS.index("scene"), dents, torch.nan)
+    dents = dent_depths(near.surface, near.parts)
+    dents = torch.where(touch.kind == _SCENE, dents, torch.nan)
     unseen = unseen_parts(state) if touch.parts else {}
     contacts = []
     supports = []
