@@ -18,7 +18,7 @@ from physic_core.types import ContactPartner
 from physic_core.types.observations import TOUCH_PARTS
 from physic_core.types.skeletons import SIDES
 
-from .adjusted import with_scene, without_joints
+from .adjusted import with_result, with_scene, without_joints
 from .test_contact_probability import alone, near_of
 
 METHOD = ContactMethod()
@@ -149,8 +149,7 @@ def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stag
     }
     stage = make_stage([(bends, (0.0, 0.0, 3.0))])
     over = alone(body, (torch.tensor([0.0, -1.0, 0.0]), 3.0))
-    seat = replace(over.joint, vertices=stage.vertices, joints=stage.joints)
-    sits = replace(over, joint=seat)
+    sits = with_result(over, stage)
     found = contact(observed(sits, left_hand=-4.0, right_hand=-4.0, seat=4.0))
     assert set(found.parts) == set(contact_part_masks(body))
     assert {one.partner for one in found.contacts[0]} == {ContactPartner("hidden", "seat")}

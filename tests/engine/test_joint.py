@@ -24,7 +24,15 @@ from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_paper.paper import PaperOptimisation
 from physic_paper.published import UnwhitenedVariables
 
-from .adjusted import adjusted, in_float64, larger_scene, with_options, with_scene, without_joints
+from .adjusted import (
+    adjusted,
+    heights,
+    in_float64,
+    larger_scene,
+    with_options,
+    with_scene,
+    without_joints,
+)
 from .conftest import FLOOR_Y
 from .drawn import normal
 from .test_views import view_of
@@ -56,28 +64,23 @@ def error_mm(result, stage):
     return (result.vertices - stage.vertices).norm(dim=-1).mean(1) * 1e3
 
 
-def height(result, state):
-    """(N, V) metres over the floor."""
-    return state.scene.floor.offset * result.scene_scale - result.vertices[..., 1]
-
-
-def sole_mm(result, stage):
+def sole_mm(result):
     """Lowest vertex over the floor."""
-    return height(result, stage.state).amin(1) * 1e3
+    return heights(result).amin(1) * 1e3
 
 
-def lowest_sole_m(result, state):
+def lowest_sole_m(result):
     """Height of the lower sole over the floor."""
-    soles = [state.model.contact_sets[f"{side}_sole"] for side in ("left", "right")]
-    return min(float(lowest_height(height(result, state)[:, sole])) for sole in soles)
+    soles = [result.model.contact_sets[f"{side}_sole"] for side in ("left", "right")]
+    return min(float(lowest_height(heights(result)[:, sole])) for sole in soles)
 
 
 @pytest.mark.parametrize("lift", [0.0, -0.08, 0.05], ids=["true", "floating 8 cm", "sunk 5 cm"])
 def test_a_person_who_stands_floats_or_sinks_ends_on_the_floor(standing, lift):
     result = optimize(moved(standing.state, by=(0.0, lift, 0.0)), SETTINGS)
-    assert abs(sole_mm(result, standing)) < 5
+    assert abs(sole_mm(result)) < 5
     assert error_mm(result, standing) < 5
-    assert abs(lowest_sole_m(result, standing.state)) < 0.005
+    assert abs(lowest_sole_m(result)) < 0.005
     assert result.joint.failures == ("",)
 
 
@@ -122,7 +125,7 @@ def test_a_foot_in_the_air_stays_there(make_stage):
     end = FLOOR_Y - result.vertices[0, sole, 1].amax().item()
     assert end == pytest.approx(start, abs=0.015)
     assert start > 0.1
-    assert abs(sole_mm(result, stage)) < 8
+    assert abs(sole_mm(result)) < 8
 
 
 def test_a_person_on_a_step_is_not_pulled_to_the_floor(make_stage):
@@ -195,7 +198,7 @@ def test_known_bodies_correct_the_scale_of_the_scene(standing):
     large = larger_scene(standing.state, 1.12)
     result = optimize(large, SETTINGS)
     assert result.scene_scale == pytest.approx(1 / 1.12, abs=0.05)
-    assert abs(lowest_sole_m(result, large)) < 0.005
+    assert abs(lowest_sole_m(result)) < 0.005
     fixed = optimize(large, adjusted(SHORT, frozen=("scale",)))
     assert fixed.scene_scale == 1.0
 
@@ -357,4 +360,4 @@ def test_a_small_person_under_the_floor_does_not_rescale_the_scene_of_two_large_
     keypoints = project(state.model.landmarks(body, state.skeleton), state.K)
     result = optimize(replace(state, transl=transl, keypoints=keypoints), SETTINGS)
     assert result.scene_scale == pytest.approx(1.0, abs=0.1)
-    assert sole_mm(result, stage)[:2].abs().max() < 30
+    assert sole_mm(result)[:2].abs().max() < 30
