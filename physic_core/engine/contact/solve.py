@@ -182,29 +182,24 @@ def _with_unknown(state: State, touch: Touch) -> Touch:
             alone &= touch.gaps[name] > HAND_BREADTH_M
             chosen = state.model.in_contact_sets(f"{side}_{skin}") & state.model.outer
             kind[alone[:, None] & chosen] = HIDDEN
-    return _on_hidden(state, touch, kind)
-
-
-def _on_hidden(state: State, touch: Touch, kind: Tensor) -> Touch:
-    """Return the touch with another kind of each vertex (N, V); those of hidden supports have the
-    probability of their part.
-    """
-    probability = touch.probability
-    if probability is not None and touch.parts:
-        of_parts = by_vertex(state.model, touch.parts).to(probability)
-        probability = torch.where(kind >= HIDDEN, of_parts, probability)
-    return replace(touch, kind=kind, probability=probability)
+    return replace(touch, kind=kind)
 
 
 def _add_hidden_contacts(
     state: State, touch: Touch, carried: tuple[PersonSupport | None, ...]
 ) -> Touch:
-    """Add contacts of hidden supports."""
+    """Add contacts of hidden supports. All contacts with what is hidden or unknown get the
+    probability of their part.
+    """
     kind = touch.kind.clone()
     for i, one in enumerate(carried):
         if one is not None:
             kind[i, one.hidden] = torch.where(one.seat[one.hidden], HIDDEN_SEAT, HIDDEN)
-    return _on_hidden(state, touch, kind)
+    probability = touch.probability
+    if probability is not None and touch.parts:
+        of_parts = by_vertex(state.model, touch.parts).to(probability)
+        probability = torch.where(kind >= HIDDEN, of_parts, probability)
+    return replace(touch, kind=kind, probability=probability)
 
 
 def _describe_contacts(
