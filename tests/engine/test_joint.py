@@ -199,8 +199,6 @@ def test_known_bodies_correct_the_scale_of_the_scene(standing):
     result = optimize(large, SETTINGS)
     assert result.scene_scale == pytest.approx(1 / 1.12, abs=0.05)
     assert abs(lowest_sole_m(result)) < 0.005
-    fixed = optimize(large, adjusted(SHORT, frozen=("scale",)))
-    assert fixed.scene_scale == 1.0
 
 
 def test_the_energy_does_not_depend_on_the_resolution(standing):
@@ -256,17 +254,8 @@ def test_no_term_of_the_default_energy_is_zero_everywhere(with_box):
 
 @pytest.mark.parametrize(
     "settings",
-    [
-        SETTINGS,
-        *(engine_preset(name).joint for name in ("paper", "release", "prox")),
-        adjusted(
-            engine_preset("paper").joint,
-            reprojection__reduction="mean",
-            regularisation__visible_weight=0.0,
-        ),
-        adjusted(SETTINGS, contact__source="static"),
-    ],
-    ids=["default", "paper", "release", "prox", "paper with the mean", "static"],
+    [SETTINGS, *(engine_preset(name).joint for name in ("paper", "release", "prox"))],
+    ids=["default", "paper", "release", "prox"],
 )
 def test_gradient_of_the_whole_energy(with_box, settings):
     """Along random directions, against differences, in float64, with people, box, floor and depth
@@ -288,7 +277,7 @@ def test_a_person_whose_energy_is_no_number_stays_and_the_others_go_on(two):
     """Finite numbers that overflow once they are squared."""
     betas = two.state.betas.clone()
     betas[0] = 1e30
-    result = optimize(replace(two.state, betas=betas), SETTINGS)
+    result = optimize(replace(two.state, betas=betas), SHORT)
     assert result.joint.failures == ("the energy of the start is not finite", "")
     assert error_mm(result, two)[1] < 5
 
@@ -317,7 +306,7 @@ def test_depth_without_its_data_is_refused(standing, preset, message):
     joint = engine_preset(preset).joint
     with pytest.raises(PhysicError, match=message):
         optimize(state, joint)
-    optimize(state, adjusted(joint.without("depth"), optimiser__steps=2))
+    assert "depth" not in JointEnergy(state, joint.without("depth"))()
 
 
 IN_AIR = torch.tensor([[0.0] * 5, [1.0] * 5])
