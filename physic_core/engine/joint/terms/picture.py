@@ -168,6 +168,7 @@ class DepthTerm(SurfaceTerm):
         """
         sampling = self._sampling
         visibility = snapshot.visibility
+        assert sampling.log_depth is not None
         self.log_map_depth, known = _sample(sampling.log_depth, visibility.uv)
         edge_px = sampling.person_px * _EDGE_SHARE
         well_inside = sample_mask_neighbours(visibility.uv, sampling.state.masks, edge_px).all(0)
@@ -207,12 +208,10 @@ def depth_offset_sigmas(settings: DepthSettings, sampling: Sampling) -> Tensor:
     return torch.lerp(alone, torch.full_like(alone, settings.offset_sigma), on_floor)
 
 
-def _sample(log_depth: Tensor | None, uv: Tensor) -> tuple[Tensor, Tensor]:
+def _sample(log_depth: Tensor, uv: Tensor) -> tuple[Tensor, Tensor]:
     """Return the map at the nearest pixel, 0 where unknown, and whether it is known: (B, n)
     each.
     """
-    if log_depth is None:
-        return torch.zeros_like(uv[..., 0]), torch.zeros_like(uv[..., 0], dtype=torch.bool)
     height, width = log_depth.shape
     inside = inside_image(uv, height, width)
     at = torch.where(inside[..., None], uv, 0.0).round().long()
