@@ -141,19 +141,16 @@ class DefaultOptimisation(JointMethod):
 
     def terms(self, sampling: Sampling, variables: Variables) -> Sequence[Term]:
         """Return the terms of the energy, in the order of summation."""
-        aware = self.visibility.occlusion_aware
         surface = SurfaceTerms(
             sampling,
             [
                 DepthTerm(self.depth, sampling, variables),
                 ContactTerm(self.contact, sampling),
-                PenetrationTerm(self.penetration, sampling, occlusion_aware=aware),
+                PenetrationTerm(self.penetration, sampling),
                 FloorTerm(self.floor.weight, sampling),
             ],
             soles=SoleTerm(self.soles, sampling),
-            regularisation=RegularisationTerm(
-                self.regularisation, sampling, variables, occlusion_aware=aware
-            ),
+            regularisation=RegularisationTerm(self.regularisation, sampling, variables),
         )
         return [
             robust_reprojection(self.reprojection, sampling),
@@ -176,6 +173,8 @@ class DefaultOptimisation(JointMethod):
         If used from the start, it would keep people apart on the wrong side of each other.
         """
         late = replace(self.optimiser, tolerance=min(self.optimiser.tolerance, _LATE_TOLERANCE))
+        if len(sampling.state) == 1:
+            return [], late
         return [PeopleTerm(self.contact, self.penetration, sampling)], late
 
 

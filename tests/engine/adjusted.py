@@ -11,6 +11,7 @@ import torch
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.engine.settings import with_overrides
+from physic_core.engine.state import JointResult
 from physic_core.geometry.tensors import to_device
 
 
@@ -34,6 +35,19 @@ def shifted(state, *metres):
 def posed(state):
     """Return the bodies of the state, as its model poses them."""
     return state.model(state.rotations, state.betas, state.transl, state.expression)
+
+
+def with_result(state, body):
+    """Return the state with bodies as the result of stage 3."""
+    people = len(state)
+    joint = JointResult(body.vertices, body.joints, torch.zeros(people), ("",) * people)
+    return replace(state, joint=joint)
+
+
+def heights(state):
+    """Return the height (N, V) of the vertices of stage 3 over the floor, metres."""
+    floor = state.scene.floor
+    return state.vertices @ floor.normal.to(state.vertices) + floor.offset * state.scene_scale
 
 
 def without_joints(state, *names, sides=("left", "right")):

@@ -5,11 +5,8 @@ from __future__ import annotations
 import pytest
 import torch
 
-from physic_core.engine.contact.distances import (
-    ContactSurfaces,
-    distance_along_normal,
-    surface_distances,
-)
+from physic_core.engine.contact.distances import ContactSurfaces, surface_distances
+from physic_core.engine.contact.method import ContactMethod
 from physic_core.geometry.neighbors import NearestPointSearch
 
 from .conftest import UP, plane_of
@@ -27,7 +24,7 @@ def plane():
 
 def distances(vertices, scene, floor=None):
     row = torch.arange(len(scene.points))
-    return surface_distances(vertices, ContactSurfaces(scene, row, floor), distance_along_normal)
+    return surface_distances(vertices, ContactSurfaces(scene, row, floor), ContactMethod().measure)
 
 
 def test_the_nearer_of_scene_and_floor_counts():

@@ -38,11 +38,6 @@ UP = torch.tensor([0.0, -1.0, 0.0])
 BACK = torch.tensor([0.0, 0.0, -1.0])
 
 
-def distances_of(normals, surface, parts, skin):
-    """Distances of people to whom the skin of others is as near as their own."""
-    return Distances(normals, surface, parts, skin, skin)
-
-
 def square(height, x=0.0):
     """Points of a level square of 40 cm, 2 cm apart, at a height over y = 0; y is down."""
     steps = torch.arange(0, 0.4, 0.02)
@@ -96,28 +91,62 @@ FLOOR_PARTNER = ContactPartner("floor", "floor")
 SEAT_PARTNER = ContactPartner("scene", "seat", id=2)
 
 
-def assigned(touched, scene, floor, point):
-    """Partners of vertices that touch things, near a floor, a seat and skin of person 1."""
-    _, parts = parts_of((square(0.0), "floor", True), (square(0.45), "seat", True))
-    count = len(touched)
-    one = torch.ones(1, count, dtype=torch.int64)
-    skin = SkinDistances(torch.zeros(1, count), one, one)
-    none = torch.zeros(1, count, 3)
-    surface = SurfaceDistances(*(torch.tensor([each]) for each in (scene, floor, point)), none)
-    near = distances_of(none, surface, parts, skin)
-    regions = ContactRegions(("head", "left_hand"), torch.tensor([0, 1] * 8)[: max(count, 2)])
-    table, index = assign_partners(torch.tensor([touched]), near, regions, UP, Seen())
+ROOM = (square(0.0), "floor", True), (square(0.45), "seat", True)
+ON_SEAT = 500  # a point of the seat
+FAR = torch.inf
+
+
+def partners(
+    touched,
+    *,
+    names=("left_foot",),
+    part=0,
+    scene=FAR,
+    floor=FAR,
+    point=0,
+    facing=(0.0, 0.0, 0.0),
+    room=None,
+    seen=None,
+):
+    """Return the partner of each vertex of a person in a room, by the kind of what it touches; None
+    without contact. Vertex 0 of person 1 is the nearest skin.
+
+    Args:
+        touched: kind of each vertex.
+        names: of body parts.
+        part: of the vertices, or of each.
+        scene: distance from the scene, metres.
+        floor: distance from its floor, metres.
+        point: of the scene, nearest to the vertices.
+        facing: normal of the skin.
+        room: parts of the scene.
+        seen: of what the person touches.
+    """
+
+    def row(values):
+        return torch.as_tensor(values).expand(1, len(touched))
+
+    skin = SkinDistances(row(0.0), row(1), row(0))
+    normals = torch.tensor(facing).expand(1, len(touched), 3)
+    surface = SurfaceDistances(row(scene), row(floor), row(point), torch.zeros_like(normals))
+    near = Distances(normals, surface, room or parts_of(*ROOM)[1], skin, skin)
+    regions = ContactRegions(names, row(part)[0])
+    kinds = torch.tensor([touched])
+    table, index = assign_partners(kinds, near, regions, UP, seen or Seen())
     return [table[i] if i != NO_PARTNER else None for i in index[0].tolist()]
 
 
+SCENE, PERSON, OWN, HELD = range(len(KINDS))
+
+
 def test_each_contact_vertex_has_its_partner():
-    far = torch.inf
-    scene, person, own, held = range(len(KINDS))
-    found = assigned(
-        [scene, scene, scene, person, own, held, HIDDEN_SEAT, HIDDEN, -1],
-        [0.01, 0.01, far, 0.01, 0.01, far, far, far, 0.01],
-        [far, far, 0.0, far, far, far, far, far, far],
-        [0, 500, 0, 500, 500, 0, 0, 0, 0],
+    found = partners(
+        [SCENE, SCENE, SCENE, PERSON, OWN, HELD, HIDDEN_SEAT, HIDDEN, -1],
+        names=("left_hand", "head"),
+        part=[0, 1] * 4 + [0],
+        scene=[0.01, 0.01, FAR, 0.01, 0.01, FAR, FAR, FAR, 0.01],
+        floor=[FAR, FAR, 0.0, FAR, FAR, FAR, FAR, FAR, FAR],
+        point=[0, ON_SEAT, 0, ON_SEAT, ON_SEAT, 0, 0, 0, 0],
     )
     assert found == [
         FLOOR_PARTNER,
@@ -133,29 +162,21 @@ def test_each_contact_vertex_has_its_partner():
 
 
 @pytest.mark.parametrize(
-    ("label", "facing", "name"), [("wall", 1.0, ""), ("wall", 0.0, "wall"), ("seat", 1.0, "seat")]
+    ("part", "label", "facing", "name"),
+    [
+        ("left_foot", "wall", 1.0, ""),
+        ("left_foot", "wall", 0.0, "wall"),
+        ("left_foot", "seat", 1.0, "seat"),
+        ("seat", "table", 1.0, "seat"),
+        ("seat", "wall", 1.0, "seat"),
+        ("seat", "seat", 1.0, "seat"),
+    ],
 )
-def test_a_part_that_rests_on_a_surface_does_not_rest_on_a_wall(label, facing, name):
-    assert surface_under("left_foot", label, facing) == [name]
-
-
-@pytest.mark.parametrize("label", ["table", "wall", "seat"])
-def test_what_people_sit_on_is_a_seat(label):
-    assert surface_under("seat", label, 1.0) == ["seat"]
-
-
-def surface_under(part, label, facing):
-    """Names of what a part of a person touches, whose skin faces a surface so much."""
-    _, parts = parts_of((square(0.45), label, True), normal=BACK)
-    far = torch.full((1, 4), torch.inf)
-    touched = torch.zeros(1, 4, dtype=torch.int64)
-    skin = SkinDistances(far, touched, touched)
-    surface = SurfaceDistances(torch.zeros(1, 4), far, torch.arange(4)[None], torch.zeros(1, 4, 3))
-    down = torch.tensor([0.0, facing, 1 - facing]).expand(1, 4, 3)
-    regions = ContactRegions((part,), torch.zeros(4, dtype=torch.int64))
-    near = distances_of(down, surface, parts, skin)
-    table, _ = assign_partners(touched, near, regions, UP, Seen())
-    return [partner.surface for partner in table]
+def test_a_part_rests_on_no_wall_and_people_sit_on_a_seat(part, label, facing, name):
+    _, room = parts_of((square(0.45), label, True), normal=BACK)
+    skin = 0.0, facing, 1 - facing
+    (found,) = partners([SCENE], names=(part,), scene=0.0, facing=skin, room=room)
+    assert found.surface == name
 
 
 @pytest.mark.parametrize(
@@ -163,19 +184,10 @@ def surface_under(part, label, facing):
     [(0.01, None, "floor"), (0.01, 0.9, "floor"), (0.01, 0.1, "scene"), (0.08, 0.9, "floor")],
 )
 def test_feet_are_on_the_floor_or_on_something_else_as_is_seen(height, said, kind):
-    _, parts = parts_of((square(0.0), "floor", True), (square(0.45), "seat", True))
-    far = torch.full((1, 4), torch.inf)
-    touched = torch.zeros(1, 4, dtype=torch.int64)
-    none = torch.zeros(1, 4, 3)
-    on_seat = torch.full((1, 4), 500)
-    surface = SurfaceDistances(torch.full((1, 4), 0.05), far, on_seat, none)
-    if height < 0.05:
-        surface = SurfaceDistances(far, torch.full((1, 4), height), torch.zeros_like(on_seat), none)
-    near = distances_of(none, surface, parts, SkinDistances(far, touched, touched))
-    regions = ContactRegions(("left_foot",), torch.zeros(4, dtype=torch.int64))
-    seen = Seen(on_floor=None if said is None else torch.tensor([[said, torch.nan]]))
-    table, _ = assign_partners(touched, near, regions, UP, seen)
-    assert [partner.kind for partner in table] == [kind]
+    near = {"floor": height} if height < 0.05 else {"scene": 0.05, "point": ON_SEAT}
+    on_floor = None if said is None else torch.tensor([[said, torch.nan]])
+    (found,) = partners([SCENE], seen=Seen(on_floor=on_floor), **near)
+    assert found.kind == kind
 
 
 def square_px(x, y, side):
@@ -203,28 +215,14 @@ def test_what_is_seen_around_a_part_is_not_hidden(part, label, partner):
         masks=person[None],
         hole=person,
     )
-    points = torch.tensor([[[50.0, 70.0]] * 4])
-    picture = Picture(photo, points, torch.ones(1, 4, dtype=torch.bool))
-    assert named_in(picture, part, HIDDEN) == [partner]
-    inside = replace(picture, points=points * torch.tensor([1.0, 0.7]))
+    picture = Picture(photo, torch.tensor([[[50.0, 70.0]]]), torch.ones(1, 1, dtype=torch.bool))
+    inside = replace(picture, points=picture.points * torch.tensor([1.0, 0.7]))
     unseen = replace(picture, shown=~picture.shown)
-    for other in (inside, unseen):
-        assert named_in(other, part, HIDDEN) == [ContactPartner("hidden")]
-
-
-def named_in(picture, part, touched):
-    """Partners of a person all of whose skin is of one part, far from all surfaces."""
-    _, parts = parts_of((square(0.0), "floor", True))
-    far = torch.full((1, 4), torch.inf)
-    index = torch.zeros(1, 4, dtype=torch.int64)
-    none = torch.zeros(1, 4, 3)
-    near = distances_of(
-        none, SurfaceDistances(far, far, index, none), parts, SkinDistances(far, index, index)
-    )
-    regions = ContactRegions((part,), torch.zeros(4, dtype=torch.int64))
-    kinds = torch.full((1, 4), touched)
-    table, _ = assign_partners(kinds, near, regions, UP, Seen(picture=picture))
-    return list(table)
+    for one, expected in (
+        (picture, partner),
+        *((p, ContactPartner("hidden")) for p in (inside, unseen)),
+    ):
+        assert partners([HIDDEN], names=(part,), seen=Seen(picture=one)) == [expected]
 
 
 def test_the_list_by_body_part_has_the_most_probable_contact_first():

@@ -18,7 +18,7 @@ from physic_core.types import ContactPartner
 from physic_core.types.observations import TOUCH_PARTS
 from physic_core.types.skeletons import SIDES
 
-from .adjusted import with_scene, without_joints
+from .adjusted import with_result, with_scene, without_joints
 from .test_contact_probability import alone, near_of
 
 METHOD = ContactMethod()
@@ -100,31 +100,25 @@ def test_a_hand_that_holds_an_object_touches_it_and_nothing_of_the_world(person)
     assert not any(one.partner.kind == "object" for one in found.supports[0].contacts)
 
 
-@pytest.mark.parametrize(("height", "kind"), [(0.0, "floor"), (0.12, "hidden"), (0.5, "hidden")])
-def test_a_foot_that_surely_touches_and_has_nothing_near_touches_something_unknown(
-    person, height, kind
+@pytest.mark.parametrize(
+    ("height", "on_floor", "partner", "off_m"),
+    [
+        (0.0, 0.0, ContactPartner("floor", "floor"), None),
+        (0.12, 0.0, ContactPartner("hidden"), 0.12),
+        (0.5, 0.0, ContactPartner("hidden"), 0.15),
+        (0.12, 4.0, ContactPartner("floor", "floor"), 0.12),
+        (0.0, -4.0, ContactPartner("scene"), None),
+    ],
+)
+def test_feet_that_surely_touch_are_where_they_are_seen_or_on_what_is_near(
+    person, height, on_floor, partner, off_m
 ):
-    found = contact(parts_observed(raised(person, height), 5.0)).contacts[0]
+    said = dict.fromkeys(("left_floor", "right_floor"), on_floor) | dict.fromkeys(TOUCH_PARTS, 5.0)
+    found = contact(observed(raised(person, height), **said)).contacts[0]
     feet = [one for one in found if one.part.endswith("_foot")]
-    assert [one.partner.kind for one in feet] == [kind] * 2
-    far = None if kind == "floor" else pytest.approx(min(height, 0.15), abs=0.01)
-    assert [one.distance_m for one in feet] == [far] * 2
+    assert [one.partner for one in feet] == [partner] * 2
+    assert [one.distance_m for one in feet] == [off_m and pytest.approx(off_m, abs=0.01)] * 2
     assert all(one.probability > 0.8 for one in feet)
-
-
-def test_feet_seen_on_the_floor_touch_it_however_far_the_scene_has_it(person):
-    said = dict.fromkeys(("left_floor", "right_floor"), 4.0) | dict.fromkeys(TOUCH_PARTS, 5.0)
-    found = contact(observed(raised(person, 0.12), **said)).contacts[0]
-    feet = {one.part: one for one in found if one.part.endswith("_foot")}
-    assert {one.partner.kind for one in feet.values()} == {"floor"}
-    assert feet["left_foot"].distance_m == pytest.approx(0.12, abs=0.01)
-
-
-def test_feet_seen_on_something_else_are_not_on_the_floor_beside_them(person):
-    said = dict.fromkeys(("left_floor", "right_floor"), -4.0) | dict.fromkeys(TOUCH_PARTS, 5.0)
-    found = contact(observed(person, **said)).contacts[0]
-    feet = [one for one in found if one.part.endswith("_foot")]
-    assert {(one.partner, one.distance_m) for one in feet} == {(ContactPartner("scene"), None)}
 
 
 def test_parts_of_which_nobody_speaks_touch_only_what_is_near(person):
@@ -155,8 +149,7 @@ def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stag
     }
     stage = make_stage([(bends, (0.0, 0.0, 3.0))])
     over = alone(body, (torch.tensor([0.0, -1.0, 0.0]), 3.0))
-    seat = replace(over.joint, vertices=stage.vertices, joints=stage.joints)
-    sits = replace(over, joint=seat)
+    sits = with_result(over, stage)
     found = contact(observed(sits, left_hand=-4.0, right_hand=-4.0, seat=4.0))
     assert set(found.parts) == set(contact_part_masks(body))
     assert {one.partner for one in found.contacts[0]} == {ContactPartner("hidden", "seat")}

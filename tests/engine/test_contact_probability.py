@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,10 +25,10 @@ from physic_core.engine.ground.touch import (
     touch_log_odds,
     touch_model,
 )
-from physic_core.engine.state import JointResult
 from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.types import SKELETONS, Intrinsics
 
+from .adjusted import with_result
 from .conftest import state_of
 
 OWN_BODY_KIND = KINDS.index("own body")
@@ -57,7 +58,7 @@ def test_the_gap_of_a_part_is_its_fifth_smallest_distance():
 def alone(body, plane=None, **known):
     """A person in the rest pose who is near no point of a scene."""
     posed = body(*body.zero_pose())
-    return state_of(
+    state = state_of(
         body,
         *body.zero_pose(),
         depth=np.full((2, 2), np.nan),
@@ -69,8 +70,8 @@ def alone(body, plane=None, **known):
         masks=torch.zeros(1, 2, 2, dtype=torch.bool),
         contact_prior=torch.full(posed.vertices.shape[:2], 0.5),
         **known,
-        joint=JointResult(posed.vertices, posed.joints, torch.zeros(1), ("",)),
     )
+    return with_result(state, posed)
 
 
 def near_of(state, method):
@@ -125,13 +126,9 @@ def test_parts_that_meet_at_a_joint_do_not_touch(body, monkeypatch):
 def test_a_thigh_beside_the_thigh_of_another_does_not_sit(body, monkeypatch):
     one = alone(body)
     apart = torch.tensor([0.0, 0.0, 0.15])
-    joint = JointResult(
-        torch.cat([one.vertices, one.vertices + apart]),
-        torch.cat([one.joints, one.joints + apart]),
-        torch.zeros(2),
-        ("", ""),
-    )
-    given = replace(one.select_people(torch.tensor([0, 0])), joint=joint)
+    vertices, joints = (torch.cat([x, x + apart]) for x in (one.vertices, one.joints))
+    both = one.select_people(torch.tensor([0, 0]))
+    given = with_result(both, SimpleNamespace(vertices=vertices, joints=joints))
     always_touched(monkeypatch, 0.9)
     method = engine_preset("default").contact
     found = find_contact(given, near_of(given, method), method)

@@ -8,7 +8,6 @@ import torch
 from physic_core.engine.contact.distances import own_distances, people_distances
 from physic_core.geometry.mesh import vertex_normals
 
-RADIUS_M = 0.15
 FRONT = torch.tensor([0.0, 0.0, -1.0])
 BACK = torch.tensor([0.0, 0.0, 1.0])
 
@@ -25,7 +24,7 @@ def two_people(depth, first, second):
     a, along_a = sheet(0.0, first)
     b, along_b = sheet(depth, second)
     outer = torch.ones(len(a), dtype=torch.bool)
-    return people_distances(torch.stack([a, b]), torch.stack([along_a, along_b]), outer, RADIUS_M)
+    return people_distances(torch.stack([a, b]), torch.stack([along_a, along_b]), outer)
 
 
 @pytest.mark.parametrize("depth", [0.03, -0.02])
@@ -44,9 +43,7 @@ def test_people_whose_vertices_are_not_finite_touch_no_other_person():
     points, normals = sheet(0.0, FRONT)
     bodies = torch.stack([points, torch.full_like(points, torch.nan)])
     outer = torch.ones(len(points), dtype=torch.bool)
-    assert torch.isinf(
-        people_distances(bodies, normals.expand_as(bodies), outer, RADIUS_M).distance
-    ).all()
+    assert torch.isinf(people_distances(bodies, normals.expand_as(bodies), outer).distance).all()
 
 
 def own(rest_gap, part):
@@ -59,7 +56,7 @@ def own(rest_gap, part):
     outer = torch.ones(800, dtype=torch.bool)
     outer[0] = False
     return own_distances(
-        vertices[None], torch.cat([along_a, along_b])[None], outer, parts, rest, RADIUS_M
+        vertices[None], torch.cat([along_a, along_b])[None], outer, parts, rest
     ).distance[0]
 
 
@@ -86,7 +83,6 @@ def test_a_hand_on_the_thigh_touches_the_leg_and_a_rest_pose_touches_nothing(bod
             body.outer,
             body.part_of_vertex,
             rest[0].to(one),
-            0.08,
         )
         for one in (rest, posed)
     )

@@ -18,8 +18,8 @@ from .adjusted import adjusted, shifted
 # The scene's one scale is all that joins people who stand apart: held, each must end as alone.
 DEFAULT = adjusted(
     engine_preset("default").joint,
-    optimiser__steps=30,
-    optimiser__refresh_steps=15,
+    optimiser__steps=16,
+    optimiser__refresh_steps=8,
     frozen=("scale",),
 )
 NAN = float("nan")
@@ -58,7 +58,6 @@ FAULTS = [
     ("keypoint_confidence", NAN),
     ("contact_prior", NAN),
     ("betas", NAN),
-    ("betas", 1e30),
     ("rotations", NAN),
     ("transl", INF),
     ("transl", -3.0),

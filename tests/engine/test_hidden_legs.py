@@ -9,7 +9,8 @@ import torch
 
 from physic_core.body import JOINT_INDEX
 from physic_core.engine.joint.hidden_legs import fold_hidden_legs
-from physic_core.engine.state import JointResult
+
+from .adjusted import heights, with_result, with_scene
 
 LEGS = [JOINT_INDEX[f"{side}_{joint}"] for side in ("left", "right") for joint in ("knee", "ankle")]
 FOLDED = [JOINT_INDEX[f"{side}_{joint}"] for side in ("left", "right") for joint in ("hip", "knee")]
@@ -18,25 +19,8 @@ FOLDED = [JOINT_INDEX[f"{side}_{joint}"] for side in ("left", "right") for joint
 def standing(make_stage, above_floor, observed):
     """A person whose soles are at a height over the floor, metres."""
     stage = make_stage([({}, (0.0, 0.0, 4.0))])
-    floor = stage.state.scene.floor
-    moved = replace(floor, offset=floor.offset + above_floor)
-    state = stage.state
-    return replace(
-        state,
-        joint=JointResult(
-            vertices=stage.vertices,
-            joints=stage.joints,
-            depth_offset=torch.zeros(1),
-            failures=("",),
-        ),
-        observed=observed,
-        scene=replace(state.scene, floor=moved),
-    )
-
-
-def heights(state):
-    floor = state.scene.floor
-    return state.vertices[0] @ floor.normal.to(state.vertices) + floor.offset
+    state = replace(with_result(stage.state, stage), observed=observed)
+    return with_scene(state, floor_offset=state.scene.floor.offset + above_floor)
 
 
 @pytest.mark.parametrize("under", [0.1, 0.24, 0.57])

@@ -21,10 +21,7 @@ from physic_core.engine.placement.solve import (
     move_photo_points_to_scene,
     people_to_place,
 )
-from physic_core.engine.placement.terms import (
-    closed_form_translation,
-    gauss_newton,
-)
+from physic_core.engine.placement.terms import gauss_newton
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
 from physic_paper import outliers
 
@@ -173,12 +170,6 @@ def test_slopes_are_the_derivatives_of_the_errors(person, kind):
         for now, then in zip(term.residuals(x), term.residuals(ahead), strict=True):
             difference = (then.error - now.error) / step
             assert_close(difference, now.slope[..., axis], atol=1e-5, rtol=1e-5)
-
-
-def test_closed_form_is_exact_for_exact_keypoints(person):
-    found = closed_form_translation(person)
-    assert_close(found[:3], -AWAY[0].double(), atol=1e-3, rtol=0)
-    assert found[3] == 0
 
 
 def test_descent_never_raises_the_energy_and_leaves_fixed_numbers_alone(person, monkeypatch):

@@ -24,7 +24,15 @@ from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_paper.paper import PaperOptimisation
 from physic_paper.published import UnwhitenedVariables
 
-from .adjusted import adjusted, in_float64, larger_scene, with_options, with_scene, without_joints
+from .adjusted import (
+    adjusted,
+    heights,
+    in_float64,
+    larger_scene,
+    with_options,
+    with_scene,
+    without_joints,
+)
 from .conftest import FLOOR_Y
 from .drawn import normal
 from .test_views import view_of
@@ -56,28 +64,23 @@ def error_mm(result, stage):
     return (result.vertices - stage.vertices).norm(dim=-1).mean(1) * 1e3
 
 
-def height(result, state):
-    """(N, V) metres over the floor."""
-    return state.scene.floor.offset * result.scene_scale - result.vertices[..., 1]
-
-
-def sole_mm(result, stage):
+def sole_mm(result):
     """Lowest vertex over the floor."""
-    return height(result, stage.state).amin(1) * 1e3
+    return heights(result).amin(1) * 1e3
 
 
-def lowest_sole_m(result, state):
+def lowest_sole_m(result):
     """Height of the lower sole over the floor."""
-    soles = [state.model.contact_sets[f"{side}_sole"] for side in ("left", "right")]
-    return min(float(lowest_height(height(result, state)[:, sole])) for sole in soles)
+    soles = [result.model.contact_sets[f"{side}_sole"] for side in ("left", "right")]
+    return min(float(lowest_height(heights(result)[:, sole])) for sole in soles)
 
 
 @pytest.mark.parametrize("lift", [0.0, -0.08, 0.05], ids=["true", "floating 8 cm", "sunk 5 cm"])
 def test_a_person_who_stands_floats_or_sinks_ends_on_the_floor(standing, lift):
     result = optimize(moved(standing.state, by=(0.0, lift, 0.0)), SETTINGS)
-    assert abs(sole_mm(result, standing)) < 5
+    assert abs(sole_mm(result)) < 5
     assert error_mm(result, standing) < 5
-    assert abs(lowest_sole_m(result, standing.state)) < 0.005
+    assert abs(lowest_sole_m(result)) < 0.005
     assert result.joint.failures == ("",)
 
 
@@ -122,7 +125,7 @@ def test_a_foot_in_the_air_stays_there(make_stage):
     end = FLOOR_Y - result.vertices[0, sole, 1].amax().item()
     assert end == pytest.approx(start, abs=0.015)
     assert start > 0.1
-    assert abs(sole_mm(result, stage)) < 8
+    assert abs(sole_mm(result)) < 8
 
 
 def test_a_person_on_a_step_is_not_pulled_to_the_floor(make_stage):
@@ -195,9 +198,7 @@ def test_known_bodies_correct_the_scale_of_the_scene(standing):
     large = larger_scene(standing.state, 1.12)
     result = optimize(large, SETTINGS)
     assert result.scene_scale == pytest.approx(1 / 1.12, abs=0.05)
-    assert abs(lowest_sole_m(result, large)) < 0.005
-    fixed = optimize(large, adjusted(SHORT, frozen=("scale",)))
-    assert fixed.scene_scale == 1.0
+    assert abs(lowest_sole_m(result)) < 0.005
 
 
 def test_the_energy_does_not_depend_on_the_resolution(standing):
@@ -253,17 +254,8 @@ def test_no_term_of_the_default_energy_is_zero_everywhere(with_box):
 
 @pytest.mark.parametrize(
     "settings",
-    [
-        SETTINGS,
-        *(engine_preset(name).joint for name in ("paper", "release", "prox")),
-        adjusted(
-            engine_preset("paper").joint,
-            reprojection__reduction="mean",
-            regularisation__visible_weight=0.0,
-        ),
-        adjusted(SETTINGS, contact__source="static"),
-    ],
-    ids=["default", "paper", "release", "prox", "paper with the mean", "static"],
+    [SETTINGS, *(engine_preset(name).joint for name in ("paper", "release", "prox"))],
+    ids=["default", "paper", "release", "prox"],
 )
 def test_gradient_of_the_whole_energy(with_box, settings):
     """Along random directions, against differences, in float64, with people, box, floor and depth
@@ -285,7 +277,7 @@ def test_a_person_whose_energy_is_no_number_stays_and_the_others_go_on(two):
     """Finite numbers that overflow once they are squared."""
     betas = two.state.betas.clone()
     betas[0] = 1e30
-    result = optimize(replace(two.state, betas=betas), SETTINGS)
+    result = optimize(replace(two.state, betas=betas), SHORT)
     assert result.joint.failures == ("the energy of the start is not finite", "")
     assert error_mm(result, two)[1] < 5
 
@@ -314,7 +306,8 @@ def test_depth_without_its_data_is_refused(standing, preset, message):
     joint = engine_preset(preset).joint
     with pytest.raises(PhysicError, match=message):
         optimize(state, joint)
-    optimize(state, adjusted(joint.without("depth"), optimiser__steps=2))
+    found = optimize(state, adjusted(joint.without("depth"), optimiser__steps=1))
+    assert "depth" not in found.joint.losses
 
 
 IN_AIR = torch.tensor([[0.0] * 5, [1.0] * 5])
@@ -357,4 +350,4 @@ def test_a_small_person_under_the_floor_does_not_rescale_the_scene_of_two_large_
     keypoints = project(state.model.landmarks(body, state.skeleton), state.K)
     result = optimize(replace(state, transl=transl, keypoints=keypoints), SETTINGS)
     assert result.scene_scale == pytest.approx(1.0, abs=0.1)
-    assert sole_mm(result, stage)[:2].abs().max() < 30
+    assert sole_mm(result)[:2].abs().max() < 30

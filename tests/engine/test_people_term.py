@@ -13,7 +13,6 @@ from physic_core import engine_preset
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms.people import (
-    PeopleTerm,
     connected_groups,
     find_people_pairs,
     select_probes,
@@ -29,8 +28,7 @@ REACH_M = 0.06
 
 def add_people(energy):
     """The term as the preset adds it after the others."""
-    inside = adjusted(DEFAULT, penetration__people_weight=3.0, contact__people_weight=0.8)
-    return energy.add_terms([PeopleTerm(inside.contact, inside.penetration, energy.sampling)])
+    return energy.add_terms(DEFAULT.late_terms(energy.sampling)[0])
 
 
 def beside(make_stage, x, z):

@@ -47,10 +47,9 @@ def turned(state):
 
 
 def test_the_smaller_its_stated_error_the_less_a_joint_turns(bent):
-    turns = [turned(replace(bent, rotation_sigma=stated(sigma))) for sigma in (0.02, 0.2, 1.0)]
-    assert turns == sorted(turns)
-    assert turns[0] < 0.1 * BENT
-    assert turns[2] > 0.5 * BENT
+    sure, unsure = (turned(replace(bent, rotation_sigma=stated(s))) for s in (0.02, 1.0))
+    assert sure < 0.1 * BENT
+    assert unsure > 0.5 * BENT
 
 
 def test_unknown_errors_and_those_of_limbs_that_the_photo_does_not_show_count_nothing(bent):
@@ -96,17 +95,13 @@ def lean(state):
     return float((angle(optimize(state, SETTINGS).joints[0]) - angle(start.joints[0])).abs())
 
 
-def test_a_stated_lean_is_kept_where_legs_seem_too_long(short_legged):
-    sigmas = (None, torch.tensor([0.3]), torch.tensor([0.01]))
-    leans = [lean(replace(short_legged, lean_sigma=sigma)) for sigma in sigmas]
-    assert leans == sorted(leans, reverse=True)
-    assert leans[2] < 0.5 * leans[0]
-
-
-def test_a_stated_lean_is_kept_less_over_a_floor_of_unsure_pitch(short_legged):
+def test_a_stated_lean_is_kept_where_legs_seem_too_long_and_less_over_an_unsure_floor(short_legged):
     sure = replace(short_legged, lean_sigma=torch.tensor([0.01]))
     tilted = replace(sure.scene.floor, pitch_sigma=0.3)
-    assert lean(sure) < lean(replace(sure, scene=replace(sure.scene, floor=tilted)))
+    unsure = replace(sure, scene=replace(sure.scene, floor=tilted))
+    kept, less, free = (lean(state) for state in (sure, unsure, short_legged))
+    assert kept < less < free
+    assert kept < 0.5 * free
 
 
 @pytest.mark.parametrize(("stands", "sigma"), [(0.0, 0.01), (1.0, torch.nan)])

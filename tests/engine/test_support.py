@@ -38,13 +38,6 @@ HANGS = {"left_shoulder": (0, 0, 1.4), "right_shoulder": (0, 0, -1.4)}
 UP = torch.tensor([0.0, -1.0, 0.0])
 
 
-def members(model, *names):
-    chosen = torch.zeros(model.num_vertices, dtype=torch.bool)
-    for name in names:
-        chosen[model.contact_sets[name]] = True
-    return chosen
-
-
 @pytest.fixture(scope="module")
 def support(make_stage):
     """Return a function that gives the support of a person of some bends: ``touching`` are sets of
@@ -73,14 +66,14 @@ def support(make_stage):
         height=0.0,
     ):
         model, vertices, normals = posed(tuple(bends.items()))
-        contact = members(model, *touching)
+        contact = model.in_contact_sets(*touching)
         if chosen is not None:
             contact |= chosen(model, normals)
         person = PersonContact(
             vertices,
             normals,
             contact,
-            ~members(model, *unseen),
+            ~model.in_contact_sets(*unseen),
             feet=torch.tensor([feet] * 2),
             sits=sits,
             lies=lies,
@@ -144,7 +137,7 @@ def test_state_and_hidden_support_of(support, name):
     model, _, found = support(bends, touching, **known)
     assert found.state == state
     assert found.hidden.any() == bool(hidden)
-    assert not (found.hidden & ~members(model, *hidden)).any()
+    assert not (found.hidden & ~model.in_contact_sets(*hidden)).any()
     if state in ("balanced", "unsteady"):
         assert found.outside_m < 0.12
     assert math.isinf(found.outside_m) == (not touching and not hidden)
@@ -162,7 +155,7 @@ def test_what_carries_a_person_who_lies_is_under_seat_and_back_and_no_seat(suppo
     model, _, found = support({}, sits=True, lies=True, up=torch.tensor([0.0, 0.0, -1.0]))
     assert found.state == "assumed"
     assert not found.seat.any()
-    assert all((found.hidden & members(model, part)).any() for part in ("back", "gluteus"))
+    assert all((found.hidden & model.in_contact_sets(part)).any() for part in ("back", "gluteus"))
 
 
 def test_a_hidden_handhold_is_in_the_whole_hand_and_a_seat_in_contact_is_a_seat(support):
@@ -177,7 +170,7 @@ def few(mask, count):
 
 def test_a_few_vertices_or_the_sides_of_thighs_are_no_seat(support):
     def chosen(model, normals):
-        under = members(model, *SEAT)
+        under = model.in_contact_sets(*SEAT)
         return few(under & (normals @ UP < -0.5), 5) | (under & (normals @ UP > -0.1))
 
     _, person, found = support(SITS, SOLES, chosen, sits=True)
@@ -242,4 +235,4 @@ def test_an_upright_surface_and_few_vertices_that_face_down_carry_no_person(supp
 
     model, _, found = support(HANGS, (), chosen, feet=False, grips=True)
     assert found.state == SupportState.ASSUMED
-    assert not (found.hidden & ~members(model, *HANDS)).any()
+    assert not (found.hidden & ~model.in_contact_sets(*HANDS)).any()

@@ -20,14 +20,24 @@ from physic_core.engine.limbs import keypoints_of_observed_limbs
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_core.types import SKELETONS
 
-from .adjusted import adjusted, part_of, posed, with_scene, without_joints
+from .adjusted import (
+    adjusted,
+    heights,
+    part_of,
+    posed,
+    with_result,
+    with_scene,
+    without_joints,
+)
 
 SETTINGS = engine_preset("default").joint
 NAMES = SKELETONS["blazepose33"].names
 
 
 def prior_of(state, **changes):
-    return part_of(JointEnergy(state, adjusted(SETTINGS, **changes)), ContactTerm).prior
+    """Weight of each vertex by its contact probability; the vertices of the energy."""
+    energy = JointEnergy(state, adjusted(SETTINGS, **changes))
+    return part_of(energy, ContactTerm).prior[0], energy.sampling.ids
 
 
 @pytest.mark.parametrize(
@@ -40,15 +50,15 @@ def prior_of(state, **changes):
 )
 def test_usual_contact_parts_count_without_a_prior(standing, changes, share):
     without_prior = replace(standing.state, contact_prior=0 * standing.state.contact_prior)
-    ids = JointEnergy(without_prior, adjusted(SETTINGS, **changes)).sampling.ids
+    prior, ids = prior_of(without_prior, **changes)
     likely = torch.zeros(without_prior.model.num_vertices)
     for name in STATIC_CONTACT_PARTS:
         likely[without_prior.model.contact_sets[name]] = share
-    assert_close(prior_of(without_prior, **changes)[0], likely[ids])
+    assert_close(prior, likely[ids])
 
 
 def test_the_prior_goes_before_likely_parts(standing):
-    prior, both = (prior_of(standing.state, contact__static_weight=w) for w in (0.0, 0.25))
+    prior, both = (prior_of(standing.state, contact__static_weight=w)[0] for w in (0.0, 0.25))
     assert (prior > 0).any()
     assert_close(both[prior > 0], prior[prior > 0])
 
@@ -65,22 +75,17 @@ def lifted(stage, height):
     return replace(hidden, rotations=hidden.rotations @ rotvec_to_rotmat(turns))
 
 
-def sole_height(state, vertices):
+def sole_height(state):
     """Metres of the lowest vertex of the left sole over the floor."""
-    sole = vertices[0, state.model.contact_sets["left_sole"]]
-    floor = state.scene.floor
-    return float((sole @ floor.normal + floor.offset).min())
+    return float(heights(state)[0, state.model.contact_sets["left_sole"]].min())
 
 
 def test_an_unseen_foot_that_hovers_comes_down(standing, monkeypatch):
     monkeypatch.setattr(picture, "INVISIBLE_WEIGHT", 0.0)
     state = lifted(standing, 0.06)
-    start = posed(state).vertices
-    assert 0.03 < sole_height(state, start) < 0.1
+    assert 0.03 < sole_height(with_result(state, posed(state))) < 0.1
     free = adjusted(SETTINGS, soles__unseen_weight=0.0)
-    pulled, left = (
-        sole_height(state, optimize(state, settings).vertices) for settings in (SETTINGS, free)
-    )
+    pulled, left = (sole_height(optimize(state, settings)) for settings in (SETTINGS, free))
     assert pulled < left - 0.02
     assert left > 0.03
 

@@ -39,9 +39,6 @@ SEARCH_RADIUS_M = 0.15
 The contact thresholds of all presets are smaller.
 """
 
-# Spacing of scene points: a vertex between four of them is on the surface, not 1 cm from it.
-_POINT_SPACING_M = 0.02
-
 DistanceMeasure: TypeAlias = Callable[[Tensor, Tensor, Tensor], Tensor]
 """Function that returns distances (...) of vertices, metres.
 
@@ -124,19 +121,8 @@ def surface_distances(
     return SurfaceDistances(signed, height, nearest.index, normals)
 
 
-def distance_along_normal(offsets: Tensor, normals: Tensor, distance: Tensor) -> Tensor:
-    """Measure along the normal of the nearest point, and add the lateral distance beyond the rim of
-    a surface.
-    """
-    along = (normals * offsets).sum(-1)
-    beside = (offsets - along[..., None] * normals).norm(dim=-1)
-    plane = torch.sqrt(along.square() + torch.relu(beside - _POINT_SPACING_M).square())
-    return torch.where(normals.square().sum(-1) > 0.5, plane, distance)
-
-
-OWN_RADIUS_M = 0.08
-"""Search radius on the same body, metres: its parts have smaller errors than scene and people."""
-
+# Search radius on the same body: its parts have smaller errors than scene and people.
+_OWN_RADIUS_M = 0.08
 _SPACING_M = 0.012  # half the largest distance of neighbouring vertices
 _CANDIDATES = 6  # nearest vertices among which one of skin that looks another way is searched
 _MAX_COSINE = 0.5  # between two normals; skin that looks the same way does not touch
@@ -165,25 +151,22 @@ class SkinDistances:
         return SkinDistances(torch.full_like(vertices[..., 0], torch.inf), index, index)
 
 
-def people_distances(
-    vertices: Tensor, normals: Tensor, outer: Tensor, radius: float
-) -> SkinDistances:
+def people_distances(vertices: Tensor, normals: Tensor, outer: Tensor) -> SkinDistances:
     """Find the nearest skin of other people.
 
     Args:
         vertices: (N, V, 3) metres.
         normals: (N, V, 3) unit, out of the bodies.
         outer: (V,) bool, vertices that may touch and be touched.
-        radius: of the search, metres.
     """
     (ids,) = exact_arrays(outer.nonzero()[:, 0])
     people = _finite_people(vertices)
     searches = [(j, ids, [(i, ids) for i in people if i != j]) for j in people]
-    return _nearest_skin(vertices, normals, searches, radius)
+    return _nearest_skin(vertices, normals, searches, SEARCH_RADIUS_M)
 
 
 def own_distances(
-    vertices: Tensor, normals: Tensor, outer: Tensor, part: Tensor, rest: Tensor, radius: float
+    vertices: Tensor, normals: Tensor, outer: Tensor, part: Tensor, rest: Tensor
 ) -> SkinDistances:
     """Find the nearest skin of other parts of the same body.
 
@@ -196,7 +179,6 @@ def own_distances(
         outer: (V,) bool, vertices that may touch and be touched.
         part: (V,) int64, body part of each vertex.
         rest: (V, 3) vertices in the rest pose, metres.
-        radius: of the search, metres.
     """
     ids, parts, at_rest = exact_arrays(outer.nonzero()[:, 0], part[outer], rest)
     searches = [
@@ -204,7 +186,7 @@ def own_distances(
         for i in _finite_people(vertices)
         for p in np.unique(parts)
     ]
-    return _nearest_skin(vertices, normals, searches, radius, at_rest)
+    return _nearest_skin(vertices, normals, searches, _OWN_RADIUS_M, at_rest)
 
 
 def _finite_people(vertices: Tensor) -> list[int]:
@@ -354,22 +336,10 @@ yield.
 """
 
 
-def largest_dents(near: SurfaceDistances, parts: SceneParts) -> Tensor:
-    """Return the largest depth (N, V) of a dent of the surface nearest to each vertex; 0 where none
-    is near.
-    """
+def dent_depths(near: SurfaceDistances, parts: SceneParts) -> Tensor:
+    """Return how deep vertices press into yielding surfaces, metres: (N, V), NaN elsewhere."""
     if not len(parts.label):
-        return torch.zeros_like(near.scene)
+        return torch.full_like(near.scene, torch.nan)
     table = near.scene.new_tensor([0.0, *(GIVE_M.get(name, 0.0) for name in parts.names)])
-    return torch.where(torch.isfinite(near.scene), table[parts.label + 1][near.point], 0.0)
-
-
-def dent_depths(distance: Tensor, give: Tensor) -> Tensor:
-    """Return how deep vertices press into yielding surfaces, metres: (N, V), NaN elsewhere.
-
-    Args:
-        distance: (N, V) signed, to the undented scene, metres.
-        give: (N, V) largest depth.
-    """
-    depth = torch.minimum(torch.relu(-torch.nan_to_num(distance, posinf=0.0)), give)
-    return torch.where(give > 0, depth, torch.nan)
+    give = torch.where(torch.isfinite(near.scene), table[parts.label + 1][near.point], 0.0)
+    return torch.where(give > 0, torch.minimum(torch.relu(-near.scene), give), torch.nan)

@@ -14,7 +14,6 @@ from physic_core.engine.contact.distances import (
     SEARCH_RADIUS_M,
     ContactSurfaces,
     Distances,
-    distance_along_normal,
 )
 from physic_core.engine.contact.probability import (
     by_vertex,
@@ -32,6 +31,9 @@ from physic_core.types.bounds import Share
 if TYPE_CHECKING:
     from physic_core.engine.scene_state import Surroundings
     from physic_core.engine.state import State
+
+# Spacing of scene points: a vertex between four of them is on the surface, not 1 cm from it.
+_POINT_SPACING_M = 0.02
 
 
 @dataclass(frozen=True)
@@ -88,8 +90,15 @@ class ContactMethod:
         return in_free_space(state.vertices / state.scene_scale, depth, state.K)
 
     def measure(self, offsets: Tensor, normals: Tensor, distance: Tensor) -> Tensor:
-        """Return the distance of vertices to the scene; arguments as in ``DistanceMeasure``."""
-        return distance_along_normal(offsets, normals, distance)
+        """Return the distance of vertices to the scene; arguments as in ``DistanceMeasure``.
+
+        It is measured along the normal of the nearest point, with the lateral distance beyond the
+        rim of a surface.
+        """
+        along = (normals * offsets).sum(-1)
+        beside = (offsets - along[..., None] * normals).norm(dim=-1)
+        plane = torch.sqrt(along.square() + torch.relu(beside - _POINT_SPACING_M).square())
+        return torch.where(normals.square().sum(-1) > 0.5, plane, distance)
 
     def find_touch(self, state: State, near: Distances) -> Touch:
         """Return the contacts of vertices whose fitted probability is at least the threshold.

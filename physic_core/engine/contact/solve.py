@@ -10,13 +10,10 @@ from torch import Tensor
 from physic_core.engine.contact.distances import (
     HAND_BREADTH_M,
     KINDS,
-    OWN_RADIUS_M,
-    SEARCH_RADIUS_M,
     ContactSurfaces,
     Distances,
     SkinDistances,
     dent_depths,
-    largest_dents,
     own_distances,
     people_distances,
     surface_distances,
@@ -59,12 +56,13 @@ def solve_contact(estimates: Estimates, state: State, method: ContactMethod) -> 
     """Return the state with the contact of all people; those with non-finite vertices touch
     nothing.
     """
+    photo = estimates.photo
     bodies = state.vertices[state.finite_people]
     surfaces = method.surfaces(state.surroundings, bodies, state.scene_scale)
-    near = measure_distances(state, surfaces, _classify_points(estimates, state), method)
-    return replace(
-        state, contact=find_contact(state, near, method, Picture.of(estimates.photo, state))
-    )
+    # unknown where inpainted
+    (labels,) = select_pixels(state.scene.valid, torch.where(photo.hole, -1, photo.labels))
+    near = measure_distances(state, surfaces, (photo.label_names, labels), method)
+    return replace(state, contact=find_contact(state, near, method, Picture.of(photo, state)))
 
 
 def find_contact(
@@ -106,25 +104,9 @@ def measure_distances(
     people = own = SkinDistances.none(vertices)
     if method.people:
         rest = model(*model.zero_pose()).vertices[0]
-        people = people_distances(vertices, normals, model.outer, SEARCH_RADIUS_M)
-        part = model.part_of_vertex
-        own = own_distances(vertices, normals, model.outer, part, rest, OWN_RADIUS_M)
-    return Distances(
-        normals=normals,
-        surface=surface,
-        parts=parts,
-        people=people,
-        own=own,
-    )
-
-
-def _classify_points(estimates: Estimates, state: State) -> tuple[tuple[str, ...], Tensor]:
-    """Return names and labels (M,) of the valid scene points, -1 where inpainted; all unknown if
-    the segmenter labels none.
-    """
-    photo = estimates.photo
-    (known,) = select_pixels(state.scene.valid, torch.where(photo.hole, -1, photo.labels))
-    return photo.label_names, known
+        people = people_distances(vertices, normals, model.outer)
+        own = own_distances(vertices, normals, model.outer, model.part_of_vertex, rest)
+    return Distances(normals=normals, surface=surface, parts=parts, people=people, own=own)
 
 
 def _find_supports(
@@ -200,29 +182,24 @@ def _with_unknown(state: State, touch: Touch) -> Touch:
             alone &= touch.gaps[name] > HAND_BREADTH_M
             chosen = state.model.in_contact_sets(f"{side}_{skin}") & state.model.outer
             kind[alone[:, None] & chosen] = HIDDEN
-    return _on_hidden(state, touch, kind)
-
-
-def _on_hidden(state: State, touch: Touch, kind: Tensor) -> Touch:
-    """Return the touch with another kind of each vertex (N, V); those of hidden supports have the
-    probability of their part.
-    """
-    probability = touch.probability
-    if probability is not None and touch.parts:
-        of_parts = by_vertex(state.model, touch.parts).to(probability)
-        probability = torch.where(kind >= HIDDEN, of_parts, probability)
-    return replace(touch, kind=kind, probability=probability)
+    return replace(touch, kind=kind)
 
 
 def _add_hidden_contacts(
     state: State, touch: Touch, carried: tuple[PersonSupport | None, ...]
 ) -> Touch:
-    """Add contacts of hidden supports."""
+    """Add contacts of hidden supports. All contacts with what is hidden or unknown get the
+    probability of their part.
+    """
     kind = touch.kind.clone()
     for i, one in enumerate(carried):
         if one is not None:
             kind[i, one.hidden] = torch.where(one.seat[one.hidden], HIDDEN_SEAT, HIDDEN)
-    return _on_hidden(state, touch, kind)
+    probability = touch.probability
+    if probability is not None and touch.parts:
+        of_parts = by_vertex(state.model, touch.parts).to(probability)
+        probability = torch.where(kind >= HIDDEN, of_parts, probability)
+    return replace(touch, kind=kind, probability=probability)
 
 
 def _describe_contacts(
@@ -236,8 +213,8 @@ def _describe_contacts(
     regions = contact_regions(state.model)
     seen = Seen(_carried_limbs(state), feet_on_floor(state), picture)
     partners, index = assign_partners(touch.kind, near, regions, state.up, seen)
-    dents = dent_depths(near.surface.scene, largest_dents(near.surface, near.parts))
-    dents = torch.where(touch.kind == KINDS.index("scene"), dents, torch.nan)
+    dents = dent_depths(near.surface, near.parts)
+    dents = torch.where(touch.kind == _SCENE, dents, torch.nan)
     unseen = unseen_parts(state) if touch.parts else {}
     contacts = []
     supports = []

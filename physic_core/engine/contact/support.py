@@ -53,18 +53,18 @@ class PersonContact:
         lies: whether the trunk is nearly horizontal.
         grips: (2,) bool, left and right hand that probably touch the scene; None if unknown.
         height: (V,) height of contacts over what they touch, metres, negative inside; inf of other
-            skin. None if unknown.
+            skin.
     """
 
     vertices: Tensor
     normals: Tensor
     contact: Tensor
     seen: Tensor
-    feet: Tensor | None = None
-    sits: bool = False
-    lies: bool = False
-    grips: Tensor | None = None
-    height: Tensor | None = None
+    feet: Tensor | None
+    sits: bool
+    lies: bool
+    grips: Tensor | None
+    height: Tensor
 
     @property
     def in_air(self) -> bool:
@@ -170,10 +170,9 @@ def _raised_heels(model: BodyModel, person: PersonContact) -> Tensor:
     it.
     """
     raised = torch.zeros_like(person.contact)
-    if person.height is not None:
-        for heel in _heel_masks(model):
-            if float(person.height[heel].amin()) >= _HEEL_REACH_M:
-                raised |= heel
+    for heel in _heel_masks(model):
+        if float(person.height[heel].amin()) >= _HEEL_REACH_M:
+            raised |= heel
     return raised
 
 

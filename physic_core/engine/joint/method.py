@@ -107,11 +107,10 @@ class JointMethod(ABC):
 
         A margin is left for the motion of people.
         """
-        points = sampling.around.points
-        normals = sampling.around.normals
-        radius = sampling.search_radius_m
-        keep = inside_body_boxes(points, vertices / scale, (radius + MAX_MOTION_M) / scale)
-        return NearestPointSearch(points[keep], normals[keep], radius)
+        around = sampling.around
+        radius = self.search_radius_m
+        keep = inside_body_boxes(around.points, vertices / scale, (radius + MAX_MOTION_M) / scale)
+        return NearestPointSearch(around.points[keep], around.normals[keep], radius)
 
     def update_visibility(
         self,

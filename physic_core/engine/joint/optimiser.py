@@ -66,11 +66,7 @@ def finite_energy_per_person(
 
 def term_totals(energies: Mapping[str, Tensor]) -> dict[str, float]:
     """Return the sum of each term over all people: term name -> energy."""
-    sums = (
-        torch.stack([value.detach().sum() for value in energies.values()])
-        if energies
-        else torch.zeros(0)
-    )
+    sums = torch.stack([value.detach().sum() for value in energies.values()])
     return dict(zip(energies, sums.tolist(), strict=True))
 
 
@@ -122,35 +118,27 @@ def keep_lowest_energy(
         groups: (B,) int64, see :func:`revert_if_worse`.
     """
     variables = energy.variables
-    everybody = torch.ones(variables.num_people, dtype=torch.bool, device=states[0].device)
+    parts = [variables.split(state) for state in states]
     best = (math.inf, math.inf)
     chosen = states[0]
-    for shared in states:
-        mixed = None
-        own = None
-        scale = 0.0
-        for other in states:
-            variables.load(shared)
-            variables.load_people(other, everybody)
+    for _, scale in parts:
+        mixed = parts[0][0]
+        own = mixed.new_full((len(mixed),), torch.inf)
+        of_scene = 0.0
+        for people, _ in parts:
+            variables.load(variables.merge(people, scale))
             energies = energy()
-            scale = float(energies[_SCENE_TERM].sum()) if _SCENE_TERM in energies else 0.0
+            if _SCENE_TERM in energies:
+                of_scene = float(energies[_SCENE_TERM].sum())
             found = finite_energy_per_person(energies, groups)
-            if mixed is None or own is None:
-                mixed = variables.pack()
-                own = found
-                continue
-            better = found < own
-            variables.load(mixed)
-            variables.load_people(other, better)
-            mixed = variables.pack()
-            own = torch.where(better, found, own)
-        if own is not None and mixed is not None:
-            # A person with non-finite energy in all states is excluded from the totals.
-            finite = torch.isfinite(own)
-            value = (float((~finite).sum()), float(own[finite].sum()) + scale)
-            if value < best:
-                best = value
-                chosen = mixed
+            mixed = torch.where((found < own)[:, None], people, mixed)
+            own = torch.minimum(found, own)
+        # A person with non-finite energy in all states is excluded from the totals.
+        finite = torch.isfinite(own)
+        value = (float((~finite).sum()), float(own[finite].sum()) + of_scene)
+        if value < best:
+            best = value
+            chosen = variables.merge(mixed, scale)
     variables.load(chosen)
 
 
@@ -249,26 +237,24 @@ class Optimiser(ABC):
         variables = energy.variables
         origin = variables.pack()
         take_steps = self.start(energy, groups)
-        done = 0
-        blocks = list[BlockResult]()
-        while (
-            done < self.steps and variables.parameters() and not (blocks and blocks[-1].converged)
-        ):
+        done = evaluations = taken = 0
+        converged = False
+        while done < self.steps and variables.parameters() and not converged:
             if done:
                 energy.refresh()
-            steps = min(self.refresh_steps, self.steps - done)
-            blocks.append(take_steps(steps))
-            done += steps
+            block = take_steps(min(self.refresh_steps, self.steps - done))
+            done = min(done + self.refresh_steps, self.steps)
+            evaluations += block.evaluations
+            taken += block.steps
+            converged = block.converged
             if progress is not None:
                 progress(done / self.steps)
         # else the motion is too small to change visibility
-        if not (blocks and blocks[-1].converged):
+        if not converged:
             energy.refresh()
         start, end = revert_if_worse(energy, variables.pack(), origin, groups)
         if progress is not None:
             progress(1.0)
-        evaluations = sum(block.evaluations for block in blocks)
-        taken = sum(block.steps for block in blocks)
         return MinimisationResult(start, end, evaluations, taken)
 
 

@@ -11,11 +11,11 @@ from physic_core.body.joints import joint_pair
 from physic_core.body.model import BodyModel
 from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.joint.sampling import Sampling, root_relative
-from physic_core.engine.limbs import observed_parts
 from physic_core.engine.state import OtherView, State
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import cluster_points, faces_around_vertices, vertex_areas
 from physic_core.geometry.visibility import front_depth, inside_image
+from physic_core.types.skeletons import SIDES
 
 _ANKLES = joint_pair("ankle")
 _STEPS_PER_M = float(1 << 20)  # resolution to which positions are rounded
@@ -27,19 +27,12 @@ def _log_depth(depth: Tensor | None) -> Tensor | None:
     return None if depth is None else torch.where(depth > 0, depth, torch.nan).log()
 
 
-def _inside_photo(points: Tensor, state: State) -> Tensor:
-    """Return whether the photo shows the place of each point (N, P, 3): (N, P) bool."""
-    height, width = state.masks.shape[-2:]
-    return inside_image(project(points, state.K), height, width)
-
-
 @torch.no_grad()
 def precompute(state: State, method: JointMethod) -> Sampling:
     """Compute the constants of one joint optimisation of finite people."""
     person_weights = method.weigh_people(state)
     state, model = method.prepare(state), state.model
     start = model(state.rotations, state.betas, state.transl, state.expression)
-    observed = state.observed_in_any_photo
     probability = torch.nan_to_num(state.contact_prior)
     is_contact = probability >= _CONTACT_PROBABILITY
     area = vertex_areas(start.vertices, model.faces)
@@ -47,13 +40,13 @@ def precompute(state: State, method: JointMethod) -> Sampling:
         model, is_contact.any(0), method.visibility.vertex_spacing_m, area
     )
     around = method.select_surroundings(state)
+    ankles = inside_image(project(start.joints[:, _ANKLES], state.K), *state.masks.shape[-2:])
     faces, faces_of_vertices = faces_around_vertices(model.faces, model.faces_of_vertices[ids])
     sampling = Sampling(
         state=state,
         around=around,
         person_weights=person_weights,
         visibility=method.visibility,
-        search_radius_m=method.search_radius_m,
         ids=ids,
         faces=faces,
         faces_of_vertices=faces_of_vertices,
@@ -61,13 +54,13 @@ def precompute(state: State, method: JointMethod) -> Sampling:
         area=method.weigh_vertices(area),
         contact_prior=probability[:, ids],
         is_contact=is_contact[:, ids],
-        on_visible_part=observed_parts(model.part_names, observed)[:, model.part_of_vertex[ids]],
-        soles=_sole_indices(model, ids),
+        on_visible_part=state.visible_vertices[:, ids],
+        soles=tuple(torch.searchsorted(ids, model.contact_sets[f"{side}_sole"]) for side in SIDES),
         keypoint_weights=method.weigh_keypoints(state),
         person_px=_person_px(state, start.joints[:, 0]),
         start=start,
         relative=root_relative(start.vertices[:, ids], start.joints[:, 0], state.rotations[:, 0]),
-        feet_visible=observed[:, _ANKLES] & _inside_photo(start.joints[:, _ANKLES], state),
+        feet_visible=state.observed_in_any_photo[:, _ANKLES] & ankles,
         log_depth=_log_depth(state.photo_depth),
         fronts=None if around.depth is None else front_depth(around.depth),
     )
@@ -111,11 +104,7 @@ def subsample_vertices(
         ids: (n,) int64, ascending; soles and ``keep`` are always among them, cavities never.
         area: (B, n).
     """
-    keep = keep.clone()
-    for name in ("left_sole", "right_sole"):
-        if name in model.contact_sets:
-            keep[model.contact_sets[name]] = True
-    keep &= model.outer
+    keep = (keep | model.in_contact_sets("left_sole", "right_sole")) & model.outer
     if spacing <= 0:
         ids = model.outer.nonzero(as_tuple=True)[0]
         return ids, area[:, ids]
@@ -130,12 +119,3 @@ def subsample_vertices(
     ids = torch.cat([kept, rest[chosen]])
     order = ids.argsort()
     return ids[order], torch.cat([area[:, kept], summed], 1)[:, order]
-
-
-def _sole_indices(model: BodyModel, ids: Tensor) -> tuple[Tensor, Tensor]:
-    """Return the rows of ``ids`` that are on the left and on the right sole."""
-    row = torch.full((model.num_vertices,), -1, dtype=torch.int64, device=ids.device)
-    row[ids] = torch.arange(len(ids), device=ids.device)
-    none = ids.new_zeros(0)
-    left, right = (row[model.contact_sets.get(f"{side}_sole", none)] for side in ("left", "right"))
-    return left[left >= 0], right[right >= 0]

@@ -52,7 +52,6 @@ class Sampling:
         around: surfaces that distances are measured to (``JointMethod.select_surroundings``).
         person_weights: (B,) weight of each person's terms.
         visibility: settings.
-        search_radius_m: of vertices for scene points, metres.
         ids: (n,) int64, indices of the subsampled vertices.
         faces: (f, 3) int64, those at the subsampled vertices.
         faces_of_vertices: (n, most) int64, adjacent ``faces`` of each subsampled vertex, padded
@@ -63,7 +62,7 @@ class Sampling:
         contact_prior: (B, n) finite.
         is_contact: (B, n) bool, contact vertices, with a probability of at least one half.
         on_visible_part: (B, n) bool, on a visible limb.
-        soles: rows of ``ids`` of the left and of the right sole; empty if the body has none.
+        soles: rows of ``ids`` of the left and of the right sole.
         keypoint_weights: (B, J), 0 for keypoints that do not count.
         person_px: (B,) stature in px at the person's depth.
         start: posed bodies at the start, all vertices.
@@ -81,7 +80,6 @@ class Sampling:
     around: Surroundings
     person_weights: Tensor
     visibility: VisibilitySettings
-    search_radius_m: float
     ids: Tensor
     faces: Tensor
     faces_of_vertices: Tensor
@@ -90,7 +88,7 @@ class Sampling:
     contact_prior: Tensor
     is_contact: Tensor
     on_visible_part: Tensor
-    soles: tuple[Tensor, Tensor]
+    soles: tuple[Tensor, ...]
     keypoint_weights: Tensor
     person_px: Tensor
     start: BodyOutput

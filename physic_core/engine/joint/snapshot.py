@@ -73,8 +73,9 @@ class OcclusionTracker:
             share=HIDDEN_LIMB_SHARE,
             coarse=model.coarse if sampling.visibility.vertex_spacing_m else None,
         )
-        self._seen: Tensor | None = None
-        self._hidden = self._hidden_limbs = torch.zeros(0)
+        start = sampling.start.vertices
+        self._seen = torch.full_like(start, torch.inf)
+        self._hidden = self._hidden_limbs = torch.zeros_like(start[..., 0], dtype=torch.bool)
 
     def __call__(self, vertices: Tensor) -> tuple[Tensor, Tensor]:
         """Compute the self-occlusion of vertices (B, V, 3).
@@ -86,17 +87,13 @@ class OcclusionTracker:
         away = vertices[..., 2].mean(1).abs().clamp(min=1e-6)[:, None, None]
         # Motion along the rays does not change the self-occlusion.
         seen = vertices / away
-        if self._seen is None:
-            self._seen = seen
-            self._hidden, self._hidden_limbs = self._cast(vertices)
-        else:
-            moved = ((seen - self._seen) * away).square().sum(-1).mean(1).sqrt()
-            rows = (~(moved < _MIN_MOTION_M)).nonzero(as_tuple=True)[0]
-            if len(rows):
-                hidden, hidden_limbs = self._cast(vertices[rows])
-                self._seen = self._seen.index_copy(0, rows, seen[rows])
-                self._hidden = self._hidden.index_copy(0, rows, hidden)
-                self._hidden_limbs = self._hidden_limbs.index_copy(0, rows, hidden_limbs)
+        moved = ((seen - self._seen) * away).square().sum(-1).mean(1).sqrt()
+        rows = (~(moved < _MIN_MOTION_M)).nonzero(as_tuple=True)[0]
+        if len(rows):
+            hidden, hidden_limbs = self._cast(vertices[rows])
+            self._seen = self._seen.index_copy(0, rows, seen[rows])
+            self._hidden = self._hidden.index_copy(0, rows, hidden)
+            self._hidden_limbs = self._hidden_limbs.index_copy(0, rows, hidden_limbs)
         return self._hidden, self._hidden_limbs
 
 
@@ -160,13 +157,13 @@ class ContactState:
     Attributes:
         found: bool, a scene point is within the search radius of the vertex.
         distance: to that point, metres.
-        signed: along its normal, metres, negative inside; inf if no point is found.
+        signed: to its plane, ``n . (v - p)``, metres, negative inside; inf if no point is found.
         height: above the floor's plane, metres; inf if there is no plane.
         facing_scene: cosine between the body's normal and minus the scene's normal; 0 without a
             scene.
         facing_floor: cosine between the body's normal and minus the floor's normal.
         in_free_space: bool, nearer to the camera than the depth map at its pixel.
-        points: (B, n, 3) nearest scene points, unscaled; None without a scene, as are the fields
+        points: (B, n, 3) nearest scene points, unscaled; 0 without a scene, as are the fields
             below.
         normals: (B, n, 3) of those points.
         plane_distance: of the planes through those points from the camera, ``n . p``, unscaled.
@@ -179,18 +176,9 @@ class ContactState:
     facing_scene: Tensor
     facing_floor: Tensor
     in_free_space: Tensor
-    points: Tensor | None
-    normals: Tensor | None
-    plane_distance: Tensor | None
-
-
-def signed_distance(vertices: Tensor, points: Tensor, normals: Tensor) -> Tensor:
-    """Return the signed distance of vertices to the planes through scene points: ``n . (v - p)``,
-    negative inside.
-
-    Vertices, points and unit normals (..., 3) -> (...) metres. Normals point to the camera's side.
-    """
-    return (normals * (vertices - points)).sum(-1)
+    points: Tensor
+    normals: Tensor
+    plane_distance: Tensor
 
 
 @torch.no_grad()
@@ -212,31 +200,28 @@ def update_contacts(
     state = sampling.state
     floor = sampling.around.floor
     nearest = scene.query(vertices, scale)
-    far = torch.full_like(sampling.area, torch.inf)
-    zeros = torch.zeros_like(sampling.area)
-    no = torch.zeros_like(sampling.on_visible_part)
-    free = (
-        no if sampling.fronts is None else in_free_space(vertices / scale, sampling.fronts, state.K)
-    )
-    signed = far
-    facing_scene = zeros
-    points = normals = plane_distance = None
+    height = far = torch.full_like(sampling.area, torch.inf)
+    facing_floor = torch.zeros_like(sampling.area)
+    free = torch.zeros_like(sampling.on_visible_part)
+    points = normals = torch.zeros_like(vertices)
+    if sampling.fronts is not None:
+        free = in_free_space(vertices / scale, sampling.fronts, state.K)
+    if floor is not None:
+        height = floor.scaled(scale).height(vertices)
+        facing_floor = -(body_normals @ floor.normal)
     if len(scene.points):
         points = scene.points[nearest.index]
         normals = scene.normals[nearest.index]
-        plane_distance = (normals * points).sum(-1)
-        scaled = points * scale
-        signed = torch.where(nearest.found, signed_distance(vertices, scaled, normals), far)
-        facing_scene = -(body_normals * normals).sum(-1)
+    signed = (normals * (vertices - points * scale)).sum(-1)
     return ContactState(
         found=nearest.found,
         distance=nearest.distance,
-        signed=signed,
-        height=far if floor is None else floor.scaled(scale).height(vertices),
-        facing_scene=facing_scene,
-        facing_floor=zeros if floor is None else -(body_normals @ floor.normal),
+        signed=torch.where(nearest.found, signed, far),
+        height=height,
+        facing_scene=-(body_normals * normals).sum(-1),
+        facing_floor=facing_floor,
         in_free_space=free,
         points=points,
         normals=normals,
-        plane_distance=plane_distance,
+        plane_distance=(normals * points).sum(-1),
     )

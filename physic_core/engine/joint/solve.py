@@ -15,7 +15,6 @@ from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.method import JointMethod
 from physic_core.engine.joint.optimiser import MinimisationResult, join_results
 from physic_core.engine.scene.method import SceneMethod
-from physic_core.engine.scene_state import SceneState
 from physic_core.engine.state import Estimates, JointResult, State
 from physic_core.geometry.pixels import span_of_true
 from physic_core.geometry.pointmap import edge_ratio, pointmap_normals
@@ -45,7 +44,6 @@ def optimize(
     healthy = _has_valid_start(state)
     for i in (~healthy).nonzero().flatten().tolist():
         failures[i] = _INVALID_START
-    energy: JointEnergy | None = None
     while healthy.any():
         rows = healthy.nonzero(as_tuple=True)[0]
         energy = JointEnergy(state.select_people(rows), settings)
@@ -55,8 +53,7 @@ def optimize(
         for i in rows[~finite].tolist():
             failures[i] = _INVALID_ENERGY
         healthy[rows[~finite]] = False
-        energy = None
-    if energy is None:
+    else:
         return replace(state, joint=_posed(state, failures))
     origin = energy.variables.pack()
     minimised = settings.optimiser.minimise(energy, progress)
@@ -65,7 +62,6 @@ def optimize(
     if groups is not None:
         again = optimiser.minimise(energy, groups=groups)
         minimised = join_results(energy, origin, minimised, again)
-    rows = healthy.nonzero(as_tuple=True)[0]
     return settings.finish(_merged_people(state, energy, minimised, rows, failures))
 
 
@@ -140,36 +136,23 @@ def finalize_scene(estimates: Estimates, state: State, settings: SceneMethod) ->
     finite = state.finite_people
     if not settings.carve_m or not bool(finite.any()):
         return state
+    scene = state.scene
     bodies = state.vertices[finite] / state.scene_scale
-    masks = state.masks[finite]
-    hole = estimates.photo.hole
-    scene = _carved_scene(state.scene, bodies, state.model.faces, masks, hole, settings)
-    return replace(state, scene=scene)
-
-
-def _carved_scene(
-    scene: SceneState,
-    bodies: Tensor,
-    faces: Tensor,
-    masks: Tensor,
-    hole: Tensor,
-    settings: SceneMethod,
-) -> SceneState:
-    """Move inpainted scene points out of the bodies (B, V, 3) that occluded them."""
-    unseen = hole & scene.valid
+    unseen = estimates.photo.hole & scene.valid
+    masks = state.masks[finite][:, unseen]
     moved, out = move_behind_bodies(
-        scene.points[unseen], bodies, faces, masks[:, unseen], settings.carve_m
+        scene.points[unseen], bodies, state.model.faces, masks, settings.carve_m
     )
+    if not bool(out.any()):
+        return state
     points = scene.points.clone()
     points[unseen] = moved
     changed = unseen.clone()
     changed[unseen] = out
-    if not bool(out.any()):
-        return scene
     rows, columns = (span_of_true(changed.any(dim), 1) for dim in (1, 0))
-    ratio = edge_ratio(*hole.shape)
+    ratio = edge_ratio(*unseen.shape)
     fresh = pointmap_normals(points[rows, columns], scene.valid[rows, columns], ratio)
     renewed = changed[rows, columns] & (fresh.square().sum(-1) > 0)
     surface = scene.normals.clone()
     surface[rows, columns] = torch.where(renewed[..., None], fresh, surface[rows, columns])
-    return replace(scene, points=points, normals=surface)
+    return replace(state, scene=replace(scene, points=points, normals=surface))

@@ -26,38 +26,21 @@ class RobustSum:
         kind: of loss, see :mod:`physic_core.geometry.robust`.
         scale: of the loss, in sigmas.
         sigma: expected residual.
-        weight: (B, n).
-        value_weight: (B, n) weights of the values of the loss of unit scale.
-        slope_weight: (B, n) weights of its derivatives.
+        weight: (B, n), 0 excludes a residual.
     """
 
     kind: str
     scale: float
     sigma: float
     weight: Tensor
-    value_weight: Tensor
-    slope_weight: Tensor
-
-    @classmethod
-    def of(cls, kind: str, scale: float, sigma: float, weight: Tensor) -> RobustSum:
-        """Build from the type of loss, its scale in units of ``sigma``, the expected residual and
-        weights (B, n).
-        """
-        return cls(kind, scale, sigma, weight, weight * scale**2, weight * (2.0 / sigma**2))
-
-    def value_and_slope(self, residual: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the sum of each person (B,) and its derivative with respect to the residuals (B,
-        n).
-        """
-        values, slopes = self.values_and_slopes(residual)
-        return values.sum(1), slopes
 
     def values_and_slopes(self, residual: Tensor) -> tuple[Tensor, Tensor]:
         """Return the summands (...) and their derivatives with respect to the residuals (...)."""
         loss, slope = loss_with_slope(
             self.kind, (residual * (1.0 / (self.sigma * self.scale))).square(), self.scale
         )
-        return self.value_weight * loss, self.slope_weight * residual * slope
+        slopes = self.weight * (2.0 / self.sigma**2) * residual * slope
+        return self.weight * self.scale**2 * loss, slopes
 
 
 RobustLoss = Callable[[Tensor], Tensor]
@@ -152,14 +135,15 @@ class SurfacePlace(NamedTuple):
 
 class SurfaceResidual(NamedTuple):
     """Residuals (B, n) of a surface term, and their derivatives by the place of the vertices: one
-    number, or (B, n) numbers or Booleans; None for those that are 0.
+    number, or (B, n) numbers or Booleans; None for those that are 0. Derivatives are in the order
+    of :class:`SurfacePlace`.
     """
 
     value: Tensor
     by_scene: Tensor | float | None = None
     by_floor: Tensor | None = None
     by_last_floor: Tensor | None = None
-    by_depth: float | None = None
+    by_log_depth: float | None = None
 
 
 class SurfaceTerm(ABC):
@@ -168,19 +152,15 @@ class SurfaceTerm(ABC):
 
     Attributes:
         name: of the energy, and of its weights.
-        weights: name -> (B, n) weights since the last :meth:`refresh`; 0 excludes a vertex.
+        weight: of the term; 0 turns it off.
     """
 
     name: ClassVar[str]
-    weights: Mapping[str, Tensor] = MappingProxyType({})
+    weight: float
 
     @abstractmethod
-    def refresh(self, snapshot: Snapshot) -> None:
-        """Update :attr:`weights`, which are constant until the next call."""
-
-    @abstractmethod
-    def robust_sum(self) -> RobustSum | None:
-        """Return the robust sum over the residuals; None if the term is off."""
+    def refresh(self, snapshot: Snapshot) -> RobustSum:
+        """Return the robust sum over the residuals until the next call."""
 
     @abstractmethod
     def residual(self, at: SurfacePlace) -> SurfaceResidual:

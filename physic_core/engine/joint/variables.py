@@ -160,7 +160,7 @@ class Variables:
             self.values[group].requires_grad_()
         self._origin = {group: value.detach().clone() for group, value in self.values.items()}
         self._origin_columns = self._concatenate(self._origin)
-        self._sizes = [self._origin[group][0].numel() if people else 0 for group in _OF_PEOPLE]
+        self._sizes = [self._origin[group][0].numel() for group in _OF_PEOPLE]
 
     def _initial_values(self) -> dict[str, Tensor]:
         """Return the free parameters at the start, by group."""
@@ -229,13 +229,7 @@ class Variables:
     @staticmethod
     def _concatenate(values: Mapping[str, Tensor]) -> Tensor:
         """Concatenate the parameters of people: (B, P)."""
-        return torch.cat(
-            [
-                values[group].flatten(1) if values[group].ndim > 1 else values[group][:, None]
-                for group in _OF_PEOPLE
-            ],
-            1,
-        )
+        return torch.cat([values[g].reshape(len(values[g]), -1) for g in _OF_PEOPLE], 1)
 
     def parameters(self) -> list[Tensor]:
         """Return the leaf tensors of the free parameters."""
@@ -284,21 +278,16 @@ class Variables:
         """Set the parameters of the ``people`` (B,) bool from a vector of :meth:`pack`, without the
         scene's scale.
         """
-        for group, part in zip(self.free, self._parts(packed), strict=True):
-            value = self.values[group]
-            if group != "scale":
-                rows = people.reshape(-1, *[1] * (value.ndim - 1))
-                value.copy_(torch.where(rows, part.view_as(value), value))
+        theirs, _ = self.split(packed)
+        own, scale = self.split(self.pack())
+        self.load(self.merge(torch.where(people[:, None], theirs, own), scale))
 
     @torch.no_grad()
     def people_changed(self, packed: Tensor) -> Tensor:
         """Return (B,) bool: people with a parameter that differs from a vector of :meth:`pack`."""
-        changed = torch.zeros(self.num_people, dtype=torch.bool, device=packed.device)
-        for group, part in zip(self.free, self._parts(packed), strict=True):
-            if group != "scale":
-                value = self.values[group]
-                changed |= (value != part.view_as(value)).reshape(self.num_people, -1).any(1)
-        return changed
+        theirs, _ = self.split(packed)
+        own, _ = self.split(self.pack())
+        return (own != theirs).any(1)
 
     def _parts(self, packed: Tensor) -> tuple[Tensor, ...]:
         """Split a packed vector into the free parameter groups."""

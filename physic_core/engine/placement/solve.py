@@ -48,16 +48,14 @@ def solve_placement(estimates: Estimates, state: State, method: PlacementMethod)
         rides = tensor(estimates.photo.observations.posture)[:, POSTURES.index("ride")]
         # feet on pedals or in stirrups touch, but not the ground
         on_ground = 1 - rides.nan_to_num().to(state.limb_touch) * state.limb_touch[:, 4]
-        touch = torch.cat(
-            (state.limb_touch[:, :2] * on_ground[:, None], state.limb_touch[:, 2:]), 1
-        )
+        touch = state.limb_touch.clone()
+        touch[:, :2] *= on_ground[:, None]
         feet_seen = feet_seen & (touch[:, :2] >= LEAST_PROBABILITY).any(1)
         if state.rests is not None:
             # whatever is lowest carries people who lie, and feet that rest on a bench do not
             across = torch.isfinite(state.rests)
             feet_seen = torch.where(across, state.rests >= LEAST_PROBABILITY, feet_seen)
-            share = torch.where(across, state.rests, 1.0)[:, None]
-            touch = torch.cat((touch[:, :2] * share, touch[:, 2:]), 1)
+            touch[:, :2] *= torch.where(across, state.rests, 1.0)[:, None]
         state = replace(state, limb_touch=touch)
     return _place(estimates, state, feet_seen, method)
 

@@ -59,13 +59,6 @@ class PlacementProblem(NamedTuple):
         """Whether the feet are visible and the scene has a floor."""
         return len(self.soles) > 0
 
-    def foot_height(self, x: Tensor) -> Tensor:
-        """Return the height () of the lower foot above the floor, metres, of a person moved by x
-        (4,).
-        """
-        assert self.floor is not None
-        return self.floor.height(self.soles + x[:-1]).min()
-
     def median_error_px(self, x: Tensor) -> float:
         """Return the median reprojection error of a person moved by x (4,), px."""
         error = project(self.landmarks + x[:-1], self.K) - self.keypoints
@@ -153,14 +146,6 @@ class ChamferTerm:
             found.append(Residuals(error, slope, error.new_full((len(error),), weight), self.scale))
         return found
 
-    def median(self, x: Tensor) -> float:
-        """Return the median distance over both directions, metres."""
-        return float(
-            torch.cat(
-                [torch.linalg.vector_norm(r.error, dim=-1) for r in self.residuals(x)]
-            ).median()
-        )
-
 
 class PlacementFloorTerm:
     """Height of the lower foot above the floor, plus the prior ``cost g^2`` of the log depth offset
@@ -173,10 +158,11 @@ class PlacementFloorTerm:
         self.offset_cost = offset_cost
 
     def residuals(self, x: Tensor) -> list[Residuals]:
-        assert self.person.floor is not None
-        lowest = self.person.foot_height(x).reshape(1, 1)
+        floor = self.person.floor
+        assert floor is not None
+        lowest = floor.height(self.person.soles + x[:-1]).min().reshape(1, 1)
         upward = torch.zeros_like(x)
-        upward[:-1] = self.person.floor.normal
+        upward[:-1] = floor.normal
         only_offset = torch.zeros_like(x)
         only_offset[-1] = 1.0
         foot = lowest.new_tensor([self.weight])

@@ -146,7 +146,7 @@ class PaperOptimisation(PublishedOptimisation):
         scene.
         """
         around = sampling.around
-        return GridSearch(around.points, around.normals, sampling.search_radius_m)
+        return GridSearch(around.points, around.normals, self.search_radius_m)
 
     def weigh_keypoints(self, state: State) -> Tensor:
         """Return weights from confidence; a low confidence gives weight 0."""
@@ -188,6 +188,6 @@ class PaperOptimisation(PublishedOptimisation):
                     snapshot.visibility.eligible & ~(snapshot.visibility.hidden & aware)
                 ),
             ),
-            PrintedRegularisationTerm(self.regularisation, sampling, occlusion_aware=aware),
+            PrintedRegularisationTerm(self.regularisation, sampling),
             SceneScaleTerm(self.regularisation.weight),
         ]

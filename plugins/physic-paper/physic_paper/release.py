@@ -132,8 +132,6 @@ class ReleaseOptimisation(PaperOptimisation):
             PointPenetrationTerm(
                 self.penetration, sampling, _barron, may_not_penetrate, per_axis=True
             ),
-            ReleasedRegularisationTerm(
-                self.regularisation, sampling, variables, occlusion_aware=aware
-            ),
+            ReleasedRegularisationTerm(self.regularisation, sampling, variables),
             SceneScaleTerm(self.regularisation.weight),
         ]

@@ -58,20 +58,15 @@ def parameter_energy(deviation: Tensor, weight: Tensor) -> Tensor:
 
 
 def vertex_weights(
-    snapshot: Snapshot,
-    visible: float,
-    occluded: float,
-    area: Tensor,
-    *,
-    occlusion_aware: bool = True,
+    sampling: Sampling, snapshot: Snapshot, visible: float, occluded: float
 ) -> Tensor:
     """Return the L_reg weight of each vertex (B, n): vertex area times ``visible``, or ``occluded``
     if not visible.
     """
     strong = ~snapshot.visibility.eligible
-    if occlusion_aware:
+    if sampling.visibility.occlusion_aware:
         strong = strong | snapshot.visibility.hidden
-    return torch.where(strong, occluded, visible).to(area.dtype) * area
+    return torch.where(strong, occluded, visible).to(sampling.area.dtype) * sampling.area
 
 
 def stated_weights(state: State, expected: Tensor) -> Tensor:
@@ -103,16 +98,10 @@ class RegularisationTerm:
     """
 
     def __init__(
-        self,
-        settings: RegularisationSettings,
-        sampling: Sampling,
-        variables: Variables,
-        *,
-        occlusion_aware: bool,
+        self, settings: RegularisationSettings, sampling: Sampling, variables: Variables
     ) -> None:
         self._settings = settings
         self._sampling = sampling
-        self._occlusion_aware = occlusion_aware
         self._photos = sampling.state.photo_counts
         self._prior_weight = variables.expand_to_parameters(
             _PARAMETER_WEIGHTS | {"translation": settings.translation_weight}
@@ -125,13 +114,7 @@ class RegularisationTerm:
     def refresh(self, snapshot: Snapshot) -> None:
         """Update the weights of visible and hidden vertices."""
         s = self._settings
-        weight = vertex_weights(
-            snapshot,
-            s.visible_weight,
-            _OCCLUDED_WEIGHT,
-            self._sampling.area,
-            occlusion_aware=self._occlusion_aware,
-        )
+        weight = vertex_weights(self._sampling, snapshot, s.visible_weight, _OCCLUDED_WEIGHT)
         self.weights = {"regularisation": self._photos[:, None] * weight / s.sigma_m**2}
 
     def energy(self, mesh: Tensor, deviation: Tensor) -> Tensor:

@@ -194,27 +194,20 @@ class PeopleTerm(Term):
     ) -> None:
         self._touch_weight = contact.weight * contact.people_weight
         self._apart_weight = penetration.weight * penetration.people_weight
-        self._is_on = bool(self._touch_weight or self._apart_weight) and len(sampling.area) > 1
         self.pairs: PeoplePairs
         self.apart: RobustSum
         self.touch: RobustSum
-        if self._is_on:
-            model = sampling.state.model
-            self._probes, self._area = select_probes(model, sampling.ids, sampling.area)
-            hands = model.on_parts("hand")[sampling.ids]
-            self._may_touch = sampling.on_visible_part & hands
+        model = sampling.state.model
+        self._probes, self._area = select_probes(model, sampling.ids, sampling.area)
+        self._may_touch = sampling.on_visible_part & model.on_parts("hand")[sampling.ids]
 
     @property
     def links(self) -> Tensor:
         """Pairs (p, 2) int64 of people with vertices near each other."""
-        return (
-            torch.stack([self.pairs.person, self.pairs.other], 1) if self._is_on else super().links
-        )
+        return torch.stack([self.pairs.person, self.pairs.other], 1)
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Find the pairs of vertices near each other, and those that touch."""
-        if not self._is_on:
-            return
         found = find_people_pairs(
             self._probes, snapshot.vertices, snapshot.visibility.normals, _REACH_M
         )
@@ -224,18 +217,13 @@ class PeopleTerm(Term):
         touches = touches[kept]
         area = self._area[self.pairs.person, self.pairs.probe]
         self.apart = robust_depths(self._apart_weight * area)
-        self.touch = RobustSum.of(
+        self.touch = RobustSum(
             "geman_mcclure", _GAP_SIGMAS, SURFACE_SIGMA_M, self._touch_weight * area * touches
         )
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy of the pairs; zero if no vertices are near each other."""
-        if not self._is_on:
-            return {}
-        pairs = self.pairs
-        energy = torch.zeros_like(bodies.vertices[:, 0, 0])
-        if len(pairs):
-            energy = PairEnergies.apply(  # type: ignore[no-untyped-call]
-                bodies.vertices, pairs, self.apart, self.touch
-            )
+        energy = PairEnergies.apply(  # type: ignore[no-untyped-call]
+            bodies.vertices, self.pairs, self.apart, self.touch
+        )
         return {"people": energy}

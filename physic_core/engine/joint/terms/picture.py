@@ -40,26 +40,15 @@ MIN_DEPTH_M = 0.01
 """Smallest depth of a vertex in the logarithm, metres; smaller depths are clamped."""
 
 
-def reprojection_energy(
-    projected: Tensor, observed: Tensor, weight: Tensor, unit: Tensor, rho: RobustLoss
-) -> Tensor:
-    """Return the energy L_j2d (Eq. 2) of each person (B,): ``sum_j w_j rho(|(pi(J_j) - J^_j) /
-    unit|^2)``, unit in px.
+class ReprojectionTerm(Term):
+    """Reprojection term L_j2d (Eq. 2) of all keypoints: ``sum_j w_j rho(|(pi(J_j) - J^_j) /
+    unit|^2)``.
 
     Args:
-        projected: (B, J, 2) px.
-        observed: (B, J, 2) px, finite.
-        weight: (B, J), 0 for keypoints that do not count.
+        weight: of the term; 0 removes it.
         unit: (B, 1 or 2) px, the error of size 1: a share of the person, or the image's width and
             height.
-    """
-    error = (projected - observed) / unit[:, None]
-    return (weight * rho(error.square().sum(-1))).sum(-1)
-
-
-class ReprojectionTerm(Term):
-    """Reprojection term L_j2d of all keypoints, with the arguments of
-    :func:`reprojection_energy`.
+        rho: robust loss.
     """
 
     def __init__(self, sampling: Sampling, weight: float, unit: Tensor, rho: RobustLoss) -> None:
@@ -75,11 +64,8 @@ class ReprojectionTerm(Term):
         if self._weight is None:
             return {}
         projected = project(bodies.keypoints, self._sampling.state.K)
-        return {
-            "reprojection": reprojection_energy(
-                projected, self._observed, self._weight, self._unit, self._rho
-            )
-        }
+        error = (projected - self._observed) / self._unit[:, None]
+        return {"reprojection": (self._weight * self._rho(error.square().sum(-1))).sum(-1)}
 
 
 def robust_reprojection(settings: ReprojectionSettings, sampling: Sampling) -> ReprojectionTerm:
@@ -169,20 +155,20 @@ class DepthTerm(SurfaceTerm):
                 "the depth term compares pixels, but the depth of the photo is missing: give it, "
                 "or set engine.joint.depth.weight = 0"
             )
+        self.weight = settings.weight
         self._sampling = sampling
-        self._weight = settings.weight
         self._per_person = torch.where(
             variables.offset_free, settings.weight * _RELIEF_SHARE, settings.weight
         )
-        self.weights: dict[str, Tensor] = {}
-        self.log_map_depth = torch.zeros_like(sampling.area)
+        self.log_map_depth: Tensor
 
-    def refresh(self, snapshot: Snapshot) -> None:
+    def refresh(self, snapshot: Snapshot) -> RobustSum:
         """Select visible vertices away from the mask's border, and weigh them by their area in
         pixels.
         """
         sampling = self._sampling
         visibility = snapshot.visibility
+        assert sampling.log_depth is not None
         self.log_map_depth, known = _sample(sampling.log_depth, visibility.uv)
         edge_px = sampling.person_px * _EDGE_SHARE
         well_inside = sample_mask_neighbours(visibility.uv, sampling.state.masks, edge_px).all(0)
@@ -190,15 +176,9 @@ class DepthTerm(SurfaceTerm):
         # A slanted surface covers fewer pixels.
         rays = torch.nn.functional.normalize(snapshot.vertices, dim=-1)
         slope = -(visibility.normals * rays).sum(-1)
-        self.weights = {"depth": torch.where(shown, sampling.area * slope, 0.0)}
-
-    def robust_sum(self) -> RobustSum | None:
-        """Return the robust sum over differences of log depth; None if the term is off."""
-        if not self._weight:
-            return None
-        weight = self.weights["depth"]
+        weight = torch.where(shown, sampling.area * slope, 0.0)
         share = weight / weight.sum(1, keepdim=True).clamp(min=1e-9)
-        return RobustSum.of(
+        return RobustSum(
             "cauchy",
             _DEPTH_OUTLIER_SIGMAS,
             _DEPTH_SIGMA,
@@ -208,7 +188,7 @@ class DepthTerm(SurfaceTerm):
     def residual(self, at: SurfacePlace) -> SurfaceResidual:
         """Return the differences of log depth."""
         away = at.log_depth - self.log_map_depth - at.log_scale
-        return SurfaceResidual(away, by_depth=1.0)
+        return SurfaceResidual(away, by_log_depth=1.0)
 
 
 def depth_offset_sigmas(settings: DepthSettings, sampling: Sampling) -> Tensor:
@@ -228,12 +208,10 @@ def depth_offset_sigmas(settings: DepthSettings, sampling: Sampling) -> Tensor:
     return torch.lerp(alone, torch.full_like(alone, settings.offset_sigma), on_floor)
 
 
-def _sample(log_depth: Tensor | None, uv: Tensor) -> tuple[Tensor, Tensor]:
+def _sample(log_depth: Tensor, uv: Tensor) -> tuple[Tensor, Tensor]:
     """Return the map at the nearest pixel, 0 where unknown, and whether it is known: (B, n)
     each.
     """
-    if log_depth is None:
-        return torch.zeros_like(uv[..., 0]), torch.zeros_like(uv[..., 0], dtype=torch.bool)
     height, width = log_depth.shape
     inside = inside_image(uv, height, width)
     at = torch.where(inside[..., None], uv, 0.0).round().long()

@@ -53,33 +53,20 @@ class PenetrationTerm(SurfaceTerm):
 
     name = "penetration"
 
-    def __init__(
-        self, settings: PenetrationSettings, sampling: Sampling, *, occlusion_aware: bool
-    ) -> None:
-        self.settings = settings
+    def __init__(self, settings: PenetrationSettings, sampling: Sampling) -> None:
+        self.weight = settings.weight
+        self._max_depth_m = settings.max_depth_m
         self._sampling = sampling
-        self._occlusion_aware = occlusion_aware
-        self.weights: dict[str, Tensor] = {}
 
-    def refresh(self, snapshot: Snapshot) -> None:
+    def refresh(self, snapshot: Snapshot) -> RobustSum:
         """Select the vertices near the scene that are not hidden."""
         contacts = snapshot.contacts
         visibility = snapshot.visibility
-        near = (
-            contacts.found & (contacts.distance < self.settings.max_depth_m) & visibility.eligible
-        )
+        near = contacts.found & (contacts.distance < self._max_depth_m) & visibility.eligible
         near = near & ~contacts.in_free_space
-        if self._occlusion_aware:
+        if self._sampling.visibility.occlusion_aware:
             near = near & ~visibility.hidden
-        area = self._sampling.area
-        self.weights = {"penetration": torch.where(near, area, 0.0)}
-
-    def robust_sum(self) -> RobustSum | None:
-        """Return the robust sum over penetration depths beyond ``SLACK_M``; None if the term is
-        off.
-        """
-        weight = self.settings.weight
-        return robust_depths(weight * self.weights["penetration"]) if weight else None
+        return robust_depths(self.weight * torch.where(near, self._sampling.area, 0.0))
 
     def residual(self, at: SurfacePlace) -> SurfaceResidual:
         """Return the depths inside the scene beyond ``SLACK_M``."""
@@ -88,7 +75,7 @@ class PenetrationTerm(SurfaceTerm):
 
 def robust_depths(weight: Tensor) -> RobustSum:
     """Return the robust sum over depths inside a surface, with the weight of each."""
-    return RobustSum.of("pseudo_huber", _PENETRATION_OUTLIER_SIGMAS, SURFACE_SIGMA_M, weight)
+    return RobustSum("pseudo_huber", _PENETRATION_OUTLIER_SIGMAS, SURFACE_SIGMA_M, weight)
 
 
 @dataclass(frozen=True)
@@ -123,26 +110,24 @@ class ContactTerm(SurfaceTerm):
     Attributes:
         prior: (B, n) weight of each vertex by its contact probability.
         on_scene: (B, n) bool, contact is with the scene, otherwise with the floor.
-        touching: (B, n) bool, near a surface that the vertex faces, on a visible limb.
     """
 
     name = "contact"
 
     def __init__(self, settings: ContactTermSettings, sampling: Sampling) -> None:
-        self.settings = settings
+        self.weight = settings.weight
+        self._outlier_sigmas = settings.outlier_sigmas
         self._sampling = sampling
-        probability = sampling.contact_prior
-        prior = torch.where(sampling.is_contact, probability, 0.0)
+        prior = torch.where(sampling.is_contact, sampling.contact_prior, 0.0)
         if settings.static_weight:
             static = sampling.state.model.in_contact_sets(*STATIC_CONTACT_PARTS)
             prior = torch.where(
                 static[sampling.ids], prior.clamp(min=settings.static_weight), prior
             )
         self.prior = prior * sampling.state.touch_weights()[:, sampling.ids]
-        self.weights: dict[str, Tensor] = {}
-        self.on_scene = self.touching = torch.zeros_like(sampling.is_contact)
+        self.on_scene: Tensor
 
-    def refresh(self, snapshot: Snapshot) -> None:
+    def refresh(self, snapshot: Snapshot) -> RobustSum:
         """Select the vertices near a surface that they face, and weigh them by the cosine between
         the normals.
         """
@@ -153,22 +138,15 @@ class ContactTerm(SurfaceTerm):
         can_scene = contacts.found & (to_scene < reach) & (contacts.facing_scene > 0)
         can_floor = (to_floor < reach) & (contacts.facing_floor > 0)
         self.on_scene = can_scene & (~can_floor | (to_scene <= to_floor))
-        self.touching = (can_scene | can_floor) & snapshot.visibility.eligible
+        touching = (can_scene | can_floor) & snapshot.visibility.eligible
         # Only vertices that face a surface can lie on it: the rim of a foot is over the floor
         # without contact.
         cosine = torch.where(self.on_scene, contacts.facing_scene, contacts.facing_floor).clamp(
             min=0.0
         )
-        weight = self._sampling.area * self.prior * cosine
-        self.weights = {"contact": torch.where(self.touching, weight, 0.0)}
-
-    def robust_sum(self) -> RobustSum | None:
-        """Return the robust sum over distances to the touched surface; None if the term is off."""
-        s = self.settings
-        if not s.weight:
-            return None
-        return RobustSum.of(
-            "geman_mcclure", s.outlier_sigmas, SURFACE_SIGMA_M, s.weight * self.weights["contact"]
+        weight = torch.where(touching, self._sampling.area * self.prior * cosine, 0.0)
+        return RobustSum(
+            "geman_mcclure", self._outlier_sigmas, SURFACE_SIGMA_M, self.weight * weight
         )
 
     def residual(self, at: SurfacePlace) -> SurfaceResidual:
@@ -194,33 +172,23 @@ class FloorTerm(SurfaceTerm):
     name = "floor"
 
     def __init__(self, weight: float, sampling: Sampling) -> None:
-        self._weight = weight
+        self.weight = 0.0 if sampling.around.floor is None else weight
         self._sampling = sampling
-        self.weights: dict[str, Tensor] = {}
-        self.eligible = sampling.on_visible_part
+        self.eligible: Tensor
 
-    def refresh(self, snapshot: Snapshot) -> None:
+    def refresh(self, snapshot: Snapshot) -> RobustSum:
         """Update the weights: full weight on visible limbs, less on invisible ones."""
         area = self._sampling.area
         self.eligible = snapshot.visibility.eligible
         below = -snapshot.contacts.height.amin(1, keepdim=True).clamp(max=0.0)
         invisible = torch.where(below < _MAX_FLOOR_DEPTH_M, _UNSEEN_FLOOR_SHARE * area, 0.0)
-        weight = torch.where(snapshot.visibility.eligible, area, invisible)
+        weight = torch.where(self.eligible, area, invisible)
         # People far below contradict the floor or the scene's scale, and must not draw it away from
         # the others.
         weight = weight / (1 + (below / _MAX_FLOOR_DEPTH_M).square())
-        self.weights = {
-            "floor": torch.zeros_like(area) if self._sampling.around.floor is None else weight
-        }
-
-    def robust_sum(self) -> RobustSum | None:
-        """Return the robust sum over depths below the floor; None if the term is off or there is no
-        floor.
-        """
-        if not self._weight or self._sampling.around.floor is None:
-            return None
-        weight = self._weight * self.weights["floor"]
-        return RobustSum.of("pseudo_huber", _PLANE_OUTLIER_SIGMAS, _PLANE_SIGMA_M, weight)
+        return RobustSum(
+            "pseudo_huber", _PLANE_OUTLIER_SIGMAS, _PLANE_SIGMA_M, self.weight * weight
+        )
 
     def residual(self, at: SurfacePlace) -> SurfaceResidual:
         """Return the depths below the floor; invisible limbs give its scale no gradient."""
@@ -280,9 +248,8 @@ def sole_energy(lowest: Tensor, weight: Tensor, lower_weight: Tensor) -> Tensor:
     """
     seen = weight > 0
     lower = torch.where(seen, lowest, torch.inf).amin(-1)
-    # Invisible feet may have infinite height: mask them, since 0 * inf is NaN.
+    # 0 * inf is NaN
     lower = torch.where(seen.any(-1), lower, 0.0)
-    lowest = torch.where(seen, lowest, 0.0)
     near = robust_loss("geman_mcclure", lowest.square() / _SOLE_SIGMA_M**2, _SOLE_OUTLIER_SIGMAS)
     far = robust_loss("cauchy", lower.square() / _LOWER_SIGMA_M**2, _LOWER_OUTLIER_SIGMAS)
     return (weight * near).sum(-1) + lower_weight * far
@@ -299,34 +266,25 @@ class SoleTerm:
     """Sole term, evaluated by :class:`physic_core.engine.joint.terms.surface.SurfaceTerms`."""
 
     def __init__(self, settings: SoleSettings, sampling: Sampling) -> None:
-        self.settings = settings
+        self._settings = settings
         self._sampling = sampling
         self._all_seen = bool(sampling.feet_visible.all())
         self.weights: dict[str, Tensor] = {}
-
-    @property
-    def is_on(self) -> bool:
-        """Whether the sole term is used: there is a floor, and at least one weight of the term is
-        not 0.
-        """
-        s = self.settings
-        return self._sampling.around.floor is not None and bool(s.weight or s.unseen_weight)
+        weighs = bool(settings.weight or settings.unseen_weight)
+        self.is_on = weighs and sampling.around.floor is not None
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Weigh the visible feet by their touch, and select people whose lower foot is expected to
         touch the floor.
         """
         sampling = self._sampling
-        contacts = snapshot.contacts
-        far = torch.full_like(sampling.area[:, 0], torch.inf)
-        heights = [contacts.height[:, rows] for rows in sampling.soles]
-        lowest = torch.stack([lowest_height(h) if h.shape[1] else far for h in heights], 1)
+        height = snapshot.contacts.height
+        lowest = torch.stack([lowest_height(height[:, rows]) for rows in sampling.soles], 1)
         on_floor = sampling.feet_visible & torch.isfinite(lowest)
         likely = torch.stack([sampling.is_contact[:, rows].any(1) for rows in sampling.soles], 1)
         lower = torch.where(on_floor, lowest, torch.inf).amin(1)
         pulled = (on_floor & likely).any(1) & (lower.abs() < _MAX_LOWER_HEIGHT_M)
         unseen = ~sampling.feet_visible & (lowest.abs() < _MAX_UNSEEN_SIGMAS * _UNSEEN_SIGMA_M)
-        dtype = sampling.area.dtype
         touch = torch.ones_like(lowest)
         either = torch.ones_like(lowest[:, 0])
         if sampling.state.limb_touch is not None:
@@ -335,14 +293,14 @@ class SoleTerm:
         self.weights = {
             "soles": touch * on_floor,
             "lower_sole": either * pulled,
-            "unseen_soles": unseen.to(dtype),
+            "unseen_soles": unseen.to(lowest),
         }
 
     def energy(self, lowest: Tensor) -> Tensor:
         """Return the sole energy (B,) for the heights (B, 2) of the left and the right sole,
         metres.
         """
-        s = self.settings
+        s = self._settings
         weight = s.weight * self.weights["soles"]
         lower_weight = _LOWER_WEIGHT * s.weight * self.weights["lower_sole"]
         seen = sole_energy(lowest, weight, lower_weight)

@@ -52,10 +52,8 @@ class ReleasedRegularisationTerm(PrintedRegularisationTerm):
         settings: PrintedRegularisationSettings,
         sampling: Sampling,
         variables: Variables,
-        *,
-        occlusion_aware: bool,
     ) -> None:
-        super().__init__(settings, sampling, occlusion_aware=occlusion_aware)
+        super().__init__(settings, sampling)
         state = sampling.state
         self._translation = (
             state.transl if state.estimated_transl is None else state.estimated_transl

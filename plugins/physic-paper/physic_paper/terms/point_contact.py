@@ -87,6 +87,4 @@ def squared_offsets(bodies: PosedBodies, contacts: ContactState) -> Tensor:
     """Return the squared offset of each vertex to its nearest scene point, per axis: (B, n, 3)
     m^2.
     """
-    if contacts.points is None:
-        return torch.zeros_like(bodies.vertices)
     return (bodies.vertices - contacts.points * bodies.estimate.log_scale.exp()).square()

@@ -75,10 +75,8 @@ class PointPenetrationTerm(Term):
         contacts = self._contacts
         if not weight:
             return {}
-        signed = torch.zeros_like(self._sampling.area)
-        if contacts.normals is not None and contacts.plane_distance is not None:
-            along = (contacts.normals * bodies.vertices).sum(-1)
-            signed = along - bodies.estimate.log_scale.exp() * contacts.plane_distance
+        along = (contacts.normals * bodies.vertices).sum(-1)
+        signed = along - bodies.estimate.log_scale.exp() * contacts.plane_distance
         loss = offset_loss(squared_offsets(bodies, contacts), self._rho, per_axis=self._per_axis)
         return {
             "penetration": weight

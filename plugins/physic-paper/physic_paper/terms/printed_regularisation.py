@@ -50,28 +50,14 @@ class PrintedRegularisationTerm(Term):
     + |t - t0|^2)``.
     """
 
-    def __init__(
-        self,
-        settings: PrintedRegularisationSettings,
-        sampling: Sampling,
-        *,
-        occlusion_aware: bool,
-    ) -> None:
+    def __init__(self, settings: PrintedRegularisationSettings, sampling: Sampling) -> None:
         self._settings = settings
         self._sampling = sampling
-        self._occlusion_aware = occlusion_aware
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Update the weights of visible and hidden vertices."""
-        s = self._settings
-        area = self._sampling.area
-        weight = vertex_weights(
-            snapshot,
-            s.visible_weight,
-            _OCCLUDED_WEIGHT,
-            area,
-            occlusion_aware=self._occlusion_aware,
-        )
+        visible = self._settings.visible_weight
+        weight = vertex_weights(self._sampling, snapshot, visible, _OCCLUDED_WEIGHT)
         self.weights = {"regularisation": weight}
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
