@@ -53,7 +53,11 @@ def test_a_right_backend_passes_every_check_that_can_be_judged(mock, form):
     }
 
 
-@pytest.mark.parametrize(("mock", "fault"), [*rows_of(NOISY), *rows_of(EXACT)], ids=name_of)
+@pytest.mark.parametrize(
+    ("mock", "fault"),
+    [*rows_of(EXACT), *(pytest.param(*row, marks=pytest.mark.slow) for row in rows_of(NOISY))],
+    ids=name_of,
+)
 def test_a_fault_is_found_by_its_check_in_a_perfect_network(mock, fault):
     check, change = (NOISY.get(mock, {}) | EXACT[mock])[fault]
     failure = checks_of(mock, change).result(check)
