@@ -103,11 +103,8 @@ def _status(kind: type[Backend]) -> str:
     """Return what a backend with default options says is missing."""
     with named_plugin_code("it cannot be constructed", kind):
         backend = kind()
-    return (
-        "; ".join(("not ready", *missing))
-        if (missing := missing_requirements(backend))
-        else "ready"
-    )
+    missing = missing_requirements(backend)
+    return "; ".join(("not ready", *missing)) if missing else "ready"
 
 
 def _weights(offer: Offer, kind: type[Backend]) -> list[tuple[str, str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
     from physic_core.types import Intrinsics
     from physic_visual.rig import Rig
+
+_ZIP_EPOCH = 315619200  # 1980-01-02, which no time zone moves before the first time of a zip file
 
 
 def _add_variants(top: Any, mesh: Any, looks: Mapping[str, Any], shown: str) -> None:
@@ -165,6 +168,8 @@ def export_usd(request: ExportRequest) -> ExportedFiles:
             (Path(folder) / name).write_bytes(content)
         stage.Save()
         if request.suffix == ".usdz":
+            for part in Path(folder).iterdir():
+                os.utime(part, (_ZIP_EPOCH, _ZIP_EPOCH))
             packed = path.with_suffix(".usdz")
             UsdUtils.CreateNewUsdzPackage(str(path), str(packed))
             path = packed

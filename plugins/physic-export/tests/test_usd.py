@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from zipfile import ZipFile
+
 import numpy as np
 import pytest
 
@@ -131,6 +133,11 @@ def test_physics_falls_down_and_stops_at_scene_and_floor(stage):
         prim = stage.GetPrimAtPath(f"/physic/{name}")
         assert prim.HasAPI(UsdPhysics.CollisionAPI)
         assert UsdPhysics.MeshCollisionAPI(prim).GetApproximationAttr().Get() == shape
+
+
+def test_an_archive_does_not_depend_on_when_it_is_written(export):
+    with ZipFile(export("a.usdz", person=0).files[0]) as archive:
+        assert {part.date_time[0] for part in archive.infolist()} == {1980}
 
 
 @pytest.mark.parametrize("suffix", [".usda", ".usdz"])
