@@ -23,7 +23,7 @@ from physic_bench.scoring import LIMB_JOINTS
 from physic_core import Intrinsics, Pipeline
 from physic_embedded.body_fit import people as body_fit
 from physic_embedded.body_fit.joint_sigma import EVIDENCE, NUMBERS, kind_of
-from physic_embedded.body_fit.lifter import LIMBS
+from physic_embedded.body_fit.limb_keypoints import LIMBS
 
 from .fits import parser_of, write_record
 from .truth.command import compared, samples_of

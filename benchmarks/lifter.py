@@ -32,11 +32,11 @@ from physic_embedded.body_fit.lifter import (
     BONES,
     HIPS,
     LIMB_SUM_M,
-    LIMBS,
     NUMBERS,
     LimbView,
     inputs,
 )
+from physic_embedded.body_fit.limb_keypoints import LIMBS
 
 from .fits import parser_of
 

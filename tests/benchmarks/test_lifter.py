@@ -6,7 +6,8 @@ import numpy as np
 import torch
 
 from benchmarks.lifter import fit, project, read_motions
-from physic_embedded.body_fit.lifter import BONES, LIMBS, inputs
+from physic_embedded.body_fit.lifter import BONES, inputs
+from physic_embedded.body_fit.limb_keypoints import LIMBS
 
 STANCE = {
     "shoulder": (0.4, 1.0, 0.0),

@@ -17,17 +17,17 @@ if TYPE_CHECKING:
     from physic_core.body import BodyModel
     from physic_core.types import Bodies, People
 
-# Contact set -> joints of which one must be seen.
-_VISIBLE_JOINTS: dict[str, tuple[str, ...]] = {
-    "left_foot": ("left_ankle", "left_foot"),
-    "right_foot": ("right_ankle", "right_foot"),
-    "left_sole": ("left_ankle", "left_foot"),
-    "right_sole": ("right_ankle", "right_foot"),
-    "thighs": ("left_knee", "right_knee", "left_hip", "right_hip"),
-    "gluteus": ("left_hip", "right_hip"),
-    "back": ("left_shoulder", "right_shoulder"),
-    "left_hand": ("left_wrist",),
-    "right_hand": ("right_wrist",),
+# Contact set -> option with its probability, and joints of which one must be seen.
+_PARTS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "left_foot": ("feet", ("left_ankle", "left_foot")),
+    "right_foot": ("feet", ("right_ankle", "right_foot")),
+    "left_sole": ("soles", ("left_ankle", "left_foot")),
+    "right_sole": ("soles", ("right_ankle", "right_foot")),
+    "thighs": ("seat", ("left_knee", "right_knee", "left_hip", "right_hip")),
+    "gluteus": ("seat", ("left_hip", "right_hip")),
+    "back": ("back", ("left_shoulder", "right_shoulder")),
+    "left_hand": ("hands", ("left_wrist",)),
+    "right_hand": ("hands", ("right_wrist",)),
 }
 
 
@@ -87,19 +87,12 @@ class StaticContact(ContactPrior):
             if bodies.observed is None
             else np.asarray(bodies.observed)
         )
-        options = self.options
-        worth = {"thighs": options.seat, "gluteus": options.seat, "back": options.back}
-        for side in ("left", "right"):
-            worth |= {
-                f"{side}_foot": options.feet,
-                f"{side}_sole": options.soles,
-                f"{side}_hand": options.hands,
-            }
         probability = np.zeros((count, self._model.num_vertices), np.float32)
-        for name, value in worth.items():
-            seen = observed[:, [JOINT_INDEX[joint] for joint in _VISIBLE_JOINTS[name]]].any(1)
+        for name, (option, joints) in _PARTS.items():
+            rows = [JOINT_INDEX[joint] for joint in joints]
+            seen = observed[:, rows].any(1, keepdims=True)
             ids = self._model.contact_sets[name].cpu().numpy()
-            given = np.where(seen, np.float32(value), np.float32(0))[:, None]
+            given = np.float32(getattr(self.options, option)) * seen
             probability[:, ids] = np.maximum(probability[:, ids], given)
         rest = None
         if bodies.body_model != self._model.name:

@@ -8,11 +8,11 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.interfaces import HandEstimator, Options
-from physic_core.types import Hands
+from physic_core.types import SIDES, Hands
 from physic_embedded.body_fit.fingers import RestHand, fit_fingers
 from physic_embedded.networks.crops import ImagePyramid
 from physic_embedded.networks.hand_landmarks import find_hand, hand_search_square
-from physic_embedded.networks.sessions import PackagedBackend
+from physic_embedded.networks.sessions import PackagedBackend, Threads
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Keypoints, People, UInt8Array
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from physic_embedded.networks.hand_landmarks import HandLandmarks
     from physic_networks.onnx_sessions import OnnxSession
 
-SIDES = ("left", "right")
 KNUCKLES = ("index1", "middle1", "ring1", "pinky1")
 _LEAST_PRESENCE = 0.7  # of a hand, as the landmark network judges
 # Between landmarks and those of the mirror image, of the hand's size; clear hands have .01 to .04.
@@ -35,12 +34,7 @@ class EmbeddedHandsOptions(Options):
         default="embedded",
         description="Body whose hand is fitted: 'embedded', or the path of your own SMPLX_*.npz.",
     )
-    threads: int = Field(
-        default=2,
-        ge=0,
-        le=256,
-        description="Threads of an operator; 0: one for each core of the process.",
-    )
+    threads: Threads = 2
 
 
 class EmbeddedHands(PackagedBackend, HandEstimator):

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from pydantic import Field
 
 from physic_core.interfaces import Inpainter, Options
-from physic_embedded.networks.sessions import PackagedBackend
+from physic_embedded.networks.sessions import PackagedBackend, Threads
 from physic_networks.pictures import inpaint_masked
 
 if TYPE_CHECKING:
@@ -24,12 +23,7 @@ _RIM = 0.004  # of the long side: the fill takes on the colours of what is remov
 class MiGanOptions(Options):
     """Settings of :class:`MiGan`."""
 
-    threads: int = Field(
-        default=2,
-        ge=0,
-        le=256,
-        description="Threads of an operator; 0: one for each core of the process.",
-    )
+    threads: Threads = 2
 
 
 class MiGan(PackagedBackend, Inpainter):

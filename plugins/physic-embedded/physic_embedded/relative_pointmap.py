@@ -39,7 +39,7 @@ from physic_embedded.single_view.gravity import (
     up_of_tokens,
 )
 from physic_embedded.single_view.two_looks import line_through, scene_disparity
-from physic_embedded.single_view.upright import body_planes, wall_planes
+from physic_embedded.single_view.upright import NO_PLANES, body_planes, wall_planes
 from physic_networks.canonical_depth import known_camera
 from physic_networks.pictures import resize_map
 
@@ -153,7 +153,7 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         else:
             raw, tokens = self._disparity_of_scene(image, hints)
         camera, segments, notes = self._camera(image, hints)
-        found = _match_to_scene(raw, hints) if hints.scene is not None else None
+        found = _match_to_scene(raw, hints)
         up = None
         disparity_sigma: float | None = None
         warnings: list[str] = []
@@ -164,7 +164,8 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
                     "without them: gaps between people and scene may be wrong"
                 )
             look = up_of_tokens(tokens or self._small_look(image), fitted_numbers())
-            frame, up = _directions(segments, camera, hints, look)
+            frame = manhattan_frame(segments, width, height, camera.fx)
+            up = up_of_edges(frame, _open_air(hints), look)
             estimate = _disparity_at_infinity(raw, camera, hints, frame, up)
             up = up or look
             infinity = estimate.disparity
@@ -231,12 +232,15 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
 
     def _camera(
         self, image: NDArray[np.uint8], hints: Hints
-    ) -> tuple[Intrinsics, NDArray[np.float64] | None, list[str]]:
-        """Return the known, edge-based or default camera, line segments (M, 2, 2), and notes."""
+    ) -> tuple[Intrinsics, NDArray[np.float64], list[str]]:
+        """Return the known, edge-based or default camera, line segments (M, 2, 2), and notes.
+
+        M is 0 where no edges are looked for.
+        """
         height, width = image.shape[:2]
         camera = known_camera(hints, image)
         notes = []
-        segments = None
+        segments = np.zeros((0, 2, 2))
         if self.options.focal_from_edges and hints.scene is None:
             # Inpainted pixels have lines of their own, which a hole one pixel wider changes.
             segments = detect_line_segments(
@@ -250,16 +254,14 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         return camera, segments, notes
 
     def _estimated_camera(
-        self, segments: NDArray[np.float64] | None, width: int, height: int
+        self, segments: NDArray[np.float64], width: int, height: int
     ) -> tuple[Intrinsics, str]:
         """Return the camera by the default and the segments, and a note."""
         default = _DEFAULT_FOCAL
         focal = default * max(width, height)
         sigma = DEFAULT_FOCAL_SIGMA
         source = f"default ({default:g} x the long side)"
-        found = (
-            None if segments is None else focal_of_segments(segments, width, height, focal, sigma)
-        )
+        found = focal_of_segments(segments, width, height, focal, sigma)
         if found is not None:
             focal, sigma = found
             source += " and vanishing points"
@@ -303,18 +305,6 @@ def _unproject(depth: FloatArray, camera: Intrinsics) -> NDArray[np.float32]:
     return points
 
 
-def _directions(
-    segments: NDArray[np.float64] | None, camera: Intrinsics, hints: Hints, look: UpInPhoto
-) -> tuple[tuple[FloatArray, float] | None, UpInPhoto | None]:
-    """Return the directions of the room with their trust, and up, each None if edges (M, 2, 2) do
-    not tell it, beside the look of the picture.
-    """
-    if segments is None:
-        return None, None
-    frame = manhattan_frame(segments, camera.width, camera.height, camera.fx)
-    return frame, up_of_edges(frame, _open_air(hints), look)
-
-
 def _disparity_at_infinity(
     raw: FloatArray,
     camera: Intrinsics,
@@ -340,10 +330,10 @@ def _disparity_at_infinity(
         focal,
         pitch=None if up is None else up.pitch,
         focal_sigma=0.0 if camera.known else camera.focal_sigma or 0.0,
-        walls=None if walls is None else wall_planes(raw, walls, focal),
+        walls=NO_PLANES if walls is None else wall_planes(raw, walls, focal),
         bodies=body_planes(hints.keypoints, (camera.cx, camera.cy), camera.fx),
         frame=frame,
-        surfaces=None if frame is None else wall_planes(raw, seen, focal),
+        surfaces=NO_PLANES if frame is None else wall_planes(raw, seen, focal),
         open_air=_open_air(hints),
         horizon=_horizon(labelled("sky"), labelled("water", "ground")),
     )
@@ -391,11 +381,13 @@ def _shrink_labels(mask: NDArray[np.bool_], rows: int, columns: int) -> NDArray[
 
 def _match_to_scene(raw: FloatArray, hints: Hints) -> tuple[float, float] | None:
     """Return infinity and scale of the map ``scale * (disparity - infinity)`` to the inverse depth
-    of the scene, fitted outside the people by reweighted least squares.
+    of the scene, fitted outside the people by reweighted least squares; None without a scene, or if
+    they do not match.
     """
     import cv2
 
-    assert hints.scene is not None
+    if hints.scene is None:
+        return None
     rows, columns = raw.shape
     z = np.where(hints.scene.valid, hints.scene.points[..., 2], np.inf)
     target = cv2.resize(

@@ -5,6 +5,7 @@ DeepLab labels.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import compress
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
@@ -17,17 +18,12 @@ from physic_core.types import People
 from physic_embedded.keypoint_detector import keypoints_from_poses
 from physic_embedded.networks.ade20k import label_surfaces
 from physic_embedded.networks.mobile_sam import embed_image
-from physic_embedded.networks.sessions import PackagedBackend, Products
+from physic_embedded.networks.sessions import PackagedBackend, Products, Threads
 from physic_embedded.segmentation.chosen import DetectedPeople, choose_poses
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, floor_mask
 from physic_embedded.segmentation.framed import question_people
 from physic_embedded.segmentation.held import segment_held
-from physic_embedded.segmentation.people import (
-    detect_poses,
-    mask_box,
-    poses_of_same,
-    unposed_person,
-)
+from physic_embedded.segmentation.people import detect_poses, poses_of_same, unposed_person
 from physic_embedded.segmentation.person_masks import person_masks, resolve_overlaps
 from physic_embedded.segmentation.unposed import count_heads, segment_unposed
 
@@ -81,12 +77,7 @@ class EmbeddedSegmenterOptions(Options):
         "With int8, one level of one pixel can move the edge of a mask, and by it the focal "
         "length.",
     )
-    threads: int = Field(
-        default=2,
-        ge=0,
-        le=256,
-        description="Threads of an operator; 0: one for each core of the process.",
-    )
+    threads: Threads = 2
 
 
 class EmbeddedSegmenter(PackagedBackend, Segmenter):
@@ -164,7 +155,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         """Return the surfaces of an image without people."""
         people = np.zeros(image.shape[:2], bool)
         surfaces, _ = self._surfaces(image, people)
-        floor = _with_labelled_floor(people, surfaces, people) if self.options.floor else None
+        floor = add_labelled_floor(people, surfaces, people) if self.options.floor else None
         return self._people([], np.zeros((0, *people.shape), bool), floor, surfaces, image)
 
     def _chosen(
@@ -174,7 +165,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         found = choose_poses(detected, prompt)
         masks = self._masks(detected.embedding, [person.pose for person in found])
         sure = np.array([any(one.pose is other.pose for other in detected.found) for one in found])
-        others = [one for one, is_sure in zip(found, sure, strict=True) if is_sure]
+        others = list(compress(found, sure))
         repeats = np.array([bool(poses_of_same(one.pose, others)) for one in found]) & ~sure
         if repeats.any():
             alone = self._masks(detected.embedding, [one.pose for one in others])
@@ -194,7 +185,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         floor = np.zeros_like(people)
         if poses:
             floor = floor_mask(self.network["mobilesam_decoder"], embedding, poses, people)
-        return _with_labelled_floor(floor, surfaces, people)
+        return add_labelled_floor(floor, surfaces, people)
 
     def _surfaces(
         self, image: UInt8Array, people: BoolArray
@@ -217,20 +208,9 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         """Omit people whose mask is low, and return them as boxes without a pose."""
         edges = boxes_from_masks(masks)
         tall = edges[:, 3] - edges[:, 1] >= _LEAST_HEIGHT_PX
-        low = [
-            unposed_person(
-                mask_box(person.pose) if person.box is None else person.box,
-                person.score,
-                f"lower than {_LEAST_HEIGHT_PX:g} px",
-            )
-            for person, is_tall in zip(found, tall, strict=True)
-            if not is_tall
-        ]
-        return (
-            [person for person, is_tall in zip(found, tall, strict=True) if is_tall],
-            masks[tall],
-            low,
-        )
+        why = f"lower than {_LEAST_HEIGHT_PX:g} px"
+        low = [unposed_person(one.extent, one.score, why) for one in compress(found, ~tall)]
+        return list(compress(found, tall)), masks[tall], low
 
     def _people(
         self,
@@ -256,12 +236,6 @@ def _left_out_note(names: list[str]) -> tuple[str, ...]:
     if not names:
         return ()
     return (f"left out what looks like a person, and more like another thing: {', '.join(names)}",)
-
-
-def _with_labelled_floor(
-    floor: BoolArray, surfaces: SurfaceLabels | None, people: BoolArray
-) -> BoolArray:
-    return floor if surfaces is None else add_labelled_floor(floor, surfaces, people)
 
 
 def _without_parts(

@@ -119,6 +119,8 @@ def two_people(*, landmarks):
     skeleton = skeleton_named("coco23")
     shape = (2, len(skeleton))
     observations = BodyObservations(
+        skeleton=skeleton,
+        intrinsics=Intrinsics.from_focal(900.0, 1000, 800),
         points=rng.uniform(200, 600, (*shape, 2)),
         weight=rng.uniform(0.5, 1, shape),
         confidence=np.full(shape, 0.9),
@@ -138,8 +140,6 @@ def two_people(*, landmarks):
     problem = fit_problem(
         model,
         observations,
-        Intrinsics.from_focal(900.0, 1000, 800).matrix,
-        skeleton,
         InitialPose(
             np.broadcast_to(np.diag([1.0, -1.0, -1.0]), (2, 3, 3)),
             rng.normal(0, 0.3, (2, 21, 3)),

@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -8,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from physic_core.body import load_body
 from physic_core.interfaces import HandEstimator
 from physic_core.types import SKELETONS, Keypoints, People
+from physic_core.types.skeletons import other_side
 from physic_embedded.body_fit.fingers import RestHand, fit_fingers
 from physic_embedded.hand_estimator import EmbeddedHands, EmbeddedHandsOptions
 from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
@@ -16,10 +20,7 @@ from physic_embedded.networks.hand_landmarks import (
     DETECTOR_LAYERS,
     DETECTOR_SIZE,
     find_hand,
-    hand_search_square,
-    predict_hand_landmarks,
 )
-from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.networks.single_shot_detection import anchor_centers
 from physic_testing import violations
 
@@ -96,33 +97,6 @@ def test_left_and_right_hands_are_mirror_images(body):
     np.testing.assert_allclose(-left.axes[:, :, 0] * mirror, right.axes[:, :, 0], atol=2e-3)
 
 
-def test_hands_are_searched_beyond_the_wrist():
-    around, angle = hand_search_square(
-        np.array([0.0, 100]), np.array([100.0, 100]), np.array([140.0, 100]), torso=150
-    )
-    np.testing.assert_allclose(around.center, [132, 100])
-    assert around.side == pytest.approx(2.6 * 75)
-    assert angle == pytest.approx(np.pi / 2)
-
-
-def test_a_hand_and_its_mirror_image_give_mirrored_landmarks(image):
-    session = open_packaged_session("hand_landmark_full", 1)
-    last = image.shape[1] - 1
-
-    def landmarks(pixels, x, angle):
-        picture = ImagePyramid.from_image(np.ascontiguousarray(pixels))
-        square = RotatedSquare(np.array([x, 130.0]), 90.0, angle)
-        return predict_hand_landmarks(session, picture, square)
-
-    first = landmarks(image, 140.0, 0.2)
-    second = landmarks(image[:, ::-1], last - 140.0, -0.2)
-    np.testing.assert_allclose(second.points * [-1, 1] + [last, 0], first.points, atol=0.5)
-    np.testing.assert_allclose(second.world * [-1, 1, 1], first.world, atol=2e-3)
-    np.testing.assert_allclose(
-        [second.presence, second.right], [first.presence, 1 - first.right], atol=0.05
-    )
-
-
 def arm(image, skeleton=BLAZEPOSE_SKELETON, confidence=1.0):
     """One person with both arms somewhere in the middle of an image."""
     h, w = image.shape[:2]
@@ -147,6 +121,40 @@ def test_no_hand_is_found_where_there_is_none(estimator, skeleton):
     hands = estimator.infer(image, *arm(image, skeleton))
     assert violations(HandEstimator, hands, people=1) == []
     assert hands.confidence.max() == 0
+
+
+RIGHT_ARM = {
+    "left_shoulder": (423, 221),
+    "right_shoulder": (342, 229),
+    "left_hip": (417, 349),
+    "right_hip": (370, 353),
+    "right_elbow": (328, 303),
+    "right_wrist": (318, 369),
+}
+
+
+def test_a_hand_of_the_example_is_found_and_mirrored_in_the_mirror_image(estimator, pytestconfig):
+    photo = cv2.imread(str(pytestconfig.rootpath / "examples" / "couple.jpg"))[..., ::-1]
+    image = cv2.resize(photo, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+
+    def hands(image, points):
+        people, unseen = arm(image, SKELETONS["coco17"], confidence=0.0)
+        rows = [unseen.joint_set.names.index(name) for name in points]
+        places, seen = unseen.points.copy(), unseen.confidence.copy()
+        places[0, rows] = list(points.values())
+        seen[0, rows] = 1
+        return estimator.infer(image, people, replace(unseen, points=places, confidence=seen))
+
+    found = hands(image, RIGHT_ARM)
+    last = image.shape[1] - 1
+    other = hands(
+        np.ascontiguousarray(image[:, ::-1]),
+        {other_side(name): (last - x, y) for name, (x, y) in RIGHT_ARM.items()},
+    )
+    assert found.confidence[0, 1] > 0.9 > 0 == found.confidence[0, 0]
+    np.testing.assert_allclose(other.confidence[:, ::-1], found.confidence, atol=0.05)
+    mirrored = other.rotvecs[:, ::-1] * [1, -1, -1]
+    np.testing.assert_allclose(mirrored, found.rotvecs, atol=0.15)
 
 
 class TwoPalms:

@@ -93,8 +93,6 @@ def test_the_floor_comes_back_under_furniture_noise_and_a_hole():
     disparity[hole] += 0.8
     floor = fit_disparity_floor(disparity, hole)
     assert angle_deg(floor.normal(2.0, FOCAL / WIDTH), down) < 0.7
-    horizon = (HEIGHT - 1) / 2 + floor.horizon(2.0) * WIDTH
-    assert horizon == pytest.approx((HEIGHT - 1) / 2 - FOCAL * down[2] / down[1], abs=2)
     assert floor.inlier_share > 0.5
 
 
@@ -112,7 +110,6 @@ def test_the_disparity_of_infinity_of_a_room_comes_back_from_its_gravity(ahead):
     pitch = float(np.degrees(np.arctan2(turn[2, 1], turn[1, 1])))
     found = disparity_at_infinity(disparity, floor, FOCAL, pitch=(pitch, 1.5))
     assert gap_of(found, disparity) == pytest.approx(gap, rel=0.12)
-    assert not found.sky
 
 
 def test_a_pitch_tells_less_of_infinity_if_the_focal_length_is_a_guess():
@@ -183,7 +180,6 @@ def test_sky_over_ground_is_infinitely_far():
     disparity = 8 * np.maximum(rays() @ down / 1.5, 0.0)
     found = disparity_at_infinity(disparity, fit_disparity_floor(disparity), FOCAL)
     assert gap_of(found, disparity) < 0.01
-    assert found.sky
 
 
 def test_the_seen_horizon_is_that_of_ground_which_the_map_makes_steep_nearby():

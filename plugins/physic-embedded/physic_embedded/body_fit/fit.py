@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from physic_embedded.body_fit.lifter import HIPS, LIMBS, LimbView, lift
-from physic_embedded.body_fit.limb_keypoints import keypoint_indices
+from physic_embedded.body_fit.lifter import HIPS, LimbView, lift
+from physic_embedded.body_fit.limb_keypoints import LIMBS, keypoint_indices
 from physic_embedded.body_fit.minimise import approach_minimum, minimise
 from physic_embedded.body_fit.problem import (
     LIMB_ROWS,
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from physic_core.body import BodyModel
-    from physic_core.types import Skeleton
     from physic_embedded.body_fit.observations import BodyObservations
     from physic_embedded.body_fit.problem import (
         FitProblem,
@@ -74,8 +73,6 @@ class FittedBodies:
 def fit_bodies(
     model: BodyModel,
     observations: BodyObservations,
-    camera: FloatArray,
-    skeleton: Skeleton,
     start: InitialPose,
     *,
     floor: FloorConstraint | None = None,
@@ -88,8 +85,6 @@ def fit_bodies(
     Args:
         model: body model, float64.
         observations: keypoints and landmarks of the people.
-        camera: (3, 3) intrinsics matrix, px.
-        skeleton: joint set of the keypoints.
         start: initial poses.
         floor: constraint of the floor; None without a floor.
         starts: initial poses of each person. N is the number of people times this, one start of all
@@ -97,7 +92,7 @@ def fit_bodies(
         earlier: an earlier fit of N people from one start, and for whom (N,) anything has changed
             since. The others are not fitted again.
     """
-    problem = fit_problem(model, observations, camera, skeleton, start, floor)
+    problem = fit_problem(model, observations, start, floor)
     if earlier is not None:
         fit, changed = earlier
         rows = torch.from_numpy(np.flatnonzero(changed))
@@ -138,7 +133,6 @@ def fit_outlines(
 def lifted_limbs(
     fit: FittedBodies,
     observations: BodyObservations,
-    camera: FloatArray,
     up: FloatArray | None,
     cut: BoolArray,
 ) -> LiftedLimbs:
@@ -147,28 +141,28 @@ def lifted_limbs(
     Args:
         fit: the bodies.
         observations: the keypoints that they were fitted to.
-        camera: (3, 3) intrinsics matrix, px.
         up: (3,) unit vector, None where unknown.
         cut: (N,) people whose legs are hidden: nothing is told of their knees and ankles.
     """
-    index = keypoint_indices(fit.problem.skeleton)
+    index = keypoint_indices(observations.skeleton)
     columns = [index[name] for name in LIMBS]
     joints = fit.joints.double().numpy()[:, LIMB_ROWS]
     middle = joints[:, HIPS].mean(1, keepdims=True)
     depth = (middle @ observations.turn)[:, 0, 2]
+    fitted = (joints - middle) @ observations.turn
     pixels = observations.points[:, columns]
-    rays = np.concatenate([pixels, np.ones_like(pixels[..., :1])], -1) @ np.linalg.inv(camera).T
-    seen = rays @ observations.turn
+    rays = np.concatenate([pixels, np.ones_like(pixels[..., :1])], -1)
+    seen = rays @ np.linalg.inv(observations.intrinsics.matrix).T @ observations.turn
     told = lift(
         LimbView(
-            (joints - middle) @ observations.turn,
+            fitted,
             seen[..., :2] / seen[..., 2:] * depth[:, None, None],
             observations.confidence[:, columns],
             observations.turn.transpose(0, 2, 1) @ (np.zeros(3) if up is None else up),
             depth,
         )
     )
-    moved = np.linalg.norm(told - (joints - middle) @ observations.turn, axis=-1)
+    moved = np.linalg.norm(told - fitted, axis=-1)
     weight = np.ones(told.shape[:2])
     for row, name in enumerate(LIMBS):
         if name.endswith(("knee", "ankle")):

@@ -12,13 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body import FINGER_JOINTS, JOINT_INDEX, NUM_JOINTS, joint_pair
-from physic_embedded.body_fit.lifter import LIMBS
-from physic_embedded.body_fit.limb_keypoints import keypoint_indices
+from physic_embedded.body_fit.limb_keypoints import LIMBS, keypoint_indices
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import Skeleton
     from physic_embedded.body_fit.observations import BodyObservations
 
     FloatArray = NDArray[np.floating]
@@ -30,18 +28,15 @@ EVIDENCE = ("own", "moved", "hidden")
 """Parts of the variance of a joint: its own, and those by its evidence."""
 
 
-def limb_evidence(
-    observations: BodyObservations, moved: FloatArray, skeleton: Skeleton
-) -> FloatArray:
+def limb_evidence(observations: BodyObservations, moved: FloatArray) -> FloatArray:
     """Return the evidence (N, 12, 3) of :data:`EVIDENCE` on the errors of the joints of LIMBS: 1;
     squared metres by which the lifter moves the joint; and the confidence that its keypoint lacks.
 
     Args:
         observations: of N people.
         moved: (N, 12) metres.
-        skeleton: joint set of the keypoints.
     """
-    index = keypoint_indices(skeleton)
+    index = keypoint_indices(observations.skeleton)
     hidden = 1 - observations.confidence[:, [index[name] for name in LIMBS]]
     return np.stack([np.ones_like(hidden), moved**2, hidden], -1)
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body import JOINT_INDEX as INDEX
+from physic_core.body import JOINT_INDEX, joint_pair
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,13 +36,9 @@ def lean_towards_camera(
     Returns:
         (N,) radians; positive leans towards the camera.
     """
-    foot = np.where(cut[:, None], _middle(joints, "hip"), _middle(joints, "ankle"))
-    column = np.einsum("nij,ni->nj", turn, joints[:, INDEX["neck"]] - foot)
+    hips, ankles = (joints[:, joint_pair(name)].mean(1) for name in ("hip", "ankle"))
+    foot = np.where(cut[:, None], hips, ankles)
+    column = np.einsum("nij,ni->nj", turn, joints[:, JOINT_INDEX["neck"]] - foot)
     seen_up = np.einsum("nij,i->nj", turn, up)
     lean = np.arctan2(column[:, 2], -column[:, 1]) - np.arctan2(seen_up[:, 2], -seen_up[:, 1])
     return np.asarray(-((lean + np.pi) % (2 * np.pi) - np.pi))
-
-
-def _middle(joints: FloatArray, joint: str) -> FloatArray:
-    """Return the middle of the left and the right joint."""
-    return (joints[:, INDEX[f"left_{joint}"]] + joints[:, INDEX[f"right_{joint}"]]) / 2

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from physic_core.files import read_arrays
+from physic_embedded.body_fit.limb_keypoints import LIMBS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,22 +26,9 @@ NUMBERS = Path(__file__).with_suffix(".npz")
 on.
 """
 
-LIMBS = tuple(
-    f"{side}_{joint}"
-    for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
-    for side in ("left", "right")
-)
 HIPS = [LIMBS.index("left_hip"), LIMBS.index("right_hip")]
-BONES = tuple(
-    (LIMBS.index(f"{side}_{upper}"), LIMBS.index(f"{side}_{lower}"))
-    for upper, lower in (
-        ("shoulder", "elbow"),
-        ("elbow", "wrist"),
-        ("hip", "knee"),
-        ("knee", "ankle"),
-    )
-    for side in ("left", "right")
-)
+BONES = tuple((row, row + 2) for row in (0, 1, 2, 3, 6, 7, 8, 9))
+"""Rows of the upper and of the lower end of each bone of :data:`LIMBS`."""
 LIMB_SUM_M = 2.6
 """Sum of the lengths of the eight bones that is the unit of length of the network."""
 
@@ -48,9 +36,7 @@ LIMB_SUM_M = 2.6
 # Fitted to 122 forearms of mpi_inf_3dhp, panoptic, roundtable and parkour; .3 to .45 without one of
 # these sets.
 _GUESSED_TILT = 0.3
-_FOREARMS = tuple(
-    (LIMBS.index(f"{side}_elbow"), LIMBS.index(f"{side}_wrist")) for side in ("left", "right")
-)
+_FOREARMS = BONES[2:4]
 
 _SWAPPED = [row ^ 1 for row in range(len(LIMBS))]  # left and right
 _MIRROR = np.array([-1.0, 1.0, 1.0])

@@ -5,16 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from physic_core.errors import BackendError
-from physic_core.types import SKELETONS, is_finger
+from physic_core.types import SIDES, SKELETONS, is_finger
 
 if TYPE_CHECKING:
     from physic_core.types import Keypoints, Skeleton
 
-_NEEDED = tuple(
+LIMBS = tuple(
     f"{side}_{joint}"
     for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
-    for side in ("left", "right")
+    for side in SIDES
 )
+"""Names of the keypoints of arms and legs, which the body fit needs."""
+
 _MOST_FINGERS = 10  # points on fingers; a skeleton with more has whole hands
 
 
@@ -31,7 +33,7 @@ def limb_keypoints(keypoints: Keypoints) -> Keypoints:
         skeleton = keypoints.joint_set
     except ValueError as error:
         raise BackendError(str(error)) from error
-    if missing := [name for name in _NEEDED if name not in skeleton.names]:
+    if missing := [name for name in LIMBS if name not in skeleton.names]:
         raise BackendError(
             "the embedded body is fitted to shoulders, elbows, wrists, hips, knees and ankles, and "
             f"the skeleton {skeleton.name!r} has no {', '.join(missing)}: choose a keypoint "
@@ -48,3 +50,8 @@ def limb_keypoints(keypoints: Keypoints) -> Keypoints:
 def keypoint_indices(skeleton: Skeleton) -> dict[str, int]:
     """Return a dict from keypoint name to keypoint index for a skeleton."""
     return {name: row for row, name in enumerate(skeleton.names)}
+
+
+def sided_indices(skeleton: Skeleton, *joints: str) -> list[int]:
+    """Return the indices of the left and the right keypoint of each joint, such as "knee"."""
+    return [skeleton.names.index(f"{side}_{joint}") for joint in joints for side in SIDES]

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.types import Observations
-from physic_embedded.body_fit.limb_keypoints import keypoint_indices
+from physic_embedded.body_fit.limb_keypoints import sided_indices
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import Intrinsics, Keypoints, People
+    from physic_core.types import Intrinsics, Keypoints, People, Skeleton
 
     BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.floating]
@@ -41,6 +41,8 @@ class BodyObservations:
     """Keypoints, 3D landmarks, sizes and viewing directions of N people; J keypoints.
 
     Attributes:
+        skeleton: joint set of the keypoints.
+        intrinsics: of the photo.
         points: (N, J, 2) px.
         weight: (N, J) of the 2D points.
         confidence: (N, J), low outside the picture.
@@ -59,6 +61,8 @@ class BodyObservations:
             once.
     """
 
+    skeleton: Skeleton
+    intrinsics: Intrinsics
     points: FloatArray
     weight: FloatArray
     confidence: FloatArray
@@ -84,10 +88,7 @@ def rotation_to_ray(ray: FloatArray) -> FloatArray:
 
 
 def observe_people(
-    keypoints: Keypoints,
-    people: People,
-    intrinsics: Intrinsics,
-    observations: Observations | None = None,
+    keypoints: Keypoints, people: People, intrinsics: Intrinsics, said: Observations
 ) -> BodyObservations:
     """Compute weights, sizes and viewing rays of all people.
 
@@ -95,12 +96,12 @@ def observe_people(
         keypoints: of a joint set with hips and shoulders; one row a person.
         people: their boxes give the size where there are no 3D landmarks.
         intrinsics: of the photo.
-        observations: of the people; None if nothing is observed.
+        said: of the people, by the person observer.
     """
     from physic_core.engine.ground.stance import Stance
 
-    row = keypoint_indices(keypoints.joint_set)
-    hips = [row["left_hip"], row["right_hip"]]
+    skeleton = keypoints.joint_set
+    hips = sided_indices(skeleton, "hip")
     points = np.asarray(keypoints.points, np.float64)
     confidence = _confidence_inside(keypoints, intrinsics)
     weight = np.where(confidence < _UNSEEN, _UNSEEN_WEIGHT, 1) * confidence
@@ -110,7 +111,7 @@ def observe_people(
     )
     middle = points[:, hips].mean(1)
     if world is None:
-        size = _size_without_landmarks(points, row, people)
+        size = _size_without_landmarks(points, skeleton, people)
     else:
         lost = np.asarray(~np.isfinite(world).all(-1))
         if lost.any():
@@ -120,12 +121,13 @@ def observe_people(
     world_weight = np.maximum(confidence, LEAST_WORLD_WEIGHT)
     if world is not None:
         world_weight[lost] = 0
-    said = observations or Observations.unknown(len(points))
     # A face tells how the head turns, and its points where it is: 3D landmarks, 4 to 8 cm off,
     # hardly turn a head. Of ears in the picture, networks invent what the head hides.
-    ears = np.array([name.endswith("ear_surface") for name in row])
+    ears = np.array([name.endswith("ear_surface") for name in skeleton.names])
     weight[np.isfinite(said.head_sigma)[:, None] & ears] = 0
     return BodyObservations(
+        skeleton,
+        intrinsics,
         points,
         weight,
         confidence,
@@ -160,7 +162,7 @@ def _rotations_to(pixels: FloatArray, intrinsics: Intrinsics) -> FloatArray:
         ],
         -1,
     )
-    return np.stack([rotation_to_ray(ray) for ray in rays]) if len(rays) else np.zeros((0, 3, 3))
+    return np.stack([rotation_to_ray(ray) for ray in rays])
 
 
 def _without_lost(
@@ -197,21 +199,14 @@ def _pixels_per_metre(points: FloatArray, world: FloatArray, weight: FloatArray)
     return np.asarray(np.maximum(scale, 0.1 * extent / SIZE_STATURE_M))
 
 
-def _size_without_landmarks(points: FloatArray, row: dict[str, int], people: People) -> FloatArray:
+def _size_without_landmarks(points: FloatArray, skeleton: Skeleton, people: People) -> FloatArray:
     """Estimate the size in pixels from box, trunk and shoulders.
 
     The largest is taken, because each can only look too short.
     """
-
-    def middle(joint: str) -> FloatArray:
-        return (points[:, row[f"left_{joint}"]] + points[:, row[f"right_{joint}"]]) / 2
-
-    trunk = np.linalg.norm(middle("shoulder") - middle("hip"), axis=-1)
-    shoulders = np.linalg.norm(
-        points[:, row["left_shoulder"]] - points[:, row["right_shoulder"]], axis=-1
-    )
+    shoulders, hips = (points[:, sided_indices(skeleton, name)] for name in ("shoulder", "hip"))
+    trunk = np.linalg.norm(shoulders.mean(1) - hips.mean(1), axis=-1)
+    wide = np.linalg.norm(shoulders[:, 0] - shoulders[:, 1], axis=-1)
     boxes = np.asarray(people.boxes, np.float64)
-    tallest = (boxes[:, 3] - boxes[:, 1]) if len(boxes) else np.zeros(0)
-    return np.asarray(
-        np.maximum.reduce([3.3 * trunk, 4.4 * shoulders, tallest, np.ones(len(points))])
-    )
+    tallest = boxes[:, 3] - boxes[:, 1]
+    return np.asarray(np.maximum.reduce([3.3 * trunk, 4.4 * wide, tallest, np.ones(len(points))]))

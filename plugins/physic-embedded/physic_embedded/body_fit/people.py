@@ -4,14 +4,14 @@ outlines of masks.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
 from physic_core.backends.devices import limited_threads
-from physic_core.body import JOINT_INDEX, JOINT_NAMES, parameters_from_rotations, standing_legs
+from physic_core.body import JOINT_NAMES, joint_pair, parameters_from_rotations, standing_legs
 from physic_core.engine.ground.posture import trunk_in_picture_deg, upright_people
 from physic_core.geometry import rotmat_to_rotvec
 from physic_core.types import POSTURES, Bodies, Observations
@@ -24,7 +24,7 @@ from physic_embedded.body_fit.hidden_legs import (
 )
 from physic_embedded.body_fit.joint_sigma import joint_sigma, limb_evidence
 from physic_embedded.body_fit.lean import lean_towards_camera
-from physic_embedded.body_fit.limb_keypoints import keypoint_indices, limb_keypoints
+from physic_embedded.body_fit.limb_keypoints import limb_keypoints, sided_indices
 from physic_embedded.body_fit.minimise import covariance
 from physic_embedded.body_fit.multi_start import fit_without_world_landmarks
 from physic_embedded.body_fit.observations import observe_people
@@ -43,13 +43,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.body import BodyModel
-    from physic_core.types import Hints, Intrinsics, Keypoints, People, Skeleton
+    from physic_core.types import Hints, Intrinsics, Keypoints, People
     from physic_embedded.body_fit.fit import FittedBodies
     from physic_embedded.body_fit.observations import BodyObservations
 
     BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.floating]
 
+_UP_OF_LEVEL_CAMERA = np.array([0.0, -1.0, 0.0])
 _MAX_APPARENT_BEND = 0.7  # radians by which a knee of an upright person may seem bent
 _BEND_SHARE = 0.35  # share of it that counts as real
 _ACCEPTED_RISE = 50.0  # of the fit's squared residuals: a larger cost of uprightness halves it
@@ -99,28 +100,20 @@ def fit_people(
             parameters_from_rotations(rotations, betas, None, transl), "embedded", observed
         )
     skeleton = keypoints.joint_set
-    camera = intrinsics.matrix
     said = hints.observations or Observations.unknown(len(people))
     known = _known_up(hints)
-    up = np.array([0.0, -1.0, 0.0]) if known is None else known
+    up = _UP_OF_LEVEL_CAMERA if known is None else known
     observations = with_hidden_legs(
         observe_people(keypoints, people, intrinsics, said), skeleton, said, up
     )
     cut = legs_hidden(observations, skeleton)
-    vertical = _Vertical(
-        up,
-        _trunks_to_compare(keypoints, said, cut, known is not None),
-        _stands(said) & upright_people(keypoints, said),
-        cut,
-        said,
-    )
     with torch.enable_grad(), limited_threads():
-        fit = _fit_keypoints(model, observations, camera, skeleton)
-        fit, upright = _upright(model, fit, observations, camera, vertical)
-        pairs = outline_pairs(model, fit, observations, people, camera, hints.original)
+        fit = _fit_keypoints(model, observations)
+        fit, upright = _upright(model, fit, observations, keypoints, said, known)
+        pairs = outline_pairs(model, fit, observations, people, hints.original)
         lifted = None
         if observations.world is not None and keypoints.depth_sigma is None:
-            lifted = lifted_limbs(fit, observations, camera, known, cut)
+            lifted = lifted_limbs(fit, observations, known, cut)
         fit = fit_outlines(model, fit, without_legs(model, pairs, cut), lifted)
         rotation_sigma = _rotation_sigma(fit, observations)
     return Bodies(
@@ -131,7 +124,7 @@ def fit_people(
         lean_sigma=np.where(upright, UPRIGHT_SIGMA, np.where(cut, pitch_sigma(said), np.nan)),
         joint_sigma=None
         if lifted is None
-        else joint_sigma(limb_evidence(observations, lifted.moved.numpy(), skeleton)),
+        else joint_sigma(limb_evidence(observations, lifted.moved.numpy())),
     )
 
 
@@ -140,31 +133,24 @@ def _known_up(hints: Hints) -> FloatArray | None:
     return hints.floor.normal if hints.up is None and hints.floor is not None else hints.up
 
 
-def _fit_keypoints(
-    model: BodyModel,
-    observations: BodyObservations,
-    camera: FloatArray,
-    skeleton: Skeleton,
-) -> FittedBodies:
+def _fit_keypoints(model: BodyModel, observations: BodyObservations) -> FittedBodies:
     """Fit bodies to keypoints and 3D landmarks, starting from the pose of the landmarks, or from
     several poses without any.
     """
     if observations.world is None:
-        return fit_without_world_landmarks(model, observations, camera, skeleton)
+        return fit_without_world_landmarks(model, observations)
     roots = []
     poses = []
     places = []
     for i, landmarks in enumerate(observations.world):
         turned = landmarks @ observations.turn[i].T
-        root, pose = pose_from_landmarks(turned, skeleton)
+        root, pose = pose_from_landmarks(turned, observations.skeleton)
         roots.append(root)
         poses.append(pose)
-        places.append(initial_translation(turned, observations, i, camera))
+        places.append(initial_translation(turned, observations, i))
     return fit_bodies(
         model,
         observations,
-        camera,
-        skeleton,
         InitialPose(np.array(roots), np.array(poses), np.array(places)),
     )
 
@@ -180,33 +166,17 @@ def _trunks_to_compare(
     return ((cut & ~lies) | is_known) & ~(across > _ACROSS_DEG)
 
 
-class _Vertical(NamedTuple):
-    """What is known of the vertical of N people.
-
-    Attributes:
-        up: (3,) camera frame.
-        trunk: (N,) bool, people whose trunk is compared with it.
-        stands: (N,) bool, people who stand or walk by picture and observer.
-        cut: (N,) bool, people without visible legs.
-        said: by the person observer.
-    """
-
-    up: FloatArray
-    trunk: BoolArray
-    stands: BoolArray
-    cut: BoolArray
-    said: Observations
-
-
 def _upright(
     model: BodyModel,
     fit: FittedBodies,
     observations: BodyObservations,
-    camera: FloatArray,
-    vertical: _Vertical,
+    keypoints: Keypoints,
+    said: Observations,
+    known: FloatArray | None,
 ) -> tuple[FittedBodies, BoolArray]:
-    """Repeat the fit with a known vertical: feet level, legs as the posture says, and standing
-    people upright. These have visible straight legs, or stand by picture and observer.
+    """Repeat the fit with the vertical (3,), or that of a level camera if none is known: feet
+    level, legs as the posture says, and standing people upright. These have visible straight legs,
+    or stand by picture and observer.
 
     Return the fit, and who was set upright: (N,) bool. A fit whose detector states errors of depth
     stays as it is.
@@ -214,30 +184,27 @@ def _upright(
     The landmarks are turned back by the lean before the fit. Turning the finished body instead
     would not do: its keypoints move, and the next optimisation turns it back.
     """
-    trunk = vertical.trunk
-    said = vertical.said
+    cut = legs_hidden(observations, observations.skeleton)
+    trunk = _trunks_to_compare(keypoints, said, cut, known is not None)
     if not trunk.any() or observations.depth_sigma is not None:
         return fit, np.zeros(len(trunk), bool)
-    skeleton = fit.problem.skeleton
-    row = keypoint_indices(skeleton)
-    up = np.asarray(vertical.up, np.float64)
-    ends = [row[f"{side}_{joint}"] for side in ("left", "right") for joint in ("knee", "ankle")]
+    skeleton = observations.skeleton
+    up = np.asarray(_UP_OF_LEVEL_CAMERA if known is None else known, np.float64)
+    ends = sided_indices(skeleton, "knee", "ankle")
     joints = fit.joints.double().numpy()
-    lean = lean_towards_camera(joints, observations.turn, up, vertical.cut)
+    lean = lean_towards_camera(joints, observations.turn, up, cut)
     legs_seen = observations.confidence[:, ends].min(1) > _MIN_LEG_CONFIDENCE
     straight = standing_legs(joints).any(1) & legs_seen
-    upright = (straight | vertical.stands) & trunk & (np.abs(lean) < 2 * _MAX_LEAN)
+    upright = (straight | _stands(keypoints, said)) & trunk & (np.abs(lean) < 2 * _MAX_LEAN)
     turn = np.clip(np.where(upright, -lean, 0.0), -_MAX_LEAN, _MAX_LEAN)
     legs = without_posture(legs_by_posture(said), ~trunk)
-    posed = legs_of_other_postures(joints, observations, skeleton, up, legs)
+    posed = legs_of_other_postures(joints, observations, up, legs)
     again = fit
     earlier = None
     for _ in range(3):
         again = fit_bodies(
             model,
             without_guessed_legs(observations, skeleton, said, up, posed),
-            camera,
-            skeleton,
             with_legs(_restart(fit, observations, turn, upright), joints, posed, up, legs),
             floor=FloorConstraint(up, trunk, upright, turn, legs),
             earlier=earlier,
@@ -273,35 +240,29 @@ def _restart(
         @ fit.rotations[:, 0].double().numpy()
     )
     pose = rotmat_to_rotvec(fit.rotations[:, 1:22].double().numpy())
-    for knee in (JOINT_INDEX["left_knee"] - 1, JOINT_INDEX["right_knee"] - 1):
-        bend = pose[:, knee, 0]
-        pose[:, knee, 0] = np.where(
-            upright & (np.abs(bend) < _MAX_APPARENT_BEND), _BEND_SHARE * bend, bend
-        )
+    knees = np.subtract(joint_pair("knee"), 1)
+    bend = pose[:, knees, 0]
+    straighter = upright[:, None] & (np.abs(bend) < _MAX_APPARENT_BEND)
+    pose[:, knees, 0] = np.where(straighter, _BEND_SHARE * bend, bend)
     return InitialPose(root, pose, fit.transl.double().numpy())
 
 
-def _stands(said: Observations) -> BoolArray:
-    """Return which of N people surely stand or walk by the observer, (N,) bool."""
+def _stands(keypoints: Keypoints, said: Observations) -> BoolArray:
+    """Return which of N people surely stand or walk by picture and observer, (N,) bool."""
     postures = [POSTURES.index(name) for name in ("stand", "walk")]
-    return np.asarray(said.posture[:, postures].sum(1) > _STANDS)
+    stands = said.posture[:, postures].sum(1) > _STANDS
+    return np.asarray(stands & upright_people(keypoints, said))
 
 
 def _rotation_sigma(fit: FittedBodies, observations: BodyObservations) -> FloatArray | None:
     """Return the standard deviations (N, 22) of the rotations of pelvis and body joints, radians;
-    None without 3D landmarks.
+    None without 3D landmarks, NaN where unknown.
     """
     if observations.depth_sigma is not None:
         spread = fit.problem.rotation_sigma(covariance(fit.problem, fit.unknowns))
         return np.asarray(np.minimum(spread.numpy(), np.pi))
     if observations.world is not None:
-        return np.tile(_landmark_sigma(), (len(observations.points), 1))
+        names = (name.rpartition("_")[2].rstrip("123") for name in JOINT_NAMES[:22])
+        sigma = [_ROTATION_SIGMA.get(name, np.nan) for name in names]
+        return np.tile(sigma, (len(observations.points), 1))
     return None
-
-
-def _landmark_sigma() -> FloatArray:
-    """Return the standard deviations (22,) of the rotations of pelvis and body joints, radians; NaN
-    where unknown.
-    """
-    names = (name.rpartition("_")[2].rstrip("123") for name in JOINT_NAMES[:22])
-    return np.array([_ROTATION_SIGMA.get(name, np.nan) for name in names])

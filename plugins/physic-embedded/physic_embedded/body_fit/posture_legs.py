@@ -12,22 +12,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body import JOINT_INDEX
+from physic_core.body import JOINT_INDEX, joint_pair
 from physic_core.types import POSTURES, SIDES
-from physic_embedded.body_fit.limb_keypoints import keypoint_indices
+from physic_embedded.body_fit.limb_keypoints import sided_indices
 from physic_embedded.body_fit.problem import LegsByPosture
 from physic_embedded.body_fit.start import bent_leg
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import Observations, Skeleton
+    from physic_core.types import Observations
     from physic_embedded.body_fit.observations import BodyObservations
     from physic_embedded.body_fit.problem import InitialPose
 
     BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.floating]
 
+_LEG = ("hip", "knee", "ankle")
 _SURE = 0.85  # least probability of the posture
 _LIMITS = {"stand": (0.97, 0.08, 0.94, 0.12), "sit": (0.25, -0.12, 0.0, np.inf)}
 """Posture -> limit and standard deviation of the cosines between thigh and vertical and between
@@ -53,11 +54,7 @@ def legs_by_posture(said: Observations) -> LegsByPosture:
 
 
 def legs_of_other_postures(
-    joints: FloatArray,
-    observations: BodyObservations,
-    skeleton: Skeleton,
-    up: FloatArray,
-    legs: LegsByPosture,
+    joints: FloatArray, observations: BodyObservations, up: FloatArray, legs: LegsByPosture
 ) -> BoolArray:
     """Return which left and right legs (N, 2) lie far from their posture: both legs of a person, or
     one whose knee the picture does not show. None of who stands on a leg that is bent in the
@@ -66,20 +63,15 @@ def legs_of_other_postures(
     Args:
         joints: (N, 55, 3) of fitted bodies, camera frame.
         observations: that they were fitted to.
-        skeleton: joint set of the keypoints.
         up: (3,) camera frame.
         legs: by the postures.
     """
-    hips, knees, ankles = (
-        joints[:, [JOINT_INDEX[f"{side}_{name}"] for side in SIDES]]
-        for name in ("hip", "knee", "ankle")
-    )
+    hips, knees, ankles = (joints[:, joint_pair(name)] for name in _LEG)
     thigh, shank = _unit(knees - hips), _unit(ankles - knees)
     cosines = np.stack([-(thigh @ up), (thigh * shank).sum(-1)], -1)
     beyond = ((legs.cosine[:, None] - cosines) / legs.sigma[:, None]).max(-1)
     both = (beyond > _BOTH_FAR).all(1)
-    row = keypoint_indices(skeleton)
-    columns = [[row[f"{side}_{name}"] for side in SIDES] for name in ("hip", "knee", "ankle")]
+    columns = [sided_indices(observations.skeleton, name) for name in _LEG]
     points = [observations.points[:, rows] for rows in columns]
     flat_thigh, flat_shank = _unit(points[1] - points[0]), _unit(points[2] - points[1])
     shown = (flat_thigh * flat_shank).sum(-1) < np.cos(_SHOWN_BEND)

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import torch
 
-from physic_core.body import JOINT_INDEX, head_direction
+from physic_core.body import JOINT_INDEX, head_direction, joint_pair
 from physic_core.engine.sizes.stature import adult_shape
 from physic_core.geometry import rotvec_to_rotmat
 from physic_core.types import PER_PERSON, select_people
-from physic_embedded.body_fit.lifter import LIMBS
-from physic_embedded.body_fit.limb_keypoints import keypoint_indices
+from physic_embedded.body_fit.limb_keypoints import LIMBS, sided_indices
 from physic_embedded.body_fit.observations import SIZE_STATURE_M
 from physic_embedded.body_fit.pose_prior import (
     MAX_HINGE_ANGLE,
@@ -131,10 +130,7 @@ class FloorConstraint:
     legs: LegsByPosture
 
 
-_SHOULDERS, _HIPS, *_KNEES_AND_ANKLES = (
-    [JOINT_INDEX[f"{side}_{name}"] for side in ("left", "right")]
-    for name in ("shoulder", "hip", "knee", "ankle")
-)
+_SHOULDERS, _HIPS, _KNEES, _ANKLES = map(joint_pair, ("shoulder", "hip", "knee", "ankle"))
 
 
 @dataclass(frozen=True)
@@ -202,7 +198,6 @@ _LOG_Z_STEP = 0.05  # logarithm of the depth, of one unit
 _SIDE_STEP = 0.01  # share of the depth, across the line of sight, of one unit
 _HINGE_WEIGHT = 12.0
 _SMOOTH_MIN_SHARPNESS = 150.0  # per metre, of the smooth minimum
-_KNEES = [JOINT_INDEX["left_knee"] - 1, JOINT_INDEX["right_knee"] - 1]  # without the pelvis
 _TRUNK_LIMIT = 0.4  # radians from the vertical, of a trunk that is probably upright
 
 
@@ -242,6 +237,8 @@ class FitProblem:
         upper: (J,) 1 for keypoints above the hips, which turn with the trunk; 0 for legs.
         outlines: pairs of points on the outlines of bodies and masks; None before the second fit.
         lifted: what the lifter tells of the limbs, or None.
+        head: (N, 3) unit vectors in which the faces look, camera frame; zero without a face.
+        head_weight: (N,) of these, per squared radian; zero without a face.
         stature: (K,) metres that one unit of each shape component adds.
         adult: (K,) shape of a mean adult.
     """
@@ -421,7 +418,8 @@ class FitProblem:
         that bend to make it so.
         """
         angle = self._pitch(joints[:, 12] - joints[:, 7:9].mean(1))
-        knees = ((body.pose - self.pose)[:, _KNEES, 0] / _KNEE_SIGMA).square().sum(1)
+        bent = (body.pose - self.pose)[:, [knee - 1 for knee in _KNEES], 0]  # without the pelvis
+        knees = (bent / _KNEE_SIGMA).square().sum(1)
         return self.upright * ((angle / UPRIGHT_SIGMA).square() + knees)
 
     def _trunk_loss(self, joints: Tensor) -> Tensor:
@@ -437,7 +435,7 @@ class FitProblem:
 
     def _legs_loss(self, joints: Tensor) -> Tensor:
         """Return the loss (N,) of thighs and shanks that lie as in another posture."""
-        hips, knees, ankles = (joints[:, rows] for rows in (_HIPS, *_KNEES_AND_ANKLES))
+        hips, knees, ankles = (joints[:, rows] for rows in (_HIPS, _KNEES, _ANKLES))
         thigh = torch.nn.functional.normalize(knees - hips, dim=-1)
         shank = torch.nn.functional.normalize(ankles - knees, dim=-1)
         cosines = torch.stack([-(thigh @ self.up), (thigh * shank).sum(-1)], -1)
@@ -483,8 +481,6 @@ _DUPLICATE_POINTS = ("eye_inner", "eye_outer")  # redundant with the eyes
 def fit_problem(
     model: BodyModel,
     observations: BodyObservations,
-    camera: FloatArray,
-    skeleton: Skeleton,
     start: InitialPose,
     floor: FloorConstraint | None,
 ) -> FitProblem:
@@ -496,15 +492,15 @@ def fit_problem(
         # A copy: torch takes neither read-only arrays nor negative strides.
         return torch.as_tensor(np.array(array, order="C"), dtype=model.dtype)
 
-    index = keypoint_indices(skeleton)
-    used = [name for name in index if not any(twin in name for twin in _DUPLICATE_POINTS)]
-    rows = [index[name] for name in used]
+    skeleton = observations.skeleton
+    used = [name for name in skeleton.names if not any(twin in name for twin in _DUPLICATE_POINTS)]
+    rows = [skeleton.names.index(name) for name in used]
     mean, sigma = pose_prior(tight=observations.world is None)
     arrays = {
         **{name: array[:, rows] for name, array in _keypoint_arrays(observations).items()},
         **_start_arrays(start),
         **_head_arrays(observations),
-        **_floor_arrays(observations, index, floor),
+        **_floor_arrays(observations, floor),
     }
     stature = _stature_per_component(model)
     soles = _soles(model)
@@ -515,7 +511,7 @@ def fit_problem(
         hips=(used.index("left_hip"), used.index("right_hip")),
         turn=tensor(observations.turn),
         world=None if observations.world is None else tensor(observations.world[:, rows]),
-        camera=tensor(camera),
+        camera=tensor(observations.intrinsics.matrix),
         mean=tensor(mean),
         sigma=tensor(sigma),
         fingers=rotvec_to_rotmat(tensor(relaxed_finger_pose())),
@@ -572,7 +568,7 @@ _SEEN = 0.5  # confidence of a joint that counts as seen
 
 
 def _floor_arrays(
-    observations: BodyObservations, index: Mapping[str, int], floor: FloorConstraint | None
+    observations: BodyObservations, floor: FloorConstraint | None
 ) -> dict[str, BoolArray | FloatArray]:
     """Return the fields of :class:`FitProblem` that a floor sets, zero without one."""
     if floor is None:
@@ -586,7 +582,7 @@ def _floor_arrays(
         }
     up = np.asarray(floor.up, np.float64)
     seen_up = np.einsum("nij,i->nj", observations.turn, up)
-    ankles = observations.confidence[:, [index["left_ankle"], index["right_ankle"]]].min(1)
+    ankles = observations.confidence[:, sided_indices(observations.skeleton, "ankle")].min(1)
     return {
         "up": up,
         "up_angle": np.arctan2(seen_up[:, 2], -seen_up[:, 1]),

@@ -64,7 +64,6 @@ def outline_pairs(
     fit: FittedBodies,
     observations: BodyObservations,
     people: People,
-    camera: FloatArray,
     photo: Pointmap | None,
 ) -> OutlinePairs:
     """Pair the outlines of N fitted bodies with their masks.
@@ -76,14 +75,14 @@ def outline_pairs(
         fit: of the people, camera frame.
         observations: of the people.
         people: their masks.
-        camera: (3, 3) px.
         photo: shows what is in front of people; without it, bodies that reach outside are not drawn
             in.
     """
     with torch.no_grad():
         vertices = model(fit.rotations, fit.betas, fit.transl).vertices.numpy()
     depth = None if photo is None else np.where(photo.valid, photo.points[..., 2], np.inf)
-    masks = np.asarray(people.masks, bool)
+    masks = people.masks
+    camera = observations.intrinsics.matrix
     first = model.coarse.ids.numpy()[0]
     vertex = np.full((len(masks), 2 * _PAIRS), first, np.int64)
     normal = np.zeros((*vertex.shape, 2))
@@ -146,7 +145,7 @@ class _Crop:
         others: masks of the others.
         border: pixels at the border of the photo or outside.
         depth: relative, inf where unknown; None without a depth.
-        face: (h, w) nearest face of the fitted body, -1 beside it.
+        vertex: (h, w) of the nearest face of the fitted body, -1 beside it.
         low: (2,) px.
         scale: px of the crop per px.
         size: of the person, px.
@@ -156,7 +155,7 @@ class _Crop:
     others: BoolArray
     border: BoolArray
     depth: FloatArray | None
-    face: IntArray
+    vertex: IntArray
     low: FloatArray
     scale: float
     size: float
@@ -182,16 +181,13 @@ class _Lines:
 def _person_pairs(model: BodyModel, crop: _Crop) -> _Lines | None:
     """Return the pairs of one person at coarse vertices, or None if mask or body is not there."""
     mask = _outline(crop.mask)
-    body = _outline(crop.face >= 0)
+    body = _outline(crop.vertex >= 0)
     if mask is None or body is None:
         return None
-    corner = model.faces.numpy()[:, 0]
-    drawn_out = _drawn_out(crop, mask.spaced(), body, corner)
-    drawn_in = _drawn_in(crop, mask, body.spaced(), corner)
-    parts = [
-        np.concatenate([getattr(d, f.name) for d in (drawn_out, drawn_in)]) for f in fields(_Lines)
-    ]
-    lines = _Lines(*parts)
+    both = _drawn_out(crop, mask.spaced(), body), _drawn_in(crop, mask, body.spaced())
+    lines = _Lines(
+        *(np.concatenate([getattr(each, part.name) for each in both]) for part in fields(_Lines))
+    )
     coarse = model.coarse.ids.numpy()[model.coarse.of_vertex.numpy()[lines.vertex]]
     return replace(lines, vertex=coarse, weight=lines.weight * ~_is_finger(model)[lines.vertex])
 
@@ -209,7 +205,7 @@ def _crop(
     pixels = _project(vertices, camera)
     low, high = _crop_corners(pixels, own)
     scale = _CROP_SIDE / float((high - low).max())
-    width, height = (int(v) for v in np.maximum(np.ceil((high - low) * scale).astype(int) + 1, 2))
+    width, height = np.maximum(np.ceil((high - low) * scale).astype(int) + 1, 2).tolist()
     to_crop = np.array([[scale, 0, -scale * low[0]], [0, scale, -scale * low[1]]])
 
     def cut(picture: FloatArray, outside: float, how: int) -> FloatArray:
@@ -223,13 +219,13 @@ def _crop(
         model.faces,
         height,
         width,
-    )[0]
+    )[0].numpy()
     return _Crop(
         mask=cut(own.astype(np.float32), 0, cv2.INTER_LINEAR) > 0.5,
         others=cut(others.astype(np.float32), 0, cv2.INTER_LINEAR) > 0.3,
         border=_near(cut(np.ones(own.shape, np.float32), 0, cv2.INTER_NEAREST) < 0.5, 2),
         depth=None if depth is None else cut(depth.astype(np.float32), np.inf, cv2.INTER_NEAREST),
-        face=face.numpy(),
+        vertex=np.where(face < 0, -1, model.faces.numpy()[face, 0]),
         low=low,
         scale=scale,
         size=size,
@@ -247,30 +243,23 @@ def _crop_corners(pixels: FloatArray, mask: BoolArray) -> tuple[FloatArray, Floa
     return low, high
 
 
-def _drawn_out(crop: _Crop, mask: _Outline, body: _Outline, corner: IntArray) -> _Lines:
+def _drawn_out(crop: _Crop, mask: _Outline, body: _Outline) -> _Lines:
     """Pair points of the mask that lie outside the body with the nearest point of the body's
     outline.
     """
     gap, near = cKDTree(body.points).query(mask.points)
     at = _at(mask.points)
     weight = (
-        (crop.face[at] < 0)
+        (crop.vertex[at] < 0)
         & ((mask.normals * body.normals[near]).sum(-1) > _SAME_DIRECTION)
         & ~_near(crop.others, 3)[at]
         & ~crop.border[at]
         & (gap < _REACH * crop.size * crop.scale)
     )
-    offset = -(crop.in_photo(mask.points) * mask.normals).sum(-1) / crop.size + _CLOTHES
-    return _Lines(
-        crop.in_photo(body.points[near]),
-        corner[crop.face[_at(body.points[near])]],
-        -mask.normals / crop.size,
-        offset,
-        weight.astype(float),
-    )
+    return _lines(crop, body.points[near], mask.points, -mask.normals, weight, _CLOTHES)
 
 
-def _drawn_in(crop: _Crop, mask: _Outline, body: _Outline, corner: IntArray) -> _Lines:
+def _drawn_in(crop: _Crop, mask: _Outline, body: _Outline) -> _Lines:
     """Pair points of the body that lie outside the mask, and that nothing hides, with the nearest
     point of the mask.
     """
@@ -284,12 +273,25 @@ def _drawn_in(crop: _Crop, mask: _Outline, body: _Outline, corner: IntArray) -> 
         & (gap < _REACH * crop.size * crop.scale)
     )
     normal = (body.points - mask.points[near]) / np.maximum(gap, 1e-6)[:, None]
-    offset = (crop.in_photo(mask.points[near]) * normal).sum(-1) / crop.size + _RIM
+    return _lines(crop, body.points, mask.points[near], normal, weight, _RIM)
+
+
+def _lines(
+    crop: _Crop,
+    body: FloatArray,
+    mask: FloatArray,
+    normal: FloatArray,
+    weight: BoolArray,
+    margin: float,
+) -> _Lines:
+    """Return the pairs of points (P, 2) px of the crop on body and mask, by normals (P, 2) and a
+    margin in sizes of the person.
+    """
     return _Lines(
-        crop.in_photo(body.points),
-        corner[crop.face[at]],
+        crop.in_photo(body),
+        crop.vertex[_at(body)],
         normal / crop.size,
-        offset,
+        (crop.in_photo(mask) * normal).sum(-1) / crop.size + margin,
         weight.astype(float),
     )
 

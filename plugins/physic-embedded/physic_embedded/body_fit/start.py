@@ -89,22 +89,16 @@ def _bent_arm(
     return _rotvec(chest.T @ arm), bend
 
 
-def translation_from_points(
-    landmarks: FloatArray, points: FloatArray, weight: FloatArray, camera: FloatArray
-) -> FloatArray | None:
-    """Solve by linear least squares for the translation with which landmarks (J, 3) project onto
-    points (J, 2) px.
-
-    Args:
-        landmarks: metres, camera axes.
-        points: px.
-        weight: (J,).
-        camera: (3, 3).
-
-    Returns:
-        (3,) metres, or None where that is not in front of the camera.
+def initial_translation(
+    landmarks: FloatArray, observations: BodyObservations, i: int
+) -> FloatArray:
+    """Return the translation (3,) with which the landmarks (J, 3), metres in camera axes, of person
+    ``i`` project onto this person's keypoints, by linear least squares; on the ray of the hips
+    where that is not in front of the camera.
     """
-
+    camera = observations.intrinsics.matrix
+    points = observations.points[i]
+    weight = observations.confidence[i]
     u = (points - camera[:2, 2]) / camera[[0, 1], [0, 1]]
     # (X + tx) = u (Z + tz) in both image directions
     design = np.zeros((2, len(points), 3))
@@ -114,21 +108,8 @@ def translation_from_points(
     solution = np.linalg.lstsq(
         (design * weight[:, None]).reshape(-1, 3), (right * weight).reshape(-1), rcond=None
     )[0]
-    return np.asarray(solution) if solution[2] > 0.2 else None
-
-
-def initial_translation(
-    landmarks: FloatArray, observations: BodyObservations, i: int, camera: FloatArray
-) -> FloatArray:
-    """Return the translation for which the landmarks (J, 3) of person ``i`` project onto this
-    person's keypoints.
-    """
-
-    found = translation_from_points(
-        landmarks, observations.points[i], observations.confidence[i], camera
-    )
-    if found is not None:
-        return found
+    if solution[2] > 0.2:
+        return np.asarray(solution)
     ray = observations.turn[i][:, 2]
     return np.asarray(ray / ray[2] * camera[1, 1] * SIZE_STATURE_M / observations.size[i])
 

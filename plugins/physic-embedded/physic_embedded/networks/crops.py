@@ -36,10 +36,14 @@ class RotatedSquare:
     side: float
     angle: float
 
+    @classmethod
+    def upright(cls, center: Float, side: float, up: Float) -> RotatedSquare:
+        """Return the square in which a direction (2,) of the photo points up."""
+        return cls(center, side, float(np.arctan2(up[0], -up[1])))
+
     @property
     def rotation(self) -> Float:
         """Rotation (2, 2) from directions in the square to directions in the photo."""
-
         c = np.cos(self.angle)
         s = np.sin(self.angle)
         return np.array([[c, -s], [s, c]])

@@ -73,10 +73,8 @@ def predict_disparity(
     def see(tokens: NDArray[np.float32]) -> None:
         TOKENS.put(_key(session.name, fed), tokens)
 
-    if keep_tokens and TOKENS.readers:
-        (answer,) = session.run(["depth"], {"image": fed}, keep=True, beside={_ENCODED: see})
-    else:
-        (answer,) = session.run(["depth"], {"image": fed}, keep=True)
+    beside = {_ENCODED: see} if keep_tokens and TOKENS.readers else {}
+    (answer,) = session.run(["depth"], {"image": fed}, keep=True, beside=beside)
     return np.asarray(photo.crop(answer[0]), dtype=np.float32)
 
 

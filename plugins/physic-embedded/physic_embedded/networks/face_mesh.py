@@ -56,11 +56,7 @@ def face_square(at: Mapping[str, Float]) -> RotatedSquare:
     wide = float(np.linalg.norm(left - right))
     deep = max(float(np.linalg.norm(nose - ear)) for ear in (left, right))
     center = 0.7 * (eyes + mouth + nose) / 3 + 0.3 * ears
-    return _upright_square(center, max(4.2 * tall, 1.9 * wide, 2.4 * deep), eyes - mouth)
-
-
-def _upright_square(center: Float, side: float, up: Float) -> RotatedSquare:
-    return RotatedSquare(center, side, float(np.arctan2(up[0], -up[1])))
+    return RotatedSquare.upright(center, max(4.2 * tall, 1.9 * wide, 2.4 * deep), eyes - mouth)
 
 
 def look_of_face(
@@ -82,7 +78,7 @@ def look_of_face(
         return None
     flat = points[:, :2]
     low, high = flat.min(0), flat.max(0)
-    square = _upright_square(
+    square = RotatedSquare.upright(
         (low + high) / 2, _MARGIN * float((high - low).max()), flat[_FOREHEAD] - flat[_CHIN]
     )
     points, score = _look(session, picture, square)

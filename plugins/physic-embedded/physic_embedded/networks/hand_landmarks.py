@@ -8,7 +8,7 @@ person and the side of the hand.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -69,19 +69,16 @@ def square_from_palm(box: Float, wrist: Float, middle: Float) -> RotatedSquare:
         wrist: (2,) px.
         middle: (2,) base of the middle finger, px.
     """
-    d = middle - wrist
     side = float(max(box[2] - box[0], box[3] - box[1]))
-    turned = RotatedSquare((box[:2] + box[2:]) / 2, 2.6 * side, float(np.arctan2(d[0], -d[1])))
-    return RotatedSquare(
-        turned.center + turned.rotation @ np.array([0.0, -0.5 * side]), turned.side, turned.angle
-    )
+    turned = RotatedSquare.upright((box[:2] + box[2:]) / 2, 2.6 * side, middle - wrist)
+    ahead = turned.rotation @ np.array([0.0, -0.5 * side])
+    return replace(turned, center=turned.center + ahead)
 
 
 def square_from_landmarks(points: Float) -> RotatedSquare:
     """Return the landmark network's input square for a hand with known landmarks (21, 2)."""
     middle = (points[[5, 13]].mean(axis=0) + points[9]) / 2
-    d = middle - points[0]
-    upright = RotatedSquare(np.zeros(2), 1.0, float(np.arctan2(d[0], -d[1])))
+    upright = RotatedSquare.upright(np.zeros(2), 1.0, middle - points[0])
     turned = points[PALM] @ upright.rotation
     low = turned.min(axis=0)
     high = turned.max(axis=0)

@@ -104,10 +104,8 @@ def person_square(hip: Float, end: Float) -> RotatedSquare:
     In the square, the direction from ``hip`` to ``end`` points up. Half its side is 1.25 times
     their distance.
     """
-    d = np.asarray(end, float) - hip
-    return RotatedSquare(
-        np.asarray(hip, float), 2.5 * float(np.hypot(*d)), float(np.arctan2(d[0], -d[1]))
-    )
+    up = np.asarray(end, float) - hip
+    return RotatedSquare.upright(np.asarray(hip, float), 2.5 * float(np.hypot(*up)), up)
 
 
 def predict_pose(
@@ -151,11 +149,23 @@ def predict_scored_pose(
 def _with_mirror_image(
     session: OnnxSession, cut: NDArray[np.uint8], square: RotatedSquare, look: _RawPose
 ) -> Pose:
-    """Average the output for a crop with that for its mirror image."""
+    """Average the output for a crop with that for its mirror image, and convert it to the photo."""
     other = _look(session, cut[:, ::-1]).mirrored()
-    gaps = (_gap(look, other), _mask_iou(look.mask, other.mask))
-    spread = np.linalg.norm(look.world - other.world, axis=1)[:33]
-    return _pose(_mean(look, other), spread, square, *gaps)
+    mean = _mean(look, other)
+    world = mean.world[:33]
+    return Pose(
+        points=square.to_photo(mean.points, LANDMARK_SIZE)[:33],
+        visibility=mean.visibility[:33],
+        presence=mean.presence[:33],
+        # The network's x and y follow the turned square; the photo's axes are wanted.
+        world=np.concatenate([world[:, :2] @ square.rotation.T, world[:, 2:]], axis=1),
+        world_spread=np.linalg.norm(look.world - other.world, axis=1)[:33],
+        score=mean.score,
+        mask=mean.mask,
+        square=square,
+        mirror_gap=_gap(look, other),
+        mirror_mask_iou=_mask_iou(look.mask, other.mask),
+    )
 
 
 def average_agreeing(pose: Pose, others: Sequence[Pose], near: float) -> Pose:
@@ -196,9 +206,8 @@ class _RawPose:
     def mirrored(self) -> _RawPose:
         """Return the output mirrored left to right."""
         swap = np.arange(len(self.points))
-        for a, b in MIRROR_PAIRS:
-            swap[a] = b
-            swap[b] = a
+        left, right = np.transpose(MIRROR_PAIRS)
+        swap[left], swap[right] = right, left
         return _RawPose(
             points=self.points[swap] * [-1.0, 1.0] + [float(LANDMARK_SIZE), 0.0],
             visibility=self.visibility[swap],
@@ -262,24 +271,3 @@ def _mask_iou(a: Float, b: Float) -> float:
     both = ((a > 0) & (b > 0)).sum()
     any_ = ((a > 0) | (b > 0)).sum()
     return float(both / max(any_, 1))
-
-
-def _pose(
-    look: _RawPose, spread: Float, square: RotatedSquare, gap: float, mask_iou: float
-) -> Pose:
-    """Convert a network output from its crop to the photo."""
-    points = square.to_photo(look.points, LANDMARK_SIZE)
-    world = look.world[:33]
-    return Pose(
-        points=points[:33],
-        visibility=look.visibility[:33],
-        presence=look.presence[:33],
-        # The network's x and y follow the turned square; the photo's axes are wanted.
-        world=np.concatenate([world[:, :2] @ square.rotation.T, world[:, 2:]], axis=1),
-        world_spread=spread,
-        score=look.score,
-        mask=look.mask,
-        square=square,
-        mirror_gap=gap,
-        mirror_mask_iou=mask_iou,
-    )

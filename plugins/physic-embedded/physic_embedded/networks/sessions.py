@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
 
 from physic_core.errors import BackendError
 from physic_networks import onnx_sessions
@@ -19,6 +21,16 @@ WEIGHTS_FOLDER = Path(__file__).parents[1] / "weights"
 
 Products = Literal["auto", "int8", "float32"]
 """Arithmetic of matrix products with weights: auto is int8 on the CPU and float32 elsewhere."""
+
+Threads = Annotated[
+    int,
+    Field(
+        ge=0,
+        le=256,
+        description="Threads of an operator; 0: one for each core of the process.",
+    ),
+]
+"""Option of a backend that runs packaged networks."""
 
 _BROKEN = "Install physic-embedded again from its wheel."
 
@@ -41,13 +53,10 @@ class PackagedBackend(NetworkBackend):
         :func:`open_packaged_session`.
         """
         options: Any = self.options
-        graphs = {
-            name: graph_name(name, getattr(options, "products", "auto"), device)
-            for name in self.networks
-        }
+        products: Products = getattr(options, "products", "auto")
         return {
-            name: open_packaged_session(graph, options.threads, device)
-            for name, graph in graphs.items()
+            name: open_packaged_session(graph_name(name, products, device), options.threads, device)
+            for name in self.networks
         }
 
 
@@ -57,22 +66,6 @@ def graph_name(name: str, products: Products, device: str) -> str:
     """
     in_int8 = products == "int8" or (products == "auto" and device == "cpu")
     return f"{name}_int8" if in_int8 and (WEIGHTS_FOLDER / f"{name}_int8.onnx").is_file() else name
-
-
-def weights_path(name: str) -> Path:
-    """Return the path of a packaged network by its file name without ``.onnx``.
-
-    Raises:
-        BackendError: the package does not contain it.
-    """
-    path = WEIGHTS_FOLDER / f"{name}.onnx"
-    if not path.is_file():
-        have = ", ".join(sorted(p.stem for p in WEIGHTS_FOLDER.glob("*.onnx"))) or "none"
-        raise BackendError(
-            f"physic-embedded contains no network {name!r} (it contains: {have}): "
-            "install the package again from its wheel"
-        )
-    return path
 
 
 def open_packaged_session(name: str, threads: int = 2, device: str = "cpu") -> OnnxSession:
@@ -88,7 +81,13 @@ def open_packaged_session(name: str, threads: int = 2, device: str = "cpu") -> O
             ``MANIFEST.json``, or onnxruntime cannot open it.
         DeviceError: the device does not exist, or the installed onnxruntime cannot use it.
     """
-    path = weights_path(name)
+    path = WEIGHTS_FOLDER / f"{name}.onnx"
+    if not path.is_file():
+        have = ", ".join(sorted(p.stem for p in WEIGHTS_FOLDER.glob("*.onnx"))) or "none"
+        raise BackendError(
+            f"physic-embedded contains no network {name!r} (it contains: {have}): "
+            "install the package again from its wheel"
+        )
     return onnx_sessions.open_session(
         path, threads, device, broken=_BROKEN, published=_published(path)
     )

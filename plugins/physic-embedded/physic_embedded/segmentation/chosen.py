@@ -13,12 +13,7 @@ from physic_embedded.networks.crops import ImagePyramid
 from physic_embedded.networks.mobile_sam import predict_masks
 from physic_embedded.networks.pose import predict_pose
 from physic_embedded.segmentation.hidden_people import grey_out, without_covered
-from physic_embedded.segmentation.people import (
-    DetectedPose,
-    box_fit,
-    mask_box,
-    pose_in_box,
-)
+from physic_embedded.segmentation.people import DetectedPose, box_fit, pose_in_box
 from physic_embedded.segmentation.turned import square_around
 from physic_embedded.segmentation.upper_bodies import square_from_upper_half
 
@@ -100,7 +95,7 @@ def _at_point(detected: DetectedPeople, point: FloatArray) -> DetectedPose | Non
     on_mask = np.flatnonzero(detected.masks[:, y, x])
     if len(on_mask):
         return detected.found[int(on_mask[0])]
-    boxes = [_box_of(person) for person in detected.found]
+    boxes = [person.extent for person in detected.found]
     around = [i for i, (x0, y0, x1, y1) in enumerate(boxes) if x0 <= x < x1 and y0 <= y < y1]
     if around:
         return detected.found[
@@ -116,7 +111,7 @@ def _at_point(detected: DetectedPeople, point: FloatArray) -> DetectedPose | Non
 def _in_box(detected: DetectedPeople, box: FloatArray) -> DetectedPose | None:
     """Return the detected person of a box (4,), else the pose in it."""
     if detected.found:
-        overlap = box_iou(box[None], np.stack([_box_of(person) for person in detected.found]))[0]
+        overlap = box_iou(box[None], np.stack([person.extent for person in detected.found]))[0]
         if overlap.max() >= MIN_BOX_IOU:
             return detected.found[int(overlap.argmax())]
     others = [person.pose for person in detected.found]
@@ -163,7 +158,3 @@ def _poses(detected: DetectedPeople, box: FloatArray, others: Sequence[Pose]) ->
             for square in (square_around(box), square_from_upper_half(box))
         ),
     ]
-
-
-def _box_of(person: DetectedPose) -> FloatArray:
-    return mask_box(person.pose) if person.box is None else person.box

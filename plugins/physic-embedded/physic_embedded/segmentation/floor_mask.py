@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import cv2
 import numpy as np
 
 from physic_core.backends.masks import dilate
@@ -85,14 +86,13 @@ def floor_mask(
         poses: of the people.
         people: (H, W), pixels of people.
     """
-    none = np.zeros_like(people)
+    best = np.zeros_like(people)
     points = ground_points(poses, people)
     if not len(points):
-        return none
+        return best
     points = points[np.linspace(0, len(points) - 1, min(len(points), _MOST_POINTS)).astype(int)]
     nobody = _person_points(poses, people)
     answer = predict_masks(decoder, embedding, points, nobody)
-    best = none
     most = 0.0
     for logits in answer.logits:
         mask = embedding.to_photo(logits) > 0
@@ -103,7 +103,7 @@ def floor_mask(
     return best & ~people
 
 
-def add_labelled_floor(beside_feet: Bool, surfaces: SurfaceLabels, people: Bool) -> Bool:
+def add_labelled_floor(beside_feet: Bool, surfaces: SurfaceLabels | None, people: Bool) -> Bool:
     """Return the floor (H, W) by two opinions: the mask beside people's feet, and the labels of
     surfaces.
 
@@ -113,23 +113,19 @@ def add_labelled_floor(beside_feet: Bool, surfaces: SurfaceLabels, people: Bool)
 
     Args:
         beside_feet: (H, W) of :func:`floor_mask`.
-        surfaces: of the same photo.
+        surfaces: of the same photo; without them, the floor is ``beside_feet``.
         people: (H, W), pixels of people.
     """
+    if surfaces is None:
+        return beside_feet
     labelled = surfaces.ground & ~people
     if labelled.mean() < _LEAST_LABELLED:
         return beside_feet
     if not people.any():
         return np.asarray(labelled)
-    return _parts_that_touch(beside_feet | labelled, beside_feet)
-
-
-def _parts_that_touch(mask: Bool, wanted: Bool) -> Bool:
-    """Return the connected parts of a mask (H, W) that have a pixel of another mask."""
-    import cv2
-
-    _, parts = cv2.connectedComponents(mask.astype(np.uint8))
-    return np.asarray(mask & np.isin(parts, np.unique(parts[wanted])))
+    either = beside_feet | labelled
+    _, parts = cv2.connectedComponents(either.astype(np.uint8))
+    return np.asarray(either & np.isin(parts, np.unique(parts[beside_feet])))
 
 
 def _person_points(poses: Sequence[Pose], people: Bool) -> Float:

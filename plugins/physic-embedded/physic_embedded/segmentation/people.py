@@ -9,6 +9,7 @@ boards as people: boxes that YOLOX scores higher as one of these are left out.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import compress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -105,6 +106,11 @@ class DetectedPose:
     score: float
     box: Float | None = None
 
+    @property
+    def extent(self) -> Float:
+        """The box (4,), else that of the mask of the pose."""
+        return mask_box(self.pose) if self.box is None else self.box
+
 
 def unposed_person(box: Float, score: float, reason: str) -> UnposedPerson:
     """Return a person in a box (4,) x0 y0 x1 y1 px, by YOLOX, without a pose."""
@@ -166,10 +172,7 @@ def detect_poses(
         (box, float(score), pose_in_box(landmarker, picture, box))
         for box, score in zip(boxes.boxes, boxes.scores, strict=True)
     ]
-    sure = [
-        _is_sure(box, score, pose, box_score) or is_turned(pose, box_fit(pose, box))
-        for box, score, pose in posed
-    ]
+    sure = [_is_sure(box, score, pose, box_score) for box, score, pose in posed]
     # The second search costs as much as all the rest, and adds no people where all boxes are sure.
     enough = bool(posed) and all(sure)
     blazepose = (
@@ -218,7 +221,10 @@ def _without_repeats(found: list[DetectedPose]) -> list[DetectedPose]:
     """Return the best pose of each person, best first."""
     kept: list[DetectedPose] = []
     for person in sorted(found, key=lambda person: -person.score):
-        if _is_new(person.pose, kept, _most_shared(person)) and not _is_of_turned(person, kept):
+        most_shared = MAX_SHARED_MASK
+        if person.box is not None:
+            most_shared = SAME_MASK if person.pose.mirror_gap > UNSTEADY else 1.0
+        if _is_new(person.pose, kept, most_shared) and not _is_of_turned(person, kept):
             kept.append(person)
     return kept
 
@@ -235,13 +241,6 @@ def _is_of_turned(person: DetectedPose, people: Sequence[DetectedPose]) -> bool:
         and mask_overlap(person.pose, other.pose) > MAX_SHARED_MASK
         for other in people
     )
-
-
-def _most_shared(person: DetectedPose) -> float:
-    """Return the largest share of the mask of a pose that may lie in another person's mask."""
-    if person.box is None:
-        return MAX_SHARED_MASK
-    return SAME_MASK if person.pose.mirror_gap > UNSTEADY else 1.0
 
 
 def _is_new(pose: Pose, people: Sequence[DetectedPose], most_shared: float) -> bool:
@@ -264,11 +263,8 @@ def _without_others(things: Found, box_score: float) -> tuple[Detections, list[s
         things.other_at(box, float(score), SAME_THING)
         for box, score in zip(people.boxes, people.scores, strict=True)
     ]
-    sure = people.scores >= box_score
-    left_out = [
-        name for name, one_is_sure in zip(others, sure, strict=True) if name and one_is_sure
-    ]
-    return people[[name is None for name in others]], left_out
+    left_out = filter(None, compress(others, people.scores >= box_score))
+    return people[[name is None for name in others]], list(left_out)
 
 
 def _add_hidden_people(
@@ -312,10 +308,8 @@ def _is_part(box: Float, pose: Pose, people: Sequence[DetectedPose]) -> bool:
     """Return whether a box (4,) is around a part of somebody: the pose in it is theirs, and it lies
     in their box. The pose in a box beyond theirs may be of the wrong one of two people.
     """
-    same = [
-        mask_box(one.pose) if one.box is None else one.box for one in poses_of_same(pose, people)
-    ]
-    return any(_share_inside(box, own) >= MIN_PART for own in same)
+    same = poses_of_same(pose, people)
+    return any(_share_inside(box, one.extent) >= MIN_PART for one in same)
 
 
 def _share_inside(box: Float, other: Float) -> float:
@@ -357,10 +351,11 @@ def _upper_half(landmarker: OnnxSession, picture: ImagePyramid, box: Float) -> l
 
 
 def _is_sure(box: Float, score: float, pose: Pose, box_score: float) -> bool:
-    """Return whether a box has a high score and a pose that fits it, the same in the mirror
-    image.
+    """Return whether a box has a high score and a pose that fits it, the same in the mirror image,
+    or the clear pose of somebody who is not upright.
     """
-    return score >= box_score and is_steady(pose, box_fit(pose, box))
+    fit = box_fit(pose, box)
+    return (score >= box_score and is_steady(pose, fit)) or is_turned(pose, fit)
 
 
 def _search_blazepose(
@@ -389,9 +384,7 @@ def _best_poses(
     for (box, score, own), candidates in zip(posed, others, strict=True):
         poses = [own, *(pose for pose in candidates if _iou(joints_box(pose), box) > 0.4)]
         fits = np.array([box_fit(pose, box) for pose in poses])
-        similar = [
-            pose for pose, fit in zip(poses, fits, strict=True) if fit >= SIMILAR_FIT * fits.max()
-        ]
+        similar = list(compress(poses, fits >= SIMILAR_FIT * fits.max()))
         best = min(similar, key=lambda pose: pose.mirror_gap - 0.05 * pose.score)
         best = average_agreeing(best, similar, SAME_PLACE)
         least = MIN_BOX_FIT if score >= box_score else MIN_WEAK_FIT
@@ -482,4 +475,4 @@ def poses_of_same(pose: Pose, people: Sequence[DetectedPose]) -> list[DetectedPo
         np.stack([one.visibility * one.presence for one in poses]),
         skeleton_named("blazepose33").names,
     )[0, 1:]
-    return [one for one, same in zip(people, similar > SAME_PERSON, strict=True) if same]
+    return list(compress(people, similar > SAME_PERSON))

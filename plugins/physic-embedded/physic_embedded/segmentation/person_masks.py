@@ -122,18 +122,17 @@ def resolve_overlaps(masks: Sequence[tuple[Float, Float]], embedding: ImageEmbed
     A piece of a mask that holds none of the person's own points and is a small part
     of the whole mask counts as part of another person.
     """
-    owner = np.full((embedding.height, embedding.width), -1, np.int16)
-    strongest = np.zeros((embedding.height, embedding.width), np.float32)
+    shape = (embedding.height, embedding.width)
+    if not masks:
+        return np.zeros((0, *shape), bool)
+    owner = np.full(shape, -1, np.int16)
+    strongest = np.zeros(shape, np.float32)
     for i, logits in enumerate(_drop_stray_pieces(masks, embedding)):
         fine = embedding.to_photo(logits)
         wins = fine > strongest
         owner[wins] = i
         strongest = np.maximum(strongest, fine)
-    return (
-        np.stack([owner == i for i in range(len(masks))])
-        if masks
-        else np.zeros((0, *owner.shape), bool)
-    )
+    return np.stack([owner == i for i in range(len(masks))])
 
 
 def _drop_stray_pieces(masks: Sequence[tuple[Float, Float]], embedding: ImageEmbedding) -> Float:
@@ -142,13 +141,7 @@ def _drop_stray_pieces(masks: Sequence[tuple[Float, Float]], embedding: ImageEmb
     """
     import cv2
 
-    logits = (
-        np.stack([own for own, _ in masks])
-        if masks
-        else np.zeros((0, *embedding.grid_shape), np.float32)
-    )
-    if not len(logits):
-        return logits
+    logits = np.stack([own for own, _ in masks])
     mine = (logits > 0) & (logits == logits.max(axis=0))
     for i, (_, points) in enumerate(masks):
         count, pieces, stats, _ = cv2.connectedComponentsWithStats(

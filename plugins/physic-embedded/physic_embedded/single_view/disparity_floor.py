@@ -42,12 +42,6 @@ class DisparityFloor:
     d0: float
     inlier_share: float
 
-    def horizon(self, infinity: float) -> float:
-        """Return the image y of the floor's horizon at x = 0, from the principal point, in units of
-        the long side.
-        """
-        return (infinity - self.d0) / self.dv
-
     def normal(self, infinity: float, focal: float) -> FloatArray:
         """Return the downward unit normal (3,) of the floor, camera frame.
 

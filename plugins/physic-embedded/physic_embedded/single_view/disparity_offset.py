@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_embedded.single_view.upright import axes_cost, frame_cost, walls_cost
+from physic_embedded.single_view.upright import NO_PLANES, axes_cost, frame_cost, walls_cost
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -44,13 +44,11 @@ class InfinityEstimate:
         disparity: at infinity, in the units of the map.
         sigma: standard deviation of the logarithm of the gap from it to the farthest pixels.
         disparity_sigma: standard deviation of ``disparity``.
-        sky: whether the farthest pixels are more probably sky than a wall.
     """
 
     disparity: float
     sigma: float
     disparity_sigma: float
-    sky: bool
 
 
 def disparity_at_infinity(
@@ -60,10 +58,10 @@ def disparity_at_infinity(
     *,
     pitch: tuple[float, float] | None = None,
     focal_sigma: float = 0.0,
-    walls: FloatArray | None = None,
-    bodies: FloatArray | None = None,
+    walls: FloatArray = NO_PLANES,
+    bodies: FloatArray = NO_PLANES,
     frame: tuple[FloatArray, float] | None = None,
-    surfaces: FloatArray | None = None,
+    surfaces: FloatArray = NO_PLANES,
     open_air: float = 0.0,
     horizon: FloatArray | None = None,
 ) -> InfinityEstimate:
@@ -87,7 +85,8 @@ def disparity_at_infinity(
         horizon: (M, 2) where the sky meets water or ground, px of the map.
     """
     focal = focal_px / max(disparity.shape)
-    farthest, span = _farthest_and_span(disparity)
+    low, farthest, high = map(float, np.percentile(disparity, [1, 0.5, 99]))
+    span = max(high - low, 1e-6)
     outdoors = _outdoors(farthest / span, floor, open_air)
     gaps = np.geomspace(*_CANDIDATES)
     candidates = farthest - gaps * span
@@ -101,14 +100,14 @@ def disparity_at_infinity(
         cost = cost + _floor_cost(
             floor, candidates, (focal, focal_sigma), pitch=pitch, walls=walls, bodies=bodies
         )
-    if frame is not None and surfaces is not None and len(surfaces):
+    if frame is not None and len(surfaces):
         axes, trust = frame
         cost = cost + trust * frame_cost(surfaces, candidates, axes)
     weight = np.exp(-(cost - cost.min()) / 2)
     gap = float(np.exp(np.average(np.log(gaps), weights=weight)))
     infinity = farthest - gap * span
     sigma = _spread(np.log(gaps), np.log(gap), weight)
-    return InfinityEstimate(infinity, sigma, _spread(candidates, infinity, weight), outdoors > 0.5)
+    return InfinityEstimate(infinity, sigma, _spread(candidates, infinity, weight))
 
 
 def _spread(values: FloatArray, mean: float, weight: FloatArray) -> float:
@@ -148,8 +147,8 @@ def _floor_cost(
     focal: tuple[float, float],
     *,
     pitch: tuple[float, float] | None,
-    walls: FloatArray | None,
-    bodies: FloatArray | None,
+    walls: FloatArray,
+    bodies: FloatArray,
 ) -> FloatArray:
     """Return the cost (C,) of the floor's tilt for candidates (C,) of the disparity at infinity.
 
@@ -164,9 +163,9 @@ def _floor_cost(
         sigma = math.hypot(pitch[1], FOCAL_PITCH_DEG * focal[1])
         of_floor = np.degrees(np.arctan2(down[:, 2], down[:, 1]))
         cost = cost + _robust((of_floor - pitch[0]) / sigma)
-    if walls is not None and len(walls):
+    if len(walls):
         cost = cost + walls_cost(walls, candidates, down)
-    if bodies is not None and len(bodies):
+    if len(bodies):
         cost = cost + axes_cost(bodies, down)
     return cost
 
@@ -184,13 +183,6 @@ def _horizon_cost(
     trust = float(np.exp(-0.5 * (spread / (_STRAIGHT * floor.dv)) ** 2))
     cost = _robust((candidates - middle) / np.hypot(spread, _HORIZON_SIGMA * floor.dv))
     return trust * cost, trust
-
-
-def _farthest_and_span(disparity: FloatArray) -> tuple[float, float]:
-    """Return the disparity of the farthest pixels and the range of the map."""
-
-    low, far, high = np.percentile(disparity, [1, 0.5, 99])
-    return float(far), max(float(high - low), 1e-6)
 
 
 def _robust(residual: FloatArray) -> FloatArray:

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body import legs_in_line
-from physic_core.types import SIDES
-from physic_embedded.body_fit.limb_keypoints import keypoint_indices, limb_keypoints
+from physic_embedded.body_fit.limb_keypoints import limb_keypoints, sided_indices
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,12 +23,15 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.floating]
     BoolArray = NDArray[np.bool_]
 
+NO_PLANES = np.zeros((0, 3))
+
 _MIN_CONFIDENCE = 0.5  # of a visible keypoint
 # Of a body that stands, in the picture, where limbs that point towards the camera look straight.
 _MAX_BEND_DEG = 25.0
 _AXIS_SIGMA_DEG = 4.0  # of a standing body from the vertical
 _SIDE = 160  # px, long side of the grid on which walls are looked at
 _FEWEST = 100
+_MOST_PLANES = 1500  # that are looked at
 _LARGEST_SLOPES = 90  # percentile of the slopes of wall pixels; the steepest are depth edges
 _WALL_SIGMA_DEG = 5.0  # error of a wall's normal
 _MAX_WALL_DEG = 30.0  # a larger deviation is not a wall
@@ -62,7 +64,7 @@ def wall_planes(disparity: NDArray[np.floating], walls: BoolArray, focal_px: flo
     inside[:2] = inside[-2:] = False
     inside[:, :2] = inside[:, -2:] = False
     if inside.sum() < _FEWEST:
-        return np.zeros((0, 3))
+        return NO_PLANES
     down, right = np.gradient(smooth)
     slope = np.hypot(down, right)
     inside &= slope <= np.percentile(slope[inside], _LARGEST_SLOPES)
@@ -70,10 +72,8 @@ def wall_planes(disparity: NDArray[np.floating], walls: BoolArray, focal_px: flo
     a = right / step * focal_px
     b = down / step * focal_px
     c = smooth - (a * (columns - (width - 1) / 2) + b * (rows - (height - 1) / 2)) / focal_px
-    return np.asarray(np.stack([a, b, c], -1)[inside])
-
-
-_MOST_PLANES = 1500  # that are looked at
+    planes = np.stack([a, b, c], -1)[inside]
+    return np.asarray(planes[:: max(1, -(-len(planes) // _MOST_PLANES))])
 
 
 def walls_cost(planes: FloatArray, infinity: FloatArray, down: FloatArray) -> FloatArray:
@@ -87,12 +87,9 @@ def walls_cost(planes: FloatArray, infinity: FloatArray, down: FloatArray) -> Fl
         infinity: (C,) candidates of the disparity at infinity.
         down: (C, 3) unit normals of the floor for each candidate.
     """
-    if not len(planes):
-        return np.zeros(len(infinity))
-    planes = planes[:: -(-len(planes) // _MOST_PLANES)]
-    along = down[:, :2] @ planes[:, :2].T + down[:, 2:] * (planes[:, 2] - infinity[:, None])
-    length = np.sqrt((planes[:, :2] ** 2).sum(1) + (planes[:, 2] - infinity[:, None]) ** 2)
-    tilt = np.degrees(np.arcsin(np.clip(np.abs(along) / (length + 1e-12), 0, 1)))
+    rest, length = _normals(planes, infinity)
+    along = down[:, :2] @ planes[:, :2].T + down[:, 2:] * rest
+    tilt = np.degrees(np.arcsin(np.clip(np.abs(along) / length, 0, 1)))
     return np.asarray(
         _WALLS * np.log(np.minimum(tilt, _MAX_WALL_DEG) ** 2 + _WALL_SIGMA_DEG**2).mean(1)
     )
@@ -109,13 +106,17 @@ def frame_cost(planes: FloatArray, infinity: FloatArray, axes: FloatArray) -> Fl
         infinity: (C,) candidates of the disparity at infinity.
         axes: (3, 3) unit directions in rows.
     """
-    planes = planes[:: max(1, -(-len(planes) // _MOST_PLANES))]
-    rest = planes[:, 2] - infinity[:, None]
+    rest, length = _normals(planes, infinity)
     along = planes[:, :2] @ axes[:, :2].T + rest[..., None] * axes[:, 2]
-    length = np.sqrt((planes[:, :2] ** 2).sum(1) + rest**2) + 1e-12
     near = np.exp((np.abs(along) / length[..., None] - 1) / _FRAME_SIGMA**2).sum(-1)
     odds = _CLUTTER + (1 - _CLUTTER) / 3 / _FRAME_SIGMA**2 * near
     return np.asarray(-2 * _SURFACES * np.log(odds).mean(1))
+
+
+def _normals(planes: FloatArray, infinity: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the third components (C, M) and the lengths (C, M) of the normals of planes (M, 3)."""
+    rest = planes[:, 2] - infinity[:, None]
+    return rest, np.sqrt((planes[:, :2] ** 2).sum(1) + rest**2) + 1e-12
 
 
 def body_planes(
@@ -132,16 +133,11 @@ def body_planes(
         focal_px: focal length, px.
     """
     if keypoints is None or not len(keypoints.points):
-        return np.zeros((0, 3))
+        return NO_PLANES
     keypoints = limb_keypoints(keypoints)
-    row = keypoint_indices(keypoints.joint_set)
-    needed = [row[f"{s}_{j}"] for s in SIDES for j in ("shoulder", "hip", "knee", "ankle")]
-    visible = keypoints.confidence[:, needed].min(1) >= _MIN_CONFIDENCE
-    points = {name: keypoints.points[:, i] for name, i in row.items()}
-    shoulders, hips, knees, ankles = (
-        np.stack([points[f"{side}_{joint}"] for side in SIDES], 1)
-        for joint in ("shoulder", "hip", "knee", "ankle")
-    )
+    rows = sided_indices(keypoints.joint_set, "shoulder", "hip", "knee", "ankle")
+    visible = keypoints.confidence[:, rows].min(1) >= _MIN_CONFIDENCE
+    shoulders, hips, knees, ankles = np.split(keypoints.points[:, rows], 4, 1)
     shoulder = shoulders.mean(1)
     ankle = ankles.mean(1)
     straight = visible & legs_in_line(
