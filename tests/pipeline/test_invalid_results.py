@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from physic_core.cli.result_summary import summary_text
 from physic_core.engine.joint import solve as joint
 from physic_core.io.results import read_record
 from physic_core.pipeline.backend_results import (
@@ -90,7 +89,9 @@ def error_m(person, world):
     )
 
 
-def test_a_person_without_a_body_stays_and_the_other_is_unchanged(world, sound, alone, tmp_path):
+def test_a_person_without_a_body_stays_and_the_other_is_unchanged(
+    world, sound, alone, tmp_path, physic
+):
     result = run(world.image, backends=changed(backends.MockBodyEstimator, lose_body))
     lost = result.people[LOST]
     kept = result.people[KEPT]
@@ -118,7 +119,7 @@ def test_a_person_without_a_body_stays_and_the_other_is_unchanged(world, sound, 
     assert (answered.value, answered.threshold) == (0, 1)
     meshes = set(trimesh.load(tmp_path / "out" / "combined.glb").geometry)
     assert meshes - {"backdrop"} == {"floor", "person_1", "scene"}
-    row = summary_text(record, tmp_path).splitlines()[2]
+    row = physic("show", tmp_path / "out").stdout.splitlines()[2]
     assert row.split(None, 5)[:5] == ["0", "bad,", "0.00", "-", "-"]
     assert row.split(None, 5)[5] == lost.why
 
