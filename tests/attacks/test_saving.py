@@ -15,7 +15,7 @@ from interrupted import Steps
 from physic_batch.journal import Journal, read_journals
 from physic_core.errors import InputError, OutputError
 from physic_core.files.atomic import atomic_write
-from physic_core.io.report_file import add_report
+from physic_core.io.report_file import add_report, save_report
 from physic_core.io.results import load_reconstruction, save_reconstruction
 from physic_core.pictures import PAGE_MARK
 from physic_scene import output
@@ -72,6 +72,10 @@ def add_page(folder, result):
     add_report(folder, f" of {mark(result)}")
 
 
+def write_page(folder, result):
+    save_report(result, folder / "a.html")
+
+
 def export(folder, result):
     result.export(str(folder / "a.obj"), overwrite=True)
 
@@ -117,7 +121,7 @@ def made(operation, folder, *of):
     ("operation", "how"),
     [
         pytest.param(operation, how, id=f"{operation.__name__}-{how}")
-        for operation in (*RESULTS, export)
+        for operation in (*RESULTS, write_page, export)
         for how in ("killed", "full")
     ],
 )

@@ -261,6 +261,8 @@ def test_every_fault_is_a_line_with_source_path_and_suggestion(write):
         ("engine.preset=papr", "engine.preset", "paper"),
         ("engine.scene.carve_m=nan", "engine.scene.carve_m", "nan"),
         ("engine.joint.optimiser.steps=-1", "engine.joint.optimiser.steps", "than or equal to"),
+        # which would take no step for ever
+        ("engine.joint.optimiser.refresh_steps=0", "engine.joint.optimiser.refresh_steps", "to 1"),
     ],
 )
 def test_an_invalid_value_is_named_with_its_path_and_what_it_should_be(override, path, word):

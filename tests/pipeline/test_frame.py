@@ -137,6 +137,8 @@ def test_several_pictures_on_one_ground_are_warned_of(gap, axis):
     sheet = np.concatenate([parts[0], strip, parts[1], strip, parts[2]], axis)
     for photo in (sheet, as_jpeg(sheet), cv2.copyMakeBorder(sheet, *[30] * 4, 0, value=(250,) * 3)):
         assert "3 pictures" in find_frame(photo).warning
+    (warning,) = prepare_photo(Photo(sheet), PhotoSettings(), None, None).photo.warnings
+    assert warning == find_frame(sheet).warning
 
 
 @pytest.mark.parametrize("gap", [0, 16])

@@ -70,9 +70,10 @@ def test_the_list_shows_size_licence_and_state_of_each_weight_set(plugin, own_ca
     assert "here, DIFFERS  MIT" in physic("weights", "list").stdout
 
 
-def test_a_broken_list_is_named_where_a_set_is_not_found(plugin, monkeypatch, physic):
+def test_a_broken_list_is_a_row_and_named_where_a_set_is_not_found(plugin, monkeypatch, physic):
     monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-odd,physic-setup")
     plugin.list_weights("physic-odd", "[odd]\nsummary = 'x'\nlicense = 'MIT'\nfiles = []\n")
+    assert re.search(r"physic-odd .*BROKEN.*\[odd\]", physic("weights", "list").stdout)
     done = physic("weights", "verify", "nothing")
     assert done.exit_code == 2
     assert re.search(r"'nothing'.*physic-odd 1\.0", done.stderr, re.DOTALL)
