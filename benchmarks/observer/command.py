@@ -39,7 +39,7 @@ from .fit import (
     fitted,
     question_of,
 )
-from .labels import COLLECTIONS, collected_photos, given_photos
+from .labels import COLLECTIONS, collected_photos, given_photos, with_backs
 from .sample import Networks, read_seen, write_seen
 
 if TYPE_CHECKING:
@@ -64,11 +64,12 @@ def main() -> int:
     if not (given.data / "contact" / "labels.json").is_file():
         print(f"skipped: {given.data / 'contact' / 'labels.json'} is not there")
         return 0
-    pictures = [
-        *given_photos(given.data / "contact"),
-        *(p for name in COLLECTIONS for p in collected_photos(given.data / "contact", name)),
-        *_frames(given.data / "truth" / "parkour"),
+    folder = given.data / "contact"
+    photos = [
+        *given_photos(folder),
+        *(photo for name in COLLECTIONS for photo in collected_photos(folder, name)),
     ]
+    pictures = [*map(with_backs, photos), *_frames(given.data / "truth" / "parkour")]
     people = list(_people(pictures, given.out))
     numbers = {name: _fitted(question_of(name, people)) for name in REGIONS}
     write_numbers(numbers, NUMBERS, given.out, write=given.write)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +56,30 @@ def answers(question: str, truth: Truth) -> Array:
         share = np.array([[words.count(name) for name in POSTURES]], np.float64)
         return share / share.sum() if share.sum() else np.full_like(share, np.nan)
     return _column([truth.get(question)])
+
+
+def with_backs(photo: Sample) -> Sample:
+    """Return a photo whose people have "away", whether they are seen from behind, with the people
+    of whom nothing else is labelled. One reader labelled them from crops, without those in doubt.
+    """
+    labels = _backs().get(photo.name, [])
+    labelled = photo.truth["people"]
+    same = match_by_boxes(
+        [one["box"] for one in labels], [one["box"] for one in labelled], MIN_IOU
+    ).predicted_of
+    people = [
+        {**one, "away": labels[same[i]]["away"]} if i in same else one
+        for i, one in enumerate(labelled)
+    ]
+    others = [one for i, one in enumerate(labels) if i not in same.values()]
+    return replace(photo, truth={"people": [*people, *others]})
+
+
+@cache
+def _backs() -> Mapping[str, list[dict[str, Any]]]:
+    file = Path(__file__).parents[1] / "truth" / "labels_of_backs.json"
+    found: dict[str, list[dict[str, Any]]] = json.loads(file.read_text())
+    return found
 
 
 def _column(values: Any) -> Array:

@@ -355,8 +355,9 @@ class PersonObserver(Backend):
         and directions of length 1 with a sigma above 0. NaN is allowed.
         """
         wrong = check_fields(result, N=len(request.people))
-        if not isinstance(share := result.child_share, Real):
-            wrong.append(f"child_share must be a number or NaN, got {share!r}")
+        for name in ("child_share", "away_share"):
+            if not isinstance(share := getattr(result, name), Real):
+                wrong.append(f"{name} must be a number or NaN, got {share!r}")
         yield from wrong
         if not wrong:
             for name in PROBABILITIES:

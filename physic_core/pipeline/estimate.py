@@ -56,7 +56,7 @@ def run_backends(run: PhotoRun) -> Estimates:
     joints = find_keypoints(run, found.people)
     inpainting = inpaint_people(run, found.people)
     maps = map_photo(run, found.people, joints.keypoints, inpainting)
-    observations = observe_people(run, found.people, joints.keypoints, maps.camera)
+    observations, joints = observe_people(run, found.people, joints, maps.camera)
     with run.stages.time_engine("floor candidates"):
         photo = photo_content(found, joints.keypoints, observations, maps, plan.engine.placement)
         floors = find_floors(photo, maps.hints, searched=plan.engine.scene.floor != "off")

@@ -197,11 +197,14 @@ def find_keypoints(run: PhotoRun, people: People) -> FoundKeypoints:
 
 
 def observe_people(
-    run: PhotoRun, people: People, keypoints: Keypoints, camera: Intrinsics
-) -> Observations:
-    """Tell what people do; unknown without a backend, and if it fails."""
-    from physic_core.engine.ground.posture import weigh_posture
+    run: PhotoRun, people: People, joints: FoundKeypoints, camera: Intrinsics
+) -> tuple[Observations, FoundKeypoints]:
+    """Tell what people do; unknown without a backend, and if it fails. Also return the keypoints,
+    turned round for people whose back is taken for a front; not where the user gave some.
+    """
+    from physic_core.engine.ground.posture import back_as_front, weigh_posture
 
+    keypoints = joints.keypoints
     seen = None
     if run.wants("observations", people):
         seen = run.call_optional(
@@ -209,7 +212,14 @@ def observe_people(
             PersonObserverRequest(run.image, people, keypoints, camera),
             otherwise="what people do is told by their joints alone",
         )
-    return Observations.unknown(len(people)) if seen is None else weigh_posture(seen, keypoints)
+    if seen is None:
+        return Observations.unknown(len(people)), joints
+    turned = back_as_front(seen, keypoints)
+    if joints.changed is not None:
+        turned &= ~joints.changed.any(1)
+    keypoints = keypoints.facing_the_other_way(turned)
+    said = weigh_posture(seen.with_sides_exchanged(turned), keypoints)
+    return said, replace(joints, keypoints=keypoints)
 
 
 def estimate_bodies(run: PhotoRun, photo: PhotoContent, hints: Hints) -> tuple[Bodies, BoolArray]:

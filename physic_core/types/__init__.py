@@ -87,6 +87,7 @@ from physic_core.types.skeletons import (
     SKELETONS,
     Skeleton,
     is_finger,
+    mirrored_order,
     other_side,
     skeleton_named,
 )
@@ -167,6 +168,7 @@ __all__ = [
     "main_people",
     "marks_of_row",
     "metres_text",
+    "mirrored_order",
     "other_side",
     "part_words",
     "partner_titles",

@@ -6,7 +6,7 @@ The aliases are for type checkers only: NumPy is not imported.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -59,6 +59,18 @@ def expand_people(record: _Record, rows: BoolArray) -> _Record:
         return found
 
     return _map_rows(record, wider)
+
+
+def with_columns(record: _Record, rows: BoolArray, orders: Mapping[str, Sequence[int]]) -> _Record:
+    """Return a copy of a dataclass with copies of its arrays of some names, unless they are None:
+    for the people whom ``rows``, (N,) bool, selects, their columns are in the given order.
+    """
+    changed = {
+        name: value.copy() for name in orders if (value := getattr(record, name)) is not None
+    }
+    for name, value in changed.items():
+        value[rows] = value[rows][:, orders[name]]
+    return replace(record, **changed)  # type: ignore[type-var]  # as above
 
 
 def wrong_rows(record: Any, people: int, name: str = "") -> Iterator[str]:

@@ -1,5 +1,5 @@
-"""What a network sees of people beside their joints: posture, touch, age, where they look, and how
-legs are bent.
+"""What a network sees of people beside their joints: posture, touch, age, and which way trunk and
+face look.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
-from physic_core.types.arrays import per_person, shape
+from physic_core.types.arrays import per_person, shape, with_columns
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ POSTURES = ("stand", "walk", "run", "sit", "squat", "kneel", "lie", "jump", "rid
 TOUCH_PARTS = ("left_foot", "right_foot", "left_hand", "right_hand", "seat")
 """Columns of ``touch`` of :class:`Observations`."""
 
-PROBABILITIES = ("posture", "touch", "holds", "on_floor", "child")
+PROBABILITIES = ("posture", "touch", "holds", "on_floor", "child", "away")
 """Fields of :class:`Observations` that are probabilities; each has a share."""
 
 _LEAST = 1e-4
@@ -44,6 +44,8 @@ class Observations(ShortRepr):
         on_floor: (N, 2) probability that the left and right foot, if it touches the world, touches
             floor or ground, and not a pedal, a board, a step or a seat.
         child: (N,) probability that the person is younger than about 12 years.
+        away: (N,) probability that the person is seen from behind: the chest faces away from the
+            camera, whatever the head does. Of a person seen from the side it does not.
         head: (N, 3) unit vector, direction in which the face looks, in the photo's camera frame:
             (0, 0, -1) looks along the optical axis towards the camera. It is that of the head, not
             of the eyes.
@@ -54,6 +56,7 @@ class Observations(ShortRepr):
         holds_share: (2,).
         on_floor_share: (2,).
         child_share: a number.
+        away_share: a number.
     """
 
     posture: FloatArray = field(metadata=shape("N", len(POSTURES)))
@@ -61,6 +64,7 @@ class Observations(ShortRepr):
     holds: FloatArray = field(metadata=shape("N", 2))
     on_floor: FloatArray = field(metadata=shape("N", 2))
     child: FloatArray = field(metadata=shape("N"))
+    away: FloatArray = field(metadata=shape("N"))
     head: FloatArray = field(metadata=shape("N", 3))
     head_sigma: FloatArray = field(metadata=shape("N"))
     posture_share: FloatArray = field(metadata=shape(len(POSTURES)))
@@ -68,6 +72,7 @@ class Observations(ShortRepr):
     holds_share: FloatArray = field(metadata=shape(2))
     on_floor_share: FloatArray = field(metadata=shape(2))
     child_share: float = math.nan
+    away_share: float = math.nan
 
     @classmethod
     def unknown(cls, people: int) -> Observations:
@@ -95,6 +100,13 @@ class Observations(ShortRepr):
         for name, value in own.items():
             getattr(blank, name)[rows] = value
         return replace(self, **{name: getattr(blank, name) for name in own})
+
+    def with_sides_exchanged(self, rows: BoolArray) -> Observations:
+        """Return observations with left and right limbs exchanged of the people whom ``rows``,
+        (N,) bool, selects.
+        """
+        orders = {"touch": (1, 0, 3, 2, 4), "holds": (1, 0), "on_floor": (1, 0)}
+        return with_columns(self, rows, orders)
 
     def evidence(self, name: str) -> FloatArray:
         """Return what the photo says about one of :data:`PROBABILITIES` beyond its share, in the

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 from itertools import compress
 from typing import TYPE_CHECKING
 
-from physic_core.types.arrays import PER_PERSON, per_person, shape
+from physic_core.types.arrays import PER_PERSON, per_person, shape, with_columns
 from physic_core.types.short_repr import ShortRepr
-from physic_core.types.skeletons import Skeleton, skeleton_named
+from physic_core.types.skeletons import Skeleton, mirrored_order, skeleton_named
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -106,6 +106,17 @@ class Keypoints(ShortRepr):
         chosen = list(columns)
         taken = {name: value[:, chosen] for name, value in per_person(self)}
         return Keypoints(skeleton=self.joint_set.take(chosen), **taken)
+
+    def facing_the_other_way(self, rows: BoolArray) -> Keypoints:
+        """Return keypoints of which those of the people whom ``rows``, (N,) bool, selects are of a
+        body that looks the same in the picture and faces the other way: left and right are
+        exchanged, and the depths of ``world`` reversed.
+        """
+        order = mirrored_order(self.joint_set.names)
+        found = with_columns(self, rows, {name: order for name, _ in per_person(self)})
+        if found.world is not None:
+            found.world[rows, :, 2] *= -1
+        return found
 
 
 @dataclass(frozen=True)

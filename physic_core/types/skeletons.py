@@ -189,6 +189,12 @@ def other_side(name: str) -> str:
     return {"left": f"right_{rest}", "right": f"left_{rest}"}.get(side, name)
 
 
+def mirrored_order(names: Sequence[str]) -> list[int]:
+    """Return for each point the index (J,) of its left-right counterpart, or its own index."""
+    place = {name: i for i, name in enumerate(names)}
+    return [place.get(other_side(name), i) for i, name in enumerate(names)]
+
+
 def is_finger(name: str) -> bool:
     """Return whether a point is a joint or the tip of a finger, by its name ("left_index1",
     "right_thumb_tip").

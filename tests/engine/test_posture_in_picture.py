@@ -1,4 +1,4 @@
-"""Who is upright, by the picture and the person observer."""
+"""Who is upright, and who is seen from behind, by the picture and the person observer."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from physic_core.engine.ground.posture import (
+    back_as_front,
     bodies_of_people_who_stand,
     trunk_in_picture_deg,
     upright_people,
@@ -83,6 +84,34 @@ def test_who_bends_over_a_leg_that_carries_the_hips_does_not_lie():
 
 def test_observations_that_say_nothing_stay_so():
     assert np.isnan(weigh_posture(Observations.unknown(1), keypoints_of(80.0)).posture).all()
+
+
+@pytest.mark.parametrize(
+    ("yaw", "away", "found"),
+    [
+        (0.0, 0.99, True),
+        (-50.0, 0.99, True),
+        (0.0, 0.6, False),
+        (70.0, 0.99, False),
+        (180.0, 0.99, False),
+        (0.0, np.nan, False),
+        (np.nan, 0.99, False),
+        (None, 0.99, False),
+    ],
+)
+def test_a_back_is_taken_for_a_front_where_3d_keypoints_surely_contradict_the_observer(
+    yaw, away, found
+):
+    keypoints = keypoints_of(0.0)
+    if yaw is not None:
+        world = np.zeros((1, 17, 3))
+        for side, sign in (("left", 0.2), ("right", -0.2)):
+            for joint in ("shoulder", "hip"):
+                way = [np.cos(np.radians(yaw)), 0.0, np.sin(np.radians(yaw))]
+                world[0, NAMES.index(f"{side}_{joint}")] = sign * np.array(way)
+        keypoints = replace(keypoints, world=world)
+    said = replace(Observations.unknown(1), away=np.array([away], np.float32), away_share=0.15)
+    assert back_as_front(said, keypoints).tolist() == [found]
 
 
 @pytest.mark.parametrize("degrees", [0.0, 25.0, -170.0])

@@ -312,6 +312,7 @@ def test_valid_results_have_no_violation(result, changes):
             "holds_share must lie between 0 and 1 where holds is given, got [nan nan]",
         ),
         (OBSERVED, {"child_share": 1.0}, "child_share must lie between 0 and 1 where..."),
+        (OBSERVED, {"away_share": None}, "away_share must be a number or NaN, got None"),
         (
             OBSERVED,
             {"head": 2 * LOOKS, "head_sigma": np.full(2, 8.0)},

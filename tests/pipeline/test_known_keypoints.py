@@ -15,6 +15,7 @@ from physic_core.io.photo import read_photo
 from physic_core.pipeline.given.keypoints import contradicted_keypoints, corrected_keypoints
 from physic_core.pipeline.given.photo import prepare_photo
 from physic_core.types import SKELETONS, Keypoints, People
+from physic_mock import backends
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -46,6 +47,37 @@ def test_a_csv_file_moves_one_joint_and_leaves_the_others(tmp_path, world):
     rest = np.arange(len(NAMES)) != LEFT_WRIST
     assert np.array_equal(one.keypoints[rest], other.keypoints[rest])
     assert np.linalg.norm(one.joints - other.joints, axis=1).max() > 0.02
+
+
+class Fronts(backends.MockKeypointDetector):
+    """It takes the back of the world's person for a front."""
+
+    def infer(self, image, people):
+        found = super().infer(image, people).facing_the_other_way(np.array([True]))
+        return replace(found, world=np.pad(found.points / 100, ((0, 0), (0, 0), (0, 1))))
+
+
+class SeenFromBehind(backends.MockPersonObserver):
+    def infer(self, *arguments):
+        return replace(super().infer(*arguments), away=np.array([0.99], np.float32), away_share=0.1)
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_sides_of_a_back_that_looks_like_a_front_change_places_but_not_those_given(
+    tmp_path, world, given
+):
+    config = {"extends": "mock", "run": {"cache": False}}
+    config["keypoint_detector"] = {"options": {"skeleton": "coco17"}}
+    if given:
+        config["photo"] = {"keypoints": str(written(tmp_path, "person,joint,x,y\n0,nose,80,20\n"))}
+    seen = {"keypoint_detector": Fronts}
+    before, after = (
+        reconstruct(world.image, config, backends=seen | more).people[0].keypoints
+        for more in ({}, {"person_observer": SeenFromBehind})
+    )
+    left, right = (NAMES.index(f"{side}_knee") for side in ("left", "right"))
+    assert before[left, 0] > before[right, 0]
+    assert np.array_equal(after[left], before[left if given else right])
 
 
 @pytest.mark.parametrize("score", ["0", "-1", "nan"])

@@ -39,6 +39,15 @@ def test_evidence_of_a_posture_is_the_log_of_its_ratio_to_the_share():
     np.testing.assert_allclose(found[0], [np.log(1.5), np.log(0.5), *[0] * 7], atol=1e-6)
 
 
+def test_left_and_right_limbs_of_some_people_change_places():
+    touch = np.tile(np.linspace(0.1, 0.5, 5), (2, 1))
+    said = replace(UNKNOWN, touch=touch, holds=touch[:, :2], on_floor=touch[:, 2:4])
+    found = said.with_sides_exchanged(np.array([False, True]))
+    np.testing.assert_allclose(found.touch, [[0.1, 0.2, 0.3, 0.4, 0.5], [0.2, 0.1, 0.4, 0.3, 0.5]])
+    np.testing.assert_allclose(found.holds, [[0.1, 0.2], [0.2, 0.1]])
+    np.testing.assert_allclose(found.on_floor, [[0.3, 0.4], [0.4, 0.3]])
+
+
 def test_certainty_is_finite_evidence():
     found = replace(UNKNOWN, child=np.array([0.0, 1.0]), child_share=0.5).evidence("child")
     np.testing.assert_allclose(found, [-9.21, 9.21], atol=1e-2)

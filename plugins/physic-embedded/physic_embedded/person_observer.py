@@ -1,5 +1,5 @@
-"""Observe posture, touch and age of people in the tokens of the depth network's encoder, and where
-they look by a mesh of the face.
+"""Observe posture, touch and age of people, and who is seen from behind, in the tokens of the depth
+network's encoder, and where they look by a mesh of the face.
 """
 
 from __future__ import annotations
@@ -63,6 +63,7 @@ REGIONS = {
     "on_floor": ("foot", "hips"),
     "child": ("head", "shoulders", "hips"),
     "posture": ("box",),
+    "away": ("upper_body",),
 }
 """Question -> the regions whose tokens answer it; it is not answered where the photo does not have
 the first one. "hand" has three answers: it touches the world, it holds or pets an object or an
@@ -74,6 +75,9 @@ LIMBS = {
     "hand": ("wrist", "pinky1", "index1"),
 }
 """Limb -> its keypoints without the side; those that the detector has are averaged."""
+
+_UPPER_BODY = np.array([[0.7, 0, 0.3, 0], [0, 1, 0, 0.5], [0.3, 0, 0.7, 0], [0, 0, 0, 0.5]])
+"""A box x0 y0 x1 y1 times this is the middle of its upper half, which shows little background."""
 
 _OTHERS = {
     "hips": ("left_hip", "right_hip"),
@@ -206,11 +210,13 @@ def observed(found: Mapping[str, FloatArray], numbers: Mapping[str, FloatArray])
         holds=hand[..., 1],
         on_floor=answer("on_floor")[..., 0],
         child=answer("child")[:, 0, 0],
+        away=answer("away")[:, 0, 0],
         posture_share=share("posture"),
         touch_share=np.array([*share("foot").repeat(2), world, world, *share("seat")]),
         holds_share=np.array([held, held]),
         on_floor_share=share("on_floor").repeat(2),
         child_share=float(share("child")[0]),
+        away_share=float(share("away")[0]),
     )
 
 
@@ -226,13 +232,18 @@ def tokens_of_questions(
 
     Returns:
         Question -> (N, sides, C), (N, 2, C) for feet and hands, left and right. A region is a
-        square of 3 x 3 patches, but the box. NaN where the photo does not have the first region.
+        square of 3 x 3 patches, but the box, and the middle of its upper half. NaN where the photo
+        does not have the first region.
     """
     names = {
         limb: [[f"{side}_{one}" for one in own] for side in SIDES] for limb, own in LIMBS.items()
     }
     places = names | {region: [own] for region, own in _OTHERS.items()}
-    found = {"box": (tokens.within(boxes)[:, None], np.ones((len(boxes), 1), bool))}
+    everyone = np.ones((len(boxes), 1), bool)
+    found = {
+        "box": (tokens.within(boxes)[:, None], everyone),
+        "upper_body": (tokens.within(boxes @ _UPPER_BODY)[:, None], everyone),
+    }
     for region, sides in places.items():
         means, inside = zip(*(_around(tokens, keypoints, own) for own in sides), strict=True)
         found[region] = np.stack(means, 1), np.stack(inside, 1)

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from physic_core.backends.people import box_iou
 from physic_core.interfaces import Segmenter
-from physic_core.types import SurfaceLabels, UnposedPerson
+from physic_core.types import SurfaceLabels, UnposedPerson, mirrored_order
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square
 from physic_embedded.networks.mobile_sam import ImageEmbedding, embed_image, predict_masks
-from physic_embedded.networks.pose import MIRROR_PAIRS, Pose, average_agreeing
+from physic_embedded.networks.pose import Pose, average_agreeing
 from physic_embedded.networks.pose_detection import DETECTOR_LAYERS, merge_candidates
 from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.networks.single_shot_detection import (
@@ -292,9 +292,7 @@ def test_world_joints_have_the_frame_of_the_camera(people):
 def test_a_mirror_image_swaps_sides(segmenter, people, image):
     other = segmenter.infer(np.ascontiguousarray(image[:, ::-1]))
     assert len(other) == 2
-    swap = np.arange(33)
-    left, right = np.array(MIRROR_PAIRS).T
-    swap[[*left, *right]] = [*right, *left]
+    swap = mirrored_order(people.keypoints.joint_set.names)
     back = other.keypoints.points[0, swap] * [-1, 1] + [image.shape[1] - 1, 0]
     apart = np.linalg.norm(back - people.keypoints.points[0], axis=1)
     assert apart.mean() < 4

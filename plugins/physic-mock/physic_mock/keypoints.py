@@ -11,7 +11,7 @@ from pydantic import Field
 
 from physic_core import interfaces
 from physic_core.backends.people import box_iou
-from physic_core.types import Keypoints, skeleton_named
+from physic_core.types import Keypoints, mirrored_order, skeleton_named
 from physic_mock.noise import (
     HIDDEN_CONFIDENCE,
     HIDDEN_POINT_SIGMA,
@@ -22,7 +22,6 @@ from physic_mock.noise import (
 )
 from physic_mock.recognition import MockOptions, match_masks_to_world, recognise_world
 from physic_testing.conformance.true_keypoints import true_keypoints_px
-from physic_testing.conformance.truth import mirrored_order
 from physic_testing.worlds import SKELETONS
 
 if TYPE_CHECKING:

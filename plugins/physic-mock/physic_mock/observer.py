@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -63,7 +64,8 @@ class MockPersonObserver(interfaces.PersonObserver):
         if (name := world.name.partition("_")[0]) in POSTURES:
             odds = np.exp(log_odds(np.tile(np.array(POSTURES) == name, (len(world.ages), 1))))
             posture = np.asarray(odds / odds.sum(1, keepdims=True), np.float32)
-        return Observations(
+        return replace(
+            Observations.unknown(len(rows)),
             posture=posture,
             touch=probability(true_touch(world)),
             holds=probability(_held(world)),

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.types import mirrored_order
+from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
 from physic_embedded.networks.crops import RotatedSquare
 from physic_networks.people import sigmoid
 
@@ -21,11 +23,6 @@ if TYPE_CHECKING:
     Float = NDArray[np.floating[Any]]
 
 LANDMARK_SIZE = 256
-MIRROR_PAIRS = (
-    *((1, 4), (2, 5), (3, 6), (7, 8), (9, 10), (11, 12), (13, 14), (15, 16), (17, 18)),
-    *((19, 20), (21, 22), (23, 24), (25, 26), (27, 28), (29, 30), (31, 32)),
-)
-"""Pairs of BlazePose landmarks that swap in a mirror image, the person's left one first."""
 
 
 @dataclass(frozen=True)
@@ -206,8 +203,7 @@ class _RawPose:
     def mirrored(self) -> _RawPose:
         """Return the output mirrored left to right."""
         swap = np.arange(len(self.points))
-        left, right = np.transpose(MIRROR_PAIRS)
-        swap[left], swap[right] = right, left
+        swap[:33] = mirrored_order(BLAZEPOSE_SKELETON.names)
         return _RawPose(
             points=self.points[swap] * [-1.0, 1.0] + [float(LANDMARK_SIZE), 0.0],
             visibility=self.visibility[swap],

@@ -10,6 +10,7 @@ import numpy as np
 
 from physic_core.body import JOINT_NAMES
 from physic_core.geometry import rotmat_to_rotvec, rotvec_to_rotmat_numpy
+from physic_core.types import mirrored_order
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.output_checks import ROWS, WITHOUT_HINTS, WITHOUT_PEOPLE
@@ -18,7 +19,6 @@ from physic_testing.conformance.truth import (
     embedded_body,
     embedded_parameters,
     embedded_surface,
-    mirrored_order,
 )
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 
 from physic_core.errors import BodyModelError
 from physic_core.interfaces.comparison import is_sigmoid_of_probability
-from physic_core.types import SKELETONS, Skeleton
+from physic_core.types import SKELETONS, Skeleton, mirrored_order
 from physic_testing.conformance.cases import Truth, Values
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect
@@ -25,7 +25,7 @@ from physic_testing.conformance.readings import (
     times,
     values_of,
 )
-from physic_testing.conformance.truth import comparable_keypoints, mirrored_order
+from physic_testing.conformance.truth import comparable_keypoints
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Keypoints

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.types import mirrored_order
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.output_checks import COLOURS, ROWS, WITHOUT_PEOPLE
 from physic_testing.conformance.readings import Group, Reading, Table, reordered, times
-from physic_testing.conformance.truth import mirrored_order, true_head, true_touch
+from physic_testing.conformance.truth import true_head, true_touch
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Observations

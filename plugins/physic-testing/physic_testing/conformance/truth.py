@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body import JOINT_INDEX
-from physic_core.types import other_side
 from physic_testing.conformance.expect import CheckSkipped
 
 if TYPE_CHECKING:
@@ -45,12 +44,6 @@ def comparable_keypoints(
     if "hand21" in skeleton.name or not len(skeleton):
         raise CheckSkipped(f"worlds have no ground truth for the skeleton {skeleton.name!r}")
     return known, *true_keypoints_px(world, skeleton)
-
-
-def mirrored_order(names: tuple[str, ...]) -> list[int]:
-    """Return for each joint the index (J,) of its left-right counterpart, or its own index."""
-    place = {name: i for i, name in enumerate(names)}
-    return [place.get(other_side(name), i) for i, name in enumerate(names)]
 
 
 def true_touch(world: World) -> BoolArray:

@@ -16,10 +16,17 @@ from physic_core.backends.people import boxes_from_masks
 from physic_core.body import JOINT_INDEX, JOINT_NAMES, load_body, rest_mesh_of_model
 from physic_core.body.bones import rotations_from_parameters
 from physic_core.errors import BackendError
-from physic_core.types import Bodies, ContactProbability, Mesh, RestMesh, Skeleton
+from physic_core.types import (
+    Bodies,
+    ContactProbability,
+    Mesh,
+    RestMesh,
+    Skeleton,
+    mirrored_order,
+)
 from physic_mock.recognition import match_masks_to_world, recognise_world
 from physic_testing.conformance.cases import rows_of
-from physic_testing.conformance.truth import embedded_surface, mirrored_order, true_wrists
+from physic_testing.conformance.truth import embedded_surface, true_wrists
 
 
 def fields(**changes):
