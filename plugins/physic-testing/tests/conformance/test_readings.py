@@ -69,6 +69,11 @@ def said_of(subject, values, group, make):
     return str(caught.value)
 
 
+def name_of(value):
+    """Return the name of an interface, a group of readings or a reading in the name of a test."""
+    return getattr(value, "words", getattr(value, "check", value))
+
+
 @pytest.mark.parametrize(
     ("interface", "group", "reading"),
     [
@@ -77,7 +82,7 @@ def said_of(subject, values, group, make):
         for reading in group.readings
         if (group.check, reading.words) not in UNSHOWN
     ],
-    ids=lambda value: getattr(value, "words", getattr(value, "check", value)),
+    ids=name_of,
 )
 def test_a_mistake_of_twice_its_limit_is_told_from_all_others(right, interface, group, reading):
     times = 2 * reading.limit / reading.size if reading.size else 1.0
@@ -90,7 +95,9 @@ def test_a_mistake_of_twice_its_limit_is_told_from_all_others(right, interface, 
     assert reading.hint in said
 
 
-@pytest.mark.parametrize(("interface", "group"), [row for row in GROUPS if row[1].order], ids=str)
+@pytest.mark.parametrize(
+    ("interface", "group"), [row for row in GROUPS if row[1].order], ids=name_of
+)
 def test_parts_in_another_order_are_named(right, interface, group):
     table = TABLES[interface]
     names, axis = group.order
