@@ -474,17 +474,22 @@ def test_thighs_of_who_sits_are_level_though_the_landmarks_half_stand():
     assert thighs_deg(fit(seen, FLOOR, "sit")) == pytest.approx(80, abs=12)
 
 
+@pytest.fixture(scope="module")
+def coco():
+    """One person who stands, without 3D landmarks, and the fit."""
+    seen = with_keypoints(truth([STANDS], PLACES[:1], skeleton="coco23"), world=None)
+    return seen, fit(seen)
+
+
 @pytest.mark.parametrize("skeleton", ["coco_wholebody133", "halpe26", "wholebody69"])
-def test_larger_joint_sets_are_fitted_by_their_body_and_feet(skeleton):
-    seen = truth([STANDS], PLACES[:1], skeleton="coco23")
-    coco = with_keypoints(seen, world=None)
+def test_larger_joint_sets_are_fitted_by_their_body_and_feet(coco, skeleton):
+    seen, first = coco
     columns = rows_of(skeleton, *SKELETONS["coco23"].names)
     points = np.full((1, len(SKELETONS[skeleton].names), 2), -99.0)
     confidence = np.ones(points.shape[:2])
-    points[:, columns] = coco.keypoints.points
-    confidence[:, columns] = coco.keypoints.confidence
-    larger = replace(seen, keypoints=Keypoints(points, confidence, skeleton))
-    first, second = (fit(given) for given in (coco, larger))
+    points[:, columns] = seen.keypoints.points
+    confidence[:, columns] = seen.keypoints.confidence
+    second = fit(replace(seen, keypoints=Keypoints(points, confidence, skeleton)))
     # Sums over points in another order are rounded differently.
     for name in ("body_pose", "transl"):
         one, other = (getattr(answer.parameters, name) for answer in (first, second))
