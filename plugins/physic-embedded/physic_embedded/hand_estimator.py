@@ -10,13 +10,12 @@ from pydantic import Field
 from physic_core.interfaces import HandEstimator, Options
 from physic_core.types import SIDES, Hands
 from physic_embedded.body_fit.fingers import RestHand, fit_fingers
-from physic_embedded.networks.crops import ImagePyramid
-from physic_embedded.networks.hand_landmarks import find_hand, hand_search_square
+from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
+from physic_embedded.networks.hand_landmarks import find_hand
 from physic_embedded.networks.sessions import PackagedBackend, Threads
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Keypoints, People, UInt8Array
-    from physic_embedded.networks.crops import RotatedSquare
     from physic_embedded.networks.hand_landmarks import HandLandmarks
     from physic_networks.onnx_sessions import OnnxSession
 
@@ -24,6 +23,7 @@ KNUCKLES = ("index1", "middle1", "ring1", "pinky1")
 _LEAST_PRESENCE = 0.7  # of a hand, as the landmark network judges
 # Between landmarks and those of the mirror image, of the hand's size; clear hands have .01 to .04.
 _LARGEST_GAP = 0.08
+_HAND_OF_TRUNK = 0.36  # least length of a hand
 _LEAST_SIZE_PX = 32  # fitted hand; below 30 px fingers are a guess
 
 
@@ -84,15 +84,11 @@ class EmbeddedHands(PackagedBackend, HandEstimator):
             zip(keypoints.points, keypoints.confidence, strict=True)
         ):
             for s, side in enumerate(SIDES if has_arms else ()):
-                place = _search_square(points, seen, row, side)
-                if place is None:
+                around = _search_square(points, seen, row, side)
+                if around is None or around.side < _LEAST_SIZE_PX:
                     continue
-                around, angle = place
-                if around.side < _LEAST_SIZE_PX:
-                    continue
-                look = find_hand(
-                    detector, landmarker, picture, around, angle, points[row[f"{side}_wrist"]], side
-                )
+                wrist = points[row[f"{side}_wrist"]]
+                look = find_hand(detector, landmarker, picture, around, wrist, side)
                 if look is None or not self._is_reliable(look, side):
                     continue
                 rotvecs[i, s] = fit_fingers(look.world, self._rest[side])
@@ -113,23 +109,21 @@ class EmbeddedHands(PackagedBackend, HandEstimator):
 
 def _search_square(
     points: FloatArray, seen: FloatArray, row: dict[str, int], side: str
-) -> tuple[RotatedSquare, float] | None:
-    """Return the square in which to search for a hand and the forearm's angle; None if the wrist is
-    not visible.
+) -> RotatedSquare | None:
+    """Return the square in which to search for a hand, in which the forearm points up; None if the
+    wrist is not visible.
     """
-    elbow = row[f"{side}_elbow"]
-    wrist = row[f"{side}_wrist"]
-    if seen[wrist] < 0.3:
+    if seen[row[f"{side}_wrist"]] < 0.3:
         return None
+    elbow, wrist = (points[row[f"{side}_{joint}"]] for joint in ("elbow", "wrist"))
     knuckles = [row[f"{side}_{name}"] for name in KNUCKLES if f"{side}_{name}" in row]
-    fingers = (
-        points[knuckles].mean(axis=0) if knuckles else 1.35 * points[wrist] - 0.35 * points[elbow]
-    )
+    fingers = points[knuckles].mean(axis=0) if knuckles else 1.35 * wrist - 0.35 * elbow
     left_shoulder, right_shoulder, left_hip, right_hip = (
         points[row[name]] for name in ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
     )
-    trunk = np.linalg.norm((left_shoulder + right_shoulder - left_hip - right_hip) / 2)
-    return hand_search_square(points[elbow], points[wrist], fingers, float(trunk))
+    trunk = float(np.linalg.norm((left_shoulder + right_shoulder - left_hip - right_hip) / 2))
+    hand = max(0.75 * float(np.linalg.norm(wrist - elbow)), _HAND_OF_TRUNK * trunk)
+    return RotatedSquare.upright(wrist + 0.8 * (fingers - wrist), 2.6 * hand, fingers - elbow)
 
 
 def _rest_hands(body: str) -> dict[str, RestHand]:

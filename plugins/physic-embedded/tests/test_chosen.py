@@ -4,6 +4,8 @@ pose.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -13,13 +15,14 @@ from physic_core.interfaces import Segmenter, SegmenterRequest
 from physic_core.types import PeoplePrompt, SurfaceLabels, UnposedPerson
 from physic_embedded.networks.crops import RotatedSquare
 from physic_embedded.networks.mobile_sam import ImageEmbedding, MaskProposals
-from physic_embedded.networks.pose import Pose
 from physic_embedded.segmentation import people as people_module
 from physic_embedded.segmentation import unposed
 from physic_embedded.segmentation.hidden_people import GREY, grey_out
 from physic_embedded.segmentation.unposed import segment_unposed
 from physic_embedded.segmenter import EmbeddedSegmenter, EmbeddedSegmenterOptions
 from physic_networks.people import Detections
+
+from .test_segmenter import pose_at
 
 pytestmark = pytest.mark.slow
 
@@ -62,7 +65,7 @@ def test_the_mask_of_a_pose_is_covered_in_grey():
     square = RotatedSquare(np.array([50.0, 40.0]), 40.0, 0.0)
     mask = np.full((256, 256), -1.0)
     mask[:, 128:] = 1.0  # the right half of the square
-    pose = Pose(*(np.zeros((33, n)) for n in (2, 1, 1, 3, 1)), 1.0, mask, square, 0.0, 1.0)
+    pose = replace(pose_at(square.center), mask=mask, square=square)
     image = np.zeros((100, 100, 3), np.uint8)
     rows, columns = np.nonzero(grey_out(image, [pose])[..., 0] == GREY)
     extent = [rows.min(), rows.max(), columns.min(), columns.max()]
@@ -102,8 +105,8 @@ def test_boxes_of_people_who_have_a_pose_and_of_chairs_are_left_out(monkeypatch)
     points[[23, 24], 1] = 50.0
     points[[15, 16]] = [[65.0, 20.0], [65.0, 70.0]]
     square = RotatedSquare(np.array([30.0, 40.0]), 100.0, 0.0)
-    rest = (np.ones((33, n)) for n in (1, 1, 3, 1))
-    somebody = Pose(points, *rest, 1.0, np.zeros((64, 64)), square, 0.0, 1.0)
+    nothing = np.zeros((64, 64))
+    somebody = replace(pose_at(square.center), points=points, mask=nothing, square=square)
     found, mask = segment_unposed(None, embedding, boxes, [somebody], people, surfaces)
     assert [one.reason for one in found] == ["sure", "sure, with another's hand", "labelled"]
     assert found[2].box == pytest.approx([150, 10, 190, 90], abs=1)

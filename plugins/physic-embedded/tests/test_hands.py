@@ -186,5 +186,5 @@ def test_the_hand_of_the_right_side_is_taken_of_two_at_one_wrist(side):
     image[:, :200, 0] = 255
     around = RotatedSquare(np.array([200.0, 200.0]), 200.0, 0.0)
     picture = ImagePyramid.from_image(image)
-    found = find_hand(TwoPalms(), RightIfRed(), picture, around, 0.0, np.array([200, 190.0]), side)
+    found = find_hand(TwoPalms(), RightIfRed(), picture, around, np.array([200, 190.0]), side)
     assert (found.points[:, 0].mean() < 190) == (side == "right")

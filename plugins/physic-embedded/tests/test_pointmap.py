@@ -368,7 +368,7 @@ def test_a_photo_with_a_column_or_row_less_has_the_same_network_input(height, wi
 class Red:
     """Stands for the depth network: its disparity is the red channel."""
 
-    def run(self, outputs, inputs, keep):
+    def run(self, outputs, inputs, **options):
         return [inputs["image"][:, 0]]
 
 

@@ -59,22 +59,6 @@ class HandLandmarks:
         return float(np.ptp(self.points, axis=0).max())
 
 
-def square_from_palm(box: Float, wrist: Float, middle: Float) -> RotatedSquare:
-    """Return the landmark network's input square for a detected palm.
-
-    Wrist -> base of the middle finger points up; half a palm towards the fingers, 2.6 palms wide.
-
-    Args:
-        box: (4,) x0 y0 x1 y1 of the palm, px.
-        wrist: (2,) px.
-        middle: (2,) base of the middle finger, px.
-    """
-    side = float(max(box[2] - box[0], box[3] - box[1]))
-    turned = RotatedSquare.upright((box[:2] + box[2:]) / 2, 2.6 * side, middle - wrist)
-    ahead = turned.rotation @ np.array([0.0, -0.5 * side])
-    return replace(turned, center=turned.center + ahead)
-
-
 def square_from_landmarks(points: Float) -> RotatedSquare:
     """Return the landmark network's input square for a hand with known landmarks (21, 2)."""
     middle = (points[[5, 13]].mean(axis=0) + points[9]) / 2
@@ -95,7 +79,7 @@ def predict_hand_landmarks(
     Args:
         session: of ``hand_landmark_full``.
         picture: the photo.
-        square: see :func:`square_from_palm` and :func:`square_from_landmarks`.
+        square: see :func:`square_from_landmarks`.
     """
     cut = picture.crop(square, LANDMARK_SIZE)
     points, world, presence, right = _look(session, cut)
@@ -129,25 +113,6 @@ def _look(session: OnnxSession, cut: NDArray[np.uint8]) -> tuple[Float, Float, f
     )
 
 
-def hand_search_square(
-    elbow: Float, wrist: Float, knuckles: Float, torso: float
-) -> tuple[RotatedSquare, float]:
-    """Return the upright square in which to detect a palm, and the angle, radians, that rotates the
-    forearm upright.
-
-    Args:
-        elbow: (2,) px.
-        wrist: (2,) px.
-        knuckles: (2,) mean of the pose's index and pinky points, px.
-        torso: length of the person's trunk, px; a hand is about 0.36 of it.
-    """
-    hand = max(0.75 * float(np.linalg.norm(wrist - elbow)), 0.36 * torso)
-    forearm = knuckles - elbow
-    return RotatedSquare(wrist + 0.8 * (knuckles - wrist), 2.6 * hand, 0.0), float(
-        np.arctan2(forearm[0], -forearm[1])
-    )
-
-
 _LEAST_PALM = 0.4  # score
 
 
@@ -156,7 +121,6 @@ def find_hand(
     landmarker: OnnxSession,
     picture: ImagePyramid,
     around: RotatedSquare,
-    arm_angle: float,
     wrist: Float,
     side: str,
 ) -> HandLandmarks | None:
@@ -166,17 +130,15 @@ def find_hand(
         detector: session of ``palm_detection_full``.
         landmarker: session of ``hand_landmark_full``.
         picture: the photo.
-        around: see :func:`hand_search_square`.
-        arm_angle: see :func:`hand_search_square`.
+        around: where to look, turned so that the forearm points up.
         wrist: (2,) of the pose, px.
         side: "left" or "right"; of two hands at one wrist, the one of this side is taken.
     """
     starts = []
-    for angle in (0.0, arm_angle):
-        view = RotatedSquare(around.center, around.side, angle)
+    for view in (replace(around, angle=0.0), around):
         starts += _palm_squares(detector, picture, view)
     # No palm is visible: the pose gives the place of the hand.
-    starts.append(RotatedSquare(around.center, around.side / 1.5, arm_angle))
+    starts.append(replace(around, side=around.side / 1.5))
     best = None
     most = 0.0
     for start in starts:
@@ -193,7 +155,10 @@ def find_hand(
 def _palm_squares(
     detector: OnnxSession, picture: ImagePyramid, view: RotatedSquare
 ) -> list[RotatedSquare]:
-    """Return the landmark network's input squares for the two best palms in a square."""
+    """Return the landmark network's input squares for the two best palms in a square.
+
+    Wrist -> base of the middle finger points up; half a palm towards the fingers, 2.6 palms wide.
+    """
     cut = picture.crop(view, DETECTOR_SIZE)
     boxes, scores = detector.run(
         ["boxes", "scores"], {"image": cut[None].astype(np.float32) / 255.0}
@@ -208,5 +173,8 @@ def _palm_squares(
         )
         keys = view.to_photo(palm.keypoints, DETECTOR_SIZE)
         box = np.concatenate([center - length / 2, center + length / 2])
-        squares.append(square_from_palm(box, keys[0], keys[2]))
+        side = float(max(box[2] - box[0], box[3] - box[1]))
+        turned = RotatedSquare.upright((box[:2] + box[2:]) / 2, 2.6 * side, keys[2] - keys[0])
+        ahead = turned.rotation @ np.array([0.0, -0.5 * side])
+        squares.append(replace(turned, center=turned.center + ahead))
     return squares

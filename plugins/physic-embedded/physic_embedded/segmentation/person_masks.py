@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -93,23 +94,17 @@ def _person_mask(
 
     joints = pose.points[pose.confidence(embedding.width, embedding.height) > MIN_CONFIDENCE]
     joints = _points_in_mask(joints, soft > theirs, embedding)
-    best = soft
-    fit = -np.inf
-    start = None
-    used = None
-    for box in (None, _box(rough, embedding)):
-        answer = predict_masks(decoder, embedding, inside, outside, box)
-        k, value = _best(answer.logits, rough, joints, outside, embedding)
-        if value > fit:
-            best = answer.logits[k]
-            fit = value
-            start = answer.raw[k]
-            used = box
-    answer = predict_masks(decoder, embedding, inside, outside, used, start)
-    k, value = _best(answer.logits, rough, joints, outside, embedding)
-    if value > fit:
-        best = answer.logits[k]
-    return best, inside
+
+    def look(box: Float | None, start: Float | None = None) -> tuple[float, Float, Float]:
+        answer = predict_masks(decoder, embedding, inside, outside, box, start)
+        k, fit = _best(answer.logits, rough, joints, outside, embedding)
+        return fit, answer.logits[k], answer.raw[k]
+
+    around = _box(rough, embedding)
+    free, boxed = look(None), look(around)
+    best, box = (boxed, around) if boxed[0] > free[0] else (free, None)
+    again = look(box, best[2])
+    return max(best, again, key=itemgetter(0))[1], inside
 
 
 _SPECK = 0.1  # of the whole mask
