@@ -167,29 +167,6 @@ def test_bent_limbs_tell_how_they_are_turned(embedded, side, sign):
         assert turns[JOINT_INDEX[f"{side}_{name}"]] < 4, name
 
 
-def test_levers_are_the_derivative_by_small_turns(embedded, people):
-    """The slow twin: each bone turned by a hundred-thousandth, about each axis, by finite
-    differences.
-    """
-    fit = as_fit({k: v[:1] for k, v in people.items()})
-    patches = SampledBodyModel.of(embedded, sample_vertices(embedded, 2))
-
-    def vertices(world):
-        start, slopes = patches.linear(world)
-        return start + (slopes @ fit.betas[:, None, :, None])[..., 0]
-
-    levers = patches.lever_arms(fit.world, fit.betas)
-    for joint in (0, 3, 9, 14, 17, 19, 21, 44, 54):
-        for axis in np.eye(3):
-            moved = []
-            for sign in (1, -1):
-                world = fit.world.copy()
-                world[:, joint] = rotvec_to_rotmat_numpy(sign * 1e-5 * axis) @ world[:, joint]
-                moved.append(vertices(world))
-            slope = (moved[0] - moved[1]) / 2e-5
-            assert_allclose(np.cross(axis, levers[:, :, joint]), slope, atol=1e-8)
-
-
 def test_a_body_is_recovered_from_its_surface(embedded, people):
     truth = as_fit(people)
     vertices, joints = posed(embedded, truth)
