@@ -69,14 +69,14 @@ def test_hidden_vertices_have_a_face_of_any_side_before_them(offset):
 
 def test_a_part_behind_another_is_occluded_from_thirty_percent_on():
     vertices, faces, part = two_spheres([0.0, 0.0, 2.0], [0.0, 0.0, 3.0])
-    hidden, of_hidden_parts = self_occlusion(vertices, faces, part, parts=[0, 1])
+    hidden, of_hidden_parts = self_occlusion(vertices, faces, part, [0, 1], 0.3)
     # Its own back is hidden, but not by another part.
     assert hidden[part == 0].any()
     assert of_hidden_parts.tolist() == (part == 1).tolist()
 
     for x in torch.linspace(0.0, 0.9, 10).tolist():
         vertices, faces, part = two_spheres([0.0, 0.0, 2.0], [x, 0.0, 3.0])
-        hidden, of_hidden_parts = self_occlusion(vertices, faces, part, parts=[0, 1])
+        hidden, of_hidden_parts = self_occlusion(vertices, faces, part, [0, 1], 0.3)
         face = hidden_from_camera(vertices, faces)[1]
         share = (
             (hidden & (part[faces[face.clamp(min=0), 0]] == 0))[part == 1].double().mean().item()
@@ -88,4 +88,4 @@ def test_a_part_behind_another_is_occluded_from_thirty_percent_on():
 
 def test_trunk_is_never_occluded_where_only_limbs_count():
     vertices, faces, part = two_spheres([0.0, 0.0, 2.0], [0.0, 0.0, 3.0])
-    assert not self_occlusion(vertices, faces, part, parts=[0])[1].any()
+    assert not self_occlusion(vertices, faces, part, [0], 0.3)[1].any()
