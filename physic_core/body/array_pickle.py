@@ -55,7 +55,14 @@ def read_pickle(path: Path) -> dict[str, Any]:
         raise InvalidArrayError(
             f"takes {path.stat().st_size / 2**30:.1f} GiB, where no body model takes more than 1"
         )
-    found = _loaded(path.read_bytes())
+    try:
+        found = _Unpickler(io.BytesIO(path.read_bytes()), encoding="latin1").load()
+    except (UnsafePickleError, InvalidArrayError, RecursionError):
+        raise
+    except Exception as error:  # a pickle that is cut off or changed can fail in any way
+        raise pickle.UnpicklingError(
+            escape_unprintable(str(error)) or type(error).__name__
+        ) from error
     if not isinstance(found, dict):
         raise InvalidArrayError(f"holds a {type(found).__name__}, not the arrays of a body")
     return {name: value for name, value in found.items() if isinstance(name, str)}
@@ -258,17 +265,6 @@ class _Unpickler(pickle._Unpickler):
         if module.split(".")[0] == "chumpy":
             return _Chumpy
         raise UnsafePickleError(escape_unprintable(f"{module}.{name}"))
-
-
-def _loaded(data: bytes) -> Any:
-    try:
-        return _Unpickler(io.BytesIO(data), encoding="latin1").load()
-    except (UnsafePickleError, InvalidArrayError, RecursionError):
-        raise
-    except Exception as error:  # a pickle that is cut off or changed can fail in any way
-        raise pickle.UnpicklingError(
-            escape_unprintable(str(error)) or type(error).__name__
-        ) from error
 
 
 def _decoded(data: Any, kind: Any, shape: tuple[int, ...], order: Any) -> NDArray[Any]:
