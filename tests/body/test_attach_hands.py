@@ -125,7 +125,7 @@ def test_pronation_is_shared_by_forearm_and_wrist(side):
 ROTVEC = arrays(np.float64, (1, 2, 3), elements=st.floats(-2.0, 2.0, width=32))
 
 
-@settings(max_examples=12)
+@settings(max_examples=4)
 @given(ROTVEC, st.integers(0, 50))
 def test_nothing_jumps_on_the_way_and_the_wrist_stays(wrists, seed):
     before = body(seed)
@@ -146,7 +146,7 @@ def test_nothing_jumps_on_the_way_and_the_wrist_stays(wrists, seed):
         last = after.vertices
 
 
-@settings(max_examples=100)
+@settings(max_examples=25)
 @given(ROTVEC, st.integers(0, 50))
 def test_a_wrist_stays_in_its_range(wrists, seed):
     before = body(seed)
