@@ -189,10 +189,6 @@ def npy(shape, kind, data=b""):
 
 ARCHIVES = {
     "huge": (npy("(1000000000000, 16)", "'<f8'"), "cannot be read, the file is damaged"),
-    "short": (
-        npy("(778, 16)", "'<f8'", b"1234"),
-        "cannot be read, the file is damaged: copy or download it again",
-    ),
     "objects": (npy("(778, 16)", "'|O'"), "holds a pickled object where numbers belong"),
     "fields": (
         npy("(778, 16)", "[('a', '|O'), ('b', '<f8')]"),

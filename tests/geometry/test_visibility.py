@@ -10,7 +10,9 @@ import trimesh
 from physic_core.geometry.rays import RayCaster
 from physic_core.geometry.visibility import (
     facing_camera,
+    front_depth,
     hidden_from_camera,
+    in_free_space,
     inside_image,
     inside_mask,
     self_occlusion,
@@ -84,6 +86,21 @@ def test_a_part_behind_another_is_occluded_from_thirty_percent_on():
         assert (
             of_hidden_parts[part == 1].all() == of_hidden_parts[part == 1].any() == (share >= 0.3)
         )
+
+
+def test_space_is_free_before_all_surfaces_around_a_pixel_and_where_nothing_is_known():
+    K = torch.tensor([[40.0, 0.0, 15.5], [0.0, 42.0, 11.5], [0.0, 0.0, 1.0]])
+    depth = torch.full((24, 32), torch.nan)
+    depth[:, 16:] = 2.0
+    depth[:, 17:] = 1.0
+    front = front_depth(depth)
+    # Between columns 14 and 15 nothing is known, the next ones are at 2 m, and then at 1 m.
+    columns = torch.tensor([14.5, 15.5, 15.5, 16.5, 16.5])
+    z = torch.tensor([9.0, 1.9, 2.1, 0.9, 1.1])
+    points = torch.stack([(columns - 15.5) / 40 * z, torch.zeros(5), z], -1)
+    assert in_free_space(points, front, K).tolist() == [True, True, False, True, False]
+    outside = torch.tensor([[5.0, 0.0, 2.0], [0.0, -5.0, 2.0], [0.0, 0.0, -2.0]])
+    assert in_free_space(outside, front, K).all()
 
 
 def test_trunk_is_never_occluded_where_only_limbs_count():
