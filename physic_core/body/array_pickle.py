@@ -227,7 +227,9 @@ class _Encoded(PickledObject):
 
     def __new__(cls, text: Any = "", encoding: Any = "latin1", *_: Any) -> Any:
         if not isinstance(text, str) or encoding not in ("latin1", "latin-1"):
-            raise UnsafePickleError(f"bytes in {_describe(encoding)}")
+            # Never by ``repr``, which can be endless.
+            name = encoding if isinstance(encoding, str) else f"a {type(encoding).__name__}"
+            raise UnsafePickleError(f"bytes in {escape_unprintable(name)}")
         return text.encode("latin1")
 
 
@@ -275,11 +277,6 @@ def _decoded(data: Any, kind: Any, shape: tuple[int, ...], order: Any) -> NDArra
     if not prod(shape):
         return np.empty(shape, kind.to_dtype())
     return np.frombuffer(content, kind.to_dtype()).reshape(shape, order=order)
-
-
-def _describe(value: Any) -> str:
-    """Return a description of a value for messages; never its ``repr``, which can be endless."""
-    return escape_unprintable(value) if isinstance(value, str) else f"a {type(value).__name__}"
 
 
 def _shape(given: Any) -> tuple[int, ...]:

@@ -482,11 +482,6 @@ def _read(folder: Path) -> BodyArrays:
         )
     with np.load(io.BytesIO(data), allow_pickle=False) as file:
         arrays = {name: file[name] for name in file.files}
-    return _decode(arrays)
-
-
-def _decode(arrays: Mapping[str, NDArray[Any]]) -> BodyArrays:
-    """Convert the arrays of the asset file to BodyArrays."""
     template = arrays["v_template"]
     directions = arrays["shapedirs"].astype(np.float32)
     weights = np.zeros((len(template), 55), dtype=np.float32)

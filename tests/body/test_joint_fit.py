@@ -28,6 +28,7 @@ from physic_core.body.convert.surface_fit import (
     sample_vertices,
 )
 from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy
+from physic_core.geometry.tensors import exact_arrays
 
 FINGERS = [name for name in JOINT_NAMES if name[-1].isdigit() and "spine" not in name]
 SEEN = (12, 15, *range(16, 22), 1, 2, 4, 5, 7, 8)
@@ -44,9 +45,8 @@ def posed(model, fit):
         torch.from_numpy(a).to(model.dtype)
         for a in (rotations_from_parents(fit.world), fit.betas, fit.transl)
     )
-    with torch.no_grad():
-        out = model(*given)
-    return out.vertices.double().numpy(), out.joints.double().numpy()
+    out = model(*given)
+    return exact_arrays(out.vertices, out.joints)
 
 
 def turns_deg(found, truth):

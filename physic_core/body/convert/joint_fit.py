@@ -280,6 +280,8 @@ class BodyFit:
 
 
 _ROUNDS = 3  # alternations between shape and rotations
+_BEFORE_ENDS = {*_KNEES, *_ANKLES, *_ELBOWS, *_WRISTS, *_FINGERS.ravel().tolist()}
+"""Joints that must be known for those beyond them to count."""
 
 _SIGMA_M = {
     "collar": 0.06,
@@ -316,7 +318,9 @@ def fit_joints(bones: BoneOffsets, joints: _Array, world: _Array | None) -> Body
     betas = np.zeros((len(joints), len(bones.directions)))
     transl = np.zeros((len(joints), 3))
     if world is None:
-        known = _exclude_unreachable(known)
+        for joint, parent in enumerate(PARENTS):
+            if parent in _BEFORE_ENDS:
+                known[:, joint] &= known[:, parent]
         joints = np.where(known[..., None], joints, np.nan)
         turns = rotations_from_joints(joints, bones.rest(betas))
     else:
@@ -332,19 +336,6 @@ def fit_joints(bones: BoneOffsets, joints: _Array, world: _Array | None) -> Body
             turns = rotations_from_joints(joints, bones.rest(betas))
         turns = _align_limbs(bones, turns, betas, transl, targets, known)
     return BodyFit(turns, betas, transl)
-
-
-_FINGER_IDS = frozenset(np.ravel(FINGER_JOINTS).tolist())
-_HINGE_IDS = (*_KNEES, *_ANKLES, *_ELBOWS, *_WRISTS)
-
-
-def _exclude_unreachable(known: _Bools) -> _Bools:
-    """Exclude joints (B, 55) beyond an unknown elbow, wrist, knee or ankle."""
-    reached = known.copy()
-    for joint, parent in enumerate(PARENTS):
-        if parent in _HINGE_IDS or parent in _FINGER_IDS:
-            reached[:, joint] &= reached[:, parent]
-    return reached
 
 
 _MIN_RESIDUAL = 0.02
