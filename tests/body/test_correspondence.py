@@ -32,24 +32,6 @@ def onto_embedded(embedded, other_model):
     return find_correspondence(rest_mesh_of_model(embedded), other_model)
 
 
-def test_nearest_points_of_triangles_are_found():
-    """The slow twin: the least of a fine grid of the triangle's points."""
-    rng = np.random.default_rng(0)
-    corners = rng.random((40, 3, 3))
-    points = 2 * rng.random((40, 3)) - 0.5
-    index = [SurfaceIndex(own, np.array([[0, 1, 2]])) for own in corners]
-    pairs = zip(index, points, strict=True)
-    shares = np.concatenate([one.nearest(p[None], one.normals).shares for one, p in pairs])
-    assert (shares >= 0).all()
-    assert_allclose(shares.sum(-1), 1, atol=1e-12)
-    u, v = (g.ravel() for g in np.meshgrid(np.linspace(0, 1, 301), np.linspace(0, 1, 301)))
-    grid = np.stack([u, v, 1 - u - v], -1)[u + v <= 1]
-    own = np.linalg.norm((shares[:, None] @ corners)[:, 0] - points, axis=-1)
-    twin = np.linalg.norm(grid @ corners - points[:, None], axis=-1).min(1)
-    assert (own <= twin + 1e-12).all()
-    assert_allclose(own, twin, atol=5e-3)
-
-
 def test_the_other_side_of_a_sheet_is_not_near():
     """Two sheets 2 cm apart, back to back, as two thighs are: the nearer one faces the wrong
     way.
