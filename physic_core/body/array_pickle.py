@@ -55,7 +55,14 @@ def read_pickle(path: Path) -> dict[str, Any]:
         raise InvalidArrayError(
             f"takes {path.stat().st_size / 2**30:.1f} GiB, where no body model takes more than 1"
         )
-    found = _loaded(path.read_bytes())
+    try:
+        found = _Unpickler(io.BytesIO(path.read_bytes()), encoding="latin1").load()
+    except (UnsafePickleError, InvalidArrayError, RecursionError):
+        raise
+    except Exception as error:  # a pickle that is cut off or changed can fail in any way
+        raise pickle.UnpicklingError(
+            escape_unprintable(str(error)) or type(error).__name__
+        ) from error
     if not isinstance(found, dict):
         raise InvalidArrayError(f"holds a {type(found).__name__}, not the arrays of a body")
     return {name: value for name, value in found.items() if isinstance(name, str)}
@@ -220,7 +227,9 @@ class _Encoded(PickledObject):
 
     def __new__(cls, text: Any = "", encoding: Any = "latin1", *_: Any) -> Any:
         if not isinstance(text, str) or encoding not in ("latin1", "latin-1"):
-            raise UnsafePickleError(f"bytes in {_describe(encoding)}")
+            # Never by ``repr``, which can be endless.
+            name = encoding if isinstance(encoding, str) else f"a {type(encoding).__name__}"
+            raise UnsafePickleError(f"bytes in {escape_unprintable(name)}")
         return text.encode("latin1")
 
 
@@ -260,17 +269,6 @@ class _Unpickler(pickle._Unpickler):
         raise UnsafePickleError(escape_unprintable(f"{module}.{name}"))
 
 
-def _loaded(data: bytes) -> Any:
-    try:
-        return _Unpickler(io.BytesIO(data), encoding="latin1").load()
-    except (UnsafePickleError, InvalidArrayError, RecursionError):
-        raise
-    except Exception as error:  # a pickle that is cut off or changed can fail in any way
-        raise pickle.UnpicklingError(
-            escape_unprintable(str(error)) or type(error).__name__
-        ) from error
-
-
 def _decoded(data: Any, kind: Any, shape: tuple[int, ...], order: Any) -> NDArray[Any]:
     """Return the array of bytes in a dtype and shape; text stands for bytes of Python 2."""
     if not isinstance(kind, _DType):
@@ -279,11 +277,6 @@ def _decoded(data: Any, kind: Any, shape: tuple[int, ...], order: Any) -> NDArra
     if not prod(shape):
         return np.empty(shape, kind.to_dtype())
     return np.frombuffer(content, kind.to_dtype()).reshape(shape, order=order)
-
-
-def _describe(value: Any) -> str:
-    """Return a description of a value for messages; never its ``repr``, which can be endless."""
-    return escape_unprintable(value) if isinstance(value, str) else f"a {type(value).__name__}"
 
 
 def _shape(given: Any) -> tuple[int, ...]:

@@ -56,7 +56,9 @@ def attach_hands(parameters: BodyParameters, hands: Hands, model: BodyModel) -> 
         model: the body model that the parameters are for.
     """
     assert hands.wrists is not None
-    share = _weight(np.asarray(hands.confidence, np.float64))
+    confidence = np.asarray(hands.confidence, np.float64)
+    ramp = np.clip((confidence - _MIN_CONFIDENCE) / (_FULL_CONFIDENCE - _MIN_CONFIDENCE), 0.0, 1.0)
+    share = ramp * ramp * (3 - 2 * ramp)
     rows = np.flatnonzero((share > 0).any(1) & np.isfinite(parameters.global_orient).all(1))
     if not len(rows):
         return parameters
@@ -90,13 +92,6 @@ def wrist_turns_deg(parameters: BodyParameters, wrists: FloatArray) -> _Array:
     cosine = (np.trace(way, axis1=-2, axis2=-1) - 1) / 2
     turns: _Array = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
     return turns
-
-
-def _weight(confidence: _Array) -> _Array:
-    """Return the weight (N, 2) of hands: smooth, 0 at the lowest confidence and 1 at full."""
-    x = np.clip((confidence - _MIN_CONFIDENCE) / (_FULL_CONFIDENCE - _MIN_CONFIDENCE), 0.0, 1.0)
-    weight: _Array = x * x * (3 - 2 * x)
-    return weight
 
 
 def _rotate_towards(

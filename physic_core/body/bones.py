@@ -19,7 +19,7 @@ from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS, PARENTS, ROTATION_F
 from physic_core.errors import BodyModelError
 from physic_core.geometry.rotations import rotmat_to_rotvec
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
-from physic_core.geometry.tensors import tensor
+from physic_core.geometry.tensors import arrays, exact_arrays, tensor
 from physic_core.types import BodyParameters
 
 if TYPE_CHECKING:
@@ -96,16 +96,16 @@ def parameters_from_rotations(
             f"rotations must be (N, {NUM_JOINTS}, 3, 3), got {tuple(rotations.shape)}: give one "
             f"matrix for each joint"
         )
-    rotvecs = torch.from_numpy(rotmat_to_rotvec(rotations.detach().double().cpu().numpy()))
+    rotvecs = torch.from_numpy(rotmat_to_rotvec(*exact_arrays(rotations)))
     pieces = rotvecs.split([count for _, count in ROTATION_FIELDS], dim=1)  # type: ignore[no-untyped-call]
     poses = {
-        name: piece.flatten(1).float().cpu().numpy()
+        name: piece.flatten(1).float().numpy()
         for (name, _), piece in zip(ROTATION_FIELDS, pieces, strict=True)
     }
     given = transl.new_zeros(rows, 0) if expression is None else expression
-    rest = {"betas": betas, "expression": given, "transl": transl}
     return BodyParameters(
-        **poses, **{name: value.detach().float().cpu().numpy() for name, value in rest.items()}
+        **poses,
+        **arrays(betas=betas.detach(), expression=given.detach(), transl=transl.detach()),
     )
 
 
@@ -164,12 +164,13 @@ class BoneOffsets:
         """Extract the bone offsets of a body model, with zero expression."""
         kinematics = model.kinematics
         count = model.num_betas
-        rest = kinematics.template.double().cpu().numpy()
-        change = kinematics.directions[:count].double().cpu().numpy().reshape(count, NUM_JOINTS, 3)
-        both = np.concatenate([rest[None], change])
+        rest, change = exact_arrays(
+            kinematics.template[None], kinematics.directions[:count].view(count, NUM_JOINTS, 3)
+        )
+        both = np.concatenate([rest, change])
         both[:, 1:] -= both[:, _UP[1:]]
         if kinematics.bind_rot is not None:
-            turn = kinematics.bind_rot.double().cpu().numpy()[_UP[1:]]
+            turn = exact_arrays(kinematics.bind_rot)[0][_UP[1:]]
             both[:, 1:] = (turn @ both[:, 1:, :, None])[..., 0]
         return cls(both[0], both[1:])
 

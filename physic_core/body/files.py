@@ -282,7 +282,7 @@ _Array = NDArray[np.float64]
 SMPL_PARENTS = SMPL.parents
 """Parents of the 24 joints; -1 for the pelvis."""
 
-_NUM_JOINTS = 24
+_NUM_BETAS = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,23 +310,22 @@ class SmplBody:
         """Mesh of the mean body in its T-pose."""
         return RestMesh("smpl", self.template, self.faces)
 
-    def smpl_joints(self, rotations: _Array, betas: _Array, transl: _Array | None = None) -> _Array:
+    def smpl_joints(self, rotations: _Array, betas: _Array, transl: _Array) -> _Array:
         """Return posed joints (N, 24, 3), metres, for local rotations (N, 24, 3, 3), betas (N, 10),
         transl (N, 3).
         """
-        joints = self._chain(rotations, self._shaped(betas))[1]
-        return joints if transl is None else joints + transl[:, None]
+        return self._chain(rotations, self._shaped(betas))[1] + transl[:, None]
 
-    def vertices(self, rotations: _Array, betas: _Array, transl: _Array | None = None) -> _Array:
+    def vertices(self, rotations: _Array, betas: _Array, transl: _Array) -> _Array:
         """Return posed vertices (N, 6890, 3), metres; arguments as in :meth:`smpl_joints`."""
         shaped = self._shaped(betas)
         world, joints, rest = self._chain(rotations, shaped)
         bent = (rotations[:, 1:] - np.eye(3)).reshape(len(rotations), -1)
         shaped = shaped + (bent @ self.posedirs.reshape(-1, bent.shape[1]).T).reshape(shaped.shape)
-        turns = (self.weights @ world.reshape(len(world), _NUM_JOINTS, 9)).reshape(*shaped.shape, 3)
+        turns = (self.weights @ world.reshape(len(world), -1, 9)).reshape(*shaped.shape, 3)
         shifts = self.weights @ (joints - (world @ rest[..., None])[..., 0])
-        posed: _Array = (turns @ shaped[..., None])[..., 0] + shifts
-        return posed if transl is None else posed + transl[:, None]
+        posed: _Array = (turns @ shaped[..., None])[..., 0] + shifts + transl[:, None]
+        return posed
 
     def _shaped(self, betas: _Array) -> _Array:
         """Return unposed vertices (N, 6890, 3) for betas (N, 10)."""
@@ -349,37 +348,19 @@ class SmplBody:
 
 
 def load_smpl(path: str | Path) -> SmplBody:
-    """Load the body model of a SMPL file.
-
-    Raises:
-        BodyModelError: the file does not exist, or is not a SMPL model.
-    """
-    arrays = read_smpl(path)
-    names = ("v_template", "f", "shapedirs", "posedirs", "J_regressor", "weights")
-    return SmplBody(*(arrays[name] for name in names))
-
-
-_NUM_BETAS = 10
-
-
-def read_smpl(path: str | Path) -> dict[str, NDArray[Any]]:
-    """Read a SMPL file: array name -> array (float64, indices int64), with the first 10 shape
-    components.
+    """Load the body model of a SMPL file, with the first 10 shape components.
 
     Raises:
         BodyModelError: the file does not exist, or is not a SMPL model.
     """
     found = read_model_file(Path(path), SMPL)
-    tree = found["kintree_table"].astype(np.int64)
-    arrays = {
-        name: found[name].astype(np.float64)
-        for name in SMPL.shapes
-        if name not in ("f", "kintree_table")
-    }
-    arrays["shapedirs"] = arrays["shapedirs"][:, :, :_NUM_BETAS]
-    # The root has no parent: -1, which old files hold as 4294967295.
-    tree[0, 0] = -1
-    return {**arrays, "f": found["f"].astype(np.int64), "kintree_table": tree}
+    faces = found["f"].astype(np.int64)
+    template, shapedirs, posedirs, regressor, weights = (
+        found[name].astype(np.float64)
+        for name in ("v_template", "shapedirs", "posedirs", "J_regressor", "weights")
+    )
+    shapes = shapedirs[:, :, :_NUM_BETAS]
+    return SmplBody(template, faces, shapes, posedirs, regressor, weights)
 
 
 def load_smplx(
@@ -418,8 +399,7 @@ _COLUMNS = {20: (10, 10), 400: (300, 100)}
 def smplx_arrays(path: str | Path, *, num_betas: int = 10, num_expression: int = 10) -> BodyArrays:
     """Read the arrays of a SMPL-X file; arguments and errors as of :func:`load_smplx`."""
     arrays = read_model_file(Path(path), SMPLX)
-    columns = arrays["shapedirs"].shape[2]
-    num_shape, num_faces = _COLUMNS[columns]
+    num_shape, num_faces = _COLUMNS[arrays["shapedirs"].shape[2]]
     for name, wanted, there in (
         ("num_betas", num_betas, num_shape),
         ("num_expression", num_expression, num_faces),
@@ -502,11 +482,6 @@ def _read(folder: Path) -> BodyArrays:
         )
     with np.load(io.BytesIO(data), allow_pickle=False) as file:
         arrays = {name: file[name] for name in file.files}
-    return _decode(arrays)
-
-
-def _decode(arrays: Mapping[str, NDArray[Any]]) -> BodyArrays:
-    """Convert the arrays of the asset file to BodyArrays."""
     template = arrays["v_template"]
     directions = arrays["shapedirs"].astype(np.float32)
     weights = np.zeros((len(template), 55), dtype=np.float32)

@@ -12,7 +12,8 @@ any mesh with SMPL-X joints.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from physic_core.body.arrays import label_parts
-from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, NUM_JOINTS, PART_NAMES
+from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES, NUM_JOINTS, PART_NAMES, joint_pair
 from physic_core.errors import BodyModelError
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.types import Keypoints
@@ -87,8 +88,18 @@ def skeleton_regressor(skeleton: Skeleton, picks: Mapping[str, Tensor]) -> Landm
         BodyModelError: a point is not defined on a body, or refers to an unknown point.
     """
     blend, names = _blend(skeleton)
-    points = _regressor(names, picks)
-    return replace(points, matrix=blend @ points.matrix)
+    groups = [picks[name].cpu() for name in names if name not in JOINT_INDEX]
+    ids = torch.cat([torch.zeros(0, dtype=torch.int64), *groups])
+    points = torch.zeros(len(names), NUM_JOINTS + len(ids))
+    start = NUM_JOINTS
+    for row, name in enumerate(names):
+        if name in JOINT_INDEX:
+            points[row, JOINT_INDEX[name]] = 1.0
+        else:
+            count = len(picks[name])
+            points[row, start : start + count] = 1.0 / count
+            start += count
+    return LandmarkRegressor(ids, blend @ points)
 
 
 def _blend(skeleton: Skeleton) -> tuple[Tensor, list[str]]:
@@ -129,22 +140,6 @@ def _check_place(skeleton: str, name: str, shares: Mapping[str, float]) -> None:
         )
 
 
-def _regressor(names: list[str], picks: Mapping[str, Tensor]) -> LandmarkRegressor:
-    """Return the map from joints and n vertices to the named body points, matrix (P, 55 + n)."""
-    groups = [picks[name].cpu() for name in names if name not in JOINT_INDEX]
-    ids = torch.cat(groups) if groups else torch.zeros(0, dtype=torch.int64)
-    matrix = torch.zeros(len(names), NUM_JOINTS + len(ids))
-    start = NUM_JOINTS
-    for row, name in enumerate(names):
-        if name in JOINT_INDEX:
-            matrix[row, JOINT_INDEX[name]] = 1.0
-        else:
-            count = len(picks[name])
-            matrix[row, start : start + count] = 1.0 / count
-            start += count
-    return LandmarkRegressor(ids, matrix)
-
-
 @dataclass(frozen=True)
 class TPoseMesh:
     """Mesh, joints and skinning weights of a body in the T-pose: y up, +z forward, left on +x,
@@ -164,10 +159,19 @@ class TPoseMesh:
     weights: NDArray[np.float64]
     outer: NDArray[np.bool_]
 
-    @property
+    @cached_property
     def normals(self) -> NDArray[np.float64]:
         """(V, 3) unit outward normals."""
         return vertex_normals(self.vertices, self.faces)
+
+    @cached_property
+    def part_of_vertex(self) -> NDArray[np.int64]:
+        """(V,) index into PART_NAMES."""
+        return label_parts(self.weights)
+
+    def within(self, *parts: str) -> NDArray[np.bool_]:
+        """Return the outer vertices (V,) bool of some parts."""
+        return self.outer & np.isin(self.part_of_vertex, [PART_NAMES.index(name) for name in parts])
 
 
 _SOLE_DEPTH = 0.02
@@ -178,32 +182,22 @@ _FOOT_DEPTH = 0.045
 
 def contact_set_vertices(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
     """Return the vertex ids of each set in CONTACT_SETS, ascending, without cavities."""
-    part = label_parts(mesh.weights)
     x, y, _ = mesh.vertices.T
     down = -mesh.normals[:, 1]
-    back = -mesh.normals[:, 2]
-
-    def within(*names: str) -> NDArray[np.bool_]:
-        return mesh.outer & np.isin(part, [PART_NAMES.index(name) for name in names])
-
-    def height(name: str) -> float:
-        return float(mesh.joints[JOINT_INDEX[name], 1])
-
+    behind = -mesh.normals[:, 2] > 0.3
     chosen: dict[str, NDArray[np.bool_]] = {}
     for side in SIDES:
-        foot = within(f"{side}_foot")
+        foot = mesh.within(f"{side}_foot")
         low = y - (y[foot].min() if foot.any() else 0.0)
         chosen[f"{side}_sole"] = foot & (low < _SOLE_DEPTH) & (down > 0.5)
         chosen[f"{side}_foot"] = foot & (low < _FOOT_DEPTH) & (down > -0.3)
-        chosen[f"{side}_hand"] = within(f"{side}_hand") & (down > 0.2)
-    hips = (height("left_hip") + height("right_hip")) / 2
-    knees = (height("left_knee") + height("right_knee")) / 2
+        chosen[f"{side}_hand"] = mesh.within(f"{side}_hand") & (down > 0.2)
+    hips, knees = (float(mesh.joints[joint_pair(name), 1].mean()) for name in ("hip", "knee"))
     thigh = hips - knees
     seat_low = hips - 0.25 * thigh
     seat_high = hips + 0.25 * thigh
-    behind = back > 0.3
-    legs = within("left_upper_leg", "right_upper_leg")
-    torso = within("torso")
+    legs = mesh.within("left_upper_leg", "right_upper_leg")
+    torso = mesh.within("torso")
     chosen["thighs"] = legs & behind & (y < seat_low)
     chosen["gluteus"] = (legs | torso) & behind & (y >= seat_low) & (y < seat_high)
     chosen["back"] = (
@@ -220,16 +214,14 @@ def pick_surface_points(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
 
     A landmark is the mean of its vertices.
     """
-    part = label_parts(mesh.weights)
-    picks = _pick_face(mesh, part == PART_NAMES.index("head"))
+    picks = _pick_face(mesh)
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         for finger in ("thumb", "index", "middle", "ring", "pinky"):
             last = JOINT_INDEX[f"{side}_{finger}3"]
             tip = mesh.outer & (mesh.weights.argmax(1) == last)
             along = mesh.joints[last] - mesh.joints[last - 1]
             picks[f"{side}_{finger}_tip"] = _furthest(mesh, tip, along, 4)
-        foot = mesh.outer & (part == PART_NAMES.index(f"{side}_foot"))
-        picks |= _pick_foot(mesh, foot, side, sign)
+        picks |= _pick_foot(mesh, side, sign)
     return {name: picks[name] for name in SURFACE_POINTS}
 
 
@@ -248,23 +240,18 @@ _EAR_FORWARD = 0.012
 """Distance from the centre of the ear's rim inwards and forwards to the ear canal, metres."""
 
 
-def _pick_face(mesh: TPoseMesh, whole_head: NDArray[np.bool_]) -> dict[str, NDArray[np.int64]]:
-    """Return the vertex ids of nose, eyes, mouth and ears.
-
-    Args:
-        mesh: of the body.
-        whole_head: (V,) with lids or eyeballs, which are not part of the outer surface.
-    """
-    joint = {name: mesh.joints[i] for name, i in JOINT_INDEX.items()}
-    head = mesh.outer & whole_head
+def _pick_face(mesh: TPoseMesh) -> dict[str, NDArray[np.int64]]:
+    """Return the vertex ids of nose, eyes, mouth and ears."""
+    head = mesh.within("head")
+    # With lids or eyeballs, which are not part of the outer surface.
+    whole_head = mesh.part_of_vertex == PART_NAMES.index("head")
+    eyes = mesh.joints[joint_pair("eye")]
     picks: dict[str, NDArray[np.int64]] = {}
     middle = head & (np.abs(mesh.vertices[:, 0]) < 0.015)
     picks["nose"] = _furthest(mesh, middle if middle.any() else head, np.array([0.0, 0.0, 1.0]), 2)
     nose = mesh.vertices[picks["nose"]].mean(0)
-    eye_height = (joint["left_eye"][1] + joint["right_eye"][1]) / 2
-    mouth_height = nose[1] - _MOUTH_DROP * (eye_height - nose[1])
-    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        eye = joint[f"{side}_eye"]
+    mouth_height = nose[1] - _MOUTH_DROP * (eyes[:, 1].mean() - nose[1])
+    for side, sign, eye in zip(SIDES, (1.0, -1.0), eyes, strict=True):
         out = np.array([sign * _EYE_HALF_WIDTH, 0.0, 0.0])
         picks[f"{side}_eye_surface"] = _in_front(mesh, whole_head, eye, 4)
         picks[f"{side}_eye_inner_surface"] = _in_front(mesh, whole_head, eye - out, 3)
@@ -278,10 +265,9 @@ def _pick_face(mesh: TPoseMesh, whole_head: NDArray[np.bool_]) -> dict[str, NDAr
     return picks
 
 
-def _pick_foot(
-    mesh: TPoseMesh, foot: NDArray[np.bool_], side: str, sign: float
-) -> dict[str, NDArray[np.int64]]:
+def _pick_foot(mesh: TPoseMesh, side: str, sign: float) -> dict[str, NDArray[np.int64]]:
     """Return the vertex ids of toes, heel and foot tip of one foot."""
+    foot = mesh.within(f"{side}_foot")
     x, _, z = mesh.vertices.T
     forward = np.array([0.0, 0.0, 1.0])
     toes = foot & (z > mesh.joints[JOINT_INDEX[f"{side}_foot"], 2])

@@ -12,8 +12,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from physic_core.body.arrays import BodyArrays, VertexSets, label_parts
-from physic_core.body.joints import JOINT_NAMES, NUM_JOINTS, PARENTS, PART_NAMES
+from physic_core.body.arrays import BodyArrays, VertexSets
+from physic_core.body.joints import NUM_JOINTS, PARENTS, PART_NAMES
 from physic_core.body.landmarks import (
     LandmarkRegressor,
     TPoseMesh,
@@ -72,7 +72,6 @@ class BodyModel:
         regressors: skeletons that the asset defines; those of others follow from
             ``surface_points``.
         info: source and licence of the asset, in words.
-        joint_names: 55 names in SMPL-X order.
     """
 
     name: str
@@ -90,7 +89,6 @@ class BodyModel:
     extremes: Tensor
     regressors: Mapping[Skeleton, LandmarkRegressor] = field(default_factory=dict)
     info: str = ""
-    joint_names: tuple[str, ...] = JOINT_NAMES
 
     def __repr__(self) -> str:
         return (
@@ -135,14 +133,10 @@ class BodyModel:
         """(V, most) int64 indices of the faces at each vertex, padded with F."""
         return faces_of_vertices(self.faces, self.num_vertices)
 
-    @property
+    @cached_property
     def double(self) -> BodyModel:
         """The model in float64, with its own cached properties."""
-        return self if self.dtype == torch.float64 else self._converted
-
-    @cached_property
-    def _converted(self) -> BodyModel:
-        return self.to(dtype=torch.float64)
+        return self if self.dtype == torch.float64 else self.to(dtype=torch.float64)
 
     @cached_property
     def coarse(self) -> CoarseMesh:
@@ -401,7 +395,7 @@ def derive_vertex_sets(arrays: BodyArrays) -> VertexSets:
     by_height = np.argsort(mesh.vertices[:, 1], kind="stable")
     extremes = np.unique(np.concatenate([by_height[:_NUM_GROUND], by_height[-_NUM_CROWN:]]))
     return VertexSets(
-        label_parts(mesh.weights), contact_set_vertices(mesh), pick_surface_points(mesh), extremes
+        mesh.part_of_vertex, contact_set_vertices(mesh), pick_surface_points(mesh), extremes
     )
 
 

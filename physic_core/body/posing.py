@@ -48,8 +48,7 @@ class Skin:
         template: (3, V) metres, bind pose.
         directions: (D, 3, V) change with one unit of each coefficient.
         weights: (J, V) skinning weights, each column sums to 1.
-        blocks: the same weights, by blocks that follow each other; empty for products with all
-            weights.
+        blocks: the same weights, by blocks that follow each other; empty before :meth:`in_blocks`.
     """
 
     template: Tensor
@@ -84,9 +83,9 @@ class Skin:
         return replace(self, blocks=tuple(blocks))
 
     def blend(self, motions: Tensor) -> Tensor:
-        """Return the weighted sums over joints: (m, J) -> (m, V); not differentiable."""
-        if not self.blocks:
-            return motions @ self.weights
+        """Return the weighted sums over joints, by :meth:`in_blocks`: (m, J) -> (m, V); not
+        differentiable.
+        """
         blended = motions.new_empty(len(motions), self.num_vertices)
         for block in self.blocks:
             torch.mm(
@@ -98,8 +97,6 @@ class Skin:
         """Return the gradient (m, J) of :meth:`blend` by the motions, from that by its result (m,
         V).
         """
-        if not self.blocks:
-            return gradient @ self.weights.T
         total = gradient.new_zeros(len(self.weights), len(gradient))
         for block in self.blocks:
             total.index_add_(0, block.joints, block.weights @ block.columns(gradient).T)

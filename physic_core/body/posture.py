@@ -31,9 +31,7 @@ _UPSIDE_DOWN_DEG = 135.0  # least angle of a trunk from up in the picture
 _SIDEWAYS_DEG = 30.0  # largest angle of a trunk from the picture's horizontal
 
 
-def standing_legs(
-    joints: FloatArray, up: FloatArray | None = None, *, trunk: bool = True
-) -> NDArray[np.bool_]:
+def standing_legs(joints: FloatArray, up: FloatArray | None = None) -> NDArray[np.bool_]:
     """Return the left and the right leg on which each body stands, (..., 2) bool; see
     :func:`legs_in_line`.
 
@@ -41,11 +39,10 @@ def standing_legs(
         joints: (..., 55, 3) metres, any frame.
         up: (3,) in that frame; None if it is unknown, and bodies that lie straight count as
             standing, too.
-        trunk: False if the trunk may be bent.
     """
     exact = np.asarray(joints, np.float64)
     parts = (exact[..., rows, :] for rows in (_HIPS, _KNEES, _ANKLES))
-    return legs_in_line(*parts, neck=exact[..., _NECK, :] if trunk else None, up=up)
+    return legs_in_line(*parts, neck=exact[..., _NECK, :], up=up)
 
 
 def legs_in_line(

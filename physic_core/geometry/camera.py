@@ -131,10 +131,9 @@ def undistort_image(
     """
     from kornia.geometry.calibration import undistort_image as undistort
 
-    K, coefficients = _tensors(camera, distortion, torch.float64)
     # Float32 pixels with a grid of float64 would be refused.
     picture = torch.tensor(image).permute(2, 0, 1)[None].to(torch.float64)
-    found = undistort(picture, K[None], coefficients[None])[0]
+    found = undistort(picture, *_matrix_and_coefficients(camera, distortion))[0]
     pixels: UInt8Array = (
         found.round().clamp(0, 255).to(torch.uint8).permute(1, 2, 0).contiguous().numpy()
     )
@@ -150,15 +149,16 @@ def undistort_pixels(
     """Return where pixels (N, 2) of the distorted picture are in the undistorted one, (N, 2) px."""
     from kornia.geometry.calibration import undistort_points
 
-    K, coefficients = _tensors(camera, distortion, torch.float64)
     points = torch.as_tensor(np.asarray(pixels, np.float64).reshape(1, -1, 2))
     found: FloatArray = undistort_points(
-        points, K[None], coefficients[None], num_iters=_ITERATIONS
+        points, *_matrix_and_coefficients(camera, distortion), num_iters=_ITERATIONS
     )[0].numpy()
     return found
 
 
-def _tensors(
-    camera: Intrinsics, distortion: Sequence[float], dtype: torch.dtype
+def _matrix_and_coefficients(
+    camera: Intrinsics, distortion: Sequence[float]
 ) -> tuple[Tensor, Tensor]:
-    return torch.from_numpy(camera.matrix).to(dtype), torch.tensor(list(distortion), dtype=dtype)
+    """Return the matrix (1, 3, 3) and the distortion (1, 5), float64."""
+    coefficients = torch.tensor([list(distortion)], dtype=torch.float64)
+    return torch.from_numpy(camera.matrix)[None].double(), coefficients

@@ -203,16 +203,18 @@ def cluster_points(points: Tensor, part_of_point: Tensor, spacing: float) -> tup
     """
     import torch
 
+    if not len(points):
+        return part_of_point, part_of_point
     points = points.double()
     cell = (points / spacing).floor().long()
     # One integer key for cell and part: unique rows take ten times as long.
-    x, y, z = (cell - cell.amin(0)).unbind(1) if len(points) else cell.unbind(1)
-    wide = int(cell.amax() - cell.amin()) + 1 if len(points) else 1
-    parts = int(part_of_point.max()) + 1 if len(points) else 1
-    _, group = torch.unique(
+    x, y, z = (cell - cell.amin(0)).unbind(1)
+    wide = int(cell.amax() - cell.amin()) + 1
+    parts = int(part_of_point.max()) + 1
+    keys, group = torch.unique(
         ((x * wide + y) * wide + z) * parts + part_of_point, return_inverse=True
     )
-    count = int(group.max()) + 1 if len(group) else 0
+    count = len(keys)
     centre = (
         points.new_zeros(count, 3).index_add(0, group, points)
         / torch.bincount(group, minlength=count)[:, None]

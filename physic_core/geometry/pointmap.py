@@ -44,7 +44,7 @@ def edge_ratio(rows: int, columns: int) -> float:
     return math.pow(EDGE_RATIO, power)
 
 
-def depth_edges(depth: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor:
+def depth_edges(depth: Tensor, valid: Tensor, ratio: float) -> Tensor:
     """Return pixels at depth edges: the depth ratio within 3 x 3 pixels exceeds ``ratio``.
 
     Depth networks place points between the two surfaces of an edge.
@@ -52,13 +52,11 @@ def depth_edges(depth: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor:
     Args:
         depth: (H, W) > 0 where valid, any unit.
         valid: (H, W) bool; invalid pixels are ignored.
-        ratio: above 1; "inf" finds none.
+        ratio: above 1.
 
     Returns:
         (H, W) bool, only among valid pixels.
     """
-    if not math.isfinite(ratio):
-        return torch.zeros_like(valid)
     far = _max3x3(torch.where(valid, depth, depth.new_zeros(())))
     near = -_max3x3(torch.where(valid, -depth, depth.new_full((), -math.inf)))
     return valid & (far > ratio * near)
@@ -146,8 +144,7 @@ def _tangent(planes: Tensor, valid: Tensor, dim: int, limit: float) -> tuple[Ten
     z_near = near[2]
     z_far = far[2]
     usable = valid.narrow(dim - 1, 0, n - 1) & valid.narrow(dim - 1, 1, n - 1)
-    if math.isfinite(limit):
-        usable = usable & (z_far <= limit * z_near) & (z_near <= limit * z_far)
+    usable = usable & (z_far <= limit * z_near) & (z_near <= limit * z_far)
     # Over the depth, so that the cross product neither under- nor overflows in any unit.
     step = torch.where(usable, (far - near) / z_near, 0.0)
     tangent.narrow(dim, 0, n - 1).add_(step)
@@ -157,7 +154,7 @@ def _tangent(planes: Tensor, valid: Tensor, dim: int, limit: float) -> tuple[Ten
     return tangent, has
 
 
-def isolated_pixels(depth: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor:
+def isolated_pixels(depth: Tensor, valid: Tensor, ratio: float) -> Tensor:
     """Return pixels with fewer than two of eight neighbours at a similar depth, 2 px or 4 px apart.
 
     A fast substitute for the paper's k-nearest-neighbour outlier rule that keeps distant points and
@@ -176,7 +173,7 @@ def isolated_pixels(depth: Tensor, valid: Tensor, ratio: float = 1.05) -> Tensor
     log_depth = torch.where(valid, depth, depth.new_ones(())).log()
     lonely = torch.zeros_like(valid)
     for ring in _RINGS:
-        tolerance = 0.5 * ring * math.log(ratio) if math.isfinite(ratio) else math.inf
+        tolerance = 0.5 * ring * math.log(ratio)
         support = torch.zeros_like(valid, dtype=torch.uint8)
         for dy, dx in ((0, ring), (ring, 0), (ring, ring), (ring, -ring)):
             rows = height - dy

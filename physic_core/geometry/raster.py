@@ -43,8 +43,9 @@ def rasterize(pixels: Tensor, z: Tensor, faces: Tensor, height: int, width: int)
     # Image rows go down: a counter-clockwise triangle that faces the camera has a negative area.
     drawn = (_doubled_areas(corner) < 0) & (depth.amin(1) > _NEAR_M) & (low <= high).all(1)
     triangles = _Triangles(corner, depth, low, high, body, name)
+    largest = max(height, width)
     least = 0
-    for side in _sides(max(height, width)):
+    for side in (*(s for s in _SIDES if s < largest), largest):
         chosen = (drawn & (extent > least) & (extent <= side)).nonzero(as_tuple=True)[0]
         least = side
         for rows in torch.split(chosen, max(1, _BLOCK // (side * side))):
@@ -105,9 +106,3 @@ def _draw(pictures: Tensor, triangles: _Triangles, side: int) -> None:
     # Positive floats have the same order as their bit patterns.
     key = (z.float().view(torch.int32).long() << 32) | name[which]
     pictures.view(-1).scatter_reduce_(0, pixel, key, "amin")
-
-
-def _sides(largest: int) -> list[int]:
-    """Return the box sides of the buckets, up to ``largest``."""
-    sides = [s for s in _SIDES if s < largest]
-    return [*sides, largest]

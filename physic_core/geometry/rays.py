@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 RayLibrary = Literal["embree", "numpy"]
 
@@ -21,7 +22,6 @@ _Array = NDArray[np.float64]
 _Indices = NDArray[np.int64]
 
 _FAN = 4  # children of a box
-_BITS = 16  # per axis, of the cells by which triangles are sorted
 _BLOCK = 1 << 14  # rays walked together, which bounds the memory
 _MARGIN = 1e-9  # of all triangles' extent and of a triangle's sides: no ray passes between two
 
@@ -73,13 +73,10 @@ class RayCaster:
         """(F, 3), counter-clockwise corners seen from outside, as long as twice the area of the
         face.
         """
-        self._embree = (
-            _embree_scene(self.vertices, self.faces)
-            if (library or _installed()) == "embree"
-            else None
-        )
         self._tree: _TriangleTree | None = None
-        if self._embree is None:
+        if (library or _installed()) == "embree":
+            self._embree = _embree_scene(self.vertices, self.faces)
+        else:
             self._tree = _TriangleTree(corners)
 
     def first(self, origins: ArrayLike, directions: ArrayLike) -> RayHits:
@@ -124,7 +121,7 @@ class RayCaster:
         return distance
 
     def _run(self, origins: _Array, directions: _Array, **query: Any) -> Any:
-        return self._embree[0].run(  # type: ignore[index]
+        return self._embree[0].run(
             origins.astype(np.float32), directions.astype(np.float32), **query
         )
 
@@ -184,12 +181,10 @@ class _TriangleTree:
         chosen = np.flatnonzero(np.isfinite(corners).all((1, 2)))
         low = corners[chosen].min(1).T
         high = corners[chosen].max(1).T
-        extent = np.ptp(corners[chosen], axis=(0, 1)) if len(chosen) else np.ones(3)
-        margin = _MARGIN * max(float(extent.max()), 1e-30)
-        cells = ((low + high) / 2 - low.min(1, keepdims=True, initial=np.inf)) / (
-            extent[:, None] + margin
-        )
-        order = np.argsort(_along_curve((cells * (1 << _BITS)).astype(np.int64)), kind="stable")
+        extent = (high.max(1, initial=-np.inf) - low.min(1, initial=np.inf)).max()
+        margin = _MARGIN * max(float(extent), 1e-30)
+        # Triangles that follow each other in the tree are near each other.
+        order = cKDTree((low + high).T, leafsize=_FAN).indices
         self._face: _Indices = chosen[order]
         self._corners = np.ascontiguousarray(corners[self._face].transpose(1, 2, 0))
         self._levels = [np.concatenate([low[:, order] - margin, high[:, order] + margin])]
@@ -274,10 +269,10 @@ def _intersect(
     first = second - start
     second = third - start
     way = way[:, ray]
-    across = _cross(way, second)
+    across = np.cross(way, second, axis=0)
     slope = _dot(first, across)
     offset = origin[:, ray] - start
-    turned = _cross(offset, first)
+    turned = np.cross(offset, first, axis=0)
     scale = 1 / np.where(slope == 0, np.inf, slope)
     u = _dot(offset, across) * scale
     v = _dot(way, turned) * scale
@@ -292,18 +287,3 @@ def _dot(a: _Array, b: _Array) -> _Array:
     """
     total: _Array = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     return total
-
-
-def _cross(a: _Array, b: _Array) -> _Array:
-    return np.stack(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    )
-
-
-def _along_curve(cells: _Indices) -> _Indices:
-    """Return the positions of cells (3, n) on a Morton curve, (n,)."""
-    code = np.zeros(cells.shape[1], np.int64)
-    for bit in range(_BITS):
-        for axis in range(3):
-            code |= ((cells[axis] >> bit) & 1) << (3 * bit + axis)
-    return code

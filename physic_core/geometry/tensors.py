@@ -26,7 +26,7 @@ def tensor(array: NDArray[Any]) -> torch.Tensor:
 
 def tensors(*arrays: NDArray[Any]) -> tuple[torch.Tensor, ...]:
     """Convert each array as :func:`tensor` does."""
-    return tuple(tensor(array) for array in arrays)
+    return tuple(map(tensor, arrays))
 
 
 def optional_tensors(*arrays: NDArray[Any] | None) -> tuple[torch.Tensor | None, ...]:

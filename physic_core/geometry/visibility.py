@@ -91,16 +91,13 @@ def hidden_from_camera(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]
     """
     shape = vertices.shape[:-1]
     people, triangles = exact_arrays(vertices.reshape(-1, *vertices.shape[-2:]), faces)
-    pairs = [_cast_rays(body, triangles) for body in people]
-    hidden, face = (
-        torch.from_numpy(np.stack(part)).to(vertices.device) for part in zip(*pairs, strict=True)
-    )
-    return hidden.reshape(shape), face.reshape(shape)
+    in_front = np.stack([_faces_in_front(body, triangles) for body in people])
+    face = torch.from_numpy(in_front).to(vertices.device).reshape(shape)
+    return face >= 0, face
 
 
-def _cast_rays(
-    points: NDArray[np.float64], triangles: NDArray[np.int64]
-) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+def _faces_in_front(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the face in front of each vertex of a mesh, (V,); -1 for visible ones."""
     distance = np.linalg.norm(points, axis=1)
     rays = points / np.maximum(distance, 1e-9)[:, None]
     # Only faces that face the camera can be hit first: the others are excluded from the search
@@ -109,14 +106,13 @@ def _cast_rays(
     normals = np.cross(points[triangles[:, 1]] - start, points[triangles[:, 2]] - start)
     front = np.flatnonzero((normals * start).sum(1) < 0)
     if not len(front):
-        return np.zeros(len(points), bool), np.full(len(points), -1)
+        return np.full(len(points), -1)
     caster = RayCaster(points, triangles[front])
     hit = caster.first_faces(np.zeros(3), rays)
     nearer = caster.plane_distance(hit, np.zeros_like(rays), rays)
     face = front[hit]
     own = (triangles[face] == np.arange(len(points))[:, None]).any(1)
-    hidden = (hit >= 0) & ~own & (nearer < distance - _BEHIND_M)
-    return hidden, np.where(hidden, face, -1)
+    return np.where((hit >= 0) & ~own & (nearer < distance - _BEHIND_M), face, -1)
 
 
 def self_occlusion(
@@ -124,7 +120,7 @@ def self_occlusion(
     faces: Tensor,
     part_of_vertex: Tensor,
     parts: Sequence[int],
-    share: float = 0.3,
+    share: float,
     coarse: CoarseMesh | None = None,
 ) -> tuple[Tensor, Tensor]:
     """Find body parts that other parts of the same body hide from the camera (paper sec. 3.3).

@@ -14,8 +14,9 @@ import torch
 from scipy.sparse import coo_matrix, csr_matrix
 
 from physic_core.body import JOINT_INDEX, JOINT_NAMES, PARENTS
-from physic_core.body.bones import rotations_from_parameters
+from physic_core.body.bones import pose_from_parameters
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
+from physic_core.geometry.tensors import exact_arrays
 
 SHIFTS_MM = {
     "pelvis": (0, 30, 0),
@@ -178,16 +179,8 @@ def smpl_file_arrays(body):
 
 def posed(model, parameters):
     """Vertices and joints of bodies, by the model itself, float64."""
-    given = (
-        torch.from_numpy(np.array(getattr(parameters, name)))
-        for name in ("betas", "transl", "expression")
-    )
-    with torch.no_grad():
-        out = model(
-            rotations_from_parameters(parameters, dtype=model.dtype),
-            *(one.to(model.dtype) for one in given),
-        )
-    return out.vertices.double().numpy(), out.joints.double().numpy()
+    out = model(*pose_from_parameters(parameters, dtype=model.dtype))
+    return exact_arrays(out.vertices, out.joints)
 
 
 def mm(first, second):

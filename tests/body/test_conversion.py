@@ -18,8 +18,6 @@ from physic_core.body.files import SmplBody
 from physic_core.errors import BodyModelError
 from physic_core.types import Bodies, Mesh
 
-pytestmark = pytest.mark.usefixtures("maps")
-
 
 @pytest.fixture(scope="module")
 def own(people):

@@ -19,37 +19,17 @@ from physic_core.cache.correspondences import cached_correspondence
 from physic_core.errors import BodyModelError
 from physic_core.types import ContactProbability
 
-pytestmark = pytest.mark.usefixtures("maps")
-
 
 @pytest.fixture(scope="module")
-def onto_other(maps, embedded, other_model):
+def onto_other(embedded, other_model):
     """Where the vertices of the embedded body lie on the other one."""
     return find_correspondence(rest_mesh_of_model(other_model), embedded)
 
 
 @pytest.fixture(scope="module")
-def onto_embedded(maps, embedded, other_model):
+def onto_embedded(embedded, other_model):
     """Where the vertices of the other body lie on the embedded one."""
     return find_correspondence(rest_mesh_of_model(embedded), other_model)
-
-
-def test_nearest_points_of_triangles_are_found():
-    """The slow twin: the least of a fine grid of the triangle's points."""
-    rng = np.random.default_rng(0)
-    corners = rng.random((40, 3, 3))
-    points = 2 * rng.random((40, 3)) - 0.5
-    index = [SurfaceIndex(own, np.array([[0, 1, 2]])) for own in corners]
-    pairs = zip(index, points, strict=True)
-    shares = np.concatenate([one.nearest(p[None], one.normals).shares for one, p in pairs])
-    assert (shares >= 0).all()
-    assert_allclose(shares.sum(-1), 1, atol=1e-12)
-    u, v = (g.ravel() for g in np.meshgrid(np.linspace(0, 1, 301), np.linspace(0, 1, 301)))
-    grid = np.stack([u, v, 1 - u - v], -1)[u + v <= 1]
-    own = np.linalg.norm((shares[:, None] @ corners)[:, 0] - points, axis=-1)
-    twin = np.linalg.norm(grid @ corners - points[:, None], axis=-1).min(1)
-    assert (own <= twin + 1e-12).all()
-    assert_allclose(own, twin, atol=5e-3)
 
 
 def test_the_other_side_of_a_sheet_is_not_near():
@@ -81,46 +61,46 @@ def test_vertices_find_their_places_on_the_other_body(onto_embedded, embedded, o
     assert onto_embedded.sure[outer].mean() > 0.98
 
 
-def carried(probability, model, onto):
+@pytest.fixture(scope="module")
+def carried(embedded, onto_embedded, onto_other):
     """Contact of a model's vertices on those of another one."""
-    mesh = rest_mesh_of_model(model)
-    return convert_contact(ContactProbability(probability, model.topology, mesh), onto)
+
+    def convert(probability, model, onto):
+        given = ContactProbability(probability, model.topology, rest_mesh_of_model(model))
+        return convert_contact(
+            given, onto, lambda *_: onto_other if onto is embedded else onto_embedded
+        )
+
+    return convert
 
 
-@pytest.mark.parametrize(
-    "name", ["left_foot", "right_foot", "left_hand", "right_hand", "thighs", "gluteus", "back"]
-)
-def test_contact_is_carried_there_and_back(name, embedded, other_model):
-    before = np.zeros((2, embedded.num_vertices), np.float32)
-    before[:, embedded.contact_sets[name].numpy()] = 0.9
+def test_contact_is_carried_there_and_back(embedded, other_model, carried):
+    names = ["left_foot", "right_foot", "left_hand", "right_hand", "thighs", "gluteus", "back"]
+    before = np.zeros((len(names), embedded.num_vertices), np.float32)
+    for row, name in zip(before, names, strict=True):
+        row[embedded.contact_sets[name].numpy()] = 0.9
     there = carried(before, embedded, other_model)
     assert there.topology == "smplx"
     assert there.probability.dtype == np.float32
     assert there.probability.max() <= 0.9 + 1e-6
     back = carried(there.probability, other_model, embedded)
     assert back.topology == embedded.topology
-    was = before[0] > 0.5
-    found = back.probability[0] > 0.5
-    f1 = 2 * (was & found).sum() / (was.sum() + found.sum())
-    assert f1 > 0.95
-    if name.startswith(("left", "right")):
-        other_side = name.replace("left", "x").replace("right", "left").replace("x", "right")
-        assert not back.probability[:, embedded.contact_sets[other_side].numpy()].any()
+    was = before > 0.5
+    found = back.probability > 0.5
+    f1 = 2 * (was & found).sum(1) / (was.sum(1) + found.sum(1))
+    assert f1.min() > 0.95
+    for row, other_side in enumerate((1, 0, 3, 2)):
+        assert not back.probability[row, was[other_side]].any(), names[row]
 
 
-def test_cavities_are_never_in_contact(embedded, other_model):
-    ones = np.ones((1, other_model.num_vertices), np.float32)
-    converted = carried(ones, other_model, embedded).probability
-    assert (converted[:, embedded.outer.numpy()] > 0.999).all()
-    assert not converted[:, ~embedded.outer.numpy()].any()
-
-
-def test_contact_of_a_person_that_is_not_a_number_stays_so(embedded, other_model):
-    some = np.zeros((2, other_model.num_vertices), np.float32)
-    some[0] = np.nan
+def test_cavities_are_never_in_contact_and_what_is_unknown_stays_so(embedded, other_model, carried):
+    some = np.ones((2, other_model.num_vertices), np.float32)
+    some[1] = np.nan
     converted = carried(some, other_model, embedded).probability
-    assert np.isnan(converted[0, embedded.outer.numpy()]).all()
-    assert not converted[1].any()
+    outer = embedded.outer.numpy()
+    assert (converted[0, outer] > 0.999).all()
+    assert not converted[0, ~outer].any()
+    assert np.isnan(converted[1, outer]).all()
 
 
 @pytest.mark.parametrize(

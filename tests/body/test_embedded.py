@@ -49,15 +49,6 @@ def test_weights_are_a_partition_of_unity(embedded):
     assert int((weights > 0).sum(0).max()) <= 4
 
 
-def test_vertices_of_mouth_and_eye_sockets_are_no_outer_vertices(embedded, rest):
-    outer = embedded.outer.numpy()
-    assert (~outer).sum() == 1278
-    inner = rest[~outer]
-    head = rest[embedded.part_of_vertex.numpy() == PART_NAMES.index("head")]
-    assert (inner > head.min(0)).all()
-    assert (inner < head.max(0)).all()
-
-
 def test_every_vertex_has_a_part(embedded, rest):
     part = embedded.part_of_vertex.numpy()
     assert embedded.part_names == PART_NAMES

@@ -32,9 +32,8 @@ def at_rest(embedded):
     }
 
 
-def test_blazepose_points_have_their_published_order():
-    points = SKELETONS["blazepose33"].names
-    known = {
+PUBLISHED = {
+    "blazepose33": {
         0: "nose",
         2: "left_eye_surface",
         5: "right_eye_surface",
@@ -48,16 +47,11 @@ def test_blazepose_points_have_their_published_order():
         28: "right_ankle",
         29: "left_heel",
         32: "right_foot_tip",
-    }
-    assert {i: points[i] for i in known} == known
-
-
-def test_whole_body_order_is_that_of_coco_wholebody():
-    points = SKELETONS["coco_wholebody133"].names
-    assert points[:23] == SKELETONS["coco23"].names
+    },
     # Face points are 300W's: eye corners 36 39 42 45 and mouth corners 48 54, the person's right
     # first.
-    known = {
+    "coco_wholebody133": {
+        **dict(enumerate(SKELETONS["coco23"].names)),
         23 + 36: "right_eye_outer_surface",
         23 + 39: "right_eye_inner_surface",
         23 + 45: "left_eye_outer_surface",
@@ -72,15 +66,20 @@ def test_whole_body_order_is_that_of_coco_wholebody():
         112: "right_hand_root",
         117: "right_index1",
         132: "right_pinky_tip",
-    }
-    assert {i: points[i] for i in known} == known
+    },
+    "halpe26": {
+        **dict(enumerate(SKELETONS["coco17"].names)),
+        20: "left_big_toe",
+        23: "right_small_toe",
+        25: "right_heel",
+    },
+}
 
 
-def test_halpe_points_have_their_published_order():
-    points = SKELETONS["halpe26"].names
-    assert points[:17] == SKELETONS["coco17"].names
-    ends = ("big_toe", "small_toe", "heel")
-    assert points[20:] == tuple(f"{side}_{end}" for end in ends for side in ("left", "right"))
+@pytest.mark.parametrize("skeleton", PUBLISHED)
+def test_points_have_their_published_order(skeleton):
+    points = SKELETONS[skeleton].names
+    assert {i: points[i] for i in PUBLISHED[skeleton]} == PUBLISHED[skeleton]
 
 
 @pytest.mark.parametrize(

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from torch.nn.functional import normalize
 from torch.testing import assert_close
@@ -136,15 +133,14 @@ def test_joints_only_gives_the_same_joints_with_the_pelvis_at_the_translation(
     assert torch.allclose(alone.joints[:, 0], random_pose["transl"], atol=1e-6)
 
 
-@given(ids=st.lists(st.integers(0, 13347), max_size=12))
-def test_a_vertex_subset_equals_the_whole(embedded, ids):
-    arguments = turned("left_knee", (1.0, 0.2, 0.0), embedded), *embedded.zero_pose()[1:]
+@pytest.mark.parametrize("ids", [[], [13347, 0, 13347]])
+def test_a_vertex_subset_equals_the_whole(embedded, random_pose, ids):
     index = torch.tensor(ids, dtype=torch.int64)
-    some = embedded(*arguments, vertex_ids=index).vertices
-    assert torch.allclose(some, embedded(*arguments).vertices[:, index], atol=1e-6)
+    some = embedded(**random_pose, vertex_ids=index).vertices
+    assert torch.allclose(some, embedded(**random_pose).vertices[:, index], atol=1e-6)
 
 
-@pytest.fixture(params=["embedded", "smplx"])
+@pytest.fixture(scope="module", params=["embedded", "smplx"])
 def model64(request, embedded64):
     """With bind rotations, and with pose correctives."""
     if request.param == "embedded":
@@ -152,15 +148,12 @@ def model64(request, embedded64):
     return load_body(request.getfixturevalue("smplx_v10")).to(dtype=torch.float64)
 
 
-@pytest.mark.parametrize(("size", "changes"), [(0.0, {}), (0.3, {}), (0.3, {"blocks": ()})])
-def test_the_small_model_has_values_of_the_whole_and_slopes_of_finite_differences(
-    model64, size, changes
-):
+@pytest.mark.parametrize("size", [0.0, 0.3])
+def test_the_small_model_has_values_of_the_whole_and_slopes_of_finite_differences(model64, size):
     """At rest (size 0) too: that is where fits start."""
     torch.manual_seed(0)
     ids = torch.randint(0, model64.num_vertices, (5,))
     small = model64.landmarks_only((), ids)
-    small = replace(small, skin=replace(small.skin, **changes))
     inputs = (
         size * torch.randn(2, 55, 3, dtype=torch.float64),
         size * torch.randn(2, model64.num_betas, dtype=torch.float64),

@@ -33,7 +33,7 @@ def is_rotation(matrix):
     return bool(np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-9) and np.linalg.det(matrix) > 0)
 
 
-@settings(max_examples=200)
+@settings(max_examples=50)
 @example(np.array([1.0, 2.2e-9, 2.2e-9]), np.array([-1.0, 0.0, 0.0]))
 @given(VECTOR, VECTOR)
 def test_swing_is_the_shortest_turn(first, second):
@@ -44,19 +44,6 @@ def test_swing_is_the_shortest_turn(first, second):
     assert_allclose(turn @ unit(first), unit(second), atol=1e-7)
     cosine = float(unit(first) @ unit(second))
     assert abs(Rotation.from_matrix(turn).magnitude() - np.arccos(np.clip(cosine, -1, 1))) < 1e-6
-
-
-@given(TURN, TURN)
-def test_exp_and_log_are_scipys(first, second):
-    both = np.stack([first, second])
-    assert_allclose(
-        rotvec_to_rotmat_numpy(both), Rotation.from_rotvec(both).as_matrix(), atol=1e-12
-    )
-    assert_allclose(
-        rotvec_to_rotmat_numpy(rotmat_to_rotvec(rotvec_to_rotmat_numpy(both))),
-        rotvec_to_rotmat_numpy(both),
-        atol=1e-9,
-    )
 
 
 @given(TURN, st.integers(0, 100))

@@ -51,10 +51,10 @@ def test_it_hides_the_limbs_that_the_whole_mesh_hides():
     places = torch.tensor([0.0, 0.0, 3.5]).expand(12, 3)
     bodies = model(rotvec_to_rotmat(turns), torch.zeros(12, model.num_betas), places).vertices
     every = range(len(model.part_names))
-    fine = self_occlusion(bodies, model.faces, model.part_of_vertex, every)[1]
-    coarse = self_occlusion(bodies, model.faces, model.part_of_vertex, every, coarse=model.coarse)[
-        1
-    ]
+    fine, coarse = (
+        self_occlusion(bodies, model.faces, model.part_of_vertex, every, 0.3, mesh)[1]
+        for mesh in (None, model.coarse)
+    )
     of_parts = [int((model.part_of_vertex == part).nonzero()[0]) for part in every]
     assert len(model.coarse.ids) < 0.3 * model.num_vertices
     assert (fine != coarse)[:, of_parts].float().mean().item() < 0.03

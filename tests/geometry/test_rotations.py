@@ -49,12 +49,6 @@ def test_value_and_gradient_agree_with_roma(roma, angle, dtype, tolerance):
     )
 
 
-def test_rotations_may_have_any_leading_dimensions():
-    rotvec = torch.randn(2, 3, 4, 3)
-    assert rotvec_to_rotmat(rotvec).shape == (2, 3, 4, 3, 3)
-    assert rotvec_to_rotmat(torch.zeros(0, 3)).shape == (0, 3, 3)
-
-
 @pytest.mark.parametrize("axes", ["XYZ", "ZXY", "xyz"])
 def test_angles_and_quaternions_of_matrices_are_those_of_roma(roma, axes):
     matrices = roma.random_rotmat(50).double()

@@ -10,7 +10,9 @@ import trimesh
 from physic_core.geometry.rays import RayCaster
 from physic_core.geometry.visibility import (
     facing_camera,
+    front_depth,
     hidden_from_camera,
+    in_free_space,
     inside_image,
     inside_mask,
     self_occlusion,
@@ -69,14 +71,14 @@ def test_hidden_vertices_have_a_face_of_any_side_before_them(offset):
 
 def test_a_part_behind_another_is_occluded_from_thirty_percent_on():
     vertices, faces, part = two_spheres([0.0, 0.0, 2.0], [0.0, 0.0, 3.0])
-    hidden, of_hidden_parts = self_occlusion(vertices, faces, part, parts=[0, 1])
+    hidden, of_hidden_parts = self_occlusion(vertices, faces, part, [0, 1], 0.3)
     # Its own back is hidden, but not by another part.
     assert hidden[part == 0].any()
     assert of_hidden_parts.tolist() == (part == 1).tolist()
 
     for x in torch.linspace(0.0, 0.9, 10).tolist():
         vertices, faces, part = two_spheres([0.0, 0.0, 2.0], [x, 0.0, 3.0])
-        hidden, of_hidden_parts = self_occlusion(vertices, faces, part, parts=[0, 1])
+        hidden, of_hidden_parts = self_occlusion(vertices, faces, part, [0, 1], 0.3)
         face = hidden_from_camera(vertices, faces)[1]
         share = (
             (hidden & (part[faces[face.clamp(min=0), 0]] == 0))[part == 1].double().mean().item()
@@ -86,6 +88,21 @@ def test_a_part_behind_another_is_occluded_from_thirty_percent_on():
         )
 
 
+def test_space_is_free_before_all_surfaces_around_a_pixel_and_where_nothing_is_known():
+    K = torch.tensor([[40.0, 0.0, 15.5], [0.0, 42.0, 11.5], [0.0, 0.0, 1.0]])
+    depth = torch.full((24, 32), torch.nan)
+    depth[:, 16:] = 2.0
+    depth[:, 17:] = 1.0
+    front = front_depth(depth)
+    # Between columns 14 and 15 nothing is known, the next ones are at 2 m, and then at 1 m.
+    columns = torch.tensor([14.5, 15.5, 15.5, 16.5, 16.5])
+    z = torch.tensor([9.0, 1.9, 2.1, 0.9, 1.1])
+    points = torch.stack([(columns - 15.5) / 40 * z, torch.zeros(5), z], -1)
+    assert in_free_space(points, front, K).tolist() == [True, True, False, True, False]
+    outside = torch.tensor([[5.0, 0.0, 2.0], [0.0, -5.0, 2.0], [0.0, 0.0, -2.0]])
+    assert in_free_space(outside, front, K).all()
+
+
 def test_trunk_is_never_occluded_where_only_limbs_count():
     vertices, faces, part = two_spheres([0.0, 0.0, 2.0], [0.0, 0.0, 3.0])
-    assert not self_occlusion(vertices, faces, part, parts=[0])[1].any()
+    assert not self_occlusion(vertices, faces, part, [0], 0.3)[1].any()

@@ -83,9 +83,7 @@ class ConvertedBodies:
 
 def can_convert(bodies: Bodies, model: BodyModel) -> bool:
     """Return whether bodies have the joints or the mesh that a conversion to ``model`` needs."""
-    known = bodies.joints is not None or (
-        bodies.mesh is not None and _has_correspondence(bodies.mesh, model)
-    )
+    known = bodies.joints is not None or _mesh_to_fit(bodies, model) is not None
     return known or bodies.body_model in (model.name, "embedded")
 
 
@@ -188,9 +186,12 @@ def rest_mesh_of_model(model: BodyModel) -> RestMesh:
     return RestMesh(model.topology, vertices, model.faces.cpu().numpy())
 
 
-def _has_correspondence(mesh: Mesh, model: BodyModel) -> bool:
-    """Return whether the correspondence of the mesh to the model's surface can be found."""
-    return mesh.rest is not None or _same_topology(mesh, model)
+def _mesh_to_fit(bodies: Bodies, model: BodyModel) -> Mesh | None:
+    """Return the mesh of bodies if its correspondence to the model's surface can be found."""
+    mesh = bodies.mesh
+    if mesh is None or (mesh.rest is None and not _same_topology(mesh, model)):
+        return None
+    return mesh
 
 
 def _same_topology(mesh: Mesh, model: BodyModel) -> bool:
@@ -207,9 +208,7 @@ def _joints_and_mesh(bodies: Bodies, model: BodyModel) -> tuple[_Array, Mesh | N
     For the embedded body, both follow from its parameters.
     """
     joints = bodies.joints
-    mesh = (
-        bodies.mesh if bodies.mesh is not None and _has_correspondence(bodies.mesh, model) else None
-    )
+    mesh = _mesh_to_fit(bodies, model)
     if bodies.body_model == "embedded" and joints is None and mesh is None:
         from physic_core.body.files import load_embedded
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -27,6 +26,7 @@ from physic_core.body.joints import joint_pair
 from physic_core.errors import BodyModelError
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.rotations import cross, rotation_between, unit
+from physic_core.geometry.tensors import exact_arrays
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -66,6 +66,10 @@ class SurfacePoints:
 class SurfaceIndex:
     """Search tree over the triangles of a mesh.
 
+    Attributes:
+        corners: (F, 3, 3) metres.
+        normals: (F, 3) unit.
+
     Args:
         vertices: (V, 3) metres.
         faces: (F, 3).
@@ -73,10 +77,10 @@ class SurfaceIndex:
 
     def __init__(self, vertices: _Array, faces: NDArray[np.int64]) -> None:
         self.faces = faces
-        self._corners = vertices[faces]
-        a, b, c = (self._corners[:, k] for k in range(3))
+        self.corners = vertices[faces]
+        a, b, c = (self.corners[:, k] for k in range(3))
         self.normals = unit(cross(b - a, c - a))
-        self._tree = cKDTree(np.concatenate([self._corners.mean(1), _NORMAL_M * self.normals], 1))
+        self._tree = cKDTree(np.concatenate([self.corners.mean(1), _NORMAL_M * self.normals], 1))
 
     def nearest(self, points: _Array, normals: _Array) -> SurfacePoints:
         """Find the nearest surface points for ``points`` (n, 3) with unit ``normals`` (n, 3)."""
@@ -85,7 +89,7 @@ class SurfaceIndex:
         features = np.concatenate([points, _NORMAL_M * normals], 1)
         _, candidates = self._tree.query(features, k=min(_CANDIDATES, len(self.faces)))
         candidates = candidates.reshape(len(points), -1)
-        corners = self._corners[candidates]
+        corners = self.corners[candidates]
         every = np.repeat(points, candidates.shape[1], axis=0)
         touched = closest_point(corners.reshape(-1, 3, 3), every).reshape(*candidates.shape, 3)
         apart = np.linalg.norm(touched - points[:, None], axis=-1)
@@ -132,24 +136,22 @@ _DISTANCE_SIGMA_M = (0.25, 0.02)
 """Standard deviation of the distance weight in the first and in the last round, metres."""
 
 
-def register_to_mesh(
-    rest: RestMesh, model: BodyModel, patches: SampledBodyModel, normals: _Array
+def _register(
+    fit: BodyFit, surface: SurfaceIndex, patches: SampledBodyModel, normals: _Array
 ) -> BodyFit:
     """Fit a body model to a mesh in the T-pose, by iterated closest points.
 
     Args:
-        rest: the mesh.
-        model: the body model.
+        fit: the start.
+        surface: of the mesh.
         patches: vertices of the model that are fitted.
         normals: (n, 3) of these in the T-pose.
     """
-    surface = SurfaceIndex(rest.vertices.astype(np.float64), rest.faces.astype(np.int64))
-    fit = _align_tips(rest, model)
     for step, reach in enumerate(np.geomspace(*_DISTANCE_SIGMA_M, _ROUNDS)):
         turns = (patches.weights @ fit.world[0].reshape(-1, 9)).reshape(-1, 3, 3)
         facing = (turns @ normals[..., None])[..., 0]
         on = surface.nearest(patches.posed(fit)[0], facing)
-        there = (on.shares[..., None] * rest.vertices[surface.faces[on.face]]).sum(1)
+        there = (on.shares[..., None] * surface.corners[on.face]).sum(1)
         weights = ((on.facing > _MIN_FACING) * np.exp(-0.5 * (on.distance / reach) ** 2))[None]
         # At large distances, limbs move before single bones. In later rounds, vertices may slide
         # along the surface.
@@ -171,16 +173,20 @@ def find_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
         BodyModelError: the mesh is not a body in a T-pose, or the model cannot be fitted to it.
     """
     _check_body_extent(rest)
-    with torch.no_grad():
-        mean = model(*model.zero_pose()).vertices[0].double().cpu().numpy()
-    normals = vertex_normals(mean, model.faces.cpu().numpy())
+    (mean,) = exact_arrays(model(*model.zero_pose()).vertices[0])
+    faces, outer = exact_arrays(model.faces, model.outer)
     ids = sample_vertices(model)
-    fit = register_to_mesh(rest, model, SampledBodyModel.of(model, ids), normals[ids])
-    laid = SampledBodyModel.of(model, np.arange(model.num_vertices)).posed(fit)[0]
     surface = SurfaceIndex(rest.vertices.astype(np.float64), rest.faces.astype(np.int64))
-    on = surface.nearest(laid, vertex_normals(laid, model.faces.cpu().numpy()))
-    sure = (on.distance < _MAX_DISTANCE_M) & (on.facing > _MIN_FACING) & model.outer.cpu().numpy()
-    if sure[model.outer.cpu().numpy()].mean() < 0.5:
+    fit = _register(
+        _align_tips(rest.vertices, SampledBodyModel.of(model, _tips(mean))),
+        surface,
+        SampledBodyModel.of(model, ids),
+        vertex_normals(mean, faces)[ids],
+    )
+    laid = SampledBodyModel.of(model, np.arange(model.num_vertices)).posed(fit)[0]
+    on = surface.nearest(laid, vertex_normals(laid, faces))
+    sure = (on.distance < _MAX_DISTANCE_M) & (on.facing > _MIN_FACING) & outer
+    if sure[outer].mean() < 0.5:
         raise BodyModelError(
             f"the body '{model.name}' cannot be fitted to the mesh '{rest.topology}': only "
             f"{sure.mean():.0%} of its vertices have a counterpart; give the mesh in a T-pose (y "
@@ -196,14 +202,11 @@ _LIMBS = [*joint_pair("shoulder"), *joint_pair("hip")]
 """Root joints of the limbs, in the order of their tips."""
 
 
-def _align_tips(rest: RestMesh, model: BodyModel) -> BodyFit:
-    """Fit crown, fingertips and toes of the model to those of the mesh, with rigid arms and
-    legs.
+def _align_tips(vertices: NDArray[np.floating], patches: SampledBodyModel) -> BodyFit:
+    """Fit crown, fingertips and toes of a model, ``patches``, to those of a mesh (V, 3), with rigid
+    arms and legs.
     """
-    with torch.no_grad():
-        mean = model(*model.zero_pose()).vertices[0].double().cpu().numpy()
-    patches = SampledBodyModel.of(model, _tips(mean))
-    targets = rest.vertices[_tips(rest.vertices)].astype(np.float64)[None]
+    targets = vertices[_tips(vertices)].astype(np.float64)[None]
     weights = np.full((1, len(patches.ids)), 1 / _TIP_SIGMA_M**2)
     world = np.broadcast_to(np.eye(3), (1, 55, 3, 3)).copy()
     for _ in range(4):

@@ -91,9 +91,10 @@ def rotations_from_joints(joints: _Array, rest: _Array) -> _Array:
         (B, 55, 3, 3); unknown bones rotate with their parents.
     """
     known = finite_rows(joints)
-    joints = np.where(known[..., None], joints, 0.0)
+    both = np.stack([np.where(known[..., None], joints, 0.0), rest])  # posed, and in the T-pose
+    joints = both[0]
     world = np.broadcast_to(np.eye(3), (*joints.shape, 3)).copy()
-    _set_trunk(world, joints, rest, known)
+    _set_trunk(world, both, known)
     neck = JOINT_INDEX["neck"]
     for shoulder in _SHOULDERS:
         # Place an unknown shoulder as in the T-pose relative to the chest.
@@ -101,45 +102,38 @@ def rotations_from_joints(joints: _Array, rest: _Array) -> _Array:
         fill = ~known[:, shoulder] & known[:, neck]
         joints[:, shoulder] = np.where(fill[:, None], guess, joints[:, shoulder])
         known[:, shoulder] |= fill
-    _set_head(world, joints, rest, known)
-    _set_limbs(world, joints, rest, known)
-    _set_hands(world, joints, rest, known)
+    _set_head(world, both, known)
+    _set_limbs(world, both, known)
+    _set_hands(world, both, known)
     return world
 
 
-def _set_trunk(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> None:
+def _set_trunk(world: _Array, both: _Array, known: _Bools) -> None:
     """Set the rotations of pelvis, spine and collars."""
-    hips = joints[:, _HIPS].mean(1)
-    rest_hips = rest[:, _HIPS].mean(1)
-    top, rest_top = _joint_or(
-        joints, rest, known, "neck", joints[:, _SHOULDERS].mean(1), rest[:, _SHOULDERS].mean(1)
-    )
-    middle, rest_middle = _joint_or(joints, rest, known, "spine3", top, rest_top)
-    middle, rest_middle = _joint_or(joints, rest, known, "spine2", middle, rest_middle)
-    low = _align([_left_minus_right(joints, rest, _HIPS), (middle - hips, rest_middle - rest_hips)])
+    hips, top = (both[:, :, pair].mean(2) for pair in (_HIPS, _SHOULDERS))
+    top = np.where(known[:, JOINT_INDEX["neck"], None], both[:, :, JOINT_INDEX["neck"]], top)
+    middle = top
+    for joint in (_SPINE3, _SPINE2):
+        middle = np.where(known[:, joint, None], both[:, :, joint], middle)
+    low = _align(_left_minus_right(both, _HIPS), middle - hips)
     # The upper trunk starts at the middle of the spine if that is known.
-    same = (middle == top).all(-1, keepdims=True)
-    base = np.where(same, hips, middle)
-    rest_base = np.where(same, rest_hips, rest_middle)
+    base = np.where((middle == top)[0].all(-1, keepdims=True), hips, middle)
     wide = known[:, _SHOULDERS].all(-1, keepdims=True)
-    across, rest_across = _left_minus_right(joints, rest, _SHOULDERS)
-    high = _align(
-        [
-            (np.where(wide, across, rotate(low, rest_across)), rest_across),
-            (top - base, rest_top - rest_base),
-        ]
-    )
+    across = _left_minus_right(both, _SHOULDERS)
+    across[0] = np.where(wide, across[0], rotate(low, across[1]))
+    high = _align(across, top - base)
     world[:, _PELVIS] = low
     world[:, _SPINE3] = high
     world[:, _SPINE1] = slerp(low, high, 1 / 3)
     world[:, _SPINE2] = slerp(low, high, 2 / 3)
-    _set_collars(world, joints, rest, known)
+    _set_collars(world, both, known)
 
 
-def _set_collars(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> None:
+def _set_collars(world: _Array, both: _Array, known: _Bools) -> None:
     """Set the rotations of collars to the elevation and protraction of the shoulders: their
     distance depends on shape.
     """
+    joints, rest = both
     chest = world[:, _SPINE3]
     wide = np.asarray(known[:, _SHOULDERS].all(-1))[:, None, None]
     for collar, shoulder in zip(_COLLARS, _SHOULDERS, strict=True):
@@ -152,8 +146,9 @@ def _set_collars(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> 
         world[:, collar] = np.where(wide, turn @ chest, chest)
 
 
-def _set_head(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> None:
+def _set_head(world: _Array, both: _Array, known: _Bools) -> None:
     """Set the rotations of neck, head, jaw and eyes."""
+    joints, rest = both
     neck = JOINT_INDEX["neck"]
     head = JOINT_INDEX["head"]
     chest = world[:, _SPINE3]
@@ -163,12 +158,7 @@ def _set_head(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> Non
     seen = (known[:, neck] & known[:, head])[:, None, None]
     world[:, neck] = np.where(seen, way @ chest, chest)
     looks = np.logical_and.reduce(known[:, [head, *_EYES]], axis=-1)[:, None, None]
-    face = _align(
-        [
-            _left_minus_right(joints, rest, _EYES),
-            (joints[:, _EYES].mean(1) - joints[:, head], rest[:, _EYES].mean(1) - rest[:, head]),
-        ]
-    )
+    face = _align(_left_minus_right(both, _EYES), both[:, :, _EYES].mean(2) - both[:, :, head])
     world[:, head] = np.where(looks, face, world[:, neck])
     # The neck takes half of the twist between chest and head.
     bone = rest[:, head] - rest[:, neck]
@@ -179,8 +169,9 @@ def _set_head(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> Non
     world[:, [JOINT_INDEX["jaw"], *_EYES]] = world[:, [head]]
 
 
-def _set_limbs(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> None:
+def _set_limbs(world: _Array, both: _Array, known: _Bools) -> None:
     """Set the rotations of arms, legs and feet, from those of pelvis and collars."""
+    joints, rest = both
     above = world[:, [_PELVIS, _PELVIS, *_COLLARS]]
     first, second = (rest[:, b] - rest[:, a] for a, b in ((_UPPER, _LOWER), (_LOWER, _END)))
     upper_known = known[:, _UPPER] & known[:, _LOWER]
@@ -193,20 +184,24 @@ def _set_limbs(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> No
     lower = np.where(
         lower_known[..., None], joints[:, _END] - joints[:, _LOWER], rotate(default @ above, second)
     )
+    feet = joints[:, _FEET] - joints[:, _ANKLES]
+    feet_known = (known[:, _FEET] & known[:, _ANKLES])[..., None]
     hint = _BY_TRUNK * trunk
-    hint[:, :2] += _BY_FOOT * _axis_by_foot(joints, known, lower[:, :2])
+    # Feet point forward: across them is the axis of the knee.
+    hint[:, :2] += _BY_FOOT * np.where(feet_known, unit(cross(feet, lower[:, :2])), 0.0)
     axis = _hinge_axes(upper, lower, hint)
-    frames = [
-        frame_from_axes(bone, np.broadcast_to(_HINGES, bone.shape)) for bone in (first, second)
-    ]
-    for bones, seen, frame, rows in (
-        (upper, upper_known, frames[0], _UPPER),
-        (lower, lower_known, frames[1], _LOWER),
+    for bones, at_rest, seen, rows in (
+        (upper, first, upper_known, _UPPER),
+        (lower, second, lower_known, _LOWER),
     ):
+        frame = frame_from_axes(at_rest, np.broadcast_to(_HINGES, at_rest.shape))
         turn = frame_from_axes(bones, axis) @ np.swapaxes(frame, -1, -2)
         parent = world[:, [PARENTS[row] for row in rows]]
         world[:, rows] = np.where(seen[..., None, None], turn, parent)
-    _set_feet(world, joints, rest, known)
+    shin = world[:, _KNEES]
+    tread = rotation_between(rotate(shin, rest[:, _FEET] - rest[:, _ANKLES]), feet) @ shin
+    world[:, _ANKLES] = np.where(feet_known[..., None], tread, shin)
+    world[:, _FEET] = world[:, _ANKLES]
 
 
 def _hinge_axes(upper: _Array, lower: _Array, hint: _Array) -> _Array:
@@ -220,24 +215,9 @@ def _hinge_axes(upper: _Array, lower: _Array, hint: _Array) -> _Array:
     return axis
 
 
-def _set_feet(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> None:
-    foot = rest[:, _FEET] - rest[:, _ANKLES]
-    shin = world[:, _KNEES]
-    tread = rotation_between(rotate(shin, foot), joints[:, _FEET] - joints[:, _ANKLES]) @ shin
-    steps = (known[:, _FEET] & known[:, _ANKLES])[..., None, None]
-    world[:, _ANKLES] = np.where(steps, tread, shin)
-    world[:, _FEET] = world[:, _ANKLES]
-
-
-def _axis_by_foot(joints: _Array, known: _Bools, shins: _Array) -> _Array:
-    """Return the knee axes (B, 2, 3) if feet point forward; zero where the foot is unknown."""
-    feet = joints[:, _FEET] - joints[:, _ANKLES]
-    seen = (known[:, _FEET] & known[:, _ANKLES])[..., None]
-    return np.where(seen, unit(cross(feet, shins)), 0.0)
-
-
-def _set_hands(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> None:
+def _set_hands(world: _Array, both: _Array, known: _Bools) -> None:
     """Set the rotations of forearm twist, wrists and fingers."""
+    joints, rest = both
     arms = world[:, _ELBOWS]
     bases = _FINGERS[:, :, 0]
     seen = known[:, bases] & known[:, _WRISTS][..., None]
@@ -269,29 +249,19 @@ def _set_hands(world: _Array, joints: _Array, rest: _Array, known: _Bools) -> No
         world[:, _FINGERS[..., joint]] = above
 
 
-def _align(sticks: list[tuple[_Array, _Array]]) -> _Array:
-    """Return the rotation (B, 3, 3) that best aligns T-pose directions with posed ones, each pair
-    (B, 3).
+def _align(*sticks: _Array) -> _Array:
+    """Return the rotation (B, 3, 3) that best aligns directions (2, B, 3): posed, and in the
+    T-pose.
     """
     moments = sum(unit(now)[:, :, None] * unit(rest)[:, None, :] for now, rest in sticks)
     return nearest_rotation(np.asarray(moments))
 
 
-def _joint_or(
-    joints: _Array, rest: _Array, known: _Bools, name: str, other: _Array, rest_other: _Array
-) -> tuple[_Array, _Array]:
-    """Return a joint in the pose and in the T-pose, or another point if it is unknown."""
-    i = JOINT_INDEX[name]
-    seen = known[:, i, None]
-    return np.where(seen, joints[:, i], other), np.where(seen, rest[:, i], rest_other)
-
-
-def _left_minus_right(joints: _Array, rest: _Array, pair: list[int]) -> tuple[_Array, _Array]:
-    """Return the vector from the right to the left joint of a pair, in the pose and in the
-    T-pose.
-    """
+def _left_minus_right(both: _Array, pair: list[int]) -> _Array:
+    """Return the vectors (2, B, 3) from the right to the left joint of a pair."""
     left, right = pair
-    return joints[:, left] - joints[:, right], rest[:, left] - rest[:, right]
+    vectors: _Array = both[:, :, left] - both[:, :, right]
+    return vectors
 
 
 @dataclass(frozen=True)
@@ -310,11 +280,10 @@ class BodyFit:
 
 
 _ROUNDS = 3  # alternations between shape and rotations
+_BEFORE_ENDS = {*_KNEES, *_ANKLES, *_ELBOWS, *_WRISTS, *_FINGERS.ravel().tolist()}
+"""Joints that must be known for those beyond them to count."""
 
 _SIGMA_M = {
-    "pelvis": 0.045,
-    "hip": 0.045,
-    "spine": 0.045,
     "collar": 0.06,
     "neck": 0.03,
     "head": 0.03,
@@ -329,7 +298,7 @@ _SIGMA_M = {
 }
 """Standard deviation between the joints of two models on the same body, metres."""
 
-_OTHER_SIGMA_M = 0.045
+_OTHER_SIGMA_M = 0.045  # pelvis, hips, spine and fingers
 _KINDS = [name.removeprefix("left_").removeprefix("right_").rstrip("123") for name in JOINT_NAMES]
 _WEIGHT = np.array([1 / _SIGMA_M.get(kind, _OTHER_SIGMA_M) ** 2 for kind in _KINDS])
 
@@ -346,39 +315,27 @@ def fit_joints(bones: BoneOffsets, joints: _Array, world: _Array | None) -> Body
             rotations from the joints.
     """
     known = finite_rows(joints)
-    if world is None:
-        known = _exclude_unreachable(known)
-        joints = np.where(known[..., None], joints, np.nan)
-    targets = np.where(known[..., None], joints, 0.0)
-    weights = known * _WEIGHT
     betas = np.zeros((len(joints), len(bones.directions)))
     transl = np.zeros((len(joints), 3))
-    bare = world is None
-    turns = rotations_from_joints(joints, bones.rest(betas)) if world is None else world
+    if world is None:
+        for joint, parent in enumerate(PARENTS):
+            if parent in _BEFORE_ENDS:
+                known[:, joint] &= known[:, parent]
+        joints = np.where(known[..., None], joints, np.nan)
+        turns = rotations_from_joints(joints, bones.rest(betas))
+    else:
+        turns = world
+    targets = np.where(known[..., None], joints, 0.0)
+    weights = sure = known * _WEIGHT
     for round_ in range(_ROUNDS):
         betas, transl = fit_shape(
             bones.shape_jacobian(turns), bones.pose(turns, 0 * betas, 0 * transl), targets, weights
         )
-        weights = (
-            known * _WEIGHT / _residual(bones.pose(turns, betas, transl) - targets, known * _WEIGHT)
-        )
-        if bare and not round_:
+        weights = sure / _residual(bones.pose(turns, betas, transl) - targets, sure)
+        if world is None and not round_:
             turns = rotations_from_joints(joints, bones.rest(betas))
         turns = _align_limbs(bones, turns, betas, transl, targets, known)
     return BodyFit(turns, betas, transl)
-
-
-_FINGER_IDS = frozenset(np.ravel(FINGER_JOINTS).tolist())
-_HINGE_IDS = (*_KNEES, *_ANKLES, *_ELBOWS, *_WRISTS)
-
-
-def _exclude_unreachable(known: _Bools) -> _Bools:
-    """Exclude joints (B, 55) beyond an unknown elbow, wrist, knee or ankle."""
-    reached = known.copy()
-    for joint, parent in enumerate(PARENTS):
-        if parent in _HINGE_IDS or parent in _FINGER_IDS:
-            reached[:, joint] &= reached[:, parent]
-    return reached
 
 
 _MIN_RESIDUAL = 0.02
@@ -394,20 +351,14 @@ def _residual(gap: _Array, weights: _Array) -> _Array:
     return share
 
 
-_LIMBS = (([*_HIPS, *_SHOULDERS], [*_KNEES, *_ELBOWS]), ([*_KNEES, *_ELBOWS], [*_ANKLES, *_WRISTS]))
-"""Joints of thighs and upper arms, then of shins and forearms, each with the joints at their
-ends.
-"""
-
-
 def _align_limbs(
     bones: BoneOffsets, world: _Array, betas: _Array, transl: _Array, targets: _Array, known: _Bools
 ) -> _Array:
     """Rotate each limb bone from its posed start to its target end."""
     turns = world.copy()
     offsets = bones.for_betas(betas)
-    start = bones.pose(turns, betas, transl)[:, _LIMBS[0][0]]
-    for upper, lower in _LIMBS:
+    start = bones.pose(turns, betas, transl)[:, _UPPER]
+    for upper, lower in ((_UPPER, _LOWER), (_LOWER, _END)):
         bone = rotate(turns[:, upper], offsets[:, lower])
         want = np.where(known[:, lower, None], targets[:, lower] - start, bone)
         turns[:, upper] = rotation_between(bone, want) @ turns[:, upper]

@@ -21,6 +21,7 @@ from physic_core.body.bones import (
 from physic_core.body.convert.joint_fit import BodyFit
 from physic_core.body.joints import NUM_JOINTS, PARENTS
 from physic_core.geometry.rotations import cross, nearest_rotation, rotvec_to_rotmat_numpy
+from physic_core.geometry.tensors import exact_arrays
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -78,26 +79,27 @@ class SampledBodyModel:
         count = model.num_betas
         kinematics = model.kinematics
         skin = model.skin.subset(torch.as_tensor(ids, device=model.device))
-        directions = skin.directions.cpu().permute(0, 2, 1)
-        poses = directions[count + model.num_expression :].numpy()
+        directions = skin.directions.permute(0, 2, 1)
+        poses = directions[count + model.num_expression :].cpu().numpy()
         eye = torch.eye(3).repeat(NUM_JOINTS, 1, 1)
+        template, shapes, weights, joints, joint_shapes, bound = exact_arrays(
+            skin.template.T,
+            directions[:count],
+            skin.weights.T,
+            kinematics.template,
+            kinematics.directions[:count].view(count, NUM_JOINTS, 3),
+            eye if kinematics.bind_rot is None else kinematics.bind_rot,
+        )
         return cls(
             bones=BoneOffsets.of(model),
             ids=ids,
-            template=skin.template.T.double().cpu().numpy(),
-            directions=directions[:count].double().numpy(),
+            template=template,
+            directions=shapes,
             correctives=poses if len(poses) else None,
-            weights=skin.weights.T.double().cpu().numpy(),
-            joints=kinematics.template.double().cpu().numpy(),
-            joint_directions=kinematics.directions[:count]
-            .double()
-            .cpu()
-            .numpy()
-            .reshape(count, NUM_JOINTS, 3),
-            bound=(eye if kinematics.bind_rot is None else kinematics.bind_rot)
-            .double()
-            .cpu()
-            .numpy(),
+            weights=weights,
+            joints=joints,
+            joint_directions=joint_shapes,
+            bound=bound,
         )
 
     @cached_property
