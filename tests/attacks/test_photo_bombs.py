@@ -80,7 +80,7 @@ def test_a_worker_takes_no_more_memory_than_a_photo_needs(tmp_path):
         "--preset",
         "mock",
     ]
-    command += ["--workers", "1", "--set", "engine.joint.optimiser.steps=1"]
+    command += ["--workers", "1", "--set", "engine.joint.optimiser.steps=1", "--save", "none"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.stdout.splitlines()[0] == "1 done, 1 failed (1 InputError)"
     (row,) = (row for row in read_journals(out).values() if row["state"] == "done")

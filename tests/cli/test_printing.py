@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
+from physic_batch.process import failed_row
 from physic_core import load_reconstruction
 from physic_core.cli import main
 from physic_testing.worlds import load_world
@@ -88,10 +89,14 @@ def test_the_error_of_an_argument_is_escaped():
     assert SHOWN in printed("plugins", f"show{TITLE}", code=2)
 
 
-def test_a_batch_escapes_names():
+def test_a_batch_escapes_names(monkeypatch):
+    def rows(items, job):
+        return (failed_row(job, item, "InputError", TITLE, 0.0) for item in items)
+
+    monkeypatch.setattr("physic_batch.run.open_executor", lambda *_: rows)
     Path("photos").mkdir()
     Path(f"photos/a{TITLE}.jpg").write_text("no photo")
-    assert SHOWN in printed("batch", "photos", "-o", "out", "--preset", "mock", "--workers", "1")
+    assert SHOWN in printed("batch", "photos", "-o", "out", "--preset", "mock")
 
 
 def test_messages_and_logs_of_plugins_are_escaped(site):
@@ -131,10 +136,10 @@ def test_a_process_ends_with_its_exit_code_and_runs_its_exit_handlers(tmp_path, 
         "physic_core.cli.main.invoke = invoke\n"
         "main_of_process()\n"
     )
-    shown = python(start, "config", "check", "--preset", "mock").stdout
+    shown = python(start, "config", "show", "--preset", "mock").stdout
     assert shown.splitlines()[-1] == "at exit"
     assert "torn down" not in shown
-    assert python(start, "run", "missing.jpg", "--preset", "mock", ends=3).stdout == "at exit\n"
+    assert python(start, "show", "missing", ends=3).stdout == "at exit\n"
     assert python(start, "run", ends=2).stdout == "at exit\n"
     assert list(tmp_path.iterdir()) == []
 

@@ -96,7 +96,7 @@ def test_the_users_pixels_are_those_of_the_whole_photo():
 @pytest.fixture(scope="module")
 def plain(few_steps):
     """The result of a photo without a border."""
-    return reconstruct(load_world("stand", (320, 240)).image, "mock")
+    return reconstruct(load_world("stand", (160, 120)).image, "mock")
 
 
 @pytest.mark.usefixtures("few_steps")

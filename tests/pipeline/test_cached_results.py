@@ -112,7 +112,7 @@ def by_set(photo, folder, swap):
 
 
 def physic(*arguments):
-    done = CliRunner().invoke(main, arguments)
+    done = CliRunner().invoke(main, [*arguments, "--save", "numbers"])
     assert done.exit_code == 0, done.output
     return done.stdout
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -23,9 +24,14 @@ WIDTH = 640
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
+@cache
+def grainy(seed):
+    return noisy(textured(HEIGHT, WIDTH, seed), 6)
+
+
 def picture(seed=0):
     """Patches with grain, as photos have."""
-    return noisy(textured(HEIGHT, WIDTH, seed), 6)
+    return grainy(seed).copy()
 
 
 def on(ground, image, matrix):

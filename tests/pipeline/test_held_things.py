@@ -29,9 +29,14 @@ def holding(side):
     return changed(MockSegmenter, hold)
 
 
+@pytest.fixture(scope="module")
+def plain(few_steps, world):
+    """The result of the same photo, in which nobody holds anything."""
+    return reconstruct(world.image, "mock")
+
+
 @pytest.mark.parametrize("side", [0, 1])
-def test_only_the_pixels_of_a_held_thing_move_to_the_hand(world, side):
-    plain = reconstruct(world.image, "mock")
+def test_only_the_pixels_of_a_held_thing_move_to_the_hand(world, plain, side):
     result = reconstruct(world.image, "mock", backends=holding(side))
     thing = np.zeros(world.image.shape[:2], bool)
     thing[:8, :12] = True

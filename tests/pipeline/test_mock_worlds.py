@@ -134,7 +134,7 @@ def test_bodies_of_mock_worlds_do_not_sink_into_the_scene(cases):
 def test_legs_behind_a_table_are_named_as_unseen_and_limbs_in_the_open_are_not():
     legs = {f"{side}_{part}" for side in SIDES for part in ("upper_leg", "lower_leg", "foot")}
     for name, hidden in (("sit_behind_table_other", legs), ("lie", set())):
-        (person,) = run(load_world(name).image, "engine.joint.optimiser.steps=2").people
+        (person,) = run(load_world(name, (160, 120)).image, "engine.joint.optimiser.steps=2").people
         assert set(person.unseen) == hidden
 
 

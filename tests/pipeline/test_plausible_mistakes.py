@@ -69,14 +69,14 @@ SILENT = {
     "leaves the photo": changed(backends.MockInpainter, lambda _, photo, mask: photo.copy()),
     "four corners": changed(backends.MockSegmenter, with_corners),
     "in the boxes": mistaken(*POINTS, lambda points: points[..., ::-1]),
-    "the boxes of people": mistaken(*POINTS, lambda points: points / 320),
+    "the boxes of people": mistaken(*POINTS, lambda points: points / 160),
     "two answers": mistaken(*DEPTH, lambda z: z * (1 + 0.02 * RANDOM.standard_normal(z.shape))),
 }
 
 
 @pytest.fixture(scope="module")
 def walk():
-    return load_world("walk", size=(320, 240))
+    return load_world("walk", (160, 120))
 
 
 @pytest.mark.parametrize("run", range(4))
@@ -109,9 +109,7 @@ def test_mistakes_that_checks_of_the_result_do_not_see_are_warnings(run, walk):
     ],
 )
 def test_one_answer_for_two_people_is_a_warning(wrong):
-    found = reconstruct(
-        load_world("sit_side_by_side", size=(320, 240)).image, UNCACHED, backends=wrong
-    )
+    found = reconstruct(load_world("sit_side_by_side", (160, 120)).image, UNCACHED, backends=wrong)
     assert any("two people" in one for one in found.warnings)
 
 
@@ -120,7 +118,7 @@ def test_the_result_of_the_last_photo_is_a_warning(walk):
     stale = changed(backends.MockMetricDepth, lambda depth, *_: kept.append(depth) or kept[0])
     with Pipeline(UNCACHED, backends=stale) as pipeline:
         pipeline(walk.image)
-        found = pipeline(load_world("stand", size=(320, 240)).image)
+        found = pipeline(load_world("stand", (160, 120)).image)
     assert any("last photo" in one for one in found.warnings)
 
 
@@ -129,7 +127,7 @@ def test_backends_without_a_mistake_and_without_a_stamp_raise_no_doubt(name):
     mocks = {kind.interface: kind for kind in (getattr(backends, n) for n in backends.__all__)}
     same = {interface: type("Mine", (kind,), {}) for interface, kind in mocks.items()}
     same |= changed(HANDS, with_wrists)
-    found = reconstruct(load_world(name, size=(320, 240)).image, UNCACHED, backends=same)
+    found = reconstruct(load_world(name, (160, 120)).image, UNCACHED, backends=same)
     assert not [one for one in found.warnings if "Mine" in one or "Changed" in one]
 
 

@@ -19,7 +19,9 @@ pytestmark = pytest.mark.kernels
 
 
 def run(*arguments):
-    done = CliRunner().invoke(main, ["run", "photo.png", "--no-cache", *arguments])
+    done = CliRunner().invoke(
+        main, ["run", "photo.png", "--no-cache", "--save", "numbers", *arguments]
+    )
     assert done.exit_code == 0, done.output
     folder = arguments[arguments.index("-o") + 1]
     document = json.loads((Path(folder) / "reconstruction.json").read_text())
@@ -40,7 +42,7 @@ def test_a_run_is_repeated_from_its_result(tmp_path, monkeypatch):
         "--set",
         "hand_estimator.backend=none",
         "--set",
-        "engine.joint.optimiser.steps=20",
+        "engine.joint.optimiser.steps=4",
         "--intrinsics",
         "200,205,80,60",
     )

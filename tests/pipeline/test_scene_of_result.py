@@ -13,7 +13,7 @@ from tests.pipeline.mocks import run
 
 pytestmark = [pytest.mark.kernels, pytest.mark.usefixtures("few_steps")]
 
-SIZE = (320, 240)
+SIZE = (160, 120)
 
 
 def test_inpainted_scene_lies_in_no_body_and_visible_scene_stays():

@@ -89,9 +89,16 @@ def test_every_install_line_names_what_is_there_and_asks_no_index_for_the_projec
         }[flag]
 
 
-@pytest.mark.parametrize("text", blocks("python"))
+# What the pages promise does not depend on the backends.
+SCRIPTS = [re.sub(r'"embedded"|"telea", radius_px=5', '"mock"', text) for text in blocks("python")]
+WITH_NETWORKS = [text for text in blocks("python") if "load_backend" in text]
+
+
+@pytest.mark.parametrize(
+    "text", [*SCRIPTS, *(pytest.param(text, marks=pytest.mark.slow) for text in WITH_NETWORKS)]
+)
 def test_every_script_of_the_pages_runs(text, tmp_path, monkeypatch):
-    """On a world of the mocks: what the pages promise does not depend on the backends."""
+    """On a world of the mocks."""
     from PIL import Image
 
     from physic_testing.worlds import load_world
@@ -101,7 +108,7 @@ def test_every_script_of_the_pages_runs(text, tmp_path, monkeypatch):
         Image.fromarray(load_world().image).save(tmp_path / "examples" / photo, "PNG")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(config, "DEFAULT_PRESET", "mock")
-    exec(compile(text.replace('"extends": "embedded"', '"extends": "mock"'), "page", "exec"), {})
+    exec(compile(text, "page", "exec"), {})
 
 
 def test_the_import_orders_of_the_architecture_are_the_contracts():

@@ -37,9 +37,10 @@ class Texts:
         self.found = set()
         self.seen = set()
         self.functions = {}
-        for function in self.nodes(trees, ast.FunctionDef):
+        functions = self.nodes(trees, ast.FunctionDef)
+        for function in functions:
             self.functions.setdefault(function.name, []).append(function)
-        for function in self.nodes(trees, ast.FunctionDef):
+        for function in functions:
             told = [value for node in ast.walk(function) for value in self.told(node)]
             decorators = [name_of(getattr(one, "func", one)) for one in function.decorator_list]
             if "_check" in decorators or function.name.startswith("doubt"):
@@ -102,6 +103,7 @@ def texts():
     return Texts(sorted(path for folder in folders for path in folder.rglob("*.py"))).found
 
 
+@cache
 def phrases():
     rows = [line for line in PAGE.read_text(encoding="utf-8").splitlines() if line[:3] == "| `"]
     return [phrase for row in rows for phrase in re.findall(r"`([^`]+)`", row.split("|")[1])]

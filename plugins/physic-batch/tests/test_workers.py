@@ -22,6 +22,15 @@ from .conftest import STANDIN
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals")
 
 
+@pytest.fixture
+def standin(monkeypatch):
+    """The module of the workers, which imports little; their processes find it on the same path."""
+    monkeypatch.syspath_prepend(STANDIN)
+    import worker_standin
+
+    return worker_standin
+
+
 def outcomes(standin, *tasks, **settings):
     found = list(run_in_workers(tasks, standin.open_worker, WorkerSettings(**settings)))
     assert Counter(outcome.task for outcome in found) == Counter(tasks)
@@ -109,10 +118,10 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path):
         "import os, sys\n"
         "from functools import partial\n"
         f"sys.path.insert(0, {str(STANDIN)!r})\n"
-        "import batch_standin\n"
+        "import worker_standin\n"
         "from physic_batch.workers import *\n"
         "if __name__ == '__main__':\n"
-        "    for outcome in run_in_workers(['a', 'b', 'hang', 'hang'], batch_standin.open_worker, "
+        "    for outcome in run_in_workers(['a', 'b', 'hang', 'hang'], worker_standin.open_worker, "
         "WorkerSettings(2)):\n"
         "        print(outcome.value, flush=True)\n"
     )

@@ -62,7 +62,7 @@ def shown(result, people=None):
 
 
 @pytest.mark.parametrize(
-    "size", [(160, 120), (800, 600)], ids=["every pixel", "every second pixel"]
+    "size", [(160, 120), (440, 330)], ids=["every pixel", "every second pixel"]
 )
 def test_the_scene_has_the_points_of_its_pixels_and_the_triangles_of_its_mesh(make, size):
     result = make(*size)
@@ -83,7 +83,8 @@ def test_the_scene_has_the_points_of_its_pixels_and_the_triangles_of_its_mesh(ma
         (np.flatnonzero(kept) % 2)[:, None], [1, columns, columns + 1], [0, columns, 1]
     )
     of_mesh = (mesh.pixels[:, 1] // stride * columns + mesh.pixels[:, 0] // stride)[mesh.faces]
-    assert {tuple(c) for c in cells[:, None] + offsets} == {tuple(c) for c in of_mesh}
+    corners = np.unique(cells[:, None] + offsets, axis=0)
+    np.testing.assert_array_equal(corners, np.unique(of_mesh, axis=0))
 
 
 def test_a_crowd_is_shown_with_fewer_vertices_and_keeps_its_contact(result):
