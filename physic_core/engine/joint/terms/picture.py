@@ -19,6 +19,7 @@ from physic_core.engine.joint.term import (
     Snapshot,
     SurfacePlace,
     SurfaceResidual,
+    SurfaceSlopes,
     SurfaceTerm,
     Term,
 )
@@ -188,7 +189,7 @@ class DepthTerm(SurfaceTerm):
     def residual(self, at: SurfacePlace) -> SurfaceResidual:
         """Return the differences of log depth."""
         away = at.log_depth - self.log_map_depth - at.log_scale
-        return SurfaceResidual(away, by_log_depth=1.0)
+        return SurfaceResidual(away, SurfaceSlopes(log_depth=1.0))
 
 
 def depth_offset_sigmas(settings: DepthSettings, sampling: Sampling) -> Tensor:
