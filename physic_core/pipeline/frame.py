@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import cv2
 import numpy as np
@@ -87,14 +87,39 @@ class _Picture:
     broken: int
 
 
+class _Layer(NamedTuple):
+    """What the outermost ground of a photo is round: a picture to cut out, or else those that
+    cannot be cut out: several in one file, or one that is turned, skewed or broken.
+    """
+
+    cut: _Picture | None = None
+    uncut: tuple[_Picture, ...] = ()
+
+
+class _Line(NamedTuple):
+    """Line along a side of a picture.
+
+    Attributes:
+        point: (2,) px.
+        direction: (2,) of length 1.
+        seen: share of the side on which the outline lies on the line; 0 along the edge.
+        at_edge: True along the edge of the photo, where nothing shows it.
+    """
+
+    point: FloatArray
+    direction: FloatArray
+    seen: float
+    at_edge: bool = False
+
+
 def find_frame(image: UInt8Array) -> Frame:
     """Return what is round the picture in a photo (H, W, 3)."""
     border = find_inside(image)
     whole = slice(0, image.shape[0]), slice(0, image.shape[1])
     if border is not None:
-        pictures = _layer(image)
-        if isinstance(pictures, tuple) and len(pictures) > 2:  # their common border is no frame
-            return Frame(warning=_several(len(pictures)))
+        several = len(_layer(image).uncut)
+        if several > 2:  # their common border is no frame
+            return Frame(warning=_several(several))
     frame, pictures = _without_layers(image, border)
     # of more pictures than two, as of a sheet for a passport, half is no picture
     rows, columns = frame.inside or whole
@@ -124,18 +149,18 @@ def _without_layers(image: UInt8Array, inside: Inside | None) -> tuple[Frame, tu
     corners = np.array([[left, top], [right, top], [right, bottom], [left, bottom]], float)
     part = image[rows, columns]
     for _ in range(_LAYERS):
-        found = _layer(part)
-        if found is None:
-            break
-        if isinstance(found, tuple):
-            if len(found) > 1:
-                return replace(frame, warning=_several(len(found))), found
+        found, uncut = _layer(part)
+        if len(uncut) > 1:
+            return replace(frame, warning=_several(len(uncut))), uncut
+        if uncut:
             warning = (
-                f"a photo of a picture? Four straight lines enclose {found[0].share:.0%} of it, as "
+                f"a photo of a picture? Four straight lines enclose {uncut[0].share:.0%} of it, as "
                 "a screen or a print does: all distances and sizes are then wrong. Cut the picture "
                 "out, straighten it, and run that"
             )
-            return replace(frame, warning=warning), found
+            return replace(frame, warning=warning), uncut
+        if found is None:
+            break
         corners = cv2.perspectiveTransform(found.corners[None], np.linalg.inv(_upright(corners)))[0]
         is_print = frame.is_print or found.turn_deg > _STRAIGHT_DEG
         frame = Frame(_rectangle_in(corners), "what is round the picture", is_print=is_print)
@@ -176,9 +201,9 @@ def _upright(corners: FloatArray) -> FloatArray:
     return np.asarray(cv2.getPerspectiveTransform(corners.astype(np.float32), upright))
 
 
-def _layer(image: UInt8Array) -> _Picture | tuple[_Picture, ...] | None:
-    """Return the picture in the outermost ground, px of the image (H, W, 3); several in one file,
-    or one that cannot be cut out, in a tuple; None without a frame.
+def _layer(image: UInt8Array) -> _Layer:
+    """Return what the outermost ground of an image (H, W, 3) is round; the picture to cut out in px
+    of the image.
     """
     scale = max(1.0, max(image.shape[:2]) / _SIDE)
     height, width = (max(1, round(side / scale)) for side in image.shape[:2])
@@ -187,12 +212,12 @@ def _layer(image: UInt8Array) -> _Picture | tuple[_Picture, ...] | None:
     outer, enclosing = _grounds(small)
     pictures = _pictures(outer) if outer.any() else []
     if len(pictures) > 1 and sum(one.share for one in pictures) >= _PARTS:
-        return tuple(pictures)
+        return _Layer(uncut=tuple(pictures))
     for one in pictures[:1]:
         if one.share < max(_PICTURE, _MOST * _largest(~outer)):
             break
         if one.broken or one.turn_deg > _CUT_DEG or one.skew_deg > _SQUARE_DEG:
-            return (one,)
+            return _Layer(uncut=(one,))
         # inwards by what the scale and the median blur
         middle = one.corners.mean(0)
         size = np.array([width, height])
@@ -202,12 +227,12 @@ def _layer(image: UInt8Array) -> _Picture | tuple[_Picture, ...] | None:
             np.where(one.corners < middle, 0, size),
             one.corners + np.where(one.corners < middle, 2, -1),
         )
-        return replace(one, corners=corners * (np.array(image.shape[1::-1]) / size))
+        return _Layer(replace(one, corners=corners * (np.array(image.shape[1::-1]) / size)))
     for ground in enclosing:
         for one in _pictures(ground):
             if one.share >= _ENCLOSED and one.inner == 4:
-                return (one,)
-    return None
+                return _Layer(uncut=(one,))
+    return _Layer()
 
 
 def _largest(parts: BoolArray) -> float:
@@ -343,12 +368,12 @@ def _on_lines(start: FloatArray, points: FloatArray, size: tuple[int, int]) -> _
         for corner, end in zip(start, np.roll(start, -1, axis=0), strict=True)
         if (side := _side(corner, end, points, size)) is not None
     ]
-    seen = [share for _, _, share in sides if share is not None]
-    broken = sum(share < _SEEN for share in seen)
-    if len(sides) < 4 or not seen or broken > (len(seen) == 4):
+    inner = [side for side in sides if not side.at_edge]
+    broken = sum(side.seen < _SEEN for side in inner)
+    if len(sides) < 4 or not inner or broken > (len(inner) == 4):
         return None
-    normals = np.array([[y, -x] for _, (x, y), _ in sides])
-    corners = _crossings(normals, (normals * [point for point, _, _ in sides]).sum(1))
+    normals = np.array([[y, -x] for x, y in (side.direction for side in sides)])
+    corners = _crossings(normals, (normals * [side.point for side in sides]).sum(1))
     if corners is None:
         return None
     angles = np.degrees(np.arctan2(normals[:, 1], normals[:, 0]))
@@ -356,8 +381,8 @@ def _on_lines(start: FloatArray, points: FloatArray, size: tuple[int, int]) -> _
     return _Picture(
         corners,
         cv2.contourArea(corners.astype(np.float32)) / math.prod(size),
-        len(seen),
-        max(turn for turn, (_, _, share) in zip(turns, sides, strict=True) if share is not None),
+        len(inner),
+        max(turn for turn, side in zip(turns, sides, strict=True) if not side.at_edge),
         float(np.abs((angles - np.roll(angles, 1)) % 180 - 90).max()),
         broken,
     )
@@ -387,10 +412,9 @@ def _clockwise(corners: FloatArray) -> FloatArray:
 
 def _side(
     corner: FloatArray, end: FloatArray, points: FloatArray, size: tuple[int, int]
-) -> tuple[FloatArray, FloatArray, float | None] | None:
-    """Return a point (2,) and the direction (2,) of the line nearest to a side, and the share of
-    the side on which points of the outline (P, 2) lie on it, None at the edge of the photo; None
-    without a line.
+) -> _Line | None:
+    """Return the line nearest to a side by the points of the outline (P, 2); None if the side is
+    too short.
     """
     length = float(np.linalg.norm(end - corner))
     if length < 4 * _EDGE_PX:
@@ -400,12 +424,12 @@ def _side(
         for limit in (0, size[1 - axis] - 1):
             if max(abs(corner[axis] - limit), abs(end[axis] - limit)) <= _EDGE_PX:
                 direction = np.array([axis == 1, axis == 0], float)
-                return np.where(direction, corner, limit), direction, None
+                return _Line(np.where(direction, corner, limit), direction, 0.0, at_edge=True)
     places = (points - corner) @ along
     apart = (points - corner) @ np.array([-along[1], along[0]])
     near = (np.abs(apart) <= _NEAR_PX) & (places > 0.1 * length) & (places < 0.9 * length)
     if near.sum() < 0.3 * length:
-        return corner, along, 0.0
+        return _Line(corner, along, 0.0)
     x, y, px, py = cv2.fitLine(
         points[near].astype(np.float32), cv2.DIST_HUBER, 0, 0.01, 0.01
     ).ravel()
@@ -413,7 +437,7 @@ def _side(
     direction = np.array([x, y], float)
     on_line = np.abs((points[near] - base) @ np.array([-y, x])) <= _LINE_PX
     seen = len(np.unique(places[near][on_line].astype(int))) / (0.8 * length)
-    return base, direction, seen
+    return _Line(base, direction, seen)
 
 
 def _rectangle_in(corners: FloatArray) -> Inside:
