@@ -161,30 +161,31 @@ def build_scene(
     Raises:
         BackendOutputError: the metric depth has no valid pixel, or the camera cannot be estimated.
     """
-    points, depth, cameras = method.share_camera(relative.points, depth, cameras)
-    relative = replace(relative, points=points)
+    shared, depth, cameras = method.share_camera(relative.points, depth, cameras)
+    relative = replace(relative, points=shared)
     alignment = _align_to_metric(relative, depth, cameras, method)
     placed, known, camera = _metric_points(relative, depth, cameras, alignment, method)
-    surface, edges, outliers = method.surface(placed, known)
-    search = method.search_floor(placed, known & ~outliers, surface, evidence)
+    normals, edges, outliers = method.surface(placed, known)
+    search = method.search_floor(placed, known & ~outliers, normals, evidence)
     floor = search.plane
-    clean = known & ~edges & ~outliers
     floor_points = placed.new_zeros((0, 3))
+    on_floor = torch.zeros_like(known)
     if floor is not None:
-        # A floor at a grazing angle resembles a depth edge: keep points on its plane.
         thin = floor.height(placed).abs() < _FLOOR_THICKNESS * placed[..., 2]
         on_floor = known & floor.inliers & thin
-        edges &= ~on_floor
-        outliers &= ~on_floor
-        clean |= on_floor
-        bare = on_floor & (surface == 0).all(-1)
-        surface = torch.where(bare[..., None], floor.normal.to(surface), surface)
+    # A floor at a grazing angle resembles a depth edge: keep points on its plane.
+    edges_off_floor = edges & ~on_floor
+    outliers_off_floor = outliers & ~on_floor
+    clean = known & ~(edges_off_floor | outliers_off_floor)
+    if floor is not None:
+        bare = on_floor & (normals == 0).all(-1)
+        normals = torch.where(bare[..., None], floor.normal.to(normals), normals)
         feet = _intersect_feet(floor, evidence.feet_px, camera, method.far_m)
-        points, clean_points = (select_pixels(pixels, placed)[0] for pixels in (known, clean))
-        floor_points = method.sample_floor(floor, points, clean_points, feet)
+        known_points, clean_points = (select_pixels(each, placed)[0] for each in (known, clean))
+        floor_points = method.sample_floor(floor, known_points, clean_points, feet)
     return SceneState(
         points=placed,
-        normals=surface,
+        normals=normals,
         valid=clean,
         floor_points=floor_points,
         K=camera,
@@ -193,8 +194,8 @@ def build_scene(
         diagnostics={
             "alignment": alignment_diagnostics(alignment),
             "valid_share": _share(clean),
-            "edge_share": _share(edges),
-            "outlier_share": _share(outliers),
+            "edge_share": _share(edges_off_floor),
+            "outlier_share": _share(outliers_off_floor),
             "floor": _floor_diagnostics(search),
             "fx_px": float(camera[0, 0]),
             "fy_px": float(camera[1, 1]),
