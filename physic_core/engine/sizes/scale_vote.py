@@ -158,8 +158,6 @@ def _log_likelihood(witnesses: Witnesses, shifts: FloatArray, reference: float) 
     """Return the log likelihood (T, S) of shifts (T,) and the grid of log scales of a person at the
     reference depth.
     """
-    import cv2
-
     known = np.isfinite(witnesses.scale)
     m, z, sigma, sure = (
         x[known] for x in (witnesses.scale, witnesses.depth, witnesses.sigma, witnesses.sure)
@@ -180,18 +178,25 @@ def _log_likelihood(witnesses: Witnesses, shifts: FloatArray, reference: float) 
         (1 - witnesses.shared_wrong, witnesses.shared_sigma),
         (witnesses.shared_wrong, _SHARED_WRONG_SIGMA),
     ]
-    smooth = sum(
-        share
-        * cv2.GaussianBlur(
-            np.exp(total - most),
-            (2 * round(5 * sigma / _STEP) + 1, 1),
-            max(sigma / _STEP, 1e-3),
+    density = np.exp(total - most)
+    smooth = sum(share * _convolved(density, sigma) for share, sigma in shares if share)
+    return np.asarray(np.log(smooth + 1e-300) + most)
+
+
+def _convolved(density: FloatArray, shared_sigma: float) -> FloatArray:
+    """Return the density (T, S) over the grid of log scales if its witnesses share a normal
+    error.
+    """
+    import cv2
+
+    return np.asarray(
+        cv2.GaussianBlur(
+            density,
+            (2 * round(5 * shared_sigma / _STEP) + 1, 1),
+            max(shared_sigma / _STEP, 1e-3),
             borderType=cv2.BORDER_REFLECT,
         )
-        for share, sigma in shares
-        if share
     )
-    return np.asarray(np.log(smooth + 1e-300) + most)
 
 
 def scaled_depth(scene: Pointmap, scale: SceneScale, camera: Intrinsics | None) -> DepthMap:
