@@ -307,9 +307,7 @@ def test_soles_speak_against_a_floor_below_them_as_surely_as_they_are_of_people(
         soles = (beside(165, real=real), beside(195, real=real))
         evidence = evidence_of(ALL.shape, mask=~sand, soles=soles)
         points = RAYS * depth[..., None]
-        return floor_candidates(points, ALL, evidence, torch.zeros_like(points))[0].evidence[
-            "soles"
-        ]
+        return floor_candidates(points, ALL, evidence, torch.zeros_like(points))[0].nats["soles"]
 
     for real in (1.0, 0.05):
         assert nats(real) == pytest.approx(2 * math.log(1 - real * 0.85), abs=0.01)

@@ -159,16 +159,16 @@ class FloorCandidate:
 
     Attributes:
         plane: moved to the feet; None for no floor.
-        evidence: what speaks for it -> nats: "pixels" with their labels, "gravity" and "soles".
+        nats: what speaks for it -> nats: "pixels" with their labels, "gravity" and "soles".
     """
 
     plane: PlaneFit | None
-    evidence: Mapping[str, float]
+    nats: Mapping[str, float]
 
     @property
     def log_score(self) -> float:
-        """The evidence together, nats."""
-        return sum(self.evidence.values())
+        """All evidence together, nats."""
+        return sum(self.nats.values())
 
 
 def best_index(candidates: Sequence[FloorCandidate]) -> int:

@@ -210,7 +210,7 @@ def find_ground(
     bodies: Bodies,
     model: BodyModel,
     candidates: tuple[FloorCandidate, ...],
-    evidence: FloorEvidence,
+    about_floor: FloorEvidence,
     depth: DepthMap | None = None,
 ) -> Ground:
     """Choose the floor, and find the scale of the scene and who stands.
@@ -220,41 +220,43 @@ def find_ground(
         bodies: of the people.
         model: of the bodies.
         candidates: of :func:`scene_floor_candidates`.
-        evidence: of the floor.
+        about_floor: evidence of the photo.
         depth: metric depth of the scene with a scale of its own: it votes, too, or decides if it
             was measured.
     """
-    up = surest_up(None, evidence.up, evidence.slope).direction
-    seen = _people_evidence(photo, bodies, model, up)
+    up = surest_up(None, about_floor.up, about_floor.slope).direction
+    people = _people_evidence(photo, bodies, model, up)
     scene = photo.scene_map
-    beside: tuple[GroundAtSoles, ...] = ()
-    if evidence.seen_ground is not None:
-        beside = ground_beside(photo, seen.low, up)
-    planes = [_floor_hypothesis(candidate, seen, photo, beside) for candidate in candidates]
-    scores = [sum(p.evidence.values()) for p in planes]
-    own = None if depth is None else depth_witness(depth, scene, photo.camera, seen.torsos)
+    at_soles: tuple[GroundAtSoles, ...] = ()
+    if about_floor.seen_ground is not None:
+        at_soles = ground_beside(photo, people.low, up)
+    planes = [_floor_hypothesis(candidate, people, photo, at_soles) for candidate in candidates]
+    scores = [sum(p.nats.values()) for p in planes]
+    own = None if depth is None else depth_witness(depth, scene, photo.camera, people.torsos)
     usual = Witnesses.alone(USUAL_DEPTH_M / median_depth(scene), USUAL_DEPTH_SIGMA, 1.0)
-    kinds = {"size": seen.torsos, "usual depth of scenes": usual}
+    kinds = {"size": people.torsos, "usual depth of scenes": usual}
     if own is not None and depth is not None and not is_measured(depth):
         kinds["metric depth"] = own
     on_planes = [(p.soles, p.camera) for p in planes]
     shift_sigma = scene.shift_sigma if scene.unknown == "inverse_scale_shift" else None
     vote = vote_on_scale([*kinds.values()], on_planes, scores, shift_sigma or 0.0)
-    if vote is None or not np.isfinite([seen.torsos.scale, *(p.soles.scale for p in planes)]).any():
+    by_people = [people.torsos.scale, *(p.soles.scale for p in planes)]
+    some_person_has_scale = bool(np.isfinite(by_people).any())
+    if vote is None or not some_person_has_scale:
         best = int(np.argmax(scores if vote is None else vote.weights))
-        search = chosen_floor(candidates, best, evidence)
+        search = chosen_floor(candidates, best, about_floor)
         scale, guess = _guessed_scale(scene, search.plane)
-        return Ground(search, evidence, scale, seen.stance, guess)
-    ground = _ground_by_vote(vote, planes, seen, kinds, evidence, photo.known)
+        return Ground(search, about_floor, scale, people.stance, guess)
+    ground = _ground_by_vote(vote, planes, people, kinds, about_floor, photo.known)
     return ground if depth is None or own is None else _ground_with_depth(ground, depth, own, vote)
 
 
 def _ground_by_vote(
     vote: ScaleVote,
     planes: Sequence[_FloorHypothesis],
-    seen: _PeopleEvidence,
+    people: _PeopleEvidence,
     kinds: Mapping[str, Witnesses],
-    evidence: FloorEvidence,
+    about_floor: FloorEvidence,
     known: KnownPeople,
 ) -> Ground:
     """Return the likeliest floor of a vote with its scale, who stands, and what speaks against
@@ -263,20 +265,20 @@ def _ground_by_vote(
     candidates = tuple(p.candidate for p in planes)
     best = int(np.argmax(vote.weights))
     soles = planes[best].soles
-    stance = _stance_by_vote(vote, planes, seen)
+    stance = _stance_by_vote(vote, planes, people)
     if (plane := candidates[best].plane) is not None:
-        stance = stance.with_resting(seen.low.limbs(seen.model, plane.normal))
-    notes = size_notes(vote, soles, seen.torsos, seen.feet & (stance.stands > _STANDS))
+        stance = stance.with_resting(people.low.limbs(people.model, plane.normal))
+    notes = size_notes(vote, soles, people.torsos, people.feet & (stance.stands > _STANDS))
     of_plane = {"soles": soles, "usual height of cameras": planes[best].camera}
     return Ground(
-        _floor_below_bodies(chosen_floor(candidates, best, evidence), seen, vote.scale.scale),
-        evidence,
+        _floor_below_bodies(chosen_floor(candidates, best, about_floor), people, vote.scale.scale),
+        about_floor,
         replace(vote.scale, notes=notes + rival_note(candidates, vote.weights, best)),
         stance,
         by_people=True,
-        small=small_statures(vote, soles, seen.feet & (seen.stance.stands > _STANDS), known),
+        small=small_statures(vote, soles, people.feet & (people.stance.stands > _STANDS), known),
         witnesses={
-            "floor": floor_witnesses(candidates, [p.evidence for p in planes], vote.weights),
+            "floor": floor_witnesses(candidates, [p.nats for p in planes], vote.weights),
             "scale": scale_witnesses({**kinds, **of_plane}, vote),
         },
     )
@@ -373,12 +375,13 @@ def _size_sigmas(photo: PhotoContent, stature: FloatArray, years: FloatArray) ->
 
 
 class _FloorHypothesis(NamedTuple):
-    """A candidate for the floor: evidence in nats, scales (N, 2) by the soles, and the witnesses
-    that depend on it: ``soles`` (N,), of people who lie their lowest skin, and ``camera``.
+    """A candidate for the floor: what speaks for it -> nats, by how much (N,) the ground at their
+    soles leaves people on it, scales (N, 2) by the soles, and the witnesses that depend on it:
+    ``soles`` (N,), of people who lie their lowest skin, and ``camera``.
     """
 
     candidate: FloorCandidate
-    evidence: Mapping[str, float]
+    nats: Mapping[str, float]
     ground_weights: FloatArray
     by_soles: FloatArray
     soles: Witnesses
@@ -386,78 +389,101 @@ class _FloorHypothesis(NamedTuple):
 
 
 def _weights_by_ground(
-    candidate: FloorCandidate, photo: PhotoContent, soles: Sequence[GroundAtSoles]
+    candidate: FloorCandidate, photo: PhotoContent, at_soles: Sequence[GroundAtSoles]
 ) -> FloatArray:
     """Return by how much (N,), at most 1, the ground beside their soles leaves people on a floor.
 
     A photo that shows no ground does not show whether they stand on something else: then the ground
     beside no soles is given.
     """
-    on = np.ones(len(photo.people))
+    weights = np.ones(len(photo.people))
     if candidate.plane is None:
-        return on
+        return weights
     plane = candidate.plane.to_plane()
-    for beside in soles:
-        rows, columns = exact_arrays(beside.rows, beside.columns)
+    for ground in at_soles:
+        rows, columns = exact_arrays(ground.rows, ground.columns)
         known = photo.scene_map.valid[rows, columns]
         points = photo.scene_map.points[rows, columns][known].astype(np.float64)
         if len(points):
             height = float(np.median(points @ plane.normal)) / plane.offset + 1
-            on[beside.person] = min(1.0, standing_odds(height))
-    return on
+            weights[ground.person] = min(1.0, standing_odds(height))
+    return weights
 
 
 def _floor_hypothesis(
     candidate: FloorCandidate,
-    seen: _PeopleEvidence,
+    people: _PeopleEvidence,
     photo: PhotoContent,
-    beside: Sequence[GroundAtSoles],
+    at_soles: Sequence[GroundAtSoles],
 ) -> _FloorHypothesis:
     """Return the evidence of feet and camera if a candidate is the floor."""
-    on = _weights_by_ground(candidate, photo, beside)
-    score = dict(candidate.evidence)
-    height = math.nan
-    by_soles = np.full((len(seen.feet), 2), np.nan)
-    across = seen.low.across
-    by_low = np.full(len(across), np.nan)
     fit = candidate.plane
+    by_soles = np.full((len(people.feet), 2), np.nan)
+    by_low = np.full(len(people.feet), np.nan)
+    if fit is not None and not fit.beneath:  # no sole stands on what people lie on
+        by_soles = scales_by_soles(people.vertices, people.model, people.feet, fit)
+        by_low = people.low.scales(fit)
+    scale_by_lowest = np.where(people.low.across, by_low, np.fmax(by_soles[:, 0], by_soles[:, 1]))
+    weights = _weights_by_ground(candidate, photo, at_soles)
+    height = math.nan if fit is None else fit.offset
+    return _FloorHypothesis(
+        candidate,
+        _floor_nats(candidate, people, scale_by_lowest),
+        weights,
+        by_soles,
+        _soles_witness(people, scale_by_lowest, weights, at_soles),
+        Witnesses.alone(USUAL_CAMERA_HEIGHT_M / height, USUAL_CAMERA_HEIGHT_SIGMA, _CAMERA_SURE),
+    )
+
+
+def _floor_nats(
+    candidate: FloorCandidate, people: _PeopleEvidence, scale_by_lowest: FloatArray
+) -> dict[str, float]:
+    """Return the nats of a candidate with those by the bodies of people; their lowest skin gives
+    no scale (N,) if it is not below the camera.
+    """
+    fit = candidate.plane
+    nats = dict(candidate.nats)
     if fit is None:
-        score["no height of the camera"] = _NO_CAMERA_NATS
-    else:
-        height = fit.offset
-        if not fit.beneath:  # no sole stands on what people lie on
-            by_soles = scales_by_soles(seen.vertices, seen.model, seen.feet, fit)
-            by_low = seen.low.scales(fit)
-            score["upright people"] = standing_score(fit.normal, seen.upright)
-    lower = np.where(across, by_low, np.fmax(by_soles[:, 0], by_soles[:, 1]))
+        nats["no height of the camera"] = _NO_CAMERA_NATS
+    elif not fit.beneath:
+        nats["upright people"] = standing_score(fit.normal, people.upright)
     if fit is None or not fit.beneath:
-        off = float(seen.real[seen.feet.any(1) & ~np.isfinite(lower)].sum())
-        if off:
-            score["people who are not on it"] = _NOT_ON_PLANE_NATS * off
-    rests = np.full(len(on), _RESTS_UNSEEN)
-    for one in beside:
-        rests[one.person] = one.stands
-    by_feet = 1 - (1 - np.where(seen.feet, seen.stance.stands, 0.0)).prod(1)
-    sure = on * seen.real * np.where(across, rests, by_feet)
-    soles = Witnesses(
-        lower, seen.torsos.depth, np.hypot(seen.sigma, _SOLE_SIGMA), sure, _FLOOR_SIGMA
-    )
-    camera = Witnesses.alone(
-        USUAL_CAMERA_HEIGHT_M / height, USUAL_CAMERA_HEIGHT_SIGMA, _CAMERA_SURE
-    )
-    return _FloorHypothesis(candidate, score, on, by_soles, soles, camera)
+        without_scale = people.feet.any(1) & ~np.isfinite(scale_by_lowest)
+        count = float(people.real[without_scale].sum())
+        if count:
+            nats["people who are not on it"] = _NOT_ON_PLANE_NATS * count
+    return nats
 
 
-def _floor_below_bodies(search: FloorSearch, seen: _PeopleEvidence, scale: float) -> FloorSearch:
+def _soles_witness(
+    people: _PeopleEvidence,
+    scale_by_lowest: FloatArray,
+    ground_weights: FloatArray,
+    at_soles: Sequence[GroundAtSoles],
+) -> Witnesses:
+    """Return the lowest skin (N,) of people as witness of the scale, sure where it is on the
+    floor.
+    """
+    lies_on_floor = np.full(len(ground_weights), _RESTS_UNSEEN)
+    for ground in at_soles:
+        lies_on_floor[ground.person] = ground.stands
+    stands = 1 - (1 - np.where(people.feet, people.stance.stands, 0.0)).prod(1)
+    sure = ground_weights * people.real * np.where(people.low.across, lies_on_floor, stands)
+    sigma = np.hypot(people.sigma, _SOLE_SIGMA)
+    return Witnesses(scale_by_lowest, people.torsos.depth, sigma, sure, _FLOOR_SIGMA)
+
+
+def _floor_below_bodies(search: FloorSearch, people: _PeopleEvidence, scale: float) -> FloorSearch:
     """Move a floor that cuts people whose feet are not visible down to their low ends.
 
     Such a plane is a table, a seat or a hedge. Visible feet show where the floor is.
     The scale is metres per unit of the scene.
     """
     plane = search.plane
-    if plane is None or plane.beneath or seen.feet.any() or not len(seen.feet):
+    if plane is None or plane.beneath or people.feet.any() or not len(people.feet):
         return search
-    low = (seen.vertices @ plane.to_plane().normal.astype(float)).min(1) / seen.torsos.scale
+    low = (people.vertices @ plane.to_plane().normal.astype(float)).min(1) / people.torsos.scale
     below = -float(np.nanmedian(low)) - plane.offset if np.isfinite(low).any() else 0.0
     if below * scale < _CUTS_M:
         return search
@@ -467,30 +493,30 @@ def _floor_below_bodies(search: FloorSearch, seen: _PeopleEvidence, scale: float
 
 
 def _stance_by_vote(
-    vote: ScaleVote, planes: Sequence[_FloorHypothesis], seen: _PeopleEvidence
+    vote: ScaleVote, planes: Sequence[_FloorHypothesis], people: _PeopleEvidence
 ) -> Stance:
     """Return the stance by the probability that feet stand on each plane, at the scale of the
     vote.
     """
     stands = sum(
-        weight * p.ground_weights[:, None] * np.nan_to_num(_standing_probabilities(vote, p, seen))
+        weight * p.ground_weights[:, None] * np.nan_to_num(_standing_probabilities(vote, p, people))
         for weight, p in zip(vote.weights.tolist(), planes, strict=True)
     )
     rests = sum(
         weight * p.ground_weights * np.nan_to_num(vote.right(p.soles))
         for weight, p in zip(vote.weights.tolist(), planes, strict=True)
     )
-    rests = np.where(seen.low.across, rests, np.nan)
-    stands = np.where(seen.feet, stands, seen.stance.stands)
+    rests = np.where(people.low.across, rests, np.nan)
+    stands = np.where(people.feet, stands, people.stance.stands)
     # No foot stands on a floor over which the lowest skin lies.
-    return replace(seen.stance, stands=np.fmin(stands, rests[:, None]), rests=rests)
+    return replace(people.stance, stands=np.fmin(stands, rests[:, None]), rests=rests)
 
 
 def _standing_probabilities(
-    vote: ScaleVote, plane: _FloorHypothesis, seen: _PeopleEvidence
+    vote: ScaleVote, plane: _FloorHypothesis, people: _PeopleEvidence
 ) -> FloatArray:
     """Return the probability (N, 2) that feet stand on a plane; NaN off it."""
-    feet = zip(plane.by_soles.T, seen.stance.stands.T, strict=True)
+    feet = zip(plane.by_soles.T, people.stance.stands.T, strict=True)
     return np.stack(
         [vote.right(replace(plane.soles, scale=scale, sure=sure)) for scale, sure in feet], 1
     )
