@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from physic_core.geometry.colors import lab_from_srgb
 from physic_core.pipeline.border import find_inside
-from physic_core.pipeline.twins import one_of_twins
+from physic_core.pipeline.twins import half_of_twins
 
 if TYPE_CHECKING:
     from physic_core.pipeline.border import Inside
@@ -117,13 +117,13 @@ def find_frame(image: UInt8Array) -> Frame:
     border = find_inside(image)
     whole = slice(0, image.shape[0]), slice(0, image.shape[1])
     if border is not None:
-        several = len(_layer(image).uncut)
+        several = len(_outermost_layer(image).uncut)
         if several > 2:  # their common border is no frame
-            return Frame(warning=_several(several))
+            return Frame(warning=_several_warning(several))
     frame, pictures = _without_layers(image, border)
     # of more pictures than two, as of a sheet for a passport, half is no picture
     rows, columns = frame.inside or whole
-    half = None if len(pictures) > 2 else one_of_twins(image[rows, columns])
+    half = None if len(pictures) > 2 else half_of_twins(image[rows, columns])
     if half is None:
         return frame
     axis, length = half
@@ -149,9 +149,9 @@ def _without_layers(image: UInt8Array, inside: Inside | None) -> tuple[Frame, tu
     corners = np.array([[left, top], [right, top], [right, bottom], [left, bottom]], float)
     part = image[rows, columns]
     for _ in range(_LAYERS):
-        found, uncut = _layer(part)
+        found, uncut = _outermost_layer(part)
         if len(uncut) > 1:
-            return replace(frame, warning=_several(len(uncut))), uncut
+            return replace(frame, warning=_several_warning(len(uncut))), uncut
         if uncut:
             warning = (
                 f"a photo of a picture? Four straight lines enclose {uncut[0].share:.0%} of it, as "
@@ -161,11 +161,15 @@ def _without_layers(image: UInt8Array, inside: Inside | None) -> tuple[Frame, tu
             return replace(frame, warning=warning), uncut
         if found is None:
             break
-        corners = cv2.perspectiveTransform(found.corners[None], np.linalg.inv(_upright(corners)))[0]
+        corners = cv2.perspectiveTransform(
+            found.corners[None], np.linalg.inv(_homography_to_upright(corners))
+        )[0]
         is_print = frame.is_print or found.turn_deg > _STRAIGHT_DEG
         frame = Frame(_rectangle_in(corners), "what is round the picture", is_print=is_print)
-        width, height = _size(corners)
-        part = cv2.warpPerspective(image, _upright(corners), (round(width), round(height)))
+        width, height = _width_and_height(corners)
+        part = cv2.warpPerspective(
+            image, _homography_to_upright(corners), (round(width), round(height))
+        )
     return frame, ()
 
 
@@ -188,20 +192,20 @@ def plain_ground(image: UInt8Array) -> BoolArray | None:
     return np.asarray(whole > 0)
 
 
-def _size(corners: FloatArray) -> tuple[float, float]:
+def _width_and_height(corners: FloatArray) -> tuple[float, float]:
     """Return width and height of a picture with corners (4, 2), clockwise from the upper left."""
     sides = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
     return float(sides[[0, 2]].mean()), float(sides[[1, 3]].mean())
 
 
-def _upright(corners: FloatArray) -> FloatArray:
+def _homography_to_upright(corners: FloatArray) -> FloatArray:
     """Return the homography (3, 3) that puts corners (4, 2) at those of an upright picture."""
-    width, height = _size(corners)
+    width, height = _width_and_height(corners)
     upright = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
     return np.asarray(cv2.getPerspectiveTransform(corners.astype(np.float32), upright))
 
 
-def _layer(image: UInt8Array) -> _Layer:
+def _outermost_layer(image: UInt8Array) -> _Layer:
     """Return what the outermost ground of an image (H, W, 3) is round; the picture to cut out in px
     of the image.
     """
@@ -214,7 +218,7 @@ def _layer(image: UInt8Array) -> _Layer:
     if len(pictures) > 1 and sum(one.share for one in pictures) >= _PARTS:
         return _Layer(uncut=tuple(pictures))
     for one in pictures[:1]:
-        if one.share < max(_PICTURE, _MOST * _largest(~outer)):
+        if one.share < max(_PICTURE, _MOST * _largest_share(~outer)):
             break
         if one.broken or one.turn_deg > _CUT_DEG or one.skew_deg > _SQUARE_DEG:
             return _Layer(uncut=(one,))
@@ -235,13 +239,13 @@ def _layer(image: UInt8Array) -> _Layer:
     return _Layer()
 
 
-def _largest(parts: BoolArray) -> float:
+def _largest_share(parts: BoolArray) -> float:
     """Return the share of the largest connected part of a photo (H, W)."""
     *_, stats, _ = cv2.connectedComponentsWithStats(parts.astype(np.uint8), connectivity=4)
     return float(stats[1:, cv2.CC_STAT_AREA].max(initial=0)) / parts.size
 
 
-def _several(number: int) -> str:
+def _several_warning(number: int) -> str:
     return (
         f"{number} pictures in one file? A plain ground parts them, and distances between people "
         "of two pictures are meaningless: cut them apart, and run each"
@@ -254,7 +258,7 @@ def _grounds(small: UInt8Array) -> tuple[BoolArray, list[BoolArray]]:
     """
     height, width = small.shape[:2]
     values = np.rint(lab_from_srgb(small) * _LAB_STEPS).astype(np.int16)
-    smooth = _smooth(values)
+    smooth = _smooth_pixels(values)
     _, labels, stats, _ = cv2.connectedComponentsWithStats(smooth, connectivity=4)
     outer = _blurred_sides(smooth > 0)
     enclosing = [_textured_ground(values)]
@@ -287,7 +291,7 @@ def _blurred_sides(smooth: BoolArray) -> BoolArray:
     return sides
 
 
-def _smooth(values: NDArray[np.int16]) -> UInt8Array:
+def _smooth_pixels(values: NDArray[np.int16]) -> UInt8Array:
     """Return where colours (H, W, 3) change no more than by the noise at the edge of a photo."""
     steps = [np.abs(np.diff(values, axis=axis)).max(-1) for axis in (0, 1)]
     noise = np.mean([*steps[0][:, 0], *steps[0][:, -1], *steps[1][0], *steps[1][-1]])
@@ -355,18 +359,20 @@ def _picture(part: BoolArray) -> _Picture | None:
         if len(corners) <= 4:
             starts += [corners[:, 0].astype(float)] if len(corners) == 4 else []
             break
-    found = [_on_lines(start, outline[:, 0].astype(float), part.shape) for start in starts]
+    found = [_picture_on_lines(start, outline[:, 0].astype(float), part.shape) for start in starts]
     return min(filter(None, found), key=lambda one: one.broken, default=None)
 
 
-def _on_lines(start: FloatArray, points: FloatArray, size: tuple[int, int]) -> _Picture | None:
+def _picture_on_lines(
+    start: FloatArray, points: FloatArray, size: tuple[int, int]
+) -> _Picture | None:
     """Return the picture whose sides are the lines nearest to those of four corners (4, 2); None if
     the points (P, 2) of its outline lie elsewhere.
     """
     sides = [
         side
         for corner, end in zip(start, np.roll(start, -1, axis=0), strict=True)
-        if (side := _side(corner, end, points, size)) is not None
+        if (side := _line_at_side(corner, end, points, size)) is not None
     ]
     inner = [side for side in sides if not side.at_edge]
     broken = sum(side.seen < _SEEN for side in inner)
@@ -410,7 +416,7 @@ def _clockwise(corners: FloatArray) -> FloatArray:
     return np.roll(around, -int(around.sum(1).argmin()), axis=0)
 
 
-def _side(
+def _line_at_side(
     corner: FloatArray, end: FloatArray, points: FloatArray, size: tuple[int, int]
 ) -> _Line | None:
     """Return the line nearest to a side by the points of the outline (P, 2); None if the side is
