@@ -133,7 +133,7 @@ def photo_path_for_messages(photo: object) -> str:
 def _read_image(image: Image.Image) -> Photo:
     source = ImageSource(photo_path_for_messages(image) or "given as a PIL image")
     if image.size[0] * image.size[1] > MAX_PIXELS:
-        raise source.too_large()
+        raise source.too_large_error()
     decode(image, source)
     with wrap_decoding_errors(source):
         copy = image.copy()  # decoding at a smaller size would change the user's image
@@ -254,7 +254,7 @@ def _check_header(image: Image.Image, source: ImageSource) -> None:
             f"channel"
         )
     if _is_raw(image):
-        raise source.raw()
+        raise source.raw_error()
 
 
 def _read(image: Image.Image, source: ImageSource, colours: tuple[int, int] | None = None) -> Photo:
