@@ -56,11 +56,11 @@ def measure_agreement(estimates: Estimates, state: State) -> list[Measures]:
     silhouettes = compare_silhouettes(
         state.vertices, model.faces, state.masks, state.K, scene, photo
     )
-    assert state.unplaced is not None
+    assert state.placement_failures is not None
     assert state.joint is not None
     measured = [
         Measures(problem or None, failure or None)
-        for problem, failure in zip(state.unplaced, state.joint.failures, strict=True)
+        for problem, failure in zip(state.placement_failures, state.joint.failures, strict=True)
     ]
     for i, support in enumerate(found.supports):
         if support is None:

@@ -48,7 +48,7 @@ _MOST_CONTACT = 0.6  # share of the vertices; worlds with contact have at most .
 _IN_CONTACT = 0.5  # least probability
 
 
-def real_people(people: People, prompt: PeoplePrompt | None = None) -> BoolArray:
+def is_real_person(people: People, prompt: PeoplePrompt | None = None) -> BoolArray:
     """Return which people (N,) bool are real, by the keypoints of the segmenter: all without
     keypoints or with masks.
 

@@ -81,7 +81,7 @@ def run_backends(run: PhotoRun) -> Estimates:
     }
     return Estimates(
         image=run.image,
-        camera_given=run.given.photo.intrinsics is not None,
+        camera_by_user_or_file=run.given.photo.intrinsics is not None,
         photo=photo,
         inpainted=inpainting.image,
         ground=_stated(ground.expanded(embodied), own, depth),

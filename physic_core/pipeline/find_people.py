@@ -27,13 +27,13 @@ from physic_core.pipeline.backend_results import (
     discard_invalid_keypoints,
     doubt_of_contact,
     expand_contact,
-    real_people,
+    is_real_person,
     replace_hands,
     transfer_contact,
     without_doubtful_wrists,
 )
 from physic_core.pipeline.given.people import (
-    ignored_people,
+    is_ignored_person,
     known_people,
     left_to_right,
     select_chosen,
@@ -107,7 +107,7 @@ def find_people(run: PhotoRun) -> FoundPeople:
     found = _segment(run, prompt, required=run.plan.photo.require_people)
     if ignored is not None:
         found = _without(run, found, ignored)
-    real = real_people(found.people, prompt)
+    real = is_real_person(found.people, prompt)
     every = found.people
     same = (
         "its joints lie on another person, who seems the same; if not, give --person x,y for each"
@@ -161,7 +161,7 @@ def _segment(run: PhotoRun, prompt: PeoplePrompt | None, *, required: bool) -> S
 def _without(run: PhotoRun, found: SegmentedPeople, ignored: PeoplePrompt) -> SegmentedPeople:
     """Return the people whom the user does not ignore; others' pixels show no scene."""
     people = found.people
-    out = ignored_people(people, ignored)
+    out = is_ignored_person(people, ignored)
     masks: BoolArray = np.logical_or.reduce(people.masks[out])
     if people.unposed_mask is not None:
         masks |= people.unposed_mask

@@ -213,14 +213,16 @@ def find_scale(
     run: PhotoRun, photo: PhotoContent, bodies: Bodies, floors: Floors, own: DepthMap | None
 ) -> Ground:
     """Find floor and scale by the people with bodies, and by a depth with a scale of its own."""
-    from physic_core.engine.ground.floor_and_scale import asked_up, find_ground
+    from physic_core.engine.ground.floor_and_scale import find_ground, up_checked_in_photo
     from physic_core.engine.up import slope_warnings
 
     evidence = floors.evidence
     witness = own if run.plan.engine.scene.rescales_depth else None
     ground = find_ground(photo, bodies, run.model, floors.candidates, evidence, witness)
     plane = ground.search.plane
-    run.stages.warn(*asked_up(photo)[1], *slope_warnings(plane, evidence.up, evidence.slope))
+    run.stages.warn(
+        *up_checked_in_photo(photo)[1], *slope_warnings(plane, evidence.up, evidence.slope)
+    )
     return ground
 
 

@@ -93,7 +93,7 @@ def _people(
     rows = _arrays_of_people(state, contact)
     sizes = zip(state.model.stature(state.betas), body_size_sigmas(estimates, state), strict=True)
     unseen = _unseen(state)
-    touch = estimates.ground.stance.limb_touch
+    touch = estimates.ground.stance.limb_touch_probability
     sigmas = estimates.bodies.joint_sigma
     people = []
     for i, (stature, sigma) in enumerate(sizes):

@@ -45,7 +45,7 @@ def contact(state):
 def observed(state, **odds):
     """The same state, of whose parts the observer says these log odds."""
     columns = [odds.get(name, 0.0) for name in OBSERVED_COLUMNS]
-    return replace(state, observed_touch=torch.tensor([columns]))
+    return replace(state, observed_log_odds=torch.tensor([columns]))
 
 
 def parts_observed(state, odds):

@@ -199,7 +199,7 @@ def case(
         views=views,
         ground=SimpleNamespace(
             measured=None,
-            stance=replace(Stance.unknown(1), stands=np.array([stands])),
+            stance=replace(Stance.unknown(1), stand_probability=np.array([stands])),
             witnesses={"scale": witness},
             search=SimpleNamespace(
                 plane=plane(source) if is_found else None, in_mask=is_found and mask

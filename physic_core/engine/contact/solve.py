@@ -29,11 +29,11 @@ from physic_core.engine.contact.partner import (
 from physic_core.engine.contact.parts import SEAT, contact_regions, scene_parts
 from physic_core.engine.contact.picture import Picture
 from physic_core.engine.contact.probability import (
-    by_vertex,
     contact_part_masks,
-    feet_on_floor,
-    lying_bodies,
+    foot_floor_probability,
+    is_lying,
     unseen_parts,
+    values_by_vertex,
 )
 from physic_core.engine.contact.support import (
     PersonContact,
@@ -121,7 +121,7 @@ def _find_supports(
     height = torch.where(touch.kind == _SCENE, near.surface.nearest, 0.0)
     height = torch.where(touch.kind >= 0, height, torch.inf)
     seen = state.visible_vertices & (touch.kind != HIDDEN)
-    lies = lying_bodies(state).tolist()
+    lies = is_lying(state).tolist()
     found: list[PersonSupport | None] = []
     for i, finite in enumerate(state.finite_people.tolist()):
         if not finite:
@@ -197,7 +197,7 @@ def _add_hidden_contacts(
             kind[i, one.hidden] = torch.where(one.seat[one.hidden], HIDDEN_SEAT, HIDDEN)
     probability = touch.probability
     if probability is not None and touch.parts:
-        of_parts = by_vertex(state.model, touch.parts).to(probability)
+        of_parts = values_by_vertex(state.model, touch.parts).to(probability)
         probability = torch.where(kind >= HIDDEN, of_parts, probability)
     return replace(touch, kind=kind, probability=probability)
 
@@ -211,7 +211,7 @@ def _describe_contacts(
 ) -> Contact:
     """Name partners and supports, and list the contacts of each body part."""
     regions = contact_regions(state.model)
-    seen = Seen(_carried_limbs(state), feet_on_floor(state), picture)
+    seen = Seen(_carried_limbs(state), foot_floor_probability(state), picture)
     partners, index = assign_partners(touch.kind, near, regions, state.up, seen)
     dents = dent_depths(near.surface, near.parts)
     dents = torch.where(touch.kind == _SCENE, dents, torch.nan)

@@ -127,7 +127,7 @@ def low_skin(
     return low
 
 
-def ground_beside(
+def ground_at_soles(
     photo: PhotoContent, low: LowSkin | None = None, up: Tensor | None = None
 ) -> tuple[GroundAtSoles, ...]:
     """Return the visible ground beside the soles of each person, if the photo shows it; below the
@@ -139,7 +139,7 @@ def ground_beside(
         up: (3,) unit, with ``low``.
     """
     raised = photo.labelled(*RAISED_SURFACES)
-    on_feet = 1 - (1 - Stance.in_picture(photo.observations).stands).prod(1)
+    on_feet = 1 - (1 - Stance.in_picture(photo.observations).stand_probability).prod(1)
     found = []
     for i in range(len(photo.people)):
         rests = low is not None and up is not None and bool(low.across[i])

@@ -100,15 +100,15 @@ class GroundAtSoles(NamedTuple):
     Attributes:
         rows: (M,) int64, of its pixels.
         columns: (M,) int64.
-        stands: probability that the person stands on the floor, before one is known.
-        real: probability that it is a person.
+        stand_probability: probability that the person stands on the floor, before one is known.
+        person_probability: probability that it is a person.
         person: row of the person.
     """
 
     rows: Tensor
     columns: Tensor
-    stands: float
-    real: float
+    stand_probability: float
+    person_probability: float
     person: int
 
 

@@ -25,7 +25,7 @@ from physic_core.engine.ground.beside import (
     RAISED_SURFACES,
     LowSkin,
     feet_pixels,
-    ground_beside,
+    ground_at_soles,
     low_skin,
 )
 from physic_core.engine.ground.carriers import carried_people
@@ -39,7 +39,7 @@ from physic_core.engine.ground.floor import (
     standing_score,
 )
 from physic_core.engine.ground.lying import people_backgrounds
-from physic_core.engine.ground.posture import bodies_of_people_who_stand, rests_on_any_part
+from physic_core.engine.ground.posture import may_rest_on_any_part, trunk_planes_of_standing
 from physic_core.engine.ground.report import (
     floor_witnesses,
     rival_note,
@@ -64,7 +64,7 @@ from physic_core.engine.sizes.evidence import (
 )
 from physic_core.engine.sizes.scale_vote import ScaleVote, Witnesses, vote_on_scale
 from physic_core.engine.sizes.stature import adult_probability, stature_sigmas
-from physic_core.engine.up import Up, questioned_up, surest_up
+from physic_core.engine.up import Up, surest_up, up_checked_by_people
 from physic_core.geometry.floor import FloorSearch, PlaneFit
 from physic_core.geometry.pointmap import pointmap_normals
 from physic_core.geometry.tensors import exact_arrays, optional_tensors, tensor, tensors
@@ -178,19 +178,19 @@ def floor_evidence(photo: PhotoContent) -> FloorEvidence:
         others=tensors(*photo.people.floor_candidates),
         ground=photo.labelled(*GROUND_SURFACES) & uncovered,
         no_ground=photo.labelled(*_NO_FLOORS) & uncovered,
-        soles=ground_beside(photo),
+        soles=ground_at_soles(photo),
         around=people_backgrounds(select_people(photo, lie)),
-        up=asked_up(photo)[0],
+        up=up_checked_in_photo(photo)[0],
         slope=photo.slope,
         focal_sigma=0.0 if photo.camera.known else photo.camera.focal_sigma or 0.0,
         shift_sigma=photo.scene_map.shift_sigma or 0.0,
     )
 
 
-def asked_up(photo: PhotoContent) -> tuple[Up | None, tuple[str, ...]]:
+def up_checked_in_photo(photo: PhotoContent) -> tuple[Up | None, tuple[str, ...]]:
     """Return up without a floor, after the people who stand were asked, and warnings."""
-    bodies = bodies_of_people_who_stand(photo.keypoints, photo.observations, photo.camera)
-    return questioned_up(photo.up_without_floor, tensor(bodies))
+    bodies = trunk_planes_of_standing(photo.keypoints, photo.observations, photo.camera)
+    return up_checked_by_people(photo.up_without_floor, tensor(bodies))
 
 
 def scene_floor_candidates(
@@ -229,7 +229,7 @@ def find_ground(
     scene = photo.scene_map
     at_soles: tuple[GroundAtSoles, ...] = ()
     if about_floor.seen_ground is not None:
-        at_soles = ground_beside(photo, people.low, up)
+        at_soles = ground_at_soles(photo, people.low, up)
     planes = [_floor_hypothesis(candidate, people, photo, at_soles) for candidate in candidates]
     scores = [sum(p.nats.values()) for p in planes]
     own = None if depth is None else depth_witness(depth, scene, photo.camera, people.torsos)
@@ -268,7 +268,9 @@ def _ground_by_vote(
     stance = _stance_by_vote(vote, planes, people)
     if (plane := candidates[best].plane) is not None:
         stance = stance.with_resting(people.low.limbs(people.model, plane.normal))
-    notes = size_notes(vote, soles, people.torsos, people.feet & (stance.stands > _STANDS))
+    notes = size_notes(
+        vote, soles, people.torsos, people.feet & (stance.stand_probability > _STANDS)
+    )
     of_plane = {"soles": soles, "usual height of cameras": planes[best].camera}
     return Ground(
         _floor_below_bodies(chosen_floor(candidates, best, about_floor), people, vote.scale.scale),
@@ -276,7 +278,9 @@ def _ground_by_vote(
         replace(vote.scale, notes=notes + rival_note(candidates, vote.weights, best)),
         stance,
         by_people=True,
-        small=small_statures(vote, soles, people.feet & (people.stance.stands > _STANDS), known),
+        small=small_statures(
+            vote, soles, people.feet & (people.stance.stand_probability > _STANDS), known
+        ),
         witnesses={
             "floor": floor_witnesses(candidates, [p.nats for p in planes], vote.weights),
             "scale": scale_witnesses({**kinds, **of_plane}, vote),
@@ -350,7 +354,7 @@ def _people_evidence(
     )
     lie = said.posture[:, POSTURES.index("lie")] > _LIES
     upright = posed.joints.cpu()[torch.from_numpy(~lie)]
-    across = rests_on_any_part(photo.keypoints, said)
+    across = may_rest_on_any_part(photo.keypoints, said)
     low = low_skin(across, torch.from_numpy(vertices), model, observed, stance.holds, up)
     return _PeopleEvidence(model, vertices, upright, feet, real, low, stance, sigma, torsos)
 
@@ -467,8 +471,8 @@ def _soles_witness(
     """
     lies_on_floor = np.full(len(ground_weights), _RESTS_UNSEEN)
     for ground in at_soles:
-        lies_on_floor[ground.person] = ground.stands
-    stands = 1 - (1 - np.where(people.feet, people.stance.stands, 0.0)).prod(1)
+        lies_on_floor[ground.person] = ground.stand_probability
+    stands = 1 - (1 - np.where(people.feet, people.stance.stand_probability, 0.0)).prod(1)
     sure = ground_weights * people.real * np.where(people.low.across, lies_on_floor, stands)
     sigma = np.hypot(people.sigma, _SOLE_SIGMA)
     return Witnesses(scale_by_lowest, people.torsos.depth, sigma, sure, _FLOOR_SIGMA)
@@ -507,16 +511,18 @@ def _stance_by_vote(
         for weight, p in zip(vote.weights.tolist(), planes, strict=True)
     )
     rests = np.where(people.low.across, rests, np.nan)
-    stands = np.where(people.feet, stands, people.stance.stands)
+    stands = np.where(people.feet, stands, people.stance.stand_probability)
     # No foot stands on a floor over which the lowest skin lies.
-    return replace(people.stance, stands=np.fmin(stands, rests[:, None]), rests=rests)
+    return replace(
+        people.stance, stand_probability=np.fmin(stands, rests[:, None]), rest_probability=rests
+    )
 
 
 def _standing_probabilities(
     vote: ScaleVote, plane: _FloorHypothesis, people: _PeopleEvidence
 ) -> FloatArray:
     """Return the probability (N, 2) that feet stand on a plane; NaN off it."""
-    feet = zip(plane.by_soles.T, people.stance.stands.T, strict=True)
+    feet = zip(plane.by_soles.T, people.stance.stand_probability.T, strict=True)
     return np.stack(
         [vote.right(replace(plane.soles, scale=scale, sure=sure)) for scale, sure in feet], 1
     )

@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from physic_core.engine.ground.posture import of_both_sides
+from physic_core.engine.ground.posture import keypoints_of_both_sides
 from physic_core.geometry.inverse_depth import planes_through, weighted_plane
 from physic_core.geometry.pixels import dilate_square, median
 from physic_core.types.skeletons import SEEN_CONFIDENCE
@@ -82,7 +82,7 @@ class Background:
 def people_backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
     """Return the background around each person whose shoulders and ankles are seen."""
     soft, wall = (photo.labelled(*names) for names in (_SOFT, _WALL))
-    points, confidence = of_both_sides(photo.keypoints, "shoulder", "ankle")
+    points, confidence = keypoints_of_both_sides(photo.keypoints, "shoulder", "ankle")
     ends = points.mean(2)
     seen = (confidence >= SEEN_CONFIDENCE).all((1, 2)) & np.isfinite(ends).all((1, 2))
     found = []

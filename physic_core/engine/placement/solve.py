@@ -43,20 +43,24 @@ def solve_placement(estimates: Estimates, state: State, method: PlacementMethod)
     if state.known is not None and state.known.unscaled is not None:
         state = _resized(estimates, state, state.known, feet_seen, method)
     if not method.stance:
-        state = replace(state, limb_touch=None, rests=None)
-    elif state.limb_touch is not None:
+        state = replace(state, limb_touch_probability=None, rest_probability=None)
+    elif state.limb_touch_probability is not None:
         rides = tensor(estimates.photo.observations.posture)[:, POSTURES.index("ride")]
         # feet on pedals or in stirrups touch, but not the ground
-        on_ground = 1 - rides.nan_to_num().to(state.limb_touch) * state.limb_touch[:, 4]
-        touch = state.limb_touch.clone()
+        on_ground = (
+            1
+            - rides.nan_to_num().to(state.limb_touch_probability)
+            * state.limb_touch_probability[:, 4]
+        )
+        touch = state.limb_touch_probability.clone()
         touch[:, :2] *= on_ground[:, None]
         feet_seen = feet_seen & (touch[:, :2] >= LEAST_PROBABILITY).any(1)
-        if state.rests is not None:
+        if state.rest_probability is not None:
             # whatever is lowest carries people who lie, and feet that rest on a bench do not
-            across = torch.isfinite(state.rests)
-            feet_seen = torch.where(across, state.rests >= LEAST_PROBABILITY, feet_seen)
-            touch[:, :2] *= torch.where(across, state.rests, 1.0)[:, None]
-        state = replace(state, limb_touch=touch)
+            across = torch.isfinite(state.rest_probability)
+            feet_seen = torch.where(across, state.rest_probability >= LEAST_PROBABILITY, feet_seen)
+            touch[:, :2] *= torch.where(across, state.rest_probability, 1.0)[:, None]
+        state = replace(state, limb_touch_probability=touch)
     return _place(estimates, state, feet_seen, method)
 
 
@@ -80,7 +84,7 @@ def _place(estimates: Estimates, state: State, feet_seen: Tensor, method: Placem
         transl=_moved(state.transl, [fit.x for fit in fits]),
         estimated_transl=state.transl,
         keypoint_transl=_moved(state.transl, [fit.by_keypoints for fit in fits]),
-        unplaced=tuple(fit.problem for fit in fits),
+        placement_failures=tuple(fit.problem for fit in fits),
     )
 
 
@@ -138,12 +142,12 @@ def _resting_skin(state: State, vertices: Tensor) -> list[Tensor]:
     those who lie, plank or are on all fours, the soles of others.
     """
     found = [state.model.soles.cpu()] * len(state)
-    if state.rests is None:
+    if state.rest_probability is None:
         return found
     parts = observed_parts(state.model.part_names, state.observed)
     skin = (parts[:, state.model.part_of_vertex] & state.model.outer).cpu()
     heights = vertices @ state.up.to(vertices)
-    for i in torch.isfinite(state.rests).nonzero()[:, 0].tolist():
+    for i in torch.isfinite(state.rest_probability).nonzero()[:, 0].tolist():
         if bool(skin[i].any()):
             found[i] = lowest_layer(heights[i], skin[i]).nonzero()[:, 0]
     return found

@@ -62,7 +62,7 @@ def _cameras(estimates: Estimates) -> Cameras:
     """Return the cameras for stage 1: known ones before estimated ones before guessed ones."""
     metric = estimates.depth.intrinsics
     pointmap = estimates.photo.scene_map.intrinsics
-    keep = estimates.camera_given or (
+    keep = estimates.camera_by_user_or_file or (
         pointmap is not None and (metric is None or _trust(pointmap) > _trust(metric))
     )
     if pointmap is not None and metric is not None and _trust(pointmap) < _trust(metric):
@@ -91,9 +91,14 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
     if observed is None:
         observed = np.ones((len(masks), NUM_JOINTS), bool)
     stance = estimates.ground.stance
-    stands, rests, observed_touch, limb_touch = (
+    stand_probability, rest_probability, log_odds, limb_touch_probability = (
         torch.from_numpy(each).to(model.device, model.dtype)
-        for each in (stance.stands, stance.rests, stance.observed, stance.limb_touch)
+        for each in (
+            stance.stand_probability,
+            stance.rest_probability,
+            stance.log_odds,
+            stance.limb_touch_probability,
+        )
     )
     rotations, betas, transl, expression = pose_from_parameters(
         bodies.parameters, model.device, model.dtype
@@ -117,10 +122,10 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
         head_sigma=own(observations.head_sigma) * (torch.pi / 180),
         scene=scene,
         K=scene.K.to(model.device, model.dtype),
-        stands=stands,
-        rests=rests,
-        observed_touch=observed_touch,
-        limb_touch=limb_touch,
+        stand_probability=stand_probability,
+        rest_probability=rest_probability,
+        observed_log_odds=log_odds,
+        limb_touch_probability=limb_touch_probability,
         carried=stance.carried,
         scale_sigma=estimates.depth.scale_sigma,
         views=to_device(estimates.views, model.device, model.dtype),

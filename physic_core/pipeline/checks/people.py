@@ -13,7 +13,7 @@ import numpy as np
 
 from physic_core.body.joints import joint_pair
 from physic_core.body.posture import LYING_DEG, lean_deg, standing_legs, trunk_tilt_deg
-from physic_core.engine.ground.posture import upright_people
+from physic_core.engine.ground.posture import is_upright
 from physic_core.pipeline.checks.photo import NO_FLOOR, relative_difference
 from physic_core.pipeline.checks.spec import NO_BODY, YES, check
 from physic_core.types import MARKS, Plane, skeleton_named
@@ -290,7 +290,7 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     plane = estimates.ground.search.plane
     if plane is not None and plane.beneath:
         return None, "this person lies"
-    if not upright_people(estimates.photo.keypoints, estimates.photo.observations)[person]:
+    if not is_upright(estimates.photo.keypoints, estimates.photo.observations)[person]:
         return None, "this person is not upright in the photo, and may lean"
     floor = _level(result)
     parts: list[Literal["body", "trunk"]] = ["trunk"]

@@ -62,7 +62,7 @@ def corrected_keypoints(
             a person.
     """
     names = keypoints.joint_set.names
-    given, missing = _known_joints(given, names)
+    given, missing = _without_unknown_joints(given, names)
     columns = [_column(joint, names) for joint in given.joint]
     rows, strangers = _people_of(given, people)
     points = np.array(keypoints.points)
@@ -171,7 +171,7 @@ def _what_changed(before: Keypoints, after: Keypoints, changed: BoolArray, file_
     )
 
 
-def _known_joints(
+def _without_unknown_joints(
     given: GivenKeypoints, names: Sequence[str]
 ) -> tuple[GivenKeypoints, tuple[str, ...]]:
     """Return the keypoints of another program without joints that the detector lacks, and a note on

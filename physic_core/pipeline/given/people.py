@@ -112,7 +112,7 @@ def select_chosen(people: People, prompt: PeoplePrompt) -> People:
     )
 
 
-def ignored_people(people: People, prompt: PeoplePrompt) -> BoolArray:
+def is_ignored_person(people: People, prompt: PeoplePrompt) -> BoolArray:
     """Return which people (N,) bool the user leaves out.
 
     Raises:

@@ -288,8 +288,8 @@ class SoleTerm:
         unseen = ~sampling.feet_visible & (lowest.abs() < _MAX_UNSEEN_SIGMAS * _UNSEEN_SIGMA_M)
         touch = torch.ones_like(lowest)
         either = torch.ones_like(lowest[:, 0])
-        if sampling.state.limb_touch is not None:
-            touch = sampling.state.limb_touch[:, :2].to(lowest)
+        if sampling.state.limb_touch_probability is not None:
+            touch = sampling.state.limb_touch_probability[:, :2].to(lowest)
             either = 1 - (1 - touch).prod(1)
         self.weights = {
             "soles": touch * on_floor,
