@@ -222,7 +222,7 @@ _NEW_SUBFILE_TYPE = 254  # tag of TIFF
 _DNG_VERSION = 50706  # tag of DNG
 
 
-def _is_raw(image: Image.Image) -> bool:
+def _is_raw_tiff(image: Image.Image) -> bool:
     """Return whether a TIFF is a raw file (DNG, NEF and others), whose first image is a reduced
     copy of another.
     """
@@ -253,7 +253,7 @@ def _check_header(image: Image.Image, source: ImageSource) -> None:
             f"cannot use the {source}: its pixels are floating point; save it with 8 bits per "
             f"channel"
         )
-    if _is_raw(image):
+    if _is_raw_tiff(image):
         raise source.raw_error()
 
 
