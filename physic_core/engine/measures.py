@@ -80,7 +80,7 @@ def measure_agreement(estimates: Estimates, state: State) -> list[Measures]:
             clearance_m=max(0.0, gap) if gap != math.inf else None,
             sole_height_m=None if heights is None else float(heights[model.soles].min()),
         )
-    given = estimates.given_keypoints
+    given = estimates.is_given_keypoint
     return measured if given is None else _with_keypoints(measured, given, estimates, state)
 
 

@@ -80,15 +80,15 @@ class Estimates(ShortRepr):
         bodies: N bodies with their hands, of the configured body model.
         contact: contact prior, zero if no backend was configured.
         depth: metric depth of ``inpainted``.
-        depth_by: name of what estimated it, in messages.
+        depth_backend: name of what estimated it, in messages.
         missing_results: per person, the interfaces whose backend returned no valid values for them.
             Such a person has keypoints of confidence 0, a body of NaN, flat hands or no prior
             contact.
         known: sizes that the user knows, in px of ``image``.
         views: what other cameras show of the same people.
-        given_keypoints: (N, J), which of the keypoints the user gave; None if none.
+        is_given_keypoint: (N, J), which of the keypoints the user gave; None if none.
         contradicted_px: (N, J), how far mask and detector contradict them, px; None if none.
-        file_px: px of the photo file in one px of ``image``, stated if ``given_keypoints`` are.
+        file_px_per_px: px of the photo file in one px of ``image``, stated if keypoints are given.
     """
 
     image: UInt8Array
@@ -100,12 +100,12 @@ class Estimates(ShortRepr):
     contact: ContactProbability = field(metadata=PER_PERSON)
     depth: DepthMap
     missing_results: tuple[tuple[str, ...], ...] = field(metadata=PER_PERSON)
-    depth_by: str = "metric depth"
+    depth_backend: str = "metric depth"
     known: KnownSizes = field(default_factory=KnownSizes)
     views: tuple[OtherView, ...] = ()
-    given_keypoints: BoolArray | None = field(default=None, metadata=PER_PERSON)
+    is_given_keypoint: BoolArray | None = field(default=None, metadata=PER_PERSON)
     contradicted_px: FloatArray | None = field(default=None, metadata=PER_PERSON)
-    file_px: float = 1.0
+    file_px_per_px: float = 1.0
 
     def __post_init__(self) -> None:
         count = len(self.photo.people)

@@ -35,7 +35,7 @@ from physic_core.pipeline.backend_results import (
 from physic_core.pipeline.given.people import (
     is_ignored_person,
     known_people,
-    left_to_right,
+    order_left_to_right,
     select_chosen,
 )
 from physic_core.types import Bodies, ContactProbability, Keypoints, Observations, People
@@ -83,16 +83,16 @@ class FoundKeypoints(ShortRepr):
     Attributes:
         keypoints: by the detector, with those that the user gave.
         missing: (N,) bool, people with invalid ones by the detector; None if it was not called.
-        changed: (N, J) keypoints that the user changed, or None.
-        contradicted: (N, J) how far mask and detector contradict them, px, or None.
-        file_px: as of :class:`physic_core.engine.state.Estimates`.
+        is_changed: (N, J) keypoints that the user changed, or None.
+        contradicted_px: (N, J) how far mask and detector contradict them, px, or None.
+        file_px_per_px: as of :class:`physic_core.engine.state.Estimates`.
     """
 
     keypoints: Keypoints
     missing: BoolArray | None = None
-    changed: BoolArray | None = None
-    contradicted: FloatArray | None = None
-    file_px: float = 1.0
+    is_changed: BoolArray | None = None
+    contradicted_px: FloatArray | None = None
+    file_px_per_px: float = 1.0
 
 
 def find_people(run: PhotoRun) -> FoundPeople:
@@ -117,7 +117,7 @@ def find_people(run: PhotoRun) -> FoundPeople:
         raise NoPersonError("a person is required, and all people of the photo were left out")
     sizes = run.given.known
     if prompt is None:
-        found = select_people(found, left_to_right(found.people))
+        found = select_people(found, order_left_to_right(found.people))
         return FoundPeople(found.people, found.missing, known_people(sizes, len(found.people)))
     known = select_people(known_people(sizes, len(every)), real)
     if not real.all():
@@ -193,7 +193,7 @@ def find_keypoints(run: PhotoRun, people: People) -> FoundKeypoints:
     keypoints, changed, notes = corrected_keypoints(found.keypoints, given, people)
     run.stages.note(*notes)
     contradicted = contradicted_keypoints(found.keypoints, keypoints, changed, people)
-    return FoundKeypoints(keypoints, found.missing, changed, contradicted, given.file_px)
+    return FoundKeypoints(keypoints, found.missing, changed, contradicted, given.file_px_per_px)
 
 
 def observe_people(

@@ -38,8 +38,8 @@ def run_engine(
     with stages.time_engine("scene"):
         state = solve_scene(estimates, model, settings.scene)
     is_sized = state.known is not None and state.known.unscaled is not None
-    if estimates.ground.guess and not is_sized:
-        stages.warn(estimates.ground.guess)
+    if estimates.ground.guess_warning and not is_sized:
+        stages.warn(estimates.ground.guess_warning)
     if not len(estimates.photo.people):
         return as_reconstruction(estimates, state)
     with stages.time_engine("placement"):

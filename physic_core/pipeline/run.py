@@ -223,7 +223,7 @@ class Pipeline:
         camera = given.camera()
         plan = self._plan_with(settings)
         path = photo_path_for_messages(source)
-        with self._exclusive(), _naming(path):
+        with self._exclusive(), _errors_name_photo(path):
             with limited_memory(self.config.run.device):
                 photo = read_photo(source)
             if camera is not None and (camera.width, camera.height) == photo.file_size:
@@ -314,7 +314,7 @@ def reconstruct(
 
 
 @contextmanager
-def _naming(photo: str) -> Iterator[None]:
+def _errors_name_photo(photo: str) -> Iterator[None]:
     """Start the message of an error with the path of the photo, if it has one."""
     try:
         yield

@@ -27,7 +27,7 @@ from .drawn import normal
 DEFAULT = engine_preset("default").joint
 HERE = {
     "default": DEFAULT,
-    "points": with_options(engine_preset("prox").joint, nearest_every_step=False),
+    "points": with_options(engine_preset("prox").joint, finds_nearest_every_step=False),
 }
 needs_cuda = pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device here")
 

@@ -108,7 +108,7 @@ class World:
 
     def candidates(self, searched=True, **changed):
         photo = replace(self.photo, **changed)
-        return scene_floor_candidates(photo.scene, floor_evidence(photo), searched=searched)
+        return scene_floor_candidates(photo.scene_points, floor_evidence(photo), searched=searched)
 
     def labelled(self, name, ground, **masks):
         labels = SurfaceLabels(ground.astype(np.uint8), ("unknown", name))
@@ -147,7 +147,7 @@ def test_soles_on_the_floor_give_the_scale(world):
     assert found.scale.sigma == pytest.approx(0.08, abs=0.02)
     assert found.search.reason == "found"
     assert (found.stance.stand_probability > 0.8).all()
-    assert not found.guess
+    assert not found.guess_warning
 
 
 def test_the_answer_names_who_spoke_for_floor_and_scale_and_who_contradicts():
@@ -167,7 +167,7 @@ def test_the_ground_of_people_with_bodies_names_them_by_their_numbers_among_all(
     world = World([(-0.6, 2.5), (0.7, 2.8), (0.1, 3.0)])
     found = world.answer(bodies=world.moved(1, 1.6))
     among = found.expanded(np.array([False, True, True, False, True]))
-    assert list(among.small) == [2]
+    assert list(among.small_statures) == [2]
     soles = [row for row in among.witnesses["scale"] if row["by"] == "soles"]
     assert [row["person"] for row in soles] == [1, 2, 4]
     assert (
@@ -282,10 +282,10 @@ def test_who_is_too_small_for_an_adult_on_the_floor_of_others_is_named():
     """
     world = World([(-0.6, 2.5), (0.7, 2.8), (0.1, 3.0)])
     bodies = world.moved(1, 1.6)
-    assert world.answer(bodies=bodies).small == {1: pytest.approx(1.1, abs=0.1)}
-    assert world.answer().small == {}
+    assert world.answer(bodies=bodies).small_statures == {1: pytest.approx(1.1, abs=0.1)}
+    assert world.answer().small_statures == {}
     known = KnownPeople(years=np.array([np.nan, 6.0, np.nan]))
-    assert world.answer(bodies=bodies, known=known).small == {}
+    assert world.answer(bodies=bodies, known=known).small_statures == {}
 
 
 @pytest.mark.parametrize(
@@ -349,8 +349,8 @@ def test_without_people_the_scale_is_a_guess_that_names_its_assumption(world):
     }
     found = world.answer(**no_people)
     assert found.scale.sigma is None
-    assert "1.45 m above the floor" in found.guess
-    assert "3 m" in world.answer((NO_FLOOR,), **no_people).guess
+    assert "1.45 m above the floor" in found.guess_warning
+    assert "3 m" in world.answer((NO_FLOOR,), **no_people).guess_warning
 
 
 @pytest.mark.parametrize("name", ["water", "sky", "wall"])

@@ -237,7 +237,7 @@ def energy_with_all(stage, settings):
     told = {"lean_sigma": lean, "stand_probability": stands, "views": views, **heads}
     state = in_float64(replace(leaning, **told))
     # Nearest points and signs may switch between two evaluations: hold them, as a line search does.
-    energy = JointEnergy(state, with_options(settings, nearest_every_step=False))
+    energy = JointEnergy(state, with_options(settings, finds_nearest_every_step=False))
     here = energy.variables.pack()
     size = 1e-3 if isinstance(energy.variables, UnwhitenedVariables) else 0.05
     energy.variables.load(here + size * normal(len(here)))

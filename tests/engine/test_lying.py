@@ -64,7 +64,7 @@ def answer(turned=False, floor_m=None, gap_m=0.0, label=None, posture=None, up=N
         said.posture[:, POSTURES.index(posture)] = 0.92
         photo = replace(photo, observations=said)
     evidence = floor_evidence(photo)
-    floors = scene_floor_candidates(photo.scene, evidence)
+    floors = scene_floor_candidates(photo.scene_points, evidence)
     return find_ground(photo, bodies, model, floors, evidence)
 
 

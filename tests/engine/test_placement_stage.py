@@ -37,7 +37,7 @@ def estimated_too_far(make_stage, stands_at):
     points = PixelPoints.of(pointmap_of(0.5 * photo.numpy(), CAMERA, "scale"))
     scene = replace(state.scene, diagnostics={"floor": {}})
     state = replace(state, transl=state.transl + AWAY, scene=scene)
-    content = SimpleNamespace(with_people=points, hole=state.masks.any(0))
+    content = SimpleNamespace(photo_points=points, hole=state.masks.any(0))
     return SimpleNamespace(photo=content), state
 
 

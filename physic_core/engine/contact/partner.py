@@ -25,7 +25,7 @@ from physic_core.engine.contact.parts import (
     are_adjacent,
     is_farther_out,
 )
-from physic_core.engine.contact.picture import Picture
+from physic_core.engine.contact.picture import PeopleInPicture
 from physic_core.engine.contact.probability import mean_of_surest
 from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.types.contacts import NO_PARTNER, BodyContact, ContactPartner
@@ -47,23 +47,23 @@ _RESTS = -0.3  # cosine between up and the mean normal of touching skin; below i
 
 
 @dataclass(frozen=True)
-class Seen:
+class SeenTouch:
     """What is seen of what N people touch.
 
     Attributes:
         carriers: name of each carrier, and vertices (N, V) bool of limbs that it carries.
-        on_floor: (N, 2) probability that left and right foot are on the floor if they touch
+        foot_floor_probability: (N, 2) that left and right foot are on the floor if they touch
             anything, NaN where unknown; None if unknown of all.
         picture: what it shows beside parts; None if unknown.
     """
 
     carriers: Sequence[tuple[str, Tensor]] = ()
-    on_floor: Tensor | None = None
-    picture: Picture | None = None
+    foot_floor_probability: Tensor | None = None
+    picture: PeopleInPicture | None = None
 
 
 def assign_partners(
-    touched: Tensor, near: Distances, regions: ContactRegions, up: Tensor, seen: Seen
+    touched: Tensor, near: Distances, regions: ContactRegions, up: Tensor, seen: SeenTouch
 ) -> tuple[tuple[ContactPartner, ...], Tensor]:
     """Name the partner of each contact vertex.
 
@@ -97,14 +97,14 @@ def assign_partners(
 
 
 def _partners(
-    touched: Tensor, near: Distances, regions: ContactRegions, up: Tensor, seen: Seen
+    touched: Tensor, near: Distances, regions: ContactRegions, up: Tensor, seen: SeenTouch
 ) -> Iterator[tuple[Tensor, ContactPartner]]:
     """Yield the vertices (N, V) bool of each partner; there may be none, and the first counts: what
     is known of a limb before what its place says, and names before partners without one.
     """
     on_scene = touched == KINDS.index("scene")
     hidden = touched >= HIDDEN
-    foot_on_floor, foot_elsewhere = _feet_on_floor(near, regions, seen.on_floor)
+    foot_on_floor, foot_elsewhere = _feet_on_floor(near, regions, seen.foot_floor_probability)
     # Feet on the floor: before carriers, since a rider may put a foot down.
     yield (on_scene | hidden) & foot_on_floor, ContactPartner("floor", "floor")
     # Carriers: before the floor and surfaces, whose points near a limb may be the carrier's.
@@ -112,7 +112,7 @@ def _partners(
         yield carried & on_scene, ContactPartner("scene", name, id=number)
         yield carried & hidden, ContactPartner("hidden", name, id=number)
     # The floor: before other surfaces, of which the ground is none.
-    on_ground = near.surface.on_floor | near.on_ground
+    on_ground = near.surface.floor_is_nearer | near.nearest_is_ground
     yield on_scene & on_ground & ~foot_elsewhere, ContactPartner("floor", "floor")
     # Surfaces: of what is left of the scene, all but feet on ground that is not theirs.
     yield from _surfaces(on_scene & ~on_ground, near, regions, up, len(seen.carriers))
@@ -147,7 +147,7 @@ def _skin(
 
 
 def _in_picture(
-    unmeasured: Tensor, regions: ContactRegions, foot_elsewhere: Tensor, picture: Picture
+    unmeasured: Tensor, regions: ContactRegions, foot_elsewhere: Tensor, picture: PeopleInPicture
 ) -> Iterator[tuple[Tensor, ContactPartner]]:
     """Yield the vertices (N, V) bool of each partner that the picture shows.
 
@@ -179,7 +179,7 @@ def _surfaces(
     parts = near.parts
     if bool(on_scene.any()):
         surface = parts.surface[surfaces.point]
-        rests = _resting(near.normals @ up, on_scene, regions)
+        rests = _rests_on_scene(near.normals @ up, on_scene, regions)
         sits = torch.zeros_like(rests)
         if SEAT in regions.names:
             sits |= regions.region == regions.names.index(SEAT)
@@ -215,7 +215,7 @@ def _feet_on_floor(
     return on_floor, elsewhere
 
 
-def _resting(facing: Tensor, on_scene: Tensor, regions: ContactRegions) -> Tensor:
+def _rests_on_scene(facing: Tensor, on_scene: Tensor, regions: ContactRegions) -> Tensor:
     """Return the vertices (N, V) bool of body parts that rest on the scene.
 
     Args:
@@ -285,10 +285,10 @@ def body_contacts(
             one = BodyContact(part, table[partner], sure, count, assumed=part in assumed)
             off = None if gap is None else round(min(gap, SEARCH_RADIUS_M), DECIMALS)
             found.append(replace(one, dent_m=_dent_of(dent[here]), distance_m=off))
-    return _listed(found)
+    return _listed_contacts(found)
 
 
-def _listed(found: Sequence[BodyContact]) -> tuple[BodyContact, ...]:
+def _listed_contacts(found: Sequence[BodyContact]) -> tuple[BodyContact, ...]:
     """Leave out contacts of adjacent parts, repeated pairs of parts, and all but the partner of
     most vertices of assumed parts; most probable first.
     """

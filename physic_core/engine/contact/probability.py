@@ -282,7 +282,7 @@ def _scene_distance_and_facing(state: State, near: Distances) -> tuple[Tensor, T
     The floor's plane is fitted to many points, so it gives the distance to the floor within reach.
     """
     surface = near.surface
-    by_plane = surface.on_floor | (near.on_ground & torch.isfinite(surface.floor))
+    by_plane = surface.floor_is_nearer | (near.nearest_is_ground & torch.isfinite(surface.floor))
     distance = torch.where(by_plane, surface.floor, surface.scene)
     towards = torch.where(by_plane[..., None], state.up, surface.normals)
     return torch.where(state.model.outer, distance, torch.inf), -(near.normals * towards).sum(-1)

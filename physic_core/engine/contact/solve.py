@@ -22,12 +22,12 @@ from physic_core.engine.contact.method import ContactMethod, Touch
 from physic_core.engine.contact.partner import (
     HIDDEN,
     HIDDEN_SEAT,
-    Seen,
+    SeenTouch,
     assign_partners,
     body_contacts,
 )
 from physic_core.engine.contact.parts import SEAT, contact_regions, scene_parts
-from physic_core.engine.contact.picture import Picture
+from physic_core.engine.contact.picture import PeopleInPicture
 from physic_core.engine.contact.probability import (
     contact_part_masks,
     foot_floor_probability,
@@ -62,11 +62,13 @@ def solve_contact(estimates: Estimates, state: State, method: ContactMethod) -> 
     # unknown where inpainted
     (labels,) = select_pixels(state.scene.valid, torch.where(photo.hole, -1, photo.labels))
     near = measure_distances(state, surfaces, (photo.label_names, labels), method)
-    return replace(state, contact=find_contact(state, near, method, Picture.of(photo, state)))
+    return replace(
+        state, contact=find_contact(state, near, method, PeopleInPicture.of(photo, state))
+    )
 
 
 def find_contact(
-    state: State, near: Distances, method: ContactMethod, picture: Picture | None = None
+    state: State, near: Distances, method: ContactMethod, picture: PeopleInPicture | None = None
 ) -> Contact:
     """Return the contact of people by their distances, and by what the picture shows beside
     them.
@@ -131,7 +133,7 @@ def _find_supports(
             vertices=state.vertices[i],
             normals=near.normals[i],
             contact=outward[i],
-            seen=seen[i],
+            on_seen_limb=seen[i],
             feet=_limbs_touch(touch, "foot", i),
             sits=bool(touch.parts) and float(touch.parts[SEAT][i]) >= LEAST_PROBABILITY,
             lies=lies[i],
@@ -207,11 +209,11 @@ def _describe_contacts(
     near: Distances,
     touch: Touch,
     carried: tuple[PersonSupport | None, ...],
-    picture: Picture | None,
+    picture: PeopleInPicture | None,
 ) -> Contact:
     """Name partners and supports, and list the contacts of each body part."""
     regions = contact_regions(state.model)
-    seen = Seen(_carried_limbs(state), foot_floor_probability(state), picture)
+    seen = SeenTouch(_carried_limbs(state), foot_floor_probability(state), picture)
     partners, index = assign_partners(touch.kind, near, regions, state.up, seen)
     dents = dent_depths(near.surface, near.parts)
     dents = torch.where(touch.kind == _SCENE, dents, torch.nan)

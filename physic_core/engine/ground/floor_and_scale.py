@@ -118,14 +118,14 @@ class Ground(ShortRepr):
         evidence: of the photo about it.
         scale: of the scene.
         stance: of the people.
-        guess: warning that the scale is a guess, or "".
-        by_people: whether the sizes of people give the scale.
+        guess_warning: warning that the scale is a guess, or "".
+        is_scaled_by_people: whether the sizes of people give the scale.
         depth: the given metric depth, at this scale; None without one, and if no size of a person
             gives the scale.
         measured: scale by that depth if it was measured; this scale is then that of the people
             alone.
-        small: person -> stature on the floor of others, metres, of those much too small for an
-            adult, until the contacts are known.
+        small_statures: person -> stature on the floor of others, metres, of those much too small
+            for an adult, until the contacts are known.
         witnesses: "floor" -> a row for each candidate: source, pitch of the camera in degrees,
             probability, and nats by witness; "scale" -> a row for each witness: whose, logarithm of
             its scale over the answer, sigma, and probability to be right.
@@ -135,11 +135,11 @@ class Ground(ShortRepr):
     evidence: FloorEvidence
     scale: SceneScale
     stance: Stance = field(metadata=PER_PERSON)
-    guess: str = ""
-    by_people: bool = False
+    guess_warning: str = ""
+    is_scaled_by_people: bool = False
     depth: DepthMap | None = None
     measured: MeasuredScale | None = None
-    small: Mapping[int, float] = field(default_factory=dict)
+    small_statures: Mapping[int, float] = field(default_factory=dict)
     witnesses: Mapping[str, list[dict[str, Any]]] = field(default_factory=dict)
 
     @property
@@ -160,7 +160,7 @@ class Ground(ShortRepr):
         return replace(
             self,
             stance=self.stance.expanded(rows),
-            small={number[i]: stature for i, stature in self.small.items()},
+            small_statures={number[i]: stature for i, stature in self.small_statures.items()},
             witnesses=witnesses,
         )
 
@@ -175,13 +175,13 @@ def floor_evidence(photo: PhotoContent) -> FloorEvidence:
         mask=floor,
         hole=photo.hole,
         feet_px=tensor(feet_pixels(photo.keypoints, *photo.hole.shape)),
-        others=tensors(*photo.people.floor_candidates),
+        other_masks=tensors(*photo.people.floor_candidates),
         ground=photo.labelled(*GROUND_SURFACES) & uncovered,
         no_ground=photo.labelled(*_NO_FLOORS) & uncovered,
-        soles=ground_at_soles(photo),
-        around=people_backgrounds(select_people(photo, lie)),
+        ground_at_soles=ground_at_soles(photo),
+        backgrounds=people_backgrounds(select_people(photo, lie)),
         up=up_checked_in_photo(photo)[0],
-        slope=photo.slope,
+        slope_sigma_deg=photo.slope_sigma_deg,
         focal_sigma=0.0 if photo.camera.known else photo.camera.focal_sigma or 0.0,
         shift_sigma=photo.scene_map.shift_sigma or 0.0,
     )
@@ -224,7 +224,7 @@ def find_ground(
         depth: metric depth of the scene with a scale of its own: it votes, too, or decides if it
             was measured.
     """
-    up = surest_up(None, about_floor.up, about_floor.slope).direction
+    up = surest_up(None, about_floor.up, about_floor.slope_sigma_deg).direction
     people = _people_evidence(photo, bodies, model, up)
     scene = photo.scene_map
     at_soles: tuple[GroundAtSoles, ...] = ()
@@ -233,7 +233,7 @@ def find_ground(
     planes = [_floor_hypothesis(candidate, people, photo, at_soles) for candidate in candidates]
     scores = [sum(p.nats.values()) for p in planes]
     own = None if depth is None else depth_witness(depth, scene, photo.camera, people.torsos)
-    usual = Witnesses.alone(USUAL_DEPTH_M / median_depth(scene), USUAL_DEPTH_SIGMA, 1.0)
+    usual = Witnesses.single(USUAL_DEPTH_M / median_depth(scene), USUAL_DEPTH_SIGMA, 1.0)
     kinds = {"size": people.torsos, "usual depth of scenes": usual}
     if own is not None and depth is not None and not is_measured(depth):
         kinds["metric depth"] = own
@@ -267,7 +267,7 @@ def _ground_by_vote(
     soles = planes[best].soles
     stance = _stance_by_vote(vote, planes, people)
     if (plane := candidates[best].plane) is not None:
-        stance = stance.with_resting(people.low.limbs(people.model, plane.normal))
+        stance = stance.with_resting(people.low.limbs_as_low(people.model, plane.normal))
     notes = size_notes(
         vote, soles, people.torsos, people.feet & (stance.stand_probability > _STANDS)
     )
@@ -277,8 +277,8 @@ def _ground_by_vote(
         about_floor,
         replace(vote.scale, notes=notes + rival_note(candidates, vote.weights, best)),
         stance,
-        by_people=True,
-        small=small_statures(
+        is_scaled_by_people=True,
+        small_statures=small_statures(
             vote, soles, people.feet & (people.stance.stand_probability > _STANDS), known
         ),
         witnesses={
@@ -296,14 +296,14 @@ def _ground_with_depth(
     """
     measured = measured_scale(depth, witness, vote) if is_measured(depth) else None
     rescaled = rescaled_depth(depth, witness, vote, ground.scale.notes)
-    return replace(ground, by_people=measured is None, depth=rescaled, measured=measured)
+    return replace(ground, is_scaled_by_people=measured is None, depth=rescaled, measured=measured)
 
 
 class _PeopleEvidence(NamedTuple):
     """N people and the evidence of their sizes: sigma (N,) of each size, and visible feet (N, 2)
     bool.
 
-    ``real`` (N,) is the probability that they are people, by the segmenter, and adults; ``upright``
+    ``person_probability`` (N,) is that they are people, by the segmenter, and adults; ``upright``
     (M, 55, 3) are joints of those who do not lie by the observer; ``low`` what others rest on.
     """
 
@@ -311,7 +311,7 @@ class _PeopleEvidence(NamedTuple):
     vertices: FloatArray
     upright: Tensor
     feet: BoolArray
-    real: FloatArray
+    person_probability: FloatArray
     low: LowSkin
     stance: Stance
     sigma: FloatArray
@@ -348,7 +348,7 @@ def _people_evidence(
         scale=scale * math.exp(farther),
         depth=vertices[..., 2].mean(1),
         sigma=np.hypot(np.hypot(sigma, spread), _TORSO_SIGMA),
-        sure=_TORSO_SURE * real,
+        right_probability=_TORSO_SURE * real,
         shared_sigma=_PEOPLE_SIGMA,
         shared_wrong=_PEOPLE_WRONG,
     )
@@ -426,8 +426,8 @@ def _floor_hypothesis(
     by_low = np.full(len(people.feet), np.nan)
     if fit is not None and not fit.beneath:  # no sole stands on what people lie on
         by_soles = scales_by_soles(people.vertices, people.model, people.feet, fit)
-        by_low = people.low.scales(fit)
-    scale_by_lowest = np.where(people.low.across, by_low, np.fmax(by_soles[:, 0], by_soles[:, 1]))
+        by_low = people.low.scales_on_floor(fit)
+    scale_by_lowest = np.where(people.low.may_rest, by_low, np.fmax(by_soles[:, 0], by_soles[:, 1]))
     weights = _weights_by_ground(candidate, photo, at_soles)
     height = math.nan if fit is None else fit.offset
     return _FloorHypothesis(
@@ -436,7 +436,7 @@ def _floor_hypothesis(
         weights,
         by_soles,
         _soles_witness(people, scale_by_lowest, weights, at_soles),
-        Witnesses.alone(USUAL_CAMERA_HEIGHT_M / height, USUAL_CAMERA_HEIGHT_SIGMA, _CAMERA_SURE),
+        Witnesses.single(USUAL_CAMERA_HEIGHT_M / height, USUAL_CAMERA_HEIGHT_SIGMA, _CAMERA_SURE),
     )
 
 
@@ -454,7 +454,7 @@ def _floor_nats(
         nats["upright people"] = standing_score(fit.normal, people.upright)
     if fit is None or not fit.beneath:
         without_scale = people.feet.any(1) & ~np.isfinite(scale_by_lowest)
-        count = float(people.real[without_scale].sum())
+        count = float(people.person_probability[without_scale].sum())
         if count:
             nats["people who are not on it"] = _NOT_ON_PLANE_NATS * count
     return nats
@@ -473,7 +473,11 @@ def _soles_witness(
     for ground in at_soles:
         lies_on_floor[ground.person] = ground.stand_probability
     stands = 1 - (1 - np.where(people.feet, people.stance.stand_probability, 0.0)).prod(1)
-    sure = ground_weights * people.real * np.where(people.low.across, lies_on_floor, stands)
+    sure = (
+        ground_weights
+        * people.person_probability
+        * np.where(people.low.may_rest, lies_on_floor, stands)
+    )
     sigma = np.hypot(people.sigma, _SOLE_SIGMA)
     return Witnesses(scale_by_lowest, people.torsos.depth, sigma, sure, _FLOOR_SIGMA)
 
@@ -507,10 +511,10 @@ def _stance_by_vote(
         for weight, p in zip(vote.weights.tolist(), planes, strict=True)
     )
     rests = sum(
-        weight * p.ground_weights * np.nan_to_num(vote.right(p.soles))
+        weight * p.ground_weights * np.nan_to_num(vote.right_probability(p.soles))
         for weight, p in zip(vote.weights.tolist(), planes, strict=True)
     )
-    rests = np.where(people.low.across, rests, np.nan)
+    rests = np.where(people.low.may_rest, rests, np.nan)
     stands = np.where(people.feet, stands, people.stance.stand_probability)
     # No foot stands on a floor over which the lowest skin lies.
     return replace(
@@ -524,7 +528,11 @@ def _standing_probabilities(
     """Return the probability (N, 2) that feet stand on a plane; NaN off it."""
     feet = zip(plane.by_soles.T, people.stance.stand_probability.T, strict=True)
     return np.stack(
-        [vote.right(replace(plane.soles, scale=scale, sure=sure)) for scale, sure in feet], 1
+        [
+            vote.right_probability(replace(plane.soles, scale=scale, right_probability=sure))
+            for scale, sure in feet
+        ],
+        1,
     )
 
 

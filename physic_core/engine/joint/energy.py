@@ -28,8 +28,8 @@ class JointEnergy:
     """Energy of B people and their scene, as a function of its :attr:`variables`.
 
     Between two calls of :meth:`refresh` visibility and the weights of each term stay fixed. Nearest
-    points stay fixed as well, unless ``JointMethod.nearest_every_step`` is set. The energy is then
-    smooth, as a line search needs it.
+    points stay fixed as well, unless ``JointMethod.finds_nearest_every_step`` is set. The energy is
+    then smooth, as a line search needs it.
 
     Args:
         state: with finite people only.
@@ -118,7 +118,7 @@ class JointEnergy:
         Differentiable.
         """
         bodies = self._posed_bodies()
-        if self._settings.nearest_every_step:
+        if self._settings.finds_nearest_every_step:
             scale = float(bodies.estimate.log_scale.detach().exp())
             self._update(self.snapshot.visibility, bodies.vertices.detach(), scale)
         energies = {name: value for term in self.terms for name, value in term(bodies).items()}

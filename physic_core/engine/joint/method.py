@@ -59,7 +59,7 @@ class JointMethod(ABC):
     visibility: VisibilitySettings = VisibilitySettings()
     """Visibility of vertices."""
 
-    nearest_every_step: ClassVar[bool] = False
+    finds_nearest_every_step: ClassVar[bool] = False
     """Whether nearest points are searched at every evaluation rather than only when visibility is
     updated.
     """

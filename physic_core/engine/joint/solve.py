@@ -47,14 +47,14 @@ def optimize(
     while healthy.any():
         rows = healthy.nonzero(as_tuple=True)[0]
         energy = JointEnergy(state.select_people(rows), settings)
-        finite = _finite_energy(energy)
+        finite = _has_finite_energy(energy)
         if finite.all():
             break
         for i in rows[~finite].tolist():
             failures[i] = _INVALID_ENERGY
         healthy[rows[~finite]] = False
     else:
-        return replace(state, joint=_posed(state, failures))
+        return replace(state, joint=_unoptimised_result(state, failures))
     origin = energy.variables.pack()
     minimised = settings.optimiser.minimise(energy, progress)
     late, optimiser = settings.late_terms(energy.sampling)
@@ -75,7 +75,7 @@ def _has_valid_start(state: State) -> Tensor:
     return fine
 
 
-def _finite_energy(energy: JointEnergy) -> Tensor:
+def _has_finite_energy(energy: JointEnergy) -> Tensor:
     """Return which people (B,) bool have finite terms and gradients."""
     people = len(energy.state)
     energy_per_person = torch.stack([v for v in energy().values() if v.shape == (people,)])
@@ -93,7 +93,7 @@ def _finite_energy(energy: JointEnergy) -> Tensor:
 
 
 @torch.no_grad()
-def _posed(state: State, failures: list[str]) -> JointResult:
+def _unoptimised_result(state: State, failures: list[str]) -> JointResult:
     """Return the bodies of a state, of which none was changed."""
     output = state.model(state.rotations, state.betas, state.transl, state.expression)
     unknown = torch.full_like(state.transl[:, 0], torch.nan)
@@ -116,7 +116,7 @@ def _merged_people(
         betas=state.betas.index_copy(0, rows, found.betas),
         transl=state.transl.index_copy(0, rows, found.transl),
     )
-    posed = _posed(optimised, failures)
+    posed = _unoptimised_result(optimised, failures)
     joint = replace(
         posed,
         depth_offset=posed.depth_offset.index_copy(0, rows, found.offset),

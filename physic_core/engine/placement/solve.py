@@ -67,7 +67,7 @@ def solve_placement(estimates: Estimates, state: State, method: PlacementMethod)
 def _place(estimates: Estimates, state: State, feet_seen: Tensor, method: PlacementMethod) -> State:
     """Align the photo to the scene, and place the bodies in it."""
     scene = state.scene
-    photo = estimates.photo.with_people
+    photo = estimates.photo.photo_points
     alignment = align_photo_points_to_scene(
         photo, estimates.photo.hole, scene.points, scene.valid, method, far=_FAR_M
     )
@@ -133,7 +133,7 @@ def people_to_place(
             row=i,
             people=len(vertices),
         )
-        people.append(method.observe(person))
+        people.append(method.usable_problem(person))
     return people
 
 

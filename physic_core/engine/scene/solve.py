@@ -54,7 +54,7 @@ def solve_scene(estimates: Estimates, model: BodyModel, method: SceneMethod) -> 
     ground = estimates.ground
     evidence = replace(ground.evidence, found=ground.search)
     depth = tensor(estimates.depth.depth)
-    scene = build_scene(estimates.photo.scene, depth, _cameras(estimates), evidence, method)
+    scene = build_scene(estimates.photo.scene_points, depth, _cameras(estimates), evidence, method)
     return _with_known_sizes(estimates, _initial_state(estimates, model, scene))
 
 
@@ -195,7 +195,7 @@ def build_scene(
         floor_points=floor_points,
         K=camera,
         floor=floor,
-        up=surest_up(floor, evidence.up, evidence.slope),
+        up=surest_up(floor, evidence.up, evidence.slope_sigma_deg),
         diagnostics={
             "alignment": alignment_diagnostics(alignment),
             "valid_share": _share(clean),

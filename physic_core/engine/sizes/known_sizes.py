@@ -51,7 +51,7 @@ def point_follower(vertices: Tensor, normals: Tensor, ray: Tensor, K: Tensor) ->
 def size_factors(
     vertices: Tensor,
     soles: Tensor,
-    on_floor: Sequence[bool],
+    soles_on_floor: Sequence[bool],
     floor: PlaneFit | None,
     points: Sequence[Tensor],
 ) -> Tensor:
@@ -65,13 +65,13 @@ def size_factors(
     Args:
         vertices: (B, V, 3), each body where the photo shows it.
         soles: (S,) int64, vertices of the soles.
-        on_floor: of B people, whether the soles are seen on the floor.
+        soles_on_floor: of B people, whether the soles are seen on the floor.
         floor: of the scene, or None.
         points: of B people, (n, 3) each.
     """
     by_floor, by_points = (torch.full_like(vertices[:, 0, 0], torch.nan) for _ in range(2))
     for i, body in enumerate(vertices):
-        if floor is not None and on_floor[i]:
+        if floor is not None and soles_on_floor[i]:
             drop = -(body[soles] @ floor.normal.to(body)).amin()
             by_floor[i] = floor.offset / drop if bool(drop > 0) else torch.nan
         if len(points[i]):

@@ -64,7 +64,7 @@ class PublishedOptimisation(JointMethod):
     evaluation, among all points of the scene and samples of the floor.
     """
 
-    nearest_every_step: ClassVar[bool] = True
+    finds_nearest_every_step: ClassVar[bool] = True
     samples_floor: ClassVar[bool] = True
     """Whether samples of the floor are among the points of the scene; otherwise there is none."""
 
