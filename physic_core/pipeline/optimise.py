@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.engine.settings import EngineSettings
     from physic_core.engine.state import Estimates
-    from physic_core.pipeline.stage_runner import StageRunner
+    from physic_core.pipeline.stage_caller import StageCaller
     from physic_core.types import Reconstruction
 
 
 def run_engine(
-    estimates: Estimates, settings: EngineSettings, model: BodyModel, stages: StageRunner
+    estimates: Estimates, settings: EngineSettings, model: BodyModel, stages: StageCaller
 ) -> Reconstruction:
     """Run scene, placement, joint optimisation and contact on the device of the body model.
 
