@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from physic_core.engine.ground.floor import FloorCandidate, FloorEvidence
     from physic_core.engine.ground.floor_and_scale import Ground
     from physic_core.engine.photo import PhotoContent
-    from physic_core.engine.placement.method import PlacementMethod
+    from physic_core.engine.placement.method import PlacementStageMethod
     from physic_core.pipeline.find_people import FoundPeople
     from physic_core.pipeline.photo_run import PhotoRun
     from physic_core.types import Bodies, BoolArray, Keypoints, Observations, People, UInt8Array
@@ -158,7 +158,7 @@ def photo_content(
     keypoints: Keypoints,
     observations: Observations,
     maps: Maps,
-    settings: PlacementMethod,
+    settings: PlacementStageMethod,
 ) -> PhotoContent:
     """Return what the photo shows, with its point map aligned to the scene outside the hole."""
     from physic_core.engine.photo import PhotoContent
@@ -178,7 +178,7 @@ def photo_content(
     )
 
 
-def _aligned(maps: Maps, hole: Tensor, settings: PlacementMethod) -> Pointmap:
+def _aligned(maps: Maps, hole: Tensor, settings: PlacementStageMethod) -> Pointmap:
     from physic_core.engine.photo import PixelPoints
     from physic_core.engine.placement.solve import align_photo_points_to_scene
     from physic_core.geometry.alignment import apply_alignment

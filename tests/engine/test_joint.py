@@ -14,7 +14,7 @@ from torch.testing import assert_close
 from physic_core import engine_preset
 from physic_core.body import JOINT_INDEX
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.method import JointMethod
+from physic_core.engine.joint.method import JointStageMethod
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms import picture
 from physic_core.engine.joint.terms.scene import lowest_height
@@ -248,7 +248,7 @@ def test_no_term_of_the_default_energy_is_zero_everywhere(with_box):
     energy = energy_with_all(with_box, SETTINGS)
     energy.variables.values["pose"].data[:, :] += 1.0  # beyond the limits of knees and elbows
     positive = {name for name, value in energy().items() if bool((value > 0).any())}
-    terms = {f.name for f in fields(SETTINGS)} - {f.name for f in fields(JointMethod)}
+    terms = {f.name for f in fields(SETTINGS)} - {f.name for f in fields(JointStageMethod)}
     assert terms - {"optimiser", "scene_scale"} | {"scale", "views"} == positive
 
 

@@ -57,7 +57,7 @@ class Touch:
 
 
 @dataclass(frozen=True)
-class ContactMethod:
+class ContactStageMethod:
     """Stage 4 of preset "default": what each vertex touches, and what supports each person."""
 
     threshold: Share = 0.35

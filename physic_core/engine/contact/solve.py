@@ -18,7 +18,7 @@ from physic_core.engine.contact.distances import (
     people_distances,
     surface_distances,
 )
-from physic_core.engine.contact.method import ContactMethod, Touch
+from physic_core.engine.contact.method import ContactStageMethod, Touch
 from physic_core.engine.contact.partner import (
     HIDDEN,
     HIDDEN_SEAT,
@@ -52,7 +52,7 @@ _SCENE, _PERSON, _OWN_BODY, _OBJECT = range(len(KINDS))
 _BEARS = 0.3  # least cosine between up and skin of another person on which one can sit or stand
 
 
-def solve_contact(estimates: Estimates, state: State, method: ContactMethod) -> State:
+def solve_contact(estimates: Estimates, state: State, method: ContactStageMethod) -> State:
     """Return the state with the contact of all people; those with non-finite vertices touch
     nothing.
     """
@@ -68,7 +68,10 @@ def solve_contact(estimates: Estimates, state: State, method: ContactMethod) -> 
 
 
 def find_contact(
-    state: State, near: Distances, method: ContactMethod, picture: PeopleInPicture | None = None
+    state: State,
+    near: Distances,
+    method: ContactStageMethod,
+    picture: PeopleInPicture | None = None,
 ) -> Contact:
     """Return the contact of people by their distances, and by what the picture shows beside
     them.
@@ -84,7 +87,7 @@ def measure_distances(
     state: State,
     surfaces: ContactSurfaces,
     classes: tuple[tuple[str, ...], Tensor],
-    method: ContactMethod,
+    method: ContactStageMethod,
 ) -> Distances:
     """Measure the distances to scene, floor and skin.
 
@@ -112,7 +115,7 @@ def measure_distances(
 
 
 def _find_supports(
-    state: State, near: Distances, touch: Touch, method: ContactMethod
+    state: State, near: Distances, touch: Touch, method: ContactStageMethod
 ) -> tuple[PersonSupport | None, ...]:
     """Return the support of each person; None for people with non-finite vertices."""
     beneath = near.normals[near.people.person, near.people.vertex] @ state.up

@@ -12,9 +12,9 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.method import JointMethod
+from physic_core.engine.joint.method import JointStageMethod
 from physic_core.engine.joint.optimiser import MinimisationResult, join_results
-from physic_core.engine.scene.method import SceneMethod
+from physic_core.engine.scene.method import SceneStageMethod
 from physic_core.engine.state import Estimates, JointResult, State
 from physic_core.geometry.pixels import span_of_true
 from physic_core.geometry.pointmap import edge_ratio, pointmap_normals
@@ -25,7 +25,7 @@ _INVALID_ENERGY = "the energy of the start is not finite"
 
 
 def optimize(
-    state: State, settings: JointMethod, progress: Callable[[float], None] | None = None
+    state: State, settings: JointStageMethod, progress: Callable[[float], None] | None = None
 ) -> State:
     """Minimise the joint energy over people and the scale of the scene.
 
@@ -128,7 +128,7 @@ def _merged_people(
     return replace(optimised, joint=joint)
 
 
-def finalize_scene(estimates: Estimates, state: State, settings: SceneMethod) -> State:
+def finalize_scene(estimates: Estimates, state: State, settings: SceneStageMethod) -> State:
     """Return the state with inpainted points of the scene moved out of the people.
 
     The scene's scale is not applied.

@@ -82,7 +82,7 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class PlacementMethod:
+class PlacementStageMethod:
     """Stage 2 of preset "default": points of people in the scene, and body translation (paper
     Sec. 3.2, Eq. 2-4).
 

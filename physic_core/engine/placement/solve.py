@@ -18,7 +18,7 @@ from physic_core.body.joints import joint_pair
 from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.engine.limbs import lowest_layer, observed_parts
 from physic_core.engine.photo import PixelPoints
-from physic_core.engine.placement.method import PlacementMethod
+from physic_core.engine.placement.method import PlacementStageMethod
 from physic_core.engine.placement.terms import PlacementProblem
 from physic_core.engine.sizes.known_sizes import KnownGeometry, size_factors
 from physic_core.engine.sizes.stature import resize_bodies, stature_factor
@@ -37,7 +37,7 @@ _FAR_WEIGHT = 0.05  # weight of background far from the people's depth
 _ANKLES = joint_pair("ankle")
 
 
-def solve_placement(estimates: Estimates, state: State, method: PlacementMethod) -> State:
+def solve_placement(estimates: Estimates, state: State, method: PlacementStageMethod) -> State:
     """Return the state with people in the scene, and with the depth of the photo aligned to it."""
     feet_seen = state.observed[:, _ANKLES].any(1)
     if state.known is not None and state.known.unscaled is not None:
@@ -64,7 +64,9 @@ def solve_placement(estimates: Estimates, state: State, method: PlacementMethod)
     return _place(estimates, state, feet_seen, method)
 
 
-def _place(estimates: Estimates, state: State, feet_seen: Tensor, method: PlacementMethod) -> State:
+def _place(
+    estimates: Estimates, state: State, feet_seen: Tensor, method: PlacementStageMethod
+) -> State:
     """Align the photo to the scene, and place the bodies in it."""
     scene = state.scene
     photo = estimates.photo.photo_points
@@ -94,7 +96,7 @@ def _moved(transl: Tensor, moves: Sequence[Tensor]) -> Tensor:
 
 
 def people_to_place(
-    state: State, clouds: Sequence[Tensor], feet_seen: Tensor, method: PlacementMethod
+    state: State, clouds: Sequence[Tensor], feet_seen: Tensor, method: PlacementStageMethod
 ) -> list[PlacementProblem]:
     """Return what places each person, with the floor for people whose feet are visible.
 
@@ -163,7 +165,7 @@ def align_photo_points_to_scene(
     people: Tensor,
     scene_points: Tensor,
     scene_valid: Tensor,
-    method: PlacementMethod,
+    method: PlacementStageMethod,
     far: float = math.inf,
 ) -> Alignment:
     """Align the original photo's point map to the scene's point map on background pixels (Eq. 1).
@@ -229,7 +231,9 @@ def move_photo_points_to_scene(points: Tensor, alignment: Alignment, K: Tensor) 
     return depth_to_pointmap(apply_alignment(points, alignment)[..., 2], K)
 
 
-def human_points(points: Tensor, valid: Tensor, mask: Tensor, method: PlacementMethod) -> Tensor:
+def human_points(
+    points: Tensor, valid: Tensor, mask: Tensor, method: PlacementStageMethod
+) -> Tensor:
     """Return the points of one person, without depth edges and outliers.
 
     Args:
@@ -256,7 +260,7 @@ def _resized(
     state: State,
     known: KnownGeometry,
     feet_seen: Tensor,
-    method: PlacementMethod,
+    method: PlacementStageMethod,
 ) -> State:
     """Return the state with the size ratio of people in a scene of known size, and with people of
     unknown stature resized by it.

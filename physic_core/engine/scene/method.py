@@ -79,7 +79,7 @@ class PixelSurface(NamedTuple):
 
 
 @dataclass(frozen=True)
-class SceneMethod:
+class SceneStageMethod:
     """Stage 1 of preset "default": metric scene points, camera, normals, floor (paper Sec. 3.1).
 
     Attributes:

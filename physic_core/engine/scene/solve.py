@@ -20,7 +20,7 @@ from physic_core.body.landmarks import keypoints_on_body
 from physic_core.body.model import BodyModel
 from physic_core.engine.ground.floor import FloorEvidence
 from physic_core.engine.photo import PixelPoints
-from physic_core.engine.scene.method import Cameras, SceneMethod, scene_camera
+from physic_core.engine.scene.method import Cameras, SceneStageMethod, scene_camera
 from physic_core.engine.scene_state import SceneState
 from physic_core.engine.sizes.known_sizes import scale_scene_to_known_sizes
 from physic_core.engine.state import Estimates, State
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 _FLOOR_THICKNESS = 0.01  # of the depth
 
 
-def solve_scene(estimates: Estimates, model: BodyModel, method: SceneMethod) -> State:
+def solve_scene(estimates: Estimates, model: BodyModel, method: SceneStageMethod) -> State:
     """Return the state of a photo: its scene, scaled by the user's known sizes or a measured depth,
     and the people as estimated.
 
@@ -151,7 +151,7 @@ def build_scene(
     depth: Tensor,
     cameras: Cameras,
     evidence: FloorEvidence,
-    method: SceneMethod,
+    method: SceneStageMethod,
 ) -> SceneState:
     """Build the scene: scale the point map to metres, estimate camera, normals and floor, remove
     edges and outliers.
@@ -209,7 +209,7 @@ def build_scene(
 
 
 def _align_to_metric(
-    relative: PixelPoints, metric_depth: Tensor, cameras: Cameras, method: SceneMethod
+    relative: PixelPoints, metric_depth: Tensor, cameras: Cameras, method: SceneStageMethod
 ) -> Alignment:
     """Align the point map to the metric depth (Eq. 1); without any camera, align z only."""
     metric_valid = _positive(metric_depth)
@@ -234,7 +234,7 @@ def _metric_points(
     metric_depth: Tensor,
     cameras: Cameras,
     alignment: Alignment,
-    method: SceneMethod,
+    method: SceneStageMethod,
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Return metric points (H, W, 3), their validity (H, W) and their camera (3, 3).
 

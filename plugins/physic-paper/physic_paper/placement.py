@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import torch
 from torch import Tensor
 
-from physic_core.engine.placement.method import POINTMAP_TOLERANCE, Fit, PlacementMethod
+from physic_core.engine.placement.method import POINTMAP_TOLERANCE, Fit, PlacementStageMethod
 from physic_core.engine.placement.terms import (
     FEWEST_KEYPOINTS,
     PlacementProblem,
@@ -30,7 +30,7 @@ _RELEASED_FACING_DEG = 80.0
 
 
 @dataclass(frozen=True)
-class PaperPlacement(PlacementMethod):
+class PaperPlacement(PlacementStageMethod):
     """Stage 2 as printed: sums of squares of Eq. 2-4, by Adam and L-BFGS.
 
     The reprojection error is never increased.
