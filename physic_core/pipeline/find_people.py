@@ -202,7 +202,7 @@ def observe_people(
     """Tell what people do; unknown without a backend, and if it fails. Also return the keypoints,
     turned round for people whose back is taken for a front; not where the user gave some.
     """
-    from physic_core.engine.ground.posture import back_as_front, weigh_posture
+    from physic_core.engine.ground.posture import is_back_taken_for_front, weigh_posture
 
     keypoints = joints.keypoints
     seen = None
@@ -214,9 +214,9 @@ def observe_people(
         )
     if seen is None:
         return Observations.unknown(len(people)), joints
-    turned = back_as_front(seen, keypoints)
-    if joints.changed is not None:
-        turned &= ~joints.changed.any(1)
+    turned = is_back_taken_for_front(seen, keypoints)
+    if joints.is_changed is not None:
+        turned &= ~joints.is_changed.any(1)
     keypoints = keypoints.facing_the_other_way(turned)
     said = weigh_posture(seen.with_sides_exchanged(turned), keypoints)
     return said, replace(joints, keypoints=keypoints)

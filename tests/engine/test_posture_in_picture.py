@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from physic_core.engine.ground.posture import (
-    back_as_front,
+    is_back_taken_for_front,
     is_upright,
     trunk_in_picture_deg,
     trunk_planes_of_standing,
@@ -111,7 +111,7 @@ def test_a_back_is_taken_for_a_front_where_3d_keypoints_surely_contradict_the_ob
                 world[0, NAMES.index(f"{side}_{joint}")] = sign * np.array(way)
         keypoints = replace(keypoints, world=world)
     said = replace(Observations.unknown(1), away=np.array([away], np.float32), away_share=0.15)
-    assert back_as_front(said, keypoints).tolist() == [found]
+    assert is_back_taken_for_front(said, keypoints).tolist() == [found]
 
 
 @pytest.mark.parametrize("degrees", [0.0, 25.0, -170.0])

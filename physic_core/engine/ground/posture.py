@@ -91,7 +91,7 @@ def _stands_on_a_leg(keypoints: Keypoints) -> BoolArray:
     return np.asarray((seen & (knee > _KNEE_BELOW) & (ankle > _ANKLE_BELOW)).any(1))
 
 
-def back_as_front(said: Observations, keypoints: Keypoints) -> BoolArray:
+def is_back_taken_for_front(said: Observations, keypoints: Keypoints) -> BoolArray:
     """Return who of N people (N,) is likely seen from behind, while the 3D keypoints face the
     camera: pose networks guess the face that a head hides.
 
