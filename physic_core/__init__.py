@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from physic_core.io.results import load_people, load_reconstruction, save_reconstruction
     from physic_core.pictures import preview_png, report_html
     from physic_core.pipeline.run import Pipeline, reconstruct
-    from physic_core.pipeline.stage_runner import load_backend
+    from physic_core.pipeline.stage_caller import load_backend
     from physic_core.types import (
         Intrinsics,
         KnownLength,
@@ -110,7 +110,7 @@ _NAMES = {
     "io.report_file": "save_report",
     "io.results": "load_people load_reconstruction save_reconstruction",
     "pictures": "preview_png report_html",
-    "pipeline.stage_runner": "load_backend",
+    "pipeline.stage_caller": "load_backend",
     "pipeline.run": "Pipeline reconstruct",
     "types": "Intrinsics KnownLength KnownSizes PeoplePrompt Person Reconstruction Scene",
     "types.records": "ExportedFiles",

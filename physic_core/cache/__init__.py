@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from physic_core.cache.folders import claimed_cache as claimed_cache
     from physic_core.cache.folders import is_own as is_own
     from physic_core.cache.folders import users_cache as users_cache
-    from physic_core.cache.kit_stamps import stamp as stamp
+    from physic_core.cache.kit_stamps import remember_passed as remember_passed
     from physic_core.cache.results import cached_network_result as cached_network_result
     from physic_core.cache.results import made_of as made_of
 
@@ -27,7 +27,7 @@ _NAMES = {
     "correspondences": "cached_correspondence",
     "digests": "CodeDigester file_stamp files_named_by",
     "folders": "LruFolder cache_folder claimed_cache is_own users_cache",
-    "kit_stamps": "stamp",
+    "kit_stamps": "remember_passed",
     "results": "cached_network_result made_of",
 }
 

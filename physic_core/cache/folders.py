@@ -41,7 +41,7 @@ class CacheFile:
 
     path: Path
     size: int
-    used: float
+    used_at: float
 
     def delete(self) -> bool:
         """Delete the file, and return whether that was possible."""
@@ -70,7 +70,7 @@ class LruFolder:
     def files(self) -> list[CacheFile]:
         """Return the files, least recently used first."""
         return sorted(
-            self._matching(f"[!.]*{self.suffix}"), key=lambda file: (file.used, file.path)
+            self._matching(f"[!.]*{self.suffix}"), key=lambda file: (file.used_at, file.path)
         )
 
     def mark_used(self, name: str) -> None:
@@ -83,7 +83,7 @@ class LruFolder:
         bytes.
         """
         for file in self._incomplete():
-            if file.used < time.time() - _INCOMPLETE_AGE_S:
+            if file.used_at < time.time() - _INCOMPLETE_AGE_S:
                 file.delete()
         files = self.files()
         total = sum(file.size for file in files)

@@ -32,13 +32,13 @@ def is_vouched_for(interface: str, name: str, distribution: str, target: str) ->
     """
     if BACKENDS.get(name) == distribution:
         return True
-    stamp = _stamp(interface, target)
+    stamp = _stamp_path(interface, target)
     return stamp is not None and stamp.is_file()
 
 
-def stamp(interface: str, kind: type[Backend]) -> None:
+def remember_passed(interface: str, kind: type[Backend]) -> None:
     """Remember that a class of backends passed the kit of an interface."""
-    if (path := _stamp(interface, target_of(kind))) is not None:
+    if (path := _stamp_path(interface, target_of(kind))) is not None:
         with suppress(OSError):
             path.touch()
 
@@ -48,7 +48,7 @@ def target_of(kind: type) -> str:
     return f"{kind.__module__}:{kind.__qualname__}"
 
 
-def _stamp(interface: str, target: str) -> Path | None:
+def _stamp_path(interface: str, target: str) -> Path | None:
     """Return the path of a stamp; None if there is no cache, or the code has no reliable digest.
 
     A class may be offered by another module of its package than the one that defines it.

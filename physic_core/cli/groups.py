@@ -39,15 +39,17 @@ def explained(error: click.UsageError) -> click.UsageError:
     if ctx is None:
         return error
     if isinstance(error, click.NoSuchCommand):
-        return click.UsageError(_no_command(error.command_name, ctx))
+        return click.UsageError(_no_command_message(error.command_name, ctx))
     if isinstance(error, click.NoSuchOption):
-        return click.UsageError(f"No such option '{error.option_name}': {_option(error, ctx)}", ctx)
+        return click.UsageError(
+            f"No such option '{error.option_name}': {_advice_for_option(error, ctx)}", ctx
+        )
     if error.message.startswith("Got unexpected extra argument"):
-        return click.UsageError(f"{error.message}: {_taken(ctx)}", ctx)
+        return click.UsageError(f"{error.message}: {_accepted_arguments(ctx)}", ctx)
     return error
 
 
-def _no_command(name: str, ctx: click.Context) -> str:
+def _no_command_message(name: str, ctx: click.Context) -> str:
     from physic_core.discovery.catalog import COMMANDS
     from physic_core.discovery.error_text import did_you_mean
     from physic_core.discovery.plugins import explain_absence
@@ -68,7 +70,7 @@ def _no_command(name: str, ctx: click.Context) -> str:
     return f"No such command '{name}'{cure}"
 
 
-def _option(error: click.NoSuchOption, ctx: click.Context) -> str:
+def _advice_for_option(error: click.NoSuchOption, ctx: click.Context) -> str:
     """Return what to do in place of an option that does not exist; only near ones are suggested."""
     name = error.option_name
     near = difflib.get_close_matches(name, error.possibilities or (), cutoff=_NEAR)
@@ -83,7 +85,7 @@ def _option(error: click.NoSuchOption, ctx: click.Context) -> str:
     return f"{ctx.command_path} --help lists all"
 
 
-def _taken(ctx: click.Context) -> str:
+def _accepted_arguments(ctx: click.Context) -> str:
     """Return what a command takes beside options."""
     arguments = [one for one in ctx.command.params if isinstance(one, click.Argument)]
     names = " ".join(one.make_metavar(ctx) for one in arguments) or "options alone"

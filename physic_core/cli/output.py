@@ -170,14 +170,14 @@ def reserve_folder(
         OutputError: the folder cannot be written, or user data would be lost.
     """
     from physic_core.files.atomic import check_writable
-    from physic_core.io.result_folder import FILES, Replaced, check_overwrite, repair_result
+    from physic_core.io.result_folder import FILES, Replaceable, check_overwrite, repair_result
 
     parts = [*reversed(folder.absolute().parents), folder.absolute()]
     new = [part for part in parts if not os.path.exists(part)]  # Path.exists raises PermissionError
     try:
         repair_result(folder)
         if photo:
-            check_overwrite(folder, Replaced(photo, overwrite), [*FILES, *beside])
+            check_overwrite(folder, Replaceable(photo, overwrite), [*FILES, *beside])
         check_writable(folder)
         yield
     except BaseException:

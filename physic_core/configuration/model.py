@@ -557,11 +557,13 @@ def settings_model(kind: Any) -> type[StrictModel]:
     hints = get_type_hints(kind, include_extras=True)
     own = {f.name: hints[f.name] for f in fields(kind)}
     kinds = {n: settings_model(h) if is_dataclass(h) else h for n, h in own.items()}  # type: ignore[arg-type]
-    keys: dict[str, Any] = {name: (_accept_list(hint) | None, None) for name, hint in kinds.items()}
+    keys: dict[str, Any] = {
+        name: (_accepting_list(hint) | None, None) for name, hint in kinds.items()
+    }
     return create_model(kind.__name__, __base__=_StrictTable, **keys)
 
 
-def _accept_list(hint: Any) -> Any:
+def _accepting_list(hint: Any) -> Any:
     """Make a tuple annotation accept a list, as TOML has no tuples."""
     kind = hint.__origin__ if get_origin(hint) is Annotated else hint
     return Annotated[hint, Strict(False)] if get_origin(kind) is tuple else hint

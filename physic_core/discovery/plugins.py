@@ -76,7 +76,8 @@ def find_items(hook: str) -> tuple[Found[Any], ...]:
     for offer in installed_offers(HOOKS_GROUP):
         with suppress(Exception):  # listed by broken_plugins
             found += [
-                Found(record, offer.distribution, offer.version) for record in _ask(offer, hook)
+                Found(record, offer.distribution, offer.version)
+                for record in _items_of_hook(offer, hook)
             ]
     return tuple(found)
 
@@ -91,7 +92,7 @@ def broken_plugins() -> tuple[BrokenPlugin, ...]:
     for offer in installed_offers(HOOKS_GROUP):
         for hook in RECORDS:
             try:
-                _ask(offer, hook)
+                _items_of_hook(offer, hook)
             except Exception as error:  # a plugin may raise anything
                 cause = describe_error(error, offer.target)
                 broken.append(BrokenPlugin(offer.distribution, offer.version, cause, error))
@@ -175,7 +176,7 @@ def explain_absence(distribution: str) -> str:
     return f"{distribution}, which is {reason}: {how_to_install(distribution)}"
 
 
-def _ask(offer: Offer, hook: str) -> list[Any]:
+def _items_of_hook(offer: Offer, hook: str) -> list[Any]:
     """Import a module of hooks, and return what one of them returns; empty if it has no such hook.
 
     Raises:

@@ -56,11 +56,11 @@ def measure_agreement(estimates: Estimates, state: State) -> list[Measures]:
     silhouettes = compare_silhouettes(
         state.vertices, model.faces, state.masks, state.K, scene, photo
     )
-    assert state.unplaced is not None
+    assert state.placement_failures is not None
     assert state.joint is not None
     measured = [
         Measures(problem or None, failure or None)
-        for problem, failure in zip(state.unplaced, state.joint.failures, strict=True)
+        for problem, failure in zip(state.placement_failures, state.joint.failures, strict=True)
     ]
     for i, support in enumerate(found.supports):
         if support is None:
@@ -80,7 +80,7 @@ def measure_agreement(estimates: Estimates, state: State) -> list[Measures]:
             clearance_m=max(0.0, gap) if gap != math.inf else None,
             sole_height_m=None if heights is None else float(heights[model.soles].min()),
         )
-    given = estimates.given_keypoints
+    given = estimates.is_given_keypoint
     return measured if given is None else _with_keypoints(measured, given, estimates, state)
 
 

@@ -91,17 +91,17 @@ class PhotoContent(ShortRepr):
         return None if self.people.held is None else tensor(self.people.held)
 
     @cached_property
-    def scene(self) -> PixelPoints:
+    def scene_points(self) -> PixelPoints:
         """Points of the photo without its people."""
         return PixelPoints.of(self.scene_map)
 
     @cached_property
-    def with_people(self) -> PixelPoints:
+    def photo_points(self) -> PixelPoints:
         """Points of the photo with its people."""
         return PixelPoints.of(self.photo_map)
 
     @cached_property
-    def aligned(self) -> PixelPoints:
+    def aligned_points(self) -> PixelPoints:
         """The same in the unit of the scene."""
         return PixelPoints.of(self.aligned_map)
 
@@ -111,7 +111,7 @@ class PhotoContent(ShortRepr):
         return stored_up(self.scene_map)
 
     @property
-    def slope(self) -> float:
+    def slope_sigma_deg(self) -> float:
         """Standard deviation of the floor's normal from up, degrees."""
         return slope_sigma(self.people.surfaces)
 

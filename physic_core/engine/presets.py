@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from physic_core.engine.contact.method import ContactMethod
+from physic_core.engine.contact.method import ContactStageMethod
 from physic_core.engine.joint.hidden_legs import fold_hidden_legs
-from physic_core.engine.joint.method import JointMethod, TermWeight
+from physic_core.engine.joint.method import JointStageMethod, TermWeight
 from physic_core.engine.joint.optimiser import LbfgsOptimiser, Optimiser
 from physic_core.engine.joint.sampling import Sampling, with_static_contacts
 from physic_core.engine.joint.term import Term
@@ -52,8 +52,8 @@ from physic_core.engine.joint.terms.scene import (
 )
 from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.engine.joint.variables import Variables
-from physic_core.engine.placement.method import PlacementMethod
-from physic_core.engine.scene.method import SceneMethod
+from physic_core.engine.placement.method import PlacementStageMethod
+from physic_core.engine.scene.method import SceneStageMethod
 from physic_core.engine.settings import EngineSettings
 from physic_core.engine.sizes.evidence import DEPTH_SCALE_SIGMA
 from physic_core.engine.state import State
@@ -62,7 +62,7 @@ _LATE_TOLERANCE = 1e-3  # share of the energy, which has converged, in steps wit
 
 
 @dataclass(frozen=True)
-class DefaultOptimisation(JointMethod):
+class DefaultOptimisation(JointStageMethod):
     """Settings of stage 3 in preset "default" (paper sec. 3.3, Eq. 5-7).
 
     A residual is divided by its "sigma", its expected size, and passed to a robust loss: beyond
@@ -178,5 +178,7 @@ class DefaultOptimisation(JointMethod):
         return [PeopleTerm(self.contact, self.penetration, sampling)], late
 
 
-DEFAULT = EngineSettings(SceneMethod(), PlacementMethod(), DefaultOptimisation(), ContactMethod())
+DEFAULT = EngineSettings(
+    SceneStageMethod(), PlacementStageMethod(), DefaultOptimisation(), ContactStageMethod()
+)
 """Settings of preset "default"."""

@@ -9,7 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from physic_core.engine.up import Up, camera_axis
+from physic_core.engine.up import Up, up_of_camera_axis
 from physic_core.geometry.floor import PlaneFit
 from physic_core.geometry.pixels import select_pixels
 from physic_core.types.short_repr import ShortRepr
@@ -36,7 +36,7 @@ class SceneState(ShortRepr):
     floor_points: Tensor
     K: Tensor
     floor: PlaneFit | None = None
-    up: Up = field(default_factory=camera_axis)
+    up: Up = field(default_factory=up_of_camera_axis)
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
 
     @property

@@ -12,20 +12,20 @@ from dataclasses import dataclass, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
-    from physic_core.engine.contact.method import ContactMethod
-    from physic_core.engine.joint.method import JointMethod
-    from physic_core.engine.placement.method import PlacementMethod
-    from physic_core.engine.scene.method import SceneMethod
+    from physic_core.engine.contact.method import ContactStageMethod
+    from physic_core.engine.joint.method import JointStageMethod
+    from physic_core.engine.placement.method import PlacementStageMethod
+    from physic_core.engine.scene.method import SceneStageMethod
 
 
 @dataclass(frozen=True)
 class EngineSettings:
     """Settings of the engine, one object per stage, whose type selects what the stage does."""
 
-    scene: SceneMethod
-    placement: PlacementMethod
-    joint: JointMethod
-    contact: ContactMethod
+    scene: SceneStageMethod
+    placement: PlacementStageMethod
+    joint: JointStageMethod
+    contact: ContactStageMethod
 
 
 _Settings = TypeVar("_Settings")

@@ -73,26 +73,26 @@ class Estimates(ShortRepr):
 
     Attributes:
         image: (H, W, 3) uint8 RGB.
-        camera_given: whether the user or the file gave the camera.
+        camera_by_user_or_file: whether the user or the file gave the camera.
         photo: what it shows.
         inpainted: (H, W, 3) uint8 RGB, the photo without its people and what they hold.
         ground: floor, stance and scale; average feet for those without a body.
         bodies: N bodies with their hands, of the configured body model.
         contact: contact prior, zero if no backend was configured.
         depth: metric depth of ``inpainted``.
-        depth_by: name of what estimated it, in messages.
+        depth_backend: name of what estimated it, in messages.
         missing_results: per person, the interfaces whose backend returned no valid values for them.
             Such a person has keypoints of confidence 0, a body of NaN, flat hands or no prior
             contact.
         known: sizes that the user knows, in px of ``image``.
         views: what other cameras show of the same people.
-        given_keypoints: (N, J), which of the keypoints the user gave; None if none.
+        is_given_keypoint: (N, J), which of the keypoints the user gave; None if none.
         contradicted_px: (N, J), how far mask and detector contradict them, px; None if none.
-        file_px: px of the photo file in one px of ``image``, stated if ``given_keypoints`` are.
+        file_px_per_px: px of the photo file in one px of ``image``, stated if keypoints are given.
     """
 
     image: UInt8Array
-    camera_given: bool
+    camera_by_user_or_file: bool
     photo: PhotoContent = field(metadata=PER_PERSON)
     inpainted: UInt8Array
     ground: Ground = field(metadata=PER_PERSON)
@@ -100,12 +100,12 @@ class Estimates(ShortRepr):
     contact: ContactProbability = field(metadata=PER_PERSON)
     depth: DepthMap
     missing_results: tuple[tuple[str, ...], ...] = field(metadata=PER_PERSON)
-    depth_by: str = "metric depth"
+    depth_backend: str = "metric depth"
     known: KnownSizes = field(default_factory=KnownSizes)
     views: tuple[OtherView, ...] = ()
-    given_keypoints: BoolArray | None = field(default=None, metadata=PER_PERSON)
+    is_given_keypoint: BoolArray | None = field(default=None, metadata=PER_PERSON)
     contradicted_px: FloatArray | None = field(default=None, metadata=PER_PERSON)
-    file_px: float = 1.0
+    file_px_per_px: float = 1.0
 
     def __post_init__(self) -> None:
         count = len(self.photo.people)
@@ -196,12 +196,12 @@ class State(ShortRepr):
         head: (N, 3) unit vectors in which the faces look by the person observer, NaN where unknown;
             None if unknown of all.
         head_sigma: (N,) radians, its errors.
-        stands: (N, 2) probability that the foot stands on the floor; None if unknown.
-        rests: (N,) probability that the lowest skin rests on the floor, of people who lie, plank or
+        stand_probability: (N, 2) that the foot stands on the floor; None if unknown.
+        rest_probability: (N,) that the lowest skin rests on the floor, of people who lie, plank or
             are on all fours; NaN of others; None if unknown.
-        observed_touch: (N, 9) as ``observed`` of :class:`~physic_core.engine.ground.stance.Stance`;
-            None if unknown.
-        limb_touch: (N, 5) probability by the picture that feet, hands and seat touch something; by
+        observed_log_odds: (N, 9) as ``log_odds`` of
+            :class:`~physic_core.engine.ground.stance.Stance`; None if unknown.
+        limb_touch_probability: (N, 5) by the picture that feet, hands and seat touch something; by
             stage 2 less for feet of people who ride. It weights their attraction to floor and
             scene; None counts as 1.
         carried: what people ride, and boards below their feet; None without any in the picture.
@@ -216,7 +216,7 @@ class State(ShortRepr):
         keypoint_transl: (N, 3) metres, by the keypoints alone (Eq. 2).
         size_ratio: (N,) factor by which to enlarge people so that a scene of known size matches
             the photo, NaN where unknown; None if the size of the scene is unknown.
-        unplaced: per person, why keypoints, depth and floor did not place the body, or "".
+        placement_failures: per person, why keypoints, depth and floor did not place them, or "".
         joint: of stage 3.
         contact: by stage 4, with the scene before inpainted points were moved out of people.
     """
@@ -238,10 +238,10 @@ class State(ShortRepr):
     lean_sigma: Tensor | None = field(default=None, metadata=shape("N"))
     head: Tensor | None = field(default=None, metadata=shape("N", 3))
     head_sigma: Tensor | None = field(default=None, metadata=shape("N"))
-    stands: Tensor | None = field(default=None, metadata=shape("N", 2))
-    rests: Tensor | None = field(default=None, metadata=shape("N"))
-    observed_touch: Tensor | None = field(default=None, metadata=shape("N", 9))
-    limb_touch: Tensor | None = field(default=None, metadata=shape("N", 5))
+    stand_probability: Tensor | None = field(default=None, metadata=shape("N", 2))
+    rest_probability: Tensor | None = field(default=None, metadata=shape("N"))
+    observed_log_odds: Tensor | None = field(default=None, metadata=shape("N", 9))
+    limb_touch_probability: Tensor | None = field(default=None, metadata=shape("N", 5))
     carried: Carried | None = None
     scale_sigma: float | None = None
     known: KnownGeometry | None = None
@@ -252,7 +252,7 @@ class State(ShortRepr):
     estimated_transl: Tensor | None = field(default=None, metadata=shape("N", 3))
     keypoint_transl: Tensor | None = field(default=None, metadata=shape("N", 3))
     size_ratio: Tensor | None = field(default=None, metadata=shape("N"))
-    unplaced: tuple[str, ...] | None = None
+    placement_failures: tuple[str, ...] | None = None
     joint: JointResult | None = None
     contact: Contact | None = None
 
@@ -338,14 +338,14 @@ class State(ShortRepr):
         """
         model = self.model
         weight = self.transl.new_ones(len(self), model.num_vertices)
-        if self.limb_touch is None:
+        if self.limb_touch_probability is None:
             return weight
         for name in ("thighs", "gluteus", "back"):
-            weight[:, model.contact_sets[name]] = self.limb_touch[:, 4:].to(weight)
+            weight[:, model.contact_sets[name]] = self.limb_touch_probability[:, 4:].to(weight)
         limbs = [f"{side}_{limb}" for limb in ("foot", "hand") for side in SIDES]
         for column, name in enumerate(limbs):
             part = model.part_of_vertex == model.part_names.index(name)
-            weight[:, part] = self.limb_touch[:, column, None].to(weight)
+            weight[:, part] = self.limb_touch_probability[:, column, None].to(weight)
         return weight
 
     def select_people(self, rows: Tensor) -> State:

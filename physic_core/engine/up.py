@@ -57,7 +57,7 @@ class Up(ShortRepr):
     source: str
 
 
-def camera_axis() -> Up:
+def up_of_camera_axis() -> Up:
     """Return the camera's own up axis."""
     direction = torch.tensor([0.0, -1.0, 0.0], dtype=torch.float64)
     return Up(direction, AXIS_SIGMA_DEG, "the camera's axis")
@@ -92,7 +92,7 @@ def with_up_of_file(pointmap: Pointmap, stated: FloatArray | None) -> tuple[Poin
     return known, warning
 
 
-def questioned_up(up: Up | None, bodies: Tensor) -> tuple[Up | None, tuple[str, ...]]:
+def up_checked_by_people(up: Up | None, bodies: Tensor) -> tuple[Up | None, tuple[str, ...]]:
     """Return up with the error that people who stand leave it, and a warning if they contradict it.
 
     Args:
@@ -153,7 +153,7 @@ def surest_up(floor: PlaneFit | None, up: Up | None, slope: float) -> Up:
 
 def _up_or_axis(up: Up | None) -> Up:
     """Return up, or the camera's axis if that is surer, beside half of the angle between them."""
-    axis = camera_axis()
+    axis = up_of_camera_axis()
     if up is None:
         return axis
     off = angle_deg(up.direction, axis.direction)

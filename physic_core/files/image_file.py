@@ -234,21 +234,21 @@ class ImageSource:
         if status.st_size == 0:
             raise InputError(f"cannot read the {self}: the file is empty (0 bytes); copy it again")
 
-    def damaged(self) -> InputError:
+    def damaged_error(self) -> InputError:
         """Return the error for a file whose data are damaged."""
         return InputError(
             f"cannot read the {self}: its data are damaged or truncated; copy it again from where "
             "it came, or save it again from a program that shows it completely"
         )
 
-    def raw(self) -> InputError:
+    def raw_error(self) -> InputError:
         """Return the error for a raw file of a camera."""
         return InputError(
             f"cannot use the {self}: it is a raw file of a camera: develop it first, and give the "
             f"JPEG, TIFF or PNG"
         )
 
-    def too_large(self, limit: int = MAX_PIXELS) -> InputError:
+    def too_large_error(self, limit: int = MAX_PIXELS) -> InputError:
         """Return the error for an image of more pixels than a limit."""
         return InputError(
             f"cannot use the {self}: it has more than {limit // 1_000_000} megapixels; give a "
@@ -276,7 +276,7 @@ def open_image(source: ImageSource) -> Iterator[tuple[Image.Image, BufferedReade
         start = file.read(_TAR + 5)
         kind = _kind(start)
         if _is_raw(start) or (kind in (None, "TIFF") and source.suffix in _RAW_SUFFIXES):
-            raise source.raw()
+            raise source.raw_error()
         if kind is None:
             what = _kind_not_read(start)
             raise InputError(
@@ -302,7 +302,7 @@ def open_image(source: ImageSource) -> Iterator[tuple[Image.Image, BufferedReade
                 ) from error
         with image:
             if image.size[0] * image.size[1] > max_pixels(kind):
-                raise source.too_large(max_pixels(kind))
+                raise source.too_large_error(max_pixels(kind))
             yield image, file
 
 
@@ -353,14 +353,14 @@ def wrap_decoding_errors(source: ImageSource) -> Iterator[None]:
         except InputError:
             raise
         except Image.DecompressionBombError:
-            raise source.too_large() from None
+            raise source.too_large_error() from None
         except MemoryError as error:
             raise InputError(
                 f"cannot read the {source}: there is not enough memory to decode it; give a "
                 f"smaller version"
             ) from error
         except Exception as error:  # decoders raise many classes for damaged data
-            raise source.damaged() from error
+            raise source.damaged_error() from error
         finally:
             for (module, name), value in zip(_SWITCHES, before, strict=True):
                 setattr(module, name, value)

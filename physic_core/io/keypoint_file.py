@@ -42,7 +42,7 @@ class GivenKeypoints(ShortRepr):
         points: (K, 2) px.
         numbered: whether ``person`` is a number in the result; otherwise people are matched to
             annotations.
-        file_px: px of the photo file in one px of ``points``.
+        file_px_per_px: px of the photo file in one px of ``points``.
         confidence: (K,) in (0, 1], the score of another program, or 1; None if all are 1.
         notes: what was left out or changed when the file was read.
     """
@@ -51,7 +51,7 @@ class GivenKeypoints(ShortRepr):
     joint: tuple[str, ...]
     points: FloatArray
     numbered: bool
-    file_px: float = 1.0
+    file_px_per_px: float = 1.0
     confidence: FloatArray | None = None
     notes: tuple[str, ...] = ()
 
@@ -90,7 +90,7 @@ def read_keypoints(path: str, width: int, height: int, photo: str = "") -> Given
             if is_csv
             else _table_of(parse_json(text), photo)
         )
-        return _given(table, is_csv, (width, height))
+        return _given_keypoints(table, is_csv, (width, height))
     except OSError as error:
         raise InputError(f"cannot read the keypoints {path}: {unreadable(error)}") from error
     except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
@@ -116,14 +116,16 @@ def _table_of(document: Any, photo: str) -> KeypointTable:
         table: KeypointTable | None = import_item(found, "reader of keypoints")(document, photo)
         if table is not None:
             return table
-    raise ValueError(f"its form is not known: it has {_outline(document)}")
+    raise ValueError(f"its form is not known: it has {_words_for_document(document)}")
 
 
-def _outline(document: Any) -> str:
+def _words_for_document(document: Any) -> str:
     if isinstance(document, Mapping):
         return f"an object with {', '.join(map(str, list(document)[:6])) or 'nothing'}"
     if isinstance(document, list) and document:
-        return f"a list of {len(document)}, the first of which is {_outline(document[0])}"
+        return (
+            f"a list of {len(document)}, the first of which is {_words_for_document(document[0])}"
+        )
     return "an empty list" if document == [] else f"a {type(document).__name__}"
 
 
@@ -145,7 +147,7 @@ def _csv_rows(text: str) -> Iterable[KeypointRow]:
             ) from None
 
 
-def _given(table: KeypointTable, is_csv: bool, size: tuple[int, int]) -> GivenKeypoints:
+def _given_keypoints(table: KeypointTable, is_csv: bool, size: tuple[int, int]) -> GivenKeypoints:
     """Return the keypoints that count, in px of the photo, with notes on what was left out."""
     is_scored = table.scored or any(row[4] not in (0, 1, 2) for row in table.rows)
     # A joint that JSON does not have is at (0, 0), or has no score.

@@ -133,7 +133,7 @@ def photo_path_for_messages(photo: object) -> str:
 def _read_image(image: Image.Image) -> Photo:
     source = ImageSource(photo_path_for_messages(image) or "given as a PIL image")
     if image.size[0] * image.size[1] > MAX_PIXELS:
-        raise source.too_large()
+        raise source.too_large_error()
     decode(image, source)
     with wrap_decoding_errors(source):
         copy = image.copy()  # decoding at a smaller size would change the user's image
@@ -222,7 +222,7 @@ _NEW_SUBFILE_TYPE = 254  # tag of TIFF
 _DNG_VERSION = 50706  # tag of DNG
 
 
-def _is_raw(image: Image.Image) -> bool:
+def _is_raw_tiff(image: Image.Image) -> bool:
     """Return whether a TIFF is a raw file (DNG, NEF and others), whose first image is a reduced
     copy of another.
     """
@@ -253,8 +253,8 @@ def _check_header(image: Image.Image, source: ImageSource) -> None:
             f"cannot use the {source}: its pixels are floating point; save it with 8 bits per "
             f"channel"
         )
-    if _is_raw(image):
-        raise source.raw()
+    if _is_raw_tiff(image):
+        raise source.raw_error()
 
 
 def _read(image: Image.Image, source: ImageSource, colours: tuple[int, int] | None = None) -> Photo:

@@ -59,7 +59,7 @@ _PARTS = f".{DOCUMENT_FILE}.*.physic-document"
 
 
 @dataclass(frozen=True)
-class Replaced:
+class Replaceable:
     """Which results a run may replace in its folder.
 
     Attributes:
@@ -73,12 +73,12 @@ class Replaced:
     earlier: Collection[str] = ()
 
 
-def check_overwrite(folder: Path, replaced: Replaced, names: Iterable[str]) -> None:
+def check_overwrite(folder: Path, replaceable: Replaceable, names: Iterable[str]) -> None:
     """Check that writing a result to a folder would replace no file of the user.
 
     Args:
         folder: where the result will be written.
-        replaced: which results may be replaced.
+        replaceable: which results may be replaced.
         names: of the files that will be written.
 
     Raises:
@@ -86,8 +86,8 @@ def check_overwrite(folder: Path, replaced: Replaced, names: Iterable[str]) -> N
             folder has the result of another photo.
     """
     present = [name for name in names if os.path.lexists(folder / name)]
-    unchanged, edited = _earlier_files(folder, replaced)
-    photos = [name for name in present if file_digest(folder / name) in replaced.photos.split()]
+    unchanged, edited = _earlier_files(folder, replaceable)
+    photos = [name for name in present if file_digest(folder / name) in replaceable.photos.split()]
     foreign = [name for name in present if name not in {*photos, *unchanged, *edited}]
     whose = photo_identity_of_result(folder)
     cure = f"move {', '.join([*photos, *foreign])} away"
@@ -100,8 +100,8 @@ def check_overwrite(folder: Path, replaced: Replaced, names: Iterable[str]) -> N
     if (
         not faults
         and whose is not None
-        and not same_photo(whose, replaced.photos)
-        and not replaced.overwrite
+        and not is_same_photo(whose, replaceable.photos)
+        and not replaceable.overwrite
     ):
         faults = ["it holds the result of another photo"]
         cure = "replace that result with --overwrite (overwrite=True in Python)"
@@ -112,7 +112,10 @@ def check_overwrite(folder: Path, replaced: Replaced, names: Iterable[str]) -> N
 
 
 def write_result_files(
-    folder: Path, document: Mapping[str, Any], contents: Mapping[str, bytes], replaced: Replaced
+    folder: Path,
+    document: Mapping[str, Any],
+    contents: Mapping[str, bytes],
+    replaceable: Replaceable,
 ) -> None:
     """Write the files of a result, all or none, in place of those of an earlier one; edited files
     of it are kept.
@@ -121,14 +124,14 @@ def write_result_files(
         folder: created if missing.
         document: of the result; the names and digests of the other files are added.
         contents: of the other files, by name.
-        replaced: which results may be replaced.
+        replaceable: which results may be replaced.
 
     Raises:
         OutputError: the folder cannot be written, or user data would be lost.
     """
     with atomic_write(check_writable(folder)) as write:
-        check_overwrite(folder, replaced, [DOCUMENT_FILE, *contents])
-        unchanged, edited = _earlier_files(folder, replaced)
+        check_overwrite(folder, replaceable, [DOCUMENT_FILE, *contents])
+        unchanged, edited = _earlier_files(folder, replaceable)
         former = list(folder.glob(_PARTS))
         _write_parts(folder, write, document, contents)
         write.seal()
@@ -165,11 +168,11 @@ def add_result_file(folder: Path, name: str, content: bytes) -> None:
             write(name).write_bytes(content)
             return
         _write_parts(folder, write, document, {name: content})
-        if name in _earlier_files(folder, Replaced(""))[1]:
+        if name in _earlier_files(folder, Replaceable(""))[1]:
             _keep(folder / name)
 
 
-def list_exports(folder: Path, files: Iterable[Path]) -> None:
+def record_exports(folder: Path, files: Iterable[Path]) -> None:
     """Record exported files inside a result folder in its document, so that the next run removes
     them.
 
@@ -207,7 +210,7 @@ def repair_result(folder: Path) -> None:
         return
     try:
         with locked(folder) as is_locked:
-            if is_locked and is_unfinished(folder) and _complete(folder):
+            if is_locked and is_unfinished(folder) and _complete_result(folder):
                 _LOG.warning(
                     "%s: a process was killed while it wrote the result there, which was completed",
                     folder,
@@ -228,7 +231,7 @@ def is_unfinished(folder: Path) -> bool:
     return not os.path.lexists(folder / DOCUMENT_FILE) and any(folder.glob(_PARTS))
 
 
-def _complete(folder: Path) -> bool:
+def _complete_result(folder: Path) -> bool:
     """Make the result of the latest document whole, from its temporary files; return whether there
     is one.
     """
@@ -246,7 +249,7 @@ def _complete(folder: Path) -> bool:
             if file_digest(part) == digests[name]
         }
         if ARRAYS_FILE in ready or file_digest(folder / ARRAYS_FILE) == digests.get(ARRAYS_FILE):
-            unchanged, edited = _earlier_files(folder, Replaced(""))
+            unchanged, edited = _earlier_files(folder, Replaceable(""))
             _swap(
                 folder,
                 AtomicWrite(folder, {**ready, DOCUMENT_FILE: path}),
@@ -315,7 +318,7 @@ def _keep(path: Path) -> None:
     path.rename(next(name for name in names if not os.path.lexists(name)))
 
 
-def _earlier_files(folder: Path, replaced: Replaced) -> tuple[set[str], set[str]]:
+def _earlier_files(folder: Path, replaceable: Replaceable) -> tuple[set[str], set[str]]:
     """Return the names of the files in a folder that an earlier run wrote: unchanged ones, and
     edited ones.
 
@@ -324,7 +327,7 @@ def _earlier_files(folder: Path, replaced: Replaced) -> tuple[set[str], set[str]
     was edited.
     """
     digests = [_files(folder, document) for document in _documents(folder)]
-    earlier = paths_inside(folder, replaced.earlier)
+    earlier = paths_inside(folder, replaceable.earlier)
     there = {
         name for name in (*earlier, *itertools.chain(*digests)) if os.path.lexists(folder / name)
     }
@@ -365,7 +368,7 @@ def run_of_result(folder: str | os.PathLike[str]) -> str:
         return ""
 
 
-def same_photo(one: str, other: str) -> bool:
+def is_same_photo(one: str, other: str) -> bool:
     """Return whether two results have a photo in common, by the digests of their photos, separated
     by spaces.
     """

@@ -33,7 +33,7 @@ from physic_core.io.result_folder import (
     DOCUMENT_FILE,
     MAX_DOCUMENT_BYTES,
     SCHEMA,
-    Replaced,
+    Replaceable,
     check_finished,
     check_overwrite,
     file_digest,
@@ -127,19 +127,19 @@ def save_reconstruction(
         raise ConfigError(f"what to save is one of {', '.join(SAVE)} (got '{save}')")
     folder = Path(folder)
     beside = beside or {}
-    replaced = Replaced(photos or reconstruction.photo, overwrite, earlier)
+    replaceable = Replaceable(photos or reconstruction.photo, overwrite, earlier)
     pictures = [GLB_FILE, PREVIEW_FILE] if save == "pictures" else []
     if page is not None:
         pictures.append(REPORT_FILE)
     repair_result(folder)
-    check_overwrite(folder, replaced, [DOCUMENT_FILE, ARRAYS_FILE, *pictures, *beside])
+    check_overwrite(folder, replaceable, [DOCUMENT_FILE, ARRAYS_FILE, *pictures, *beside])
     arrays: Arrays = {}
     document = _document(reconstruction, arrays)
     if save == "people":
         arrays = {name: array for name, array in arrays.items() if not name.startswith(_OF_SCENE)}
     arrays = _compact(arrays, reconstruction.intrinsics) | {_RUN: np.array(document["run"])}
     contents, failure = _contents(reconstruction, arrays, pictures, page or "")
-    write_result_files(folder, document, contents | dict(beside), replaced)
+    write_result_files(folder, document, contents | dict(beside), replaceable)
     if failure is not None:
         raise failure
     return tuple(folder / name for name in (DOCUMENT_FILE, *contents, *beside))

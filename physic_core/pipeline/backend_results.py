@@ -24,7 +24,7 @@ from physic_core.types.arrays import select_people
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.configuration.resolve import ResolvedBackend
-    from physic_core.pipeline.stage_runner import StageRunner
+    from physic_core.pipeline.stage_caller import StageCaller
     from physic_core.types import (
         Bodies,
         BoolArray,
@@ -48,7 +48,7 @@ _MOST_CONTACT = 0.6  # share of the vertices; worlds with contact have at most .
 _IN_CONTACT = 0.5  # least probability
 
 
-def real_people(people: People, prompt: PeoplePrompt | None = None) -> BoolArray:
+def is_real_person(people: People, prompt: PeoplePrompt | None = None) -> BoolArray:
     """Return which people (N,) bool are real, by the keypoints of the segmenter: all without
     keypoints or with masks.
 
@@ -113,7 +113,7 @@ def replace_hands(bodies: Bodies, hands: Hands, model: BodyModel) -> Bodies:
 
 
 def without_doubtful_wrists(
-    hands: Hands, bodies: Bodies, by: ResolvedBackend, stages: StageRunner
+    hands: Hands, bodies: Bodies, by: ResolvedBackend, stages: StageCaller
 ) -> Hands:
     """Return hands without wrists, and with a warning, if these are far from the wrists of the
     bodies and the backend is not vouched for.
@@ -130,7 +130,7 @@ def without_doubtful_wrists(
 
 
 def convert_to_configured(
-    bodies: Bodies, model: BodyModel, who: str, stages: StageRunner
+    bodies: Bodies, model: BodyModel, who: str, stages: StageCaller
 ) -> Bodies:
     """Convert bodies to the configured body model, and add a note with the conversion error.
 
@@ -168,7 +168,7 @@ def convert_to_configured(
 
 
 def transfer_contact(
-    contact: ContactProbability, model: BodyModel, who: str, stages: StageRunner
+    contact: ContactProbability, model: BodyModel, who: str, stages: StageCaller
 ) -> ContactProbability | None:
     """Transfer contact probabilities to the mesh of the configured body model; None and a warning
     on failure.

@@ -81,29 +81,31 @@ def run_backends(run: PhotoRun) -> Estimates:
     }
     return Estimates(
         image=run.image,
-        camera_given=run.given.photo.intrinsics is not None,
+        camera_by_user_or_file=run.given.photo.intrinsics is not None,
         photo=photo,
         inpainted=inpainting.image,
-        ground=_stated(ground.expanded(embodied), own, depth),
+        ground=_without_replaced_statements(ground.expanded(embodied), own, depth),
         bodies=bodies,
         contact=contact,
         depth=depth,
-        depth_by=plan.backends["metric_depth"].title,
+        depth_backend=plan.backends["metric_depth"].title,
         missing_results=tuple(
             tuple(name for name, who in missing.items() if who is not None and who[i])
             for i in range(len(no_body))
         ),
         known=run.given.known,
-        given_keypoints=joints.changed,
-        contradicted_px=joints.contradicted,
-        file_px=joints.file_px,
+        is_given_keypoint=joints.is_changed,
+        contradicted_px=joints.contradicted_px,
+        file_px_per_px=joints.file_px_per_px,
     )
 
 
-def _stated(ground: Ground, own: DepthMap | None, depth: DepthMap) -> Ground:
+def _without_replaced_statements(ground: Ground, own: DepthMap | None, depth: DepthMap) -> Ground:
     """Return the ground without the statements that a metric depth of its own scale replaces."""
     if own is not None:  # the metres of a depth that did not vote stay
-        ground = replace(ground, by_people=ground.by_people and ground.depth is not None)
+        ground = replace(
+            ground, is_scaled_by_people=ground.is_scaled_by_people and ground.depth is not None
+        )
     if depth.scale_sigma is not None or own is not None:
-        ground = replace(ground, guess="")
+        ground = replace(ground, guess_warning="")
     return ground

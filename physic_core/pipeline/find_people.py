@@ -27,15 +27,15 @@ from physic_core.pipeline.backend_results import (
     discard_invalid_keypoints,
     doubt_of_contact,
     expand_contact,
-    real_people,
+    is_real_person,
     replace_hands,
     transfer_contact,
     without_doubtful_wrists,
 )
 from physic_core.pipeline.given.people import (
-    ignored_people,
+    is_ignored_person,
     known_people,
-    left_to_right,
+    order_left_to_right,
     select_chosen,
 )
 from physic_core.types import Bodies, ContactProbability, Keypoints, Observations, People
@@ -83,16 +83,16 @@ class FoundKeypoints(ShortRepr):
     Attributes:
         keypoints: by the detector, with those that the user gave.
         missing: (N,) bool, people with invalid ones by the detector; None if it was not called.
-        changed: (N, J) keypoints that the user changed, or None.
-        contradicted: (N, J) how far mask and detector contradict them, px, or None.
-        file_px: as of :class:`physic_core.engine.state.Estimates`.
+        is_changed: (N, J) keypoints that the user changed, or None.
+        contradicted_px: (N, J) how far mask and detector contradict them, px, or None.
+        file_px_per_px: as of :class:`physic_core.engine.state.Estimates`.
     """
 
     keypoints: Keypoints
     missing: BoolArray | None = None
-    changed: BoolArray | None = None
-    contradicted: FloatArray | None = None
-    file_px: float = 1.0
+    is_changed: BoolArray | None = None
+    contradicted_px: FloatArray | None = None
+    file_px_per_px: float = 1.0
 
 
 def find_people(run: PhotoRun) -> FoundPeople:
@@ -107,7 +107,7 @@ def find_people(run: PhotoRun) -> FoundPeople:
     found = _segment(run, prompt, required=run.plan.photo.require_people)
     if ignored is not None:
         found = _without(run, found, ignored)
-    real = real_people(found.people, prompt)
+    real = is_real_person(found.people, prompt)
     every = found.people
     same = (
         "its joints lie on another person, who seems the same; if not, give --person x,y for each"
@@ -117,7 +117,7 @@ def find_people(run: PhotoRun) -> FoundPeople:
         raise NoPersonError("a person is required, and all people of the photo were left out")
     sizes = run.given.known
     if prompt is None:
-        found = select_people(found, left_to_right(found.people))
+        found = select_people(found, order_left_to_right(found.people))
         return FoundPeople(found.people, found.missing, known_people(sizes, len(found.people)))
     known = select_people(known_people(sizes, len(every)), real)
     if not real.all():
@@ -161,7 +161,7 @@ def _segment(run: PhotoRun, prompt: PeoplePrompt | None, *, required: bool) -> S
 def _without(run: PhotoRun, found: SegmentedPeople, ignored: PeoplePrompt) -> SegmentedPeople:
     """Return the people whom the user does not ignore; others' pixels show no scene."""
     people = found.people
-    out = ignored_people(people, ignored)
+    out = is_ignored_person(people, ignored)
     masks: BoolArray = np.logical_or.reduce(people.masks[out])
     if people.unposed_mask is not None:
         masks |= people.unposed_mask
@@ -193,7 +193,7 @@ def find_keypoints(run: PhotoRun, people: People) -> FoundKeypoints:
     keypoints, changed, notes = corrected_keypoints(found.keypoints, given, people)
     run.stages.note(*notes)
     contradicted = contradicted_keypoints(found.keypoints, keypoints, changed, people)
-    return FoundKeypoints(keypoints, found.missing, changed, contradicted, given.file_px)
+    return FoundKeypoints(keypoints, found.missing, changed, contradicted, given.file_px_per_px)
 
 
 def observe_people(
@@ -202,7 +202,7 @@ def observe_people(
     """Tell what people do; unknown without a backend, and if it fails. Also return the keypoints,
     turned round for people whose back is taken for a front; not where the user gave some.
     """
-    from physic_core.engine.ground.posture import back_as_front, weigh_posture
+    from physic_core.engine.ground.posture import is_back_taken_for_front, weigh_posture
 
     keypoints = joints.keypoints
     seen = None
@@ -214,9 +214,9 @@ def observe_people(
         )
     if seen is None:
         return Observations.unknown(len(people)), joints
-    turned = back_as_front(seen, keypoints)
-    if joints.changed is not None:
-        turned &= ~joints.changed.any(1)
+    turned = is_back_taken_for_front(seen, keypoints)
+    if joints.is_changed is not None:
+        turned &= ~joints.is_changed.any(1)
     keypoints = keypoints.facing_the_other_way(turned)
     said = weigh_posture(seen.with_sides_exchanged(turned), keypoints)
     return said, replace(joints, keypoints=keypoints)

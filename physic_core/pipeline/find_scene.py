@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from physic_core.engine.ground.floor import FloorCandidate, FloorEvidence
     from physic_core.engine.ground.floor_and_scale import Ground
     from physic_core.engine.photo import PhotoContent
-    from physic_core.engine.placement.method import PlacementMethod
+    from physic_core.engine.placement.method import PlacementStageMethod
     from physic_core.pipeline.find_people import FoundPeople
     from physic_core.pipeline.photo_run import PhotoRun
     from physic_core.types import Bodies, BoolArray, Keypoints, Observations, People, UInt8Array
@@ -51,7 +51,7 @@ class Maps(ShortRepr):
         scene: its point map, in a usual unit.
         original: of the photo; its shape is the people's.
         camera: of both.
-        own: metric depth that comes with a scale of its own, without the hole; None without one.
+        own_depth: metric depth with a scale of its own, without the hole; None without one.
         hints: for the next backend, with the scene as it was measured or estimated.
     """
 
@@ -59,7 +59,7 @@ class Maps(ShortRepr):
     scene: Pointmap
     original: Pointmap
     camera: Intrinsics
-    own: DepthMap | None
+    own_depth: DepthMap | None
     hints: Hints
 
 
@@ -158,7 +158,7 @@ def photo_content(
     keypoints: Keypoints,
     observations: Observations,
     maps: Maps,
-    settings: PlacementMethod,
+    settings: PlacementStageMethod,
 ) -> PhotoContent:
     """Return what the photo shows, with its point map aligned to the scene outside the hole."""
     from physic_core.engine.photo import PhotoContent
@@ -178,7 +178,7 @@ def photo_content(
     )
 
 
-def _aligned(maps: Maps, hole: Tensor, settings: PlacementMethod) -> Pointmap:
+def _aligned(maps: Maps, hole: Tensor, settings: PlacementStageMethod) -> Pointmap:
     from physic_core.engine.photo import PixelPoints
     from physic_core.engine.placement.solve import align_photo_points_to_scene
     from physic_core.geometry.alignment import apply_alignment
@@ -196,9 +196,9 @@ def find_floors(photo: PhotoContent, hints: Hints, *, searched: bool) -> Floors:
     from physic_core.engine.up import surest_up
 
     evidence = floor_evidence(photo)
-    floors = scene_floor_candidates(photo.scene, evidence, searched=searched)
+    floors = scene_floor_candidates(photo.scene_points, evidence, searched=searched)
     floor = chosen_floor(floors, best_index(floors), evidence).plane
-    up = surest_up(floor, evidence.up, photo.slope)
+    up = surest_up(floor, evidence.up, photo.slope_sigma_deg)
     hints = replace(
         hints,
         floor=None if floor is None else floor.to_plane(),
@@ -213,14 +213,17 @@ def find_scale(
     run: PhotoRun, photo: PhotoContent, bodies: Bodies, floors: Floors, own: DepthMap | None
 ) -> Ground:
     """Find floor and scale by the people with bodies, and by a depth with a scale of its own."""
-    from physic_core.engine.ground.floor_and_scale import asked_up, find_ground
+    from physic_core.engine.ground.floor_and_scale import find_ground, up_checked_in_photo
     from physic_core.engine.up import slope_warnings
 
     evidence = floors.evidence
     witness = own if run.plan.engine.scene.rescales_depth else None
     ground = find_ground(photo, bodies, run.model, floors.candidates, evidence, witness)
     plane = ground.search.plane
-    run.stages.warn(*asked_up(photo)[1], *slope_warnings(plane, evidence.up, evidence.slope))
+    run.stages.warn(
+        *up_checked_in_photo(photo)[1],
+        *slope_warnings(plane, evidence.up, evidence.slope_sigma_deg),
+    )
     return ground
 
 
@@ -228,8 +231,8 @@ def depth_of_own_scale(run: PhotoRun, maps: Maps, hints: Hints) -> DepthMap | No
     """Return metric depth with a scale of its own: that of the photo, or by a backend that does not
     read the scale of the hints; None without one, and if it needs people and gets none.
     """
-    if maps.own is not None or "scale" in _reads_of_depth(run):
-        return maps.own
+    if maps.own_depth is not None or "scale" in _reads_of_depth(run):
+        return maps.own_depth
     with suppress(NoPersonError):
         return run.call("metric depth", MetricDepthRequest(maps.inpainting.image, hints))
     return None

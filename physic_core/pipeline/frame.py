@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import cv2
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from physic_core.geometry.colors import lab_from_srgb
 from physic_core.pipeline.border import find_inside
-from physic_core.pipeline.twins import one_of_twins
+from physic_core.pipeline.twins import half_of_twins
 
 if TYPE_CHECKING:
     from physic_core.pipeline.border import Inside
@@ -87,18 +87,43 @@ class _Picture:
     broken: int
 
 
+class _Layer(NamedTuple):
+    """What the outermost ground of a photo is round: a picture to cut out, or else those that
+    cannot be cut out: several in one file, or one that is turned, skewed or broken.
+    """
+
+    cut: _Picture | None = None
+    uncut: tuple[_Picture, ...] = ()
+
+
+class _Line(NamedTuple):
+    """Line along a side of a picture.
+
+    Attributes:
+        point: (2,) px.
+        direction: (2,) of length 1.
+        seen: share of the side on which the outline lies on the line; 0 along the edge.
+        at_edge: True along the edge of the photo, where nothing shows it.
+    """
+
+    point: FloatArray
+    direction: FloatArray
+    seen: float
+    at_edge: bool = False
+
+
 def find_frame(image: UInt8Array) -> Frame:
     """Return what is round the picture in a photo (H, W, 3)."""
     border = find_inside(image)
     whole = slice(0, image.shape[0]), slice(0, image.shape[1])
     if border is not None:
-        pictures = _layer(image)
-        if isinstance(pictures, tuple) and len(pictures) > 2:  # their common border is no frame
-            return Frame(warning=_several(len(pictures)))
+        several = len(_outermost_layer(image).uncut)
+        if several > 2:  # their common border is no frame
+            return Frame(warning=_several_warning(several))
     frame, pictures = _without_layers(image, border)
     # of more pictures than two, as of a sheet for a passport, half is no picture
     rows, columns = frame.inside or whole
-    half = None if len(pictures) > 2 else one_of_twins(image[rows, columns])
+    half = None if len(pictures) > 2 else half_of_twins(image[rows, columns])
     if half is None:
         return frame
     axis, length = half
@@ -124,23 +149,27 @@ def _without_layers(image: UInt8Array, inside: Inside | None) -> tuple[Frame, tu
     corners = np.array([[left, top], [right, top], [right, bottom], [left, bottom]], float)
     part = image[rows, columns]
     for _ in range(_LAYERS):
-        found = _layer(part)
-        if found is None:
-            break
-        if isinstance(found, tuple):
-            if len(found) > 1:
-                return replace(frame, warning=_several(len(found))), found
+        found, uncut = _outermost_layer(part)
+        if len(uncut) > 1:
+            return replace(frame, warning=_several_warning(len(uncut))), uncut
+        if uncut:
             warning = (
-                f"a photo of a picture? Four straight lines enclose {found[0].share:.0%} of it, as "
+                f"a photo of a picture? Four straight lines enclose {uncut[0].share:.0%} of it, as "
                 "a screen or a print does: all distances and sizes are then wrong. Cut the picture "
                 "out, straighten it, and run that"
             )
-            return replace(frame, warning=warning), found
-        corners = cv2.perspectiveTransform(found.corners[None], np.linalg.inv(_upright(corners)))[0]
+            return replace(frame, warning=warning), uncut
+        if found is None:
+            break
+        corners = cv2.perspectiveTransform(
+            found.corners[None], np.linalg.inv(_homography_to_upright(corners))
+        )[0]
         is_print = frame.is_print or found.turn_deg > _STRAIGHT_DEG
         frame = Frame(_rectangle_in(corners), "what is round the picture", is_print=is_print)
-        width, height = _size(corners)
-        part = cv2.warpPerspective(image, _upright(corners), (round(width), round(height)))
+        width, height = _width_and_height(corners)
+        part = cv2.warpPerspective(
+            image, _homography_to_upright(corners), (round(width), round(height))
+        )
     return frame, ()
 
 
@@ -163,22 +192,22 @@ def plain_ground(image: UInt8Array) -> BoolArray | None:
     return np.asarray(whole > 0)
 
 
-def _size(corners: FloatArray) -> tuple[float, float]:
+def _width_and_height(corners: FloatArray) -> tuple[float, float]:
     """Return width and height of a picture with corners (4, 2), clockwise from the upper left."""
     sides = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
     return float(sides[[0, 2]].mean()), float(sides[[1, 3]].mean())
 
 
-def _upright(corners: FloatArray) -> FloatArray:
+def _homography_to_upright(corners: FloatArray) -> FloatArray:
     """Return the homography (3, 3) that puts corners (4, 2) at those of an upright picture."""
-    width, height = _size(corners)
+    width, height = _width_and_height(corners)
     upright = np.array([[0, 0], [width, 0], [width, height], [0, height]], np.float32)
     return np.asarray(cv2.getPerspectiveTransform(corners.astype(np.float32), upright))
 
 
-def _layer(image: UInt8Array) -> _Picture | tuple[_Picture, ...] | None:
-    """Return the picture in the outermost ground, px of the image (H, W, 3); several in one file,
-    or one that cannot be cut out, in a tuple; None without a frame.
+def _outermost_layer(image: UInt8Array) -> _Layer:
+    """Return what the outermost ground of an image (H, W, 3) is round; the picture to cut out in px
+    of the image.
     """
     scale = max(1.0, max(image.shape[:2]) / _SIDE)
     height, width = (max(1, round(side / scale)) for side in image.shape[:2])
@@ -187,12 +216,12 @@ def _layer(image: UInt8Array) -> _Picture | tuple[_Picture, ...] | None:
     outer, enclosing = _grounds(small)
     pictures = _pictures(outer) if outer.any() else []
     if len(pictures) > 1 and sum(one.share for one in pictures) >= _PARTS:
-        return tuple(pictures)
+        return _Layer(uncut=tuple(pictures))
     for one in pictures[:1]:
-        if one.share < max(_PICTURE, _MOST * _largest(~outer)):
+        if one.share < max(_PICTURE, _MOST * _largest_share(~outer)):
             break
         if one.broken or one.turn_deg > _CUT_DEG or one.skew_deg > _SQUARE_DEG:
-            return (one,)
+            return _Layer(uncut=(one,))
         # inwards by what the scale and the median blur
         middle = one.corners.mean(0)
         size = np.array([width, height])
@@ -202,21 +231,21 @@ def _layer(image: UInt8Array) -> _Picture | tuple[_Picture, ...] | None:
             np.where(one.corners < middle, 0, size),
             one.corners + np.where(one.corners < middle, 2, -1),
         )
-        return replace(one, corners=corners * (np.array(image.shape[1::-1]) / size))
+        return _Layer(replace(one, corners=corners * (np.array(image.shape[1::-1]) / size)))
     for ground in enclosing:
         for one in _pictures(ground):
             if one.share >= _ENCLOSED and one.inner == 4:
-                return (one,)
-    return None
+                return _Layer(uncut=(one,))
+    return _Layer()
 
 
-def _largest(parts: BoolArray) -> float:
+def _largest_share(parts: BoolArray) -> float:
     """Return the share of the largest connected part of a photo (H, W)."""
     *_, stats, _ = cv2.connectedComponentsWithStats(parts.astype(np.uint8), connectivity=4)
     return float(stats[1:, cv2.CC_STAT_AREA].max(initial=0)) / parts.size
 
 
-def _several(number: int) -> str:
+def _several_warning(number: int) -> str:
     return (
         f"{number} pictures in one file? A plain ground parts them, and distances between people "
         "of two pictures are meaningless: cut them apart, and run each"
@@ -229,7 +258,7 @@ def _grounds(small: UInt8Array) -> tuple[BoolArray, list[BoolArray]]:
     """
     height, width = small.shape[:2]
     values = np.rint(lab_from_srgb(small) * _LAB_STEPS).astype(np.int16)
-    smooth = _smooth(values)
+    smooth = _smooth_pixels(values)
     _, labels, stats, _ = cv2.connectedComponentsWithStats(smooth, connectivity=4)
     outer = _blurred_sides(smooth > 0)
     enclosing = [_textured_ground(values)]
@@ -262,7 +291,7 @@ def _blurred_sides(smooth: BoolArray) -> BoolArray:
     return sides
 
 
-def _smooth(values: NDArray[np.int16]) -> UInt8Array:
+def _smooth_pixels(values: NDArray[np.int16]) -> UInt8Array:
     """Return where colours (H, W, 3) change no more than by the noise at the edge of a photo."""
     steps = [np.abs(np.diff(values, axis=axis)).max(-1) for axis in (0, 1)]
     noise = np.mean([*steps[0][:, 0], *steps[0][:, -1], *steps[1][0], *steps[1][-1]])
@@ -330,25 +359,27 @@ def _picture(part: BoolArray) -> _Picture | None:
         if len(corners) <= 4:
             starts += [corners[:, 0].astype(float)] if len(corners) == 4 else []
             break
-    found = [_on_lines(start, outline[:, 0].astype(float), part.shape) for start in starts]
+    found = [_picture_on_lines(start, outline[:, 0].astype(float), part.shape) for start in starts]
     return min(filter(None, found), key=lambda one: one.broken, default=None)
 
 
-def _on_lines(start: FloatArray, points: FloatArray, size: tuple[int, int]) -> _Picture | None:
+def _picture_on_lines(
+    start: FloatArray, points: FloatArray, size: tuple[int, int]
+) -> _Picture | None:
     """Return the picture whose sides are the lines nearest to those of four corners (4, 2); None if
     the points (P, 2) of its outline lie elsewhere.
     """
     sides = [
         side
         for corner, end in zip(start, np.roll(start, -1, axis=0), strict=True)
-        if (side := _side(corner, end, points, size)) is not None
+        if (side := _line_at_side(corner, end, points, size)) is not None
     ]
-    seen = [share for _, _, share in sides if share is not None]
-    broken = sum(share < _SEEN for share in seen)
-    if len(sides) < 4 or not seen or broken > (len(seen) == 4):
+    inner = [side for side in sides if not side.at_edge]
+    broken = sum(side.seen < _SEEN for side in inner)
+    if len(sides) < 4 or not inner or broken > (len(inner) == 4):
         return None
-    normals = np.array([[y, -x] for _, (x, y), _ in sides])
-    corners = _crossings(normals, (normals * [point for point, _, _ in sides]).sum(1))
+    normals = np.array([[y, -x] for x, y in (side.direction for side in sides)])
+    corners = _crossings(normals, (normals * [side.point for side in sides]).sum(1))
     if corners is None:
         return None
     angles = np.degrees(np.arctan2(normals[:, 1], normals[:, 0]))
@@ -356,8 +387,8 @@ def _on_lines(start: FloatArray, points: FloatArray, size: tuple[int, int]) -> _
     return _Picture(
         corners,
         cv2.contourArea(corners.astype(np.float32)) / math.prod(size),
-        len(seen),
-        max(turn for turn, (_, _, share) in zip(turns, sides, strict=True) if share is not None),
+        len(inner),
+        max(turn for turn, side in zip(turns, sides, strict=True) if not side.at_edge),
         float(np.abs((angles - np.roll(angles, 1)) % 180 - 90).max()),
         broken,
     )
@@ -385,12 +416,11 @@ def _clockwise(corners: FloatArray) -> FloatArray:
     return np.roll(around, -int(around.sum(1).argmin()), axis=0)
 
 
-def _side(
+def _line_at_side(
     corner: FloatArray, end: FloatArray, points: FloatArray, size: tuple[int, int]
-) -> tuple[FloatArray, FloatArray, float | None] | None:
-    """Return a point (2,) and the direction (2,) of the line nearest to a side, and the share of
-    the side on which points of the outline (P, 2) lie on it, None at the edge of the photo; None
-    without a line.
+) -> _Line | None:
+    """Return the line nearest to a side by the points of the outline (P, 2); None if the side is
+    too short.
     """
     length = float(np.linalg.norm(end - corner))
     if length < 4 * _EDGE_PX:
@@ -400,12 +430,12 @@ def _side(
         for limit in (0, size[1 - axis] - 1):
             if max(abs(corner[axis] - limit), abs(end[axis] - limit)) <= _EDGE_PX:
                 direction = np.array([axis == 1, axis == 0], float)
-                return np.where(direction, corner, limit), direction, None
+                return _Line(np.where(direction, corner, limit), direction, 0.0, at_edge=True)
     places = (points - corner) @ along
     apart = (points - corner) @ np.array([-along[1], along[0]])
     near = (np.abs(apart) <= _NEAR_PX) & (places > 0.1 * length) & (places < 0.9 * length)
     if near.sum() < 0.3 * length:
-        return corner, along, 0.0
+        return _Line(corner, along, 0.0)
     x, y, px, py = cv2.fitLine(
         points[near].astype(np.float32), cv2.DIST_HUBER, 0, 0.01, 0.01
     ).ravel()
@@ -413,7 +443,7 @@ def _side(
     direction = np.array([x, y], float)
     on_line = np.abs((points[near] - base) @ np.array([-y, x])) <= _LINE_PX
     seen = len(np.unique(places[near][on_line].astype(int))) / (0.8 * length)
-    return base, direction, seen
+    return _Line(base, direction, seen)
 
 
 def _rectangle_in(corners: FloatArray) -> Inside:

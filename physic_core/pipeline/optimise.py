@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.engine.settings import EngineSettings
     from physic_core.engine.state import Estimates
-    from physic_core.pipeline.stage_runner import StageRunner
+    from physic_core.pipeline.stage_caller import StageCaller
     from physic_core.types import Reconstruction
 
 
 def run_engine(
-    estimates: Estimates, settings: EngineSettings, model: BodyModel, stages: StageRunner
+    estimates: Estimates, settings: EngineSettings, model: BodyModel, stages: StageCaller
 ) -> Reconstruction:
     """Run scene, placement, joint optimisation and contact on the device of the body model.
 
@@ -38,8 +38,8 @@ def run_engine(
     with stages.time_engine("scene"):
         state = solve_scene(estimates, model, settings.scene)
     is_sized = state.known is not None and state.known.unscaled is not None
-    if estimates.ground.guess and not is_sized:
-        stages.warn(estimates.ground.guess)
+    if estimates.ground.guess_warning and not is_sized:
+        stages.warn(estimates.ground.guess_warning)
     if not len(estimates.photo.people):
         return as_reconstruction(estimates, state)
     with stages.time_engine("placement"):

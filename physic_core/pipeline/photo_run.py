@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from physic_core.configuration.resolve import ResolvedBackend, ResolvedPipeline
     from physic_core.interfaces import Request
     from physic_core.pipeline.given.photo import PreparedPhoto
-    from physic_core.pipeline.stage_runner import StageRunner
+    from physic_core.pipeline.stage_caller import StageCaller
     from physic_core.types import UInt8Array
 
 STAGES = {
@@ -53,7 +53,7 @@ class PhotoRun:
 
     given: PreparedPhoto
     plan: ResolvedPipeline
-    stages: StageRunner
+    stages: StageCaller
 
     @property
     def image(self) -> UInt8Array:

@@ -92,8 +92,8 @@ def _people(
     )
     rows = _arrays_of_people(state, contact)
     sizes = zip(state.model.stature(state.betas), body_size_sigmas(estimates, state), strict=True)
-    unseen = _unseen(state)
-    touch = estimates.ground.stance.limb_touch
+    unseen = _unseen_limbs(state)
+    touch = estimates.ground.stance.limb_touch_probability
     sigmas = estimates.bodies.joint_sigma
     people = []
     for i, (stature, sigma) in enumerate(sizes):
@@ -116,7 +116,7 @@ def _people(
                 stature_sigma=sigma if has_body else None,
                 sizes=_sizes(state, i) if has_body else {},
                 measures=measures[i],
-                **_observed(photo.observations, touch[i], i),
+                **_observed_fields(photo.observations, touch[i], i),
                 **{name: array[i] for name, array in rows.items()},
             )
         )
@@ -151,7 +151,7 @@ def _sizes(state: State, person: int) -> dict[str, float]:
     return sizes
 
 
-def _observed(said: Observations, touch: FloatArray, person: int) -> dict[str, Any]:
+def _observed_fields(said: Observations, touch: FloatArray, person: int) -> dict[str, Any]:
     """Return what the person observer says of a person, as fields of a Person.
 
     A plank has no name among the postures, and looks like lying: a person on feet and hands, whose
@@ -168,7 +168,7 @@ def _observed(said: Observations, touch: FloatArray, person: int) -> dict[str, A
     return known | ({"posture": POSTURES[best]} if "posture_probability" in known else {})
 
 
-def _unseen(state: State) -> list[tuple[str, ...]]:
+def _unseen_limbs(state: State) -> list[tuple[str, ...]]:
     """Return the limbs of each person at whose end no photo has a confident keypoint."""
     names = state.model.part_names
     seen = observed_parts(names, state.observed_in_any_photo).tolist()
@@ -290,7 +290,7 @@ def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
             "people seem to lie, and the camera to look down on them: the floor is what they lie "
             "on, and heights are those over it"
         )
-    if estimates.ground.by_people and not estimates.known:
+    if estimates.ground.is_scaled_by_people and not estimates.known:
         bodies = sum(person.support is not None for person in people)
         contacts = [person.contacts for person in people]
         notes.append(scale_note(contacts, bodies, result.scene.floor, lie))
@@ -324,7 +324,7 @@ def warn_of_small_people(estimates: Estimates, result: Reconstruction) -> list[s
     return [
         f"person {i} would be {stature:.1f} m tall on the floor on which others stand. Of a child "
         f"give {size_option('--age YEARS', len(on_floor))}; else size and distance are wrong"
-        for i, stature in estimates.ground.small.items()
+        for i, stature in estimates.ground.small_statures.items()
         if on_floor[i] and sum(on_floor) > 1
     ]
 
@@ -355,7 +355,7 @@ def describe_repositories(plan: ResolvedPipeline) -> tuple[dict[str, Any], tuple
         with suppress(Exception):  # of a plugin; the result is complete without its statement
             for one in resolved.backend.requirements():
                 if isinstance(one, Repository) and one.found:
-                    found[one.url] = {"commit": one.found, "state": _state(one)}
+                    found[one.url] = {"commit": one.found, "state": _commit_state(one)}
     others = tuple(
         f"the checkout of {url} is at {entry['commit'][:7]}, not at the commit that was tested"
         for url, entry in found.items()
@@ -364,7 +364,7 @@ def describe_repositories(plan: ResolvedPipeline) -> tuple[dict[str, Any], tuple
     return ({"repositories": found} if found else {}), others
 
 
-def _state(one: Repository) -> str:
+def _commit_state(one: Repository) -> str:
     if not one.commit:
         return "unpinned"
     return "tested" if one.found.startswith(one.commit) else "differs"

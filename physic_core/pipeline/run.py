@@ -29,7 +29,7 @@ from physic_core.errors import ConfigError, PhysicError
 from physic_core.io.photo import Photo, photo_path_for_messages, read_photo
 from physic_core.pipeline.given.photo import prepare_photo
 from physic_core.pipeline.photo_run import PhotoRun, stages_before_the_engine
-from physic_core.pipeline.stage_runner import LoadedBackends, StageRunner
+from physic_core.pipeline.stage_caller import LoadedBackends, StageCaller
 from physic_core.types import CameraTrust, Intrinsics, KnownSizes, PeoplePrompt, Reconstruction
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from physic_core.engine.state import Estimates, OtherView
     from physic_core.interfaces import Backend
     from physic_core.io.photo import PhotoSource
-    from physic_core.pipeline.stage_runner import Progress
+    from physic_core.pipeline.stage_caller import Progress
 
     Configuration = ResolvedPipeline | Config | Mapping[str, Any] | str | os.PathLike[str] | None
 
@@ -223,7 +223,7 @@ class Pipeline:
         camera = given.camera()
         plan = self._plan_with(settings)
         path = photo_path_for_messages(source)
-        with self._exclusive(), _naming(path):
+        with self._exclusive(), _errors_name_photo(path):
             with limited_memory(self.config.run.device):
                 photo = read_photo(source)
             if camera is not None and (camera.width, camera.height) == photo.file_size:
@@ -260,14 +260,14 @@ class Pipeline:
                 backends[name] = resolve_one(name, choice.backend, choice.options)
         return replace(self._plan, photo=config.photo, config=config, backends=backends)
 
-    def _stages(self, progress: Progress | None, *, close: bool) -> StageRunner:
+    def _stages(self, progress: Progress | None, *, close: bool) -> StageCaller:
         run = self.config.run
         cache = None
         if run.cache:
             from physic_core.cache.results import ResultCache
 
             cache = ResultCache.in_users_folder(run.cache_mb, self._code)
-        return StageRunner(
+        return StageCaller(
             self._plan.device,
             stages_before_the_engine(self._plan.backends) + _ENGINE_STAGES,
             progress,
@@ -314,7 +314,7 @@ def reconstruct(
 
 
 @contextmanager
-def _naming(photo: str) -> Iterator[None]:
+def _errors_name_photo(photo: str) -> Iterator[None]:
     """Start the message of an error with the path of the photo, if it has one."""
     try:
         yield
@@ -360,7 +360,7 @@ class _Given:
 
 
 def _reconstruct(
-    photo: Photo, plan: ResolvedPipeline, given: _Given, stages: StageRunner, *, close: bool
+    photo: Photo, plan: ResolvedPipeline, given: _Given, stages: StageCaller, *, close: bool
 ) -> Reconstruction:
     from physic_core.backends.devices import limited_threads
 

@@ -24,7 +24,7 @@ _SEAM = 0.55  # share of the rows with a step in the middle
 _PLAIN = 6  # deviation of the colours of a strip between them, of 255
 
 
-def one_of_twins(image: UInt8Array) -> tuple[int, int] | None:
+def half_of_twins(image: UInt8Array) -> tuple[int, int] | None:
     """Return the axis and the length of the half of an image (H, W, 3) if both halves show the
     same, side by side or one over the other; None if not.
     """

@@ -205,13 +205,13 @@ class WeightSet:
             account = "an account with access, " if self.needs_account else ""
             command = (
                 f"`physic weights fetch {self.name} --accept-licence` ({account}commercial "
-                f"use {self._use()})"
+                f"use {self._commercial_use()})"
             )
         return command if all(file.source for file in self.files) else f"{command}; {self.advice}"
 
     def describe_licence(self) -> str:
         """Format the licence, and how to get access to the files, as lines of text."""
-        lines = [f"  licence     {self.license}", f"  commercial  use {self._use()}"]
+        lines = [f"  licence     {self.license}", f"  commercial  use {self._commercial_use()}"]
         if self.account:
             login = "log in there (for Hugging Face by `hf auth login` or HF_TOKEN)"
             need = "needed" if self.needs_account else "only for the first source"
@@ -224,7 +224,7 @@ class WeightSet:
             )
         return "\n".join(lines)
 
-    def _use(self) -> str:
+    def _commercial_use(self) -> str:
         return {True: "allowed", False: "NOT allowed", None: "not stated: read the licence"}[
             self.commercial
         ]

@@ -15,7 +15,7 @@ import pytest
 from physic_core.errors import InputError, OutputError
 from physic_core.files.atomic import atomic_write
 from physic_core.io.report_file import add_report
-from physic_core.io.result_folder import digest_of, list_exports
+from physic_core.io.result_folder import digest_of, record_exports
 from physic_core.io.results import (
     load_people,
     load_reconstruction,
@@ -127,7 +127,7 @@ def export(folder, name):
 
 
 def list_it(folder, name):
-    list_exports(folder, [folder / name])
+    record_exports(folder, [folder / name])
 
 
 def add_page(folder, name):

@@ -13,7 +13,7 @@ from physic_batch.workers import WorkerSettings, run_in_workers
 from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import BackendOutputError
 from physic_core.interfaces import MetricDepth, MetricDepthRequest
-from physic_core.pipeline.stage_runner import StageRunner
+from physic_core.pipeline.stage_caller import StageCaller
 from physic_core.types import DepthMap, Hints, Provenance
 
 
@@ -45,7 +45,7 @@ def run(backend, image=None):
         backend, Provenance("metric_depth", "own", "p", "my-dist", "1.0", {}, "")
     )
     request = MetricDepthRequest(np.zeros((6, 8, 3), np.uint8) if image is None else image, Hints())
-    return StageRunner("cpu", 1).call_backend("depth", resolved, request), backend
+    return StageCaller("cpu", 1).call_backend("depth", resolved, request), backend
 
 
 def test_input_and_output_are_copies():

@@ -19,12 +19,12 @@ from physic_core.errors import OutputError
 from physic_core.files.atomic import atomic_write, write_own
 from physic_core.files.plain import write_value
 from physic_core.io.result_folder import (
-    Replaced,
+    Replaceable,
     add_result_file,
     digest_of,
     file_digest,
     is_unfinished,
-    list_exports,
+    record_exports,
     repair_result,
     write_result_files,
 )
@@ -37,7 +37,7 @@ NEW = {"reconstruction.npz": b"new", "people.csv": b"new", "c/d.txt": b"new"}
 def result(folder, contents=NEW):
     repair_result(folder)
     document = {"schema": "physic-reconstruction", "run": digest_of(contents["people.csv"])}
-    write_result_files(folder, document, contents, Replaced(""))
+    write_result_files(folder, document, contents, Replaceable(""))
 
 
 def page(folder):
@@ -45,7 +45,7 @@ def page(folder):
 
 
 def listing(folder):
-    list_exports(folder, [folder / "a.obj"])
+    record_exports(folder, [folder / "a.obj"])
 
 
 def export(folder):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.engine.contact.method import ContactMethod
+from physic_core.engine.contact.method import ContactStageMethod
 from physic_core.engine.contact.solve import find_contact
 from physic_core.engine.ground.carriers import NOTHING, Carried, carried_people
 from physic_core.engine.ground.stance import OBSERVED_COLUMNS
@@ -91,8 +91,8 @@ def test_people_touch_what_carries_them(body, name, ridden, board, gap, feet, ha
     observed = torch.zeros(1, len(OBSERVED_COLUMNS))
     observed[:, :5] = 0.0 if ridden == NOTHING else 4.0
     floor = torch.tensor([0.0, 1.0, 0.0]), gap - soles
-    state = alone(body, floor, carried=carried, observed_touch=observed)
-    found = find_contact(state, near_of(state, ContactMethod()), ContactMethod())
+    state = alone(body, floor, carried=carried, observed_log_odds=observed)
+    found = find_contact(state, near_of(state, ContactStageMethod()), ContactStageMethod())
     touched = {one.part: one.partner.title for one in found.contacts[0]}
     assert [touched.get(f"{side}_foot") for side in ("left", "right")] == [feet] * 2
     assert [touched.get(f"{side}_hand") for side in ("left", "right")] == [hands] * 2

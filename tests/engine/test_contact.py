@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from physic_core.engine.contact.distances import ContactSurfaces, surface_distances
-from physic_core.engine.contact.method import ContactMethod
+from physic_core.engine.contact.method import ContactStageMethod
 from physic_core.geometry.neighbors import NearestPointSearch
 
 from .conftest import UP, plane_of
@@ -24,7 +24,9 @@ def plane():
 
 def distances(vertices, scene, floor=None):
     row = torch.arange(len(scene.points))
-    return surface_distances(vertices, ContactSurfaces(scene, row, floor), ContactMethod().measure)
+    return surface_distances(
+        vertices, ContactSurfaces(scene, row, floor), ContactStageMethod().measure
+    )
 
 
 def test_the_nearer_of_scene_and_floor_counts():

@@ -19,7 +19,7 @@ from physic_core.engine.contact.distances import (
 from physic_core.engine.contact.partner import (
     HIDDEN,
     HIDDEN_SEAT,
-    Seen,
+    SeenTouch,
     assign_partners,
     body_contacts,
 )
@@ -29,7 +29,7 @@ from physic_core.engine.contact.parts import (
     is_farther_out,
     scene_parts,
 )
-from physic_core.engine.contact.picture import Picture
+from physic_core.engine.contact.picture import PeopleInPicture
 from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.types import NO_PARTNER, BodyContact, ContactPartner
 
@@ -132,7 +132,7 @@ def partners(
     near = Distances(normals, surface, room or parts_of(*ROOM)[1], skin, skin)
     regions = ContactRegions(names, row(part)[0])
     kinds = torch.tensor([touched])
-    table, index = assign_partners(kinds, near, regions, UP, seen or Seen())
+    table, index = assign_partners(kinds, near, regions, UP, seen or SeenTouch())
     return [table[i] if i != NO_PARTNER else None for i in index[0].tolist()]
 
 
@@ -186,7 +186,7 @@ def test_a_part_rests_on_no_wall_and_people_sit_on_a_seat(part, label, facing, n
 def test_feet_are_on_the_floor_or_on_something_else_as_is_seen(height, said, kind):
     near = {"floor": height} if height < 0.05 else {"scene": 0.05, "point": ON_SEAT}
     on_floor = None if said is None else torch.tensor([[said, torch.nan]])
-    (found,) = partners([SCENE], seen=Seen(on_floor=on_floor), **near)
+    (found,) = partners([SCENE], seen=SeenTouch(foot_floor_probability=on_floor), **near)
     assert found.kind == kind
 
 
@@ -215,14 +215,16 @@ def test_what_is_seen_around_a_part_is_not_hidden(part, label, partner):
         masks=person[None],
         hole=person,
     )
-    picture = Picture(photo, torch.tensor([[[50.0, 70.0]]]), torch.ones(1, 1, dtype=torch.bool))
+    picture = PeopleInPicture(
+        photo, torch.tensor([[[50.0, 70.0]]]), torch.ones(1, 1, dtype=torch.bool)
+    )
     inside = replace(picture, points=picture.points * torch.tensor([1.0, 0.7]))
     unseen = replace(picture, shown=~picture.shown)
     for one, expected in (
         (picture, partner),
         *((p, ContactPartner("hidden")) for p in (inside, unseen)),
     ):
-        assert partners([HIDDEN], names=(part,), seen=Seen(picture=one)) == [expected]
+        assert partners([HIDDEN], names=(part,), seen=SeenTouch(picture=one)) == [expected]
 
 
 def test_the_list_by_body_part_has_the_most_probable_contact_first():

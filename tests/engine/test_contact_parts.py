@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from physic_core.engine.contact.method import ContactMethod
+from physic_core.engine.contact.method import ContactStageMethod
 from physic_core.engine.contact.probability import contact_part_masks, mean_of_surest
 from physic_core.engine.contact.solve import find_contact
 from physic_core.engine.ground.stance import OBSERVED_COLUMNS
@@ -21,7 +21,7 @@ from physic_core.types.skeletons import SIDES
 from .adjusted import with_result, with_scene, without_joints
 from .test_contact_probability import alone, near_of
 
-METHOD = ContactMethod()
+METHOD = ContactStageMethod()
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def contact(state):
 def observed(state, **odds):
     """The same state, of whose parts the observer says these log odds."""
     columns = [odds.get(name, 0.0) for name in OBSERVED_COLUMNS]
-    return replace(state, observed_touch=torch.tensor([columns]))
+    return replace(state, observed_log_odds=torch.tensor([columns]))
 
 
 def parts_observed(state, odds):

@@ -14,7 +14,7 @@ from torch.testing import assert_close
 
 from physic_core import engine_preset
 from physic_core.engine.contact.distances import ContactSurfaces, surface_distances
-from physic_core.engine.contact.method import ContactMethod
+from physic_core.engine.contact.method import ContactStageMethod
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.optimiser import total_energy
 from physic_core.engine.joint.solve import optimize
@@ -27,7 +27,7 @@ from .drawn import normal
 DEFAULT = engine_preset("default").joint
 HERE = {
     "default": DEFAULT,
-    "points": with_options(engine_preset("prox").joint, nearest_every_step=False),
+    "points": with_options(engine_preset("prox").joint, finds_nearest_every_step=False),
 }
 needs_cuda = pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device here")
 
@@ -149,7 +149,7 @@ def test_cuda_gives_the_distances_of_the_cpu(with_box):
         scene = NearestPointSearch(around.points, around.normals)
         rows = torch.arange(len(around.points), device=device)
         surfaces = ContactSurfaces(scene, rows, around.floor)
-        distance = surface_distances(body.vertices, surfaces, ContactMethod().measure).nearest
+        distance = surface_distances(body.vertices, surfaces, ContactStageMethod().measure).nearest
         assert distance.device.type == device
         answers.append(distance.cpu())
     assert_close(answers[1], answers[0], rtol=0, atol=1e-6)

@@ -37,7 +37,7 @@ def test_held_people_stay_where_they_were_placed(two, free):
 
 @pytest.fixture(scope="module")
 def start(two):
-    feet = {"stands": torch.full((2, 2), 0.9), "lean_sigma": torch.full((2,), 0.05)}
+    feet = {"stand_probability": torch.full((2, 2), 0.9), "lean_sigma": torch.full((2,), 0.05)}
     return replace(shifted(two.state, 0.02, -0.05, 0.1), **feet)
 
 

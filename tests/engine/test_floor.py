@@ -293,8 +293,8 @@ def test_the_floor_is_the_surface_that_seen_soles_share_whatever_its_label():
     feet = torch.tensor([[175.0, 140.0], [205.0, 140.0]])
     for seen, offset in (
         ({}, 1.9),
-        ({"feet_px": feet, "soles": (beside(165), beside(195))}, 1.5),
-        ({"soles": (beside(165, stands=0.05), beside(195, stands=0.05))}, 1.9),
+        ({"feet_px": feet, "ground_at_soles": (beside(165), beside(195))}, 1.5),
+        ({"ground_at_soles": (beside(165, stands=0.05), beside(195, stands=0.05))}, 1.9),
     ):
         plane = fit_floor(depth, no_ground=sand, **seen).plane
         assert plane.offset == pytest.approx(offset, abs=0.05)
@@ -305,11 +305,9 @@ def test_soles_speak_against_a_floor_below_them_as_surely_as_they_are_of_people(
 
     def nats(real):
         soles = (beside(165, real=real), beside(195, real=real))
-        evidence = evidence_of(ALL.shape, mask=~sand, soles=soles)
+        evidence = evidence_of(ALL.shape, mask=~sand, ground_at_soles=soles)
         points = RAYS * depth[..., None]
-        return floor_candidates(points, ALL, evidence, torch.zeros_like(points))[0].evidence[
-            "soles"
-        ]
+        return floor_candidates(points, ALL, evidence, torch.zeros_like(points))[0].nats["soles"]
 
     for real in (1.0, 0.05):
         assert nats(real) == pytest.approx(2 * math.log(1 - real * 0.85), abs=0.01)
@@ -320,7 +318,7 @@ def test_the_floor_is_moved_to_the_ground_beside_soles():
     normal = up(12)
     depth = meet(normal, 1.8).clamp(max=20)
     depth[125:155, 80:110] = meet(normal, 1.5)[125:155, 80:110]
-    assert_moved(fit_floor(depth), fit_floor(depth, soles=(beside(85),)), 1.8, 1.5)
+    assert_moved(fit_floor(depth), fit_floor(depth, ground_at_soles=(beside(85),)), 1.8, 1.5)
 
 
 def test_a_floor_is_found_again_with_another_offset_of_depth_and_none_if_it_is_upside_down():

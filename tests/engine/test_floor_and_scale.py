@@ -108,7 +108,7 @@ class World:
 
     def candidates(self, searched=True, **changed):
         photo = replace(self.photo, **changed)
-        return scene_floor_candidates(photo.scene, floor_evidence(photo), searched=searched)
+        return scene_floor_candidates(photo.scene_points, floor_evidence(photo), searched=searched)
 
     def labelled(self, name, ground, **masks):
         labels = SurfaceLabels(ground.astype(np.uint8), ("unknown", name))
@@ -146,8 +146,8 @@ def test_soles_on_the_floor_give_the_scale(world):
     assert world.error(found) == pytest.approx(0, abs=0.02)
     assert found.scale.sigma == pytest.approx(0.08, abs=0.02)
     assert found.search.reason == "found"
-    assert (found.stance.stands > 0.8).all()
-    assert not found.guess
+    assert (found.stance.stand_probability > 0.8).all()
+    assert not found.guess_warning
 
 
 def test_the_answer_names_who_spoke_for_floor_and_scale_and_who_contradicts():
@@ -167,10 +167,13 @@ def test_the_ground_of_people_with_bodies_names_them_by_their_numbers_among_all(
     world = World([(-0.6, 2.5), (0.7, 2.8), (0.1, 3.0)])
     found = world.answer(bodies=world.moved(1, 1.6))
     among = found.expanded(np.array([False, True, True, False, True]))
-    assert list(among.small) == [2]
+    assert list(among.small_statures) == [2]
     soles = [row for row in among.witnesses["scale"] if row["by"] == "soles"]
     assert [row["person"] for row in soles] == [1, 2, 4]
-    assert among.stance.stands[[1, 2, 4]].tolist() == found.stance.stands.tolist()
+    assert (
+        among.stance.stand_probability[[1, 2, 4]].tolist()
+        == found.stance.stand_probability.tolist()
+    )
 
 
 def test_a_plane_that_is_nearly_as_likely_as_the_floor_is_named(world):
@@ -225,8 +228,8 @@ def test_a_lifted_person_does_not_stand_and_hardly_moves_the_scale():
     world = World([(-0.6, 3.0), (0.7, 3.0)], lifted=0.6)
     found = world.answer()
     assert world.error(found) == pytest.approx(0, abs=0.08)
-    assert found.stance.stands[0].min() > 0.8
-    assert found.stance.stands[1].max() < 0.2
+    assert found.stance.stand_probability[0].min() > 0.8
+    assert found.stance.stand_probability[1].max() < 0.2
 
 
 def test_the_plane_on_which_a_person_stands_is_the_floor(world):
@@ -279,10 +282,10 @@ def test_who_is_too_small_for_an_adult_on_the_floor_of_others_is_named():
     """
     world = World([(-0.6, 2.5), (0.7, 2.8), (0.1, 3.0)])
     bodies = world.moved(1, 1.6)
-    assert world.answer(bodies=bodies).small == {1: pytest.approx(1.1, abs=0.1)}
-    assert world.answer().small == {}
+    assert world.answer(bodies=bodies).small_statures == {1: pytest.approx(1.1, abs=0.1)}
+    assert world.answer().small_statures == {}
     known = KnownPeople(years=np.array([np.nan, 6.0, np.nan]))
-    assert world.answer(bodies=bodies, known=known).small == {}
+    assert world.answer(bodies=bodies, known=known).small_statures == {}
 
 
 @pytest.mark.parametrize(
@@ -346,8 +349,8 @@ def test_without_people_the_scale_is_a_guess_that_names_its_assumption(world):
     }
     found = world.answer(**no_people)
     assert found.scale.sigma is None
-    assert "1.45 m above the floor" in found.guess
-    assert "3 m" in world.answer((NO_FLOOR,), **no_people).guess
+    assert "1.45 m above the floor" in found.guess_warning
+    assert "3 m" in world.answer((NO_FLOOR,), **no_people).guess_warning
 
 
 @pytest.mark.parametrize("name", ["water", "sky", "wall"])
@@ -366,7 +369,9 @@ def test_no_label_hides_the_ground_under_soles_that_agree(world, name):
         answers.append(world.answer(candidates, **given))
     as_floor, other = answers
     assert other.plane.offset == pytest.approx(as_floor.plane.offset, rel=0.01)
-    assert other.stance.stands == pytest.approx(as_floor.stance.stands, abs=0.02)
+    assert other.stance.stand_probability == pytest.approx(
+        as_floor.stance.stand_probability, abs=0.02
+    )
 
 
 def test_people_on_a_box_do_not_lift_the_floor_off_the_ground_that_is_seen(world):
@@ -379,7 +384,7 @@ def test_people_on_a_box_do_not_lift_the_floor_off_the_ground_that_is_seen(world
     found = world.answer(world.candidates(**given), **given)
     assert found.plane.offset * UNIT == pytest.approx(CAMERA_HEIGHT + 0.35, rel=0.03)
     assert found.scale.scale > 0.88 * UNIT
-    assert found.stance.stands.max() < 0.1
+    assert found.stance.stand_probability.max() < 0.1
 
 
 def test_masks_labels_other_masks_and_what_people_may_lie_on_are_candidates(world):
@@ -446,6 +451,9 @@ def test_low_feet_and_hands_are_those_of_people_whose_trunk_is_higher(up, limbs)
 @pytest.mark.parametrize(("height_m", "on_floor"), [(0.0, True), (0.5, False)])
 def test_people_who_lie_rest_on_the_floor_only_if_it_is_seen_right_below_them(height_m, on_floor):
     world, found = lying(height_m)
-    assert (found.stance.rests > 0.5).tolist() == [on_floor]
-    assert found.stance.limb_touch.tolist() == Stance.unknown(1).limb_touch.tolist()
+    assert (found.stance.rest_probability > 0.5).tolist() == [on_floor]
+    assert (
+        found.stance.limb_touch_probability.tolist()
+        == Stance.unknown(1).limb_touch_probability.tolist()
+    )
     assert world.error(found) == pytest.approx(0, abs=0.05 if on_floor else 0.2)

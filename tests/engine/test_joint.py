@@ -14,7 +14,7 @@ from torch.testing import assert_close
 from physic_core import engine_preset
 from physic_core.body import JOINT_INDEX
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.method import JointMethod
+from physic_core.engine.joint.method import JointStageMethod
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms import picture
 from physic_core.engine.joint.terms.scene import lowest_height
@@ -234,10 +234,10 @@ def energy_with_all(stage, settings):
     stands = torch.tensor([[0.9, 0.5], [0.6, 0.0]])
     lean = torch.tensor([0.05, 0.1])
     heads = {"head": torch.tensor([[0.6, 0.0, -0.8], [0.0, 0.6, -0.8]]), "head_sigma": lean}
-    told = {"lean_sigma": lean, "stands": stands, "views": views, **heads}
+    told = {"lean_sigma": lean, "stand_probability": stands, "views": views, **heads}
     state = in_float64(replace(leaning, **told))
     # Nearest points and signs may switch between two evaluations: hold them, as a line search does.
-    energy = JointEnergy(state, with_options(settings, nearest_every_step=False))
+    energy = JointEnergy(state, with_options(settings, finds_nearest_every_step=False))
     here = energy.variables.pack()
     size = 1e-3 if isinstance(energy.variables, UnwhitenedVariables) else 0.05
     energy.variables.load(here + size * normal(len(here)))
@@ -248,7 +248,7 @@ def test_no_term_of_the_default_energy_is_zero_everywhere(with_box):
     energy = energy_with_all(with_box, SETTINGS)
     energy.variables.values["pose"].data[:, :] += 1.0  # beyond the limits of knees and elbows
     positive = {name for name, value in energy().items() if bool((value > 0).any())}
-    terms = {f.name for f in fields(SETTINGS)} - {f.name for f in fields(JointMethod)}
+    terms = {f.name for f in fields(SETTINGS)} - {f.name for f in fields(JointStageMethod)}
     assert terms - {"optimiser", "scene_scale"} | {"scale", "views"} == positive
 
 
@@ -316,7 +316,8 @@ IN_AIR = torch.tensor([[0.0] * 5, [1.0] * 5])
 def test_a_person_in_the_air_is_not_pulled_to_the_floor(two):
     state = moved(two.state, by=(0.0, -0.15, 0.0))
     everybody, one = (
-        JointEnergy(replace(state, limb_touch=touch), SETTINGS) for touch in (None, IN_AIR)
+        JointEnergy(replace(state, limb_touch_probability=touch), SETTINGS)
+        for touch in (None, IN_AIR)
     )
     assert everybody.weights["lower_sole"].tolist() == [1, 1]
     assert one.weights["lower_sole"].tolist() == [0, 1]
@@ -324,17 +325,17 @@ def test_a_person_in_the_air_is_not_pulled_to_the_floor(two):
 
 
 def test_a_person_in_the_air_has_the_depth_offset_of_people_without_a_floor(two):
-    variables = JointEnergy(replace(two.state, limb_touch=IN_AIR), SETTINGS).variables
+    variables = JointEnergy(replace(two.state, limb_touch_probability=IN_AIR), SETTINGS).variables
     with torch.no_grad():
         variables.values["offset"].fill_(1.0)
     sigmas = [SETTINGS.depth.offset_alone_sigma, SETTINGS.depth.offset_sigma]
     assert variables.unpack().offset.tolist() == pytest.approx(sigmas)
     tied = adjusted(SETTINGS, depth__offset_alone_sigma=0.0, optimiser__steps=10)
     farther = replace(two.state, photo_depth=1.15 * two.state.photo_depth)
-    result = optimize(replace(farther, limb_touch=IN_AIR), tied)
+    result = optimize(replace(farther, limb_touch_probability=IN_AIR), tied)
     assert result.joint.depth_offset[0] == 0.0
     assert result.joint.depth_offset[1] < -0.05
-    jumping = JointEnergy(replace(farther, limb_touch=torch.zeros_like(IN_AIR)), tied)
+    jumping = JointEnergy(replace(farther, limb_touch_probability=torch.zeros_like(IN_AIR)), tied)
     assert "offset" not in jumping.variables.free
 
 

@@ -64,7 +64,7 @@ def answer(turned=False, floor_m=None, gap_m=0.0, label=None, posture=None, up=N
         said.posture[:, POSTURES.index(posture)] = 0.92
         photo = replace(photo, observations=said)
     evidence = floor_evidence(photo)
-    floors = scene_floor_candidates(photo.scene, evidence)
+    floors = scene_floor_candidates(photo.scene_points, evidence)
     return find_ground(photo, bodies, model, floors, evidence)
 
 
@@ -75,7 +75,7 @@ def test_a_camera_looks_down_on_people_who_lie_on_one_plane_from_head_to_heel(gi
     found = answer(**given)
     assert found.plane.normal @ DOWN == pytest.approx(1.0, abs=0.01)
     assert found.plane.offset * found.scale.scale == pytest.approx(DISTANCE, rel=0.1)
-    assert found.stance.stands.max() < 0.1
+    assert found.stance.stand_probability.max() < 0.1
 
 
 @pytest.mark.parametrize("gap_m", [0.02, 0.4], ids=["at the wall", "before the wall"])
@@ -83,7 +83,7 @@ def test_people_who_stand_at_a_wall_on_a_floor_do_not_lie_on_the_wall(gap_m):
     found = answer(floor_m=1.0, gap_m=gap_m)
     assert found.plane is not None
     assert found.plane.normal @ DOWN == pytest.approx(0.0, abs=0.1)
-    assert found.stance.stands.min() > 0.5
+    assert found.stance.stand_probability.min() > 0.5
 
 
 STEEP = [(0.0, -np.sin(angle), -np.cos(angle)) for angle in np.radians([60.0, 30.0])]

@@ -37,7 +37,7 @@ def estimated_too_far(make_stage, stands_at):
     points = PixelPoints.of(pointmap_of(0.5 * photo.numpy(), CAMERA, "scale"))
     scene = replace(state.scene, diagnostics={"floor": {}})
     state = replace(state, transl=state.transl + AWAY, scene=scene)
-    content = SimpleNamespace(with_people=points, hole=state.masks.any(0))
+    content = SimpleNamespace(photo_points=points, hole=state.masks.any(0))
     return SimpleNamespace(photo=content), state
 
 
@@ -54,7 +54,7 @@ def test_placement_recovers_the_true_place_of_a_person(given):
     assert error < 0.03
     assert found.photo_alignment.scale == pytest.approx(2.0, rel=1e-3)
     assert found.scene is state.scene
-    assert (found.size_ratio, found.limb_touch) == (None, None)
+    assert (found.size_ratio, found.limb_touch_probability) == (None, None)
 
 
 def test_feet_on_pedals_do_not_draw_the_floor_to_them(make_stage):
@@ -62,8 +62,8 @@ def test_feet_on_pedals_do_not_draw_the_floor_to_them(make_stage):
     estimates, state = estimated_too_far(make_stage, FLOOR_Y - 0.25)
     estimates.photo.observations = replace(Observations.unknown(1), posture=RIDES)
     observed = np.array([[4.0, 4.0, 0.0, 0.0, 6.0, 0.0, 0.0]])
-    touch = torch.tensor(replace(Stance.unknown(1), observed=observed).limb_touch)
-    state = replace(state, limb_touch=touch.to(state.transl))
+    touch = torch.tensor(replace(Stance.unknown(1), log_odds=observed).limb_touch_probability)
+    state = replace(state, limb_touch_probability=touch.to(state.transl))
     found = optimize(solve_placement(estimates, state, DEFAULT), engine_preset("default").joint)
     assert found.scene_scale == pytest.approx(1.0, abs=0.03)
     lowest = float(found.vertices[..., 1].max())

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from physic_core.engine.ground.posture import (
-    back_as_front,
-    bodies_of_people_who_stand,
+    is_back_taken_for_front,
+    is_upright,
     trunk_in_picture_deg,
-    upright_people,
+    trunk_planes_of_standing,
     weigh_posture,
 )
 from physic_core.types import SKELETONS, Intrinsics, Keypoints, Observations
@@ -54,7 +54,7 @@ def test_the_angle_of_a_trunk_in_the_picture_is_clockwise_from_up(degrees):
 )
 def test_people_are_upright_unless_picture_or_observer_says_otherwise(degrees, posture, upright):
     said = Observations.unknown(1) if posture is None else observed_as(posture)
-    assert upright_people(keypoints_of(degrees), said).tolist() == [upright]
+    assert is_upright(keypoints_of(degrees), said).tolist() == [upright]
 
 
 def unsure():
@@ -111,14 +111,14 @@ def test_a_back_is_taken_for_a_front_where_3d_keypoints_surely_contradict_the_ob
                 world[0, NAMES.index(f"{side}_{joint}")] = sign * np.array(way)
         keypoints = replace(keypoints, world=world)
     said = replace(Observations.unknown(1), away=np.array([away], np.float32), away_share=0.15)
-    assert back_as_front(said, keypoints).tolist() == [found]
+    assert is_back_taken_for_front(said, keypoints).tolist() == [found]
 
 
 @pytest.mark.parametrize("degrees", [0.0, 25.0, -170.0])
 def test_gravity_lies_in_the_plane_of_who_stands(degrees):
     camera = Intrinsics.from_focal(500, 100, 100)
-    (normal,) = bodies_of_people_who_stand(keypoints_of(degrees), observed_as("stand"), camera)
+    (normal,) = trunk_planes_of_standing(keypoints_of(degrees), observed_as("stand"), camera)
     off = abs(np.degrees(np.arcsin(normal[1])))
     assert off == pytest.approx(min(abs(degrees), 180 - abs(degrees)), abs=0.1)
-    none = bodies_of_people_who_stand(keypoints_of(degrees), observed_as("sit"), camera)
+    none = trunk_planes_of_standing(keypoints_of(degrees), observed_as("sit"), camera)
     assert none.shape == (0, 3)

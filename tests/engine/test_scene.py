@@ -16,7 +16,7 @@ from physic_core import engine_preset
 from physic_core.engine.ground.floor import best_index, chosen_floor
 from physic_core.engine.ground.floor_and_scale import scene_floor_candidates
 from physic_core.engine.photo import PixelPoints
-from physic_core.engine.scene.method import Cameras, SceneMethod
+from physic_core.engine.scene.method import Cameras, SceneStageMethod
 from physic_core.engine.scene.solve import build_scene
 from physic_core.engine.up import angle_deg
 from physic_core.geometry import pointmap
@@ -94,7 +94,7 @@ def scene(
     found = chosen_floor(candidates, best_index(candidates), evidence)
     evidence = replace(evidence, found=found)
     cameras = cameras or Cameras(metric_depth=K)
-    return build_scene(relative, depth, cameras, evidence, settings or SceneMethod())
+    return build_scene(relative, depth, cameras, evidence, settings or SceneStageMethod())
 
 
 def given(focal, **others):
@@ -133,7 +133,7 @@ def test_of_two_estimated_cameras_the_mean_is_taken(seen):
 def test_a_point_map_of_another_camera_keeps_its_pixels_and_depth():
     own = camera(100.0)
     points = pixel_rays(ROWS, COLUMNS, own) * DEPTH[..., None]
-    converted, _, _ = SceneMethod().share_camera(points, DEPTH, given(200.0, pointmap=own))
+    converted, _, _ = SceneStageMethod().share_camera(points, DEPTH, given(200.0, pointmap=own))
     assert_close(project(converted, camera(200.0)), pixel_grid(ROWS, COLUMNS, points))
     assert torch.equal(converted[..., 2], DEPTH)
 
@@ -151,7 +151,7 @@ def test_shift_is_found_by_depth_alone_without_a_known_camera():
 
 
 def test_pixels_beyond_the_maximum_depth_are_invalid():
-    state = scene(settings=SceneMethod(far_m=5.0))
+    state = scene(settings=SceneStageMethod(far_m=5.0))
     assert not state.valid[DEPTH > 5].any()
     assert state.valid[DEPTH < 4.9].double().mean() > 0.98
 
@@ -164,7 +164,7 @@ def test_depth_edges_are_not_valid_but_keep_their_own_surfaces_normal():
 
 
 def test_the_grazing_far_floor_is_not_taken_for_an_edge(monkeypatch):
-    without = scene(mask=None, settings=SceneMethod(floor="off"))
+    without = scene(mask=None, settings=SceneStageMethod(floor="off"))
     monkeypatch.setattr(pointmap, "EDGE_RATIO", 1.01)
     with_floor = scene(mask=None)
     far_floor = ON_FLOOR & (DEPTH > 4) & (DEPTH < 5.5)

@@ -25,17 +25,17 @@ def observed(touch):
 
 
 def touch_of(said):
-    return Stance.in_picture(said).limb_touch
+    return Stance.in_picture(said).limb_touch_probability
 
 
 def test_feet_of_which_nothing_is_said_are_those_of_an_average_person():
-    feet = Stance.unknown(2).limb_touch[:, :2]
+    feet = Stance.unknown(2).limb_touch_probability[:, :2]
     assert 0.5 < feet.min() == feet.max() < 0.97
-    assert Stance.unknown(0).limb_touch.shape == (0, 5)
+    assert Stance.unknown(0).limb_touch_probability.shape == (0, 5)
 
 
 def test_what_is_observed_of_a_part_moves_its_touch_and_no_other():
-    average = Stance.unknown(1).limb_touch[0]
+    average = Stance.unknown(1).limb_touch_probability[0]
     for column in range(5):
         for sure in (0.03, 0.97):
             said = np.full(5, math.nan)
@@ -47,9 +47,11 @@ def test_what_is_observed_of_a_part_moves_its_touch_and_no_other():
 
 @pytest.mark.parametrize(("rests", "moved"), [(0.8, True), (0.3, False), (math.nan, False)])
 def test_low_limbs_of_who_rests_on_the_lowest_skin_touch(rests, moved):
-    stance = replace(Stance.in_picture(observed(np.full(5, 0.3))), rests=np.array([rests]))
-    found = stance.with_resting(np.array([[True, False, True, False]])).limb_touch[0]
-    before = stance.limb_touch[0]
+    stance = replace(
+        Stance.in_picture(observed(np.full(5, 0.3))), rest_probability=np.array([rests])
+    )
+    found = stance.with_resting(np.array([[True, False, True, False]])).limb_touch_probability[0]
+    before = stance.limb_touch_probability[0]
     assert found[[1, 3, 4]].tolist() == before[[1, 3, 4]].tolist()
     wanted = 1 - (1 - before[[0, 2]]) * (1 - rests * moved) if moved else before[[0, 2]]
     assert found[[0, 2]] == pytest.approx(wanted)
@@ -61,10 +63,10 @@ def test_a_low_hand_that_holds_something_does_not_rest():
         holds=np.array([[0.9, 0.1]], np.float32),
         holds_share=np.full(2, 0.4, np.float32),
     )
-    stance = replace(Stance.in_picture(said), rests=np.array([0.9]))
+    stance = replace(Stance.in_picture(said), rest_probability=np.array([0.9]))
     assert stance.holds.tolist() == [[True, False]]
-    found = stance.with_resting(np.ones((1, 4), bool)).limb_touch[0]
-    assert (found[:4] > stance.limb_touch[0, :4]).tolist() == [True, True, False, True]
+    found = stance.with_resting(np.ones((1, 4), bool)).limb_touch_probability[0]
+    assert (found[:4] > stance.limb_touch_probability[0, :4]).tolist() == [True, True, False, True]
 
 
 def test_feet_that_touch_something_else_do_not_stand_on_the_floor():
@@ -75,15 +77,18 @@ def test_feet_that_touch_something_else_do_not_stand_on_the_floor():
         )
         for p in (0.9, 0.05)
     )
-    assert stands.limb_touch.tolist() == rides.limb_touch.tolist()
-    assert rides.stands.max() < 0.25 * stands.stands.min()
+    assert stands.limb_touch_probability.tolist() == rides.limb_touch_probability.tolist()
+    assert rides.stand_probability.max() < 0.25 * stands.stand_probability.min()
 
 
 def test_people_without_a_body_have_average_feet():
     known = Stance.in_picture(observed([0.2] * 5))
     wider = known.expanded(np.array([False, True]))
-    assert wider.limb_touch[1].tolist() == known.limb_touch[0].tolist()
-    assert wider.limb_touch[0].tolist() == Stance.unknown(1).limb_touch[0].tolist()
+    assert wider.limb_touch_probability[1].tolist() == known.limb_touch_probability[0].tolist()
+    assert (
+        wider.limb_touch_probability[0].tolist()
+        == Stance.unknown(1).limb_touch_probability[0].tolist()
+    )
 
 
 def test_a_foot_that_hardly_touches_stays_lifted(make_stage):
@@ -100,7 +105,7 @@ def test_a_foot_that_hardly_touches_stays_lifted(make_stage):
     lift = height(stage.vertices)
     assert 0.05 < lift < 0.15
     state = replace(stage.state, keypoint_confidence=0.35 * stage.state.keypoint_confidence)
-    known = replace(state, limb_touch=torch.tensor([[0.0, 1.0, 1.0, 1.0, 1.0]]))
+    known = replace(state, limb_touch_probability=torch.tensor([[0.0, 1.0, 1.0, 1.0, 1.0]]))
     plain, lifted = (
         height(optimize(given, engine_preset("default").joint).vertices) for given in (state, known)
     )

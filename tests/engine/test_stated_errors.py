@@ -80,7 +80,7 @@ def short_legged(standing):
     feet = [i for i, name in enumerate(state.skeleton.names) if name.endswith(ends)]
     keypoints = state.keypoints.clone()
     keypoints[:, feet, 1] -= 0.02 * 1.7 / 3.5 * state.K[1, 1]
-    return replace(state, keypoints=keypoints, stands=standing_feet(1.0))
+    return replace(state, keypoints=keypoints, stand_probability=standing_feet(1.0))
 
 
 def lean(state):
@@ -108,7 +108,7 @@ def test_a_stated_lean_is_kept_where_legs_seem_too_long_and_less_over_an_unsure_
 def test_the_lean_of_people_who_do_not_stand_or_were_not_set_upright_is_free(
     short_legged, stands, sigma
 ):
-    plain = replace(short_legged, stands=standing_feet(stands))
+    plain = replace(short_legged, stand_probability=standing_feet(stands))
     told = replace(plain, lean_sigma=torch.tensor([sigma]))
     assert torch.equal(optimize(plain, SHORT).joints, optimize(told, SHORT).joints)
 

@@ -11,12 +11,12 @@ import torch
 from physic_core.engine.up import (
     Up,
     angle_deg,
-    camera_axis,
     level_plane,
-    questioned_up,
     slope_sigma,
     slope_warnings,
     surest_up,
+    up_checked_by_people,
+    up_of_camera_axis,
 )
 from physic_core.geometry.floor import PlaneFit
 from physic_core.types import SurfaceLabels
@@ -95,10 +95,10 @@ def test_a_street_may_slope_and_a_floor_may_not():
 @pytest.mark.parametrize(
     ("plane", "up", "pitch", "sigma"),
     [
-        (None, None, 0.0, camera_axis().sigma),
+        (None, None, 0.0, up_of_camera_axis().sigma),
         (None, edges(20), 20.0, 1.5),
         (None, edges(40, 21.0), 40.0, 21.0),
-        (None, edges(5, 40.0), 0.0, camera_axis().sigma),
+        (None, edges(5, 40.0), 0.0, up_of_camera_axis().sigma),
         (floor(12), None, 12.0, 6.0),
         (floor(9, 6.0), edges(5, 40.0), 9.0, 6.0),
         (floor(33), edges(5), 5.0, 6.9),
@@ -140,7 +140,7 @@ def bodies(*leans):
     [((1, -2, 0, 3), 1.5, 2.5, 0), ((40, 43, 38), 30.0, 45.0, 1), ((), 1.5, 1.5, 0)],
 )
 def test_people_who_stand_leave_an_error_to_up_that_they_contradict(leans, low, high, said):
-    found, warnings = questioned_up(edges(5), bodies(*leans))
+    found, warnings = up_checked_by_people(edges(5), bodies(*leans))
     assert low <= found.sigma <= high
     assert len(warnings) == said
     assert found.direction.equal(looking_down(5))

@@ -10,7 +10,7 @@ from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import InputError
 from physic_core.interfaces import Inpainter, InpainterRequest
 from physic_core.interfaces.backend import call
-from physic_core.pipeline.stage_runner import StageRunner
+from physic_core.pipeline.stage_caller import StageCaller
 from physic_core.types import Provenance
 
 PHOTO = np.full((6, 8, 3), 7, np.uint8)
@@ -42,7 +42,7 @@ def test_an_upload_that_is_no_photo_reaches_no_backend(image, got):
     who = ResolvedBackend(
         Untouched(), Provenance("inpainter", "mine", "my_plugin", "my-dist", "1.0", {}, "")
     )
-    stages = StageRunner("cpu", 1)
+    stages = StageCaller("cpu", 1)
     with pytest.raises(InputError) as alone:
         call(who.backend, request)
     with pytest.raises(InputError) as in_run:

@@ -13,7 +13,7 @@ from physic_core import Reconstruction
 from physic_core.errors import OutputError
 from physic_core.io.result_folder import (
     FILES,
-    Replaced,
+    Replaceable,
     file_digest,
     photo_identity_of_result,
 )
@@ -42,7 +42,7 @@ def out(tmp_path):
 
 
 def check_overwrite(folder, photo, *, overwrite=False):
-    check(folder, Replaced(photo, overwrite), FILES)
+    check(folder, Replaceable(photo, overwrite), FILES)
 
 
 def refusal(folder, photo, **settings):

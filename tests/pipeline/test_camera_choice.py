@@ -18,7 +18,7 @@ from physic_core.pipeline.estimate import run_backends
 from physic_core.pipeline.given.photo import PreparedPhoto
 from physic_core.pipeline.optimise import run_engine
 from physic_core.pipeline.photo_run import PhotoRun
-from physic_core.pipeline.stage_runner import StageRunner
+from physic_core.pipeline.stage_caller import StageCaller
 from physic_core.types import CameraTrust, Intrinsics
 from physic_testing.worlds import load_world
 
@@ -34,7 +34,7 @@ def evidence():
     world = load_world("stand", SIZE)
     plan = resolve(load_config(preset="mock"))
     given = PreparedPhoto(Photo(world.image), None, KnownSizes())
-    return run_backends(PhotoRun(given, plan, StageRunner("cpu", 8)))
+    return run_backends(PhotoRun(given, plan, StageCaller("cpu", 8)))
 
 
 def with_cameras(evidence, pointmap, metric):
@@ -48,7 +48,7 @@ def with_cameras(evidence, pointmap, metric):
         photo=photo,
         depth=replace(evidence.depth, intrinsics=metric),
     )
-    return run_engine(seen, QUICK, load_body("embedded"), StageRunner("cpu", 8))
+    return run_engine(seen, QUICK, load_body("embedded"), StageCaller("cpu", 8))
 
 
 def known(camera):

@@ -199,16 +199,16 @@ def case(
         views=views,
         ground=SimpleNamespace(
             measured=None,
-            stance=replace(Stance.unknown(1), stands=np.array([stands])),
+            stance=replace(Stance.unknown(1), stand_probability=np.array([stands])),
             witnesses={"scale": witness},
             search=SimpleNamespace(
                 plane=plane(source) if is_found else None, in_mask=is_found and mask
             ),
         ),
-        given_keypoints=None,
+        is_given_keypoint=None,
         contradicted_px=None,
         depth=SimpleNamespace(intrinsics=None, depth=depth, scale_sigma=0.03),
-        depth_by="metric_depth 'x'",
+        depth_backend="metric_depth 'x'",
         missing_results=(lost,),
         image=photo_of(colours),
         photo=SimpleNamespace(
@@ -551,7 +551,7 @@ def test_what_the_user_gave_and_the_photo_contradicts_makes_a_person_doubtful(
 ):
     estimates, result = case(report=report)
     estimates.photo.known = known
-    estimates.file_px = 1.5
+    estimates.file_px_per_px = 1.5
     found = next(d for d in run_checks(estimates, result) if d.name == name)
     assert found.message.startswith(message)
     assert bool(warning_messages([found])) == failed

@@ -16,7 +16,7 @@ from physic_batch.process import batch_config
 from physic_core import Pipeline, load_config
 from physic_core.body import load_body
 from physic_core.cache.folders import CACHE_VARIABLE
-from physic_core.engine.contact.method import ContactMethod
+from physic_core.engine.contact.method import ContactStageMethod
 from physic_core.types import CameraTrust, Intrinsics, PeoplePrompt
 from physic_testing.worlds import load_world
 
@@ -154,5 +154,5 @@ def test_his_soles_touch_and_his_head_does_not(result):
     unseen = np.isin(model.part_of_vertex.numpy(), legs)
     person = result.people[cut]
     touches = unseen & person.contact
-    least = ContactMethod().threshold - 1e-3  # float16
+    least = ContactStageMethod().threshold - 1e-3  # float16
     assert (person.contact_probability >= least)[touches].all()

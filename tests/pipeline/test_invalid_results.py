@@ -12,7 +12,7 @@ import trimesh
 
 from physic_core.engine.joint import solve as joint
 from physic_core.io.results import read_record
-from physic_core.pipeline.backend_results import real_people
+from physic_core.pipeline.backend_results import is_real_person
 from physic_core.types import Keypoints, People, PeoplePrompt, Reconstruction
 from physic_core.types.arrays import select_people
 from physic_mock import backends
@@ -185,8 +185,8 @@ def test_a_person_whose_joints_lie_on_another_one_is_not_real(on_own, real):
     points[1] = 25
     points[1, :on_own] = 45, 20
     people = two(masks, points)
-    assert real_people(people).tolist() == [True, real]
-    assert real_people(people, PeoplePrompt(masks=masks)).all()
+    assert is_real_person(people).tolist() == [True, real]
+    assert is_real_person(people, PeoplePrompt(masks=masks)).all()
 
 
 @pytest.mark.parametrize(("columns", "real"), [(2, False), (12, True)])
@@ -197,7 +197,7 @@ def test_a_person_with_a_mask_much_smaller_than_the_joints_is_not_real(columns, 
     masks[0, :, :50] = ~masks[1, :, :50]
     points = np.full((2, 17, 2), 5.0)
     points[1] = np.stack([np.resize([20, 26, 27, 55], 17), np.linspace(10, 28, 17)], -1)
-    assert real_people(two(masks, points)).tolist() == [True, real]
+    assert is_real_person(two(masks, points)).tolist() == [True, real]
 
 
 @pytest.mark.parametrize(("apart", "real"), [(4, False), (16, True)])
@@ -209,4 +209,4 @@ def test_of_two_people_with_one_pose_the_lower_score_is_not_real(apart, real):
     for scores in ([0.5, 0.9], [0.9, 0.5]):
         people = two(masks, points, scores)
         lower = int(np.argmin(scores))
-        assert real_people(people).tolist() == [real or i != lower for i in range(2)]
+        assert is_real_person(people).tolist() == [real or i != lower for i in range(2)]

@@ -38,7 +38,7 @@ pytestmark = pytest.mark.usefixtures("few_steps")
 @pytest.fixture(autouse=True)
 def passed_the_kit(monkeypatch):
     """Backends that are not asked twice."""
-    monkeypatch.setattr("physic_core.pipeline.stage_runner.is_vouched_for", lambda *_: True)
+    monkeypatch.setattr("physic_core.pipeline.stage_caller.is_vouched_for", lambda *_: True)
 
 
 class CountedDepth(backends.MockMetricDepth):

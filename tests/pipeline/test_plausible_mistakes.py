@@ -139,7 +139,7 @@ def test_a_backend_is_asked_twice_until_it_has_passed_the_kit(walk, monkeypatch)
         assert len(calls) == 2
         pipeline(walk.image)
         assert len(calls) == 3
-    monkeypatch.setattr("physic_core.pipeline.stage_runner.is_vouched_for", lambda *_: True)
+    monkeypatch.setattr("physic_core.pipeline.stage_caller.is_vouched_for", lambda *_: True)
     reconstruct(walk.image, UNCACHED, backends=counted)
     assert len(calls) == 4
 

@@ -18,7 +18,7 @@ from PIL import Image
 from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth, MetricDepthRequest
-from physic_core.pipeline.stage_runner import StageRunner, load_backend
+from physic_core.pipeline.stage_caller import StageCaller, load_backend
 from physic_core.types import DepthMap, Hints, Provenance
 
 SHAPE = (6, 8)
@@ -75,7 +75,7 @@ class Naughty(MetricDepth):
 
 
 def run(backend):
-    stages = StageRunner("cpu", 1)
+    stages = StageCaller("cpu", 1)
     who = ResolvedBackend(
         backend, Provenance("metric_depth", "naughty", "p", "my-dist", "1.0", {}, "")
     )

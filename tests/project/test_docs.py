@@ -11,7 +11,7 @@ import pytest
 from physic_core import cli, find_exporters
 from physic_core.configuration import model as config
 from physic_core.configuration.resolve import resolve
-from physic_core.engine.joint.method import JointMethod
+from physic_core.engine.joint.method import JointStageMethod
 from physic_core.engine.presets import DefaultOptimisation
 from physic_core.pipeline.checks import CHECKS
 from physic_core.pipeline.photo_run import STAGES
@@ -157,7 +157,9 @@ def test_how_it_works_lists_each_term_of_the_default_energy():
     text = (ROOT / "docs" / "how-it-works.md").read_text()
     (table,) = re.findall(r"^\| term \|.*\n\|[-|]+\n((?:\|.*\n)+)", text, re.M)
     listed = ", ".join(row.split("|")[1].strip() for row in table.splitlines()).split(", ")
-    terms = {f.name for f in fields(DefaultOptimisation)} - {f.name for f in fields(JointMethod)}
+    terms = {f.name for f in fields(DefaultOptimisation)} - {
+        f.name for f in fields(JointStageMethod)
+    }
     assert sorted(listed) == sorted(terms - {"optimiser"})
 
 

@@ -29,7 +29,7 @@ def info() -> None:
     """Print the cache folders, the number and size of their files, and how to delete them."""
     for name in CACHES:
         kept = _cache(name)
-        echo(f"{kept.path}: {_sum(kept.files())}")
+        echo(f"{kept.path}: {_count_and_size(kept.files())}")
     echo(f"`physic cache clear {' '.join(CACHES)}` deletes all, or those that you name")
 
 
@@ -46,7 +46,7 @@ def fill(file: Path | None, preset: str | None, overrides: tuple[str, ...]) -> N
     one_at_a_time = (*overrides, "run.low_memory=true")
     with Pipeline(load_config(file, preset=preset, overrides=one_at_a_time)) as pipeline:
         pipeline.warm_up()
-    echo(f"{graphs.path}: {_sum(graphs.files())}")
+    echo(f"{graphs.path}: {_count_and_size(graphs.files())}")
 
 
 @cache.command()
@@ -60,7 +60,7 @@ def clear(names: tuple[str, ...]) -> None:
     """
     for name in names or CACHES:
         kept = _cache(name)
-        echo(f"removed {_sum(kept.clear())} from {kept.path}")
+        echo(f"removed {_count_and_size(kept.clear())} from {kept.path}")
 
 
 def _cache(name: str) -> LruFolder:
@@ -73,5 +73,5 @@ def _cache(name: str) -> LruFolder:
     return kept
 
 
-def _sum(files: Collection[CacheFile]) -> str:
+def _count_and_size(files: Collection[CacheFile]) -> str:
     return f"{len(files)} files, {sum(file.size for file in files) / 1e6:.1f} MB"

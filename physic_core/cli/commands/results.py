@@ -42,7 +42,7 @@ def _print_formats(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
     ctx.exit()
 
 
-def _name_to(ctx: click.Context, _: click.Parameter, given: str | None) -> None:
+def _refuse_format_option(ctx: click.Context, _: click.Parameter, given: str | None) -> None:
     if given is not None:
         raise click.UsageError(f"no such option '--format': write --to {given}")
 
@@ -52,7 +52,7 @@ def _name_to(ctx: click.Context, _: click.Parameter, given: str | None) -> None:
 @click.option(
     "--to", "name", metavar="FORMAT", help="A format of --list.  [default: by the suffix of -o]"
 )
-@click.option("--format", hidden=True, expose_value=False, callback=_name_to)
+@click.option("--format", hidden=True, expose_value=False, callback=_refuse_format_option)
 @click.option(
     "-o", "--out", "path", type=AnyPath(), help="File or folder to write.  [default: a file in OUT]"
 )
@@ -117,7 +117,7 @@ def export(
     find_exporter(name, "" if path is None or path.is_dir() else path.suffix)
 
     from physic_core.export import export_reconstruction
-    from physic_core.io.result_folder import list_exports
+    from physic_core.io.result_folder import record_exports
     from physic_core.io.results import load_reconstruction
 
     done = export_reconstruction(
@@ -128,7 +128,7 @@ def export(
         **{option: value for option, value in options.items() if value},
     )
     if path is None:
-        list_exports(out, done.files)
+        record_exports(out, done.files)
     for note in done.notes:
         echo(f"note: {note}")
     top = min((len(file.parts) for file in done.files), default=0)

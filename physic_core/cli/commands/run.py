@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from physic_core.types import Reconstruction
 
 
-def _setting(
+def _setting_option(
     option: str, path: str, **attributes: Any
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Add an option that sets the configuration value at a dotted path, in the context's object."""
@@ -30,7 +30,7 @@ def _setting(
     return click.option(option, callback=store, expose_value=False, **attributes)
 
 
-def _only_photo(ctx: click.Context, parameter: click.Parameter, photos: tuple[Path, ...]) -> Path:
+def _single_photo(ctx: click.Context, parameter: click.Parameter, photos: tuple[Path, ...]) -> Path:
     if len(photos) != 1:
         raise click.UsageError(
             f"PHOTO is one file (got {', '.join(map(str, photos))}): `physic batch PHOTO... -o "
@@ -75,7 +75,7 @@ _IGNORE = "Leave out the person at this pixel: a reflection, a picture, a figure
 
 @click.command()
 @click.argument(
-    "photo", metavar="PHOTO", type=AnyPath(), nargs=-1, required=True, callback=_only_photo
+    "photo", metavar="PHOTO", type=AnyPath(), nargs=-1, required=True, callback=_single_photo
 )
 @click.option(
     "-o",
@@ -94,54 +94,54 @@ _IGNORE = "Leave out the person at this pixel: a reflection, a picture, a figure
 @click.option("--report/--no-report", default=None, help=_REPORT)
 @click.option("--open", "open_page", is_flag=True, help="Open the page in a browser.")
 @configuration_options
-@_setting(
+@_setting_option(
     "--focal-px",
     "photo.focal_px",
     type=Number(),
     metavar="PX",
     help="Focal length in px of the photo file.",
 )
-@_setting(
+@_setting_option(
     "--intrinsics",
     "photo.intrinsics",
     type=Numbers("fx,fy,cx,cy"),
     help="Camera in px of the photo file.",
 )
-@_setting(
+@_setting_option(
     "--distortion",
     "photo.distortion",
     type=Numbers("k1,k2,p1,p2,k3"),
     help="Lens distortion of --intrinsics, in OpenCV's order.",
 )
-@_setting("--person", "photo.person", type=Numbers("x,y"), multiple=True, help=_PERSON)
-@_setting(
+@_setting_option("--person", "photo.person", type=Numbers("x,y"), multiple=True, help=_PERSON)
+@_setting_option(
     "--box",
     "photo.box",
     type=Numbers("x0,y0,x1,y1"),
     multiple=True,
     help="The same, by a box around a person.",
 )
-@_setting("--ignore", "photo.ignore", type=Numbers("x,y"), multiple=True, help=_IGNORE)
-@_setting(
+@_setting_option("--ignore", "photo.ignore", type=Numbers("x,y"), multiple=True, help=_IGNORE)
+@_setting_option(
     "--depth",
     "photo.depth",
     metavar="FILE",
     help="Depth map of the photo: .npy, .exr or .pfm in m, .png in mm, or .heic.",
 )
-@_setting(
+@_setting_option(
     "--depth-unit",
     "photo.depth_unit",
     metavar="UNIT",
     help="Another unit of --depth: mm, cm, m, ft, or such as 1/5000.",
 )
-@_setting(
+@_setting_option(
     "--pointmap",
     "photo.pointmap",
     metavar="FILE",
     help="Point map of the photo: .npy (H, W, 3), or .npz.",
 )
-@_setting("--keypoints", "photo.keypoints", metavar="FILE", help=_KEYPOINTS)
-@_setting(
+@_setting_option("--keypoints", "photo.keypoints", metavar="FILE", help=_KEYPOINTS)
+@_setting_option(
     "--stature",
     "photo.stature",
     type=Numbers("metres,..."),
@@ -149,21 +149,21 @@ _IGNORE = "Leave out the person at this pixel: a reflection, a picture, a figure
     "right, 0 where unknown; a "
     "note says who got which.",
 )
-@_setting(
+@_setting_option(
     "--age",
     "photo.age",
     type=Numbers("years,..."),
     help="Known age, years, like --stature: one for all people, or one per person from left to "
     "right, 0 where unknown.",
 )
-@_setting(
+@_setting_option(
     "--camera-height",
     "photo.camera_height",
     type=Number(),
     metavar="METRES",
     help="Known camera height above the floor.",
 )
-@_setting(
+@_setting_option(
     "--known-length",
     "photo.known_length",
     type=Numbers("x1,y1,x2,y2,metres"),
@@ -171,14 +171,16 @@ _IGNORE = "Leave out the person at this pixel: a reflection, a picture, a figure
     help="Two pixels of the photo file and the true distance between their points; may be "
     "repeated.",
 )
-@_setting(
+@_setting_option(
     "--require-people",
     "photo.require_people",
     is_flag=True,
     help="Fail if the photo shows no person.",
 )
-@_setting("--device", "run.device", type=Device(), metavar="NAME", help="cpu, cuda or cuda:N.")
-@_setting(
+@_setting_option(
+    "--device", "run.device", type=Device(), metavar="NAME", help="cpu, cuda or cuda:N."
+)
+@_setting_option(
     "--low-memory",
     "run.low_memory",
     is_flag=True,
@@ -191,7 +193,7 @@ _IGNORE = "Leave out the person at this pixel: a reflection, a picture, a figure
     help="Also print each network, the time of each stage, and all messages.",
 )
 @click.option("-q", "--quiet", is_flag=True, help="Print only warnings and errors.")
-@_setting(
+@_setting_option(
     "--no-cache",
     "run.cache",
     is_flag=True,
@@ -230,7 +232,7 @@ def run(
     folder = out or Path(f"{photo.stem}-physic")
     cached = plan.config.run.cache
     with (
-        _tells_what_is_kept(folder, cached=cached),
+        _telling_what_is_kept(folder, cached=cached),
         reserve_folder(folder, file_digest(photo), overwrite=overwrite),
     ):
         from physic_core.pipeline.run import reconstruct
@@ -259,7 +261,7 @@ def run(
 
 
 @contextmanager
-def _tells_what_is_kept(folder: Path, *, cached: bool) -> Iterator[None]:
+def _telling_what_is_kept(folder: Path, *, cached: bool) -> Iterator[None]:
     """Inside the block, Ctrl-C says what it leaves in the folder and in the cache."""
     try:
         yield

@@ -84,10 +84,10 @@ class SurfaceDistances:
     @property
     def nearest(self) -> Tensor:
         """Signed distance (..., V) to the nearer of scene and floor."""
-        return torch.where(self.on_floor, self.floor, self.scene)
+        return torch.where(self.floor_is_nearer, self.floor, self.scene)
 
     @property
-    def on_floor(self) -> Tensor:
+    def floor_is_nearer(self) -> Tensor:
         """Vertices (..., V) bool that are nearer to the floor's plane than to the scene."""
         return self.floor.abs() < self.scene.abs()
 
@@ -311,7 +311,7 @@ class Distances:
     own: SkinDistances
 
     @property
-    def on_ground(self) -> Tensor:
+    def nearest_is_ground(self) -> Tensor:
         """Vertices (N, V) bool whose nearest point of the scene is of the floor."""
         near = torch.isfinite(self.surface.scene)
         return near & self.parts.ground[self.surface.point] if len(self.parts.ground) else near

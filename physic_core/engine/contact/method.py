@@ -16,12 +16,12 @@ from physic_core.engine.contact.distances import (
     Distances,
 )
 from physic_core.engine.contact.probability import (
-    by_vertex,
     near_scene,
-    object_contact,
-    scene_contact,
+    object_contact_probability,
+    scene_contact_probability,
     share_of_part,
-    skin_contact,
+    skin_contact_probability,
+    values_by_vertex,
 )
 from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
@@ -57,7 +57,7 @@ class Touch:
 
 
 @dataclass(frozen=True)
-class ContactMethod:
+class ContactStageMethod:
     """Stage 4 of preset "default": what each vertex touches, and what supports each person."""
 
     threshold: Share = 0.35
@@ -106,11 +106,11 @@ class ContactMethod:
         A vertex touches only what its body part touches, and nothing farther than a hand's breadth.
         """
         at = near_scene(state, near)
-        parts = scene_contact(state, at)
-        of_parts = by_vertex(state.model, parts)
+        parts = scene_contact_probability(state, at)
+        of_parts = values_by_vertex(state.model, parts)
         on_scene = of_parts * share_of_part(state.model, at)
-        part_on_skin, on_skin = skin_contact(state, near)
-        held = object_contact(state)[None]
+        part_on_skin, on_skin = skin_contact_probability(state, near)
+        held = object_contact_probability(state)[None]
         probabilities = torch.cat([on_scene[None], on_skin, held])
         sure = torch.cat([of_parts[None], part_on_skin, held]) >= LEAST_PROBABILITY
         within = near.by_kind <= HAND_BREADTH_M

@@ -25,7 +25,7 @@ from physic_core.engine.contact.parts import (
     are_adjacent,
     is_farther_out,
 )
-from physic_core.engine.contact.picture import Picture
+from physic_core.engine.contact.picture import PeopleInPicture
 from physic_core.engine.contact.probability import mean_of_surest
 from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.types.contacts import NO_PARTNER, BodyContact, ContactPartner
@@ -47,23 +47,23 @@ _RESTS = -0.3  # cosine between up and the mean normal of touching skin; below i
 
 
 @dataclass(frozen=True)
-class Seen:
+class SeenTouch:
     """What is seen of what N people touch.
 
     Attributes:
         carriers: name of each carrier, and vertices (N, V) bool of limbs that it carries.
-        on_floor: (N, 2) probability that left and right foot are on the floor if they touch
+        foot_floor_probability: (N, 2) that left and right foot are on the floor if they touch
             anything, NaN where unknown; None if unknown of all.
         picture: what it shows beside parts; None if unknown.
     """
 
     carriers: Sequence[tuple[str, Tensor]] = ()
-    on_floor: Tensor | None = None
-    picture: Picture | None = None
+    foot_floor_probability: Tensor | None = None
+    picture: PeopleInPicture | None = None
 
 
 def assign_partners(
-    touched: Tensor, near: Distances, regions: ContactRegions, up: Tensor, seen: Seen
+    touched: Tensor, near: Distances, regions: ContactRegions, up: Tensor, seen: SeenTouch
 ) -> tuple[tuple[ContactPartner, ...], Tensor]:
     """Name the partner of each contact vertex.
 
@@ -97,19 +97,41 @@ def assign_partners(
 
 
 def _partners(
-    touched: Tensor, near: Distances, regions: ContactRegions, up: Tensor, seen: Seen
+    touched: Tensor, near: Distances, regions: ContactRegions, up: Tensor, seen: SeenTouch
 ) -> Iterator[tuple[Tensor, ContactPartner]]:
-    """Yield the vertices (N, V) bool of each partner; there may be none, and the first counts."""
+    """Yield the vertices (N, V) bool of each partner; there may be none, and the first counts: what
+    is known of a limb before what its place says, and names before partners without one.
+    """
     on_scene = touched == KINDS.index("scene")
     hidden = touched >= HIDDEN
-    stands, off = _feet_on_floor(near, regions, seen.on_floor)
-    yield (on_scene | hidden) & stands, ContactPartner("floor", "floor")
+    foot_on_floor, foot_elsewhere = _feet_on_floor(near, regions, seen.foot_floor_probability)
+    # Feet on the floor: before carriers, since a rider may put a foot down.
+    yield (on_scene | hidden) & foot_on_floor, ContactPartner("floor", "floor")
+    # Carriers: before the floor and surfaces, whose points near a limb may be the carrier's.
     for number, (name, carried) in enumerate(seen.carriers):
         yield carried & on_scene, ContactPartner("scene", name, id=number)
         yield carried & hidden, ContactPartner("hidden", name, id=number)
-    ground = near.surface.on_floor | near.on_ground
-    yield on_scene & ground & ~off, ContactPartner("floor", "floor")
-    yield from _surfaces(on_scene & ~ground, near, regions, up, len(seen.carriers))
+    # The floor: before other surfaces, of which the ground is none.
+    on_ground = near.surface.floor_is_nearer | near.nearest_is_ground
+    yield on_scene & on_ground & ~foot_elsewhere, ContactPartner("floor", "floor")
+    # Surfaces: of what is left of the scene, all but feet on ground that is not theirs.
+    yield from _surfaces(on_scene & ~on_ground, near, regions, up, len(seen.carriers))
+    yield from _skin(touched, near, regions)
+    yield touched == KINDS.index("object"), ContactPartner("object")
+    # The picture's names: before those without a name below.
+    if seen.picture is not None:
+        unmeasured = hidden | (on_scene & foot_elsewhere)
+        yield from _in_picture(unmeasured, regions, foot_elsewhere, seen.picture)
+    yield touched == HIDDEN_SEAT, ContactPartner("hidden", "seat")
+    # The rest: hidden, and feet on the scene that are not on the floor.
+    yield hidden, ContactPartner("hidden")
+    yield on_scene, ContactPartner("scene")
+
+
+def _skin(
+    touched: Tensor, near: Distances, regions: ContactRegions
+) -> Iterator[tuple[Tensor, ContactPartner]]:
+    """Yield the vertices (N, V) bool of each body part of people that skin touches."""
     for kind, skin in (("person", near.people), ("own body", near.own)):
         on_skin = touched == KINDS.index(kind)
         person = skin.person if kind == "person" else torch.zeros_like(skin.person)
@@ -122,23 +144,17 @@ def _partners(
                 else ContactPartner("self")
             )
             yield on_skin & (pair == code), replace(whose, part=regions.names[part])
-    yield touched == KINDS.index("object"), ContactPartner("object")
-    if seen.picture is not None:
-        yield from _in_picture(hidden | (on_scene & off), regions, off, seen.picture)
-    yield touched == HIDDEN_SEAT, ContactPartner("hidden", "seat")
-    yield hidden, ContactPartner("hidden")
-    yield on_scene, ContactPartner("scene")
 
 
 def _in_picture(
-    unmeasured: Tensor, regions: ContactRegions, off: Tensor, picture: Picture
+    unmeasured: Tensor, regions: ContactRegions, foot_elsewhere: Tensor, picture: PeopleInPicture
 ) -> Iterator[tuple[Tensor, ContactPartner]]:
     """Yield the vertices (N, V) bool of each partner that the picture shows.
 
     Args:
         unmeasured: (N, V) bool, skin that touches what the scene has no surface of.
         regions: body parts.
-        off: (N, V) bool, feet that are not on the floor.
+        foot_elsewhere: (N, V) bool, feet that are not on the floor.
         picture: of the people.
     """
     unmeasured = unmeasured & picture.shown
@@ -149,7 +165,7 @@ def _in_picture(
             rows = torch.zeros_like(own)
             rows[person] = own[person]
             if name in GROUND_SURFACES:
-                yield rows & ~off, ContactPartner("floor", "floor")
+                yield rows & ~foot_elsewhere, ContactPartner("floor", "floor")
                 name = ""
             if name is not None:
                 yield rows, ContactPartner("scene", name)
@@ -163,7 +179,7 @@ def _surfaces(
     parts = near.parts
     if bool(on_scene.any()):
         surface = parts.surface[surfaces.point]
-        rests = _resting(near.normals @ up, on_scene, regions)
+        rests = _rests_on_scene(near.normals @ up, on_scene, regions)
         sits = torch.zeros_like(rests)
         if SEAT in regions.names:
             sits |= regions.region == regions.names.index(SEAT)
@@ -179,27 +195,27 @@ def _surfaces(
 
 
 def _feet_on_floor(
-    near: Distances, regions: ContactRegions, on_floor: Tensor | None
+    near: Distances, regions: ContactRegions, floor_probability: Tensor | None
 ) -> tuple[Tensor, Tensor]:
     """Return the vertices (N, V) bool of feet that are on the floor if they touch anything, and
     those of feet that are surely on something else.
     """
     height = near.surface.floor.abs()
-    stands, off = torch.zeros(2, *height.shape, dtype=torch.bool, device=height.device)
+    on_floor, elsewhere = torch.zeros(2, *height.shape, dtype=torch.bool, device=height.device)
     for side, name in enumerate(f"{side}_foot" for side in SIDES):
         if name not in regions.names:
             continue
         foot = regions.region == regions.names.index(name)
         near_floor = height[:, foot].amin(1) < _GROUND_M
         said = torch.full_like(near_floor, torch.nan, dtype=height.dtype)
-        if on_floor is not None:
-            said = on_floor[:, side].to(height)
-        stands |= foot & torch.where(said.isnan(), near_floor, said >= LEAST_PROBABILITY)[:, None]
-        off |= foot & (said < LEAST_PROBABILITY)[:, None]
-    return stands, off
+        if floor_probability is not None:
+            said = floor_probability[:, side].to(height)
+        on_floor |= foot & torch.where(said.isnan(), near_floor, said >= LEAST_PROBABILITY)[:, None]
+        elsewhere |= foot & (said < LEAST_PROBABILITY)[:, None]
+    return on_floor, elsewhere
 
 
-def _resting(facing: Tensor, on_scene: Tensor, regions: ContactRegions) -> Tensor:
+def _rests_on_scene(facing: Tensor, on_scene: Tensor, regions: ContactRegions) -> Tensor:
     """Return the vertices (N, V) bool of body parts that rest on the scene.
 
     Args:
@@ -269,10 +285,10 @@ def body_contacts(
             one = BodyContact(part, table[partner], sure, count, assumed=part in assumed)
             off = None if gap is None else round(min(gap, SEARCH_RADIUS_M), DECIMALS)
             found.append(replace(one, dent_m=_dent_of(dent[here]), distance_m=off))
-    return _listed(found)
+    return _listed_contacts(found)
 
 
-def _listed(found: Sequence[BodyContact]) -> tuple[BodyContact, ...]:
+def _listed_contacts(found: Sequence[BodyContact]) -> tuple[BodyContact, ...]:
     """Leave out contacts of adjacent parts, repeated pairs of parts, and all but the partner of
     most vertices of assumed parts; most probable first.
     """

@@ -35,7 +35,7 @@ _LEAST_SHARE = 0.3  # of the pixels around a part with a label that names what i
 
 
 @dataclass(frozen=True)
-class Picture:
+class PeopleInPicture:
     """Where N people are in their photo.
 
     Attributes:
@@ -49,7 +49,7 @@ class Picture:
     shown: Tensor
 
     @classmethod
-    def of(cls, photo: PhotoContent, state: State) -> Picture:
+    def of(cls, photo: PhotoContent, state: State) -> PeopleInPicture:
         """Return where the people of a state are with their final bodies."""
         return cls(photo, project(state.vertices, state.K).cpu(), state.visible_vertices)
 

@@ -98,7 +98,7 @@ def kind_of_part(part: str) -> str:
     return kind if kind in RATED else "other"
 
 
-def scene_contact(state: State, at: NearScene) -> dict[str, Tensor]:
+def scene_contact_probability(state: State, at: NearScene) -> dict[str, Tensor]:
     """Return part -> probability (N,) that it touches scene or floor."""
     unseen = unseen_parts(state)
     parts = {}
@@ -107,7 +107,7 @@ def scene_contact(state: State, at: NearScene) -> dict[str, Tensor]:
         kind = kind_of_part(name)
         odds = touch_log_odds(kind, features)
         if kind in RATED:
-            said = _observed(state, name)
+            said = _observed_log_odds(state, name)
             by_distance = (said == 0) & ~unseen[name]
             odds = torch.where(by_distance, odds, observed_log_odds(kind, said))
         parts[name] = torch.sigmoid(odds)
@@ -128,35 +128,35 @@ def _lowest_of_parts(state: State) -> Tensor:
     return _gaps_of_parts(state.model, height)
 
 
-def _observed(state: State, column: str) -> Tensor:
+def _observed_log_odds(state: State, column: str) -> Tensor:
     """Return the log odds (N,) of one of :data:`OBSERVED_COLUMNS`; 0 without an observer."""
-    if state.observed_touch is None:
+    if state.observed_log_odds is None:
         return state.vertices.new_zeros(len(state))
-    return state.observed_touch[:, OBSERVED_COLUMNS.index(column)].to(state.vertices)
+    return state.observed_log_odds[:, OBSERVED_COLUMNS.index(column)].to(state.vertices)
 
 
-def by_vertex(model: BodyModel, parts: Mapping[str, Tensor]) -> Tensor:
+def values_by_vertex(model: BodyModel, parts: Mapping[str, Tensor]) -> Tensor:
     """Return the value (N, V) of the part of each vertex; part -> (N,), in the order of all."""
     return torch.stack(list(parts.values()), 1)[:, contact_regions(model).region]
 
 
-def object_contact(state: State) -> Tensor:
+def object_contact_probability(state: State) -> Tensor:
     """Return the probability (N, V) that palms and fingers hold or pet an object or an animal; 0
     where the observer says nothing.
     """
     found = torch.zeros_like(state.vertices[..., 0])
     for side in SIDES:
-        said = _observed(state, f"{side}_object")
+        said = _observed_log_odds(state, f"{side}_object")
         likely = torch.where(said == 0, 0.0, torch.sigmoid(observed_log_odds("object", said)))
         found[:, state.model.in_contact_sets(f"{side}_hand")] = likely[:, None]
     return found
 
 
-def feet_on_floor(state: State) -> Tensor:
+def foot_floor_probability(state: State) -> Tensor:
     """Return the probability (N, 2) that left and right foot, if they touch anything, are on the
     floor; NaN where the observer says nothing.
     """
-    said = torch.stack([_observed(state, f"{side}_floor") for side in SIDES], 1)
+    said = torch.stack([_observed_log_odds(state, f"{side}_floor") for side in SIDES], 1)
     return torch.where(said == 0, torch.nan, torch.sigmoid(observed_log_odds("floor", said)))
 
 
@@ -239,7 +239,7 @@ def part_features(state: State, at: NearScene) -> dict[str, dict[str, Tensor]]:
     """Return part -> name of a feature -> values (N,): one reason for or against contact of the
     part with the scene.
     """
-    lies = lying_bodies(state).to(at.gap)
+    lies = is_lying(state).to(at.gap)
     found = {}
     rows = zip(contact_part_masks(state.model), at.gap.T, at.down.T, strict=True)
     for name, gap, down in rows:
@@ -252,7 +252,7 @@ def part_features(state: State, at: NearScene) -> dict[str, dict[str, Tensor]]:
     return found
 
 
-def lying_bodies(state: State) -> Tensor:
+def is_lying(state: State) -> Tensor:
     """Return the people (N,) bool whose trunk is nearly horizontal."""
     tilt = torch.as_tensor(trunk_tilt_deg(*exact_arrays(state.joints, state.up)))
     return (tilt - 90).abs() < LYING_DEG
@@ -282,13 +282,13 @@ def _scene_distance_and_facing(state: State, near: Distances) -> tuple[Tensor, T
     The floor's plane is fitted to many points, so it gives the distance to the floor within reach.
     """
     surface = near.surface
-    by_plane = surface.on_floor | (near.on_ground & torch.isfinite(surface.floor))
+    by_plane = surface.floor_is_nearer | (near.nearest_is_ground & torch.isfinite(surface.floor))
     distance = torch.where(by_plane, surface.floor, surface.scene)
     towards = torch.where(by_plane[..., None], state.up, surface.normals)
     return torch.where(state.model.outer, distance, torch.inf), -(near.normals * towards).sum(-1)
 
 
-def skin_contact(state: State, near: Distances) -> tuple[Tensor, Tensor]:
+def skin_contact_probability(state: State, near: Distances) -> tuple[Tensor, Tensor]:
     """Return the probability (2, N, V) that the part of a vertex touches the part of another
     person, and of the own body, to which the vertex is nearest; and that of the vertex.
     """

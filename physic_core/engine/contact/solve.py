@@ -18,22 +18,22 @@ from physic_core.engine.contact.distances import (
     people_distances,
     surface_distances,
 )
-from physic_core.engine.contact.method import ContactMethod, Touch
+from physic_core.engine.contact.method import ContactStageMethod, Touch
 from physic_core.engine.contact.partner import (
     HIDDEN,
     HIDDEN_SEAT,
-    Seen,
+    SeenTouch,
     assign_partners,
     body_contacts,
 )
 from physic_core.engine.contact.parts import SEAT, contact_regions, scene_parts
-from physic_core.engine.contact.picture import Picture
+from physic_core.engine.contact.picture import PeopleInPicture
 from physic_core.engine.contact.probability import (
-    by_vertex,
     contact_part_masks,
-    feet_on_floor,
-    lying_bodies,
+    foot_floor_probability,
+    is_lying,
     unseen_parts,
+    values_by_vertex,
 )
 from physic_core.engine.contact.support import (
     PersonContact,
@@ -52,7 +52,7 @@ _SCENE, _PERSON, _OWN_BODY, _OBJECT = range(len(KINDS))
 _BEARS = 0.3  # least cosine between up and skin of another person on which one can sit or stand
 
 
-def solve_contact(estimates: Estimates, state: State, method: ContactMethod) -> State:
+def solve_contact(estimates: Estimates, state: State, method: ContactStageMethod) -> State:
     """Return the state with the contact of all people; those with non-finite vertices touch
     nothing.
     """
@@ -62,11 +62,16 @@ def solve_contact(estimates: Estimates, state: State, method: ContactMethod) -> 
     # unknown where inpainted
     (labels,) = select_pixels(state.scene.valid, torch.where(photo.hole, -1, photo.labels))
     near = measure_distances(state, surfaces, (photo.label_names, labels), method)
-    return replace(state, contact=find_contact(state, near, method, Picture.of(photo, state)))
+    return replace(
+        state, contact=find_contact(state, near, method, PeopleInPicture.of(photo, state))
+    )
 
 
 def find_contact(
-    state: State, near: Distances, method: ContactMethod, picture: Picture | None = None
+    state: State,
+    near: Distances,
+    method: ContactStageMethod,
+    picture: PeopleInPicture | None = None,
 ) -> Contact:
     """Return the contact of people by their distances, and by what the picture shows beside
     them.
@@ -82,7 +87,7 @@ def measure_distances(
     state: State,
     surfaces: ContactSurfaces,
     classes: tuple[tuple[str, ...], Tensor],
-    method: ContactMethod,
+    method: ContactStageMethod,
 ) -> Distances:
     """Measure the distances to scene, floor and skin.
 
@@ -110,7 +115,7 @@ def measure_distances(
 
 
 def _find_supports(
-    state: State, near: Distances, touch: Touch, method: ContactMethod
+    state: State, near: Distances, touch: Touch, method: ContactStageMethod
 ) -> tuple[PersonSupport | None, ...]:
     """Return the support of each person; None for people with non-finite vertices."""
     beneath = near.normals[near.people.person, near.people.vertex] @ state.up
@@ -121,7 +126,7 @@ def _find_supports(
     height = torch.where(touch.kind == _SCENE, near.surface.nearest, 0.0)
     height = torch.where(touch.kind >= 0, height, torch.inf)
     seen = state.visible_vertices & (touch.kind != HIDDEN)
-    lies = lying_bodies(state).tolist()
+    lies = is_lying(state).tolist()
     found: list[PersonSupport | None] = []
     for i, finite in enumerate(state.finite_people.tolist()):
         if not finite:
@@ -131,7 +136,7 @@ def _find_supports(
             vertices=state.vertices[i],
             normals=near.normals[i],
             contact=outward[i],
-            seen=seen[i],
+            on_seen_limb=seen[i],
             feet=_limbs_touch(touch, "foot", i),
             sits=bool(touch.parts) and float(touch.parts[SEAT][i]) >= LEAST_PROBABILITY,
             lies=lies[i],
@@ -197,7 +202,7 @@ def _add_hidden_contacts(
             kind[i, one.hidden] = torch.where(one.seat[one.hidden], HIDDEN_SEAT, HIDDEN)
     probability = touch.probability
     if probability is not None and touch.parts:
-        of_parts = by_vertex(state.model, touch.parts).to(probability)
+        of_parts = values_by_vertex(state.model, touch.parts).to(probability)
         probability = torch.where(kind >= HIDDEN, of_parts, probability)
     return replace(touch, kind=kind, probability=probability)
 
@@ -207,11 +212,11 @@ def _describe_contacts(
     near: Distances,
     touch: Touch,
     carried: tuple[PersonSupport | None, ...],
-    picture: Picture | None,
+    picture: PeopleInPicture | None,
 ) -> Contact:
     """Name partners and supports, and list the contacts of each body part."""
     regions = contact_regions(state.model)
-    seen = Seen(_carried_limbs(state), feet_on_floor(state), picture)
+    seen = SeenTouch(_carried_limbs(state), foot_floor_probability(state), picture)
     partners, index = assign_partners(touch.kind, near, regions, state.up, seen)
     dents = dent_depths(near.surface, near.parts)
     dents = torch.where(touch.kind == _SCENE, dents, torch.nan)

@@ -47,7 +47,7 @@ class PersonContact:
         vertices: (V, 3) metres.
         normals: (V, 3) unit, out of the body.
         contact: (V,) bool, with scene, floor and other people.
-        seen: (V,) bool, vertices on limbs that the photo shows.
+        on_seen_limb: (V,) bool, vertices on limbs that the photo shows.
         feet: (2,) bool, left and right foot that probably touch something; None if unknown.
         sits: whether buttocks probably rest on something.
         lies: whether the trunk is nearly horizontal.
@@ -59,7 +59,7 @@ class PersonContact:
     vertices: Tensor
     normals: Tensor
     contact: Tensor
-    seen: Tensor
+    on_seen_limb: Tensor
     feet: Tensor | None
     sits: bool
     lies: bool
@@ -131,7 +131,7 @@ def find_support(
         if outside <= _BALANCE_M:
             if _is_unsteady(model, vertices, carrying, up):
                 state = SupportState.UNSTEADY
-            if distance_to_hull(centre, vertices[carrying & person.seen], up) > _BALANCE_M:
+            if distance_to_hull(centre, vertices[carrying & person.on_seen_limb], up) > _BALANCE_M:
                 state = SupportState.ASSUMED
             return PersonSupport(state, carrying, none, seat, outside, centre)
     airborne = person.in_air and not bool(contact.any())
@@ -225,7 +225,7 @@ def _hidden_supports(model: BodyModel, person: PersonContact, up: Tensor) -> Ite
     """Yield the vertices (V,) bool on each support that the photo cannot show."""
     stands = [True, True] if person.feet is None else person.feet.tolist()
     soles = [_outer_vertices(model, f"{side}_sole") for side in SIDES]
-    if not person.in_air and not bool((person.seen & (soles[0] | soles[1])).any()):
+    if not person.in_air and not bool((person.on_seen_limb & (soles[0] | soles[1])).any()):
         stood = torch.stack([sole & on for sole, on in zip(soles, stands, strict=True)]).any(0)
         yield _lowest_layer(person, stood, up)
     if person.in_air and person.grips is not None and bool(person.grips.any()):

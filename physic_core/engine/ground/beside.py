@@ -45,46 +45,46 @@ class LowSkin(NamedTuple):
     """Skin of N people some of whom may rest on any part of it.
 
     Attributes:
-        across: (N,) bool, who does; the others stand on their feet.
+        may_rest: (N,) bool, who does; the others stand on their feet.
         vertices: (N, V, 3) metres.
         skin: (N, V) bool, outer skin of the trunk and of limbs in sight.
     """
 
-    across: BoolArray
+    may_rest: BoolArray
     vertices: Tensor
     skin: Tensor
 
-    def layer(self, person: int, up: Tensor) -> Tensor:
+    def lowest_vertices(self, person: int, up: Tensor) -> Tensor:
         """Return the lowest vertices (V,) bool of a person by a unit vector (3,)."""
         return lowest_layer(self.vertices[person] @ up.to(self.vertices), self.skin[person])
 
-    def limbs(self, model: BodyModel, up: Tensor) -> BoolArray:
+    def limbs_as_low(self, model: BodyModel, up: Tensor) -> BoolArray:
         """Return which left and right feet, and hands, in sight or not, are as low (N, 4); none of
         people whose trunk is.
         """
-        found = np.zeros((len(self.across), 4), bool)
+        found = np.zeros((len(self.may_rest), 4), bool)
         parts = [model.on_parts(name).cpu() for name in TOUCH_PARTS[:4]]
         trunk = model.on_parts("torso").cpu()
-        for i in np.flatnonzero(self.across).tolist():
-            layer = self.layer(i, up)
+        for i in np.flatnonzero(self.may_rest).tolist():
+            layer = self.lowest_vertices(i, up)
             height = self.vertices[i] @ up.to(self.vertices)
             top = height[layer].amax()
             if not bool(layer[trunk].any()):
                 found[i] = [bool(height[part].amin() <= top) for part in parts]
         return found
 
-    def scales(self, floor: PlaneFit) -> FloatArray:
+    def scales_on_floor(self, floor: PlaneFit) -> FloatArray:
         """Return the scale (N,), metres per unit of a floor, that puts the lowest skin on it; NaN
         for people who stand, and where it is not positive.
         """
-        found = np.full(len(self.across), np.nan)
-        for i in np.flatnonzero(self.across).tolist():
-            rests = self.vertices[i][self.layer(i, floor.normal)]
+        found = np.full(len(self.may_rest), np.nan)
+        for i in np.flatnonzero(self.may_rest).tolist():
+            rests = self.vertices[i][self.lowest_vertices(i, floor.normal)]
             low = -float((rests @ floor.normal.to(self.vertices)).amin())
             found[i] = low / floor.offset if low > 0 else np.nan
         return found
 
-    def pixels(self, person: int, up: Tensor, matrix: FloatArray) -> FloatArray:
+    def lowest_pixels(self, person: int, up: Tensor, matrix: FloatArray) -> FloatArray:
         """Return where the lowest skin of a person is in the picture (M, 2) px.
 
         Args:
@@ -92,24 +92,24 @@ class LowSkin(NamedTuple):
             up: (3,) unit.
             matrix: (3, 3) px of the camera.
         """
-        (points,) = exact_arrays(self.vertices[person][self.layer(person, up)][::_DRAWN])
+        (points,) = exact_arrays(self.vertices[person][self.lowest_vertices(person, up)][::_DRAWN])
         points = points @ matrix.T
         return np.asarray(points[:, :2] / points[:, 2:])
 
 
 def low_skin(
-    across: BoolArray,
+    may_rest: BoolArray,
     vertices: Tensor,
     model: BodyModel,
     observed: BoolArray,
     holds: BoolArray,
     up: Tensor,
 ) -> LowSkin:
-    """Return the skin of N people ``across`` (N,), unless most of the lowest is that of feet;
+    """Return the skin of N people who may rest on it, unless most of the lowest is that of feet;
     without hands that hold something, which may be a bar over the floor.
 
     Args:
-        across: (N,) who may rest on any part.
+        may_rest: (N,) who may rest on any part.
         vertices: (N, V, 3) metres.
         model: of the bodies.
         observed: (N, 55) bool, visible joints.
@@ -119,15 +119,19 @@ def low_skin(
     parts = observed_parts(model.part_names, torch.from_numpy(observed))
     for side, held in zip(SIDES, holds.T, strict=True):
         parts[:, model.part_names.index(f"{side}_hand")] &= ~torch.from_numpy(held)
-    low = LowSkin(across.copy(), vertices, parts[:, model.part_of_vertex.cpu()] & model.outer.cpu())
+    low = LowSkin(
+        may_rest.copy(), vertices, parts[:, model.part_of_vertex.cpu()] & model.outer.cpu()
+    )
     feet = model.on_parts("foot").cpu()
-    for i in np.flatnonzero(across).tolist():
+    for i in np.flatnonzero(may_rest).tolist():
         whole = bool(torch.isfinite(vertices[i]).all()) and bool(low.skin[i].any())
-        low.across[i] = whole and float(feet[low.layer(i, up)].double().mean()) < _MOST_FEET
+        low.may_rest[i] = (
+            whole and float(feet[low.lowest_vertices(i, up)].double().mean()) < _MOST_FEET
+        )
     return low
 
 
-def ground_beside(
+def ground_at_soles(
     photo: PhotoContent, low: LowSkin | None = None, up: Tensor | None = None
 ) -> tuple[GroundAtSoles, ...]:
     """Return the visible ground beside the soles of each person, if the photo shows it; below the
@@ -139,12 +143,12 @@ def ground_beside(
         up: (3,) unit, with ``low``.
     """
     raised = photo.labelled(*RAISED_SURFACES)
-    on_feet = 1 - (1 - Stance.in_picture(photo.observations).stands).prod(1)
+    on_feet = 1 - (1 - Stance.in_picture(photo.observations).stand_probability).prod(1)
     found = []
     for i in range(len(photo.people)):
-        rests = low is not None and up is not None and bool(low.across[i])
+        rests = low is not None and up is not None and bool(low.may_rest[i])
         if low is not None and up is not None and rests:
-            window = _below(photo, i, low.pixels(i, up, photo.camera.matrix))
+            window = _below(photo, i, low.lowest_pixels(i, up, photo.camera.matrix))
         else:
             window = _at_soles(photo, i)
         ground = (window & ~photo.hole).nonzero()

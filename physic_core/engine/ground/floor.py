@@ -100,15 +100,15 @@ class GroundAtSoles(NamedTuple):
     Attributes:
         rows: (M,) int64, of its pixels.
         columns: (M,) int64.
-        stands: probability that the person stands on the floor, before one is known.
-        real: probability that it is a person.
+        stand_probability: probability that the person stands on the floor, before one is known.
+        person_probability: probability that it is a person.
         person: row of the person.
     """
 
     rows: Tensor
     columns: Tensor
-    stands: float
-    real: float
+    stand_probability: float
+    person_probability: float
     person: int
 
 
@@ -122,12 +122,12 @@ class FloorEvidence:
         ground: (H, W) bool, pixels with the label of a floor.
         no_ground: (H, W) bool, pixels with the label of something else.
         mask: (H, W) bool, pixels that a segmenter takes for the floor, or None.
-        others: (H, W) bool each, other masks of what may be the floor.
-        soles: of people whose soles are seen.
-        around: background around people who are seen from shoulders to ankles.
+        other_masks: (H, W) bool each, other masks of what may be the floor.
+        ground_at_soles: of people whose soles are seen.
+        backgrounds: background around people who are seen from shoulders to ankles.
         found: the answer for the same photo; None before the search.
         up: against gravity, by other evidence than the floor; None if there is none.
-        slope: standard deviation of the floor's normal from up, degrees.
+        slope_sigma_deg: standard deviation of the floor's normal from up, degrees.
         focal_sigma: standard deviation of the logarithm of the focal length.
         shift_sigma: standard deviation of the shift of inverse depth, 1 / unit of the points.
     """
@@ -137,12 +137,12 @@ class FloorEvidence:
     ground: Tensor
     no_ground: Tensor
     mask: Tensor | None = None
-    others: tuple[Tensor, ...] = ()
-    soles: tuple[GroundAtSoles, ...] = ()
-    around: tuple[Background, ...] = ()
+    other_masks: tuple[Tensor, ...] = ()
+    ground_at_soles: tuple[GroundAtSoles, ...] = ()
+    backgrounds: tuple[Background, ...] = ()
     found: FloorSearch | None = None
     up: Up | None = None
-    slope: float = 0.0
+    slope_sigma_deg: float = 0.0
     focal_sigma: float = 0.0
     shift_sigma: float = 0.0
 
@@ -159,16 +159,16 @@ class FloorCandidate:
 
     Attributes:
         plane: moved to the feet; None for no floor.
-        evidence: what speaks for it -> nats: "pixels" with their labels, "gravity" and "soles".
+        nats: what speaks for it -> nats: "pixels" with their labels, "gravity" and "soles".
     """
 
     plane: PlaneFit | None
-    evidence: Mapping[str, float]
+    nats: Mapping[str, float]
 
     @property
     def log_score(self) -> float:
-        """The evidence together, nats."""
-        return sum(self.evidence.values())
+        """All evidence together, nats."""
+        return sum(self.nats.values())
 
 
 def best_index(candidates: Sequence[FloorCandidate]) -> int:
@@ -188,7 +188,7 @@ def chosen_floor(
         return FloorSearch(None, "no_consensus", *max(empty, default=(0.0, 0.0)))
     masks = [
         m
-        for m in (evidence.mask, evidence.ground, *evidence.others)
+        for m in (evidence.mask, evidence.ground, *evidence.other_masks)
         if m is not None and bool(m.any())
     ]
     shares = [float(plane.inliers[mask].double().mean()) for mask in masks]
@@ -213,7 +213,7 @@ def _levelled_plane(view: InverseDepthMap, plane: PlaneFit, evidence: FloorEvide
     sigma = _pitch_sigma(plane, evidence)
     plane = replace(plane, plane_sigma=sigma, pitch_sigma=sigma)
     ray = ray_to_floor(view.rays, plane, evidence.feet_px)
-    return level_plane(plane, evidence.up, evidence.slope, ray)
+    return level_plane(plane, evidence.up, evidence.slope_sigma_deg, ray)
 
 
 def _pitch_spread(candidates: tuple[FloorCandidate, ...], chosen: PlaneFit) -> float:
@@ -253,7 +253,7 @@ def floor_candidates(
         nats = {
             "pixels": pixel_score(plane),
             "gravity": _gravity_score(fit, evidence, sample),
-            "soles": _sole_score(_heights_at_soles(view, plane, evidence.soles)),
+            "soles": _sole_score(_heights_at_soles(view, plane, evidence.ground_at_soles)),
         }
         if _misses_ground(view, moved, evidence):
             nats["ground that is seen"] = _OFF_GROUND_NATS
@@ -289,7 +289,7 @@ def _plane_at_people(
     """Return a plane moved to the ground beside soles, or else to the feet; where they stand on
     something else than the ground that is seen, it stays.
     """
-    moved = _plane_through_soles(fit, _heights_at_soles(view, fit.by_ray, evidence.soles))
+    moved = _plane_through_soles(fit, _heights_at_soles(view, fit.by_ray, evidence.ground_at_soles))
     moved = moved or move_to_feet(view, fit, mask, evidence.feet_px)
     off = _misses_ground(view, moved, evidence) and not _misses_ground(view, fit, evidence)
     return fit if off else moved
@@ -302,7 +302,7 @@ def _candidate_of_lying_people(
 
     All other candidates are floors of people who do not lie beneath the camera.
     """
-    plane, odds = plane_beneath_people(view.rays, view.inverse, evidence.around)
+    plane, odds = plane_beneath_people(view.rays, view.inverse, evidence.backgrounds)
     if plane is None:
         return None
     shares = lower_inlier_shares(view, plane)
@@ -324,7 +324,7 @@ def _fitted_planes(
     regions: list[tuple[FloorSource, Tensor | None, Tensor | None]] = [
         ("floor mask", evidence.mask, None)
     ]
-    regions += [("floor mask", other, None) for other in evidence.others[:1]]
+    regions += [("floor mask", other, None) for other in evidence.other_masks[:1]]
     regions += [("labels", evidence.ground, None)]
     regions = [region for region in regions if region[1] is not None and bool(region[1].any())]
     regions += [("lower image", None, up)]
@@ -484,7 +484,7 @@ def _up_score(plane: PlaneFit, evidence: FloorEvidence) -> float:
         return 0.0
     sigma = math.degrees(_pitch_sigma(plane, evidence))
     angle = angle_deg(evidence.up.direction, plane.normal)
-    return _robust_nats(angle / math.hypot(sigma, evidence.slope, evidence.up.sigma))
+    return _robust_nats(angle / math.hypot(sigma, evidence.slope_sigma_deg, evidence.up.sigma))
 
 
 def _misses_ground(view: InverseDepthMap, plane: PlaneFit, evidence: FloorEvidence) -> bool:

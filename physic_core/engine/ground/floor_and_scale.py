@@ -25,7 +25,7 @@ from physic_core.engine.ground.beside import (
     RAISED_SURFACES,
     LowSkin,
     feet_pixels,
-    ground_beside,
+    ground_at_soles,
     low_skin,
 )
 from physic_core.engine.ground.carriers import carried_people
@@ -39,7 +39,7 @@ from physic_core.engine.ground.floor import (
     standing_score,
 )
 from physic_core.engine.ground.lying import people_backgrounds
-from physic_core.engine.ground.posture import bodies_of_people_who_stand, rests_on_any_part
+from physic_core.engine.ground.posture import may_rest_on_any_part, trunk_planes_of_standing
 from physic_core.engine.ground.report import (
     floor_witnesses,
     rival_note,
@@ -64,7 +64,7 @@ from physic_core.engine.sizes.evidence import (
 )
 from physic_core.engine.sizes.scale_vote import ScaleVote, Witnesses, vote_on_scale
 from physic_core.engine.sizes.stature import adult_probability, stature_sigmas
-from physic_core.engine.up import Up, questioned_up, surest_up
+from physic_core.engine.up import Up, surest_up, up_checked_by_people
 from physic_core.geometry.floor import FloorSearch, PlaneFit
 from physic_core.geometry.pointmap import pointmap_normals
 from physic_core.geometry.tensors import exact_arrays, optional_tensors, tensor, tensors
@@ -118,14 +118,14 @@ class Ground(ShortRepr):
         evidence: of the photo about it.
         scale: of the scene.
         stance: of the people.
-        guess: warning that the scale is a guess, or "".
-        by_people: whether the sizes of people give the scale.
+        guess_warning: warning that the scale is a guess, or "".
+        is_scaled_by_people: whether the sizes of people give the scale.
         depth: the given metric depth, at this scale; None without one, and if no size of a person
             gives the scale.
         measured: scale by that depth if it was measured; this scale is then that of the people
             alone.
-        small: person -> stature on the floor of others, metres, of those much too small for an
-            adult, until the contacts are known.
+        small_statures: person -> stature on the floor of others, metres, of those much too small
+            for an adult, until the contacts are known.
         witnesses: "floor" -> a row for each candidate: source, pitch of the camera in degrees,
             probability, and nats by witness; "scale" -> a row for each witness: whose, logarithm of
             its scale over the answer, sigma, and probability to be right.
@@ -135,11 +135,11 @@ class Ground(ShortRepr):
     evidence: FloorEvidence
     scale: SceneScale
     stance: Stance = field(metadata=PER_PERSON)
-    guess: str = ""
-    by_people: bool = False
+    guess_warning: str = ""
+    is_scaled_by_people: bool = False
     depth: DepthMap | None = None
     measured: MeasuredScale | None = None
-    small: Mapping[int, float] = field(default_factory=dict)
+    small_statures: Mapping[int, float] = field(default_factory=dict)
     witnesses: Mapping[str, list[dict[str, Any]]] = field(default_factory=dict)
 
     @property
@@ -160,7 +160,7 @@ class Ground(ShortRepr):
         return replace(
             self,
             stance=self.stance.expanded(rows),
-            small={number[i]: stature for i, stature in self.small.items()},
+            small_statures={number[i]: stature for i, stature in self.small_statures.items()},
             witnesses=witnesses,
         )
 
@@ -175,22 +175,22 @@ def floor_evidence(photo: PhotoContent) -> FloorEvidence:
         mask=floor,
         hole=photo.hole,
         feet_px=tensor(feet_pixels(photo.keypoints, *photo.hole.shape)),
-        others=tensors(*photo.people.floor_candidates),
+        other_masks=tensors(*photo.people.floor_candidates),
         ground=photo.labelled(*GROUND_SURFACES) & uncovered,
         no_ground=photo.labelled(*_NO_FLOORS) & uncovered,
-        soles=ground_beside(photo),
-        around=people_backgrounds(select_people(photo, lie)),
-        up=asked_up(photo)[0],
-        slope=photo.slope,
+        ground_at_soles=ground_at_soles(photo),
+        backgrounds=people_backgrounds(select_people(photo, lie)),
+        up=up_checked_in_photo(photo)[0],
+        slope_sigma_deg=photo.slope_sigma_deg,
         focal_sigma=0.0 if photo.camera.known else photo.camera.focal_sigma or 0.0,
         shift_sigma=photo.scene_map.shift_sigma or 0.0,
     )
 
 
-def asked_up(photo: PhotoContent) -> tuple[Up | None, tuple[str, ...]]:
+def up_checked_in_photo(photo: PhotoContent) -> tuple[Up | None, tuple[str, ...]]:
     """Return up without a floor, after the people who stand were asked, and warnings."""
-    bodies = bodies_of_people_who_stand(photo.keypoints, photo.observations, photo.camera)
-    return questioned_up(photo.up_without_floor, tensor(bodies))
+    bodies = trunk_planes_of_standing(photo.keypoints, photo.observations, photo.camera)
+    return up_checked_by_people(photo.up_without_floor, tensor(bodies))
 
 
 def scene_floor_candidates(
@@ -210,7 +210,7 @@ def find_ground(
     bodies: Bodies,
     model: BodyModel,
     candidates: tuple[FloorCandidate, ...],
-    evidence: FloorEvidence,
+    about_floor: FloorEvidence,
     depth: DepthMap | None = None,
 ) -> Ground:
     """Choose the floor, and find the scale of the scene and who stands.
@@ -220,41 +220,43 @@ def find_ground(
         bodies: of the people.
         model: of the bodies.
         candidates: of :func:`scene_floor_candidates`.
-        evidence: of the floor.
+        about_floor: evidence of the photo.
         depth: metric depth of the scene with a scale of its own: it votes, too, or decides if it
             was measured.
     """
-    up = surest_up(None, evidence.up, evidence.slope).direction
-    seen = _people_evidence(photo, bodies, model, up)
+    up = surest_up(None, about_floor.up, about_floor.slope_sigma_deg).direction
+    people = _people_evidence(photo, bodies, model, up)
     scene = photo.scene_map
-    beside: tuple[GroundAtSoles, ...] = ()
-    if evidence.seen_ground is not None:
-        beside = ground_beside(photo, seen.low, up)
-    planes = [_floor_hypothesis(candidate, seen, photo, beside) for candidate in candidates]
-    scores = [sum(p.evidence.values()) for p in planes]
-    own = None if depth is None else depth_witness(depth, scene, photo.camera, seen.torsos)
-    usual = Witnesses.alone(USUAL_DEPTH_M / median_depth(scene), USUAL_DEPTH_SIGMA, 1.0)
-    kinds = {"size": seen.torsos, "usual depth of scenes": usual}
+    at_soles: tuple[GroundAtSoles, ...] = ()
+    if about_floor.seen_ground is not None:
+        at_soles = ground_at_soles(photo, people.low, up)
+    planes = [_floor_hypothesis(candidate, people, photo, at_soles) for candidate in candidates]
+    scores = [sum(p.nats.values()) for p in planes]
+    own = None if depth is None else depth_witness(depth, scene, photo.camera, people.torsos)
+    usual = Witnesses.single(USUAL_DEPTH_M / median_depth(scene), USUAL_DEPTH_SIGMA, 1.0)
+    kinds = {"size": people.torsos, "usual depth of scenes": usual}
     if own is not None and depth is not None and not is_measured(depth):
         kinds["metric depth"] = own
     on_planes = [(p.soles, p.camera) for p in planes]
     shift_sigma = scene.shift_sigma if scene.unknown == "inverse_scale_shift" else None
     vote = vote_on_scale([*kinds.values()], on_planes, scores, shift_sigma or 0.0)
-    if vote is None or not np.isfinite([seen.torsos.scale, *(p.soles.scale for p in planes)]).any():
+    by_people = [people.torsos.scale, *(p.soles.scale for p in planes)]
+    some_person_has_scale = bool(np.isfinite(by_people).any())
+    if vote is None or not some_person_has_scale:
         best = int(np.argmax(scores if vote is None else vote.weights))
-        search = chosen_floor(candidates, best, evidence)
+        search = chosen_floor(candidates, best, about_floor)
         scale, guess = _guessed_scale(scene, search.plane)
-        return Ground(search, evidence, scale, seen.stance, guess)
-    ground = _ground_by_vote(vote, planes, seen, kinds, evidence, photo.known)
+        return Ground(search, about_floor, scale, people.stance, guess)
+    ground = _ground_by_vote(vote, planes, people, kinds, about_floor, photo.known)
     return ground if depth is None or own is None else _ground_with_depth(ground, depth, own, vote)
 
 
 def _ground_by_vote(
     vote: ScaleVote,
     planes: Sequence[_FloorHypothesis],
-    seen: _PeopleEvidence,
+    people: _PeopleEvidence,
     kinds: Mapping[str, Witnesses],
-    evidence: FloorEvidence,
+    about_floor: FloorEvidence,
     known: KnownPeople,
 ) -> Ground:
     """Return the likeliest floor of a vote with its scale, who stands, and what speaks against
@@ -263,20 +265,24 @@ def _ground_by_vote(
     candidates = tuple(p.candidate for p in planes)
     best = int(np.argmax(vote.weights))
     soles = planes[best].soles
-    stance = _stance_by_vote(vote, planes, seen)
+    stance = _stance_by_vote(vote, planes, people)
     if (plane := candidates[best].plane) is not None:
-        stance = stance.with_resting(seen.low.limbs(seen.model, plane.normal))
-    notes = size_notes(vote, soles, seen.torsos, seen.feet & (stance.stands > _STANDS))
+        stance = stance.with_resting(people.low.limbs_as_low(people.model, plane.normal))
+    notes = size_notes(
+        vote, soles, people.torsos, people.feet & (stance.stand_probability > _STANDS)
+    )
     of_plane = {"soles": soles, "usual height of cameras": planes[best].camera}
     return Ground(
-        _floor_below_bodies(chosen_floor(candidates, best, evidence), seen, vote.scale.scale),
-        evidence,
+        _floor_below_bodies(chosen_floor(candidates, best, about_floor), people, vote.scale.scale),
+        about_floor,
         replace(vote.scale, notes=notes + rival_note(candidates, vote.weights, best)),
         stance,
-        by_people=True,
-        small=small_statures(vote, soles, seen.feet & (seen.stance.stands > _STANDS), known),
+        is_scaled_by_people=True,
+        small_statures=small_statures(
+            vote, soles, people.feet & (people.stance.stand_probability > _STANDS), known
+        ),
         witnesses={
-            "floor": floor_witnesses(candidates, [p.evidence for p in planes], vote.weights),
+            "floor": floor_witnesses(candidates, [p.nats for p in planes], vote.weights),
             "scale": scale_witnesses({**kinds, **of_plane}, vote),
         },
     )
@@ -290,14 +296,14 @@ def _ground_with_depth(
     """
     measured = measured_scale(depth, witness, vote) if is_measured(depth) else None
     rescaled = rescaled_depth(depth, witness, vote, ground.scale.notes)
-    return replace(ground, by_people=measured is None, depth=rescaled, measured=measured)
+    return replace(ground, is_scaled_by_people=measured is None, depth=rescaled, measured=measured)
 
 
 class _PeopleEvidence(NamedTuple):
     """N people and the evidence of their sizes: sigma (N,) of each size, and visible feet (N, 2)
     bool.
 
-    ``real`` (N,) is the probability that they are people, by the segmenter, and adults; ``upright``
+    ``person_probability`` (N,) is that they are people, by the segmenter, and adults; ``upright``
     (M, 55, 3) are joints of those who do not lie by the observer; ``low`` what others rest on.
     """
 
@@ -305,7 +311,7 @@ class _PeopleEvidence(NamedTuple):
     vertices: FloatArray
     upright: Tensor
     feet: BoolArray
-    real: FloatArray
+    person_probability: FloatArray
     low: LowSkin
     stance: Stance
     sigma: FloatArray
@@ -342,13 +348,13 @@ def _people_evidence(
         scale=scale * math.exp(farther),
         depth=vertices[..., 2].mean(1),
         sigma=np.hypot(np.hypot(sigma, spread), _TORSO_SIGMA),
-        sure=_TORSO_SURE * real,
+        right_probability=_TORSO_SURE * real,
         shared_sigma=_PEOPLE_SIGMA,
         shared_wrong=_PEOPLE_WRONG,
     )
     lie = said.posture[:, POSTURES.index("lie")] > _LIES
     upright = posed.joints.cpu()[torch.from_numpy(~lie)]
-    across = rests_on_any_part(photo.keypoints, said)
+    across = may_rest_on_any_part(photo.keypoints, said)
     low = low_skin(across, torch.from_numpy(vertices), model, observed, stance.holds, up)
     return _PeopleEvidence(model, vertices, upright, feet, real, low, stance, sigma, torsos)
 
@@ -373,12 +379,13 @@ def _size_sigmas(photo: PhotoContent, stature: FloatArray, years: FloatArray) ->
 
 
 class _FloorHypothesis(NamedTuple):
-    """A candidate for the floor: evidence in nats, scales (N, 2) by the soles, and the witnesses
-    that depend on it: ``soles`` (N,), of people who lie their lowest skin, and ``camera``.
+    """A candidate for the floor: what speaks for it -> nats, by how much (N,) the ground at their
+    soles leaves people on it, scales (N, 2) by the soles, and the witnesses that depend on it:
+    ``soles`` (N,), of people who lie their lowest skin, and ``camera``.
     """
 
     candidate: FloorCandidate
-    evidence: Mapping[str, float]
+    nats: Mapping[str, float]
     ground_weights: FloatArray
     by_soles: FloatArray
     soles: Witnesses
@@ -386,78 +393,105 @@ class _FloorHypothesis(NamedTuple):
 
 
 def _weights_by_ground(
-    candidate: FloorCandidate, photo: PhotoContent, soles: Sequence[GroundAtSoles]
+    candidate: FloorCandidate, photo: PhotoContent, at_soles: Sequence[GroundAtSoles]
 ) -> FloatArray:
     """Return by how much (N,), at most 1, the ground beside their soles leaves people on a floor.
 
     A photo that shows no ground does not show whether they stand on something else: then the ground
     beside no soles is given.
     """
-    on = np.ones(len(photo.people))
+    weights = np.ones(len(photo.people))
     if candidate.plane is None:
-        return on
+        return weights
     plane = candidate.plane.to_plane()
-    for beside in soles:
-        rows, columns = exact_arrays(beside.rows, beside.columns)
+    for ground in at_soles:
+        rows, columns = exact_arrays(ground.rows, ground.columns)
         known = photo.scene_map.valid[rows, columns]
         points = photo.scene_map.points[rows, columns][known].astype(np.float64)
         if len(points):
             height = float(np.median(points @ plane.normal)) / plane.offset + 1
-            on[beside.person] = min(1.0, standing_odds(height))
-    return on
+            weights[ground.person] = min(1.0, standing_odds(height))
+    return weights
 
 
 def _floor_hypothesis(
     candidate: FloorCandidate,
-    seen: _PeopleEvidence,
+    people: _PeopleEvidence,
     photo: PhotoContent,
-    beside: Sequence[GroundAtSoles],
+    at_soles: Sequence[GroundAtSoles],
 ) -> _FloorHypothesis:
     """Return the evidence of feet and camera if a candidate is the floor."""
-    on = _weights_by_ground(candidate, photo, beside)
-    score = dict(candidate.evidence)
-    height = math.nan
-    by_soles = np.full((len(seen.feet), 2), np.nan)
-    across = seen.low.across
-    by_low = np.full(len(across), np.nan)
     fit = candidate.plane
+    by_soles = np.full((len(people.feet), 2), np.nan)
+    by_low = np.full(len(people.feet), np.nan)
+    if fit is not None and not fit.beneath:  # no sole stands on what people lie on
+        by_soles = scales_by_soles(people.vertices, people.model, people.feet, fit)
+        by_low = people.low.scales_on_floor(fit)
+    scale_by_lowest = np.where(people.low.may_rest, by_low, np.fmax(by_soles[:, 0], by_soles[:, 1]))
+    weights = _weights_by_ground(candidate, photo, at_soles)
+    height = math.nan if fit is None else fit.offset
+    return _FloorHypothesis(
+        candidate,
+        _floor_nats(candidate, people, scale_by_lowest),
+        weights,
+        by_soles,
+        _soles_witness(people, scale_by_lowest, weights, at_soles),
+        Witnesses.single(USUAL_CAMERA_HEIGHT_M / height, USUAL_CAMERA_HEIGHT_SIGMA, _CAMERA_SURE),
+    )
+
+
+def _floor_nats(
+    candidate: FloorCandidate, people: _PeopleEvidence, scale_by_lowest: FloatArray
+) -> dict[str, float]:
+    """Return the nats of a candidate with those by the bodies of people; their lowest skin gives
+    no scale (N,) if it is not below the camera.
+    """
+    fit = candidate.plane
+    nats = dict(candidate.nats)
     if fit is None:
-        score["no height of the camera"] = _NO_CAMERA_NATS
-    else:
-        height = fit.offset
-        if not fit.beneath:  # no sole stands on what people lie on
-            by_soles = scales_by_soles(seen.vertices, seen.model, seen.feet, fit)
-            by_low = seen.low.scales(fit)
-            score["upright people"] = standing_score(fit.normal, seen.upright)
-    lower = np.where(across, by_low, np.fmax(by_soles[:, 0], by_soles[:, 1]))
+        nats["no height of the camera"] = _NO_CAMERA_NATS
+    elif not fit.beneath:
+        nats["upright people"] = standing_score(fit.normal, people.upright)
     if fit is None or not fit.beneath:
-        off = float(seen.real[seen.feet.any(1) & ~np.isfinite(lower)].sum())
-        if off:
-            score["people who are not on it"] = _NOT_ON_PLANE_NATS * off
-    rests = np.full(len(on), _RESTS_UNSEEN)
-    for one in beside:
-        rests[one.person] = one.stands
-    by_feet = 1 - (1 - np.where(seen.feet, seen.stance.stands, 0.0)).prod(1)
-    sure = on * seen.real * np.where(across, rests, by_feet)
-    soles = Witnesses(
-        lower, seen.torsos.depth, np.hypot(seen.sigma, _SOLE_SIGMA), sure, _FLOOR_SIGMA
-    )
-    camera = Witnesses.alone(
-        USUAL_CAMERA_HEIGHT_M / height, USUAL_CAMERA_HEIGHT_SIGMA, _CAMERA_SURE
-    )
-    return _FloorHypothesis(candidate, score, on, by_soles, soles, camera)
+        without_scale = people.feet.any(1) & ~np.isfinite(scale_by_lowest)
+        count = float(people.person_probability[without_scale].sum())
+        if count:
+            nats["people who are not on it"] = _NOT_ON_PLANE_NATS * count
+    return nats
 
 
-def _floor_below_bodies(search: FloorSearch, seen: _PeopleEvidence, scale: float) -> FloorSearch:
+def _soles_witness(
+    people: _PeopleEvidence,
+    scale_by_lowest: FloatArray,
+    ground_weights: FloatArray,
+    at_soles: Sequence[GroundAtSoles],
+) -> Witnesses:
+    """Return the lowest skin (N,) of people as witness of the scale, sure where it is on the
+    floor.
+    """
+    lies_on_floor = np.full(len(ground_weights), _RESTS_UNSEEN)
+    for ground in at_soles:
+        lies_on_floor[ground.person] = ground.stand_probability
+    stands = 1 - (1 - np.where(people.feet, people.stance.stand_probability, 0.0)).prod(1)
+    sure = (
+        ground_weights
+        * people.person_probability
+        * np.where(people.low.may_rest, lies_on_floor, stands)
+    )
+    sigma = np.hypot(people.sigma, _SOLE_SIGMA)
+    return Witnesses(scale_by_lowest, people.torsos.depth, sigma, sure, _FLOOR_SIGMA)
+
+
+def _floor_below_bodies(search: FloorSearch, people: _PeopleEvidence, scale: float) -> FloorSearch:
     """Move a floor that cuts people whose feet are not visible down to their low ends.
 
     Such a plane is a table, a seat or a hedge. Visible feet show where the floor is.
     The scale is metres per unit of the scene.
     """
     plane = search.plane
-    if plane is None or plane.beneath or seen.feet.any() or not len(seen.feet):
+    if plane is None or plane.beneath or people.feet.any() or not len(people.feet):
         return search
-    low = (seen.vertices @ plane.to_plane().normal.astype(float)).min(1) / seen.torsos.scale
+    low = (people.vertices @ plane.to_plane().normal.astype(float)).min(1) / people.torsos.scale
     below = -float(np.nanmedian(low)) - plane.offset if np.isfinite(low).any() else 0.0
     if below * scale < _CUTS_M:
         return search
@@ -467,32 +501,38 @@ def _floor_below_bodies(search: FloorSearch, seen: _PeopleEvidence, scale: float
 
 
 def _stance_by_vote(
-    vote: ScaleVote, planes: Sequence[_FloorHypothesis], seen: _PeopleEvidence
+    vote: ScaleVote, planes: Sequence[_FloorHypothesis], people: _PeopleEvidence
 ) -> Stance:
     """Return the stance by the probability that feet stand on each plane, at the scale of the
     vote.
     """
     stands = sum(
-        weight * p.ground_weights[:, None] * np.nan_to_num(_standing_probabilities(vote, p, seen))
+        weight * p.ground_weights[:, None] * np.nan_to_num(_standing_probabilities(vote, p, people))
         for weight, p in zip(vote.weights.tolist(), planes, strict=True)
     )
     rests = sum(
-        weight * p.ground_weights * np.nan_to_num(vote.right(p.soles))
+        weight * p.ground_weights * np.nan_to_num(vote.right_probability(p.soles))
         for weight, p in zip(vote.weights.tolist(), planes, strict=True)
     )
-    rests = np.where(seen.low.across, rests, np.nan)
-    stands = np.where(seen.feet, stands, seen.stance.stands)
+    rests = np.where(people.low.may_rest, rests, np.nan)
+    stands = np.where(people.feet, stands, people.stance.stand_probability)
     # No foot stands on a floor over which the lowest skin lies.
-    return replace(seen.stance, stands=np.fmin(stands, rests[:, None]), rests=rests)
+    return replace(
+        people.stance, stand_probability=np.fmin(stands, rests[:, None]), rest_probability=rests
+    )
 
 
 def _standing_probabilities(
-    vote: ScaleVote, plane: _FloorHypothesis, seen: _PeopleEvidence
+    vote: ScaleVote, plane: _FloorHypothesis, people: _PeopleEvidence
 ) -> FloatArray:
     """Return the probability (N, 2) that feet stand on a plane; NaN off it."""
-    feet = zip(plane.by_soles.T, seen.stance.stands.T, strict=True)
+    feet = zip(plane.by_soles.T, people.stance.stand_probability.T, strict=True)
     return np.stack(
-        [vote.right(replace(plane.soles, scale=scale, sure=sure)) for scale, sure in feet], 1
+        [
+            vote.right_probability(replace(plane.soles, scale=scale, right_probability=sure))
+            for scale, sure in feet
+        ],
+        1,
     )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from physic_core.engine.ground.posture import of_both_sides
+from physic_core.engine.ground.posture import keypoints_of_both_sides
 from physic_core.geometry.inverse_depth import planes_through, weighted_plane
 from physic_core.geometry.pixels import dilate_square, median
 from physic_core.types.skeletons import SEEN_CONFIDENCE
@@ -64,25 +64,25 @@ class Background:
         rows: (M,) int64, of the background's pixels.
         columns: (M,) int64.
         along: (M,) their places on the way from shoulders, 0, to ankles, 1, in the picture.
-        soft: share of them with the label of a bed or rug.
-        wall: share of them with the label of a wall or window.
-        body: rays (3, 3) to head, trunk and feet: the median pixels of the mask.
-        depth: (3,) of these, in the unit of the scene.
+        soft_share: share of them with the label of a bed or rug.
+        wall_share: share of them with the label of a wall or window.
+        body_rays: rays (3, 3) to head, trunk and feet: the median pixels of the mask.
+        body_depth: (3,) of these, in the unit of the scene.
     """
 
     rows: Tensor
     columns: Tensor
     along: Tensor
-    soft: float
-    wall: float
-    body: Tensor
-    depth: Tensor
+    soft_share: float
+    wall_share: float
+    body_rays: Tensor
+    body_depth: Tensor
 
 
 def people_backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
     """Return the background around each person whose shoulders and ankles are seen."""
     soft, wall = (photo.labelled(*names) for names in (_SOFT, _WALL))
-    points, confidence = of_both_sides(photo.keypoints, "shoulder", "ankle")
+    points, confidence = keypoints_of_both_sides(photo.keypoints, "shoulder", "ankle")
     ends = points.mean(2)
     seen = (confidence >= SEEN_CONFIDENCE).all((1, 2)) & np.isfinite(ends).all((1, 2))
     found = []
@@ -95,13 +95,13 @@ def people_backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
             continue
         ring = dilate_square(mask, max(2, round(_RING * length))) & ~photo.hole
         rows, columns = ring.nonzero(as_tuple=True)
-        body = (mask & photo.aligned.valid).nonzero()
+        body = (mask & photo.aligned_points.valid).nonzero()
         along = (body.flip(1) - start) @ way / length**2
         parts = [body[(along > low) & (along < high)] for low, high in _PARTS]
         if min(len(rows), *map(len, parts)) < _FEWEST:
             continue
         places = torch.stack(
-            [median(photo.aligned.points[part.unbind(1)].double()) for part in parts]
+            [median(photo.aligned_points.points[part.unbind(1)].double()) for part in parts]
         )
         found.append(
             Background(
@@ -174,14 +174,14 @@ def _lying_nats(rays: Tensor, inverse: Tensor, person: Background, plane: Tensor
     on = ((on_plane / near - 1).abs() < _TOLERANCE) & (near > 0)
     ends = [on[person.along < _UPPER], on[person.along > _LOWER]]
     share = min(float(end.double().mean()) if len(end) else 0.0 for end in ends)
-    behind = person.body @ plane
+    behind = person.body_rays @ plane
     if not bool((behind > 0).all()):
         return -_MOST_NATS
-    gap = min(float((behind * person.depth).log().abs().max()), _FAR_OFF)
+    gap = min(float((behind * person.body_depth).log().abs().max()), _FAR_OFF)
     lying = (1 - _GAP_WRONG) * math.sqrt(2 / math.pi) / _GAP_LYING
     lying = lying * math.exp(-0.5 * (gap / _GAP_LYING) ** 2) + _GAP_WRONG
     nats = math.log(lying * _GAP_STANDING) + gap / _GAP_STANDING
     # Beta(4, 1) of people who lie, Beta(1, 3) of others
     nats += math.log(max(4 * share**3, _LEAST_DENSITY) / max(3 * (1 - share) ** 2, _LEAST_DENSITY))
-    nats = min(max(nats + math.log(1 + person.soft / _UNLABELLED), -_MOST_NATS), _MOST_NATS)
-    return nats - _WALL_NATS * max(0.0, person.wall - _USUAL_WALL)
+    nats = min(max(nats + math.log(1 + person.soft_share / _UNLABELLED), -_MOST_NATS), _MOST_NATS)
+    return nats - _WALL_NATS * max(0.0, person.wall_share - _USUAL_WALL)

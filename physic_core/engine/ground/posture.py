@@ -40,7 +40,7 @@ _TURNED_TO_CAMERA = 0.5  # cosine of the angle by which shoulders and hips diffe
 _BACK = 3.4
 
 
-def of_both_sides(keypoints: Keypoints, *joints: str) -> tuple[FloatArray, FloatArray]:
+def keypoints_of_both_sides(keypoints: Keypoints, *joints: str) -> tuple[FloatArray, FloatArray]:
     """Return the left and right keypoints of J joints of N people: points (N, J, 2, 2) px and
     confidence (N, J, 2); NaN and 0 of those that the skeleton lacks.
     """
@@ -82,7 +82,7 @@ def weigh_posture(said: Observations, keypoints: Keypoints) -> Observations:
 
 def _stands_on_a_leg(keypoints: Keypoints) -> BoolArray:
     """Return who of N people has a seen leg far below the hips in the picture (N,)."""
-    points, confidence = of_both_sides(keypoints, "hip", "knee", "ankle")
+    points, confidence = keypoints_of_both_sides(keypoints, "hip", "knee", "ankle")
     points = points.astype(np.float64)
     seen = confidence.min(1) >= SEEN_CONFIDENCE
     length = np.linalg.norm(np.diff(points, axis=1), axis=-1).sum(1).max(1)
@@ -91,7 +91,7 @@ def _stands_on_a_leg(keypoints: Keypoints) -> BoolArray:
     return np.asarray((seen & (knee > _KNEE_BELOW) & (ankle > _ANKLE_BELOW)).any(1))
 
 
-def back_as_front(said: Observations, keypoints: Keypoints) -> BoolArray:
+def is_back_taken_for_front(said: Observations, keypoints: Keypoints) -> BoolArray:
     """Return who of N people (N,) is likely seen from behind, while the 3D keypoints face the
     camera: pose networks guess the face that a head hides.
 
@@ -108,7 +108,7 @@ def back_as_front(said: Observations, keypoints: Keypoints) -> BoolArray:
     return np.asarray((x > _TURNED_TO_CAMERA * np.hypot(x, z)) & (said.evidence("away") > _BACK))
 
 
-def upright_people(keypoints: Keypoints, said: Observations) -> BoolArray:
+def is_upright(keypoints: Keypoints, said: Observations) -> BoolArray:
     """Return who of N people is upright (N,), unless picture or observer says otherwise.
 
     Args:
@@ -121,7 +121,7 @@ def upright_people(keypoints: Keypoints, said: Observations) -> BoolArray:
     return np.asarray(~(np.abs(axis) > _UPRIGHT_DEG) & ~(likely < _LEAST_UPRIGHT))
 
 
-def rests_on_any_part(keypoints: Keypoints, said: Observations) -> BoolArray:
+def may_rest_on_any_part(keypoints: Keypoints, said: Observations) -> BoolArray:
     """Return who of N people lies, planks or is on all fours (N,), and so may rest on any part: by
     the trunk in the picture, or by the observer.
 
@@ -129,12 +129,12 @@ def rests_on_any_part(keypoints: Keypoints, said: Observations) -> BoolArray:
         keypoints: of the people.
         said: of the same people.
     """
-    seen = of_both_sides(keypoints, "shoulder", "hip")[1].min((1, 2)) >= SEEN_CONFIDENCE
+    seen = keypoints_of_both_sides(keypoints, "shoulder", "hip")[1].min((1, 2)) >= SEEN_CONFIDENCE
     across = seen & (np.abs(trunk_in_picture_deg(keypoints)) > _UPRIGHT_DEG)
     return np.asarray(across | (said.posture[:, POSTURES.index("lie")] > _LEAST_UPRIGHT))
 
 
-def bodies_of_people_who_stand(
+def trunk_planes_of_standing(
     keypoints: Keypoints, said: Observations, camera: Intrinsics
 ) -> FloatArray:
     """Return the unit normals (M, 3) of the planes through the camera and the trunks of those who
@@ -145,7 +145,7 @@ def bodies_of_people_who_stand(
         said: of the same people.
         camera: of the photo.
     """
-    points, confidence = of_both_sides(keypoints, "shoulder", "hip")
+    points, confidence = keypoints_of_both_sides(keypoints, "shoulder", "hip")
     postures = [POSTURES.index(name) for name in ("stand", "walk")]
     stands = said.posture[:, postures].sum(1) > _STANDS
     stands &= confidence.min((1, 2)) >= SEEN_CONFIDENCE
@@ -160,6 +160,6 @@ def trunk_in_picture_deg(keypoints: Keypoints) -> FloatArray:
     """Return the angle (N,) from up in the picture to the line from hips to shoulders, degrees in
     (-180, 180], clockwise; NaN where a joint is unknown.
     """
-    middles = of_both_sides(keypoints, "shoulder", "hip")[0].mean(2, dtype=np.float64)
+    middles = keypoints_of_both_sides(keypoints, "shoulder", "hip")[0].mean(2, dtype=np.float64)
     trunk = middles[:, 0] - middles[:, 1]
     return np.asarray(np.degrees(np.arctan2(trunk[:, 0], -trunk[:, 1])))

@@ -97,7 +97,11 @@ def scale_witnesses(kinds: Mapping[str, Witnesses], vote: ScaleVote) -> list[dic
     """
     rows = []
     for name, kind in kinds.items():
-        numbers = (vote.residuals(kind), np.hypot(kind.sigma, kind.shared_sigma), vote.right(kind))
+        numbers = (
+            vote.residuals(kind),
+            np.hypot(kind.sigma, kind.shared_sigma),
+            vote.right_probability(kind),
+        )
         for i, (away, sigma, right) in enumerate(np.stack(numbers, 1).tolist()):
             if math.isfinite(away):
                 row: dict[str, Any] = {"by": name}

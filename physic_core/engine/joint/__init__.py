@@ -1,7 +1,7 @@
 """Stage 3: joint optimisation of people and scene (paper Sec. 3.3).
 
 Other packages use ``optimize`` and ``finalize_scene`` of :mod:`.solve`. An energy replaces the
-``JointMethod`` of :mod:`.method`; its terms are of the class in :mod:`.term` and read
+``JointStageMethod`` of :mod:`.method`; its terms are of the class in :mod:`.term` and read
 :mod:`.sampling`, :mod:`.variables` and :mod:`.snapshot`; those of the default energy are in
 :mod:`.terms`. :mod:`.optimiser` minimises it.
 """
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from physic_core.lazy import importer
 
 if TYPE_CHECKING:
-    from physic_core.engine.joint.method import JointMethod as JointMethod
+    from physic_core.engine.joint.method import JointStageMethod as JointStageMethod
     from physic_core.engine.joint.method import TermWeight as TermWeight
     from physic_core.engine.joint.optimiser import BlockResult as BlockResult
     from physic_core.engine.joint.optimiser import Energy as Energy
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from physic_core.engine.joint.variables import Variables as Variables
 
 _NAMES = {
-    "method": "JointMethod TermWeight",
+    "method": "JointStageMethod TermWeight",
     "optimiser": "BlockResult Energy LbfgsOptimiser MinimisationResult Optimiser StepProgress "
     "energy_per_person join_results total_energy",
     "sampling": "Sampling VisibilitySettings root_relative with_static_contacts",

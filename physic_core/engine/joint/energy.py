@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint.method import JointMethod
+from physic_core.engine.joint.method import JointStageMethod
 from physic_core.engine.joint.precompute import precompute
 from physic_core.engine.joint.snapshot import (
     MAX_MOTION_M,
@@ -28,8 +28,8 @@ class JointEnergy:
     """Energy of B people and their scene, as a function of its :attr:`variables`.
 
     Between two calls of :meth:`refresh` visibility and the weights of each term stay fixed. Nearest
-    points stay fixed as well, unless ``JointMethod.nearest_every_step`` is set. The energy is then
-    smooth, as a line search needs it.
+    points stay fixed as well, unless ``JointStageMethod.finds_nearest_every_step`` is set. The
+    energy is then smooth, as a line search needs it.
 
     Args:
         state: with finite people only.
@@ -45,7 +45,7 @@ class JointEnergy:
         PhysicError: data of a term is missing, or the energy does not use the views of the state.
     """
 
-    def __init__(self, state: State, settings: JointMethod) -> None:
+    def __init__(self, state: State, settings: JointStageMethod) -> None:
         self.state = state
         self._settings = settings
         self.sampling = precompute(state, settings)
@@ -118,7 +118,7 @@ class JointEnergy:
         Differentiable.
         """
         bodies = self._posed_bodies()
-        if self._settings.nearest_every_step:
+        if self._settings.finds_nearest_every_step:
             scale = float(bodies.estimate.log_scale.detach().exp())
             self._update(self.snapshot.visibility, bodies.vertices.detach(), scale)
         energies = {name: value for term in self.terms for name, value in term(bodies).items()}

@@ -45,7 +45,7 @@ class TermWeight:
 
 
 @dataclass(frozen=True)
-class JointMethod(ABC):
+class JointStageMethod(ABC):
     """Settings of stage 3, the joint optimisation of people and scene (paper sec. 3.3, Eq. 5-7).
 
     An energy is a subclass: its fields are the settings of its terms, and :meth:`terms` lists them.
@@ -59,7 +59,7 @@ class JointMethod(ABC):
     visibility: VisibilitySettings = VisibilitySettings()
     """Visibility of vertices."""
 
-    nearest_every_step: ClassVar[bool] = False
+    finds_nearest_every_step: ClassVar[bool] = False
     """Whether nearest points are searched at every evaluation rather than only when visibility is
     updated.
     """

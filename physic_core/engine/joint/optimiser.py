@@ -14,7 +14,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias
 
 import torch
 from torch import Tensor
@@ -384,6 +384,21 @@ _FIRST_STEP = 0.5  # maximum length of the first step, in units of the state
 _MIN_CURVATURE = 1e-8  # cosine between a step and its change of the gradient
 
 
+class _Pair(NamedTuple):
+    """A step of B people and its change of the gradient, float64; 0 where it is not kept."""
+
+    step: Tensor
+    """(B, D) of people."""
+    change: Tensor
+    """(B, D)."""
+    scale_step: Tensor
+    """(B,) of the scale, for each group."""
+    scale_change: Tensor
+    """(B,)."""
+    kept: Tensor
+    """(B,) bool, by group."""
+
+
 class LbfgsHistory:
     """Steps and gradient changes, which define the quasi-Newton direction of L-BFGS for people who
     share a scale.
@@ -412,9 +427,7 @@ class LbfgsHistory:
 
     def clear(self) -> None:
         """Remove all pairs."""
-        # Step and change of the gradient: of people (B, D), of the scale by group (B,), 0 where the
-        # pair is not kept; and whether it is kept (B,).
-        self._pairs: list[tuple[Tensor, Tensor, Tensor, Tensor, Tensor]] = []
+        self._pairs: list[_Pair] = []
         self._gamma: Tensor | None = None
 
     def add(
@@ -423,23 +436,30 @@ class LbfgsHistory:
         """Add the step (B, D) of people and that () of the scale, except for people whose curvature
         is negative.
         """
-        s = step.double()
-        y = (after[0] - before[0]).double()
-        t = s.new_zeros(len(s))
-        z = s.new_zeros(len(s))
+        step = step.double()
+        change = (after[0] - before[0]).double()
+        step_of_scale = step.new_zeros(len(step))
+        change_of_scale = step.new_zeros(len(step))
         if scale_step is not None and before[1] is not None and after[1] is not None:
-            t = t + scale_step.double()
-            z = self._by_group((after[1] - before[1]).double())
-        sy, ss, yy = (self._by_group((a * b).sum(1)) for a, b in ((s, y), (s, s), (y, y)))
-        curvature = sy + t * z
-        length = yy + z * z
-        kept = curvature > _MIN_CURVATURE * ((ss + t * t) * length).sqrt()
+            step_of_scale = step_of_scale + scale_step.double()
+            change_of_scale = self._by_group((after[1] - before[1]).double())
+        sy, ss, yy = (
+            self._by_group((a * b).sum(1))
+            for a, b in ((step, change), (step, step), (change, change))
+        )
+        curvature = sy + step_of_scale * change_of_scale
+        length = yy + change_of_scale * change_of_scale
+        kept = curvature > _MIN_CURVATURE * ((ss + step_of_scale * step_of_scale) * length).sqrt()
         if self._gamma is not None:
             self._gamma = torch.where(kept, curvature / length, self._gamma)
         rows = kept if self._groups is None else kept[self._groups]
-        s = torch.where(rows[:, None], s, 0.0)
-        y = torch.where(rows[:, None], y, 0.0)
-        pair = (s, y, torch.where(kept, t, 0.0), torch.where(kept, z, 0.0), kept)
+        pair = _Pair(
+            torch.where(rows[:, None], step, 0.0),
+            torch.where(rows[:, None], change, 0.0),
+            torch.where(kept, step_of_scale, 0.0),
+            torch.where(kept, change_of_scale, 0.0),
+            kept,
+        )
         self._pairs = [*self._pairs[1 - _HISTORY_SIZE :], pair]
 
     def direction(self, gradient: Gradient) -> tuple[Tensor, Tensor | None]:
@@ -488,16 +508,19 @@ class LbfgsHistory:
         own = slice(None) if self._groups is None else self._groups
         if not self._pairs:
             return gamma[own, None, None] * people, gamma[:, None] * scale
-        S, Y, s, y, kept = (torch.stack(part, 1) for part in zip(*self._pairs, strict=True))
-        sy = self._by_group(S @ Y.mT) + s[:, :, None] * y[:, None]
-        yy = self._by_group(Y @ Y.mT) + y[:, :, None] * y[:, None]
+        # all pairs: (B, k, D) of people, (B, k) of the scale
+        step, change, scale_step, scale_change, kept = (
+            torch.stack(part, 1) for part in zip(*self._pairs, strict=True)
+        )
+        sy = self._by_group(step @ change.mT) + scale_step[:, :, None] * scale_change[:, None]
+        yy = self._by_group(change @ change.mT) + scale_change[:, :, None] * scale_change[:, None]
         R = sy.triu() + torch.diag_embed((~kept).to(sy))
-        by_step = self._by_group(S @ people) + s[:, :, None] * scale[:, None]
-        by_change = self._by_group(Y @ people) + y[:, :, None] * scale[:, None]
+        by_step = self._by_group(step @ people) + scale_step[:, :, None] * scale[:, None]
+        by_change = self._by_group(change @ people) + scale_change[:, :, None] * scale[:, None]
         u = torch.linalg.solve_triangular(R, by_step, upper=True)
         factor = gamma[:, None, None]
         middle = sy.diagonal(dim1=1, dim2=2)[..., None] * u + factor * (yy @ u - by_change)
         v = torch.linalg.solve_triangular(R.mT, middle, upper=False)
-        found = factor[own] * (people - Y.mT @ u[own]) + S.mT @ v[own]
-        of_scale = factor[:, 0] * (scale - (y[:, None] @ u)[:, 0]) + (s[:, None] @ v)[:, 0]
-        return found, of_scale
+        of_people = factor[own] * (people - change.mT @ u[own]) + step.mT @ v[own]
+        of_scale = factor[:, 0] * (scale - (scale_change[:, None] @ u)[:, 0])
+        return of_people, of_scale + (scale_step[:, None] @ v)[:, 0]

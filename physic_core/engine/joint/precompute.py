@@ -9,7 +9,7 @@ from torch import Tensor
 
 from physic_core.body.joints import joint_pair
 from physic_core.body.model import BodyModel
-from physic_core.engine.joint.method import JointMethod
+from physic_core.engine.joint.method import JointStageMethod
 from physic_core.engine.joint.sampling import Sampling, root_relative
 from physic_core.engine.state import OtherView, State
 from physic_core.geometry.camera import project
@@ -28,7 +28,7 @@ def _log_depth(depth: Tensor | None) -> Tensor | None:
 
 
 @torch.no_grad()
-def precompute(state: State, method: JointMethod) -> Sampling:
+def precompute(state: State, method: JointStageMethod) -> Sampling:
     """Compute the constants of one joint optimisation of finite people."""
     person_weights = method.weigh_people(state)
     state, model = method.prepare(state), state.model
@@ -69,7 +69,7 @@ def precompute(state: State, method: JointMethod) -> Sampling:
     )
 
 
-def _sampling_of_view(sampling: Sampling, view: OtherView, method: JointMethod) -> Sampling:
+def _sampling_of_view(sampling: Sampling, view: OtherView, method: JointStageMethod) -> Sampling:
     """Return the constants with the camera and the detections of another view."""
     state = sampling.state.from_view(view)
     return replace(

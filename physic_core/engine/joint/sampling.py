@@ -48,8 +48,8 @@ class Sampling:
     """Constants of one joint optimisation. B people, n subsampled vertices.
 
     Attributes:
-        state: as the energy uses it (``JointMethod.prepare``), with finite people only.
-        around: surfaces that distances are measured to (``JointMethod.select_surroundings``).
+        state: as the energy uses it (``JointStageMethod.prepare``), with finite people only.
+        around: surfaces that distances are measured to (``JointStageMethod.select_surroundings``).
         person_weights: (B,) weight of each person's terms.
         visibility: settings.
         ids: (n,) int64, indices of the subsampled vertices.

@@ -193,7 +193,7 @@ def update_contacts(
 
     Args:
         body_normals: (B, n, 3) unit.
-        scene: from ``JointMethod.nearby_scene``.
+        scene: from ``JointStageMethod.nearby_scene``.
         vertices: (B, n, 3) subsampled vertices, metres.
         scale: of the scene.
     """

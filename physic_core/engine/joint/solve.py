@@ -12,9 +12,9 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.method import JointMethod
+from physic_core.engine.joint.method import JointStageMethod
 from physic_core.engine.joint.optimiser import MinimisationResult, join_results
-from physic_core.engine.scene.method import SceneMethod
+from physic_core.engine.scene.method import SceneStageMethod
 from physic_core.engine.state import Estimates, JointResult, State
 from physic_core.geometry.pixels import span_of_true
 from physic_core.geometry.pointmap import edge_ratio, pointmap_normals
@@ -25,7 +25,7 @@ _INVALID_ENERGY = "the energy of the start is not finite"
 
 
 def optimize(
-    state: State, settings: JointMethod, progress: Callable[[float], None] | None = None
+    state: State, settings: JointStageMethod, progress: Callable[[float], None] | None = None
 ) -> State:
     """Minimise the joint energy over people and the scale of the scene.
 
@@ -47,14 +47,14 @@ def optimize(
     while healthy.any():
         rows = healthy.nonzero(as_tuple=True)[0]
         energy = JointEnergy(state.select_people(rows), settings)
-        finite = _finite_energy(energy)
+        finite = _has_finite_energy(energy)
         if finite.all():
             break
         for i in rows[~finite].tolist():
             failures[i] = _INVALID_ENERGY
         healthy[rows[~finite]] = False
     else:
-        return replace(state, joint=_posed(state, failures))
+        return replace(state, joint=_unoptimised_result(state, failures))
     origin = energy.variables.pack()
     minimised = settings.optimiser.minimise(energy, progress)
     late, optimiser = settings.late_terms(energy.sampling)
@@ -75,7 +75,7 @@ def _has_valid_start(state: State) -> Tensor:
     return fine
 
 
-def _finite_energy(energy: JointEnergy) -> Tensor:
+def _has_finite_energy(energy: JointEnergy) -> Tensor:
     """Return which people (B,) bool have finite terms and gradients."""
     people = len(energy.state)
     energy_per_person = torch.stack([v for v in energy().values() if v.shape == (people,)])
@@ -93,7 +93,7 @@ def _finite_energy(energy: JointEnergy) -> Tensor:
 
 
 @torch.no_grad()
-def _posed(state: State, failures: list[str]) -> JointResult:
+def _unoptimised_result(state: State, failures: list[str]) -> JointResult:
     """Return the bodies of a state, of which none was changed."""
     output = state.model(state.rotations, state.betas, state.transl, state.expression)
     unknown = torch.full_like(state.transl[:, 0], torch.nan)
@@ -116,7 +116,7 @@ def _merged_people(
         betas=state.betas.index_copy(0, rows, found.betas),
         transl=state.transl.index_copy(0, rows, found.transl),
     )
-    posed = _posed(optimised, failures)
+    posed = _unoptimised_result(optimised, failures)
     joint = replace(
         posed,
         depth_offset=posed.depth_offset.index_copy(0, rows, found.offset),
@@ -128,7 +128,7 @@ def _merged_people(
     return replace(optimised, joint=joint)
 
 
-def finalize_scene(estimates: Estimates, state: State, settings: SceneMethod) -> State:
+def finalize_scene(estimates: Estimates, state: State, settings: SceneStageMethod) -> State:
     """Return the state with inpainted points of the scene moved out of the people.
 
     The scene's scale is not applied.

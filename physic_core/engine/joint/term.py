@@ -133,17 +133,22 @@ class SurfacePlace(NamedTuple):
     """(B, 1) logarithm of the scale of the scene and of the depth offset of the person."""
 
 
-class SurfaceResidual(NamedTuple):
-    """Residuals (B, n) of a surface term, and their derivatives by the place of the vertices: one
-    number, or (B, n) numbers or Booleans; None for those that are 0. Derivatives are in the order
-    of :class:`SurfacePlace`.
+class SurfaceSlopes(NamedTuple):
+    """Derivatives of residuals by the place of the vertices, named as in :class:`SurfacePlace`: one
+    number, or (B, n) numbers or Booleans; None for those that are 0.
     """
 
+    scene: Tensor | float | None = None
+    floor: Tensor | None = None
+    last_floor: Tensor | None = None
+    log_depth: float | None = None
+
+
+class SurfaceResidual(NamedTuple):
+    """Residuals (B, n) of a surface term, and their derivatives."""
+
     value: Tensor
-    by_scene: Tensor | float | None = None
-    by_floor: Tensor | None = None
-    by_last_floor: Tensor | None = None
-    by_log_depth: float | None = None
+    slopes: SurfaceSlopes
 
 
 class SurfaceTerm(ABC):

@@ -70,19 +70,19 @@ class Fit:
 
     Attributes:
         x: (4,) translation in metres and log depth offset.
-        seen: (V,) bool, the camera-facing vertices of Eq. 4; None if Eq. 4 was not used.
+        facing: (V,) bool, the camera-facing vertices of Eq. 4; None if Eq. 4 was not used.
         by_keypoints: (4,) the move by Eq. 2 alone.
         problem: why keypoints, depth and floor did not place the person, or "".
     """
 
     x: Tensor = field(default_factory=_unmoved)
-    seen: Tensor | None = None
+    facing: Tensor | None = None
     by_keypoints: Tensor = field(default_factory=_unmoved)
     problem: str = ""
 
 
 @dataclass(frozen=True)
-class PlacementMethod:
+class PlacementStageMethod:
     """Stage 2 of preset "default": points of people in the scene, and body translation (paper
     Sec. 3.2, Eq. 2-4).
 
@@ -91,8 +91,8 @@ class PlacementMethod:
         mask_growth: width of the rim around people without background, as a share of the long
             image side: networks blur depth at the silhouette.
         weighs_background: whether background at the depth of people counts more.
-        sums: whether Eq. 2-4 are sums over all keypoints, vertices and points, with keypoint errors
-            as shares of the photo's size, as printed.
+        uses_sums: whether Eq. 2-4 are sums over all keypoints, vertices and points, with keypoint
+            errors as shares of the photo's size, as printed.
     """
 
     reprojection_weight: NotNegative = 1000.0
@@ -123,7 +123,7 @@ class PlacementMethod:
     alignment: ClassVar[AlignmentOptions] = AlignmentOptions(POINTMAP_TOLERANCE)
     mask_growth: ClassVar[float] = 0.01
     weighs_background: ClassVar[bool] = True
-    sums: ClassVar[bool] = False
+    uses_sums: ClassVar[bool] = False
 
     def clean_points(
         self, cloud: Tensor, known: Tensor, inside: Tensor, size: tuple[int, ...]
@@ -161,7 +161,7 @@ class PlacementMethod:
         """Return the divisor (2,) of reprojection errors, px: the diagonal of the person's box, or
         the size of the photo.
         """
-        if self.sums:
+        if self.uses_sums:
             return torch.tensor(mask.shape[::-1], dtype=torch.float64)
         corners = keypoints
         if bool(mask.any()):
@@ -175,7 +175,7 @@ class PlacementMethod:
         diagonal: Tensor = torch.linalg.vector_norm(extent).clamp(min=1.0)
         return diagonal.expand(2)
 
-    def observe(self, person: PlacementProblem) -> PlacementProblem:
+    def usable_problem(self, person: PlacementProblem) -> PlacementProblem:
         """Return a person with usable keypoints and points alone, and the unit of errors."""
         used = (person.confidence >= self.min_confidence) & torch.isfinite(person.keypoints).all(-1)
         used = used & torch.isfinite(person.landmarks).all(-1)
@@ -202,7 +202,7 @@ class PlacementMethod:
     def reprojection_term(self, person: PlacementProblem) -> PlacementReprojectionTerm:
         """Return the term of Eq. 2, times lambda_j2d."""
         weight = self.reprojection_weight * person.confidence
-        if not self.sums:
+        if not self.uses_sums:
             weight = weight / person.confidence.sum()
         return PlacementReprojectionTerm(person, weight, self.robust_px_share)
 
@@ -212,7 +212,7 @@ class PlacementMethod:
         """
         vertices = person.vertices[seen]
         weights = self.chamfer_weight, self.chamfer_weight
-        if not self.sums:
+        if not self.uses_sums:
             vertices = _subsample(vertices, self.max_points)
             weights = weights[0] / len(vertices), weights[1] / len(person.points)
         return ChamferTerm(vertices, person.points, weights, self.robust_m)
@@ -234,7 +234,7 @@ class PlacementMethod:
         chamfer = self.chamfer_term(person, seen)
         others = list[PlacementTerm]()
         free: Sequence[int] = TRANSLATION
-        if person.on_floor and self.depth_offset_sigma > 0:
+        if person.has_soles_on_floor and self.depth_offset_sigma > 0:
             others.append(self.floor_term(person))
             free = range(len(x))
         if len(person.keypoints) >= FEWEST_KEYPOINTS:
@@ -283,7 +283,7 @@ class PlacementMethod:
         x = self.finish(person, fit)
         if not _is_in_view(person, x):
             lost = "the fit has no translation in front of the camera: the translation was not "
-            return Fit(seen=fit.seen, problem=f"{lost}changed")
+            return Fit(facing=fit.facing, problem=f"{lost}changed")
         return replace(fit, x=x, by_keypoints=by_keypoints, problem=problem)
 
 

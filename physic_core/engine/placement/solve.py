@@ -18,7 +18,7 @@ from physic_core.body.joints import joint_pair
 from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.engine.limbs import lowest_layer, observed_parts
 from physic_core.engine.photo import PixelPoints
-from physic_core.engine.placement.method import PlacementMethod
+from physic_core.engine.placement.method import PlacementStageMethod
 from physic_core.engine.placement.terms import PlacementProblem
 from physic_core.engine.sizes.known_sizes import KnownGeometry, size_factors
 from physic_core.engine.sizes.stature import resize_bodies, stature_factor
@@ -37,33 +37,39 @@ _FAR_WEIGHT = 0.05  # weight of background far from the people's depth
 _ANKLES = joint_pair("ankle")
 
 
-def solve_placement(estimates: Estimates, state: State, method: PlacementMethod) -> State:
+def solve_placement(estimates: Estimates, state: State, method: PlacementStageMethod) -> State:
     """Return the state with people in the scene, and with the depth of the photo aligned to it."""
     feet_seen = state.observed[:, _ANKLES].any(1)
     if state.known is not None and state.known.unscaled is not None:
         state = _resized(estimates, state, state.known, feet_seen, method)
     if not method.stance:
-        state = replace(state, limb_touch=None, rests=None)
-    elif state.limb_touch is not None:
+        state = replace(state, limb_touch_probability=None, rest_probability=None)
+    elif state.limb_touch_probability is not None:
         rides = tensor(estimates.photo.observations.posture)[:, POSTURES.index("ride")]
         # feet on pedals or in stirrups touch, but not the ground
-        on_ground = 1 - rides.nan_to_num().to(state.limb_touch) * state.limb_touch[:, 4]
-        touch = state.limb_touch.clone()
+        on_ground = (
+            1
+            - rides.nan_to_num().to(state.limb_touch_probability)
+            * state.limb_touch_probability[:, 4]
+        )
+        touch = state.limb_touch_probability.clone()
         touch[:, :2] *= on_ground[:, None]
         feet_seen = feet_seen & (touch[:, :2] >= LEAST_PROBABILITY).any(1)
-        if state.rests is not None:
+        if state.rest_probability is not None:
             # whatever is lowest carries people who lie, and feet that rest on a bench do not
-            across = torch.isfinite(state.rests)
-            feet_seen = torch.where(across, state.rests >= LEAST_PROBABILITY, feet_seen)
-            touch[:, :2] *= torch.where(across, state.rests, 1.0)[:, None]
-        state = replace(state, limb_touch=touch)
+            across = torch.isfinite(state.rest_probability)
+            feet_seen = torch.where(across, state.rest_probability >= LEAST_PROBABILITY, feet_seen)
+            touch[:, :2] *= torch.where(across, state.rest_probability, 1.0)[:, None]
+        state = replace(state, limb_touch_probability=touch)
     return _place(estimates, state, feet_seen, method)
 
 
-def _place(estimates: Estimates, state: State, feet_seen: Tensor, method: PlacementMethod) -> State:
+def _place(
+    estimates: Estimates, state: State, feet_seen: Tensor, method: PlacementStageMethod
+) -> State:
     """Align the photo to the scene, and place the bodies in it."""
     scene = state.scene
-    photo = estimates.photo.with_people
+    photo = estimates.photo.photo_points
     alignment = align_photo_points_to_scene(
         photo, estimates.photo.hole, scene.points, scene.valid, method, far=_FAR_M
     )
@@ -80,7 +86,7 @@ def _place(estimates: Estimates, state: State, feet_seen: Tensor, method: Placem
         transl=_moved(state.transl, [fit.x for fit in fits]),
         estimated_transl=state.transl,
         keypoint_transl=_moved(state.transl, [fit.by_keypoints for fit in fits]),
-        unplaced=tuple(fit.problem for fit in fits),
+        placement_failures=tuple(fit.problem for fit in fits),
     )
 
 
@@ -90,7 +96,7 @@ def _moved(transl: Tensor, moves: Sequence[Tensor]) -> Tensor:
 
 
 def people_to_place(
-    state: State, clouds: Sequence[Tensor], feet_seen: Tensor, method: PlacementMethod
+    state: State, clouds: Sequence[Tensor], feet_seen: Tensor, method: PlacementStageMethod
 ) -> list[PlacementProblem]:
     """Return what places each person, with the floor for people whose feet are visible.
 
@@ -129,7 +135,7 @@ def people_to_place(
             row=i,
             people=len(vertices),
         )
-        people.append(method.observe(person))
+        people.append(method.usable_problem(person))
     return people
 
 
@@ -138,12 +144,12 @@ def _resting_skin(state: State, vertices: Tensor) -> list[Tensor]:
     those who lie, plank or are on all fours, the soles of others.
     """
     found = [state.model.soles.cpu()] * len(state)
-    if state.rests is None:
+    if state.rest_probability is None:
         return found
     parts = observed_parts(state.model.part_names, state.observed)
     skin = (parts[:, state.model.part_of_vertex] & state.model.outer).cpu()
     heights = vertices @ state.up.to(vertices)
-    for i in torch.isfinite(state.rests).nonzero()[:, 0].tolist():
+    for i in torch.isfinite(state.rest_probability).nonzero()[:, 0].tolist():
         if bool(skin[i].any()):
             found[i] = lowest_layer(heights[i], skin[i]).nonzero()[:, 0]
     return found
@@ -159,7 +165,7 @@ def align_photo_points_to_scene(
     people: Tensor,
     scene_points: Tensor,
     scene_valid: Tensor,
-    method: PlacementMethod,
+    method: PlacementStageMethod,
     far: float = math.inf,
 ) -> Alignment:
     """Align the original photo's point map to the scene's point map on background pixels (Eq. 1).
@@ -225,7 +231,9 @@ def move_photo_points_to_scene(points: Tensor, alignment: Alignment, K: Tensor) 
     return depth_to_pointmap(apply_alignment(points, alignment)[..., 2], K)
 
 
-def human_points(points: Tensor, valid: Tensor, mask: Tensor, method: PlacementMethod) -> Tensor:
+def human_points(
+    points: Tensor, valid: Tensor, mask: Tensor, method: PlacementStageMethod
+) -> Tensor:
     """Return the points of one person, without depth edges and outliers.
 
     Args:
@@ -252,7 +260,7 @@ def _resized(
     state: State,
     known: KnownGeometry,
     feet_seen: Tensor,
-    method: PlacementMethod,
+    method: PlacementStageMethod,
 ) -> State:
     """Return the state with the size ratio of people in a scene of known size, and with people of
     unknown stature resized by it.

@@ -55,7 +55,7 @@ class PlacementProblem(NamedTuple):
     people: int  # in the image
 
     @property
-    def on_floor(self) -> bool:
+    def has_soles_on_floor(self) -> bool:
         """Whether the feet are visible and the scene has a floor."""
         return len(self.soles) > 0
 

@@ -1,5 +1,5 @@
 """Stage 1: metric scene points, camera and floor (paper Sec. 3.1).
 
 Other packages use ``solve_scene`` of :mod:`.solve`, the records of :mod:`.state`, and the
-``SceneMethod`` of :mod:`.method`, which an energy may replace.
+``SceneStageMethod`` of :mod:`.method`, which an energy may replace.
 """

@@ -79,7 +79,7 @@ class PixelSurface(NamedTuple):
 
 
 @dataclass(frozen=True)
-class SceneMethod:
+class SceneStageMethod:
     """Stage 1 of preset "default": metric scene points, camera, normals, floor (paper Sec. 3.1).
 
     Attributes:
@@ -175,7 +175,7 @@ class SceneMethod:
             return search
         rays = torch.where(valid[..., None], points / points[..., 2:], 0.0)
         at = ray_to_floor(rays, search.plane, evidence.feet_px)
-        level = level_plane(search.plane, evidence.up, evidence.slope, at)
+        level = level_plane(search.plane, evidence.up, evidence.slope_sigma_deg, at)
         return replace(search, plane=level)
 
     def sample_floor(self, floor: PlaneFit, known: Tensor, clean: Tensor, feet: Tensor) -> Tensor:

@@ -20,7 +20,7 @@ from physic_core.body.landmarks import keypoints_on_body
 from physic_core.body.model import BodyModel
 from physic_core.engine.ground.floor import FloorEvidence
 from physic_core.engine.photo import PixelPoints
-from physic_core.engine.scene.method import Cameras, SceneMethod, scene_camera
+from physic_core.engine.scene.method import Cameras, SceneStageMethod, scene_camera
 from physic_core.engine.scene_state import SceneState
 from physic_core.engine.sizes.known_sizes import scale_scene_to_known_sizes
 from physic_core.engine.state import Estimates, State
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 _FLOOR_THICKNESS = 0.01  # of the depth
 
 
-def solve_scene(estimates: Estimates, model: BodyModel, method: SceneMethod) -> State:
+def solve_scene(estimates: Estimates, model: BodyModel, method: SceneStageMethod) -> State:
     """Return the state of a photo: its scene, scaled by the user's known sizes or a measured depth,
     and the people as estimated.
 
@@ -54,7 +54,7 @@ def solve_scene(estimates: Estimates, model: BodyModel, method: SceneMethod) -> 
     ground = estimates.ground
     evidence = replace(ground.evidence, found=ground.search)
     depth = tensor(estimates.depth.depth)
-    scene = build_scene(estimates.photo.scene, depth, _cameras(estimates), evidence, method)
+    scene = build_scene(estimates.photo.scene_points, depth, _cameras(estimates), evidence, method)
     return _with_known_sizes(estimates, _initial_state(estimates, model, scene))
 
 
@@ -62,7 +62,7 @@ def _cameras(estimates: Estimates) -> Cameras:
     """Return the cameras for stage 1: known ones before estimated ones before guessed ones."""
     metric = estimates.depth.intrinsics
     pointmap = estimates.photo.scene_map.intrinsics
-    keep = estimates.camera_given or (
+    keep = estimates.camera_by_user_or_file or (
         pointmap is not None and (metric is None or _trust(pointmap) > _trust(metric))
     )
     if pointmap is not None and metric is not None and _trust(pointmap) < _trust(metric):
@@ -91,9 +91,14 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
     if observed is None:
         observed = np.ones((len(masks), NUM_JOINTS), bool)
     stance = estimates.ground.stance
-    stands, rests, observed_touch, limb_touch = (
+    stand_probability, rest_probability, log_odds, limb_touch_probability = (
         torch.from_numpy(each).to(model.device, model.dtype)
-        for each in (stance.stands, stance.rests, stance.observed, stance.limb_touch)
+        for each in (
+            stance.stand_probability,
+            stance.rest_probability,
+            stance.log_odds,
+            stance.limb_touch_probability,
+        )
     )
     rotations, betas, transl, expression = pose_from_parameters(
         bodies.parameters, model.device, model.dtype
@@ -117,10 +122,10 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
         head_sigma=own(observations.head_sigma) * (torch.pi / 180),
         scene=scene,
         K=scene.K.to(model.device, model.dtype),
-        stands=stands,
-        rests=rests,
-        observed_touch=observed_touch,
-        limb_touch=limb_touch,
+        stand_probability=stand_probability,
+        rest_probability=rest_probability,
+        observed_log_odds=log_odds,
+        limb_touch_probability=limb_touch_probability,
         carried=stance.carried,
         scale_sigma=estimates.depth.scale_sigma,
         views=to_device(estimates.views, model.device, model.dtype),
@@ -146,7 +151,7 @@ def build_scene(
     depth: Tensor,
     cameras: Cameras,
     evidence: FloorEvidence,
-    method: SceneMethod,
+    method: SceneStageMethod,
 ) -> SceneState:
     """Build the scene: scale the point map to metres, estimate camera, normals and floor, remove
     edges and outliers.
@@ -161,40 +166,41 @@ def build_scene(
     Raises:
         BackendOutputError: the metric depth has no valid pixel, or the camera cannot be estimated.
     """
-    points, depth, cameras = method.share_camera(relative.points, depth, cameras)
-    relative = replace(relative, points=points)
+    shared, depth, cameras = method.share_camera(relative.points, depth, cameras)
+    relative = replace(relative, points=shared)
     alignment = _align_to_metric(relative, depth, cameras, method)
     placed, known, camera = _metric_points(relative, depth, cameras, alignment, method)
-    surface, edges, outliers = method.surface(placed, known)
-    search = method.search_floor(placed, known & ~outliers, surface, evidence)
+    normals, edges, outliers = method.surface(placed, known)
+    search = method.search_floor(placed, known & ~outliers, normals, evidence)
     floor = search.plane
-    clean = known & ~edges & ~outliers
     floor_points = placed.new_zeros((0, 3))
+    on_floor = torch.zeros_like(known)
     if floor is not None:
-        # A floor at a grazing angle resembles a depth edge: keep points on its plane.
         thin = floor.height(placed).abs() < _FLOOR_THICKNESS * placed[..., 2]
         on_floor = known & floor.inliers & thin
-        edges &= ~on_floor
-        outliers &= ~on_floor
-        clean |= on_floor
-        bare = on_floor & (surface == 0).all(-1)
-        surface = torch.where(bare[..., None], floor.normal.to(surface), surface)
+    # A floor at a grazing angle resembles a depth edge: keep points on its plane.
+    edges_off_floor = edges & ~on_floor
+    outliers_off_floor = outliers & ~on_floor
+    clean = known & ~(edges_off_floor | outliers_off_floor)
+    if floor is not None:
+        bare = on_floor & (normals == 0).all(-1)
+        normals = torch.where(bare[..., None], floor.normal.to(normals), normals)
         feet = _intersect_feet(floor, evidence.feet_px, camera, method.far_m)
-        points, clean_points = (select_pixels(pixels, placed)[0] for pixels in (known, clean))
-        floor_points = method.sample_floor(floor, points, clean_points, feet)
+        known_points, clean_points = (select_pixels(each, placed)[0] for each in (known, clean))
+        floor_points = method.sample_floor(floor, known_points, clean_points, feet)
     return SceneState(
         points=placed,
-        normals=surface,
+        normals=normals,
         valid=clean,
         floor_points=floor_points,
         K=camera,
         floor=floor,
-        up=surest_up(floor, evidence.up, evidence.slope),
+        up=surest_up(floor, evidence.up, evidence.slope_sigma_deg),
         diagnostics={
             "alignment": alignment_diagnostics(alignment),
             "valid_share": _share(clean),
-            "edge_share": _share(edges),
-            "outlier_share": _share(outliers),
+            "edge_share": _share(edges_off_floor),
+            "outlier_share": _share(outliers_off_floor),
             "floor": _floor_diagnostics(search),
             "fx_px": float(camera[0, 0]),
             "fy_px": float(camera[1, 1]),
@@ -203,7 +209,7 @@ def build_scene(
 
 
 def _align_to_metric(
-    relative: PixelPoints, metric_depth: Tensor, cameras: Cameras, method: SceneMethod
+    relative: PixelPoints, metric_depth: Tensor, cameras: Cameras, method: SceneStageMethod
 ) -> Alignment:
     """Align the point map to the metric depth (Eq. 1); without any camera, align z only."""
     metric_valid = _positive(metric_depth)
@@ -228,7 +234,7 @@ def _metric_points(
     metric_depth: Tensor,
     cameras: Cameras,
     alignment: Alignment,
-    method: SceneMethod,
+    method: SceneStageMethod,
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Return metric points (H, W, 3), their validity (H, W) and their camera (3, 3).
 

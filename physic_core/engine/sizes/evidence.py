@@ -293,7 +293,7 @@ def depth_witness(
         scale *= math.sqrt(camera.fx * camera.fy / (depth.intrinsics.fx * depth.intrinsics.fy))
     stated = depth.scale_sigma
     sigma, sure = (DEPTH_SCALE_SIGMA, _SURE) if stated is None else (stated, _SURE_IF_STATED)
-    return Witnesses.alone(scale, sigma, sure)
+    return Witnesses.single(scale, sigma, sure)
 
 
 def median_depth(pointmap: Pointmap) -> float:

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 _NEIGHBOURS = 4  # vertices that give the depth of a body at a pixel
 _FACING_DEG = 89.0
+_ON_SCENE = -1  # the row of no person: an end of a distance on the scene
+_LEFT_OUT = -2  # the new row of a person who is not selected
 
 PointFollower: TypeAlias = Callable[[Tensor], Tensor]
 """Point (3,) of a body at a pixel, on its ray, by the vertices (V, 3) of the body; differentiable.
@@ -49,7 +51,7 @@ def point_follower(vertices: Tensor, normals: Tensor, ray: Tensor, K: Tensor) ->
 def size_factors(
     vertices: Tensor,
     soles: Tensor,
-    on_floor: Sequence[bool],
+    soles_on_floor: Sequence[bool],
     floor: PlaneFit | None,
     points: Sequence[Tensor],
 ) -> Tensor:
@@ -63,13 +65,13 @@ def size_factors(
     Args:
         vertices: (B, V, 3), each body where the photo shows it.
         soles: (S,) int64, vertices of the soles.
-        on_floor: of B people, whether the soles are seen on the floor.
+        soles_on_floor: of B people, whether the soles are seen on the floor.
         floor: of the scene, or None.
         points: of B people, (n, 3) each.
     """
     by_floor, by_points = (torch.full_like(vertices[:, 0, 0], torch.nan) for _ in range(2))
     for i, body in enumerate(vertices):
-        if floor is not None and on_floor[i]:
+        if floor is not None and soles_on_floor[i]:
             drop = -(body[soles] @ floor.normal.to(body)).amin()
             by_floor[i] = floor.offset / drop if bool(drop > 0) else torch.nan
         if len(points[i]):
@@ -190,11 +192,11 @@ class KnownGeometry(ShortRepr):
         """Return the sizes of a selection of the people, (n,) int64; distances on other people are
         skipped.
         """
-        new_row = torch.full((len(self.stature) + 1,), -2, dtype=torch.int64, device=rows.device)
+        new_row = torch.full((len(self.stature) + 1,), _LEFT_OUT, device=rows.device)
         new_row[rows] = torch.arange(len(rows), device=rows.device)
-        new_row[-1] = -1
+        new_row[_ON_SCENE] = _ON_SCENE  # the index -1 finds the slot behind the last person
         person = new_row[self.distances.person]
-        distances = replace(self.distances, person=person)[(person >= -1).all(1)]
+        distances = replace(self.distances, person=person)[(person != _LEFT_OUT).all(1)]
         return replace(self, stature=self.stature[rows], distances=distances)
 
 
@@ -225,7 +227,7 @@ def scale_scene_to_known_sizes(
     if known.camera_height is not None and scene.floor is not None:
         evidence.append(ScaleEvidence.by_known_size(known.camera_height, scene.floor.offset))
     d = geometry.distances
-    on_scene = (d.person < 0).all(1)
+    on_scene = (d.person == _ON_SCENE).all(1)
     extent = torch.linalg.vector_norm(d.points[on_scene, 0] - d.points[on_scene, 1], dim=-1)
     shown = zip(d.metres[on_scene].tolist(), extent.clamp(min=1e-6).tolist(), strict=True)
     evidence += [ScaleEvidence.by_known_size(metres, length) for metres, length in shown]
@@ -267,8 +269,8 @@ def _known_geometry(
 def _end_at(
     pixel: Sequence[float], masks: Tensor, scene: SceneState
 ) -> tuple[int, list[float]] | None:
-    """Return the person at a pixel and NaN (3,), or -1 and the point (3,) of the scene; None if
-    neither is there.
+    """Return the person at a pixel and NaN (3,), or ``_ON_SCENE`` and the point (3,) of the scene;
+    None if neither is there.
     """
     x, y = (round(value) for value in pixel)
     height, width = scene.valid.shape
@@ -278,7 +280,7 @@ def _end_at(
     if shown:
         return min(shown, key=lambda p: int(masks[p].sum())), [math.nan] * 3
     point = _scene_point(scene, x, y)
-    return None if point is None else (-1, point)
+    return None if point is None else (_ON_SCENE, point)
 
 
 # Of the long side: radius in which a pixel without a scene point takes the nearest one.

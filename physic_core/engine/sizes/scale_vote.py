@@ -45,7 +45,7 @@ class Witnesses:
         scale: (N,) m, metres per unit of the scene; NaN for a witness without a statement.
         depth: (N,) z, metres; NaN if the shift does not matter.
         sigma: (N,) standard deviation of log(m), without the shared error.
-        sure: (N,) probability that a witness is not wrong.
+        right_probability: (N,) probability that a witness is not wrong.
         shared_sigma: standard deviation of the error that all share.
         shared_wrong: probability that the quantity that all share is wrong, such as the depth of
             people in the map.
@@ -54,14 +54,16 @@ class Witnesses:
     scale: FloatArray
     depth: FloatArray
     sigma: FloatArray
-    sure: FloatArray
+    right_probability: FloatArray
     shared_sigma: float
     shared_wrong: float = 0.0
 
     @classmethod
-    def alone(cls, scale: float, sigma: float, sure: float) -> Witnesses:
+    def single(cls, scale: float, sigma: float, right_probability: float) -> Witnesses:
         """Return one witness, whose depth does not matter."""
-        m, unknown, error, probability = np.array([[scale], [math.nan], [sigma], [sure]])
+        m, unknown, error, probability = np.array(
+            [[scale], [math.nan], [sigma], [right_probability]]
+        )
         return cls(m, unknown, error, probability, 0.0)
 
 
@@ -88,7 +90,7 @@ class ScaleVote:
         m = witnesses.scale + self.scale.shift * np.nan_to_num(witnesses.depth - self.reference)
         return np.asarray(np.log(np.maximum(m, 1e-3 * witnesses.scale)) - self.log_scale)
 
-    def right(self, witnesses: Witnesses) -> FloatArray:
+    def right_probability(self, witnesses: Witnesses) -> FloatArray:
         """Return the probability (N,) that witnesses are right; NaN for a witness without a
         statement.
         """
@@ -97,7 +99,7 @@ class ScaleVote:
         right, wrong = (
             np.exp(-0.5 * (away / s) ** 2) / s for s in (sigma, np.hypot(_WRONG_SIGMA, sigma))
         )
-        sure = witnesses.sure
+        sure = witnesses.right_probability
         return np.asarray(sure * right / (sure * right + (1 - sure) * wrong + 1e-300))
 
 
@@ -158,11 +160,10 @@ def _log_likelihood(witnesses: Witnesses, shifts: FloatArray, reference: float) 
     """Return the log likelihood (T, S) of shifts (T,) and the grid of log scales of a person at the
     reference depth.
     """
-    import cv2
-
     known = np.isfinite(witnesses.scale)
     m, z, sigma, sure = (
-        x[known] for x in (witnesses.scale, witnesses.depth, witnesses.sigma, witnesses.sure)
+        x[known]
+        for x in (witnesses.scale, witnesses.depth, witnesses.sigma, witnesses.right_probability)
     )
     logs = np.log(np.maximum(m + shifts[:, None] * np.nan_to_num(z - reference), 1e-3 * m))
     away = logs[..., None] - _LOGS
@@ -180,18 +181,25 @@ def _log_likelihood(witnesses: Witnesses, shifts: FloatArray, reference: float) 
         (1 - witnesses.shared_wrong, witnesses.shared_sigma),
         (witnesses.shared_wrong, _SHARED_WRONG_SIGMA),
     ]
-    smooth = sum(
-        share
-        * cv2.GaussianBlur(
-            np.exp(total - most),
-            (2 * round(5 * sigma / _STEP) + 1, 1),
-            max(sigma / _STEP, 1e-3),
+    density = np.exp(total - most)
+    smooth = sum(share * _convolved(density, sigma) for share, sigma in shares if share)
+    return np.asarray(np.log(smooth + 1e-300) + most)
+
+
+def _convolved(density: FloatArray, shared_sigma: float) -> FloatArray:
+    """Return the density (T, S) over the grid of log scales if its witnesses share a normal
+    error.
+    """
+    import cv2
+
+    return np.asarray(
+        cv2.GaussianBlur(
+            density,
+            (2 * round(5 * shared_sigma / _STEP) + 1, 1),
+            max(shared_sigma / _STEP, 1e-3),
             borderType=cv2.BORDER_REFLECT,
         )
-        for share, sigma in shares
-        if share
     )
-    return np.asarray(np.log(smooth + 1e-300) + most)
 
 
 def scaled_depth(scene: Pointmap, scale: SceneScale, camera: Intrinsics | None) -> DepthMap:

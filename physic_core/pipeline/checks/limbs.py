@@ -152,7 +152,7 @@ def given_keypoints(estimates: Estimates, result: Reconstruction, person: int) -
     if not off or stature_px is None:
         return None
     worst = max(off, key=off.__getitem__)
-    file_px = off[worst] * estimates.file_px
+    file_px = off[worst] * estimates.file_px_per_px
     return off[worst] / (ReprojectionSettings.sigma * stature_px), (
         f"the given {keypoint_in_words(worst)} lies {file_px:.0f} px from where depth, "
         "floor and body put it: check the keypoints that you gave"
@@ -172,7 +172,7 @@ def contradicted_keypoints(estimates: Estimates, result: Reconstruction, person:
     """Return how far mask and detector contradict the worst of the keypoints that the user gave, as
     a share.
     """
-    given = estimates.given_keypoints
+    given = estimates.is_given_keypoint
     contradicted = estimates.contradicted_px
     if given is None or contradicted is None or not given[person].any():
         return None
@@ -181,7 +181,7 @@ def contradicted_keypoints(estimates: Estimates, result: Reconstruction, person:
     worst = int(off.argmax())
     name = keypoint_in_words(estimates.photo.keypoints.joint_set.names[worst])
     return float(off[worst] / np.hypot(box[2] - box[0], box[3] - box[1])), (
-        f"the given {name} lies {off[worst] * estimates.file_px:.0f} px from where mask and "
+        f"the given {name} lies {off[worst] * estimates.file_px_per_px:.0f} px from where mask and "
         "detector have it: check the keypoints that you gave"
     )
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from physic_core.body.joints import joint_pair
 from physic_core.body.posture import LYING_DEG, lean_deg, standing_legs, trunk_tilt_deg
-from physic_core.engine.ground.posture import upright_people
+from physic_core.engine.ground.posture import is_upright
 from physic_core.pipeline.checks.photo import NO_FLOOR, relative_difference
 from physic_core.pipeline.checks.spec import NO_BODY, YES, check
 from physic_core.types import MARKS, Plane, skeleton_named
@@ -239,14 +239,14 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
     )
 
 
-def _level(result: Reconstruction) -> Plane:
+def _level_plane(result: Reconstruction) -> Plane:
     """Return a level plane by what is known of up, else by the camera's axis."""
     return result.scene.level or Plane(np.array([0.0, -1.0, 0.0]), 0.0)
 
 
 def lies(result: Reconstruction, person: int) -> bool:
     """Return whether the trunk of a person is nearly horizontal."""
-    tilt = trunk_tilt_deg(result.people[person].joints, _level(result).normal)
+    tilt = trunk_tilt_deg(result.people[person].joints, _level_plane(result).normal)
     return bool(abs(tilt - 90) < LYING_DEG)
 
 
@@ -290,11 +290,11 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     plane = estimates.ground.search.plane
     if plane is not None and plane.beneath:
         return None, "this person lies"
-    if not upright_people(estimates.photo.keypoints, estimates.photo.observations)[person]:
+    if not is_upright(estimates.photo.keypoints, estimates.photo.observations)[person]:
         return None, "this person is not upright in the photo, and may lean"
-    floor = _level(result)
+    floor = _level_plane(result)
     parts: list[Literal["body", "trunk"]] = ["trunk"]
-    if _visible(estimates, person)[_ANKLES].any() and standing_legs(joints).any():
+    if _is_visible_joint(estimates, person)[_ANKLES].any() and standing_legs(joints).any():
         parts.append("body")
     part = max((lean_deg(joints, floor, of) for of in parts), key=abs)
     if abs(part) > _LIES_DEG:
@@ -382,13 +382,13 @@ def _stands_on_seen_legs(estimates: Estimates, result: Reconstruction, person: i
     """
     if result.people[person].measures.assumed_support:
         return False
-    visible = _visible(estimates, person)
+    visible = _is_visible_joint(estimates, person)
     if not (visible[_KNEES] | visible[_ANKLES]).all():
         return False
     return bool(estimates.ground.stance.stands_on_both_feet[person])
 
 
-def _visible(estimates: Estimates, person: int) -> BoolArray:
+def _is_visible_joint(estimates: Estimates, person: int) -> BoolArray:
     """Return which joints (55,) of a person any photo shows; all, if the backend does not say."""
     observed = estimates.bodies.observed
     if observed is None:

@@ -203,8 +203,8 @@ def depth_scale(estimates: Estimates, result: Reconstruction) -> Measured:
     inverse = is_inverse(estimates.depth, estimates.photo.scene_map)
     question = "is it a disparity, 1 / depth?" if inverse else likely_unit(times)
     return abs(away) / math.hypot(own["sigma"], others.sigma), (
-        f"{estimates.depth_by} makes everything {times:.4g} times as large as people and floor "
-        f"suggest, and {followed}: {question}"
+        f"{estimates.depth_backend} makes everything {times:.4g} times as large as people and "
+        f"floor suggest, and {followed}: {question}"
     )
 
 
@@ -230,7 +230,7 @@ def depth_order(estimates: Estimates, result: Reconstruction) -> Measured:
     if not known.any() or own > _SAME:
         return None
     return mirrored - own, (
-        f"the depth of {estimates.depth_by} fits the point map better if left and right are "
+        f"the depth of {estimates.depth_backend} fits the point map better if left and right are "
         f"exchanged. Check that a file you gave is neither mirrored nor a disparity; else do not "
         f"use the depth"
     )

@@ -62,7 +62,7 @@ def corrected_keypoints(
             a person.
     """
     names = keypoints.joint_set.names
-    given, missing = _known_joints(given, names)
+    given, missing = _without_unknown_joints(given, names)
     columns = [_column(joint, names) for joint in given.joint]
     rows, strangers = _people_of(given, people)
     points = np.array(keypoints.points)
@@ -86,7 +86,7 @@ def corrected_keypoints(
         if world is not None:
             world[person, [column, *with_it]] = np.nan
     corrected = replace(keypoints, points=points, confidence=confidence, world=world, sigma=sigma)
-    what = _what_changed(keypoints, corrected, changed, given.file_px)
+    what = _what_changed(keypoints, corrected, changed, given.file_px_per_px)
     return corrected, changed, (*given.notes, *missing, what, *strangers)
 
 
@@ -156,7 +156,9 @@ def contradicted_keypoints(
     return off
 
 
-def _what_changed(before: Keypoints, after: Keypoints, changed: BoolArray, file_px: float) -> str:
+def _what_changed(
+    before: Keypoints, after: Keypoints, changed: BoolArray, file_px_per_px: float
+) -> str:
     """Return a note on how many keypoints the user changed (N, J), and on the one that moved
     farthest, px of the file.
     """
@@ -166,12 +168,12 @@ def _what_changed(before: Keypoints, after: Keypoints, changed: BoolArray, file_
     person, column = (int(i) for i in np.unravel_index(moved.argmax(), moved.shape))
     return (
         f"given keypoints: {changed.sum()}; the {keypoint_in_words(after.joint_set.names[column])} "
-        f"of person {person} lies {moved.max() * file_px:.0f} px from the detected "
+        f"of person {person} lies {moved.max() * file_px_per_px:.0f} px from the detected "
         f"one{', the others less' if changed.sum() > 1 else ''}"
     )
 
 
-def _known_joints(
+def _without_unknown_joints(
     given: GivenKeypoints, names: Sequence[str]
 ) -> tuple[GivenKeypoints, tuple[str, ...]]:
     """Return the keypoints of another program without joints that the detector lacks, and a note on

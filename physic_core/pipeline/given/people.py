@@ -28,7 +28,7 @@ _MIN_MASK_IOU = 0.5
 """Minimum overlap of a given mask with a detected one to keep the detected keypoints."""
 
 
-def left_to_right(people: People) -> IntArray:
+def order_left_to_right(people: People) -> IntArray:
     """Return the rows (N,) of people from left to right in the photo, by the centres of their
     boxes.
     """
@@ -112,7 +112,7 @@ def select_chosen(people: People, prompt: PeoplePrompt) -> People:
     )
 
 
-def ignored_people(people: People, prompt: PeoplePrompt) -> BoolArray:
+def is_ignored_person(people: People, prompt: PeoplePrompt) -> BoolArray:
     """Return which people (N,) bool the user leaves out.
 
     Raises:

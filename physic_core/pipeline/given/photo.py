@@ -70,7 +70,7 @@ class PreparedPhoto:
             prompt = replace(
                 prompt,
                 points=tuple((float(x), float(y)) for x, y in places),
-                boxes=tuple(_box(box, move) for box in prompt.boxes),
+                boxes=tuple(_undistorted_box(box, move) for box in prompt.boxes),
                 masks=None if masks is None else np.stack([move_mask(mask) for mask in masks]),
             )
         lengths = []
@@ -114,14 +114,14 @@ def prepare_photo(
         photo = limit_size(photo, settings.max_side)
     else:
         photo, inside = limit_inside(photo, inside, settings.max_side)
-    prompt = _chosen_people(people, settings)
+    prompt = _people_prompt(people, settings)
     if prompt is not None:
         prompt = checked_prompt(prompt, *file_size)
     sizes = check_lengths(settings.known_sizes(known), *file_size)
     keypoints = None
     if settings.keypoints is not None:
         keypoints = read_keypoints(settings.keypoints, *file_size, photo.name)
-        keypoints = replace(keypoints, file_px=file_size[0] / photo.image.shape[1])
+        keypoints = replace(keypoints, file_px_per_px=file_size[0] / photo.image.shape[1])
     prepared = _in_px_of_picture(PreparedPhoto(photo, prompt, sizes, keypoints), file_size)
     if inside is not None:
         return _without_border(prepared, inside, frame.note)
@@ -182,7 +182,7 @@ def _without_border(
     return replace(cut, border=Border(photo.image, inside))
 
 
-def _chosen_people(people: PeoplePrompt | None, settings: PhotoSettings) -> PeoplePrompt | None:
+def _people_prompt(people: PeoplePrompt | None, settings: PhotoSettings) -> PeoplePrompt | None:
     """Return the given people, or those of the settings; None for all people.
 
     Raises:
@@ -202,7 +202,7 @@ def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:
     height, width = photo.image.shape[:2]
     file_width, file_height = photo.file_size or (width, height)
     if settings.intrinsics is not None:
-        _check_picture_of(settings.intrinsics, file_width, file_height)
+        _check_principal_point(settings.intrinsics, file_width, file_height)
         given = Intrinsics(*settings.intrinsics, file_width, file_height, trust=CameraTrust.KNOWN)
     elif settings.focal_px is not None:
         given = Intrinsics.from_focal(
@@ -213,7 +213,7 @@ def _with_camera(photo: Photo, settings: PhotoSettings) -> Photo:
     return replace(photo, intrinsics=given.resized(width, height))
 
 
-def _check_picture_of(intrinsics: Sequence[float], width: int, height: int) -> None:
+def _check_principal_point(intrinsics: Sequence[float], width: int, height: int) -> None:
     """Check that the principal point is not the centre of the same picture in another size, or
     turned.
 
@@ -264,12 +264,14 @@ def _undistorted(prepared: PreparedPhoto, lens: Lens, file_size: tuple[int, int]
     found = prepared.moved(
         replace(photo, image=image, notes=(*photo.notes, note)),
         lambda pixels: undistort_pixels(pixels, lens.intrinsics, lens.distortion),
-        lambda mask: _mask(mask, lens),
+        lambda mask: _undistorted_mask(mask, lens),
     )
     return replace(found, lens=replace(lens, intrinsics=lens.intrinsics.resized(*file_size)))
 
 
-def _box(box: tuple[float, float, float, float], move: Move) -> tuple[float, float, float, float]:
+def _undistorted_box(
+    box: tuple[float, float, float, float], move: Move
+) -> tuple[float, float, float, float]:
     """Return the smallest box around the undistorted border of a box."""
     # edges of a box are half open, pixels have their centres at integers
     x0, y0, x1, y1 = (v - 0.5 for v in box)
@@ -285,7 +287,7 @@ def _box(box: tuple[float, float, float, float], move: Move) -> tuple[float, flo
     return left, top, right, bottom
 
 
-def _mask(mask: BoolArray, lens: Lens) -> BoolArray:
+def _undistorted_mask(mask: BoolArray, lens: Lens) -> BoolArray:
     """Sample a mask (H, W) at the nearest pixel of the distorted image."""
     height, width = mask.shape
     y, x = np.mgrid[:height, :width]
@@ -303,8 +305,10 @@ def checked_prompt(prompt: PeoplePrompt, width: int, height: int) -> PeoplePromp
         ConfigError: there is no prompt; a point or box lies outside the photo; masks are of another
             size, are empty or overlap.
     """
-    points = tuple(_numbers(point, 2, "a point needs x, y in px") for point in prompt.points)
-    boxes = tuple(_numbers(box, 4, "a box needs x0, y0, x1, y1 in px") for box in prompt.boxes)
+    points = tuple(_finite_numbers(point, 2, "a point needs x, y in px") for point in prompt.points)
+    boxes = tuple(
+        _finite_numbers(box, 4, "a box needs x0, y0, x1, y1 in px") for box in prompt.boxes
+    )
     masks = None if prompt.masks is None else np.asarray(prompt.masks)
     checked = replace(prompt, points=points, boxes=boxes, masks=masks)  # type: ignore[arg-type]
     if not len(checked):
@@ -353,7 +357,7 @@ def check_lengths(known: KnownSizes, width: int, height: int) -> KnownSizes:
     return known
 
 
-def _numbers(values: Any, count: int, wanted: str) -> tuple[float, ...]:
+def _finite_numbers(values: Any, count: int, wanted: str) -> tuple[float, ...]:
     try:
         numbers = tuple(float(v) for v in values)
     except (TypeError, ValueError):

@@ -13,7 +13,7 @@ from physic_core.cache.results import ResultCache
 from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import PhysicError
 from physic_core.interfaces import MetricDepthRequest, RelativePointmapRequest
-from physic_core.pipeline.stage_runner import StageRunner
+from physic_core.pipeline.stage_caller import StageCaller
 from physic_core.types import CameraTrust, Hints, Intrinsics, Provenance
 from physic_human.moge import Moge1, Moge1Options, Moge3Depth, Moge3Options, Moge3Pointmap
 
@@ -145,7 +145,7 @@ def test_both_interfaces_share_one_run_of_moge_3_by_the_cache(moge_3, tmp_path):
     depth = moge_3()
     points = Moge3Pointmap(depth.options)
     image = np.zeros((60, 80, 3), np.uint8)
-    stages = StageRunner("cpu", 2, cache=ResultCache(tmp_path / "results", 10**8))
+    stages = StageCaller("cpu", 2, cache=ResultCache(tmp_path / "results", 10**8))
     for backend, request in (
         (points, RelativePointmapRequest(image, Hints())),
         (depth, MetricDepthRequest(image, Hints())),

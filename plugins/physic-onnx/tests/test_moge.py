@@ -12,7 +12,7 @@ from physic_core.cache.results import ResultCache
 from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepthRequest, RelativePointmapRequest
-from physic_core.pipeline.stage_runner import StageRunner
+from physic_core.pipeline.stage_caller import StageCaller
 from physic_core.types import CameraTrust, Hints, Intrinsics, Provenance
 from physic_onnx.moge import Moge2Depth, Moge2Pointmap, network_input_size
 from physic_testing.worlds import load_world
@@ -211,7 +211,7 @@ def test_the_network_resizes_nothing_of_what_it_gets(size, tokens):
 
 def test_both_interfaces_share_one_run_of_a_photo_by_the_cache(backend_of, tmp_path):
     points, depth = (backend_of(kind, plane) for kind in (Moge2Pointmap, Moge2Depth))
-    stages = StageRunner("cpu", 2, cache=ResultCache(tmp_path / "results", 10**8))
+    stages = StageCaller("cpu", 2, cache=ResultCache(tmp_path / "results", 10**8))
     for backend, request in (
         (points, RelativePointmapRequest(PHOTO, Hints())),
         (depth, MetricDepthRequest(PHOTO, Hints())),

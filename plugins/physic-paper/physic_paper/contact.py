@@ -10,14 +10,14 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.contact.distances import ContactSurfaces, Distances
-from physic_core.engine.contact.method import ContactMethod, Touch
+from physic_core.engine.contact.method import ContactStageMethod, Touch
 from physic_core.engine.scene_state import Surroundings
 from physic_core.engine.state import State
 from physic_core.types import NotNegative
 
 
 @dataclass(frozen=True)
-class DistanceContact(ContactMethod):
+class DistanceContact(ContactStageMethod):
     """Stage 4 as published: contact by distance.
 
     ``threshold`` is not used.

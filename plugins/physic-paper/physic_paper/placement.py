@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import torch
 from torch import Tensor
 
-from physic_core.engine.placement.method import POINTMAP_TOLERANCE, Fit, PlacementMethod
+from physic_core.engine.placement.method import POINTMAP_TOLERANCE, Fit, PlacementStageMethod
 from physic_core.engine.placement.terms import (
     FEWEST_KEYPOINTS,
     PlacementProblem,
@@ -30,7 +30,7 @@ _RELEASED_FACING_DEG = 80.0
 
 
 @dataclass(frozen=True)
-class PaperPlacement(PlacementMethod):
+class PaperPlacement(PlacementStageMethod):
     """Stage 2 as printed: sums of squares of Eq. 2-4, by Adam and L-BFGS.
 
     The reprojection error is never increased.
@@ -50,7 +50,7 @@ class PaperPlacement(PlacementMethod):
     alignment: ClassVar[AlignmentOptions] = released_alignment_options(POINTMAP_TOLERANCE)
     mask_growth: ClassVar[float] = 0.0
     weighs_background: ClassVar[bool] = False
-    sums: ClassVar[bool] = True
+    uses_sums: ClassVar[bool] = True
 
     def clean_points(
         self, cloud: Tensor, known: Tensor, inside: Tensor, size: tuple[int, ...]
@@ -94,7 +94,7 @@ class PaperPlacement(PlacementMethod):
             return all(now <= before for now, before in zip(errors(at), largest, strict=True))
 
         # The total weight of all pairs of Eq. 4. Without points its value has no effect.
-        pairs = 1 if fit.seen is None else int(fit.seen.sum()) + len(person.points)
+        pairs = 1 if fit.facing is None else int(fit.facing.sum()) + len(person.points)
         stiffness = self.chamfer_weight * pairs
         return restore_keypoint_fit(term, fit.x, stiffness, fits)
 

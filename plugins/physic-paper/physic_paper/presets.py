@@ -7,7 +7,7 @@ The docstring of each preset's own module lists its deviations from the publicat
 
 from __future__ import annotations
 
-from physic_core.engine.placement.method import PlacementMethod
+from physic_core.engine.placement.method import PlacementStageMethod
 from physic_core.engine.settings import EngineSettings
 from physic_paper.contact import DistanceContact
 from physic_paper.paper import PaperOptimisation
@@ -39,7 +39,7 @@ RELEASE = EngineSettings(
 
 PROX = EngineSettings(
     scene=ProxScene(),
-    placement=PlacementMethod(
+    placement=PlacementStageMethod(
         chamfer_weight=0.0,
         depth_offset_sigma=0.0,
         floor_weight=0.0,

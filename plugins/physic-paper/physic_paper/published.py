@@ -11,7 +11,15 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from physic_core.engine.joint import BODY, FACE, HANDS, Estimate, JointMethod, Sampling, Variables
+from physic_core.engine.joint import (
+    BODY,
+    FACE,
+    HANDS,
+    Estimate,
+    JointStageMethod,
+    Sampling,
+    Variables,
+)
 from physic_core.engine.scene_state import Surroundings
 from physic_core.engine.state import State
 from physic_paper.contact import with_floor_samples
@@ -57,14 +65,14 @@ class UnwhitenedVariables(Variables):
 
 
 @dataclass(frozen=True)
-class PublishedOptimisation(JointMethod):
+class PublishedOptimisation(JointStageMethod):
     """Settings that "paper", "release" and "prox" share.
 
     Raw parameters, all limbs visible, people who count alike, and nearest points at every
     evaluation, among all points of the scene and samples of the floor.
     """
 
-    nearest_every_step: ClassVar[bool] = True
+    finds_nearest_every_step: ClassVar[bool] = True
     samples_floor: ClassVar[bool] = True
     """Whether samples of the floor are among the points of the scene; otherwise there is none."""
 

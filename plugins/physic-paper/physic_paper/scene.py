@@ -14,7 +14,7 @@ from physic_core.engine.scene.method import (
     METRIC_DEPTH_TOLERANCE,
     Cameras,
     PixelSurface,
-    SceneMethod,
+    SceneStageMethod,
     scene_camera,
 )
 from physic_core.geometry import AlignmentOptions, FloorSearch, PlaneFit, pointmap_normals
@@ -38,7 +38,7 @@ def released_alignment_options(tolerance: float) -> AlignmentOptions:
 
 
 @dataclass(frozen=True)
-class PaperScene(SceneMethod):
+class PaperScene(SceneStageMethod):
     """Stage 1 as printed: the camera is the point map's, and points are not moved."""
 
     far_m: PositiveOrInfinite = math.inf
@@ -106,7 +106,7 @@ class ReleaseScene(PaperScene):
 
 
 @dataclass(frozen=True)
-class ProxScene(SceneMethod):
+class ProxScene(SceneStageMethod):
     """Stage 1 as in the paper's comparison with PROX: the metric depth alone, without a floor."""
 
     floor: Literal["disparity", "off"] = "off"

@@ -215,16 +215,16 @@ def test_stages_one_and_two_put_the_body_where_the_published_objective_is_lowest
         row=0,
         people=1,
     )
-    person = method.observe(person)
+    person = method.usable_problem(person)
     fit = method.fit(person)
     by_keypoints = transl + fit.by_keypoints[:3]
     assert float((by_keypoints - published["one/out/s1_end/param/transl"]).norm()) < 1e-5
     # The objective there, of which the stored value has the constant part of two keypoints that no
     # body has.
     assert isinstance(method, ReleasePlacement)
-    assert fit.seen is not None
+    assert fit.facing is not None
     reprojection = 5000 * float(method.reprojection_loss(person, fit.x[:3]))
-    chamfer = term_energy(method.chamfer_term(person, fit.seen), fit.x)
+    chamfer = term_energy(method.chamfer_term(person, fit.facing), fit.x)
     lowest = float(published["one/out/s2_wolfe/value"]) - 5000 * constant_part(published)
     assert reprojection + chamfer == pytest.approx(lowest, rel=1e-4)
     # Without a line search the published solver leaves the minimum; with one it finds this place.

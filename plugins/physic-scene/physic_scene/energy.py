@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from physic_core.engine.contact.method import ContactMethod, Touch
+from physic_core.engine.contact.method import ContactStageMethod, Touch
 from physic_core.engine.contact.partner import HIDDEN
-from physic_core.engine.placement.method import Fit, PlacementMethod
+from physic_core.engine.placement.method import Fit, PlacementStageMethod
 from physic_core.engine.presets import DefaultOptimisation
-from physic_core.engine.scene.method import SceneMethod
+from physic_core.engine.scene.method import SceneStageMethod
 from physic_core.engine.settings import EngineSettings
 from physic_core.errors import ConfigError
 from physic_core.geometry import pixel_rays
@@ -63,7 +63,7 @@ class OtherViews(ShortRepr):
 
 
 @dataclass(frozen=True)
-class ViewsScene(SceneMethod):
+class ViewsScene(SceneStageMethod):
     """Stage 1 of preset "default", with the floor of all photos."""
 
     views: OtherViews | None = None
@@ -101,7 +101,7 @@ class ViewsScene(SceneMethod):
 
 
 @dataclass(frozen=True)
-class ViewsPlacement(PlacementMethod):
+class ViewsPlacement(PlacementStageMethod):
     """Stage 2 of preset "default", which does not move people whose place several photos show."""
 
     views: OtherViews | None = None
@@ -128,7 +128,7 @@ _THRESHOLD = 0.4
 
 
 @dataclass(frozen=True)
-class ViewsContact(ContactMethod):
+class ViewsContact(ContactStageMethod):
     """Stage 4 of preset "default", with the mean probability over the solution and all single
     photos.
     """
@@ -164,7 +164,7 @@ def require_default_engine(settings: EngineSettings) -> None:
     """
     if (
         type(settings.joint) is not DefaultOptimisation
-        or type(settings.placement) is not PlacementMethod
+        or type(settings.placement) is not PlacementStageMethod
     ):
         raise ConfigError(
             "physic scene solves with engine.preset 'default': leave engine.preset out"

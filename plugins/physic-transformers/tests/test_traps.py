@@ -104,7 +104,7 @@ class TestWithoutTorchvision:
 
 LOAD = """
 import sys
-from physic_core.pipeline.stage_runner import load_backend
+from physic_core.pipeline.stage_caller import load_backend
 try:
     load_backend("metric_depth", "depth-pro-hf", weights=sys.argv[1])
 except Exception as error:

@@ -69,11 +69,11 @@ def lean_precision(state: State) -> Tensor | None:
     that of the stated lean, and that of the vertical's pitch. The result is 0 for people whose lean
     is not stated; None without a stated lean.
     """
-    if state.lean_sigma is None or state.stands is None:
+    if state.lean_sigma is None or state.stand_probability is None:
         return None
     floor = state.scene.floor
     pitch = math.radians(state.scene.up.sigma) if floor is None else floor.pitch_sigma
-    stands = 1 - (1 - state.stands).prod(1)
+    stands = 1 - (1 - state.stand_probability).prod(1)
     stands = stands * (floor is not None)
     stated = torch.where(ankles_observed(state), stands, 1.0)
     return torch.nan_to_num(stated / (state.lean_sigma.square() + pitch**2))

@@ -19,6 +19,7 @@ from physic_core.engine.joint.term import (
     Snapshot,
     SurfacePlace,
     SurfaceResidual,
+    SurfaceSlopes,
     SurfaceTerm,
     Term,
 )
@@ -188,7 +189,7 @@ class DepthTerm(SurfaceTerm):
     def residual(self, at: SurfacePlace) -> SurfaceResidual:
         """Return the differences of log depth."""
         away = at.log_depth - self.log_map_depth - at.log_scale
-        return SurfaceResidual(away, by_log_depth=1.0)
+        return SurfaceResidual(away, SurfaceSlopes(log_depth=1.0))
 
 
 def depth_offset_sigmas(settings: DepthSettings, sampling: Sampling) -> Tensor:
@@ -201,10 +202,12 @@ def depth_offset_sigmas(settings: DepthSettings, sampling: Sampling) -> Tensor:
     if sampling.around.floor is None:
         return alone
     on_floor = feet_visible.any(1).to(alone)
-    if state.limb_touch is not None:
-        on_floor = on_floor * (1 - (1 - state.limb_touch[:, :2].to(alone)).prod(1))
-    if state.rests is not None:
-        on_floor = torch.where(torch.isfinite(state.rests), state.rests.to(alone), on_floor)
+    if state.limb_touch_probability is not None:
+        on_floor = on_floor * (1 - (1 - state.limb_touch_probability[:, :2].to(alone)).prod(1))
+    if state.rest_probability is not None:
+        on_floor = torch.where(
+            torch.isfinite(state.rest_probability), state.rest_probability.to(alone), on_floor
+        )
     return torch.lerp(alone, torch.full_like(alone, settings.offset_sigma), on_floor)
 
 

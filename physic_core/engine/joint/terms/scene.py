@@ -16,6 +16,7 @@ from physic_core.engine.joint.term import (
     Snapshot,
     SurfacePlace,
     SurfaceResidual,
+    SurfaceSlopes,
     SurfaceTerm,
 )
 from physic_core.geometry.robust import robust_loss
@@ -70,7 +71,7 @@ class PenetrationTerm(SurfaceTerm):
 
     def residual(self, at: SurfacePlace) -> SurfaceResidual:
         """Return the depths inside the scene beyond ``SLACK_M``."""
-        return SurfaceResidual(torch.relu(-at.scene - SLACK_M), by_scene=-1.0)
+        return SurfaceResidual(torch.relu(-at.scene - SLACK_M), SurfaceSlopes(scene=-1.0))
 
 
 def robust_depths(weight: Tensor) -> RobustSum:
@@ -152,7 +153,7 @@ class ContactTerm(SurfaceTerm):
     def residual(self, at: SurfacePlace) -> SurfaceResidual:
         """Return the distances to the touched surface."""
         touched = torch.where(self.on_scene, at.scene, at.floor)
-        return SurfaceResidual(touched, by_scene=self.on_scene, by_floor=~self.on_scene)
+        return SurfaceResidual(touched, SurfaceSlopes(self.on_scene, ~self.on_scene))
 
 
 _PLANE_SIGMA_M = 0.015  # expected error of the plane, metres
@@ -194,7 +195,7 @@ class FloorTerm(SurfaceTerm):
         """Return the depths below the floor; invisible limbs give its scale no gradient."""
         under = torch.relu(-torch.where(self.eligible, at.floor, at.last_floor))
         by_floor = -self.eligible.to(under)
-        return SurfaceResidual(under, by_floor=by_floor, by_last_floor=-1.0 - by_floor)
+        return SurfaceResidual(under, SurfaceSlopes(floor=by_floor, last_floor=-1.0 - by_floor))
 
 
 @dataclass(frozen=True)
@@ -287,8 +288,8 @@ class SoleTerm:
         unseen = ~sampling.feet_visible & (lowest.abs() < _MAX_UNSEEN_SIGMAS * _UNSEEN_SIGMA_M)
         touch = torch.ones_like(lowest)
         either = torch.ones_like(lowest[:, 0])
-        if sampling.state.limb_touch is not None:
-            touch = sampling.state.limb_touch[:, :2].to(lowest)
+        if sampling.state.limb_touch_probability is not None:
+            touch = sampling.state.limb_touch_probability[:, :2].to(lowest)
             either = 1 - (1 - touch).prod(1)
         self.weights = {
             "soles": touch * on_floor,

@@ -25,6 +25,7 @@ from physic_core.engine.joint.term import (
     RobustSum,
     Snapshot,
     SurfacePlace,
+    SurfaceSlopes,
     SurfaceTerm,
     Term,
 )
@@ -118,27 +119,29 @@ class _SurfaceEnergies(torch.autograd.Function):
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         data: SurfaceInputs = ctx.data
         points, ahead, over, unit = ctx.saved_tensors
-        of_terms = gradients[0][..., None].unbind(0)
-        by_place = [torch.zeros_like(ahead)] * 4  # in the order of SurfacePlace
-        for own, slope, residual in zip(of_terms, ctx.slopes, ctx.residuals, strict=False):
-            by_value = own * slope
-            for i, by in enumerate(residual[1:]):
+        *of_terms, of_mesh = gradients[0][..., None].unbind(0)
+        by_place = dict.fromkeys(SurfaceSlopes._fields, torch.zeros_like(ahead))
+        for of_term, slope, residual in zip(of_terms, ctx.slopes, ctx.residuals, strict=True):
+            by_value = of_term * slope
+            for name, by in residual.slopes._asdict().items():
                 if by is not None:
-                    by_place[i] = by_place[i] + by * by_value
-        by_signed, by_height, by_last, by_log = by_place
+                    by_place[name] = by_place[name] + by * by_value
+        by_scene, by_floor = by_place["scene"], by_place["floor"]
+        by_log_depth = by_place["log_depth"]
         for foot, of_foot in zip(ctx.feet, gradients[1].unbind(1), strict=True):
             # of the mean height of its lowest vertices
             by_vertex = (of_foot / foot.shape[1])[:, None].expand_as(foot)
-            by_height = by_height.scatter_add(1, foot, by_vertex)
+            by_floor = by_floor.scatter_add(1, foot, by_vertex)
 
-        by_point = (unit * by_signed)[:, None] * data.normals
-        by_point = by_point + (unit * (by_height + by_last))[:, None] * data.floor_normal[:, None]
-        by_deviation = of_terms[-1][..., None] * ctx.mesh_slope
+        by_point = (unit * by_scene)[:, None] * data.normals
+        by_height = unit * (by_floor + by_place["last_floor"])
+        by_point = by_point + by_height[:, None] * data.floor_normal[:, None]
+        by_deviation = of_mesh[..., None] * ctx.mesh_slope
         by_point = by_point + by_deviation
         away = points[:, 2]
-        by_point[:, 2] += torch.where(away > MIN_DEPTH_M, by_log / away, 0.0)
-        by_offset = -by_log.sum(1)
-        by_scale = -(by_signed * ahead).sum(1) - (by_height * over).sum(1) + by_offset
+        by_point[:, 2] += torch.where(away > MIN_DEPTH_M, by_log_depth / away, 0.0)
+        by_offset = -by_log_depth.sum(1)
+        by_scale = -(by_scene * ahead).sum(1) - (by_floor * over).sum(1) + by_offset
         return (
             None,
             by_point.transpose(1, 2),

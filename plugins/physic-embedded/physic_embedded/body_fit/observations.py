@@ -135,7 +135,7 @@ def observe_people(
         _rotations_to(middle, intrinsics),
         world,
         world_weight,
-        Stance.in_picture(said).limb_touch[:, :2],
+        Stance.in_picture(said).limb_touch_probability[:, :2],
         np.asarray(said.head, np.float64),
         np.radians(np.asarray(said.head_sigma, np.float64)),
         keypoints.sigma,

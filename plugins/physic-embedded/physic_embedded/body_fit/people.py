@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.backends.devices import limited_threads
 from physic_core.body import JOINT_NAMES, joint_pair, parameters_from_rotations, standing_legs
-from physic_core.engine.ground.posture import trunk_in_picture_deg, upright_people
+from physic_core.engine.ground.posture import is_upright, trunk_in_picture_deg
 from physic_core.geometry import rotmat_to_rotvec
 from physic_core.types import POSTURES, Bodies, Observations
 from physic_embedded.body_fit.fit import fit_bodies, fit_outlines, lifted_limbs
@@ -251,7 +251,7 @@ def _stands(keypoints: Keypoints, said: Observations) -> BoolArray:
     """Return which of N people surely stand or walk by picture and observer, (N,) bool."""
     postures = [POSTURES.index(name) for name in ("stand", "walk")]
     stands = said.posture[:, postures].sum(1) > _STANDS
-    return np.asarray(stands & upright_people(keypoints, said))
+    return np.asarray(stands & is_upright(keypoints, said))
 
 
 def _rotation_sigma(fit: FittedBodies, observations: BodyObservations) -> FloatArray | None:

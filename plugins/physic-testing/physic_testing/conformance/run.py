@@ -11,7 +11,7 @@ from dataclasses import replace
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
-from physic_core.cache import stamp
+from physic_core.cache import remember_passed
 from physic_core.discovery.error_text import describe_error
 from physic_core.errors import PhysicError
 from physic_core.interfaces import INTERFACES
@@ -93,7 +93,7 @@ class CheckRun:
         outcomes = {found.outcome for found in self._results.values()}
         whole = self._results.keys() == self.checks.keys() and not self.not_run_reason
         if whole and outcomes <= {"passed", "warned", "skipped"}:
-            stamp(self.subject.interface, self.subject.kind)
+            remember_passed(self.subject.interface, self.subject.kind)
 
     def _run_check(self, check: Check) -> Result:
         """Run one check, or skip it because of a capability or an earlier failure."""

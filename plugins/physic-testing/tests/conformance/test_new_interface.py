@@ -13,7 +13,7 @@ from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import BackendOutputError
 from physic_core.interfaces import INTERFACES, Backend, Request
 from physic_core.interfaces.checks import check_array, check_finite
-from physic_core.pipeline.stage_runner import StageRunner
+from physic_core.pipeline.stage_caller import StageCaller
 from physic_core.types import Hints, Provenance
 from physic_testing import check_backend, violations
 
@@ -70,7 +70,7 @@ def test_stages_check_its_results():
 
     def call(backend):
         who = Provenance("normal_estimator", "mine", "my_plugin", "my-dist", "1.0", {}, "")
-        return StageRunner("cpu", 1).call_backend("normals", ResolvedBackend(backend, who), request)
+        return StageCaller("cpu", 1).call_backend("normals", ResolvedBackend(backend, who), request)
 
     assert call(Flat()).normals.shape == (6, 8, 3)
     with pytest.raises(BackendOutputError, match=r"normals must be \(6, 8, 3\), got \(8, 6, 3\)$"):

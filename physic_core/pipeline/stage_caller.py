@@ -49,7 +49,7 @@ Progress = Callable[[str, int, int], None]
 
 
 @dataclass(eq=False, repr=False)
-class StageRunner:
+class StageCaller:
     """Runs the stages of one reconstruction, and records times, warnings and notes.
 
     Attributes:

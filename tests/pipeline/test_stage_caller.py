@@ -1,4 +1,4 @@
-"""StageRunner: who is loaded when, what is closed when, and what is said of a backend that
+"""StageCaller: who is loaded when, what is closed when, and what is said of a backend that
 fails.
 """
 
@@ -20,7 +20,7 @@ from physic_core.errors import (
     PhysicError,
 )
 from physic_core.interfaces import MetricDepthRequest
-from physic_core.pipeline.stage_runner import StageRunner
+from physic_core.pipeline.stage_caller import StageCaller
 from physic_core.types import DepthMap, Hints, People, Provenance
 
 pytestmark = pytest.mark.quick
@@ -63,7 +63,7 @@ class Counting(interfaces.MetricDepth):
             raise self.error
 
 
-LOADS = f"(tests/pipeline/test_stage_runner.py:{Counting.note.__code__.co_firstlineno + 3})"
+LOADS = f"(tests/pipeline/test_stage_caller.py:{Counting.note.__code__.co_firstlineno + 3})"
 """The line in which a backend that fails in load, infer or close does so."""
 
 
@@ -77,7 +77,7 @@ def events(monkeypatch):
 @pytest.fixture(autouse=True)
 def passed_the_kit(monkeypatch):
     """Backends that are not asked twice."""
-    monkeypatch.setattr("physic_core.pipeline.stage_runner.is_vouched_for", lambda *_: True)
+    monkeypatch.setattr("physic_core.pipeline.stage_caller.is_vouched_for", lambda *_: True)
 
 
 def resolved(backend):
@@ -92,7 +92,7 @@ def ask(stages, backend, request=REQUEST, *, last=True):
 
 @pytest.mark.parametrize("low_memory", [True, False])
 def test_a_used_backend_is_closed_after_its_last_call(events, low_memory):
-    stages = StageRunner("cpu", 3, low_memory=low_memory, close_used=not low_memory)
+    stages = StageCaller("cpu", 3, low_memory=low_memory, close_used=not low_memory)
     a = Counting("a")
     b = Counting("b")
     ask(stages, a, last=False)
@@ -106,7 +106,7 @@ def test_a_used_backend_is_closed_after_its_last_call(events, low_memory):
 @pytest.mark.parametrize("event", ["load", "infer"])
 @pytest.mark.parametrize("low_memory", [True, False])
 def test_a_backend_that_fails_is_closed_too(events, event, low_memory):
-    stages = StageRunner("cpu", 1, low_memory=low_memory)
+    stages = StageCaller("cpu", 1, low_memory=low_memory)
     with pytest.raises(BackendError):
         ask(stages, Counting(fails_in=event))
     assert ("close a" in events) == low_memory
@@ -116,7 +116,7 @@ def test_a_backend_that_fails_is_closed_too(events, event, low_memory):
 
 
 def test_a_backend_that_cannot_be_closed_costs_a_warning(events):
-    stages = StageRunner("cpu", 2)
+    stages = StageCaller("cpu", 2)
     a = Counting("a", "close", OSError("gone"))
     b = Counting("b")
     ask(stages, a)
@@ -154,7 +154,7 @@ class OwnExit(BaseException):
     ids=lambda value: type(value).__name__ if isinstance(value, BaseException) else None,
 )
 def test_a_failure_names_interface_backend_distribution_and_stage(event, error, kind, message):
-    stages = StageRunner("cpu", 1)
+    stages = StageCaller("cpu", 1)
     with pytest.raises(kind) as caught:
         ask(stages, Counting(fails_in=event, error=error))
     assert type(caught.value) is kind
@@ -167,7 +167,7 @@ def test_a_failure_names_interface_backend_distribution_and_stage(event, error, 
 @pytest.fixture
 def run(tmp_path):
     """Begins another run with the same cache."""
-    return lambda: StageRunner("cpu", 1, cache=ResultCache(tmp_path / "answers", 10**6))
+    return lambda: StageCaller("cpu", 1, cache=ResultCache(tmp_path / "answers", 10**6))
 
 
 class ReadsTheHole(Counting):
