@@ -349,12 +349,12 @@ def _distance(frame: Frame, scene: Surface | Callable[[Array], Array], points: A
     """Return the signed distance (N,) m of points (N, 3) of the camera frame to a scene."""
     if callable(scene):
         return scene(points)
-    return _index_of(scene).signed_distance(frame.camera.in_world(points))
+    return _search_index(scene).signed_distance(frame.camera.in_world(points))
 
 
 @lru_cache(maxsize=2)
-def _index_of(scene: Surface) -> SceneIndex:
-    return SceneIndex.build(scene)
+def _search_index(surface: Surface) -> SceneIndex:
+    return SceneIndex.build(surface)
 
 
 @lru_cache(maxsize=4)

@@ -177,7 +177,7 @@ _PROPERTY = {"f4": "float", "u1": "uchar", "i4": "int"}
 def _header(request: ExportRequest, skins: Skins, vertices: int, faces: int) -> bytes:
     frame = request.frame
     floor = request.result.scene.floor
-    plane = "none" if floor is None else _plane(frame, floor)
+    plane = "none" if floor is None else _floor_equation(frame, floor)
     lines = [
         "ply",
         "format binary_little_endian 1.0",
@@ -199,7 +199,7 @@ def _header(request: ExportRequest, skins: Skins, vertices: int, faces: int) -> 
     return "\n".join(lines).encode("ascii")
 
 
-def _plane(frame: ExportFrame, floor: Plane) -> str:
+def _floor_equation(frame: ExportFrame, floor: Plane) -> str:
     """Return the floor as an equation in the frame."""
     normal = frame.from_camera[:3, :3] @ np.asarray(floor.normal, np.float64)
     offset = floor.offset - float(normal @ frame.from_camera[:3, 3])

@@ -40,7 +40,7 @@ class TopDownOptions(OnnxBackendOptions):
     batch: int = Field(8, ge=1, le=1024, description="people per run, if the file does not fix it")
 
 
-class TopDownKeypoints(OnnxBackend, KeypointDetector):
+class TopDownBackend(OnnxBackend, KeypointDetector):
     """Base class of a keypoint detector that crops the people's boxes and decodes a batch of
     outputs.
 

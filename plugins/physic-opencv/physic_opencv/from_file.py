@@ -77,7 +77,7 @@ class PointmapFileOptions(interfaces.Options):
     )
 
 
-class _FromFile(interfaces.Backend):
+class _ResultFromFile(interfaces.Backend):
     """Base class of backends whose result is in the file of the option ``path``."""
 
     suffixes: ClassVar[tuple[str, ...]]
@@ -121,7 +121,7 @@ class _FromFile(interfaces.Backend):
         )
 
 
-class DepthFile(_FromFile, interfaces.MetricDepth):
+class DepthFile(_ResultFromFile, interfaces.MetricDepth):
     """Metric depth of the photo from a file of the user's.
 
     The file shows the photo with its people. Pixels in a hole of the hints are unknown.
@@ -158,7 +158,7 @@ class DepthFile(_FromFile, interfaces.MetricDepth):
         return DepthMap(np.asarray(resized, np.float32), None, sigma, notes)
 
 
-class PointmapFile(_FromFile, interfaces.RelativePointmap):
+class PointmapFile(_ResultFromFile, interfaces.RelativePointmap):
     """Point map of the photo from a file of the user's.
 
     The file shows the photo with its people: for the inpainted photo, points in the inpainted hole

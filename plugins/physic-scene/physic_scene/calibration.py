@@ -156,15 +156,15 @@ def read_calibration(
             f"{_LARGEST_UNIT:g} m"
         )
     rig, cameras = _cameras(path)
-    if rig.of_images and unit_m is None:
+    if rig.names_are_images and unit_m is None:
         raise ConfigError(
             f"the unit of {path} is not known, as COLMAP and nerfstudio choose their own: give its "
             "length in metres by --camera-unit (unit_m in Python), which is a known distance "
             "divided by the same distance in the file"
         )
-    find = _image_for if rig.of_images else _name_for
+    find = _image_for if rig.names_are_images else _name_for
     named = [find(photo, cameras) for photo in photos]
-    by_order = not any(named) and not rig.of_images and len(cameras) == len(photos)
+    by_order = not any(named) and not rig.names_are_images and len(cameras) == len(photos)
     if by_order:
         named = list(cameras)
     if not any(named):

@@ -40,12 +40,12 @@ class CameraFile:
     Attributes:
         tables: of each camera by its name, as in PhySIC's own TOML; ``size`` is None if not stated.
         turns: quarter turns clockwise, by name, that make the picture of a camera upright.
-        of_images: whether the names are paths of single images, and the unit is arbitrary.
+        names_are_images: whether the names are paths of single images, and the unit is arbitrary.
     """
 
     tables: Mapping[str, Any]
     turns: Mapping[str, int] = field(default_factory=dict)
-    of_images: bool = False
+    names_are_images: bool = False
 
 
 def read_camera_file(path: Path) -> CameraFile:
@@ -248,7 +248,7 @@ def _read_nerfstudio(path: Path) -> CameraFile:
         lens = _lens(name, model, (one["w"], one["h"]), values)
         _refuse_others(f"camera {name}", one, _OF_NERFSTUDIO)
         _add(tables, name, lens | _pose(R, -R @ to_world[:, 3]))
-    return CameraFile(tables, of_images=True)
+    return CameraFile(tables, names_are_images=True)
 
 
 def _rows(path: Path) -> Iterator[str]:
@@ -274,7 +274,7 @@ def _read_colmap(path: Path) -> CameraFile:
         R = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
         _add(tables, name, lenses[camera] | _pose(R, (x, y, z)))
         next(lines, None)  # its keypoints, which may be none
-    return CameraFile(tables, of_images=True)
+    return CameraFile(tables, names_are_images=True)
 
 
 def _refuse_binary(path: Path) -> CameraFile:
