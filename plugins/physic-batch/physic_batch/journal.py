@@ -183,12 +183,12 @@ def journal_files(out: Path, shard: Shard | None = None) -> list[Path]:
     files = sorted(filter(Path.is_file, there.values()))
     if shard is None:
         return files
-    own = shard_journal(shard)
+    own = journal_name(shard)
     sister = re.compile(rf"journal-[0-9]+-of-{shard.count}\.jsonl")
     return [path for path in files if path.name == own or not sister.fullmatch(path.name)]
 
 
-def shard_journal(shard: Shard | None) -> str:
+def journal_name(shard: Shard | None) -> str:
     """Return the name of the journal of a shard, or of a batch without shards."""
     return "journal.jsonl" if shard is None else f"journal-{shard.number}-of-{shard.count}.jsonl"
 
@@ -339,10 +339,10 @@ def all_columns() -> tuple[str, ...]:
     """Return the columns that tables can have, in their order."""
     from physic_core.pipeline.checks import CHECKS
 
-    return _in_order({*SUMMARY_KEYS, *(f"check_{name}" for name in CHECKS)} - COLUMNS.keys())
+    return _ordered_columns({*SUMMARY_KEYS, *(f"check_{name}" for name in CHECKS)} - COLUMNS.keys())
 
 
-def _in_order(numbers: Set[str]) -> tuple[str, ...]:
+def _ordered_columns(numbers: Set[str]) -> tuple[str, ...]:
     """Return the columns of a table: the photo and its grade, the numbers of its result, time,
     memory and files, and at the end the values of the checks, by name.
     """
@@ -395,7 +395,9 @@ def _write_csv(photos: Path, people: Path, index: JournalIndex) -> None:
         photos.open("w", newline="", encoding="utf-8") as table,
         people.open("w", newline="", encoding="utf-8") as people_table,
     ):
-        write = csv_writer(table, _in_order(index.columns() - COLUMNS.keys() - {PEOPLE_COLUMN}))
+        write = csv_writer(
+            table, _ordered_columns(index.columns() - COLUMNS.keys() - {PEOPLE_COLUMN})
+        )
         write_person = csv_writer(people_table, _PEOPLE_COLUMNS)
         for row in filter(None, index.rows(index.ids())):
             write(row)

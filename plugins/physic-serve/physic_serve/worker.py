@@ -16,7 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from physic_batch.workers import started_processes
+from physic_batch.workers import processes_started_safely
 from physic_core.errors import BackendError, PhysicError
 from physic_core.pictures import REPORT_FILE
 
@@ -88,7 +88,7 @@ class Worker:
         self._process = context.Process(
             target=_work, args=(theirs, config, exports, open_), daemon=True
         )
-        with started_processes():
+        with processes_started_safely():
             self._process.start()
         theirs.close()
         answer = self._receive()
