@@ -101,12 +101,12 @@ def add_animation(
         seconds: time of each pose.
         skeletons: indices of the joints, and their pose at each time.
     """
-    times = glb.accessor(np.array(seconds, np.float32), bounds=True)
+    times = glb.add_accessor(np.array(seconds, np.float32), bounds=True)
     samplers: list[dict[str, Any]] = []
     channels: list[dict[str, Any]] = []
 
     def add(node: int, path: str, values: NDArray[np.float64]) -> None:
-        output = glb.accessor(values.astype(np.float32))
+        output = glb.add_accessor(values.astype(np.float32))
         samplers.append({"input": times, "output": output})
         channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
 

@@ -253,21 +253,21 @@ def export_obj(request: ExportRequest) -> ExportedFiles:
     at = (1, 1)
     if scene is not None and scene.uv is not None:
         files[f"{request.stem}_scene.jpg"] = encode_image(request.result.scene.colors, "JPEG")
-        at = _write(text, scene, "scene", scene.uv, scene.faces, at)
+        at = _append_object(text, scene, "scene", scene.uv, scene.faces, at)
     for mesh in person_meshes(request, skins):
         uv = np.zeros((0, 2))
         corners = None
         if skins.mesh is not None:
             uv = skins.mesh.uv.astype(np.float64)
             corners = skins.mesh.faces
-        at = _write(text, mesh, f"{mesh.name}_{skins.kind}", uv, corners, at)
+        at = _append_object(text, mesh, f"{mesh.name}_{skins.kind}", uv, corners, at)
     files[f"{request.stem}.mtl"] = _materials(request, skins, scene is not None).encode("ascii")
     return ExportedFiles(
         {f"{request.stem}{request.suffix}": "".join(text).encode("ascii"), **files}, skins.notes
     )
 
 
-def _write(
+def _append_object(
     text: list[str],
     mesh: ColoredMesh,
     material: str,
@@ -314,10 +314,10 @@ def _lines(form: str, rows: NDArray[Any]) -> list[str]:
 _MATERIAL = "newmtl {name}\nKa 0 0 0\nKd {color}\nKs 0 0 0\nillum 1\n"
 
 
-def _materials(request: ExportRequest, skins: Skins, scene: bool) -> str:
+def _materials(request: ExportRequest, skins: Skins, with_scene: bool) -> str:
     made = []
     white = "1 1 1"
-    if scene:
+    if with_scene:
         made.append(
             _MATERIAL.format(name="scene", color=white) + f"map_Kd {request.stem}_scene.jpg\n"
         )

@@ -38,7 +38,7 @@ class GlbBuilder:
         entries.append(entry)
         return len(entries) - 1
 
-    def view(self, content: bytes, target: int | None = None) -> int:
+    def add_view(self, content: bytes, target: int | None = None) -> int:
         """Append bytes to the binary chunk, and return the index of their buffer view."""
         entry = {"buffer": 0, "byteOffset": self._size, "byteLength": len(content)}
         if target is not None:
@@ -48,17 +48,17 @@ class GlbBuilder:
         self._size += len(padded)
         return self.add("bufferViews", entry)
 
-    def material(self, entry: dict[str, Any]) -> int:
+    def add_material(self, entry: dict[str, Any]) -> int:
         """Return the index of a material, which is added unless the file has one like it."""
         materials: list[dict[str, Any]] = self.tree.get("materials", [])
         return materials.index(entry) if entry in materials else self.add("materials", entry)
 
-    def texture(self, content: bytes, mime: str, name: str) -> int:
+    def add_texture(self, content: bytes, mime: str, name: str) -> int:
         """Append a picture that is not repeated at its edges, and return the index of its
         texture.
         """
         source = self.add(
-            "images", {"bufferView": self.view(content), "mimeType": mime, "name": name}
+            "images", {"bufferView": self.add_view(content), "mimeType": mime, "name": name}
         )
         if "samplers" not in self.tree:
             self.add(
@@ -66,7 +66,7 @@ class GlbBuilder:
             )
         return self.add("textures", {"source": source, "sampler": 0})
 
-    def accessor(
+    def add_accessor(
         self,
         values: NDArray[Any],
         target: int | None = None,
@@ -100,7 +100,7 @@ class GlbBuilder:
             }
         key = f"{entry}{target}", values.tobytes()
         if key not in self._accessors:
-            entry["bufferView"] = self.view(key[1], target)
+            entry["bufferView"] = self.add_view(key[1], target)
             self._accessors[key] = self.add("accessors", entry)
         return self._accessors[key]
 
