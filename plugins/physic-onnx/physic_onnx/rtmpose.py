@@ -90,7 +90,7 @@ class RtmPose(TopDownBackend):
         ),
     }
 
-    def bgr(self) -> bool:
+    def is_bgr(self) -> bool:
         """Return whether the option ``channels`` is "bgr"."""
         return self.options.channels == "bgr"
 
