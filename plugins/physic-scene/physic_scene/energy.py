@@ -52,14 +52,14 @@ class OtherViews(ShortRepr):
         photos: (N,) their number.
         floors: of the single reference photo, at the solved scale, and of all photos; None if the
             reference photo or all others have no floor.
-        known_scale: whether known cameras give the scale of the scene, which then stays.
+        scale_is_known: whether known cameras give the scale of the scene, which then stays.
     """
 
     placed: Tensor
     contact: Tensor
     photos: Tensor
     floors: tuple[Plane, Plane] | None = None
-    known_scale: bool = False
+    scale_is_known: bool = False
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ def with_other_views(settings: EngineSettings, views: OtherViews) -> EngineSetti
         return {field.name: getattr(part, field.name) for field in fields(part)}  # type: ignore[arg-type]
 
     keypoints = replace(settings.joint.reprojection, sigma=_KEYPOINT, outlier_sigmas=_OUTLIER)
-    frozen = (*settings.joint.frozen, "scale") if views.known_scale else settings.joint.frozen
+    frozen = (*settings.joint.frozen, "scale") if views.scale_is_known else settings.joint.frozen
     joint = replace(settings.joint, reprojection=keypoints, frozen=frozen)
     placement = ViewsPlacement(**taken(settings.placement), views=views)  # type: ignore[arg-type]
     scene = ViewsScene(**taken(settings.scene), views=views)  # type: ignore[arg-type]

@@ -61,10 +61,10 @@ def people_of_scene(solved: SolvedScene, model: BodyModel) -> tuple[PersonOfScen
         for i, person in enumerate(photos[reference].result.people)
     ]
     others = [one for one in matched if reference not in one.shown]
-    return (*own, *others, *_of_one_photo(solved, model))
+    return (*own, *others, *_people_of_one_photo(solved, model))
 
 
-def _of_one_photo(solved: SolvedScene, model: BodyModel) -> Iterator[PersonOfScene]:
+def _people_of_one_photo(solved: SolvedScene, model: BodyModel) -> Iterator[PersonOfScene]:
     """Yield people whom only one photo shows, not the reference, and who resemble no other
     person.
     """

@@ -111,7 +111,7 @@ class ReferenceInput(ShortRepr):
             ),
             depth=DepthMap(depth, camera, sigma, (f"scale and cameras from {len(photos)} photos",)),
             views=tuple(_view(solved, people, w) for w in range(len(photos)) if w != v),
-            alone=_alone(solved, people, model),
+            alone=_of_single_photos(solved, people, model),
             statures=np.array([one.stature for one in people]),
             ages=ages if np.isfinite(ages).any() else None,
         )
@@ -320,7 +320,9 @@ def _observed(keypoints: Keypoints, size: tuple[int, ...]) -> BoolArray:
     return np.ones((len(keypoints.points), NUM_JOINTS), bool) if found is None else found
 
 
-def _alone(solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyModel) -> OtherViews:
+def _of_single_photos(
+    solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyModel
+) -> OtherViews:
     """Return the results of the single photos on all people of the result and on the floor.
 
     The probability of contact is summed over the photos that show a person. Sum and number are 0
@@ -341,5 +343,5 @@ def _alone(solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyMode
         contact=contact,
         photos=count,
         floors=_floors(solved, model),
-        known_scale=bool(solved.observations.known.any()),
+        scale_is_known=bool(solved.observations.known.any()),
     )

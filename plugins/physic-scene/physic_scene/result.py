@@ -57,7 +57,7 @@ def assemble(
     return SceneResult(
         reconstruction=replace(
             reconstruction,
-            notes=(*reconstruction.notes, first, *_known_cameras(solved), *moved, *unseen),
+            notes=(*reconstruction.notes, first, *_note_on_known_cameras(solved), *moved, *unseen),
             warnings=(*reconstruction.warnings, *(one.message for one in solved.left_out)),
         ),
         reference=reference.index,
@@ -66,7 +66,7 @@ def assemble(
     )
 
 
-def _known_cameras(solved: SolvedScene) -> list[str]:
+def _note_on_known_cameras(solved: SolvedScene) -> list[str]:
     """Return a sentence about which cameras are known, if some are."""
     known = [photo.name for photo in solved.photos if photo.people.pose is not None]
     others = [photo.name for photo in solved.photos if photo.people.pose is None]

@@ -99,7 +99,7 @@ def solve_scene(chosen: ChosenPhotos, model: BodyModel) -> SolvedScene:
     """
     moved: list[str] = []
     while True:
-        found = _adjusted(chosen)
+        found = _adjust(chosen)
         bad = found.errors > _MOST_OFF
         view = _view_that_does_not_fit(bad, found.errors)
         if view is not None and len(chosen.photos) == 2:
@@ -184,7 +184,7 @@ def _with_focal(camera: Intrinsics, factor: float, sigma: float) -> Intrinsics:
     return replace(solved, source="solved from several photos", trust=CameraTrust.ESTIMATED)
 
 
-def _adjusted(chosen: ChosenPhotos) -> _Adjusted:
+def _adjust(chosen: ChosenPhotos) -> _Adjusted:
     rows = chosen.rows
     people = [photo.people for photo in chosen.photos]
     reference = reference_photo(rows, people)
