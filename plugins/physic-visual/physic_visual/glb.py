@@ -457,7 +457,7 @@ def _add_scene(glb: GlbBuilder, request: ExportRequest) -> list[int]:
             places = ((mesh.pixels + 0.5) / size).astype(np.float32)
             # From outside, the backdrop must not hide what is before it.
             look = Appearance(photo | {"name": name, "doubleSided": mesh is surface})
-            primitives = _in_parts(glb, vertices, places, mesh.faces, look)
+            primitives = _primitives_in_parts(glb, vertices, places, mesh.faces, look)
             entry = glb.add("meshes", {"name": name, "primitives": primitives})
             nodes.append(glb.add("nodes", {"name": name, "mesh": entry}))
     if len(backdrop.faces):
@@ -468,7 +468,7 @@ def _add_scene(glb: GlbBuilder, request: ExportRequest) -> list[int]:
     return nodes
 
 
-def _in_parts(
+def _primitives_in_parts(
     glb: GlbBuilder,
     vertices: NDArray[np.float32],
     places: NDArray[np.float32],

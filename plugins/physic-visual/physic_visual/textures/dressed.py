@@ -154,7 +154,7 @@ def dressed_images(result: Reconstruction) -> dict[int, UInt8Array]:
     images = dict[int, "UInt8Array"]()
     if dressed.mesh is not None:
         for index in dressed.people:
-            raster = texture_raster("embedded", _size(result, index))
+            raster = texture_raster("embedded", _texture_size(result, index))
             images[index] = dressed_texture(result, index, raster)[0]
     return images
 
@@ -360,7 +360,7 @@ def _darkened(colors: Array, normals: Array, result: Reconstruction) -> Array:
     return darkened
 
 
-def _size(result: Reconstruction, index: int) -> int:
+def _texture_size(result: Reconstruction, index: int) -> int:
     """Return the size of the texture of a person."""
     rows = np.flatnonzero(result.people[index].mask.any(1))
     tallest = np.ptp(rows) + 1 if len(rows) else 0
