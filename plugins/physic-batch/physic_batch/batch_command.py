@@ -123,7 +123,7 @@ def batch(
     listed = list_photos(photos)
     items = [item for item in listed.photos if part is None or item.id in part]
     default = "pictures" if with_sheet and len(listed.photos) <= _FEW else "numbers"
-    job = _job(out, {**options, "save": options["save"] or default}, write=not dry_run)
+    job = _job(out, {**options, "save": options["save"] or default}, create_folder=not dry_run)
     plan = plan_batch(
         items,
         job,
@@ -185,13 +185,13 @@ def _print_forecast(todo: Sequence[PhotoItem], job: BatchJob) -> None:
         echo(f"{failing:,} of {len(todo):,} photos will fail", err=True)
 
 
-def _job(out: Path, options: Mapping[str, Any], *, write: bool) -> BatchJob:
+def _job(out: Path, options: Mapping[str, Any], *, create_folder: bool) -> BatchJob:
     """Check everything that concerns all photos, and return the job; no network is loaded.
 
     Args:
         out: output folder.
         options: of the command: what to save, and those of the configuration.
-        write: whether to create the folder.
+        create_folder: whether to create the folder.
     """
     from physic_batch.process import prepare_job
     from physic_core.configuration.model import load_config
@@ -207,9 +207,9 @@ def _job(out: Path, options: Mapping[str, Any], *, write: bool) -> BatchJob:
         config,
         out,
         options["save"],
-        thumbnails=not options["no_thumbnails"],
-        cache=options["cache"],
-        write=write,
+        with_thumbnails=not options["no_thumbnails"],
+        with_cache=options["cache"],
+        create_folder=create_folder,
     )
 
 

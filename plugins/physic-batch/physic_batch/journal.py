@@ -208,7 +208,7 @@ class JournalIndex:
             start = 0
             with path.open("rb") as file:
                 for line in file:
-                    row = _row(line, whole=False)
+                    row = _row(line, with_people=False)
                     if row is None:
                         self.damaged += 1
                     elif row["run"] >= self._last.get(row["id"], (0,))[0]:
@@ -227,12 +227,14 @@ class JournalIndex:
         """Return the names of all columns of the rows, without people."""
         return {name for keys in {last[4] for last in self._last.values()} for name in keys}
 
-    def rows(self, ids: Iterable[str], *, whole: bool = True) -> Iterator[dict[str, Any] | None]:
+    def rows(
+        self, ids: Iterable[str], *, with_people: bool = True
+    ) -> Iterator[dict[str, Any] | None]:
         """Yield the last row of each of some ids; None for one that has none, or a damaged one.
 
         Args:
             ids: of photos.
-            whole: whether the rows have their people, whose parsing takes half of the time.
+            with_people: whether the rows have their people, whose parsing takes half of the time.
         """
         files: dict[Path, BinaryIO] = {}
         with ExitStack() as opened:
@@ -247,7 +249,7 @@ class JournalIndex:
                         files.clear()
                     files[path] = opened.enter_context(path.open("rb"))
                 files[path].seek(start)
-                found = _row(files[path].readline(), whole=whole)
+                found = _row(files[path].readline(), with_people=with_people)
                 self.damaged += found is None
                 yield found
 
@@ -273,7 +275,7 @@ def _last_run(path: Path) -> int:
         for length in (min(size, _END_BYTES), size):
             file.seek(size - length)
             for line in reversed(file.read().splitlines()):
-                if (row := _row(line, whole=False)) is not None:
+                if (row := _row(line, with_people=False)) is not None:
                     return int(row["run"])
     return 0
 
@@ -283,12 +285,12 @@ def _is_journal(path: Path) -> bool:
         return any(_row(line) is not None for line in file) or path.stat().st_size == 0
 
 
-def _row(line: bytes, *, whole: bool = True) -> dict[str, Any] | None:
+def _row(line: bytes, *, with_people: bool = True) -> dict[str, Any] | None:
     """Return the row of a line, or its columns without people; None if it is damaged."""
     # No text has these bytes, since it has no quotation mark without a backslash.
     head, mark, people = line.rstrip().partition(_PEOPLE_START)
     try:
-        row = _DECODER.decode((head + b"}" if mark and not whole else line).decode())
+        row = _DECODER.decode((head + b"}" if mark and not with_people else line).decode())
         if mark and not people.endswith(b"]}"):
             return None
         return _with_types(row, convert_people=_NON_FINITE.search(people) is not None)

@@ -83,7 +83,7 @@ def plan_batch(
     reasons: Counter[str] = Counter()
     rest: Counter[str] = Counter()
     replaced = 0
-    rows = index.rows((item.id for item in items), whole=False)
+    rows = index.rows((item.id for item in items), with_people=False)
     for item, row in zip(items, rows, strict=True):
         item = item.stamped()
         reason = "new" if row is None else _redo_reason(row, item, job, least_save or job.save)

@@ -132,7 +132,7 @@ def test_a_batch_writes_nothing_through_a_link_that_leads_out(name, home, tmp_pa
 
 def test_a_photo_whose_folder_is_a_link_that_leads_out_fails(home, tmp_path):
     out = tmp_path / "out"
-    job = BatchJob(load_config(preset="mock"), str(out), "numbers", thumbnails=False)
+    job = BatchJob(load_config(preset="mock"), str(out), "numbers", with_thumbnails=False)
     Image.new("RGB", (64, 64)).save(tmp_path / "photo.png")
     (item,) = list_photos([str(tmp_path / "photo.png")]).photos
     place = out / photo_folder(item.id)

@@ -260,7 +260,7 @@ def finished(job, photos, failed=(), **more):
 
 def job_for(out, *overrides, level="none"):
     return BatchJob(
-        load_config(preset="mock", overrides=overrides), str(out), level, thumbnails=False
+        load_config(preset="mock", overrides=overrides), str(out), level, with_thumbnails=False
     )
 
 

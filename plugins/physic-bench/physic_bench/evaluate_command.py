@@ -236,7 +236,7 @@ def _config(given: _Given) -> Config:
 
     config = load_config(given.config, preset=given.preset, overrides=given.overrides)
     resolve(config)
-    config = batch_config(config, cache=False)
+    config = batch_config(config, with_cache=False)
     require_available(resolve(config))
     return config
 

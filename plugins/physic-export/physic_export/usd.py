@@ -215,7 +215,7 @@ def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Ri
     primvars = UsdGeom.PrimvarsAPI(made)
     values = {"contact": mesh.contact.astype(np.float32)}
     if skins.mesh is not None:
-        values["filled"] = dressed_bodies(skins.request.result).people[index].filled
+        values["filled"] = dressed_bodies(skins.request.result).people[index].guessed_share
         _add_uv(made, skins.mesh.uv, skins.mesh.faces)
     for name, numbers in values.items():
         primvar = primvars.CreatePrimvar(name, Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex)

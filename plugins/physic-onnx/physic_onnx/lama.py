@@ -238,7 +238,7 @@ def hole_crops(hole: BoolArray, least: int) -> list[tuple[BoolArray, Box]]:
     groups: list[list[int]] = [[i] for i in range(1, count)]
     boxes = [_box(stats[i]) for i in range(1, count)]
     while len(groups) > 1:
-        pair = _pair_to_join(boxes, least, hard=len(groups) > MOST_CROPS)
+        pair = _pair_to_join(boxes, least, even_if_large=len(groups) > MOST_CROPS)
         if pair is None:
             break
         i, j = pair
@@ -249,9 +249,9 @@ def hole_crops(hole: BoolArray, least: int) -> list[tuple[BoolArray, Box]]:
     return [(np.isin(piece, groups[i]), _crop(boxes[i], hole, least)) for i in order[::-1]]
 
 
-def _pair_to_join(boxes: list[Box], least: int, *, hard: bool) -> tuple[int, int] | None:
+def _pair_to_join(boxes: list[Box], least: int, *, even_if_large: bool) -> tuple[int, int] | None:
     """Return the two boxes whose common crop is relatively smallest, if small enough or if
-    ``hard``.
+    ``even_if_large``.
     """
 
     def growth(pair: tuple[int, int]) -> float:
@@ -259,7 +259,7 @@ def _pair_to_join(boxes: list[Box], least: int, *, hard: bool) -> tuple[int, int
         return _side(_box_around(one, two), least) / max(_side(one, least), _side(two, least))
 
     best = min(itertools.combinations(range(len(boxes)), 2), key=growth)
-    return best if hard or growth(best) <= NEAR else None
+    return best if even_if_large or growth(best) <= NEAR else None
 
 
 def _side(box: Box, least: int) -> float:

@@ -46,18 +46,18 @@ class OtherViews(ShortRepr):
     """Results of the single photos on N people and the floor.
 
     Attributes:
-        placed: (N,) bool, people whose place several photos show.
+        is_placed: (N,) bool, people whose place several photos show.
         contact: (N, V) sum of the probabilities of contact by the single photos that show each
             person.
-        photos: (N,) their number.
+        photo_count: (N,) their number.
         floors: of the single reference photo, at the solved scale, and of all photos; None if the
             reference photo or all others have no floor.
         scale_is_known: whether known cameras give the scale of the scene, which then stays.
     """
 
-    placed: Tensor
+    is_placed: Tensor
     contact: Tensor
-    photos: Tensor
+    photo_count: Tensor
     floors: tuple[Plane, Plane] | None = None
     scale_is_known: bool = False
 
@@ -119,7 +119,7 @@ class ViewsPlacement(PlacementMethod):
 
     def _is_placed(self, person: PlacementProblem) -> bool:
         assert self.views is not None
-        return bool(self.views.placed[person.row])
+        return bool(self.views.is_placed[person.row])
 
 
 # Least mean probability of a vertex in contact: of four worlds with four views, 0.4 has the best
@@ -140,7 +140,7 @@ class ViewsContact(ContactMethod):
         """Return the contacts by the mean probability, for people whom several photos show."""
         assert self.views is not None
         own = super().find_touch(state, near)
-        photos = self.views.photos
+        photos = self.views.photo_count
         assert own.probability is not None
         probability = (own.probability + self.views.contact.to(own.probability)) / (1 + photos)[
             :, None

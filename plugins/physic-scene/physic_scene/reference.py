@@ -91,11 +91,12 @@ class ReferenceInput(ShortRepr):
         )
         sigma = max(solved.scale_sigma, _KNOWN_SCALE)
         given = [
-            [photos[w].result.people[row].age for w, row in one.shown.items()] for one in people
+            [photos[w].result.people[row].age for w, row in one.row_by_photo.items()]
+            for one in people
         ]
         ages = np.array([next(filter(None, own), np.nan) for own in given])
         parameters = _joined([person.parameters for person in people])
-        shown = np.array([v in person.shown for person in people])
+        shown = np.array([v in person.row_by_photo for person in people])
         # What the other photos show of each person is in their views.
         observed = _observed(_keypoints(people, photos, v), result.image.shape[:2])
         return cls(
@@ -105,7 +106,9 @@ class ReferenceInput(ShortRepr):
             shown=shown,
             scores=np.array(
                 [
-                    max(photos[w].result.people[row].score for w, row in person.shown.items())
+                    max(
+                        photos[w].result.people[row].score for w, row in person.row_by_photo.items()
+                    )
                     for person in people
                 ]
             ),
@@ -213,7 +216,7 @@ def scene_scales(solved: SolvedScene) -> FloatArray:
 
 def _shown_elsewhere(person: PersonOfScene, solved: SolvedScene) -> bool:
     """Return whether other photos than the reference determine the place of a person."""
-    return set(person.shown) != {solved.reference}
+    return set(person.row_by_photo) != {solved.reference}
 
 
 def _floors(solved: SolvedScene, model: BodyModel) -> tuple[Plane, Plane] | None:
@@ -268,8 +271,8 @@ def _view(solved: SolvedScene, people: Sequence[PersonOfScene], view: int) -> Ot
     result = photos[view].result
     masks = np.zeros((len(people), *result.image.shape[:2]), bool)
     for i, person in enumerate(people):
-        if view in person.shown:
-            masks[i] = result.people[person.shown[view]].mask
+        if view in person.row_by_photo:
+            masks[i] = result.people[person.row_by_photo[view]].mask
     rotation, translation, K, points, confidence = (
         torch.from_numpy(np.asarray(x, np.float64))
         for x in (
@@ -305,7 +308,7 @@ def _keypoints(
     confidence = np.zeros((count, len(own.skeleton)))
     row_of = {index: row for row, index in enumerate(photos[view].rows)}
     for i, person in enumerate(everybody):
-        row = row_of.get(person.shown.get(view, -1))
+        row = row_of.get(person.row_by_photo.get(view, -1))
         if row is not None:
             points[i] = own.points[row]
             confidence[i] = own.confidence[row]
@@ -333,15 +336,15 @@ def _of_single_photos(
     contact = torch.zeros(len(people), model.num_vertices, dtype=torch.float64)
     count = torch.zeros(len(people), dtype=torch.float64)
     for i in np.flatnonzero(placed).tolist():
-        for v, row in people[i].shown.items():
+        for v, row in people[i].row_by_photo.items():
             probability = solved.photos[v].result.people[row].contact_probability
             if probability is not None:
                 contact[i] += torch.tensor(probability)
                 count[i] += 1
     return OtherViews(
-        placed=torch.tensor(placed),
+        is_placed=torch.tensor(placed),
         contact=contact,
-        photos=count,
+        photo_count=count,
         floors=_floors(solved, model),
-        scale_is_known=bool(solved.observations.known.any()),
+        scale_is_known=bool(solved.observations.camera_is_known.any()),
     )

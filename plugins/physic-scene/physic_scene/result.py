@@ -46,7 +46,7 @@ def assemble(
     ]
     unseen = []
     for row, one in enumerate(everybody):
-        if solved.reference not in one.shown:
+        if solved.reference not in one.row_by_photo:
             own = reference.name
             shown = ", ".join(photo.name for photo in photos if row in photo.shown)
             unseen.append(
@@ -112,7 +112,11 @@ def _photos(
                 index=photo.index,
                 name=photo.name,
                 camera=camera,
-                shown={row: one.shown[v] for row, one in enumerate(everybody) if v in one.shown},
+                shown={
+                    row: one.row_by_photo[v]
+                    for row, one in enumerate(everybody)
+                    if v in one.row_by_photo
+                },
                 reprojection=float(np.median(errors)) if len(errors) else float("nan"),
                 scene_scale=float(scales[v]),
                 result=photo.result,

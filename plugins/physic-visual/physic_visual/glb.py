@@ -228,7 +228,12 @@ def add_dressed(glb: GlbBuilder, index: int, request: ExportRequest) -> Appearan
         contact = encode_image(image_of_vertices(touched, _CONTACT_TEXELS), "JPEG")
         photo = encode_image(dressed_images(request.result)[index], "JPEG")
         return photo_appearance(
-            glb, name, photo, (contact, "image/jpeg"), dressed.mesh, dressed.people[index].shown
+            glb,
+            name,
+            photo,
+            (contact, "image/jpeg"),
+            dressed.mesh,
+            dressed.people[index].shown_share,
         )
     linear = np.ones((len(person.vertices), 4))
     linear[:, :3] = linear_from_srgb(dressed.people[index].colors)
@@ -338,7 +343,7 @@ def _add_person(
         own = look.mesh.vertex
         drawn = look.mesh.faces
     attributes = {
-        "POSITION": glb.add_accessor(vertices.astype(np.float32)[own], ARRAY, bounds=True),
+        "POSITION": glb.add_accessor(vertices.astype(np.float32)[own], ARRAY, with_bounds=True),
         "NORMAL": glb.add_accessor(normals[own], ARRAY),
         "_CONTACT": glb.add_accessor(person.contact.astype(np.float32)[own], ARRAY),
         **{key: glb.add_accessor(values, ARRAY) for key, values in look.attributes.items()},
@@ -374,7 +379,8 @@ def _add_target(
     """Add the steps (U, 3) of vertices and normals to a target that the last mesh shows."""
     # Not as sparse accessors, with which VTK reads no file or other steps.
     position, normal = (
-        glb.add_accessor(step.astype(np.float32), ARRAY, bounds=True) for step in (moves, turns)
+        glb.add_accessor(step.astype(np.float32), ARRAY, with_bounds=True)
+        for step in (moves, turns)
     )
     mesh = glb.tree["meshes"][-1]
     mesh["primitives"][0]["targets"] = [{"POSITION": position, "NORMAL": normal}]
@@ -485,7 +491,7 @@ def _primitives_in_parts(
         if len(part):
             own = slice(start, part.max() + 1)
             attributes = {
-                "POSITION": glb.add_accessor(vertices[own], ARRAY, bounds=True),
+                "POSITION": glb.add_accessor(vertices[own], ARRAY, with_bounds=True),
                 "TEXCOORD_0": glb.add_accessor(places[own], ARRAY),
             }
             primitives.append(_primitive(glb, attributes, part - start, look))
@@ -502,7 +508,7 @@ def _add_floor(glb: GlbBuilder, request: ExportRequest) -> list[int]:
         return [glb.add("nodes", {"name": "floor"})]
     normals = np.broadcast_to(request.frame.up_vector, vertices.shape)
     attributes = {
-        "POSITION": glb.add_accessor(vertices.astype(np.float32), ARRAY, bounds=True),
+        "POSITION": glb.add_accessor(vertices.astype(np.float32), ARRAY, with_bounds=True),
         "NORMAL": glb.add_accessor(normals.astype(np.float32), ARRAY),
     }
     return [
@@ -532,7 +538,7 @@ def _add_assumed(glb: GlbBuilder, request: ExportRequest) -> list[int]:
             )
             triangles = np.arange(len(corners)).reshape(-1, 3)
             attributes = {
-                "POSITION": glb.add_accessor(corners.astype(np.float32), ARRAY, bounds=True),
+                "POSITION": glb.add_accessor(corners.astype(np.float32), ARRAY, with_bounds=True),
                 "NORMAL": glb.add_accessor(unit_normals(corners, triangles), ARRAY),
             }
             name = f"{one.name.replace(' ', '_')}_of_person_{one.person}"

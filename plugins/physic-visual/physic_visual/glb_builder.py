@@ -71,7 +71,7 @@ class GlbBuilder:
         values: NDArray[Any],
         target: int | None = None,
         *,
-        bounds: bool = False,
+        with_bounds: bool = False,
         normalized: bool = False,
     ) -> int:
         """Append an array (N, ...) of float32 or unsigned integers, and return the index of its
@@ -82,7 +82,7 @@ class GlbBuilder:
         Args:
             values: matrices are (N, 4, 4), by rows.
             target: ARRAY, INDICES or None.
-            bounds: whether to state minimum and maximum, which positions must have.
+            with_bounds: whether to state minimum and maximum, which positions must have.
             normalized: whether the largest integer stands for 1.
         """
         values = np.ascontiguousarray(np.swapaxes(values, -1, -2) if values.ndim == 3 else values)
@@ -93,7 +93,7 @@ class GlbBuilder:
         }
         if normalized:
             entry["normalized"] = True
-        if bounds:
+        if with_bounds:
             entry |= {
                 "min": np.atleast_1d(values.min(0)).tolist(),
                 "max": np.atleast_1d(values.max(0)).tolist(),

@@ -70,7 +70,7 @@ Another gender is 5 cm and more away.
 MESH_FRAMES = ("camera", "scene", "vicon")
 
 
-def missing(root: Path, pictures: bool, mesh_frame: str) -> list[str]:
+def missing(root: Path, with_pictures: bool, mesh_frame: str) -> list[str]:
     """Return the missing files."""
     needed = [
         ("calibration/Color.json", "calibration of the colour camera"),
@@ -79,7 +79,7 @@ def missing(root: Path, pictures: bool, mesh_frame: str) -> list[str]:
         ("scenes/vicon.ply", "scan of the scene"),
         ("fittings/mosh/*/meshes/*/000.ply", "meshes of the bodies"),
     ]
-    if pictures:
+    if with_pictures:
         needed.append(("recordings/*/Color/*.jpg", "pictures"))
     if mesh_frame == "auto":
         needed.append(

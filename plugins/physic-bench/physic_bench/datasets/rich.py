@@ -62,7 +62,7 @@ MAX_RANGE_M = 100.0
 GREEN = (0, 255, 0, 255)
 
 
-def missing(root: Path, pictures: bool, split: str) -> list[str]:
+def missing(root: Path, with_pictures: bool, split: str) -> list[str]:
     """Return the missing files."""
     needed = [
         (f"bodies/{split}/*/*/*.pkl", "bodies"),
@@ -70,7 +70,7 @@ def missing(root: Path, pictures: bool, split: str) -> list[str]:
         ("resource/gender.json", "gender of the subjects, from rich_toolkit"),
         (f"human_scene_contact/{split}/*/*/*.*", "annotated contact"),
     ]
-    return missing_files(root, needed + [(f"images/{split}/*/cam_*/*", "pictures")] * pictures)
+    return missing_files(root, needed + [(f"images/{split}/*/cam_*/*", "pictures")] * with_pictures)
 
 
 def frames(
