@@ -342,7 +342,7 @@ def fit_all(
     for kind in kinds:
         given = [case for case in cases if case.set == CONTACT]
         w = fit_of(given, kind, shares)
-        likely = {"contact, pictures left out": left_out(given, kind, shares)}
+        likely = {"contact, pictures left out": left_out_chances(given, kind, shares)}
         for name in COLLECTIONS:
             own = [case for case in cases if case.set == name and case.kind == kind]
             likely[f"{name}, by contact"] = [(case, chance(case, w)) for case in own]
@@ -359,7 +359,7 @@ def fit_all(
     write_record(record, TOUCH, write=write)
 
 
-def left_out(
+def left_out_chances(
     cases: Sequence[Case], kind: str, shares: Mapping[str, float]
 ) -> list[tuple[Case, float]]:
     """Return the photos' parts of one kind, each with its probability by a fit without a tenth of

@@ -55,7 +55,7 @@ class Reader:
     options: dict[str, bool] = field(default_factory=dict)
 
     @property
-    def lacking(self) -> str:
+    def missing(self) -> str:
         """What to install; "" if the program is there."""
         there = not self.distribution or importlib.util.find_spec(self.module) is not None
         return "" if there else f"not opened: pip install {self.distribution}"
@@ -185,8 +185,8 @@ def main() -> int:
     said: list[str] = []
     wrong = False
     for reader in (one for one in READERS if one.form in args.format):
-        if reader.lacking:
-            print(f"| `{reader.form}` | {reader.lacking} | | | | | |")
+        if reader.missing:
+            print(f"| `{reader.form}` | {reader.missing} | | | | | |")
             wrong = True
             continue
         outcomes = outcomes_of(reader, args.results, args.body_model)

@@ -110,9 +110,9 @@ def fit_all(rows: Sequence[Row]) -> dict[str, Any]:
         halves[half_of(name_in_sets(row["photo"]))].append(row)
     chosen, held = halves.values()
     of_chosen, of_held, of_all = (
-        left_out(chosen),
+        left_out_probabilities(chosen),
         probabilities(held, fitted(chosen)),
-        left_out(rows),
+        left_out_probabilities(rows),
     )
     scores = {
         mark: {
@@ -233,7 +233,7 @@ def probabilities(rows: Sequence[Row], models: Mapping[str, Any]) -> dict[str, A
     return {mark: np.array([one[mark] for one in found]) for mark in (*MARKS, ALL)}
 
 
-def left_out(rows: Sequence[Row]) -> dict[str, Array]:
+def left_out_probabilities(rows: Sequence[Row]) -> dict[str, Array]:
     """Return the probability (n,) of each person by fits without a tenth of the repositories, by
     mark.
     """

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.fits import parser_of, write_numbers
-from benchmarks.observer.regression import Examples, left_out
+from benchmarks.observer.regression import Examples, left_out_logits
 from benchmarks.observer.sample import opened
 from physic_core.files.npz import read_arrays, write_arrays
 from physic_embedded.networks.depth_anything import patch_tokens
@@ -207,7 +207,7 @@ def fit_angles(of: Examples) -> Array:
 
 def scores(of: Examples) -> list[str]:
     """Return the errors of pitch and roll of places that are left out, as lines."""
-    answers = left_out(of, fit_angles)
+    answers = left_out_logits(of, fit_angles)
     lines = []
     for name, said, true, usual in zip(
         ("pitch", "roll"), answers.T, of.y.T, (25.0, 10.0), strict=True

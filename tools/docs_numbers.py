@@ -110,11 +110,11 @@ def differences(shown: Mapping[str, Any], measured: Mapping[str, Any]) -> list[s
     return [
         f"{what}: {a} is shown, {b} is measured"
         for what, (a, b, margin) in pairs.items()
-        if not near(a, b, margin)
+        if not is_near(a, b, margin)
     ]
 
 
-def near(shown: Any, measured: Any, margin: float) -> bool:
+def is_near(shown: Any, measured: Any, margin: float) -> bool:
     """Compare two numbers within a margin, and anything else exactly."""
     numeric = isinstance(shown, (int, float)) and isinstance(measured, (int, float))
     return abs(shown - measured) <= margin + 1e-9 if numeric else bool(shown == measured)

@@ -21,7 +21,7 @@ from .regression import (
     calibrated,
     calibration,
     fit_logistic,
-    left_out,
+    left_out_logits,
     logits_of,
     probabilities,
 )
@@ -114,15 +114,15 @@ def fitted(question: Question, ridge: float = RIDGE) -> NDArray[np.float32]:
     repository took no part, and the share of "yes".
     """
     of = question.examples
-    numbers = calibrated(fit_logistic(of, ridge), pair_of(question, ridge))
+    numbers = calibrated(fit_logistic(of, ridge), calibration_of(question, ridge))
     share = (of.weight @ of.y) / of.weight.sum()
     return np.column_stack([numbers, share]).astype(np.float32)
 
 
-def pair_of(question: Question, ridge: float = RIDGE) -> tuple[float, float]:
+def calibration_of(question: Question, ridge: float = RIDGE) -> tuple[float, float]:
     """Return factor and offset that calibrate logits, from people whose repository was left out."""
     of = question.by_repository
-    return calibration(left_out(of, partial(fit_logistic, ridge=ridge)), of)
+    return calibration(left_out_logits(of, partial(fit_logistic, ridge=ridge)), of)
 
 
 def figures(question: Question) -> dict[str, str]:
@@ -132,15 +132,15 @@ def figures(question: Question) -> dict[str, str]:
     """
     fit = partial(fit_logistic, ridge=RIDGE)
     given = question.of(question.sets == "given")
-    pair = pair_of(given)
+    pair = calibration_of(given)
 
     def scaled(logits: Array) -> Array:
         return probabilities(logits * pair[0] + pair[1])
 
     rows = {
-        "photos left out": _scores(scaled(left_out(given.examples, fit)), given.examples),
+        "photos left out": _scores(scaled(left_out_logits(given.examples, fit)), given.examples),
         "repositories left out": _scores(
-            scaled(left_out(given.by_repository, fit)), given.examples
+            scaled(left_out_logits(given.by_repository, fit)), given.examples
         ),
     }
     numbers = fit(given.examples)
@@ -148,8 +148,8 @@ def figures(question: Question) -> dict[str, str]:
         apart = question.of(question.sets == other).examples
         rows[other] = _scores(scaled(logits_of(numbers, apart.x)), apart)
     rest = question.of(question.sets != APART)
-    factor, offset = pair_of(rest)
-    likely = probabilities(left_out(rest.examples, fit) * factor + offset)
+    factor, offset = calibration_of(rest)
+    likely = probabilities(left_out_logits(rest.examples, fit) * factor + offset)
     for own in sorted({*rest.sets.tolist()}):
         of_set = rest.sets == own
         rows[f"{own}, by all others"] = _scores(likely[of_set], rest.examples.take(of_set))

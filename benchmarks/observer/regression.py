@@ -86,7 +86,7 @@ def logits_of(numbers: Array, x: Array) -> Array:
     return found
 
 
-def left_out(of: Examples, fit: Callable[[Examples], Array], folds: int = FOLDS) -> Array:
+def left_out_logits(of: Examples, fit: Callable[[Examples], Array], folds: int = FOLDS) -> Array:
     """Return the logits (n, K) of each example by a fit to the others, without its group."""
     fold_of = folds_of(of.groups, folds)
     found = np.full(of.y.shape, np.nan)

@@ -118,7 +118,9 @@ def changes_of(
     folder.mkdir(parents=True, exist_ok=True)
     changes = {}
     for variant in variants:
-        photo = kept_answer(picture, PHOTO_K if variant.known else PHOTO, folder, pipeline)
+        photo = kept_answer(
+            picture, PHOTO_K if variant.camera_is_known else PHOTO, folder, pipeline
+        )
         changes[variant.name] = change(photo, kept_answer(picture, variant, folder, pipeline))
     return changes
 
@@ -137,7 +139,7 @@ def kept_answer(picture: Picture, variant: Variant, folder: Path, pipeline: Pipe
         return found
     height, width = picture.shape[:2]
     camera = None
-    if variant.known:
+    if variant.camera_is_known:
         focal = kept_answer(picture, PHOTO, folder, pipeline).focal
         camera = variant.camera(
             Intrinsics.from_focal(focal, width, height, trust=CameraTrust.KNOWN)

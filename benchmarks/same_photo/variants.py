@@ -37,7 +37,7 @@ class Variant:
         columns: pixels cut at the right.
         quality: of JPEG; None for no compression.
         grey: without colours.
-        known: the camera is given: that of the photo's own result, shifted by the crop.
+        camera_is_known: the camera is given: that of the photo's own result, shifted by the crop.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Variant:
     columns: int = 0
     quality: int | None = None
     grey: bool = False
-    known: bool = False
+    camera_is_known: bool = False
 
     def window(self, width: int, height: int) -> tuple[int, int, int, int]:
         """Return the part of a photo that the variant shows: left, top, right and bottom, px."""
@@ -89,18 +89,18 @@ class Variant:
 
 
 PHOTO = Variant("photo")
-PHOTO_K = Variant("photo, K", known=True)
+PHOTO_K = Variant("photo, K", camera_is_known=True)
 VARIANTS = (
     Variant("mirror", mirrored=True),
     Variant("scale", scale=0.9),
     Variant("crop2", margin=0.02),
-    Variant("crop2, K", margin=0.02, known=True),
+    Variant("crop2, K", margin=0.02, camera_is_known=True),
     Variant("crop8", margin=0.08),
-    Variant("crop8, K", margin=0.08, known=True),
+    Variant("crop8, K", margin=0.08, camera_is_known=True),
     Variant("column", columns=1),
-    Variant("column, K", columns=1, known=True),
-    Variant("mirror, K", mirrored=True, known=True),
-    Variant("scale, K", scale=0.9, known=True),
+    Variant("column, K", columns=1, camera_is_known=True),
+    Variant("mirror, K", mirrored=True, camera_is_known=True),
+    Variant("scale, K", scale=0.9, camera_is_known=True),
     Variant("jpeg", quality=75),
     Variant("grey", grey=True),
 )

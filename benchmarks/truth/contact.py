@@ -90,11 +90,13 @@ def table_of_parts(tables: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str
     return markdown_table(rows)
 
 
-def _cell(found: ValueWithInterval, interval: bool) -> str:
+def _cell(found: ValueWithInterval, with_interval: bool) -> str:
     if not math.isfinite(found.value):
         return "-"
     around = (
-        f" ({found.low:.2f} .. {found.high:.2f})" if interval and math.isfinite(found.low) else ""
+        f" ({found.low:.2f} .. {found.high:.2f})"
+        if with_interval and math.isfinite(found.low)
+        else ""
     )
     return f"{found.value:.3f}{around}"
 

@@ -115,7 +115,7 @@ def score_moment(
             sample,
             answer,
             camera.R @ sample.truth["up"],
-            float(camera.in_world(np.zeros(3)) @ sample.truth["up"]),
+            float(camera.to_world(np.zeros(3)) @ sample.truth["up"]),
         )
         for sample, answer, camera in views
     ]
@@ -139,9 +139,9 @@ def _seen_people(
     up = camera.R @ sample.truth["up"]
     for row, i in enumerate(visible):
         person = matched.get(row)
-        record = _person(sample, str(i), camera.in_camera(truth[i]), up, person)
+        record = _person(sample, str(i), camera.to_camera(truth[i]), up, person)
         if person is not None:
-            record["pelvis"] = camera.in_world(root(joints_of(person)))
+            record["pelvis"] = camera.to_world(root(joints_of(person)))
         yield record
 
 

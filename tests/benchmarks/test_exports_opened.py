@@ -84,8 +84,8 @@ def test_the_table_of_the_documentation_has_a_row_for_each_reader():
     "reader", READERS, ids=lambda reader: f"{reader.form}-{reader.distribution}"
 )
 def test_what_the_table_says_arrives(reader, saved_pair):
-    if reader.lacking:
-        pytest.skip(reader.lacking)
+    if reader.missing:
+        pytest.skip(reader.missing)
     (outcome,) = outcomes_of(reader, [str(saved_pair)], None)
     assert not is_wrong(reader, outcome)
     wanted = "" if outcome.refused else ROWS[reader.form, reader.distribution or "Python"][-1]

@@ -16,7 +16,7 @@ from benchmarks.observer.regression import (
     calibration,
     fit_logistic,
     folds_of,
-    left_out,
+    left_out_logits,
     logits_of,
     probabilities,
 )
@@ -62,7 +62,7 @@ def test_a_group_is_left_out_at_once():
         seen.append({*some.groups})
         return fit(some)
 
-    logits = left_out(of, recorded)
+    logits = left_out_logits(of, recorded)
     assert np.isfinite(logits).all()
     assert all(len(groups) == 45 for groups in seen)
 

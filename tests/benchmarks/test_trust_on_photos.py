@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.trust_on_photos import TERMS, fitted, left_out, probabilities, rightness
+from benchmarks.trust_on_photos import (
+    TERMS,
+    fitted,
+    left_out_probabilities,
+    probabilities,
+    rightness,
+)
 from physic_core.pipeline.checks.trust import ALL
 from physic_core.types import MARKS
 
@@ -59,6 +65,6 @@ def test_what_leads_to_right_people_never_lowers_the_probability():
 
 
 def test_people_left_out_are_scored_by_the_others(people):
-    likely = left_out(people)["place"]
+    likely = left_out_probabilities(people)["place"]
     assert likely[:15].min() > likely[25:40].max()
     assert np.abs(likely - probabilities(people, fitted(people))["place"]).max() < 0.25

@@ -218,7 +218,7 @@ def test_a_camera_of_a_padded_picture():
     factor = 512 / 1080
     assert camera.K[0, 0] == pytest.approx(1400 * factor)
     assert camera.K[:2, 2] == pytest.approx([455, 256])
-    assert camera.in_world(camera.in_camera(np.array([[1.0, 2, 3]]))) == pytest.approx(
+    assert camera.to_world(camera.to_camera(np.array([[1.0, 2, 3]]))) == pytest.approx(
         np.array([[1.0, 2, 3]])
     )
 

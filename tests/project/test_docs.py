@@ -143,6 +143,15 @@ def test_every_file_that_a_paper_names_is_there(page):
             assert list((ROOT / "physic_core" / folder).glob(name)), name
 
 
+def test_every_name_that_the_architecture_places_in_a_file_is_there():
+    places = re.findall(r"`(\w+)` of\s+`([\w/-]+\.py)`", (ROOT / "ARCHITECTURE.md").read_text())
+    assert places
+    for name, file in places:
+        folders = (ROOT, ROOT / "physic_core")
+        (text,) = [(one / file).read_text() for one in folders if (one / file).exists()]
+        assert re.search(rf"^(?:def |class )?{name}\b", text, re.M), (name, file)
+
+
 def test_the_page_of_checks_has_each_check_with_its_label_and_limit():
     rows = re.findall(r"^\| (.+?) \| `(\w+)` \| .*? \| (\S.*?) \|", CHECKS_PAGE.read_text(), re.M)
     listed = {name: (label.partition(",")[0], limit) for label, name, limit in rows}

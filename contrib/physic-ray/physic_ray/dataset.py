@@ -69,7 +69,7 @@ def reconstruct(
     """
     import ray.data
 
-    job = prepare_job(config, out or tempfile.gettempdir(), save, thumbnails=False)
+    job = prepare_job(config, out or tempfile.gettempdir(), save, with_thumbnails=False)
     if out is None and job.save != "none":
         raise ConfigError(f"save='{save}' writes files: give their folder as out=...")
     resources = (resources or Resources()).for_device(job.config.run.device)

@@ -70,8 +70,8 @@ def run_on_ray(
     plan = WorkerPlan(
         job, settings.timeout, settings.logs, os.getcwd(), environment, journal, open_worker
     )
-    with connected(settings.address) as started:
-        yield from _rows(todo, plan, settings, resources, started)
+    with connected(settings.address) as is_own_cluster:
+        yield from _rows(todo, plan, settings, resources, is_own_cluster)
 
 
 def _rows(
@@ -79,13 +79,13 @@ def _rows(
     plan: WorkerPlan,
     settings: ExecutorSettings,
     resources: Resources,
-    started: bool,
+    is_own_cluster: bool,
 ) -> Generator[dict[str, Any], None, None]:
     import ray
     import ray.data
 
     slots = resources.count_slots(ray.nodes())
-    if started and not slots:
+    if is_own_cluster and not slots:
         raise ConfigError(
             f"Ray finds no room for a worker on this machine: it reserves {resources}; "
             "--executor-set cpus=..., gpus=... and memory_gb=... change that"

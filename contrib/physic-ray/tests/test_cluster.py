@@ -75,7 +75,7 @@ def make_photos(folder, *names):
 
 
 def job_for(out):
-    return BatchJob(load_config(preset="mock"), str(out), "none", thumbnails=False)
+    return BatchJob(load_config(preset="mock"), str(out), "none", with_thumbnails=False)
 
 
 def run(

@@ -54,7 +54,7 @@ def test_workers_that_fit_on_the_nodes():
 
 def test_a_node_without_the_output_folder_is_refused(monkeypatch, tmp_path):
     monkeypatch.setattr("physic_ray.worker.VISIBLE_S", 0.0)
-    job = BatchJob(load_config(preset="mock"), str(tmp_path), "none", thumbnails=False)
+    job = BatchJob(load_config(preset="mock"), str(tmp_path), "none", with_thumbnails=False)
     actor = JsonActor(WorkerPlan(job, shared_file=str(tmp_path / "journal.jsonl")))
     monkeypatch.setattr("physic_ray.worker._node", lambda: "10.0.0.7")
     row = json.loads(actor({"item": '["a", "/a.jpg", {}]'})["row"])

@@ -105,7 +105,7 @@ def batch(
     reason.
     """
     from physic_batch.contact_sheet import check_contact_sheet
-    from physic_batch.journal import check_tables, shard_journal
+    from physic_batch.journal import check_tables, journal_name
     from physic_batch.photos import Shard, list_photos
     from physic_batch.run import plan_batch, run_batch
 
@@ -116,45 +116,45 @@ def batch(
     if with_sheet:
         check_contact_sheet(out)
     if tables:
-        _write_tables(out, with_sheet=with_sheet)
+        _write_and_print_tables(out, with_sheet=with_sheet)
         return
     part = None if shard is None else Shard.parse(shard)
     run = _executor(out, part, options)
     listed = list_photos(photos)
     items = [item for item in listed.photos if part is None or item.id in part]
     default = "pictures" if with_sheet and len(listed.photos) <= _FEW else "numbers"
-    job = _job(out, {**options, "save": options["save"] or default}, write=not dry_run)
+    job = _job(out, {**options, "save": options["save"] or default}, create_folder=not dry_run)
     plan = plan_batch(
         items,
         job,
         retry_failed=options["retry"] is not None,
         shard=part,
-        least=options["save"] or "numbers",
+        least_save=options["save"] or "numbers",
     )
     todo = plan.todo[:limit]
     if listed.left_out:
-        echo(f"left out: {listed.kinds()}", err=True)
+        echo(f"left out: {listed.left_out_in_words()}", err=True)
     echo(_describe(plan, len(items), limit), err=True)
     if dry_run:
         _print_forecast(todo, job)
         return
     folder = Path(job.out)
-    write = None if part else partial(_tables, folder, with_sheet=with_sheet)
+    write = None if part else partial(_write_tables, folder, with_sheet=with_sheet)
     progress = _Progress(len(todo), write)
 
     def finish(start: str) -> None:
         echo(f"{start}{_summary(progress.counts + Counter({'': plan.done, **plan.failed}))}")
         if part is None:
-            _write_tables(folder, with_sheet=with_sheet)
+            _write_and_print_tables(folder, with_sheet=with_sheet)
         else:
             echo(f"tables of all shards, when they are done: physic batch --tables -o {folder}")
 
-    journal = folder / shard_journal(part)
-    with _finished(finish, progress), _stopped_by_signals():
+    journal = folder / journal_name(part)
+    with _finishing(finish, progress), _stopped_by_signals():
         run_batch(todo, job, run, journal, progress.add)
 
 
-def _tables(folder: Path, *, with_sheet: bool) -> list[Path]:
+def _write_tables(folder: Path, *, with_sheet: bool) -> list[Path]:
     from physic_batch.contact_sheet import write_contact_sheet
     from physic_batch.journal import JournalIndex, journal_files, write_tables
 
@@ -166,8 +166,8 @@ def _tables(folder: Path, *, with_sheet: bool) -> list[Path]:
     return tables + ([write_contact_sheet(folder, index=index)] if with_sheet else [])
 
 
-def _write_tables(folder: Path, *, with_sheet: bool) -> None:
-    echo("\n".join(f"wrote {path}" for path in _tables(folder, with_sheet=with_sheet)))
+def _write_and_print_tables(folder: Path, *, with_sheet: bool) -> None:
+    echo("\n".join(f"wrote {path}" for path in _write_tables(folder, with_sheet=with_sheet)))
 
 
 def _print_forecast(todo: Sequence[PhotoItem], job: BatchJob) -> None:
@@ -185,13 +185,13 @@ def _print_forecast(todo: Sequence[PhotoItem], job: BatchJob) -> None:
         echo(f"{failing:,} of {len(todo):,} photos will fail", err=True)
 
 
-def _job(out: Path, options: Mapping[str, Any], *, write: bool) -> BatchJob:
+def _job(out: Path, options: Mapping[str, Any], *, create_folder: bool) -> BatchJob:
     """Check everything that concerns all photos, and return the job; no network is loaded.
 
     Args:
         out: output folder.
         options: of the command: what to save, and those of the configuration.
-        write: whether to create the folder.
+        create_folder: whether to create the folder.
     """
     from physic_batch.process import prepare_job
     from physic_core.configuration.model import load_config
@@ -207,9 +207,9 @@ def _job(out: Path, options: Mapping[str, Any], *, write: bool) -> BatchJob:
         config,
         out,
         options["save"],
-        thumbnails=not options["no_thumbnails"],
-        cache=options["cache"],
-        write=write,
+        with_thumbnails=not options["no_thumbnails"],
+        with_cache=options["cache"],
+        create_folder=create_folder,
     )
 
 
@@ -239,7 +239,7 @@ def _executor(out: Path, part: Shard | None, options: Mapping[str, Any]) -> Exec
 
 def _describe(plan: BatchPlan, photos: int, limit: int | None) -> str:
     failed = sum(plan.failed.values())
-    reasons = ", ".join(f"{number:,} {reason}" for reason, number in plan.why.items())
+    reasons = ", ".join(f"{number:,} {reason}" for reason, number in plan.reasons.items())
     parts = [f"{photos:,} photos: {plan.done:,} done before"]
     if failed:
         parts.append(f"{failed:,} failed before (--retry failed tries them again)")
@@ -249,15 +249,15 @@ def _describe(plan: BatchPlan, photos: int, limit: int | None) -> str:
             f"{plan.replaced:,} of these have a result, which is replaced: name another folder "
             "with -o to keep it"
         )
-    if plan.damaged:
-        parts.append(f"{plan.damaged:,} damaged lines of the journal are skipped")
+    if plan.damaged_lines:
+        parts.append(f"{plan.damaged_lines:,} damaged lines of the journal are skipped")
     if limit is not None and limit < len(plan.todo):
         parts.append(f"{limit:,} of them now (--limit)")
     return "; ".join(parts)
 
 
 @contextmanager
-def _finished(finish: Callable[[str], None], progress: _Progress) -> Iterator[None]:
+def _finishing(finish: Callable[[str], None], progress: _Progress) -> Iterator[None]:
     """Call ``finish`` at the end with what its line begins with."""
     try:
         yield

@@ -88,7 +88,7 @@ def write_contact_sheet(
         ids = index.ids()
         rows = [
             {name: row[name] for name in _SHOWN if name in row}
-            for row in filter(None, index.rows(ids[:_MAX_PHOTOS], whole=False))
+            for row in filter(None, index.rows(ids[:_MAX_PHOTOS], with_people=False))
         ]
         hidden = len(ids[_MAX_PHOTOS:])
         above = _common_folder([str(row.get("path", "")) for row in rows])

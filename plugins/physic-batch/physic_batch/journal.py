@@ -183,12 +183,12 @@ def journal_files(out: Path, shard: Shard | None = None) -> list[Path]:
     files = sorted(filter(Path.is_file, there.values()))
     if shard is None:
         return files
-    own = shard_journal(shard)
+    own = journal_name(shard)
     sister = re.compile(rf"journal-[0-9]+-of-{shard.count}\.jsonl")
     return [path for path in files if path.name == own or not sister.fullmatch(path.name)]
 
 
-def shard_journal(shard: Shard | None) -> str:
+def journal_name(shard: Shard | None) -> str:
     """Return the name of the journal of a shard, or of a batch without shards."""
     return "journal.jsonl" if shard is None else f"journal-{shard.number}-of-{shard.count}.jsonl"
 
@@ -208,7 +208,7 @@ class JournalIndex:
             start = 0
             with path.open("rb") as file:
                 for line in file:
-                    row = _row(line, whole=False)
+                    row = _row(line, with_people=False)
                     if row is None:
                         self.damaged += 1
                     elif row["run"] >= self._last.get(row["id"], (0,))[0]:
@@ -227,12 +227,14 @@ class JournalIndex:
         """Return the names of all columns of the rows, without people."""
         return {name for keys in {last[4] for last in self._last.values()} for name in keys}
 
-    def rows(self, ids: Iterable[str], *, whole: bool = True) -> Iterator[dict[str, Any] | None]:
+    def rows(
+        self, ids: Iterable[str], *, with_people: bool = True
+    ) -> Iterator[dict[str, Any] | None]:
         """Yield the last row of each of some ids; None for one that has none, or a damaged one.
 
         Args:
             ids: of photos.
-            whole: whether the rows have their people, whose parsing takes half of the time.
+            with_people: whether the rows have their people, whose parsing takes half of the time.
         """
         files: dict[Path, BinaryIO] = {}
         with ExitStack() as opened:
@@ -247,7 +249,7 @@ class JournalIndex:
                         files.clear()
                     files[path] = opened.enter_context(path.open("rb"))
                 files[path].seek(start)
-                found = _row(files[path].readline(), whole=whole)
+                found = _row(files[path].readline(), with_people=with_people)
                 self.damaged += found is None
                 yield found
 
@@ -273,7 +275,7 @@ def _last_run(path: Path) -> int:
         for length in (min(size, _END_BYTES), size):
             file.seek(size - length)
             for line in reversed(file.read().splitlines()):
-                if (row := _row(line, whole=False)) is not None:
+                if (row := _row(line, with_people=False)) is not None:
                     return int(row["run"])
     return 0
 
@@ -283,12 +285,12 @@ def _is_journal(path: Path) -> bool:
         return any(_row(line) is not None for line in file) or path.stat().st_size == 0
 
 
-def _row(line: bytes, *, whole: bool = True) -> dict[str, Any] | None:
+def _row(line: bytes, *, with_people: bool = True) -> dict[str, Any] | None:
     """Return the row of a line, or its columns without people; None if it is damaged."""
     # No text has these bytes, since it has no quotation mark without a backslash.
     head, mark, people = line.rstrip().partition(_PEOPLE_START)
     try:
-        row = _DECODER.decode((head + b"}" if mark and not whole else line).decode())
+        row = _DECODER.decode((head + b"}" if mark and not with_people else line).decode())
         if mark and not people.endswith(b"]}"):
             return None
         return _with_types(row, convert_people=_NON_FINITE.search(people) is not None)
@@ -339,10 +341,10 @@ def all_columns() -> tuple[str, ...]:
     """Return the columns that tables can have, in their order."""
     from physic_core.pipeline.checks import CHECKS
 
-    return _in_order({*SUMMARY_KEYS, *(f"check_{name}" for name in CHECKS)} - COLUMNS.keys())
+    return _ordered_columns({*SUMMARY_KEYS, *(f"check_{name}" for name in CHECKS)} - COLUMNS.keys())
 
 
-def _in_order(numbers: Set[str]) -> tuple[str, ...]:
+def _ordered_columns(numbers: Set[str]) -> tuple[str, ...]:
     """Return the columns of a table: the photo and its grade, the numbers of its result, time,
     memory and files, and at the end the values of the checks, by name.
     """
@@ -395,7 +397,9 @@ def _write_csv(photos: Path, people: Path, index: JournalIndex) -> None:
         photos.open("w", newline="", encoding="utf-8") as table,
         people.open("w", newline="", encoding="utf-8") as people_table,
     ):
-        write = csv_writer(table, _in_order(index.columns() - COLUMNS.keys() - {PEOPLE_COLUMN}))
+        write = csv_writer(
+            table, _ordered_columns(index.columns() - COLUMNS.keys() - {PEOPLE_COLUMN})
+        )
         write_person = csv_writer(people_table, _PEOPLE_COLUMNS)
         for row in filter(None, index.rows(index.ids())):
             write(row)

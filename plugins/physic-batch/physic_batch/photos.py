@@ -94,7 +94,7 @@ class PhotoList:
     photos: list[PhotoItem]
     left_out: Mapping[str, int]
 
-    def kinds(self) -> str:
+    def left_out_in_words(self) -> str:
         """Return what was left out: "3 .jxl, 1 .livp, 2 in folders of results"."""
         ordered = sorted(self.left_out.items(), key=lambda one: (-one[1], one[0]))
         parts = [f"{count:,} {kind}" for kind, count in ordered]
@@ -136,8 +136,8 @@ def list_photos(inputs: Iterable[str]) -> PhotoList:
     listed = PhotoList(list(found.values()), left_out)
     if not found:
         raise InputError(
-            f"no photos in {_show(', '.join(inputs))} (left out: {listed.kinds()}): name photos, "
-            "folders or CSV tables; pictures of results are not photos"
+            f"no photos in {_show(', '.join(inputs))} (left out: {listed.left_out_in_words()}): "
+            "name photos, folders or CSV tables; pictures of results are not photos"
         )
     return listed
 

@@ -48,14 +48,14 @@ OTHER_CODE = "code"
 """Word before the digest of the code in the column ``plugins``."""
 
 
-def batch_config(config: Config, *, cache: bool) -> Config:
+def batch_config(config: Config, *, with_cache: bool) -> Config:
     """Return a configuration for one of several processes.
 
     Every backend that has an option ``threads`` gets one thread unless the configuration sets it,
-    and ``[run] threads`` is 1 unless it is set. The cache is off unless ``cache``: a batch sees
-    each photo once.
+    and ``[run] threads`` is 1 unless it is set. The cache is off unless ``with_cache``: a batch
+    sees each photo once.
     """
-    run: dict[str, Any] = {"cache": cache}
+    run: dict[str, Any] = {"cache": with_cache}
     if config.source("run.threads") == "default":
         run["threads"] = 1
     chosen = {}
@@ -84,13 +84,13 @@ class BatchJob:
         out: absolute path of the output folder.
         save: which files are written for each photo, one of :data:`physic_core.io.results.SAVE`, or
             "none".
-        thumbnails: whether to write a thumbnail of each photo for the contact sheet.
+        with_thumbnails: whether to write a thumbnail of each photo for the contact sheet.
     """
 
     config: Config
     out: str
     save: str
-    thumbnails: bool = True
+    with_thumbnails: bool = True
 
     def digest(self, item: PhotoItem) -> str:
         """Return the digest of the settings that the result of a photo depends on.
@@ -224,7 +224,7 @@ class PhotoProcessor:
                 earlier=item.replaces,
             )
             sizes = {path.name: path.stat().st_size for path in paths}
-        if self.job.thumbnails:
+        if self.job.with_thumbnails:
             sizes[THUMBNAIL] = write_thumbnail(result, out, folder).stat().st_size
         return " ".join(f"{name}={size}" for name, size in sizes.items())
 
@@ -282,9 +282,9 @@ def prepare_job(
     out: str | os.PathLike[str],
     save: str,
     *,
-    thumbnails: bool = True,
-    cache: bool = False,
-    write: bool = True,
+    with_thumbnails: bool = True,
+    with_cache: bool = False,
+    create_folder: bool = True,
 ) -> BatchJob:
     """Return the job of a batch after checks of its configuration, weights and output folder; no
     network is loaded.
@@ -293,9 +293,9 @@ def prepare_job(
         config: as of :class:`physic_core.Pipeline`.
         out: output folder.
         save: the files of each photo, one of :data:`physic_core.io.results.SAVE`, or "none".
-        thumbnails: whether to write a thumbnail of each photo.
-        cache: whether to use the cache of backends' outputs.
-        write: whether the output folder is created, and checked to be writable.
+        with_thumbnails: whether to write a thumbnail of each photo.
+        with_cache: whether to use the cache of backends' outputs.
+        create_folder: whether the output folder is created, and checked to be writable.
 
     Raises:
         ConfigError: the configuration or ``save`` is not valid.
@@ -311,11 +311,11 @@ def prepare_job(
         require_pictures()
     chosen = as_config(config)
     resolve(chosen)  # lists all errors, each with the place of its value
-    settings = batch_config(chosen, cache=cache)
+    settings = batch_config(chosen, with_cache=with_cache)
     require_available(resolve(settings))
-    folder = (check_writable(Path(out)) if write else Path(out)).resolve()
+    folder = (check_writable(Path(out)) if create_folder else Path(out)).resolve()
     for name in ("photos", "thumbnails"):
         path_to_write(folder, name)
-    job = BatchJob(settings, str(folder), save, thumbnails)
+    job = BatchJob(settings, str(folder), save, with_thumbnails)
     _ = job.plugins  # once, for all workers, and before anything is computed
     return job

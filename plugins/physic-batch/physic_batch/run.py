@@ -42,19 +42,19 @@ class BatchPlan:
 
     Attributes:
         todo: photos without a valid row in the journal.
-        why: number of photos in ``todo`` by reason, such as "photo changed".
+        reasons: number of photos in ``todo`` by reason, such as "photo changed".
         done: number of photos that are done.
         failed: number of photos that failed in an earlier run and are not tried again, by error.
         replaced: number of the photos in ``todo`` that have a whole result, which is replaced.
-        damaged: number of lines of the journals that are no row.
+        damaged_lines: number of lines of the journals that are no row.
     """
 
     todo: tuple[PhotoItem, ...]
-    why: Mapping[str, int]
+    reasons: Mapping[str, int]
     done: int
     failed: Mapping[str, int]
     replaced: int
-    damaged: int
+    damaged_lines: int
 
 
 def plan_batch(
@@ -63,7 +63,7 @@ def plan_batch(
     *,
     retry_failed: bool = False,
     shard: Shard | None = None,
-    least: str | None = None,
+    least_save: str | None = None,
 ) -> BatchPlan:
     """Compare the photos with the journals in the output folder.
 
@@ -76,21 +76,21 @@ def plan_batch(
         job: of the batch.
         retry_failed: whether photos that failed are done again.
         shard: whose photos these are; journals of its sister shards are not read.
-        least: what must be saved; the default is what the job saves.
+        least_save: what must be saved; the default is what the job saves.
     """
     index = JournalIndex(journal_files(Path(job.out), shard))
     todo: list[PhotoItem] = []
-    why: Counter[str] = Counter()
+    reasons: Counter[str] = Counter()
     rest: Counter[str] = Counter()
     replaced = 0
-    rows = index.rows((item.id for item in items), whole=False)
+    rows = index.rows((item.id for item in items), with_people=False)
     for item, row in zip(items, rows, strict=True):
         item = item.stamped()
-        reason = "new" if row is None else _redo_reason(row, item, job, least or job.save)
+        reason = "new" if row is None else _redo_reason(row, item, job, least_save or job.save)
         if row is None:
             todo.append(item)
         elif reason == _LOST:
-            todo.append(replace(item, replaces=tuple(_sizes(row))))
+            todo.append(replace(item, replaces=tuple(_stated_sizes(row))))
         elif reason or (retry_failed and row["state"] == "failed"):
             todo.append(item)
             replaced += row["state"] == "done" and row.get("save") != "none"
@@ -98,8 +98,8 @@ def plan_batch(
         else:
             rest["" if row["state"] == "done" else row.get("error", "")] += 1
         if reason:
-            why[reason] += 1
-    return BatchPlan(tuple(todo), why, rest.pop("", 0), rest, replaced, index.damaged)
+            reasons[reason] += 1
+    return BatchPlan(tuple(todo), reasons, rest.pop("", 0), rest, replaced, index.damaged)
 
 
 def run_batch(
@@ -148,7 +148,7 @@ def run_locally(
                 yield {**one.value, "attempts": one.attempts}
 
 
-def _redo_reason(row: Mapping[str, Any], item: PhotoItem, job: BatchJob, least: str) -> str:
+def _redo_reason(row: Mapping[str, Any], item: PhotoItem, job: BatchJob, least_save: str) -> str:
     """Return why a photo is done again; "" if its row is that of today's photo, settings, code and
     files.
     """
@@ -161,7 +161,7 @@ def _redo_reason(row: Mapping[str, Any], item: PhotoItem, job: BatchJob, least: 
         other = [one for one in plugins if one not in job.plugins.split(", ")]
         named = [one for one in other if one and not one.startswith(OTHER_CODE)]
         return f"made by {' and '.join(named) or f'other code of physic-core {version} or plugins'}"
-    if row.get("save") not in _LEVELS[_LEVELS.index(least) :]:
+    if row.get("save") not in _LEVELS[_LEVELS.index(least_save) :]:
         return f"saved as {row.get('save')}"
     if not _is_same_photo(row, item):
         return "photo changed"
@@ -186,7 +186,7 @@ def _has_its_files(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bo
     if row.get("save") == "none":
         return True
     folders = [*paths_inside(job.out, [photo_folder(item.id)]).values()]
-    sizes = _sizes(row)
+    sizes = _stated_sizes(row)
     if not folders or (row["state"] == "done" and not row.get("result")):
         return False
     # files of a later run that was killed before its row
@@ -200,7 +200,7 @@ def _has_its_files(row: Mapping[str, Any], item: PhotoItem, job: BatchJob) -> bo
     return len(found) == len(sizes) and found.get(ARRAYS_FILE) == sizes.get(ARRAYS_FILE)
 
 
-def _sizes(row: Mapping[str, Any]) -> dict[str, int]:
+def _stated_sizes(row: Mapping[str, Any]) -> dict[str, int]:
     """Return name -> bytes of the files in a photo's folder that its row of the journal states."""
     pairs = re.findall(r"(\S+)=([0-9]+)", row.get("files", ""))
     return {name: int(size) for name, size in pairs if name != THUMBNAIL}
@@ -238,7 +238,7 @@ def open_executor(name: str, settings: ExecutorSettings) -> Executor:
         PluginError: it cannot be imported, or returns no function.
     """
     if name == _LOCAL:
-        return _local(settings)
+        return _local_executor(settings)
     if name.lower() in _QUEUES:
         raise ConfigError(
             f"there is no executor '{name}': give each job of the queue a part, as --shard 3/16, "
@@ -253,7 +253,7 @@ def open_executor(name: str, settings: ExecutorSettings) -> Executor:
     return executor
 
 
-def _local(settings: ExecutorSettings) -> Executor:
+def _local_executor(settings: ExecutorSettings) -> Executor:
     if settings.address is not None or settings.options:
         option = "--executor-set" if settings.address is None else "--address"
         raise ConfigError(

@@ -98,11 +98,11 @@ def free_memory_mb(root: Path = Path("/")) -> float:
                 top = root / folder
                 own = top / path.lstrip("/")
                 groups = [group for group in (own, *own.parents) if group.is_relative_to(top)]
-                free_mb += [_free_of_group(group, *names) for group in groups]
+                free_mb += [_free_memory_of_group(group, *names) for group in groups]
     return min(free_mb)
 
 
-def _free_of_group(group: Path, limit: str, usage: str, cache: str) -> float:
+def _free_memory_of_group(group: Path, limit: str, usage: str, cache: str) -> float:
     """Return the free memory of one control group by the names of its files, MB; infinity without a
     limit.
     """
@@ -113,7 +113,7 @@ def _free_of_group(group: Path, limit: str, usage: str, cache: str) -> float:
     return math.inf
 
 
-def _work_seconds(pid: int) -> float:
+def _cpu_seconds(pid: int) -> float:
     """Return the CPU seconds of a process and of its children that have ended; elsewhere than on
     Linux, a clock.
     """
@@ -263,14 +263,14 @@ class _TimeLimit:
     def __init__(self, pid: int, limit: float) -> None:
         self._pid = pid
         self._limit = limit
-        self._start = self._work_at_mark = _work_seconds(pid)
+        self._start = self._work_at_mark = _cpu_seconds(pid)
         self._mark = time.monotonic()
         self.deadline = self._mark + limit
 
-    def exceeded(self) -> str:
+    def reason_to_end(self) -> str:
         """Return why the task must end; "" if it may go on, with a later ``deadline``."""
         now = time.monotonic()
-        work = _work_seconds(self._pid)
+        work = _cpu_seconds(self._pid)
         left = self._limit - (work - self._start)
         if left <= 0:
             return f"no result after {self._limit:.0f} s of work"
@@ -322,7 +322,7 @@ class _Worker(Generic[Task]):
         """Give the worker a task."""
         self._task = task
         self._attempt = 1
-        self._go_on()
+        self._start_or_send_task()
 
     def step(self) -> Outcome[Task] | None:
         """Take what the process has sent, or its end; return the outcome of the task if it has one.
@@ -342,12 +342,12 @@ class _Worker(Generic[Task]):
         if kind == "open":
             self.is_open = True
             self._starts = 0
-            self._go_on()
+            self._start_or_send_task()
             return None
         if kind == "done":
             return Outcome(self._task, content[0], "", "", seconds, self._attempt, content[1])
         if time.monotonic() >= self.deadline and self._process.is_alive():
-            return self._look(seconds)
+            return self._end_if_out_of_time(seconds)
         self._process.join(_END_S)
         how = _describe_end(self._process.exitcode, self._log)
         was_open = self.is_open
@@ -357,10 +357,10 @@ class _Worker(Generic[Task]):
         if was_open and self._attempt == _MAX_ATTEMPTS:
             return Outcome(self._task, None, "WorkerDied", how, seconds, self._attempt)
         self._attempt += was_open
-        self._go_on()
+        self._start_or_send_task()
         return None
 
-    def _look(self, seconds: float) -> Outcome[Task] | None:
+    def _end_if_out_of_time(self, seconds: float) -> Outcome[Task] | None:
         """Return the outcome of a task that has exceeded its time, whose process is ended; None if
         it may go on.
 
@@ -370,7 +370,7 @@ class _Worker(Generic[Task]):
         if self._limit is None:
             self.end()
             raise BackendError(f"the backends are not loaded after {LOAD_LIMIT_S:.0f} s")
-        reason = self._limit.exceeded()
+        reason = self._limit.reason_to_end()
         if not reason:
             self.deadline = self._limit.deadline
             return None
@@ -387,7 +387,7 @@ class _Worker(Generic[Task]):
         self.is_open = False
         self._limit = None
 
-    def _go_on(self) -> None:
+    def _start_or_send_task(self) -> None:
         """Start the process, or send it the task if it is open."""
         self._since = time.monotonic()
         if not self.is_open:
@@ -407,7 +407,7 @@ class _Worker(Generic[Task]):
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
         process = context.Process(target=_work, args=(theirs, self._open_worker, self._log))
-        with started_processes(_SINGLE_THREAD):
+        with processes_started_safely(_SINGLE_THREAD):
             process.start()
         self._process = process
         theirs.close()
@@ -480,7 +480,7 @@ def _describe_end(code: int | None, log: Path | None) -> str:
 
 
 @contextmanager
-def started_processes(variables: Mapping[str, str] | None = None) -> Iterator[None]:
+def processes_started_safely(variables: Mapping[str, str] | None = None) -> Iterator[None]:
     """Start processes in the block: they import nothing from the current folder, where Python looks
     first otherwise.
 

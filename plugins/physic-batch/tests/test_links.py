@@ -132,7 +132,7 @@ def test_a_batch_writes_nothing_through_a_link_that_leads_out(name, home, tmp_pa
 
 def test_a_photo_whose_folder_is_a_link_that_leads_out_fails(home, tmp_path):
     out = tmp_path / "out"
-    job = BatchJob(load_config(preset="mock"), str(out), "numbers", thumbnails=False)
+    job = BatchJob(load_config(preset="mock"), str(out), "numbers", with_thumbnails=False)
     Image.new("RGB", (64, 64)).save(tmp_path / "photo.png")
     (item,) = list_photos([str(tmp_path / "photo.png")]).photos
     place = out / photo_folder(item.id)
@@ -155,7 +155,7 @@ def test_a_file_of_another_program_makes_no_folder_one_of_a_result(document, tmp
     (tmp_path / "journal.jsonl").write_text(document)
     (tmp_path / "below" / ".reconstruction.json.0.physic-document").write_text(document)
     listed = list_photos([str(tmp_path)])
-    assert (len(listed.photos), listed.kinds()) == (4, "1 .json, 1 .jsonl, 1 hidden")
+    assert (len(listed.photos), listed.left_out_in_words()) == (4, "1 .json, 1 .jsonl, 1 hidden")
     with pytest.raises(InputError, match="no result"):
         find_results(tmp_path / "below")
 

@@ -113,7 +113,7 @@ def test_a_folder_can_be_that_of_its_results(tmp_path):
         (tmp_path / name).write_text(MARK if name == results[-1] else json.dumps(document))
     listed = list_photos([str(tmp_path)])
     assert names(listed.photos) == ["a.jpg", "b.jpg", "c.jpg"]
-    assert listed.kinds() == "3 in folders of results, 1 .jsonl, 1 thumbnails"
+    assert listed.left_out_in_words() == "3 in folders of results, 1 .jsonl, 1 thumbnails"
 
 
 def test_files_that_are_no_photos_are_skipped(folder):

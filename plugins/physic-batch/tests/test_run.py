@@ -260,7 +260,7 @@ def finished(job, photos, failed=(), **more):
 
 def job_for(out, *overrides, level="none"):
     return BatchJob(
-        load_config(preset="mock", overrides=overrides), str(out), level, thumbnails=False
+        load_config(preset="mock", overrides=overrides), str(out), level, with_thumbnails=False
     )
 
 
@@ -359,13 +359,13 @@ def test_every_change_is_noticed_and_does_its_photos_anew(
     place, monkeypatch, photos, reason, change
 ):
     job, plan = plan_of(place)
-    assert plan.why == {"new": 2}
+    assert plan.reasons == {"new": 2}
     finished(job, place / "table.csv", failed="b")
     assert plan_of(place)[1].todo == ()
     overrides = change if isinstance(change, tuple) else change(place, monkeypatch) or ()
     _, plan = plan_of(place, *overrides)
     assert "".join(item.id for item in plan.todo) == photos
-    ((why, number),) = plan.why.items()
+    ((why, number),) = plan.reasons.items()
     assert why.startswith(reason)
     assert number == len(photos)
 
@@ -385,7 +385,7 @@ def test_what_changes_no_result_does_no_photo_anew(place):
 def test_what_is_saved_is_enough_or_said(place):
     job, _ = plan_of(place)
     finished(job, place / "table.csv", save="numbers")
-    assert plan_of(place, level="pictures")[1].why == {"saved as numbers": 2}
+    assert plan_of(place, level="pictures")[1].reasons == {"saved as numbers": 2}
 
 
 def run_all(photos, job, reconstruct=lambda path, settings: tiny_result()):
@@ -429,7 +429,11 @@ def test_each_file_that_is_lost_is_made_again(tmp_path, out, save):
                 path.write_bytes(damaged)
             plan = plan_batch(list_photos([str(photos)]).photos, job)
             lost = not damaged or path.name.startswith("reconstruction")  # a picture may be edited
-            assert (path.name, len(plan.todo), sum(plan.why.values())) == (path.name, lost, lost)
+            assert (path.name, len(plan.todo), sum(plan.reasons.values())) == (
+                path.name,
+                lost,
+                lost,
+            )
             path.write_bytes(content)
     assert todo(job, photos) == []
 

@@ -102,7 +102,7 @@ def test_each_person_has_a_row_in_the_order_of_the_photos(batch, result):
 
 
 def test_no_text_of_the_csv_table_is_a_formula(tmp_path):
-    job = BatchJob(load_config(preset="mock"), str(tmp_path), "none", thumbnails=False)
+    job = BatchJob(load_config(preset="mock"), str(tmp_path), "none", with_thumbnails=False)
     with Journal(tmp_path / "journal.jsonl") as journal:
         for name in ("=cmd|'calc'!A0", "plain"):
             journal.append(

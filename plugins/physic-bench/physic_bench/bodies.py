@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_bench.reading import numbers, read_npz
+from physic_bench.reading import checked_numbers, read_npz
 from physic_core.body import ROTATION_FIELDS
 from physic_core.errors import ConfigError, InputError
 
@@ -59,7 +59,7 @@ class BodyFiles:
             )
         return found
 
-    def rest(self, topology: str) -> RestMesh | None:
+    def rest_mesh(self, topology: str) -> RestMesh | None:
         """Return the mean body of a mesh topology in the T-pose, or None if its model file was not
         given.
         """
@@ -82,7 +82,7 @@ class BodyFiles:
             else None
         )
 
-    def smplx_body(
+    def pose_smplx(
         self, parameters: Mapping[str, Any], gender: str = "neutral"
     ) -> tuple[Array, Array]:
         """Pose SMPL-X.
@@ -110,13 +110,18 @@ class BodyFiles:
             [_pose(parameters, name, 3 * count, path) for name, count in ROTATION_FIELDS]
         )
         rotations = rotvec_to_rotmat_numpy(pose.reshape(-1, 3))
-        transl = numbers(parameters.get("transl", np.zeros(3)), (3,), "transl")
-        given = (rotations, _ten(parameters, "betas"), transl, _ten(parameters, "expression"))
+        transl = checked_numbers(parameters.get("transl", np.zeros(3)), (3,), "transl")
+        given = (
+            rotations,
+            _first_ten(parameters, "betas"),
+            transl,
+            _first_ten(parameters, "expression"),
+        )
         with torch.no_grad():
             out = model(*(torch.from_numpy(np.asarray(a, np.float32))[None] for a in given))
         return out.vertices[0].double().numpy(), out.joints[0].double().numpy()
 
-    def carry(self, values: Array, source: str, target: str) -> Array | None:
+    def transfer(self, values: Array, source: str, target: str) -> Array | None:
         """Return values (V_source, C) at the vertices of another mesh (V_target, C), or None
         if they cannot be transferred.
 
@@ -127,13 +132,13 @@ class BodyFiles:
         transfer = _vertex_transfer(self, source, target)
         return None if transfer is None else transfer(values)
 
-    def carry_contact(
+    def transfer_contact(
         self, contact: NDArray[np.bool_], source: str, target: str
     ) -> NDArray[np.bool_] | None:
         """Return contact (V_source,) at the vertices of another mesh: a vertex touches if most of
         its triangle does.
         """
-        carried = self.carry(contact.astype(np.float64)[:, None], source, target)
+        carried = self.transfer(contact.astype(np.float64)[:, None], source, target)
         return None if carried is None else carried[:, 0] >= 0.5
 
 
@@ -151,17 +156,17 @@ def _pose(parameters: Mapping[str, Any], name: str, size: int, path: Path) -> Ar
                 f"{path} has no {' and '.join(lacking)}, which these hands need: give the "
                 f"official file"
             )
-        components = numbers(given, (-1,), name)
+        components = checked_numbers(given, (-1,), name)
         given = (
             arrays[f"hands_mean{side}"].ravel()
             + components @ arrays[f"hands_components{side}"][: given.size]
         )
-    return numbers(given, (size,), name)
+    return checked_numbers(given, (size,), name)
 
 
-def _ten(parameters: Mapping[str, Any], name: str) -> Array:
+def _first_ten(parameters: Mapping[str, Any], name: str) -> Array:
     """Return the first ten numbers of a parameter; zeros follow if it has fewer."""
-    values = numbers(parameters.get(name, np.zeros(10)), (-1,), name)[:10]
+    values = checked_numbers(parameters.get(name, np.zeros(10)), (-1,), name)[:10]
     return np.pad(values, (0, 10 - len(values)))
 
 
@@ -179,8 +184,8 @@ def _vertex_transfer(files: BodyFiles, source: str, target: str) -> Callable[[Ar
 
     from physic_core.body import find_correspondence
 
-    rest_source = files.rest(source)
-    rest_target = files.rest(target)
+    rest_source = files.rest_mesh(source)
+    rest_target = files.rest_mesh(target)
     if rest_source is None or rest_target is None:
         return None
     model = files.model(target)

@@ -42,12 +42,12 @@ class Camera:
         pixels: Array = (inside / depth) @ self.K[:2].T
         return pixels
 
-    def in_camera(self, points: Array) -> Array:
+    def to_camera(self, points: Array) -> Array:
         """(..., 3) m of the world, in this camera's frame."""
         moved: Array = points @ self.R.T + self.t
         return moved
 
-    def in_world(self, points: Array) -> Array:
+    def to_world(self, points: Array) -> Array:
         """(..., 3) m of this camera's frame, in the world's."""
         moved: Array = (points - self.t) @ self.R
         return moved

@@ -73,7 +73,7 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
                     [thumbnail_jpeg(one, PICTURE_HEIGHT, numbered=True) for one in results]
                 )
                 links.append([result_link(page.parent, folder) for folder in pair])
-    _report_failures(failures, last=not photos)
+    _report_failures(failures, nothing_follows=not photos)
     about = [
         ("A", [str(a)]),
         ("B", [str(b)]),
@@ -95,9 +95,9 @@ def compare(a: Path, b: Path, as_json: bool, page: Path | None) -> None:
         raise failures[-1]
 
 
-def _report_failures(failures: Sequence[PhysicError], *, last: bool) -> None:
+def _report_failures(failures: Sequence[PhysicError], *, nothing_follows: bool) -> None:
     """Print all failures but the last one, and raise that if nothing else follows."""
     for failure in failures[:-1]:
         echo(f"Error: {failure}", err=True)
-    if failures and last:
+    if failures and nothing_follows:
         raise failures[-1]

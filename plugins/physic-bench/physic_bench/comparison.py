@@ -162,8 +162,8 @@ def compare_results(a: Reconstruction, b: Reconstruction, name: str = "") -> Com
     depths = [one.scene.points[a.scene.valid & b.scene.valid, 2] for one in (a, b)]
     return Comparison(
         photo=a.photo_name or b.photo_name or name,
-        changed=_changed(a, b),
-        grade=(_text(a), _text(b)),
+        changed=_changes(a, b),
+        grade=(_grade_text(a), _grade_text(b)),
         focal_px=(a.intrinsics.fx, b.intrinsics.fx),
         depth_m=(_median(depths[0]), _median(depths[1])),
         depth_difference=error.depth_relative_median
@@ -230,7 +230,7 @@ def summary_lines(
         ("photos", [one.grade for one in photos]),
         ("people", [one.grade for one in pairs]),
     ):
-        steps = Counter(map(_step, grades))
+        steps = Counter(map(_grade_change, grades))
         if graded := [
             f"{steps[step]} {step}" for step in ("better", "worse", "the same") if steps[step]
         ]:
@@ -304,8 +304,8 @@ def _pair(
     return PersonPair(
         index=(first, second),
         grade=(
-            None if one is None else _text(one),
-            None if other is None else _text(other),
+            None if one is None else _grade_text(one),
+            None if other is None else _grade_text(other),
         ),
         distance_m=(
             None if one is None else pelvis_distance_m(one),
@@ -343,7 +343,7 @@ def _difference(one: FloatArray, other: FloatArray) -> JointDifference | None:
     )
 
 
-def _changed(a: Reconstruction, b: Reconstruction) -> tuple[str, ...]:
+def _changes(a: Reconstruction, b: Reconstruction) -> tuple[str, ...]:
     """Return what differs in the photos and configurations of two results, and in the versions of
     their plugins.
     """
@@ -418,7 +418,7 @@ def _median(depths: FloatArray) -> float | None:
     return float(np.median(depths)) if len(depths) else None
 
 
-def _text(one: Person | Reconstruction) -> str | None:
+def _grade_text(one: Person | Reconstruction) -> str | None:
     if one.grade is None:
         return None
     return grade_text(one.grade, one.trust, one.marks if isinstance(one, Person) else None)
@@ -441,7 +441,7 @@ def _metres(value: float | None) -> str:
     return "-" if value is None else f"{value:.2f} m"
 
 
-def _step(grade: tuple[str | None, str | None]) -> str:
+def _grade_change(grade: tuple[str | None, str | None]) -> str:
     """Return in words how the grade of B compares to that of A; "" where one has none. Within
     TRUST_NOISE of the probability they are the same.
     """
@@ -455,7 +455,7 @@ def _step(grade: tuple[str | None, str | None]) -> str:
     return "better" if after < before else "worse"
 
 
-def _further(metres: float) -> str:
+def _distance_change(metres: float) -> str:
     """Return a difference of distances: below a metre in the unit of the joints' differences."""
     return f"{metres:+.2f} m" if abs(metres) >= 1 else f"{round(1000 * metres):+d} mm"
 
@@ -467,13 +467,13 @@ def _sections(photo: Comparison) -> Iterator[tuple[str, Sequence[tuple[Any, ...]
     a, b = photo.depth_m
     ratio = f"x {b / a:.2f}" if a and b else ""
     depth = ("median depth of the scene", _metres(a), _metres(b), ratio)
-    yield "Photo", [("grade", *_grades(photo.grade), _step(photo.grade)), depth]
+    yield "Photo", [("grade", *_grades(photo.grade), _grade_change(photo.grade)), depth]
     for person in photo.people:
         one, other = person.distance_m
-        further = "" if one is None or other is None else _further(other - one)
+        further = "" if one is None or other is None else _distance_change(other - one)
         differences = {"joints": person.joints, "pose": person.pose}
         rows = [
-            ("grade", *_grades(person.grade), _step(person.grade)),
+            ("grade", *_grades(person.grade), _grade_change(person.grade)),
             ("distance", _metres(one), _metres(other), further),
             *(
                 (name, "", "", str(value))

@@ -149,7 +149,7 @@ def _require_frames(found: FrameSet, root: Path) -> None:
         raise InputError(f"no frame of {root} can be evaluated: {reason}")
 
 
-def _reconstructed(
+def _reconstruct(
     frames: Sequence[Frame], config: Config, given: _Given, report: Callable[[str], None]
 ) -> Method:
     """Reconstruct all frames, and return where the results are."""
@@ -173,7 +173,7 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
         )
     _require_complete(chosen, options, given)
     from physic_bench.bodies import BodyFiles
-    from physic_bench.datasets.base import Choice
+    from physic_bench.datasets.base import FrameChoice
     from physic_bench.run import evaluate_methods
     from physic_bench.scoring import columns_with_contact_truths
     from physic_bench.tables import check_results, write_results
@@ -184,12 +184,12 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
     check_results(check_writable(given.out))
     methods = _methods(given)
     config = _config(given) if given.reconstructs else None
-    found = chosen.frames(given.root, Choice(given.frames, given.limit), files, **options)
+    found = chosen.frames(given.root, FrameChoice(given.frames, given.limit), files, **options)
     _require_frames(found, given.root)
     for note in (f"{len(found.frames)} frames", *found.notes):
         report(note)
     if config is not None:
-        methods.insert(0, _reconstructed(found.frames, config, given, report))
+        methods.insert(0, _reconstruct(found.frames, config, given, report))
     records, scored = evaluate_methods(found, methods, files)
     every = [record for own in records.values() for record in own]
     columns = columns_with_contact_truths(
@@ -236,7 +236,7 @@ def _config(given: _Given) -> Config:
 
     config = load_config(given.config, preset=given.preset, overrides=given.overrides)
     resolve(config)
-    config = batch_config(config, cache=False)
+    config = batch_config(config, with_cache=False)
     require_available(resolve(config))
     return config
 

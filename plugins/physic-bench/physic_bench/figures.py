@@ -75,10 +75,10 @@ def mean_column(
     key: str, label: str, definition: str, digits: int = 1, better: str = "low"
 ) -> Column:
     """Return the mean of an entry over the records that have it."""
-    return Column(key, label, definition, partial(_one, key=key), _mean, digits, better)
+    return Column(key, label, definition, partial(_known_value, key=key), _mean, digits, better)
 
 
-def _one(record: Record, key: str) -> Sequence[float] | None:
+def _known_value(record: Record, key: str) -> Sequence[float] | None:
     value = record.get(key)
     return (
         None

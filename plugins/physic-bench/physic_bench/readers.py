@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_bench.contract import TOPOLOGY_OF_COUNT, BenchPerson, Prediction
-from physic_bench.reading import DamagedFrameError, numbers, read_npz, reading
+from physic_bench.reading import DamagedFrameError, checked_numbers, naming_file_in_errors, read_npz
 from physic_core.body import JOINT_NAMES
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def read_plain(folder: Path, frame: Frame) -> Prediction | None:
     if path is None:
         return None
     arrays = read_npz(path)
-    with reading(path):
+    with naming_file_in_errors(path):
         main = next((name for name in ("vertices", "joints") if name in arrays), None)
         if main is None:
             raise DamagedFrameError(
@@ -96,16 +96,18 @@ def read_plain(folder: Path, frame: Frame) -> Prediction | None:
         if len({len(arrays[name]) for name in per_person}) > 1:
             raise DamagedFrameError(f"the first axes of {', '.join(per_person)} must be the people")
         people = tuple(_plain_person(arrays, row) for row in range(len(arrays[main])))
-        K = numbers(arrays["K"], (3, 3), "K") if "K" in arrays else None
+        K = checked_numbers(arrays["K"], (3, 3), "K") if "K" in arrays else None
         return Prediction(
-            people, K, numbers(arrays["floor"], (4,), "floor") if "floor" in arrays else None
+            people,
+            K,
+            checked_numbers(arrays["floor"], (4,), "floor") if "floor" in arrays else None,
         )
 
 
 def _plain_person(arrays: Mapping[str, Any], row: int) -> BenchPerson:
     person = BenchPerson()
     if "vertices" in arrays:
-        vertices = numbers(arrays["vertices"][row], (-1, 3), "vertices")
+        vertices = checked_numbers(arrays["vertices"][row], (-1, 3), "vertices")
         if not 0.2 < np.ptp(vertices, axis=0).max() < 3.0:
             raise DamagedFrameError("vertices must be of a person in metres")
         person = replace(person, vertices=vertices, topology=_topology(arrays, len(vertices)))
@@ -118,7 +120,7 @@ def _plain_person(arrays: Mapping[str, Any], row: int) -> BenchPerson:
             )
         person = replace(person, joints=joints, joint_names=names)
     if "contact" in arrays:
-        contact = numbers(arrays["contact"][row], (-1,), "contact") >= 0.5
+        contact = checked_numbers(arrays["contact"][row], (-1,), "contact") >= 0.5
         person = replace(person, contact=contact, contact_topology=_topology(arrays, len(contact)))
     return person
 

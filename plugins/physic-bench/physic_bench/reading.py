@@ -31,7 +31,7 @@ class DamagedFrameError(InputError):
 
 
 @contextmanager
-def reading(path: Path) -> Iterator[None]:
+def naming_file_in_errors(path: Path) -> Iterator[None]:
     """Turn every error of the block into one that names the file.
 
     Raises:
@@ -49,7 +49,7 @@ def reading(path: Path) -> Iterator[None]:
         ) from error
 
 
-def numbers(values: Any, shape: tuple[int, ...], what: str) -> Array:
+def checked_numbers(values: Any, shape: tuple[int, ...], what: str) -> Array:
     """Return finite float64 numbers of a shape; -1 is any length.
 
     Raises:
@@ -66,13 +66,13 @@ def numbers(values: Any, shape: tuple[int, ...], what: str) -> Array:
         ) from error
 
 
-def rotation(values: Any, what: str) -> Array:
+def checked_rotation(values: Any, what: str) -> Array:
     """Return a rotation (3, 3).
 
     Raises:
         DamagedFrameError: it is scaled or a mirror image.
     """
-    matrix = numbers(values, (3, 3), what)
+    matrix = checked_numbers(values, (3, 3), what)
     if np.abs(matrix @ matrix.T - np.eye(3)).max() > 1e-2 or np.linalg.det(matrix) < 0:
         raise DamagedFrameError(f"'{what}' is not a rotation: it is scaled or a mirror image")
     return matrix
@@ -84,7 +84,7 @@ def read_json(path: Path) -> Any:
     Raises:
         DamagedFrameError: it cannot be read.
     """
-    with reading(path):
+    with naming_file_in_errors(path):
         return json.loads(path.read_text(encoding="utf-8"))
 
 
@@ -96,7 +96,7 @@ def read_npz(path: Path) -> dict[str, Any]:
     """
     from physic_core.files import open_regular, read_arrays
 
-    with reading(path), open_regular(path) as stream:
+    with naming_file_in_errors(path), open_regular(path) as stream:
         return dict(read_arrays(stream))
 
 
@@ -109,7 +109,7 @@ def read_pickled(path: Path) -> dict[str, Any]:
     """
     from physic_core.body import PickledObject, as_array, read_pickle
 
-    with reading(path):
+    with naming_file_in_errors(path):
         found = read_pickle(path)
         return {
             name: as_array(value) if isinstance(value, PickledObject) else value
@@ -125,10 +125,10 @@ def read_mesh(path: Path) -> Any:
     """
     import trimesh
 
-    with reading(path):
+    with naming_file_in_errors(path):
         mesh = trimesh.load(path, process=False, maintain_order=True)
         mesh = mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh
-        numbers(mesh.vertices, (-1, 3), "vertices")
+        checked_numbers(mesh.vertices, (-1, 3), "vertices")
     return mesh
 
 
@@ -154,7 +154,11 @@ def open_picture(path: Path) -> Iterator[Image]:
 
     source = ImageSource(str(path), path=path, what="picture")
     try:
-        with reading(path), open_image(source) as (image, _), wrap_decoding_errors(source):
+        with (
+            naming_file_in_errors(path),
+            open_image(source) as (image, _),
+            wrap_decoding_errors(source),
+        ):
             yield image
     except InputError as error:
         raise DamagedFrameError(str(error)) from error

@@ -164,7 +164,7 @@ def score_frame(
             record["grade"] = found.grade
             record |= pose_errors(found, person, files, record["unmeasured"])
             record |= contact_errors(found, contacts, files, record["unmeasured"])
-            record |= _physics(frame, truth, found, contacts, files)
+            record |= _scene_errors(frame, truth, found, contacts, files)
             if prediction.K is not None:
                 focal = [float(np.sqrt(K[0, 0] * K[1, 1])) for K in (prediction.K, frame.camera.K)]
                 record["focal_ratio"] = focal[0] / focal[1]
@@ -218,9 +218,9 @@ def pose_errors(
         unmeasured.append("the result has no joints by name")
     if person.vertices is None or found.vertices is None:
         return record
-    mesh = files.carry(person.vertices, person.topology, found.topology)
+    mesh = files.transfer(person.vertices, person.topology, found.topology)
     if mesh is None:
-        unmeasured.append(_no_way("vertices", found.topology, person.topology))
+        unmeasured.append(_no_transfer_text("vertices", found.topology, person.topology))
         return record
     if found.topology != person.topology:
         record["carried"] = f"the true mesh from {person.topology} to {found.topology}"
@@ -278,9 +278,9 @@ def contact_errors(
     if not contacts or found.contact is None:
         return {"contact": {}}
     main, target = next(iter(contacts.values()))
-    predicted = files.carry_contact(found.contact, found.contact_topology, target)
+    predicted = files.transfer_contact(found.contact, found.contact_topology, target)
     if predicted is None:
-        unmeasured.append(_no_way("contact", found.contact_topology, target))
+        unmeasured.append(_no_transfer_text("contact", found.contact_topology, target))
         return {"contact": {}}
     record: Record = {
         "contact": {name: _counts(predicted, contact) for name, (contact, _) in contacts.items()}
@@ -301,7 +301,7 @@ def _counts(predicted: Bools, truth: Bools) -> dict[str, int]:
     return {name: int(value) for name, value in vars(contact_counts(predicted, truth)).items()}
 
 
-def _physics(
+def _scene_errors(
     frame: Frame, truth: Truth, found: BenchPerson, contacts: Contacts, files: BodyFiles
 ) -> Record:
     """Return penetration and floating of the predicted body in the true scene, mm."""
@@ -315,7 +315,7 @@ def _physics(
     }
     if contacts:
         contact, topology = next(iter(contacts.values()))
-        carried = files.carry_contact(contact, topology, found.topology)
+        carried = files.transfer_contact(contact, topology, found.topology)
         if carried is not None:
             record["floating_mm"] = 1000 * float(contact_gap(distance, carried, PROXIMITY_RADIUS_M))
     return record
@@ -336,7 +336,7 @@ def _rows(person: BenchPerson, wanted: Sequence[str]) -> Array:
     ]
 
 
-def _no_way(what: str, source: str, target: str) -> str:
+def _no_transfer_text(what: str, source: str, target: str) -> str:
     files = sorted({f"--{name} FILE" for name in (source, target) if name in ("smpl", "smplx")})
     need = " and ".join(files) or "a body model file of both, which are not known"
     return (
@@ -349,17 +349,17 @@ def _distance(frame: Frame, scene: Surface | Callable[[Array], Array], points: A
     """Return the signed distance (N,) m of points (N, 3) of the camera frame to a scene."""
     if callable(scene):
         return scene(points)
-    return _index_of(scene).signed_distance(frame.camera.in_world(points))
+    return _search_index(scene).signed_distance(frame.camera.to_world(points))
 
 
 @lru_cache(maxsize=2)
-def _index_of(scene: Surface) -> SceneIndex:
-    return SceneIndex.build(scene)
+def _search_index(surface: Surface) -> SceneIndex:
+    return SceneIndex.build(surface)
 
 
 @lru_cache(maxsize=4)
 def _graph_of(files: BodyFiles, topology: str) -> csr_array | None:
-    rest = files.rest(topology)
+    rest = files.rest_mesh(topology)
     return None if rest is None else surface_graph(rest.vertices, rest.faces)
 
 

@@ -73,8 +73,8 @@ def write_results(
         "differences": _numbers(differences),
     }
     texts = (
-        "\n".join([header, "", _drawn(aligned_table, parts, first), "", *lines, ""]),
-        "\n".join([header, "", _drawn(markdown_table, parts, first), "", *bullets, ""]),
+        "\n".join([header, "", _tables_text(aligned_table, parts, first), "", *lines, ""]),
+        "\n".join([header, "", _tables_text(markdown_table, parts, first), "", *bullets, ""]),
         json.dumps(to_json(found, digits=9), indent=1) + "\n",
     )
     with atomic_write(folder) as temporary:
@@ -83,7 +83,7 @@ def write_results(
     return [folder / name for name in FILES]
 
 
-def _drawn(
+def _tables_text(
     draw: Callable[[list[list[str]]], str], tables: Sequence[list[list[str]]], first: str
 ) -> str:
     """Return the figures, and below them the differences from the first method if there are any."""

@@ -182,7 +182,7 @@ def moved_by(matrix, points):
 
 def moved_parameters(files, matrix, parameters, gender):
     """Parameters of the same body after a rigid transform."""
-    pelvis = files.bodies.smplx_body({**parameters, "transl": np.zeros(3)}, gender)[1][0]
+    pelvis = files.bodies.pose_smplx({**parameters, "transl": np.zeros(3)}, gender)[1][0]
     turned = Rotation.from_matrix(matrix[:3, :3]) * Rotation.from_rotvec(
         parameters["global_orient"]
     )

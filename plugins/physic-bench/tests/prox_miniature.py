@@ -73,7 +73,7 @@ def write_prox(root, files, mesh_frame="vicon"):
     for name, pose in POSES.items():
         betas = np.array([0.5, -0.3, *[0.0] * 8])
         parameters = _on_floor(files, {**STANDING, **pose, "betas": betas})
-        vertices, joints = files.bodies.smplx_body(parameters, "male")
+        vertices, joints = files.bodies.pose_smplx(parameters, "male")
         key = f"{recording}/{name}"
         made.vertices[key] = vertices
         made.joints[key] = joints
@@ -99,7 +99,7 @@ def write_prox(root, files, mesh_frame="vicon"):
 
 def _on_floor(files, parameters):
     down = TO_SCENE[2, :3]  # up of the scene, in the camera frame
-    lowest = moved_by(TO_SCENE, files.bodies.smplx_body(parameters, "male")[0])[:, 2].min()
+    lowest = moved_by(TO_SCENE, files.bodies.pose_smplx(parameters, "male")[0])[:, 2].min()
     return parameters | {"transl": np.array(parameters["transl"]) + down * (0.01 - lowest)}
 
 

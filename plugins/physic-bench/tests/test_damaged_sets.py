@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from physic_bench.datasets.base import Choice
+from physic_bench.datasets.base import FrameChoice
 from physic_bench.datasets.rich import DATA_SET as RICH
 from physic_bench.reading import DamagedFrameError
 
@@ -44,7 +44,7 @@ def test_a_damaged_calibration_leaves_out_its_camera(rich, files, tmp_path, old,
     file = root / "scan_calibration/LectureHall_lunge/calibration/003.xml"
     assert old in file.read_text()
     file.write_text(file.read_text().replace(old, new))
-    found = RICH.frames(root, Choice(), files.bodies, "test")
+    found = RICH.frames(root, FrameChoice(), files.bodies, "test")
     assert [frame.id for frame in found.frames] == [f"{SEQUENCE}/00042/0"]
     assert str(file) in found.left_out[f"{SEQUENCE}/00042/3"]
 
@@ -62,6 +62,6 @@ def test_a_damaged_calibration_leaves_out_its_camera(rich, files, tmp_path, old,
 def test_a_damaged_file_is_the_reason_of_its_frames(rich, files, tmp_path, name, content):
     root = Path(shutil.copytree(rich, tmp_path / "the set"))
     (root / name).write_bytes(content)
-    for frame in RICH.frames(root, Choice(), files.bodies, "test").frames:
+    for frame in RICH.frames(root, FrameChoice(), files.bodies, "test").frames:
         with pytest.raises(DamagedFrameError, match=Path(name).name):
             frame.truth()

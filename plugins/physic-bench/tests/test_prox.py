@@ -10,7 +10,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from physic_bench.datasets.base import Choice
+from physic_bench.datasets.base import FrameChoice
 from physic_bench.datasets.prox import DATA_SET
 from physic_bench.reading import picture_file
 from physic_core.body.joints import JOINT_NAMES
@@ -89,7 +89,7 @@ def test_a_shift_of_5_cm_down_has_an_error_of_5_cm_in_every_measure(mini, files,
 
 
 def frames_of(mini, files):
-    return DATA_SET.frames(mini.root, Choice(), files.bodies, "auto")
+    return DATA_SET.frames(mini.root, FrameChoice(), files.bodies, "auto")
 
 
 @pytest.mark.parametrize("frame", ["camera", "scene"])

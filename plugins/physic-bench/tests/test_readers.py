@@ -51,4 +51,4 @@ def test_a_file_that_cannot_be_read_is_named(read, content, tmp_path):
 )
 def test_parameters_that_are_no_body_are_refused(change, files):
     with pytest.raises(DamagedFrameError, match=next(iter(change))):
-        files.bodies.smplx_body(change)
+        files.bodies.pose_smplx(change)

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from physic_bench.datasets.base import Choice
+from physic_bench.datasets.base import FrameChoice
 from physic_bench.datasets.rich import DATA_SET
 from physic_core.body.joints import JOINT_NAMES
 
@@ -55,7 +55,7 @@ def root(files, tmp_path_factory):
         )
         colours = np.tile(np.array([200, 200, 200, 255], np.uint8), (10475, 1))
         colours[:50] = 0, 255, 0, 255
-        vertices, _ = files.bodies.smplx_body(parameters, "male")
+        vertices, _ = files.bodies.pose_smplx(parameters, "male")
         trimesh.Trimesh(vertices, files.faces, vertex_colors=colours, process=False).export(
             contacts / f"{subject}.obj"
         )
@@ -85,7 +85,7 @@ def root(files, tmp_path_factory):
 def true_people(root, files, view):
     """Vertices (2, 10475, 3) and joints (2, 22, 3) in a camera."""
     genders = ("male", "neutral")
-    both = [files.bodies.smplx_body(parameters_of(row), one) for row, one in enumerate(genders)]
+    both = [files.bodies.pose_smplx(parameters_of(row), one) for row, one in enumerate(genders)]
     vertices, joints = (moved_by(VIEWS[view], np.stack(part)) for part in zip(*both, strict=True))
     return vertices, joints[:, :22]
 
@@ -102,7 +102,7 @@ def test_bodies_views_and_contact_of_both_meshes(root, files, tmp_path):
             vertices=vertices,
             joints=joints,
             joint_names=np.array(JOINT_NAMES[:22]),
-            contact=np.stack([files.bodies.carry_contact(truth, "smpl", "smplx")] * 2),
+            contact=np.stack([files.bodies.transfer_contact(truth, "smpl", "smplx")] * 2),
         )
     arguments = ["rich", str(root), "-o", str(tmp_path / "out"), *files.arguments()]
     done = run(*arguments, "--results", f"theirs=plain:{tmp_path / 'theirs'}")
@@ -120,7 +120,7 @@ def test_contact_of_the_coloured_mesh_and_the_camera(root, files, tmp_path):
     root = Path(shutil.copytree(root, tmp_path / "the set"))
     for published in (root / "human_scene_contact").rglob("*.pkl"):
         published.unlink()
-    frames = DATA_SET.frames(root, Choice(), files.bodies, "test").frames
+    frames = DATA_SET.frames(root, FrameChoice(), files.bodies, "test").frames
     assert [frame.id for frame in frames] == [f"{SEQUENCE}/00042/{view}" for view in VIEWS]
     truth = frames[1].truth()
     assert [int(person.contact.sum()) for person in truth.people] == [50, 50]

@@ -57,11 +57,13 @@ class ExportedPerson:
         index: of the person in the result.
         rig: in the frame of the file, z up and the floor at z = 0.
         vertices: (V, 3) of the pose.
-        feet: sides of the feet that carry the person alone; none if another part carries, too.
-        on_floor: sides of the feet that touch the floor, with the heel less than SOLE_REACH_M over
-            it.
-        unsteady: whether the result says that the feet carry the person on too little ground.
-        falls: why a simulation does not keep the person up; "" if it does, or if that is not known.
+        carrying_feet: sides of the feet that carry the person alone; none if another part carries,
+            too.
+        feet_on_floor: sides of the feet that touch the floor, with the heel less than SOLE_REACH_M
+            over it.
+        is_unsteady: whether the result says that the feet carry the person on too little ground.
+        why_falling: why a simulation does not keep the person up; "" if it does, or if that is not
+            known.
         turned_deg: angle about the ankles; None if the person was not to be turned.
         inside_m: distance of the centre of mass from the edge of the soles, negative outside; None
             like the angle.
@@ -70,19 +72,19 @@ class ExportedPerson:
     index: int
     rig: Rig
     vertices: Array
-    feet: tuple[str, ...] = ()
-    on_floor: tuple[str, ...] = ()
-    unsteady: bool = False
-    falls: str = ""
+    carrying_feet: tuple[str, ...] = ()
+    feet_on_floor: tuple[str, ...] = ()
+    is_unsteady: bool = False
+    why_falling: str = ""
     turned_deg: float | None = None
     inside_m: float | None = None
 
     @property
-    def ground(self) -> dict[str, float]:
+    def ground_heights(self) -> dict[str, float]:
         """Height of the ground under each foot that stands: the floor, or a step of the scene."""
         part = vertex_segments(self.rig.weights)
-        steps = {side: float(self.foot(side, part)[:, 2].min()) for side in self.feet}
-        return steps | dict.fromkeys(self.on_floor, 0.0)
+        steps = {side: float(self.foot(side, part)[:, 2].min()) for side in self.carrying_feet}
+        return steps | dict.fromkeys(self.feet_on_floor, 0.0)
 
     def foot(self, side: str, part: NDArray[np.int64]) -> Array:
         """Return the vertices (n, 3) of a foot; ``part`` (V,) are the segments of the vertices."""
@@ -92,12 +94,12 @@ class ExportedPerson:
     @property
     def note(self) -> str:
         """Return what the turn did, or why the person falls; "" if neither is known."""
-        if self.falls:
-            return f"person {self.index} falls in a simulation: {self.falls}"
+        if self.why_falling:
+            return f"person {self.index} falls in a simulation: {self.why_falling}"
         if self.turned_deg is None or self.inside_m is None:
             return ""
         place = f"the mass is {100 * self.inside_m:.1f} cm inside the edge of the soles"
-        if self.unsteady:
+        if self.is_unsteady:
             place += ", and it stands on too little ground: it may fall"
         if self.turned_deg == 0:
             return f"person {self.index} is not turned: {place}"
@@ -121,15 +123,15 @@ def tiles_beside(
     bodies = []
     steps = []
     for person in people:
-        if not person.feet:
+        if not person.carrying_feet:
             continue
         part = vertex_segments(person.rig.weights)
         vertices = transform_points(to_camera, person.vertices)
         bodies += [vertices[part == joint] for joint in range(NUM_BODIES)]
         steps += [
             step_under(person.foot(side, part), to_camera)
-            for side in person.feet
-            if side not in person.on_floor
+            for side in person.carrying_feet
+            if side not in person.feet_on_floor
         ]
     kept = tiles_without(tiles, bodies)
     left_out = len(tiles) - len(kept)
@@ -229,28 +231,28 @@ def balanced(person: ExportedPerson) -> ExportedPerson:
     height = float(person.vertices[:, 2].min())
     turned = person
     edges, centre = _sole_edges(turned)
-    inside = _inside(edges, centre)
+    inside = _distance_inside(edges, centre)
     if inside >= INSIDE_M:
         return replace(person, turned_deg=0.0, inside_m=inside)
     for _ in range(_STEPS):
         aim = _aim(edges, centre)
         if np.linalg.norm(centre[:2] - aim) < _NEAR_M:
             break
-        rig = _turned(turned.rig, centre, aim, person.feet)
-        turned = _set_down(replace(turned, rig=rig, vertices=rig.posed()), height)
+        rig = _turned(turned.rig, centre, aim, person.carrying_feet)
+        turned = _set_down(replace(turned, rig=rig, vertices=rig.posed_vertices()), height)
         edges, centre = _sole_edges(turned)
     change = rotmat_to_rotvec(turned.rig.rotations[0] @ person.rig.rotations[0].T)
     angle = float(np.rad2deg(np.linalg.norm(change)))
     if angle > MAX_TURN_DEG:
-        return replace(person, falls=f"its mass is {-100 * inside:.0f} cm outside its soles")
-    return replace(turned, turned_deg=angle, inside_m=_inside(edges, centre))
+        return replace(person, why_falling=f"its mass is {-100 * inside:.0f} cm outside its soles")
+    return replace(turned, turned_deg=angle, inside_m=_distance_inside(edges, centre))
 
 
 def _turned(rig: Rig, centre: Array, aim: Array, feet: Sequence[str]) -> Rig:
     """Return a rig whose centre of mass (3,) is turned about the ankles towards the vertical over a
     point (2,).
     """
-    world = rig.world()
+    world = rig.joint_poses()
     ankles = [JOINT_INDEX[f"{side}_ankle"] for side in feet]
     pivot = world[ankles, :3, 3].mean(0)
     arm = centre - pivot
@@ -283,14 +285,14 @@ def _sole_edges(person: ExportedPerson) -> tuple[Array, Array]:
     An edge is its unit normal outwards and its offset. Toes do not count: they are too weak to
     balance a body.
     """
-    segments = body_segments(person.rig, person.vertices, person.ground)
-    world = person.rig.world()
+    segments = body_segments(person.rig, person.vertices, person.ground_heights)
+    world = person.rig.joint_poses()
     masses = np.array([one.mass for one in segments])
     centres = [
         pose[:3, :3] @ trimesh.Trimesh(*one.hull, process=False).center_mass + pose[:3, 3]
         for one, pose in zip(segments, world, strict=False)
     ]
-    joints = [JOINT_INDEX[f"{side}_ankle"] for side in person.feet]
+    joints = [JOINT_INDEX[f"{side}_ankle"] for side in person.carrying_feet]
     soles = [
         segments[joint].soles @ world[joint, :3, :3].T + world[joint, :3, 3] for joint in joints
     ]
@@ -298,7 +300,7 @@ def _sole_edges(person: ExportedPerson) -> tuple[Array, Array]:
     return edges, masses @ np.stack(centres) / masses.sum()
 
 
-def _inside(edges: Array, centre: Array) -> float:
+def _distance_inside(edges: Array, centre: Array) -> float:
     return float(-(edges[:, :2] @ centre[:2] + edges[:, 2]).max())
 
 

@@ -87,8 +87,10 @@ def _body_look(colors: Skins, glb: GlbBuilder, index: int, request: ExportReques
     contact = encode_image(colors.contact_image(index), "PNG"), "image/png"
     photo = encode_image(colors.photo_images(index)[0], "JPEG")
     skin = str(request.options["skin"])
-    look = photo_appearance(glb, f"person_{index}", photo, contact, mesh, dressed.shown, skin)
-    return replace(look, attributes={**look.attributes, "_FILLED": dressed.filled[mesh.vertex]})
+    look = photo_appearance(glb, f"person_{index}", photo, contact, mesh, dressed.shown_share, skin)
+    return replace(
+        look, attributes={**look.attributes, "_FILLED": dressed.guessed_share[mesh.vertex]}
+    )
 
 
 def add_animation(
@@ -101,12 +103,12 @@ def add_animation(
         seconds: time of each pose.
         skeletons: indices of the joints, and their pose at each time.
     """
-    times = glb.accessor(np.array(seconds, np.float32), bounds=True)
+    times = glb.add_accessor(np.array(seconds, np.float32), with_bounds=True)
     samplers: list[dict[str, Any]] = []
     channels: list[dict[str, Any]] = []
 
     def add(node: int, path: str, values: NDArray[np.float64]) -> None:
-        output = glb.accessor(values.astype(np.float32))
+        output = glb.add_accessor(values.astype(np.float32))
         samplers.append({"input": times, "output": output})
         channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
 

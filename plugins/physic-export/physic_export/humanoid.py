@@ -153,16 +153,17 @@ class Hinge:
         angle: in the pose of the photo, radians.
         low: limit, radians, at most ``angle``.
         high: limit, radians, at least ``angle``.
-        posed: (3,) axis in the frame of the segment, in the pose.
-        resting: (3,) axis in the frame of the segment, where this hinge and those after it are 0.
+        axis_in_pose: (3,) axis in the frame of the segment, in the pose.
+        axis_at_rest: (3,) axis in the frame of the segment, where this hinge and those after it are
+            0.
     """
 
     axis: str
     angle: float
     low: float
     high: float
-    posed: Array
-    resting: Array
+    axis_in_pose: Array
+    axis_at_rest: Array
 
 
 @dataclass(frozen=True)
@@ -187,7 +188,7 @@ class Segment:
         parent: index of the segment that it hangs on; -1 for the pelvis.
         pose: (4, 4) in the frame of its parent in the pose of the photo, or in that of the file for
             the pelvis.
-        zero: (4, 4) the same with all hinges at 0.
+        zero_pose: (4, 4) the same with all hinges at 0.
         hinges: from the parent to the segment; none for the pelvis.
         mass: kg.
         skin: vertices (V, 3) and faces of its skin.
@@ -200,7 +201,7 @@ class Segment:
     name: str
     parent: int
     pose: Array
-    zero: Array
+    zero_pose: Array
     hinges: tuple[Hinge, ...]
     mass: float
     skin: Mesh
@@ -238,7 +239,7 @@ def body_segments(rig: Rig, vertices: Array, ground: Mapping[str, float]) -> lis
         vertices: (V, 3) posed, in that frame, with the floor at z = 0.
         ground: height of the ground under each foot that stands, by side.
     """
-    poses = rig.world()
+    poses = rig.joint_poses()
     part = vertex_segments(rig.weights)
     hulls = [convex_hull(vertices[part == joint]) for joint in range(NUM_BODIES)]
     volumes = np.array([_volume(*hull) for hull in hulls])

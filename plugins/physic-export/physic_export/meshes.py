@@ -177,7 +177,7 @@ _PROPERTY = {"f4": "float", "u1": "uchar", "i4": "int"}
 def _header(request: ExportRequest, skins: Skins, vertices: int, faces: int) -> bytes:
     frame = request.frame
     floor = request.result.scene.floor
-    plane = "none" if floor is None else _plane(frame, floor)
+    plane = "none" if floor is None else _floor_equation(frame, floor)
     lines = [
         "ply",
         "format binary_little_endian 1.0",
@@ -199,7 +199,7 @@ def _header(request: ExportRequest, skins: Skins, vertices: int, faces: int) -> 
     return "\n".join(lines).encode("ascii")
 
 
-def _plane(frame: ExportFrame, floor: Plane) -> str:
+def _floor_equation(frame: ExportFrame, floor: Plane) -> str:
     """Return the floor as an equation in the frame."""
     normal = frame.from_camera[:3, :3] @ np.asarray(floor.normal, np.float64)
     offset = floor.offset - float(normal @ frame.from_camera[:3, 3])
@@ -253,21 +253,21 @@ def export_obj(request: ExportRequest) -> ExportedFiles:
     at = (1, 1)
     if scene is not None and scene.uv is not None:
         files[f"{request.stem}_scene.jpg"] = encode_image(request.result.scene.colors, "JPEG")
-        at = _write(text, scene, "scene", scene.uv, scene.faces, at)
+        at = _append_object(text, scene, "scene", scene.uv, scene.faces, at)
     for mesh in person_meshes(request, skins):
         uv = np.zeros((0, 2))
         corners = None
         if skins.mesh is not None:
             uv = skins.mesh.uv.astype(np.float64)
             corners = skins.mesh.faces
-        at = _write(text, mesh, f"{mesh.name}_{skins.kind}", uv, corners, at)
+        at = _append_object(text, mesh, f"{mesh.name}_{skins.kind}", uv, corners, at)
     files[f"{request.stem}.mtl"] = _materials(request, skins, scene is not None).encode("ascii")
     return ExportedFiles(
         {f"{request.stem}{request.suffix}": "".join(text).encode("ascii"), **files}, skins.notes
     )
 
 
-def _write(
+def _append_object(
     text: list[str],
     mesh: ColoredMesh,
     material: str,
@@ -314,10 +314,10 @@ def _lines(form: str, rows: NDArray[Any]) -> list[str]:
 _MATERIAL = "newmtl {name}\nKa 0 0 0\nKd {color}\nKs 0 0 0\nillum 1\n"
 
 
-def _materials(request: ExportRequest, skins: Skins, scene: bool) -> str:
+def _materials(request: ExportRequest, skins: Skins, with_scene: bool) -> str:
     made = []
     white = "1 1 1"
-    if scene:
+    if with_scene:
         made.append(
             _MATERIAL.format(name="scene", color=white) + f"map_Kd {request.stem}_scene.jpg\n"
         )

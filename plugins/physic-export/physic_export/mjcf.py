@@ -74,15 +74,17 @@ class _File:
         """Add a mesh whose numbers are in the file itself, closed unless it has texture coordinates
         (V, 2), v up; return the attributes of a geom of the same name that shows it.
         """
-        made = SubElement(self.asset, "mesh", name=name, vertex=numbers(vertices.reshape(-1), 4))
+        made = SubElement(
+            self.asset, "mesh", name=name, vertex=number_text(vertices.reshape(-1), 4)
+        )
         made.set("face", " ".join(map(str, faces.reshape(-1).tolist())))
         if uv is not None:
-            made.set("texcoord", numbers((uv * [1, -1] + [0, 1]).reshape(-1), 5))
+            made.set("texcoord", number_text((uv * [1, -1] + [0, 1]).reshape(-1), 5))
             made.set("inertia", "shell")  # an open surface has no volume
         return {"name": name, "type": "mesh", "mesh": name}
 
 
-def numbers(values: Iterable[float], digits: int = 6) -> str:
+def number_text(values: Iterable[float], digits: int = 6) -> str:
     """Return numbers as text."""
     return " ".join(f"{value:.{digits}f}" for value in values)
 
@@ -118,7 +120,7 @@ def _add_humanoid(
         own = name if segment.parent < 0 else f"{name}_{segment.name}"
         quaternion = rotmat_to_quat(segment.pose[:3, :3])[[3, 0, 1, 2]]
         above = file.world if segment.parent < 0 else bodies[segment.parent]
-        place = {"pos": numbers(segment.pose[:3, 3]), "quat": numbers(quaternion, 8)}
+        place = {"pos": number_text(segment.pose[:3, 3]), "quat": number_text(quaternion, 8)}
         body = SubElement(above, "body", {"name": own} | place)
         bodies.append(body)
         _add_inertia(body, segment.mass, *inertia_of(segment.hull, segment.mass))
@@ -128,7 +130,11 @@ def _add_humanoid(
             joint = f"{own}_{hinge.axis}"
             limits = np.rad2deg([hinge.low - hinge.angle, hinge.high - hinge.angle])
             SubElement(
-                body, "joint", name=joint, axis=numbers(hinge.posed, 8), range=numbers(limits)
+                body,
+                "joint",
+                name=joint,
+                axis=number_text(hinge.axis_in_pose, 8),
+                range=number_text(limits),
             )
             resting[joint] = -hinge.angle
             _add_actuator(file.actuators, joint, max_torque(segment.name, mass))
@@ -147,7 +153,7 @@ def _add_t_pose(root: Element, resting: dict[str, float]) -> None:
                 places += [body.attrib["pos"], body.attrib["quat"]]
             elif joint.tag == "joint":
                 places.append(f"{resting[joint.attrib['name']]:.6f}")
-    controls = numbers(resting[one.attrib["joint"]] for one in root.iter("position"))
+    controls = number_text(resting[one.attrib["joint"]] for one in root.iter("position"))
     key = SubElement(root, "keyframe")
     SubElement(key, "key", name="t_pose", qpos=" ".join(places), ctrl=controls)
 
@@ -161,7 +167,7 @@ def _add_actuator(actuators: Element, joint: str, torque: float) -> None:
         joint=joint,
         kp=f"{stiffness:.2f}",
         kv=f"{stiffness * RESPONSE_S:.3f}",
-        forcerange=numbers((-torque, torque), 3),
+        forcerange=number_text((-torque, torque), 3),
         inheritrange="1",
     )
 
@@ -179,14 +185,14 @@ def _add_shapes(
         shapes = [
             {
                 "type": "capsule",
-                "fromto": numbers(capsule.ends.ravel()),
+                "fromto": number_text(capsule.ends.ravel()),
                 "size": f"{capsule.radius:.5f}",
             }
         ]
     else:
         shapes = [file.add_mesh(name, *segment.hull)]
     shapes += [
-        {"type": "sphere", "pos": numbers(point), "size": f"{SOLE_RADIUS_M:g}"}
+        {"type": "sphere", "pos": number_text(point), "size": f"{SOLE_RADIUS_M:g}"}
         for point in segment.soles
     ]
     for number, shape in enumerate(shapes):
@@ -202,7 +208,7 @@ def _add_inertia(
 ) -> None:
     """Add the mass of a body: readers that skip meshes in the file would leave it out."""
     moments = [inertia[at] for at in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-    shape = {"pos": numbers(center), "fullinertia": numbers(moments, 9)}
+    shape = {"pos": number_text(center), "fullinertia": number_text(moments, 9)}
     SubElement(body, "inertial", {"mass": f"{mass:.4f}"} | shape)
 
 
@@ -295,7 +301,7 @@ def _file(
         bit = 2 << person.index % _PERSON_BITS
         geom = {"contype": str(bit), "conaffinity": str(2**31 - 1 - bit), "group": "3"}
         geom |= {"friction": FRICTION, "rgba": RGBA}
-        segments = body_segments(person.rig, person.vertices, person.ground)
+        segments = body_segments(person.rig, person.vertices, person.ground_heights)
         resting |= _add_humanoid(file, f"person_{person.index}", segments, geom)
     if resting:
         _add_t_pose(root, resting)
@@ -315,7 +321,7 @@ def _add_visual(root: Element, camera: Intrinsics) -> None:
 def _add_tile(file: _File, name: str, tile: Tile, matrix: NDArray[np.float64]) -> None:
     """Add a collision mesh of the scene."""
     shape = file.add_mesh(name, transform_points(matrix, tile.vertices), tile.faces)
-    SubElement(file.world, "geom", shape | {"rgba": numbers([*tile.color, 1.0], 3)} | _HARD)
+    SubElement(file.world, "geom", shape | {"rgba": number_text([*tile.color, 1.0], 3)} | _HARD)
 
 
 def _add_camera(world: Element, camera: Intrinsics, pose: NDArray[np.float64]) -> None:
@@ -323,8 +329,8 @@ def _add_camera(world: Element, camera: Intrinsics, pose: NDArray[np.float64]) -
         world,
         "camera",
         name="photo",
-        pos=numbers(pose[:3, 3]),
-        quat=numbers(rotmat_to_quat(pose[:3, :3])[[3, 0, 1, 2]]),
+        pos=number_text(pose[:3, 3]),
+        quat=number_text(rotmat_to_quat(pose[:3, :3])[[3, 0, 1, 2]]),
         fovy=f"{math.degrees(2 * math.atan(camera.height / camera.fy / 2)):.6f}",
         resolution=f"{camera.width} {camera.height}",
     )
@@ -385,7 +391,7 @@ def _add_rigid(
         )
     pelvis = transform_points(matrix, person.joints[0])
     vertices = transform_points(matrix, person.vertices) - pelvis
-    body = SubElement(file.world, "body", name=name, mocap="true", pos=numbers(pelvis))
+    body = SubElement(file.world, "body", name=name, mocap="true", pos=number_text(pelvis))
     mass = DENSITY_KG_M3 * trimesh.Trimesh(vertices, model.faces, process=False).volume
     _add_inertia(body, mass, *inertia_of((vertices, model.faces), mass))
     skin = file.add_mesh(name, vertices, model.faces)

@@ -187,5 +187,5 @@ def t_pose(rig: Rig, up: NDArray[np.float64]) -> Rig:
     rotations[pelvis] = np.stack([np.cross(up, forward), up, forward], 1)
     standing = replace(rig, rotations=rotations)
     offsets = rig.offsets.copy()
-    offsets[pelvis] -= (standing.posed() @ up).min() * up
+    offsets[pelvis] -= (standing.posed_vertices() @ up).min() * up
     return replace(standing, offsets=offsets)

@@ -61,7 +61,7 @@ class Skins:
         if self.kind == "contact":
             return contact_colors(person, result.contact_partners)
         if self.kind == "photo":
-            fill = dressed_bodies(result).people[index].fill
+            fill = dressed_bodies(result).people[index].guessed_colors
             return np.clip(np.round(fill), 0, 255).astype(np.uint8)
         return np.tile(np.array(BODY_RGB, np.uint8), (len(person.vertices), 1))
 

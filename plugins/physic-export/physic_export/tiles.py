@@ -138,7 +138,10 @@ def tiles_without(tiles: Sequence[Tile], bodies: Sequence[Array]) -> list[Tile]:
             for body, own in hulls
             if (body.max(0) > low).all() and (body.min(0) < high).all()
         ]
-        if all(max(_depth(points, own), _depth(body, facets)) <= PRESSED_M for body, own in near):
+        if all(
+            max(_depth_inside(points, own), _depth_inside(body, facets)) <= PRESSED_M
+            for body, own in near
+        ):
             kept.append(tile)
     return kept
 
@@ -161,12 +164,12 @@ def parts_that_meet(one: Sequence[Array], other: Sequence[Array]) -> list[tuple[
             apart = np.maximum(points.min(0) - others.max(0), others.min(0) - points.max(0))
             if apart.max() > MEET_M:
                 continue
-            if max(_depth(points, theirs), _depth(others, own)) > -MEET_M:
+            if max(_depth_inside(points, theirs), _depth_inside(others, own)) > -MEET_M:
                 pairs.append((first, second))
     return pairs
 
 
-def _depth(points: Array, facets: Array) -> float:
+def _depth_inside(points: Array, facets: Array) -> float:
     """Return how far the deepest of points (n, 3) is behind all facets of a hull; negative if all
     are outside.
     """

@@ -19,7 +19,7 @@ from physic_core.geometry import rotmat_to_euler, rotmat_to_quat, transform_poin
 from physic_export.balance import people_of, tiles_beside
 from physic_export.humanoid import SOLE_RADIUS_M, body_segments, inertia_of, max_torque
 from physic_export.meshes import scene_mesh
-from physic_export.mjcf import numbers, xml_file
+from physic_export.mjcf import number_text, xml_file
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -61,7 +61,7 @@ class _Robot:
     root: Element
     meshes: dict[str, bytes] = field(default_factory=dict)
 
-    def mesh(self, name: str, mesh: Mesh) -> Element:
+    def add_mesh(self, name: str, mesh: Mesh) -> Element:
         """Add a mesh file, and return the geometry that shows it."""
         # Drake reads no STL.
         file = f"{_MESHES}/{self.stem}_{name}.obj"
@@ -88,7 +88,7 @@ def export_urdf(request: ExportRequest) -> ExportedFiles:
     files: dict[str, bytes] = {}
     people = people_of(request)
     for person in people:
-        segments = body_segments(person.rig, person.vertices, person.ground)
+        segments = body_segments(person.rig, person.vertices, person.ground_heights)
         name = request.file_of(person.index)
         stem = PurePath(name).stem
         robot = _robot(stem, f"person_{person.index}", segments)
@@ -109,14 +109,16 @@ def _scene(request: ExportRequest, tiles: Sequence[Tile]) -> dict[str, bytes]:
     robot = _Robot(stem, _root("scene", collides=True))
     link = SubElement(robot.root, "link", name="scene")
     if (surface := scene_mesh(request)) is not None:
-        SubElement(link, "visual").append(robot.mesh("surface", (surface.vertices, surface.faces)))
+        SubElement(link, "visual").append(
+            robot.add_mesh("surface", (surface.vertices, surface.faces))
+        )
     for number, tile in enumerate(tiles):
         mesh = transform_points(request.frame.from_camera, tile.vertices), tile.faces
-        SubElement(link, "collision").append(robot.mesh(f"tile_{number}", mesh))
+        SubElement(link, "collision").append(robot.add_mesh(f"tile_{number}", mesh))
     if request.result.scene.floor is not None:
         below = np.eye(4)
         below[2, 3] = -_GROUND_M[2] / 2
-        _add_collision(link, below, "box", size=numbers(_GROUND_M, 0))
+        _add_collision(link, below, "box", size=number_text(_GROUND_M, 0))
     return {**robot.meshes, f"{stem}.urdf": xml_file(robot.root)}
 
 
@@ -155,7 +157,7 @@ def _robot(stem: str, name: str, segments: Sequence[Segment]) -> _Robot:
     mass = sum(one.mass for one in segments)
     for segment in segments:
         above = segments[segment.parent].name
-        place = segment.zero
+        place = segment.zero_pose
         for number, hinge in enumerate(segment.hinges, 1):
             joint = SubElement(
                 robot.root, "joint", name=f"{segment.name}_{hinge.axis}", type="revolute"
@@ -168,7 +170,7 @@ def _robot(stem: str, name: str, segments: Sequence[Segment]) -> _Robot:
             SubElement(joint, "parent", link=above)
             SubElement(joint, "child", link=below)
             SubElement(joint, "origin", _origin(place))
-            SubElement(joint, "axis", xyz=numbers(hinge.resting, 8))
+            SubElement(joint, "axis", xyz=number_text(hinge.axis_at_rest, 8))
             limits = {
                 "lower": f"{hinge.low:.6f}",
                 "upper": f"{hinge.high:.6f}",
@@ -187,11 +189,11 @@ def _robot(stem: str, name: str, segments: Sequence[Segment]) -> _Robot:
 def _add_link(robot: _Robot, segment: Segment) -> None:
     link = SubElement(robot.root, "link", name=segment.name)
     _add_inertia(link, segment.mass, *inertia_of(segment.hull, segment.mass))
-    SubElement(link, "visual").append(robot.mesh(f"{segment.name}_skin", segment.skin))
+    SubElement(link, "visual").append(robot.add_mesh(f"{segment.name}_skin", segment.skin))
     if segment.capsule is not None:
         _add_capsule(link, segment.capsule)
     else:
-        SubElement(link, "collision").append(robot.mesh(segment.name, segment.hull))
+        SubElement(link, "collision").append(robot.add_mesh(segment.name, segment.hull))
     for point in segment.soles:
         _add_sphere(link, point, SOLE_RADIUS_M)
 
@@ -221,7 +223,7 @@ def _add_collision(link: Element, place: Array, shape: str, **sizes: str) -> Non
 
 def _add_inertia(link: Element, mass: float, center: Array, inertia: Array) -> None:
     made = SubElement(link, "inertial")
-    SubElement(made, "origin", xyz=numbers(center), rpy="0 0 0")
+    SubElement(made, "origin", xyz=number_text(center), rpy="0 0 0")
     SubElement(made, "mass", value=f"{mass:.4f}")
     names = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
     SubElement(made, "inertia", {f"i{name}": f"{inertia[at]:.8f}" for name, at in names.items()})
@@ -230,4 +232,4 @@ def _add_inertia(link: Element, mass: float, center: Array, inertia: Array) -> N
 def _origin(place: Array) -> dict[str, str]:
     """Return position and fixed-axis angles (roll, pitch, yaw) of a pose (4, 4)."""
     angles = rotmat_to_euler("xyz", place[:3, :3])
-    return {"xyz": numbers(place[:3, 3]), "rpy": numbers(angles.tolist(), 8)}
+    return {"xyz": number_text(place[:3, 3]), "rpy": number_text(angles.tolist(), 8)}

@@ -81,7 +81,7 @@ def add_skeleton(stage: Any, path: str, mesh: Any, rig: Rig, up: NDArray[np.floa
     from pxr import Gf, Usd, UsdSkel, Vt
 
     standing = t_pose(rig, up)
-    joints = _paths(rig)
+    joints = _joint_paths(rig)
     skeleton = UsdSkel.Skeleton.Define(stage, f"{path}/skeleton")
     skeleton.CreateJointsAttr(joints)
     skeleton.CreateBindTransformsAttr(_matrices(np.linalg.inv(rig.inverse_bind)))
@@ -108,7 +108,7 @@ def add_skeleton(stage: Any, path: str, mesh: Any, rig: Rig, up: NDArray[np.floa
     )
 
 
-def _paths(rig: Rig) -> list[str]:
+def _joint_paths(rig: Rig) -> list[str]:
     """Return the path of each joint, such as "pelvis/left_hip/left_knee"."""
     paths: list[str] = []
     for name, parent in zip(rig.names, rig.parents, strict=True):
@@ -215,7 +215,7 @@ def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Ri
     primvars = UsdGeom.PrimvarsAPI(made)
     values = {"contact": mesh.contact.astype(np.float32)}
     if skins.mesh is not None:
-        values["filled"] = dressed_bodies(skins.request.result).people[index].filled
+        values["filled"] = dressed_bodies(skins.request.result).people[index].guessed_share
         _add_uv(made, skins.mesh.uv, skins.mesh.faces)
     for name, numbers in values.items():
         primvar = primvars.CreatePrimvar(name, Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex)
@@ -231,7 +231,7 @@ def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Ri
     _add_variants(top.GetPrim(), made.GetPrim(), looks, skins.kind)
     collider = _add_mesh(stage, f"{path}/collider", mesh)
     collider.CreatePurposeAttr(UsdGeom.Tokens.guide)
-    _collide(collider, UsdPhysics.Tokens.convexDecomposition)
+    _make_collider(collider, UsdPhysics.Tokens.convexDecomposition)
 
 
 def _add_extents(root: Any, mesh: Any, posed: NDArray[Any]) -> None:
@@ -275,7 +275,7 @@ def _add_scene(stage: Any, request: ExportRequest) -> dict[str, bytes]:
     UsdShade.MaterialBindingAPI.Apply(made.GetPrim()).Bind(
         _add_material(stage, "/physic/looks/scene", picture=name)
     )
-    _collide(made, UsdPhysics.Tokens.none)
+    _make_collider(made, UsdPhysics.Tokens.none)
     return {name: encode_image(request.result.scene.colors, "JPEG")}
 
 
@@ -327,7 +327,7 @@ def _add_mesh(stage: Any, path: str, mesh: ColoredMesh) -> Any:
     return made
 
 
-def _collide(mesh: Any, shape: str) -> None:
+def _make_collider(mesh: Any, shape: str) -> None:
     """Make a mesh a static collider."""
     from pxr import UsdPhysics
 

@@ -29,7 +29,7 @@ def test_a_body_has_the_colour_of_the_photo_where_it_is_seen(result):
     textured = textured_skins(request_of(replace(result, image=image)), 256)
     for index, color in enumerate(colors):
         picture, filled = textured.photo_images(index)
-        assert 0.15 < dressed_bodies(textured.request.result).people[index].shown < 0.5
+        assert 0.15 < dressed_bodies(textured.request.result).people[index].shown_share < 0.5
         assert (filled < 128).any()
         assert (filled > 128).any()
         np.testing.assert_allclose(picture[filled == 0], np.tile(color, ((filled == 0).sum(), 1)))

@@ -117,9 +117,9 @@ def test_the_end_joints_of_mixamo_are_where_the_skin_ends_and_move_none(result):
     up = np.array([0.0, 1.0, 0.0])
     plain = t_pose(rig, up)
     standing = t_pose(whole, up)
-    np.testing.assert_allclose(standing.posed(), plain.posed(), atol=1e-9)
-    places = dict(zip(standing.names, standing.world()[:, :3, 3], strict=True))
-    body = standing.posed()
+    np.testing.assert_allclose(standing.posed_vertices(), plain.posed_vertices(), atol=1e-9)
+    places = dict(zip(standing.names, standing.joint_poses()[:, :3, 3], strict=True))
+    body = standing.posed_vertices()
     assert places["HeadTop_End"][1] == pytest.approx(body[:, 1].max(), abs=0.02)
     assert places["LeftToe_End"][1] < 0.1
     for name in ("LeftToe_End", "RightToe_End", "LeftHandIndex4", "RightHandMiddle4"):

@@ -165,9 +165,9 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
         needs=("pytorch_lightning", "einops", "timm", "torchvision"),
     )
 
-    def needs(self) -> tuple[str, ...]:
+    def needed_packages(self) -> tuple[str, ...]:
         """Return the packages that the checkout imports, including those of FLNet if it is used."""
-        return (*super().needs(), *(_FLNET_NEEDS if self.options.focal == "own" else ()))
+        return (*super().needed_packages(), *(_FLNET_NEEDS if self.options.focal == "own" else ()))
 
     def build(self, device: str) -> tuple[Any, Any, SmplBody]:
         """Return CameraHMR, FLNet or None, and the SMPL model, with their weights."""

@@ -67,9 +67,11 @@ class CheckoutBackend(TorchBackend):
 
     def __init__(self, options: Any = None) -> None:
         super().__init__(options)
-        self.checkout = replace(self.project, folder=self.options.checkout, needs=self.needs())
+        self.checkout = replace(
+            self.project, folder=self.options.checkout, needs=self.needed_packages()
+        )
 
-    def needs(self) -> tuple[str, ...]:
+    def needed_packages(self) -> tuple[str, ...]:
         """Return the packages that the checkout imports with these options."""
         return self.project.needs
 

@@ -54,13 +54,13 @@ class HandBoxes:
 
     Attributes:
         person: (M,) row of the person.
-        right: (M,) whether it is the right hand.
+        is_right: (M,) whether it is the right hand.
         boxes: (M, 4) x0 y0 x1 y1 px, half open, tight around the hand.
         confidence: (M,) in [0, 1], of the keypoints that the box is computed from.
     """
 
     person: IntArray
-    right: BoolArray
+    is_right: BoolArray
     boxes: FloatArray
     confidence: FloatArray
 
@@ -85,7 +85,9 @@ def hand_boxes(
         zip(keypoints.points, keypoints.confidence, strict=True)
     ):
         for side in SIDES:
-            hand = _from_points(points, sure, row, side) or _from_arm(points, sure, row, side)
+            hand = _box_from_points(points, sure, row, side) or _box_from_arm(
+                points, sure, row, side
+            )
             if hand is None:
                 continue
             box, confidence = hand
@@ -99,7 +101,7 @@ def hand_boxes(
     )
 
 
-def _from_points(
+def _box_from_points(
     points: FloatArray, sure: FloatArray, row: Mapping[str, int], side: str
 ) -> tuple[FloatArray, float] | None:
     """Return the bounding box of 21 hand keypoints and their mean confidence; None for fewer
@@ -113,7 +115,7 @@ def _from_points(
     return np.concatenate([xy.min(axis=0), xy.max(axis=0)]), float(sure[hand].mean())
 
 
-def _from_arm(
+def _box_from_arm(
     points: FloatArray, sure: FloatArray, row: Mapping[str, int], side: str
 ) -> tuple[FloatArray, float] | None:
     """Return the corners of a square box beyond the wrist, and the lower confidence of wrist and
@@ -188,7 +190,7 @@ def hands_from_mano(count: int, found: HandBoxes, fingers: FloatArray, wrists: F
     """
     rotvecs = to_rotvecs(fingers, JOINTS_PER_HAND)
     wrist_rotvecs = to_rotvecs(wrists, 1)[:, 0]
-    left = ~found.right
+    left = ~found.is_right
     rotvecs[left] = mirror_rotvecs(rotvecs[left])
     wrist_rotvecs[left] = mirror_rotvecs(wrist_rotvecs[left])
     valid = (
@@ -199,7 +201,7 @@ def hands_from_mano(count: int, found: HandBoxes, fingers: FloatArray, wrists: F
     turned = np.zeros((count, 2, 3), np.float32)
     hands = replace(empty_hands(count), wrists=turned)
     for i in np.flatnonzero(valid):
-        place = (int(found.person[i]), int(found.right[i]))
+        place = (int(found.person[i]), int(found.is_right[i]))
         if found.confidence[i] > hands.confidence[place]:
             hands.rotvecs[place] = rotvecs[i]
             hands.confidence[place] = min(float(found.confidence[i]), 1.0)

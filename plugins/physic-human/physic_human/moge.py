@@ -81,7 +81,7 @@ class Moge3Options(MogeOptions):
     )
 
 
-class _Moge(CheckoutBackend):
+class _MogeBackend(CheckoutBackend):
     """Base class of the MoGe backends."""
 
     title: ClassVar[str]
@@ -125,7 +125,7 @@ class _Moge(CheckoutBackend):
             )
         return points, chance, *rest
 
-    def _solve(
+    def _place_on_rays(
         self, points: FloatArray, mask: BoolArray, given: Intrinsics | None, scale: float = 1.0
     ) -> Pointmap:
         """Place the points on the rays of the given camera, or else of the estimated one.
@@ -146,7 +146,7 @@ class _Moge(CheckoutBackend):
         return Pointmap(placed, valid, "scale_shift", camera, (f"{self.title} {_TOO_FLAT}",))
 
 
-class Moge1(_Moge, RelativePointmap):
+class Moge1(_MogeBackend, RelativePointmap):
     """Relative point map by MoGe 1, up to a scale, on the pixel rays of the given camera or else
     the estimated one.
     """
@@ -178,14 +178,14 @@ class Moge1(_Moge, RelativePointmap):
         """Return the point map, up to a scale, of an image (H, W, 3)."""
         points, chance = self._checked(output, image)
         mask = (chance > self.network.mask_threshold) & np.isfinite(points).all(axis=-1)
-        return self._solve(points, mask, hints.intrinsics)
+        return self._place_on_rays(points, mask, hints.intrinsics)
 
 
 _KERNELS = ("flex_gemm", "flex_gemm.nn", "flex_gemm.ops")  # import Triton, which needs a GPU
 _TOOLS = ("utils3d", "utils3d_moge")  # imported under either name, and not used by the network
 
 
-class _Moge3(_Moge):
+class _Moge3Backend(_MogeBackend):
     """Base class of both MoGe-3 backends."""
 
     title = "MoGe-3"
@@ -208,7 +208,7 @@ class _Moge3(_Moge):
             return stated
         return tuple(one for one in stated if not isinstance(one, GpuMemory))
 
-    def needs(self) -> tuple[str, ...]:
+    def needed_packages(self) -> tuple[str, ...]:
         """Return the packages that the checkout imports; the refiner has a package of GPU
         kernels.
         """
@@ -229,7 +229,7 @@ class _Moge3(_Moge):
                 f"{self.title}'s refiner runs on a GPU only: set refine_steps = 0, or use 'cuda'"
             )
         absent = [name for name in _TOOLS if importlib.util.find_spec(name) is None]
-        with _stand_ins(*(() if refines else _KERNELS), *absent):
+        with _stand_in_modules(*(() if refines else _KERNELS), *absent):
             kind = self.checkout.attribute("MoGeModel")
         path = self.file()
         checkpoint = read_checkpoint(path, trusted=self.options.trust_checkpoint)
@@ -264,27 +264,29 @@ class _Moge3(_Moge):
 
         return cached_network_result("moge-3", made_of, {"image": inputs}, compute)
 
-    def _solve_output(self, output: Any, given: Intrinsics | None, *, metric: bool) -> Pointmap:
+    def _pointmap_of_output(
+        self, output: Any, given: Intrinsics | None, *, metric: bool
+    ) -> Pointmap:
         points, chance, scale = output
         if not 0 < float(scale) < np.inf:
             raise BackendError(
                 f"{self.title} returned a scale of {float(scale)}, which has to be a number above 0"
             )
         mask = (chance > 0.5) & np.isfinite(points).all(axis=-1)
-        return self._solve(points, mask, given, float(scale) if metric else 1.0)
+        return self._place_on_rays(points, mask, given, float(scale) if metric else 1.0)
 
 
-class Moge3Pointmap(_Moge3, RelativePointmap):
+class Moge3Pointmap(_Moge3Backend, RelativePointmap):
     """Relative point map by MoGe-3, without its metric scale."""
 
     written_for = 1
 
     def postprocess(self, output: Any, image: UInt8Array, hints: Hints) -> Pointmap:
         """Return the point map, up to a scale, of an image (H, W, 3)."""
-        return self._solve_output(output, hints.intrinsics, metric=False)
+        return self._pointmap_of_output(output, hints.intrinsics, metric=False)
 
 
-class Moge3Depth(_Moge3, MetricDepth):
+class Moge3Depth(_Moge3Backend, MetricDepth):
     """Metric depth by MoGe-3, in the camera of ``hints``; if that camera is a default, in the
     estimated camera.
     """
@@ -296,7 +298,7 @@ class Moge3Depth(_Moge3, MetricDepth):
         known = hints.intrinsics
         if known is not None and known.guessed:
             known = None
-        solved = self._solve_output(output, known, metric=True)
+        solved = self._pointmap_of_output(output, known, metric=True)
         camera = solved.intrinsics
         assert camera is not None
         notes = tuple(f"{note}: {camera.fx:.0f} px is a guess" for note in solved.notes)
@@ -304,7 +306,7 @@ class Moge3Depth(_Moge3, MetricDepth):
 
 
 @contextmanager
-def _stand_ins(*names: str) -> Iterator[None]:
+def _stand_in_modules(*names: str) -> Iterator[None]:
     """Let code import names from modules that it does not use: each is an empty
     ``torch.nn.Module``.
     """

@@ -27,7 +27,7 @@ _ADVICE = (
 )
 
 
-def smpl_missing(path: str) -> tuple[str, ...]:
+def missing_smpl(path: str) -> tuple[str, ...]:
     """Describe a missing SMPL file."""
     if not path:
         return (f"the SMPL model is not given: {_ADVICE}",)
@@ -43,7 +43,7 @@ def open_smpl(path: str) -> SmplBody:
         WeightsMissingError: it is not given, or not there.
         BodyModelError: it is not an SMPL file.
     """
-    if lacking := smpl_missing(path):
+    if lacking := missing_smpl(path):
         raise WeightsMissingError(lacking[0])
     from physic_core.body import load_smpl
 
@@ -100,11 +100,11 @@ class SmplCheckoutBackend(CheckoutBackend):
 
     def missing(self) -> tuple[str, ...]:
         """Describe missing checkout, packages, weights and SMPL file."""
-        return (*super().missing(), *smpl_missing(self.options.smpl_file))
+        return (*super().missing(), *missing_smpl(self.options.smpl_file))
 
     def requirements(self) -> tuple[Requirement, ...]:
         """Return the repository, its packages, and the SMPL file."""
-        here = not smpl_missing(self.options.smpl_file)
+        here = not missing_smpl(self.options.smpl_file)
         page = "https://smpl.is.tue.mpg.de"
         file = UserFile("smpl_file", "SMPL_NEUTRAL.pkl", _ADVICE, page, is_here=here)
         return (*super().requirements(), file)

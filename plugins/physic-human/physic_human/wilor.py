@@ -100,7 +100,7 @@ class Wilor(CheckoutBackend, HandEstimator):
             least_confidence=options.least_confidence,
             least_size_px=_LEAST_SIZE_PX,
         )
-        shown = zip(found.boxes, found.right, strict=True)
+        shown = zip(found.boxes, found.is_right, strict=True)
         crops = [self._hand_input(image, box, mirrored=not right) for box, right in shown]
         outputs = self.run({"img": np.array(crops)})
         if not outputs:

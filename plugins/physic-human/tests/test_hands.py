@@ -34,7 +34,7 @@ def test_the_21_points_of_a_hand_give_its_box():
     # half open: counted from edges of pixels
     np.testing.assert_allclose(found.boxes, [[50.5, 80.5, 90.5, 140.5]])
     np.testing.assert_allclose(found.confidence, [0.8])
-    assert found.right.tolist() == [False]
+    assert found.is_right.tolist() == [False]
     assert not len(hand_boxes(given, least_confidence=0.9))
 
 
@@ -52,7 +52,7 @@ def test_a_hand_is_beyond_the_wrist_where_only_arms_are_known():
         given.points[0, list(arm)] = [[0, 0], [100, 0], [200, 0]]
         given.confidence[0, list(arm)] = [1.0, 0.7, 0.9]
         found = hand_boxes(given)
-        assert found.right.tolist() == [True]
+        assert found.is_right.tolist() == [True]
         np.testing.assert_allclose(found.boxes[0], [196, -37, 271, 38])
         np.testing.assert_allclose(found.confidence, [0.7])
 
@@ -105,7 +105,7 @@ def test_left_comes_first_and_is_mirrored_back():
 
 
 def test_the_hand_with_the_higher_confidence_counts():
-    same = replace(BOTH, right=np.array([True, True]), confidence=np.array([0.9, 0.3]))
+    same = replace(BOTH, is_right=np.array([True, True]), confidence=np.array([0.9, 0.3]))
     hands = hands_from_mano(2, same, FINGERS, TURNED_WRISTS)
     np.testing.assert_allclose(hands.rotvecs[1, 1], FINGERS[0], atol=1e-6)
 

@@ -84,7 +84,7 @@ class MockMetricDepth(interfaces.MetricDepth):
             depth=np.where(np.isfinite(depth), depth, np.nan).astype(np.float32),
             intrinsics=camera,
             scale_sigma=options.stated_sigma,
-            notes=(f"mock: true depth{stated}{options.noted}",),
+            notes=(f"mock: true depth{stated}{options.note_on_errors}",),
         )
 
 
@@ -152,7 +152,7 @@ class MockRelativePointmap(interfaces.RelativePointmap):
             valid=valid,
             unknown=options.unknown,
             intrinsics=camera,
-            notes=(f"mock: true points in an unknown unit{options.noted}",),
+            notes=(f"mock: true points in an unknown unit{options.note_on_errors}",),
             up=None if options.up_sigma is None else _drawn_up(noise),
             up_sigma=options.up_sigma,
             up_source="" if options.up_sigma is None else "mock",
@@ -177,11 +177,11 @@ def _noisy_depth(found: RecognisedWorld, hints: Hints, noise: Noise) -> FloatArr
     relief_lost = min(1.0, noise.factor * RELIEF_LOST)
     for i, mask in enumerate(world.masks):
         farther = noise.normal("depth of person", str(i))
-        depth = _flatten_relief(depth, mask & found.people, relief_lost, farther)
+        depth = _flatten_relief(depth, mask & found.people_pixels, relief_lost, farther)
         # What somebody holds is as far away as they are, also to a network.
         held = np.zeros_like(mask)
-        for k, item in enumerate(found.items):
-            held |= item & found.present[i] & (world.touched_item[i] == k).any()
+        for k, item in enumerate(found.item_pixels):
+            held |= item & found.present_people[i] & (world.touched_item[i] == k).any()
         depth = np.where(held, depth * np.exp(farther), depth)
     depth = _blur_depth_edges(depth, noise.factor * scale_to_image(SMEAR_PX, depth.shape))
     if noise.factor and hints.hole is not None and hints.hole.any():
@@ -253,7 +253,7 @@ def _scale_and_shift(
 
 def _image_kind(found: RecognisedWorld) -> str:
     """Return "photo" if a person is visible, else "empty"."""
-    return "photo" if found.present.any() else "empty"
+    return "photo" if found.present_people.any() else "empty"
 
 
 def _visible_depth(found: RecognisedWorld, hints: Hints, noise: Noise) -> FloatArray:
@@ -261,7 +261,7 @@ def _visible_depth(found: RecognisedWorld, hints: Hints, noise: Noise) -> FloatA
 
     With noise, the depth of a hole is interpolated from around: hidden furniture is not known.
     """
-    shown = found.people | found.items.any(axis=0)
+    shown = found.people_pixels | found.item_pixels.any(axis=0)
     depth = np.where(shown, found.world.depth, found.world.empty_depth).astype(np.float64)
     if noise.factor == 0 or hints.hole is None:
         return depth
@@ -306,7 +306,7 @@ def _distance_error(found: RecognisedWorld, hints: Hints) -> float:
     if hints.bodies.body_model != world.body_model or not len(hints.people):
         return 1.0
     rows = match_masks_to_world(
-        replace(found, present=np.ones(len(world.masks), bool)), hints.people
+        replace(found, present_people=np.ones(len(world.masks), bool)), hints.people
     )
     true = world.joints[rows, 0, 2].astype(np.float64)
     own = true + hints.bodies.parameters.transl[:, 2] - world.parameters.transl[rows, 2]

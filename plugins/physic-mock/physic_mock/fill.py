@@ -43,8 +43,8 @@ def _fill(values: FloatArray, known: FloatArray) -> FloatArray:
     if min(known.shape[:2]) <= _SMALLEST:
         mean = (values * known).sum((0, 1)) / known.sum()
         return np.where(known > 0, values, mean)
-    weight = _halved(known)
-    coarse = _halved(values * known) / np.maximum(weight, 1e-12)
+    weight = _summed_2x2(known)
+    coarse = _summed_2x2(values * known) / np.maximum(weight, 1e-12)
     finer = np.repeat(np.repeat(_fill(coarse, (weight > 0).astype(np.float64)), 2, 0), 2, 1)
     filled = np.where(known > 0, values, finer[: values.shape[0], : values.shape[1]])
     for _ in range(_SWEEPS):
@@ -54,7 +54,7 @@ def _fill(values: FloatArray, known: FloatArray) -> FloatArray:
     return filled
 
 
-def _halved(values: FloatArray) -> FloatArray:
+def _summed_2x2(values: FloatArray) -> FloatArray:
     """Return the sums (H / 2, W / 2, C) of 2 x 2 pixels, rounded up."""
     even = np.pad(values, ((0, values.shape[0] % 2), (0, values.shape[1] % 2), (0, 0)))
     halved: FloatArray = even[::2, ::2] + even[1::2, ::2] + even[::2, 1::2] + even[1::2, 1::2]

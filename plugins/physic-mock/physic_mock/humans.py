@@ -165,7 +165,7 @@ def _noisy_translations(
     moved = pelvis * np.exp(farther)[:, None]
     if noise.factor:
         moved *= [1.0, 1.0, camera.fx / world.intrinsics.fx]  # the same pixel of the other camera
-    moved *= _seen_shapes(noise)[1][:, None]
+    moved *= _estimated_shapes(noise)[1][:, None]
     for i, point in enumerate(pelvis):
         moved[i] += noise.factor * LATERAL_M * across[i] @ _line_of_sight_axes(point)[:2]
     placed: FloatArray = (world.parameters.transl + moved - pelvis).astype(np.float32)
@@ -305,7 +305,7 @@ def _noisy_betas(noise: Noise, options: BodyOptions, rng: np.random.Generator) -
     """Return betas (N, K) float32 with errors along stature, which are also those of distance, and
     across it.
     """
-    betas, _ = _seen_shapes(noise)
+    betas, _ = _estimated_shapes(noise)
     growth = log_stature_gradient(noise.world.body_model)
     direction = growth / np.linalg.norm(growth)
     others = rng.normal(size=betas.shape)
@@ -315,7 +315,7 @@ def _noisy_betas(noise: Noise, options: BodyOptions, rng: np.random.Generator) -
     return shapes
 
 
-def _seen_shapes(noise: Noise) -> tuple[FloatArray, FloatArray]:
+def _estimated_shapes(noise: Noise) -> tuple[FloatArray, FloatArray]:
     """Return betas (N, K), a mean adult's for children who come out as adults, and (N,) how much
     taller these are.
     """

@@ -68,8 +68,8 @@ class MockPersonObserver(interfaces.PersonObserver):
             Observations.unknown(len(rows)),
             posture=posture,
             touch=probability(true_touch(world)),
-            holds=probability(_held(world)),
-            on_floor=probability(_on_floor(world)),
+            holds=probability(_holding_hands(world)),
+            on_floor=probability(_feet_on_floor(world)),
             child=probability(np.asarray(world.ages < _CHILD_YEARS)),
             **_heads(world, rows, noise.factor, rng),
             **_shares(),
@@ -103,7 +103,7 @@ def _shares() -> dict[str, Any]:
     }
 
 
-def _on_floor(world: World) -> BoolArray:
+def _feet_on_floor(world: World) -> BoolArray:
     """Return which feet (N, 2) touch the floor or the ground."""
     from physic_core.body import load_body
 
@@ -112,7 +112,7 @@ def _on_floor(world: World) -> BoolArray:
     return np.stack([ground[:, sets[f"{side}_foot"].numpy()].any(1) for side in SIDES], 1)
 
 
-def _held(world: World) -> BoolArray:
+def _holding_hands(world: World) -> BoolArray:
     """Return which hands (N, 2) touch a small object."""
     from physic_core.body import load_body
 

@@ -56,7 +56,7 @@ class MockSegmenter(interfaces.Segmenter):
         taken = np.zeros(image.shape[:2], bool)
         masks: list[BoolArray] = []
         for i in _found_people(found, noise, self.options):
-            mask = _person(noise, i) & ~taken
+            mask = _person_mask(noise, i) & ~taken
             if mask.any():
                 masks.append(mask)
                 taken |= mask
@@ -65,7 +65,7 @@ class MockSegmenter(interfaces.Segmenter):
             masks=stacked,
             boxes=boxes_from_masks(stacked),
             scores=0.95 - 0.02 * np.arange(len(masks)),
-            floor=_floor(found, noise),
+            floor=_floor_mask(found, noise),
             surfaces=_surfaces(found) if self.options.surfaces else None,
             heads=np.ones(len(masks), int),
         )
@@ -73,15 +73,15 @@ class MockSegmenter(interfaces.Segmenter):
 
 def _found_people(found: RecognisedWorld, noise: Noise, options: SegmenterOptions) -> list[int]:
     """Return the people that are present and not missed."""
-    present = np.flatnonzero(found.present).tolist()
-    draws = noise.rng("missed people").random(len(found.present))
+    present = np.flatnonzero(found.present_people).tolist()
+    draws = noise.rng("missed people").random(len(found.present_people))
     missed = noise.happens(options.missed_people, draws)
     sizes = found.world.masks.sum((1, 2))
     largest = max(present, key=lambda i: sizes[i], default=None)
     return [i for i in present if i == largest or not missed[i]]
 
 
-def _person(noise: Noise, person: int) -> BoolArray:
+def _person_mask(noise: Noise, person: int) -> BoolArray:
     """Return the mask of one person with errors: a rough border, without some hands and feet, and
     for some people with a disc at the border.
     """
@@ -96,14 +96,14 @@ def _person(noise: Noise, person: int) -> BoolArray:
     return mask | _disc_on_border(mask, radius, pick) if strays else mask
 
 
-def _floor(found: RecognisedWorld, noise: Noise) -> BoolArray | None:
+def _floor_mask(found: RecognisedWorld, noise: Noise) -> BoolArray | None:
     """Return the floor mask with a rough border, false patches and missing ones; None if it is
     missed.
     """
     rng = noise.rng("floor mask")
     if noise.happens("missed floors", rng.random(1))[0]:
         return None
-    seen = found.world.empty_floor_mask & ~found.people
+    seen = found.world.empty_floor_mask & ~found.people_pixels
     rough = noise.rough_border(seen, rng)
     happens = noise.happens("spills", rng.random((2, 8)))
     picks = rng.random((2, 8))
@@ -112,14 +112,14 @@ def _floor(found: RecognisedWorld, noise: Noise) -> BoolArray | None:
         for i in np.flatnonzero(happens[takes_in]):
             bit = _disc_on_border(seen, radii[takes_in, i], picks[takes_in, i])
             rough = rough | bit if takes_in else rough & ~bit
-    return rough & ~found.people
+    return rough & ~found.people_pixels
 
 
 def _surfaces(found: RecognisedWorld) -> SurfaceLabels:
     """Return the true labels of the pixels."""
     person = SURFACE_NAMES.index("person")
     return SurfaceLabels(
-        np.where(found.people, person, found.world.empty_surfaces).astype(np.uint8)
+        np.where(found.people_pixels, person, found.world.empty_surfaces).astype(np.uint8)
     )
 
 

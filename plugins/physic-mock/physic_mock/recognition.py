@@ -35,7 +35,7 @@ class MockOptions(interfaces.Options):
     noise_seed: int = Field(0, ge=0, le=2**32 - 1, description="Seed of this mock's own errors.")
 
     @property
-    def noted(self) -> str:
+    def note_on_errors(self) -> str:
         """What a note says of the errors; empty without errors."""
         return (
             f" with errors of noise version {NOISE_VERSION} times {self.noise:g}"
@@ -50,15 +50,15 @@ class RecognisedWorld:
 
     Attributes:
         world: the world.
-        people: (H, W) bool, pixels in which a person of the world is visible.
-        items: (K, H, W) bool, pixels in which each small object is visible.
-        present: (N,) bool, people with more than half of their pixels visible.
+        people_pixels: (H, W) bool, pixels in which a person of the world is visible.
+        item_pixels: (K, H, W) bool, pixels in which each small object is visible.
+        present_people: (N,) bool, people with more than half of their pixels visible.
     """
 
     world: World
-    people: BoolArray
-    items: BoolArray
-    present: BoolArray
+    people_pixels: BoolArray
+    item_pixels: BoolArray
+    present_people: BoolArray
 
 
 def recognise_world(image: UInt8Array, hole: BoolArray | None = None) -> RecognisedWorld:

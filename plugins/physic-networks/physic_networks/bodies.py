@@ -143,7 +143,7 @@ _FIRST_FINGER = {"left": 42, "right": 21}
 _FINGER_NAMES = ("thumb", "index", "middle", "ring", "pinky")
 
 
-def _table() -> dict[int, int]:
+def _joints_of_keypoints() -> dict[int, int]:
     """Return the SMPL-X joint of each keypoint that has one.
 
     Fingers are sorted from the thumb, each from its tip: tip, "first", "second", "third joint". The
@@ -161,7 +161,7 @@ def _table() -> dict[int, int]:
     return table
 
 
-JOINT_BY_KEYPOINT = _table()
+JOINT_BY_KEYPOINT = _joints_of_keypoints()
 """SMPL-X joint by MHR keypoint."""
 
 _FOOT = {"left": (13, 15, 16), "right": (14, 18, 19)}
@@ -233,7 +233,7 @@ def observed_joints(
     seen: BoolArray = np.asarray(inside.all(axis=-1) & (keypoints.confidence >= least))
     observed = _observed_limbs(seen, row, finger_share)
     shoulders, hips = (observed[:, _LIMBS[name]].any(axis=1) for name in ("shoulder", "hip"))
-    observed[:, _FACE] = _seen_of(_FACE_POINTS, seen, row).any(axis=1, keepdims=True)
+    observed[:, _FACE] = _columns_of(_FACE_POINTS, seen, row).any(axis=1, keepdims=True)
     observed[:, _PELVIS] = hips
     observed[:, _CHEST] = shoulders
     observed[:, _LOWER_SPINE] = np.asarray(hips & shoulders)[:, None]
@@ -257,9 +257,9 @@ def _observed_limbs(seen: BoolArray, row: Mapping[str, int], finger_share: float
         wrist, ankle, shoulder = (
             observed[:, _LIMBS[name][k]] for name in ("wrist", "ankle", "shoulder")
         )
-        foot = _seen_of((f"{side}_{name}" for name in _FOOT_POINTS), seen, row)
+        foot = _columns_of((f"{side}_{name}" for name in _FOOT_POINTS), seen, row)
         own = (name for name in row if name.startswith(side))
-        hand = _seen_of((n for n in own if is_finger(n) or "hand_root" in n), seen, row)
+        hand = _columns_of((n for n in own if is_finger(n) or "hand_root" in n), seen, row)
         share = hand.mean(axis=1, keepdims=True) if hand.shape[1] else np.ones((len(seen), 1))
         observed[:, _FEET[k]] = foot.any(axis=1) if foot.shape[1] else ankle
         observed[:, _COLLARS[k]] = shoulder
@@ -267,6 +267,6 @@ def _observed_limbs(seen: BoolArray, row: Mapping[str, int], finger_share: float
     return observed
 
 
-def _seen_of(names: Iterable[str], seen: BoolArray, row: Mapping[str, int]) -> BoolArray:
+def _columns_of(names: Iterable[str], seen: BoolArray, row: Mapping[str, int]) -> BoolArray:
     """Return the columns of the names that the skeleton has."""
     return seen[:, [row[name] for name in names if name in row]]

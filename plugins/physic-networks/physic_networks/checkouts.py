@@ -91,7 +91,9 @@ class Checkout:
     def missing(self) -> tuple[str, ...]:
         """Return a message for each missing folder or package, without importing the code."""
         messages = [fault] if (fault := self._problem()) else []
-        missing = [need for need in self.needs if need not in sys.modules and not _exists(need)]
+        missing = [
+            need for need in self.needs if need not in sys.modules and not _can_be_imported(need)
+        ]
         if missing:
             messages.append(
                 f"{self.name} needs the package{'s' * (len(missing) > 1)} {', '.join(missing)} of "
@@ -128,12 +130,12 @@ class Checkout:
             except ModuleNotFoundError as error:
                 absent = (error.name or "").partition(".")[0]
                 raise WeightsMissingError(
-                    f"{self.name}{self._place()} cannot be imported: {error}; if '{absent}' is not "
-                    f"a part of it: pip install {PIP_NAMES.get(absent, absent)}"
+                    f"{self.name}{self._in_folder()} cannot be imported: {error}; if '{absent}' is "
+                    f"not a part of it: pip install {PIP_NAMES.get(absent, absent)}"
                 ) from error
             except Exception as error:  # its code can raise anything at import
                 raise BackendError(
-                    f"{self.name}{self._place()} cannot be imported: {type(error).__name__}: "
+                    f"{self.name}{self._in_folder()} cannot be imported: {type(error).__name__}: "
                     f"{error}; try its own demo in this environment first"
                 ) from error
 
@@ -147,7 +149,7 @@ class Checkout:
         found = self.load(module)
         if not hasattr(found, name):
             raise BackendError(
-                f"{module or self.package} of {self.name}{self._place()} has no '{name}': "
+                f"{module or self.package} of {self.name}{self._in_folder()} has no '{name}': "
                 f"it may be another version; this backend knows the one of {self.homepage}"
             )
         return getattr(found, name)
@@ -175,7 +177,7 @@ class Checkout:
             sys.modules.update(self._modules)
             for package in own.values():
                 if package is not None and package.name not in sys.modules:
-                    sys.modules[package.name] = _namespace(package)
+                    sys.modules[package.name] = _empty_package(package)
             sys.path.insert(0, str(root))
             importlib.invalidate_caches()
             try:
@@ -209,16 +211,16 @@ class Checkout:
         """Return a message if the folder or the package is missing, else ""."""
         root = self.root
         if root is None:
-            if _exists(self.package.partition(".")[0]):
+            if _can_be_imported(self.package.partition(".")[0]):
                 return ""
             return (
                 f"{self.name} is neither installed nor given: set {self.option} to a checkout of "
-                f"{self.homepage} ({self._clone()})"
+                f"{self.homepage} ({self._clone_commands()})"
             )
         if not root.is_dir():
             return (
                 f"there is no folder {root}: set {self.option} to a checkout of "
-                f"{self.homepage} ({self._clone()})"
+                f"{self.homepage} ({self._clone_commands()})"
             )
         place = root.joinpath(*self.package.split("."))
         if place.with_suffix(".py").is_file() or place.is_dir():
@@ -229,13 +231,13 @@ class Checkout:
             f"set {self.option} to the root of a checkout of {self.homepage}"
         )
 
-    def _clone(self) -> str:
+    def _clone_commands(self) -> str:
         """Return the commands that clone the repository at the commit that the caller states."""
         clone = f"git clone {self.homepage}"
         folder = self.homepage.rstrip("/").rpartition("/")[2]
         return f"{clone} && git -C {folder} checkout {self.commit}" if self.commit else clone
 
-    def _place(self) -> str:
+    def _in_folder(self) -> str:
         """Return " in FOLDER" for messages, or ""."""
         return "" if self.root is None else f" in {self.root}"
 
@@ -262,7 +264,7 @@ def checkout_commit(folder: Path) -> str:
         return ""
 
 
-def _exists(module: str) -> bool:
+def _can_be_imported(module: str) -> bool:
     """Return whether a module can be imported."""
     try:
         return importlib.util.find_spec(module) is not None
@@ -320,7 +322,7 @@ def _digest_of_code(root: Path) -> str:
     return digest.hexdigest()
 
 
-def _namespace(folder: Path) -> ModuleType:
+def _empty_package(folder: Path) -> ModuleType:
     """Create an empty package module for a folder."""
     module = ModuleType(folder.name)
     module.__path__ = [str(folder)]

@@ -148,17 +148,17 @@ class NetworkBackend(Backend):
         """Describe the missing weights, and how to get them."""
         return tuple(
             text
-            for value in self._weights_named()
+            for value in self._weight_names()
             for text in weights.missing(self.manifest(), value)
         )
 
     def fingerprint(self) -> str:
         """Return the identity of the weights, independent of their path."""
         return " ".join(
-            weights.fingerprint(self.manifest(), value) for value in self._weights_named()
+            weights.fingerprint(self.manifest(), value) for value in self._weight_names()
         )
 
-    def _weights_named(self) -> list[str]:
+    def _weight_names(self) -> list[str]:
         values = [getattr(self.options, option) for option in self.weight_options]
         return [*values[:1], *filter(None, values[1:])]
 

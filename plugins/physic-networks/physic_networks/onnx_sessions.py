@@ -123,7 +123,7 @@ def open_session(
     """
     ort = onnxruntime()
 
-    threads = threads or _own_cores()
+    threads = threads or _usable_cores()
     chosen, settings = select_provider(provider, device, ort.get_available_providers())
     _register_shared_arena()
     file = _OnnxFile(path, published, chosen, settings, threads, without, broken)
@@ -229,7 +229,7 @@ class _OnnxFile:
             return None
 
 
-def _own_cores() -> int:
+def _usable_cores() -> int:
     """Return the number of cores that the process may use.
 
     onnxruntime's own choice ignores them: it starts a thread for each core of the machine, and pins

@@ -73,7 +73,7 @@ class KeptGraph:
         """
         for path in self._files():
             with suppress(OSError):
-                if (graph := _graph_of(path)) is not None:
+                if (graph := _read_graph(path)) is not None:
                     self.kept.mark_used(path.name)
                     return graph
                 path.unlink()
@@ -127,11 +127,11 @@ def _append_graph(weights: Path, graph: bytes) -> None:
         file.write(graph)
         file.flush()
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-            total = _sum(content)
+            total = _checksum(content)
         file.write(_END.pack(len(graph), total))
 
 
-def _graph_of(path: Path) -> bytes | None:
+def _read_graph(path: Path) -> bytes | None:
     """Return the graph in a file, or None if the file is damaged."""
     size = path.stat().st_size - _END.size
     if size <= 0:
@@ -139,11 +139,11 @@ def _graph_of(path: Path) -> bytes | None:
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         length, total = _END.unpack(content[size:])
         with memoryview(content) as every, every[:size] as covered:
-            undamaged = _sum(covered) == total and length <= size
+            undamaged = _checksum(covered) == total and length <= size
         return content[size - length : size] if undamaged else None
 
 
-def _sum(content: mmap.mmap | memoryview) -> int:
+def _checksum(content: mmap.mmap | memoryview) -> int:
     """Return the sum of the 64-bit words of a file, of which the last may be shorter: a third of
     the time of a CRC.
     """

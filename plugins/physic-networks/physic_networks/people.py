@@ -134,7 +134,7 @@ def people_from_masks(
         strength: FloatArray = np.nan_to_num(np.asarray(mask, np.float32), nan=0.0)
         claim: BoolArray = np.asarray(strength > 0)
         if boxes is not None:
-            claim &= _within(boxes[i], size)
+            claim &= _mask_of_enlarged_box(boxes[i], size)
         # For equal logits, as of bool masks, the better score wins.
         wins = claim & ((strength > strongest) | ((strength == strongest) & (scores[i] > best)))
         owner[wins] = i
@@ -174,7 +174,7 @@ def mask_nms(masks: BoolArray, scores: FloatArray, overlap: float = 0.8) -> NDAr
 _REACH = 0.25  # how far a mask may extend outside its box, in widths and heights of the box
 
 
-def _within(box: FloatArray, size: tuple[int, int]) -> BoolArray:
+def _mask_of_enlarged_box(box: FloatArray, size: tuple[int, int]) -> BoolArray:
     """Return a mask (H, W) of the pixels of a box enlarged on each side."""
     grow = _REACH * (box[2:] - box[:2])
     x0, y0 = np.maximum(np.floor(box[:2] - grow), 0).astype(int)

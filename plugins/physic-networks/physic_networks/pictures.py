@@ -82,10 +82,10 @@ def resize_image(
     channels = image[..., None] if image.ndim == 2 else image
     count = channels.shape[2]
     if how.endswith("antialias"):
-        resize = _pillow
+        resize = _resize_by_pillow
         at_once = 3 if count == 3 and image.dtype == np.uint8 else 1
     else:
-        resize = _opencv
+        resize = _resize_by_opencv
         at_once = _CHANNELS
     whole = np.empty((height, width, count), image.dtype)
     for first in range(0, count, at_once):
@@ -125,7 +125,7 @@ def _require_picture(image: object) -> None:
         )
 
 
-def _opencv(part: NDArray[Any], height: int, width: int, how: str) -> NDArray[Any]:
+def _resize_by_opencv(part: NDArray[Any], height: int, width: int, how: str) -> NDArray[Any]:
     """Resize up to four channels (H, W, c) with OpenCV."""
     import cv2
 
@@ -134,7 +134,7 @@ def _opencv(part: NDArray[Any], height: int, width: int, how: str) -> NDArray[An
     return resized.reshape(height, width, -1)
 
 
-def _pillow(part: NDArray[Any], height: int, width: int, how: str) -> NDArray[Any]:
+def _resize_by_pillow(part: NDArray[Any], height: int, width: int, how: str) -> NDArray[Any]:
     """Resize one channel (H, W, 1), or three of uint8, with Pillow."""
     from PIL import Image
 

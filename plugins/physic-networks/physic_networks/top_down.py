@@ -34,8 +34,8 @@ class Crop:
     Attributes:
         origin: x and y of crop pixel (0, 0), px of the photo.
         step: photo px per crop pixel along x and y; x is negative in a mirrored crop.
-        width: of the crop, px.
-        height: of the crop, px.
+        width: columns of the crop, px of the crop itself.
+        height: rows of the crop, px of the crop itself.
     """
 
     origin: tuple[float, float]
@@ -94,8 +94,8 @@ def crop_around_box(
 
     Args:
         box: (4,) x0 y0 x1 y1, half open, px of the photo; may be partly outside.
-        width: of the crop, px.
-        height: of the crop, px.
+        width: columns of the crop, px of the crop itself.
+        height: rows of the crop, px of the crop itself.
         padding: size of the region relative to the box.
         grid: alignment of the region with the pixel grid of the crop.
         mirrored: exchange left and right about the centre of the region.

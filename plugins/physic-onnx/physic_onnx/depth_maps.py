@@ -40,7 +40,7 @@ def input_size_least_scaling(height: int, width: int, side: int) -> tuple[int, i
     tall = side / height
     wide = side / width
     scale = wide if abs(1 - wide) < abs(1 - tall) else tall
-    return _nearest(scale * height), _nearest(scale * width)
+    return _nearest_multiple(scale * height), _nearest_multiple(scale * width)
 
 
 def input_size_by_long_side(height: int, width: int, side: int) -> tuple[int, int]:
@@ -55,7 +55,7 @@ def input_size_by_long_side(height: int, width: int, side: int) -> tuple[int, in
     scale = side / max(height, width)
     rows = max(1, round(height * scale))
     columns = max(1, round(width * scale))
-    return _nearest_or_up(rows), _nearest_or_up(columns)
+    return _nearest_multiple_or_up(rows), _nearest_multiple_or_up(columns)
 
 
 def limit_patches(rows: int, columns: int, most: int) -> tuple[int, int]:
@@ -72,12 +72,12 @@ def limit_patches(rows: int, columns: int, most: int) -> tuple[int, int]:
     return rows, columns
 
 
-def _nearest(value: float) -> int:
+def _nearest_multiple(value: float) -> int:
     """Round to the nearest multiple of the patch size, at least one patch."""
     return max(1, round(value / _PATCH)) * _PATCH
 
 
-def _nearest_or_up(value: int) -> int:
+def _nearest_multiple_or_up(value: int) -> int:
     """Round to the nearest multiple of the patch size, ties up, at least one patch."""
     return max(1, (2 * value + _PATCH) // (2 * _PATCH)) * _PATCH
 

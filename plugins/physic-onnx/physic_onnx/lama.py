@@ -151,13 +151,13 @@ class Lama(OnnxBackend, Inpainter):
         covered = np.pad(covered, margins, mode="symmetric")
         known = ~covered
         answer = self._ask(frame, covered.astype(np.float32)[None, None])[0].transpose(1, 2, 0)
-        colours = answer * _to_grey_levels(answer[known], frame[0].transpose(1, 2, 0)[known])
+        colours = answer * _factor_to_grey_levels(answer[known], frame[0].transpose(1, 2, 0)[known])
         shown = colours[: inner[0], : inner[1]].astype(np.float32)
         back = resize_image(shown, height, width, "bicubic" if scale < 1 else "area")
         return np.asarray(back.round().clip(0, 255), np.uint8)
 
 
-def _to_grey_levels(answer: FloatArray, shown: FloatArray) -> float:
+def _factor_to_grey_levels(answer: FloatArray, shown: FloatArray) -> float:
     """Return 255 for outputs from 0 to 1 and 1 for grey levels, by comparing known pixels with the
     input.
 
@@ -238,28 +238,28 @@ def hole_crops(hole: BoolArray, least: int) -> list[tuple[BoolArray, Box]]:
     groups: list[list[int]] = [[i] for i in range(1, count)]
     boxes = [_box(stats[i]) for i in range(1, count)]
     while len(groups) > 1:
-        pair = _pair_to_join(boxes, least, hard=len(groups) > MOST_CROPS)
+        pair = _pair_to_join(boxes, least, even_if_large=len(groups) > MOST_CROPS)
         if pair is None:
             break
         i, j = pair
         groups[i] += groups.pop(j)
-        boxes[i] = _around(boxes[i], boxes.pop(j))
+        boxes[i] = _box_around(boxes[i], boxes.pop(j))
     order = np.argsort([-(b[1] - b[0]) * (b[3] - b[2]) for b in boxes], kind="stable")
     # A small hole beside a large one is filled first, so that it is context for the large one.
     return [(np.isin(piece, groups[i]), _crop(boxes[i], hole, least)) for i in order[::-1]]
 
 
-def _pair_to_join(boxes: list[Box], least: int, *, hard: bool) -> tuple[int, int] | None:
+def _pair_to_join(boxes: list[Box], least: int, *, even_if_large: bool) -> tuple[int, int] | None:
     """Return the two boxes whose common crop is relatively smallest, if small enough or if
-    ``hard``.
+    ``even_if_large``.
     """
 
     def growth(pair: tuple[int, int]) -> float:
         one, two = (boxes[i] for i in pair)
-        return _side(_around(one, two), least) / max(_side(one, least), _side(two, least))
+        return _side(_box_around(one, two), least) / max(_side(one, least), _side(two, least))
 
     best = min(itertools.combinations(range(len(boxes)), 2), key=growth)
-    return best if hard or growth(best) <= NEAR else None
+    return best if even_if_large or growth(best) <= NEAR else None
 
 
 def _side(box: Box, least: int) -> float:
@@ -295,6 +295,6 @@ def _box(stats: NDArray[np.int32]) -> Box:
     return y, y + h, x, x + w
 
 
-def _around(a: Box, b: Box) -> Box:
+def _box_around(a: Box, b: Box) -> Box:
     """Return the smallest box around two boxes."""
     return min(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), max(a[3], b[3])

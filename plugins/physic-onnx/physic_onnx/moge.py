@@ -56,7 +56,7 @@ class MogeOptions(OnnxBackendOptions):
     )
 
 
-class _Moge(OnnxBackend):
+class _MogeBackend(OnnxBackend):
     """Base class of both MoGe-2 backends."""
 
     Options: ClassVar[type[Options]] = MogeOptions
@@ -150,7 +150,7 @@ class _Moge(OnnxBackend):
         return Pointmap(points, valid, unknown, camera, tuple(notes))
 
 
-class Moge2Depth(_Moge, MetricDepth):
+class Moge2Depth(_MogeBackend, MetricDepth):
     """Metric depth by MoGe-2, in the camera of ``hints``; if that camera is a default, in the
     estimated camera.
     """
@@ -170,7 +170,7 @@ class Moge2Depth(_Moge, MetricDepth):
         return DepthMap(solved.points[..., 2].copy(), solved.intrinsics, notes=solved.notes)
 
 
-class Moge2Pointmap(_Moge, RelativePointmap):
+class Moge2Pointmap(_MogeBackend, RelativePointmap):
     """Relative point map by MoGe-2, without its metric scale."""
 
     written_for = 1

@@ -14,7 +14,7 @@ from physic_core.errors import BackendError
 from physic_core.weights import read_manifest
 from physic_networks.networks import NetworkBackend
 
-from .sessions import OnnxOptions, described_shape, open_network
+from .sessions import OnnxOptions, open_network, shape_text
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -50,7 +50,7 @@ class PortSpec:
         kinds = (self.dtype,) if isinstance(self.dtype, str) else self.dtype
         shape = "any shape"
         if self.shape is not None:
-            shape = described_shape("?" if d is None else d for d in self.shape)
+            shape = shape_text("?" if d is None else d for d in self.shape)
         others = f" (or {', '.join(self.aliases)})" if self.aliases else ""
         return f"{self.name}{others} {' or '.join(kinds)} {shape}" + (
             ", optional" if self.optional else ""

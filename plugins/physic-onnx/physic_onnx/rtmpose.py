@@ -18,7 +18,7 @@ from physic_core.errors import BackendError
 from physic_networks.top_down import scores_to_confidence
 
 from .one_graph import WEIGHTS_HELP, GraphSignature, OnnxBackendOptions, PortSpec
-from .top_down import TopDownKeypoints, TopDownOptions, run_batches
+from .top_down import TopDownBackend, TopDownOptions, run_batches
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -70,7 +70,7 @@ class RtmPoseOptions(TopDownOptions):
     )
 
 
-class RtmPose(TopDownKeypoints):
+class RtmPose(TopDownBackend):
     """Keypoint detector by RTMPose, RTMW or DWPose with 133, 26 or 17 joints; its input is RGB.
 
     A joint's confidence is the lower one of its peaks in x and y.
@@ -90,7 +90,7 @@ class RtmPose(TopDownKeypoints):
         ),
     }
 
-    def bgr(self) -> bool:
+    def is_bgr(self) -> bool:
         """Return whether the option ``channels`` is "bgr"."""
         return self.options.channels == "bgr"
 

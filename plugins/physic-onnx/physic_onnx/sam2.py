@@ -164,7 +164,9 @@ class Sam2(NetworkBackend, Segmenter):
             keypoints=found.keypoints,
         )
         if photo is not None and self.options.floor != "none":
-            people = replace(people, floor=floor_mask(networks, photo, people, border=border))
+            people = replace(
+                people, floor=floor_mask(networks, photo, people, with_lower_edge=border)
+            )
         if seen is None:
             return people
         return _with_rest(people, seen, with_floor=self.options.floor != "none")

@@ -32,7 +32,7 @@ _BOTTOM_POINTS = 5
 
 
 def floor_mask(
-    networks: Sam2Networks, photo: EncodedImage, people: People, *, border: bool
+    networks: Sam2Networks, photo: EncodedImage, people: People, *, with_lower_edge: bool
 ) -> BoolArray | None:
     """Segment the floor (H, W); None if no feet are visible, or if no mask is plausible.
 
@@ -40,11 +40,11 @@ def floor_mask(
         networks: of SAM 2.
         photo: encoded.
         people: with their masks.
-        border: whether to look at the lower edge of the photo, too.
+        with_lower_edge: whether to look at the lower edge of the photo, too.
     """
     anybody: BoolArray = np.asarray(people.masks.any(axis=0))
     points = ground_points(people)
-    if border:
+    if with_lower_edge:
         points = np.concatenate([points, bottom_edge_points(anybody)])
     if not len(points):
         return None

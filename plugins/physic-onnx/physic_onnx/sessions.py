@@ -59,10 +59,10 @@ class Port:
     shape: tuple[int | str, ...]
 
     def __str__(self) -> str:
-        return f"{self.name} {self.dtype} {described_shape(self.shape)}"
+        return f"{self.name} {self.dtype} {shape_text(self.shape)}"
 
 
-def described_shape(shape: Iterable[int | str]) -> str:
+def shape_text(shape: Iterable[int | str]) -> str:
     """Format a shape for a message."""
     return f"({', '.join(map(str, shape))})"
 
@@ -81,7 +81,7 @@ class Network:
 
     def __init__(self, session: OnnxSession, path: Path) -> None:
         self.name = path.name
-        self.shares_ranges = _names_operator(path, b"DynamicQuantize")
+        self.shares_ranges = _has_operator(path, b"DynamicQuantize")
         self.provider = session.provider.name
         self.inputs: Mapping[str, Port] = {
             node.name: _port(node) for node in session.session.get_inputs()
@@ -153,14 +153,14 @@ def open_network(path: Path, options: OnnxOptions, device: str) -> Network:
         "weights fetch` fetches it again"
     )
     # onnxruntime 1.31 makes a border of zeros part of a max pool, where it counts as -infinity.
-    without = ("Pad_Fusion",) if _names_operator(path, b"MaxPool") else ()
+    without = ("Pad_Fusion",) if _has_operator(path, b"MaxPool") else ()
     session = open_session(
         path, options.threads, device, options.provider, broken=broken, without=without
     )
     return Network(session, path)
 
 
-def _names_operator(path: Path, start: bytes) -> bool:
+def _has_operator(path: Path, start: bytes) -> bool:
     """Return whether an ONNX file, which holds the names of its operators as text, has one that
     starts so.
     """

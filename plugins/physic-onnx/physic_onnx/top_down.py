@@ -40,7 +40,7 @@ class TopDownOptions(OnnxBackendOptions):
     batch: int = Field(8, ge=1, le=1024, description="people per run, if the file does not fix it")
 
 
-class TopDownKeypoints(OnnxBackend, KeypointDetector):
+class TopDownBackend(OnnxBackend, KeypointDetector):
     """Base class of a keypoint detector that crops the people's boxes and decodes a batch of
     outputs.
 
@@ -68,7 +68,7 @@ class TopDownKeypoints(OnnxBackend, KeypointDetector):
         """Add the other decoded values to keypoints of N > 0 people."""
         return found
 
-    def bgr(self) -> bool:
+    def is_bgr(self) -> bool:
         """Return whether the network gets the channels in the order BGR."""
         return False
 
@@ -112,7 +112,9 @@ class TopDownKeypoints(OnnxBackend, KeypointDetector):
         crops = [
             crop_around_box(box, width, height, padding=_PADDING, grid=grid) for box in people.boxes
         ]
-        cells, confidence, (rows, columns) = self.decode(crop_batch(image, crops, bgr=self.bgr()))
+        cells, confidence, (rows, columns) = self.decode(
+            crop_batch(image, crops, is_bgr=self.is_bgr())
+        )
         if cells.shape[1] != joints:
             raise BackendError(f"{file} states {joints} joints and returned {cells.shape[1]}")
         grids = [
@@ -132,21 +134,21 @@ class TopDownKeypoints(OnnxBackend, KeypointDetector):
         return rows, columns
 
 
-def crop_batch(image: UInt8Array, crops: Sequence[Crop], *, bgr: bool = False) -> FloatArray:
+def crop_batch(image: UInt8Array, crops: Sequence[Crop], *, is_bgr: bool = False) -> FloatArray:
     """Crop network inputs (N, 3, h, w) float32, normalised with ImageNet's mean and standard
     deviation.
 
     Args:
         image: (H, W, 3) uint8 RGB.
         crops: N of one size.
-        bgr: exchange red and blue first; mean and deviation stay where they are.
+        is_bgr: exchange red and blue first; mean and deviation stay where they are.
     """
     from physic_networks.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
     from physic_networks.top_down import resample_crop
 
     cuts = [resample_crop(image, crop) for crop in crops]
     return np.concatenate(
-        [normalized_nchw(c[..., ::-1] if bgr else c, IMAGENET_MEAN, IMAGENET_STD) for c in cuts]
+        [normalized_nchw(c[..., ::-1] if is_bgr else c, IMAGENET_MEAN, IMAGENET_STD) for c in cuts]
     )
 
 

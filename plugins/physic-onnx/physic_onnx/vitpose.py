@@ -20,7 +20,7 @@ from physic_core.errors import BackendError
 from physic_networks.top_down import scores_to_confidence, subpixel_peaks
 
 from .one_graph import WEIGHTS_HELP, GraphSignature, OnnxBackendOptions, PortSpec
-from .top_down import TopDownKeypoints, TopDownOptions, run_batches
+from .top_down import TopDownBackend, TopDownOptions, run_batches
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -44,7 +44,7 @@ class VitPoseOptions(TopDownOptions):
     weights: str = Field("vitpose-b-wholebody", description=WEIGHTS_HELP)
 
 
-class VitPose(TopDownKeypoints):
+class VitPose(TopDownBackend):
     """Keypoint detector by ViTPose, as in the PhySIC paper (133 joints). Its input is RGB.
 
     The confidence of a joint is the peak of its heatmap.

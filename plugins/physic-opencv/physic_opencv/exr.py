@@ -47,11 +47,11 @@ def read_exr(path: Path) -> NDArray[np.generic]:
         ) from None
     try:
         heads = OpenEXR.File(str(path), separate_channels=True, header_only=True).parts
-        size = sum(_bytes(part.header) for part in heads)
+        size = sum(_byte_count(part.header) for part in heads)
         check_size(path, size)
         parts = OpenEXR.File(str(path), separate_channels=True).parts
         found = {
-            _name(part, name): _displayed(channel.pixels, part.header, path)
+            _name(part, name): _on_display_window(channel.pixels, part.header, path)
             for part in parts
             for name, channel in part.channels.items()
         }
@@ -71,7 +71,7 @@ def check_size(path: Path, size: int) -> None:
         )
 
 
-def _bytes(header: Mapping[str, Any]) -> int:
+def _byte_count(header: Mapping[str, Any]) -> int:
     """Return the bytes of all channels on the larger of the two windows."""
     sizes = [_window(header, name) for name in ("dataWindow", "displayWindow")]
     pixels = max(max(0, x1 - x0) * max(0, y1 - y0) for x0, y0, x1, y1 in sizes)
@@ -84,7 +84,7 @@ def _window(header: Mapping[str, Any], name: str) -> tuple[int, int, int, int]:
     return int(x0), int(y0), int(x1) + 1, int(y1) + 1
 
 
-def _displayed(
+def _on_display_window(
     pixels: NDArray[np.generic], header: Mapping[str, Any], path: Path
 ) -> NDArray[np.generic]:
     """Return a channel on the display window. Channels of whole numbers stay as they are."""

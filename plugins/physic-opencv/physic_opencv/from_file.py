@@ -77,7 +77,7 @@ class PointmapFileOptions(interfaces.Options):
     )
 
 
-class _FromFile(interfaces.Backend):
+class _ResultFromFile(interfaces.Backend):
     """Base class of backends whose result is in the file of the option ``path``."""
 
     suffixes: ClassVar[tuple[str, ...]]
@@ -101,7 +101,7 @@ class _FromFile(interfaces.Backend):
             "photo",
         )
 
-    def given(self) -> Path:
+    def given_path(self) -> Path:
         """Return the path of the file.
 
         Raises:
@@ -113,7 +113,7 @@ class _FromFile(interfaces.Backend):
             )
         return self.options.path
 
-    def only_people(self, what: str) -> InputError:
+    def error_of_people_only(self, what: str) -> InputError:
         """Return the error for a map without a known pixel of the scene."""
         return InputError(
             f"{self.options.path} has no {what} outside the people, so that nothing is known of "
@@ -121,7 +121,7 @@ class _FromFile(interfaces.Backend):
         )
 
 
-class DepthFile(_FromFile, interfaces.MetricDepth):
+class DepthFile(_ResultFromFile, interfaces.MetricDepth):
     """Metric depth of the photo from a file of the user's.
 
     The file shows the photo with its people. Pixels in a hole of the hints are unknown.
@@ -141,14 +141,14 @@ class DepthFile(_FromFile, interfaces.MetricDepth):
             InputError: the file cannot be read, or shows another photo.
         """
         options = self.options
-        path = self.given()
+        path = self.given_path()
         depth, is_relative, notes = read_depth(path, options.scale, options.invalid)
         resized, resizing = resize_nearest(depth, image.shape[0], image.shape[1], path)
         notes += resizing
         if hints.hole is not None:
             resized = np.where(hints.hole, np.nan, resized)
         if np.isnan(resized).all():
-            raise self.only_people("depth")
+            raise self.error_of_people_only("depth")
         sigma = options.relative_sigma if is_relative else options.sigma
         if is_relative:
             notes += (
@@ -158,7 +158,7 @@ class DepthFile(_FromFile, interfaces.MetricDepth):
         return DepthMap(np.asarray(resized, np.float32), None, sigma, notes)
 
 
-class PointmapFile(_FromFile, interfaces.RelativePointmap):
+class PointmapFile(_ResultFromFile, interfaces.RelativePointmap):
     """Point map of the photo from a file of the user's.
 
     The file shows the photo with its people: for the inpainted photo, points in the inpainted hole
@@ -178,7 +178,7 @@ class PointmapFile(_FromFile, interfaces.RelativePointmap):
             InputError: the file cannot be read, or shows another photo.
         """
         options = self.options
-        path = self.given()
+        path = self.given_path()
         points, valid, notes = read_pointmap(path, options.scale)
         points_here, resizing = resize_nearest(points, image.shape[0], image.shape[1], path)
         notes += resizing
@@ -187,5 +187,5 @@ class PointmapFile(_FromFile, interfaces.RelativePointmap):
         if hints.hole is not None:
             known = known & ~hints.hole
         if not known.any():
-            raise self.only_people("point")
+            raise self.error_of_people_only("point")
         return Pointmap(np.asarray(points_here, np.float32), known, options.unknown, None, notes)

@@ -37,7 +37,7 @@ class DiffusionOptions(interfaces.Options):
     )
 
 
-class _Diffusion(interfaces.Inpainter):
+class _DiffusionInpainter(interfaces.Inpainter):
     Options = DiffusionOptions
     options: DiffusionOptions
     _method: ClassVar[str]
@@ -55,7 +55,7 @@ class _Diffusion(interfaces.Inpainter):
         return _fill(image, mask, getattr(cv2, self._method), self.options)
 
 
-class Telea(_Diffusion):
+class Telea(_DiffusionInpainter):
     """Inpainter by fast marching (Telea 2004): fills the hole from its border inwards with a
     weighted mean of known pixels.
 
@@ -66,7 +66,7 @@ class Telea(_Diffusion):
     _method = "INPAINT_TELEA"
 
 
-class NavierStokes(_Diffusion):
+class NavierStokes(_DiffusionInpainter):
     """Inpainter by Navier-Stokes (Bertalmio et al. 2001): continues lines of equal brightness into
     the hole as in a fluid.
     """

@@ -130,12 +130,12 @@ def _read_coco(document: Any, photo: str) -> KeypointTable:
     size = _stated_size(about, "width", "height")
     of_image = [one for one in annotations if one.get("image_id") == image]
     notes = (
-        *_other_name(about, "file_name", photo),
-        *_unread((dataset,), _OF_DATASET),
-        *_unread((about,), _OF_IMAGE),
-        *_unread(of_image, f"{_OF_ANNOTATION} {' '.join(_PARTS)}"),
+        *_note_on_other_name(about, "file_name", photo),
+        *_note_on_unread((dataset,), _OF_DATASET),
+        *_note_on_unread((about,), _OF_IMAGE),
+        *_note_on_unread(of_image, f"{_OF_ANNOTATION} {' '.join(_PARTS)}"),
     )
-    return KeypointTable(tuple(_once(rows)), scored, size, notes)
+    return KeypointTable(tuple(_first_visible(rows)), scored, size, notes)
 
 
 def _image_of(
@@ -160,7 +160,7 @@ def _image_of(
     )
 
 
-def _other_name(entry: Mapping[str, Any], key: str, photo: str) -> tuple[str, ...]:
+def _note_on_other_name(entry: Mapping[str, Any], key: str, photo: str) -> tuple[str, ...]:
     """Return a note if an entry names another picture than the photo."""
     named = PurePath(str(entry.get(key) or "").replace("\\", "/")).name
     if not photo or not named or PurePath(named).stem == PurePath(photo).stem:
@@ -168,7 +168,7 @@ def _other_name(entry: Mapping[str, Any], key: str, photo: str) -> tuple[str, ..
     return (f"the given keypoints are of the picture {quoted(named)}, and the photo is {photo}",)
 
 
-def _unread(entries: Iterable[Any], known: str) -> tuple[str, ...]:
+def _note_on_unread(entries: Iterable[Any], known: str) -> tuple[str, ...]:
     """Return a note on keys of a file's objects that are neither read nor known to change nothing;
     zeros and empty values change nothing either.
     """
@@ -196,7 +196,7 @@ def _triples(number: int, numbers: Any, names: Sequence[str] | None) -> Iterable
             yield number, str(joint), x, y, third
 
 
-def _once(rows: Iterable[Row]) -> Iterable[Row]:
+def _first_visible(rows: Iterable[Row]) -> Iterable[Row]:
     """Yield the first visible row of each joint of a person: the wrist is in the hand's part,
     too.
     """
@@ -239,8 +239,8 @@ def _read_openpose(document: Any, photo: str) -> KeypointTable:
             hand = _names(f"openpose_hand21_{side}")
             rows += _triples(number, one.get(f"hand_{side}_keypoints_2d"), hand)
     size = _stated_size(document, "canvas_width", "canvas_height")
-    notes = _unread(document["people"], _OF_OPENPOSE)
-    return KeypointTable(tuple(_once(rows)), True, size, notes)
+    notes = _note_on_unread(document["people"], _OF_OPENPOSE)
+    return KeypointTable(tuple(_first_visible(rows)), True, size, notes)
 
 
 def _read_ultralytics(document: Any, photo: str) -> KeypointTable:
@@ -250,7 +250,7 @@ def _read_ultralytics(document: Any, photo: str) -> KeypointTable:
         scores = marks.get("visible") or [1.0] * len(marks["x"])
         if marks["x"]:
             rows += _pairs(number, list(zip(marks["x"], marks["y"], strict=True)), scores)
-    return KeypointTable(tuple(rows), True, notes=_unread(document, _OF_PERSON))
+    return KeypointTable(tuple(rows), True, notes=_note_on_unread(document, _OF_PERSON))
 
 
 def _read_scored(document: Any, photo: str) -> KeypointTable:
@@ -272,11 +272,11 @@ def _read_scored(document: Any, photo: str) -> KeypointTable:
     for number, one in enumerate(people):
         scores = one.get("keypoint_scores", one.get("scores"))
         labels = one.get("labels")
-        names = None if labels is None else [_label(int(label)) for label in labels]
+        names = None if labels is None else [_joint_of_label(int(label)) for label in labels]
         rows += _pairs(number, one["keypoints"], scores or (), names)
     notes = (
-        *_unread((about,), f"{_OF_PERSON} meta_info instance_info predictions"),
-        *_unread(people, _OF_PERSON),
+        *_note_on_unread((about,), f"{_OF_PERSON} meta_info instance_info predictions"),
+        *_note_on_unread(people, _OF_PERSON),
     )
     return KeypointTable(tuple(rows), True, notes=notes)
 
@@ -291,7 +291,7 @@ def _check_names(meta: Mapping[str, Any]) -> None:
         )
 
 
-def _label(label: int) -> str:
+def _joint_of_label(label: int) -> str:
     """Return the joint of a label of transformers, which counts COCO's 17."""
     joints = _BY_COUNT[17]
     if not 0 <= label < len(joints):
@@ -329,9 +329,9 @@ def _read_label_studio(document: Any, photo: str) -> KeypointTable:
     rows: list[Row] = []
     size = None
     notes = (
-        *_other_name(tasks[0].get("data") or {}, "image", photo),
-        *_unread(marks, _OF_MARK),
-        *_unread((one["value"] for one in marks), "x y width keypointlabels"),
+        *_note_on_other_name(tasks[0].get("data") or {}, "image", photo),
+        *_note_on_unread(marks, _OF_MARK),
+        *_note_on_unread((one["value"] for one in marks), "x y width keypointlabels"),
     )
     for one in marks:
         if one["type"] != "keypointlabels":

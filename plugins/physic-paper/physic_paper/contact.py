@@ -30,7 +30,7 @@ class DistanceContact(ContactStageMethod):
     people: bool = False
     assume_supports: bool = False
 
-    def contains(self, distance: Tensor) -> Tensor:
+    def is_contact(self, distance: Tensor) -> Tensor:
         """Return which signed distances, metres, are those of vertices in contact."""
         return (distance <= self.distance_m) & (distance >= -self.inside_m)
 
@@ -49,7 +49,7 @@ class DistanceContact(ContactStageMethod):
     def find_touch(self, state: State, near: Distances) -> Touch:
         """Return the contacts of vertices whose distance is within the bounds of the settings."""
         distance = near.by_kind
-        within = self.contains(distance) & state.model.outer
+        within = self.is_contact(distance) & state.model.outer
         nearest = torch.where(within, distance.abs(), torch.inf).argmin(0)
         return Touch(torch.where(within.any(0), nearest, -1), None)
 

@@ -115,7 +115,7 @@ class ProxOptimisation(PublishedOptimisation):
             self.contact.weight,
             _SEARCH_RADIUS_M,
             partial(robust_loss, "geman_mcclure", c=_CONTACT_SCALE_M),
-            mean=True,
+            takes_mean=True,
             max_angle_deg=_CONTACT_ANGLE_DEG,
         )
         penetration = PointPenetrationTerm(

@@ -247,7 +247,7 @@ def contact_map(state, vertices, scale):
     near = surface_distances(
         vertices, method.surfaces(state.surroundings, vertices, scale), method.measure
     )
-    return method.contains(near.nearest) & state.model.outer
+    return method.is_contact(near.nearest) & state.model.outer
 
 
 def whose_body(published, whose):

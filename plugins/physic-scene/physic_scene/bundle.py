@@ -105,7 +105,8 @@ class MomentObservations:
         bone_m: (P, B) lengths.
         bone_sigma: (P,) error of their logarithm; NaN for that of the settings.
         up: (V, 3) normal of the floor in each photo, NaN without a floor.
-        known: (V,) bool, cameras whose motions between each other are known; at least two, or none.
+        camera_is_known: (V,) bool, cameras whose motions between each other are known; at least
+            two, or none.
     """
 
     K: FloatArray
@@ -121,7 +122,7 @@ class MomentObservations:
     bone_m: FloatArray
     bone_sigma: FloatArray
     up: FloatArray
-    known: BoolArray
+    camera_is_known: BoolArray
 
     @classmethod
     def of(cls, people: Sequence[PhotoPeople], rows: IntArray) -> MomentObservations:
@@ -163,7 +164,7 @@ class MomentObservations:
             bone_m=mean,
             bone_sigma=np.full(len(mean), np.nan),
             up=np.stack([photo.up for photo in people]),
-            known=known & (known.sum() > 1),
+            camera_is_known=known & (known.sum() > 1),
         )
 
 
@@ -280,7 +281,7 @@ class ResidualBlock:
     residual: FloatArray
     jacobian: FloatArray
     columns: IntArray
-    robust: bool = True
+    is_robust: bool = True
     group: IntArray | None = None
 
 
@@ -395,7 +396,7 @@ def _blocks(
     observations: MomentObservations, state: Bundle, reference: int, settings: BundleSettings
 ) -> list[ResidualBlock]:
     at = state.columns
-    known = np.flatnonzero(observations.known).tolist()
+    known = np.flatnonzero(observations.camera_is_known).tolist()
     return [
         # The frame is that of the reference camera, which is a known one if there are any.
         *(_prior(np.zeros(6), at.camera[v], _FIXED) for v in {reference, *known}),
@@ -427,7 +428,7 @@ def _person_blocks(
     turning = _along_and_across(middle, np.array([about]), np.array([tilt]))
     vector = Rotation.from_matrix(state.turn[v, p]).as_rotvec()
     turn = state.columns.turn[v, p]
-    yield ResidualBlock((turning[0] @ vector)[None], turning, turn[None], robust=False)
+    yield ResidualBlock((turning[0] @ vector)[None], turning, turn[None], is_robust=False)
 
 
 def _in_camera(state: Bundle, v: int, p: int) -> tuple[FloatArray, FloatArray, IntArray]:
@@ -497,7 +498,7 @@ def robust_weights(block: ResidualBlock, outlier: float) -> tuple[FloatArray, fl
     energy.
     """
     square = (block.residual**2).sum(1)
-    if not block.robust:
+    if not block.is_robust:
         return np.ones(len(square)), float(square.sum())
     if block.group is not None:
         total, count = (np.bincount(block.group, weights) for weights in (square, None))
@@ -530,7 +531,7 @@ def _focal_block(state: Bundle, sigma: FloatArray) -> ResidualBlock:
     covariance[known, known] = sigma[known] ** 2
     white = np.linalg.inv(np.linalg.cholesky(covariance))
     residual = (white @ state.log_focal)[None]
-    return ResidualBlock(residual, white[None], state.columns.focal[None], robust=False)
+    return ResidualBlock(residual, white[None], state.columns.focal[None], is_robust=False)
 
 
 def _limb(name: str) -> int:
@@ -545,7 +546,7 @@ def _limb(name: str) -> int:
 def _prior(values: FloatArray, columns: IntArray, sigma: float) -> ResidualBlock:
     """Return the residuals of parameters (n,) from 0."""
     slope = np.full((len(values), 1, 1), 1 / sigma)
-    return ResidualBlock(values[:, None] * slope[..., 0], slope, columns[:, None], robust=False)
+    return ResidualBlock(values[:, None] * slope[..., 0], slope, columns[:, None], is_robust=False)
 
 
 def _bone_block(observations: MomentObservations, state: Bundle) -> ResidualBlock:

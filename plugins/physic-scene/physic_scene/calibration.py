@@ -64,7 +64,7 @@ class KnownCamera(ShortRepr):
     by_order: bool = False
 
 
-class _Table(BaseModel):
+class _CameraTable(BaseModel):
     """A camera of the file, in OpenCV's convention: a point x of the rig is ``R x + t`` in the
     frame of the camera.
     """
@@ -156,15 +156,15 @@ def read_calibration(
             f"{_LARGEST_UNIT:g} m"
         )
     rig, cameras = _cameras(path)
-    if rig.of_images and unit_m is None:
+    if rig.names_are_images and unit_m is None:
         raise ConfigError(
             f"the unit of {path} is not known, as COLMAP and nerfstudio choose their own: give its "
             "length in metres by --camera-unit (unit_m in Python), which is a known distance "
             "divided by the same distance in the file"
         )
-    find = _image_for if rig.of_images else _name_for
+    find = _image_for if rig.names_are_images else _name_for
     named = [find(photo, cameras) for photo in photos]
-    by_order = not any(named) and not rig.of_images and len(cameras) == len(photos)
+    by_order = not any(named) and not rig.names_are_images and len(cameras) == len(photos)
     if by_order:
         named = list(cameras)
     if not any(named):
@@ -183,7 +183,11 @@ def read_calibration(
         if name is None:
             found.append(None)
             continue
-        fitting = [one for one in _turns(cameras[name], rig.turns.get(name, 0)) if one.fits(size)]
+        fitting = [
+            one
+            for one in _possible_cameras(cameras[name], rig.turns.get(name, 0))
+            if one.fits(size)
+        ]
         if len(fitting) != 1:
             stated = cameras[name].size or "no size, and its principal point is off the middle"
             cause = "is turned or not" if fitting else f"has {size}"
@@ -212,7 +216,7 @@ def _require_metres(path: Path, cameras: Sequence[KnownCamera | None]) -> None:
         )
 
 
-def _turns(table: _Table, turns: int) -> list[_Table]:
+def _possible_cameras(table: _CameraTable, turns: int) -> list[_CameraTable]:
     """Return the camera of the recorded picture, and that of the picture after its turns."""
     upright = table
     for _ in range(turns % 4):
@@ -220,10 +224,10 @@ def _turns(table: _Table, turns: int) -> list[_Table]:
     return [table, upright] if turns % 4 else [table]
 
 
-_FILE = TypeAdapter(dict[str, _Table])
+_FILE = TypeAdapter(dict[str, _CameraTable])
 
 
-def _cameras(path: Path) -> tuple[CameraFile, Mapping[str, _Table]]:
+def _cameras(path: Path) -> tuple[CameraFile, Mapping[str, _CameraTable]]:
     """Return the file, and its cameras by name."""
     try:
         rig = read_camera_file(path)

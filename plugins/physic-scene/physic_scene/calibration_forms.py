@@ -40,12 +40,12 @@ class CameraFile:
     Attributes:
         tables: of each camera by its name, as in PhySIC's own TOML; ``size`` is None if not stated.
         turns: quarter turns clockwise, by name, that make the picture of a camera upright.
-        of_images: whether the names are paths of single images, and the unit is arbitrary.
+        names_are_images: whether the names are paths of single images, and the unit is arbitrary.
     """
 
     tables: Mapping[str, Any]
     turns: Mapping[str, int] = field(default_factory=dict)
-    of_images: bool = False
+    names_are_images: bool = False
 
 
 def read_camera_file(path: Path) -> CameraFile:
@@ -61,7 +61,7 @@ def read_camera_file(path: Path) -> CameraFile:
     return _FORMS.get(path.suffix.lower(), _read_toml)(path)
 
 
-def _text(path: Path, limit: int = _LARGEST_FILE) -> str:
+def _read_text(path: Path, limit: int = _LARGEST_FILE) -> str:
     return read_text(path, limit)
 
 
@@ -118,7 +118,7 @@ _TOML_KEYS = (
 
 def _read_toml(path: Path) -> CameraFile:
     """Read PhySIC's own form, or that of Pose2Sim, AniPose and Caliscope, which have ``matrix``."""
-    document = parse_toml(_text(path))
+    document = parse_toml(_read_text(path))
     nested = isinstance(document.get("cameras"), dict)  # as Caliscope does by itself
     entries: Mapping[str, Any] = document["cameras"] if nested else document
     tables: dict[str, Any] = {}
@@ -161,7 +161,7 @@ _YAML_KEYS = ("K", "dist", "R", "Rot", "T", "H", "W")
 def _read_easymocap(path: Path) -> CameraFile:
     """Read EasyMocap's intri.yml and extri.yml, of which either is given."""
     pair = path.parent.glob(re.sub("intri|extri", "??tri", path.name))
-    text = "\n".join(map(_text, sorted({path, *pair})))
+    text = "\n".join(map(_read_text, sorted({path, *pair})))
     entries: dict[str, str] = {}
     for key, value in _ENTRY.findall(_COMMENT.sub("", text)):
         if key != "names":  # each of the two files has it
@@ -171,7 +171,7 @@ def _read_easymocap(path: Path) -> CameraFile:
         known = {f"{kind}_{name}" for kind in _YAML_KEYS for name in names}
         _refuse_others("the file", entries, known)
     sides = {key: entries.pop(key).strip() for key in [*entries] if key[:2] in ("W_", "H_")}
-    numbers = {key: _matrix(key, value) for key, value in entries.items()}
+    numbers = {key: _read_matrix(key, value) for key, value in entries.items()}
     tables = {}
     for name in names:
         size = [sides.get(f"{side}_{name}") for side in "WH"]
@@ -195,7 +195,7 @@ _MATRIX = re.compile(
 )
 
 
-def _matrix(name: str, text: str) -> NDArray[np.float64]:
+def _read_matrix(name: str, text: str) -> NDArray[np.float64]:
     if (found := _MATRIX.fullmatch(text)) is not None:
         values = np.array(found[3].split(","), np.float64)
         if values.size == int(found[1]) * int(found[2]):
@@ -234,7 +234,7 @@ _OF_NERFSTUDIO = (
 
 def _read_nerfstudio(path: Path) -> CameraFile:
     """Read nerfstudio's transforms.json, which instant-ngp has as well."""
-    document = parse_json(_text(path))
+    document = parse_json(_read_text(path))
     tables: dict[str, Any] = {}
     for frame in document["frames"]:
         if other := [key for key in frame if document.get(key, frame[key]) != frame[key]]:
@@ -248,33 +248,33 @@ def _read_nerfstudio(path: Path) -> CameraFile:
         lens = _lens(name, model, (one["w"], one["h"]), values)
         _refuse_others(f"camera {name}", one, _OF_NERFSTUDIO)
         _add(tables, name, lens | _pose(R, -R @ to_world[:, 3]))
-    return CameraFile(tables, of_images=True)
+    return CameraFile(tables, names_are_images=True)
 
 
-def _rows(path: Path) -> Iterator[str]:
+def _read_rows(path: Path) -> Iterator[str]:
     """Return the lines of COLMAP's text that are no comments."""
-    lines = _text(path, _LARGEST_MODEL).rstrip().splitlines()
+    lines = _read_text(path, _LARGEST_MODEL).rstrip().splitlines()
     return (line for line in lines if not line.startswith("#"))
 
 
 def _read_colmap(path: Path) -> CameraFile:
     """Read cameras.txt and images.txt; a point x of the world is at R x + t of each image."""
     lenses: dict[str, Any] = {}
-    for line in _rows(path.with_name("cameras.txt")):
+    for line in _read_rows(path.with_name("cameras.txt")):
         number, model, width, height, *numbers = line.split()
         keys = _COLMAP.get(model, "").split() or numbers
         values: dict[str, float] = dict(zip(keys, map(float, numbers), strict=True))
         values.setdefault("fy", values.get("fx", 0))
         _add(lenses, number, _lens(number, model, (width, height), values))
     tables: dict[str, Any] = {}
-    lines = _rows(path.with_name("images.txt"))
+    lines = _read_rows(path.with_name("images.txt"))
     for line in lines:
         _, *numbers, camera, name = line.split(maxsplit=9)
         *quaternion, x, y, z = map(float, numbers)
         R = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
         _add(tables, name, lenses[camera] | _pose(R, (x, y, z)))
         next(lines, None)  # its keypoints, which may be none
-    return CameraFile(tables, of_images=True)
+    return CameraFile(tables, names_are_images=True)
 
 
 def _refuse_binary(path: Path) -> CameraFile:

@@ -99,7 +99,7 @@ def scene(
         raise click.UsageError(
             "--camera-unit is the unit of a file of --cameras: give both, or leave it out"
         )
-    sizes, digests = _read(photos)
+    sizes, digests = _sizes_and_digests(photos)
     cameras = None if calibration is None else read_calibration(calibration, photos, sizes, unit_m)
     if cameras and any(one and one.by_order for one in cameras):
         _warn_of_order(photos, cameras)
@@ -143,7 +143,7 @@ def _page(result: SceneResult, *, quiet: bool) -> str:
         return ""
 
 
-def _read(photos: tuple[Path, ...]) -> tuple[list[tuple[int, int]], set[str]]:
+def _sizes_and_digests(photos: tuple[Path, ...]) -> tuple[list[tuple[int, int]], set[str]]:
     """Return width and height of the upright photo files, px, and the photos' digests.
 
     Raises:

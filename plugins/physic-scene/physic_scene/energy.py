@@ -46,20 +46,20 @@ class OtherViews(ShortRepr):
     """Results of the single photos on N people and the floor.
 
     Attributes:
-        placed: (N,) bool, people whose place several photos show.
+        is_placed: (N,) bool, people whose place several photos show.
         contact: (N, V) sum of the probabilities of contact by the single photos that show each
             person.
-        photos: (N,) their number.
+        photo_count: (N,) their number.
         floors: of the single reference photo, at the solved scale, and of all photos; None if the
             reference photo or all others have no floor.
-        known_scale: whether known cameras give the scale of the scene, which then stays.
+        scale_is_known: whether known cameras give the scale of the scene, which then stays.
     """
 
-    placed: Tensor
+    is_placed: Tensor
     contact: Tensor
-    photos: Tensor
+    photo_count: Tensor
     floors: tuple[Plane, Plane] | None = None
-    known_scale: bool = False
+    scale_is_known: bool = False
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ class ViewsPlacement(PlacementStageMethod):
 
     def _is_placed(self, person: PlacementProblem) -> bool:
         assert self.views is not None
-        return bool(self.views.placed[person.row])
+        return bool(self.views.is_placed[person.row])
 
 
 # Least mean probability of a vertex in contact: of four worlds with four views, 0.4 has the best
@@ -140,7 +140,7 @@ class ViewsContact(ContactStageMethod):
         """Return the contacts by the mean probability, for people whom several photos show."""
         assert self.views is not None
         own = super().find_touch(state, near)
-        photos = self.views.photos
+        photos = self.views.photo_count
         assert own.probability is not None
         probability = (own.probability + self.views.contact.to(own.probability)) / (1 + photos)[
             :, None
@@ -181,7 +181,7 @@ def with_other_views(settings: EngineSettings, views: OtherViews) -> EngineSetti
         return {field.name: getattr(part, field.name) for field in fields(part)}  # type: ignore[arg-type]
 
     keypoints = replace(settings.joint.reprojection, sigma=_KEYPOINT, outlier_sigmas=_OUTLIER)
-    frozen = (*settings.joint.frozen, "scale") if views.known_scale else settings.joint.frozen
+    frozen = (*settings.joint.frozen, "scale") if views.scale_is_known else settings.joint.frozen
     joint = replace(settings.joint, reprojection=keypoints, frozen=frozen)
     placement = ViewsPlacement(**taken(settings.placement), views=views)  # type: ignore[arg-type]
     scene = ViewsScene(**taken(settings.scene), views=views)  # type: ignore[arg-type]

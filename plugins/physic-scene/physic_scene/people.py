@@ -29,12 +29,12 @@ class PersonOfScene(ShortRepr):
     """One person of the result; photos are indices into ``SolvedScene.photos``.
 
     Attributes:
-        shown: photo -> index in its result, of the photos that show this body.
+        row_by_photo: photo -> index in its result, of the photos that show this body.
         parameters: body before the joint solution, in the reference frame, metres; a batch of one.
         stature: known one, metres; NaN where unknown.
     """
 
-    shown: Mapping[int, int]
+    row_by_photo: Mapping[int, int]
     parameters: BodyParameters
     stature: float = np.nan
 
@@ -55,16 +55,16 @@ def people_of_scene(solved: SolvedScene, model: BodyModel) -> tuple[PersonOfScen
         )
         for p, row in enumerate(solved.rows)
     ]
-    in_reference = {one.shown.get(reference): one for one in matched}
+    in_reference = {one.row_by_photo.get(reference): one for one in matched}
     own = [
         in_reference.get(i) or PersonOfScene({reference: i}, person.parameters)
         for i, person in enumerate(photos[reference].result.people)
     ]
-    others = [one for one in matched if reference not in one.shown]
-    return (*own, *others, *_of_one_photo(solved, model))
+    others = [one for one in matched if reference not in one.row_by_photo]
+    return (*own, *others, *_people_of_one_photo(solved, model))
 
 
-def _of_one_photo(solved: SolvedScene, model: BodyModel) -> Iterator[PersonOfScene]:
+def _people_of_one_photo(solved: SolvedScene, model: BodyModel) -> Iterator[PersonOfScene]:
     """Yield people whom only one photo shows, not the reference, and who resemble no other
     person.
     """

@@ -91,11 +91,12 @@ class ReferenceInput(ShortRepr):
         )
         sigma = max(solved.scale_sigma, _KNOWN_SCALE)
         given = [
-            [photos[w].result.people[row].age for w, row in one.shown.items()] for one in people
+            [photos[w].result.people[row].age for w, row in one.row_by_photo.items()]
+            for one in people
         ]
         ages = np.array([next(filter(None, own), np.nan) for own in given])
         parameters = _joined([person.parameters for person in people])
-        shown = np.array([v in person.shown for person in people])
+        shown = np.array([v in person.row_by_photo for person in people])
         # What the other photos show of each person is in their views.
         observed = _observed(_keypoints(people, photos, v), result.image.shape[:2])
         return cls(
@@ -105,13 +106,15 @@ class ReferenceInput(ShortRepr):
             shown=shown,
             scores=np.array(
                 [
-                    max(photos[w].result.people[row].score for w, row in person.shown.items())
+                    max(
+                        photos[w].result.people[row].score for w, row in person.row_by_photo.items()
+                    )
                     for person in people
                 ]
             ),
             depth=DepthMap(depth, camera, sigma, (f"scale and cameras from {len(photos)} photos",)),
             views=tuple(_view(solved, people, w) for w in range(len(photos)) if w != v),
-            alone=_alone(solved, people, model),
+            alone=_of_single_photos(solved, people, model),
             statures=np.array([one.stature for one in people]),
             ages=ages if np.isfinite(ages).any() else None,
         )
@@ -213,7 +216,7 @@ def scene_scales(solved: SolvedScene) -> FloatArray:
 
 def _shown_elsewhere(person: PersonOfScene, solved: SolvedScene) -> bool:
     """Return whether other photos than the reference determine the place of a person."""
-    return set(person.shown) != {solved.reference}
+    return set(person.row_by_photo) != {solved.reference}
 
 
 def _floors(solved: SolvedScene, model: BodyModel) -> tuple[Plane, Plane] | None:
@@ -268,8 +271,8 @@ def _view(solved: SolvedScene, people: Sequence[PersonOfScene], view: int) -> Ot
     result = photos[view].result
     masks = np.zeros((len(people), *result.image.shape[:2]), bool)
     for i, person in enumerate(people):
-        if view in person.shown:
-            masks[i] = result.people[person.shown[view]].mask
+        if view in person.row_by_photo:
+            masks[i] = result.people[person.row_by_photo[view]].mask
     rotation, translation, K, points, confidence = (
         torch.from_numpy(np.asarray(x, np.float64))
         for x in (
@@ -305,7 +308,7 @@ def _keypoints(
     confidence = np.zeros((count, len(own.skeleton)))
     row_of = {index: row for row, index in enumerate(photos[view].rows)}
     for i, person in enumerate(everybody):
-        row = row_of.get(person.shown.get(view, -1))
+        row = row_of.get(person.row_by_photo.get(view, -1))
         if row is not None:
             points[i] = own.points[row]
             confidence[i] = own.confidence[row]
@@ -320,7 +323,9 @@ def _observed(keypoints: Keypoints, size: tuple[int, ...]) -> BoolArray:
     return np.ones((len(keypoints.points), NUM_JOINTS), bool) if found is None else found
 
 
-def _alone(solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyModel) -> OtherViews:
+def _of_single_photos(
+    solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyModel
+) -> OtherViews:
     """Return the results of the single photos on all people of the result and on the floor.
 
     The probability of contact is summed over the photos that show a person. Sum and number are 0
@@ -331,15 +336,15 @@ def _alone(solved: SolvedScene, people: Sequence[PersonOfScene], model: BodyMode
     contact = torch.zeros(len(people), model.num_vertices, dtype=torch.float64)
     count = torch.zeros(len(people), dtype=torch.float64)
     for i in np.flatnonzero(placed).tolist():
-        for v, row in people[i].shown.items():
+        for v, row in people[i].row_by_photo.items():
             probability = solved.photos[v].result.people[row].contact_probability
             if probability is not None:
                 contact[i] += torch.tensor(probability)
                 count[i] += 1
     return OtherViews(
-        placed=torch.tensor(placed),
+        is_placed=torch.tensor(placed),
         contact=contact,
-        photos=count,
+        photo_count=count,
         floors=_floors(solved, model),
-        known_scale=bool(solved.observations.known.any()),
+        scale_is_known=bool(solved.observations.camera_is_known.any()),
     )

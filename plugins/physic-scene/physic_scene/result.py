@@ -46,7 +46,7 @@ def assemble(
     ]
     unseen = []
     for row, one in enumerate(everybody):
-        if solved.reference not in one.shown:
+        if solved.reference not in one.row_by_photo:
             own = reference.name
             shown = ", ".join(photo.name for photo in photos if row in photo.shown)
             unseen.append(
@@ -57,7 +57,7 @@ def assemble(
     return SceneResult(
         reconstruction=replace(
             reconstruction,
-            notes=(*reconstruction.notes, first, *_known_cameras(solved), *moved, *unseen),
+            notes=(*reconstruction.notes, first, *_note_on_known_cameras(solved), *moved, *unseen),
             warnings=(*reconstruction.warnings, *(one.message for one in solved.left_out)),
         ),
         reference=reference.index,
@@ -66,7 +66,7 @@ def assemble(
     )
 
 
-def _known_cameras(solved: SolvedScene) -> list[str]:
+def _note_on_known_cameras(solved: SolvedScene) -> list[str]:
     """Return a sentence about which cameras are known, if some are."""
     known = [photo.name for photo in solved.photos if photo.people.pose is not None]
     others = [photo.name for photo in solved.photos if photo.people.pose is None]
@@ -112,7 +112,11 @@ def _photos(
                 index=photo.index,
                 name=photo.name,
                 camera=camera,
-                shown={row: one.shown[v] for row, one in enumerate(everybody) if v in one.shown},
+                shown={
+                    row: one.row_by_photo[v]
+                    for row, one in enumerate(everybody)
+                    if v in one.row_by_photo
+                },
                 reprojection=float(np.median(errors)) if len(errors) else float("nan"),
                 scene_scale=float(scales[v]),
                 result=photo.result,

@@ -99,7 +99,7 @@ def solve_scene(chosen: ChosenPhotos, model: BodyModel) -> SolvedScene:
     """
     moved: list[str] = []
     while True:
-        found = _adjusted(chosen)
+        found = _adjust(chosen)
         bad = found.errors > _MOST_OFF
         view = _view_that_does_not_fit(bad, found.errors)
         if view is not None and len(chosen.photos) == 2:
@@ -146,7 +146,7 @@ def _solution(
     people = [photo.people for photo in photos]
     observations = MomentObservations.of(people, rows)  # relative to the sizes in the single photos
     statures = sizes = known_statures(people, rows)
-    if observations.known.any():
+    if observations.camera_is_known.any():
         factor = sizes_by_cameras(observations, [bundle.pose(v) for v in range(len(photos))])
         alone = [
             np.mean([people[v].stature[row[v]] for v in np.flatnonzero(row >= 0)]) for row in rows
@@ -184,13 +184,13 @@ def _with_focal(camera: Intrinsics, factor: float, sigma: float) -> Intrinsics:
     return replace(solved, source="solved from several photos", trust=CameraTrust.ESTIMATED)
 
 
-def _adjusted(chosen: ChosenPhotos) -> _Adjusted:
+def _adjust(chosen: ChosenPhotos) -> _Adjusted:
     rows = chosen.rows
     people = [photo.people for photo in chosen.photos]
     reference = reference_photo(rows, people)
     poses = start_poses(chosen, reference)
     observations = _sized(MomentObservations.of(people, rows), people, rows, poses)
-    settings = KNOWN_CAMERAS if observations.known.any() else SOLVED_CAMERAS
+    settings = KNOWN_CAMERAS if observations.camera_is_known.any() else SOLVED_CAMERAS
     bundle = adjust(observations, Bundle.start(observations, poses), reference, settings)
     return _Adjusted(reference, observations, bundle, keypoint_errors(observations, bundle))
 
@@ -204,7 +204,7 @@ def _scale(observations: MomentObservations, bundle: Bundle) -> tuple[float, flo
     scale, such as soles on its floor. Distances in the photos follow from them and from focal
     lengths, whose errors are stated apart. Known cameras have a scale.
     """
-    if observations.known.any():
+    if observations.camera_is_known.any():
         return 1.0, 0.0
     size = np.log(_spread(observations.landmarks))
     alone = np.nanmean(np.where(observations.shown, size, np.nan), axis=0)
@@ -314,7 +314,7 @@ def _sized(
     bone_m = observations.bone_m.copy()
     sigma = observations.bone_sigma.copy()
     landmarks = observations.landmarks.copy()
-    if observations.known.any():
+    if observations.camera_is_known.any():
         size = sizes_by_cameras(observations, poses)[:, None]
         return replace(observations, landmarks=landmarks * size[..., None], bone_m=bone_m * size)
     known = known_statures(people, rows)

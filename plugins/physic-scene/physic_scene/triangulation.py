@@ -63,7 +63,7 @@ def sizes_by_cameras(observations: MomentObservations, poses: Sequence[CameraPos
     Raises:
         InputError: the poses are not in metres, by the sizes of the people.
     """
-    own = np.flatnonzero(observations.known)
+    own = np.flatnonzero(observations.camera_is_known)
     factor = np.full(observations.shown.shape[1], np.nan)
     for p in range(len(factor)):
         confidence = observations.confidence[own, p]

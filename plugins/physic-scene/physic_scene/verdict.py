@@ -127,7 +127,7 @@ def checks_of_cameras(views: Sequence[SolvedView], rows: IntArray) -> Iterator[C
         views: V photos.
         rows: (P, V) row of each solved person in each photo, -1 where not shown.
     """
-    costs = _costs(views, rows)
+    costs = _cost_of_pairs(views, rows)
     for v, view in enumerate(views):
         look = f"look at the row of {view.name} in photos.png; if it is wrong, leave the photo out"
         held = int((rows[:, v] >= 0).sum())
@@ -143,13 +143,15 @@ def checks_of_cameras(views: Sequence[SolvedView], rows: IntArray) -> Iterator[C
             f"clothes: {look}"
         )
         yield _check(view.name, "view_agreement", cost, why)
-        nobody = sum(_shows_nobody(view, other, row) for other, row in _others(views, rows, v))
+        nobody = sum(
+            _shows_nobody(view, other, row) for other, row in _people_missing_here(views, rows, v)
+        )
         why = f"{view.name} shows no person where other photos show one: {look}"
         yield _check(view.name, "view_missing_person", nobody, why)
         heights = [
             abs(h)
             for w in range(len(views))
-            if w != v and (h := _height(view, views[w])) is not None
+            if w != v and (h := _log_height_ratio(view, views[w])) is not None
         ]
         why = (
             f"the camera of {view.name} is not as high over its floor as over those of the "
@@ -173,7 +175,7 @@ def _check(
     )
 
 
-def _costs(views: Sequence[SolvedView], rows: IntArray) -> Mapping[tuple[int, int], float]:
+def _cost_of_pairs(views: Sequence[SolvedView], rows: IntArray) -> Mapping[tuple[int, int], float]:
     """Return the mean cost of the people of each pair of photos that share people."""
     found = {}
     for a, b in itertools.combinations(range(len(views)), 2):
@@ -185,7 +187,7 @@ def _costs(views: Sequence[SolvedView], rows: IntArray) -> Mapping[tuple[int, in
     return found
 
 
-def _others(
+def _people_missing_here(
     views: Sequence[SolvedView], rows: IntArray, v: int
 ) -> Iterator[tuple[SolvedView, int]]:
     """Yield the people whom other photos show and this one does not, each once."""
@@ -212,7 +214,7 @@ def _shows_nobody(view: SolvedView, other: SolvedView, row: int) -> bool:
     return bool((away > _NOBODY * view.people.size_px).all())
 
 
-def _height(view: SolvedView, other: SolvedView) -> float | None:
+def _log_height_ratio(view: SolvedView, other: SolvedView) -> float | None:
     """Return the logarithm of the ratio of a camera's heights, over another photo's floor and its
     own.
     """

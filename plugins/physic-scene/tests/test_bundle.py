@@ -74,7 +74,7 @@ def test_cameras_and_points_are_recovered_from_a_rough_start():
 
 def test_known_cameras_stay_and_points_have_their_scale():
     rng = np.random.default_rng(6)
-    seen = replace(observations(rng, noise_px=3.0), known=np.array([True, False, True]))
+    seen = replace(observations(rng, noise_px=3.0), camera_is_known=np.array([True, False, True]))
     found = adjusted(seen, [POSES[0], rough(rng)[1], POSES[2]])
     for view in (0, 2):
         assert np.allclose(found.rotation[view], POSES[view].rotation, atol=1e-5)

@@ -88,7 +88,7 @@ def make_app(jobs: Jobs, hosts: Collection[str], examples: Mapping[str, Path]) -
         ],
         middleware=[
             Middleware(TrustedHostMiddleware, allowed_hosts=list(hosts), www_redirect=False),
-            Middleware(_OwnSite),
+            Middleware(_OwnSiteOnly),
         ],
         exception_handlers={HTTPException: _error_page},
         max_body_size=MAX_UPLOAD_BYTES,
@@ -119,7 +119,7 @@ class _Pages:
 
     async def upload(self, request: Request) -> Response:
         try:
-            return await self._take(request)
+            return await self._take_upload(request)
         except ClientDisconnect:  # the browser broke the upload off, and reads no answer
             return Response(status_code=400)
         except OSError as error:
@@ -128,7 +128,7 @@ class _Pages:
             )
             raise HTTPException(507, why) from error
 
-    async def _take(self, request: Request) -> Response:
+    async def _take_upload(self, request: Request) -> Response:
         async with request.form(max_files=1, max_fields=8) as form:
             file = form.get("photo")
             example = str(form.get("example", ""))
@@ -169,7 +169,7 @@ class _Pages:
         return _file(self._examples, request)
 
 
-class _OwnSite:
+class _OwnSiteOnly:
     """Refuse what a page of another site makes its reader's browser send, and add headers to all
     other answers.
     """

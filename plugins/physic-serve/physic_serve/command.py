@@ -82,7 +82,7 @@ def serve(
     own = tempfile.TemporaryDirectory(
         prefix="physic-serve-", dir=parent, ignore_cleanup_errors=True
     )
-    with _said_at_the_end(), closing(listening), own as place:
+    with _saying_end(), closing(listening), own as place:
         tempfile.tempdir = place  # for parts of forms
         echo("loading the models", err=True)
         with closing(Jobs(Path(place), partial(Worker, config, formats))) as jobs:
@@ -106,7 +106,7 @@ def serve(
 
 
 @contextmanager
-def _said_at_the_end() -> Iterator[None]:
+def _saying_end() -> Iterator[None]:
     """Say after Ctrl-C that nothing is left to continue with."""
     try:
         yield

@@ -140,9 +140,9 @@ class Jobs:
                     continue
                 job.state = "running"
             for message in self._worker.reconstruct(task):
-                self._note(job, message)
+                self._apply(job, message)
 
-    def _note(self, job: Job, message: Message) -> None:
+    def _apply(self, job: Job, message: Message) -> None:
         with self._lock:
             if job.finished:
                 return

@@ -16,7 +16,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from physic_batch.workers import started_processes
+from physic_batch.workers import processes_started_safely
 from physic_core.errors import BackendError, PhysicError
 from physic_core.pictures import REPORT_FILE
 
@@ -88,7 +88,7 @@ class Worker:
         self._process = context.Process(
             target=_work, args=(theirs, config, exports, open_), daemon=True
         )
-        with started_processes():
+        with processes_started_safely():
             self._process.start()
         theirs.close()
         answer = self._receive()
@@ -132,7 +132,7 @@ def _work(
     try:
         reconstruct = open_(config)
     except Exception as error:
-        pipe.send(Message("refused", _told(error)))
+        pipe.send(Message("refused", _message_of(error)))
         return
     pipe.send(Message("ready"))
     with suppress(EOFError, OSError):  # the server has ended
@@ -159,7 +159,7 @@ def _run(
         result.save(str(task.folder))
         result.report(str(task.folder / REPORT_FILE), task.title)
     except Exception as error:
-        return Message("failed", _told(error))
+        return Message("failed", _message_of(error))
     missing = {}
     for name in exports:
         try:
@@ -169,7 +169,7 @@ def _run(
     return Message("done", {**result.summary(), "missing_exports": missing})
 
 
-def _told(error: Exception) -> str:
+def _message_of(error: Exception) -> str:
     """Return the message of an error; the class of one that the project does not raise is part."""
     return str(error) if isinstance(error, PhysicError) else f"{type(error).__name__}: {error}"
 

@@ -47,7 +47,7 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
     from physic_core.configuration.layers import preset_comment
 
     place = (folder or Path(f"physic-{preset}")).absolute()
-    found = _find(preset, place)
+    found = _setup_of(preset, place)
     about = preset_comment(preset)
     if not run_steps:
         echo("\n".join(_script(found, preset, place, about)))
@@ -57,7 +57,7 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
             echo(f"{number}. {step.title}: {'done' if step.is_done else 'to do'}")
             if not step.is_done:
                 _run(step)
-        found = _find(preset, place)
+        found = _setup_of(preset, place)
         left = [step for step in found.steps if not step.is_done]
         echo(f"\n{len(found.steps) - len(left)} of {len(found.steps)} steps are done")
         for step in left:
@@ -71,7 +71,7 @@ def setup(ctx: click.Context, preset: str, folder: Path | None, run_steps: bool)
     ctx.exit(0 if all(step.is_done for step in found.steps) else WEIGHTS)
 
 
-def _find(preset: str, folder: Path) -> Setup:
+def _setup_of(preset: str, folder: Path) -> Setup:
     from physic_setup.steps import read_config, setup_steps
 
     config, missing = read_config(folder / f"{preset}.toml", preset)
@@ -82,7 +82,7 @@ def _script(found: Setup, preset: str, folder: Path, about: list[str]) -> Iterat
     left = [step for step in found.steps if not step.is_done]
     config = shlex.quote(str(folder / f"{preset}.toml"))
     yield f"# physic setup {preset}: {len(left)} of {len(found.steps)} steps remain."
-    yield from (f"# {line}" for line in _costs(found))
+    yield from (f"# {line}" for line in _cost_lines(found))
     yield from ("", *about)
     for number, step in enumerate(found.steps, 1):
         yield ""
@@ -101,7 +101,7 @@ def _script(found: Setup, preset: str, folder: Path, about: list[str]) -> Iterat
     yield f"physic config check --config {config}\n# physic run PHOTO --config {config}"
 
 
-def _costs(found: Setup) -> Iterator[str]:
+def _cost_lines(found: Setup) -> Iterator[str]:
     """Yield lines about download, GPU memory, accounts and what is not pinned."""
     from physic_core.weights import format_size
 

@@ -57,7 +57,7 @@ def fetch(
     folder = base / weights.name
     if wrong := size_mismatches(weights):
         raise DownloadError(f"{wrong}: move what differs away, and try again")
-    absent = [file for file in weights.files if file.path not in _here(weights, to)]
+    absent = [file for file in weights.files if file.path not in _files_here(weights, to)]
     by_hand = ", ".join(file.path for file in absent if not file.source)
     advice = f"{weights.advice.rstrip('. ')}; then copy it into {folder}"
     if absent and not any(file.source for file in absent):
@@ -79,17 +79,17 @@ def fetch(
         not by_hand
         and to is None
         and len(weights.files) > 1
-        and common_folder(_here(weights, None)) is None
+        and common_folder(_files_here(weights, None)) is None
     ):
         absent = [file for file in weights.files if not (folder / file.path).is_file()]
         for file in absent:
-            _copy(_here(weights, None)[file.path], folder / file.path)
+            _copy(_files_here(weights, None)[file.path], folder / file.path)
     if by_hand:
         raise DownloadError(f"{by_hand} of '{weights.name}' cannot be downloaded: {advice}")
     return tuple(file.path for file in absent)
 
 
-def _here(weights: WeightSet, to: Path | None) -> dict[str, Path]:
+def _files_here(weights: WeightSet, to: Path | None) -> dict[str, Path]:
     """Return the files of a set that are on this machine, or in the folder ``to``."""
     if to is None:
         return dict(locate_files(weights))
@@ -107,7 +107,7 @@ def _fetch_file(weights: WeightSet, file: WeightFile, folder: Path, *, in_folder
         errors = []
         for place in (file.source, *weights.mirrors):
             try:
-                found = _from_place(file, place, Path(scratch))
+                found = _download(file, place, Path(scratch))
                 break
             except Exception as error:  # two libraries and their HTTP clients raise many classes
                 errors.append((place, error))
@@ -132,18 +132,20 @@ def _copy(found: Path, target: Path) -> None:
         shutil.copyfile(found, write(target.name))
 
 
-def _from_place(file: WeightFile, place: str, scratch: Path) -> Path:
+def _download(file: WeightFile, place: str, scratch: Path) -> Path:
     """Download a file from its source, or from a mirror: the repository "owner/name" on Hugging
     Face.
     """
     if place != file.source:
-        return _from_hub(_find_in_mirror(file, place))
+        return _download_from_hub(_find_in_mirror(file, place))
     return (
-        _from_hub(file.origin) if isinstance(file.origin, HubSource) else _from_web(file, scratch)
+        _download_from_hub(file.origin)
+        if isinstance(file.origin, HubSource)
+        else _download_from_web(file, scratch)
     )
 
 
-def _from_hub(origin: HubSource) -> Path:
+def _download_from_hub(origin: HubSource) -> Path:
     import huggingface_hub as hub
 
     return Path(hub.hf_hub_download(origin.repository, origin.path, revision=origin.revision))
@@ -162,7 +164,7 @@ def _find_in_mirror(file: WeightFile, repository: str) -> HubSource:
     raise DownloadError(f"it has no file with the SHA-256 of {file.path}")
 
 
-def _from_web(file: WeightFile, scratch: Path) -> Path:
+def _download_from_web(file: WeightFile, scratch: Path) -> Path:
     import pooch
 
     origin = file.origin

@@ -117,7 +117,7 @@ def setup_steps(config: Config, preset: str, folder: Path, missing: tuple[str, .
         BackendError: a backend is broken, or the manifest of a plugin is invalid.
     """
     if uninstalled := (*missing, *_uninstalled(config)):
-        return Setup((_plugins(uninstalled),))
+        return Setup((_plugins_step(uninstalled),))
     plan = resolve(config)
     sets = named_weights(plan)
     repositories = _unique(plan, Repository)
@@ -128,12 +128,12 @@ def setup_steps(config: Config, preset: str, folder: Path, missing: tuple[str, .
     gpu = _unique(plan, GpuMemory)
     unpinned = _unpinned(sets, repositories)
     steps = (
-        _packages(plan),
-        _free_weights(sets),
-        _code(repositories, folder),
-        *(_restricted_weights(weights) for weights in sets if not _is_downloadable(weights)),
-        *(_user_file(file, folder) for file in dict.fromkeys(file for _, file in files)),
-        _config_file(preset, folder, [*repositories, *files]),
+        _packages_step(plan),
+        _free_weights_step(sets),
+        _code_step(repositories, folder),
+        *(_restricted_weights_step(weights) for weights in sets if not _is_downloadable(weights)),
+        *(_user_file_step(file, folder) for file in dict.fromkeys(file for _, file in files)),
+        _config_file_step(preset, folder, [*repositories, *files]),
     )
     return Setup(
         steps=tuple(step for step in steps if step is not None),
@@ -150,7 +150,7 @@ def setup_steps(config: Config, preset: str, folder: Path, missing: tuple[str, .
     )
 
 
-def _plugins(distributions: tuple[str, ...]) -> SetupStep:
+def _plugins_step(distributions: tuple[str, ...]) -> SetupStep:
     install = f"python -m pip install{_constraints()}"
     return SetupStep(
         "Plugins of the preset; then run the same command again for the other steps",
@@ -218,14 +218,14 @@ def _source(distribution: str) -> str:
     """Return what pip installs a distribution from: a folder of the checkout of PhySIC, or its
     name.
     """
-    root = _root() or Path()
+    root = _checkout_root() or Path()
     folders = sources_in_checkout(distribution)
     return " ".join(f"-e {shlex.quote(str(root / folder))}" for folder in folders) or shlex.quote(
         distribution
     )
 
 
-def _root() -> Path | None:
+def _checkout_root() -> Path | None:
     """Return the checkout that PhySIC is installed from, or None."""
     import physic_core
 
@@ -234,11 +234,11 @@ def _root() -> Path | None:
 
 
 def _constraints() -> str:
-    root = _root()
+    root = _checkout_root()
     return f" -c {shlex.quote(str(root / 'constraints.txt'))}" if root else ""
 
 
-def _packages(plan: ResolvedPipeline) -> SetupStep | None:
+def _packages_step(plan: ResolvedPipeline) -> SetupStep | None:
     modules = sorted({module for _, one in _unique(plan, Packages) for module in one.modules})
     lacking = [PIP_NAMES.get(module, module) for module in modules if find_spec(module) is None]
     if not modules:
@@ -280,7 +280,7 @@ def _is_downloadable(weights: WeightSet) -> bool:
     return weights.is_free and all(file.source for file in weights.files)
 
 
-def _free_weights(sets: tuple[WeightSet, ...]) -> SetupStep | None:
+def _free_weights_step(sets: tuple[WeightSet, ...]) -> SetupStep | None:
     free = [weights for weights in sets if _is_downloadable(weights)]
     if not free:
         return None
@@ -290,7 +290,7 @@ def _free_weights(sets: tuple[WeightSet, ...]) -> SetupStep | None:
     return SetupStep(f"Weights without restrictions: {licences}", not lacking, commands)
 
 
-def _restricted_weights(weights: WeightSet) -> SetupStep:
+def _restricted_weights_step(weights: WeightSet) -> SetupStep:
     title = f"Weights '{weights.name}': {weights.license}"
     if _is_complete(weights):
         return SetupStep(title, True)
@@ -306,7 +306,7 @@ def _restricted_weights(weights: WeightSet) -> SetupStep:
     )
 
 
-def _code(repositories: list[tuple[str, Repository]], folder: Path) -> SetupStep | None:
+def _code_step(repositories: list[tuple[str, Repository]], folder: Path) -> SetupStep | None:
     commands = []
     for one in {_checkout_folder(one, folder): one for _, one in repositories}.values():
         if not one.is_here:
@@ -324,12 +324,12 @@ def _checkout_folder(one: Repository, folder: Path) -> Path:
     return Path(one.folder) if one.folder else folder / one.url.rstrip("/").rpartition("/")[2]
 
 
-def _user_file(file: UserFile, folder: Path) -> SetupStep:
+def _user_file_step(file: UserFile, folder: Path) -> SetupStep:
     into = (f"put it at {folder / file.name}",) if file.option else ()
     return SetupStep(file.name, file.is_here, by_hand=() if file.is_here else (file.advice, *into))
 
 
-def _config_file(
+def _config_file_step(
     preset: str, folder: Path, options: list[tuple[str, Repository | UserFile]]
 ) -> SetupStep:
     path = folder / f"{preset}.toml"

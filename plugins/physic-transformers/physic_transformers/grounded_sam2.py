@@ -179,17 +179,17 @@ class GroundedSam2(PretrainedBackend, Segmenter):
                 "input_points": points[None, :, None] * scale,
                 "input_labels": np.ones((1, len(points), 1)),
             }
-            masks.append(self._decoded(network, embeddings, **marks))
+            masks.append(self._decode(network, embeddings, **marks))
         prompts = boxes * np.tile(scale, 2)
         for i in range(0, len(prompts), _BOXES_PER_CALL):
             masks.append(
-                self._decoded(
+                self._decode(
                     network, embeddings, input_boxes=prompts[None, i : i + _BOXES_PER_CALL]
                 )
             )
         return np.concatenate(masks)
 
-    def _decoded(self, network: Any, embeddings: Any, **prompts: FloatArray) -> FloatArray:
+    def _decode(self, network: Any, embeddings: Any, **prompts: FloatArray) -> FloatArray:
         """Run the mask decoder on points or boxes, px of the network's picture."""
         given = {
             name: value.astype(np.int64 if name == "input_labels" else np.float32)

@@ -192,19 +192,19 @@ def photo_appearance(
         shown: share of the body that the photo shows.
         skin: the variant of :data:`SKINS` that is shown by programs that do not know variants.
     """
-    own = body_material(name, texture=glb.texture(photo, "image/jpeg", name))
+    own = body_material(name, texture=glb.add_texture(photo, "image/jpeg", name))
     own |= {
         "extensions": {"KHR_materials_unlit": {}},
         "extras": {"share_from_photo": round(shown, 4)},
     }
-    picture = glb.texture(*contact, f"{name}_contact")
+    picture = glb.add_texture(*contact, f"{name}_contact")
     materials = (
         own,
         body_material("body", BODY_RGB),
         body_material(f"{name}_contact", texture=picture),
     )
     mappings = [
-        {"material": glb.material(one), "variants": [number]}
+        {"material": glb.add_material(one), "variants": [number]}
         for number, one in enumerate(materials)
     ]
     uv = np.stack([mesh.uv[:, 0], 1 - mesh.uv[:, 1]], 1)
@@ -228,11 +228,16 @@ def add_dressed(glb: GlbBuilder, index: int, request: ExportRequest) -> Appearan
         contact = encode_image(image_of_vertices(touched, _CONTACT_TEXELS), "JPEG")
         photo = encode_image(dressed_images(request.result)[index], "JPEG")
         return photo_appearance(
-            glb, name, photo, (contact, "image/jpeg"), dressed.mesh, dressed.people[index].shown
+            glb,
+            name,
+            photo,
+            (contact, "image/jpeg"),
+            dressed.mesh,
+            dressed.people[index].shown_share,
         )
     linear = np.ones((len(person.vertices), 4))
     linear[:, :3] = linear_from_srgb(dressed.people[index].colors)
-    colors = glb.accessor(np.round(65535 * linear).astype(np.uint16), ARRAY, normalized=True)
+    colors = glb.add_accessor(np.round(65535 * linear).astype(np.uint16), ARRAY, normalized=True)
     white = body_material("photo_colors") | {"extensions": {"KHR_materials_unlit": {}}}
     return Appearance(white, accessors={"COLOR_0": colors})
 
@@ -286,16 +291,16 @@ def build_glb(
         "KHR_materials_unlit" in material.get("extensions", ())
         for material in glb.tree.get("materials", ())
     ):
-        _use(glb, "KHR_materials_unlit")
+        _use_extension(glb, "KHR_materials_unlit")
     if any("extensions" in mesh["primitives"][0] for mesh in glb.tree.get("meshes", ())):
-        _use(glb, "KHR_materials_variants")
+        _use_extension(glb, "KHR_materials_variants")
         glb.tree["extensions"] = {
             "KHR_materials_variants": {"variants": [{"name": skin} for skin in SKINS]}
         }
     return glb
 
 
-def _use(glb: GlbBuilder, extension: str) -> None:
+def _use_extension(glb: GlbBuilder, extension: str) -> None:
     glb.tree["extensionsUsed"] = sorted({*glb.tree.get("extensionsUsed", ()), extension})
 
 
@@ -338,10 +343,10 @@ def _add_person(
         own = look.mesh.vertex
         drawn = look.mesh.faces
     attributes = {
-        "POSITION": glb.accessor(vertices.astype(np.float32)[own], ARRAY, bounds=True),
-        "NORMAL": glb.accessor(normals[own], ARRAY),
-        "_CONTACT": glb.accessor(person.contact.astype(np.float32)[own], ARRAY),
-        **{key: glb.accessor(values, ARRAY) for key, values in look.attributes.items()},
+        "POSITION": glb.add_accessor(vertices.astype(np.float32)[own], ARRAY, with_bounds=True),
+        "NORMAL": glb.add_accessor(normals[own], ARRAY),
+        "_CONTACT": glb.add_accessor(person.contact.astype(np.float32)[own], ARRAY),
+        **{key: glb.add_accessor(values, ARRAY) for key, values in look.attributes.items()},
         **look.accessors,
     }
     tops = list[int]()
@@ -363,8 +368,8 @@ def _skin_attributes(glb: GlbBuilder, rig: Rig, vertices: Any) -> dict[str, int]
     attributes = {}
     for group in range(indices.shape[1] // 4):
         columns = slice(4 * group, 4 * group + 4)
-        attributes[f"JOINTS_{group}"] = glb.accessor(indices[vertices, columns], ARRAY)
-        attributes[f"WEIGHTS_{group}"] = glb.accessor(weights[vertices, columns], ARRAY)
+        attributes[f"JOINTS_{group}"] = glb.add_accessor(indices[vertices, columns], ARRAY)
+        attributes[f"WEIGHTS_{group}"] = glb.add_accessor(weights[vertices, columns], ARRAY)
     return attributes
 
 
@@ -374,7 +379,8 @@ def _add_target(
     """Add the steps (U, 3) of vertices and normals to a target that the last mesh shows."""
     # Not as sparse accessors, with which VTK reads no file or other steps.
     position, normal = (
-        glb.accessor(step.astype(np.float32), ARRAY, bounds=True) for step in (moves, turns)
+        glb.add_accessor(step.astype(np.float32), ARRAY, with_bounds=True)
+        for step in (moves, turns)
     )
     mesh = glb.tree["meshes"][-1]
     mesh["primitives"][0]["targets"] = [{"POSITION": position, "NORMAL": normal}]
@@ -402,7 +408,7 @@ def _add_skeleton(glb: GlbBuilder, name: str, rig: Rig) -> tuple[int, int]:
     top = glb.add("nodes", {"name": f"{name}_skeleton", "children": [first]})
     skin = {
         "name": name,
-        "inverseBindMatrices": glb.accessor(rig.inverse_bind.astype(np.float32)),
+        "inverseBindMatrices": glb.add_accessor(rig.inverse_bind.astype(np.float32)),
         "joints": list(range(first, top)),
         "skeleton": top,
     }
@@ -427,13 +433,13 @@ def _add_mesh(
 def _primitive(
     glb: GlbBuilder, attributes: dict[str, int], faces: NDArray[np.integer[Any]], look: Appearance
 ) -> dict[str, Any]:
-    indices = glb.accessor(
+    indices = glb.add_accessor(
         faces.reshape(-1).astype(np.uint16 if faces.max() < 65535 else np.uint32), INDICES
     )
     return {
         "attributes": attributes,
         "indices": indices,
-        "material": glb.material(look.material),
+        "material": glb.add_material(look.material),
         **look.primitive,
     }
 
@@ -446,9 +452,9 @@ def _add_scene(glb: GlbBuilder, request: ExportRequest) -> list[int]:
     meshes = {"scene": surface, "backdrop": backdrop}
     if not any(len(mesh.faces) for mesh in meshes.values()):
         return []
-    _use(glb, "KHR_materials_unlit")
-    jpeg, size = _power_of_two(request.result.scene.colors)
-    photo = body_material("photo", texture=glb.texture(jpeg, "image/jpeg", "photo"))
+    _use_extension(glb, "KHR_materials_unlit")
+    jpeg, size = _jpeg_of_power_of_two(request.result.scene.colors)
+    photo = body_material("photo", texture=glb.add_texture(jpeg, "image/jpeg", "photo"))
     photo |= {"extensions": {"KHR_materials_unlit": {}}}
     nodes = []
     for name, mesh in meshes.items():
@@ -457,7 +463,7 @@ def _add_scene(glb: GlbBuilder, request: ExportRequest) -> list[int]:
             places = ((mesh.pixels + 0.5) / size).astype(np.float32)
             # From outside, the backdrop must not hide what is before it.
             look = Appearance(photo | {"name": name, "doubleSided": mesh is surface})
-            primitives = _in_parts(glb, vertices, places, mesh.faces, look)
+            primitives = _primitives_in_parts(glb, vertices, places, mesh.faces, look)
             entry = glb.add("meshes", {"name": name, "primitives": primitives})
             nodes.append(glb.add("nodes", {"name": name, "mesh": entry}))
     if len(backdrop.faces):
@@ -468,7 +474,7 @@ def _add_scene(glb: GlbBuilder, request: ExportRequest) -> list[int]:
     return nodes
 
 
-def _in_parts(
+def _primitives_in_parts(
     glb: GlbBuilder,
     vertices: NDArray[np.float32],
     places: NDArray[np.float32],
@@ -485,8 +491,8 @@ def _in_parts(
         if len(part):
             own = slice(start, part.max() + 1)
             attributes = {
-                "POSITION": glb.accessor(vertices[own], ARRAY, bounds=True),
-                "TEXCOORD_0": glb.accessor(places[own], ARRAY),
+                "POSITION": glb.add_accessor(vertices[own], ARRAY, with_bounds=True),
+                "TEXCOORD_0": glb.add_accessor(places[own], ARRAY),
             }
             primitives.append(_primitive(glb, attributes, part - start, look))
     return primitives
@@ -502,8 +508,8 @@ def _add_floor(glb: GlbBuilder, request: ExportRequest) -> list[int]:
         return [glb.add("nodes", {"name": "floor"})]
     normals = np.broadcast_to(request.frame.up_vector, vertices.shape)
     attributes = {
-        "POSITION": glb.accessor(vertices.astype(np.float32), ARRAY, bounds=True),
-        "NORMAL": glb.accessor(normals.astype(np.float32), ARRAY),
+        "POSITION": glb.add_accessor(vertices.astype(np.float32), ARRAY, with_bounds=True),
+        "NORMAL": glb.add_accessor(normals.astype(np.float32), ARRAY),
     }
     return [
         _add_mesh(
@@ -532,8 +538,8 @@ def _add_assumed(glb: GlbBuilder, request: ExportRequest) -> list[int]:
             )
             triangles = np.arange(len(corners)).reshape(-1, 3)
             attributes = {
-                "POSITION": glb.accessor(corners.astype(np.float32), ARRAY, bounds=True),
-                "NORMAL": glb.accessor(unit_normals(corners, triangles), ARRAY),
+                "POSITION": glb.add_accessor(corners.astype(np.float32), ARRAY, with_bounds=True),
+                "NORMAL": glb.add_accessor(unit_normals(corners, triangles), ARRAY),
             }
             name = f"{one.name.replace(' ', '_')}_of_person_{one.person}"
             nodes.append(_add_mesh(glb, name, attributes, triangles, look))
@@ -569,7 +575,7 @@ def _add_camera(glb: GlbBuilder, camera: Intrinsics, pose: NDArray[np.float64]) 
     return glb.add("nodes", node)
 
 
-def _power_of_two(image: UInt8Array) -> tuple[bytes, tuple[int, int]]:
+def _jpeg_of_power_of_two(image: UInt8Array) -> tuple[bytes, tuple[int, int]]:
     """Return a JPEG of an image, padded at the right and the bottom to powers of two, and its width
     and height.
 

@@ -38,7 +38,7 @@ class GlbBuilder:
         entries.append(entry)
         return len(entries) - 1
 
-    def view(self, content: bytes, target: int | None = None) -> int:
+    def add_view(self, content: bytes, target: int | None = None) -> int:
         """Append bytes to the binary chunk, and return the index of their buffer view."""
         entry = {"buffer": 0, "byteOffset": self._size, "byteLength": len(content)}
         if target is not None:
@@ -48,17 +48,17 @@ class GlbBuilder:
         self._size += len(padded)
         return self.add("bufferViews", entry)
 
-    def material(self, entry: dict[str, Any]) -> int:
+    def add_material(self, entry: dict[str, Any]) -> int:
         """Return the index of a material, which is added unless the file has one like it."""
         materials: list[dict[str, Any]] = self.tree.get("materials", [])
         return materials.index(entry) if entry in materials else self.add("materials", entry)
 
-    def texture(self, content: bytes, mime: str, name: str) -> int:
+    def add_texture(self, content: bytes, mime: str, name: str) -> int:
         """Append a picture that is not repeated at its edges, and return the index of its
         texture.
         """
         source = self.add(
-            "images", {"bufferView": self.view(content), "mimeType": mime, "name": name}
+            "images", {"bufferView": self.add_view(content), "mimeType": mime, "name": name}
         )
         if "samplers" not in self.tree:
             self.add(
@@ -66,12 +66,12 @@ class GlbBuilder:
             )
         return self.add("textures", {"source": source, "sampler": 0})
 
-    def accessor(
+    def add_accessor(
         self,
         values: NDArray[Any],
         target: int | None = None,
         *,
-        bounds: bool = False,
+        with_bounds: bool = False,
         normalized: bool = False,
     ) -> int:
         """Append an array (N, ...) of float32 or unsigned integers, and return the index of its
@@ -82,7 +82,7 @@ class GlbBuilder:
         Args:
             values: matrices are (N, 4, 4), by rows.
             target: ARRAY, INDICES or None.
-            bounds: whether to state minimum and maximum, which positions must have.
+            with_bounds: whether to state minimum and maximum, which positions must have.
             normalized: whether the largest integer stands for 1.
         """
         values = np.ascontiguousarray(np.swapaxes(values, -1, -2) if values.ndim == 3 else values)
@@ -93,14 +93,14 @@ class GlbBuilder:
         }
         if normalized:
             entry["normalized"] = True
-        if bounds:
+        if with_bounds:
             entry |= {
                 "min": np.atleast_1d(values.min(0)).tolist(),
                 "max": np.atleast_1d(values.max(0)).tolist(),
             }
         key = f"{entry}{target}", values.tobytes()
         if key not in self._accessors:
-            entry["bufferView"] = self.view(key[1], target)
+            entry["bufferView"] = self.add_view(key[1], target)
             self._accessors[key] = self.add("accessors", entry)
         return self._accessors[key]
 

@@ -100,7 +100,7 @@ def bodies_over(photo: UInt8Array, view: View, geometry: PreviewGeometry) -> UIn
 
     if geometry.people is None:
         return photo
-    colors = np.concatenate([geometry.dress, geometry.people_colors], 1)
+    colors = np.concatenate([geometry.dress_colors, geometry.people_colors], 1)
     layer = render_mesh(geometry.people, view, colors)
     dressed, plain = (np.ascontiguousarray(one) for one in np.split(layer.color, 2, axis=-1))
     plain = cv2.medianBlur(plain, 3)  # a ray may pass between two triangles

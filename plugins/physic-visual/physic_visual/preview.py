@@ -217,7 +217,7 @@ def summary_line(reconstruction: Reconstruction) -> str:
         f"grade: {grade_text(reconstruction.grade, reconstruction.trust)}",
         f"{camera.width} x {camera.height} px",
         f"focal length {math.sqrt(camera.fx * camera.fy):.0f} px, {camera.source}",
-        _errors(reconstruction),
+        _error_text(reconstruction),
     ]
     if reconstruction.people:
         facts.append(f"scene resized by {100 * (scene.scale - 1):+z.1f} % to fit the people")
@@ -237,7 +237,7 @@ def summary_line(reconstruction: Reconstruction) -> str:
     return "  ·  ".join(facts)
 
 
-def _errors(reconstruction: Reconstruction) -> str:
+def _error_text(reconstruction: Reconstruction) -> str:
     """Return the errors of lengths, and of distances from the camera, to which that of the focal
     length adds.
     """

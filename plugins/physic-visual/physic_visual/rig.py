@@ -57,7 +57,7 @@ class Rig:
     rotations: Array
     offsets: Array
 
-    def world(self) -> Array:
+    def joint_poses(self) -> Array:
         """Return the pose (55, 4, 4) of each joint in the frame, G_j."""
         poses = np.tile(np.eye(4), (len(self.parents), 1, 1))
         for joint, parent in enumerate(self.parents):
@@ -67,9 +67,9 @@ class Rig:
             poses[joint] = own if parent < 0 else poses[parent] @ own
         return poses
 
-    def posed(self) -> Array:
+    def posed_vertices(self) -> Array:
         """Return the posed vertices (V, 3) in the frame, metres."""
-        motions = (self.world() @ self.inverse_bind)[:, :3]
+        motions = (self.joint_poses() @ self.inverse_bind)[:, :3]
         blended = (self.weights @ motions.reshape(len(motions), -1)).reshape(-1, 3, 4)
         return np.asarray((blended[..., :3] @ self.vertices[..., None])[..., 0] + blended[..., 3])
 
@@ -82,7 +82,7 @@ def bound_in_pose(rig: Rig, vertices: Array) -> Rig:
         vertices: (V, 3) of its pose, in the frame.
     """
     return replace(
-        rig, vertices=vertices, inverse_bind=np.linalg.inv(rig.world()).astype(np.float64)
+        rig, vertices=vertices, inverse_bind=np.linalg.inv(rig.joint_poses()).astype(np.float64)
     )
 
 
@@ -195,7 +195,7 @@ def _check_size(body: BodyArrays, person: Person, num_shape: int) -> None:
 
 def _check_pose(rig: Rig, person: Person, frame: ExportFrame) -> None:
     vertices = transform_points(frame.from_camera, person.vertices)
-    apart = float(np.abs(rig.posed() - vertices).max())
+    apart = float(np.abs(rig.posed_vertices() - vertices).max())
     rounding = float(np.spacing(np.abs(person.vertices).max()))  # of a float32 far from the camera
     if not apart < _SAME_BODY_M + 2 * rounding:
         raise InputError(

@@ -49,7 +49,7 @@ class PreviewGeometry:
     Attributes:
         people: bodies; None if there are none.
         people_colors: (N * V, 3) sRGB in 0-1, those of the people's numbers.
-        dress: (N * V, 3) sRGB in 0-1, those of the photo, see
+        dress_colors: (N * V, 3) sRGB in 0-1, those of the photo, see
             :mod:`physic_visual.textures.dressed`.
         crowns: person -> (3,) vertex that is the highest.
         points: (M, 3) float32 points of the scene.
@@ -68,7 +68,7 @@ class PreviewGeometry:
 
     people: RayCaster | None
     people_colors: Array
-    dress: Array
+    dress_colors: Array
     crowns: Mapping[int, Array]
     points: NDArray[np.float32]
     point_colors: NDArray[np.float32]
@@ -106,9 +106,9 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     framed = [bodies[index] for index in bodies.keys() & main] or [*bodies.values()]
     low, high = _bounds(framed, points, matrix)
     return PreviewGeometry(
-        people=dressed.bodies,
+        people=dressed.caster,
         people_colors=np.concatenate([np.zeros((0, 3)), *colors]),
-        dress=np.concatenate([np.zeros((0, 3)), *dress]) / 255.0,
+        dress_colors=np.concatenate([np.zeros((0, 3)), *dress]) / 255.0,
         crowns={
             index: vertices[(vertices @ matrix[1, :3]).argmax()]
             for index, vertices in bodies.items()
@@ -378,7 +378,7 @@ def _draw(geometry: PreviewGeometry, view: View, full_colour_m: float, radius: i
     )[..., None]
     picture = veil * scene.color + (1 - veil) * paper
     if geometry.people is not None:
-        people = render_mesh(geometry.people, view, geometry.dress)
+        people = render_mesh(geometry.people, view, geometry.dress_colors)
         veil = np.where(scene.distance < people.distance - _THICK, _OCCLUDED_OPACITY, 1.0).astype(
             np.float32
         )[..., None]

@@ -37,10 +37,10 @@ def test_a_body_has_the_photo_s_colour_where_it_is_seen_and_a_darker_guess_of_it
         away = (mesh.vertex_normals * mesh.vertices).sum(1) / np.linalg.norm(mesh.vertices, axis=1)
         body = dressed.people[index]
         colors = body.colors.astype(int)
-        assert 0.1 < body.shown < (away < 0).mean()  # no photo shows what faces away
+        assert 0.1 < body.shown_share < (away < 0).mean()  # no photo shows what faces away
         assert (np.abs(colors - PINK).max(1) < 3).mean() > 0.1
         guess = colors[away > 0.3]
-        assert body.filled[away > 0.3].min() == 1
+        assert body.guessed_share[away > 0.3].min() == 1
         assert_allclose(guess / guess.max(1, keepdims=True) - PINK / 230, 0, atol=0.03)
         assert guess[:, 0].max() < 0.92 * PINK[0]
         assert np.ptp(guess[:, 0]) > 30  # with a light
@@ -77,7 +77,7 @@ def test_a_texture_is_as_fine_as_the_photo(result):
 def test_a_person_whom_no_photo_shows_is_grey_in_shoes(result):
     person = replace(result.people[0], mask=np.zeros_like(result.people[0].mask))
     dressed = dressed_bodies(replace(result, people=(person,))).people[0]
-    assert dressed.shown == 0
+    assert dressed.shown_share == 0
     assert len(dressed.shoes) == 2
     assert saturation(dressed.colors).max() < 15
     assert np.ptp(dressed.colors[:, 0]) > 30  # with a light

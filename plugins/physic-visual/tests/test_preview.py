@@ -41,7 +41,7 @@ PINHOLE = View.perspective(CAMERA, 101, 81)
 
 def in_colors_of_numbers(reconstruction):
     geometry = build_preview_geometry(reconstruction)
-    return replace(geometry, dress=geometry.people_colors)
+    return replace(geometry, dress_colors=geometry.people_colors)
 
 
 def drawn(view, *centers, colors=1.0):

@@ -172,7 +172,9 @@ def test_the_combined_file_shows_people_in_the_photo_s_colours_with_two_other_sk
         )
         assert photo_texture.index != contact_texture.index
         assert no_texture is None
-        assert photo.extras["share_from_photo"] == pytest.approx(dressed[index].shown, abs=1e-4)
+        assert photo.extras["share_from_photo"] == pytest.approx(
+            dressed[index].shown_share, abs=1e-4
+        )
     assert tree.scenes[0].extras["colors_of_people"] == f"those of the photo; {GUESSED}"
 
 

@@ -41,7 +41,7 @@ def open_processor(job, seconds=0.0):
 
 
 def standin_job(out):
-    return BatchJob(load_config(preset="mock"), str(out), "none", thumbnails=False)
+    return BatchJob(load_config(preset="mock"), str(out), "none", with_thumbnails=False)
 
 
 def run_standin(

@@ -58,7 +58,7 @@ class DataSet:
 
 
 @dataclass(frozen=True)
-class Choice:
+class FrameChoice:
     """Selection of the frames to evaluate.
 
     Attributes:
@@ -76,7 +76,7 @@ class Choice:
             InputError: the file cannot be read, or lists a frame that there is not.
         """
         if self.file is None:
-            return evenly(names, self.limit)
+            return evenly_spaced(names, self.limit)
         try:
             lines = read_text(self.file, _MAX_LIST_BYTES).splitlines()
         except (OSError, ValueError) as error:
@@ -88,10 +88,10 @@ class Choice:
             raise InputError(
                 f"{self.file} lists frames that there are not: {', '.join(unknown[:5])}"
             )
-        return evenly(listed, self.limit)
+        return evenly_spaced(listed, self.limit)
 
 
-def evenly(items: Sequence[_Item], count: int | None) -> list[_Item]:
+def evenly_spaced(items: Sequence[_Item], count: int | None) -> list[_Item]:
     """Return ``count`` items, evenly spaced over all; all of them for None."""
     if count is None or count >= len(items):
         return list(items)

@@ -28,18 +28,18 @@ import numpy as np
 
 from physic_bench.cameras import Camera, box_of_points, project
 from physic_bench.contract import BenchPerson, Frame, Picture, Truth
-from physic_bench.datasets.base import DataSet, FrameSet, evenly
+from physic_bench.datasets.base import DataSet, FrameSet, evenly_spaced
 from physic_bench.reading import (
     DamagedFrameError,
+    checked_numbers,
+    checked_rotation,
     missing_files,
-    numbers,
+    naming_file_in_errors,
     open_picture,
     read_json,
     read_mesh,
     read_pickled,
     read_surface,
-    reading,
-    rotation,
 )
 from physic_core.backends.people import box_iou
 from physic_core.body import JOINT_NAMES
@@ -70,7 +70,7 @@ Another gender is 5 cm and more away.
 MESH_FRAMES = ("camera", "scene", "vicon")
 
 
-def missing(root: Path, pictures: bool, mesh_frame: str) -> list[str]:
+def missing(root: Path, with_pictures: bool, mesh_frame: str) -> list[str]:
     """Return the missing files."""
     needed = [
         ("calibration/Color.json", "calibration of the colour camera"),
@@ -79,7 +79,7 @@ def missing(root: Path, pictures: bool, mesh_frame: str) -> list[str]:
         ("scenes/vicon.ply", "scan of the scene"),
         ("fittings/mosh/*/meshes/*/000.ply", "meshes of the bodies"),
     ]
-    if pictures:
+    if with_pictures:
         needed.append(("recordings/*/Color/*.jpg", "pictures"))
     if mesh_frame == "auto":
         needed.append(
@@ -129,13 +129,13 @@ def decide_mesh_frame(root: Path, names: Sequence[str], camera: Camera) -> tuple
         InputError: none fits, or two fit alike.
     """
     found: dict[str, list[float]] = {kind: [] for kind in MESH_FRAMES}
-    for name in evenly(names, 10):
+    for name in evenly_spaced(names, 10):
         recording, _, frame = name.partition("/")
         file = root / "keypoints" / recording / f"{frame}_keypoints.json"
         try:
-            vertices = _mesh(root, name)
-            with reading(file):
-                points = numbers(
+            vertices = _mesh_vertices(root, name)
+            with naming_file_in_errors(file):
+                points = checked_numbers(
                     read_json(file)["people"][0]["pose_keypoints_2d"], (-1, 3), "keypoints"
                 )
         except DamagedFrameError:
@@ -163,12 +163,12 @@ def decide_mesh_frame(root: Path, names: Sequence[str], camera: Camera) -> tuple
 
 
 def _truth(root: Path, name: str, kind: str, bodies: BodyFiles) -> Truth:
-    vertices = _mesh(root, name)
+    vertices = _mesh_vertices(root, name)
     joints = None
-    file = _fitting(root, name, "results/{}/000.pkl")
+    file = _fitting_file(root, name, "results/{}/000.pkl")
     if bodies.smplx is not None and file.is_file():
-        with reading(file):
-            posed, joints = bodies.smplx_body(read_pickled(file), "male")
+        with naming_file_in_errors(file):
+            posed, joints = bodies.pose_smplx(read_pickled(file), "male")
         apart = float(np.linalg.norm(vertices - posed, axis=1).mean())
         if apart > MAX_MODEL_ERROR_M:
             raise DamagedFrameError(
@@ -184,14 +184,14 @@ def _truth(root: Path, name: str, kind: str, bodies: BodyFiles) -> Truth:
     return Truth((person,), scene=read_surface(root / "scenes" / "vicon.ply"))
 
 
-def _fitting(root: Path, name: str, path: str) -> Path:
+def _fitting_file(root: Path, name: str, path: str) -> Path:
     recording, _, frame = name.partition("/")
     return root / "fittings" / "mosh" / recording / path.format(frame)
 
 
-def _mesh(root: Path, name: str) -> Array:
+def _mesh_vertices(root: Path, name: str) -> Array:
     """Return the vertices of a frame in the file's frame of reference."""
-    file = _fitting(root, name, "meshes/{}/000.ply")
+    file = _fitting_file(root, name, "meshes/{}/000.ply")
     vertices = np.asarray(read_mesh(file).vertices, np.float64)
     size = float(np.ptp(vertices, axis=0).max())
     if len(vertices) != NUM_VERTICES or not 0.2 < size < 3.0:
@@ -214,10 +214,10 @@ def _to_camera(root: Path, points: Array, kind: str) -> Array:
 
 def _camera(root: Path, pictures: Sequence[Path]) -> Camera:
     file = root / "calibration" / "Color.json"
-    with reading(file):
+    with naming_file_in_errors(file):
         record = read_json(file)
-        K = numbers(record["camera_mtx"], (3, 3), "camera_mtx")
-        k1, k2, p1, p2, k3 = (float(v) for v in numbers(record["k"], (-1,), "k")[:5])
+        K = checked_numbers(record["camera_mtx"], (3, 3), "camera_mtx")
+        k1, k2, p1, p2, k3 = (float(v) for v in checked_numbers(record["k"], (-1,), "k")[:5])
     size = (1920, 1080)
     if pictures:
         with open_picture(pictures[0]) as opened:
@@ -229,9 +229,9 @@ def _camera(root: Path, pictures: Sequence[Path]) -> Camera:
 @lru_cache(maxsize=8)
 def _transform(file: Path) -> Array:
     """Return a rigid transform (4, 4) in metres."""
-    with reading(file):
-        matrix = numbers(read_json(file), (4, 4), "transform")
-        rotation(matrix[:3, :3], "transform")
+    with naming_file_in_errors(file):
+        matrix = checked_numbers(read_json(file), (4, 4), "transform")
+        checked_rotation(matrix[:3, :3], "transform")
         if np.abs(matrix[:3, 3]).max() > 100:
             raise DamagedFrameError("lengths must be metres")
     return matrix

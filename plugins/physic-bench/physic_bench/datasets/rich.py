@@ -34,15 +34,15 @@ from physic_bench.contract import TOPOLOGY_OF_COUNT, BenchPerson, Frame, Picture
 from physic_bench.datasets.base import DataSet, FrameSet
 from physic_bench.reading import (
     DamagedFrameError,
+    checked_numbers,
+    checked_rotation,
     missing_files,
-    numbers,
+    naming_file_in_errors,
     open_picture,
     read_json,
     read_mesh,
     read_pickled,
     read_surface,
-    reading,
-    rotation,
 )
 from physic_core.body import JOINT_NAMES
 from physic_core.errors import ConfigError
@@ -62,7 +62,7 @@ MAX_RANGE_M = 100.0
 GREEN = (0, 255, 0, 255)
 
 
-def missing(root: Path, pictures: bool, split: str) -> list[str]:
+def missing(root: Path, with_pictures: bool, split: str) -> list[str]:
     """Return the missing files."""
     needed = [
         (f"bodies/{split}/*/*/*.pkl", "bodies"),
@@ -70,7 +70,7 @@ def missing(root: Path, pictures: bool, split: str) -> list[str]:
         ("resource/gender.json", "gender of the subjects, from rich_toolkit"),
         (f"human_scene_contact/{split}/*/*/*.*", "annotated contact"),
     ]
-    return missing_files(root, needed + [(f"images/{split}/*/cam_*/*", "pictures")] * pictures)
+    return missing_files(root, needed + [(f"images/{split}/*/cam_*/*", "pictures")] * with_pictures)
 
 
 def frames(
@@ -112,13 +112,13 @@ def _truth(
     genders = read_json(root / "resource" / "gender.json")
     people = []
     for file in sorted((root / "bodies" / split / sequence / moment).glob("*.pkl")):
-        with reading(root / "resource" / "gender.json"):
+        with naming_file_in_errors(root / "resource" / "gender.json"):
             gender = genders.get(file.stem) or genders[file.stem.lstrip("0")]
-        with reading(file):
-            vertices, joints = bodies.smplx_body(read_pickled(file), gender)
+        with naming_file_in_errors(file):
+            vertices, joints = bodies.pose_smplx(read_pickled(file), gender)
         contact = _contact(root / "human_scene_contact" / split / sequence / moment / file.name)
-        joints = camera.in_camera(joints)
-        vertices = camera.in_camera(vertices)
+        joints = camera.to_camera(joints)
+        vertices = camera.to_camera(vertices)
         mesh = TOPOLOGY_OF_COUNT[len(contact)]
         people.append(
             BenchPerson(
@@ -134,26 +134,26 @@ def _contact(file: Path) -> NDArray[np.bool_]:
     it.
     """
     if file.is_file():
-        with reading(file):
-            return numbers(read_pickled(file)["contact"], (6890,), "contact") > 0
+        with naming_file_in_errors(file):
+            return checked_numbers(read_pickled(file)["contact"], (6890,), "contact") > 0
     file = file.with_suffix(".obj")
     mesh = read_mesh(file)
-    with reading(file):
+    with naming_file_in_errors(file):
         found: NDArray[np.bool_] = (np.asarray(mesh.visual.vertex_colors) == GREEN).all(1)
-        numbers(found, (10475,), "vertex colours")
+        checked_numbers(found, (10475,), "vertex colours")
     return found
 
 
 def _camera(file: Path, picture: Path | None) -> Camera:
-    with reading(file):
+    with naming_file_in_errors(file):
         values = {
-            name: numbers([float(part) for part in node.text.split()], (-1,), name)  # type: ignore[union-attr]
+            name: checked_numbers([float(part) for part in node.text.split()], (-1,), name)  # type: ignore[union-attr]
             for name in ("Intrinsics", "CameraMatrix", "Distortion")
             if (node := ElementTree.parse(file).find(f"./{name}/data")) is not None
         }
-        K = numbers(values["Intrinsics"], (3, 3), "Intrinsics").copy()
-        to_camera = numbers(values["CameraMatrix"], (3, 4), "CameraMatrix")
-        R = rotation(to_camera[:, :3], "CameraMatrix")
+        K = checked_numbers(values["Intrinsics"], (3, 3), "Intrinsics").copy()
+        to_camera = checked_numbers(values["CameraMatrix"], (3, 4), "CameraMatrix")
+        R = checked_rotation(to_camera[:, :3], "CameraMatrix")
         t = to_camera[:, 3]
         k1, k2 = values["Distortion"][:2]
         if np.abs(t).max() > MAX_RANGE_M or K[[0, 1, 0, 1], [0, 1, 2, 2]].min() <= 0:

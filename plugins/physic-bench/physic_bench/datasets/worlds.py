@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 
-def missing(root: Path, pictures: bool) -> list[str]:
+def missing(root: Path, with_pictures: bool) -> list[str]:
     """Return that nothing is missing."""
     return []
 

@@ -55,7 +55,7 @@ def released_keypoint_weights(
     body = torch.tensor([_is_body_or_foot(name) for name in names], device=points.device)
     height, width = masks.shape[-2:]
     reach = round(_MASK_GROWTH_PX * max(1.0, max(height, width) / _LONGEST_SIDE_PX))
-    seen = near_mask(torch.nan_to_num(points), masks.any(0), reach)
+    seen = is_near_mask(torch.nan_to_num(points), masks.any(0), reach)
     return weight * torch.where(body, _BODY_WEIGHT, 1.0).to(weight) * seen
 
 
@@ -108,7 +108,7 @@ class ReleasedReprojectionTerm(Term):
         return {"reprojection": self._weight * error} if self._weight else {}
 
 
-def near_mask(uv: Tensor, mask: Tensor, reach: int) -> Tensor:
+def is_near_mask(uv: Tensor, mask: Tensor, reach: int) -> Tensor:
     """Return whether a mask (H, W) is set within a square of ``reach`` px around coordinates (...,
     2): (...) bool.
 

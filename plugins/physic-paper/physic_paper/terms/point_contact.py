@@ -34,7 +34,7 @@ class PointContactTerm(Term):
         rho: robust loss of square metres.
         per_axis: the robust loss is applied to each axis (released code).
         outside_only: only vertices outside the scene count (released code).
-        mean: mean over the vertices near the scene, instead of their sum (PROX).
+        takes_mean: mean over the vertices near the scene, instead of their sum (PROX).
         max_angle_deg: largest angle between the line of the vertex normal and that of the scene
             normal (PROX).
     """
@@ -48,7 +48,7 @@ class PointContactTerm(Term):
         *,
         per_axis: bool = False,
         outside_only: bool = False,
-        mean: bool = False,
+        takes_mean: bool = False,
         max_angle_deg: float = 90.0,
     ) -> None:
         self._weight = weight
@@ -56,7 +56,7 @@ class PointContactTerm(Term):
         self._rho = rho
         self._per_axis = per_axis
         self._outside_only = outside_only
-        self._mean = mean
+        self._mean = takes_mean
         self._least_cosine = math.cos(math.radians(max_angle_deg)) if max_angle_deg < 90 else 0.0
         self._of_vertex = sampling.area * sampling.is_contact
         self._contacts: ContactState

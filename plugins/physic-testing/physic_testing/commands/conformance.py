@@ -54,7 +54,7 @@ def check(
 
     require_interface(interface)
     name = with_current_folder(name)
-    given = _values(options) or None
+    given = _parse_options(options) or None
     interfaces = (
         [interface]
         if interface is not None
@@ -128,7 +128,7 @@ def compare(
     ctx.exit(BACKEND if any(row.problem for row in found.rows) else 0)
 
 
-def _values(options: Sequence[str]) -> dict[str, Any]:
+def _parse_options(options: Sequence[str]) -> dict[str, Any]:
     """Parse KEY=VALUE options; a value that is not valid TOML is a string."""
     import tomllib
 

@@ -58,7 +58,7 @@ CONTACT_THRESHOLD = 0.5
 """Probability above which a vertex counts as in contact."""
 
 
-class ErrorOf(NamedTuple):
+class ErrorKind(NamedTuple):
     """What is known of an error.
 
     Attributes:
@@ -70,28 +70,28 @@ class ErrorOf(NamedTuple):
     exact: float = float("nan")
 
 
-ERRORS: dict[str, ErrorOf] = {
-    "IoU": ErrorOf("higher", 0.99),
-    "found": ErrorOf("higher"),
-    "floor IoU": ErrorOf("higher"),
-    "PSNR in the hole, dB": ErrorOf("higher", 40),
-    "abs-rel": ErrorOf("lower", 0.01),
-    "delta1": ErrorOf("higher"),
-    "abs-rel, scale fitted": ErrorOf("lower"),
-    "delta1, scale fitted": ErrorOf("higher"),
-    "abs-rel, aligned": ErrorOf("lower", 0.01),
-    "delta1, aligned": ErrorOf("higher"),
-    "px": ErrorOf("lower"),
-    "share of person": ErrorOf("lower", 0.002),
-    "MPJPE, mm": ErrorOf("lower", 5),
-    "PA-MPJPE, mm": ErrorOf("lower"),
-    "degrees": ErrorOf("lower", 1),
-    "wrist degrees": ErrorOf("lower"),
-    "hands found": ErrorOf("higher"),
-    "Brier": ErrorOf("lower", 0.01),
-    "F1": ErrorOf("higher", 0.99),
-    "precision": ErrorOf("higher"),
-    "recall": ErrorOf("higher"),
+ERRORS: dict[str, ErrorKind] = {
+    "IoU": ErrorKind("higher", 0.99),
+    "found": ErrorKind("higher"),
+    "floor IoU": ErrorKind("higher"),
+    "PSNR in the hole, dB": ErrorKind("higher", 40),
+    "abs-rel": ErrorKind("lower", 0.01),
+    "delta1": ErrorKind("higher"),
+    "abs-rel, scale fitted": ErrorKind("lower"),
+    "delta1, scale fitted": ErrorKind("higher"),
+    "abs-rel, aligned": ErrorKind("lower", 0.01),
+    "delta1, aligned": ErrorKind("higher"),
+    "px": ErrorKind("lower"),
+    "share of person": ErrorKind("lower", 0.002),
+    "MPJPE, mm": ErrorKind("lower", 5),
+    "PA-MPJPE, mm": ErrorKind("lower"),
+    "degrees": ErrorKind("lower", 1),
+    "wrist degrees": ErrorKind("lower"),
+    "hands found": ErrorKind("higher"),
+    "Brier": ErrorKind("lower", 0.01),
+    "F1": ErrorKind("higher", 0.99),
+    "precision": ErrorKind("higher"),
+    "recall": ErrorKind("higher"),
 }
 """Error name, with its unit -> what is known of it."""
 
@@ -186,7 +186,7 @@ def _inpainter(answer: UInt8Array, case: Case) -> dict[str, Any]:
 
 def _metric_depth(answer: DepthMap, case: Case) -> dict[str, Any]:
     truth = case.truth.empty_depth.astype(np.float64)
-    both = np.isfinite(answer.depth) & inside(np.isfinite(truth))
+    both = np.isfinite(answer.depth) & inner_pixels(np.isfinite(truth))
     ratio = answer.depth[both] / truth[both]
     fitted = ratio / np.median(ratio)
     return {
@@ -199,7 +199,7 @@ def _metric_depth(answer: DepthMap, case: Case) -> dict[str, Any]:
 
 def _relative_pointmap(answer: Pointmap, case: Case) -> dict[str, Any]:
     truth = case.truth.empty_depth.astype(np.float64)
-    both = answer.valid & inside(np.isfinite(truth))
+    both = answer.valid & inner_pixels(np.isfinite(truth))
     ratio = fit_ambiguity(answer.points[..., 2][both], truth[both], answer.unknown)
     return {"abs-rel, aligned": np.abs(ratio - 1), "delta1, aligned": _is_near(ratio)}
 
@@ -209,7 +209,7 @@ def _is_near(ratio: FloatArray) -> BoolArray:
     return near
 
 
-def inside(mask: BoolArray) -> BoolArray:
+def inner_pixels(mask: BoolArray) -> BoolArray:
     """Return the pixels of a mask (H, W) that are not within SKY_BORDER_PX of its border, where
     resampling mixes depths.
     """

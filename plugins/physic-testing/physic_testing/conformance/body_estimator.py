@@ -78,11 +78,11 @@ def _values(answer: Bodies, case: Case) -> tuple[Values, Truth]:
     """
     joints = embedded_surface(answer)[1]
     world = case.truth
-    own = _parts(joints, embedded_parameters(answer))
-    return own, _parts(world.joints.astype(np.float64), world.parameters)
+    own = _values_of_parts(joints, embedded_parameters(answer))
+    return own, _values_of_parts(world.joints.astype(np.float64), world.parameters)
 
 
-def _parts(joints: FloatArray, parameters: BodyParameters) -> Values:
+def _values_of_parts(joints: FloatArray, parameters: BodyParameters) -> Values:
     return {
         "pelvis": joints[:, 0],
         "limbs": joints[:, :_BODY] - joints[:, :1],

@@ -35,7 +35,7 @@ def _values(answer: ContactProbability, case: Case) -> tuple[Values, Truth]:
     return {"likely": likely}, {"likely": case.truth.contact.astype(float)}
 
 
-def _normal(likely: FloatArray, truth: Truth) -> list[FloatArray]:
+def _normalised(likely: FloatArray, truth: Truth) -> list[FloatArray]:
     """Return the probabilities of outer vertices, of mean 0 and length 1; NaN of people of whom
     nothing is likelier.
     """
@@ -170,7 +170,7 @@ TABLE = Table(
                 Reading("in reverse order", flipped(1), _REVERSED),
                 Reading("half in reverse order", _half_reversed, _HALF),
             ),
-            _normal,
+            _normalised,
         ),
     ),
     after=("mesh_is_known",),

@@ -9,7 +9,7 @@ import numpy as np
 
 from physic_core.body import angle_deg
 from physic_core.types import AffineAmbiguity, DepthMap
-from physic_testing.conformance.accuracy import fit_ambiguity, inside
+from physic_testing.conformance.accuracy import fit_ambiguity, inner_pixels
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect, warn_unless
 from physic_testing.conformance.output_checks import COLOURS, WITHOUT_HINTS
@@ -69,13 +69,13 @@ def aligned_depth_error(z: FloatArray, truth: FloatArray, unknown: AffineAmbigui
     """Return the median relative depth error after a fit of the unknown scale and shift; NaN
     without pixels.
     """
-    both = _both(z, truth)
+    both = _both_known(z, truth)
     if both.sum() < MIN_POINTS:
         return float("nan")
     return float(np.median(np.abs(fit_ambiguity(z[both], truth[both], unknown) - 1)))
 
 
-def _both(z: FloatArray, truth: FloatArray) -> BoolArray:
+def _both_known(z: FloatArray, truth: FloatArray) -> BoolArray:
     both: BoolArray = np.isfinite(z) & np.isfinite(truth) & (np.nan_to_num(z) > 0) & (truth > 0)
     return both
 
@@ -129,7 +129,7 @@ def _logs(z: FloatArray, truth: Truth, step: int = 1) -> FloatArray:
     """
     own, true = (side[::step, ::step] for side in (z, truth["z"]))
     logs = np.full(true.shape, np.nan)
-    both = _both(own, true)
+    both = _both_known(own, true)
     if both.sum() >= MIN_POINTS:
         fitted = fit_ambiguity(own[both], true[both], truth["unknown"])
         logs[both] = np.log(np.maximum(fitted, 1e-3) * true[both])
@@ -154,7 +154,7 @@ def _edges(z: FloatArray, truth: Truth) -> list[FloatArray]:
 
 
 def _scale(z: FloatArray, truth: Truth) -> list[FloatArray]:
-    both = _both(z, truth["z"])
+    both = _both_known(z, truth["z"])
     return [np.array([np.median(np.log(z[both] / truth["z"][both])) if both.any() else np.nan])]
 
 
@@ -196,7 +196,9 @@ _BOTH = (
             Reading("transposed", _transposed, _TURNED),
             Reading("mirrored", flipped(1), _TURNED),
             Reading("upside down", flipped(0), _TURNED),
-            Reading("disparity", lambda z, _: 1 / z, "Is it disparity, 1 / z?", of_blind=True),
+            Reading(
+                "disparity", lambda z, _: 1 / z, "Is it disparity, 1 / z?", shows_when_blind=True
+            ),
             Reading("along the ray of each pixel", _along_rays, _RAYS),
             Reading("a mean with the mirrored photo", lambda z, _: (z + z[:, ::-1]) / 2, _FLIPPED),
         ),
@@ -241,21 +243,23 @@ def check_depth_is_where_it_can_be_known(subject: BackendUnderTest) -> None:
             "known depth in at least 30 % of the pixels",
             f"{known.mean():.0%} {where}",
         )
-        levels, true = (len(np.unique(side[_both(z, truth["z"])])) for side in (z, truth["z"]))
+        levels, true = (
+            len(np.unique(side[_both_known(z, truth["z"])])) for side in (z, truth["z"])
+        )
         expect(
             not 2 < levels < MIN_LEVELS < true / 10,
             "depths of more than 8 bits",
             f"{levels} different ones {where}",
             "Is it an image of 8 bit?",
         )
-        repeated = _repeated(z)
+        repeated = _repeated_share(z)
         expect(
-            repeated < MAX_REPEATED + _repeated(truth["z"]),
+            repeated < MAX_REPEATED + _repeated_share(truth["z"]),
             "a depth for each pixel",
             f"{repeated:.0%} of the rows or columns as the one before {where}",
             "Is the output of a smaller grid repeated? Resize it by interpolation.",
         )
-        sky = known[inside(~np.isfinite(truth["z"]))]
+        sky = known[inner_pixels(~np.isfinite(truth["z"]))]
         warn_unless(
             sky.size < MIN_POINTS or sky.mean() < MAX_SKY,
             "no depth in the sky, which is infinitely far",
@@ -264,7 +268,7 @@ def check_depth_is_where_it_can_be_known(subject: BackendUnderTest) -> None:
         )
 
 
-def _repeated(z: FloatArray) -> float:
+def _repeated_share(z: FloatArray) -> float:
     """Return which share of rows or of columns, the larger, repeats the one before, to the
     precision of 16 bits.
     """

@@ -170,13 +170,15 @@ def parametrize_with_checks(
     def test_of(name: str) -> Any:
         reason = expected.get(name)
         marks = [] if reason is None else [pytest.mark.xfail(reason=reason, strict=True)]
-        return pytest.param(lambda: _as_test(shared_run().result(name)), id=name, marks=marks)
+        return pytest.param(
+            lambda: _report_to_pytest(shared_run().result(name)), id=name, marks=marks
+        )
 
     last = pytest.param(lambda: _require_backend_call(shared_run()), id="backend_was_run")
     return pytest.mark.parametrize("check", [*map(test_of, checks), last])
 
 
-def _as_test(result: Result) -> None:
+def _report_to_pytest(result: Result) -> None:
     """Fail, skip or warn in a pytest test as a check did."""
     import pytest
 
@@ -196,6 +198,6 @@ def _require_backend_call(run: CheckRun) -> None:
 
     reason = run.not_run_reason
     run.subject.close()
-    run.stamp()
+    run.remember_if_passed()
     if reason:
         pytest.fail(f"expected: a backend that can be called\ngot:      {reason}", pytrace=False)

@@ -82,14 +82,14 @@ def _broad_filters() -> list[Any]:
     ]
 
 
-def changed_settings(before: dict[str, Any], *, loads: bool) -> list[str]:
+def changed_settings(before: dict[str, Any], *, is_load: bool) -> list[str]:
     """Return the names of the settings that differ from those of :func:`read_settings`.
 
     Args:
         before: their values before a call.
-        loads: whether the call loaded a backend: networks are built with random weights before they
-            read their own.
+        is_load: whether the call loaded a backend: networks are built with random weights before
+            they read their own.
     """
     after = read_settings()
     changed = {name for name, value in before.items() if after[name] != value}
-    return sorted(changed - {_GENERATOR_OF_TORCH} if loads else changed)
+    return sorted(changed - {_GENERATOR_OF_TORCH} if is_load else changed)

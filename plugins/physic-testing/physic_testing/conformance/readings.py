@@ -61,7 +61,7 @@ class Reading:
         unit: of the size.
         limit: largest size that is treated as zero, or the share from which on a mistake without a
             size is made.
-        of_blind: whether an output that ignores the image can show it, too.
+        shows_when_blind: whether an output that ignores the image can show it, too.
     """
 
     words: str
@@ -70,7 +70,7 @@ class Reading:
     size: float = 0.0
     unit: str = ""
     limit: float = MADE
-    of_blind: bool = False
+    shows_when_blind: bool = False
 
 
 def plus(*numbers: float) -> Make:
@@ -223,8 +223,8 @@ def compare(subject: BackendUnderTest, values: ValuesOf, group: Group) -> None:
     made = []
     for reading in [] if _is_constant(off, true) else readings:
         mistakes = less_truth(reading.make(truth[group.key], truth) for _, truth in evidence)
-        share = _agreed(shares(off, mistakes, centred=group.centred), reading)
-        left = _left(off, mistakes, share)
+        share = _agreed_share(shares(off, mistakes, centred=group.centred), reading)
+        left = _share_left(off, mistakes, share)
         if share and (group.centred or left < EXPLAINS):
             made.append((left, share, reading))
     rough = float(np.median([np.sqrt(np.nanmean(unit**2)) for unit in known]))
@@ -241,7 +241,7 @@ def _readings(
 ) -> list[Reading]:
     """Return the readings of a group that an output can show, which may ignore the image."""
     readings = [*group.readings, *_order(group, evidence)]
-    return [reading for reading in readings if reading.of_blind or not blind]
+    return [reading for reading in readings if reading.shows_when_blind or not blind]
 
 
 def _words(reading: Reading, share: float, error: str) -> str:
@@ -258,7 +258,7 @@ def _is_constant(off: Sequence[FloatArray], true: Sequence[FloatArray]) -> bool:
     return bool(own < _CONSTANT * spread)
 
 
-def _agreed(share: FloatArray, reading: Reading) -> float:
+def _agreed_share(share: FloatArray, reading: Reading) -> float:
     """Return the median share of a mistake if it is made in most units; else 0."""
     share = share[np.isfinite(share)]
     if len(share) < MIN_UNITS:
@@ -270,7 +270,7 @@ def _agreed(share: FloatArray, reading: Reading) -> float:
     return middle if is_large and agrees else 0.0
 
 
-def _left(off: Sequence[FloatArray], mistakes: Sequence[FloatArray], share: float) -> float:
+def _share_left(off: Sequence[FloatArray], mistakes: Sequence[FloatArray], share: float) -> float:
     """Return the share of the squared error that is left if a mistake is undone."""
     left = sum(float(np.nansum((o - share * m) ** 2)) for o, m in zip(off, mistakes, strict=True))
     return left / max(sum(float(np.nansum(o**2)) for o in off), 1e-30)

@@ -82,11 +82,11 @@ class CheckRun:
         subject = self.subject
         accuracy = mean_accuracy(subject)
         subject.close()
-        self.stamp()
+        self.remember_if_passed()
         origin = "passed directly" if subject.claim is None else subject.claim.owner
         return Report(subject.interface, subject.name, origin, tuple(results), accuracy)
 
-    def stamp(self) -> None:
+    def remember_if_passed(self) -> None:
         """Remember that the backend passed, if all checks ran and none failed, as expected or
         not.
         """

@@ -40,7 +40,7 @@ class Watch:
         if torch is not None:
             torch.set_num_threads(threads + 1)
         try:
-            with self._settings(loads=True):
+            with self._settings(is_load=True):
                 yield
         finally:
             if torch is not None:
@@ -52,14 +52,14 @@ class Watch:
         names = set(os.listdir())
         output = StringIO()
         try:
-            with redirect_stdout(output), self._settings(loads=False):
+            with redirect_stdout(output), self._settings(is_load=False):
                 yield
         finally:
             self.printed += output.getvalue()
             self.files |= set(os.listdir()) - names
 
     @contextmanager
-    def _settings(self, *, loads: bool) -> Iterator[None]:
+    def _settings(self, *, is_load: bool) -> Iterator[None]:
         """Watch the settings of the process; those that the pipeline restores are restored."""
         changes: list[Change] = []
         before = read_settings()
@@ -68,4 +68,4 @@ class Watch:
                 yield
         finally:
             self.changed |= {change.name: change.text for change in changes}
-            self.changed |= {name: name for name in changed_settings(before, loads=loads)}
+            self.changed |= {name: name for name in changed_settings(before, is_load=is_load)}

@@ -52,15 +52,15 @@ def report_html(reconstruction: Reconstruction, title: str = "") -> str:
     data = json.dumps(contents, ensure_ascii=True, allow_nan=False, separators=(",", ":")).replace(
         "<", "\\u003c"
     )
-    own = "\n".join(_part(name) for name in _SCRIPTS)
+    own = "\n".join(_read_part(name) for name in _SCRIPTS)
     return _fill(
-        _part("report.html"),
+        _read_part("report.html"),
         {
             "GENERATOR": PAGE_MARK,
-            "POLICY": _policy(_part("vendor/three.js"), own),
-            "TITLE": _text(title or "Reconstruction"),
-            "STYLE": _part("report.css"),
-            "THREE": _part("vendor/three.js"),
+            "POLICY": _policy(_read_part("vendor/three.js"), own),
+            "TITLE": _escaped(title or "Reconstruction"),
+            "STYLE": _read_part("report.css"),
+            "THREE": _read_part("vendor/three.js"),
             "DATA": data,
             "SCRIPT": own,
         },
@@ -74,11 +74,17 @@ def failure_html(title: str, message: str) -> str:
         title: of the page, such as the name of the photo or folder; any text.
         message: what is wrong, and what to do; any text.
     """
-    fields = {"TITLE": _text(title), "MESSAGE": _text(message), "STYLE": _part("report.css")}
-    return _fill(_part("failure.html"), {"GENERATOR": PAGE_MARK, "POLICY": _policy(), **fields})
+    fields = {
+        "TITLE": _escaped(title),
+        "MESSAGE": _escaped(message),
+        "STYLE": _read_part("report.css"),
+    }
+    return _fill(
+        _read_part("failure.html"), {"GENERATOR": PAGE_MARK, "POLICY": _policy(), **fields}
+    )
 
 
-def _text(text: str) -> str:
+def _escaped(text: str) -> str:
     """Escape text for the page; lone surrogates of file names that are not UTF-8 are shown as
     escapes.
     """
@@ -86,7 +92,7 @@ def _text(text: str) -> str:
 
 
 @cache
-def _part(name: str) -> str:
+def _read_part(name: str) -> str:
     return (files("physic_visual.report") / "page" / name).read_text(encoding="utf-8")
 
 

@@ -43,7 +43,7 @@ def pack_points(points: NDArray[np.floating[Any]]) -> dict[str, Any]:
         "count": len(points),
         "origin": low.tolist(),
         "step": step.tolist(),
-        "data": _text(levels.tobytes()),
+        "data": _base64_text(levels.tobytes()),
     }
 
 
@@ -52,17 +52,20 @@ def pack_indices(indices: NDArray[np.integer[Any]]) -> dict[str, Any]:
     base64.
     """
     bits = 16 if not indices.size or int(indices.max()) < 1 << 16 else 32
-    return {"bits": bits, "data": _text(np.ascontiguousarray(indices, f"<u{bits // 8}").tobytes())}
+    return {
+        "bits": bits,
+        "data": _base64_text(np.ascontiguousarray(indices, f"<u{bits // 8}").tobytes()),
+    }
 
 
 def pack_bytes(values: NDArray[Any]) -> str:
     """Pack integers from 0 to 255 in base64."""
-    return _text(np.ascontiguousarray(values, np.uint8).tobytes())
+    return _base64_text(np.ascontiguousarray(values, np.uint8).tobytes())
 
 
 def pack_flags(flags: NDArray[np.bool_]) -> str:
     """Pack flags as bits, the first one the lowest of the first byte, in base64."""
-    return _text(np.packbits(flags.ravel(), bitorder="little").tobytes())
+    return _base64_text(np.packbits(flags.ravel(), bitorder="little").tobytes())
 
 
 def photo_jpeg(image: UInt8Array, longest: int, quality: int) -> str:
@@ -73,10 +76,10 @@ def photo_jpeg(image: UInt8Array, longest: int, quality: int) -> str:
     picture.thumbnail((longest, longest))
     buffer = io.BytesIO()
     picture.save(buffer, "JPEG", quality=quality)
-    return f"data:image/jpeg;base64,{_text(buffer.getvalue())}"
+    return f"data:image/jpeg;base64,{_base64_text(buffer.getvalue())}"
 
 
-def _text(content: bytes) -> str:
+def _base64_text(content: bytes) -> str:
     return base64.b64encode(content).decode("ascii")
 
 

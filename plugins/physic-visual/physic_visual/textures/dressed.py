@@ -72,21 +72,21 @@ class DressedBody:
         vertices: (V, 3) metres, camera frame, with shoes.
         normals: (V, 3) of those.
         shoes: for each foot with a shoe, see :func:`with_shoes`.
-        weight: (V,) see :func:`photo_weights`.
-        fill: (V, 3) sRGB 0-255 that is guessed where no photo shows the vertex, not darkened.
+        photo_weight: (V,) see :func:`photo_weights`.
+        guessed_colors: (V, 3) sRGB 0-255, guessed where no photo shows the vertex, not darkened.
         colors: (V, 3) uint8 sRGB of each vertex.
-        filled: (V,) float32 in 0-1, how much of the colour is guessed.
-        shown: share of the body's surface that a photo shows.
+        guessed_share: (V,) float32 in 0-1, how much of the colour is guessed.
+        shown_share: share of the body's surface that a photo shows.
     """
 
     vertices: Array
     normals: Array
     shoes: Sequence[Array]
-    weight: Array
-    fill: Array
+    photo_weight: Array
+    guessed_colors: Array
     colors: UInt8Array
-    filled: NDArray[np.float32]
-    shown: float
+    guessed_share: NDArray[np.float32]
+    shown_share: float
 
 
 @dataclass(frozen=True)
@@ -96,12 +96,12 @@ class DressedBodies:
     Attributes:
         people: index of each person with a body -> the dressed body.
         mesh: texture coordinates of the bodies; None for others than the embedded body.
-        bodies: meshes of all, without triangles of an implausible length; None without bodies.
+        caster: meshes of all, without triangles of an implausible length; None without bodies.
     """
 
     people: Mapping[int, DressedBody]
     mesh: TextureCoordinates | None = None
-    bodies: RayCaster | None = None
+    caster: RayCaster | None = None
 
 
 @kept_for_next_picture
@@ -130,8 +130,8 @@ def dressed_bodies(result: Reconstruction) -> DressedBodies:
             weight,
             fill,
             colors=_mixed(photo, near, _darkened(fill, normals, result)),
-            filled=(1 - seen).astype(np.float32),
-            shown=float(areas[seen > SHOWN].sum() / max(areas.sum(), 1e-12)),
+            guessed_share=(1 - seen).astype(np.float32),
+            shown_share=float(areas[seen > SHOWN].sum() / max(areas.sum(), 1e-12)),
         )
     is_embedded = model is not None and model.name == "embedded"
     return DressedBodies(people, texture_coordinates("embedded") if is_embedded else None, bodies)
@@ -154,7 +154,7 @@ def dressed_images(result: Reconstruction) -> dict[int, UInt8Array]:
     images = dict[int, "UInt8Array"]()
     if dressed.mesh is not None:
         for index in dressed.people:
-            raster = texture_raster("embedded", _size(result, index))
+            raster = texture_raster("embedded", _texture_size(result, index))
             images[index] = dressed_texture(result, index, raster)[0]
     return images
 
@@ -173,10 +173,10 @@ def dressed_texture(
     """
     body = dressed_bodies(result).people[index]
     faces = np.asarray(result.faces, np.int64)
-    guess = _darkened(body.fill, body.normals, result) if darken else body.fill
+    guess = _darkened(body.guessed_colors, body.normals, result) if darken else body.guessed_colors
     colors = []
     filled = []
-    values = np.concatenate([body.vertices, body.weight[:, None], guess], 1)
+    values = np.concatenate([body.vertices, body.photo_weight[:, None], guess], 1)
     for part in raster.parts():
         points, weight, beside = np.split(part.interpolate(faces, values), [3, 4], axis=1)
         photo, seen, near = photo_colors(result, index, points, weight[:, 0])
@@ -360,7 +360,7 @@ def _darkened(colors: Array, normals: Array, result: Reconstruction) -> Array:
     return darkened
 
 
-def _size(result: Reconstruction, index: int) -> int:
+def _texture_size(result: Reconstruction, index: int) -> int:
     """Return the size of the texture of a person."""
     rows = np.flatnonzero(result.people[index].mask.any(1))
     tallest = np.ptp(rows) + 1 if len(rows) else 0
