@@ -19,6 +19,7 @@ from click.testing import CliRunner
 from PIL import Image
 
 from physic_core.cli import main
+from physic_core.interfaces import INTERFACES, Backend
 from physic_testing.worlds import load_world
 
 pytestmark = pytest.mark.usefixtures("few_steps")
@@ -72,9 +73,26 @@ def test_save_option_of_run_chooses_these_files(world, arguments, names):
     assert sorted(written_by(*arguments)) == names
 
 
-def test_a_run_writes_every_file_and_the_same_bytes_again(world):
+@pytest.fixture
+def constructed(monkeypatch):
+    """The interface of each backend that is constructed."""
+    interfaces = []
+    plain = Backend.__init__
+
+    def construct(self, options=None):
+        interfaces.append(self.interface)
+        plain(self, options)
+
+    monkeypatch.setattr(Backend, "__init__", construct)
+    return interfaces
+
+
+def test_a_run_constructs_each_backend_once_and_writes_every_file_and_the_same_bytes_again(
+    world, constructed
+):
     Image.fromarray(world.image).save("a.png")
     written = [written_by("--intrinsics", "178,179,80,59") for _ in range(2)]
+    assert sorted(constructed) == sorted([*INTERFACES] * 2)
     assert [sorted(files) for files in written] == [DEFAULT_FILES] * 2
     for name in ("combined.glb", "people.csv"):
         assert written[0][name] == written[1][name], name

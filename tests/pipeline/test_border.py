@@ -91,6 +91,8 @@ def test_the_users_pixels_are_those_of_the_whole_photo():
     assert prepared.known.lengths[0].start == (1.0, 2.0)
     camera = Intrinsics.from_focal(400, 320, 240, trust="known")
     assert prepared.photo.intrinsics == camera
+    of_whole = PhotoSettings(depth="depth.npy")  # whose pixels are those of the file
+    assert prepare_photo(Photo(whole), of_whole, None, None).border is None
 
 
 @pytest.fixture(scope="module")

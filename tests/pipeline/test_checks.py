@@ -401,6 +401,10 @@ def test_a_fault_of_a_person_fails_its_checks(changes, names):
     assert " ".join(failed_checks(run_checks(*case(**changes)), 0)) == names
 
 
+def test_a_lean_is_a_doubt_about_the_person_and_no_warning_of_the_photo():
+    assert not warning_messages(run_checks(*case(lean=20.0)))
+
+
 def test_a_mask_with_the_head_of_another_person_is_never_good():
     evidence, result = case()
     photo = evidence.photo

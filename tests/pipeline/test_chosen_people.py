@@ -59,6 +59,7 @@ def test_a_given_mask_is_kept_as_it_is_and_takes_pixels_of_others(people):
     assert np.array_equal(chosen.masks, np.stack([rectangle(60, 10, 70, 50), mine]))
     assert chosen.boxes.tolist() == [[60, 10, 70, 50], [70, 10, 100, 60]]
     assert np.array_equal(chosen.floor, rectangle(0, 50, 70, 60))
+    assert chosen.scores.tolist() == pytest.approx([0.8, 1])  # the user is sure
     assert chosen.keypoints is None  # nobody was found where the mask is
     found = select_chosen(people, PeoplePrompt(masks=rectangle(60, 10, 78, 50)[None]))
     assert found.keypoints.points[:, 0, 0].tolist() == [1]

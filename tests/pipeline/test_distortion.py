@@ -79,6 +79,10 @@ def test_prompts_and_lengths_move_with_the_picture():
     assert moved.boxes[0] == pytest.approx(extent, abs=1.5)
     assert found.photo.notes[-1].startswith("the image was undistorted")
     assert found.photo.intrinsics == found.lens.intrinsics == replace(CAMERA, trust="known")
+    given = PhotoSettings(intrinsics=(600, 620, 310.5, 236.5), distortion=BARREL)
+    reduced = prepare_photo(Photo(picture(), file_size=(640, 480)), given, None, None)
+    assert reduced.photo.intrinsics == found.photo.intrinsics
+    assert reduced.lens.intrinsics == found.lens.intrinsics.resized(640, 480)
 
 
 def test_a_distortion_that_folds_the_picture_is_refused():

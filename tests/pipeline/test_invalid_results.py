@@ -103,6 +103,7 @@ def test_a_person_without_a_body_stays_and_the_other_is_unchanged(
     assert "no valid values for this person" in result.warnings[-1]
     assert lost.trust == 0
     assert kept.failed_checks == sound.people[KEPT].failed_checks
+    assert "lean" in set(lost.unknown_checks) - set(kept.unknown_checks)
     check_unspoilt(kept, sound, alone, world)
     assert kept.contact_probability.any()
     assert np.isfinite(result.scene.points[result.scene.valid]).all()

@@ -140,8 +140,8 @@ def test_an_annotation_is_of_the_person_whose_box_and_mask_hold_its_points(tmp_p
     assert len(notes) == 1
 
 
-def test_the_note_about_a_photo_that_is_made_smaller_states_px_of_its_file(tmp_path):
-    file = written(tmp_path, "person,joint,x,y\n0,left_wrist,200,100\n")
+def test_a_photo_that_is_made_smaller_has_given_scores_and_a_note_in_px_of_its_file(tmp_path):
+    file = written(tmp_path, "person,joint,x,y,confidence\n0,left_wrist,200,100,0.4\n")
     keypoints, people = two_people()
     settings = PhotoSettings(keypoints=str(file), max_side=160)
     given = prepare_photo(
@@ -149,7 +149,8 @@ def test_the_note_about_a_photo_that_is_made_smaller_states_px_of_its_file(tmp_p
     ).keypoints
     assert given is not None
     keypoints.points[0, LEFT_WRIST] = given.points[0] - [60, 0]
-    _, _, (note,) = corrected_keypoints(keypoints, given, people)
+    after, _, (note,) = corrected_keypoints(keypoints, given, people)
+    assert after.confidence[0, LEFT_WRIST] == pytest.approx(0.4)
     assert "120 px" in note
 
 

@@ -269,18 +269,21 @@ def test_a_check_of_several_people_counts_with_its_worst_value(result, values, w
 
 
 @pytest.mark.parametrize(
-    ("changes", "word"),
+    ("given", "word"),
     [
         (
-            lambda e: {
-                "photo": replace(e.photo, people=replace(e.photo.people, heads=np.ones(2, int)))
+            {
+                "complete": lambda e: replace(
+                    e,
+                    photo=replace(e.photo, people=replace(e.photo.people, heads=np.ones(2, int))),
+                )
             },
             "photo.people.heads has 2 rows",
         ),
-        (lambda e: {"missing_results": ()}, "missing_results has 0 rows"),
-        (lambda e: {"views": (OtherView(*[torch.zeros(0)] * 7),)}, r"views\[0\].masks has 0 rows"),
+        ({"complete": lambda e: replace(e, missing_results=())}, "missing_results has 0 rows"),
+        ({"views": (OtherView(*[torch.zeros(0)] * 7),)}, r"views\[0\].masks has 0 rows"),
     ],
 )
-def test_estimates_completed_from_elsewhere_have_a_row_for_each_person(world, changes, word):
+def test_estimates_and_views_from_elsewhere_have_a_row_for_each_person(world, given, word):
     with Pipeline("mock") as pipeline, pytest.raises(PhysicError, match=word):
-        pipeline(world.image, complete=lambda estimates: replace(estimates, **changes(estimates)))
+        pipeline(world.image, **given)
