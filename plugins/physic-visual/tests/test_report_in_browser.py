@@ -431,7 +431,7 @@ def test_the_page_saves_the_view_in_the_pixels_of_the_screen(opened, path, width
 
 def test_the_view_alone_is_for_other_pages(opened, path):
     page = opened(f"{path.as_uri()}#view")
-    assert (page.box(".stage")[2:], page.box("aside")[3]) == ((960, 600), 0)
+    assert (page.box(".stage")[2:], page.box("aside")[3]) == ([960, 600], 0)
 
 
 @pytest.mark.parametrize("dark", [False, True])
