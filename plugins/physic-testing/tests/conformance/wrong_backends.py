@@ -302,6 +302,8 @@ def with_holes(people):
 for mock, poor in (
     ("MockSegmenter", with_holes),
     ("MockMetricDepth", lambda a: replace(a, depth=a.depth**2)),
+    ("MockRelativePointmap", lambda a: replace(a, points=a.points * a.points[..., 2:])),
+    ("MockKeypointDetector", lambda a: replace(a, points=a.points + 10)),
 ):
 
     @wrong(f"{mock} fed BGR", "reads_images_as_rgb")
