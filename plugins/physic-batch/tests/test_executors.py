@@ -34,6 +34,7 @@ def number(settings):
 def physic_executors():
     return [
         PluginItem("queue", "physic_queue:queue_executor"),
+        PluginItem("lost", "physic_queue_nowhere:lost"),
         PluginItem("number", "physic_queue:number"),
     ]
 """  # noqa: E501
@@ -96,6 +97,9 @@ def test_a_name_that_is_not_installed_is_explained(monkeypatch, photos, name, wo
     assert (done.exit_code, words in done.stderr) == (2, True)
 
 
-def test_an_executor_that_is_no_function_is_named(plugin):
-    with pytest.raises(PluginError, match=r"'number' .*got int"):
-        open_executor("number", ExecutorSettings())
+@pytest.mark.parametrize(
+    ("name", "fault"), [("lost", "ModuleNotFoundError"), ("number", "got int")]
+)
+def test_a_broken_executor_names_its_plugin(plugin, name, fault):
+    with pytest.raises(PluginError, match=f"'{name}' .*{fault}"):
+        open_executor(name, ExecutorSettings())

@@ -81,6 +81,7 @@ def test_the_value_of_an_option_in_place_of_a_format_is_refused_with_the_option(
 @pytest.mark.parametrize(
     ("kind", "change", "name", "options", "message"),
     [
+        (ConfigError, None, "a.bvh", {"person": 2}, "no person 2"),
         (
             ConfigError,
             lambda result: without_body(result, 0),

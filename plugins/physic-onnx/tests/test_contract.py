@@ -38,6 +38,11 @@ class TestOneSignature:
         with pytest.raises(BackendError, match="there is no output 'depth'"):
             match(network, [WANTED_IMAGE], wanted)
 
+    def test_a_port_is_found_by_its_name_before_its_aliases(self, file):
+        network = file(IMAGE, {**depth("z"), **depth()})
+        found = match(network, [WANTED_IMAGE], [PortSpec("depth", ("z",))])
+        assert found.outputs["depth"].name == "depth"
+
     def test_an_input_without_a_spec_is_refused(self, file):
         network = file({**IMAGE, "camera": ("float32", (3, 3))}, depth())
         with pytest.raises(BackendError, match="nothing is known of its input 'camera'"):

@@ -209,15 +209,20 @@ def test_the_network_resizes_nothing_of_what_it_gets(size, tokens):
     assert abs(np.log(aspect * size[0] / size[1])) < 0.01
 
 
-def test_both_interfaces_share_one_run_of_a_photo_by_the_cache(backend_of, tmp_path):
+def test_both_interfaces_with_equal_settings_share_one_run_of_a_photo_by_the_cache(
+    backend_of, tmp_path
+):
     points, depth = (backend_of(kind, plane) for kind in (Moge2Pointmap, Moge2Depth))
+    finer = backend_of(Moge2Depth, plane, tokens=3600)
     stages = StageCaller("cpu", 2, cache=ResultCache(tmp_path / "results", 10**8))
     for backend, request in (
         (points, RelativePointmapRequest(PHOTO, Hints())),
         (depth, MetricDepthRequest(PHOTO, Hints())),
+        (finer, MetricDepthRequest(PHOTO, Hints())),
     ):
+        options = {"tokens": backend.options.tokens}
         who = Provenance(
-            backend.interface, "moge-2-onnx", "physic_onnx", "physic-onnx", "1", {}, ""
+            backend.interface, "moge-2-onnx", "physic_onnx", "physic-onnx", "1", options, ""
         )
         stages.call_backend(backend.interface, ResolvedBackend(backend, who), request)
-    assert (points.network.network.runs, depth.network.network.runs) == (1, 0)
+    assert [one.network.network.runs for one in (points, depth, finer)] == [1, 0, 1]

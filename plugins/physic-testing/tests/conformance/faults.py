@@ -51,6 +51,11 @@ def raising(error, where):
     return change
 
 
+def needing(hint):
+    """An error where this hint is missing."""
+    return raising(AttributeError("'NoneType'"), lambda *given: getattr(given[-1], hint) is None)
+
+
 def after(*changes):
     """Changes one after the other."""
 
@@ -571,10 +576,7 @@ EXACT = {
             "accepts_array_views",
             raising(ValueError("negative strides"), lambda image, _: min(image.strides) < 0),
         ),
-        "hints that are there": (
-            "works_without_hints",
-            raising(AttributeError("'NoneType'"), lambda image, hints: hints.people is None),
-        ),
+        "hints that are there": ("works_without_hints", needing("people")),
         "only a corner": ("depth_is_where_it_can_be_known", fields(depth=only_corner)),
         "half-size grid": ("depth_is_where_it_can_be_known", fields(depth=of_half_a_grid)),
         "centimetres": ("depth_is_in_metres", fields(depth=lambda z: 100 * z)),
@@ -586,10 +588,8 @@ EXACT = {
         "a sigma in percent": ("states_what_it_promises", fields(scale_sigma=lambda _: 10.0)),
     },
     "MockRelativePointmap": {
-        "a camera that is there": (
-            "works_without_intrinsics",
-            raising(AttributeError("'NoneType'"), lambda image, hints: hints.intrinsics is None),
-        ),
+        "a camera that is there": ("works_without_intrinsics", needing("intrinsics")),
+        "hints that are there": ("works_without_hints", needing("people")),
         "no second call": (
             "accepts_the_photo_with_people",
             raising(BackendError("one call is enough"), lambda i, hints: hints.scene is not None),
@@ -628,6 +628,7 @@ EXACT = {
     "MockBodyEstimator": {
         "nobody is an error": ("accepts_a_photo_without_people", NOBODY),
         "rows from left to right": ("rows_follow_the_people", sorted_rows),
+        "hints that are there": ("works_without_hints", needing("floor")),
         "an unknown body": ("bodies_can_be_posed", fields(body_model=lambda _: "mhr")),
         "joints without hips": (
             "bodies_can_be_posed",

@@ -299,9 +299,16 @@ def with_holes(people):
     return replace(people, masks=masks)
 
 
+def tilted(pointmap):
+    factors = np.linspace(1, 2, pointmap.points.shape[1], dtype=np.float32)
+    return replace(pointmap, points=pointmap.points * factors[:, None])
+
+
 for mock, poor in (
     ("MockSegmenter", with_holes),
     ("MockMetricDepth", lambda a: replace(a, depth=a.depth**2)),
+    ("MockRelativePointmap", tilted),
+    ("MockKeypointDetector", lambda a: replace(a, points=a.points + 10)),
 ):
 
     @wrong(f"{mock} fed BGR", "reads_images_as_rgb")
