@@ -227,9 +227,8 @@ def find_ground(
     up = surest_up(None, about_floor.up, about_floor.slope_sigma_deg).direction
     people = _people_evidence(photo, bodies, model, up)
     scene = photo.scene_map
-    at_soles: tuple[GroundAtSoles, ...] = ()
-    if about_floor.seen_ground is not None:
-        at_soles = ground_at_soles(photo, people.low, up)
+    shows_ground = about_floor.seen_ground is not None
+    at_soles = ground_at_soles(photo, people.low, up) if shows_ground else ()
     planes = [_floor_hypothesis(candidate, people, photo, at_soles) for candidate in candidates]
     scores = [sum(p.nats.values()) for p in planes]
     own = None if depth is None else depth_witness(depth, scene, photo.camera, people.torsos)
@@ -240,9 +239,8 @@ def find_ground(
     on_planes = [(p.soles, p.camera) for p in planes]
     shift_sigma = scene.shift_sigma if scene.unknown == "inverse_scale_shift" else None
     vote = vote_on_scale([*kinds.values()], on_planes, scores, shift_sigma or 0.0)
-    by_people = [people.torsos.scale, *(p.soles.scale for p in planes)]
-    some_person_has_scale = bool(np.isfinite(by_people).any())
-    if vote is None or not some_person_has_scale:
+    scales_by_people = [people.torsos.scale, *(p.soles.scale for p in planes)]
+    if vote is None or not np.isfinite(scales_by_people).any():
         best = int(np.argmax(scores if vote is None else vote.weights))
         search = chosen_floor(candidates, best, about_floor)
         scale, guess = _guessed_scale(scene, search.plane)

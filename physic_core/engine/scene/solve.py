@@ -186,7 +186,8 @@ def build_scene(
         bare = on_floor & (normals == 0).all(-1)
         normals = torch.where(bare[..., None], floor.normal.to(normals), normals)
         feet = _intersect_feet(floor, evidence.feet_px, camera, method.far_m)
-        known_points, clean_points = (select_pixels(each, placed)[0] for each in (known, clean))
+        (known_points,) = select_pixels(known, placed)
+        (clean_points,) = select_pixels(clean, placed)
         floor_points = method.sample_floor(floor, known_points, clean_points, feet)
     return SceneState(
         points=placed,

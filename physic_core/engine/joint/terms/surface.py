@@ -126,7 +126,8 @@ class _SurfaceEnergies(torch.autograd.Function):
             for name, by in residual.slopes._asdict().items():
                 if by is not None:
                     by_place[name] = by_place[name] + by * by_value
-        by_scene, by_floor = by_place["scene"], by_place["floor"]
+        by_scene = by_place["scene"]
+        by_floor = by_place["floor"]
         by_log_depth = by_place["log_depth"]
         for foot, of_foot in zip(ctx.feet, gradients[1].unbind(1), strict=True):
             # of the mean height of its lowest vertices
