@@ -17,7 +17,7 @@ from torch.testing import assert_close
 from physic_core import engine_preset
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.geometry.robust import robust_loss
-from physic_paper.released.reprojection import near_mask
+from physic_paper.released.reprojection import is_near_mask
 from physic_paper.terms.reprojection import ReprojectionByAxisTerm, confidence_weights
 
 from .adjusted import term_of
@@ -39,7 +39,7 @@ def test_near_mask_equals_its_slow_reference(seed, reach):
     rng = np.random.default_rng(seed)
     mask = rng.random((17, 23)) < 0.02
     uv = rng.uniform(-30, 50, (12, 2))
-    got = near_mask(torch.from_numpy(uv), torch.from_numpy(mask), reach)
+    got = is_near_mask(torch.from_numpy(uv), torch.from_numpy(mask), reach)
     rows, columns = mask.nonzero()
     for (u, v), near in zip(uv.round(), got.tolist(), strict=True):
         assert near == bool(((abs(columns - u) <= reach) & (abs(rows - v) <= reach)).any())
