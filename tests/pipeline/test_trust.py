@@ -6,10 +6,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from physic_core.pipeline.checks import CHECKS, person_trust, photo_trust
 from physic_core.pipeline.checks.trust import ALL, CAP, load_of, probabilities_of, trust_models
+from physic_core.pipeline.reconstruction import judge
 from physic_core.types import MARKS, Grade, grade_text
 
 MODELS = trust_models()
@@ -131,6 +133,13 @@ def test_checks_of_other_people_do_not_count():
     other = [replace(one, person=1) for one in results(lean=80.0) if one.person == 0]
     assert person_trust([*own, *other], 0) == person_trust(own, 0)
     assert person_trust([*own, *other], 1).probability < person_trust(own, 0).probability
+
+
+def test_a_person_half_as_large_does_not_decide_about_the_photo(reconstruction):
+    main = replace(reconstruction.people[0], box=np.array([10.0, 0.0, 30.0, 100.0]), stature=1.7)
+    small = replace(main, box=np.array([50.0, 0.0, 70.0, 49.0]), stature=None)  # without a body
+    found = judge(replace(reconstruction, people=(main, small)), ())
+    assert found.trust == found.people[0].trust > found.people[1].trust == 0
 
 
 def test_a_photo_is_as_good_as_its_worst_main_person():

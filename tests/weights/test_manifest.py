@@ -108,7 +108,10 @@ def table(files, head='summary = "A"\nlicense = "MIT"\n'):
             table("[[net.files]]\npath = 'a'\n" + SOURCE + "[[net.files]]\npath = 'a'\n" + SOURCE),
             "twice",
         ),
-        (table("[[net.files]]\npath = 'a'\nsource = 'http://example.org/x'\n"), "sha256"),
+        (
+            table("[[net.files]]\npath = 'a'\nbytes = 3\nsource = 'http://example.org/x'\n"),
+            "sha256",
+        ),
         (table("[[net.files]]\npath = 'a'\n"), "advice"),
         (table("files = []\n"), "no files"),
         ("[net]\nsummary = A\n", "line 2"),
