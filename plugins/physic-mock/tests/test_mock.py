@@ -68,7 +68,11 @@ def test_the_answers_are_the_truth(name):
     assert result.outcome == "passed", result
 
 
-def test_what_a_mock_says_of_sight_and_contact_is_that_of_the_world(world):
+def test_what_a_mock_says_of_sight_contact_up_and_camera_is_that_of_the_world(world):
+    camera = MockMetricDepth().infer(world.image, Hints()).intrinsics
+    assert camera.matrix.tolist() == world.intrinsics.matrix.tolist()
+    up = MockRelativePointmap().infer(world.empty_image, Hints()).up
+    np.testing.assert_allclose(up, world.floor.normal, atol=1e-7)
     people = MockSegmenter().infer(world.image)
     np.testing.assert_array_equal(people.masks, world.masks)
     np.testing.assert_array_equal(people.floor, world.floor_mask)

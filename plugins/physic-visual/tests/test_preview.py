@@ -23,7 +23,7 @@ from physic_visual.panels import (
     render_contact_views,
 )
 from physic_visual.preview import draw_unposed, preview_image, preview_png, summary_line
-from physic_visual.render import View, prepare_meshes, render_mesh
+from physic_visual.render import View, prepare_meshes, render_mesh, render_points
 from physic_visual.views import (
     BACKGROUND_RGB,
     PAGE_RGB,
@@ -82,6 +82,12 @@ def test_a_parallel_view_can_cut():
     view = View.orthographic(FRONT, np.array([0, 0, 4.0]), 60.0, (120, 100), start=-0.1)
     nearest = drawn(view, [0, 0, 3.0], [0, 0, 5.0]).distance.min()
     assert nearest == pytest.approx(0.4, abs=0.005)
+
+
+def test_points_beside_the_picture_or_unknown_are_not_drawn():
+    view = View.orthographic(FRONT, np.zeros(3), 10.0, (21, 11))
+    points = np.array([[9.0, 0, 0], [-1.5, 0, 0], [0, 9, 0], [0, -9, 0], [np.nan, 0, 0]])
+    assert not render_points(view, points, np.ones((5, 3))).alpha.any()
 
 
 def test_people_are_drawn_where_their_joints_project(reconstruction):
