@@ -22,7 +22,9 @@ from physic_testing.worlds import load_world
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NUMBERS = Path(__file__).parents[2] / "docs" / "pictures" / "numbers"
-MIRRORED_AND_CROPPED = Variant("mirrored and cropped", mirrored=True, margin=0.02, camera_is_known=True)
+MIRRORED_AND_CROPPED = Variant(
+    "mirrored and cropped", mirrored=True, margin=0.02, camera_is_known=True
+)
 
 
 @pytest.fixture(scope="module")
