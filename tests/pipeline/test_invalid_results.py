@@ -150,7 +150,7 @@ def test_other_invalid_results_of_a_person_are_named_and_the_body_is_kept(
 def test_a_person_who_cannot_be_optimised_is_named_and_the_other_goes_on(
     world, sound, alone, monkeypatch
 ):
-    plain = joint._finite_energy
+    plain = joint._has_finite_energy
 
     def one_is_not(energy):
         fine = plain(energy)
@@ -158,7 +158,7 @@ def test_a_person_who_cannot_be_optimised_is_named_and_the_other_goes_on(
             fine[LOST] = False
         return fine
 
-    monkeypatch.setattr(joint, "_finite_energy", one_is_not)
+    monkeypatch.setattr(joint, "_has_finite_energy", one_is_not)
     result = run(world.image)
     assert "placed" in result.people[LOST].failed_checks
     assert any(
