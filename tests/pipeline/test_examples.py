@@ -32,7 +32,7 @@ def pipeline(tmp_path_factory):
     """With a cache of its own: several tests show a photo to the same networks."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(CACHE_VARIABLE, str(tmp_path_factory.mktemp("cache")))
-        with Pipeline(batch_config(load_config(preset="embedded"), cache=True)) as pipeline:
+        with Pipeline(batch_config(load_config(preset="embedded"), with_cache=True)) as pipeline:
             yield pipeline
 
 
