@@ -50,6 +50,7 @@ def relocated(thing, device, memo):
         thing, "__dict__"
     ):
         new = copy.copy(thing)
+        memo[id(thing)] = (new, thing)  # before its parts, one of which may hold it
         for name, value in vars(thing).items():
             object.__setattr__(new, name, relocated(value, device, memo))
     else:

@@ -445,7 +445,7 @@ def test_low_feet_and_hands_are_those_of_people_whose_trunk_is_higher(up, limbs)
     model = load_body("embedded")
     vertices = model(*model.zero_pose(1)).vertices.double()
     low = LowSkin(np.ones(1, bool), vertices, model.outer[None])
-    assert low.limbs(model, torch.tensor(up, dtype=torch.float64)).tolist() == [limbs]
+    assert low.limbs_as_low(model, torch.tensor(up, dtype=torch.float64)).tolist() == [limbs]
 
 
 @pytest.mark.parametrize(("height_m", "on_floor"), [(0.0, True), (0.5, False)])
