@@ -130,7 +130,7 @@ def physic_pictures() -> Sequence[PluginItem]:  # type: ignore[empty-body]
 
 
 @_hookspec
-def physic_keypoints() -> Sequence[PluginItem]:  # type: ignore[empty-body]
+def physic_keypoint_readers() -> Sequence[PluginItem]:  # type: ignore[empty-body]
     """Return the readers of other programs' keypoints that this plugin adds to ``--keypoints``.
 
     Each target is a function that gets a JSON document and the name of the photo's file, and
@@ -145,6 +145,6 @@ RECORDS: dict[str, type[PluginItem] | type[ExporterRecord]] = {
     "physic_executors": PluginItem,
     "physic_engine_presets": PluginItem,
     "physic_pictures": PluginItem,
-    "physic_keypoints": PluginItem,
+    "physic_keypoint_readers": PluginItem,
 }
 """The hooks, and the class of what each returns."""

@@ -103,13 +103,13 @@ def read_keypoints(path: str, width: int, height: int, photo: str = "") -> Given
 
 def _table_of(document: Any, photo: str) -> KeypointTable:
     """Return the keypoints of a JSON document in the form of another program, which a plugin reads
-    (hook ``physic_keypoints``).
+    (hook ``physic_keypoint_readers``).
 
     Raises:
         ValueError: no plugin knows its form, or one refuses it.
         PackageMissingError: no plugin reads any.
     """
-    readers = find_items("physic_keypoints")
+    readers = find_items("physic_keypoint_readers")
     if not readers:
         raise PackageMissingError(f"keypoints in JSON are read by {explain_absence(_DISTRIBUTION)}")
     for found in readers:

@@ -16,8 +16,8 @@ from physic_core.engine.contact.distances import (
     Distances,
 )
 from physic_core.engine.contact.probability import (
+    held_object_probability,
     near_scene,
-    object_contact_probability,
     scene_contact_probability,
     share_of_part,
     skin_contact_probability,
@@ -110,7 +110,7 @@ class ContactStageMethod:
         of_parts = values_by_vertex(state.model, parts)
         on_scene = of_parts * share_of_part(state.model, at)
         part_on_skin, on_skin = skin_contact_probability(state, near)
-        held = object_contact_probability(state)[None]
+        held = held_object_probability(state)[None]
         probabilities = torch.cat([on_scene[None], on_skin, held])
         sure = torch.cat([of_parts[None], part_on_skin, held]) >= LEAST_PROBABILITY
         within = near.by_kind <= HAND_BREADTH_M

@@ -140,7 +140,7 @@ def values_by_vertex(model: BodyModel, parts: Mapping[str, Tensor]) -> Tensor:
     return torch.stack(list(parts.values()), 1)[:, contact_regions(model).region]
 
 
-def object_contact_probability(state: State) -> Tensor:
+def held_object_probability(state: State) -> Tensor:
     """Return the probability (N, V) that palms and fingers hold or pet an object or an animal; 0
     where the observer says nothing.
     """

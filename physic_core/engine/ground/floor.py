@@ -269,7 +269,7 @@ def floor_candidates(
         at_feet = plane_at_feet(view, up, evidence.feet_px)
         found += [] if at_feet is None else [candidate(at_feet, at_feet)]
     found.append(FloorCandidate(None, {"no pixel to explain": _NO_FLOOR_NATS}))
-    beneath = _candidate_of_lying_people(view, evidence, found)
+    beneath = _candidate_beneath_people(view, evidence, found)
     return tuple(found) if beneath is None else (beneath, *found)
 
 
@@ -295,7 +295,7 @@ def _plane_at_people(
     return fit if off else moved
 
 
-def _candidate_of_lying_people(
+def _candidate_beneath_people(
     view: InverseDepthMap, evidence: FloorEvidence, others: Sequence[FloorCandidate]
 ) -> FloorCandidate | None:
     """Return the plane on which people lie beneath the camera; None without evidence of it.

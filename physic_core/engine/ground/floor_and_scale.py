@@ -263,7 +263,7 @@ def _ground_by_vote(
     candidates = tuple(p.candidate for p in planes)
     best = int(np.argmax(vote.weights))
     soles = planes[best].soles
-    stance = _stance_by_vote(vote, planes, people)
+    stance = _stance_over_floors(vote, planes, people)
     if (plane := candidates[best].plane) is not None:
         stance = stance.with_resting(people.low.limbs_as_low(people.model, plane.normal))
     notes = size_notes(
@@ -498,7 +498,7 @@ def _floor_below_bodies(search: FloorSearch, people: _PeopleEvidence, scale: flo
     return replace(search, plane=moved)
 
 
-def _stance_by_vote(
+def _stance_over_floors(
     vote: ScaleVote, planes: Sequence[_FloorHypothesis], people: _PeopleEvidence
 ) -> Stance:
     """Return the stance by the probability that feet stand on each plane, at the scale of the

@@ -118,7 +118,7 @@ class Term(ABC):
         """
 
 
-class SurfacePlace(NamedTuple):
+class VertexDistances(NamedTuple):
     """Place of B people's vertices at one evaluation, in the unit of the scene: (B, n) each."""
 
     scene: Tensor
@@ -134,8 +134,8 @@ class SurfacePlace(NamedTuple):
 
 
 class SurfaceSlopes(NamedTuple):
-    """Derivatives of residuals by the place of the vertices, named as in :class:`SurfacePlace`: one
-    number, or (B, n) numbers or Booleans; None for those that are 0.
+    """Derivatives of residuals by distances of the vertices, named as in :class:`VertexDistances`:
+    one number, or (B, n) numbers or Booleans; None for those that are 0.
     """
 
     scene: Tensor | float | None = None
@@ -168,5 +168,5 @@ class SurfaceTerm(ABC):
         """Return the robust sum over the residuals until the next call."""
 
     @abstractmethod
-    def residual(self, at: SurfacePlace) -> SurfaceResidual:
+    def residual(self, at: VertexDistances) -> SurfaceResidual:
         """Return the residuals of vertices, and their derivatives by the place."""

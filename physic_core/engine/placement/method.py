@@ -227,11 +227,12 @@ class PlacementStageMethod:
         start = closed_form_translation(person)
         return gauss_newton([self.reprojection_term(person)], start, TRANSLATION)
 
-    def fit_points(self, person: PlacementProblem, x: Tensor, seen: Tensor) -> Fit:
-        """Solve Eq. 3-4 from x (4,); camera-facing vertices ``seen`` (V,) bool are selected again
-        after the body has moved.
+    def fit_to_depth(self, person: PlacementProblem, start: Tensor, facing: Tensor) -> Fit:
+        """Solve Eq. 3-4 from ``start`` (4,); the vertices that face the camera, (V,) bool, are
+        selected again after the body has moved.
         """
-        chamfer = self.chamfer_term(person, seen)
+        chamfer = self.chamfer_term(person, facing)
+        x = start
         others = list[PlacementTerm]()
         free: Sequence[int] = TRANSLATION
         if person.has_soles_on_floor and self.depth_offset_sigma > 0:
@@ -245,9 +246,9 @@ class PlacementStageMethod:
             again = self.camera_facing(person, x)
             if float((x - last).abs().max()) < _MOVED_M or int(again.sum()) < FEWEST_POINTS:
                 break
-            seen = again
+            facing = again
             chamfer = self.chamfer_term(person, again)
-        return Fit(x, seen)
+        return Fit(x, facing)
 
     def finish(self, person: PlacementProblem, fit: Fit) -> Tensor:
         """Return the final x (4,)."""
@@ -273,7 +274,7 @@ class PlacementStageMethod:
         if self.chamfer_weight > 0:
             seen = self.camera_facing(person, by_keypoints)
             if min(len(person.points), int(seen.sum())) >= FEWEST_POINTS:
-                fit = self.fit_points(person, by_keypoints, seen)
+                fit = self.fit_to_depth(person, by_keypoints, seen)
             elif not problem:
                 problem = (
                     f"{len(person.points)} points of depth and {int(seen.sum())} of the body are "

@@ -49,7 +49,7 @@ def evaluate() -> None:
 
 
 @dataclass(frozen=True)
-class _Given:
+class _CommonOptions:
     """Options of every data set's command, named as on the command line."""
 
     root: Path
@@ -126,14 +126,14 @@ def _command_of(chosen: DataSet) -> click.Command:
 
     def run(**given: Any) -> None:
         own = {name: given.pop(name) for name in names}
-        _evaluate(chosen, own, _Given(**given))
+        _evaluate(chosen, own, _CommonOptions(**given))
 
     # "\b" keeps the lines of a paragraph as they are.
     about = "\n\n".join(f"\b\n{part}" for part in chosen.about.strip().split("\n\n"))
     return click.Command(chosen.name, params=[*_COMMON, *chosen.options], callback=run, help=about)
 
 
-def _require_complete(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
+def _require_complete(chosen: DataSet, options: dict[str, Any], given: _CommonOptions) -> None:
     missing = chosen.missing(given.root, given.reconstructs, **options)
     if missing:
         lines = "\n".join(f"  {sentence}" for sentence in missing)
@@ -150,7 +150,7 @@ def _require_frames(found: FrameSet, root: Path) -> None:
 
 
 def _reconstruct(
-    frames: Sequence[Frame], config: Config, given: _Given, report: Callable[[str], None]
+    frames: Sequence[Frame], config: Config, given: _CommonOptions, report: Callable[[str], None]
 ) -> Method:
     """Reconstruct all frames, and return where the results are."""
     from physic_bench.run import Method, reconstruct_frames
@@ -163,7 +163,7 @@ def _reconstruct(
     return Method(f"physic {name}", "physic", folder, failures)
 
 
-def _evaluate(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
+def _evaluate(chosen: DataSet, options: dict[str, Any], given: _CommonOptions) -> None:
     """Check everything that can be wrong before anything is computed; then reconstruct, score and
     write.
     """
@@ -208,7 +208,7 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _Given) -> None:
     echo(f"wrote {', '.join(map(str, paths))}")
 
 
-def _header(chosen: DataSet, options: dict[str, Any], given: _Given, frames: int) -> str:
+def _header(chosen: DataSet, options: dict[str, Any], given: _CommonOptions, frames: int) -> str:
     """Return the line over the tables: the data set, and every option that changes the figures."""
     defaults = {option.name: option.default for option in chosen.options}
     changed = [
@@ -224,7 +224,7 @@ def _header(chosen: DataSet, options: dict[str, Any], given: _Given, frames: int
     return f"{words}, with {', '.join(changed)}" if changed else words
 
 
-def _config(given: _Given) -> Config:
+def _config(given: _CommonOptions) -> Config:
     """Return the configuration of the batch.
 
     Raises:
@@ -241,7 +241,7 @@ def _config(given: _Given) -> Config:
     return config
 
 
-def _methods(given: _Given) -> list[Method]:
+def _methods(given: _CommonOptions) -> list[Method]:
     """Return the methods of --results."""
     from physic_bench.readers import READERS
     from physic_bench.run import Method

@@ -92,7 +92,7 @@ def convex_tiles(result: Reconstruction) -> list[Tile]:
     if floor is not None:
         heights = points @ np.asarray(floor.normal, np.float64) + floor.offset
     raised = np.flatnonzero(heights[surface.faces].max(1) >= FLOOR_M)
-    skin, normals = _skin(result)
+    skin, normals = _vertices_and_normals(result)
     tree = cKDTree(skin)
     tiles = (
         _thicken(points[patch], colors[patch].mean(0), skin, normals, tree)
@@ -245,7 +245,7 @@ def _deviation(points: Array) -> float:
     return float(np.abs(centered @ _plane_axis(points)).max())
 
 
-def _skin(result: Reconstruction) -> tuple[Array, Array]:
+def _vertices_and_normals(result: Reconstruction) -> tuple[Array, Array]:
     """Return vertices and outward normals (n, 3) of all people with a body."""
     bodies = [np.asarray(one.vertices, np.float64) for one in result.people if one.has_body]
     faces = np.asarray(result.faces, np.int64)

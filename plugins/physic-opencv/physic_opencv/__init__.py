@@ -8,6 +8,6 @@ __all__: list[str] = []
 
 
 @hookimpl
-def physic_keypoints() -> list[PluginItem]:
+def physic_keypoint_readers() -> list[PluginItem]:
     """Return the reader of other programs' keypoints."""
     return [PluginItem("json", "physic_opencv.keypoint_forms:table_of")]

@@ -68,14 +68,15 @@ class PaperPlacement(PlacementStageMethod):
         """Solve Eq. 2 by Adam."""
         return solve_adam(lambda move: self.reprojection_loss(person, move))
 
-    def fit_points(self, person: PlacementProblem, x: Tensor, seen: Tensor) -> Fit:
+    def fit_to_depth(self, person: PlacementProblem, start: Tensor, facing: Tensor) -> Fit:
         """Solve Eq. 3 by L-BFGS, with the camera-facing vertices at the start."""
 
         def loss(move: Tensor) -> Tensor:
             return self.reprojection_weight * self.reprojection_loss(person, move)
 
         enough = len(person.keypoints) >= FEWEST_KEYPOINTS
-        return Fit(solve_lbfgs(x, self.chamfer_term(person, seen), loss if enough else None), seen)
+        chamfer = self.chamfer_term(person, facing)
+        return Fit(solve_lbfgs(start, chamfer, loss if enough else None), facing)
 
     def finish(self, person: PlacementProblem, fit: Fit) -> Tensor:
         """Return x (4,), moved towards the keypoints until their error is no larger than at the

@@ -17,11 +17,11 @@ from physic_core.engine.joint.term import (
     RobustLoss,
     RobustSum,
     Snapshot,
-    SurfacePlace,
     SurfaceResidual,
     SurfaceSlopes,
     SurfaceTerm,
     Term,
+    VertexDistances,
 )
 from physic_core.engine.joint.terms.reprojection_settings import ReprojectionSettings
 from physic_core.engine.joint.variables import Variables
@@ -186,7 +186,7 @@ class DepthTerm(SurfaceTerm):
             self._per_person.to(share.dtype)[:, None] * share,
         )
 
-    def residual(self, at: SurfacePlace) -> SurfaceResidual:
+    def residual(self, at: VertexDistances) -> SurfaceResidual:
         """Return the differences of log depth."""
         away = at.log_depth - self.log_map_depth - at.log_scale
         return SurfaceResidual(away, SurfaceSlopes(log_depth=1.0))

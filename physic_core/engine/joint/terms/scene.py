@@ -14,10 +14,10 @@ from physic_core.engine.joint.sampling import STATIC_CONTACT_PARTS, Sampling
 from physic_core.engine.joint.term import (
     RobustSum,
     Snapshot,
-    SurfacePlace,
     SurfaceResidual,
     SurfaceSlopes,
     SurfaceTerm,
+    VertexDistances,
 )
 from physic_core.geometry.robust import robust_loss
 from physic_core.types.bounds import NotNegative, Positive
@@ -69,7 +69,7 @@ class PenetrationTerm(SurfaceTerm):
             near = near & ~visibility.hidden
         return robust_depths(self.weight * torch.where(near, self._sampling.area, 0.0))
 
-    def residual(self, at: SurfacePlace) -> SurfaceResidual:
+    def residual(self, at: VertexDistances) -> SurfaceResidual:
         """Return the depths inside the scene beyond ``SLACK_M``."""
         return SurfaceResidual(torch.relu(-at.scene - SLACK_M), SurfaceSlopes(scene=-1.0))
 
@@ -150,7 +150,7 @@ class ContactTerm(SurfaceTerm):
             "geman_mcclure", self._outlier_sigmas, SURFACE_SIGMA_M, self.weight * weight
         )
 
-    def residual(self, at: SurfacePlace) -> SurfaceResidual:
+    def residual(self, at: VertexDistances) -> SurfaceResidual:
         """Return the distances to the touched surface."""
         touched = torch.where(self.on_scene, at.scene, at.floor)
         return SurfaceResidual(touched, SurfaceSlopes(self.on_scene, ~self.on_scene))
@@ -191,7 +191,7 @@ class FloorTerm(SurfaceTerm):
             "pseudo_huber", _PLANE_OUTLIER_SIGMAS, _PLANE_SIGMA_M, self.weight * weight
         )
 
-    def residual(self, at: SurfacePlace) -> SurfaceResidual:
+    def residual(self, at: VertexDistances) -> SurfaceResidual:
         """Return the depths below the floor; invisible limbs give its scale no gradient."""
         under = torch.relu(-torch.where(self.eligible, at.floor, at.last_floor))
         by_floor = -self.eligible.to(under)

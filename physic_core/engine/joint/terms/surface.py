@@ -24,10 +24,10 @@ from physic_core.engine.joint.term import (
     PosedBodies,
     RobustSum,
     Snapshot,
-    SurfacePlace,
     SurfaceSlopes,
     SurfaceTerm,
     Term,
+    VertexDistances,
 )
 from physic_core.engine.joint.terms.body import RegularisationTerm
 from physic_core.engine.joint.terms.picture import MIN_DEPTH_M
@@ -86,7 +86,7 @@ class _SurfaceEnergies(torch.autograd.Function):
         unit = 1.0 / log_scale.exp().reshape(-1, 1)
         ahead = unit * (data.normals * points).sum(1)
         over = unit * (data.floor_normal @ points)
-        at = SurfacePlace(
+        at = VertexDistances(
             scene=ahead - data.plane_distance,
             floor=over + data.floor_offset,
             last_floor=over + unit * (data.floor_offset * data.last_scale),

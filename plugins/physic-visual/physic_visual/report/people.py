@@ -95,7 +95,7 @@ def _record(
         "pelvis": pelvis.tolist() if posed else None,
         **_heights(reconstruction, person),
         "others": _others(reconstruction, index, gaps),
-        "contact": None if body is None else _contact_by_part(reconstruction, person, body),
+        "contact": None if body is None else _contact_areas_by_part(reconstruction, person, body),
     }
 
 
@@ -176,7 +176,7 @@ def _gap(tree: cKDTree, first: NDArray[np.float64], second: NDArray[np.float64])
     )
 
 
-def _contact_by_part(
+def _contact_areas_by_part(
     reconstruction: Reconstruction, person: Person, model: BodyArrays
 ) -> list[dict[str, Any]]:
     """Return name, area in cm2, share and colours of each body part in contact, the largest area
