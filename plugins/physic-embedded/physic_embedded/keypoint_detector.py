@@ -15,6 +15,7 @@ from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
 from physic_embedded.networks.pose import person_square, predict_pose
 from physic_embedded.networks.pose_detection import detect_people
 from physic_embedded.networks.sessions import PackagedBackend
+from physic_embedded.segmentation.hidden_hips import doubt_hidden_hips
 from physic_embedded.segmentation.turned import look_turned, square_around
 from physic_networks.onnx_sessions import select_provider
 from physic_networks.runtime import onnxruntime
@@ -81,7 +82,8 @@ class EmbeddedKeypoints(PackagedBackend, KeypointDetector):
         ]
         found = keypoints_from_poses([pose for pose, _ in looks], *image.shape[:2])
         lost = np.array([fit < MIN_MASK_FIT for _, fit in looks], bool)
-        return replace(found, confidence=np.where(lost[:, None], np.float32(0), found.confidence))
+        found = replace(found, confidence=np.where(lost[:, None], np.float32(0), found.confidence))
+        return doubt_hidden_hips(found, people.masks)
 
     def _look(self, picture: ImagePyramid, mask: BoolArray, box: FloatArray) -> tuple[Pose, float]:
         """Return the pose that fits a person's mask best, and its fit."""

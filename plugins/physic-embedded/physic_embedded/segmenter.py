@@ -23,6 +23,7 @@ from physic_embedded.segmentation.chosen import DetectedPeople, choose_poses
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, floor_mask
 from physic_embedded.segmentation.framed import question_people
 from physic_embedded.segmentation.held import segment_held
+from physic_embedded.segmentation.hidden_hips import doubt_hidden_hips
 from physic_embedded.segmentation.people import detect_poses, poses_of_same, unposed_person
 from physic_embedded.segmentation.person_masks import person_masks, resolve_overlaps
 from physic_embedded.segmentation.unposed import count_heads, segment_unposed
@@ -221,12 +222,13 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         image: UInt8Array,
     ) -> People:
         """Return the people with their poses."""
+        keypoints = keypoints_from_poses([person.pose for person in found], *image.shape[:2])
         return People(
             masks=masks,
             boxes=boxes_from_masks(masks).astype(np.float32),
             scores=np.array([person.score for person in found], np.float32),
             floor=floor,
-            keypoints=keypoints_from_poses([person.pose for person in found], *image.shape[:2]),
+            keypoints=doubt_hidden_hips(keypoints, masks),
             surfaces=surfaces,
         )
 

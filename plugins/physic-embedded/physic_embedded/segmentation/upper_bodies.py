@@ -13,6 +13,7 @@ import numpy as np
 
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
 from physic_embedded.networks.pose import predict_scored_pose
+from physic_embedded.segmentation.hidden_hips import squeezes
 from physic_embedded.segmentation.hidden_people import grey_out, without_covered
 
 if TYPE_CHECKING:
@@ -28,17 +29,6 @@ if TYPE_CHECKING:
 _EYES = [2, 5]
 _MOUTH = [9, 10]
 _FACE = slice(0, 11)
-_SHOULDERS = [11, 12]
-_HIPS = [23, 24]
-_KNEES = [25, 26]
-_ANKLES = [27, 28]
-
-_FACE_OF_TRUNK = 0.18
-"""From eyes to mouth, in lengths of the trunk, from where a trunk is short. Of 85 labelled people
-with visible legs 90 % have less than .171, of 44 without most have more than .187."""
-_FACE_OF_LEG = 0.24
-"""The same in lengths of the longest thigh or shank. Of people with a short trunk, those who bend
-have less, and most of those who are squeezed have more."""
 
 _USUAL_FACE = 0.135  # from eyes to mouth, in lengths of the trunk
 _HIPS_BELOW_EYES = 1.45  # lengths of the trunk
@@ -106,20 +96,7 @@ def _square_from_face(pose: Pose) -> RotatedSquare:
 
 
 def _squeeze(pose: Pose) -> float:
-    """Return how much too large the face is for trunk and legs: above 1 where the network squeezed
-    them into what it saw.
-
-    A trunk may look short where it leans, and a leg where it is bent, but seldom all of them.
-    """
-
-    def length(first: list[int], second: list[int]) -> float:
-        return float(np.linalg.norm(pose.points[first] - pose.points[second], axis=-1).max())
-
-    shoulders, hips = (pose.points[rows].mean(axis=0) for rows in (_SHOULDERS, _HIPS))
-    trunk = float(np.linalg.norm(shoulders - hips))
-    leg = max(length(_HIPS, _KNEES), length(_KNEES, _ANKLES))
-    usual = max(_FACE_OF_TRUNK * trunk, _FACE_OF_LEG * leg, 1e-6)
-    return _face_length(pose) / usual
+    return float(squeezes(pose.points[None])[0])
 
 
 def _face_length(pose: Pose) -> float:
