@@ -194,14 +194,19 @@ def _set_limbs(world: _Array, both: _Array, known: _Bools) -> None:
         (upper, first, upper_known, _UPPER),
         (lower, second, lower_known, _LOWER),
     ):
-        frame = frame_from_axes(at_rest, np.broadcast_to(_HINGES, at_rest.shape))
-        turn = frame_from_axes(bones, axis) @ np.swapaxes(frame, -1, -2)
+        turn = _turns_of_bones(bones, at_rest, axis)
         parent = world[:, [PARENTS[row] for row in rows]]
         world[:, rows] = np.where(seen[..., None, None], turn, parent)
     shin = world[:, _KNEES]
     tread = rotation_between(rotate(shin, rest[:, _FEET] - rest[:, _ANKLES]), feet) @ shin
     world[:, _ANKLES] = np.where(feet_known[..., None], tread, shin)
     world[:, _FEET] = world[:, _ANKLES]
+
+
+def _turns_of_bones(bones: _Array, at_rest: _Array, axis: _Array) -> _Array:
+    """Return the rotations that bring bones from rest to where they are, and hinges to an axis."""
+    frame = frame_from_axes(at_rest, np.broadcast_to(_HINGES, at_rest.shape))
+    return np.asarray(frame_from_axes(bones, axis) @ np.swapaxes(frame, -1, -2))
 
 
 def _hinge_axes(upper: _Array, lower: _Array, hint: _Array) -> _Array:
