@@ -98,6 +98,7 @@ def change(photo: Answer, variant: Answer) -> Change:
 
 def _person_change(photo: SeenPerson, variant: SeenPerson, sigma: float) -> PersonChange:
     distance = math.log(variant.distance / photo.distance)
+    before, after = (math.nan if one.trust is None else one.trust for one in (photo, variant))
     return PersonChange(
         distance=distance,
         sigmas=distance / sigma,
@@ -105,7 +106,7 @@ def _person_change(photo: SeenPerson, variant: SeenPerson, sigma: float) -> Pers
             (p, variant.parts[part]) for part, p in photo.parts.items() if part in variant.parts
         ),
         grades=(photo.grade, variant.grade),
-        trust=(variant.trust or math.nan) - (photo.trust or math.nan),
+        trust=after - before,
     )
 
 

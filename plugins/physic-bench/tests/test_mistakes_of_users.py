@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from physic_bench.datasets.base import evenly_spaced
 from physic_bench.scoring import LIMB_JOINTS
 
 from .miniatures import TRUE, evaluated, run, write_plain, write_results
@@ -81,6 +82,13 @@ def test_options_that_change_figures_stand_over_the_tables(root):
         names.write_text(text)
         return run("worlds", str(root), "-o", str(root.parent / "out"), *chosen, *more).output
 
-    assert "frames that there are not: gone" in output("stand\ngone\n")
+    assert "frames that there are not: gone" in output("# mine\nstand\ngone\n")
     text = output("stand\nwalk\n", "--limit", "1")
     assert "worlds, 1 frames, with --frames list.txt, --limit 1\n" in text
+
+
+@pytest.mark.parametrize(
+    ("count", "chosen"), [(3, [0, 3, 6]), (10, [*range(10)]), (None, [*range(10)])]
+)
+def test_a_limit_takes_frames_from_the_whole_set(count, chosen):
+    assert evenly_spaced(range(10), count) == chosen
