@@ -22,6 +22,6 @@ def changed(kind, change):
     return {kind.interface: type("Changed", (kind,), {"infer": infer})}
 
 
-def nobody(people, *_):
+def without_people(people, *_):
     """A change to no people."""
     return select_people(people, np.zeros(len(people), bool))

@@ -13,7 +13,7 @@ from physic_core.errors import BackendOutputError, ConfigError, NoPersonError
 from physic_core.pipeline.given.people import select_chosen
 from physic_core.types import Keypoints, People, PeoplePrompt
 from physic_mock import backends
-from tests.pipeline.mocks import changed, nobody
+from tests.pipeline.mocks import changed, without_people
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -184,4 +184,4 @@ def test_a_segmenter_that_takes_prompts_has_to_obey_them(world):
     with pytest.raises(
         BackendOutputError, match="one person per prompt is needed, 1 in all, got 0"
     ):
-        reconstruct(world.image, "mock", backends=changed(Prompted, nobody), people=prompt)
+        reconstruct(world.image, "mock", backends=changed(Prompted, without_people), people=prompt)

@@ -30,7 +30,7 @@ from physic_core.interfaces import MetricDepth
 from physic_core.io.photo import read_photo
 from physic_core.types import SUMMARY_KEYS, CheckResult, DepthMap
 from physic_mock import backends
-from tests.pipeline.mocks import changed, nobody
+from tests.pipeline.mocks import changed, without_people
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -122,7 +122,7 @@ def test_every_kind_of_photo_gives_the_same_result(photo, world, result):
 
 
 def test_an_error_names_the_photo(photo):
-    blind = changed(backends.MockSegmenter, nobody)
+    blind = changed(backends.MockSegmenter, without_people)
     config = {"extends": "mock", "photo": {"require_people": True}}
     with Pipeline(config, backends=blind) as pipeline, Image.open(photo) as image:
         for one in (photo, image):

@@ -143,11 +143,12 @@ def checks_of_cameras(views: Sequence[SolvedView], rows: IntArray) -> Iterator[C
             f"clothes: {look}"
         )
         yield _check(view.name, "view_agreement", cost, why)
-        nobody = sum(
-            _shows_nobody(view, other, row) for other, row in _people_missing_here(views, rows, v)
+        empty = sum(
+            _shows_no_person(view, other, row)
+            for other, row in _people_missing_here(views, rows, v)
         )
         why = f"{view.name} shows no person where other photos show one: {look}"
-        yield _check(view.name, "view_missing_person", nobody, why)
+        yield _check(view.name, "view_missing_person", empty, why)
         heights = [
             abs(h)
             for w in range(len(views))
@@ -198,7 +199,7 @@ def _people_missing_here(
                 yield other, row
 
 
-def _shows_nobody(view: SolvedView, other: SolvedView, row: int) -> bool:
+def _shows_no_person(view: SolvedView, other: SolvedView, row: int) -> bool:
     """Return whether a photo has no person in a place within its frame where another photo has
     one.
     """

@@ -91,8 +91,8 @@ def floor_mask(
     if not len(points):
         return best
     points = points[np.linspace(0, len(points) - 1, min(len(points), _MOST_POINTS)).astype(int)]
-    nobody = _person_points(poses, people)
-    answer = predict_masks(decoder, embedding, points, nobody)
+    on_people = _person_points(poses, people)
+    answer = predict_masks(decoder, embedding, points, on_people)
     most = 0.0
     for logits in answer.logits:
         mask = embedding.to_photo(logits) > 0

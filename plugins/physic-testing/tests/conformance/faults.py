@@ -380,7 +380,9 @@ def sigmoid(values):
 
 
 MILLIMETRES = fields(vertices=lambda vertices: 1000 * vertices)
-NOBODY = raising(ValueError("need at least one array to stack"), lambda image, p, *_: not len(p))
+NO_PEOPLE_IS_AN_ERROR = raising(
+    ValueError("need at least one array to stack"), lambda image, p, *_: not len(p)
+)
 
 RIGHT = {
     "MockBodyEstimator": {
@@ -520,7 +522,10 @@ EXACT = {
             with_floor(lambda floor, people: ~floor & ~people),
         ),
         "people who are floor": ("floor_mask_excludes_people", with_floor(np.logical_or)),
-        "None for nobody": ("accepts_a_photo_without_people", lambda a, *_: a if len(a) else None),
+        "None without people": (
+            "accepts_a_photo_without_people",
+            lambda a, *_: a if len(a) else None,
+        ),
     },
     "MockInpainter": {
         "whole picture one pixel to the right": (
@@ -616,7 +621,7 @@ EXACT = {
         ),
     },
     "MockKeypointDetector": {
-        "nobody is an error": ("accepts_a_photo_without_people", NOBODY),
+        "an error without people": ("accepts_a_photo_without_people", NO_PEOPLE_IS_AN_ERROR),
         "rows from left to right": ("rows_follow_the_people", sorted_rows),
         "points that lie nowhere on a body": (
             "skeleton_is_known",
@@ -626,7 +631,7 @@ EXACT = {
         "world points with x to the left": ("world_points_are_metres", with_world(right=-1)),
     },
     "MockBodyEstimator": {
-        "nobody is an error": ("accepts_a_photo_without_people", NOBODY),
+        "an error without people": ("accepts_a_photo_without_people", NO_PEOPLE_IS_AN_ERROR),
         "rows from left to right": ("rows_follow_the_people", sorted_rows),
         "hints that are there": ("works_without_hints", needing("floor")),
         "an unknown body": ("bodies_can_be_posed", fields(body_model=lambda _: "mhr")),
@@ -651,7 +656,7 @@ EXACT = {
         "observed inverted": ("observed_is_true_in_sight", fields(observed=np.logical_not)),
     },
     "MockHandEstimator": {
-        "nobody is an error": ("accepts_a_photo_without_people", NOBODY),
+        "an error without people": ("accepts_a_photo_without_people", NO_PEOPLE_IS_AN_ERROR),
         "rows from left to right": ("rows_follow_the_people", sorted_rows),
         "longer than a turn": (
             "angles_are_radians",
@@ -667,7 +672,7 @@ EXACT = {
         ),
     },
     "MockPersonObserver": {
-        "nobody is an error": ("accepts_a_photo_without_people", NOBODY),
+        "an error without people": ("accepts_a_photo_without_people", NO_PEOPLE_IS_AN_ERROR),
         "1 is no touch": ("touch_is_that_of_the_parts", fields(touch=lambda p: 1 - p)),
         "right limbs touch": (
             "mirrored_photo_exchanges_sides",
@@ -679,7 +684,7 @@ EXACT = {
         ),
     },
     "MockContactPrior": {
-        "nobody is an error": ("accepts_a_photo_without_people", NOBODY),
+        "an error without people": ("accepts_a_photo_without_people", NO_PEOPLE_IS_AN_ERROR),
         "rows from left to right": ("rows_follow_the_people", sorted_rows),
         "normalised over people": (
             "rows_do_not_depend_on_other_people",
