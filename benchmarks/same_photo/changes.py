@@ -35,6 +35,7 @@ class PersonChange:
     """Change of one person.
 
     Attributes:
+        person: rank among the photo's people, the largest first.
         distance: logarithm of the ratio of the distances.
         sigmas: the same over the stated sigma; NaN if none is stated.
         parts: probabilities of each body part in both answers.
@@ -42,6 +43,7 @@ class PersonChange:
         trust: difference of the probabilities that the person is right; NaN without checks.
     """
 
+    person: int
     distance: float
     sigmas: float
     parts: tuple[tuple[float, float], ...]
@@ -70,9 +72,7 @@ class Change:
 
 def change(photo: Answer, variant: Answer) -> Change:
     """Compare the answer to a photo with that to its variant."""
-    ours, theirs = (
-        sorted(one.people, key=lambda person: -int(person.mask.sum())) for one in (photo, variant)
-    )
+    ours, theirs = (largest_first(one.people) for one in (photo, variant))
     cut = [person.mask & variant.inside for person in ours]
     found = match_by_masks(_stack([person.mask for person in theirs]), _stack(cut)).predicted_of
     counted = [
@@ -85,7 +85,7 @@ def change(photo: Answer, variant: Answer) -> Change:
     both = np.isfinite(photo.depth) & np.isfinite(variant.depth)
     return Change(
         people=tuple(
-            _person_change(ours[i], theirs[found[i]], sigma) for i in counted if i in found
+            _person_change(i, ours[i], theirs[found[i]], sigma) for i in counted if i in found
         ),
         visible=len(counted),
         lost=len(set(counted) - set(found)),
@@ -96,10 +96,22 @@ def change(photo: Answer, variant: Answer) -> Change:
     )
 
 
-def _person_change(photo: SeenPerson, variant: SeenPerson, sigma: float) -> PersonChange:
+def largest_first(people: Sequence[SeenPerson]) -> list[SeenPerson]:
+    """Return people by the area of their masks."""
+    return sorted(people, key=lambda person: -int(person.mask.sum()))
+
+
+def same_people(one: Answer, other: Answer) -> dict[int, int]:
+    """Return rank -> rank of the people of two answers to the same picture."""
+    masks = [_stack([p.mask for p in largest_first(answer.people)]) for answer in (other, one)]
+    return match_by_masks(*masks).predicted_of
+
+
+def _person_change(rank: int, photo: SeenPerson, variant: SeenPerson, sigma: float) -> PersonChange:
     distance = math.log(variant.distance / photo.distance)
     before, after = (math.nan if one.trust is None else one.trust for one in (photo, variant))
     return PersonChange(
+        person=rank,
         distance=distance,
         sigmas=distance / sigma,
         parts=tuple(

@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING
 
 from benchmarks.contact_on_photos import samples_of
 from benchmarks.fits import HALVES, half_of, parser_of
+from benchmarks.truth.builds import keep_networks_only
 from benchmarks.truth.sets import Sample, picture_of
 from physic_testing.metrics import markdown_table
 
@@ -156,12 +157,3 @@ def kept_answer(picture: Picture, variant: Variant, folder: Path, pipeline: Pipe
     part.write_bytes(pickle.dumps(found))
     part.replace(path)
     return found
-
-
-def keep_networks_only(cache: Path) -> None:
-    """Delete what backends made of the outputs of networks: any change of the code makes it
-    anew.
-    """
-    for file in (cache / "results").glob("*.npz"):
-        if not file.name.startswith("network-"):
-            file.unlink(missing_ok=True)

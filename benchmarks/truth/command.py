@@ -6,6 +6,10 @@ number as JSON.
 
 DATA are folders that hold the data sets ``mpi_inf_3dhp``, ``panoptic``, ``roundtable``,
 ``people2d``, ``parkour`` and ``rgbd``, or some of them; missing ones are skipped.
+    python -m benchmarks truth DATA ... --against CHECKOUT [--sample full]
+
+compares this build with another on the same photos, and ends with 1 if a figure is worse.
+
 Every photo is reconstructed by ``physic run`` in a process of its own. Its numbers are kept in
 ``--out``, so that an interrupted run continues: use a new folder for another version of the code.
 """
@@ -27,6 +31,7 @@ import numpy as np
 from benchmarks.fits import parser_of
 from physic_testing.metrics import ValueWithInterval
 
+from . import against
 from .contact import part_tables, table_of_parts
 from .run import answer_of
 from .scores import photo_record, score_annotated, score_moment, score_parkour, score_single
@@ -38,6 +43,9 @@ def main() -> int:
     """Run, compare, print."""
     parser = _parser()
     given = parser.parse_args()
+    if given.against:
+        options = given.preset, given.settings
+        return against.main(given.data, given.against, given.out, given.sample, options)
     if unknown := sorted(set(given.sets.split(",")) - set(SETS)):
         parser.error(f"no data set is called {', '.join(unknown)}: choose of {', '.join(SETS)}")
     samples = samples_of(given.data, given.sets.split(","), given.photos)
@@ -92,6 +100,10 @@ def _parser() -> argparse.ArgumentParser:
     add("--no-camera", action="store_true", help=words)
     words = "joints of an earlier run, as truth"
     add("--triangulated", type=Path, metavar="FILE", help=words)
+    words = "compare with the build of another checkout, which has an environment in .venv"
+    add("--against", type=Path, metavar="CHECKOUT", help=words)
+    words = "of --against: 25 or 60 minutes on two cores"
+    add("--sample", choices=against.SIZES, default="short", help=words)
     return parser
 
 

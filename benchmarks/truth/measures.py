@@ -43,6 +43,7 @@ def pose_errors(predicted: Array, truth: Array) -> dict[str, Any]:
         "pa_mpjpe_mm": float(pa_mpjpe_mm(predicted, truth, known)),
         "root_aligned_mm": float(mpjpe_mm(predicted - pelvis, truth - true_pelvis, known)),
         "mpjpe_mm": float(mpjpe_mm(predicted, truth, known)),
+        "pelvis_mm": float(1000 * np.linalg.norm(pelvis - true_pelvis)),
         "pelvis_depth_ratio": float(pelvis[2] / true_pelvis[2]),
         "bones_ratio": ratio,
         "joint_errors_m": np.linalg.norm(

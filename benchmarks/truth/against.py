@@ -1,0 +1,363 @@
+"""Compare this build with another checkout, on the same photos: paired differences, with intervals
+by person, on one page.
+
+The other build runs in its own interpreter, through ``Pipeline`` alone. Answers are kept in
+``--out`` by the commit of their build, so that a second comparison runs what is new. The exit code
+is 1 if a figure is worse by more than its limit with its whole interval above 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchmarks.same_photo.changes import change, same_people
+from benchmarks.same_photo.variants import PHOTO, VARIANTS, Variant, no_answer
+from benchmarks.same_photo.variants import answer_of as seen_answer
+from physic_testing.metrics import match_by_boxes
+
+from .builds import Build, Question, answers, build_of, measured, question_of
+from .contact import MIN_IOU, OF_RESULTS, TOUCHES, part_record
+from .layouts import STRIPS, TILES, says_several
+from .pairs import Figure, Pair, Row, Verdict, compare, page, paired, percentile
+from .sets import SETS, Sample
+
+if TYPE_CHECKING:
+    from types import SimpleNamespace
+
+    from benchmarks.same_photo.variants import Answer
+
+CAMERA_SETS = ("mpi_inf_3dhp", "panoptic", "roundtable")
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much a comparison runs.
+
+    Attributes:
+        photos: of each data set.
+        labelled: photos with labels of touch.
+        changed: how many of them are run with every variant, too.
+        variants: names.
+        strips: layouts.
+        tiles: layouts.
+    """
+
+    photos: Mapping[str, int]
+    labelled: int
+    changed: int
+    variants: tuple[str, ...]
+    strips: int
+    tiles: int
+
+
+_SHORT = {"mpi_inf_3dhp": 4, "panoptic": 10, "roundtable": 0, "people2d": 4, "parkour": 7}
+_FULL = {"mpi_inf_3dhp": 4, "panoptic": 25, "roundtable": 5, "people2d": 12, "parkour": 14}
+SIZES = {
+    "short": Size({**_SHORT, "rgbd": 1}, 8, 4, ("mirror", "scale", "jpeg"), 4, 2),
+    "full": Size({**_FULL, "rgbd": 4}, 24, 8, ("mirror", "scale", "jpeg", "column"), 8, 4),
+}
+"""The short one takes 25 minutes on two cores, the full one 60."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A sample with what it asks."""
+
+    sample: Sample
+    question: Question
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All pictures of a comparison.
+
+    Attributes:
+        measured: photos with measured truth.
+        labelled: photos with labels of touch.
+        changed: number of a labelled photo, variant, question.
+        files: whether a file shows several pictures, question.
+    """
+
+    measured: Sequence[Case]
+    labelled: Sequence[Case]
+    changed: Sequence[tuple[int, Variant, Question]]
+    files: Sequence[Question]
+
+    @property
+    def questions(self) -> list[Question]:
+        """In the order of the answers."""
+        return [
+            *(case.question for case in (*self.measured, *self.labelled)),
+            *(question for _, _, question in self.changed),
+            *self.files,
+        ]
+
+
+def main(data: Sequence[Path], other: Path, out: Path, size: str, options: Sequence[Any]) -> int:
+    """Run both builds and write the page.
+
+    Args:
+        data: folders of the data sets, and the folder with "contact" and "photos".
+        other: checkout of the other build.
+        out: folder of answers and page.
+        size: name in :data:`SIZES`.
+        options: preset of both builds, settings of this one.
+    """
+    preset, settings = options
+    builds = build_of(other, preset), build_of(Path(__file__).parents[2], preset, settings)
+    plan = plan_of(data, SIZES[size])
+    if not plan.questions:
+        print("No data found: nothing to compare. See benchmarks/README.md.")
+        return 0
+    rows = rows_of(plan, *both_answers(builds, plan.questions, out))
+    before, after = builds
+    title = f"{after.commit} against {before.commit}"
+    counts = f"{len(plan.questions)} pictures, sample `{size}`, preset `{preset}`."
+    text = page(rows, title, [" ".join([counts, *settings])])
+    (out / "against.md").write_text(text + "\n")
+    print(text)
+    return int(any(row.verdict is Verdict.WORSE for row in rows))
+
+
+def both_answers(
+    builds: Sequence[Build], questions: Sequence[Question], out: Path
+) -> list[list[SimpleNamespace]]:
+    """Return the answers of both builds, which run side by side."""
+    titles = ("other", "this")
+    with ThreadPoolExecutor(len(builds)) as pool:
+        return list(
+            pool.map(
+                lambda build, title: answers(build, questions, out, title=title), builds, titles
+            )
+        )
+
+
+def plan_of(data: Sequence[Path], size: Size) -> Plan:
+    """Return what is there of the photos of a size."""
+    samples = [
+        sample
+        for name, read in SETS.items()
+        for folder in data
+        if (folder / name).is_dir()
+        for sample in read(folder / name)[: size.photos[name]]
+    ]
+    labelled: list[Sample] = []
+    for folder in data:
+        if (folder / "contact").is_dir():
+            from benchmarks.contact_on_photos import samples_of
+            from benchmarks.same_photo.command import drawn
+
+            labelled += drawn(samples_of(folder), size.labelled, seed=0)
+    cases = [Case(sample, question_of(sample)) for sample in labelled]
+    pictures = [case.question.picture for case in cases]
+    variants = [variant for variant in VARIANTS if variant.name in size.variants]
+    changed = [
+        (i, variant, Question(f"{cases[i].question.name} {variant.name}", variant.picture(picture)))
+        for i, picture in enumerate(pictures[: size.changed])
+        for variant in variants
+    ]
+    layouts = [*STRIPS[: size.strips], *TILES[: size.tiles]] if pictures else []
+    files = [
+        Question(f"file {one.name}", one.picture(pictures[i:] + pictures[:i]))
+        for i, one in enumerate(layouts)
+    ]
+    return Plan([Case(one, question_of(one)) for one in samples], cases, changed, files)
+
+
+def rows_of(
+    plan: Plan, other: Sequence[SimpleNamespace], this: Sequence[SimpleNamespace]
+) -> list[Row]:
+    """Return all figures of the answers of both builds to a plan's questions."""
+    n, m = len(plan.measured), len(plan.labelled)
+    both = other, this
+    figures = [
+        *truth_figures(plan.measured, *(one[:n] for one in both)),
+        *touch_figures(plan.labelled, *(one[n : n + m] for one in both)),
+        *change_figures(plan, *(one[n : n + m + len(plan.changed)] for one in both)),
+        *file_figures(plan, *both),
+    ]
+    return [compare(figure) for figure in figures]
+
+
+def truth_figures(
+    cases: Sequence[Case], other: Sequence[SimpleNamespace], this: Sequence[SimpleNamespace]
+) -> Iterator[Figure]:
+    """Yield the figures of photos with measured truth. Joints of several views are triangulated
+    from the other build's keypoints, for both.
+    """
+    from .command import compared
+
+    samples = [case.sample for case in cases]
+    before, after = (
+        [measured(a, c.sample, c.question) for a, c in zip(one, cases, strict=True)]
+        for one in (other, this)
+    )
+    truth = compared(samples, before)["triangulated"]
+    records = [compared(samples, one, truth) for one in (before, after)]
+    people = [[_with_size(r) for r in one["people"]] for one in records]
+    floors = [one["floors"] for one in records]
+    photos = [one["photos"] for one in records]
+    for group, sets in (
+        ("", CAMERA_SETS),
+        (", one person a photo", CAMERA_SETS[:1]),
+        (", rig", CAMERA_SETS[1:]),
+    ):
+        mine = [[r for r in one if r["set"] in sets] for one in people]
+        for key, words in (
+            ("mpjpe_mm", "MPJPE, mm"),
+            ("pelvis_mm", "pelvis, mm"),
+            ("root_aligned_mm", "root-aligned MPJPE, mm"),
+            ("pa_mpjpe_mm", "PA-MPJPE, mm"),
+        ):
+            yield Figure(words + group, paired(key, *mine))
+    films = [[r for r in one if r["set"] == "parkour"] for one in people]
+    yield Figure("PA-MPJPE, mm, films", paired("pa_mpjpe_mm", *films))
+    yield Figure("size of bodies off, %", paired("size_off", *people))
+    yield Figure("people missed, %", paired("missed", *people), is_share=True)
+    yield Figure("2D joints off, % of the box: visible", paired("visible", *people), form=".2f")
+    yield Figure("2D joints off, % of the box: hidden", paired("hidden", *people), form=".2f")
+    for key, words in (
+        ("floor_angle_deg", "floor: angle, degrees"),
+        ("up_angle_deg", "up: angle, degrees"),
+        ("camera_height_off", "camera height off, %"),
+    ):
+        pairs = paired(key, *floors, unit=("photo",))
+        yield Figure(words, _percent(pairs) if "%" in words else pairs)
+    pairs = paired("missing", *floors, unit=("photo",))
+    yield Figure("floor missing, %", _percent(pairs), is_share=True)
+    for key, words in (("absrel", "as it comes"), ("absrel_scaled", "after one factor")):
+        pairs = _percent(paired(key, *photos, unit=("photo",)))
+        yield Figure(f"depth of the scene off, %, {words}", pairs)
+    parts = [[{**r, "brier": _brier(r)} for r in one["parts"]] for one in records]
+    pairs = paired("brier", *parts, unit=("photo", "person", "part"))
+    yield Figure("touch in films, Brier score", pairs, form=".3f")
+
+
+def _with_size(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a record with its errors of size and being found, and shares as percent."""
+    found = {**record, "missed": 100.0 * (not record["found"])}
+    found["size_off"] = 100 * abs(record.get("bones_ratio", math.nan) - 1)
+    for key in ("visible", "hidden"):
+        if key in record:
+            found[key] = [100 * value for value in record[key]]
+    return found
+
+
+def _percent(pairs: Sequence[Pair]) -> list[Pair]:
+    return [pair._replace(other=100 * pair.other, this=100 * pair.this) for pair in pairs]
+
+
+def _brier(record: Mapping[str, Any]) -> float:
+    return float((record["probability"] - record["touches"]) ** 2)
+
+
+def touch_figures(
+    cases: Sequence[Case], other: Sequence[SimpleNamespace], this: Sequence[SimpleNamespace]
+) -> Iterator[Figure]:
+    """Yield the figures of photos whose people have labels of touch."""
+    people: list[list[dict[str, Any]]] = []
+    parts: list[list[dict[str, Any]]] = []
+    for answer in (other, this):
+        scored = [_labelled(case, one) for case, one in zip(cases, answer, strict=True)]
+        people.append([record for one, _ in scored for record in one])
+        parts.append([record for _, one in scored for record in one])
+    yield Figure("labelled people missed, %", paired("missed", *people), is_share=True)
+    for kind in ("feet", "hands", "seat"):
+        mine = [[{**r, "brier": _brier(r)} for r in one if r["kind"] == kind] for one in parts]
+        pairs = paired("brier", *mine, unit=("photo", "person", "part"))
+        yield Figure(f"labelled touch, Brier score: {kind}", pairs, form=".3f")
+
+
+def _labelled(
+    case: Case, answer: SimpleNamespace
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return people found or not, and their judged parts."""
+    sample = case.sample
+    truth = sample.truth["people"]
+    people = measured(answer, sample, case.question)["people"]
+    matched: Mapping[int, int] = {}
+    if people:
+        boxes = [person["box"] for person in people], [person["box"] for person in truth]
+        matched = match_by_boxes(*boxes, MIN_IOU).predicted_of
+    of = {"set": sample.set, "photo": sample.name, "group": sample.group}
+    found = [
+        {**of, "person": str(i), "missed": 100.0 * (i not in matched)} for i in range(len(truth))
+    ]
+    parts = []
+    for i, j in matched.items():
+        for part, label in truth[i]["parts"].items():
+            touch = people[j]["parts"].get(OF_RESULTS.get(part, part))
+            if label and touch is not None:
+                parts.append(part_record(sample, str(i), part, touch, TOUCHES[label]))
+    return found, parts
+
+
+def change_figures(
+    plan: Plan, other: Sequence[SimpleNamespace], this: Sequence[SimpleNamespace]
+) -> Iterator[Figure]:
+    """Yield how much answers change with a photo that is changed harmlessly."""
+    n = len(plan.labelled)
+    distance: list[Pair] = []
+    grades: list[Pair] = []
+    lost: list[Pair] = []
+    for (i, variant, question), a, b in zip(plan.changed, other[n:], this[n:], strict=True):
+        size = plan.labelled[i].question.picture.shape[1::-1]
+        bases = [_seen(one[i], PHOTO, size) for one in (other, this)]
+        before, after = (
+            change(base, _seen(one, variant, size)) for base, one in zip(bases, (a, b), strict=True)
+        )
+        ranks = same_people(*bases)
+        photo = plan.labelled[i].sample.name
+        if before.visible and after.visible:
+            shares = [100 * (c.lost + c.new) / c.visible for c in (before, after)]
+            lost.append(Pair("same photo", photo, question.name, shares[0], shares[1]))
+        theirs = {person.person: person for person in after.people}
+        for person in before.people:
+            match = theirs.get(ranks.get(person.person, -1))
+            if match is None:
+                continue
+            name = f"{question.name} {person.person}"
+            unit = f"{photo} {person.person}"
+            off = [100 * abs(math.expm1(p.distance)) for p in (person, match)]
+            flips = [100.0 * (len(set(p.grades)) > 1) for p in (person, match)]
+            if np.isfinite(off).all():
+                distance.append(Pair("same photo", unit, name, off[0], off[1]))
+            grades.append(Pair("same photo", unit, name, flips[0], flips[1]))
+    yield Figure("same photo, changed: distance, %, median", distance, percentile(50))
+    yield Figure("same photo, changed: distance, %, 90th percentile", distance, percentile(90))
+    yield Figure("same photo, changed: grade flips, %", grades, is_share=True)
+    yield Figure("same photo, changed: people lost or new, %", lost, is_share=True)
+
+
+def _seen(answer: SimpleNamespace, variant: Variant, size: tuple[int, int]) -> Answer:
+    if answer.error:
+        return no_answer(variant, *size)
+    return seen_answer(answer, variant, *size)  # type: ignore[arg-type]
+
+
+def file_figures(
+    plan: Plan, other: Sequence[SimpleNamespace], this: Sequence[SimpleNamespace]
+) -> Iterator[Figure]:
+    """Yield how many files of several pictures are taken for one scene, and how many single photos
+    for several pictures.
+    """
+    before, after = (list(map(says_several, one)) for one in (other, this))
+    names = [question.name for question in plan.questions]
+    start = len(names) - len(plan.files)
+    several = [
+        Pair("files", name, name, 100.0 * (not a), 100.0 * (not b))
+        for name, a, b in zip(names[start:], before[start:], after[start:], strict=True)
+    ]
+    single = [
+        Pair("photos", name, name, 100.0 * a, 100.0 * b)
+        for name, a, b in zip(names[:start], before[:start], after[:start], strict=True)
+    ]
+    yield Figure("several pictures in a file: not detected, %", several, is_share=True)
+    yield Figure("one photo taken for several pictures, %", single, is_share=True)

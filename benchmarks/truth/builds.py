@@ -1,0 +1,243 @@
+"""Two builds of the tool, each in its own interpreter, and their answers, kept by the content of
+the code and of the photo.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .run import measured_fields
+from .sets import picture_of
+from .worker import CAMERA, PERSON, RESULT, SCENE
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from .sets import Picture, Sample
+
+ROOT = Path(__file__).resolve().parents[2]
+CODE = ("physic_core", "plugins", ":!*/tests/*", ":!*.md")
+WORKER = Path(__file__).with_name("worker.py")
+
+
+@dataclass(frozen=True)
+class Build:
+    """A checkout with an environment.
+
+    Attributes:
+        root: its folder.
+        python: its interpreter.
+        commit: as Git describes it, "+" after it if files differ from it.
+        content: hash of the code, which commits of other files leave.
+        preset: of all runs.
+        settings: overrides, ``KEY=VALUE``.
+    """
+
+    root: Path
+    python: Path
+    commit: str
+    content: str
+    preset: str = "embedded"
+    settings: tuple[str, ...] = ()
+
+
+def build_of(root: Path, preset: str, settings: Sequence[str] = ()) -> Build:
+    """Return the build of a checkout.
+
+    Raises:
+        SystemExit: the folder is no checkout, or has no environment.
+    """
+    root = root.resolve()
+    python = Path(sys.executable) if root == ROOT else root / ".venv" / "bin" / "python"
+    if not (root / "physic_core").is_dir():
+        raise SystemExit(f"{root} is no checkout: it has no folder physic_core")
+    if not python.exists():
+        raise SystemExit(f"{root} has no environment: run `make lint` there, which makes .venv")
+    files = _git(root, "ls-files", "-s", "--", *CODE)
+    changed = _git(root, "diff", "HEAD", "--", *CODE)
+    for name in _git(root, "ls-files", "-o", "--exclude-standard", "--", *CODE).splitlines():
+        changed += name + hashlib.sha256((root / name).read_bytes()).hexdigest()
+    content = hashlib.sha256(f"{files}\n{changed}".encode()).hexdigest()[:16]
+    shown = _git(root, "rev-parse", "HEAD")[:8] + ("+" if changed else "")
+    return Build(root, python, shown, content, preset, tuple(settings))
+
+
+def keep_networks_only(cache: Path) -> None:
+    """Delete what backends made of the outputs of networks: any change of the code makes it
+    anew.
+    """
+    for file in (cache / "results").glob("*.npz"):
+        if not file.name.startswith("network-"):
+            file.unlink(missing_ok=True)
+
+
+def _git(root: Path, *words: str) -> str:
+    return subprocess.run(
+        ["git", "-C", str(root), *words], check=True, capture_output=True, text=True
+    ).stdout
+
+
+@dataclass(frozen=True)
+class Question:
+    """A picture for both builds.
+
+    Attributes:
+        name: for people.
+        picture: (H, W, 3) uint8 RGB.
+        camera: fx, fy, cx, cy in px, or None.
+        depth: whether the depth map is asked for.
+    """
+
+    name: str
+    picture: NDArray[np.uint8]
+    camera: tuple[float, ...] | None = None
+    depth: bool = False
+
+    def key(self, build: Build) -> str:
+        """Return the name of the answer's file."""
+        of = [list(self.picture.shape), self.camera, self.depth, build.preset, build.settings]
+        text = json.dumps(of).encode()
+        return hashlib.sha256(text + np.ascontiguousarray(self.picture).tobytes()).hexdigest()[:24]
+
+
+def question_of(sample: Sample) -> Question:
+    """Return what a sample asks: its picture, with the camera where it is known."""
+    camera = None if sample.K is None else sample.K[[0, 1, 0, 1], [0, 1, 2, 2]]
+    return Question(
+        f"{sample.set} {sample.name}",
+        rgb(picture_of(sample)),
+        None if camera is None else tuple(float(f"{v:.6g}") for v in camera),
+        depth="depth_file" in sample.truth,
+    )
+
+
+def rgb(picture: Picture) -> Picture:
+    """Return a BGR picture as RGB, or the reverse."""
+    return np.ascontiguousarray(picture[..., ::-1])
+
+
+def answers(
+    build: Build, questions: Sequence[Question], out: Path, *, title: str = ""
+) -> list[SimpleNamespace]:
+    """Return what a build answers, from files of earlier runs where they exist; it is started if
+    one is missing.
+
+    Raises:
+        SystemExit: the build ended early.
+    """
+    folder = out / "answers" / build.content
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [folder / f"{question.key(build)}.npz" for question in questions]
+    missing = {f: q for f, q in zip(files, questions, strict=True) if not f.exists()}
+    if missing:
+        with tempfile.TemporaryDirectory() as place, _started(build, out) as worker:
+            for number, (file, question) in enumerate(missing.items(), 1):
+                _ask(worker, question, file, Path(place))
+                keep_networks_only(_cache(build, out))
+                words = f"{title} [{number}/{len(missing)}] {question.name}"
+                print(words, file=sys.stderr, flush=True)
+            worker.communicate()
+    return [recorded(file) for file in files]
+
+
+def _started(build: Build, out: Path) -> subprocess.Popen[str]:
+    environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME")}
+    environment["PHYSIC_CACHE"] = str(_cache(build, out).resolve())
+    with (out / f"{build.content}.log").open("a") as log:
+        worker = subprocess.Popen(
+            [str(build.python), "-P", str(WORKER)],
+            cwd=build.root,
+            env=environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=log,
+            text=True,
+        )
+    start = {"preset": build.preset, "settings": ["run.cache_mb=100000", *build.settings]}
+    with contextlib.suppress(BrokenPipeError):
+        print(json.dumps(start), file=worker.stdin, flush=True)
+    return worker
+
+
+def _cache(build: Build, out: Path) -> Path:
+    """Return the folder of the outputs of networks, which most changes of the code leave."""
+    return out / "cache" / build.root.name
+
+
+def _ask(worker: subprocess.Popen[str], question: Question, file: Path, place: Path) -> None:
+    import cv2
+
+    assert worker.stdin is not None
+    assert worker.stdout is not None
+    photo = place / "photo.png"
+    cv2.imwrite(str(photo), rgb(question.picture))
+    job = {"photo": str(photo), "camera": question.camera, "depth": question.depth}
+    with contextlib.suppress(BrokenPipeError):
+        print(json.dumps({**job, "out": str(file)}), file=worker.stdin, flush=True)
+    if worker.stdout.readline().strip() != "done":
+        with contextlib.suppress(BrokenPipeError):
+            worker.stdin.close()
+        words = f"{worker.args[0]} ended with {worker.wait()}"  # type: ignore[index]
+        raise SystemExit(f"{words} at {question.name}: see its log beside the answers")
+
+
+def recorded(file: Path) -> SimpleNamespace:
+    """Return an answer as an object with the fields of a ``Reconstruction`` that are compared; what
+    its build does not state is None.
+    """
+    from physic_core import Intrinsics
+    from physic_core.types import Skeleton
+
+    with np.load(file, allow_pickle=False) as arrays:
+        record = json.loads(str(arrays["record"]))
+        packed = arrays.get("masks")
+        depth = arrays["depth"] if "depth" in arrays else np.full((1, 1), np.nan, np.float32)
+    if record["error"]:
+        return SimpleNamespace(error=record["error"], people=(), warnings=(), notes=())
+    camera = Intrinsics(**{name: record["camera"][name] for name in CAMERA})
+    floor = record["floor"]
+    people = []
+    for i, person in enumerate(record["people"]):
+        mask = np.unpackbits(packed[i], axis=-1, count=camera.width).astype(bool)
+        fields = {name: _array(person.get(name)) for name in PERSON}
+        people.append(SimpleNamespace(**fields, mask=mask, has_body=False))
+    return SimpleNamespace(
+        error="",
+        **{name: record.get(name) for name in RESULT},
+        intrinsics=camera,
+        skeleton=Skeleton("of the answer", tuple(record["skeleton"])),
+        people=tuple(people),
+        scene=SimpleNamespace(
+            **{name: _array(record["scene"].get(name)) for name in SCENE},
+            floor=None if floor is None else SimpleNamespace(normal=floor[:3], offset=floor[3]),
+            points=np.repeat(depth[..., None], 3, axis=-1),
+            valid=np.isfinite(depth),
+        ),
+    )
+
+
+def _array(value: Any) -> Any:
+    return np.array(value, np.float64) if isinstance(value, list) else value
+
+
+def measured(answer: SimpleNamespace, sample: Sample, question: Question) -> dict[str, Any]:
+    """Return an answer in the form of :func:`benchmarks.truth.run.answer_of`."""
+    if answer.error:
+        return {"error": answer.error, "people": [], "floor": None, "cpu_s": float("nan")}
+    height, width = question.picture.shape[:2]
+    fields = measured_fields(answer, (width, height), sample)  # type: ignore[arg-type]
+    return {"error": "", **fields, "cpu_s": float("nan")}
