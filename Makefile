@@ -4,7 +4,7 @@
 # make test-all [JOBS=2]        with the slow ones: every installed backend, photo, set of kernels and moment of several photos
 # make photos [JOBS=2]          the slow tests of the examples' photos and of every installed backend
 # make coverage [JOBS=2]        which lines and branches the tests do not run
-# make test-ray                the tests of contrib/physic-ray, with a cluster on this machine
+# make test-ray                the tests of contrib/ray, with a cluster on this machine
 # make kernels                  the tests that rounding could upset, with other kernels of the libraries
 # make mutants                  remove each stated defence in turn, and require that its test fails (tools/attacks/mutants)
 # make test-lowest | test-newest the tests of make quick, with the lowest and the newest versions of all dependencies
@@ -41,7 +41,7 @@ QUICK = $$(grep -rl --include='test_*.py' 'mark\.quick' tests plugins) -m "quick
 quick: $(VENV)/test.stamp
 	$(PYTEST) $(QUICK)
 
-TESTS := tests plugins contrib/physic-ray/tests/test_resources.py
+TESTS := tests plugins contrib/ray/tests/test_resources.py
 
 test: lint
 	$(PYTEST) $(TESTS) -m "not slow"
@@ -50,7 +50,7 @@ test-all: lint
 	$(PYTEST) $(TESTS)
 
 photos: $(VENV)/test.stamp
-	$(PYTEST) -m slow tests/pipeline/test_examples.py plugins/physic-testing/tests/conformance/test_installed.py
+	$(PYTEST) -m slow tests/pipeline/test_examples.py plugins/testing/tests/testing/conformance/test_installed.py
 
 # With the processes that tests start; the slow ones add time and hardly a line.
 coverage: $(VENV)/test.stamp
@@ -61,7 +61,7 @@ coverage: $(VENV)/test.stamp
 
 # One process: its cluster takes both cores.
 test-ray: $(VENV)/test.stamp
-	OMP_NUM_THREADS=1 $(BIN)/pytest -q contrib/physic-ray
+	OMP_NUM_THREADS=1 $(BIN)/pytest -q contrib/ray
 
 # Nehalem's kernels run on every x86-64 and are no newer machine's default; elsewhere OpenBLAS knows no such name and keeps
 # its own. MKL_CBWR changes the products of torch, which the other two variables leave alone. Threads that wait passively
@@ -130,7 +130,7 @@ $(VENV)/test.stamp: requirements-dev.txt requirements.txt constraints.txt $(DIST
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt uv
 	UV_FIND_LINKS="$$PIP_FIND_LINKS" $(BIN)/uv pip install --python $(BIN)/python --compile-bytecode -r requirements-dev.txt || \
 		$(BIN)/python -m pip install --disable-pip-version-check -r requirements-dev.txt
-	$(BIN)/python -m compileall -q physic_core $(wildcard plugins/physic-*/physic_*)
+	$(BIN)/python -m compileall -q physic_core $(wildcard plugins/*/physic_*)
 	@touch $(VENV)/demo.stamp $@
 
 clean:

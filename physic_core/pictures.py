@@ -1,5 +1,5 @@
 """Pictures of a result: ``preview.png``, ``combined.glb`` and the page ``report.html``, which
-physic-visual or another plugin makes (hook ``physic_pictures``).
+metricbody-visual or another plugin makes (hook ``physic_pictures``).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ HEAD_BYTES = 500
 """Bytes at the start of a page that the element lies in."""
 
 _ROLE = "maker of pictures"
-_DISTRIBUTION = "physic-visual"
+_DISTRIBUTION = "metricbody-visual"
 
 
 def make_pictures(

@@ -195,7 +195,7 @@ def make_reconstruction(width=160, height=120, people=2):
         interface="segmenter",
         backend="mock",
         plugin="physic_mock",
-        distribution="physic-mock",
+        distribution="metricbody-testing",
         version="0.1.0",
         options={"threshold": 0.5, "names": ["a", "b"], "limit": float("inf"), "nothing": None},
         weights_license="Apache-2.0",

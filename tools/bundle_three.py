@@ -1,5 +1,5 @@
 """Bundle what the report page uses of three.js to
-``plugins/physic-visual/physic_visual/report/page/vendor/three.js``.
+``plugins/visual/physic_visual/report/page/vendor/three.js``.
 
 Needs node and npm, and fetches the packages ``three`` and ``esbuild`` in the versions below to a
 temporary folder. Run from the repository's root:
@@ -27,7 +27,7 @@ ESBUILD = "0.28.2"
 VENDOR = (
     Path(__file__).resolve().parents[1]
     / "plugins"
-    / "physic-visual"
+    / "visual"
     / "physic_visual"
     / "report"
     / "page"

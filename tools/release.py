@@ -56,7 +56,7 @@ def write_archive(folder: Path) -> Path:
     sums = (f"{hashlib.sha256(content).hexdigest()}  {name}\n" for name, content in entries.items())
     entries["SHA256SUMS"] = "".join(sums).encode()
     entries["__main__.py"] = (ROOT / "tools" / "install_release.py").read_bytes()
-    core = next(name for name in entries if name.startswith("wheels/physic_core-"))
+    core = next(name for name in entries if name.startswith("wheels/metricbody-"))
     version = re.split("-", core)[1]
     path = folder / f"physic-{version}.zip"
     with zipfile.ZipFile(path, "w") as archive:

@@ -20,8 +20,11 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[1]
-OWN = ["physic-core", *sorted(path.parent.name for path in ROOT.glob("plugins/*/pyproject.toml"))]
-WEIGHTS = ROOT / "plugins/physic-embedded/physic_embedded/weights"
+OWN = [
+    "metricbody",
+    *sorted(f"metricbody-{path.parent.name}" for path in ROOT.glob("plugins/*/pyproject.toml")),
+]
+WEIGHTS = ROOT / "plugins/embedded/physic_embedded/weights"
 BODY = ROOT / "physic_core/body/embedded.sha256"
 
 Component = dict[str, Any]
@@ -53,7 +56,7 @@ def bill() -> dict[str, Any]:
             "component": {
                 "type": "application",
                 "name": "PhySIC",
-                "version": found["physic-core"].version,
+                "version": found["metricbody"].version,
             }
         },
         "components": [*packages, *networks(), body()],

@@ -478,7 +478,7 @@ def _read(folder: Path) -> BodyArrays:
     if found != wanted:
         raise BodyModelError(
             f"the embedded body {_ASSET} has SHA-256 {found}, but {wanted} was released:"
-            " the file is damaged, install physic-core again"
+            " the file is damaged, install metricbody again"
         )
     with np.load(io.BytesIO(data), allow_pickle=False) as file:
         arrays = {name: file[name] for name in file.files}

@@ -107,7 +107,7 @@ def made_of(backend: Backend, who: Provenance, code: str) -> dict[str, Any]:
         "code": code,
         "distribution": who.distribution,
         "fingerprint": str(backend.fingerprint()),
-        "libraries": required_versions("physic-core") | required_versions(who.distribution),
+        "libraries": required_versions("metricbody") | required_versions(who.distribution),
         "version": who.version,
     }
 

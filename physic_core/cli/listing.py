@@ -49,7 +49,7 @@ def plugins_table(interface: str | None = None) -> str:
             if restricted_to() is not None
             else ""
         )
-        lines = [f"{what}{why}: {how_to_install('physic-embedded')}"]
+        lines = [f"{what}{why}: {how_to_install('metricbody-embedded')}"]
     lines += [f"BROKEN: {plugin}" for plugin in broken]
     lines += [traceback_text(plugin.error).rstrip("\n") for plugin in broken]
     return "\n".join(filter(None, lines))

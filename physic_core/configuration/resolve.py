@@ -72,7 +72,7 @@ class ResolvedBackend:
 
     @property
     def title(self) -> str:
-        """Name of the backend for messages: "segmenter 'embedded' (physic-embedded 0.1.0)"."""
+        """Name of the backend for messages: "segmenter 'embedded' (metricbody-embedded 0.1.0)"."""
         who = self.provenance
         return f"{who.interface} '{who.backend}' ({f'{who.distribution} {who.version}'.strip()})"
 

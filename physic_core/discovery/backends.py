@@ -141,10 +141,10 @@ def load_class(offer: Offer) -> type[Backend]:
             f"{ours}"
         )
     if written != ours:
-        older = "physic-core" if written > ours else offer.distribution
+        older = "metricbody" if written > ours else offer.distribution
         raise BackendError(
             f"{offer} is written for version {written} of the interface {offer.interface}, and "
-            f"this physic-core has version {ours}: upgrade {older}"
+            f"this metricbody has version {ours}: upgrade {older}"
         )
     found: type[Backend] = kind
     return found

@@ -7,13 +7,13 @@ from collections.abc import Iterator
 from importlib import resources
 from typing import Any
 
-_IN_CONTRIB = ("physic-omnieraser", "physic-ray")
+_IN_CONTRIB = ("metricbody-omnieraser", "metricbody-ray")
 _TABLES: dict[str, Any] = tomllib.loads(
     (resources.files(__package__) / "catalog.toml").read_text(encoding="utf-8")
 )
 
 REQUIRES: dict[str, list[str]] = _TABLES["requires"]
-"""Distributions of the project that another one needs beside physic-core."""
+"""Distributions of the project that another one needs beside metricbody."""
 
 
 def _owners(table: str) -> dict[str, str]:
@@ -46,7 +46,10 @@ def sources_in_checkout(distribution: str) -> tuple[str, ...]:
     if not any(distribution in table for table in _TABLES.values()):
         return ()
     names = dict.fromkeys(_with_required(distribution))
-    return tuple(f"{'contrib' if name in _IN_CONTRIB else 'plugins'}/{name}" for name in names)
+    return tuple(
+        f"{'contrib' if name in _IN_CONTRIB else 'plugins'}/{name.removeprefix('metricbody-')}"
+        for name in names
+    )
 
 
 def _with_required(distribution: str) -> Iterator[str]:

@@ -128,8 +128,8 @@ def canonicalize_name(distribution: str) -> str:
 
 
 def core_version() -> str:
-    """Return the version of the installed physic-core."""
-    return version("physic-core")
+    """Return the version of the installed metricbody."""
+    return version("metricbody")
 
 
 def required_versions(distribution: str) -> dict[str, str]:

@@ -69,7 +69,6 @@ class ExporterRecord:
         packages: import names of required packages, such as those of an extra.
         extra: extra of the distribution that installs ``packages``, or empty.
         options: name of an option -> its values, the default first. A flag has False and True.
-        gives_way: whether a format of this name of another plugin replaces this one.
     """
 
     name: str
@@ -85,7 +84,6 @@ class ExporterRecord:
     packages: tuple[str, ...] = ()
     extra: str = ""
     options: Mapping[str, tuple[str | bool, ...]] = field(default_factory=dict)
-    gives_way: bool = False
 
     @property
     def missing_packages(self) -> tuple[str, ...]:

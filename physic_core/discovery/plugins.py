@@ -44,7 +44,7 @@ class Found(Generic[_Record]):
     version: str = ""
 
     def title(self, role: str) -> str:
-        """Return "the executor 'ray' of physic-ray 0.1", for messages; ``role`` is "executor"."""
+        """Return "the executor 'ray' of x-ray 0.1", for messages; ``role`` is "executor"."""
         return f"the {role} '{self.record.name}' of {self.distribution} {self.version}".rstrip()
 
 
@@ -164,7 +164,7 @@ def call_item(found: Found[Any], role: str, *arguments: object) -> Any:
 def explain_absence(distribution: str) -> str:
     """Return the reason why nothing of a known distribution is found, and how to install it.
 
-    As "physic-ray, which is not installed: `pip install ...`".
+    As "metricbody-ray, which is not installed: `pip install ...`".
     """
     reason = "not installed"
     if restricted_to() is not None:
@@ -200,15 +200,12 @@ def _items_of_hook(offer: Offer, hook: str) -> list[Any]:
 
 
 def find_exporters() -> tuple[Found[ExporterRecord], ...]:
-    """Return the exporters of all installed plugins, sorted by name, but those that give way to
-    another one.
+    """Return the exporters of all installed plugins, sorted by name.
 
     Nothing of them is imported.
     """
-    found = find_items("physic_exporters")
-    firm = {exporter.record.name for exporter in found if not exporter.record.gives_way}
-    kept = [e for e in found if not (e.record.gives_way and e.record.name in firm)]
-    return tuple(sorted(kept, key=lambda exporter: exporter.record.name))
+    exporters = find_items("physic_exporters")
+    return tuple(sorted(exporters, key=lambda exporter: exporter.record.name))
 
 
 def missing_formats_hint(exporters: Sequence[Found[ExporterRecord]]) -> tuple[str, ...]:
@@ -217,8 +214,7 @@ def missing_formats_hint(exporters: Sequence[Found[ExporterRecord]]) -> tuple[st
     """
     if any(exporter.distribution == FORMATS for exporter in exporters):
         return ()
-    further = "further formats" if exporters else "formats"
-    return (f"{further} are in {explain_absence(FORMATS)}",)
+    return (f"formats are in {explain_absence(FORMATS)}",)
 
 
 _HINTS = {

@@ -19,7 +19,7 @@ IMPORTED = frozenset(
     # torch, OpenCV, Ray
     {"CUDA_MODULE_LOADING", "LD_LIBRARY_PATH", "RAY_CLIENT_MODE", "TORCHINDUCTOR_CACHE_DIR"}
     | {"KMP_DUPLICATE_LIB_OK", "KMP_INIT_AT_FORK"}  # scikit-learn
-    | {"ORT_DISABLE_TELEMETRY"}  # physic-networks, before it imports onnxruntime
+    | {"ORT_DISABLE_TELEMETRY"}  # metricbody-embedded, before it imports onnxruntime
 )
 """Environment variables that libraries set for themselves when they are imported or begin."""
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 _COLUMNS = ("person", "joint", "x", "y")
 _SCORE = "confidence"
-_DISTRIBUTION = "physic-opencv"
+_DISTRIBUTION = "metricbody-embedded"
 _MAX_BYTES = 10_000_000
 _LEAST_SCORE = 0.3
 _LARGEST_SHARE_PX = 2.0  # all coordinates below it are shares of the picture

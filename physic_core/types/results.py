@@ -516,7 +516,7 @@ class Reconstruction(ShortRepr):
 
         Raises:
             OutputError: the file cannot be written, or is not a page of PhySIC.
-            PackageMissingError: physic-visual, which makes the page, is not installed.
+            PackageMissingError: metricbody-visual, which makes the page, is not installed.
         """
         DOORS["report"]()(self, path, title)
 
@@ -527,7 +527,7 @@ class Reconstruction(ShortRepr):
             The path of the page, also where no browser is found.
 
         Raises:
-            PackageMissingError: physic-visual, which makes the page, is not installed.
+            PackageMissingError: metricbody-visual, which makes the page, is not installed.
         """
         import tempfile
         import webbrowser

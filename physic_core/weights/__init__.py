@@ -2,7 +2,7 @@
 
 A plugin describes its weights in TOML files (:mod:`physic_core.weights.manifest`). A backend calls
 :func:`locate` to get the path of a file. Nothing here uses the network: ``physic weights fetch`` of
-physic-setup downloads files.
+metricbody-embedded downloads files.
 
 These places are searched, in this order:
 

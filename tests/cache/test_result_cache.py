@@ -122,9 +122,9 @@ def test_what_a_class_states_is_part_of_the_cache_key(cache, monkeypatch, kind, 
 
 
 def test_the_version_of_a_library_is_part_of_the_cache_key(cache, folder, monkeypatch):
-    versions = {"physic-core": {"numpy": "2.0"}, "my-dist": {"my-network": "1"}}
+    versions = {"metricbody": {"numpy": "2.0"}, "my-dist": {"my-network": "1"}}
     names = []
-    for distribution in ("none", "physic-core", "my-dist"):
+    for distribution in ("none", "metricbody", "my-dist"):
         for library in versions.get(distribution, ()):
             versions[distribution][library] += ".1"
         monkeypatch.setattr(module, "required_versions", lambda name: dict(versions[name]))

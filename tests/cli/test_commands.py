@@ -68,9 +68,9 @@ def test_run_ends_with_the_path_of_the_page(pipeline, physic):
 def test_run_without_a_plugin_for_pictures_refuses_them_before_it_starts(
     pipeline, monkeypatch, physic
 ):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
+    monkeypatch.setenv("PHYSIC_PLUGINS", "metricbody-testing")
     for options in (("--save", "pictures"), ("--save", "numbers", "--report"), ("--open",)):
-        assert "physic-visual, which is not installed" in refusal(*run(*options), code=4)
+        assert "metricbody-visual, which is not installed" in refusal(*run(*options), code=4)
     assert pipeline.calls == []
     assert physic(*run("--save", "numbers")).exit_code == 0
     assert names() == ["people.csv", *ARRAYS]
@@ -219,7 +219,7 @@ def test_details_show_the_licences_of_the_default_weights(site, default, printed
 def test_details_show_what_a_backend_is(physic):
     shown = physic("plugins", "show", "telea").stdout
     for words in (
-        "physic-opencv 0.1.0",
+        "metricbody-embedded 0.1.0",
         "physic_opencv.inpaint:Telea",
         "  Inpainter by fast marching (Telea 2004): fills the hole from its border inwards with a "
         "weighted mean of known pixels.\n",
@@ -230,7 +230,7 @@ def test_details_show_what_a_backend_is(physic):
         assert words in shown
     assert (
         "Apache-2.0 (MediaPipe Hands)"
-        in physic("plugins", "show", "physic-embedded:embedded").stdout
+        in physic("plugins", "show", "metricbody-embedded:embedded").stdout
     )
 
 
@@ -263,4 +263,4 @@ def test_show_says_where_each_value_is_from(physic):
     assert "max_side = 640  # my.toml\n" in shown
     assert 'device = "cuda"  # --set\n' in shown
     assert "mask_growth = 0.008  # default\n" in shown
-    assert '[segmenter]\nbackend = "physic-embedded:embedded"  # preset embedded\n' in shown
+    assert '[segmenter]\nbackend = "metricbody-embedded:embedded"  # preset embedded\n' in shown

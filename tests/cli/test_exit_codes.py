@@ -101,7 +101,8 @@ ENTRIES = "\n".join(
 )
 def test_every_command_ends_with_the_documented_code(command, code, site, monkeypatch, physic):
     monkeypatch.setenv(
-        "PHYSIC_PLUGINS", "physic-odd,physic-mock,physic-testing,physic-visual,physic-setup"
+        "PHYSIC_PLUGINS",
+        "physic-odd,metricbody-testing,metricbody-visual,metricbody-embedded",
     )
     monkeypatch.setattr("physic_core.configuration.resolve.has_gpu", lambda: False)
     site.install("physic-odd", PLUGIN, entry=ENTRIES, group="physic.inpainter")

@@ -85,7 +85,7 @@ def test_help_imports_no_command(plugin, python):
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_known_command_that_is_not_installed_names_its_distribution(name, monkeypatch, physic):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
+    monkeypatch.setenv("PHYSIC_PLUGINS", "metricbody-onnx")
     done = physic(*name.split())
     assert done.exit_code == 2
     error = " ".join(done.stderr.split())
@@ -95,6 +95,6 @@ def test_a_known_command_that_is_not_installed_names_its_distribution(name, monk
     )
     assert error.endswith(how_to_install(COMMANDS[name]))
     assert (
-        how_to_install("physic-testing")
-        == "`pip install -e plugins/physic-testing` in a checkout of PhySIC"
+        how_to_install("metricbody-testing")
+        == "`pip install -e plugins/testing` in a checkout of PhySIC"
     )

@@ -38,7 +38,7 @@ def refusal(*args, **kwargs):
 def test_the_default_names_the_embedded_backend_everywhere():
     config = load_config()
     chosen = {name: config.choice(name).backend for name in INTERFACES}
-    assert set(chosen.values()) == {"physic-embedded:embedded"}
+    assert set(chosen.values()) == {"metricbody-embedded:embedded"}
     assert config.photo.max_side == 1280
     assert config.body_model.source == "embedded"
     assert config.run.device == "cpu"
@@ -56,7 +56,7 @@ def test_every_preset_names_the_distribution_of_each_backend(name):
     ("backend", "options"),
     [
         ("embedded", {"short_side": 322}),
-        ("physic-embedded:embedded", {"short_side": 322}),
+        ("metricbody-embedded:embedded", {"short_side": 322}),
         ("physic-other:embedded", {}),
         ("mock", {}),
     ],
@@ -69,7 +69,7 @@ def test_options_stay_with_a_backend_whichever_way_it_is_named(backend, options)
 def test_a_file_may_extend_another_beside_it(write):
     write('extends = "mock"\n[photo]\nmax_side = 700\n', "base/base.toml")
     config = load_config(write('extends = "base/base.toml"\n[photo]\nmask_growth = 0.01\n'))
-    assert config.segmenter.backend == "physic-mock:mock"
+    assert config.segmenter.backend == "metricbody-testing:mock"
     assert (config.photo.max_side, config.photo.mask_growth) == (700, 0.01)
 
 

@@ -59,13 +59,13 @@ def test_an_energy_that_is_no_settings_is_an_error_of_its_plugin(site, target, m
 
 
 def test_an_energy_of_a_missing_distribution_names_it(monkeypatch):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-mock")
+    monkeypatch.setenv("PHYSIC_PLUGINS", "metricbody-testing")
     done = CliRunner().invoke(
         main, ["config", "show", "--preset", "mock", "--set", "engine.preset=release"]
     )
     assert done.exit_code == 2
     assert (
-        "the engine preset 'release' needs physic-paper, which is not installed, or hidden"
+        "the engine preset 'release' needs metricbody-paper, which is not installed, or hidden"
         in done.output
     )
     assert engine_preset_names() == ("default",)

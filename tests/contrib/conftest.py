@@ -82,8 +82,8 @@ def build(tmp_path):
 def wheels(tmp_path_factory):
     """A folder with the wheels of the core and of what the tutorial installs beside it."""
     folder = tmp_path_factory.mktemp("wheels")
-    beside = ("testing", "mock", "networks", "visual")
-    for source in (ROOT, *(ROOT / "plugins" / f"physic-{name}" for name in beside)):
+    beside = ("testing", "embedded", "visual")
+    for source in (ROOT, *(ROOT / "plugins" / name for name in beside)):
         _build(source, folder)
     return folder
 
@@ -99,7 +99,7 @@ def environment(tmp_path, wheels):
     for installed in {sysconfig.get_path("purelib"), sysconfig.get_path("platlib")}:
         for entry in Path(installed).iterdir():
             if (
-                not entry.name.startswith(("physic", "_physic", "__editable__", "_editable_impl"))
+                not entry.name.startswith(("physic", "metricbody", "_editable_impl"))
                 and entry.suffix != ".pth"
             ):
                 (site / entry.name).symlink_to(entry)

@@ -28,7 +28,7 @@ def nodes(repository, tmp_path, monkeypatch):
         get_output_directory=lambda: str(tmp_path), get_save_image_path=save_path
     )
     monkeypatch.setitem(sys.modules, "folder_paths", paths)
-    folder = repository / "contrib" / "physic-comfyui"
+    folder = repository / "contrib" / "comfyui"
     spec = spec_from_file_location(str(folder), folder / "__init__.py")
     assert spec is not None
     module = module_from_spec(spec)
@@ -65,7 +65,7 @@ def test_a_batch_gives_pictures_masks_files_and_contacts(nodes, tmp_path):
 
 
 def test_the_workflow_links_outputs_of_the_node(nodes, repository):
-    workflow = json.loads((repository / "contrib/physic-comfyui/workflow.json").read_text())
+    workflow = json.loads((repository / "contrib/comfyui/workflow.json").read_text())
     (own,) = (
         key for key, one in workflow.items() if one["class_type"] in nodes.NODE_CLASS_MAPPINGS
     )

@@ -19,11 +19,11 @@ def test_the_wheel_of_the_example_is_listed_and_passes_the_kit(
     environment, build, wheels, tmp_path
 ):
     """That of the inpainter; the tutorial installs and runs what the other example holds."""
-    folder = ROOT / "contrib" / "physic-example-inpaint"
+    folder = ROOT / "contrib" / "example-inpaint"
     interface = "inpainter"
     backend = "pull-push"
     environment.install(
-        *wheels.glob("physic_core-*.whl"), *wheels.glob("physic_testing-*.whl"), build(folder)
+        *wheels.glob("metricbody-*.whl"), *wheels.glob("metricbody_testing-*.whl"), build(folder)
     )
     _, *rows = environment.run("physic plugins", tmp_path).splitlines()
     assert [row.split()[:2] for row in rows if row.startswith(tuple(INTERFACES))] == [

@@ -53,8 +53,8 @@ def test_the_tutorial_holds_from_the_first_block_to_the_last(environment, wheels
         "python3 -m venv .venv",
         ". .venv/bin/activate",
         "pip install -c ~/physic/constraints.txt -e ~/physic \\",
-        "    -e ~/physic/plugins/physic-testing -e ~/physic/plugins/physic-mock \\",
-        "    -e ~/physic/plugins/physic-networks -e ~/physic/plugins/physic-visual",
+        "    -e ~/physic/plugins/testing -e ~/physic/plugins/testing \\",
+        "    -e ~/physic/plugins/embedded -e ~/physic/plugins/visual",
     ]
     assert all((ROOT / name).exists() for name in re.findall(r"~/physic/(\S+)", first.text))
     environment.install(*wheels.glob("*.whl"))
@@ -77,7 +77,4 @@ def test_the_tutorial_holds_from_the_first_block_to_the_last(environment, wheels
 
 def test_the_example_is_what_the_tutorial_makes():
     (backend,) = (block.text for block in blocks() if block.file == "physic_stature.py")
-    assert (
-        backend
-        == (ROOT / "contrib" / "physic-example-depth" / "physic_example_depth.py").read_text()
-    )
+    assert backend == (ROOT / "contrib" / "example-depth" / "physic_example_depth.py").read_text()

@@ -141,7 +141,7 @@ def test_a_hostile_backend_is_named_with_the_fault(site, source, words, physic):
     assert (shown.exit_code, words[-1] in shown.stdout) == (0, True)
 
 
-@pytest.mark.parametrize(("api", "older"), [(0, "physic-new"), (2, "physic-core")])
+@pytest.mark.parametrize(("api", "older"), [(0, "physic-new"), (2, "metricbody")])
 def test_a_backend_for_another_version_of_its_interface_says_what_to_upgrade(site, api, older):
     site.offer("physic-new", "inpainter", "new", api=api)
     said = message(BackendError, load, "inpainter", "new")
@@ -182,19 +182,19 @@ def test_two_distributions_may_offer_one_name_and_the_user_chooses(site):
     [
         (None, "telae", ("installed: ", "Did you mean 'telea'?", sys.executable)),
         (
-            "physic-mock",
+            "metricbody-testing",
             "telea",
-            ("PHYSIC_PLUGINS='physic-mock' hides", "`pip install -e plugins/physic-opencv`"),
+            ("PHYSIC_PLUGINS='metricbody-testing' hides", "`pip install -e plugins/embedded`"),
         ),
         (None, "my-inpainter", ("pip install -e",)),
         (None, "wilor", ("'wilor' is the name of a hand_estimator",)),
-        (None, "physic-embedded:telea", ("'telea' comes from physic-opencv",)),
+        (None, "metricbody-onnx:telea", ("'telea' comes from metricbody-embedded",)),
         (
-            "physic-mock",
-            "physic-embedded:embedded",
-            ("-e plugins/physic-networks -e plugins/physic-embedded`",),
+            "metricbody-testing",
+            "metricbody-onnx:lama-onnx",
+            ("-e plugins/embedded -e plugins/onnx`",),
         ),
-        (None, "physic-embeded:embedded", ("'embedded' comes from physic-embedded",)),
+        (None, "physic-embeded:embedded", ("'embedded' comes from metricbody-embedded",)),
     ],
 )
 def test_a_missing_name_says_what_there_is_and_where_it_comes_from(

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import trimesh
 from numpy.testing import assert_allclose
 
 from physic_core import Reconstruction, find_exporter
@@ -102,18 +101,19 @@ def test_a_format_that_two_plugins_offer_is_refused(plugin):
             find_exporter(*wanted)
 
 
-FURTHER = "choose one of glb; further formats are in physic-export, which is not installed"
 BY_BLENDER = "docs/exports.md"
 
 
 @pytest.mark.parametrize(
     ("plugins", "arguments", "words"),
     [
-        ("physic-visual", ("--to", "bvh"), FURTHER),
-        ("physic-visual", ("-o", "a.usdz"), FURTHER),
-        ("physic-mock", ("--to", "glb"), "not an export format: formats are in physic-export"),
-        ("physic-visual,physic-export", ("--to", "fbx"), BY_BLENDER),
-        ("physic-visual,physic-export", ("-o", "a.fbx"), BY_BLENDER),
+        (
+            "metricbody-testing",
+            ("--to", "glb"),
+            "not an export format: formats are in metricbody-visual",
+        ),
+        ("metricbody-visual", ("--to", "fbx"), BY_BLENDER),
+        ("metricbody-visual", ("-o", "a.fbx"), BY_BLENDER),
     ],
 )
 def test_a_format_that_no_plugin_writes_is_refused_with_the_way_to_it(
@@ -122,19 +122,6 @@ def test_a_format_that_no_plugin_writes_is_refused_with_the_way_to_it(
     monkeypatch.setenv("PHYSIC_PLUGINS", plugins)
     done = physic("export", saved_pair, *arguments)
     assert (done.exit_code, words in done.output) == (2, True)
-
-
-def test_without_physic_export_pictures_come_with_glb(monkeypatch, saved_pair, tmp_path, physic):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-visual")
-    *rows, rest = physic("export", "--list").output.splitlines()
-    assert [row.split()[0] for row in rows] == ["format", "glb"]
-    assert "physic-export, which is not installed" in rest
-    assert physic("export", saved_pair, "-o", tmp_path / "a.glb").exit_code == 0
-    written, saved = (
-        set(trimesh.load_scene(path).geometry)
-        for path in (tmp_path / "a.glb", saved_pair / "combined.glb")
-    )
-    assert written == saved
 
 
 @pytest.mark.parametrize(("up", "axis"), [("y", 1), ("z", 2)])

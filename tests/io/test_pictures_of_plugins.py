@@ -1,5 +1,5 @@
 """Pictures of a result come from one installed plugin; where none makes them, the error names
-physic-visual.
+metricbody-visual.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ PLAIN = (
 
 @pytest.fixture
 def hidden(monkeypatch):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-batch,physic-mock")
+    monkeypatch.setenv("PHYSIC_PLUGINS", "metricbody-batch,metricbody-testing")
 
 
 @pytest.fixture
@@ -54,12 +54,12 @@ def test_without_a_plugin_each_way_to_a_picture_names_it(make, folder, physic):
         lambda: add_report(folder),
     ):
         with pytest.raises(
-            PackageMissingError, match="physic-visual, which is not installed, or hidden"
+            PackageMissingError, match="metricbody-visual, which is not installed, or hidden"
         ):
             way()
     for arguments in ((folder,), (folder, "-o", "a.html"), ("--each", folder.parent)):
         done = physic("report", *arguments)
-        assert (done.exit_code, done.stdout, "physic-visual" in done.stderr) == (4, "", True)
+        assert (done.exit_code, done.stdout, "metricbody-visual" in done.stderr) == (4, "", True)
     assert sorted(path.name for path in folder.iterdir()) == [
         "reconstruction.json",
         "reconstruction.npz",
@@ -68,7 +68,7 @@ def test_without_a_plugin_each_way_to_a_picture_names_it(make, folder, physic):
 
 @pytest.mark.usefixtures("hidden")
 def test_without_a_plugin_pictures_are_refused_and_the_numbers_kept(make, tmp_path):
-    with pytest.raises(PackageMissingError, match="physic-visual, which is not installed"):
+    with pytest.raises(PackageMissingError, match="metricbody-visual, which is not installed"):
         make(people=0).save(str(tmp_path / "a"))
     assert {path.name for path in (tmp_path / "a").iterdir()} == {
         "reconstruction.json",
@@ -85,7 +85,7 @@ def test_a_contact_sheet_needs_no_maker_of_pictures(folder, physic):
 
 def test_the_page_of_another_plugin_is_written(folder, site, monkeypatch, physic):
     install(site, PLAIN)
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-batch,physic-page")
+    monkeypatch.setenv("PHYSIC_PLUGINS", "metricbody-batch,physic-page")
     assert physic("report", folder, "--title", "mine").exit_code == 0
     assert (
         (folder / "report.html")

@@ -11,7 +11,7 @@ from .imports import imported_names
 ROOT = Path(__file__).parents[2]
 PACKAGES = [
     ROOT / "physic_core",
-    *sorted(path.parent for path in ROOT.glob("[pc]*/physic-*/physic_*/__init__.py")),
+    *sorted(path.parent for path in ROOT.glob("[pc]*/*/physic_*/__init__.py")),
 ]
 
 

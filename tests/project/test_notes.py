@@ -99,7 +99,7 @@ class Texts:
 @cache
 def texts():
     folders = [ROOT / "physic_core" / name for name in CORE]
-    folders += [ROOT / "plugins" / f"physic-{name}" / f"physic_{name}" for name in PLUGINS]
+    folders += [next(ROOT.glob(f"plugins/*/physic_{name}")) for name in PLUGINS]
     return Texts(sorted(path for folder in folders for path in folder.rglob("*.py"))).found
 
 

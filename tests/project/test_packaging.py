@@ -21,9 +21,14 @@ from .imports import imported_names
 pytestmark = pytest.mark.quick
 
 ROOT = Path(__file__).parents[2]
-PROJECTS = {p.parent.name: p.parent for p in (ROOT / "plugins").glob("*/pyproject.toml")} | {
-    "physic-core": ROOT
-}
+
+
+def projects(parent):
+    files = ROOT.glob(f"{parent}/*/pyproject.toml")
+    return {tomllib.loads(p.read_text())["project"]["name"]: p.parent for p in files}
+
+
+PROJECTS = projects("plugins") | {"metricbody": ROOT}
 
 
 def project(folder):
@@ -61,7 +66,7 @@ def version(name):
 @pytest.mark.parametrize("name", PROJECTS)
 def test_a_distribution_is_named_as_its_folder_and_shares_the_version(name):
     own = project(PROJECTS[name])
-    assert own["name"] == name
+    assert name in ("metricbody", f"metricbody-{PROJECTS[name].name}")
     assert version(name) == project(ROOT)["version"]
     assert own["license"] == "Apache-2.0"
     assert own["authors"] == project(ROOT)["authors"]
@@ -74,13 +79,13 @@ def test_a_distribution_sets_lower_bounds_only_and_each_is_pinned_for_the_machin
         package, bound = re.fullmatch(
             r"([a-z0-9-]+)(?:\[[a-z]+\])?(>=[\w.]+)(?:; .+)?", requirement, re.I
         ).groups()
-        assert package.startswith("physic-") or package in pins(), (
+        assert package.startswith("metricbody") or package in pins(), (
             f"{requirement} of {name} is not in constraints.txt"
         )
         assert "<" not in bound
 
 
-ALL = PROJECTS | {p.parent.name: p.parent for p in (ROOT / "contrib").glob("*/pyproject.toml")}
+ALL = PROJECTS | projects("contrib")
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -88,7 +93,7 @@ def test_no_index_is_asked_for_a_name_of_the_project_before_it_is_released(name)
     """Whoever registers it first could run code on the machines of users."""
     own = tomllib.loads((ALL[name] / "pyproject.toml").read_text())["project"]
     extras = own.get("optional-dependencies", {}).values()
-    assert not [r for r in [*own["dependencies"], *chain(*extras)] if r.startswith("physic")]
+    assert not [r for r in [*own["dependencies"], *chain(*extras)] if r.startswith("metricbody")]
 
 
 def test_the_catalog_says_which_distributions_require_others():
@@ -99,7 +104,7 @@ def test_the_catalog_says_which_distributions_require_others():
     assert {
         name: others
         for name, texts in asked.items()
-        if (others := [text for text in texts if text in PROJECTS and text != "physic-core"])
+        if (others := [text for text in texts if text in PROJECTS and text != "metricbody"])
     } == REQUIRES
 
 
@@ -120,33 +125,40 @@ MODULES = {
 }
 """Import names that are not the distribution's."""
 THROUGH_OTHERS = {
-    "physic-embedded": {"onnxruntime"},  # physic-networks
-    "physic-onnx": {"onnxruntime"},  # physic-networks
-    "physic-serve": {"jinja2", "python-multipart"},  # starlette
+    "metricbody-onnx": {"onnxruntime"},  # metricbody-embedded
+    "metricbody-batch": {"jinja2", "python-multipart"},  # starlette
     # diffusers
-    "physic-omnieraser": {"accelerate", "peft", "protobuf", "sentencepiece", "transformers"},
+    "metricbody-omnieraser": {"accelerate", "peft", "protobuf", "sentencepiece", "transformers"},
 }
 """Requirements that another library imports for us."""
 BY_THE_USER = {
-    "physic-core": {"pandas"},  # for Reconstruction.to_pandas
-    "physic-human": {"torchvision"},  # has to fit the user's torch; missing() names it
-    "physic-networks": {"onnxruntime"},  # of plugins that run ONNX files
-    "physic-setup": {"torch"},  # of the core; its metadata do not name the build
-    "physic-testing": {"pytest"},  # for the tests of plugins only
+    "metricbody": {"pandas"},  # for Reconstruction.to_pandas
+    "metricbody-paper": {"torchvision"},  # has to fit the user's torch; missing() names it
+    "metricbody-testing": {"pytest"},  # for the tests of plugins only
 }
 """Modules that are imported if they are there, or whose absence is reported with how to get
 them.
 """
 
 
+def packages(folder):
+    """Names of the packages and modules that a project's folder offers."""
+    return {path.stem for path in folder.glob("physic_*")}
+
+
 def imported(folder):
-    """Top-level modules that the package in a project's folder imports anywhere, without its own
+    """Top-level modules that the packages in a project's folder import anywhere, without its own
     and Python's.
     """
-    package = "physic_core" if folder == ROOT else folder.name.replace("-", "_")
-    files = (*(folder / package).rglob("*.py"), *folder.glob(f"{package}.py"))
-    found = {module.partition(".")[0] for file in files for module, _ in imported_names(file)}
-    return found - {package, "__future__"} - set(sys.stdlib_module_names)
+    own = packages(folder)
+    files = [file for name in own for file in folder.glob(f"{name}/**/*.py")]
+    files += folder.glob("physic_*.py")
+    names = {module.partition(".")[0] for file in files for module, _ in imported_names(file)}
+    return names - own - {"__future__"} - set(sys.stdlib_module_names)
+
+
+OWNERS = {package: name for name, folder in ALL.items() for package in packages(folder)}
+"""Distribution of each package of the project."""
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -164,7 +176,8 @@ def test_a_distribution_requires_what_it_imports_and_nothing_else(name):
         MODULES.get(r, r.replace("-", "_")) for r in (re.split("[>=]", text)[0] for text in wanted)
     }
     through = {module.replace("-", "_") for module in THROUGH_OTHERS.get(name, set())}
-    assert required - through == imported(ALL[name]) - BY_THE_USER.get(name, set())
+    modules = {OWNERS.get(module, module).replace("-", "_") for module in imported(ALL[name])}
+    assert required - through == modules - BY_THE_USER.get(name, set())
     assert through <= required
 
 
@@ -179,35 +192,33 @@ def test_one_lower_bound_of_a_requirement_holds_everywhere(name):
 @pytest.mark.parametrize("file", ["requirements.txt", "requirements-dev.txt"])
 def test_the_requirements_install_every_plugin(file):
     lines = {line.partition("[")[0] for line in (ROOT / file).read_text().splitlines()}
-    assert {f"-e plugins/{name}" for name in PROJECTS if name != "physic-core"} <= lines
+    assert {f"-e plugins/{folder.name}" for folder in PROJECTS.values() if folder != ROOT} <= lines
     assert "-c constraints.txt" in lines
 
 
-def test_the_extra_full_is_all_that_needs_no_compiler_and_no_account():
-    """The networks of physic-human come from checkouts and accounts of the user."""
+def test_the_extra_full_is_every_plugin():
     full = {re.split(r"[\[>]", name)[0] for name in project(ROOT)["optional-dependencies"]["full"]}
-    assert full == PROJECTS.keys() - {"physic-core", "physic-human"}
+    assert full == PROJECTS.keys() - {"metricbody"}
 
 
-@pytest.mark.parametrize("name", [n for n in PROJECTS if n != "physic-core"])
+@pytest.mark.parametrize("name", [n for n in PROJECTS if n != "metricbody"])
 def test_a_plugin_registers_modules_of_its_own(name):
     groups = project(PROJECTS[name]).get("entry-points", {})
-    package = name.replace("-", "_")
     assert not any(map(group_problem, groups))
     modules = {
         target.partition(":")[0] for entries in groups.values() for target in entries.values()
     }
-    assert {module.partition(".")[0] for module in modules} <= {package}
+    assert {module.partition(".")[0] for module in modules} <= packages(PROJECTS[name])
     files = wheel_files(PROJECTS[name])
     for path in (module.replace(".", "/") for module in modules):
         assert any(file == f"{path}.py" or file.startswith(f"{path}/") for file in files), path
 
 
-MEGABYTES = {"physic-core": 15, "physic-embedded": 105, "physic-testing": 4}
+MEGABYTES = {"metricbody": 15, "metricbody-embedded": 105, "metricbody-testing": 4}
 
 
 # Compressing 100 MB of networks takes seconds.
-SLOW = {"physic-embedded": pytest.mark.slow}
+SLOW = {"metricbody-embedded": pytest.mark.slow}
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=SLOW.get(name, ())) for name in ALL])
@@ -216,16 +227,16 @@ def test_a_built_wheel_holds_its_package_and_its_notices(name, tmp_path):
     than known.
     """
     (wheel,) = WheelBuilder(str(ALL[name])).build(directory=str(tmp_path))
-    package = name.replace("-", "_")
-    info = f"{package}-{version(name)}.dist-info"
+    own = packages(ALL[name])
+    info = f"{name.replace('-', '_')}-{version(name)}.dist-info"
     with zipfile.ZipFile(wheel) as archive:
         files = set(archive.namelist())
         metadata = archive.read(f"{info}/METADATA").decode()
         licence = archive.read(f"{info}/licenses/LICENSE")
     assert licence == (ROOT / "LICENSE").read_bytes()
     assert re.search("^License-Expression: Apache-2.0$", metadata, re.M)
-    assert {f.partition("/")[0].removesuffix(".py") for f in files} == {package, info}
-    assert f"{package}/py.typed" in files or ALL[name].parent.name == "contrib"
+    assert {f.partition("/")[0].removesuffix(".py") for f in files} == own | {info}
+    assert {f"{one}/py.typed" for one in own} <= files or ALL[name].parent.name == "contrib"
     assert not [
         f
         for f in files
@@ -237,12 +248,12 @@ def test_a_built_wheel_holds_its_package_and_its_notices(name, tmp_path):
 
 
 HELD = {
-    "physic-core": {
+    "metricbody": {
         "physic_core/body/NOTICE-embedded.md",
         "physic_core/body/embedded.npz",
         *(f"physic_core/configuration/presets/{name}.toml" for name in preset_names()),
     },
-    "physic-embedded": {
+    "metricbody-embedded": {
         f"physic_embedded/weights/{name}"
         for name in (
             "NOTICE",
@@ -251,6 +262,6 @@ HELD = {
             "LICENSES/MIT-TinyViT.txt",
         )
     },
-    "physic-testing": {f"physic_testing/scaffold/{interface}.py" for interface in INTERFACES},
+    "metricbody-testing": {f"physic_testing/scaffold/{interface}.py" for interface in INTERFACES},
 }
 """Files beside the code of a wheel: presets, the body, templates, and notices of assets."""

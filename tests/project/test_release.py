@@ -29,8 +29,8 @@ def test_the_archive_has_all_distributions_and_the_digest_of_each_file(archive):
         content = {name: opened.read(name) for name in opened.namelist()}
     lines = (ROOT / "requirements.txt").read_text().splitlines()
     wheels = {name.split("/")[1].split("-")[0] for name in content if name.startswith("wheels/")}
-    listed = {line.split("/")[-1].replace("-", "_") for line in lines if "/" in line}
-    assert wheels == listed | {"physic_core"}
+    listed = {f"metricbody_{line.split('/')[-1]}" for line in lines if "/" in line}
+    assert wheels == listed | {"metricbody"}
     sums = dict(line.split("  ")[::-1] for line in content["SHA256SUMS"].decode().splitlines())
     assert set(sums) == set(content) - {"SHA256SUMS", "__main__.py"}
     assert {"constraints.txt", "sbom.json", "licences/LICENSE", "licences/NOTICE"} <= set(sums)
@@ -42,7 +42,7 @@ def test_a_damaged_archive_installs_nothing(archive, tmp_path):
     damaged = tmp_path / archive.name
     with zipfile.ZipFile(archive) as opened, zipfile.ZipFile(damaged, "w") as written:
         for name in opened.namelist():
-            if not name.startswith("wheels/physic_embedded"):
+            if not name.startswith("wheels/metricbody_embedded"):
                 changed = b"numpy==0\n" if name == "constraints.txt" else opened.read(name)
                 written.writestr(name, changed)
     done = subprocess.run(

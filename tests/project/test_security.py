@@ -17,7 +17,7 @@ TABLES = {
         "a result folder (`Reconstruction.load`)": "test_a_pickle_in_the_arrays_is_not_opened",
         "an SMPL-X, SMPL or MANO file": "test_no_pickle_calls_anything "
         "test_a_smplx_file_is_read_without_unpickling",
-        "a checkpoint of `physic-human` (`.pt`, `.ckpt`), without "
+        "a checkpoint of `metricbody-paper` (`.pt`, `.ckpt`), without "
         "`trust_checkpoint`": "is_read_only_if_trusted",
         "the cache": "test_a_pickle_is_never_opened "
         "test_a_graph_that_others_could_write_is_not_opened",

@@ -31,7 +31,7 @@ def is_list_of_others(name):
 
 def test_every_component_states_a_licence(bill):
     names = [component["name"] for component in bill["components"]]
-    assert {"physic-core", "physic-embedded", "numpy", "torch", "pydantic-core"} <= set(names)
+    assert {"metricbody", "metricbody-embedded", "numpy", "torch", "pydantic-core"} <= set(names)
     unstated = [
         component["name"] for component in bill["components"] if not component.get("licenses")
     ]
@@ -42,8 +42,8 @@ def test_every_component_states_a_licence(bill):
 def test_every_network_and_the_body_have_their_digest(bill):
     digests = {c["name"]: c["hashes"][0]["content"] for c in bill["components"] if "hashes" in c}
     files = [
-        *ROOT.glob("plugins/physic-embedded/physic_embedded/weights/*.onnx"),
-        *ROOT.glob("plugins/physic-embedded/physic_embedded/weights/*.weights"),
+        *ROOT.glob("plugins/embedded/physic_embedded/weights/*.onnx"),
+        *ROOT.glob("plugins/embedded/physic_embedded/weights/*.weights"),
         ROOT / "physic_core/body/embedded.npz",
     ]
     assert {"/".join(file.parts[-3:]) for file in files} == set(digests)

@@ -1,4 +1,4 @@
-"""physic-core and physic-embedded work where physic-testing is not installed."""
+"""metricbody and metricbody-embedded work where metricbody-testing is not installed."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ main(sys.argv[1:])
 
 
 def test_its_commands_are_not_there_and_the_others_are(python):
-    python(RUN, "plugins", PHYSIC_PLUGINS="physic-embedded")
-    done = python(RUN, "plugins", "check", ends=2, PHYSIC_PLUGINS="physic-embedded")
-    assert "physic-testing, which is not installed" in done.stderr
+    python(RUN, "plugins", PHYSIC_PLUGINS="metricbody-embedded")
+    done = python(RUN, "plugins", "check", ends=2, PHYSIC_PLUGINS="metricbody-embedded")
+    assert "metricbody-testing, which is not installed" in done.stderr
 
 
 def test_without_a_restriction_it_is_a_broken_plugin_and_nothing_more(python):
-    shown = python(RUN, "plugins", PHYSIC_PLUGINS="physic-embedded,physic-testing").stdout
+    shown = python(RUN, "plugins", PHYSIC_PLUGINS="metricbody-embedded,metricbody-testing").stdout
     (broken,) = (line for line in shown.splitlines() if line.startswith("BROKEN"))
-    assert "physic-testing" in broken
+    assert "metricbody-testing" in broken

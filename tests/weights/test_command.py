@@ -49,7 +49,7 @@ path = "own.json"
 @pytest.fixture
 def plugin(site, server, monkeypatch):
     """One plugin with three sets, one of which the server has."""
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-setup")
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,metricbody-embedded")
     site.list_weights("physic-nets", manifest(server.add("/free.onnx", CONTENT)))
     return site
 
@@ -71,7 +71,7 @@ def test_the_list_shows_size_licence_and_state_of_each_weight_set(plugin, own_ca
 
 
 def test_a_broken_list_is_a_row_and_named_where_a_set_is_not_found(plugin, monkeypatch, physic):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-odd,physic-setup")
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-odd,metricbody-embedded")
     plugin.list_weights("physic-odd", "[odd]\nsummary = 'x'\nlicense = 'MIT'\nfiles = []\n")
     assert re.search(r"physic-odd .*BROKEN.*\[odd\]", physic("weights", "list").stdout)
     done = physic("weights", "verify", "nothing")
@@ -105,7 +105,7 @@ def test_a_fetched_folder_is_read_offline_by_another_machine(
 def test_a_name_that_two_plugins_list_needs_its_distribution(
     plugin, site, server, monkeypatch, own_cache, physic
 ):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-more,physic-setup")
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-more,metricbody-embedded")
     site.list_weights("physic-more", manifest(f"{server.address}/gone"))
     done = physic("weights", "verify", "free")
     assert done.exit_code == 2

@@ -164,7 +164,7 @@ def test_a_path_out_of_the_folder_is_refused_everywhere(tmp_path, path):
         assert "net" in fault(write(tmp_path, text)), text
 
 
-ADAPTERS = ("physic-onnx", "physic-transformers", "physic-human", "physic-omnieraser")
+ADAPTERS = ("metricbody-onnx", "metricbody-paper", "metricbody-paper", "metricbody-omnieraser")
 """Distributions whose backends all need weights."""
 
 

@@ -2,7 +2,7 @@
 
 python -m venv venv
 venv/bin/pip install bpy==5.0.1
-venv/bin/python tools/real_files/blender.py plugins/physic-opencv/tests/exr
+venv/bin/python tools/real_files/blender.py plugins/embedded/tests/opencv/exr
 """
 
 from __future__ import annotations

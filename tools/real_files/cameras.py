@@ -1,4 +1,4 @@
-"""Write cameras by the tools themselves: plugins/physic-scene/tests/rigs, all but easymocap.
+"""Write cameras by the tools themselves: plugins/scene/tests/rigs, all but easymocap.
 
     .venv/bin/python tools/real_files/cameras.py
 
@@ -27,7 +27,7 @@ TOOLS = "pose2sim==0.10.49 aniposelib==0.8.0 caliscope==0.11.8 pycolmap==4.2.1 n
 LIBRARIES = """numba==0.68.1 pandas==3.1.1 matplotlib==3.11.2 rtoml==0.14.0 toml==0.10.2 c3d==0.6.0 anytree==2.13.0
     lxml==6.1.3 tqdm==4.70.1 platformdirs==4.14.8 appdirs==1.4.4 jaxtyping==0.3.11 tyro==1.0.17 viser==1.1.1
     imageio==2.38.1 mediapy==1.2.7"""  # noqa: E501
-RIGS = Path(__file__).resolve().parents[2] / "plugins" / "physic-scene" / "tests" / "rigs"
+RIGS = Path(__file__).resolve().parents[2] / "plugins" / "scene" / "tests" / "rigs"
 NAMES = ("left", "middle", "right")
 SIZES = ((1920, 1080), (1280, 720), (1280, 720))
 FOCAL = ((1400.0, 1410.0), (950.0, 950.0), (930.0, 925.0))

@@ -2,7 +2,7 @@
 
 python -m venv venv
 venv/bin/pip install opencv-python-headless==4.14.0.94 depth-anything-3==0.1.1
-venv/bin/python tools/real_files/depth.py plugins/physic-opencv/tests/exr
+venv/bin/python tools/real_files/depth.py plugins/embedded/tests/opencv/exr
 """
 
 from __future__ import annotations

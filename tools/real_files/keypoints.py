@@ -5,7 +5,7 @@ invented pose.
     venv/bin/pip install ultralytics==8.4.190 mmpose==1.3.2 mmengine==0.10.7 mmcv-lite==2.2.0 \
         rtmlib==0.0.16 transformers==5.23.0 label-studio-sdk==2.1.2 pycocotools==2.0.11
     YOLO_CONFIG_DIR=/tmp venv/bin/python tools/real_files/keypoints.py \
-        plugins/physic-opencv/tests/keypoints [TOOL ...]
+        plugins/embedded/tests/opencv/keypoints [TOOL ...]
 
 No network runs: each tool gets what its network returns for the pose. OpenPose has no package.
 """

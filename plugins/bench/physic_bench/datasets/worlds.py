@@ -1,0 +1,84 @@
+"""The synthetic worlds of metricbody-testing, whose bodies, contact, scene and camera are known.
+
+ROOT is a folder for their photos: a new one, or that of an earlier call. The preset "mock" answers
+from the truth of a world, with errors where its options say so; frames are the names of the worlds.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_bench.cameras import Camera
+from physic_bench.contract import BenchPerson, Frame, Picture, Truth
+from physic_bench.datasets.base import DataSet, FrameSet
+from physic_core.body import JOINT_NAMES
+from physic_testing.metrics import hidden_by_depth_map, scene_distance
+from physic_testing.worlds import WORLDS, load_world
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from physic_bench.bodies import BodyFiles
+    from physic_testing.worlds import World
+
+    Array = NDArray[np.float64]
+
+
+def missing(root: Path, with_pictures: bool) -> list[str]:
+    """Return that nothing is missing."""
+    return []
+
+
+def frames(root: Path, choose: Callable[[list[str]], list[str]], bodies: BodyFiles) -> FrameSet:
+    """Return the worlds, each a sequence of its own, and write their photos."""
+    return FrameSet(tuple(_frame(root, name) for name in choose(list(WORLDS))))
+
+
+def _frame(root: Path, name: str) -> Frame:
+    from PIL import Image
+
+    from physic_core.files import atomic_write, check_writable
+
+    world = load_world(name)
+    path = root / f"{name}.png"
+    if not path.exists():
+        with atomic_write(check_writable(root)) as temporary:
+            Image.fromarray(world.image).save(temporary(path.name), format="PNG")
+    size = (world.intrinsics.width, world.intrinsics.height)
+    camera = Camera(world.intrinsics.matrix.astype(np.float64), *size)
+    return Frame(name, name, partial(_truth, name), camera, Picture(path))
+
+
+def _truth(name: str) -> Truth:
+    world = load_world(name)
+    mesh = world.topology
+    people = tuple(
+        BenchPerson(str(i), joints, JOINT_NAMES, "of the world", vertices, mesh, contact, mesh)
+        for i, (joints, vertices, contact) in enumerate(
+            zip(world.joints, world.vertices, world.contact, strict=True)
+        )
+    )
+    return Truth(people, partial(_distance, world), world.floor.normal, world.floor.offset)
+
+
+def _distance(world: World, points: Array) -> Array:
+    """Return the signed distance (N,) m of points (N, 3) m to the scene that the photo would show
+    without people; 0 for points inside that the scene hides.
+    """
+    empty = world.points(people=False)
+    known = np.asarray(np.isfinite(empty).all(-1))
+    near = scene_distance(
+        points[None], empty, world.empty_normals, known, world.intrinsics, world.floor
+    )
+    hidden = hidden_by_depth_map(points, world.empty_depth, world.intrinsics)
+    found = near.distance[0]
+    return np.where(hidden & (found < 0), 0.0, found)
+
+
+DATA_SET = DataSet("worlds", __doc__, missing, frames)

@@ -1,0 +1,80 @@
+"""Up by the look of a picture: parts, the linear map, and the fitted numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from physic_embedded.networks.depth_anything import patch_tokens
+from physic_embedded.networks.patch_tokens import PatchTokens
+from physic_embedded.networks.sessions import open_packaged_session
+from physic_embedded.single_view.gravity import (
+    PICTURE_PATCHES,
+    PICTURE_SIDE_PX,
+    fitted_numbers,
+    means_of_parts,
+    up_of_tokens,
+)
+from physic_networks.pictures import Letterbox
+
+PHOTO = np.array(Image.open(Path(__file__).parents[4] / "examples" / "couple.jpg").convert("RGB"))
+
+
+def tokens_of(grid):
+    """Tokens of a picture of 10 px for each patch."""
+    size = (10 * grid.shape[0], 10 * grid.shape[1])
+    return PatchTokens(grid, 10, Letterbox(1.0, 0, 0, size, size))
+
+
+def seen(picture):
+    return patch_tokens(
+        "depth_anything_v2_vits_int8",
+        open_packaged_session,
+        picture,
+        PICTURE_SIDE_PX,
+        PICTURE_PATCHES,
+    )
+
+
+def pitch_of(picture):
+    return up_of_tokens(seen(picture), fitted_numbers()).pitch[0]
+
+
+def test_parts_are_the_means_of_thirds_row_by_row():
+    numbers = np.stack(np.meshgrid(np.arange(12.0), np.arange(18.0), indexing="ij"), axis=-1)
+    parts = means_of_parts(tokens_of(numbers)).reshape(3, 3, 2)
+    np.testing.assert_allclose(parts[:, 0, 0], [1.5, 5.5, 9.5])
+    np.testing.assert_allclose(parts[0, :, 1], [2.5, 8.5, 14.5])
+
+
+def test_parts_leave_out_the_border_of_the_canvas():
+    grid = np.pad(np.ones((12, 12, 1)), [(3, 3), (0, 0), (0, 0)])
+    tokens = replace(tokens_of(grid), photo=Letterbox(1.0, 0, 30, (120, 120), (120, 120)))
+    np.testing.assert_allclose(means_of_parts(tokens), 1)
+
+
+def test_up_is_turned_by_pitch_and_roll():
+    numbers = {"angles": np.array([[0.0] * 9 + [30.0], [0.0] * 9 + [10.0]])}
+    found = up_of_tokens(tokens_of(np.ones((6, 6, 1))), numbers)
+    assert found.pitch[0] == pytest.approx(30)
+    assert np.degrees(np.arctan2(found.up[0], -found.up[1])) == pytest.approx(10)
+    assert np.linalg.norm(found.up) == pytest.approx(1)
+    numbers = {"angles": np.zeros((2, 10))}
+    assert up_of_tokens(tokens_of(np.ones((6, 6, 1))), numbers).sigma < 8 < 15 < found.sigma
+
+
+def test_mirrored_tokens_have_the_mirrored_up():
+    grid = np.random.default_rng(0).normal(size=(18, 24, 384))
+    first, second = (
+        up_of_tokens(tokens_of(one), fitted_numbers()).up for one in (grid, grid[:, ::-1])
+    )
+    np.testing.assert_allclose(first * [-1, 1, 1], second, atol=1e-4)
+
+
+def test_the_lower_part_of_a_photo_looks_down_more_than_the_upper_part():
+    height = len(PHOTO)
+    assert pitch_of(PHOTO[height // 3 :]) > pitch_of(PHOTO[: -height // 3]) + 3

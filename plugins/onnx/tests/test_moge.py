@@ -1,0 +1,228 @@
+"""MoGe-2: what is fed and read, a network that knows the world, and one run for two interfaces."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from physic_core.cache.results import ResultCache
+from physic_core.configuration.resolve import ResolvedBackend
+from physic_core.errors import BackendError
+from physic_core.interfaces import MetricDepthRequest, RelativePointmapRequest
+from physic_core.pipeline.stage_caller import StageCaller
+from physic_core.types import CameraTrust, Hints, Intrinsics, Provenance
+from physic_onnx.moge import Moge2Depth, Moge2Pointmap, network_input_size
+from physic_testing.worlds import load_world
+
+IMAGE_IN = ("float32", ("batch_size", 3, "height", "width"))
+PIXELS = ("batch_size", "height", "width")
+
+SHIFT = -0.7
+UNIT = 2.3
+"""What the stand-in's z lacks, and metres in one of its units."""
+
+
+@pytest.fixture
+def backend_of(bound, stand_in_network):
+    """``backend_of(Adapter, answer)``: the adapter with a network that answers so."""
+
+    def make(kind, answer, *, scale="scale", tokens_in=("int64", ()), **options):
+        inputs = {"image": IMAGE_IN, "num_tokens": tokens_in}
+        outputs = dict.fromkeys(("points", "normal"), ("float32", (*PIXELS, 3)))
+        outputs |= {"mask": ("float32", PIXELS), scale: ("float32", ("batch_size",))}
+        return bound(kind, stand_in_network(inputs, answer, outputs), **options)
+
+    return make
+
+
+def plane(feed, *, slope=1.0, mask=1.0, scale=1.5):
+    """A wall, tilted or flat, in a picture of the size that is fed."""
+    height, width = feed["image"].shape[2:]
+    v, u = np.mgrid[:height, :width]
+    z = 2 + slope * u / width
+    points = np.stack([(u - (width - 1) / 2) / 70 * z, (v - (height - 1) / 2) / 70 * z, z], -1)
+    return {"points": points[None], "mask": np.full((1, height, width), mask), "scale": [scale]}
+
+
+PHOTO = np.full((60, 80, 3), [255, 51, 0], np.uint8)
+
+
+def test_image_is_fed_as_rgb_from_0_to_1_without_mean_and_deviation(backend_of):
+    backend = backend_of(Moge2Pointmap, plane)
+    backend.infer(PHOTO, Hints())
+    fed = backend.network.network.fed["image"]
+    np.testing.assert_allclose(fed[0].transpose(1, 2, 0) - [1, 0.2, 0], 0, atol=1e-6)
+
+
+@pytest.mark.parametrize(("dtype", "shape"), [("int64", ()), ("int64", (1,)), ("int32", ())])
+def test_number_of_tokens_has_the_dimensions_that_the_file_says(backend_of, dtype, shape):
+    backend = backend_of(Moge2Pointmap, plane, tokens_in=(dtype, shape), tokens=1200)
+    backend.infer(PHOTO, Hints())
+    asked = backend.network.network.fed["num_tokens"]
+    assert (asked.shape, asked.item()) == (shape, 1200)
+
+
+def test_large_photo_is_reduced_with_all_of_its_pixels(backend_of):
+    """The graph itself would pick some: stripes of one pixel have to become grey."""
+    stripes = np.zeros((1200, 1600, 3), np.uint8)
+    stripes[:, ::2] = 255
+    backend = backend_of(Moge2Pointmap, plane, tokens=1200)
+    backend.infer(stripes, Hints())
+    fed = backend.network.network.fed["image"]
+    assert fed.shape == (1, 3, 420, 560)
+    assert np.abs(fed[..., 2:-2] - 0.5).max() < 0.1
+
+
+def test_file_for_photos_of_one_size_is_refused(constant_graph, loaded, tmp_path):
+    fixed = {"image": ("float32", (1, 3, 9, 9)), "num_tokens": ("int64", ())}
+    answer = {"points": np.ones((1, 9, 9, 3)), "mask": np.ones((1, 9, 9)), "scale": [1]}
+    path = constant_graph(tmp_path / "model.onnx", fixed, **answer)
+    with pytest.raises(BackendError, match="exported for photos of one size"):
+        loaded(Moge2Depth, path)
+
+
+def true_answer(world, feed, *, people, scale):
+    """What a perfect MoGe-2 says of a photo that is not reduced: true points without their shift,
+    in a unit of its own.
+    """
+    points = world.points(people=people)
+    return {
+        "points": np.nan_to_num(points / UNIT, nan=1.0)[None] - [0, 0, SHIFT],
+        "mask": np.isfinite(points[..., 2])[None],
+        scale: [UNIT],
+    }
+
+
+@pytest.fixture
+def infer(backend_of):
+    """Asks an adapter whose network knows a world about its photo, with or without people."""
+
+    def ask(kind, world, hints=None, *, people=False, scale="scale"):
+        answer = partial(true_answer, world, people=people, scale=scale)
+        backend = backend_of(kind, answer, scale=scale)
+        return backend.infer(world.image if people else world.empty_image, hints or Hints())
+
+    return ask
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "guess", "scale"),
+    [
+        ("stand_indoors", (320, 240), None, "scale"),
+        ("walk_portrait", (332, 249), None, "metric_scale"),
+        ("stand_indoors", (320, 240), 900.0, "whatever"),
+    ],
+)
+def test_depth_and_focal_length_are_recovered_whatever_camera_is_guessed(
+    infer, name, size, guess, scale
+):
+    """The fourth output is the scale by either name, or by its place."""
+    world = load_world(name, size)
+    camera = guess and Intrinsics.from_focal(guess, *size, "", CameraTrust.GUESSED)
+    found = infer(Moge2Depth, world, Hints(intrinsics=camera), scale=scale)
+    np.testing.assert_allclose(found.depth, world.empty_depth, rtol=1e-5)
+    camera = found.intrinsics
+    assert camera.fx == camera.fy == pytest.approx(world.intrinsics.fx, rel=1e-5)
+    height, width = world.depth.shape
+    assert (camera.cx, camera.cy) == ((width - 1) / 2, (height - 1) / 2)
+    assert camera.source == "MoGe-2"
+
+
+@pytest.mark.parametrize("source", ["", "EXIF"])
+def test_point_map_leaves_the_unit_to_the_metric_depth_and_keeps_a_given_camera(infer, source):
+    world = load_world("stand_indoors", (320, 240))
+    given = replace(world.intrinsics, source=source) if source else None
+    found = infer(Moge2Pointmap, world, Hints(intrinsics=given), people=True)
+    np.testing.assert_allclose(found.points * UNIT, world.points(people=True), rtol=1e-4, atol=1e-4)
+    assert found.unknown == "scale"
+    assert given is None or found.intrinsics == given
+
+
+def test_sky_is_not_a_surface(infer):
+    world = load_world("outdoor_steps", (320, 240))
+    sky = ~np.isfinite(world.empty_depth)
+    assert sky.any()
+    np.testing.assert_array_equal(np.isnan(infer(Moge2Depth, world).depth), sky)
+    found = infer(Moge2Pointmap, world)
+    np.testing.assert_array_equal(found.valid, ~sky)
+    assert np.isnan(found.points[sky]).all()
+
+
+def test_a_flat_wall_gives_no_focal_length_and_a_note(backend_of):
+    answer = partial(plane, slope=0.0, mask=0.51)
+    found = backend_of(Moge2Pointmap, answer).infer(PHOTO, Hints())
+    assert found.unknown == "scale_shift"
+    assert "flat" in found.intrinsics.source
+    assert found.intrinsics.guessed
+    assert "70 px" in found.notes[1]
+    assert found.valid.all()
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        ({"mask": 0.5}, "0 valid points of 80 x 60"),
+        *(({"scale": value}, "returned a scale of") for value in (0.0, -1.0, np.nan, np.inf)),
+    ],
+)
+def test_an_answer_without_a_surface_or_a_scale_is_refused(backend_of, answer, words):
+    with pytest.raises(BackendError, match=words):
+        backend_of(Moge2Depth, partial(plane, **answer)).infer(PHOTO, Hints())
+
+
+def test_answer_of_another_size_is_refused(backend_of):
+    whole = plane({"image": np.zeros((1, 3, 60, 80))})
+    with pytest.raises(BackendError, match=r"\(1, 60, 80, 3\)"):
+        backend_of(Moge2Depth, lambda feed: whole).infer(PHOTO[::2, ::2].copy(), Hints())
+
+
+@pytest.mark.parametrize(
+    ("size", "tokens", "seen"),
+    [
+        ((240, 320), 1800, (240, 320, 1800)),
+        ((3000, 4000), 1800, (504, 672, 36 * 48)),
+        ((20, 30000), 1200, (13, 18783, 1200)),
+    ],
+)
+def test_photo_is_reduced_to_whole_patches_and_never_enlarged(size, tokens, seen):
+    assert network_input_size(*size, tokens) == seen
+
+
+@pytest.mark.parametrize("tokens", [1200, 2500, 3600])
+@pytest.mark.parametrize(
+    "size", [(1080, 1920), (2000, 3000), (3024, 4032), (4000, 2250), (1439, 2560), (1501, 1999)]
+)
+def test_the_network_resizes_nothing_of_what_it_gets(size, tokens):
+    """By its forward pass it rounds sqrt(tokens / aspect) and sqrt(tokens * aspect) to rows and
+    columns of patches.
+    """
+    height, width, asked = network_input_size(*size, tokens)
+    aspect = width / height
+    assert (14 * round((asked / aspect) ** 0.5), 14 * round((asked * aspect) ** 0.5)) == (
+        height,
+        width,
+    )
+    assert 0.85 * tokens <= asked <= tokens
+    assert abs(np.log(aspect * size[0] / size[1])) < 0.01
+
+
+def test_both_interfaces_with_equal_settings_share_one_run_of_a_photo_by_the_cache(
+    backend_of, tmp_path
+):
+    points, depth = (backend_of(kind, plane) for kind in (Moge2Pointmap, Moge2Depth))
+    finer = backend_of(Moge2Depth, plane, tokens=3600)
+    stages = StageCaller("cpu", 2, cache=ResultCache(tmp_path / "results", 10**8))
+    for backend, request in (
+        (points, RelativePointmapRequest(PHOTO, Hints())),
+        (depth, MetricDepthRequest(PHOTO, Hints())),
+        (finer, MetricDepthRequest(PHOTO, Hints())),
+    ):
+        options = {"tokens": backend.options.tokens}
+        who = Provenance(
+            backend.interface, "moge-2-onnx", "physic_onnx", "metricbody-onnx", "1", options, ""
+        )
+        stages.call_backend(backend.interface, ResolvedBackend(backend, who), request)
+    assert [one.network.network.runs for one in (points, depth, finer)] == [1, 0, 1]

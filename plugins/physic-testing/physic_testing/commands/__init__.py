@@ -1,1 +1,0 @@
-"""Commands that physic-testing adds to ``physic``."""

@@ -1,0 +1,1 @@
+"""Commands that metricbody-testing adds to ``physic``."""
