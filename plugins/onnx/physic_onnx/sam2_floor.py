@@ -18,34 +18,16 @@ if TYPE_CHECKING:
 
     from .sam2_networks import EncodedImage, Sam2Networks
 
-ANKLES = [15, 16]
-KNEES = [13, 14]
-"""Indices of the joints in the skeleton "coco17"."""
-_SEEN = 0.4  # confidence of a visible ankle
-_SOLE = 0.15  # of the shin: how far the sole is below the ankle
-
 GROUND_OFFSETS = np.array([[-1.0, 0.0], [1.0, 0.0], [-0.6, 0.4], [0.6, 0.4], [0.0, 0.5]])
 """Prompt points around a foot, in multiples of its reach."""
 
 MOST_POINTS = 12
-_BOTTOM_POINTS = 5
 
 
-def floor_mask(
-    networks: Sam2Networks, photo: EncodedImage, people: People, *, with_lower_edge: bool
-) -> BoolArray | None:
-    """Segment the floor (H, W); None if no feet are visible, or if no mask is plausible.
-
-    Args:
-        networks: of SAM 2.
-        photo: encoded.
-        people: with their masks.
-        with_lower_edge: whether to look at the lower edge of the photo, too.
-    """
+def floor_mask(networks: Sam2Networks, photo: EncodedImage, people: People) -> BoolArray | None:
+    """Segment the floor (H, W); None if no feet are visible, or if no mask is plausible."""
     anybody: BoolArray = np.asarray(people.masks.any(axis=0))
     points = ground_points(people)
-    if with_lower_edge:
-        points = np.concatenate([points, bottom_edge_points(anybody)])
     if not len(points):
         return None
     points = points[np.linspace(0, len(points) - 1, min(len(points), MOST_POINTS)).astype(int)]
@@ -67,18 +49,10 @@ def feet_positions(people: People) -> FloatArray:
     """Return (F, 3) px: column and row of each foot, and the radius of the ground area around the
     foot.
 
-    Uses ankles where known. Otherwise uses the lower ends of masks with the aspect of a full person
-    that do not touch the lower photo edge, if at least half of the people have one. The radius is a
-    seventh of the person's height.
+    A foot is the lower end of a mask with the aspect of a full person that does not touch the lower
+    photo edge, if at least half of the people have one. The radius is a seventh of the person's
+    height.
     """
-    joints = people.keypoints
-    if joints is not None and joints.joint_set.name == "coco17":
-        seen = joints.confidence[:, ANKLES] > _SEEN
-        soles = joints.points[:, ANKLES]
-        shins = np.linalg.norm(joints.points[:, ANKLES] - joints.points[:, KNEES], axis=-1)
-        soles[..., 1] += _SOLE * shins
-        reach = np.broadcast_to((people.boxes[:, 3:] - people.boxes[:, 1:2]) / 7, seen.shape)
-        return np.concatenate([soles[seen], reach[seen][:, None]], axis=1)
     feet = []
     for mask, (x0, y0, x1, y1) in zip(people.masks, people.boxes, strict=True):
         height = y1 - y0
@@ -97,15 +71,6 @@ def ground_points(people: People) -> FloatArray:
     points = points[((points >= 1) & (points <= [width - 2, height - 2])).all(axis=1)]
     x, y = np.rint(points).astype(int).T
     return np.asarray(points[~anybody[y, x]])
-
-
-def bottom_edge_points(anybody: BoolArray) -> FloatArray:
-    """Return prompt points (P, 2) px just above the lower photo edge, outside all people."""
-    height, width = anybody.shape
-    x = (np.arange(_BOTTOM_POINTS) + 0.5) * width / _BOTTOM_POINTS
-    points = np.stack([x, np.full(_BOTTOM_POINTS, 0.97 * (height - 1))], axis=1)
-    column, row = np.rint(points).astype(int).T
-    return np.asarray(points[~anybody[row.clip(0, height - 1), column.clip(0, width - 1)]])
 
 
 def _connected_to_points(logits: FloatArray, photo: EncodedImage, points: FloatArray) -> FloatArray:
@@ -135,11 +100,7 @@ def _person_centres(people: People) -> FloatArray:
 
 
 def _chest_row(people: People) -> float:
-    """Return the median row of the chests, above which there is hardly any floor; a third of the
-    photo without people.
-    """
-    if not len(people):
-        return int(people.masks.shape[1]) / 3
+    """Return the median row of the chests, above which there is hardly any floor."""
     return float(np.median(people.boxes[:, 1] + 0.35 * (people.boxes[:, 3] - people.boxes[:, 1])))
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from physic_core.types import People
-from physic_networks.people import Detections
 
 
 def region(box, width, height, padding=1.25):
@@ -17,14 +16,16 @@ def region(box, width, height, padding=1.25):
 
 
 class KnownBoxes:
-    """A detector that finds the boxes that it is given."""
+    """A segmenter that finds people in the boxes that it is given."""
 
     def __init__(self, boxes=()):
         self.boxes = boxes
 
-    def infer(self, image, score, overlap):
-        boxes = np.array(self.boxes, float).reshape(-1, 4)
-        return Detections(boxes, np.linspace(0.9, 0.8, len(boxes)))
+    def infer(self, image):
+        return people(*self.boxes, size=image.shape[:2])
+
+    def close(self):
+        pass
 
 
 PLACES = [(90.0, 60.0), (120.0, 110.0), (75.0, 150.0)]

@@ -67,7 +67,7 @@ class TestFromPhotoToFiles:
         photo = cv2.cvtColor(cv2.imread(str(PHOTO.with_name("couple.jpg"))), cv2.COLOR_BGR2RGB)
         names = (
             {"name": "embedded"},
-            {"name": "sam2-onnx", "weights": "sam2-hiera-tiny", "detector": "embedded"},
+            {"name": "sam2-onnx", "weights": "sam2-hiera-tiny"},
         )
         own, sam = (
             load_backend("segmenter", options.pop("name"), **options)(photo) for options in names
@@ -82,7 +82,7 @@ class TestFromPhotoToFiles:
 
 
 def test_the_embedded_detector_needs_its_plugin(monkeypatch):
-    backend = Sam2(Sam2Options(detector="embedded"))
+    backend = Sam2(Sam2Options())
     assert not any("embedded" in text for text in backend.missing())
     monkeypatch.setenv("PHYSIC_PLUGINS", "metricbody-onnx")
     assert any("metricbody-embedded" in text for text in backend.missing())

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from physic_core.errors import BackendError
-from physic_core.types import Keypoints, People
+from physic_core.types import People
 from physic_onnx.sam2 import Sam2, Sam2Options
 from physic_onnx.sam2_floor import feet_positions
 from physic_onnx.sam2_networks import Sam2Networks, find_sam2_files
@@ -144,13 +144,11 @@ def test_files_are_found_by_their_names(tmp_path):
         find_sam2_files(tmp_path, "q8")
 
 
-def standing(boxes, size=(200, 300), keypoints=None):
+def standing(boxes, size=(200, 300)):
     masks = np.zeros((len(boxes), *size), bool)
     for mask, (x0, y0, x1, y1) in zip(masks, boxes, strict=True):
         mask[y0:y1, x0:x1] = True
-    return People(
-        masks, np.array(boxes, float).reshape(-1, 4), np.full(len(boxes), 0.9), None, keypoints
-    )
+    return People(masks, np.array(boxes, float).reshape(-1, 4), np.full(len(boxes), 0.9))
 
 
 def test_feet_are_the_lower_ends_of_people_who_are_not_cut_off():
@@ -161,46 +159,6 @@ def test_feet_are_the_lower_ends_of_people_who_are_not_cut_off():
     assert feet == pytest.approx(np.array([[39.5, 159, 20]]))
     assert not len(feet_positions(standing([(20, 60, 60, 200)])))
     assert not len(feet_positions(standing([(20, 100, 100, 160)])))
-
-
-def test_feet_are_ankles_where_they_are_known():
-    points = np.zeros((1, 17, 2))
-    points[0, [13, 14]] = (40, 100)
-    points[0, [15, 16]] = (40, 140)
-    sure = np.zeros((1, 17))
-    sure[0, 15] = 0.9
-    people = standing([(20, 20, 60, 200)], keypoints=Keypoints(points, sure, "coco17"))
-    assert feet_positions(people)[:, :2] == pytest.approx(np.array([[40, 146]]))
-
-
-def test_files_of_segmenter_and_detector_are_loaded(constant_graph, tmp_path):
-    weights = tmp_path / "weights"
-    picture = {"pixel_values": ("float32", (1, 3, 1024, 1024))}
-    constant_graph(weights / "vision_encoder.onnx", picture, **maps_of("transformers.js"))
-    masks = np.full((1, 2, 3, 256, 256), -10.0)
-    masks[:, 0, :, :, :90] = masks[:, 1, :, :, 90:140] = 10
-    constant_graph(
-        weights / "prompt_encoder_mask_decoder.onnx",
-        PROMPT["transformers.js"] | features_of("transformers.js"),
-        iou_scores=np.zeros((1, 2, 3)),
-        pred_masks=masks,
-    )
-    found = np.array([[[40.0, 60, 200, 290, 0.9], [250, 30, 330, 310, 0.8]]])
-    frame = {"input": ("float32", ("b", 3, 640, 640))}
-    detector = constant_graph(tmp_path / "detector.onnx", frame, dets=found)
-    options = Sam2Options(weights=str(weights), detector=str(detector), floor="none", threads=1)
-    backend = Sam2(options)
-    assert backend.missing() == ()
-    assert backend.fingerprint()
-    backend.load()
-    people = backend.infer(np.zeros((320, 640, 3), np.uint8))
-    assert people.floor is None
-    assert people.scores.round(1).tolist() == [0.9, 0.8]
-    backend.close()
-    (weights / "vision_encoder.onnx").unlink()
-    assert backend.missing()
-    with pytest.raises(BackendError, match="in a folder"):
-        Sam2(options.model_copy(update={"weights": str(detector)})).load()
 
 
 def test_the_librarys_class_answers_boxes_and_points_the_same(networks_of):
