@@ -31,7 +31,7 @@ LACKING = {
         ),
     ),
     "open-body": (
-        *("moge-3-vitl", "sam2.1-hiera-large", "rtmw3d-x", "big-lama"),
+        *("moge-3-vitl", "sam2-hiera-tiny", "rtmw3d-x", "big-lama"),
         "https://github.com/microsoft/MoGe",
     ),
 }
@@ -42,6 +42,7 @@ WAYS = (
     "pip install",
     "git clone",
     "hf download",
+    "npm pack",
     "https://",
     "a machine with",
 )

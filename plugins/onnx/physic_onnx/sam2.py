@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from physic_core import find_backend, load_backend
-from physic_core.errors import BackendError, BackendNotFoundError, PhysicError
+from physic_core.errors import BackendNotFoundError
 from physic_core.interfaces import Options, Segmenter
-from physic_core.weights import missing
 from physic_networks.networks import NetworkBackend
 
+from .one_graph import WEIGHTS_HELP
 from .sessions import OnnxOptions
 
 if TYPE_CHECKING:
@@ -28,19 +28,11 @@ DETECTOR = "metricbody-embedded:embedded"
 class Sam2Options(OnnxOptions):
     """Settings of Sam2."""
 
-    weights: str = Field(
-        "sam2.1-hiera-tiny",
-        description="a name of `physic weights list`, or a folder of your own with an encoder and "
-        "a decoder; "
-        "small, base-plus and large are better at hair and fingers, and slower",
-    )
-    variant: str = Field(
-        "", description="of the encoder's file, such as fp16 or quantized; empty for the plain one"
-    )
+    weights: str = Field("sam2-hiera-tiny", description=WEIGHTS_HELP)
 
 
 class Sam2(NetworkBackend, Segmenter):
-    """Segmenter: SAM 2.1 (or SAM 3's tracker) in the boxes of the embedded segmenter.
+    """Segmenter: SAM 2 tiny in the boxes of the embedded segmenter.
 
     The photo is encoded once for all people and the floor.
     """
@@ -49,17 +41,12 @@ class Sam2(NetworkBackend, Segmenter):
     Options: ClassVar[type[Options]] = Sam2Options
     options: Sam2Options
 
-    def build(self, device: str) -> tuple[Sam2Networks, Segmenter]:
+    def build(self, device: str) -> tuple[Sam2Networks, Any]:
         """Open the encoder, the decoder and the embedded segmenter."""
         from .sam2_networks import open_sam2
 
-        folder = self.file()
-        if not folder.is_dir():
-            raise BackendError(
-                f"SAM 2 is two files in a folder, and {folder} is one file: name their folder"
-            )
         detector = load_backend("segmenter", DETECTOR, device=device, threads=self.options.threads)
-        return open_sam2(folder, self.options, device, self.options.variant), detector
+        return open_sam2(self.file(), self.options, device), detector
 
     def close(self) -> None:
         """Close the networks."""
@@ -69,19 +56,11 @@ class Sam2(NetworkBackend, Segmenter):
 
     def missing(self) -> tuple[str, ...]:
         """Describe the missing files of encoder and decoder, or the missing plugin."""
-        from .sam2_networks import find_sam2_files
-
-        lack = missing(self.manifest(), self.options.weights)
-        if not lack:
-            try:
-                find_sam2_files(self.file(), self.options.variant)
-            except PhysicError as error:
-                lack = (str(error),)
         try:
             find_backend("segmenter", DETECTOR)
         except BackendNotFoundError as error:
-            return (*lack, str(error).partition("\n")[0])
-        return lack
+            return (*super().missing(), str(error).partition("\n")[0])
+        return super().missing()
 
     def fingerprint(self) -> str:
         """Return the checksums of the weights, and the version of the embedded segmenter."""
@@ -100,7 +79,7 @@ class Sam2(NetworkBackend, Segmenter):
         from .sam2_floor import floor_mask
 
         networks, detector = self.network
-        detected = detector.infer(image)
+        detected: People = detector.infer(image)
         if not len(detected):
             return detected
         size = (image.shape[0], image.shape[1])

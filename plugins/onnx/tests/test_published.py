@@ -33,7 +33,7 @@ def networks():
 
 @pytest.fixture
 def sam2(networks):
-    backend = Sam2(Sam2Options(weights="sam2-hiera-tiny"))
+    backend = Sam2(Sam2Options())
     backend._network = networks, KnownBoxes()
     return backend
 
@@ -67,7 +67,7 @@ class TestFromPhotoToFiles:
         photo = cv2.cvtColor(cv2.imread(str(PHOTO.with_name("couple.jpg"))), cv2.COLOR_BGR2RGB)
         names = (
             {"name": "embedded"},
-            {"name": "sam2-onnx", "weights": "sam2-hiera-tiny"},
+            {"name": "sam2-onnx"},
         )
         own, sam = (
             load_backend("segmenter", options.pop("name"), **options)(photo) for options in names

@@ -70,11 +70,10 @@ def test_licences_sizes_and_what_was_not_measured_are_said_before_any_step(
     done = physic("setup", "open-body", "--folder", str(tmp_path), *run)
     first = done.stdout.partition("1. ")[0]
     assert all(
-        word in first
-        for word in ("RTMW3D", "2.60 GB of MoGe-3", "MIT", "Apache-2.0", "Not measured")
+        word in first for word in ("RTMW3D", "MoGe-3 (1.48)", "MIT", "Apache-2.0", "Not measured")
     )
     assert (
-        run or "without packages: 2.6 GB, and these, of no published exact size: rtmw3d-x" in first
+        run or "without packages: 1.84 GB, and these, of no published exact size: rtmw3d-x" in first
     )
 
 
@@ -281,12 +280,9 @@ def test_the_open_preset_is_one_download_without_an_account_or_a_condition():
     plan = resolve(load_config(preset="open"))
     sets = named_weights(plan)
     assert {weights.name for weights in sets} == {
-        "sam2.1-hiera-large", "big-lama", "moge-3-vitl", "rtmw-l-384x288",
+        "sam2-hiera-tiny", "big-lama", "moge-3-vitl", "rtmw-l-384x288",
     }  # fmt: skip
-    assert all(
-        weights.is_free and all(file.source and file.sha256 for file in weights.files)
-        for weights in sets
-    )
+    assert all(weights.is_free and all(file.sha256 for file in weights.files) for weights in sets)
     stated = {one for resolved in plan.backends.values() for one in resolved.backend.requirements()}
     assert not [one for one in stated if isinstance(one, UserFile)]
     (code,) = (one for one in stated if isinstance(one, Repository))
@@ -299,7 +295,7 @@ def test_setup_of_the_open_preset_gets_the_code_of_moge_3_once_for_both_interfac
     for name in ("PHYSIC_WEIGHTS", "XDG_CACHE_HOME"):
         monkeypatch.setenv(name, str(tmp_path / name))
     text = physic("setup", "open", "--folder", str(tmp_path / "open")).stdout
-    assert "Download size, without packages: 2.83 GB" in text
+    assert "Download size, without packages: 2.07 GB" in text
     assert "Accounts: none" in text
     assert "GPU memory: 3.5 GB for the relative_pointmap" in text
     assert "never run here" in text.partition("1. ")[0]
