@@ -8,7 +8,7 @@ and keeps the verdicts of people who are in it. A verdict has 1 or 0 for each of
 contact and size, which a reader judges from the photo, and from front, side and top of the body
 with its floor; a person is right if all four are. ``fit`` prints how the probability of each mark,
 and of all, agrees with the verdicts, and with ``--write`` writes
-``physic_core/pipeline/checks/trust.json``, fitted to all people. To fit other backends, gather
+``physic_core/judge/trust.json``, fitted to all people. To fit other backends, gather
 their results, add verdicts, and fit.
 
 TABLE is by default ``benchmarks/truth/verdicts.json``, of the photos with labelled contact and the
@@ -27,8 +27,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.pipeline.checks.spec import CHECKS
-from physic_core.pipeline.checks.trust import ALL, CAP, load_of, probabilities_of
+from physic_core.judge.spec import CHECKS
+from physic_core.judge.trust import ALL, CAP, load_of, probabilities_of
 from physic_core.types import MARKS
 from physic_testing.metrics import match_by_boxes, resampled_interval
 

@@ -32,7 +32,7 @@ from physic_core.pipeline.backend_results import (
     transfer_contact,
     without_doubtful_wrists,
 )
-from physic_core.pipeline.given.people import (
+from physic_core.prepare.people import (
     is_ignored_person,
     known_people,
     order_left_to_right,
@@ -188,7 +188,7 @@ def find_keypoints(run: PhotoRun, people: People) -> FoundKeypoints:
     given = run.given.keypoints
     if given is None:
         return found
-    from physic_core.pipeline.given.keypoints import contradicted_keypoints, corrected_keypoints
+    from physic_core.prepare.keypoints import contradicted_keypoints, corrected_keypoints
 
     keypoints, changed, notes = corrected_keypoints(found.keypoints, given, people)
     run.stages.note(*notes)

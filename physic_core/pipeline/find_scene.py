@@ -106,7 +106,7 @@ def map_photo(run: PhotoRun, people: People, keypoints: Keypoints, inpainting: I
     original = _pointmap(run, "photo point map", run.image, hints) if hole.any() else scene
     if own is not None and measured is not None:
         from physic_core.engine.scene.measured_shape import in_usual_unit
-        from physic_core.pipeline.given.depth import photo_of_depth
+        from physic_core.prepare.depth import photo_of_depth
 
         if hole.any():
             original = photo_of_depth(original, scene, measured, own, people.masks, camera)
@@ -132,7 +132,7 @@ def _depth_of_photo(
     if run.resolved("metric depth").backend.sees != "photo":
         return scene, None, None
     from physic_core.engine.sizes.evidence import is_measured
-    from physic_core.pipeline.given.depth import scene_of_depth, without_hole
+    from physic_core.prepare.depth import scene_of_depth, without_hole
 
     whole = run.call("metric depth", MetricDepthRequest(run.image))
     own = without_hole(whole, hole)

@@ -45,7 +45,7 @@ def run_engine(
     with stages.time_engine("placement"):
         placed = solve_placement(estimates, state, settings.placement)
         if placed.size_ratio is not None:
-            from physic_core.pipeline.given.sizes import check_placed_people
+            from physic_core.judge.sizes import check_placed_people
 
             stages.warn(*check_placed_people(estimates, state, placed))
     with stages.time_engine("joint optimisation"):
@@ -61,7 +61,7 @@ def run_engine(
         state = move_held_things(estimates, state)
     if not estimates.known:
         return as_reconstruction(estimates, state, measures)
-    from physic_core.pipeline.given.sizes import compare_sizes
+    from physic_core.judge.sizes import compare_sizes
 
     warnings, measures, sizes = compare_sizes(estimates, measures, placed, state)
     stages.warn(*warnings)

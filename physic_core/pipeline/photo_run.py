@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.configuration.resolve import ResolvedBackend, ResolvedPipeline
     from physic_core.interfaces import Request
-    from physic_core.pipeline.given.photo import PreparedPhoto
     from physic_core.pipeline.stage_caller import StageCaller
+    from physic_core.prepare.photo import PreparedPhoto
     from physic_core.types import UInt8Array
 
 STAGES = {

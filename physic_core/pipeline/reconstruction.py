@@ -23,14 +23,14 @@ from physic_core.engine.measures import body_size_sigmas
 from physic_core.engine.scene.solve import alignment_diagnostics
 from physic_core.geometry.tensors import arrays
 from physic_core.interfaces import Repository
-from physic_core.pipeline.checks import (
+from physic_core.judge import (
     failed_checks,
     no_trust,
     person_trust,
     photo_trust,
     unknown_checks,
 )
-from physic_core.pipeline.frame import plain_ground
+from physic_core.prepare.frame import plain_ground
 from physic_core.types import (
     POSTURES,
     Grade,

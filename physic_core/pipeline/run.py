@@ -27,9 +27,9 @@ from physic_core.configuration.resolve import (
 )
 from physic_core.errors import ConfigError, PhysicError
 from physic_core.io.photo import Photo, photo_path_for_messages, read_photo
-from physic_core.pipeline.given.photo import prepare_photo
 from physic_core.pipeline.photo_run import PhotoRun, stages_before_the_engine
 from physic_core.pipeline.stage_caller import LoadedBackends, StageCaller
+from physic_core.prepare.photo import prepare_photo
 from physic_core.types import CameraTrust, Intrinsics, KnownSizes, PeoplePrompt, Reconstruction
 
 if TYPE_CHECKING:
@@ -371,7 +371,7 @@ def _reconstruct(
     run = PhotoRun(prepared, plan, stages)
     with limited_threads(plan.config.run.threads):
         estimates = _estimate(run, close=close)
-    from physic_core.pipeline.checks import run_checks, warning_messages
+    from physic_core.judge import run_checks, warning_messages
     from physic_core.pipeline.optimise import run_engine
     from physic_core.pipeline.reconstruction import (
         describe_methods,

@@ -144,7 +144,7 @@ _UNITS = {
 
 @dataclass(frozen=True)
 class CheckResult:
-    """Result of one self-check of a reconstruction; :mod:`physic_core.pipeline.checks` lists all
+    """Result of one self-check of a reconstruction; :mod:`physic_core.judge` lists all
     checks.
 
     Attributes:

@@ -12,7 +12,7 @@ from benchmarks.trust_on_photos import (
     probabilities,
     rightness,
 )
-from physic_core.pipeline.checks.trust import ALL
+from physic_core.judge.trust import ALL
 from physic_core.types import MARKS
 
 USUAL = {

@@ -81,8 +81,7 @@ def test_configs_are_checked_without_torch_and_without_a_runtime(require_light):
         ("physic_core.pipeline.run, physic_core.pipeline.estimate", {"torch"}),
         # It takes longer than a second of processor time; roma and torch.optim import it.
         (
-            "torch, physic_core.pipeline.optimise, physic_core.pipeline.checks, "
-            "physic_embedded.body_fit.fit",
+            "torch, physic_core.pipeline.optimise, physic_core.judge, physic_embedded.body_fit.fit",
             {"torch._dynamo"},
         ),
     ],

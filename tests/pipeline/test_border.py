@@ -11,8 +11,8 @@ import pytest
 from physic_core import reconstruct
 from physic_core.configuration.model import PhotoSettings
 from physic_core.io.photo import Photo
-from physic_core.pipeline.border import find_inside
-from physic_core.pipeline.given.photo import prepare_photo
+from physic_core.prepare.border import find_inside
+from physic_core.prepare.photo import prepare_photo
 from physic_core.types import Intrinsics, KnownLength, KnownSizes, PeoplePrompt
 from physic_testing.worlds import load_world
 from tests.pipeline.pictures import as_jpeg, textured

@@ -15,10 +15,10 @@ from physic_core.configuration.model import load_config
 from physic_core.configuration.resolve import resolve
 from physic_core.engine.settings import with_overrides
 from physic_core.pipeline.estimate import run_backends
-from physic_core.pipeline.given.photo import PreparedPhoto
 from physic_core.pipeline.optimise import run_engine
 from physic_core.pipeline.photo_run import PhotoRun
 from physic_core.pipeline.stage_caller import StageCaller
+from physic_core.prepare.photo import PreparedPhoto
 from physic_core.types import CameraTrust, Intrinsics
 from physic_testing.worlds import load_world
 

@@ -15,7 +15,7 @@ import torch
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.ground.stance import Stance
 from physic_core.geometry.floor import PlaneFit
-from physic_core.pipeline.checks import (
+from physic_core.judge import (
     CHECKS,
     failed_checks,
     person_trust,
@@ -23,7 +23,7 @@ from physic_core.pipeline.checks import (
     unknown_checks,
     warning_messages,
 )
-from physic_core.pipeline.checks.trust import CAP
+from physic_core.judge.trust import CAP
 from physic_core.pipeline.reconstruction import warn_of_bent_trunks
 from physic_core.types import (
     CameraTrust,

@@ -10,7 +10,7 @@ import pytest
 from physic_core import load_config, reconstruct
 from physic_core.backends.people import boxes_from_masks
 from physic_core.errors import BackendOutputError, ConfigError, NoPersonError
-from physic_core.pipeline.given.people import select_chosen
+from physic_core.prepare.people import select_chosen
 from physic_core.types import Keypoints, People, PeoplePrompt
 from physic_mock import backends
 from tests.pipeline.mocks import changed, without_people

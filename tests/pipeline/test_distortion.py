@@ -18,7 +18,7 @@ from physic_core import (
 from physic_core.configuration.model import PhotoSettings
 from physic_core.geometry.camera import check_distortion, undistort_image, undistort_pixels
 from physic_core.io.photo import Photo
-from physic_core.pipeline.given.photo import prepare_photo
+from physic_core.prepare.photo import prepare_photo
 from physic_core.types import Lens
 from physic_testing.worlds import load_world
 from tests.pipeline.mocks import run

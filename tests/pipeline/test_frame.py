@@ -12,8 +12,8 @@ from PIL import Image
 
 from physic_core.configuration.model import PhotoSettings
 from physic_core.io.photo import Photo
-from physic_core.pipeline.frame import find_frame, plain_ground
-from physic_core.pipeline.given.photo import prepare_photo
+from physic_core.prepare.frame import find_frame, plain_ground
+from physic_core.prepare.photo import prepare_photo
 from physic_core.types import Intrinsics
 from tests.pipeline.pictures import as_jpeg, textured
 

@@ -12,8 +12,8 @@ from physic_core import InputError, reconstruct
 from physic_core.configuration.model import PhotoSettings
 from physic_core.io.keypoint_file import read_keypoints
 from physic_core.io.photo import read_photo
-from physic_core.pipeline.given.keypoints import contradicted_keypoints, corrected_keypoints
-from physic_core.pipeline.given.photo import prepare_photo
+from physic_core.prepare.keypoints import contradicted_keypoints, corrected_keypoints
+from physic_core.prepare.photo import prepare_photo
 from physic_core.types import SKELETONS, Keypoints, People
 from physic_mock import backends
 

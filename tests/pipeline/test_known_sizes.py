@@ -16,7 +16,7 @@ from physic_core import KnownLength, KnownSizes, load_config
 from physic_core.body import load_body
 from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry
 from physic_core.errors import ConfigError
-from physic_core.pipeline.given.people import known_people
+from physic_core.prepare.people import known_people
 from physic_core.types import PeoplePrompt
 from physic_testing.worlds import load_world
 from tests.pipeline.mocks import run

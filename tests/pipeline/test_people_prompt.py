@@ -8,7 +8,7 @@ import pytest
 from physic_core.configuration.model import PhotoSettings
 from physic_core.errors import ConfigError
 from physic_core.io.photo import Photo
-from physic_core.pipeline.given.photo import prepare_photo
+from physic_core.prepare.photo import prepare_photo
 from physic_core.types import PeoplePrompt
 
 FILE = (400, 300)

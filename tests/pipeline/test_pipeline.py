@@ -15,7 +15,7 @@ from physic_core.engine.ground.beside import feet_pixels
 from physic_core.errors import ConfigError
 from physic_core.io.photo import Photo
 from physic_core.pipeline.backend_results import replace_hands
-from physic_core.pipeline.given.photo import prepare_photo
+from physic_core.prepare.photo import prepare_photo
 from physic_core.types import Hands, Hints, Intrinsics, Keypoints
 from physic_core.types.observations import POSTURES
 from physic_mock import backends

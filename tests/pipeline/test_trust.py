@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physic_core.pipeline.checks import CHECKS, person_trust, photo_trust
-from physic_core.pipeline.checks.trust import ALL, CAP, load_of, probabilities_of, trust_models
+from physic_core.judge import CHECKS, person_trust, photo_trust
+from physic_core.judge.trust import ALL, CAP, load_of, probabilities_of, trust_models
 from physic_core.pipeline.reconstruction import judge
 from physic_core.types import MARKS, Grade, grade_text
 

@@ -13,7 +13,7 @@ from physic_core.configuration import model as config
 from physic_core.configuration.resolve import resolve
 from physic_core.engine.joint.method import JointStageMethod
 from physic_core.engine.presets import DefaultOptimisation
-from physic_core.pipeline.checks import CHECKS
+from physic_core.judge import CHECKS
 from physic_core.pipeline.photo_run import STAGES
 
 pytestmark = pytest.mark.usefixtures("few_steps")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "notes.md"
-CORE = ("cache", "engine", "io", "pipeline")
+CORE = ("cache", "engine", "io", "judge", "pipeline", "prepare")
 PLUGINS = ("embedded", "human", "onnx", "opencv", "scene", "transformers")
 SINKS = {"advice", "doubt", "guess", "note", "notes", "otherwise", "problem", "warn", "warning"}
 SINKS |= {"doubts", "warnings", "why"}

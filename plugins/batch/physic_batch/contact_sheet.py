@@ -113,7 +113,7 @@ def contact_sheet(cards: Sequence[Mapping[str, Any]], hidden: int = 0) -> Iterat
             grade, trust, people, checks.
         hidden: number of photos that are not on the page; the page states it.
     """
-    from physic_core.pipeline.checks import CHECKS
+    from physic_core.judge import CHECKS
 
     notes = [f"{hidden:,} more photos are in the summary table only."] if hidden else []
     if any(card.get("lacks_page") for card in cards):

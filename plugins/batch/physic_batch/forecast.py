@@ -55,7 +55,7 @@ def _check_settings(item: PhotoItem, config: Config) -> None:
     maps = [interface for name, interface in _MAPS.items() if name in item.settings]
     if maps:
         from physic_core import read_photo
-        from physic_core.pipeline.given.photo import prepare_photo
+        from physic_core.prepare.photo import prepare_photo
 
         image = prepare_photo(read_photo(Path(item.path)), photo, None, None).photo.image
         for interface in maps:

@@ -339,7 +339,7 @@ _DECODER = json.JSONDecoder(parse_constant=_refuse, parse_float=finite)
 
 def all_columns() -> tuple[str, ...]:
     """Return the columns that tables can have, in their order."""
-    from physic_core.pipeline.checks import CHECKS
+    from physic_core.judge import CHECKS
 
     return _ordered_columns({*SUMMARY_KEYS, *(f"check_{name}" for name in CHECKS)} - COLUMNS.keys())
 

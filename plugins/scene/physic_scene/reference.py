@@ -16,8 +16,8 @@ from physic_core.body import NUM_JOINTS
 from physic_core.configuration.resolve import resolve
 from physic_core.engine.sizes.stature import ADULT_YEARS
 from physic_core.engine.state import Estimates, OtherView
-from physic_core.pipeline.border import cut_camera
-from physic_core.pipeline.frame import find_frame
+from physic_core.prepare.border import cut_camera
+from physic_core.prepare.frame import find_frame
 from physic_core.types import (
     Bodies,
     BodyParameters,

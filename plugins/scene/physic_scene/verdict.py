@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.pipeline.checks import CheckSpec, capped, limb_keypoint_error
+from physic_core.judge import CheckSpec, capped, limb_keypoint_error
 from physic_core.types import Grade
 from physic_scene.matching import answer_cost
 

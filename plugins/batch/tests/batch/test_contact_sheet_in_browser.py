@@ -7,7 +7,7 @@ import json
 import pytest
 
 from physic_batch.contact_sheet import contact_sheet
-from physic_core.pipeline.checks import CHECKS
+from physic_core.judge import CHECKS
 
 GRADES = ("good", "bad", "doubtful", "good", "")
 TRUST = {"good": 0.914, "bad": 0.1, "doubtful": None}

@@ -20,7 +20,7 @@ from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from physic_core.pipeline.checks.spec import CHECKS
+from physic_core.judge.spec import CHECKS
 from physic_core.types import MARKS, Grade
 from physic_core.types.records import LEAST_TRUST, trust_text
 
@@ -76,7 +76,7 @@ class Trust:
 @cache
 def trust_models() -> Mapping[str, TrustModel]:
     """Return the fitted models of each mark and of :data:`ALL`."""
-    text = (files("physic_core.pipeline.checks") / "trust.json").read_text(encoding="utf-8")
+    text = (files("physic_core.judge") / "trust.json").read_text(encoding="utf-8")
     models: Mapping[str, TrustModel] = json.loads(text)["models"]
     return models
 

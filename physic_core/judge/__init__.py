@@ -9,16 +9,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from physic_core.pipeline.checks import people, photo  # noqa: F401  # fill CHECKS
-from physic_core.pipeline.checks.limbs import limb_keypoint_error
-from physic_core.pipeline.checks.spec import (
+from physic_core.judge import people, photo  # noqa: F401  # fill CHECKS
+from physic_core.judge.limbs import limb_keypoint_error
+from physic_core.judge.spec import (
     CHECKS,
     CheckSpec,
     failed_checks,
     unknown_checks,
     warning_messages,
 )
-from physic_core.pipeline.checks.trust import capped, no_trust, person_trust, photo_trust
+from physic_core.judge.trust import capped, no_trust, person_trust, photo_trust
 
 if TYPE_CHECKING:
     from physic_core.engine.state import Estimates

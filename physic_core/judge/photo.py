@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.pipeline.checks.spec import YES, check
+from physic_core.judge.spec import YES, check
 from physic_core.types.contacts import has_sole_on_floor
 from physic_core.types.results import main_people
 
 if TYPE_CHECKING:
     from physic_core.engine.state import Estimates
-    from physic_core.pipeline.checks.spec import Measured
+    from physic_core.judge.spec import Measured
     from physic_core.types import BoolArray, FloatArray, Reconstruction, UInt8Array
 
 NO_FLOOR = "no floor was found"

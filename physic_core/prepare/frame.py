@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physic_core.geometry.colors import lab_from_srgb
-from physic_core.pipeline.border import find_inside
-from physic_core.pipeline.twins import half_of_twins
+from physic_core.prepare.border import find_inside
+from physic_core.prepare.twins import half_of_twins
 
 if TYPE_CHECKING:
-    from physic_core.pipeline.border import Inside
+    from physic_core.prepare.border import Inside
     from physic_core.types import BoolArray, FloatArray, UInt8Array
 
 _SIDE = 560  # px of the long side, at which the noise of a scan is averaged

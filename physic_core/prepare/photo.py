@@ -15,8 +15,8 @@ import numpy as np
 from physic_core.errors import ConfigError
 from physic_core.io.keypoint_file import GivenKeypoints, read_keypoints
 from physic_core.io.photo import Photo, limit_size
-from physic_core.pipeline.border import Border, cut_border, limit_inside
-from physic_core.pipeline.frame import Frame, find_frame
+from physic_core.prepare.border import Border, cut_border, limit_inside
+from physic_core.prepare.frame import Frame, find_frame
 from physic_core.types import CameraTrust, Intrinsics, KnownSizes, Lens, PeoplePrompt
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from physic_core.engine.sizes.evidence import CONTRADICTION, likely_unit
 from physic_core.engine.sizes.stature import STATURES_M
 from physic_core.errors import ConfigError
 from physic_core.geometry.tensors import exact_arrays
-from physic_core.pipeline.checks import CHECKS
+from physic_core.judge import CHECKS
 
 if TYPE_CHECKING:
     from physic_core.engine.sizes.known_sizes import KnownGeometry

@@ -13,8 +13,8 @@ import numpy as np
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.terms.reprojection_settings import ReprojectionSettings
-from physic_core.pipeline.checks.people import lies
-from physic_core.pipeline.checks.spec import NO_BODY, check
+from physic_core.judge.people import lies
+from physic_core.judge.spec import NO_BODY, check
 from physic_core.types import skeleton_named
 from physic_core.types.contacts import part_words
 from physic_core.types.results import LIMB_ENDS, UNSURE_M
@@ -22,7 +22,7 @@ from physic_core.types.skeletons import SIDES, keypoint_in_words
 
 if TYPE_CHECKING:
     from physic_core.engine.state import Estimates
-    from physic_core.pipeline.checks.spec import Measured
+    from physic_core.judge.spec import Measured
     from physic_core.types import FloatArray, Intrinsics, Reconstruction, Skeleton
 
 _LIMB_JOINTS = tuple(

@@ -14,8 +14,8 @@ import numpy as np
 from physic_core.body.joints import joint_pair
 from physic_core.body.posture import LYING_DEG, lean_deg, standing_legs, trunk_tilt_deg
 from physic_core.engine.ground.posture import is_upright
-from physic_core.pipeline.checks.photo import NO_FLOOR, relative_difference
-from physic_core.pipeline.checks.spec import NO_BODY, YES, check
+from physic_core.judge.photo import NO_FLOOR, relative_difference
+from physic_core.judge.spec import NO_BODY, YES, check
 from physic_core.types import MARKS, Plane, skeleton_named
 from physic_core.types.contacts import SupportState, part_words
 from physic_core.types.observations import TOUCH_PARTS
@@ -23,7 +23,7 @@ from physic_core.types.people import CARRIER_NAMES
 
 if TYPE_CHECKING:
     from physic_core.engine.state import Estimates
-    from physic_core.pipeline.checks.spec import Measured
+    from physic_core.judge.spec import Measured
     from physic_core.types import (
         BoolArray,
         Person,
