@@ -12,7 +12,6 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Thread
 
-from physic_core.discovery.process_state import LIMITING
 from physic_core.errors import DeviceError
 
 DEVICE_PATTERN = re.compile(r"cpu|cuda(?::([0-9]{1,3}))?")
@@ -87,7 +86,7 @@ def limited_threads(count: int = 1) -> Iterator[None]:
             before.append(torch.get_num_threads())
             torch.set_num_threads(count)
 
-    limiting = Thread(target=limit_torch, name=LIMITING)
+    limiting = Thread(target=limit_torch)
     if "torch" in sys.modules:
         limit_torch()
     else:

@@ -28,7 +28,7 @@ from physic_core.discovery.backends import (
 )
 from physic_core.discovery.entry_points import Offer
 from physic_core.discovery.plugin_code import named_plugin_code
-from physic_core.discovery.process_state import describe_changes, kept_process_state
+from physic_core.discovery.process_state import kept_process_state
 from physic_core.errors import (
     AmbiguousBackendError,
     BackendError,
@@ -314,8 +314,8 @@ def _construct(offer: Offer, kind: type[Backend], options: Options) -> ResolvedB
         named_plugin_code(f"{offer} cannot be constructed", kind),
     ):
         backend = kind(options)
-    if changes:
-        _LOG.warning("the constructor of %s %s", offer, describe_changes(changes))
+    for change in changes:
+        _LOG.warning("the constructor of %s %s", offer, change)
     return _resolved(offer, backend)
 
 

@@ -27,7 +27,7 @@ from physic_core.discovery.error_text import (
     traceback_text,
 )
 from physic_core.discovery.plugin_code import plugin_code
-from physic_core.discovery.process_state import describe_changes, kept_process_state
+from physic_core.discovery.process_state import kept_process_state
 from physic_core.errors import BackendError, BackendOutputError, PhysicError
 from physic_core.interfaces.backend import Result, call, contract_violations, interface_of
 from physic_core.interfaces.checks import require_image
@@ -38,7 +38,6 @@ from physic_core.types import StageRecord
 if TYPE_CHECKING:
     from physic_core.cache.results import CacheKey, ResultCache
     from physic_core.configuration.resolve import ResolvedBackend
-    from physic_core.discovery.process_state import Change
     from physic_core.interfaces import Backend, Request
     from physic_core.types import UInt8Array
 
@@ -350,20 +349,20 @@ def wrap_plugin_errors(
     resolved: ResolvedBackend,
     report: Callable[[str], None] | None = None,
 ) -> Iterator[None]:
-    """Run code of a backend: its exceptions become PhysicErrors, and the state of the process stays
-    as it was.
+    """Run code of a backend: its exceptions become PhysicErrors, and the settings of
+    :mod:`physic_core.discovery.process_state` stay as they were.
 
     Args:
         title: start of the messages of errors: names the backend, and the stage or what failed.
         resolved: the backend.
-        report: receives a sentence if the backend changed state of the process, which is restored.
+        report: receives a sentence for each setting that the backend changed, which is restored.
             None for code that only touches what the backend returned: no state is kept.
 
     Raises:
         PhysicError: of the class that the backend raised, or BackendError; its message starts with
             ``title``.
     """
-    changes: list[Change] = []
+    changes: list[str] = []
     try:
         with (
             nullcontext(changes) if report is None else kept_process_state() as changes,
@@ -380,5 +379,6 @@ def wrap_plugin_errors(
             f"{title}: {describe_error(cause, type(resolved.backend))}"
         ) from plugin_error(cause)
     finally:
-        if report is not None and changes:
-            report(f"{resolved.title} {describe_changes(changes)}")
+        if report is not None:
+            for change in changes:
+                report(f"{resolved.title} {change}")

@@ -1,9 +1,8 @@
-"""Settings of the process that a backend should leave alone, and that the pipeline does not
-restore.
-"""
+"""Settings of the process that a backend should leave alone."""
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
 from collections.abc import Callable
@@ -28,18 +27,29 @@ _VALUES = {
 """Module -> attributes that are compared."""
 
 _CALLED = {
+    "cv2": ("getNumThreads",),
     "numpy": ("geterr",),
+    "os": ("getcwd",),
     "torch": (
         "_C._is_any_autocast_enabled",
         "are_deterministic_algorithms_enabled",
         "backends.cuda.flash_sdp_enabled",
         "backends.cuda.math_sdp_enabled",
+        "get_default_dtype",
         "get_float32_matmul_precision",
+        "get_num_threads",
     ),
 }
 """Module -> functions whose results are compared."""
 
+_SET_BY_IMPORTS = frozenset(
+    {"CUDA_MODULE_LOADING", "LD_LIBRARY_PATH", "TORCHINDUCTOR_CACHE_DIR"}  # torch, OpenCV
+    | {"KMP_DUPLICATE_LIB_OK", "KMP_INIT_AT_FORK"}  # scikit-learn
+    | {"ORT_DISABLE_TELEMETRY"}  # metricbody-embedded, before it imports onnxruntime
+)
+"""Environment variables that libraries set for themselves when they are imported."""
 
+_VARIABLE = "the environment variable "
 _GENERATOR_OF_TORCH = "torch's random generator"
 
 _STATES: dict[str, tuple[str, Callable[[Any], Any]]] = {
@@ -70,7 +80,8 @@ def read_settings() -> dict[str, Any]:
     for name, (library, read) in _STATES.items():
         if library in sys.modules:
             found[name] = read(sys.modules[library])
-    return found
+    variables = os.environ.keys() - _SET_BY_IMPORTS
+    return found | {f"{_VARIABLE}{name}": os.environ[name] for name in variables}
 
 
 def _broad_filters() -> list[Any]:
@@ -82,7 +93,7 @@ def _broad_filters() -> list[Any]:
     ]
 
 
-def changed_settings(before: dict[str, Any], *, is_load: bool) -> list[str]:
+def changed_settings(before: dict[str, Any], *, is_load: bool) -> set[str]:
     """Return the names of the settings that differ from those of :func:`read_settings`.
 
     Args:
@@ -91,5 +102,6 @@ def changed_settings(before: dict[str, Any], *, is_load: bool) -> list[str]:
             they read their own.
     """
     after = read_settings()
-    changed = {name for name, value in before.items() if after[name] != value}
-    return sorted(changed - {_GENERATOR_OF_TORCH} if is_load else changed)
+    changed = {name for name, value in before.items() if after.get(name) != value}
+    changed |= {name for name in after.keys() - before.keys() if name.startswith(_VARIABLE)}
+    return changed - {_GENERATOR_OF_TORCH} if is_load else changed

@@ -28,7 +28,7 @@ def check_changes_no_settings_of_the_process(subject: BackendUnderTest) -> None:
     they were.
     """
     subject.result()
-    texts = sorted(subject.watch.changed.values())
+    texts = sorted(subject.watch.changed)
     expect(
         not texts,
         "the state of the process as before the call",

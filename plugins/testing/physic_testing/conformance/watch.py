@@ -7,26 +7,22 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from io import StringIO
-from typing import TYPE_CHECKING
 
 from physic_core.discovery.process_state import kept_process_state
 from physic_testing.conformance.leaks import changed_settings, read_settings
-
-if TYPE_CHECKING:
-    from physic_core.discovery.process_state import Change
 
 
 class Watch:
     """Record of what the watched calls changed in the process.
 
     Attributes:
-        changed: names of settings of the process -> name and values.
+        changed: names of settings of the process.
         files: names that appeared in the current folder.
         printed: text that was written to the standard output.
     """
 
     def __init__(self) -> None:
-        self.changed: dict[str, str] = {}
+        self.changed: set[str] = set()
         self.files: set[str] = set()
         self.printed = ""
 
@@ -61,11 +57,9 @@ class Watch:
     @contextmanager
     def _settings(self, *, is_load: bool) -> Iterator[None]:
         """Watch the settings of the process; those that the pipeline restores are restored."""
-        changes: list[Change] = []
         before = read_settings()
-        try:
-            with kept_process_state() as changes:
+        with kept_process_state():
+            try:
                 yield
-        finally:
-            self.changed |= {change.name: change.text for change in changes}
-            self.changed |= {name: name for name in changed_settings(before, is_load=is_load)}
+            finally:
+                self.changed |= changed_settings(before, is_load=is_load)

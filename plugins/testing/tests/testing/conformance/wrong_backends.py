@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import inspect
 import mmap
+import os
 import socket
 import time
 from dataclasses import replace
@@ -243,6 +244,29 @@ class NoGradients(RightDepth):
 
     def close(self):
         torch.set_grad_enabled(True)
+        super().close()
+
+
+@wrong("threads for everybody", "changes_no_settings_of_the_process")
+class Threads(RightDepth):
+    def load(self, device="cpu"):
+        super().load(device)
+        self.before = torch.get_num_threads()
+        torch.set_num_threads(1)
+
+    def close(self):
+        torch.set_num_threads(self.before)
+        super().close()
+
+
+@wrong("a variable for everybody", "changes_no_settings_of_the_process")
+class Variable(RightDepth):
+    def load(self, device="cpu"):
+        super().load(device)
+        os.environ["OMP_NUM_THREADS"] = "13"
+
+    def close(self):
+        del os.environ["OMP_NUM_THREADS"]
         super().close()
 
 
