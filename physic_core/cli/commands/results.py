@@ -72,7 +72,7 @@ def _refuse_format_option(ctx: click.Context, _: click.Parameter, given: str | N
 @click.option("--body-model", type=AnyPath(), metavar="FILE", help="Your SMPLX_*.npz.")
 @click.option(
     "--names",
-    type=click.Choice(["smplx", "mixamo", "unreal", "unity", "vrm", "lafan"]),
+    type=click.Choice(["smplx", "mixamo", "unreal", "unity", "vrm"]),
     help="Names of the bones.",
 )
 @click.option(

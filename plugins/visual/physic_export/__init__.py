@@ -44,7 +44,7 @@ _FORMATS = (
         stem="skeleton",
         bodies="required",
         per_person=True,
-        options={"names": ("mixamo", "smplx", "unreal", "unity", "vrm", "lafan")},
+        options={"names": ("mixamo", "smplx", "unreal", "unity", "vrm")},
     ),
     _record(
         "coco",

@@ -95,55 +95,6 @@ def test_frame_0_is_a_t_pose_on_the_floor_below_the_pose(export, up, axis, names
     np.testing.assert_allclose(stands["pelvis"][flat], posed["pelvis"][flat], atol=1e-5)
 
 
-BONES = (
-    ("LeftUpLeg", "LeftLeg"),
-    ("RightLeg", "RightFoot"),
-    ("LeftFoot", "LeftToe"),
-    ("Spine", "Spine1"),
-    ("LeftArm", "LeftForeArm"),
-    ("RightForeArm", "RightHand"),
-)
-
-
-@pytest.mark.parametrize("frame", [0, 1])
-def test_lafan_has_the_joints_of_the_result_in_centimetres(export, result, frame, in_frame):
-    files = export("a.bvh", names="lafan").files
-    for path, person in zip(files, result.people, strict=True):
-        found = joints_of(path, frame)
-        wanted = 100 * in_frame(person.joints[:22], "y")
-        names = [name.replace("ToeBase", "Toe") for name in bone_names("mixamo")[:22]]
-        assert set(found) == set(names)
-        np.testing.assert_allclose([found[name] for name in names], wanted, atol=0.01)
-
-
-def test_x_of_lafan_runs_along_the_bones_and_z_to_the_left_in_the_trunk_and_the_right_in_the_legs(
-    export,
-):
-    poses = read_bvh(export("a.bvh", names="lafan", person=0).files[0], 0)
-    for name, child in BONES:
-        bone = poses[child][:3, 3] - poses[name][:3, 3]
-        np.testing.assert_allclose(poses[name][:3, 0], bone / np.linalg.norm(bone), atol=1e-3)
-    to_left = poses["LeftUpLeg"][:3, 3] - poses["RightUpLeg"][:3, 3]
-    to_left = to_left / np.linalg.norm(to_left)
-    assert poses["Hips"][:3, 2] @ to_left > 0.95
-    for name in ("LeftUpLeg", "RightUpLeg"):
-        assert poses[name][:3, 2] @ to_left < -0.5
-
-
-def test_lafan_is_refused_where_y_is_not_up(export):
-    with pytest.raises(InputError, match="y up"):
-        export("a.bvh", names="lafan", up="z")
-
-
-def test_a_retargeter_reads_lafan(export, result, in_frame):
-    loader = pytest.importorskip("general_motion_retargeting.utils.lafan1")
-    path = export("a.bvh", names="lafan", person=0).files[0]
-    frames, _ = loader.load_bvh_file(str(path), format="lafan1")
-    wanted = in_frame(result.people[0].joints)
-    apart = np.linalg.norm(frames[0]["Head"][0] - frames[0]["Hips"][0])
-    assert apart == pytest.approx(np.linalg.norm(wanted[15] - wanted[0]), abs=1e-3)
-
-
 def test_a_file_of_smplx_is_refused_for_bodies_of_another_model(result, tmp_path):
     (tmp_path / "SMPLX_NEUTRAL.npz").touch()
     with pytest.raises(InputError, match="leave it out"):
