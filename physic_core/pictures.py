@@ -40,7 +40,7 @@ def make_pictures(
     Args:
         result: what to show; of a page alone, also the reason why it cannot be read.
         names: of :data:`PREVIEW_FILE`, :data:`GLB_FILE` and :data:`REPORT_FILE`.
-        title: of the page, such as the name of the photo; any text.
+        title: of the page, any text; by default the name of the photo.
 
     Raises:
         PackageMissingError: no installed plugin makes pictures.
@@ -53,7 +53,8 @@ def make_pictures(
     # Matrices of three columns: further threads of BLAS would take as much processor time again,
     # waiting.
     with threadpool_limits(limits=1, user_api="blas"):
-        made = call_item(found, _ROLE, result, names, title or "Reconstruction")
+        title = title or getattr(result, "photo_name", "") or "Reconstruction"
+        made = call_item(found, _ROLE, result, names, title)
     pictures = dict[str, bytes]()
     for name in names:
         content = made.get(name) if isinstance(made, Mapping) else made
@@ -82,7 +83,7 @@ def report_html(reconstruction: Reconstruction | InputError, title: str = "") ->
 
     Args:
         reconstruction: what to show, or the reason why it cannot be read.
-        title: of the page, such as the name of the photo; any text.
+        title: of the page, any text; by default the name of the photo.
 
     Errors are those of :func:`make_pictures`.
     """

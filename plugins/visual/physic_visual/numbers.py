@@ -1,4 +1,4 @@
-"""Numbers of people and names of surfaces in pictures: where they stand, and their discs."""
+"""Numbers of people in pictures: where they stand, and their discs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body import JOINT_INDEX
-from physic_core.types import partner_titles
 from physic_visual.panels import draw_person_number
 from physic_visual.render import View
 
@@ -50,60 +49,6 @@ def heads_in_photo(
             top = max(row - 6, 12)
         heads[index] = (float(column), float(top))
     return heads
-
-
-def surfaces_in_photo(
-    reconstruction: Reconstruction, width: int, height: int
-) -> dict[str, tuple[float, float]]:
-    """Return column and row where a person touches each surface whose name has a number, such as
-    "unnamed surface 3", in a picture of a size in px.
-    """
-    camera = View.perspective(reconstruction.intrinsics, width, height)
-    places = {}
-    for person in reconstruction.people:
-        titles = partner_titles(one.partner for one in person.contacts)
-        for index, partner in enumerate(reconstruction.contact_partners):
-            touching = person.vertices[person.contact_partner == index].astype(np.float64)
-            title = titles.get(partner, "")
-            if partner.id is not None and title.endswith(f" {partner.id}") and len(touching):
-                column, row = camera.project(touching)[:, :2].mean(0).tolist()
-                if 0 <= column < width and 0 <= row < height:
-                    places[title] = (column, row)
-    return places
-
-
-def free_places(
-    places: Mapping[str, tuple[float, float]],
-    halves: Mapping[str, float],
-    height: float,
-    size: tuple[int, int],
-) -> dict[str, tuple[float, float]]:
-    """Return where names are written inside a picture, each moved up or down until it is over no
-    other.
-
-    Args:
-        places: name -> column and row of its middle, px.
-        halves: name -> half of its width, px.
-        height: of a name, px.
-        size: width and height of the picture, px.
-    """
-    free: dict[str, tuple[float, float]] = {}
-    for name, (column, row) in places.items():
-        half = halves[name]
-        x = float(np.clip(column, half, max(half, size[0] - half)))
-        first = float(np.clip(row, height / 2, size[1] - height / 2))
-        rows = [first + sign * step * height for step in range(len(places)) for sign in (1, -1)]
-        left = [
-            y
-            for y in rows
-            if height / 2 <= y <= size[1] - height / 2
-            and all(
-                abs(x - other) >= half + halves[one] or abs(y - at) >= height
-                for one, (other, at) in free.items()
-            )
-        ]
-        free[name] = (x, left[0] if left else first)
-    return free
 
 
 def draw_numbers(

@@ -1,23 +1,16 @@
-"""Preview panels: photo, overlay, depth and contact views, each (H, W, 3) uint8 RGB, and the table
-of people.
-
-The table has each person's contact, grade, distance, and the checks that the grade comes from.
-"""
+"""Preview panels: photo, overlay, depth and contact views, each (H, W, 3) uint8 RGB."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import ImageDraw, ImageFont
 
 from physic_core.body import JOINT_INDEX, joint_pair
 from physic_core.geometry import gltf_from_camera, transform_points
-from physic_core.types import Grade, contacts_text, grade_text, metres_text
 from physic_visual.palette import painted_contact, person_color
 from physic_visual.render import (
     RenderedLayer,
@@ -37,7 +30,6 @@ if TYPE_CHECKING:
     from physic_visual.views import PreviewGeometry
 
     Array = NDArray[np.float64]
-    Line = tuple[str, tuple[int, int, int]]
 
 _OUTLINE_PX = 2
 _SPOT_PX = 5  # side of the squares drawn for a body's triangles, at twice the size
@@ -45,7 +37,7 @@ _LARGE = 95  # percentile of the triangles' areas that a square covers
 _MOST_SPOTS = 200_000  # triangles
 _STEP = 0.05  # difference of colour between two people, or a person and the background, of 1
 
-CONTACT_VIEWS = ("front", "back", "below")
+CONTACT_VIEWS = ("front", "back", "soles")
 """Views of a person that show contact."""
 
 _FAR = 60.0  # metres where the colours end
@@ -62,18 +54,8 @@ _PLAIN = str.maketrans(
 UNKNOWN_RGB = (190, 190, 188)
 """sRGB colour of unknown depth."""
 
-MAX_PEOPLE = 16
-"""Maximum number of people with a row."""
-
 INK_RGB = (32, 34, 38)
 SOFT_RGB = (98, 102, 108)
-ALERT_RGB = (178, 48, 34)
-_GRADE_RGB = {Grade.GOOD: (28, 122, 70), Grade.DOUBTFUL: (150, 96, 10), Grade.BAD: ALERT_RGB}
-_RULE_RGB = (206, 206, 202)
-_TEXT = 15  # px, size
-_LINE = 21  # px, height of a line
-_GRADE = 150  # px
-_DISTANCE = 128  # px
 
 
 def photo_panel(image: UInt8Array, width: int, height: int) -> UInt8Array:
@@ -291,127 +273,9 @@ def draw_text(
     )
 
 
-def wrap(text: str, size: int, width: float, between: str = " ") -> list[str]:
-    """Break a text at ``between`` into as few lines as possible, each at most ``width`` px unless
-    one word is wider.
-    """
-    lines: list[str] = []
-    blank = font(size).getlength(between)
-    used = math.inf
-    for word in text.translate(_PLAIN).split(between):
-        own = font(size).getlength(word)
-        used += blank + own
-        if used <= width:
-            lines[-1] += between + word
-        else:
-            lines.append(word)
-            used = own
-    return lines
-
-
-_HEAD = 26  # px, height of the head
-_NUMBER = 40  # px, width of a column
-
-
-def people_table(reconstruction: Reconstruction, width: int) -> Image.Image:
-    """Draw a row for each person, up to :data:`MAX_PEOPLE`; nothing in it is shortened.
-
-    Args:
-        reconstruction: with people.
-        width: of the table, px.
-    """
-    people = range(min(len(reconstruction.people), MAX_PEOPLE))
-    tall = int(np.clip(500 / len(people), 100, 160))  # px of the figures
-    free = width - 2 * tall - _NUMBER - _GRADE - _DISTANCE
-    columns = np.cumsum([0, _NUMBER, 2 * tall, _GRADE, _DISTANCE, 0.45 * free]).tolist()
-    rows = [_person_row(reconstruction, index, [*columns, width], tall) for index in people]
-    below = _HEAD + sum(row.height for row in rows)
-    left_out = len(reconstruction.people) - len(people)
-    table = Image.new("RGB", (width, below + (_LINE if left_out else 0)), PAGE_RGB)
-    pen = ImageDraw.Draw(table)
-    names = ("", "", "grade", "distance", "touches (probability)", "why")
-    for name, x in zip(names, columns, strict=True):
-        draw_text(pen, (x, 2), name, _TEXT, SOFT_RGB)
-    for place, name in enumerate(CONTACT_VIEWS):
-        middle = columns[1] + (place + 0.5) * (2 * tall - 16) / len(CONTACT_VIEWS)
-        draw_text(pen, (middle, 2), name, _TEXT, SOFT_RGB, "ma")
-    top = _HEAD
-    for row in rows:
-        table.paste(row, (0, top))
-        top += row.height
-    if left_out:
-        more = f"{left_out} more people: see report.html or reconstruction.json"
-        draw_text(pen, (0, below), more, _TEXT, SOFT_RGB)
-    return table
-
-
-_PAD = 10  # px, space in a row
-
-
-def _person_row(
-    reconstruction: Reconstruction, index: int, edges: Sequence[float], tall: int
-) -> Image.Image:
-    """Draw the row of a person.
-
-    Args:
-        reconstruction: with the person.
-        index: of the person.
-        edges: (7,) of the columns, px.
-        tall: least height of the figures, px.
-    """
-    _, left, after, *_, touches, why, width = edges
-    cells = _cells(reconstruction, index, why - touches - 28, width - why - 28)
-    height = max(tall, _LINE * max(map(len, cells))) + _PAD
-    row = Image.new("RGB", (int(width), height), PAGE_RGB)
-    pen = ImageDraw.Draw(row)
-    pen.line((0, 0, width, 0), fill=_RULE_RGB)
-    draw_person_number(pen, 16, 20, index)
-    picture = render_contact_views(reconstruction, index, int(after - left) - 16, height - _PAD)
-    row.paste(Image.fromarray(picture), (int(left), _PAD // 2))
-    for x, lines in zip(edges[2:-1], cells, strict=True):
-        for number, (text, color) in enumerate(lines):
-            draw_text(pen, (x, 8 + _LINE * number), text, _TEXT, color)
-    return row
-
-
 def draw_person_number(pen: ImageDraw.ImageDraw, x: float, y: float, index: int) -> None:
     """Draw a person's number on a disc in their colour."""
     pen.ellipse(
         (x - 11, y - 11, x + 11, y + 11), fill=person_color(index), outline=(255, 255, 255), width=2
     )
     draw_text(pen, (x, y), str(index), 14, (20, 20, 20), "mm")
-
-
-def _cells(
-    reconstruction: Reconstruction, index: int, touch_px: float, why_px: float
-) -> list[list[Line]]:
-    """Return the lines of grade, distance, contact and reasons, each with its colour."""
-    person = reconstruction.people[index]
-    distance = float(np.linalg.norm(person.joints[0]))
-    sigma = reconstruction.distance_sigmas[index]
-    likely, assumed = (contacts_text(person.contacts, assumed=one) for one in (False, True))
-    possible = contacts_text(person.contacts, likely=False)
-    touches: list[Line] = []
-    if likely:
-        touches.append((likely, INK_RGB))
-    if assumed:
-        touches.append((assumed, SOFT_RGB))
-    if possible:
-        touches.append((f"possible: {possible}", SOFT_RGB))
-    if not touches:
-        count = f"{np.sum(person.contact)} of {len(person.contact)} vertices"
-        touches = [(count if person.contact_partner is None else "none", SOFT_RGB)]
-    grade_rgb = INK_RGB if person.grade is None else _GRADE_RGB[person.grade]
-    return [
-        _wrapped([(grade_text(person.grade, person.trust, person.marks), grade_rgb)], _GRADE - 16),
-        _wrapped(
-            [(metres_text(distance, sigma, 1) if np.isfinite(distance) else "unknown", INK_RGB)],
-            _DISTANCE - 16,
-        ),
-        _wrapped(touches, touch_px),
-        _wrapped([(person.why or "no checks were run", INK_RGB)], why_px),
-    ]
-
-
-def _wrapped(texts: list[Line], width: float) -> list[Line]:
-    return [(line, color) for text, color in texts for line in wrap(text, _TEXT, width)]

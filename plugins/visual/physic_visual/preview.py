@@ -1,6 +1,6 @@
-"""Render ``preview.png``, an image to check the quality of a reconstruction.
+"""Render ``preview.png``, the picture of a reconstruction: what it is like, not why.
 
-People without a body are dashed boxes with the reason.
+People without a body are dashed boxes.
 """
 
 from __future__ import annotations
@@ -16,9 +16,8 @@ from PIL import Image, ImageDraw
 from PIL.PngImagePlugin import PngInfo
 
 from physic_core.files import MARK
-from physic_core.geometry import up_in_camera
-from physic_core.types import grade_text, metres_text, summarize_checks
-from physic_visual.numbers import draw_numbers, free_places, heads_in_photo, surfaces_in_photo
+from physic_core.types import Grade, grade_text, metres_text
+from physic_visual.numbers import draw_numbers, heads_in_photo
 from physic_visual.palette import (
     CONTACT_PALETTE,
     FAINT,
@@ -27,19 +26,19 @@ from physic_visual.palette import (
     has_faint_contact,
 )
 from physic_visual.panels import (
-    ALERT_RGB,
+    CONTACT_VIEWS,
     INK_RGB,
     SOFT_RGB,
     UNKNOWN_RGB,
     colored_depth,
     depth_panel,
     depth_range,
+    draw_person_number,
     draw_text,
     font,
     overlay_panel,
-    people_table,
     photo_panel,
-    wrap,
+    render_contact_views,
 )
 from physic_visual.textures.dressed import GUESSED
 from physic_visual.views import (
@@ -56,9 +55,13 @@ if TYPE_CHECKING:
     from physic_visual.views import PreviewGeometry
 
 _BOX_RGB = (255, 214, 64)
-_LABEL_RGB = (32, 34, 38)
 _DASH_PX = 7
-_FONT_PX = 12
+_GRADE_RGB = {
+    Grade.GOOD: (28, 122, 70),
+    Grade.DOUBTFUL: (150, 96, 10),
+    Grade.BAD: (178, 48, 34),
+    None: INK_RGB,
+}
 
 _Box = tuple[float, float, float, float]
 
@@ -70,6 +73,9 @@ _GAP = 18
 _TITLE = 30
 _CELL = (_WIDTH - 2 * _MARGIN - 2 * _GAP) // 3  # width of a column, px
 _DEPTH_TITLE = "Depth without people"
+_FIGURE = 190  # height of a person's figures, px
+_CAPTION = 48  # of the lines above them, px
+_MOST_PEOPLE = 12
 
 
 def draw_unposed(
@@ -80,22 +86,16 @@ def draw_unposed(
     width: float,
     height: float,
 ) -> None:
-    """Draw the boxes of people without a body, with the reasons, on a panel that shows the image at
-    x, y, width, height px.
+    """Draw the boxes of people without a body on a panel that shows the image at x, y, width,
+    height px.
     """
     rows, columns = reconstruction.image.shape[:2]
-    boxes = [(np.array(one.box), one.reason) for one in reconstruction.unposed]
-    for index, person in enumerate(reconstruction.people):
-        if not person.has_body:
-            boxes.append((person.box.astype(np.float64), f"person {index}: no body"))
-    for box, reason in boxes:
+    boxes = [np.array(one.box) for one in reconstruction.unposed]
+    boxes += [one.box.astype(np.float64) for one in reconstruction.people if not one.has_body]
+    for box in boxes:
         edges = box * ([width / columns, height / rows] * 2)
         x0, y0, x1, y1 = np.clip(edges, 0, [width - 1, height - 1] * 2) + np.array([x, y] * 2)
         _draw_dashed(pen, [(x0, y0), (x1, y0), (x1, y1), (x0, y1)], _BOX_RGB)
-        wide = font(_FONT_PX).getlength(reason)
-        if wide + 4 <= x1 - x0:  # in a smaller box of a crowd, the summary names the reason
-            pen.rectangle((x0 + 1, y1 - _FONT_PX - 4, x0 + wide + 5, y1 - 1), fill=_LABEL_RGB)
-            draw_text(pen, (x0 + 3, y1 - 3), reason, _FONT_PX, _BOX_RGB, "ls")
 
 
 def _draw_dashed(
@@ -129,37 +129,55 @@ def preview_png(reconstruction: Reconstruction) -> bytes:
 
 
 def preview_image(reconstruction: Reconstruction) -> Image.Image:
-    """Render photo, overlay, depth, three views and a table of people in one image, 1280 px
-    wide.
+    """Render photo, overlay, depth, three views, and each person's contact in one image, 1280 px
+    wide, below the name of the photo.
     """
     height, width = reconstruction.image.shape[:2]
     geometry = build_preview_geometry(reconstruction)
-    room = _WIDTH - 2 * _MARGIN
-    facts = wrap(summary_line(reconstruction), 17, room, "  ·  ")
-    lines = [
-        *((line, ALERT_RGB) for line in _message_lines("! ", reconstruction.warnings)),
-        *((line, SOFT_RGB) for line in _message_lines("", reconstruction.notes)),
-    ]
-    frames = _layout(width / height, _MARGIN + 42 + 24 * len(facts) + 14)
-    below = max(frame.y + frame.height for frame in frames) + 14
-    table = people_table(reconstruction, room) if reconstruction.people else None
-    messages = below if table is None else below + _TITLE + table.height + 10
-    page = Image.new("RGB", (_WIDTH, messages + _MARGIN + 24 * len(lines)), PAGE_RGB)
+    frames = _layout(width / height, _MARGIN + 42)
+    below = frames[-1].y + frames[-1].height + _GAP
+    people = range(min(len(reconstruction.people), _MOST_PEOPLE))
+    rows = math.ceil(len(people) / 3)
+    tall = below + _TITLE + rows * (_FIGURE + _CAPTION) if rows else below
+    page = Image.new("RGB", (_WIDTH, tall), PAGE_RGB)
     pen = ImageDraw.Draw(page)
-    draw_text(pen, (_MARGIN, _MARGIN - 6), _title(reconstruction), 30)
-    for line, fact in enumerate(facts):
-        draw_text(pen, (_MARGIN, _MARGIN + 38 + 24 * line), fact, 17, SOFT_RGB)
+    draw_text(pen, (_MARGIN, _MARGIN - 6), reconstruction.photo_name or "Reconstruction", 30)
     _draw_photo_panels(page, frames[:3], reconstruction, geometry)
     _draw_views(page, frames[3:], geometry, has_up=reconstruction.scene.level is not None)
-    if table is not None:
-        title = "Contact and checks"
+    if rows:
+        left_out = len(reconstruction.people) - len(people)
+        title = f"Contact{f' ({left_out} more people not shown)' if left_out else ''}"
         draw_text(pen, (_MARGIN, below), title, 18)
         beside = _MARGIN + font(18).getlength(title) + 24
         _contact_legend(pen, (beside, below + 6), reconstruction)
-        page.paste(table, (_MARGIN, below + _TITLE))
-    for row, (text, color) in enumerate(lines):
-        draw_text(pen, (_MARGIN, messages + 24 * row), text, 16, color)
+    for index in people:
+        row, column = divmod(index, 3)
+        spot = frames[column].x, below + _TITLE + row * (_FIGURE + _CAPTION)
+        _draw_person(page, spot, reconstruction, index)
     return page
+
+
+def _draw_person(
+    page: Image.Image, spot: tuple[int, int], reconstruction: Reconstruction, index: int
+) -> None:
+    """Draw number, grade and distance of a person, and below them front, back and soles with their
+    contact.
+    """
+    x, y = spot
+    person = reconstruction.people[index]
+    pen = ImageDraw.Draw(page)
+    draw_person_number(pen, x + 12, y + 12, index)
+    distance = float(np.linalg.norm(person.joints[0]))
+    facts = [grade_text(person.grade, person.trust)] if person.grade else []
+    if np.isfinite(distance):
+        facts.append(metres_text(distance, reconstruction.distance_sigmas[index], 1))
+    color = _GRADE_RGB[person.grade]
+    draw_text(pen, (x + 32, y + 12), "  ·  ".join(facts), 16, color, "lm")
+    figures = render_contact_views(reconstruction, index, _CELL, _FIGURE - 8)
+    page.paste(Image.fromarray(figures), (x, y + _CAPTION))
+    for place, name in enumerate(CONTACT_VIEWS):
+        middle = x + (place + 0.5) * _CELL / len(CONTACT_VIEWS)
+        draw_text(pen, (middle, y + _CAPTION - 2), name, 13, SOFT_RGB, "ms")
 
 
 def _draw_photo_panels(
@@ -168,7 +186,7 @@ def _draw_photo_panels(
     reconstruction: Reconstruction,
     geometry: PreviewGeometry,
 ) -> None:
-    """Draw the photo, its people with numbers and names of surfaces, and its depth."""
+    """Draw the photo, its people with numbers, and its depth."""
     import cv2
 
     photo, mesh, depth = frames
@@ -179,10 +197,6 @@ def _draw_photo_panels(
     _draw_panel(page, mesh, "People over the photo", overlay)
     draw_unposed(pen, reconstruction, mesh.x, mesh.y, *size)
     draw_numbers(pen, (mesh.x, mesh.y), heads_in_photo(reconstruction, *size), size)
-    places = surfaces_in_photo(reconstruction, *size)
-    halves = {name: font(13).getlength(name) / 2 for name in places}
-    for name, (x, y) in free_places(places, halves, _NAME, size).items():
-        draw_text(pen, (mesh.x + x, mesh.y + y), name, 13, PAGE_RGB, "mm", rim=INK_RGB)
     depths = depth_panel(reconstruction, *size)
     _draw_panel(page, depth, _DEPTH_TITLE, depths)
     _depth_bar(page, depth, depth_range(reconstruction))
@@ -205,57 +219,6 @@ def _draw_views(
     if geometry.crowns:
         at = aside.x + aside.width, aside.y - 8
         draw_text(ImageDraw.Draw(page), at, GUESSED, 14, SOFT_RGB, "rs")
-
-
-def summary_line(reconstruction: Reconstruction) -> str:
-    """Return one line of text with grade, size, focal length, scale, floor, time and checks of a
-    reconstruction.
-    """
-    camera = reconstruction.intrinsics
-    scene = reconstruction.scene
-    facts = [
-        f"grade: {grade_text(reconstruction.grade, reconstruction.trust)}",
-        f"{camera.width} x {camera.height} px",
-        f"focal length {math.sqrt(camera.fx * camera.fy):.0f} px, {camera.source}",
-        _error_text(reconstruction),
-    ]
-    if reconstruction.people:
-        facts.append(f"scene resized by {100 * (scene.scale - 1):+z.1f} % to fit the people")
-    if scene.floor is None:
-        facts.append("no floor found")
-    else:
-        pitch = math.degrees(math.asin(float(np.clip(-up_in_camera(scene.level)[2], -1.0, 1.0))))
-        way = "down" if pitch >= 0 else "up"
-        height = metres_text(scene.floor.offset, scene.scale_sigma)
-        facts.append(f"camera {height} above the floor, looking {abs(pitch):.0f}° {way}")
-    seconds = sum(stage.seconds for stage in reconstruction.stages)
-    if seconds:
-        facts.append(f"{seconds:.1f} s")
-    facts.append(f"checks: {summarize_checks(reconstruction.checks)}")
-    count = len(reconstruction.warnings)
-    facts.append(f"{count or 'no'} warning{'' if count == 1 else 's'}")
-    return "  ·  ".join(facts)
-
-
-def _error_text(reconstruction: Reconstruction) -> str:
-    """Return the errors of lengths, and of distances from the camera, to which that of the focal
-    length adds.
-    """
-    scale = reconstruction.scene.scale_sigma
-    distance = reconstruction.distance_sigma
-    if scale is None or distance is None:
-        return "scale of unknown certainty"
-    beside = (
-        f" (with the error of the focal length, distances from the camera ±{100 * distance:.0f} %)"
-    )
-    return f"scale ±{100 * scale:.0f} %{beside if distance > scale else ''}"
-
-
-def _title(reconstruction: Reconstruction) -> str:
-    people = len(reconstruction.people)
-    unposed = len(reconstruction.unposed)
-    found = {0: "No person: the scene alone", 1: "1 person"}.get(people, f"{people} people")
-    return f"{found}, {unposed} without a body" if unposed else found
 
 
 _TALLEST = 540  # px, most height of a picture
@@ -335,32 +298,15 @@ def _draw_scale_bar(pen: ImageDraw.ImageDraw, frame: _Frame, pixels_per_metre: f
     return 6, 5, end + 10 - frame.x, 38
 
 
-_NAME = 17  # height of a name in a view, px
-
-
 def _draw_assumed(page: Image.Image, frame: _Frame, plan: LabeledView) -> None:
-    """Draw the outlines of the supports that the photo does not show in a view, with their
-    names.
-    """
+    """Draw the outlines of the supports that the photo does not show in a view."""
     import cv2
 
-    taken: list[tuple[float, float, float]] = []  # left, right and top of names
-    for name, corners in plan.assumed:
+    for corners in plan.assumed:
         layer = page.crop((frame.x, frame.y, frame.x + frame.width, frame.y + frame.height))
         outline = cv2.convexHull(corners.astype(np.float32))[:, 0]
-        pen = ImageDraw.Draw(layer)
-        rgb = CONTACT_PALETTE["something hidden"]
-        _draw_dashed(pen, [(float(x), float(y)) for x, y in outline], rgb)
-        half = font(14).getlength(name) / 2
-        x = float(np.clip(outline[:, 0].mean(), half, max(half, frame.width - half)))
-        y = float(min(outline[:, 1].max() + 4, frame.height - _NAME))
-        while any(
-            left < x + half and x - half < right and abs(y - top) < _NAME
-            for left, right, top in taken
-        ):
-            y -= _NAME
-        taken.append((x - half, x + half, y))
-        draw_text(pen, (x, y), name, 14, rgb, "ma", rim=PAGE_RGB)
+        spots = [(float(x), float(y)) for x, y in outline]
+        _draw_dashed(ImageDraw.Draw(layer), spots, CONTACT_PALETTE["something hidden"])
         page.paste(layer, (frame.x, frame.y))
 
 
@@ -375,17 +321,3 @@ def _contact_legend(
         x += 30 + font(14).getlength(name)
     if has_faint_contact(reconstruction):
         draw_text(pen, (x, y + 6), FAINT, 14, SOFT_RGB, "lm")
-
-
-_SHOWN_MESSAGES = 6
-
-
-def _message_lines(mark: str, texts: Sequence[str]) -> list[str]:
-    shown = [*texts[:_SHOWN_MESSAGES]]
-    if more := len(texts[_SHOWN_MESSAGES:]):
-        shown.append(f"{more} more in reconstruction.json")
-    return [
-        line
-        for text in shown
-        for line in wrap(f"{mark}{' '.join(text.split())}", 16, _WIDTH - 2 * _MARGIN)
-    ]

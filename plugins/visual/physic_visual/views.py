@@ -173,8 +173,7 @@ class LabeledView:
         floor_row: row of the floor; None if there is no floor, or in the top view.
         camera_px: column and row of the camera; None if it is outside.
         crowns: person -> column and row of their highest vertex, of those in the picture.
-        assumed: name, and column and row (8, 2) of the corners, of each support that the photo does
-            not show.
+        assumed: column and row (8, 2) of the corners of each support that the photo does not show.
     """
 
     picture: UInt8Array
@@ -182,7 +181,7 @@ class LabeledView:
     floor_row: float | None
     camera_px: tuple[float, float] | None
     crowns: Mapping[int, tuple[float, float]]
-    assumed: Sequence[tuple[str, Array]]
+    assumed: Sequence[Array]
 
 
 @dataclass(frozen=True)
@@ -315,10 +314,7 @@ def _render(geometry: PreviewGeometry, direction: _Direction, size: tuple[int, i
             for index, spot, shown in zip(geometry.crowns, crowns, inside[2:], strict=True)
             if shown
         },
-        assumed=[
-            (one.name, view.project(one.vertices)[:, :2].astype(np.float64))
-            for one in geometry.assumed
-        ],
+        assumed=[view.project(one.vertices)[:, :2].astype(np.float64) for one in geometry.assumed],
     )
 
 
