@@ -191,8 +191,8 @@ def test_two_distributions_may_offer_one_name_and_the_user_chooses(site):
         (None, "metricbody-onnx:telea", ("'telea' comes from metricbody-embedded",)),
         (
             "metricbody-testing",
-            "metricbody-onnx:lama-onnx",
-            ("-e plugins/embedded -e plugins/onnx`",),
+            "metricbody-paper:lama",
+            ("-e plugins/embedded -e plugins/paper`",),
         ),
         (None, "physic-embeded:embedded", ("'embedded' comes from metricbody-embedded",)),
     ],
