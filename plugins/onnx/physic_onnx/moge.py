@@ -22,31 +22,25 @@ from physic_networks.affine_pointmap import half_diagonal, points_on_rays, recov
 from physic_networks.pictures import normalized_nchw, resize_image, resize_map
 from physic_networks.runtime import onnxruntime
 
-from .one_graph import GraphSignature, LoadedGraph, OnnxBackend, OnnxBackendOptions, PortSpec
+from .sessions import WEIGHTS_HELP, OnnxBackend, OnnxOptions
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from numpy.typing import NDArray
 
     from physic_core.types import AffineAmbiguity, Hints, UInt8Array
 
     from .sessions import Network
 
-_FILE = "model.onnx"
 _PATCH = 14  # px
 _LEAST_SHARE = 0.85  # of the tokens
 _MOST_SQUASH = 0.01  # by which the aspect may change, as a logarithm
 _SURE = 0.5  # confidence of being a surface at all; sky is below
 
 
-class MogeOptions(OnnxBackendOptions):
+class MogeOptions(OnnxOptions):
     """Settings of MoGe-2."""
 
-    weights: str = Field(
-        "moge-2-vits-normal",
-        description="a name of `physic weights list`, or the path of a file of your own",
-    )
+    weights: str = Field("moge-2-vits-normal", description=WEIGHTS_HELP)
     tokens: int = Field(
         1800,
         ge=1200,
@@ -63,53 +57,18 @@ class _MogeBackend(OnnxBackend):
     options: MogeOptions
     reads = ("intrinsics",)
     capabilities: ClassVar[frozenset[str]] = frozenset({"returns_intrinsics"})
-    signatures: ClassVar = {
-        "MoGe-2": GraphSignature(
-            inputs=(
-                PortSpec("image", dtype="float", shape=("batch", 3, "height", "width")),
-                PortSpec("num_tokens", dtype=("int64", "int32")),
-            ),
-            outputs=(
-                PortSpec("points", shape=("batch", "height", "width", 3)),
-                PortSpec("normal", shape=("batch", "height", "width", 3), optional=True),
-                PortSpec("mask", shape=("batch", "height", "width")),
-                # The published files say "scale", what upstream's instructions export says
-                # "metric_scale".
-                PortSpec("metric_scale", ("scale",)),
-            ),
-            by_position=True,
-        )
-    }
-
-    def graph_file(self) -> Path:
-        """Return the path of the network's file."""
-        return self.file(_FILE)
-
-    def match(self, network: Network) -> LoadedGraph:
-        """Match an open network, which must take photos of any size.
-
-        Raises:
-            BackendError: it is not a MoGe-2, or takes photos of one size.
-        """
-        loaded = super().match(network)
-        fixed = [size for size in loaded.inputs["image"].shape[2:] if isinstance(size, int)]
-        if fixed:
-            raise BackendError(
-                f"{network.name} was exported for photos of one size, {fixed}: export it "
-                "with free height and width (dynamic_axes), or use a published file, see "
-                "`physic weights list`"
-            )
-        return loaded
 
     def _outputs(self, image: UInt8Array) -> tuple[NDArray[Any], ...]:
         """Return points (h, w, 3), up to a scale and a shift along z, confidence (h, w) of a
         surface, and metres a unit of the points, from the cache if the other backend has run.
         """
-        graph = self.network
-        runtime = f"{graph.network.provider}, onnxruntime {onnxruntime().__version__}"
+        runtime = f"{self.network.provider}, onnxruntime {onnxruntime().__version__}"
         made_of = f"{self.fingerprint()} {self.options!r} {runtime}"
         return cached_network_result(
-            "moge-2", made_of, {"image": image}, lambda: _run(graph, image, self.options.tokens)
+            "moge-2",
+            made_of,
+            {"image": image},
+            lambda: _run(self.network, image, self.options.tokens),
         )
 
     def _ask(self, image: UInt8Array, known: Intrinsics | None, *, metric: bool) -> Pointmap:
@@ -125,7 +84,7 @@ class _MogeBackend(OnnxBackend):
         xyz, confidence, scale = self._outputs(image)
         surface = confidence > _SURE
         seen_height, seen_width = surface.shape
-        notes = [f"MoGe-2 ran on {self.network.network.provider}"]
+        notes = [f"MoGe-2 ran on {self.network.provider}"]
         if known is not None:
             focal = (known.fx * seen_width / width, known.fy * seen_height / height)
             found = recover_camera(xyz, surface, focal)
@@ -212,26 +171,20 @@ def network_input_size(height: int, width: int, tokens: int) -> tuple[int, int, 
     return rows * _PATCH, columns * _PATCH, rows * columns
 
 
-def _run(graph: LoadedGraph, image: UInt8Array, tokens: int) -> tuple[NDArray[Any], ...]:
+def _run(network: Network, image: UInt8Array, tokens: int) -> tuple[NDArray[Any], ...]:
     """Run the network on a photo and check its outputs."""
     height, width, tokens = network_input_size(image.shape[0], image.shape[1], tokens)
     seen = resize_image(image, height, width, "bilinear-antialias")
     feed: dict[str, NDArray[Any]] = {
         "image": normalized_nchw(seen),  # the graph subtracts mean and divides by deviation itself
-        # The published files take it without dimensions, and refuse one of shape (1,).
-        "num_tokens": np.full((1,) * len(graph.inputs["num_tokens"].shape), tokens, np.int64),
+        "num_tokens": np.array(tokens, np.int64),  # of shape (1,) is refused
     }
-    points, confidence, scale = graph.run(feed, ["points", "mask", "metric_scale"])
-    name = graph.network.name
-    if points.shape != (1, *seen.shape) or confidence.shape != points.shape[:3]:
-        raise BackendError(
-            f"{name} returned points {points.shape} and a mask {confidence.shape} for "
-            f"{seen.shape[1]} x {seen.shape[0]} px: it was exported for other sizes, or is not "
-            "MoGe-2"
-        )
+    points, confidence, scale = network.run(feed, ["points", "mask", "scale"])
     metres = float(np.reshape(scale, -1)[0])
     if not 0 < metres < np.inf:
-        raise BackendError(f"{name} returned a scale of {metres}, which has to be a number above 0")
+        raise BackendError(
+            f"{network.name} returned a scale of {metres}, which has to be a number above 0"
+        )
     return (
         np.asarray(points[0], np.float32),
         np.asarray(confidence[0], np.float32),

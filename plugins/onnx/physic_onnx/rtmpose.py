@@ -1,15 +1,13 @@
-"""Detect keypoints with RTMPose, RTMW or DWPose, one person at a time, and with RTMW3D in three
-dimensions.
+"""Detect keypoints with RTMW, one person at a time, and with RTMW3D in three dimensions.
 
 The networks classify x and y separately (SimCC, arXiv:2107.03332), RTMW3D the depth too. MMPose
-trains these networks on RGB, and its own deployment feeds RGB. rtmlib feeds the same files BGR; set
-``channels = "bgr"`` to compare with it.
+trains them on RGB, and its own deployment feeds RGB, though rtmlib feeds BGR.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -17,8 +15,8 @@ from pydantic import Field
 from physic_core.errors import BackendError
 from physic_networks.top_down import scores_to_confidence
 
-from .one_graph import WEIGHTS_HELP, GraphSignature, OnnxBackendOptions, PortSpec
-from .top_down import TopDownBackend, TopDownOptions, run_batches
+from .sessions import WEIGHTS_HELP, OnnxOptions
+from .top_down import TopDownBackend
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,7 +24,6 @@ if TYPE_CHECKING:
     from physic_core.types import FloatArray, Keypoints
     from physic_networks.top_down import Crop
 
-_LINE = (None, None, None)
 DEPTH_RANGE_M = 2.1744869
 """Depth of RTMW3D's last bin, metres; its first one is as far in front of the hips (z_range of
 SimCC3DLabel).
@@ -51,55 +48,30 @@ STATURE_M = 1.72
 """Stature of a mean adult, metres."""
 
 
-class RtmPoseOptions(TopDownOptions):
+class RtmPoseOptions(OnnxOptions):
     """Settings of RTMPose."""
 
     weights: str = Field("rtmw-l-384x288", description=WEIGHTS_HELP)
-    channels: Literal["rgb", "bgr"] = Field(
-        "rgb",
-        description="order of the channels for the network; it was trained on RGB, and rtmlib "
-        "feeds BGR",
-    )
-    full_score: float = Field(
-        1.0,
-        ge=1e-6,
-        le=1e6,
-        description="score that stands for certainty; SimCC's scores are the heights of peaks, "
-        "which may exceed 1, "
-        "and are cut there",
-    )
 
 
 class RtmPose(TopDownBackend):
-    """Keypoint detector by RTMPose, RTMW or DWPose with 133, 26 or 17 joints; its input is RGB.
+    """Keypoint detector by RTMW with 133 joints; its input is RGB.
 
-    A joint's confidence is the lower one of its peaks in x and y.
+    A joint's confidence is the lower one of its peaks in x and y, which may exceed 1, and are cut
+    there.
     """
 
     written_for = 1
-    Options: ClassVar[type[OnnxBackendOptions]] = RtmPoseOptions
+    Options: ClassVar[type[OnnxOptions]] = RtmPoseOptions
     options: RtmPoseOptions
-    signatures: ClassVar = {
-        "SimCC": GraphSignature(
-            (PortSpec("input", ("images", "image"), shape=(None, 3, None, None)),),
-            (
-                PortSpec("simcc_x", ("x", "output_x", "output"), shape=_LINE),
-                PortSpec("simcc_y", ("y", "output_y"), shape=_LINE),
-            ),
-            by_position=True,
-        ),
-    }
+    crop_size = (384, 288)
 
-    def is_bgr(self) -> bool:
-        """Return whether the option ``channels`` is "bgr"."""
-        return self.options.channels == "bgr"
-
-    def decode(self, crops: FloatArray) -> tuple[FloatArray, FloatArray, tuple[int, int]]:
+    def decode(self, outputs: list[FloatArray]) -> tuple[FloatArray, FloatArray, tuple[int, int]]:
         """Return the peaks in px of the crop, of a network of three dimensions with their depths in
         metres.
         """
-        height, width = crops.shape[2:]
-        along_x, along_y, *along_z = run_batches(self.network, {"input": crops}, self.options.batch)
+        height, width = self.crop_size
+        along_x, along_y, *along_z = outputs
         split = along_x.shape[2] / width
         if (
             along_y.shape[:2] != along_x.shape[:2]
@@ -107,21 +79,17 @@ class RtmPose(TopDownBackend):
             or split < 1
         ):
             raise BackendError(
-                f"{self.network.network.name} returned simcc_x {along_x.shape} and simcc_y "
+                f"{self.network.name} returned simcc_x {along_x.shape} and simcc_y "
                 f"{along_y.shape} for {width} x {height} px: as many bins a pixel along both were "
                 "expected"
             )
         points = np.stack([along_x.argmax(-1), along_y.argmax(-1)], -1) / split
         if along_z:
             (along,) = along_z
-            if along.shape[:2] != along_x.shape[:2]:
-                raise BackendError(
-                    f"{self.network.network.name} returned simcc_z {along.shape} of other joints"
-                )
             depth = (2 * along.argmax(-1) / along.shape[2] - 1) * DEPTH_RANGE_M
             points = np.concatenate([points, depth[..., None]], -1)
         score = np.minimum(along_x.max(-1), along_y.max(-1)).astype(np.float64)
-        return points, scores_to_confidence(score, self.options.full_score), (height, width)
+        return points, scores_to_confidence(score), (height, width)
 
 
 class Rtmw3dOptions(RtmPoseOptions):
@@ -139,18 +107,8 @@ class Rtmw3d(RtmPose):
     :data:`POINT_SIGMA` and :data:`DEPTH_SIGMA_M`.
     """
 
-    Options: ClassVar[type[OnnxBackendOptions]] = Rtmw3dOptions
+    Options: ClassVar[type[OnnxOptions]] = Rtmw3dOptions
     options: Rtmw3dOptions
-    crop_size = (384, 288)
-    signatures: ClassVar = {
-        "SimCC of three dimensions": GraphSignature(
-            (PortSpec("input", ("images", "image"), shape=(None, 3, None, None)),),
-            tuple(
-                PortSpec(f"simcc_{axis}", (axis, f"output_{axis}"), shape=_LINE) for axis in "xyz"
-            ),
-            by_position=True,
-        ),
-    }
 
     def complete(self, found: Keypoints, decoded: FloatArray, crops: Sequence[Crop]) -> Keypoints:
         """Add the joints in metres, and the errors of points and depths."""

@@ -13,8 +13,7 @@ from physic_core.errors import BackendNotFoundError
 from physic_core.interfaces import Options, Segmenter
 from physic_networks.networks import NetworkBackend
 
-from .one_graph import WEIGHTS_HELP
-from .sessions import OnnxOptions
+from .sessions import WEIGHTS_HELP, OnnxOptions
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, People, UInt8Array

@@ -1,12 +1,14 @@
-"""Open ONNX files and run them with arrays of any float or integer type; settings that all backends
-share.
+"""Run ONNX files, and the base class of backends that run one.
+
+A manifest states the SHA-256 of each file, which is compared before it is opened. So a backend
+knows the ports of its file.
 """
 
 from __future__ import annotations
 
 import mmap
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -16,7 +18,7 @@ from pydantic import Field
 
 from physic_core.errors import BackendError
 from physic_core.interfaces import Options
-from physic_networks.networks import check_answer
+from physic_networks.networks import NetworkBackend, check_answer
 from physic_networks.onnx_sessions import open_session
 
 if TYPE_CHECKING:
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 
     from physic_networks.onnx_sessions import OnnxSession
 
+WEIGHTS_HELP = "a name of `physic weights list`"
 ProviderName = Literal["auto", "cpu", "cuda", "tensorrt", "coreml", "directml"]
 
 
@@ -58,14 +61,6 @@ class Port:
     dtype: str
     shape: tuple[int | str, ...]
 
-    def __str__(self) -> str:
-        return f"{self.name} {self.dtype} {shape_text(self.shape)}"
-
-
-def shape_text(shape: Iterable[int | str]) -> str:
-    """Format a shape for a message."""
-    return f"({', '.join(map(str, shape))})"
-
 
 class Network:
     """Loaded ONNX network.
@@ -75,13 +70,10 @@ class Network:
         inputs: name -> port, in the file's order.
         outputs: name -> port, in the file's order.
         provider: execution provider that runs it: "CPU", "CUDA", ...
-        shares_ranges: whether it quantises all rows of a batch with one range, so that rows change
-            each other.
     """
 
     def __init__(self, session: OnnxSession, path: Path) -> None:
         self.name = path.name
-        self.shares_ranges = _has_operator(path, b"DynamicQuantize")
         self.provider = session.provider.name
         self.inputs: Mapping[str, Port] = {
             node.name: _port(node) for node in session.session.get_inputs()
@@ -119,6 +111,11 @@ class Network:
         for name, value in zip(outputs, found, strict=True):
             check_answer(value, f"{self.name} (output {name!r})")
         return [value.astype(np.float32) if value.dtype == np.float16 else value for value in found]
+
+    def answer(self, value: NDArray[Any]) -> list[NDArray[Any]]:
+        """Run a network of one input, and return all outputs in the file's order."""
+        (name,) = self.inputs
+        return self.run({name: value}, list(self.outputs))
 
     def _cast(self, name: str, value: NDArray[Any]) -> NDArray[Any]:
         """Cast an array to the type of an input."""
@@ -181,3 +178,15 @@ def _port(node: Any) -> Port:
         for d in node.shape or ()
     )
     return Port(node.name, names.get(kind, kind), shape)
+
+
+class OnnxBackend(NetworkBackend):
+    """Base class of a backend that runs a single ONNX file."""
+
+    options: OnnxOptions
+
+    def build(self, device: str) -> Network:
+        """Open the file of the set that the option ``weights`` names."""
+        place = self.file()
+        graph = place if place.is_file() else next(place.glob("*.onnx"))
+        return open_network(graph, self.options, device)

@@ -1,18 +1,10 @@
-"""Photos of one person in a box, a detector of known boxes, and crops by the formulas of MMPose."""
+"""People in boxes, and a segmenter that knows them."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from physic_core.types import People
-
-
-def region(box, width, height, padding=1.25):
-    """MMPose's centre and scale of a box, in coordinates whose integers are pixel centres."""
-    centre = (box[:2] + box[2:]) / 2 - 0.5
-    w, h = np.maximum(box[2:] - box[:2], 1)
-    w, h = (w, w * height / width) if w * height > h * width else (h * width / height, h)
-    return centre, np.array([w, h]) * padding
 
 
 class KnownBoxes:

@@ -13,18 +13,15 @@ from physic_onnx.sam2_networks import Sam2Networks
 from .pose_worlds import KnownBoxes
 
 FEATURES = {
-    name: ("float32", (1, channels, "h", "w"))
-    for name, channels in (("high_res_feats_0", 32), ("high_res_feats_1", 64), ("image_embed", 256))
+    "high_res_feats_0": (1, 32, 256, 256),
+    "high_res_feats_1": (1, 64, 128, 128),
+    "image_embed": (1, 256, 64, 64),
 }
 PROMPT = {
-    "point_coords": ("float32", ("n", "p", 2)),
-    "point_labels": ("float32", ("n", "p")),
-    "mask_input": ("float32", ("n", 1, 256, 256)),
-    "has_mask_input": ("float32", (1,)),
-}
-ANSWER = {
-    "masks": ("float32", ("n", "m", 256, 256)),
-    "iou_predictions": ("float32", ("n", 3)),
+    "point_coords": ("n", "p", 2),
+    "point_labels": ("n", "p"),
+    "mask_input": ("n", 1, 256, 256),
+    "has_mask_input": (1,),
 }
 
 
@@ -37,12 +34,9 @@ def networks_of(stand_in_network):
         return {"masks": np.zeros((many, 3, 256, 256)), "iou_predictions": np.zeros((many, 3))}
 
     def make(answer=nothing):
-        maps = {name: np.zeros((1, shape[1], 9, 9)) for name, (_, shape) in FEATURES.items()}
-        picture = {"image": ("float32", (1, 3, 1024, 1024))}
-        return (
-            stand_in_network(picture, maps, FEATURES),
-            stand_in_network(PROMPT | FEATURES, answer, ANSWER),
-        )
+        maps = {name: np.zeros(shape) for name, shape in FEATURES.items()}
+        encoder = stand_in_network({"image": (1, 3, 1024, 1024)}, maps)
+        return encoder, stand_in_network(PROMPT | FEATURES, answer)
 
     return make
 

@@ -13,7 +13,7 @@ import pytest
 
 from physic_core.errors import BackendError, DeviceError
 from physic_networks.onnx_sessions import select_provider
-from physic_onnx.sessions import OnnxOptions, Port, open_network
+from physic_onnx.sessions import OnnxOptions, open_network
 
 CPU = "CPUExecutionProvider"
 CUDA = "CUDAExecutionProvider"
@@ -22,24 +22,23 @@ COREML = "CoreMLExecutionProvider"
 DIRECTML = "DmlExecutionProvider"
 
 
+def written(path, text):
+    """An ONNX file of this text."""
+    head = '<ir_version: 8, opset_import: ["" : 14]>'
+    path.write_bytes(onnx.parser.parse_model(head + text).SerializeToString())
+    return path
+
+
 @pytest.fixture
-def doubler(graph, node, tmp_path):
+def doubler(tmp_path):
     """A graph that answers twice its image, plus a number of another type."""
 
-    def build(dtype="float32", name="double.onnx"):
-        nodes = [
-            node(
-                "Cast",
-                ["count"],
-                ["number"],
-                to=onnx.helper.np_dtype_to_tensor_dtype(np.dtype(dtype)),
-            ),
-            node("Add", ["image", "image"], ["twice"]),
-            node("Add", ["twice", "number"], ["sum"]),
-        ]
-        inputs = {"image": (dtype, ("batch", 3, "height", "width")), "count": ("int64", ())}
-        return graph(
-            tmp_path / name, inputs, {"sum": (dtype, ("batch", 3, "height", "width"))}, nodes
+    def build(dtype="float", kind=1):
+        return written(
+            tmp_path / "double.onnx",
+            f"doubler ({dtype}[b, 3, h, w] image, int64 count) => ({dtype}[b, 3, h, w] sum) {{"
+            f" number = Cast<to={kind}>(count) twice = Add(image, image)"
+            " sum = Add(twice, number) }",
         )
 
     return build
@@ -49,67 +48,37 @@ ONE = {"image": np.ones((1, 3, 2, 2)), "count": np.array(1)}
 
 
 class TestRunning:
-    def test_a_border_of_zeros_before_a_max_pool_stays_zero(self, graph, node, tmp_path):
-        nodes = [
-            node("Pad", ["map", "border"], ["padded"]),
-            node("MaxPool", ["padded"], ["peaks"], kernel_shape=[3, 3]),
-        ]
-        ports = ("float32", (1, 1, 4, 4))
-        border = {"border": np.array([0, 0, 1, 1, 0, 0, 1, 1])}
-        path = graph(tmp_path / "peaks.onnx", {"map": ports}, {"peaks": ports}, nodes, border)
-        (peaks,) = open_network(path, OnnxOptions(), "cpu").run(
-            {"map": np.full((1, 1, 4, 4), -1.0)}, ["peaks"]
+    def test_a_border_of_zeros_before_a_max_pool_stays_zero(self, tmp_path):
+        path = written(
+            tmp_path / "pool.onnx",
+            "pool (float[1, 1, 4, 4] x) => (float[1, 1, 4, 4] y) <int64[8] border = "
+            "{0, 0, 1, 1, 0, 0, 1, 1}> { padded = Pad(x, border)"
+            " y = MaxPool<kernel_shape=[3, 3]>(padded) }",
         )
+        network = open_network(path, OnnxOptions(), "cpu")
+        (peaks,) = network.answer(np.full((1, 1, 4, 4), -1.0))
         assert peaks[0, 0].tolist() == [[0, 0, 0, 0], [0, -1, -1, 0], [0, -1, -1, 0], [0, 0, 0, 0]]
 
-    def test_a_file_with_dynamic_ranges_shares_them_among_its_rows(self, graph, node, tmp_path):
-        outputs = {"y": ("uint8", (2,)), "scale": ("float32", ()), "zero": ("uint8", ())}
-        nodes = [node("DynamicQuantizeLinear", ["x"], list(outputs))]
-        path = graph(tmp_path / "bytes.onnx", {"x": ("float32", (2,))}, outputs, nodes)
-        assert open_network(path, OnnxOptions(), "cpu").shares_ranges
-
-    def test_ports_tell_names_types_and_shapes(self, doubler):
-        network = open_network(doubler(), OnnxOptions(), "cpu")
-        assert network.name == "double.onnx"
-        assert network.provider == "CPU"
-        assert not network.shares_ranges
-        assert dict(network.inputs) == {
-            "image": Port("image", "float32", ("batch", 3, "height", "width")),
-            "count": Port("count", "int64", ()),
-        }
-        assert dict(network.outputs) == {
-            "sum": Port("sum", "float32", ("batch", 3, "height", "width"))
-        }
-
-    @pytest.mark.parametrize("dtype", ["float16", "float32", "float64"])
-    @pytest.mark.parametrize("fed", [np.float16, np.float32, np.float64])
-    def test_floats_are_cast_to_what_the_file_takes(self, doubler, dtype, fed):
-        network = open_network(doubler(dtype), OnnxOptions(), "cpu")
-        image = np.full((1, 3, 4, 5), 0.25, fed)
+    @pytest.mark.parametrize(("dtype", "kind"), [("float16", 10), ("float", 1)])
+    def test_floats_are_cast_to_what_the_file_takes(self, doubler, dtype, kind):
+        network = open_network(doubler(dtype, kind), OnnxOptions(), "cpu")
+        image = np.full((1, 3, 4, 5), 0.25)
         (answer,) = network.run({"image": image, "count": np.array(2, np.int32)}, ["sum"])
-        assert answer.dtype == ("float64" if dtype == "float64" else "float32")
+        assert answer.dtype == "float32"
         np.testing.assert_array_equal(answer, 2.5)
 
-    def test_bytes_are_not_taken_for_floats(self, doubler):
+    @pytest.mark.parametrize(
+        ("image", "words"),
+        [
+            (np.ones((1, 3, 2, 2), np.uint8), "takes float32, got uint8"),
+            (np.ones((1, 2, 2), np.float32), r"image float32 \(1, 2, 2\)"),
+            (np.full((1, 3, 2, 2), np.nan), r"output 'sum'.*without one finite number"),
+        ],
+    )
+    def test_a_failed_run_says_why(self, doubler, image, words):
         network = open_network(doubler(), OnnxOptions(), "cpu")
-        with pytest.raises(BackendError, match="takes float32, got uint8"):
-            network.run({**ONE, "image": np.ones((1, 3, 2, 2), np.uint8)}, ["sum"])
-
-    def test_a_failed_run_names_shape_and_dtype_of_the_input(self, doubler):
-        network = open_network(doubler(), OnnxOptions(), "cpu")
-        with pytest.raises(BackendError, match=r"image float32 \(1, 2, 2\)"):
-            network.run({**ONE, "image": np.ones((1, 2, 2), np.float32)}, ["sum"])
-
-    @pytest.mark.parametrize("dtype", ["float16", "float32"])
-    def test_an_output_of_nan_is_a_failed_network(self, doubler, dtype):
-        """NaN in a part of an output is left to the backend."""
-        network = open_network(doubler(dtype), OnnxOptions(), "cpu")
-        image = np.full((1, 3, 2, 2), np.nan)
-        with pytest.raises(BackendError, match=r"output 'sum'.*without one finite number"):
+        with pytest.raises(BackendError, match=words):
             network.run({**ONE, "image": image}, ["sum"])
-        image[0, 0, 0, 0] = 1
-        (found,) = network.run({**ONE, "image": image}, ["sum"])
-        assert np.isfinite(found).sum() == 1
 
 
 class TestProviders:
@@ -189,29 +158,6 @@ class TestFiles:
         path = doubler()
         path.write_bytes(path.read_bytes()[:-40] if content == "cut short" else content)
         with pytest.raises(BackendError, match=r"cannot open .*broken or cut short"):
-            open_network(path, OnnxOptions(), "cpu")
-
-    @pytest.mark.parametrize("location", ["model.onnx_data", "parts/weights.bin"])
-    def test_weights_in_other_files_are_named_where_they_lack(
-        self, graph, node, tmp_path, location
-    ):
-        path = graph(
-            tmp_path / "model.onnx",
-            {"x": ("float32", (4,))},
-            {"y": ("float32", (4,))},
-            [node("Add", ["x", "w"], ["y"])],
-            {"w": np.arange(4, dtype=np.float32)},
-        )
-        model = onnx.load(path)
-        (tmp_path / location).parent.mkdir(exist_ok=True)
-        onnx.external_data_helper.convert_model_to_external_data(
-            model, location=location, size_threshold=0
-        )
-        onnx.save(model, path)
-        (answer,) = open_network(path, OnnxOptions(), "cpu").run({"x": np.zeros(4)}, ["y"])
-        np.testing.assert_array_equal(answer, [0, 1, 2, 3])
-        (tmp_path / location).unlink()
-        with pytest.raises(BackendError, match=(tmp_path / location).name):
             open_network(path, OnnxOptions(), "cpu")
 
 
