@@ -163,7 +163,7 @@ def test_a_variable_goes_over_the_file_and_under_an_override(write):
     variables = {
         "PHYSIC__PHOTO__MAX_SIDE": "900",
         "PHYSIC__PHOTO__MASK_GROWTH": "0.02",
-        "PHYSIC__INPAINTER__BACKEND": "navier-stokes",
+        "PHYSIC__INPAINTER__BACKEND": "telea",
         "PHYSIC__INPAINTER__OPTIONS__RADIUS_PX": "7.0",
         "PHYSIC__RUN__DEVICE": "",
         "PHYSIC_PLUGINS": "none of this",
@@ -175,7 +175,7 @@ def test_a_variable_goes_over_the_file_and_under_an_override(write):
         "cpu",
     )
     assert (config.inpainter.backend, config.inpainter.options) == (
-        "navier-stokes",
+        "telea",
         {"radius_px": 7.0},
     )
     assert config.source("photo.max_side") == "PHYSIC__PHOTO__MAX_SIDE"
@@ -186,9 +186,7 @@ def test_the_environment_of_the_process_is_read(monkeypatch):
     monkeypatch.setenv("PHYSIC__INPAINTER__BACKEND", "telea")
     assert load_config().inpainter.backend == "telea"
     assert as_config("mock").inpainter.backend == "telea"
-    assert (
-        as_config({"inpainter": {"backend": "navier-stokes"}}).inpainter.backend == "navier-stokes"
-    )
+    assert as_config({"inpainter": {"backend": "telea"}}).inpainter.backend == "telea"
 
 
 def test_a_variable_that_is_wrong_is_named():

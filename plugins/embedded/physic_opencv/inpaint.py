@@ -1,4 +1,4 @@
-"""Diffusion inpainting with OpenCV: Telea's fast marching and Navier-Stokes.
+"""Inpainting with OpenCV by Telea's fast marching.
 
 A hole much wider than the brush becomes streaks, and takes long. Such a hole is filled on a reduced
 image, and the smooth fill is enlarged inside the mask.
@@ -6,7 +6,7 @@ image, and the smooth fill is enlarged inside the mask.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, UInt8Array
 
 
-class DiffusionOptions(interfaces.Options):
-    """Settings of both diffusion inpainters."""
+class TeleaOptions(interfaces.Options):
+    """Settings of Telea."""
 
     radius_px: float = Field(
         5.0,
@@ -37,10 +37,16 @@ class DiffusionOptions(interfaces.Options):
     )
 
 
-class _DiffusionInpainter(interfaces.Inpainter):
-    Options = DiffusionOptions
-    options: DiffusionOptions
-    _method: ClassVar[str]
+class Telea(interfaces.Inpainter):
+    """Inpainter by fast marching (Telea 2004): fills the hole from its border inwards with a
+    weighted mean of known pixels.
+
+    The weights continue lines of equal brightness into the hole.
+    """
+
+    written_for = 1
+    Options = TeleaOptions
+    options: TeleaOptions
 
     def infer(self, image: UInt8Array, mask: BoolArray) -> UInt8Array:
         """Fill the mask (H, W), True = remove, in an image (H, W, 3); unmasked pixels keep their
@@ -49,30 +55,8 @@ class _DiffusionInpainter(interfaces.Inpainter):
         Raises:
             InputError: image or mask has another shape or dtype, or the mask covers everything.
         """
-        import cv2
-
         _check_mask(image, mask)
-        return _fill(image, mask, getattr(cv2, self._method), self.options)
-
-
-class Telea(_DiffusionInpainter):
-    """Inpainter by fast marching (Telea 2004): fills the hole from its border inwards with a
-    weighted mean of known pixels.
-
-    The weights continue lines of equal brightness into the hole.
-    """
-
-    written_for = 1
-    _method = "INPAINT_TELEA"
-
-
-class NavierStokes(_DiffusionInpainter):
-    """Inpainter by Navier-Stokes (Bertalmio et al. 2001): continues lines of equal brightness into
-    the hole as in a fluid.
-    """
-
-    written_for = 1
-    _method = "INPAINT_NS"
+        return _fill(image, mask, self.options)
 
 
 def _check_mask(image: UInt8Array, mask: BoolArray) -> None:
@@ -87,7 +71,7 @@ def _check_mask(image: UInt8Array, mask: BoolArray) -> None:
         )
 
 
-def _fill(image: UInt8Array, mask: BoolArray, method: int, options: DiffusionOptions) -> UInt8Array:
+def _fill(image: UInt8Array, mask: BoolArray, options: TeleaOptions) -> UInt8Array:
     """Fill a hole, on a reduced image if it is large."""
     import cv2
 
@@ -99,10 +83,10 @@ def _fill(image: UInt8Array, mask: BoolArray, method: int, options: DiffusionOpt
     longest = int(max(rows[-1] - rows[0], columns[-1] - columns[0])) + 1
     factor = -(-longest // options.max_hole_px)
     if factor == 1:
-        answer = cv2.inpaint(image, mask.astype(np.uint8), options.radius_px, method)
+        answer = cv2.inpaint(image, mask.astype(np.uint8), options.radius_px, cv2.INPAINT_TELEA)
     else:
         small, hole = downsample_known(image, mask, factor)
-        small = cv2.inpaint(small, hole.astype(np.uint8), options.radius_px, method)
+        small = cv2.inpaint(small, hole.astype(np.uint8), options.radius_px, cv2.INPAINT_TELEA)
         answer = _enlarge(small, image.shape[:2], factor)
     filled[mask] = answer[mask]
     return filled
