@@ -21,7 +21,6 @@ from physic_embedded.networks.patch_tokens import PatchTokens
 from physic_embedded.networks.pose import predict_pose
 from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.networks.yolox import detect_boxes
-from physic_embedded.segmentation.people import mask_box
 from physic_networks.pictures import Letterbox
 
 if TYPE_CHECKING:
@@ -76,7 +75,7 @@ class Networks:
             boxes = found.people.boxes[:1].astype(np.float64)
         pyramid = ImagePyramid.from_image(picture)
         poses = [pose_in_box(self._pose, pyramid, box) for box in boxes]
-        own = np.array([mask_box(pose) for pose in poses]).reshape(-1, 4)
+        own = np.array([pose.mask_box for pose in poses]).reshape(-1, 4)
         lost = np.diag(box_iou(boxes, own)) < _LEAST_IOU
         keypoints = keypoints_from_poses(poses, *picture.shape[:2])
         confidence = np.where(lost[:, None], np.float32(0), keypoints.confidence)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -65,6 +66,24 @@ class Pose:
     def torso_length(self) -> float:
         """Distance from mid shoulders to mid hips, px."""
         return float(np.linalg.norm(self.points[[11, 12]].mean(0) - self.points[[23, 24]].mean(0)))
+
+    @cached_property
+    def joints_box(self) -> Float:
+        """Bounding box (4,) px of the joints inside the picture; of all joints if these are fewer
+        than four.
+        """
+        inside = self.presence > 0.5
+        points = self.points[inside] if inside.sum() > 3 else self.points
+        return np.concatenate([points.min(axis=0), points.max(axis=0)])
+
+    @cached_property
+    def mask_box(self) -> Float:
+        """Box (4,) px that contains 99 % of the mask; of all joints if the mask is empty."""
+        y, x = np.nonzero(self.mask > 0)
+        if len(x) < 5:
+            return np.concatenate([self.points.min(axis=0), self.points.max(axis=0)])
+        points = self.square.to_photo(np.stack([x, y], axis=-1) + 0.5, len(self.mask))
+        return np.percentile(points, [0.5, 99.5], axis=0).ravel()
 
     def mask_at(self, points: Float) -> Float:
         """Sample the mask logits at photo pixels (N, 2); (N,), -30 outside ``square``."""

@@ -109,7 +109,7 @@ class DetectedPose:
     @property
     def extent(self) -> Float:
         """The box (4,), else that of the mask of the pose."""
-        return mask_box(self.pose) if self.box is None else self.box
+        return self.pose.mask_box if self.box is None else self.box
 
 
 def unposed_person(box: Float, score: float, reason: str) -> UnposedPerson:
@@ -190,7 +190,7 @@ def detect_poses(
         DetectedPose(pose, 0.5 * score * pose.score)
         for pose, score in blazepose
         if is_person(pose, score, SURE_SCORE)
-        and not things.other_at(mask_box(pose), lowest, SAME_THING)
+        and not things.other_at(pose.mask_box, lowest, SAME_THING)
     ]
     kept = _without_repeats(found)
     unposed = _add_hidden_people(landmarker, image, posed, kept, box_score)
@@ -335,7 +335,7 @@ def _poses_of_hidden_person(
     if (
         upper is not None
         and upper.mirror_gap < MAX_MIRROR_GAP
-        and _iou(mask_box(upper), box) > MIN_MASK_FIT
+        and _iou(upper.mask_box, box) > MIN_MASK_FIT
     ):
         yield upper
 
@@ -382,7 +382,7 @@ def _best_poses(
     """
     found = []
     for (box, score, own), candidates in zip(posed, others, strict=True):
-        poses = [own, *(pose for pose in candidates if _iou(joints_box(pose), box) > 0.4)]
+        poses = [own, *(pose for pose in candidates if _iou(pose.joints_box, box) > 0.4)]
         fits = np.array([box_fit(pose, box) for pose in poses])
         similar = list(compress(poses, fits >= SIMILAR_FIT * fits.max()))
         best = min(similar, key=lambda pose: pose.mirror_gap - 0.05 * pose.score)
@@ -405,27 +405,7 @@ def box_fit(pose: Pose, box: Float) -> float:
 
     They compare the box with the bounding box of the joints and with that of the pose's own mask.
     """
-    return _iou(joints_box(pose), box) * _iou(mask_box(pose), box)
-
-
-def joints_box(pose: Pose) -> Float:
-    """Return the bounding box (4,) of the joints inside the picture; of all joints if these are
-    fewer than four.
-    """
-    inside = pose.presence > 0.5
-    points = pose.points[inside] if inside.sum() > 3 else pose.points
-    return np.concatenate([points.min(axis=0), points.max(axis=0)])
-
-
-def mask_box(pose: Pose) -> Float:
-    """Return the box (4,) that contains 99 % of the pose's own mask; of its joints if the mask is
-    empty.
-    """
-    y, x = np.nonzero(pose.mask > 0)
-    if len(x) < 5:
-        return np.concatenate([pose.points.min(axis=0), pose.points.max(axis=0)])
-    points = pose.square.to_photo(np.stack([x, y], axis=-1) + 0.5, len(pose.mask))
-    return np.concatenate([np.percentile(points, q, axis=0) for q in (0.5, 99.5)])
+    return _iou(pose.joints_box, box) * _iou(pose.mask_box, box)
 
 
 _CELLS = 96
@@ -435,7 +415,7 @@ def mask_overlap(a: Pose, b: Pose) -> float:
     """Return the intersection of the masks of two poses over the smaller of them, on a grid of
     96 cells a side.
     """
-    both = np.stack([mask_box(a), mask_box(b)])
+    both = np.stack([a.mask_box, b.mask_box])
     low = both[:, :2].min(axis=0)
     high = both[:, 2:].max(axis=0)
     step = max(float((high - low).max()) / _CELLS, 1.0)
