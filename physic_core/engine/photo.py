@@ -86,11 +86,6 @@ class PhotoContent(ShortRepr):
         return tensor(self.people.masks)
 
     @cached_property
-    def held(self) -> Tensor | None:
-        """Visible pixels (N, 2, H, W) bool of what left and right hands hold, or None."""
-        return None if self.people.held is None else tensor(self.people.held)
-
-    @cached_property
     def scene_points(self) -> PixelPoints:
         """Points of the photo without its people."""
         return PixelPoints.of(self.scene_map)

@@ -12,7 +12,6 @@ from physic_core.engine.contact.solve import solve_contact
 from physic_core.engine.joint.solve import finalize_scene, optimize
 from physic_core.engine.measures import measure_agreement
 from physic_core.engine.placement.solve import solve_placement
-from physic_core.engine.scene.held import move_held_things, without_held_things
 from physic_core.engine.scene.solve import solve_scene
 from physic_core.pipeline.reconstruction import as_reconstruction
 
@@ -54,11 +53,9 @@ def run_engine(
         state = optimize(placed, settings.joint.without("depth") if blind else settings.joint)
     with stages.time_engine("contact"):
         # Before inpainted points are moved out of people: what carries them is there.
-        world = without_held_things(estimates, state)
-        contact = solve_contact(estimates, world, settings.contact).contact
+        contact = solve_contact(estimates, state, settings.contact).contact
         state = finalize_scene(estimates, replace(state, contact=contact), settings.scene)
         measures = measure_agreement(estimates, state)
-        state = move_held_things(estimates, state)
     if not estimates.known:
         return as_reconstruction(estimates, state, measures)
     from physic_core.judge.sizes import compare_sizes

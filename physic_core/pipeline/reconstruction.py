@@ -232,11 +232,8 @@ def _scene(estimates: Estimates, state: State) -> Scene:
         valid=valid,
         floor_points=scene.floor_points * scale,
     )
-    colors = estimates.inpainted
-    if (held := estimates.photo.people.held) is not None:
-        colors = np.where(np.asarray(held.any((0, 1)))[..., None], estimates.image, colors)
     return Scene(
-        colors=colors,
+        colors=estimates.inpainted,
         floor=floor,
         scale=scale,
         scale_sigma=state.scale_sigma,

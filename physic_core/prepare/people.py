@@ -108,7 +108,6 @@ def select_chosen(people: People, prompt: PeoplePrompt) -> People:
         floor=floor,
         keypoints=keypoints,
         heads=None,
-        held=None,
     )
 
 

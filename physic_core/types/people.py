@@ -172,8 +172,6 @@ class People(ShortRepr):
             on them.
         heads: (N,) int, number of heads that the detector sees in each mask; two people may then be
             one. Or None if the backend does not count them.
-        held: (N, 2, H, W) bool, visible pixels of what each person's left and right hand hold,
-            outside of all ``masks``: bats, rackets. Or None if the backend finds none.
         notes: plain sentences for the user ("left out what looks like a person ...").
     """
 
@@ -188,7 +186,6 @@ class People(ShortRepr):
     floor_candidates: tuple[BoolArray, ...] = ()
     carriers: tuple[Carrier, ...] = ()
     heads: IntArray | None = field(default=None, metadata=shape("N"))
-    held: BoolArray | None = field(default=None, metadata=shape("N", 2, "H", "W"))
     notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:

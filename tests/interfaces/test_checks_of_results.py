@@ -97,7 +97,6 @@ def parameters(**values):
     [
         (PEOPLE, {"keypoints": None, "surfaces": None}),
         (PEOPLE, {"carriers": (Carrier("ski", (0.0, 0.0, 2.0, 2.0), 0.5),)}),
-        (PEOPLE, {"held": np.stack([~MASKS.any(0)] * 4).reshape(2, 2, H, W)}),
         (PEOPLE, {"surfaces": SurfaceLabels(np.ones((H, W), np.uint8), ("wall", "floor"))}),
         (
             PEOPLE,
@@ -191,8 +190,6 @@ def test_valid_results_have_no_violation(result, changes):
             "carriers needs boxes x0 y0...",
         ),
         (PEOPLE, {"carriers": ("ski",)}, "carriers must be a tuple of..."),
-        (PEOPLE, {"held": MASKS}, "held must be..."),
-        (PEOPLE, {"held": np.stack([MASKS, MASKS], 1)}, "held has pixels of people..."),
         (
             KEYPOINTS,
             {"skeleton": 17},

@@ -22,7 +22,6 @@ from physic_embedded.networks.sessions import PackagedBackend, Products, Threads
 from physic_embedded.segmentation.chosen import DetectedPeople, choose_poses
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, floor_mask
 from physic_embedded.segmentation.framed import question_people
-from physic_embedded.segmentation.held import segment_held
 from physic_embedded.segmentation.hidden_hips import doubt_hidden_hips
 from physic_embedded.segmentation.people import detect_poses, poses_of_same, unposed_person
 from physic_embedded.segmentation.person_masks import person_masks, resolve_overlaps
@@ -106,7 +105,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         """
         networks = self.network
         options = self.options
-        found, unposed, left_out, carriers, holdable = detect_poses(
+        found, unposed, left_out, carriers = detect_poses(
             networks["yolox_nano"],
             networks["pose_detection"],
             networks["pose_landmark_heavy"],
@@ -143,7 +142,6 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         seen = self._people(found, masks, floor, surfaces, image)
         result = replace(
             seen,
-            held=segment_held(networks["mobilesam_decoder"], embedding, holdable, seen),
             heads=count_heads(unposed, poses, masks),
             unposed=reported,
             unposed_mask=unposed_mask,

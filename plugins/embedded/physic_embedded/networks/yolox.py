@@ -43,17 +43,13 @@ CLASSES = {
     "giraffe": 23,
     "ski": 30,
     "snowboard": 31,
-    "baseball_bat": 34,
     "skateboard": 36,
     "surfboard": 37,
-    "tennis_racket": 38,
 }
-"""Classes of COCO that are read, and their columns: people, what carries people, what people carry,
-and animals and boards that look like people.
+"""Classes of COCO that are read, and their columns: people, what carries people, and animals and
+boards that look like people.
 """
-HOLDABLE = ("baseball_bat", "tennis_racket")
-"""Classes of what people hold; golf clubs count as bats, and guitars as rackets."""
-UNLIKE_PEOPLE = ("bicycle", "motorcycle", *HOLDABLE)
+UNLIKE_PEOPLE = ("bicycle", "motorcycle")
 """Classes that no box of a person shows, whatever their score."""
 MAX_IOU = 0.6
 """Of two boxes with a larger intersection over union, only the better one is kept."""
@@ -89,11 +85,6 @@ class Found(NamedTuple):
         alike = np.array([name not in UNLIKE_PEOPLE for name in self.names], bool)
         better = np.flatnonzero(same & alike & (self.others.scores > score))
         return self.names[better[0]] if len(better) else None
-
-    @property
-    def holdable(self) -> Float:
-        """Boxes (M, 4) of what people hold, best first."""
-        return self.others.boxes[[name in HOLDABLE for name in self.names]]
 
     def carriers(self, least: float) -> tuple[Carrier, ...]:
         """Return what may carry a person, from a score on."""

@@ -126,14 +126,12 @@ class FoundPeople(NamedTuple):
         unposed: boxes of people without a pose.
         not_people: name of the animal or the board in each box that was left out.
         carriers: what may carry a person.
-        holdable: (M, 4) x0 y0 x1 y1 px of what a person may hold.
     """
 
     posed: list[DetectedPose]
     unposed: list[UnposedPerson]
     not_people: list[str]
     carriers: tuple[Carrier, ...]
-    holdable: Float
 
 
 def detect_poses(
@@ -196,7 +194,7 @@ def detect_poses(
     unposed = _add_hidden_people(landmarker, image, posed, kept, box_score)
     unposed += _beyond_limit(kept, max_people)
     kept = _with_upper_bodies(landmarker, image, kept[:max_people])
-    return FoundPeople(kept, unposed, left_out, things.carriers(box_score), things.holdable)
+    return FoundPeople(kept, unposed, left_out, things.carriers(box_score))
 
 
 def _beyond_limit(people: Sequence[DetectedPose], most: int) -> list[UnposedPerson]:
