@@ -32,11 +32,7 @@ PROJECTS = projects("plugins") | {"metricbody": ROOT}
 
 
 def project(folder):
-    """The metadata of a distribution, as a release will state it (CONTRIBUTING.md)."""
-    text = re.sub(
-        r"(?m)^( *)# (.+)  # once released.*", r"\1\2", (folder / "pyproject.toml").read_text()
-    )
-    return tomllib.loads(text)["project"]
+    return tomllib.loads((folder / "pyproject.toml").read_text())["project"]
 
 
 def requirements(folder):
@@ -86,14 +82,6 @@ def test_a_distribution_sets_lower_bounds_only_and_each_is_pinned_for_the_machin
 
 
 ALL = PROJECTS | projects("contrib")
-
-
-@pytest.mark.parametrize("name", ALL)
-def test_no_index_is_asked_for_a_name_of_the_project_before_it_is_released(name):
-    """Whoever registers it first could run code on the machines of users."""
-    own = tomllib.loads((ALL[name] / "pyproject.toml").read_text())["project"]
-    extras = own.get("optional-dependencies", {}).values()
-    assert not [r for r in [*own["dependencies"], *chain(*extras)] if r.startswith("metricbody")]
 
 
 def test_the_catalog_says_which_distributions_require_others():

@@ -23,14 +23,13 @@ description = "{summary}"
 requires-python = ">=3.11"
 dependencies = [
     "numpy>=2.0",
-    # Until then, whoever registers this name with an index runs code here:
-    # "metricbody>={core}",  # once released
+    "metricbody>={core}",
     "pydantic>=2.9",
 ]
 
 [project.optional-dependencies]
 test = [
-    # "metricbody-testing>={core}",  # once released
+    "metricbody-testing>={core}",
     "pytest>=8.2",
 ]
 
