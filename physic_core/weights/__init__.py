@@ -7,8 +7,6 @@ metricbody-embedded downloads files.
 These places are searched, in this order:
 
 1. The folders in the environment variable ``PHYSIC_WEIGHTS``, for ``<folder>/<set>/<file>``.
-   ``<folder>/<file>`` is also accepted if it has exactly the published size, or, if no size is
-   published, if its name is the name of the set.
 2. The user's cache folder, for ``.../physic/weights/<set>/<file>``.
 3. The cache of Hugging Face, if ``huggingface_hub`` is installed.
 """

@@ -1,11 +1,9 @@
-"""Find weight files on this machine, by the name of a weight set or by a path of the user."""
+"""Find weight files on this machine by the name of a weight set."""
 
 from __future__ import annotations
 
 import hashlib
-import mmap
 import os
-import re
 from collections import ChainMap
 from collections.abc import Mapping
 from dataclasses import replace
@@ -23,59 +21,48 @@ from physic_core.weights.manifest import HubSource, WeightFile, WeightSet, read_
 FOLDERS_VARIABLE = "PHYSIC_WEIGHTS"
 """Environment variable with folders of the user, separated as in ``PATH``."""
 
-# The key "location" of a tensor in another file, then the length of that file's path as a varint.
-_LOCATION = re.compile(rb"\x0a\x08location\x12([\x80-\xff]?[\x01-\x7f])", re.DOTALL)
 
-
-def locate(manifest: Path, value: str, file: str | None = None) -> Path:
+def locate(manifest: Path, name: str, file: str | None = None) -> Path:
     """Return the path of a weight file, or of the folder of a weight set, after a comparison with
     its SHA-256.
 
-    A file of a set that is not the published one is refused. A path of the user is not compared
-    with anything.
-
     Args:
         manifest: the plugin's TOML file, or a folder of TOML files.
-        value: the option ``weights``: the name of a set, or a path of the user.
-        file: one file of the set or of the user's folder; None for the complete set.
+        name: the option ``weights``: the name of a set.
+        file: one file of the set; None for the complete set.
 
     Returns:
-        Path of the file. If ``file`` is None and the set has several files, or the user named a
-        folder, path of the folder. If the user named a file, that path unchanged.
+        Path of the file. If ``file`` is None and the set has several files, path of the folder.
 
     Raises:
         WeightsMissingError: files are missing; the message lists the searched folders and how to
             get the files.
         BackendError: a file is not the published one, or the manifest is invalid.
     """
-    found = find_weights(manifest, value, file)
-    weights = read_manifest(manifest).get(value)
-    if weights is not None:
-        here = locate_files(weights)
-        for wanted in weights.files:
-            used = file in (None, wanted.path)
-            if used and (wrong := describe_mismatch(here[wanted.path], wanted)):
-                raise BackendError(
-                    f"{here[wanted.path]} is not the published file: {wrong}: move it away, then "
-                    f"{weights.how_to_get()}; to use a file of your own, give its path in "
-                    f"place of '{value}'"
-                )
+    found = find_weights(manifest, name, file)
+    weights = _named(manifest, name)
+    here = locate_files(weights)
+    for wanted in weights.files:
+        used = file in (None, wanted.path)
+        if used and (wrong := describe_mismatch(here[wanted.path], wanted)):
+            raise BackendError(
+                f"{here[wanted.path]} is not the published file: {wrong}: move it away, then "
+                f"{weights.how_to_get()}"
+            )
     return found
 
 
-def find_weights(manifest: Path, value: str, file: str | None = None) -> Path:
+def find_weights(manifest: Path, name: str, file: str | None = None) -> Path:
     """Return the path of :func:`locate`, without reading the file.
 
     Raises:
         WeightsMissingError: as in :func:`locate`.
         BackendError: the manifest is invalid.
     """
-    weights = read_manifest(manifest).get(value)
-    if weights is None:
-        return _path_of_user(manifest, value, file)
+    weights = _named(manifest, name)
     if file is not None and file not in (known := [f.path for f in weights.files]):
         raise WeightsMissingError(
-            f"weights '{value}' have no file {file}, only {', '.join(known)}: choose weights of "
+            f"weights '{name}' have no file {file}, only {', '.join(known)}: choose weights of "
             f"this backend"
         )
     here = locate_files(weights)
@@ -88,69 +75,54 @@ def find_weights(manifest: Path, value: str, file: str | None = None) -> Path:
     facts = ", ".join(fact for fact in (format_size(weights.bytes), weights.license) if fact)
     part = f"lack {', '.join(lacking)}" if len(lacking) < len(weights.files) else "are missing"
     what = part if lacking else "are in several folders"
-    searched = [str(folder / value) for folder in search_folders()]
+    searched = [str(folder / name) for folder in search_folders()]
     if find_spec("huggingface_hub") is not None:
         searched.append("Hugging Face's cache")
     raise WeightsMissingError(
-        f"weights '{value}' ({facts}) {what}: {weights.how_to_get()}\nsearched: "
+        f"weights '{name}' ({facts}) {what}: {weights.how_to_get()}\nsearched: "
         f"{', '.join(searched)}"
     )
 
 
-def missing(manifest: Path, value: str, file: str | None = None) -> tuple[str, ...]:
-    """Return a message about the files that :func:`locate` does not find; empty if no file is
-    missing. Of the files, it reads only an ONNX file of the user's own, which may name others.
+def missing(manifest: Path, name: str, file: str | None = None) -> tuple[str, ...]:
+    """Return a message about the files that :func:`locate` does not find, without reading one;
+    empty if no file is missing.
 
     Raises:
         BackendError: the manifest is invalid.
     """
     try:
-        found = find_weights(manifest, value, file)
+        find_weights(manifest, name, file)
     except WeightsMissingError as error:
         return (str(error).partition("\nsearched: ")[0],)
-    if value in read_manifest(manifest) or not found.is_file():
-        return ()
-    lacking = [part.name for part in _other_parts(found) if not part.is_file()]
-    if not lacking:
-        return ()
-    return (f"{found} keeps its tensors in {', '.join(lacking)}: put it into the same folder",)
+    return ()
 
 
-def _other_parts(graph: Path) -> list[Path]:
-    """Return the files that an ONNX file names for its tensors; none for a file of another kind.
-
-    torch's exporter writes such files since 2.13, even for small networks.
-    """
-    names = set[bytes]()
-    if graph.suffix == ".onnx" and graph.stat().st_size:
-        with graph.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as text:
-            for match in _LOCATION.finditer(text):
-                low, *high = match[1]
-                length = (low & 127) + (high[0] << 7 if high else 0)
-                names.add(text[match.end() : match.end() + length])
-    paths = [Path(os.fsdecode(name)) for name in sorted(names)]
-    return [graph.parent / path for path in paths if not path.is_absolute()]
+def _named(manifest: Path, name: str) -> WeightSet:
+    """Return the set of a name, or raise WeightsMissingError."""
+    sets = read_manifest(manifest)
+    if name in sets:
+        return sets[name]
+    hint = did_you_mean(name, sets) or f"; there are: {', '.join(sorted(sets)) or 'none'}"
+    raise WeightsMissingError(
+        f"no weights are named '{name}'{hint}. A published file of yours belongs into the folder "
+        f"of its set: PHYSIC_WEIGHTS=FOLDER with FOLDER/NAME/FILE"
+    )
 
 
-def fingerprint(manifest: Path, value: str) -> str:
+def fingerprint(manifest: Path, name: str) -> str:
     """Return a digest of the content of the weights, independent of their path; "" if they are
     missing.
 
     Files without a published SHA-256 are read once, and again when they change.
     """
     try:
-        found = find_weights(manifest, value)
+        find_weights(manifest, name)
     except WeightsMissingError:
         return ""
-    weights = read_manifest(manifest).get(value)
-    if weights is not None:
-        here = locate_files(weights)
-        parts = [f"{file.path} {_identity(here[file.path], file)}" for file in weights.files]
-    elif found.is_dir():
-        inside = sorted(path for path in found.rglob("*") if path.is_file())
-        parts = [f"{path.relative_to(found).as_posix()} {_identity(path)}" for path in inside]
-    else:
-        parts = [_identity(part) for part in (found, *_other_parts(found)) if part.is_file()]
+    weights = _named(manifest, name)
+    here = locate_files(weights)
+    parts = [f"{file.path} {_identity(here[file.path], file)}" for file in weights.files]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
@@ -269,32 +241,10 @@ def find_in_hub_cache(file: WeightFile) -> Path | None:
     return Path(found) if isinstance(found, str) else None
 
 
-def _path_of_user(manifest: Path, value: str, file: str | None) -> Path:
-    """Return the path that the user gave instead of the name of a weight set, or raise
-    WeightsMissingError.
-    """
-    path = Path(value).expanduser()
-    if not value.strip():
-        raise WeightsMissingError(
-            "the option weights is empty: set it to a name of `physic weights list`, or to a path"
-        )
-    if path.is_dir() and file is not None:
-        if (path / file).is_file():
-            return path / file
-        raise WeightsMissingError(f"no file {file} in the folder {value}")
-    if path.exists():
-        return path
-    if path.suffix or any(mark in value for mark in ("/", os.sep)):
-        raise WeightsMissingError(f"no file or folder {value}")
-    names = sorted(read_manifest(manifest))
-    hint = did_you_mean(value, names) or f"; there are: {', '.join(names) or 'none'}"
-    raise WeightsMissingError(f"no weight set, file or folder is named '{value}'{hint}")
-
-
-def _identity(path: Path, file: WeightFile | None = None) -> str:
+def _identity(path: Path, file: WeightFile) -> str:
     """Return the published SHA-256 of a file, which is compared when the file is loaded; without
     one, its own.
     """
-    if file is not None and file.sha256 is not None and file.bytes == path.stat().st_size:
+    if file.sha256 is not None and file.bytes == path.stat().st_size:
         return file.sha256
     return remembered_sha256(path)

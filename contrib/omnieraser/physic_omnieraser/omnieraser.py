@@ -12,7 +12,7 @@ from pydantic import Field
 from physic_core.errors import DeviceError, WeightsMissingError
 from physic_core.interfaces import GpuMemory, Inpainter, Options, Requirement, UserFile
 from physic_networks.checkouts import Checkout
-from physic_networks.networks import TorchBackend
+from physic_networks.networks import WEIGHTS_HELP, TorchBackend
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -43,9 +43,7 @@ class OmniEraserOptions(Options):
         "black-forest-labs/FLUX.1-dev",
         description="FLUX.1-dev: a name in Hugging Face's cache, or a folder",
     )
-    weights: str = Field(
-        "omnieraser", description="a name of `physic weights list`, or the path of the LoRA's file"
-    )
+    weights: str = Field("omnieraser", description=WEIGHTS_HELP)
     offload: Literal["none", "model", "sequential"] = Field(
         "model",
         description="what waits in the machine's memory until its turn: nothing (60 GB of GPU "

@@ -43,6 +43,10 @@ if TYPE_CHECKING:
     from physic_core.types import FloatArray, UInt8Array
 
 
+WEIGHTS_HELP = "a name of `physic weights list`"
+"""Description of the options that name weights."""
+
+
 class NetworkBackend(Backend):
     """Base class of a backend that runs networks; in the list of base classes, it precedes the
     interface.

@@ -17,9 +17,10 @@ from physic_core.errors import BackendError
 from physic_core.interfaces import RelativePointmap
 from physic_core.types import CameraTrust, Intrinsics, Pointmap
 from physic_networks.canonical_depth import focal_from_fov, known_camera
+from physic_networks.networks import WEIGHTS_HELP
 from physic_networks.pictures import normalized_nchw, resize_image, resize_map
 
-from .sessions import WEIGHTS_HELP, OnnxBackend, OnnxOptions
+from .sessions import OnnxBackend, OnnxOptions
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Hints, UInt8Array

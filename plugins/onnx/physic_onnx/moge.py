@@ -19,10 +19,11 @@ from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth, Options, RelativePointmap
 from physic_core.types import CameraTrust, DepthMap, Intrinsics, Pointmap
 from physic_networks.affine_pointmap import half_diagonal, points_on_rays, recover_camera
+from physic_networks.networks import WEIGHTS_HELP
 from physic_networks.pictures import normalized_nchw, resize_image, resize_map
 from physic_networks.runtime import onnxruntime
 
-from .sessions import WEIGHTS_HELP, OnnxBackend, OnnxOptions
+from .sessions import OnnxBackend, OnnxOptions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

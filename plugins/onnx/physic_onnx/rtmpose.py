@@ -13,9 +13,10 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.errors import BackendError
+from physic_networks.networks import WEIGHTS_HELP
 from physic_networks.top_down import scores_to_confidence
 
-from .sessions import WEIGHTS_HELP, OnnxOptions
+from .sessions import OnnxOptions
 from .top_down import TopDownBackend
 
 if TYPE_CHECKING:

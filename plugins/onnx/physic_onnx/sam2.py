@@ -11,9 +11,9 @@ from pydantic import Field
 from physic_core import find_backend, load_backend
 from physic_core.errors import BackendNotFoundError
 from physic_core.interfaces import Options, Segmenter
-from physic_networks.networks import NetworkBackend
+from physic_networks.networks import WEIGHTS_HELP, NetworkBackend
 
-from .sessions import WEIGHTS_HELP, OnnxOptions
+from .sessions import OnnxOptions
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, People, UInt8Array

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
     from physic_networks.onnx_sessions import OnnxSession
 
-WEIGHTS_HELP = "a name of `physic weights list`"
 ProviderName = Literal["auto", "cpu", "cuda", "tensorrt", "coreml", "directml"]
 
 

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import Field
 
+from physic_networks.networks import WEIGHTS_HELP
 from physic_networks.top_down import scores_to_confidence, subpixel_peaks
 
-from .sessions import WEIGHTS_HELP, OnnxOptions
+from .sessions import OnnxOptions
 from .top_down import TopDownBackend
 
 if TYPE_CHECKING:

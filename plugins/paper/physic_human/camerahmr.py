@@ -28,7 +28,7 @@ from physic_human.user_smpl import (
 )
 from physic_networks.bodies import SeenConfidence, empty_bodies, observed_joints
 from physic_networks.checkouts import Checkout
-from physic_networks.networks import picture_tensor, to_numpy
+from physic_networks.networks import WEIGHTS_HELP, picture_tensor, to_numpy
 from physic_networks.pictures import IMAGENET_MEAN, IMAGENET_STD, letterbox, normalized_nchw
 from physic_networks.top_down import crop_around_box, padded_region, resample_crop
 
@@ -107,12 +107,7 @@ def camerahmr_inputs(
 class CameraHmrOptions(SmplCheckoutOptions):
     """Settings of CameraHMR."""
 
-    weights: str = Field(
-        default="camerahmr",
-        description="a name of `physic weights list`, or a folder with "
-        "camerahmr_checkpoint_cleaned.ckpt, "
-        "smpl_mean_params.npz and cam_model_cleaned.ckpt",
-    )
+    weights: str = Field("camerahmr", description=WEIGHTS_HELP)
     smpl_file: str = Field(
         default="",
         description="your SMPL_NEUTRAL.npz or .pkl: gives the joints and the surface of a body",

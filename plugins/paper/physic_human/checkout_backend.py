@@ -15,7 +15,7 @@ from pydantic import Field
 from physic_core.errors import BackendError, DeviceError
 from physic_core.interfaces import Requirement
 from physic_networks.checkouts import Checkout
-from physic_networks.networks import TorchBackend, TorchOptions, run_in_batches
+from physic_networks.networks import WEIGHTS_HELP, TorchBackend, TorchOptions, run_in_batches
 
 if TYPE_CHECKING:
     import torch
@@ -29,9 +29,7 @@ _LOG = logging.getLogger(__name__)
 class CheckoutOptions(TorchOptions):
     """Settings shared by all backends that run a checkout."""
 
-    weights: str = Field(
-        default="", description="a name of `physic weights list`, or a path of your own"
-    )
+    weights: str = Field("", description=WEIGHTS_HELP)
     checkout: str = Field(
         default="",
         description="folder of your checkout of the project, its root; empty where it is installed",

@@ -6,7 +6,6 @@ standard deviation of ImageNet keep their RGB order.
 
 from __future__ import annotations
 
-import inspect
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
@@ -17,6 +16,7 @@ from physic_core.interfaces import ContactPrior, Options
 from physic_core.types import ContactProbability
 from physic_human.user_smpl import SmplCheckoutBackend, SmplCheckoutOptions, open_smpl
 from physic_networks.checkouts import Checkout
+from physic_networks.networks import WEIGHTS_HELP
 from physic_networks.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
 
 if TYPE_CHECKING:
@@ -88,10 +88,7 @@ def _span(low: float, high: float, end: int) -> slice:
 class DecoOptions(SmplCheckoutOptions):
     """Settings of DECO."""
 
-    weights: str = Field(
-        default="deco",
-        description="a name of `physic weights list`, or the path of your deco_best.pth",
-    )
+    weights: str = Field("deco", description=WEIGHTS_HELP)
     smpl_file: str = Field(
         default="",
         description="your SMPL_NEUTRAL.npz or .pkl, by whose T-pose labels are carried to your "
@@ -126,10 +123,7 @@ class Deco(SmplCheckoutBackend, ContactPrior):
         smpl = self.options.smpl_file
         rest = open_smpl(smpl).rest if smpl else None
         with self.inference():
-            # Encoder, whether it looks at the context too, device; older versions always do, and
-            # have no such argument.
-            takes_context = "context" in inspect.signature(kind).parameters
-            network = kind("hrnet", True, device) if takes_context else kind("hrnet", device)
+            network = kind("hrnet", True, device)  # encoder, whether it looks at the context too
             return self.load_checkpoint(network, path, "deco"), rest
 
     def preprocess(
@@ -142,8 +136,7 @@ class Deco(SmplCheckoutBackend, ContactPrior):
 
     def ask(self, inputs: dict[str, torch.Tensor]) -> Sequence[Any]:
         """Run the network on crops."""
-        answer = self.network[0](inputs["img"])
-        return [answer[0] if isinstance(answer, (tuple, list)) else answer]
+        return [self.network[0](inputs["img"])[0]]
 
     def postprocess(
         self, outputs: list[FloatArray], image: UInt8Array, people: People, bodies: Bodies

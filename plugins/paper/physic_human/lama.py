@@ -9,7 +9,7 @@ from pydantic import Field
 
 from physic_core.errors import BackendError
 from physic_core.interfaces import Inpainter, Options
-from physic_networks.networks import TorchBackend, open_torchscript, to_numpy
+from physic_networks.networks import WEIGHTS_HELP, TorchBackend, open_torchscript, to_numpy
 from physic_networks.pictures import inpaint_masked, normalized_nchw, resize_image
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ _LONGEST_PX = 1536  # long side of the photo that the network sees
 class LamaOptions(Options):
     """Settings of Lama."""
 
-    weights: str = Field("big-lama", description="a name of `physic weights list`")
+    weights: str = Field("big-lama", description=WEIGHTS_HELP)
 
 
 class Lama(TorchBackend, Inpainter):

@@ -36,7 +36,7 @@ from physic_human.checkout_backend import (
 )
 from physic_networks.affine_pointmap import points_on_rays, recover_camera
 from physic_networks.checkouts import Checkout
-from physic_networks.networks import picture_tensor, to_numpy
+from physic_networks.networks import WEIGHTS_HELP, picture_tensor, to_numpy
 
 if TYPE_CHECKING:
     import torch
@@ -59,19 +59,13 @@ class MogeOptions(CheckoutOptions):
 class Moge1Options(MogeOptions):
     """Settings of MoGe 1."""
 
-    weights: str = Field(
-        default="moge-1-vitl",
-        description="a name of `physic weights list`, or the path of a model.pt",
-    )
+    weights: str = Field("moge-1-vitl", description=WEIGHTS_HELP)
 
 
 class Moge3Options(MogeOptions):
     """Settings of MoGe-3."""
 
-    weights: str = Field(
-        default="moge-3-vitl",
-        description="a name of `physic weights list`, or the path of a model.pt",
-    )
+    weights: str = Field("moge-3-vitl", description=WEIGHTS_HELP)
     refine_steps: int = Field(
         default=0,
         ge=0,

@@ -31,6 +31,7 @@ from physic_networks.bodies import (
     parameters_from_rotvecs,
 )
 from physic_networks.checkouts import Checkout
+from physic_networks.networks import WEIGHTS_HELP
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -85,12 +86,7 @@ def guarded_torch(hub: Callable[..., Any], *, trusted: bool) -> Iterator[list[An
 class Sam3dBodyOptions(CheckoutOptions):
     """Settings of SAM 3D Body."""
 
-    weights: str = Field(
-        default="sam-3d-body-vith",
-        description="a name of `physic weights list`, or a folder with model.ckpt, "
-        "model_config.yaml and "
-        "assets/mhr_model.pt",
-    )
+    weights: str = Field("sam-3d-body-vith", description=WEIGHTS_HELP)
     dinov3_checkout: str = Field(
         default="",
         description="folder of your checkout of DINOv3, its root, for sam-3d-body-dinov3; empty "

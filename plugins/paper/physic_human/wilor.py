@@ -17,6 +17,7 @@ from physic_core.interfaces import HandEstimator, Options, Share
 from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions
 from physic_human.hands import chumpy_free_copy, empty_hands, hand_boxes, hands_from_mano
 from physic_networks.checkouts import Checkout
+from physic_networks.networks import WEIGHTS_HELP
 from physic_networks.top_down import antialias_sigma, crop_around_box, resample_crop
 
 if TYPE_CHECKING:
@@ -35,12 +36,7 @@ _LEAST_SIZE_PX = 24.0  # longer side of a hand; fingers below are a guess
 class WilorOptions(CheckoutOptions):
     """Settings of WiLoR."""
 
-    weights: str = Field(
-        default="wilor-mini",
-        description="a name of `physic weights list`, or a folder with wilor_final.ckpt, "
-        "MANO_RIGHT.pkl and "
-        "mano_mean_params.npz",
-    )
+    weights: str = Field("wilor-mini", description=WEIGHTS_HELP)
     least_confidence: Share = Field(
         default=0.5,
         description="least confidence of a hand's keypoints; 0.7 in the code of the PhySIC paper",

@@ -19,9 +19,9 @@ from physic_networks.canonical_depth import (
     focal_from_fov,
     known_camera,
 )
-from physic_networks.networks import picture_tensor, to_numpy
+from physic_networks.networks import WEIGHTS_HELP, picture_tensor, to_numpy
 from physic_networks.pictures import resize_map
-from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend
+from physic_transformers.models import ModelOptions, ModelSpec, PretrainedBackend
 
 if TYPE_CHECKING:
     from physic_core.types import Hints, UInt8Array

@@ -14,11 +14,10 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.interfaces import Options, Segmenter, Share
-from physic_networks.networks import picture_tensor, to_numpy
+from physic_networks.networks import WEIGHTS_HELP, picture_tensor, to_numpy
 from physic_networks.people import clip_boxes, sigmoid, xyxy_from_cxcywh
 from physic_networks.pictures import IMAGENET_MEAN, IMAGENET_STD, resize_image
 from physic_transformers.models import (
-    WEIGHTS_HELP,
     ModelOptions,
     ModelSpec,
     PretrainedBackend,

@@ -26,11 +26,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 _TOLD = 4  # names of weights in a message
-WEIGHTS_HELP = (
-    "a name of `physic weights list`, or a folder of your own, as save_pretrained of "
-    "transformers writes it"
-)
-"""Description of the options that name weights."""
 
 
 @dataclass(frozen=True)

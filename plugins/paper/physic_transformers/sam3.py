@@ -9,10 +9,10 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.interfaces import Options, Segmenter, Share
-from physic_networks.networks import picture_tensor, to_numpy
+from physic_networks.networks import WEIGHTS_HELP, picture_tensor, to_numpy
 from physic_networks.people import clip_boxes, sigmoid
 from physic_networks.pictures import resize_image, resize_map
-from physic_transformers.models import WEIGHTS_HELP, ModelOptions, ModelSpec, PretrainedBackend
+from physic_transformers.models import ModelOptions, ModelSpec, PretrainedBackend
 from physic_transformers.sam_masks import best_rows, people_from_sam
 
 if TYPE_CHECKING:

@@ -38,3 +38,9 @@ def smpl_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("smpl") / "SMPL_NEUTRAL.npz"
     np.savez(path, **smpl_arrays())
     return path
+
+
+def reading(backend, folder):
+    """The backend, with its weights in this folder."""
+    backend.file = lambda name=None: folder / name if name else folder
+    return backend

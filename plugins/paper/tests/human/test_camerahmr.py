@@ -11,6 +11,7 @@ from physic_core.types import Hints, Intrinsics, Keypoints, People
 from physic_human.camerahmr import CameraHmr, CameraHmrOptions
 from physic_testing.body_files import smpl_arrays
 
+from .conftest import reading
 from .seen import coordinates, normalised_back, place_of
 
 NUM_KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
@@ -76,13 +77,8 @@ def made(stub, tmp_path, smpl_file):
     def make(camera_gain=1.0, **options):
         camera = {"state_dict": {"gain": torch.full((1,), camera_gain)}}
         torch.save(camera, files / "cam_model_cleaned.ckpt")
-        given = {
-            "checkout": str(checkout),
-            "weights": str(files),
-            "smpl_file": str(smpl_file),
-        } | options
-        backend = CameraHmr(CameraHmrOptions(**given))
-        assert all("pip install" in line for line in backend.missing())
+        places = {"checkout": str(checkout), "smpl_file": str(smpl_file)}
+        backend = reading(CameraHmr(CameraHmrOptions(**places, **options)), files)
         backend.load()
         return backend
 

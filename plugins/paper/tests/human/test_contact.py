@@ -11,6 +11,7 @@ from physic_human.deco import Deco, DecoOptions, contact_crop, enlarged_box_slic
 from physic_human.user_smpl import open_smpl
 from physic_networks.bodies import empty_bodies
 
+from .conftest import reading
 from .seen import normalised_back
 
 
@@ -69,10 +70,6 @@ class DECO(torch.nn.Module):
         contact[:, 0] = 0.75 * self.gain
         return contact, torch.zeros(len(img), 133, 64, 64), torch.zeros(len(img), 26, 64, 64)
 """
-OLD_DECO = DECO.replace("encoder, context, device)", "encoder, device)").replace(
-    '(encoder, context, str(device)) == ("hrnet", True, "cpu")',
-    '(encoder, str(device)) == ("hrnet", "cpu")',
-)
 
 
 def ask(backend, count=1):
@@ -84,16 +81,12 @@ def ask(backend, count=1):
 
 @pytest.fixture
 def deco(stub, tmp_path, smpl_file):
-    def make(text=DECO, **options):
-        checkout = stub("deco", {"models/deco.py": text, "utils/hrnet.py": "WIDTH = 32"})
-        torch.save({"deco": {"gain": torch.ones(1)}, "epoch": 3}, tmp_path / "deco_best.pth")
-        weights = str(tmp_path / "deco_best.pth")
-        given = {
-            "checkout": str(checkout),
-            "weights": weights,
-            "smpl_file": str(smpl_file),
-        } | options
-        backend = Deco(DecoOptions(**given))
+    def make(**options):
+        checkout = stub("deco", {"models/deco.py": DECO, "utils/hrnet.py": "WIDTH = 32"})
+        path = tmp_path / "deco_best.pth"
+        torch.save({"deco": {"gain": torch.ones(1)}, "epoch": 3}, path)
+        places = {"checkout": str(checkout), "smpl_file": str(smpl_file)}
+        backend = reading(Deco(DecoOptions(**places, **options)), path)
         backend.load()
         return backend
 
@@ -107,10 +100,6 @@ def test_deco_gives_smpls_labels_with_smpls_t_pose(deco, smpl_file):
     np.testing.assert_allclose(found.probability[:, 0], 0.75)
     wanted = open_smpl(str(smpl_file)).rest
     np.testing.assert_array_equal(found.rest.vertices, wanted.vertices)
-
-
-def test_older_versions_of_deco_get_their_own_arguments(deco):
-    np.testing.assert_allclose(ask(deco(OLD_DECO)).probability[0, 0], 0.75)
 
 
 def test_deco_is_called_in_batches_and_never_without_people(deco):

@@ -17,6 +17,8 @@ from physic_core.pipeline.stage_caller import StageCaller
 from physic_core.types import CameraTrust, Hints, Intrinsics, Provenance
 from physic_human.moge import Moge1, Moge1Options, Moge3Depth, Moge3Options, Moge3Pointmap
 
+from .conftest import reading
+
 MOGE = """
 import torch
 
@@ -44,7 +46,7 @@ class MoGeModel(torch.nn.Module):
 def moge(stub, tmp_path):
     checkout = stub("moge", {"moge/__init__.py": "", "moge/model/v1.py": MOGE})
     torch.save({"model_config": {}, "model": {}}, tmp_path / "model.pt")
-    backend = Moge1(Moge1Options(checkout=str(checkout), weights=str(tmp_path / "model.pt")))
+    backend = reading(Moge1(Moge1Options(checkout=str(checkout))), tmp_path / "model.pt")
     backend.load()
     return backend
 
@@ -106,19 +108,14 @@ def moge_3(stub, tmp_path):
         torch.save(
             {"model_config": {"refiner": {}, **config}, "model": tensors}, tmp_path / "model.pt"
         )
-        options = {
-            "checkout": str(checkout),
-            "weights": str(tmp_path / "model.pt"),
-            "refine_steps": refine_steps,
-        }
-        return Moge3Depth(Moge3Options(**options))
+        options = Moge3Options(checkout=str(checkout), refine_steps=refine_steps)
+        return reading(Moge3Depth(options), tmp_path / "model.pt")
 
     return make
 
 
 def test_moge_3_runs_on_a_cpu_without_the_kernels_of_its_refiner(moge_3):
     backend = moge_3({"shift": 1.5, "refiner.weight": 0.0})
-    assert backend.missing() == ()
     backend.load()
     assert not {"flex_gemm", "flex_gemm.nn", "flex_gemm.ops", "utils3d_moge"} & sys.modules.keys()
     found = backend.infer(np.zeros((60, 80, 3), np.uint8), Hints())
@@ -143,7 +140,7 @@ def test_a_known_camera_is_followed_by_moge_3_and_a_guessed_one_is_not(moge_3):
 
 def test_both_interfaces_share_one_run_of_moge_3_by_the_cache(moge_3, tmp_path):
     depth = moge_3()
-    points = Moge3Pointmap(depth.options)
+    points = reading(Moge3Pointmap(depth.options), depth.file())
     image = np.zeros((60, 80, 3), np.uint8)
     stages = StageCaller("cpu", 2, cache=ResultCache(tmp_path / "results", 10**8))
     for backend, request in (

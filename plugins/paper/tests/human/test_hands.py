@@ -21,6 +21,7 @@ from physic_human.wilor import Wilor, WilorOptions
 from physic_testing import violations
 from physic_testing.body_files import mano_arrays, write_published
 
+from .conftest import reading
 from .seen import coordinates, place_of
 
 
@@ -192,7 +193,7 @@ def make_wilor(stub, tmp_path):
         torch.save(held or usual, folder / "wilor_final.ckpt")
         write_published(folder / "MANO_RIGHT.pkl", mano_arrays())
         (folder / "mano_mean_params.npz").write_bytes(b"")
-        return Wilor(WilorOptions(checkout=str(checkout), weights=str(folder), **options))
+        return reading(Wilor(WilorOptions(checkout=str(checkout), **options)), folder)
 
     return make
 

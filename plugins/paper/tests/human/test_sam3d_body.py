@@ -18,6 +18,8 @@ from physic_core.types import Hints, Intrinsics, Keypoints, People
 from physic_human.sam3d_body import Sam3dBody, Sam3dBodyOptions, guarded_torch
 from physic_networks.networks import TorchBackend
 
+from .conftest import reading
+
 CAMERA = Intrinsics(500.0, 510.0, 30.0, 20.0, 64, 48)
 NUM_KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
 
@@ -134,9 +136,8 @@ def make_sam(stub, tmp_path):
         (files / "model_config.yaml").write_text(
             f"MODEL:\n  BACKBONE:\n    TYPE: {backbone}\n  DECODER:\n{decoder}"
         )
-        return Sam3dBody(
-            Sam3dBodyOptions(checkout=str(checkout), weights=str(files), batch=1, **options)
-        )
+        options = Sam3dBodyOptions(checkout=str(checkout), batch=1, **options)
+        return reading(Sam3dBody(options), files)
 
     return make
 

@@ -100,3 +100,15 @@ def saved(tmp_path_factory):
         return done[name]
 
     return folder
+
+
+@pytest.fixture
+def stored(saved):
+    """``stored(Adapter, {option: network}, **options)``: a backend that reads tiny networks."""
+
+    def make(kind, networks, **options):
+        backend = kind(kind.Options(**options))
+        backend.file = lambda name=None, option="weights": saved(networks[option])
+        return backend
+
+    return make
