@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -154,6 +154,7 @@ def export_reconstruction(
     scene: bool = True,
     body_model: str | os.PathLike[str] | None = None,
     overwrite: bool = False,
+    write: Callable[[Path, Mapping[str, bytes]], None] | None = None,
     **options: str | bool,
 ) -> Exported:
     """Write a reconstruction to a file of another program's format.
@@ -168,6 +169,7 @@ def export_reconstruction(
         scene: whether to write the scene too, where the format has one.
         body_model: SMPL-X file of the user, which some exports need.
         overwrite: whether to replace files; never the photo, or a link.
+        write: writes the files of a folder, by name; None to only write them.
         options: of the format, such as ``names="mixamo"``; docs/exports.md lists them.
 
     Raises:
@@ -204,9 +206,11 @@ def export_reconstruction(
             f"{type(made).__name__}"
         )
     _check_names(folder, made.files, overwrite, result.photo)
-    return Exported(
-        _write(folder, made, main=f"{stem}{suffix}"), (*notes, *frame.notes, *made.notes)
-    )
+    # the file that names the others comes last
+    ordered = sorted(made.files, key=lambda name: name == f"{stem}{suffix}")
+    (write or _write)(folder, {name: made.files[name] for name in ordered})
+    paths = tuple(folder / name for name in made.files)
+    return Exported(paths, (*notes, *frame.notes, *made.notes))
 
 
 def _target(path: Path, format: str | None) -> tuple[Found[ExporterRecord], Path, str, str]:
@@ -279,13 +283,10 @@ def _options(kind: ExporterRecord, given: Mapping[str, str | bool]) -> dict[str,
     return {name: values[0] for name, values in kind.options.items()} | dict(given)
 
 
-def _write(folder: Path, made: ExportedFiles, main: str) -> tuple[Path, ...]:
-    check_writable(folder)
-    with atomic_write(folder) as temporary:
-        # the file that names the others comes last
-        for name in sorted(made.files, key=lambda name: name == main):
-            temporary(name).write_bytes(made.files[name])
-    return tuple(folder / name for name in made.files)
+def _write(folder: Path, files: Mapping[str, bytes]) -> None:
+    with atomic_write(check_writable(folder)) as temporary:
+        for name, content in files.items():
+            temporary(name).write_bytes(content)
 
 
 def _check_names(folder: Path, names: Iterable[str], overwrite: bool, photo: str) -> None:

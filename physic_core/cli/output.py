@@ -153,32 +153,25 @@ def show_progress(quiet: bool) -> Iterator[Callable[[str, int, int], None] | Non
 
 
 @contextmanager
-def reserve_folder(
-    folder: Path, photo: str, *, overwrite: bool, beside: Sequence[str] = ()
-) -> Iterator[None]:
-    """Create a folder for a result, and check that it can be written; after an error, new empty
-    folders are deleted.
+def reserve_folder(folder: Path, photo: str, *, overwrite: bool) -> Iterator[None]:
+    """Check that a result can be written to a folder; after an error, new folders above it that are
+    empty are deleted.
 
     Args:
         folder: of the result.
         photo: digests of its photo, or of all photos; "" if the photo cannot be read, which the run
             reports.
         overwrite: whether the result of another photo may be replaced.
-        beside: names of files that only this command adds to a result.
 
     Raises:
-        OutputError: the folder cannot be written, or user data would be lost.
+        OutputError: the folder cannot be written, or has a file of the user.
     """
-    from physic_core.files.atomic import check_writable
-    from physic_core.io.result_folder import FILES, Replaceable, check_overwrite, repair_result
+    from physic_core.io.result_folder import prepare_result_folder
 
-    parts = [*reversed(folder.absolute().parents), folder.absolute()]
-    new = [part for part in parts if not os.path.exists(part)]  # Path.exists raises PermissionError
+    parents = [*reversed(Path(os.path.realpath(folder)).parents)]
+    new = [parent for parent in parents if not os.path.exists(parent)]
     try:
-        repair_result(folder)
-        if photo:
-            check_overwrite(folder, Replaceable(photo, overwrite), [*FILES, *beside])
-        check_writable(folder)
+        prepare_result_folder(folder, photo, overwrite=overwrite or not photo)
         yield
     except BaseException:
         for created in reversed(new):

@@ -3,7 +3,7 @@ killed.
 
 New files are written under temporary names and renamed at the end. A folder is locked while it is
 written, where its file system has locks. Temporary files of a killed process are deleted by the
-next write with a lock, unless they are the only copy of files that belong together.
+next write with a lock.
 
 Outside a result's folder, PhySIC replaces only files with its mark, and never writes through a
 link. It reads only regular files, since reading a pipe could wait for ever.
@@ -12,19 +12,18 @@ link. It reads only regular files, since reading a pipe could wait for ever.
 from __future__ import annotations
 
 import errno
-import glob
 import logging
 import os
 import re
 import secrets
 import stat
 import sys
+import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from io import BufferedReader
 from pathlib import Path
-from types import MappingProxyType
 from typing import BinaryIO
 
 from physic_core.errors import InputError, OutputError
@@ -40,7 +39,7 @@ _SILENT_S = 5.0  # of that wait
 _POLL_S = 0.05
 _START_BYTES = 1 << 16  # that have the mark
 # No other program names its files so.
-_PART = re.compile(r"\.(?:.+\.)?[0-9a-f]{8}\.physic-part", re.DOTALL)
+_PART = re.compile(r"\..+\.[0-9a-f]{8}\.physic-part", re.DOTALL)
 _LOG = logging.getLogger(__name__)
 
 
@@ -51,75 +50,36 @@ class AtomicWrite:
 
     Args:
         folder: of the files.
-        parts: name -> temporary path of files that were written already.
-
-    Attributes:
-        is_only_copy: whether :meth:`clean` keeps the files, since nothing else has their content.
     """
 
-    def __init__(self, folder: Path, parts: Mapping[str, Path] = MappingProxyType({})) -> None:
-        self.is_only_copy = False
+    def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._token = secrets.token_hex(4)
-        self._parts = dict(parts)
-        self._inodes = dict[str, int]()
+        self._parts = dict[str, Path]()
 
-    def __call__(self, name: str, part: Path | None = None) -> Path:
-        """Return the temporary path of a file, by default a new one.
+    def __call__(self, name: str) -> Path:
+        """Return the temporary path of a file.
 
         Raises:
             OutputError: the file would lie outside the folder.
         """
-        if name not in self._parts:
-            _ = path_to_write(self._folder, name)
-            # In the same folder, since a rename is atomic only within one file system.
-            self._parts[name] = part or self._folder / _part_name(name, self._token)
-        return self._parts[name]
-
-    def expect(self, name: str) -> None:
-        """Let :meth:`rename` fail if another process replaces a file that is in the folder now."""
-        with suppress(FileNotFoundError):
-            self._inodes[name] = os.lstat(self._folder / name).st_ino
-
-    def seal(self) -> None:
-        """Remember which files were written, by which :meth:`rename` finds them again.
-
-        Raises:
-            OSError: one of them is missing.
-        """
-        for name, part in self._parts.items():
-            if name not in self._inodes:
-                self._inodes[name] = os.lstat(part).st_ino
+        _ = path_to_write(self._folder, name)
+        # In the same folder, since a rename is atomic only within one file system.
+        part = f".{name.replace('/', '.')}.{self._token}.physic-part"
+        return self._parts.setdefault(name, self._folder / part)
 
     def rename(self) -> None:
-        """Give the files that were written so far their names, in the order of the calls.
-
-        After an error or an interruption, another call renames the rest.
+        """Give the files their names, in the order of the calls.
 
         Raises:
-            OSError: a file cannot be renamed, or another process has replaced one since.
+            OSError: a file cannot be renamed.
         """
-        self.seal()
-        for name, part in list(self._parts.items()):
-            path = self._folder / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            # A call that was interrupted, or a request that a server got twice, may have renamed
-            # it: its inode shows it.
-            with suppress(FileNotFoundError):
-                os.replace(part, path)
-            self._check(name)
-            del self._parts[name]
-        for name in self._inodes:
-            self._check(name)
-
-    def _check(self, name: str) -> None:
-        if os.lstat(self._folder / name).st_ino != self._inodes[name]:
-            raise FileNotFoundError(errno.ENOENT, "replaced by another process", name)
+        for name, part in self._parts.items():
+            (self._folder / name).parent.mkdir(parents=True, exist_ok=True)
+            os.replace(part, self._folder / name)
 
     def clean(self) -> None:
         """Delete the files that were not renamed."""
-        if self.is_only_copy:
-            return
         for part in self._parts.values():
             with suppress(OSError):
                 part.unlink(missing_ok=True)
@@ -140,15 +100,9 @@ def path_to_write(folder: Path, name: str) -> Path:
         ) from error
 
 
-def _part_name(name: str, token: str) -> str:
-    return f".{name.replace('/', '.')}.{token}.physic-part"
-
-
-def parts_of(folder: Path, name: str) -> Iterator[Path]:
-    """Yield the temporary files of a file that killed processes have left; its name may begin with
-    folders.
-    """
-    return folder.glob(_part_name(glob.escape(name), "*"))
+def is_part(name: str) -> bool:
+    """Return whether a file's name is that of a temporary file."""
+    return _PART.fullmatch(name) is not None
 
 
 @contextmanager
@@ -179,7 +133,7 @@ def atomic_write(folder: Path, *, lock: bool = True) -> Iterator[AtomicWrite]:
                 if is_locked:  # else the files can be of another process that writes now
                     _clean(folder)
     except OSError as error:
-        raise _refusal(folder, error) from error
+        raise refusal(folder, error) from error
 
 
 def check_writable(folder: str | os.PathLike[str]) -> Path:
@@ -194,13 +148,9 @@ def check_writable(folder: str | os.PathLike[str]) -> Path:
     folder = Path(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / f".{secrets.token_hex(4)}.physic-part"
-        try:
-            probe.write_bytes(b"")
-        finally:
-            probe.unlink(missing_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
     except OSError as error:
-        raise _refusal(folder, error) from error
+        raise refusal(folder, error) from error
     return folder
 
 
@@ -273,15 +223,10 @@ def _holder(file: int) -> str:
 
 
 def _clean(folder: Path) -> None:
-    """Delete temporary files that a process left when it was killed, unless a document that has no
-    name yet lists them.
-    """
-    for part in folder.glob(".*.physic-document"):
-        if not os.path.lexists(folder / part.name[1:].rsplit(".", 2)[0]):
-            return
+    """Delete temporary files that a process left when it was killed."""
     with os.scandir(folder) as entries:
         for entry in entries:
-            if _PART.fullmatch(entry.name):
+            if is_part(entry.name):
                 with suppress(OSError):
                     os.unlink(entry.path)
 
@@ -295,7 +240,8 @@ _REMEDY = {
 }
 
 
-def _refusal(folder: Path, error: OSError) -> OutputError:
+def refusal(folder: Path, error: OSError) -> OutputError:
+    """Return the error for a folder that cannot be written."""
     if os.path.isfile(folder):  # Path.is_file raises if a parent folder cannot be entered
         return OutputError(
             f"cannot write results to {folder}: it is a file; name a folder, or move the file away"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from physic_core.errors import InputError
 from physic_core.files.atomic import check_own, write_own
-from physic_core.io.result_folder import add_result_file, check_finished, is_result
+from physic_core.io.result_folder import add_result_files, check_added, is_result
 from physic_core.io.results import load_reconstruction
 from physic_core.pictures import PAGE_MARK, REPORT_FILE, report_html
 
@@ -46,7 +46,8 @@ def add_report(folder: str | os.PathLike[str], title: str = "") -> Path:
 
     Raises:
         InputError: there is no result in the folder, or its files are damaged.
-        OutputError: the page cannot be written, or a ``report.html`` there is not a page of PhySIC.
+        OutputError: the page cannot be written, or a ``report.html`` there is not a page of PhySIC,
+            or was edited.
         PackageMissingError: no installed plugin makes pictures.
     """
     folder = Path(folder)
@@ -54,14 +55,14 @@ def add_report(folder: str | os.PathLike[str], title: str = "") -> Path:
         raise InputError(
             f"no result in {folder}: name the folder of a finished run, or a folder of such folders"
         )
-    check_finished(folder)
     check_own(folder / REPORT_FILE, mark=PAGE_MARK)
+    check_added(folder, REPORT_FILE)
     name = folder.resolve().name
     try:
         shown = load_reconstruction(folder)
     except InputError as error:
-        add_result_file(folder, REPORT_FILE, report_html(error, title or name).encode())
+        add_result_files(folder, {REPORT_FILE: report_html(error, title or name).encode()})
         raise
     page = report_html(shown, title or shown.photo_name or name)
-    add_result_file(folder, REPORT_FILE, page.encode())
+    add_result_files(folder, {REPORT_FILE: page.encode()})
     return folder / REPORT_FILE

@@ -1,44 +1,41 @@
-"""The files of a result folder: which of them a run may replace, and how they are replaced
-together.
+"""The folder of a result: new, empty, or that of an earlier result without a change; it is replaced
+as a whole.
 
-The document names the other files with their SHA-256, so that files that the user edited are
-known. It is moved away first and renamed last. Until the end, old and new document stay under
-temporary names, so that the next run completes the result of a killed run. Readers write
-nothing. ``people.csv``, a row for each person, and ``report.html``, a page for a browser, are
-beside them.
+The document names the other files with their SHA-256, and its ``run`` is a digest of itself, so
+that a file of the user is recognised. A new result is made in a hidden folder beside the old one,
+and renamed. A process that is killed between the two renames leaves the old result hidden, which
+the next run puts back. ``people.csv``, a row for each person, and ``report.html``, a page for a
+browser, are beside document and arrays.
 """
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import io
-import itertools
 import json
-import logging
 import os
 import re
 import secrets
-from collections.abc import Collection, Iterable, Iterator, Mapping
-from contextlib import suppress
-from dataclasses import dataclass
-from functools import partial
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from io import BufferedReader, BytesIO
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.errors import InputError, OutputError
 from physic_core.files.atomic import (
-    AtomicWrite,
     atomic_write,
     check_writable,
+    is_part,
     locked,
     open_regular,
-    parts_of,
     read_regular,
+    refusal,
 )
 from physic_core.files.names import UntrustedName, paths_inside
 from physic_core.files.text import parse_json, write_csv
-from physic_core.pictures import GLB_FILE, PREVIEW_FILE, REPORT_FILE
 from physic_core.types.results import PERSON_COLUMNS, person_rows
 
 if TYPE_CHECKING:
@@ -49,310 +46,230 @@ DOCUMENT_FILE = "reconstruction.json"
 ARRAYS_FILE = "reconstruction.npz"
 PEOPLE_TABLE = "people.csv"
 MAX_DOCUMENT_BYTES = 64 << 20
-FILES = (DOCUMENT_FILE, ARRAYS_FILE, PREVIEW_FILE, GLB_FILE, REPORT_FILE, PEOPLE_TABLE)
+_SYSTEM_FILES = {".DS_Store", "Thumbs.db", "desktop.ini"}
 _RUN = re.compile(
     rb'\{\s*"schema": "physic-reconstruction",\s*"schema_version": \d+,\s*"run": "(\w+)"'
 )
 _END_BYTES = 1000
-_LOG = logging.getLogger(__name__)
-_PARTS = f".{DOCUMENT_FILE}.*.physic-document"
 
 
-@dataclass(frozen=True)
-class Replaceable:
-    """Which results a run may replace in its folder.
+def prepare_result_folder(
+    folder: str | os.PathLike[str], photos: str, *, overwrite: bool = False
+) -> None:
+    """Create the folders above that of a result, and check that the result may be written; call it
+    before anything is computed.
 
-    Attributes:
-        photos: digests of the photo, or of all photos of a moment, separated by spaces.
-        overwrite: whether those of other photos too.
-        earlier: names of files that an earlier run wrote, even if no document lists them.
-    """
-
-    photos: str
-    overwrite: bool = False
-    earlier: Collection[str] = ()
-
-
-def check_overwrite(folder: Path, replaceable: Replaceable, names: Iterable[str]) -> None:
-    """Check that writing a result to a folder would replace no file of the user.
+    An old result that a killed process has hidden is put back.
 
     Args:
-        folder: where the result will be written.
-        replaceable: which results may be replaced.
-        names: of the files that will be written.
+        folder: of the result.
+        photos: digests of the photo, or of all photos of a moment, separated by spaces.
+        overwrite: whether the result of another photo may be replaced.
 
     Raises:
-        OutputError: a file with one of these names is the photo, or was not written by a run; the
-            folder has the result of another photo.
+        OutputError: the folder cannot be written or renamed, has a file of the user, or has the
+            result of another photo.
     """
-    present = [name for name in names if os.path.lexists(folder / name)]
-    unchanged, edited = _earlier_files(folder, replaceable)
-    photos = [name for name in present if file_digest(folder / name) in replaceable.photos.split()]
-    foreign = [name for name in present if name not in {*photos, *unchanged, *edited}]
-    whose = photo_identity_of_result(folder)
-    cure = f"move {', '.join([*photos, *foreign])} away"
-    faults = [f"{', '.join(photos)} there is the photo itself"] if photos else []
-    if foreign:
-        faults.append(
-            f"{', '.join(foreign)} there {'is' if len(foreign) == 1 else 'are'} not of an earlier "
-            f"run"
-        )
-    if (
-        not faults
-        and whose is not None
-        and not is_same_photo(whose, replaceable.photos)
-        and not replaceable.overwrite
-    ):
-        faults = ["it holds the result of another photo"]
-        cure = "replace that result with --overwrite (overwrite=True in Python)"
-    if faults:
+    target = Path(os.path.realpath(folder))
+    check_writable(target.parent)
+    with _locked(target):
+        with suppress(FileNotFoundError):
+            os.lstat(_hidden(target, ".01234567.new"))  # its name may be too long
+        if not os.path.lexists(target):
+            return
+        if reason := _reason_to_keep(target):
+            raise OutputError(f"cannot write results to {folder}: {reason}; name another folder")
+        _check_replaceable(target, target, photos, overwrite=overwrite)
+
+
+def _reason_to_keep(target: Path) -> str:
+    """Return why a folder cannot be replaced as a whole; "" if it can."""
+    if not target.is_dir():
+        return "it is a file"
+    if os.path.ismount(target):
+        return "it is a mount point"
+    if Path.cwd().is_relative_to(target):
+        return "it is the current folder, or has it inside"
+    return "" if os.access(target, os.W_OK) else "it is read-only"
+
+
+def _check_replaceable(place: Path, target: Path, photos: str, *, overwrite: bool) -> None:
+    """Raise OutputError if a folder has a file of the user, or the result of another photo.
+
+    Args:
+        place: where the folder is.
+        target: where it was.
+        photos: digests of the photos of the new result.
+        overwrite: whether the result of another photo may be replaced.
+    """
+    start = f"cannot write results to {target}: "
+    document = _document(place) or {}
+    digests = _files(document)
+    if document.get("run") == run_of_document(document):
+        digests[DOCUMENT_FILE] = file_digest(place / DOCUMENT_FILE)
+    for name in _names(place):
+        digest = "" if (place / name).is_symlink() else file_digest(place / name)
+        if not digest or digest != digests.get(name) or digest in photos.split():
+            raise OutputError(
+                f"{start}{name} there is not of a run, was edited since, or is the photo; name "
+                "another folder with -o, or move it away"
+            )
+    if document and not overwrite and not _is_same_photo(str(document.get("photo", "")), photos):
         raise OutputError(
-            f"cannot write results to {folder}: {'; '.join(faults)}: name another folder, or {cure}"
+            f"{start}it holds the result of another photo; name another folder with -o, or replace "
+            "that result with --overwrite (overwrite=True in Python)"
         )
+
+
+def _names(folder: Path) -> Iterator[str]:
+    """Yield the names of the files in a folder, in order, but those of the system and temporary
+    ones; a link and an empty folder are files.
+    """
+
+    def fail(error: OSError) -> None:
+        raise error
+
+    for at, folders, names in os.walk(folder, onerror=fail):
+        folders.sort()
+        links = [name for name in folders if os.path.islink(os.path.join(at, name))]
+        for name in sorted([*names, *links]):
+            if name not in _SYSTEM_FILES and not is_part(name):
+                yield Path(at, name).relative_to(folder).as_posix()
+        if not folders and not names and Path(at) != folder:
+            yield Path(at).relative_to(folder).as_posix()
 
 
 def write_result_files(
-    folder: Path,
+    folder: str | os.PathLike[str],
     document: Mapping[str, Any],
     contents: Mapping[str, bytes],
-    replaceable: Replaceable,
+    photos: str,
+    *,
+    overwrite: bool = False,
 ) -> None:
-    """Write the files of a result, all or none, in place of those of an earlier one; edited files
-    of it are kept.
+    """Write the files of a result, and replace the folder by them.
+
+    If the folder cannot be replaced, the new files stay in a hidden folder that the error names.
 
     Args:
         folder: created if missing.
         document: of the result; the names and digests of the other files are added.
         contents: of the other files, by name.
-        replaceable: which results may be replaced.
+        photos: see :func:`prepare_result_folder`.
+        overwrite: likewise.
 
     Raises:
-        OutputError: the folder cannot be written, or user data would be lost.
+        OutputError: the folder cannot be written, or a file of the user would be lost.
     """
-    with atomic_write(check_writable(folder)) as write:
-        check_overwrite(folder, replaceable, [DOCUMENT_FILE, *contents])
-        unchanged, edited = _earlier_files(folder, replaceable)
-        former = list(folder.glob(_PARTS))
-        _write_parts(folder, write, document, contents)
-        write.seal()
-        swap = partial(
-            _swap, folder, write, list(edited), unchanged - {DOCUMENT_FILE, *contents}, former
-        )
+    target = Path(os.path.realpath(folder))
+    new = _hidden(target, f".{secrets.token_hex(4)}.new")
+    with _locked(target) as is_locked:
+        if is_locked:  # else another process may be writing them
+            for left in target.parent.glob(glob.escape(_hidden(target, "").name) + ".*.new"):
+                shutil.rmtree(left, ignore_errors=True)
         try:
-            if DOCUMENT_FILE in unchanged:
-                former.append(_part(folder))
-                os.replace(folder / DOCUMENT_FILE, former[-1])
-            swap()
+            _fill(new, document, contents)
         except BaseException:
-            # Without a document nothing is readable, so the new result is made whole before the
-            # error is raised.
-            if not (folder / DOCUMENT_FILE).exists():
-                write.is_only_copy = True
-                swap()
+            shutil.rmtree(new, ignore_errors=True)
             raise
+        try:
+            _swap(target, new, photos, overwrite=overwrite)
+        except (OSError, OutputError) as error:
+            why = error if isinstance(error, OutputError) else refusal(target, error)
+            raise OutputError(f"{why}; the new result is in {new}") from error
 
 
-def add_result_file(folder: Path, name: str, content: bytes) -> None:
-    """Write a file to the folder of a result, and list it in the document; an edited file of that
-    name is kept.
-
-    The result stays complete at each step.
-
-    Raises:
-        OutputError: the folder cannot be written.
-    """
-    with atomic_write(check_writable(folder)) as write:
-        write.expect(ARRAYS_FILE)
-        document = _document(folder)
-        if document is None:
-            write(name).write_bytes(content)
-            return
-        _write_parts(folder, write, document, {name: content})
-        if name in _earlier_files(folder, Replaceable(""))[1]:
-            _keep(folder / name)
-
-
-def record_exports(folder: Path, files: Iterable[Path]) -> None:
-    """Record exported files inside a result folder in its document, so that the next run removes
-    them.
-
-    Raises:
-        OutputError: the folder cannot be written.
-    """
-    names = [file.relative_to(folder).as_posix() for file in files if file.is_relative_to(folder)]
-    digests = {name: file_digest(folder / name) for name in names}
-    with atomic_write(check_writable(folder)) as write:
-        write.expect(ARRAYS_FILE)
-        document = _document(folder)
-        if names and document is not None:
-            listed = _files(folder, document) | digests
-            _write_parts(folder, write, {**document, "files": listed}, {})
-
-
-def check_finished(folder: Path) -> None:
-    """Raise InputError if a process was killed while it put the files of a result in place."""
-    if is_unfinished(folder):
-        raise InputError(
-            f"cannot read {folder / DOCUMENT_FILE}: the result is unfinished, since a process was "
-            f"killed while it wrote it; run the same command (physic run, scene or batch) with "
-            f"this folder again, which completes it"
-        )
-
-
-def repair_result(folder: Path) -> None:
-    """Put the new files of a result in place if a process was killed while it did; a log message
-    says so.
-
-    Only writers of results call it. Where folders have no locks, nothing is done: another process
-    may be writing there.
-    """
-    if not is_unfinished(folder):
-        return
-    try:
-        with locked(folder) as is_locked:
-            if is_locked and is_unfinished(folder) and _complete_result(folder):
-                _LOG.warning(
-                    "%s: a process was killed while it wrote the result there, which was completed",
-                    folder,
-                )
-    except OSError as error:
-        _LOG.warning(
-            "%s: a process was killed while it wrote the result there, which cannot be completed: "
-            "%s; allow writing",
-            folder,
-            error.strerror,
-        )
-
-
-def is_unfinished(folder: Path) -> bool:
-    """Return whether a folder has no document but those that a killed process has moved away or not
-    yet renamed.
-    """
-    return not os.path.lexists(folder / DOCUMENT_FILE) and any(folder.glob(_PARTS))
-
-
-def _complete_result(folder: Path) -> bool:
-    """Make the result of the latest document whole, from its temporary files; return whether there
-    is one.
-    """
-    found = [
-        (path, document)
-        for path in folder.glob(_PARTS)
-        if (document := _document(folder, path.name)) is not None
-    ]
-    for path, document in sorted(found, key=lambda each: each[0].stat().st_mtime_ns, reverse=True):
-        digests = _files(folder, document)
-        ready = {
-            name: part
-            for name in digests
-            for part in parts_of(folder, name)
-            if file_digest(part) == digests[name]
-        }
-        if ARRAYS_FILE in ready or file_digest(folder / ARRAYS_FILE) == digests.get(ARRAYS_FILE):
-            unchanged, edited = _earlier_files(folder, Replaceable(""))
-            _swap(
-                folder,
-                AtomicWrite(folder, {**ready, DOCUMENT_FILE: path}),
-                list(edited),
-                unchanged - {DOCUMENT_FILE, *digests},
-                list(folder.glob(_PARTS)),
-            )
-            return True
-    return False
-
-
-def _write_parts(
-    folder: Path, write: AtomicWrite, document: Mapping[str, Any], contents: Mapping[str, bytes]
-) -> None:
-    """Write files under temporary names, and last the document that lists them."""
-    listed = _files(folder, document)
-    files = {**listed, **{name: digest_of(content) for name, content in contents.items()}}
-    text = json.dumps({**document, "files": files}, indent=1, ensure_ascii=False, allow_nan=False)
+def _fill(new: Path, document: Mapping[str, Any], contents: Mapping[str, bytes]) -> None:
+    new.mkdir()
     for name, content in contents.items():
-        write(name).write_bytes(content)
+        (new / name).parent.mkdir(parents=True, exist_ok=True)
+        (new / name).write_bytes(content)
+    (new / DOCUMENT_FILE).write_bytes(_with_files(document, contents))
+
+
+def _swap(target: Path, new: Path, photos: str, *, overwrite: bool) -> None:
+    """Put a new folder in the place of an old one; after an error the old one is there."""
+    old = _hidden(target, ".old")
+    try:
+        if os.path.lexists(target):
+            os.rename(target, old)
+            _check_replaceable(old, target, photos, overwrite=overwrite)
+            shutil.copymode(old, new)
+        os.rename(new, target)
+    finally:
+        _put_back(target)
+
+
+def _put_back(target: Path) -> None:
+    """Give an old folder its name back; delete it if a result has the name."""
+    old = _hidden(target, ".old")
+    if is_result(target):
+        shutil.rmtree(old, ignore_errors=True)
+    elif os.path.lexists(old):
+        os.rename(old, target)
+
+
+def _hidden(target: Path, ending: str) -> Path:
+    return target.with_name(f".{target.name}.physic{ending}")
+
+
+@contextmanager
+def _locked(target: Path) -> Iterator[bool]:
+    """Let no other process write the folder of a result; yield whether there are locks."""
+    try:
+        with locked(target.parent) as is_locked:
+            _put_back(target)
+            yield is_locked
+    except OSError as error:
+        raise refusal(target, error) from error
+
+
+def add_result_files(folder: Path, contents: Mapping[str, bytes]) -> None:
+    """Write further files to the folder of a result, and list them in its document, so that the
+    next run replaces them; earlier ones of these names are replaced.
+
+    They are listed before they are there: a killed process leaves no file that is not listed.
+
+    Raises:
+        OutputError: the folder cannot be written.
+    """
+    with _locked(Path(os.path.realpath(folder))), atomic_write(folder, lock=False) as write:
+        if (document := _document(folder)) is not None:
+            write(DOCUMENT_FILE).write_bytes(_with_files(document, contents))
+        for name, content in contents.items():
+            write(name).write_bytes(content)
+        for name in contents:
+            (folder / name).unlink(missing_ok=True)
+
+
+def check_added(folder: Path, name: str) -> None:
+    """Raise OutputError if the user edited a file that a result lists."""
+    digest = _files(_document(folder) or {}).get(name)
+    if digest and os.path.lexists(folder / name) and file_digest(folder / name) != digest:
+        raise OutputError(f"cannot write {folder / name}: it was edited; name another file with -o")
+
+
+def _with_files(document: Mapping[str, Any], contents: Mapping[str, bytes]) -> bytes:
+    """Return the text of a document that lists further files."""
+    files = {**_files(document), **{name: digest_of(contents[name]) for name in contents}}
+    text = json.dumps({**document, "files": files}, indent=1, ensure_ascii=False, allow_nan=False)
     # A file name that is not UTF-8 has lone surrogates; backslashreplace writes them as JSON
     # escapes.
-    write(DOCUMENT_FILE, _part(folder)).write_bytes(text.encode("utf-8", "backslashreplace"))
+    return text.encode("utf-8", "backslashreplace")
 
 
-def _swap(
-    folder: Path,
-    write: AtomicWrite,
-    to_keep: list[str],
-    gone: Iterable[str],
-    former: Iterable[Path],
-) -> None:
-    """Put the files of a new result in the place of an earlier one; after an interruption, another
-    call goes on.
-
-    Args:
-        folder: of the result.
-        write: of the new files, the document last.
-        to_keep: files that the user edited; those that are done are removed from the list.
-        gone: files of the earlier result that the new one does not have.
-        former: temporary paths of earlier documents.
+def run_of_document(document: Mapping[str, Any]) -> str:
+    """Return the ``run`` of a document: a digest of its entries but itself and the list of
+    files.
     """
-    while to_keep:
-        if os.path.lexists(folder / to_keep[-1]):
-            _keep(folder / to_keep[-1])
-        to_keep.pop()
-    for name in gone:
-        if os.path.lexists(folder / name):
-            (folder / name).unlink()
-        with suppress(OSError):  # other files are in the folder
-            for inner in PurePosixPath(name).parents[:-1]:
-                (folder / inner).rmdir()
-    write.rename()
-    for part in former:
-        part.unlink(missing_ok=True)
-
-
-def _part(folder: Path) -> Path:
-    return folder / _PARTS.replace("*", secrets.token_hex(4))
-
-
-def _keep(path: Path) -> None:
-    """Rename a file that the user edited: ``preview.png`` to ``preview.edited.png``."""
-    endings = itertools.chain([""], (f"-{number}" for number in itertools.count(2)))
-    names = (path.with_name(f"{path.stem}.edited{ending}{path.suffix}") for ending in endings)
-    path.rename(next(name for name in names if not os.path.lexists(name)))
-
-
-def _earlier_files(folder: Path, replaceable: Replaceable) -> tuple[set[str], set[str]]:
-    """Return the names of the files in a folder that an earlier run wrote: unchanged ones, and
-    edited ones.
-
-    The run may have been killed while writing them. A file with another digest, a link or a folder
-    under such a name is edited: it belongs to the user. The document belongs to the run, even if it
-    was edited.
-    """
-    digests = [_files(folder, document) for document in _documents(folder)]
-    earlier = paths_inside(folder, replaceable.earlier)
-    there = {
-        name for name in (*earlier, *itertools.chain(*digests)) if os.path.lexists(folder / name)
-    }
-
-    def is_unchanged(name: str) -> bool:
-        is_link = os.path.realpath(folder / name) != os.path.join(os.path.realpath(folder), name)
-        return not is_link and file_digest(folder / name) in {one.get(name) for one in digests}
-
-    unchanged = set(filter(is_unchanged, there))
-    edited = there - unchanged - {DOCUMENT_FILE}
-    is_own = DOCUMENT_FILE in there or _document(folder) is not None
-    if (
-        is_own
-        and os.path.isfile(folder / DOCUMENT_FILE)
-        and not os.path.islink(folder / DOCUMENT_FILE)
-    ):
-        unchanged.add(DOCUMENT_FILE)
-    return unchanged, edited
+    rest = {name: value for name, value in document.items() if name not in ("run", "files")}
+    return hashlib.sha256(json.dumps(rest).encode()).hexdigest()[:16]
 
 
 def photo_identity_of_result(folder: str | os.PathLike[str]) -> str | None:
-    """Read the digests of the photo from the result in a folder, finished or not; None if there is
-    no result.
-    """
-    return next((str(one.get("photo", "")) for one in _documents(Path(folder))), None)
+    """Read the digests of the photo from the result in a folder; None if there is no result."""
+    document = _document(Path(folder))
+    return None if document is None else str(document.get("photo", ""))
 
 
 def run_of_result(folder: str | os.PathLike[str]) -> str:
@@ -368,7 +285,7 @@ def run_of_result(folder: str | os.PathLike[str]) -> str:
         return ""
 
 
-def is_same_photo(one: str, other: str) -> bool:
+def _is_same_photo(one: str, other: str) -> bool:
     """Return whether two results have a photo in common, by the digests of their photos, separated
     by spaces.
     """
@@ -399,31 +316,20 @@ def image_digest(image: UInt8Array) -> str:
     return f"pixels-sha256:{hashlib.sha256(shape.encode() + image.tobytes()).hexdigest()}"
 
 
-def _documents(folder: Path) -> Iterator[dict[str, Any]]:
-    """Yield the document of a folder, and those that a killed process has left."""
-    for name in (DOCUMENT_FILE, *(path.name for path in folder.glob(_PARTS))):
-        if (found := _document(folder, name)) is not None:
-            yield found
-
-
-def _document(folder: Path, name: str = DOCUMENT_FILE) -> dict[str, Any] | None:
-    """Read a document; None if it is missing or invalid."""
+def _document(folder: Path) -> dict[str, Any] | None:
+    """Read the document of a folder; None if it is missing or invalid."""
     try:
-        path = UntrustedName(name).inside(folder)
+        path = UntrustedName(DOCUMENT_FILE).inside(folder)
         document = parse_json(read_regular(path, MAX_DOCUMENT_BYTES))
     except (InputError, OSError, ValueError):
         return None
     return document if isinstance(document, dict) and document.get("schema") == SCHEMA else None
 
 
-def _files(folder: Path, document: Mapping[str, Any]) -> dict[str, str]:
-    """Return name -> digest of the files in a folder that a document lists, some in folders of it;
-    the document is untrusted.
-    """
+def _files(document: Mapping[str, Any]) -> dict[str, str]:
+    """Return name -> digest of the files that a document lists; it and they are untrusted."""
     files = document.get("files")
-    digests = files if isinstance(files, dict) else {}
-    inside = paths_inside(folder, digests)
-    return {name: str(digests[name]) for name in inside if name != DOCUMENT_FILE}
+    return {name: str(files[name]) for name in files} if isinstance(files, dict) else {}
 
 
 def people_csv(result: Reconstruction, photo: str) -> bytes:
@@ -439,25 +345,18 @@ def people_csv(result: Reconstruction, photo: str) -> bytes:
 
 
 def is_result(folder: str | os.PathLike[str]) -> bool:
-    """Return whether a folder has a result, whole or damaged, or one that a killed process has not
-    completed.
+    """Return whether a folder has a result, whole or damaged.
 
     The document tells it, and not its name, which other programs use too.
     """
-    folder = Path(folder)
-    parts = (path.name for path in folder.glob(_PARTS)) if is_unfinished(folder) else ()
-    return any(_states_schema(folder, name) for name in (DOCUMENT_FILE, *parts))
-
-
-def _states_schema(folder: Path, name: str) -> bool:
     try:
-        with open_regular(UntrustedName(name).inside(folder)) as file:
+        with open_regular(UntrustedName(DOCUMENT_FILE).inside(folder)) as file:
             found = _RUN.match(file.read(_END_BYTES))
     except (InputError, OSError):
         return False
-    return found is not None or _document(folder, name) is not None
+    return found is not None or _document(Path(folder)) is not None
 
 
 def files_of_result(folder: str | os.PathLike[str]) -> frozenset[str]:
     """Return the names of the files that the document of a folder lists, some in folders of it."""
-    return frozenset(_files(Path(folder), _document(Path(folder)) or {}))
+    return frozenset(paths_inside(folder, _files(_document(Path(folder)) or {})))

@@ -1,15 +1,13 @@
 """Write a reconstruction to a folder and read it back: a document, arrays, and pictures if wanted.
 
-``reconstruction.json`` has all values, and the names and SHA-256 of the other files; it is written
-last and removed first, and :func:`read_record` reads nothing else. ``reconstruction.npz`` has the
-arrays, by the names of :mod:`physic_core.files.plain`. docs/file-format.md describes both.
+``reconstruction.json`` has all values, and the names and SHA-256 of the other files;
+:func:`read_record` reads nothing else. ``reconstruction.npz`` has the arrays, by the names of
+:mod:`physic_core.files.plain`. docs/file-format.md describes both.
 """
 
 from __future__ import annotations
 
-import hashlib
 import itertools
-import json
 import os
 from collections.abc import Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -33,11 +31,9 @@ from physic_core.io.result_folder import (
     DOCUMENT_FILE,
     MAX_DOCUMENT_BYTES,
     SCHEMA,
-    Replaceable,
-    check_finished,
-    check_overwrite,
     file_digest,
-    repair_result,
+    prepare_result_folder,
+    run_of_document,
     write_result_files,
 )
 from physic_core.pictures import GLB_FILE, PREVIEW_FILE, REPORT_FILE, make_pictures
@@ -93,14 +89,11 @@ def save_reconstruction(
     beside: Mapping[str, bytes] | None = None,
     page: str | None = None,
     photos: str = "",
-    earlier: Collection[str] = (),
 ) -> tuple[Path, ...]:
     """Write the files of a result to a folder.
 
-    Either all files are written, or none; if the process is killed, the folder may have no result.
-    An earlier result of the same photo is replaced, that of another photo with ``overwrite`` only.
-    Files of it that were edited are kept: ``preview.png`` as ``preview.edited.png``. The photo, and
-    files that no run wrote, are never replaced.
+    The folder is new, empty, or has an earlier result of the same photo (of any photo with
+    ``overwrite``) without a change, which is replaced as a whole.
 
     Args:
         reconstruction: what to save.
@@ -111,15 +104,13 @@ def save_reconstruction(
         page: title of ``report.html``; None for no page.
         photos: digests of all photos of one moment, whose earlier results are replaced; "" for that
             of the result.
-        earlier: names of files that an earlier run wrote, which are edited ones if no document
-            lists them.
 
     Returns:
         Paths of the written files.
 
     Raises:
         ConfigError: ``save`` is not valid.
-        OutputError: the folder cannot be written, or user data would be lost.
+        OutputError: the folder cannot be written, or has a file of the user.
         BaseException: a picture or the page cannot be made; the numbers are then written without
             them.
     """
@@ -127,19 +118,18 @@ def save_reconstruction(
         raise ConfigError(f"what to save is one of {', '.join(SAVE)} (got '{save}')")
     folder = Path(folder)
     beside = beside or {}
-    replaceable = Replaceable(photos or reconstruction.photo, overwrite, earlier)
+    photos = photos or reconstruction.photo
     pictures = [GLB_FILE, PREVIEW_FILE] if save == "pictures" else []
     if page is not None:
         pictures.append(REPORT_FILE)
-    repair_result(folder)
-    check_overwrite(folder, replaceable, [DOCUMENT_FILE, ARRAYS_FILE, *pictures, *beside])
+    prepare_result_folder(folder, photos, overwrite=overwrite)
     arrays: Arrays = {}
     document = _document(reconstruction, arrays)
     if save == "people":
         arrays = {name: array for name, array in arrays.items() if not name.startswith(_OF_SCENE)}
     arrays = _compact(arrays, reconstruction.intrinsics) | {_RUN: np.array(document["run"])}
     contents, failure = _contents(reconstruction, arrays, pictures, page or "")
-    write_result_files(folder, document, contents | dict(beside), replaceable)
+    write_result_files(folder, document, contents | dict(beside), photos, overwrite=overwrite)
     if failure is not None:
         raise failure
     return tuple(folder / name for name in (DOCUMENT_FILE, *contents, *beside))
@@ -212,9 +202,8 @@ def read_document(folder: Path) -> dict[str, Any]:
     """Read ``reconstruction.json`` of a folder; NaN and infinities stay strings.
 
     Raises:
-        InputError: it is missing, unfinished, damaged, not a reconstruction, or of another version.
+        InputError: it is missing, damaged, not a reconstruction, or of another version.
     """
-    check_finished(folder)
     path = UntrustedName(DOCUMENT_FILE).inside(folder)
     try:
         document = parse_json(read_regular(path, MAX_DOCUMENT_BYTES))
@@ -236,16 +225,16 @@ def _document(reconstruction: Reconstruction, arrays: Arrays) -> dict[str, Any]:
     """Return the document of a result without its files, and add its arrays to ``arrays``."""
     texts = {name: to_json(getattr(reconstruction, name)) for name in ("config", "diagnostics")}
     values = split(replace(reconstruction, **texts), arrays)
-    run = hashlib.sha256(json.dumps(values).encode()).hexdigest()[:16]
     frame = _FRAME | {"gltf_from_camera": gltf_from_camera(reconstruction.scene.level).tolist()}
-    return {
+    document = {
         "schema": SCHEMA,
         "schema_version": SCHEMA_VERSION,
-        "run": run,
+        "run": "",
         "frame": frame,
         "rows": to_json(person_rows(reconstruction)),
         **values,
     }
+    return document | {"run": run_of_document(document)}
 
 
 def _contents(

@@ -493,16 +493,15 @@ class Reconstruction(ShortRepr):
         ``preview.png`` to a folder.
 
         Args:
-            folder: created if it does not exist. An earlier result of the same photo in it is
-                replaced.
+            folder: a new or empty one, or that of an earlier result of the same photo without a
+                change, which is replaced as a whole.
             save: "pictures"; "numbers" for the first two files alone; "people" without photo and
                 scene in the arrays.
-            overwrite: whether to replace the result of another photo. Edited files of a result are
-                kept beside the new ones, and files that no run wrote are never replaced.
+            overwrite: whether to replace the result of another photo.
 
         Raises:
             ConfigError: ``save`` is not valid.
-            OutputError: the folder cannot be written, or a file of the user's would be lost.
+            OutputError: the folder cannot be written, or has a file of the user.
         """
         DOORS["save"]()(self, folder, save, overwrite=overwrite)
 

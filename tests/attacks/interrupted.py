@@ -86,7 +86,8 @@ class Steps:
 
             def stepped(real):
                 def call(path, *args, **options):
-                    self.step(path)
+                    # of shutil.rmtree, whose paths are relative
+                    self.step(self.folder if "dir_fd" in options else path)
                     return real(path, *args, **options)
 
                 return call
@@ -94,7 +95,7 @@ class Steps:
             for module in (io, builtins):
                 patch.setattr(module, "open", open_)
             patch.setattr(os, "fsync", lambda file: self.step(opened[file]))
-            for name in ("replace", "rename", "unlink"):
+            for name in ("mkdir", "replace", "rename", "rmdir", "unlink"):
                 patch.setattr(os, name, stepped(getattr(os, name)))
             try:
                 yield

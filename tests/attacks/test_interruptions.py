@@ -1,51 +1,54 @@
-"""Each kind of interruption at each step of a write, with small files: what was written before is
-whole, or what is written now, or both can be completed; and an error is never taken for success.
+"""Each kind of interruption at each step of a write: what was written before is whole, or what is
+written now, also of two writers; and an error is never taken for success.
 """
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 import shutil
 import sys
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from interrupted import Steps
+from physic_batch.journal import Journal, read_journals
 from physic_core.errors import OutputError
 from physic_core.files.atomic import atomic_write, write_own
 from physic_core.files.plain import write_value
 from physic_core.io.result_folder import (
-    Replaceable,
-    add_result_file,
+    add_result_files,
     digest_of,
     file_digest,
-    is_unfinished,
-    record_exports,
-    repair_result,
+    prepare_result_folder,
+    run_of_document,
     write_result_files,
 )
+from physic_core.io.results import load_reconstruction, save_reconstruction
+from tests.rooms import tiny_result
 
 HOWS = ("killed", "interrupted", "ENOSPC", "EDQUOT", "ESTALE", "EROFS", "ENOENT")
 OLD = {"reconstruction.npz": b"old", "people.csv": b"old", "preview.png": b"old", "a/b.txt": b"old"}
 NEW = {"reconstruction.npz": b"new", "people.csv": b"new", "c/d.txt": b"new"}
+HIDDEN = ".result.physic.old"
 
 
 def result(folder, contents=NEW):
-    repair_result(folder)
-    document = {"schema": "physic-reconstruction", "run": digest_of(contents["people.csv"])}
-    write_result_files(folder, document, contents, Replaceable(""))
+    prepare_result_folder(folder, "")
+    document = {"schema": "physic-reconstruction", "digest": digest_of(contents["people.csv"])}
+    document |= {"run": run_of_document(document)}
+    write_result_files(folder, document, contents, "")
 
 
 def page(folder):
-    add_result_file(folder, "report.html", b"new")
+    add_result_files(folder, {"report.html": b"new"})
 
 
-def listing(folder):
-    record_exports(folder, [folder / "a.obj"])
+def added(folder):
+    add_result_files(folder, {"images/a.png": b"new", "a.obj": b"new"})
 
 
 def export(folder):
@@ -62,7 +65,8 @@ def cache(folder):
     write_value(folder / "a.npz", (np.arange(3), "new"))
 
 
-OPERATIONS = (result, page, listing, export, table, cache)
+OF_RESULT = (result, page, added)
+OPERATIONS = (*OF_RESULT, export, table, cache)
 
 
 def files(folder):
@@ -74,32 +78,33 @@ def files(folder):
     }
 
 
-def is_whole(folder):
-    """Return whether a folder has a result with all of its files."""
+def is_untouched(folder):
+    """Return whether a folder has files of a result alone, each as the document states it."""
     listed = json.loads((folder / "reconstruction.json").read_bytes())["files"]
-    return all(file_digest(folder / name) == digest for name, digest in listed.items())
+    there = files(folder).keys() - {"reconstruction.json"}
+    return all(file_digest(folder / name) == listed[name] for name in there)
 
 
 @pytest.fixture
 def before(tmp_path):
-    """The folder of a result and of a file of the user."""
-    folder = tmp_path / "before"
-    result(folder, OLD)
-    (folder / "a.obj").write_bytes(b"old")
-    return folder
+    """A folder with the folder of a result, which has a page."""
+    result(tmp_path / "before" / "result", OLD)
+    add_result_files(tmp_path / "before" / "result", {"report.html": b"old"})
+    return tmp_path / "before"
 
 
 @pytest.mark.parametrize("how", HOWS)
 @pytest.mark.parametrize("operation", OPERATIONS, ids=lambda operation: operation.__name__)
 def test_an_interruption_loses_nothing_and_is_no_success(operation, how, before, tmp_path):
-    folder = tmp_path / "folder"
-    if operation is result:
-        (before / "people.csv").write_bytes(b"mine")
-    old = files(before)
+    place = tmp_path / "place"
+    folder = place / "result"
+    if operation is export:
+        (before / "result" / "a.obj").write_bytes(b"old")
+    old = files(before / "result")
 
     def run(number):
-        shutil.copytree(before, folder)
-        steps = Steps(folder, number, how)
+        shutil.copytree(before, place)
+        steps = Steps(place, number, how)
         is_done = False
         with steps.applied(), suppress(OutputError, OSError, KeyboardInterrupt):
             operation(folder)
@@ -108,45 +113,47 @@ def test_an_interruption_loses_nothing_and_is_no_success(operation, how, before,
 
     count, _ = run(None)
     new = files(folder)
-    known = {*old.values(), *new.values()}
     for number in range(count):
-        shutil.rmtree(folder)
+        shutil.rmtree(place)
         _, is_done = run(number)
-        found = files(folder)
-        if is_done:
-            assert found == new
-        elif operation is result:
-            assert found in (old, new) or is_unfinished(folder)
-        elif operation in (page, listing):
-            assert is_whole(folder)
-        assert known >= set(found.values()) >= known & {b"mine"}
+        if operation is result and not folder.exists():
+            assert how in ("killed", "EROFS")
+            assert files(place / HIDDEN) == old
+        elif is_done or operation is result:
+            assert files(folder) in ([new] if is_done else [old, new])
+        elif operation in OF_RESULT:
+            assert is_untouched(folder)
+            assert {*files(folder).items()} <= {*old.items(), *new.items(), document_of(folder)}
         operation(folder)
         assert files(folder) == new
+        if operation in OF_RESULT:
+            result(folder)
+            assert files(folder).keys() == {*NEW, "reconstruction.json"}
+            assert [path.name for path in place.iterdir()] == ["result"]
 
 
-def test_renames_that_fail_for_good_leave_a_result_that_can_be_completed(before, tmp_path):
-    """As on a disk that is full: files can still be deleted."""
-    folder = tmp_path / "folder"
-    old = files(before)
-    real = os.replace
-    for number in range(8):
-        left = [number]
+def document_of(folder):
+    return "reconstruction.json", (folder / "reconstruction.json").read_bytes()
 
-        def replace(*paths, left=left):
-            left[0] -= 1
-            if left[0] < 0:
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            real(*paths)
 
-        shutil.copytree(before, folder)
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(os, "replace", replace)
-            with suppress(OutputError):
-                result(folder)
-        assert files(folder) == old or is_unfinished(folder) or is_whole(folder)
-        result(folder)
-        assert is_whole(folder)
-        shutil.rmtree(folder)
+def test_the_hidden_result_of_a_killed_process_is_as_safe_as_any(tmp_path):
+    folder = tmp_path / "result"
+    one, other = (replace(tiny_result(), photo=f"sha256:{number}") for number in (1, 2))
+    save_reconstruction(one, folder, "numbers")
+    folder.rename(tmp_path / HIDDEN)
+    for made in (False, True):
+        if made:
+            folder.mkdir()
+        with pytest.raises(OutputError, match="another photo"):
+            save_reconstruction(other, folder, "numbers")
+        assert load_reconstruction(folder).photo == "sha256:1"
+        folder.rename(tmp_path / HIDDEN)
+    folder.mkdir()
+    (folder / "mine").write_text("mine")
+    with pytest.raises(OutputError):
+        save_reconstruction(other, folder, "numbers", overwrite=True)
+    assert load_reconstruction(tmp_path / HIDDEN).photo == "sha256:1"
+    assert (folder / "mine").read_text() == "mine"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="folders have no locks")
@@ -156,7 +163,7 @@ def test_two_writers_without_a_common_lock_end_with_one_result_or_an_error(
 ):
     """As on a network folder that two machines write to."""
     monkeypatch.setattr("fcntl.flock", lambda file, kind: None)
-    folder = tmp_path / "folder"
+    folder = tmp_path / "place" / "result"
     other = {name: content + b" of another" for name, content in OLD.items()}
 
     def attempt(write, *arguments):
@@ -167,14 +174,49 @@ def test_two_writers_without_a_common_lock_end_with_one_result_or_an_error(
     number = 0
     while True:
         done = []
-        shutil.copytree(before, folder)
-        steps = Steps(folder, number, lambda: attempt(result, other))
+        shutil.copytree(before, folder.parent)
+        steps = Steps(folder.parent, number, lambda: attempt(result, other))
         with steps.applied():
             attempt(operation)
         if number >= steps.count:
             break
-        assert len(done) < 2 or is_whole(folder)
-        result(folder)
-        assert is_whole(folder)
-        shutil.rmtree(folder)
+        if operation is result:
+            assert len(done) < 2 or is_untouched(folder)
+        shutil.rmtree(folder.parent)
         number += 1
+
+
+@pytest.mark.parametrize("how", ["killed", "full"])
+def test_a_row_of_the_journal_is_there_or_not(how, tmp_path):
+    rows = [{"id": name, "state": "done", "config": "1", "finished": name} for name in "abc"]
+    folder = tmp_path / "batch"
+
+    def append(row):
+        with Journal(folder / "journal.jsonl") as journal:
+            journal.append(row)
+
+    def run(number):
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir()
+        append(rows[0])
+        steps = Steps(folder, number, how)
+        with steps.applied(), suppress(OutputError):
+            append(rows[1])
+        return steps.count
+
+    for number in range(run(None)):
+        run(number)
+        found = read_journals(folder, rows[0])
+        assert found in ({"a": rows[0]}, {"a": rows[0], "b": rows[1]})
+        append(rows[2])
+        assert read_journals(folder, rows[0]) == {**found, "c": rows[2]}
+
+
+def test_temporary_files_of_a_user_stay(tmp_path):
+    mine = {".mine.part", ".x.deadbeef.part", ".mine.physic-part", "a.0123abcd.physic-part"}
+    for name in mine:
+        (tmp_path / name).write_text("mine")
+    (tmp_path / ".a.0123abcd.physic-part").write_text("left behind")
+    with atomic_write(tmp_path) as temporary:
+        temporary("a").write_text("a")
+    assert {*os.listdir(tmp_path)} == {"a", *mine}

@@ -50,15 +50,11 @@ def test_the_folder_has_the_name_of_the_photo_and_is_taken_from_another_one_with
 
 
 @pytest.mark.parametrize("overwrite", [(), ("--overwrite",)])
-def test_a_photo_named_like_a_result_file_in_its_folder_is_refused_at_once(pipeline, overwrite):
-    photo("out/preview.png")
-    photo("out/combined.glb")
-    Path("link.png").symlink_to("out/preview.png")
-    for name in ("out/preview.png", "link.png"):
-        done = run(name, "-o", "out", *overwrite)
-        assert (
-            "preview.png there is the photo itself; combined.glb there is not of an earlier run"
-            in done.stderr
-        )
+def test_a_folder_with_a_file_of_the_user_is_refused_before_the_run(pipeline, overwrite):
+    photo("out/a.jpg")
+    done = run("out/a.jpg", "-o", "out", *overwrite)
+    assert (done.exit_code, "out: a.jpg there is not of a run" in done.stderr) == (2, True)
     assert pipeline.calls == []
-    assert Path("out/preview.png").read_text() == "out/preview.png"
+    assert Path("out/a.jpg").read_text() == "out/a.jpg"
+    assert run("out/a.jpg", "-o", "new/below", "--set", "no.such=1").exit_code != 0
+    assert not Path("new").exists()

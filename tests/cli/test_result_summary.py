@@ -62,8 +62,8 @@ def folder(make, tmp_path):
     unposed = (UnposedPerson((1.0, 2.0, 30.0, 40.0), 0.5, "only a hand is seen"),)
     graded = {"checks": checks, "grade": Grade.BAD, "notes": TOLD}
     result = replace(made, people=people, unposed=unposed, contact_partners=(), **graded)
-    save_reconstruction(result, tmp_path, "numbers")
-    return tmp_path
+    save_reconstruction(result, tmp_path / "out", "numbers")
+    return tmp_path / "out"
 
 
 def test_a_person_is_a_row(folder, physic):

@@ -150,18 +150,3 @@ def test_without_a_floor_frames_are_level_if_edges_tell_up(result, up, axis):
     assert replace(unsure, floor=result.scene.floor).level is result.scene.floor
     with pytest.raises(InputError, match="z up"):
         export_frame(unsure.level, "z")
-
-
-def test_a_run_removes_exports_of_an_earlier_result_but_no_file_that_the_user_named_or_edited(
-    plugin, result, tmp_path, physic
-):
-    out = tmp_path / "out"
-    result.save(str(out), "numbers")
-    for arguments in (["--to", "box"], ["--to", "fbx"], ["-o", out / "mine.box"]):
-        assert physic("export", out, *arguments).exit_code == 0
-    assert {"box.box", "fbx.fbx", "mine.box"} <= {file.name for file in out.iterdir()}
-    (out / "fbx.fbx").write_text("edited")
-    replace(result, photo="sha256:other").save(str(out), "numbers", overwrite=True)
-    left = {file.name for file in out.iterdir() if file.suffix in (".box", ".fbx")}
-    assert left == {"mine.box", "fbx.edited.fbx"}
-    assert (out / "fbx.edited.fbx").read_text() == "edited"

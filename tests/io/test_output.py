@@ -1,4 +1,6 @@
-"""What writing a result replaces: an earlier result of its photo, and nothing of the user's."""
+"""A result is written to a new folder, an empty one, or that of an untouched result, and to no
+other.
+"""
 
 from __future__ import annotations
 
@@ -6,18 +8,18 @@ import json
 import os
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from physic_core import Reconstruction
 from physic_core.errors import OutputError
+from physic_core.io.report_file import add_report
 from physic_core.io.result_folder import (
-    FILES,
-    Replaceable,
     file_digest,
     photo_identity_of_result,
+    prepare_result_folder,
 )
-from physic_core.io.result_folder import check_overwrite as check
 from physic_core.io.results import save_reconstruction
 
 
@@ -28,174 +30,200 @@ def quick_pictures(monkeypatch):
 
 
 @pytest.fixture
-def photo(tmp_path):
-    path = tmp_path / "photo.png"
-    path.write_bytes(b"a photo")
-    return path
-
-
-@pytest.fixture
-def out(tmp_path):
+def out(tmp_path, reconstruction):
     folder = tmp_path / "out"
-    folder.mkdir()
+    save_reconstruction(reconstruction, folder, beside={"a/b.txt": b"a"})
     return folder
 
 
-def check_overwrite(folder, photo, *, overwrite=False):
-    check(folder, Replaceable(photo, overwrite), FILES)
+def tree(folder):
+    """Return path -> inode, time and size of everything below a folder."""
+    return {path: (path.lstat().st_ino, path.lstat().st_mtime_ns) for path in folder.rglob("*")}
 
 
-def refusal(folder, photo, **settings):
-    with pytest.raises(OutputError) as caught:
-        check_overwrite(folder, photo, **settings)
-    start = f"cannot write results to {folder}: "
-    assert str(caught.value).startswith(start)
-    return str(caught.value).removeprefix(start)
+def edit(out):
+    (out / "preview.png").write_bytes(b"\x89PNg")
 
 
-def test_a_new_folder_an_empty_one_and_one_with_other_files_will_do(out, photo):
-    check_overwrite(out / "new", file_digest(photo))
-    check_overwrite(out, file_digest(photo))
+def edit_below(out):
+    (out / "a" / "b.txt").write_text("b")
+
+
+def edit_document(out):
+    path = out / "reconstruction.json"
+    path.write_bytes(path.read_bytes().replace(b'"offset": 1.4', b'"offset": 1.5'))
+
+
+def edit_row(out):
+    path = out / "reconstruction.json"
+    path.write_bytes(path.read_bytes().replace(b'"grade": "doubtful"', b'"grade": "good"', 1))
+
+
+def delete_document(out):
+    (out / "reconstruction.json").unlink()
+
+
+def replace_document(out):
+    (out / "reconstruction.json").write_text('{"schema": "other", "files": {"combined.glb": ""}}')
+
+
+def add(out):
     (out / "notes.txt").write_text("mine")
-    (out / "photo.png").write_bytes(photo.read_bytes())
-    check_overwrite(out, file_digest(photo))
 
 
-@pytest.mark.parametrize(
-    "place", [shutil.copy, os.link, os.symlink], ids=lambda place: place.__name__
-)
-@pytest.mark.parametrize("overwrite", [False, True])
-def test_the_photo_is_never_overwritten(out, photo, place, overwrite):
-    place(photo, out / "preview.png")
-    for photos in (file_digest(photo), f"sha256:0 {file_digest(photo)}"):
-        assert "preview.png there is the photo itself" in refusal(out, photos, overwrite=overwrite)
+def add_hidden(out):
+    (out / ".notes").write_text("mine")
 
 
-def test_every_foreign_file_is_named_at_once(out, photo):
-    shutil.copy(photo, out / "preview.png")
-    (out / "combined.glb").write_text("mine")
-    (out / "people.csv").mkdir()
-    message = refusal(out, file_digest(photo), overwrite=True)
-    assert (
-        "preview.png there is the photo itself; combined.glb, people.csv there are not" in message
+def add_below(out):
+    (out / "a" / "notes.txt").write_text("mine")
+
+
+def add_folder(out):
+    (out / "mine").mkdir()
+
+
+def add_pipe(out):
+    os.mkfifo(out / "pipe")
+
+
+def link_file(out):
+    shutil.copy(out / "preview.png", out.parent / "mine.png")
+    (out / "preview.png").unlink()
+    (out / "preview.png").symlink_to(out.parent / "mine.png")
+
+
+def link_folder(out):
+    (out / "a").rename(out.parent / "a")
+    (out / "a").symlink_to(out.parent / "a")
+
+
+CHANGES = {
+    edit: "preview.png",
+    edit_below: "a/b.txt",
+    edit_document: "reconstruction.json",
+    edit_row: "reconstruction.json",
+    delete_document: "combined.glb",
+    replace_document: "combined.glb",
+    add: "notes.txt",
+    add_hidden: ".notes",
+    add_below: "a/notes.txt",
+    add_folder: "mine",
+    add_pipe: "pipe",
+    link_file: "preview.png",
+    link_folder: "a",
+}
+
+
+@pytest.mark.parametrize("change", CHANGES, ids=lambda change: change.__name__)
+def test_a_foreign_or_edited_file_is_named_and_stays(change, out, reconstruction):
+    change(out)
+    there = tree(out.parent)
+    with pytest.raises(OutputError, match=rf"{out}: {CHANGES[change]} there is not .*-o"):
+        save_reconstruction(reconstruction, out, "numbers", overwrite=True)
+    assert tree(out.parent) == there
+
+
+@pytest.mark.parametrize("save", ["numbers", "pictures", "people"])
+def test_an_untouched_result_is_replaced_as_a_whole(save, out, reconstruction):
+    for name in (".DS_Store", "a/Thumbs.db", "desktop.ini", ".a.0123abcd.physic-part"):
+        (out / name).write_text("of the system")
+    (out / "combined.glb").unlink()
+    out.chmod(0o750)
+    paths = save_reconstruction(reconstruction, out, save, beside={"c.txt": b"c"})
+    names = {path.name for path in paths}
+    pictures = {"combined.glb", "preview.png"} if save == "pictures" else set()
+    assert names == {"reconstruction.json", "reconstruction.npz", "c.txt", *pictures}
+    assert {path.name for path in out.iterdir()} == names
+    files = json.loads((out / "reconstruction.json").read_text())["files"]
+    assert files == {name: file_digest(out / name) for name in names - {"reconstruction.json"}}
+    assert (out.stat().st_mode & 0o777, [path.name for path in out.parent.iterdir()]) == (
+        0o750,
+        ["out"],
     )
 
 
-@pytest.mark.parametrize(
-    "text", ["{}", "a letter", "[" * 100_000, '{"schema": "other", "files": {"combined.glb": ""}}']
-)
-def test_another_document_makes_no_result(out, photo, text):
-    (out / "reconstruction.json").write_text(text)
-    (out / "combined.glb").write_text("mine")
-    assert photo_identity_of_result(out) is None
-    assert refusal(out, file_digest(photo), overwrite=True).startswith(
-        "reconstruction.json, combined.glb there are not of an earlier run: "
-    )
+def test_new_and_empty_folders_and_links_to_them_will_do(tmp_path, reconstruction):
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "link").symlink_to("empty")
+    for name in ("new/below", "empty", "link"):
+        save_reconstruction(reconstruction, tmp_path / name, "numbers")
+        assert Reconstruction.load(str(tmp_path / name)).people
+    assert (tmp_path / "link").is_symlink()
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")
-def test_a_named_pipe_does_not_block(out, photo):
-    os.mkfifo(out / "combined.glb")
-    assert "combined.glb there is not of an earlier run" in refusal(out, file_digest(photo))
-    assert (
-        file_digest(out / "combined.glb") == file_digest(out) == file_digest(out / "nothing") == ""
-    )
-
-
-def test_saving_replaces_the_same_photos_result_alone(out, reconstruction):
+def test_the_result_of_another_photo_is_replaced_with_overwrite_alone(tmp_path, reconstruction):
     first, other = (replace(reconstruction, photo=f"sha256:{number}") for number in (1, 2))
+    out = tmp_path / "out"
     for _ in range(2):
         first.save(str(out), "numbers")
     with pytest.raises(OutputError, match="it holds the result of another photo"):
         other.save(str(out), "numbers")
-    assert photo_identity_of_result(out) == Reconstruction.load(str(out)).photo == "sha256:1"
-    other.save(str(out), "numbers", overwrite=True)
-    assert photo_identity_of_result(out) == "sha256:2"
-    (out / "preview.png").write_text("mine")
-    with pytest.raises(OutputError, match=r"preview\.png there is not of an earlier run"):
-        other.save(str(out), overwrite=True)
-    other.save(str(out), "numbers")
-    assert (out / "preview.png").read_text() == "mine"
+    save_reconstruction(other, out, "numbers", photos="sha256:1 sha256:2")
+    assert photo_identity_of_result(out) == Reconstruction.load(str(out)).photo == "sha256:2"
+    first.save(str(out), "numbers", overwrite=True)
+    assert photo_identity_of_result(out) == "sha256:1"
 
 
-def edited(path):
-    path.write_text("mine")
+def test_the_photo_is_never_replaced(out):
+    photo = file_digest(out / "preview.png")
+    for photos in (photo, f"sha256:0 {photo}"):
+        with pytest.raises(OutputError, match=r"preview\.png there is .* the photo"):
+            prepare_result_folder(out, photos, overwrite=True)
 
 
-def to_a_link(path):
-    path.unlink()
-    path.symlink_to("nowhere")
+def test_a_folder_that_cannot_be_renamed_is_refused(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("mine")
+    for folder, why in (("/proc", "a mount point"), (tmp_path / "file", "a file")):
+        with pytest.raises(OutputError, match=why):
+            prepare_result_folder(folder, "")
+    (tmp_path / "out" / "below").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "out" / "below")
+    for folder in (".", ".."):
+        with pytest.raises(OutputError, match="the current folder"):
+            prepare_result_folder(folder, "")
 
 
-@pytest.mark.parametrize("overwrite", [False, True])
-@pytest.mark.parametrize("change", [edited, to_a_link], ids=lambda change: change.__name__)
-def test_an_edited_file_and_a_link_are_kept_beside_the_new_one(
-    out, reconstruction, change, overwrite
-):
-    reconstruction.save(str(out))
-    for number in ("", "-2"):
-        change(out / "preview.png")
-        before = os.lstat(out / "preview.png")
-        reconstruction.save(str(out), overwrite=overwrite)
-        assert os.path.samestat(before, os.lstat(out / f"preview.edited{number}.png"))
-        assert (out / "preview.png").read_bytes().startswith(b"\x89PNG")
-        assert not (out / "preview.png").is_symlink()
-    reconstruction.save(str(out))
-    assert len(list(out.glob("*.edited*"))) == 2
-
-
-NUMBERS = {"reconstruction.json", "reconstruction.npz"}
-SAVED = {
-    "people": NUMBERS,
-    "numbers": NUMBERS,
-    "pictures": {*NUMBERS, "combined.glb", "preview.png"},
-}
-
-
-@pytest.mark.parametrize("save", SAVED)
-def test_a_saved_result_has_exactly_its_files_and_states_their_digests(out, reconstruction, save):
-    reconstruction.save(str(out))
-    (out / "notes.txt").write_text("mine")
-    for _ in range(2):
-        paths = save_reconstruction(reconstruction, out, save, beside={"a.txt": b"a"})
-        names = {path.name for path in paths}
-        assert names == SAVED[save] | {"a.txt"}
-        assert {path.name for path in out.iterdir()} == names | {"notes.txt"}
-    files = json.loads((out / "reconstruction.json").read_text())["files"]
-    assert files == {name: file_digest(out / name) for name in names - {"reconstruction.json"}}
-
-
-def test_an_edited_file_that_the_next_result_has_not_is_kept_too(out, reconstruction):
-    reconstruction.save(str(out))
-    (out / "combined.glb").write_text("mine")
-    reconstruction.save(str(out), "numbers")
-    assert (out / "combined.edited.glb").read_text() == "mine"
-    assert {path.name for path in out.iterdir()} == NUMBERS | {"combined.edited.glb"}
-
-
-@pytest.mark.parametrize("is_link", [True, False])
-def test_a_link_or_folder_in_place_of_the_document_is_of_the_user(out, reconstruction, is_link):
-    save_reconstruction(reconstruction, out, "numbers")
-    document = out / "reconstruction.json"
-    document.rename(out / "mine.json")
-    if is_link:
-        document.symlink_to("mine.json")
-    else:
-        document.mkdir()
-    for earlier in ((), ("reconstruction.json", "reconstruction.npz")):
-        with pytest.raises(OutputError, match=r"reconstruction\.json.* not of an earlier run"):
-            save_reconstruction(reconstruction, out, "numbers", earlier=earlier)
-    assert (document.is_symlink(), document.is_dir()) == (is_link, not is_link)
-
-
-def test_a_file_that_the_user_writes_while_pictures_are_made_is_kept(
+def test_what_the_user_writes_while_pictures_are_made_is_kept_and_so_is_the_result(
     out, reconstruction, monkeypatch
 ):
     def mesh(result):
-        (out / "combined.glb").write_text("mine")
+        (out / "notes.txt").write_text("mine")
         return b"mesh"
 
     monkeypatch.setattr("physic_visual.pictures.combined_glb", mesh)
-    with pytest.raises(OutputError, match=r"combined\.glb there is not of an earlier run"):
+    with pytest.raises(OutputError, match=r"notes\.txt there is not .* new result is in") as error:
         reconstruction.save(str(out))
-    assert [(path.name, path.read_text()) for path in out.iterdir()] == [("combined.glb", "mine")]
+    assert (out / "notes.txt").read_text() == "mine"
+    assert Reconstruction.load(str(error.value).rpartition(" is in ")[2]).people
+
+
+@pytest.mark.parametrize("is_edited", [False, True])
+def test_a_page_and_exports_that_are_added_are_of_the_result(
+    out, reconstruction, is_edited, physic
+):
+    for _ in range(2):
+        add_report(out)
+    assert physic("export", out, "--to", "colmap").exit_code == 0
+    assert physic("export", out, "--to", "ply").exit_code == 0
+    if is_edited:
+        page = out / "report.html"
+        page.write_text(page.read_text(encoding="utf-8") + "my remarks", encoding="utf-8")
+        for write in (add_report, lambda out: reconstruction.save(str(out))):
+            with pytest.raises(OutputError, match="edited"):
+                write(out)
+        assert page.read_text(encoding="utf-8").endswith("my remarks")
+    else:
+        reconstruction.save(str(out), "numbers")
+        assert len(list(out.iterdir())) == 2
+
+
+def test_a_document_of_the_user_in_place_of_a_folder_or_link_is_refused(out, reconstruction):
+    document = out / "reconstruction.json"
+    content = document.read_bytes()
+    for make in (Path.mkdir, lambda path: path.symlink_to(out.parent / "mine.json")):
+        document.unlink() if document.is_file() else document.rmdir()
+        (out.parent / "mine.json").write_bytes(content)
+        make(document)
+        with pytest.raises(OutputError, match="there is not of a run"):
+            save_reconstruction(reconstruction, out, "numbers")

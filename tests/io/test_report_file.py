@@ -63,17 +63,6 @@ def test_a_result_is_saved_with_its_page_or_without_one_that_fails(folder, resul
     load_reconstruction(folder)
 
 
-def test_a_page_that_was_edited_is_kept(folder, result):
-    path = add_report(folder)
-    path.write_text(path.read_text(encoding="utf-8") + "my remarks", encoding="utf-8")
-    add_report(folder)
-    assert not path.read_text(encoding="utf-8").endswith("my remarks")
-    kept = path.with_name("report.edited.html")
-    assert kept.read_text(encoding="utf-8").endswith("my remarks")
-    save_reconstruction(result, folder, "numbers")
-    assert kept.exists()
-
-
 def test_the_page_of_a_damaged_result_says_what_is_wrong(folder):
     arrays = folder / "reconstruction.npz"
     arrays.write_bytes(arrays.read_bytes()[:5000])

@@ -63,11 +63,10 @@ LISTS = {
         "restricted licence": "test_restricted_weights_are_fetched_only_with_accept_licence",
     },
     "Files that PhySIC writes": {
-        "Each file of a result": "test_a_write_happens_completely_or_not_at_all",
-        "The files of a result belong together": "test_a_first_result_is_complete_or_not_there "
-        "test_the_next_run_completes_the_result test_the_next_run_keeps_a_file "
+        "Each file of a result": "test_an_interruption_loses_nothing_and_is_no_success",
+        "The files of a result belong together": "test_the_hidden_result_of_a_killed_process "
         "test_two_writers_without_a_common_lock",
-        "Commands that read a result": "test_a_reader_of_an_unfinished_result_writes_nothing",
+        "Commands that read a result": "test_a_name_that_leads_out_of_the_folder_is_no_file",
         "A name that a document": "test_a_name_that_leads_out_of_the_folder_is_no_file "
         "test_a_sheet_neither_embeds_nor_links_what_lies_outside",
         "The files of a result, and": "test_a_result_whose_file_is_a_link_that_leads_out "
@@ -76,12 +75,11 @@ LISTS = {
         "Arrays of a result are refused": "test_arrays_that_were_changed_after_the_run_are_refused",
         "Files of the cache": "test_folders_and_files_are_for_their_user_alone_whatever_the_umask",
         "A result without a row": "test_a_result_without_its_row_is_done_again",
-        "A file of yours is "
-        "never replaced": "test_every_foreign_file_is_named_at_once test_an_edited_file_and_a_link",
+        "A file of yours is never replaced": "test_a_foreign_or_edited_file_is_named_and_stays",
         "`physic export --overwrite` replaces": "test_the_photo_and_links_are_never_replaced",
         "Tables, pages and logs": "test_a_file_of_the_user_ends_the_batch_before_its_first_photo",
         "No file of an output folder": "test_a_file_is_appended_to_and_a_link_is_not",
-        "The photo is never replaced": "test_the_photo_is_never_overwritten",
+        "The photo is never replaced": "test_the_photo_is_never_replaced",
     },
 }
 LIMITS = {

@@ -132,7 +132,7 @@ def encode_item(item: PhotoItem) -> str:
     """Return a photo as ASCII text; names that are not UTF-8 survive, which Arrow's strings do not
     allow.
     """
-    return json.dumps([item.id, item.path, dict(item.settings), "", item.replaces])
+    return json.dumps([item.id, item.path, dict(item.settings)])
 
 
 def decode_item(text: str) -> PhotoItem:

@@ -117,7 +117,7 @@ def export(
     find_exporter(name, "" if path is None or path.is_dir() else path.suffix)
 
     from physic_core.export import export_reconstruction
-    from physic_core.io.result_folder import record_exports
+    from physic_core.io.result_folder import add_result_files
     from physic_core.io.results import load_reconstruction
 
     done = export_reconstruction(
@@ -125,10 +125,9 @@ def export(
         out if path is None else path,
         name,
         scene=not no_scene,
+        write=add_result_files if path is None else None,
         **{option: value for option, value in options.items() if value},
     )
-    if path is None:
-        record_exports(out, done.files)
     for note in done.notes:
         echo(f"note: {note}")
     top = min((len(file.parts) for file in done.files), default=0)

@@ -166,14 +166,16 @@ def find_results(folder: Path) -> list[Path]:
     Raises:
         InputError: there is none.
     """
-    found = sorted(
-        Path(at) for at, _, names in os.walk(folder) if ARRAYS_FILE in names or is_result(at)
-    )
+    found = list[Path]()
+    for at, folders, names in os.walk(folder):
+        folders[:] = (name for name in folders if not name.startswith("."))
+        if ARRAYS_FILE in names or is_result(at):
+            found.append(Path(at))
     if not found and not journal_files(folder):
         raise InputError(
             f"no result in {folder}: name the folder of a finished run, or a folder of such folders"
         )
-    return found
+    return sorted(found)
 
 
 def result_link(place: Path, result: Path) -> str:

@@ -55,14 +55,12 @@ class PhotoItem:
         settings: of the table ``[photo]``, only for this photo.
         stamp: :func:`physic_core.cache.digests.file_stamp` of the file at some time before it is
             read, by :meth:`stamped`; "" if it is unknown, or there is no file.
-        replaces: names of the files of an earlier result, of which some are lost.
     """
 
     id: str
     path: str
     settings: Mapping[str, Any] = field(default_factory=dict)
     stamp: str = field(default="", compare=False)
-    replaces: tuple[str, ...] = field(default=(), compare=False)
 
     @classmethod
     def at(cls, path: str | os.PathLike[str], **fields: Any) -> PhotoItem:

@@ -31,7 +31,7 @@ from physic_core.discovery.plugins import find_items
 from physic_core.errors import ConfigError, OutputError
 from physic_core.files import check_writable, path_to_write
 from physic_core.interfaces import INTERFACES
-from physic_core.io.result_folder import file_digest, run_of_result
+from physic_core.io.result_folder import file_digest, prepare_result_folder, run_of_result
 from physic_core.io.results import SAVE, save_reconstruction
 from physic_core.types import person_rows
 
@@ -182,6 +182,9 @@ class PhotoProcessor:
         # As the photo, files that the settings name may change while they are read.
         start, item, config = time.perf_counter(), item.stamped(), {"config": self.job.digest(item)}
         try:
+            if self.job.save != "none":
+                photo = file_digest(item.path)
+                prepare_result_folder(self._folder(item), photo, overwrite=True)
             result = self._reconstruct(item.path, item.settings)
             files = self._save(result, item)
         except Exception as error:  # an error of one photo must not end the batch
@@ -210,22 +213,19 @@ class PhotoProcessor:
             PEOPLE_COLUMN: person_rows(result),
         }
 
+    def _folder(self, item: PhotoItem) -> Path:
+        return path_to_write(Path(self.job.out), photo_folder(item.id))
+
     def _save(self, result: Reconstruction, item: PhotoItem) -> str:
         """Write the files of a photo, and return the column ``files`` of its row."""
-        out = Path(self.job.out)
-        folder = photo_folder(item.id)
         sizes = {}
         if self.job.save != "none":
-            paths = save_reconstruction(
-                result,
-                path_to_write(out, folder),
-                self.job.save,
-                overwrite=True,
-                earlier=item.replaces,
-            )
+            folder = self._folder(item)
+            paths = save_reconstruction(result, folder, self.job.save, overwrite=True)
             sizes = {path.name: path.stat().st_size for path in paths}
         if self.job.with_thumbnails:
-            sizes[THUMBNAIL] = write_thumbnail(result, out, folder).stat().st_size
+            thumbnail = write_thumbnail(result, Path(self.job.out), photo_folder(item.id))
+            sizes[THUMBNAIL] = thumbnail.stat().st_size
         return " ".join(f"{name}={size}" for name, size in sizes.items())
 
 

@@ -8,7 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -87,10 +87,8 @@ def plan_batch(
     for item, row in zip(items, rows, strict=True):
         item = item.stamped()
         reason = "new" if row is None else _redo_reason(row, item, job, least_save or job.save)
-        if row is None:
+        if row is None or reason == _LOST:
             todo.append(item)
-        elif reason == _LOST:
-            todo.append(replace(item, replaces=tuple(_stated_sizes(row))))
         elif reason or (retry_failed and row["state"] == "failed"):
             todo.append(item)
             replaced += row["state"] == "done" and row.get("save") != "none"

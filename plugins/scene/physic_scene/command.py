@@ -91,7 +91,7 @@ def scene(
     from physic_core.cli.output import echo, reserve_folder
     from physic_core.cli.result_summary import print_summary
     from physic_scene.calibration import read_calibration
-    from physic_scene.output import FILES, save_scene
+    from physic_scene.output import save_scene
     from physic_scene.scene import ScenePipeline
 
     known = _known_sizes(stature, age)
@@ -110,7 +110,7 @@ def scene(
             echo(f"[{done + 1}/{total}] {name}", err=True)
 
     with (
-        reserve_folder(out, all_photos, overwrite=overwrite, beside=FILES),
+        reserve_folder(out, all_photos, overwrite=overwrite),
         ScenePipeline(load_config(file, preset=preset, overrides=overrides)) as solver,
     ):
         result = solver(photos, cameras=cameras, known=known, progress=progress)

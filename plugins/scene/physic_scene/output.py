@@ -19,7 +19,6 @@ CAMERAS_FILE = "cameras.json"
 PICTURE_FILE = "photos.png"
 PEOPLE_TABLE = "people.csv"
 REPORT_FILE = "report.html"
-FILES = (CAMERAS_FILE, PICTURE_FILE)
 
 _PINHOLE = ("fx", "fy", "cx", "cy", "width", "height", "focal_sigma")
 
@@ -27,7 +26,7 @@ _PINHOLE = ("fx", "fy", "cx", "cy", "width", "height", "focal_sigma")
 def save_scene(
     scene: SceneResult, folder: str, *, overwrite: bool = False, page: str = "", photos: str = ""
 ) -> None:
-    """Write the files of ``Reconstruction.save``, ``people.csv``, and ``FILES``.
+    """Write the files of ``Reconstruction.save``, and the tables and pictures of a scene.
 
     Args:
         scene: what to write.
@@ -38,7 +37,7 @@ def save_scene(
             reference.
 
     Raises:
-        OutputError: the folder cannot be written, or a file of the user's would be lost.
+        OutputError: the folder cannot be written, or has a file of the user.
     """
     beside = {
         CAMERAS_FILE: cameras_json(scene).encode(),

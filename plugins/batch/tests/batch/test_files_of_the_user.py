@@ -56,32 +56,10 @@ def test_a_file_of_the_user_ends_the_batch_before_its_first_photo(name, place, p
     assert "[1/1]" not in done.stderr
 
 
-def painted(path):
-    path.write_text("mine")
-
-
-def replaced_by_a_link(path):
-    path.unlink()
-    path.symlink_to(path.with_name("mine"))
-
-
-@pytest.mark.parametrize(
-    ("name", "change"), [("preview.png", painted), ("combined.glb", replaced_by_a_link)]
-)
-@pytest.mark.parametrize(
-    "why", ["nothing changed", "another setting", "deleted arrays", "deleted document"]
-)
-def test_an_edited_file_of_a_result_is_kept(
-    name,
-    why,
-    change,
-    photos,
-    tmp_path,
-    monkeypatch,
+@pytest.mark.parametrize("why", ["nothing changed", "another setting", "deleted arrays"])
+def test_a_photo_whose_result_was_edited_fails_before_it_is_computed(
+    why, photos, tmp_path, monkeypatch
 ):
-    """A batch does not do a photo again for it, and keeps it beside the new one where it does for
-    another reason.
-    """
     monkeypatch.setattr("physic_visual.pictures.combined_glb", lambda result: b"mesh")
     monkeypatch.setattr("physic_visual.pictures.preview_png", lambda result: b"picture")
     out = tmp_path / "out"
@@ -92,25 +70,32 @@ def test_an_edited_file_of_a_result_is_kept(
         )
         for side in (640, 320)
     ]
+    calls = []
+
+    def reconstruct(path, settings):
+        calls.append(path)
+        return tiny_result()
 
     def run(job):
         todo = plan_batch([item], job).todo
-        process = PhotoProcessor(job, lambda path, settings: tiny_result())
+        process = PhotoProcessor(job, reconstruct)
         run_batch(
             todo, job, lambda items, job: (process(one) for one in items), out / "journal.jsonl"
         )
-        assert [row["state"] for row in read_journals(out).values()] == ["done"]
-        return len(todo)
+        (row,) = read_journals(out).values()
+        return row["message"]
 
-    assert run(jobs[0]) == 1
+    assert run(jobs[0]) == ""
     folder = out / photo_folder(item.id)
-    (folder / "mine").write_text("mine")
-    change(folder / name)
-    if why.startswith("deleted"):
-        (folder / f"reconstruction.{'npz' if why == 'deleted arrays' else 'json'}").unlink()
-    assert run(jobs[why == "another setting"]) == (why != "nothing changed")
-    kept = folder / (name if why == "nothing changed" else name.replace(".", ".edited."))
-    assert (kept.read_text(), kept.is_symlink()) == ("mine", change is replaced_by_a_link)
+    (folder / "preview.png").write_text("mine")
+    if why == "deleted arrays":
+        (folder / "reconstruction.npz").unlink()
+    job = jobs[why == "another setting"]
+    message = run(job)
+    assert ("preview.png there is not of a run" in message) == (why != "nothing changed")
+    assert ((folder / "preview.png").read_text(), len(calls)) == ("mine", 1)
+    folder.rename(tmp_path / "mine")
+    assert run(job) == ""
     load_reconstruction(folder)
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from physic_batch.contact_sheet import write_contact_sheet
 from physic_batch.journal import Journal, all_columns, write_tables
-from physic_batch.photos import PhotoItem, photo_folder
+from physic_batch.photos import PhotoItem
 from physic_batch.process import BatchJob, PhotoProcessor, failed_row
 from physic_core.configuration.model import load_config
 from physic_core.errors import InputError
@@ -44,17 +44,6 @@ def batch(result, tmp_path):
         for name in ("one", "bad", "two"):
             journal.append(process(PhotoItem(name, f"/photos/{name}.jpg")))
     return out
-
-
-def test_a_foreign_file_in_the_folder_of_a_photo_fails_only_that_photo(result, tmp_path):
-    folder = tmp_path / photo_folder("one")
-    folder.mkdir(parents=True)
-    job = BatchJob(load_config(preset="mock"), str(tmp_path), "numbers")
-    (folder / "reconstruction.json").write_text("mine too")
-    row = PhotoProcessor(job, lambda path, settings: result)(PhotoItem("one", "/photos/one.jpg"))
-    assert (row["state"], row["error"]) == ("failed", "OutputError")
-    assert "reconstruction.json there is not of an earlier run" in row["message"]
-    assert (folder / "reconstruction.json").read_text() == "mine too"
 
 
 def test_columns_are_photo_grade_sizes_costs_files_and_checks_in_one_order(tmp_path):

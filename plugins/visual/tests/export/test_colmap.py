@@ -88,26 +88,3 @@ def test_a_named_model_lies_beside_the_file_and_needs_colmaps_name(export, tmp_p
     assert (tmp_path / "points3D.bin").is_file()
     with pytest.raises(ConfigError, match="not a"):
         export("a.bin")
-
-
-def test_a_run_removes_the_model_of_an_earlier_result_with_its_folders(result, tmp_path, physic):
-    out = tmp_path / "out"
-    result.save(str(out), "numbers")
-    before = {file.name for file in out.iterdir()}
-    done = physic("export", str(out), "--to", "colmap")
-    assert done.exit_code == 0, done.output
-    (out / "images" / "mine.jpg").write_text("mine")
-    result.save(str(out), "numbers")
-    assert {file.name for file in out.iterdir()} == before | {"images"}
-    assert [file.name for file in (out / "images").iterdir()] == ["mine.jpg"]
-
-
-def test_a_run_removes_no_file_behind_a_link_that_replaced_a_folder(result, tmp_path, physic):
-    out = tmp_path / "out"
-    moved = tmp_path / "moved"
-    result.save(str(out), "numbers")
-    assert physic("export", str(out), "--to", "colmap").exit_code == 0
-    (out / "sparse" / "0").rename(moved)
-    (out / "sparse" / "0").symlink_to(moved)
-    result.save(str(out), "numbers")
-    assert len(list(moved.iterdir())) == 3
