@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from physic_core.discovery.hooks import ExporterRecord, PluginItem, hookimpl
     from physic_core.discovery.plugins import find_exporter, find_exporters
     from physic_core.export import ExportRequest, export_reconstruction
+    from physic_core.io.body_file import read_bodies, write_bodies
     from physic_core.io.photo import Photo, read_photo
     from physic_core.io.report_file import save_report
     from physic_core.io.results import load_people, load_reconstruction, save_reconstruction
@@ -93,11 +94,13 @@ __all__ = [
     "load_people",
     "load_reconstruction",
     "preview_png",
+    "read_bodies",
     "read_photo",
     "reconstruct",
     "report_html",
     "save_reconstruction",
     "save_report",
+    "write_bodies",
 ]
 
 _NAMES = {
@@ -106,6 +109,7 @@ _NAMES = {
     "discovery.plugins": "find_exporter find_exporters",
     "discovery.hooks": "ExporterRecord PluginItem hookimpl",
     "export": "ExportRequest export_reconstruction",
+    "io.body_file": "read_bodies write_bodies",
     "io.photo": "Photo read_photo",
     "io.report_file": "save_report",
     "io.results": "load_people load_reconstruction save_reconstruction",

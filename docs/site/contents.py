@@ -25,6 +25,7 @@ SECTIONS = {
     "Use": [
         "docs/running",
         "docs/tools",
+        "docs/bodies",
         "docs/batch",
         "docs/serve",
         "docs/configuration",

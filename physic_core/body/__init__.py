@@ -21,9 +21,12 @@ if TYPE_CHECKING:
 
     import torch
 
+    from physic_core.body.array_pickle import InvalidArrayError as InvalidArrayError
     from physic_core.body.array_pickle import PickledObject as PickledObject
+    from physic_core.body.array_pickle import UnsafePickleError as UnsafePickleError
     from physic_core.body.array_pickle import as_array as as_array
     from physic_core.body.array_pickle import read_pickle as read_pickle
+    from physic_core.body.array_pickle import read_plain as read_plain
     from physic_core.body.arrays import BodyArrays as BodyArrays
     from physic_core.body.bones import head_direction as head_direction
     from physic_core.body.bones import parameters_from_rotations as parameters_from_rotations
@@ -72,7 +75,8 @@ __all__ = [
 ]
 
 _NAMES = {
-    "array_pickle": "PickledObject as_array read_pickle",
+    "array_pickle": "InvalidArrayError PickledObject UnsafePickleError as_array read_pickle "
+    "read_plain",
     "arrays": "BodyArrays",
     "bones": "head_direction parameters_from_rotations pose_from_parameters "
     "rotations_from_parameters rotations_from_tpose",

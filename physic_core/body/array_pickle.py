@@ -15,7 +15,7 @@ import pickle
 import re
 from math import prod
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +66,40 @@ def read_pickle(path: Path) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise InvalidArrayError(f"holds a {type(found).__name__}, not the arrays of a body")
     return {name: value for name, value in found.items() if isinstance(name, str)}
+
+
+def read_plain(data: bytes) -> Any:
+    """Return the dictionaries, lists, texts, numbers and arrays of a pickle, also of one that
+    joblib wrote, without running code.
+
+    Raises:
+        UnsafePickleError: it names an object that could run code.
+        InvalidArrayError: an array in it is inconsistent.
+        pickle.UnpicklingError: it is not a complete pickle.
+    """
+    try:
+        return _plain(_Unpickler(io.BytesIO(data), encoding="latin1").load())
+    except (UnsafePickleError, InvalidArrayError, RecursionError):
+        raise
+    except Exception as error:  # a pickle that is cut off or changed can fail in any way
+        raise pickle.UnpicklingError(
+            escape_unprintable(str(error)) or type(error).__name__
+        ) from error
+
+
+def _plain(value: Any) -> Any:
+    """Return a value with arrays in place of placeholders, and lists in place of object arrays."""
+    if isinstance(value, _Array) and isinstance(value.state[-1], list):
+        items = [_plain(item) for item in value.state[-1]]
+        return items if value.state[1] else items[0]
+    if isinstance(value, PickledObject):
+        array = as_array(value)
+        return array if array.ndim else array[()]
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value
 
 
 def as_array(value: Any) -> NDArray[Any]:
@@ -154,6 +188,35 @@ class _FromBuffer(PickledObject):
         return stored.transpose(*axes) if axes else stored
 
 
+class _JoblibArray(PickledObject):
+    """Placeholder of an array by joblib, whose bytes follow its state in the file."""
+
+    data = b""
+
+    def read(self, file: Any) -> None:
+        """Read the bytes of the array."""
+        if self.part("numpy_array_alignment_bytes") is not None:
+            file.read(file.read(1)[0])
+        kind = self.part("dtype")
+        shape = _shape(self.part("shape"))
+        size = prod(shape) * kind.to_dtype().itemsize if isinstance(kind, _DType) else 0
+        if size > _MAX_FILE_BYTES:
+            raise InvalidArrayError("is an array that is larger than a file")
+        self.data = file.read(size)
+
+    def dense(self) -> NDArray[Any]:
+        return _decoded(
+            self.data, self.part("dtype"), _shape(self.part("shape")), self.part("order")
+        )
+
+
+class _Dict(dict[Any, Any]):
+    """Dictionary in place of a ``defaultdict``, whose factory is left out."""
+
+    def __init__(self, *_: Any) -> None:
+        super().__init__()
+
+
 class _Scalar(PickledObject):
     """Placeholder of a numpy scalar; its arguments are dtype and bytes."""
 
@@ -233,7 +296,10 @@ class _Encoded(PickledObject):
         return text.encode("latin1")
 
 
-_PLACEHOLDERS: dict[tuple[str, str], type[PickledObject]] = {
+_PLACEHOLDERS: dict[tuple[str, str], type[PickledObject | _Dict]] = {
+    ("joblib.numpy_pickle", "NumpyArrayWrapper"): _JoblibArray,
+    ("collections", "defaultdict"): _Dict,
+    ("builtins", "dict"): _Dict,
     ("numpy", "ndarray"): _Array,
     ("numpy", "dtype"): _DType,
     ("numpy.core.multiarray", "_reconstruct"): _Reconstructed,
@@ -252,6 +318,20 @@ class _Unpickler(pickle._Unpickler):
 
     The version in C allocates memory for any index in a file.
     """
+
+    dispatch: ClassVar = dict(pickle._Unpickler.dispatch)
+
+    def __init__(self, file: io.BytesIO, **options: Any) -> None:
+        super().__init__(file, **options)
+        self._file = file
+
+    def load_build(self) -> None:
+        """Set a state, and read the array that joblib writes behind it."""
+        super().load_build()  # type: ignore[misc]  # not in typeshed, as all below
+        if isinstance(self.stack[-1], _JoblibArray):  # type: ignore[attr-defined]
+            self.stack[-1].read(self._file)  # type: ignore[attr-defined]
+
+    dispatch[pickle.BUILD[0]] = load_build  # type: ignore[assignment]
 
     def find_class(self, module: str, name: str) -> Any:
         """Return the placeholder class of a name. Classes have no state that a pickle can set.

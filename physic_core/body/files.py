@@ -12,7 +12,7 @@ from __future__ import annotations
 import hashlib
 import io
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -111,6 +111,14 @@ SMPL = ModelFileLayout(
     "basicmodel_neutral_lbs_10_207_0_v1.1.0.pkl",
 )
 """As SMPL-X up to the wrists, then one joint in each hand."""
+
+SMPLH = replace(
+    SMPL,
+    name="SMPL-H",
+    parents=(*PARENTS[:22], *(p if p < 25 else p - 3 for p in PARENTS[25:NUM_JOINTS])),
+    advice="give the path of an official SMPL-H file, for example SMPLH_NEUTRAL.npz",
+)
+"""As SMPL-X without jaw and eyes."""
 
 SMPLX = ModelFileLayout(
     "SMPL-X",
@@ -282,8 +290,6 @@ _Array = NDArray[np.float64]
 SMPL_PARENTS = SMPL.parents
 """Parents of the 24 joints; -1 for the pelvis."""
 
-_NUM_BETAS = 10
-
 
 @dataclass(frozen=True, eq=False)
 class SmplBody:
@@ -296,6 +302,7 @@ class SmplBody:
         posedirs: (6890, 3, 207) change with each number of the local rotations, less the identity.
         regressor: (24, 6890) joints from vertices.
         weights: (6890, 24) of skinning.
+        parents: of the 24 joints, or the 52 of SMPL-H.
     """
 
     template: _Array
@@ -304,6 +311,7 @@ class SmplBody:
     posedirs: _Array
     regressor: _Array
     weights: _Array
+    parents: tuple[int, ...] = SMPL_PARENTS
 
     @property
     def rest(self) -> RestMesh:
@@ -340,27 +348,27 @@ class SmplBody:
         rest: _Array = self.regressor @ shaped
         world = rotations.copy()
         joints = rest.copy()
-        for joint, parent in enumerate(SMPL_PARENTS[1:], 1):
+        for joint, parent in enumerate(self.parents[1:], 1):
             world[:, joint] = world[:, parent] @ rotations[:, joint]
             bone = (world[:, parent] @ (rest[:, joint] - rest[:, parent])[..., None])[..., 0]
             joints[:, joint] = joints[:, parent] + bone
         return world, joints, rest
 
 
-def load_smpl(path: str | Path) -> SmplBody:
-    """Load the body model of a SMPL file, with the first 10 shape components.
+def load_smpl(path: str | Path, layout: ModelFileLayout = SMPL, num_betas: int = 10) -> SmplBody:
+    """Load the body model of a SMPL or SMPL-H file, with its first shape components.
 
     Raises:
         BodyModelError: the file does not exist, or is not a SMPL model.
     """
-    found = read_model_file(Path(path), SMPL)
+    found = read_model_file(Path(path), layout)
     faces = found["f"].astype(np.int64)
     template, shapedirs, posedirs, regressor, weights = (
         found[name].astype(np.float64)
         for name in ("v_template", "shapedirs", "posedirs", "J_regressor", "weights")
     )
-    shapes = shapedirs[:, :, :_NUM_BETAS]
-    return SmplBody(template, faces, shapes, posedirs, regressor, weights)
+    shapes = shapedirs[:, :, :num_betas]
+    return SmplBody(template, faces, shapes, posedirs, regressor, weights, layout.parents)
 
 
 def load_smplx(

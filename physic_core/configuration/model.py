@@ -169,6 +169,36 @@ class PhotoSettings(StrictModel):
         "with person, joint, x, "
         "y, or COCO .json; relative to the config file",
     )
+    bodies: _FilePath = Field(
+        default=None,
+        description="bodies of people by another program, instead of body_estimator's: an .npz of "
+        "physic export --to bodies, or a file of docs/bodies.md; relative to the config file",
+    )
+    bodies_model: _FilePath = Field(
+        default=None,
+        description="the SMPL, SMPL-H, SMPL-X or MHR file that bodies are of, where they are not "
+        "those of body_model; relative to the config file",
+    )
+    bodies_frame: int | None = Field(
+        default=None, ge=0, le=10_000_000, description="which picture of a film bodies has, from 0"
+    )
+    bodies_sigma: float | None = Field(
+        default=None,
+        ge=0.001,
+        le=1,
+        description="root mean square error of joints of bodies relative to the pelvis, metres; "
+        "by default that of the tool by its authors",
+    )
+    bodies_final: bool = Field(
+        default=False,
+        description="whether bodies are all people, whose poses and shapes do not change",
+    )
+    masks: _FilePath = Field(
+        default=None,
+        description="masks of people, instead of segmenter's, px of the upright photo file: COCO "
+        ".json, label .png, .npz (N, H, W), a folder of SAM's masks, or a .txt of polygons; "
+        "relative to the config file",
+    )
     require_people: bool = Field(
         default=False,
         description="whether a photo without people is an error rather than a scene-only result",
@@ -257,6 +287,11 @@ class PhotoSettings(StrictModel):
             raise ValueError("has chosen people and ignored ones: give only one of them")
         if self.depth_unit is not None and self.depth is None:
             raise ValueError("has depth_unit without depth: give both")
+        about_bodies = self.bodies_model, self.bodies_frame
+        if self.bodies is None and any(each is not None for each in about_bodies):
+            raise ValueError("has bodies_model or bodies_frame without bodies: give both")
+        if self.masks is not None and (self.person or self.box or self.ignore):
+            raise ValueError("has masks and chosen or ignored people: give only one of them")
         if self.distortion is not None and self.intrinsics is None:
             raise ValueError(
                 "has distortion without intrinsics: give both, from the same calibration"
@@ -404,7 +439,7 @@ class Config(StrictModel):
         """
         files = {
             f"photo.{name}": getattr(self.photo, name)
-            for name in ("depth", "pointmap", "keypoints")
+            for name in ("depth", "pointmap", "keypoints", "bodies", "bodies_model", "masks")
         }
         for interface in INTERFACES:
             chosen: BackendChoice = getattr(self, interface)

@@ -137,6 +137,25 @@ def physic_keypoint_readers() -> Sequence[PluginItem]:  # type: ignore[empty-bod
     """
 
 
+@_hookspec
+def physic_body_readers() -> Sequence[PluginItem]:  # type: ignore[empty-body]
+    """Return the readers of other programs' bodies that this plugin adds to ``--bodies``.
+
+    Each target is a function that gets a :class:`physic_core.types.FileOfPhoto`, and returns
+    :class:`physic_core.types.BodiesInFile`, or None if it does not know the form. It raises
+    ValueError with what is wrong.
+    """
+
+
+@_hookspec
+def physic_mask_readers() -> Sequence[PluginItem]:  # type: ignore[empty-body]
+    """Return the readers of other programs' masks that this plugin adds to ``--masks``.
+
+    Each target is as of ``physic_body_readers``, and returns
+    :class:`physic_core.types.MasksInFile`.
+    """
+
+
 RECORDS: dict[str, type[PluginItem] | type[ExporterRecord]] = {
     "physic_commands": PluginItem,
     "physic_exporters": ExporterRecord,
@@ -144,5 +163,7 @@ RECORDS: dict[str, type[PluginItem] | type[ExporterRecord]] = {
     "physic_engine_presets": PluginItem,
     "physic_pictures": PluginItem,
     "physic_keypoint_readers": PluginItem,
+    "physic_body_readers": PluginItem,
+    "physic_mask_readers": PluginItem,
 }
 """The hooks, and the class of what each returns."""

@@ -66,6 +66,21 @@ class OtherView(ShortRepr):
 
 
 @dataclass(frozen=True)
+class MatchedBodies(ShortRepr):
+    """Bodies that the user gives, of N people.
+
+    Attributes:
+        source: what states them, in words.
+        is_of: (N,) bool, people whose body it is.
+        joints: (N, 55, 3) metres, camera frame, as given; NaN of others.
+    """
+
+    source: str
+    is_of: BoolArray = field(metadata=shape("N"))
+    joints: FloatArray = field(metadata=shape("N", 55, 3))
+
+
+@dataclass(frozen=True)
 class Estimates(ShortRepr):
     """Results of all backends for one photo, in the frame of its camera.
 
@@ -88,6 +103,7 @@ class Estimates(ShortRepr):
         views: what other cameras show of the same people.
         is_given_keypoint: (N, J), which of the keypoints the user gave; None if none.
         contradicted_px: (N, J), how far mask and detector contradict them, px; None if none.
+        given_bodies: the bodies that the user gives, in the frame of the camera; None if none.
         file_px_per_px: px of the photo file in one px of ``image``, stated if keypoints are given.
     """
 
@@ -106,6 +122,7 @@ class Estimates(ShortRepr):
     is_given_keypoint: BoolArray | None = field(default=None, metadata=PER_PERSON)
     contradicted_px: FloatArray | None = field(default=None, metadata=PER_PERSON)
     file_px_per_px: float = 1.0
+    given_bodies: MatchedBodies | None = field(default=None, metadata=PER_PERSON)
 
     def __post_init__(self) -> None:
         count = len(self.photo.people)
@@ -193,6 +210,8 @@ class State(ShortRepr):
             NaN where unknown; None if the body estimator states none.
         lean_sigma: (N,) radians, stated errors of the lean towards the camera, NaN where unknown;
             None if the body estimator states none.
+        distance_sigma: (N,) stated errors of the logarithm of distance of bodies that the user
+            gives, inf if unknown, NaN of others; None without any.
         head: (N, 3) unit vectors in which the faces look by the person observer, NaN where unknown;
             None if unknown of all.
         head_sigma: (N,) radians, its errors.
@@ -236,6 +255,7 @@ class State(ShortRepr):
     K: Tensor = field(metadata=shape(3, 3))
     rotation_sigma: Tensor | None = field(default=None, metadata=shape("N", 22))
     lean_sigma: Tensor | None = field(default=None, metadata=shape("N"))
+    distance_sigma: Tensor | None = field(default=None, metadata=shape("N"))
     head: Tensor | None = field(default=None, metadata=shape("N", 3))
     head_sigma: Tensor | None = field(default=None, metadata=shape("N"))
     stand_probability: Tensor | None = field(default=None, metadata=shape("N", 2))
@@ -282,6 +302,13 @@ class State(ShortRepr):
     def surroundings(self) -> Surroundings:
         """Surfaces of the scene, without the factor of stage 3."""
         return Surroundings.of(self.scene, self.transl)
+
+    @property
+    def is_given(self) -> Tensor:
+        """Bodies (N,) bool that the user gives."""
+        if self.distance_sigma is None:
+            return torch.zeros(len(self), dtype=torch.bool, device=self.transl.device)
+        return ~torch.isnan(self.distance_sigma)
 
     @property
     def finite_people(self) -> Tensor:

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from physic_core.geometry.raster import rasterize as rasterize
     from physic_core.geometry.rays import RayCaster as RayCaster
     from physic_core.geometry.robust import robust_loss as robust_loss
+    from physic_core.geometry.rotations import check_rotations as check_rotations
     from physic_core.geometry.rotations import nearest_rotation as nearest_rotation
     from physic_core.geometry.rotations import rotation_between as rotation_between
     from physic_core.geometry.rotations import rotmat_to_euler as rotmat_to_euler
@@ -61,7 +62,7 @@ _NAMES = {
     "rays": "RayCaster",
     "robust": "robust_loss",
     "rotations": "nearest_rotation rotation_between rotmat_to_euler rotmat_to_quat "
-    "rotmat_to_rotvec rotvec_to_rotmat_numpy",
+    "check_rotations rotmat_to_rotvec rotvec_to_rotmat_numpy",
     "rotvecs": "rotvec_to_rotmat",
     "tensors": "optional_tensors",
     "upright": "gltf_from_camera transform_points up_in_camera",

@@ -66,6 +66,23 @@ def rotmat_to_rotvec(rotations: _Array) -> _Array:
     return vectors.reshape(rotations.shape[:-1])
 
 
+_NOT_ORTHONORMAL = 0.05  # largest entry of R R' less the unit matrix
+
+
+def check_rotations(matrices: NDArray[np.floating[Any]]) -> None:
+    """Raise ValueError unless matrices (..., 3, 3) are rotations.
+
+    Raises:
+        ValueError: one is not orthonormal, or mirrors.
+    """
+    off = float(np.abs(matrices @ np.swapaxes(matrices, -1, -2) - np.eye(3)).max(initial=0.0))
+    if not off < _NOT_ORTHONORMAL or not (np.linalg.det(matrices) > 0).all():
+        raise ValueError(
+            f"matrices are no rotations: R R' differs from the unit matrix by up to {off:.2g}, or "
+            f"R mirrors; are they scaled, or of other numbers?"
+        )
+
+
 def rotmat_to_quat(rotations: NDArray[np.floating[Any]]) -> _Array:
     """Convert rotation matrices (..., 3, 3) to unit quaternions (..., 4): x, y, z, w."""
     quaternions: _Array = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_quat()

@@ -18,6 +18,7 @@ from physic_core.pipeline.find_people import (
     hints_with_bodies,
     observe_people,
     resize_bodies,
+    use_given_bodies,
 )
 from physic_core.pipeline.find_scene import (
     depth_at_scale,
@@ -63,6 +64,7 @@ def run_backends(run: PhotoRun) -> Estimates:
     bodies, no_body = estimate_bodies(run, photo, floors.hints)
     bodies, no_hands = add_hands(run, photo, bodies)
     bodies = resize_bodies(run, photo, bodies)
+    bodies, no_body, given = use_given_bodies(run, photo, found.body, bodies, no_body)
     embodied = ~no_body
     seen = select_people(photo, embodied)
     posed = select_people(bodies, embodied)
@@ -97,6 +99,7 @@ def run_backends(run: PhotoRun) -> Estimates:
         is_given_keypoint=joints.is_changed,
         contradicted_px=joints.contradicted_px,
         file_px_per_px=joints.file_px_per_px,
+        given_bodies=given,
     )
 
 

@@ -33,10 +33,13 @@ from physic_core.pipeline.backend_results import (
     without_doubtful_wrists,
 )
 from physic_core.prepare.people import (
+    expand_known,
     is_ignored_person,
     known_people,
     order_left_to_right,
     select_chosen,
+    with_given_masks,
+    with_people_of_masks,
 )
 from physic_core.types import Bodies, ContactProbability, Keypoints, Observations, People
 from physic_core.types.arrays import PER_PERSON, select_people
@@ -45,8 +48,9 @@ from physic_core.types.short_repr import ShortRepr
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.engine.photo import PhotoContent
+    from physic_core.engine.state import MatchedBodies
     from physic_core.pipeline.photo_run import PhotoRun
-    from physic_core.types import BoolArray, FloatArray, Hints, Intrinsics, PeoplePrompt
+    from physic_core.types import BoolArray, FloatArray, Hints, IntArray, Intrinsics, PeoplePrompt
     from physic_core.types.known_sizes import KnownPeople
 
 _POINT_AT_PEOPLE = "if the photo shows one, point at them with --person x,y or --box x0,y0,x1,y1"
@@ -71,9 +75,11 @@ class FoundPeople(SegmentedPeople):
 
     Attributes:
         known: what the user knows of them.
+        body: (N,) the body of each that the user gives, -1 for none.
     """
 
     known: KnownPeople = field(metadata=PER_PERSON)
+    body: IntArray = field(metadata=PER_PERSON)
 
 
 @dataclass(frozen=True)
@@ -105,6 +111,10 @@ def find_people(run: PhotoRun) -> FoundPeople:
         ignored = prompt
         prompt = None
     found = _segment(run, prompt, required=run.plan.photo.require_people)
+    if run.given.masks is not None:
+        people, count = with_given_masks(found.people, run.given.masks)
+        run.stages.note(f"given masks of {count} of {len(people)} people")
+        found = replace(found, people=people)
     if ignored is not None:
         found = _without(run, found, ignored)
     real = is_real_person(found.people, prompt)
@@ -117,13 +127,48 @@ def find_people(run: PhotoRun) -> FoundPeople:
         raise NoPersonError("a person is required, and all people of the photo were left out")
     sizes = run.given.known
     if prompt is None:
-        found = select_people(found, order_left_to_right(found.people))
-        return FoundPeople(found.people, found.missing, known_people(sizes, len(found.people)))
+        found, body = _with_given_bodies(run, found)
+        order = order_left_to_right(found.people)
+        found = select_people(found, order)
+        known = known_people(sizes, len(found.people))
+        return FoundPeople(found.people, found.missing, known, body[order])
     known = select_people(known_people(sizes, len(every)), real)
     if not real.all():
         # The others have their pixels back only in a segmentation without the false persons.
         found = _segment(run, prompt.select(real), required=True)
-    return FoundPeople(found.people, found.missing, known)
+    chosen, body = _with_given_bodies(run, found)
+    added = np.arange(len(chosen.people)) < len(found.people)
+    return FoundPeople(chosen.people, chosen.missing, expand_known(known, added), body)
+
+
+def _with_given_bodies(run: PhotoRun, found: SegmentedPeople) -> tuple[SegmentedPeople, IntArray]:
+    """Return the people with those whom only the given bodies show, and the body (N,) of each, -1
+    for none; without other people if the given bodies are final.
+    """
+    given = run.bodies
+    rows = np.full(len(found.people), -1)
+    if given is None or not given.is_placed:
+        return found, rows
+    from physic_core.prepare.bodies import match_to_people
+
+    camera = run.given.photo.intrinsics
+    rows, outlines = match_to_people(given, run.model, camera, found.people)
+    if run.plan.photo.bodies_final and (rows < 0).any():
+        found = _left_out(run, found, rows < 0, "no given body is there")
+        rows = rows[rows >= 0]
+    others = np.setdiff1d(np.arange(len(given)), rows)
+    free = outlines[others] & ~found.people.masks.any(0)
+    shown = free.any((1, 2))
+    if not shown.all():
+        run.stages.note(
+            f"left out {(~shown).sum()} of {len(given)} given bodies: the photo shows nothing of "
+            f"them"
+        )
+    if not shown.any():
+        return found, rows
+    run.stages.note(f"added {shown.sum()} people whom only the given bodies show")
+    people = with_people_of_masks(found.people, free[shown])
+    return SegmentedPeople(people, None), np.concatenate([rows, others[shown]])
 
 
 def _segment(run: PhotoRun, prompt: PeoplePrompt | None, *, required: bool) -> SegmentedPeople:
@@ -145,7 +190,7 @@ def _segment(run: PhotoRun, prompt: PeoplePrompt | None, *, required: bool) -> S
             if takes_prompt
             else "if the photo shows a person, use another segmenter"
         )
-        if required:
+        if required and run.given.bodies is None:
             height, width = run.image.shape[:2]
             raise NoPersonError(
                 f"no person was found in the photo of {width} x {height} px by {segmenter.title}: "
@@ -160,12 +205,18 @@ def _segment(run: PhotoRun, prompt: PeoplePrompt | None, *, required: bool) -> S
 
 def _without(run: PhotoRun, found: SegmentedPeople, ignored: PeoplePrompt) -> SegmentedPeople:
     """Return the people whom the user does not ignore; others' pixels show no scene."""
+    return _left_out(run, found, is_ignored_person(found.people, ignored), "it is ignored")
+
+
+def _left_out(
+    run: PhotoRun, found: SegmentedPeople, out: BoolArray, reason: str
+) -> SegmentedPeople:
+    """Return the people who are not left out (N,); others' pixels show no scene."""
     people = found.people
-    out = is_ignored_person(people, ignored)
     masks: BoolArray = np.logical_or.reduce(people.masks[out])
     if people.unposed_mask is not None:
         masks |= people.unposed_mask
-    kept = _select(run, found, ~out, "it is ignored")
+    kept = _select(run, found, ~out, reason)
     return replace(kept, people=replace(kept.people, unposed_mask=masks))
 
 
@@ -275,6 +326,36 @@ def resize_bodies(run: PhotoRun, photo: PhotoContent, bodies: Bodies) -> Bodies:
     bodies, notes = resize_children(bodies, model, photo.known, photo.observations.child)
     run.stages.note(*notes)
     return bodies
+
+
+def use_given_bodies(
+    run: PhotoRun, photo: PhotoContent, rows: IntArray, bodies: Bodies, no_body: BoolArray
+) -> tuple[Bodies, BoolArray, MatchedBodies | None]:
+    """Return bodies with those that the user gives in place of estimated ones, the people (N,)
+    without a body, and whose the given ones are; None without any.
+
+    Args:
+        run: of the photo.
+        photo: of N people.
+        rows: (N,) the given body of each, -1 for none.
+        bodies: estimated.
+        no_body: (N,) bool, people without one.
+    """
+    given = run.bodies
+    if given is None or not len(photo.people):
+        return bodies, no_body, None
+    from physic_core.prepare.bodies import place_by_keypoints, with_given_bodies
+
+    if not given.is_placed:
+        given, rows = place_by_keypoints(given, run.model, photo)
+    bodies, matched, warnings = with_given_bodies(given, rows, photo, bodies, run.model)
+    run.stages.warn(*warnings)
+    run.stages.note(f"bodies of {matched.is_of.sum()} of {len(rows)} people: {given.source}")
+    if photo.known.stature is not None:
+        from physic_core.engine.sizes.stature import bodies_of_stature
+
+        bodies = bodies_of_stature(bodies, run.model, photo.known.stature)
+    return bodies, no_body & ~matched.is_of, matched
 
 
 def hints_with_bodies(run: PhotoRun, photo: PhotoContent, bodies: Bodies, hints: Hints) -> Hints:

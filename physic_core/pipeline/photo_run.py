@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sized
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.configuration.resolve import ResolvedBackend, ResolvedPipeline
     from physic_core.interfaces import Request
+    from physic_core.io.body_file import GivenBodies
     from physic_core.pipeline.stage_caller import StageCaller
     from physic_core.prepare.photo import PreparedPhoto
     from physic_core.types import UInt8Array
@@ -66,6 +67,21 @@ class PhotoRun:
         from physic_core.body import load_body
 
         return load_body(self.plan.body_model)
+
+    @cached_property
+    def bodies(self) -> GivenBodies | None:
+        """Bodies of the model that the user gives; None without any."""
+        if self.given.bodies is None:
+            return None
+        from physic_core.pipeline.backend_results import convert_to_configured
+        from physic_core.prepare.bodies import of_model
+
+        given = self.given.bodies
+        self.stages.note(*given.notes)
+        bodies = given.bodies
+        if bodies.body_model != self.model.name:
+            bodies = convert_to_configured(bodies, self.model, given.source, self.stages)
+        return of_model(replace(given, bodies=bodies), self.model)
 
     def resolved(self, stage: str) -> ResolvedBackend:
         """Return the backend of a stage."""

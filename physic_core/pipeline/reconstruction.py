@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from physic_core.configuration.resolve import ResolvedPipeline
-    from physic_core.engine.state import Contact, Estimates, State
+    from physic_core.engine.state import Contact, Estimates, MatchedBodies, State
     from physic_core.geometry.floor import FloorSearch
     from physic_core.types import BoolArray, CheckResult, FloatArray, Measures, Observations
 
@@ -117,10 +117,18 @@ def _people(
                 sizes=_sizes(state, i) if has_body else {},
                 measures=measures[i],
                 **_observed_fields(photo.observations, touch[i], i),
+                **_given_fields(estimates.given_bodies, i),
                 **{name: array[i] for name, array in rows.items()},
             )
         )
     return tuple(people)
+
+
+def _given_fields(given: MatchedBodies | None, person: int) -> dict[str, Any]:
+    """Return what the user gives as the body of a person, as fields of a Person."""
+    if given is None or not given.is_of[person]:
+        return {}
+    return {"body_source": given.source, "given_joints": given.joints[person]}
 
 
 def _arrays_of_people(state: State, contact: Contact) -> dict[str, Any]:

@@ -30,7 +30,14 @@ from physic_core.io.photo import Photo, photo_path_for_messages, read_photo
 from physic_core.pipeline.photo_run import PhotoRun, stages_before_the_engine
 from physic_core.pipeline.stage_caller import LoadedBackends, StageCaller
 from physic_core.prepare.photo import prepare_photo
-from physic_core.types import CameraTrust, Intrinsics, KnownSizes, PeoplePrompt, Reconstruction
+from physic_core.types import (
+    Bodies,
+    CameraTrust,
+    Intrinsics,
+    KnownSizes,
+    PeoplePrompt,
+    Reconstruction,
+)
 
 if TYPE_CHECKING:
     import os
@@ -42,6 +49,7 @@ if TYPE_CHECKING:
     from physic_core.interfaces import Backend
     from physic_core.io.photo import PhotoSource
     from physic_core.pipeline.stage_caller import Progress
+    from physic_core.types import BoolArray
 
     Configuration = ResolvedPipeline | Config | Mapping[str, Any] | str | os.PathLike[str] | None
 
@@ -129,6 +137,8 @@ class Pipeline:
         intrinsics: Intrinsics | None = None,
         people: PeoplePrompt | None = None,
         known: KnownSizes | None = None,
+        bodies: Bodies | None = None,
+        masks: BoolArray | None = None,
         views: Sequence[OtherView] = (),
         complete: Callable[[Estimates], Estimates] | None = None,
         settings: Mapping[str, Any] | None = None,
@@ -145,6 +155,10 @@ class Pipeline:
                 None, where no choice means all people.
             known: sizes that are known, in px of the upright photo; ``[photo]`` of the config
                 replaces each of them.
+            bodies: of some people, in metres, in the frame of the photo's camera, which must be
+                known; for people whom the photo shows there, instead of the body estimator's.
+            masks: (M, H, W) bool, visible pixels of each person to reconstruct, px of the upright
+                file; as those of ``people``.
             views: what other cameras show of the same people, in their order, at the same moment.
             complete: adds data from other photos of the moment to the estimates of the backends.
             settings: of the table ``[photo]``, for this photo only, such as ``{"focal_px":
@@ -163,7 +177,10 @@ class Pipeline:
             BackendError: a required backend failed, or returned an invalid result.
         """
         return self._run(
-            photo, _Given(intrinsics, people, known, tuple(views), complete), settings, progress
+            photo,
+            _Given(intrinsics, people, known, tuple(views), complete, bodies, masks),
+            settings,
+            progress,
         )
 
     def warm_up(self) -> None:
@@ -286,6 +303,8 @@ def reconstruct(
     intrinsics: Intrinsics | None = None,
     people: PeoplePrompt | None = None,
     known: KnownSizes | None = None,
+    bodies: Bodies | None = None,
+    masks: BoolArray | None = None,
     progress: Progress | None = None,
 ) -> Reconstruction:
     """Reconstruct people, scene and contact from one photo; for several photos, :class:`Pipeline`
@@ -298,6 +317,8 @@ def reconstruct(
         intrinsics: as in :meth:`Pipeline.__call__`.
         people: as in :meth:`Pipeline.__call__`.
         known: as in :meth:`Pipeline.__call__`.
+        bodies: as in :meth:`Pipeline.__call__`.
+        masks: as in :meth:`Pipeline.__call__`.
         progress: called when each stage begins.
 
     Returns:
@@ -308,9 +329,8 @@ def reconstruct(
             missing, nothing was computed.
     """
     with Pipeline(config, backends=backends) as pipeline:
-        return pipeline._run(
-            photo, _Given(intrinsics, people, known), progress=progress, close=True
-        )
+        given = _Given(intrinsics, people, known, bodies=bodies, masks=masks)
+        return pipeline._run(photo, given, progress=progress, close=True)
 
 
 @contextmanager
@@ -328,6 +348,7 @@ _GIVEN: dict[str, tuple[type, str]] = {
     "intrinsics": (Intrinsics, "(fx, fy, cx, cy, width, height) in px of the image"),
     "people": (PeoplePrompt, "(points=((x, y),)) in px of the photo"),
     "known": (KnownSizes, "(stature=(1.8,)) in metres"),
+    "bodies": (Bodies, "(parameters, body_model) in metres"),
 }
 """Fields of `_Given` that users pass -> type, and how it is constructed."""
 
@@ -341,6 +362,8 @@ class _Given:
     known: KnownSizes | None = None
     views: tuple[OtherView, ...] = ()
     complete: Callable[[Estimates], Estimates] | None = None
+    bodies: Bodies | None = None
+    masks: BoolArray | None = None
 
     def __post_init__(self) -> None:
         """Raise ConfigError for a value of another type."""
@@ -363,8 +386,11 @@ def _reconstruct(
     photo: Photo, plan: ResolvedPipeline, given: _Given, stages: StageCaller, *, close: bool
 ) -> Reconstruction:
     from physic_core.backends.devices import limited_threads
+    from physic_core.prepare.files import read_bodies_of, read_masks_of
 
-    prepared = prepare_photo(photo, plan.photo, given.people, given.known)
+    people, masks = read_masks_of(photo, plan, given.people, given.masks)
+    bodies = read_bodies_of(photo, plan, given.bodies)
+    prepared = prepare_photo(photo, plan.photo, people, given.known, bodies, masks)
     photo = prepared.photo
     stages.note(*photo.notes)
     stages.warn(*photo.warnings)
@@ -384,7 +410,10 @@ def _reconstruct(
     estimates = replace(estimates, views=given.views)
     estimates = estimates if given.complete is None else given.complete(estimates)
     with limited_threads(plan.config.run.threads):
-        found = run_engine(estimates, plan.engine, run.model, stages)
+        engine = plan.engine
+        if plan.photo.bodies_final and bodies is not None:
+            engine = replace(engine, joint=engine.joint.with_fixed_bodies())
+        found = run_engine(estimates, engine, run.model, stages)
         checks = run_checks(estimates, found)
     repositories, others = describe_repositories(plan)
     stages.warn(*others, *warning_messages(checks))

@@ -50,6 +50,43 @@ def known_people(known: KnownSizes, count: int) -> KnownPeople:
     return KnownPeople(years, _per_person(known.stature, "stature", count))
 
 
+def expand_known(known: KnownPeople, rows: BoolArray) -> KnownPeople:
+    """Return what is known of more people (N,): NaN of those who are not in ``rows``."""
+    years, stature = (
+        None if each is None else np.concatenate([each, np.full((~rows).sum(), np.nan)])
+        for each in (known.years, known.stature)
+    )
+    return KnownPeople(years, stature)
+
+
+def with_given_masks(people: People, masks: BoolArray) -> tuple[People, int]:
+    """Return people with the mask of (M, H, W) that covers each best, where one does, and how many
+    have one.
+    """
+    rows = [_best_match(mask, masks) for mask in people.masks]
+    own = np.array(people.masks)
+    for person, row in enumerate(rows):
+        if row is not None:
+            others = np.delete(own, person, 0).any(0)
+            own[person] = masks[row] & ~others
+    boxes = boxes_from_masks(own).astype(np.float32)
+    return replace(people, masks=own, boxes=boxes), sum(row is not None for row in rows)
+
+
+def with_people_of_masks(people: People, masks: BoolArray) -> People:
+    """Return the people and others of given masks (M, H, W), whose keypoints are to be found."""
+    every = np.concatenate([people.masks, masks])
+    return replace(
+        people,
+        masks=every,
+        boxes=boxes_from_masks(every).astype(np.float32),
+        scores=np.concatenate([people.scores, np.ones(len(masks), people.scores.dtype)]),
+        floor=None if people.floor is None else people.floor & ~masks.any(0),
+        keypoints=None,
+        heads=None,
+    )
+
+
 def _per_person(given: tuple[float, ...], name: str, count: int) -> FloatArray | None:
     if not any(given):
         return None

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from physic_core.configuration.model import PhotoSettings
+    from physic_core.io.body_file import GivenBodies
     from physic_core.types import BoolArray, FloatArray
 
     Move = Callable[[FloatArray], FloatArray]
@@ -44,12 +45,17 @@ class PreparedPhoto:
         lens: of the file; None without distortion.
         border: that was cut off the photo; None without one.
         keypoints: that the user gives, px of the picture; None if there are none.
+        bodies: that the user gives, px of the picture; None if there are none.
+        masks: (M, H, W) that replace those of detected people whom they cover; None if there are
+            none.
     """
 
     photo: Photo
     people: PeoplePrompt | None
     known: KnownSizes
     keypoints: GivenKeypoints | None = None
+    bodies: GivenBodies | None = None
+    masks: BoolArray | None = None
     lens: Lens | None = None
     border: Border | None = None
 
@@ -83,11 +89,18 @@ class PreparedPhoto:
             people=prompt,
             known=replace(self.known, lengths=tuple(lengths)),
             keypoints=self.keypoints and self.keypoints.moved(move),
+            bodies=self.bodies and self.bodies.moved(move),
+            masks=None if self.masks is None else np.stack([move_mask(m) for m in self.masks]),
         )
 
 
 def prepare_photo(
-    photo: Photo, settings: PhotoSettings, people: PeoplePrompt | None, known: KnownSizes | None
+    photo: Photo,
+    settings: PhotoSettings,
+    people: PeoplePrompt | None,
+    known: KnownSizes | None,
+    bodies: GivenBodies | None = None,
+    masks: BoolArray | None = None,
 ) -> PreparedPhoto:
     """Prepare a photo.
 
@@ -99,6 +112,8 @@ def prepare_photo(
         settings: of the config; its camera, people and sizes replace the given ones.
         people: px of the upright file; None for all people.
         known: px of the upright file, or None.
+        bodies: px of the upright file, or None.
+        masks: (M, H, W) of the upright file, or None.
 
     Raises:
         ConfigError: camera, people, known sizes or distortion cannot be used.
@@ -122,7 +137,8 @@ def prepare_photo(
     if settings.keypoints is not None:
         keypoints = read_keypoints(settings.keypoints, *file_size, photo.name)
         keypoints = replace(keypoints, file_px_per_px=file_size[0] / photo.image.shape[1])
-    prepared = _in_px_of_picture(PreparedPhoto(photo, prompt, sizes, keypoints), file_size)
+    given = PreparedPhoto(photo, prompt, sizes, keypoints, bodies, masks)
+    prepared = _in_px_of_picture(given, file_size)
     if inside is not None:
         return _without_border(prepared, inside, frame.note)
     if settings.distortion is None or photo.intrinsics is None:

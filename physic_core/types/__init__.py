@@ -55,6 +55,7 @@ from physic_core.types.people import (
     SurfaceLabels,
     UnposedPerson,
 )
+from physic_core.types.person_files import BodiesInFile, FileOfPhoto, MasksInFile
 from physic_core.types.records import (
     MARKS,
     CheckResult,
@@ -114,6 +115,7 @@ __all__ = [
     "TOUCH_PARTS",
     "AffineAmbiguity",
     "Bodies",
+    "BodiesInFile",
     "BodyContact",
     "BodyParameters",
     "CameraTrust",
@@ -125,6 +127,7 @@ __all__ = [
     "Count",
     "DepthMap",
     "ExportedFiles",
+    "FileOfPhoto",
     "FrozenGroups",
     "Grade",
     "Hands",
@@ -135,6 +138,7 @@ __all__ = [
     "KnownLength",
     "KnownSizes",
     "Lens",
+    "MasksInFile",
     "Measures",
     "Mesh",
     "NotNegative",

@@ -151,6 +151,9 @@ class Bodies(ShortRepr):
         joint_sigma: (N, 55) metres, root mean square distance of each joint from the true one, both
             relative to the middle of the hips; NaN where unknown. None if the backend does not
             state it.
+        distance_sigma: (N,) standard deviation of the logarithm of the distance of bodies that the
+            user gives, inf if nothing is known of it; NaN for estimated bodies. Given ones are not
+            moved to fit keypoints and depth before all is optimised. None without any.
     """
 
     parameters: BodyParameters = field(metadata=PER_PERSON)
@@ -161,6 +164,7 @@ class Bodies(ShortRepr):
     rotation_sigma: FloatArray | None = field(default=None, metadata=shape("N", 22))
     lean_sigma: FloatArray | None = field(default=None, metadata=shape("N"))
     joint_sigma: FloatArray | None = field(default=None, metadata=shape("N", 55))
+    distance_sigma: FloatArray | None = field(default=None, metadata=shape("N"))
 
 
 @dataclass(frozen=True)

@@ -131,6 +131,10 @@ class Person(ShortRepr):
         joint_sigma: (55,) metres, root mean square distance of each joint from the true one, both
             relative to the middle of the hips, by the body estimator; NaN where unknown, None if it
             does not say.
+        body_source: what the user gives as this body, such as the tool and its file; "" for an
+            estimated one.
+        given_joints: (55, 3) metres, joints of the body that the user gives, at its place in the
+            camera frame; None for an estimated one.
         failed_checks: names of the ``Reconstruction.checks`` about this person that failed.
         unknown_checks: names of those for which nothing could be measured.
         trust: probability in [0, 1] that pose, place, contact and size are right; None without
@@ -185,6 +189,8 @@ class Person(ShortRepr):
     world_contact: Mapping[str, float] | None = None
     unseen: tuple[str, ...] = ()
     joint_sigma: FloatArray | None = field(default=None, metadata=shape(55))
+    body_source: str = ""
+    given_joints: FloatArray | None = field(default=None, metadata=shape(55, 3))
     age: float | None = None
     stature: float | None = None
     stature_sigma: float | None = None
@@ -620,15 +626,16 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
 
     Keys: person (index into the people of the result), main (True if the grade of the photo counts
     this person), grade, trust (probability that the person is right), the same of pose, place,
-    contact and size (grade_pose, trust_pose, ...), why (what lowers trust most),
-    distance_m (of the pelvis from the camera), stature_m (standing height), distance_sigma_m and
-    stature_sigma_m (standard deviations), posture, posture_probability and child_probability (as of
-    :class:`Person`), contacts (body parts that are likely, one half or more, to touch something,
-    each with what it touches and its probability), assumed (likely contacts of body parts that
-    nothing shows, not among the others), unseen (limbs, hands and feet without a confident
-    keypoint at their end), unsure (arms and legs as of :class:`Person`) and left_arm_sigma_m to
-    right_leg_sigma_m (its ``limb_sigmas``), the sizes of :class:`Person`, and main angles of
-    ``Person.joint_angles``, degrees. Lengths and angles are None without a body.
+    contact and size (grade_pose, trust_pose, ...), why (what lowers trust most), body_source (what
+    the user gives as the body, empty for an estimated one), distance_m (of the pelvis from the
+    camera), stature_m (standing height), distance_sigma_m and stature_sigma_m (standard
+    deviations), posture, posture_probability and child_probability (as of :class:`Person`),
+    contacts (body parts that are likely, one half or more, to touch something, each with what it
+    touches and its probability), assumed (likely contacts of body parts that nothing shows, not
+    among the others), unseen (limbs, hands and feet without a confident keypoint at their end),
+    unsure (arms and legs as of :class:`Person`) and left_arm_sigma_m to right_leg_sigma_m (its
+    ``limb_sigmas``), the sizes of :class:`Person`, and main angles of ``Person.joint_angles``,
+    degrees. Lengths and angles are None without a body.
     """
     main = main_people([person.box for person in result.people])
     sigmas = zip(result.people, result.distance_sigmas, strict=True)
@@ -649,6 +656,7 @@ def _row(person: Person, distance_sigma: float | None) -> dict[str, Any]:
         **{f"grade_{name}": "" if p is None else str(Grade.of(p)) for name, p in marks},
         **{f"trust_{name}": p for name, p in marks},
         "why": person.why,
+        "body_source": person.body_source or None,
         "distance_m": _rounded(distance),
         "distance_sigma_m": _rounded(spread_m(distance, distance_sigma)),
         "stature_m": _rounded(person.stature),
@@ -704,7 +712,7 @@ PERSON_COLUMNS = (
     *("id", "person", "main", "grade", "trust"),
     *(f"grade_{name}" for name in MARKS),
     *(f"trust_{name}" for name in MARKS),
-    *("why", "distance_m", "distance_sigma_m", "stature_m", "stature_sigma_m"),
+    *("why", "body_source", "distance_m", "distance_sigma_m", "stature_m", "stature_sigma_m"),
     *("posture", "posture_probability", "child_probability"),
     *("contacts", "assumed", "unseen", "unsure"),
     *(f"{limb}_sigma_m" for limb in LIMB_ENDS),

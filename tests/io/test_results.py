@@ -131,7 +131,9 @@ def test_each_array_is_plain_and_listed_in_the_documentation(tmp_path, reconstru
             rows[name], (rows[name],)
         )
         assert dtype.name in wanted, name
-    assert set(rows) - set(named) == {"scene.points", "people.{i}.joint_sigma"}
+    assert set(rows) - set(named) == {
+        *("scene.points", "people.{i}.joint_sigma", "people.{i}.given_joints"),
+    }
 
 
 def test_the_document_states_units_frame_and_camera(tmp_path, reconstruction):

@@ -89,6 +89,7 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people):
         "trust_pose": 0.92,
         "trust_place": 0.79,
         "why": "no check lowers it much",
+        "body_source": None,
         "distance_m": 3.0,
         "distance_sigma_m": 0.21,
         "stature_m": 1.723,

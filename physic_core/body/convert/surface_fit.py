@@ -31,7 +31,7 @@ _Array = NDArray[np.float64]
 _UP = np.array(PARENTS[1:])
 
 _ROUNDS = 2
-SURFACE_SIGMA_M = 0.03
+SURFACE_SIGMA_M = 0.01
 """Standard deviation of a vertex from another mesh, metres: residuals are correlated over the
 surface.
 """

@@ -69,6 +69,11 @@ _KEYPOINTS = (
     "people.csv), joint, x, y; or COCO JSON."
 )
 
+_BODIES = "Bodies of another program: .npz of `physic export --to bodies`, or see docs/bodies.md."
+_MASKS = (
+    "Masks of the people: COCO .json, label .png, .npz (N, H, W), a folder of SAM, or .txt of "
+    "polygons."
+)
 _PERSON = "Reconstruct only the person at this pixel of the photo file; may be repeated."
 _IGNORE = "Leave out the person at this pixel: a reflection, a picture, a figure; may be repeated."
 
@@ -141,6 +146,8 @@ _IGNORE = "Leave out the person at this pixel: a reflection, a picture, a figure
     help="Point map of the photo: .npy (H, W, 3), or .npz.",
 )
 @_setting_option("--keypoints", "photo.keypoints", metavar="FILE", help=_KEYPOINTS)
+@_setting_option("--bodies", "photo.bodies", metavar="FILE", help=_BODIES)
+@_setting_option("--masks", "photo.masks", metavar="FILE", help=_MASKS)
 @_setting_option(
     "--stature",
     "photo.stature",

@@ -334,7 +334,11 @@ def _people_evidence(
     )
     sizes = photo.known.filled(len(vertices))
     sigma = _size_sigmas(photo, *sizes)
-    real = photo.people.scores * adult_probability(*sizes, said.child)
+    adult = adult_probability(*sizes, said.child)
+    if bodies.distance_sigma is not None:  # the user gives their size
+        sigma = np.where(np.isfinite(bodies.distance_sigma), bodies.distance_sigma, sigma)
+        adult = np.where(np.isnan(bodies.distance_sigma), adult, 1.0)
+    real = photo.people.scores * adult
     farther, spread = photo.aligned_map.people_farther or (0.0, _TORSO_SIGMA)
     stance = Stance.in_picture(said)
     if carriers := photo.people.carriers:

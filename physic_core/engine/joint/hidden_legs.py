@@ -25,8 +25,9 @@ def fold_hidden_legs(state: State) -> State:
     """Return the state with hidden legs folded at hip and knee until the foot is no farther than 5
     cm under the floor.
 
-    A leg is hidden if no photo shows its knee or ankle. The foot stays below the hip, and as it is
-    turned. Vertices and joints are those of the folded bodies.
+    A leg is hidden if no photo shows its knee or ankle, and the user does not give the body. The
+    foot stays below the hip, and as it is turned. Vertices and joints are those of the folded
+    bodies.
 
     Args:
         state: after the joint optimisation.
@@ -34,7 +35,7 @@ def fold_hidden_legs(state: State) -> State:
     if state.scene.floor is None:
         return state
     seen = state.observed_in_any_photo
-    hidden = ~(seen[:, _KNEES] | seen[:, _ANKLES])
+    hidden = ~(seen[:, _KNEES] | seen[:, _ANKLES]) & ~state.is_given[:, None]
     fold = hidden & (_sole_heights(state) < -_KEPT_M)
     if not bool(fold.any()):
         return state

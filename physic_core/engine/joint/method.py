@@ -148,6 +148,10 @@ class JointStageMethod(ABC):
         """Return the state after the minimisation; by default as it is."""
         return state
 
+    def with_fixed_bodies(self) -> Self:
+        """Return the settings with poses and shapes of all people kept constant."""
+        return replace(self, frozen=(*self.frozen, "root", "pose", "hands", "betas"))
+
     def without(self, term: str) -> Self:
         """Return a copy with the weight of one term set to 0, if the energy has such a term."""
         return (

@@ -57,7 +57,8 @@ _ROOT_SIGMA = 0.3  # radians
 _HAND_SIGMA = 0.15  # radians
 _BETA_SIGMA = 0.5
 _RAY_SIGMA = 0.01  # of x / z and y / z
-_DEPTH_SIGMA = 0.05  # of log z
+DEPTH_SIGMA = 0.05
+"""Expected correction of log z of a body."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +145,7 @@ class Variables:
         self._pelvis = pelvis.detach()
         self._sigmas: dict[str, Tensor | float] = {
             "betas": _BETA_SIGMA,
-            "translation": rotations.new_tensor([_RAY_SIGMA, _RAY_SIGMA, _DEPTH_SIGMA]),
+            "translation": rotations.new_tensor([_RAY_SIGMA, _RAY_SIGMA, DEPTH_SIGMA]),
             "scale": scale_sigma,
             "offset": offset_sigma,
         }

@@ -18,7 +18,7 @@ from physic_core.body.joints import joint_pair
 from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.engine.limbs import lowest_layer, observed_parts
 from physic_core.engine.photo import PixelPoints
-from physic_core.engine.placement.method import PlacementStageMethod
+from physic_core.engine.placement.method import Fit, PlacementStageMethod
 from physic_core.engine.placement.terms import PlacementProblem
 from physic_core.engine.sizes.known_sizes import KnownGeometry, size_factors
 from physic_core.engine.sizes.stature import resize_bodies, stature_factor
@@ -75,7 +75,15 @@ def _place(
     )
     aligned = move_photo_points_to_scene(photo.points, alignment, scene.K)
     clouds = tuple(human_points(aligned, photo.valid, mask, method) for mask in state.masks)
-    fits = [method.fit(person) for person in people_to_place(state, clouds, feet_seen, method)]
+    # Given bodies stay, but for those that grow with a scene of known size.
+    is_sized = state.known is not None and state.known.unscaled is not None
+    stays = torch.zeros_like(state.is_given) if is_sized else state.is_given
+    fits = [
+        Fit() if stay else method.fit(person)
+        for person, stay in zip(
+            people_to_place(state, clouds, feet_seen, method), stays.tolist(), strict=True
+        )
+    ]
     agrees = alignment.inlier_share > 0
     depth = torch.where(photo.valid & all_finite(aligned), aligned[..., 2], torch.nan)
     return replace(

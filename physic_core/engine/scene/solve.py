@@ -118,6 +118,7 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
         transl=transl,
         rotation_sigma=None if bodies.rotation_sigma is None else own(bodies.rotation_sigma),
         lean_sigma=None if bodies.lean_sigma is None else own(bodies.lean_sigma),
+        distance_sigma=None if bodies.distance_sigma is None else own(bodies.distance_sigma),
         head=own(observations.head),
         head_sigma=own(observations.head_sigma) * (torch.pi / 180),
         scene=scene,

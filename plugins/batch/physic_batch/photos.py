@@ -36,7 +36,8 @@ from physic_core.io.result_folder import files_of_result, is_result
 _PHOTO_SUFFIXES = frozenset(suffix for suffixes in IMAGE_SUFFIXES.values() for suffix in suffixes)
 _THUMBNAIL = re.compile(r".*[/\\]thumbnails[/\\][0-9a-f]{2}[/\\][^/\\]+\.jpg")
 _MAX_KINDS = 8
-_COLUMNS = ("path", "camera", "stature", "age", "ignore", "depth", "pointmap", "id")
+_FILES = ("depth", "pointmap", "bodies", "masks")
+_COLUMNS = ("path", "camera", "stature", "age", "ignore", *_FILES, "id")
 _OTHER_TABLES = (
     *(".tsv", ".txt", ".lst", ".json", ".jsonl", ".parquet", ".xlsx", ".xls", ".ods", ".numbers"),
     *(".tar", ".zip", ".gz", ".7z"),
@@ -106,9 +107,10 @@ def list_photos(inputs: Iterable[str]) -> PhotoList:
 
     A table has a column "path", relative to the table's folder, and may have "camera" (focal length
     in px, or "fx,fy,cx,cy"), "stature" (m), "age" (years), "ignore" (px x,y on each person to leave
-    out), "depth" and "pointmap" (files), and "id". Photos of folders are sorted by path. Of these,
-    files in folders of results and those below that such a result lists, thumbnails of batches,
-    files that are hidden or have a suffix that no photo has, and hidden folders are left out.
+    out), "depth", "pointmap", "bodies" and "masks" (files), and "id". Photos of folders are sorted
+    by path. Of these, files in folders of results and those below that such a result lists,
+    thumbnails of batches, files that are hidden or have a suffix that no photo has, and hidden
+    folders are left out.
 
     Raises:
         InputError: an input does not exist, a folder cannot be read, a table is invalid, two photos
@@ -328,7 +330,7 @@ def _settings(row: Mapping[str, Any], folder: str | os.PathLike[str]) -> dict[st
         if not numbers or len(numbers) % 2:
             raise ValueError(f"ignored people are pixels x,y (got {quoted(text)})")
         settings["ignore"] = list(zip(numbers[::2], numbers[1::2], strict=True))
-    files = {name: text for name in ("depth", "pointmap") if (text := _text(row.get(name)))}
+    files = {name: text for name in _FILES if (text := _text(row.get(name)))}
     return settings | {
         name: os.path.abspath(os.path.join(folder, text)) for name, text in files.items()
     }

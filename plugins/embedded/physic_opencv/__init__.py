@@ -11,3 +11,15 @@ __all__: list[str] = []
 def physic_keypoint_readers() -> list[PluginItem]:
     """Return the reader of other programs' keypoints."""
     return [PluginItem("json", "physic_opencv.keypoint_forms:table_of")]
+
+
+@hookimpl
+def physic_body_readers() -> list[PluginItem]:
+    """Return the reader of other programs' bodies."""
+    return [PluginItem("tools", "physic_opencv.body_files:bodies_of")]
+
+
+@hookimpl
+def physic_mask_readers() -> list[PluginItem]:
+    """Return the reader of other programs' masks."""
+    return [PluginItem("tools", "physic_opencv.mask_files:masks_of")]

@@ -110,7 +110,7 @@ def _read_coco(document: Any, photo: str) -> KeypointTable:
     ):
         raise ValueError("it has no list of annotations")
     images = {one.get("id"): one for one in dataset.get("images") or () if isinstance(one, Mapping)}
-    image = _image_of(annotations, images, photo)
+    image = image_of(annotations, images, photo)
     names = {
         one["id"]: tuple(one["keypoints"])
         for one in dataset.get("categories") or ()
@@ -138,7 +138,7 @@ def _read_coco(document: Any, photo: str) -> KeypointTable:
     return KeypointTable(tuple(_first_visible(rows)), scored, size, notes)
 
 
-def _image_of(
+def image_of(
     annotations: Sequence[Mapping[str, Any]], images: Mapping[Any, Any], photo: str
 ) -> Any:
     """Return the id of the photo's image: the only one, or the one of its name, listed or

@@ -36,6 +36,14 @@ _FORMATS = (
         needs="an SMPL-X file of yours (--body-model)",
     ),
     _record(
+        "bodies",
+        ".npz",
+        "physic run --bodies, Python",
+        "parameters of all people, body model and camera",
+        ups=("camera",),
+        bodies="required",
+    ),
+    _record(
         "bvh",
         ".bvh",
         "Blender, Maya, MotionBuilder",

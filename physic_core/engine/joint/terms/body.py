@@ -14,7 +14,7 @@ from torch import Tensor
 from physic_core.body.joints import PARENTS, joint_pair
 from physic_core.engine.joint.sampling import Sampling
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
-from physic_core.engine.joint.variables import Variables
+from physic_core.engine.joint.variables import DEPTH_SIGMA, Variables
 from physic_core.engine.sizes.evidence import KNOWN_SIZE_SIGMA
 from physic_core.engine.sizes.stature import linearise_stature, stature_prior
 from physic_core.engine.state import State
@@ -34,6 +34,7 @@ It is more than the 1 of independent errors: those of a photo's depth, floor and
 common to all vertices and keypoints, which the other terms count one by one.
 """
 _LEAST_ROTATION_SIGMA = 0.01  # radians
+_DISTANCE = -2  # column of the deviations: the last of the translation, before the depth offset
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,8 @@ def stated_weights(state: State, expected: Tensor) -> Tensor:
     """Return the weights (B, 22) of the rotations of pelvis and body joints, by the errors that the
     estimator states.
 
-    NaN where it states none, and where the photo shows no joint that the rotation moves.
+    NaN where it states none, and where the photo shows no joint that the rotation moves, unless
+    the user gives the body.
 
     Args:
         state: of B people.
@@ -85,8 +87,17 @@ def stated_weights(state: State, expected: Tensor) -> Tensor:
         [j for j, parent in enumerate(PARENTS) if parent == i] or [i] for i in range(len(expected))
     ]
     shown = torch.stack([state.observed[:, moved].any(1) for moved in children], 1)
+    shown = shown | state.is_given[:, None]
     sigma = state.rotation_sigma.to(expected).clamp(min=_LEAST_ROTATION_SIGMA)
     return torch.where(shown, STATED_WEIGHT * (expected / sigma).square(), torch.nan)
+
+
+def distance_weights(state: State) -> Tensor:
+    """Return the weights (B,) of the distances of bodies that the user gives; 0 of others."""
+    if state.distance_sigma is None:
+        return torch.zeros_like(state.transl[:, 0])
+    sigma = state.distance_sigma.clamp(min=KNOWN_SIZE_SIGMA)
+    return torch.nan_to_num(STATED_WEIGHT * (DEPTH_SIGMA / sigma).square())
 
 
 class RegularisationTerm:
@@ -109,6 +120,7 @@ class RegularisationTerm:
         stated = stated_weights(sampling.state, variables.expected_turns).repeat_interleave(3, 1)
         added = stated - self._prior_weight[: stated.shape[1]]
         self._stated_beyond_prior = torch.where(added.isfinite(), added, 0.0)
+        self._distance_weight = distance_weights(sampling.state)
         self.weights: dict[str, Tensor] = {}
 
     def refresh(self, snapshot: Snapshot) -> None:
@@ -123,6 +135,7 @@ class RegularisationTerm:
         """
         turns = deviation[:, : self._stated_beyond_prior.shape[1]]
         stated = (self._stated_beyond_prior * turns.square()).sum(1)
+        stated = stated + self._distance_weight * deviation[:, _DISTANCE].square()
         return mesh + self._photos * (parameter_energy(deviation, self._prior_weight) + stated)
 
 

@@ -65,7 +65,7 @@ def test_embedded_bodies_are_exported_without_torch(saved_pair, tmp_path):
     assert done.stdout.strip() == "False"
 
 
-@pytest.mark.parametrize(("suffix", "name"), [(".npz", "amass"), (".PLY", "ply"), (".usdz", "usd")])
+@pytest.mark.parametrize(("suffix", "name"), [(".bvh", "bvh"), (".PLY", "ply"), (".usdz", "usd")])
 def test_a_suffix_selects_a_format(suffix, name):
     assert find_exporter(None, suffix).record.name == name
 

@@ -1,0 +1,435 @@
+"""Bodies that the user gives: the project's own npz, and files of other programs, which plugins
+read.
+"""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS, ROTATION_FIELDS
+from physic_core.discovery.plugins import explain_absence, find_items, import_item
+from physic_core.errors import InputError, PackageMissingError
+from physic_core.files.atomic import open_regular, unreadable
+from physic_core.files.npz import read_arrays, read_names, write_arrays
+from physic_core.geometry.rotations import (
+    check_rotations,
+    rotmat_to_rotvec,
+    rotvec_to_rotmat_numpy,
+)
+from physic_core.types import Bodies, BodiesInFile, BodyParameters, FileOfPhoto, Mesh, RestMesh
+from physic_core.types.short_repr import ShortRepr
+
+if TYPE_CHECKING:
+    from typing import IO
+
+    from physic_core.types import FloatArray, Intrinsics
+
+WRONG_FORM = (
+    *(ValueError, TypeError, KeyError, AttributeError, IndexError, EOFError),
+    *(zipfile.BadZipFile, zlib.error, NotImplementedError),
+)
+"""What a damaged file, or one of another form than it seems, leads to."""
+
+_Array = NDArray[np.float64]
+
+_FORMAT = "physic_bodies"
+_VERSION = 1
+_DISTRIBUTION = "metricbody-embedded"
+_PARAMETERS = tuple(field.name for field in fields(BodyParameters))
+_OWN_SIGMA_M = 0.06
+_OWN_DISTANCE_SIGMA = 0.05
+_VERTICES = {"smpl": 6890, "smplh": 6890, "smplx": 10475, "mhr": 18439}
+_NAMES = {"smpl": "SMPL", "smplh": "SMPL-H", "smplx": "SMPL-X", "mhr": "MHR"}
+_SHARED = 22  # joints that SMPL, SMPL-H, and SMPL-X have in common
+_MODEL_FILES = {
+    "smpl": "SMPL_NEUTRAL.npz or .pkl",
+    "smplh": "SMPLH_NEUTRAL.npz, model.npz or .pkl",
+    "smplx": "SMPLX_NEUTRAL.npz",
+    "mhr": "an npz of MHR in its T-pose with vertices, metres, and faces",
+}
+_LARGEST_TURN = 2 * np.pi + 0.01  # radians, of a component of a rotation vector
+_LARGEST_BODY_M = 3.0
+_FARTHEST_M = 300.0
+
+
+@dataclass(frozen=True)
+class GivenBodies(ShortRepr):
+    """N bodies that the user gives, in the frame of their own camera, metres.
+
+    Attributes:
+        bodies: with joints or a mesh, unless of the embedded model.
+        source: what states them, for messages and the result.
+        camera: (N, 4) fx, fy, cx, cy px; None for that of the photo.
+        boxes: (N, 4) x0, y0, x1, y1 px, or None.
+        is_placed: whether their place in the picture is stated.
+        sigma_m: root mean square error of joints relative to the pelvis.
+        distance_sigma: standard deviation of the logarithm of distance, or None.
+        notes: what was left out or assumed.
+    """
+
+    bodies: Bodies
+    source: str = "given"
+    camera: FloatArray | None = None
+    boxes: FloatArray | None = None
+    is_placed: bool = True
+    sigma_m: float = _OWN_SIGMA_M
+    distance_sigma: float | None = _OWN_DISTANCE_SIGMA
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.bodies.parameters)
+
+    def moved(self, move: Callable[[FloatArray], FloatArray]) -> GivenBodies:
+        """Return the same with pixels (n, 2) mapped by a function."""
+        camera, boxes = self.camera, self.boxes
+        if camera is not None:
+            middle = move(camera[:, 2:])
+            reach = [move(camera[:, 2:] + step)[:, k] for k, step in enumerate(np.eye(2))]
+            camera = np.concatenate([camera[:, :2] * (np.stack(reach, 1) - middle), middle], axis=1)
+        if boxes is not None:
+            boxes = move(boxes.reshape(-1, 2) - 0.5).reshape(-1, 4) + 0.5
+        return replace(self, camera=camera, boxes=boxes)
+
+
+def write_bodies(
+    stream: IO[bytes] | Path, parameters: BodyParameters, body_model: str, camera: Intrinsics
+) -> None:
+    """Write N bodies as the npz that :func:`read_bodies` reads.
+
+    Args:
+        stream: where to.
+        parameters: metres, camera frame.
+        body_model: that they are for.
+        camera: of the picture, px.
+    """
+    write_arrays(
+        stream,
+        {
+            _FORMAT: np.array(_VERSION),
+            "body_model": np.array(body_model),
+            "camera": np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
+            "size": np.array([camera.width, camera.height]),
+            **{name: np.asarray(getattr(parameters, name)) for name in _PARAMETERS},
+        },
+    )
+
+
+def read_bodies(file: FileOfPhoto, model_file: str | None = None) -> GivenBodies:
+    """Read the bodies of one photo, in px of the upright photo file.
+
+    Args:
+        file: of this project's own format, or of a tool that docs/bodies.md names.
+        model_file: the body model that parameters or vertices of SMPL, SMPL-X or MHR are for.
+
+    Raises:
+        InputError: the file cannot be read, its form is not known, or its bodies cannot be right.
+        PackageMissingError: it is of another program, and no installed plugin reads it.
+        BodyModelError: the model file cannot be used.
+    """
+    name = f"the bodies {file.path}"
+    try:
+        own = _own_arrays(file.path)
+        if own is not None:
+            return _own_bodies(own, file)
+        record = read_by_plugin("physic_body_readers", "bodies", file)
+        _check(record)
+        bodies = _posed(record, model_file)
+    except OSError as error:
+        raise InputError(f"cannot read {name}: {unreadable(error)}") from error
+    except WRONG_FORM as error:
+        raise InputError(f"{name} cannot be used: {error}") from error
+    given = GivenBodies(
+        bodies,
+        f"{record.tool}, {file.path.name}",
+        record.camera,
+        record.boxes,
+        record.is_placed,
+        record.sigma_m,
+        record.distance_sigma,
+        record.notes,
+    )
+    return _in_px_of_file(given, record.size, file)
+
+
+def read_by_plugin(hook: str, what: str, file: FileOfPhoto) -> Any:
+    """Return what the first reader of a hook that knows the form of a file makes of it.
+
+    Raises:
+        ValueError: none knows it.
+        PackageMissingError: there is no reader.
+    """
+    readers = find_items(hook)
+    if not readers:
+        raise PackageMissingError(
+            f"{what} of other programs are read by {explain_absence(_DISTRIBUTION)}"
+        )
+    for found in readers:
+        record = import_item(found, f"reader of {what}")(file)
+        if record is not None:
+            return record
+    raise ValueError(f"its form is not known; docs/bodies.md lists the {what} that are read")
+
+
+def _own_arrays(path: Path) -> Mapping[str, Any] | None:
+    """Return the arrays of this project's npz; None for another file."""
+    if path.is_dir():
+        return None
+    with open_regular(path) as stream:
+        if stream.read(2) != b"PK":
+            return None
+        stream.seek(0)
+        try:
+            names = read_names(stream)
+        except Exception:  # of zipfile: not an npz
+            return None
+        return read_arrays(stream) if _FORMAT in names else None
+
+
+def _own_bodies(arrays: Mapping[str, Any], file: FileOfPhoto) -> GivenBodies:
+    if int(arrays[_FORMAT]) != _VERSION:
+        raise ValueError(f"it has version {arrays[_FORMAT]} of the format, and {_VERSION} is read")
+    if missing := [name for name in ("camera", "size", *_PARAMETERS) if name not in arrays]:
+        raise ValueError(f"it lacks the arrays {', '.join(missing)}")
+    parameters = BodyParameters(**{name: arrays[name] for name in _PARAMETERS})
+    count = len(parameters)
+    for name, width in (("global_orient", 3), ("body_pose", 63), ("transl", 3)):
+        if getattr(parameters, name).shape != (count, width):
+            raise ValueError(f"{name} must be (N, {width}), got {getattr(parameters, name).shape}")
+    for name in _PARAMETERS[:7]:
+        _check_vectors(getattr(parameters, name), name)
+    width, height = (int(v) for v in arrays["size"])
+    given = GivenBodies(
+        Bodies(parameters, str(arrays["body_model"])),
+        file.path.name,
+        np.broadcast_to(np.asarray(arrays["camera"], np.float64), (count, 4)),
+        sigma_m=float(arrays.get("sigma_m", _OWN_SIGMA_M)),
+        distance_sigma=float(arrays.get("distance_sigma", _OWN_DISTANCE_SIGMA)),
+    )
+    return _in_px_of_file(given, (width, height), file)
+
+
+def _in_px_of_file(
+    given: GivenBodies, size: tuple[int, int] | None, file: FileOfPhoto
+) -> GivenBodies:
+    """Return bodies whose px are those of a picture of some size with those of the photo."""
+    if size is None or size == file.size:
+        return given
+    factors = scale_of_picture(size, file.size)
+    return given.moved(lambda pixels: (pixels + 0.5) * factors - 0.5)
+
+
+def scale_of_picture(stated: tuple[int, int], size: tuple[int, int]) -> FloatArray:
+    """Return the factors (2,) from px of a stated size, width and height, to px of the photo.
+
+    Raises:
+        ValueError: the shapes differ by more than rounding, or the picture is turned.
+    """
+    if min(stated) < 1:
+        raise ValueError(f"it states a picture of {stated[0]} x {stated[1]} px")
+    factors = np.array(size, np.float64) / stated
+    # A side that was rounded is off by half a pixel.
+    if abs(factors[0] / factors[1] - 1) > 1 / min(stated) + 1 / min(size):
+        raise ValueError(
+            f"it is for a picture of {stated[0]} x {stated[1]} px, and the photo has {size[0]} x "
+            f"{size[1]}: give that of this photo, neither cropped nor turned"
+        )
+    return factors
+
+
+def _check_vectors(vectors: Any, what: str) -> None:
+    """Raise ValueError unless rotation vectors are finite radians."""
+    if not np.isfinite(vectors).all():
+        raise ValueError(f"{what} has numbers that are not finite")
+    if vectors.size and (largest := float(np.abs(vectors).max())) > _LARGEST_TURN:
+        raise ValueError(
+            f"{what} has rotations of up to {largest:.0f}, and radians are below 6.3: are they "
+            f"degrees?"
+        )
+
+
+def _check(record: BodiesInFile) -> None:
+    """Raise ValueError if a record contradicts itself, or has another unit or topology."""
+    parts = ("rotations", "betas", "transl", "vertices", "joints", "camera", "boxes")
+    counts = {name: len(v) for name in parts if (v := getattr(record, name)) is not None}
+    if not counts or not max(counts.values()):
+        raise ValueError(f"{record.tool} states no person in it")
+    if len(set(counts.values())) > 1:
+        each = ", ".join(f"{name} of {count}" for name, count in counts.items())
+        raise ValueError(f"it has different numbers of people: {each}")
+    turns = record.rotations
+    if turns is not None and turns.ndim == 4:
+        check_rotations(turns)
+    elif turns is not None:
+        _check_vectors(turns, "the pose")
+    if record.vertices is not None:
+        count = record.vertices.shape[1]
+        if count != _VERTICES.get(record.model, count):
+            known = ", ".join(f"{n} ({model})" for model, n in _VERTICES.items())
+            raise ValueError(f"it has a mesh of {count} vertices; those that are known: {known}")
+    for points in (record.vertices, record.joints):
+        if points is None:
+            continue
+        extent = float(np.nanmedian((np.nanmax(points, 1) - np.nanmin(points, 1)).max(-1)))
+        if not extent < _LARGEST_BODY_M:
+            raise ValueError(
+                f"its bodies are {extent:.3g} m large: are they in centimetres or millimetres?"
+            )
+    if record.transl is not None and not np.isfinite(record.transl).all():
+        raise ValueError("its translations are not finite")
+    if record.transl is not None and (far := float(np.abs(record.transl).max())) > _FARTHEST_M:
+        raise ValueError(f"a body is {far:.0f} m away: are the translations in millimetres?")
+
+
+def _posed(record: BodiesInFile, model_file: str | None) -> Bodies:
+    """Return the bodies of a record with joints or mesh."""
+    stated = next(v for v in (record.rotations, record.vertices, record.joints) if v is not None)
+    count = len(stated)
+    shift = np.zeros((count, 3)) if record.transl is None else np.asarray(record.transl, np.float64)
+    if record.rotations is not None:
+        turns = _vectors(record.rotations, count)
+        pose = _posed_smpl if record.model in ("smpl", "smplh") else _posed_smplx
+        return pose(record, turns, shift, model_file)
+    mesh = joints = None
+    if record.joints is not None:
+        joints = _single(record.joints + shift[:, None])
+    if record.vertices is not None and (model_file is not None or joints is None):
+        mesh = _mesh(record.model, record.vertices + shift[:, None], model_file)
+    return Bodies(_at_rest(count), record.model, joints=joints, mesh=mesh)
+
+
+def _posed_smpl(
+    record: BodiesInFile, turns: _Array, shift: _Array, model_file: str | None
+) -> Bodies:
+    from physic_core.body.files import SMPL, SMPLH, load_smpl
+
+    layout = SMPLH if record.model == "smplh" else SMPL
+    width = 0 if record.betas is None else record.betas.shape[1]
+    file = _required(model_file, "parameters", record.model)
+    model = load_smpl(file, layout, max(width, 10))
+    joint = np.arange(layout.joints if layout is SMPLH else _SHARED)
+    name = joint + 3 * (joint >= _SHARED)  # SMPL-X has jaw and eyes before the hands
+    rotations = np.tile(np.eye(3), (len(turns), layout.joints, 1, 1))
+    rotations[:, joint] = rotvec_to_rotmat_numpy(turns[:, name])
+    betas = _columns(record.betas, len(turns), model.shapedirs.shape[2])
+    posed = model.smpl_joints(rotations, betas, np.zeros((len(turns), 3)))
+    shift = shift - _pivot(record, posed)
+    joints = np.full((len(turns), NUM_JOINTS, 3), np.nan)
+    joints[:, name] = posed[:, joint] + shift[:, None]
+    vertices = model.vertices(rotations, betas, shift)
+    mesh = Mesh("smpl", _single(vertices), model.faces, _single(model.template))
+    return Bodies(_at_rest(len(turns)), "smpl", joints=_single(joints), mesh=mesh)
+
+
+def _posed_smplx(
+    record: BodiesInFile, turns: _Array, shift: _Array, model_file: str | None
+) -> Bodies:
+    import torch
+
+    from physic_core.body.bones import parameters_from_rotations
+    from physic_core.body.convert.bodies import rest_mesh_of_model
+    from physic_core.body.files import load_embedded, load_smplx
+
+    count = len(turns)
+    if record.model == "embedded":
+        model = load_embedded()
+    else:
+        file = _required(model_file, "parameters", "smplx")
+        width, faces = (0 if v is None else v.shape[1] for v in (record.betas, record.expression))
+        model = load_smplx(file, num_betas=max(width, 10), num_expression=max(faces, 10))
+        if record.mean_hands:
+            turns = turns + np.pad(_mean_hands(file), ((NUM_JOINTS - 30, 0), (0, 0)))
+    pose = torch.from_numpy(rotvec_to_rotmat_numpy(turns))
+    betas, expression, none = (
+        torch.from_numpy(_columns(given, count, width))
+        for given, width in (
+            (record.betas, model.num_betas),
+            (record.expression, model.num_expression),
+            (None, 3),
+        )
+    )
+    posed = model.double(pose, betas, none, expression)
+    shift = shift - _pivot(record, posed.joints.numpy())
+    moved = torch.from_numpy(shift)[:, None]
+    rest = rest_mesh_of_model(model)
+    mesh = Mesh(model.topology, _single(posed.vertices + moved), rest.faces, rest.vertices)
+    parameters = parameters_from_rotations(pose, betas, expression, moved[:, 0])
+    return Bodies(parameters, model.name, joints=_single(posed.joints + moved), mesh=mesh)
+
+
+def _pivot(record: BodiesInFile, joints: FloatArray) -> _Array:
+    """Return the point (N, 3) of bodies without translation that their ``transl`` places."""
+    if record.pivot == "origin":
+        return np.zeros((len(joints), 3))
+    return np.asarray(joints[:, JOINT_INDEX[record.pivot]])
+
+
+def _mean_hands(model_file: str) -> _Array:
+    """Return the mean rotation vectors (30, 3) of both hands of a SMPL-X file."""
+    with open_regular(Path(model_file)) as stream:
+        found = read_arrays(stream, ["hands_meanl", "hands_meanr"])
+    return np.concatenate([found[f"hands_mean{side}"].reshape(15, 3) for side in "lr"])
+
+
+def _mesh(name: str, vertices: FloatArray, model_file: str | None) -> Mesh:
+    """Return the mesh of vertices of a known topology, with its T-pose."""
+    from physic_core.body.convert.bodies import rest_mesh_of_model
+    from physic_core.body.files import load_smpl, load_smplx
+
+    file = _required(model_file, "vertices", name)
+    if name == "smplx":
+        rest = rest_mesh_of_model(load_smplx(file))
+    elif name == "mhr":
+        with open_regular(Path(file)) as stream:
+            own = read_arrays(stream, ["vertices", "faces"])
+        rest = RestMesh("mhr", _single(own["vertices"]), own["faces"].astype(np.int64))
+    else:
+        rest = load_smpl(file).rest
+    return Mesh(name, _single(vertices), rest.faces, _single(rest.vertices))
+
+
+def _required(model_file: str | None, what: str, model: str) -> str:
+    if model_file is not None:
+        return model_file
+    raise ValueError(
+        f"it has {what} of {_NAMES[model]}, whose joints and shape are in the model's file: set "
+        f"photo.bodies_model to {_MODEL_FILES[model]}"
+    )
+
+
+def _vectors(turns: FloatArray | None, count: int) -> _Array:
+    """Return the rotation vectors (N, 55, 3) of vectors or matrices; joints that lack are at
+    rest.
+    """
+    vectors = np.zeros((count, NUM_JOINTS, 3))
+    if turns is not None:
+        given = np.asarray(turns, np.float64)
+        vectors[:, : given.shape[1]] = rotmat_to_rotvec(given) if given.ndim == 4 else given
+    return vectors
+
+
+def _columns(values: FloatArray | None, rows: int, width: int) -> _Array:
+    """Return values (N, width) with zeros for columns that lack."""
+    full = np.zeros((rows, width))
+    if values is not None:
+        full[:, : values.shape[1]] = values[:, :width]
+    return full
+
+
+def _at_rest(count: int) -> BodyParameters:
+    """Return N bodies of zeros, of a model that others than this program pose."""
+    widths = {name: 3 * n for name, n in ROTATION_FIELDS} | {"betas": 0, "expression": 0}
+    return BodyParameters(
+        **{name: np.zeros((count, widths.get(name, 3)), np.float32) for name in _PARAMETERS}
+    )
+
+
+def _single(values: Any) -> FloatArray:
+    return np.asarray(values, np.float32)

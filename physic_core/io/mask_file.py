@@ -1,0 +1,57 @@
+"""Masks of people that the user gives in a file of another program, which a plugin reads."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from physic_core.errors import InputError
+from physic_core.files.atomic import unreadable
+from physic_core.io.body_file import WRONG_FORM, read_by_plugin, scale_of_picture
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, FileOfPhoto, MasksInFile
+
+
+def read_masks(file: FileOfPhoto) -> MasksInFile:
+    """Read the masks of one photo, of the size of the upright photo file and without overlap.
+
+    A pixel of several masks is of the first one. Masks of another size of the same picture are
+    resized to the nearest pixel.
+
+    Raises:
+        InputError: the file cannot be read, its form is not known, or its masks are of another
+            picture.
+        PackageMissingError: no installed plugin reads it.
+    """
+    try:
+        found: MasksInFile = read_by_plugin("physic_mask_readers", "masks", file)
+        if not found.masks.any():
+            raise ValueError("it has no mask with a pixel: was a mask of 0 and 1 read as 0 to 255?")
+        masks = _of_size(found.masks[found.masks.any((1, 2))], file.size)
+    except OSError as error:
+        raise InputError(f"cannot read the masks {file.path}: {unreadable(error)}") from error
+    except WRONG_FORM as error:
+        raise InputError(f"the masks {file.path} cannot be used: {error}") from error
+    if found.are_people:
+        taken = np.zeros(masks.shape[1:], bool)
+        for mask in masks:
+            mask &= ~taken
+            taken |= mask
+        masks = masks[masks.any((1, 2))]
+    return replace(found, masks=masks)
+
+
+def _of_size(masks: BoolArray, size: tuple[int, int]) -> BoolArray:
+    """Return a copy of masks (N, H, W) resized to the photo's width and height."""
+    height, width = masks.shape[1:]
+    if (width, height) == size:
+        return np.array(masks)
+    factors = scale_of_picture((width, height), size)
+    columns, rows = (
+        np.minimum((np.arange(new) + 0.5) / factor, old - 1).astype(int)
+        for new, factor, old in zip(size, factors, (width, height), strict=True)
+    )
+    return masks[:, rows][:, :, columns]

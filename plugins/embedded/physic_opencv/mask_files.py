@@ -1,0 +1,176 @@
+"""Masks of one photo as other programs write them: which form it is, and the masks of each form."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from physic_core.errors import InputError
+from physic_core.files import ImageSource, decode, open_image, read_text
+from physic_core.types import FileOfPhoto, MasksInFile
+from physic_opencv.documents import open_document
+from physic_opencv.keypoint_forms import image_of
+
+_Masks = NDArray[np.bool_]
+_PERSON = "person"
+_COCO_PERSON = 1
+_MAX_TEXT = 100_000_000
+
+
+def masks_of(file: FileOfPhoto) -> MasksInFile | None:
+    """Return the masks of a file or folder; None if its form is not known.
+
+    Raises:
+        ValueError: the form is known and refused.
+    """
+    path = file.path
+    if path.is_dir():
+        return _of_folder(path)
+    suffix = path.suffix.lower()
+    if suffix == ".txt":
+        return MasksInFile(_polygons_of_text(read_text(path, _MAX_TEXT), file.size))
+    if suffix == ".png":
+        return MasksInFile(_of_labels(_picture(path)))
+    document = open_document(path)
+    if suffix == ".json":
+        return _of_json(document, file)
+    return MasksInFile(_of_arrays(document))
+
+
+def _of_folder(path: Path) -> MasksInFile:
+    """Read a folder with a picture for each mask; with SAM's table, the masks are of all things."""
+    pictures = [_picture(one) > 0 for one in sorted(path.glob("*.png"))]
+    if not pictures:
+        raise ValueError("it has no .png in it")
+    return MasksInFile(np.stack(pictures), not (path / "metadata.csv").is_file())
+
+
+def _picture(path: Path) -> NDArray[Any]:
+    """Return the labels (H, W) of a picture of one channel or a palette."""
+    source = ImageSource(str(path), path=path, what="mask", formats="a PNG of labels")
+    with open_image(source) as (image, _):
+        decode(image, source)
+        if image.mode not in ("1", "L", "P", "I", "I;16"):
+            raise ValueError(
+                f"{path.name} is a picture of colours ({image.mode}): give a palette or one "
+                f"channel, whose values number the people"
+            )
+        return np.asarray(image)
+
+
+def _of_labels(labels: NDArray[Any]) -> _Masks:
+    """Return a mask (N, H, W) of each label above 0."""
+    ids = np.unique(labels)
+    if len(ids) > 256:
+        raise ValueError(f"it has {len(ids)} labels: is it a photo or a depth map?")
+    return np.stack([labels == one for one in ids if one > 0] or [labels > 0])
+
+
+def _of_arrays(document: Any) -> _Masks:
+    """Return the masks of an array (N, H, W) or (H, W), alone or in an npz."""
+    if isinstance(document, Mapping):
+        fit = [v for v in document.values() if isinstance(v, np.ndarray) and v.ndim in (2, 3, 4)]
+        document = document.get("masks", fit[0] if len(fit) == 1 else None)
+    if not isinstance(document, np.ndarray) or document.ndim not in (2, 3, 4):
+        raise ValueError('it has no array "masks" of (N, H, W)')
+    if document.ndim == 4:
+        document = document[:, 0]
+    if document.ndim == 2:
+        return _of_labels(document)
+    return np.asarray(document > (0 if document.dtype.kind in "bu" else 0.5))
+
+
+def _of_json(document: Any, file: FileOfPhoto) -> MasksInFile:
+    """Read a COCO dataset, its annotations or results, or SAM's list of masks."""
+    dataset = document if isinstance(document, Mapping) else {}
+    entries = dataset.get("annotations", document)
+    if not isinstance(entries, list) or not all(
+        isinstance(one, Mapping) and "segmentation" in one for one in entries
+    ):
+        raise ValueError("it has no list of annotations with a segmentation")
+    if any("predicted_iou" in one for one in entries):
+        return MasksInFile(_all(entries, file.size), are_people=False)
+    images = {one.get("id"): one for one in dataset.get("images") or ()}
+    image = image_of(entries, images, file.photo)
+    about = images.get(image, {})
+    size = int(about.get("width", file.size[0])), int(about.get("height", file.size[1]))
+    people = {one["id"] for one in dataset.get("categories") or () if one.get("name") == _PERSON}
+    shown = [one for one in entries if one.get("image_id") == image]
+    chosen = [one for one in shown if one.get("category_id") in (people or {_COCO_PERSON, None})]
+    if not chosen:
+        raise ValueError(f"it has {len(shown)} annotations of the photo, and no person")
+    chosen.sort(key=lambda one: -float(one.get("score", 1)))
+    left_out = len(shown) - len(chosen)
+    notes = (f"left out {left_out} given masks of other things than people",) * bool(left_out)
+    return MasksInFile(_all(chosen, size), notes=notes)
+
+
+def _all(entries: list[Any], size: tuple[int, int]) -> _Masks:
+    return np.stack([_mask(one["segmentation"], size) for one in entries])
+
+
+def _mask(segmentation: Any, size: tuple[int, int]) -> _Masks:
+    """Return the mask (H, W) of polygons, or of run lengths that are by column."""
+    if isinstance(segmentation, list):
+        return _filled([np.reshape(points, (-1, 2)) for points in segmentation], size)
+    height, width = segmentation["size"]
+    counts = segmentation["counts"]
+    runs = _run_lengths(counts) if isinstance(counts, str) else counts
+    if sum(runs) != height * width:
+        raise ValueError(f"run lengths are of {sum(runs)} px, and the size is {width} x {height}")
+    values = np.arange(len(runs)) % 2 == 1
+    return np.repeat(values, runs).reshape(width, height).T
+
+
+def _run_lengths(text: str) -> list[int]:
+    """Return the numbers of COCO's text: five bits a character from "0" on, differences from the
+    number before the last after the first three.
+    """
+    runs: list[int] = []
+    value = bits = 0
+    for character in text:
+        part = ord(character) - 48
+        value |= (part & 31) << bits
+        bits += 5
+        if part & 32:
+            continue
+        if part & 16:
+            value -= 1 << bits
+        runs.append(value + (runs[-2] if len(runs) > 2 else 0))
+        value = bits = 0
+    return runs
+
+
+def _filled(polygons: list[NDArray[Any]], size: tuple[int, int]) -> _Masks:
+    """Return the union (H, W) of polygons (n, 2) in px from the corner of the picture."""
+    import cv2
+
+    mask = np.zeros(size[::-1], np.uint8)
+    for points in polygons:
+        cv2.fillPoly(mask, [np.rint(np.asarray(points, np.float64) - 0.5).astype(np.int32)], 1)
+    return mask > 0
+
+
+def _polygons_of_text(text: str, size: tuple[int, int]) -> _Masks:
+    """Read Ultralytics' lines: class, x and y of each point as shares, perhaps confidence and
+    id.
+    """
+    masks = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        values = [float(part) for part in line.split()]
+        if not values or values[0] != 0:  # class 0 is the person
+            continue
+        shares = values[1:]
+        if len(shares) % 2 == 0 and shares[-1] > 1:  # confidence and id
+            del shares[-2:]
+        del shares[len(shares) // 2 * 2 :]
+        if len(shares) < 6 or not all(-0.01 <= share <= 1.01 for share in shares):
+            raise InputError(f"line {number} of the masks is no polygon of shares of the picture")
+        masks.append(_filled([np.reshape(shares, (-1, 2)) * size], size))
+    if not masks:
+        raise ValueError("it has no line of class 0, a person")
+    return np.stack(masks)

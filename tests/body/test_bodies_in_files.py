@@ -1,0 +1,421 @@
+"""Bodies in files of other programs: each form, written here as docs/bodies.md describes it, gives
+the joints that were written.
+"""
+
+from __future__ import annotations
+
+import json
+import pickle
+import sys
+import zlib
+from collections import defaultdict
+from pathlib import Path
+from types import ModuleType
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from other_body import mm, posed, smpl_file_arrays, smplx_file_arrays
+from scipy.spatial.transform import Rotation
+
+from physic_core import InputError, read_bodies
+from physic_core.body import convert_with_residuals, load_smpl
+from physic_core.body.files import load_smplx
+from physic_core.geometry.rotations import rotmat_to_rotvec
+from physic_core.types import FileOfPhoto
+
+SIZE = (640, 480)
+MIDDLE = [319.5, 239.5]
+
+
+@pytest.fixture(scope="module")
+def smplx_path(other, tmp_path_factory):
+    arrays = smplx_file_arrays(other)
+    hands = np.random.default_rng(1).normal(0, 0.1, (2, 45))
+    path = tmp_path_factory.mktemp("smplx") / "SMPLX_NEUTRAL.npz"
+    np.savez(path, **arrays, hands_meanl=hands[0], hands_meanr=hands[1])
+    return path
+
+
+@pytest.fixture(scope="module")
+def smpl_path(smaller, tmp_path_factory):
+    path = tmp_path_factory.mktemp("smpl") / "SMPL_NEUTRAL.npz"
+    np.savez(path, **smpl_file_arrays(smaller))
+    return path
+
+
+@pytest.fixture(scope="module")
+def smplx(people, smplx_path):
+    """Vectors (4, 55, 3), betas, transl, and what they pose."""
+    turns = rotmat_to_rotvec(people["rotations"])
+    betas, transl = people["betas"][:, :10], people["transl"]
+    model = load_smplx(smplx_path).double
+    given = (torch.from_numpy(v) for v in (people["rotations"], betas, transl))
+    out = model(*given)
+    return turns, betas, transl, out.joints.numpy(), out.vertices.numpy()
+
+
+@pytest.fixture(scope="module")
+def smpl(people, smpl_path):
+    turns = rotmat_to_rotvec(people["rotations"])[:, :24]
+    turns[:, 22:] = 0
+    betas, transl = people["betas"][:, :10], people["transl"]
+    model = load_smpl(smpl_path)
+    matrices = Rotation.from_rotvec(turns.reshape(-1, 3)).as_matrix().reshape(4, 24, 3, 3)
+    given = matrices, betas, transl
+    return turns, betas, transl, model.smpl_joints(*given), model.vertices(*given)
+
+
+def read(path, model=None, frame=None, photo="photo.jpg"):
+    return read_bodies(FileOfPhoto(Path(path), photo, SIZE, frame), model and str(model))
+
+
+def off(found, joints, body=slice(0, 22)):
+    return 1000 * np.abs(found.bodies.joints[:, body] - joints[:, body]).max()
+
+
+def matrices(turns):
+    return Rotation.from_rotvec(turns.reshape(-1, 3)).as_matrix().reshape(*turns.shape[:2], 3, 3)
+
+
+@pytest.mark.parametrize("form", ["vectors", "matrices"])
+def test_dictionary_of_smplx(tmp_path, smplx, smplx_path, form):
+    turns, betas, transl, joints, _ = smplx
+    parts = {"global_orient": (0, 1), "body_pose": (1, 22), "jaw_pose": (22, 23)}
+    parts |= {"left_hand_pose": (25, 40), "right_hand_pose": (40, 55)}
+    own = {n: (turns[:, a:b].reshape(4, -1)) for n, (a, b) in parts.items()}
+    if form == "matrices":
+        own = {n: matrices(turns[:, a:b]) for n, (a, b) in parts.items()}
+    np.savez(tmp_path / "a.npz", **own, betas=betas, transl=transl)
+    assert off(read(tmp_path / "a.npz", smplx_path), joints, slice(0, 55)) < 0.1
+
+
+def test_dictionary_of_smpl(tmp_path, smpl, smpl_path):
+    turns, betas, transl, joints, _ = smpl
+    flat = turns.reshape(4, -1)
+    values = {
+        "global_orient": flat[:, :3],
+        "body_pose": flat[:, 3:],
+        "betas": betas,
+        "transl": transl,
+    }
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps(values))
+    assert off(read(tmp_path / "a.pkl", smpl_path), joints) < 0.1
+
+
+def test_amass_keys(tmp_path, smplx, smplx_path):
+    turns, betas, transl, joints, _ = smplx
+    np.savez(tmp_path / "a.npz", poses=turns.reshape(4, -1), betas=betas[2], trans=transl)
+    found = read(tmp_path / "a.npz", smplx_path, frame=2)
+    assert off(found, joints[2:3], slice(0, 55)) < 0.1
+    with pytest.raises(InputError, match="bodies_frame"):
+        read(tmp_path / "a.npz", smplx_path)
+
+
+def test_gvhmr(tmp_path, smplx, smplx_path):
+    turns, betas, transl, joints, _ = smplx
+    incam = {
+        "global_orient": turns[:, 0],
+        "body_pose": turns[:, 1:22].reshape(4, 63),
+        "betas": np.repeat(betas[1:2], 4, 0),
+        "transl": transl,
+    }
+    tensors = {name: torch.from_numpy(value).float() for name, value in incam.items()}
+    K = torch.tensor([[800.0, 0, 319.5], [0, 800, 239.5], [0, 0, 1]]).repeat(4, 1, 1)
+    document = {"smpl_params_incam": tensors, "smpl_params_global": tensors, "K_fullimg": K}
+    torch.save(document, tmp_path / "hmr4d_results.pt")
+    found = read(tmp_path / "hmr4d_results.pt", smplx_path, frame=1)
+    assert off(found, joints[1:2]) < 0.1
+    np.testing.assert_allclose(found.camera, [[800, 800, *MIDDLE]])
+
+
+def test_prompt_hmr(tmp_path, smplx, smplx_path):
+    turns, betas, transl, joints, vertices = smplx
+    document = {
+        "pose": torch.zeros(4, 132),
+        "rotmat": torch.from_numpy(matrices(turns[:, :22])),
+        "betas": torch.from_numpy(betas),
+        "transl": torch.from_numpy(transl),
+        "vertices": torch.from_numpy(vertices),
+        "cam_int": torch.eye(3).repeat(4, 1, 1),
+    }
+    torch.save(document, tmp_path / "output.pt")
+    found = read(tmp_path / "output.pt", smplx_path)
+    assert off(found, joints) < 0.1
+    np.testing.assert_allclose(found.camera, [[800, 800, *MIDDLE]] * 4)  # the diagonal
+
+
+def test_smpler_x_of_all_people_of_a_photo(tmp_path, smplx, smplx_path):
+    turns, betas, transl, joints, _ = smplx
+    (tmp_path / "smplx").mkdir()
+    (tmp_path / "meta").mkdir()
+    with np.load(smplx_path) as file:
+        mean = np.concatenate([file["hands_meanl"], file["hands_meanr"]]).reshape(30, 3)
+    for i in range(3):
+        np.savez(
+            tmp_path / "smplx" / f"00001_{2 * i}.npz",
+            global_orient=turns[i, :1],
+            body_pose=turns[i, 1:22],
+            left_hand_pose=turns[i, 25:40] - mean[:15],
+            right_hand_pose=turns[i, 40:] - mean[15:],
+            jaw_pose=turns[i, 22:23],
+            leye_pose=np.zeros((1, 3)),
+            reye_pose=np.zeros((1, 3)),
+            betas=betas[i : i + 1],
+            expression=np.zeros((1, 10)),
+            transl=transl[i : i + 1] * [1, 1, 20],
+        )
+        meta = {"focal": [9000.0 + i, 9000], "princpt": [300, 200 + i], "img_path": "x/000001.jpg"}
+        (tmp_path / "meta" / f"00001_{2 * i}.json").write_text(json.dumps(meta))
+    found = read(tmp_path / "smplx", smplx_path, photo="000001.jpg")
+    far = joints[:3] + (transl * [0, 0, 19])[:3, None]
+    assert off(found, far, slice(0, 55)) < 0.1
+    np.testing.assert_allclose(found.camera[2], [9002, 9000, 300, 202])
+    one = read(tmp_path / "smplx" / "00001_4.npz", smplx_path)
+    assert off(one, far[2:], slice(0, 55)) < 0.1
+
+
+class NumpyArrayWrapper:
+    """What joblib writes before the bytes of an array."""
+
+    __module__ = "joblib.numpy_pickle"
+
+    def __init__(self, array):
+        self.subclass, self.shape, self.dtype = np.ndarray, array.shape, array.dtype
+        self.order, self.allow_mmap, self.numpy_array_alignment_bytes = "C", True, 16
+
+
+def joblib_dump(values):
+    """The bytes of ``joblib.dump``: the state of each array, padding, and its numbers."""
+    import io
+
+    stream = io.BytesIO()
+
+    class Pickler(pickle._Pickler):
+        def save(self, obj, *args):
+            if type(obj) is not np.ndarray:
+                return super().save(obj, *args)
+            super().save(NumpyArrayWrapper(obj), *args)
+            self.framer.commit_frame(force=True)
+            padding = 16 - (stream.tell() + 1) % 16
+            stream.write(bytes([padding]) + b"\xff" * padding + obj.tobytes())
+            return None
+
+    module = ModuleType("joblib.numpy_pickle")
+    module.NumpyArrayWrapper = NumpyArrayWrapper
+    names = {"joblib": ModuleType("joblib"), "joblib.numpy_pickle": module}
+    with patch.dict(sys.modules, names):
+        Pickler(stream, protocol=4).dump(values)
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("pack", [bytes, zlib.compress])
+def test_wham(tmp_path, smpl, smpl_path, pack):
+    turns, betas, transl, joints, vertices = smpl
+    document = defaultdict(dict)
+    for i in range(2):  # person i is in the pictures 5 + i and 6 + i
+        document[i] = {
+            "pose": turns[[i, i + 1]].reshape(2, 72).astype(np.float32),
+            "trans": transl[[i, i + 1]].astype(np.float32),
+            "pose_world": np.zeros((2, 72), np.float32),
+            "trans_world": np.zeros((2, 3), np.float32),
+            "betas": betas[[i, i + 1]].astype(np.float32),
+            "verts": vertices[[i, i + 1]].astype(np.float32),
+            "frame_ids": np.array([5 + i, 6 + i]),
+        }
+    (tmp_path / "wham_output.pkl").write_bytes(pack(joblib_dump(document)))
+    found = read(tmp_path / "wham_output.pkl", smpl_path, frame=6)
+    assert off(found, joints[[1, 1]]) < 0.1
+    with pytest.raises(InputError, match="bodies_frame"):
+        read(tmp_path / "wham_output.pkl", smpl_path)
+    with pytest.raises(InputError, match="bodies_frame"):
+        read(tmp_path / "wham_output.pkl", smpl_path, frame=99)
+
+
+def sam_people(embedded, other_mhr, people):
+    """SAM 3D Body's dictionaries of the embedded body in a mesh of 18439 vertices."""
+    gather = other_mhr[2]
+    out = embedded(*(torch.from_numpy(people[n]) for n in ("rotations", "betas", "transl")))
+    place = people["transl"]
+    found = []
+    for i in range(4):
+        found.append(
+            {
+                "bbox": np.array([10.0, 20, 30, 40]),
+                "focal_length": np.float32(750),
+                "pred_vertices": gather @ out.vertices[i].numpy() - place[i],
+                "pred_cam_t": place[i],
+                "pred_keypoints_3d": np.zeros((70, 3)),
+                "mhr_model_params": np.zeros(204),
+                "mask": None,
+            }
+        )
+    return found, out.joints.numpy()
+
+
+@pytest.fixture(scope="module")
+def mhr(embedded64, tmp_path_factory):
+    """The embedded body in a mesh of 18439 vertices: each of some triangles has one more."""
+    template = embedded64(*embedded64.zero_pose()).vertices[0].numpy()
+    faces = embedded64.faces.numpy()
+    count = 18439 - len(template)
+    chosen = np.linspace(0, len(faces) - 1, count).astype(int)
+    from scipy.sparse import csr_matrix, identity, vstack
+
+    rows = np.repeat(np.arange(count), 3)
+    thirds = np.full(3 * count, 1 / 3)
+    more = csr_matrix((thirds, (rows, faces[chosen].ravel())), (count, len(template)))
+    gather = vstack([identity(len(template)), more]).tocsr()
+    added = len(template) + np.arange(count)
+    a, b, c = faces[chosen].T
+    split = [np.stack(t, 1) for t in ((a, b, added), (b, c, added), (c, a, added))]
+    every = np.concatenate([np.delete(faces, chosen, 0), *split])
+    path = tmp_path_factory.mktemp("mhr") / "mhr.npz"
+    np.savez(path, vertices=gather @ template, faces=every)
+    return gather @ template, every, gather, path
+
+
+def converted_mm(found, joints, embedded64):
+    """Mean distance of joints after the conversion to the embedded body."""
+    bodies = convert_with_residuals(found.bodies, embedded64.to(dtype=torch.float32)).bodies
+    return mm(posed(embedded64, bodies.parameters)[1][:, :22], joints[:, :22])
+
+
+def test_sam_3d_body(tmp_path, embedded64, mhr, people, maps):
+    given, joints = sam_people(embedded64, mhr[:3], people)
+    np.savez(tmp_path / "a.npz", people=np.array(given, dtype=object))
+    found = read(tmp_path / "a.npz", mhr[3])
+    assert converted_mm(found, joints, embedded64) < 2
+    np.testing.assert_allclose(found.camera, [[750, 750, *MIDDLE]] * 4)
+    np.testing.assert_allclose(found.boxes[0], [10, 20, 30, 40])
+
+
+def test_ply_of_sam_3d_body(tmp_path, embedded64, mhr, people, maps):
+    given, joints = sam_people(embedded64, mhr[:3], people)
+    body = given[1]["pred_vertices"] + given[1]["pred_cam_t"]
+    trimesh.Trimesh(body * [1, -1, -1], mhr[1], process=False).export(tmp_path / "a_mesh_000.ply")
+    (tmp_path / "a_focal_length.json").write_text(json.dumps({"focal_length": 700.0}))
+    found = read(tmp_path / "a_mesh_000.ply", mhr[3])
+    assert converted_mm(found, joints[1:2], embedded64) < 2
+    np.testing.assert_allclose(found.camera, [[700, 700, *MIDDLE]])
+
+
+def test_obj_of_4d_humans(tmp_path, embedded64, smaller, smpl_path, people, maps):
+    out = embedded64(*(torch.from_numpy(people[n]) for n in ("rotations", "betas", "transl")))
+    far = smaller.from_embedded @ out.vertices[0].numpy() + [0, 0, 50]
+    path = tmp_path / "photo_0.obj"
+    trimesh.Trimesh(far * [1, -1, -1], smaller.faces, process=False).export(path)
+    found = read(path, smpl_path)
+    joints = out.joints[:1].numpy() + np.array([0, 0, 50])
+    assert converted_mm(found, joints, embedded64) < 2
+    np.testing.assert_allclose(found.camera[0, 0], 5000 / 256 * 640)
+    assert read(tmp_path, smpl_path).is_placed
+
+
+def test_obj_of_camerahmr_has_no_place(tmp_path, embedded64, smaller, smpl_path, people):
+    out = embedded64(*(torch.from_numpy(people[n]) for n in ("rotations", "betas", "transl")))
+    body = smaller.from_embedded @ (out.vertices[0].numpy() - people["transl"][0])
+    trimesh.Trimesh(body, smaller.faces, process=False).export(tmp_path / "photo_000000.obj")
+    found = read(tmp_path / "photo_000000.obj", smpl_path)
+    assert not found.is_placed
+    assert found.notes
+
+
+def test_arrays_and_glb_of_multi_hmr(tmp_path, embedded64, other, smplx_path, people, maps):
+    out = embedded64(*(torch.from_numpy(people[n]) for n in ("rotations", "betas", "transl")))
+    bodies = np.stack([other.from_embedded @ body.numpy() for body in out.vertices])
+    np.save(tmp_path / "a.npy", bodies.astype(np.float32))
+    found = read(tmp_path / "a.npy", smplx_path)
+    assert converted_mm(found, out.joints.numpy(), embedded64) < 2
+    np.testing.assert_allclose(found.camera[0, 0], 0.5 * 640 / np.tan(np.pi / 6))
+    scene = trimesh.Scene(
+        {
+            "picture": trimesh.creation.box(),
+            "person": trimesh.Trimesh(bodies[1] * [-1, -1, 1], other.faces, process=False),
+        }
+    )
+    scene.export(tmp_path / "a.glb")
+    found = read(tmp_path / "a.glb", smplx_path)
+    assert converted_mm(found, out.joints[1:2].numpy(), embedded64) < 2
+
+
+def test_model_file_is_asked_for(tmp_path, smplx):
+    turns, betas, transl, *_ = smplx
+    np.savez(tmp_path / "a.npz", poses=turns[0].reshape(1, -1), betas=betas[0], trans=transl[0])
+    with pytest.raises(InputError, match=r"photo\.bodies_model"):
+        read(tmp_path / "a.npz")
+
+
+def parameters(**changes):
+    values = {
+        "global_orient": np.zeros((1, 3)),
+        "body_pose": np.zeros((1, 63)),
+        "betas": np.zeros((1, 10)),
+        "transl": np.array([[0, 0, 4.0]]),
+    }
+    return values | changes
+
+
+WRONG = {
+    "degrees": ({"body_pose": np.full((1, 63), 45.0)}, "degrees"),
+    "millimetres": ({"transl": np.array([[0, 0, 4000.0]])}, "millimetres"),
+    "scaled matrices": ({"global_orient": 2 * np.eye(3)[None]}, "no rotations"),
+    "mirrored matrices": ({"global_orient": np.diag([1.0, 1, -1])[None]}, "no rotations"),
+    "components of hands": ({"left_hand_pose": np.zeros((1, 6))}, "principal components"),
+    "another number of joints": ({"body_pose": np.zeros((1, 60))}, "20 joints"),
+    "different numbers of people": ({"transl": np.zeros((2, 3))}, "different numbers"),
+    "not finite": ({"transl": np.array([[0, 0, np.nan]])}, "finite"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_parameters_are_named(tmp_path, smplx_path, name):
+    change, word = WRONG[name]
+    np.savez(tmp_path / "a.npz", **parameters(**change))
+    with pytest.raises(InputError, match=word):
+        read(tmp_path / "a.npz", smplx_path)
+
+
+@pytest.mark.parametrize(
+    ("vertices", "word"),
+    [
+        (np.random.default_rng(0).random((1, 5023, 3)), "5023 vertices"),
+        (1000 * np.random.default_rng(0).random((1, 6890, 3)), "metres"),
+        (np.zeros((0, 6890, 3)), "no person"),
+    ],
+)
+def test_wrong_meshes_are_named(tmp_path, smpl_path, vertices, word):
+    np.save(tmp_path / "a.npy", vertices)
+    with pytest.raises(InputError, match=word):
+        read(tmp_path / "a.npy", smpl_path)
+
+
+class Runs:
+    def __reduce__(self):
+        return (print, ("code of the file ran",))
+
+
+@pytest.mark.parametrize("name", ["a.pkl", "a.pt", "a.npy", "a.npz", "z.pkl"])
+def test_no_file_runs_code(tmp_path, smplx_path, capsys, name):
+    path = tmp_path / name
+    if name == "a.pt":
+        torch.save({"smpl_params_incam": Runs()}, path)
+    elif name == "a.npy":
+        np.save(path, np.array([Runs()], dtype=object), allow_pickle=True)
+    elif name == "a.npz":
+        np.savez(path, people=np.array([Runs()], dtype=object))
+    else:
+        data = pickle.dumps({"a": Runs()})
+        path.write_bytes(zlib.compress(data) if name == "z.pkl" else data)
+    with pytest.raises(InputError, match=r"could run code(.|\n)*torch\.save"):
+        read(path, smplx_path)
+    assert not capsys.readouterr().out
+
+
+@pytest.mark.parametrize("content", [b"{}", b"\x80\x04", b"PK\x03\x04", b"", b"\x78\x9c", b"hello"])
+def test_damaged_and_unknown_files_are_refused(tmp_path, content):
+    (tmp_path / "a.pkl").write_bytes(content)
+    with pytest.raises(InputError):
+        read(tmp_path / "a.pkl")

@@ -1,0 +1,153 @@
+"""Bodies that the user gives: whose they are, what the engine keeps of them, and wrong ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from physic_core import ConfigError, InputError, read_bodies, write_bodies
+from physic_core.types import Bodies, FileOfPhoto
+from physic_mock import backends
+from physic_testing.worlds import load_world
+from tests.pipeline.mocks import changed, run, without_people
+
+pytestmark = pytest.mark.usefixtures("few_steps")
+
+SIZE = (160, 120)
+
+
+@pytest.fixture(scope="module")
+def group():
+    """A small photo of four people."""
+    return load_world("group", SIZE)
+
+
+def written(folder, world, camera=None, rows=slice(None), **changes):
+    """The bodies of a world, or some of them, changed, in the project's own format."""
+    path = folder / "people.npz"
+    parameters = replace(world.parameters, **changes)[rows]
+    write_bodies(path, parameters, world.body_model, camera or world.intrinsics)
+    return path
+
+
+def result(world, path, *settings, **given):
+    return run(world.image, f"photo.bodies={path}", *settings, intrinsics=world.intrinsics, **given)
+
+
+def distances(one, joints):
+    return np.linalg.norm(one.joints - joints, axis=-1)
+
+
+def test_own_file_is_read_as_it_was_written(tmp_path, world):
+    camera = world.intrinsics
+    file = FileOfPhoto(written(tmp_path, world), "", (camera.width, camera.height))
+    found = read_bodies(file)
+    for name, value in vars(world.parameters).items():
+        np.testing.assert_array_equal(getattr(found.bodies.parameters, name), value)
+    np.testing.assert_allclose(found.camera, [[camera.fx, camera.fy, camera.cx, camera.cy]])
+
+
+def test_true_bodies_stay_where_they_are(tmp_path, group):
+    found = result(group, written(tmp_path, group))
+    assert len(found.people) == 4
+    order = np.argsort(group.boxes[:, 0] + group.boxes[:, 2])
+    for person, i in zip(found.people, order, strict=True):
+        assert person.body_source == "people.npz"
+        np.testing.assert_allclose(person.given_joints, group.joints[i], atol=1e-4)
+        assert distances(person, group.joints[i]).mean() < 0.05
+
+
+def test_final_bodies_keep_pose_and_shape_and_are_all_people(tmp_path, group):
+    found = result(group, written(tmp_path, group, rows=[1, 2]), "photo.bodies_final=true")
+    assert len(found.people) == 2
+    for person in found.people:
+        own = person.joints - person.joints[:1]
+        given = person.given_joints - person.given_joints[:1]
+        np.testing.assert_allclose(own, given, atol=1e-4)
+
+
+def test_others_have_estimated_bodies(tmp_path, group):
+    found = result(group, written(tmp_path, group, rows=[2]))
+    sources = [person.body_source for person in found.people]
+    assert len(sources) == 4
+    assert sorted(filter(None, sources)) == ["people.npz"]
+
+
+def test_body_without_a_person_becomes_one(tmp_path, world):
+    found = run(
+        world.image,
+        f"photo.bodies={written(tmp_path, world)}",
+        intrinsics=world.intrinsics,
+        backends=changed(backends.MockSegmenter, without_people),
+    )
+    (person,) = found.people
+    both = (person.mask & world.masks[0]).sum() / (person.mask | world.masks[0]).sum()
+    assert both > 0.8
+    assert person.body_source == "people.npz"
+
+
+def test_a_guessed_focal_length_scales_distance_alone(tmp_path, world):
+    """4D-Humans has 5000 px for 256: people are tens of metres away."""
+    camera = replace(world.intrinsics, fx=20 * world.intrinsics.fx, fy=20 * world.intrinsics.fy)
+    pelvis = world.joints[:, 0]
+    far = world.parameters.transl + pelvis * [0, 0, 19]
+    found = result(world, written(tmp_path, world, camera, transl=far.astype(np.float32)))
+    np.testing.assert_allclose(found.people[0].given_joints, world.joints[0], atol=2e-3)
+
+
+def test_record_in_python_is_of_the_photos_camera(world):
+    given = Bodies(world.parameters, world.body_model)
+    found = run(world.image, intrinsics=world.intrinsics, bodies=given)
+    np.testing.assert_allclose(found.people[0].given_joints, world.joints[0], atol=1e-4)
+    with pytest.raises(ConfigError, match="camera"):
+        run(world.image, bodies=given)
+
+
+def test_a_known_stature_resizes_a_given_body(tmp_path, world):
+    found = result(world, written(tmp_path, world), "photo.stature=1.9")
+    assert found.people[0].stature == pytest.approx(1.9, rel=0.01)
+
+
+def flipped(world):
+    """y up: (x, y, z) -> (x, -y, z), about the camera's axis."""
+    turn = np.diag([1.0, -1.0, -1.0])
+    from scipy.spatial.transform import Rotation
+
+    old = Rotation.from_rotvec(world.parameters.global_orient).as_matrix()
+    return Rotation.from_matrix(turn @ old).as_rotvec().astype(np.float32)
+
+
+WRONG = {
+    "degrees": (lambda w: {"global_orient": np.degrees(w.parameters.global_orient)}, "degrees"),
+    "millimetres": (lambda w: {"transl": 1000 * w.parameters.transl}, "millimetres"),
+    "behind the camera": (lambda w: {"transl": -w.parameters.transl}, "behind the camera"),
+    "40 m up": (lambda w: {"transl": w.parameters.transl - [0, 40, 0]}, "world"),
+    "another place": (
+        lambda w: {"transl": w.parameters.transl * [1, 1, 4] + [3, -2.5, 0]},
+        "another photo",
+    ),
+    "upside down": (lambda w: {"global_orient": flipped(w)}, "upside down"),
+    "not finite": (lambda w: {"transl": np.nan * w.parameters.transl}, "finite"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_bodies_are_named(tmp_path, world, name):
+    change, word = WRONG[name]
+    values = {key: np.asarray(value, np.float32) for key, value in change(world).items()}
+    with pytest.raises(InputError, match=word):
+        result(world, written(tmp_path, world, **values))
+
+
+def test_bodies_of_a_picture_of_another_shape_are_refused(tmp_path, world):
+    camera = replace(world.intrinsics, width=200)
+    with pytest.raises(InputError, match="200 x 120"):
+        result(world, written(tmp_path, world, camera))
+
+
+def test_bodies_of_a_smaller_picture_are_scaled(tmp_path, world):
+    small = world.intrinsics.resized(80, 60)
+    found = result(world, written(tmp_path, world, small))
+    np.testing.assert_allclose(found.people[0].given_joints, world.joints[0], atol=1e-3)
