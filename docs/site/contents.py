@@ -60,7 +60,7 @@ SECTIONS = {
         "docs/_reference/index",
     ],
     "Project": [
-        "docs/decisions/README",
+        "docs/decisions",
         "docs/withdrawn",
         "ARCHITECTURE",
         "CONTRIBUTING",
@@ -93,7 +93,7 @@ def pages() -> list[str]:
 def subpages() -> dict[str, list[str]]:
     """Return the pages that are listed below another page, by the page that lists them."""
     below: dict[str, list[str]] = {
-        "docs/decisions/README": [],
+        "docs/decisions": [],
         "docs/gallery": ["examples/README"],
         "docs/notebooks/README": [],
         "contrib/README": [],

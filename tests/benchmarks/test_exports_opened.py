@@ -1,9 +1,10 @@
 """``benchmarks/exports_opened``: files of a result agree with it, what is not so is said, and the
-table of docs/exports-opened.md is what the programs read.
+table benchmarks/exports_opened.csv is what the programs read.
 """
 
 from __future__ import annotations
 
+import csv
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -20,11 +21,8 @@ DEPTH, KEYPOINTS, AMASS = (
     next(reader for reader in READERS if reader.form == form)
     for form in ("depth", "keypoints", "amass")
 )
-ROWS = {
-    (cells[0].strip("`"), cells[1].split(" ")[0]): cells
-    for line in (Path(__file__).parents[2] / "docs" / "exports-opened.md").read_text().splitlines()
-    if len(cells := [cell.strip() for cell in line.strip("|").split("|")]) == 7
-}
+with (Path(__file__).parents[2] / "benchmarks" / "exports_opened.csv").open(newline="") as file:
+    ROWS = {(cells[0], cells[1].split(" ")[0]): cells for cells in csv.reader(file)}
 
 
 @pytest.mark.parametrize("reader", [KEYPOINTS, DEPTH])
@@ -75,7 +73,7 @@ def test_each_format_of_the_project_has_a_reader():
     assert forms == {GLB_FILE, *(one.record.name for one in find_exporters())}
 
 
-def test_the_table_of_the_documentation_has_a_row_for_each_reader():
+def test_the_table_has_a_row_for_each_reader():
     assert {(one.form, one.distribution or "Python") for one in READERS} <= set(ROWS)
 
 

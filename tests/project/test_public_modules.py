@@ -21,14 +21,14 @@ PLUGINS = [
 
 
 def public_modules():
-    """The first column of the tables for plugin authors."""
+    """The modules of the section for plugin authors."""
     _, _, section = (ROOT / "docs" / "api.md").read_text().partition("\n## For plugin authors\n")
-    found = {"physic_core"}
-    for cell in re.findall(r"^\| ([^|]*) \|", section, re.M):
-        names = re.findall(r"`([\w.]+)`", cell)
-        package = names[0].rpartition(".")[0] if names else ""
-        found |= {package + name if name.startswith(".") else name for name in names}
-    return {name for name in found if name.partition(".")[0] == "physic_core"}
+    modules, package = {"physic_core"}, ""
+    for name in re.findall(r"`([\w.]+)`", section):
+        if not name.startswith("."):
+            package = ".".join(name.split(".")[:2])
+        modules.add(package + name if name.startswith(".") else name)
+    return {name for name in modules if name.partition(".")[0] == "physic_core"}
 
 
 def imported_modules(path):
