@@ -8,7 +8,6 @@ ROOT = Path(__file__).resolve().parents[2]
 
 FOLDERS = (
     "docs",
-    "docs/decisions",
     "docs/notebooks",
     "contrib",
     "contrib/*",
@@ -27,24 +26,17 @@ SECTIONS = {
         "docs/tools",
         "docs/bodies",
         "docs/batch",
+        "docs/scene",
         "docs/serve",
         "docs/configuration",
         "docs/outputs",
-        "docs/report",
         "docs/file-format",
         "docs/exports",
-        "docs/exports-opened",
-        "docs/simulation",
-        "docs/weights",
-        "docs/cache",
-        "docs/containers",
     ],
     "Judge": [
         "docs/checks",
         "docs/notes",
         "docs/evaluation",
-        "docs/paper",
-        "docs/metrics",
         "benchmarks/README",
         "benchmarks/fits",
     ],
@@ -61,7 +53,7 @@ SECTIONS = {
     ],
     "Project": [
         "docs/decisions",
-        "docs/withdrawn",
+        "docs/trials",
         "ARCHITECTURE",
         "CONTRIBUTING",
         "CHANGELOG",
@@ -93,7 +85,6 @@ def pages() -> list[str]:
 def subpages() -> dict[str, list[str]]:
     """Return the pages that are listed below another page, by the page that lists them."""
     below: dict[str, list[str]] = {
-        "docs/decisions": [],
         "docs/gallery": ["examples/README"],
         "docs/notebooks/README": [],
         "contrib/README": [],
