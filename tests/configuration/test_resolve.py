@@ -85,15 +85,17 @@ def test_faults_of_names_and_options_are_reported_together(own):
         assert word in line
 
 
-@pytest.mark.parametrize("preset", ["embedded", "mock"])
-def test_a_third_party_with_the_names_of_a_preset_does_not_break_the_preset(site, preset):
+@pytest.mark.parametrize(
+    ("preset", "owner"), [("embedded", "metricbody-embedded"), ("mock", "metricbody-testing")]
+)
+def test_a_third_party_with_the_names_of_a_preset_does_not_break_the_preset(site, preset, owner):
     for interface in INTERFACES:
         site.offer(f"physic-mine-{interface.replace('_', '-')}", interface, preset)
     chosen = resolve(load_config(preset=preset)).backends
-    assert {r.provenance.distribution for r in chosen.values()} == {f"physic-{preset}"}
+    assert {r.provenance.distribution for r in chosen.values()} == {owner}
     assert {r.provenance.backend for r in chosen.values()} == {preset}
     # Only who uses the bare name has to choose.
-    owners = sorted((f"physic-{preset} 0.1.0", "physic-mine-inpainter 1.0"))
+    owners = sorted((f"{owner} 0.1.0", "physic-mine-inpainter 1.0"))
     names = [f"{owner.partition(' ')[0]}:{preset}" for owner in owners]
     message = refusal(load_config(preset=preset, overrides=[f"inpainter.backend={preset}"]))
     assert f"write '{names[0]}' or '{names[1]}' to choose" in message

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import io
 import zipfile
 
 import pytest
 
-from physic_core.errors import OutputError
 from physic_core.weights import WeightFile, locate, read_manifest
 from physic_setup.fetch import fetch
 
@@ -38,49 +36,12 @@ def test_a_file_is_fetched_once_and_found_by_its_name(server, own_cache, add_lis
     assert left(own_cache) == ["net/model.onnx"]
 
 
-def test_only_missing_files_of_a_set_are_fetched(server, own_cache):
-    both = weights(
-        WeightFile("a.onnx", source=server.add("/a", b"a")),
-        WeightFile("deep/b.onnx", source=server.add("/b", b"b")),
-    )
-    write(own_cache / "net" / "a.onnx", b"mine")
-    assert fetch(both) == ("deep/b.onnx",)
-    assert (own_cache / "net" / "a.onnx").read_bytes() == b"mine"
-    assert (own_cache / "net" / "deep" / "b.onnx").read_bytes() == b"b"
-
-
-def test_a_copy_that_fails_leaves_nothing_and_says_what_to_do(
-    server, own_cache, tmp_path, monkeypatch
-):
-    chosen = one(server.add("/model.onnx", CONTENT))
-    fetch(chosen)
-
-    def full(_, target):
-        target.write_bytes(CONTENT[:100])
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr("shutil.copyfile", full)
-    with pytest.raises(OutputError, match="free space"):
-        fetch(chosen, to=tmp_path / "to")
-    assert left(tmp_path / "to") == []
-
-
 def test_a_lost_connection_leaves_nothing(server, own_cache):
     url = server.add("/model.onnx", CONTENT, cut=262_144)
     assert refusal(one(url)).startswith(url)
     assert left(own_cache) == []
     fetch(one(url))
     assert left(own_cache) == ["net/model.onnx"]
-
-
-def test_ctrl_c_leaves_no_part_of_a_file(server, own_cache, monkeypatch):
-    def interrupt(*arguments, **settings):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("shutil.move", interrupt)
-    with pytest.raises(KeyboardInterrupt):
-        fetch(one(server.add("/model.onnx", CONTENT)))
-    assert left(own_cache) == []
 
 
 @pytest.mark.parametrize("code", [401, 404, 500])
@@ -142,14 +103,6 @@ def test_names_inside_a_zip_cannot_leave_the_folder(server, own_cache, tmp_path)
     before = left(tmp_path)
     assert fetch(weights(WeightFile("model.onnx", source=f"{url}#a"))) == ("model.onnx",)
     assert left(tmp_path) == sorted([*before, "cache/physic/weights/net/model.onnx"])
-
-
-def test_a_member_that_is_not_in_the_zip_is_an_error(server, own_cache):
-    url = server.add("/all.zip", zipped(b=b"b", c=b"c"))
-    assert "0 files a" in refusal(weights(WeightFile("a", source=f"{url}#a")))
-    assert left(own_cache) == []
-    server.add("/all.zip", zipped(a=b"a"))  # mended
-    assert fetch(weights(WeightFile("a", source=f"{url}#a"))) == ("a",)
 
 
 def test_a_download_that_is_no_zip_is_reported_and_removed(server, own_cache):

@@ -95,16 +95,6 @@ def test_a_set_of_one_repository_comes_into_the_librarys_cache(hub, add_list, ow
     assert len(hub.server.asked) == asked
 
 
-def test_files_at_other_paths_of_a_repository_go_into_our_folder(hub, own_cache):
-    both = weights(
-        WeightFile("encoder.onnx", source=hub.add("v2/enc.onnx", CONTENT)),
-        WeightFile("decoder.onnx", source=hub.add("dec.onnx", CONFIG, repository="owner/other")),
-    )
-    assert fetch(both) == ("encoder.onnx", "decoder.onnx")
-    assert left(own_cache) == ["net/decoder.onnx", "net/encoder.onnx"]
-    assert fetch(both) == ()
-
-
 def test_files_in_several_places_are_gathered_without_a_network(hub, own_cache, server, add_list):
     one = {"path": "encoder.onnx", "source": hub.add("encoder.onnx", CONTENT)}
     other = {
@@ -117,16 +107,6 @@ def test_files_in_several_places_are_gathered_without_a_network(hub, own_cache, 
     folder = add_list("net", one, other)
     assert fetch(read_manifest(folder)["net"]) == ("encoder.onnx", "decoder.onnx")
     assert locate(folder, "net") == own_cache / "net"
-
-
-def test_a_chosen_folder_gets_copies_from_the_librarys_cache(hub, tmp_path):
-    chosen = weights(WeightFile("model.onnx", source=hub.add("model.onnx", CONTENT)))
-    fetch(chosen)
-    asked = len(hub.server.asked)
-    assert fetch(chosen, to=tmp_path / "stick") == ("model.onnx",)
-    assert (tmp_path / "stick" / "net" / "model.onnx").read_bytes() == CONTENT
-    assert not (tmp_path / "stick" / "net" / "model.onnx").is_symlink()
-    assert len(hub.server.asked) == asked
 
 
 @pytest.mark.parametrize("to", [None, "stick"])

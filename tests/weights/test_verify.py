@@ -67,30 +67,6 @@ def test_a_file_of_another_size_is_refused_without_reading_it(folder, model, mon
     assert "is not the published file: it has 6999 bytes instead of 7000: " in refusal(folder)
 
 
-def test_a_file_is_read_once_in_a_process_until_it_changes(folder, model, monkeypatch):
-    reads = []
-    compute = hashlib.file_digest
-    monkeypatch.setattr(
-        hashlib, "file_digest", lambda *given: reads.append(given) or compute(*given)
-    )
-    for _ in range(3):
-        locate(folder, "net")
-    assert len(reads) == 1
-    flip_bit(model)
-    assert "is not the published file" in refusal(folder)
-
-
-def test_a_link_to_another_file_is_compared_again(folder, model, tmp_path):
-    good, other = (write(tmp_path / name, CONTENT) for name in ("good", "other"))
-    flip_bit(other)
-    model.unlink()
-    model.symlink_to(good)
-    assert locate(folder, "net") == model
-    model.unlink()
-    model.symlink_to(other)
-    assert "is not the published file" in refusal(folder)
-
-
 def test_looking_for_files_reads_none(folder, model, monkeypatch):
     monkeypatch.setattr(hashlib, "file_digest", None)
     assert missing(folder, "net") == ()

@@ -1,15 +1,9 @@
 """Networks that see one person or hand at a time: crop a box at the input size, and decode joints
 from the output.
 
-Boxes are half open, integer coordinates are pixel centres (:mod:`physic_core.types`). Networks
-differ in how they align the box with the pixel grid of their input. A wrong choice shifts the
-result by half a pixel:
-
-- "corners": the centres of the first and last pixel are on the edges of the box (unbiased data
-  processing, ViTPose with 17 joints);
-- "halves": the centre of the box is pixel coordinate (width / 2, height / 2) (MMPose's affine,
-  RTMPose, ViTPose with 133 joints; HMR 2.0, WiLoR);
-- "areas": pixels are cells that tile the box (as in resampling with half-pixel centres).
+Boxes are half open, integer coordinates are pixel centres (:mod:`physic_core.types`). The centre of
+a box is pixel coordinate (width / 2, height / 2) of its crop, as in MMPose's affine, HMR 2.0 and
+WiLoR; with another grid results shift by half a pixel.
 
 Decoded points are in px of the network's own grid; :class:`Crop` maps them to the photo.
 """
@@ -17,14 +11,12 @@ Decoded points are in px of the network's own grid; :class:`Crop` maps them to t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, UInt8Array
-
-PixelAlignment = Literal["corners", "halves", "areas"]
 
 
 @dataclass(frozen=True)
@@ -87,7 +79,6 @@ def crop_around_box(
     height: int,
     *,
     padding: float = 1.25,
-    grid: PixelAlignment,
     mirrored: bool = False,
 ) -> Crop:
     """Return the mapping of a crop of ``width`` x ``height`` px around a box, without distortion.
@@ -97,25 +88,14 @@ def crop_around_box(
         width: columns of the crop, px of the crop itself.
         height: rows of the crop, px of the crop itself.
         padding: size of the region relative to the box.
-        grid: alignment of the region with the pixel grid of the crop.
         mirrored: exchange left and right about the centre of the region.
-
-    Raises:
-        ValueError: ``grid`` is none of :data:`PixelAlignment`.
     """
-    if grid not in get_args(PixelAlignment):
-        raise ValueError(f"grid must be one of {', '.join(get_args(PixelAlignment))}; got {grid!r}")
     middle, size = padded_region(box, width / height, padding)
     cells = np.array([width, height], np.float64)
-    if grid == "corners":
-        step = size / (cells - 1)
-        centre = (cells - 1) / 2
-    else:
-        step = size / cells
-        centre = cells / 2 if grid == "halves" else (cells - 1) / 2
+    step = size / cells
     if mirrored:
         step = step * np.array([-1.0, 1.0])
-    origin = middle - step * centre
+    origin = middle - step * cells / 2
     return Crop(
         (float(origin[0]), float(origin[1])), (float(step[0]), float(step[1])), width, height
     )
@@ -219,7 +199,7 @@ def subpixel_peaks(heatmaps: FloatArray) -> tuple[FloatArray, FloatArray]:
     return cells + np.where(near[..., None], step, 0.0), value
 
 
-def scores_to_confidence(scores: FloatArray, full: float = 1.0) -> FloatArray:
-    """Divide scores by ``full`` and clip them to [0, 1]; NaN becomes 0."""
-    found: FloatArray = np.clip(np.nan_to_num(scores / full, nan=0.0), 0.0, 1.0)
+def scores_to_confidence(scores: FloatArray) -> FloatArray:
+    """Clip scores to [0, 1]; NaN becomes 0."""
+    found: FloatArray = np.clip(np.nan_to_num(scores, nan=0.0), 0.0, 1.0)
     return found

@@ -76,6 +76,4 @@ class TopDownBackend(OnnxBackend, KeypointDetector):
 
 def _crops(people: People, rows: int, columns: int) -> list[Crop]:
     """Return the grids of these rows and columns over the people's boxes."""
-    return [
-        crop_around_box(box, columns, rows, padding=_PADDING, grid="halves") for box in people.boxes
-    ]
+    return [crop_around_box(box, columns, rows, padding=_PADDING) for box in people.boxes]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -98,16 +97,6 @@ def test_depth_and_focal_length_are_recovered_whatever_camera_is_guessed(infer, 
     height, width = world.depth.shape
     assert (camera.cx, camera.cy) == ((width - 1) / 2, (height - 1) / 2)
     assert camera.source == "MoGe-2"
-
-
-@pytest.mark.parametrize("source", ["", "EXIF"])
-def test_point_map_leaves_the_unit_to_the_metric_depth_and_keeps_a_given_camera(infer, source):
-    world = load_world("stand_indoors", (320, 240))
-    given = replace(world.intrinsics, source=source) if source else None
-    found = infer(Moge2Pointmap, world, Hints(intrinsics=given), people=True)
-    np.testing.assert_allclose(found.points * UNIT, world.points(people=True), rtol=1e-4, atol=1e-4)
-    assert found.unknown == "scale"
-    assert given is None or found.intrinsics == given
 
 
 def test_sky_is_not_a_surface(infer):

@@ -244,7 +244,7 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
 
     def _crop(self, image: UInt8Array, box: FloatArray) -> FloatArray:
         """Crop and normalise a person: (1, 3, 256, 256), black outside the image."""
-        crop = crop_around_box(box, SIDE, SIDE, padding=self.options.margin, grid="halves")
+        crop = crop_around_box(box, SIDE, SIDE, padding=self.options.margin)
         return normalized_nchw(
             _reorder_channels(resample_crop(image, crop), self.options.channels),
             IMAGENET_MEAN,

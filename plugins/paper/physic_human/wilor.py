@@ -117,8 +117,6 @@ class Wilor(CheckoutBackend, HandEstimator):
 
     def _hand_input(self, image: UInt8Array, box: FloatArray, *, mirrored: bool) -> FloatArray:
         """Crop a hand to (256, 256, 3) grey levels in BGR, which the network reorders itself."""
-        crop = crop_around_box(
-            box, _SIDE, _SIDE, padding=self.options.margin, grid="halves", mirrored=mirrored
-        )
+        crop = crop_around_box(box, _SIDE, _SIDE, padding=self.options.margin, mirrored=mirrored)
         shown = resample_crop(image, crop, sigma=antialias_sigma(crop))
         return np.asarray(shown if self.options.swap_channels else shown[..., ::-1], np.float32)

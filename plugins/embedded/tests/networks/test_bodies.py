@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
-from scipy.spatial.transform import Rotation
 
 from physic_core.body import load_body
 from physic_core.body.joints import JOINT_INDEX, JOINT_NAMES
@@ -16,19 +15,9 @@ from physic_networks.bodies import (
     joints_from_mhr70,
     observed_joints,
     parameters_from_rotvecs,
-    to_rotvecs,
 )
 from physic_testing import violations
 from physic_testing.worlds import load_world
-
-
-def test_a_matrix_that_is_no_rotation_becomes_nan():
-    matrices = np.stack(
-        [np.eye(3), np.diag([-1.0, 1, 1]), np.zeros((3, 3)), np.full((3, 3), np.nan)]
-    )[None]
-    found = to_rotvecs(matrices, 4)[0]
-    np.testing.assert_array_equal(np.isnan(found).any(axis=1), [False, True, True, True])
-
 
 RNG = np.random.default_rng(0)
 POSE = RNG.normal(0, 0.4, (2, 24, 3))
@@ -47,20 +36,6 @@ def test_joints_0_to_21_keep_their_rotations_and_the_hands_are_dropped():
     assert bodies.body_model == "smpl"
     assert bodies.joints is None
     assert violations(BodyEstimator, bodies, people=2) == []
-
-
-def test_rotations_may_be_matrices_or_flat_vectors():
-    matrices = Rotation.from_rotvec(POSE.reshape(-1, 3)).as_matrix().reshape(2, 24, 3, 3)
-    for given in (matrices, POSE.reshape(2, 72)):
-        np.testing.assert_allclose(to_rotvecs(given, 24), POSE, atol=1e-9)
-
-
-def test_joints_that_smpl_has_not_are_not_numbers():
-    joints = RNG.normal(0, 1, (2, 24, 3))
-    bodies = bodies_from_smpl(POSE, BETAS, PLACE, joints=joints)
-    assert bodies.joints is not None
-    np.testing.assert_allclose(bodies.joints[:, :22], joints[:, :22], atol=1e-6)
-    assert np.isnan(bodies.joints[:, 22:]).all()
 
 
 def test_parameters_of_all_55_joints_land_in_their_fields():
@@ -145,9 +120,3 @@ def test_neighbouring_joints_are_observed_together():
 def test_points_outside_of_the_image_are_not_seen():
     assert seen("coco17", places={"left_knee": (50.0, 99.6)}) == {"left_knee"}
     assert seen("coco17", places={"left_knee": (-0.4, 99.4)}) == set()
-
-
-def test_fingers_need_half_of_their_points():
-    hand = list(SKELETONS["coco_wholebody133"].names[112:133])
-    assert "right_index1" in seen("coco_wholebody133", *hand[:11])
-    assert "right_wrist" not in seen("coco_wholebody133", *hand)

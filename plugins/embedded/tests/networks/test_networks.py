@@ -10,18 +10,15 @@ import pytest
 import torch
 from pydantic import Field
 
-from physic_core.errors import BackendError, DeviceError, WeightsMissingError
+from physic_core.errors import BackendError, WeightsMissingError
 from physic_core.interfaces import GpuMemory, MetricDepth, Options
 from physic_core.types import DepthMap, Hints
 from physic_networks.networks import (
     NetworkBackend,
     TorchBackend,
     TorchOptions,
-    picture_tensor,
     run_in_batches,
-    to_numpy,
 )
-from physic_networks.pictures import IMAGENET_MEAN, IMAGENET_STD, normalized_nchw
 
 PHOTO = np.random.default_rng(0).integers(0, 256, (40, 60, 3), np.uint8)
 
@@ -93,15 +90,6 @@ def test_a_backend_is_preprocess_network_and_postprocess(own, tmp_path):
         backend.infer(PHOTO, Hints())
 
 
-def test_torch_backends_refuse_a_device_that_is_not_there():
-    class Net(TorchBackend, MetricDepth):
-        def build(self, device):
-            raise AssertionError("opened on a device that is not there")
-
-    with pytest.raises(DeviceError):
-        Net().load("cuda:99")
-
-
 class HalfOptions(TorchOptions):
     weights: str = Field("net", description="a name or a path")
 
@@ -148,23 +136,3 @@ def test_batches_are_joined_in_order(full):
 def test_a_network_that_does_not_keep_its_batch_is_an_error():
     with pytest.raises(BackendError, match="batch"):
         run_in_batches(lambda part: [part["x"][:1]], {"x": np.zeros((3, 2))}, 3)
-
-
-def test_answers_of_nan_are_a_failed_network():
-    """Of scores that are NaN, none is above a threshold: people would be missing in silence."""
-    with pytest.raises(BackendError, match="without one finite number"):
-        to_numpy(torch.full((1, 900), torch.nan, dtype=torch.float16))
-    partly = to_numpy(torch.tensor([torch.nan, 1.0]))
-    np.testing.assert_array_equal(partly, np.float32([np.nan, 1]))
-    assert np.isnan(to_numpy(torch.tensor([torch.nan]))).all(), "a single number may be unknown"
-
-
-def test_pictures_are_normalised_as_on_numpy_and_resized_as_by_torch():
-    pictures = np.stack([PHOTO, PHOTO[::-1]])
-    planes = [normalized_nchw(picture, IMAGENET_MEAN, IMAGENET_STD) for picture in pictures]
-    theirs = torch.nn.functional.interpolate(
-        torch.from_numpy(np.concatenate(planes)), (24, 32), mode="bilinear", align_corners=False
-    )
-    found = picture_tensor(pictures, IMAGENET_MEAN, IMAGENET_STD, size=(24, 32))
-    np.testing.assert_allclose(found, theirs, atol=1e-5)
-    np.testing.assert_allclose(picture_tensor(PHOTO), normalized_nchw(PHOTO), atol=1e-6)

@@ -67,14 +67,6 @@ def test_where_masks_are_bool_a_pixel_goes_to_the_better_score():
         assert people.masks.sum((1, 2)).tolist() == areas
 
 
-def test_boxes_are_half_open():
-    people = people_from_masks([rectangle(1, 4, 2, 8) > 0], None, np.ones(1), size=SIZE)
-    assert people.boxes.tolist() == [[2, 1, 8, 4]]
-    x0, y0, x1, y1 = people.boxes[0].astype(int)
-    assert people.masks[0][y0:y1, x0:x1].all()
-    assert people.masks[0].sum() == (x1 - x0) * (y1 - y0)
-
-
 def test_people_without_pixels_are_dropped_and_the_best_score_comes_first():
     masks = [rectangle(0, 2, 0, 2), rectangle(0, 0, 0, 0), rectangle(4, 6, 4, 6)]
     joints = Keypoints(np.arange(6.0).reshape(3, 1, 2), np.ones((3, 1)), "one")
@@ -83,21 +75,6 @@ def test_people_without_pixels_are_dropped_and_the_best_score_comes_first():
     assert people.masks[0][5, 5]
     assert people.keypoints is not None
     assert people.keypoints.points[:, 0, 0].tolist() == [4, 0]
-
-
-def test_pixels_of_people_are_removed_from_the_floor():
-    floor = np.ones(SIZE, bool)
-    people = people_from_masks([rectangle(0, 2, 0, 2)], None, np.ones(1), floor, size=SIZE)
-    assert people.floor is not None
-    assert (people.floor == ~people.masks[0]).all()
-    assert floor.all(), "the argument stays as it was"
-
-
-def test_a_mask_does_not_reach_far_out_of_its_box():
-    people = people_from_masks(
-        [np.ones(SIZE, bool)], np.array([[0.0, 0, 4, 4]]), np.ones(1), size=SIZE
-    )
-    assert people.boxes.tolist() == [[0, 0, 5, 5]]
 
 
 @given(

@@ -9,17 +9,12 @@ from hypothesis import strategies as st
 from scipy.ndimage import map_coordinates
 
 from physic_networks.top_down import (
-    Crop,
-    antialias_sigma,
     crop_around_box,
     heatmap_peaks,
     padded_region,
     resample_crop,
     subpixel_peaks,
 )
-
-GRIDS = ("corners", "halves", "areas")
-BOX = np.array([40.0, 30.0, 100.0, 190.0])
 
 
 def cut_by_scipy(image, crop):
@@ -38,43 +33,26 @@ def test_a_tall_box_is_widened_and_a_wide_box_heightened():
     assert middle.tolist() == [19.5, 69.5]
     assert size.tolist() == [75.0, 100.0]
     assert padded_region(np.array([0.0, 0.0, 90.0, 60.0]), 0.75, 1.25)[1].tolist() == [112.5, 150.0]
+    crop = crop_around_box(np.array([10.0, 20.0, 30.0, 120.0]), 192, 256, padding=1.0)
+    np.testing.assert_allclose(crop.to_photo(np.array([96.0, 128.0])), middle)
+    np.testing.assert_allclose(crop.to_photo(np.array([0.0, 0.0])), middle - size / 2)
 
 
-def test_an_unknown_grid_is_refused():
-    with pytest.raises(ValueError, match="'centers'"):
-        crop_around_box(BOX, 192, 256, grid="centers")
-
-
-def test_each_grid_puts_the_box_where_its_networks_learned_it():
-    middle, size = padded_region(BOX, 0.75, 1.25)
-    corners, halves, areas = (crop_around_box(BOX, 192, 256, grid=grid) for grid in GRIDS)
-    assert np.allclose(
-        corners.to_photo(np.array([[0.0, 0.0], [191.0, 255.0]])),
-        [middle - size / 2, middle + size / 2],
-    )
-    assert np.allclose(halves.to_photo(np.array([96.0, 128.0])), middle)
-    assert np.allclose(halves.to_photo(np.array([0.0, 0.0])), middle - size / 2)
-    assert np.allclose(areas.to_photo(np.array([-0.5, -0.5])), middle - size / 2)
-    assert np.allclose(areas.to_photo(np.array([191.5, 255.5])), middle + size / 2)
-
-
-@pytest.mark.parametrize("grid", GRIDS)
 @given(
     box=st.tuples(*[st.floats(-50, 300)] * 2, *[st.floats(2, 400)] * 2),
     points=st.lists(st.tuples(st.floats(-500, 500), st.floats(-500, 500)), min_size=1, max_size=5),
     mirrored=st.booleans(),
 )
-def test_points_of_the_crop_map_back_to_the_photo(grid, box, points, mirrored):
+def test_points_of_the_crop_map_back_to_the_photo(box, points, mirrored):
     corners = np.array([box[0], box[1], box[0] + box[2], box[1] + box[3]])
-    crop = crop_around_box(corners, 192, 256, grid=grid, mirrored=mirrored)
+    crop = crop_around_box(corners, 192, 256, mirrored=mirrored)
     assert np.allclose(crop.to_photo(crop.to_crop(np.array(points))), points, atol=1e-6)
 
 
-@pytest.mark.parametrize("grid", GRIDS)
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_cutting_equals_its_reference(grid, mirrored):
+def test_cutting_equals_its_reference(mirrored):
     image = np.random.default_rng(1).integers(0, 256, (40, 50, 3), np.uint8)
-    crop = crop_around_box(np.array([-5.0, 4.0, 30.0, 45.0]), 24, 32, grid=grid, mirrored=mirrored)
+    crop = crop_around_box(np.array([-5.0, 4.0, 30.0, 45.0]), 24, 32, mirrored=mirrored)
     apart = np.abs(resample_crop(image, crop) - cut_by_scipy(image, crop))
     # OpenCV rounds places to 1/32 of a pixel.
     assert apart.max() < 255 / 32 * 2 + 1
@@ -83,7 +61,7 @@ def test_cutting_equals_its_reference(grid, mirrored):
 
 def test_a_blur_keeps_grey_grey_and_takes_stripes_away():
     grey = np.full((40, 40, 3), 90, np.uint8)
-    crop = crop_around_box(np.array([5.0, 5.0, 35.0, 35.0]), 10, 10, padding=1.0, grid="areas")
+    crop = crop_around_box(np.array([5.0, 5.0, 36.0, 36.0]), 10, 10, padding=1.0)
     assert (resample_crop(grey, crop, sigma=2.0) == 90).all()
     stripes = np.zeros((40, 40, 3), np.uint8)
     stripes[:, ::2] = 200
@@ -92,11 +70,6 @@ def test_a_blur_keeps_grey_grey_and_takes_stripes_away():
         < 6
         < np.ptp(resample_crop(stripes, crop).astype(int))
     )
-
-
-def test_the_blur_before_a_reduction_is_that_of_hmr_2():
-    for step, sigma in ((1.0, 0.0), (2.2, 0.0), (4.0, 0.5), (-10.0, 2.0)):
-        assert antialias_sigma(Crop((0.0, 0.0), (step, abs(step)), 8, 8)) == pytest.approx(sigma)
 
 
 def gaussians(points, height, width, sigma, high=0.9):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.errors import BackendError
 from physic_core.types import Hints, Intrinsics, Keypoints, People
 from physic_human.camerahmr import CameraHmr, CameraHmrOptions
 from physic_testing.body_files import smpl_arrays
@@ -110,14 +109,6 @@ def test_the_network_gets_squares_of_the_longer_side_and_the_given_camera(made):
     )
 
 
-def test_channels_can_be_exchanged_and_pixels_outside_of_the_photo_are_black(made):
-    backend = made(channels="bgr")
-    who = People(np.zeros((1, 200, 300), bool), np.array([[0.0, 150, 60, 200]]), np.ones(1))
-    backend.infer(PLAIN, who, CAMERA, NUM_KEYPOINTS, Hints())
-    crop = normalised_back(backend.network[0].seen[0]["img"][0])
-    np.testing.assert_allclose(crop[[128, 250], 128], [[10, 100, 200], [0, 0, 0]], atol=0.6)
-
-
 def test_bodies_are_seen_where_the_crop_has_them(made, smpl_file):
     bodies = ask(made())
     place = bodies.parameters.transl[0]
@@ -152,8 +143,3 @@ def test_its_estimated_focal_length_reaches_the_network_and_does_not_move_the_bo
     np.testing.assert_allclose(seen[10, 128], 255, atol=0.6)  # letterboxed on white
     crop = normalised_back(backend.network[0].seen[0]["img"][0])
     np.testing.assert_allclose(crop[128, 128], [200, 100, 10], atol=0.6)
-
-
-def test_a_field_of_view_that_is_none_is_refused(made):
-    with pytest.raises(BackendError, match="field of view of 0 rad"):
-        ask(made(focal="own", camera_gain=0.0))

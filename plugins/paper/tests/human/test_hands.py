@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import os
 import pickle
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -39,14 +38,6 @@ def test_the_21_points_of_a_hand_give_its_box():
     assert not len(hand_boxes(given, least_confidence=0.9))
 
 
-def test_all_confidences_of_a_hand_count_in_its_mean():
-    """As in the code of the PhySIC paper, which lowers no confidence before it chooses hands."""
-    # without those below 0.5 the mean is 0.68
-    _, given = keypoints({"left": (50, 80, 90, 140)}, confidence=[0.95] * 15 + [0.3] * 6)
-    found = hand_boxes(given, least_confidence=0.7).confidence
-    np.testing.assert_allclose(found, [0.764], atol=1e-3)
-
-
 def test_a_hand_is_beyond_the_wrist_where_only_arms_are_known():
     for skeleton, count, arm in (("coco17", 17, (6, 8, 10)), ("blazepose33", 33, (12, 14, 16))):
         given = blank(skeleton, count)
@@ -56,14 +47,6 @@ def test_a_hand_is_beyond_the_wrist_where_only_arms_are_known():
         assert found.is_right.tolist() == [True]
         np.testing.assert_allclose(found.boxes[0], [196, -37, 271, 38])
         np.testing.assert_allclose(found.confidence, [0.7])
-
-
-def test_a_forearm_towards_the_camera_does_not_make_a_small_hand():
-    given = blank("coco17", 17)
-    given.points[0, [5, 7, 9]] = [[0, 0], [0, 100], [0, 110]]
-    given.confidence[0, [5, 7, 9]] = 1.0
-    box = hand_boxes(given).boxes[0]
-    np.testing.assert_allclose(box[2] - box[0], 0.75 * 90)
 
 
 @pytest.fixture
@@ -103,12 +86,6 @@ def test_left_comes_first_and_is_mirrored_back():
     )
     np.testing.assert_allclose(hands.confidence, [[0, 0], [0.8, 0.9]], atol=1e-6)
     assert violations(HandEstimator, hands, people=2) == []
-
-
-def test_the_hand_with_the_higher_confidence_counts():
-    same = replace(BOTH, is_right=np.array([True, True]), confidence=np.array([0.9, 0.3]))
-    hands = hands_from_mano(2, same, FINGERS, TURNED_WRISTS)
-    np.testing.assert_allclose(hands.rotvecs[1, 1], FINGERS[0], atol=1e-6)
 
 
 def test_a_hand_that_is_not_a_number_was_not_found():
@@ -205,14 +182,6 @@ def wilor(make_wilor):
     return backend
 
 
-def test_wilor_can_repeat_the_papers_exchange_of_channels(make_wilor):
-    backend = make_wilor(swap_channels=True)
-    backend.load()
-    image = np.full((200, 300, 3), [200, 100, 10], np.uint8)
-    backend.infer(image, *keypoints({"right": [100, 80, 140, 120]}))
-    np.testing.assert_allclose(backend.network.seen[0][0, 128, 128], [200, 100, 10], atol=1)
-
-
 def test_left_hands_are_mirrored_for_the_network_and_back(wilor):
     picture = coordinates(200, 300)
     hands = wilor.infer(
@@ -224,26 +193,6 @@ def test_left_hands_are_mirrored_for_the_network_and_back(wilor):
         np.testing.assert_allclose(place.at(0.5), middle, atol=0.8)
         np.testing.assert_allclose(np.abs(place.step) * 256, 2.5 * 40, rtol=0.01)
     np.testing.assert_allclose(hands.wrists[0], [[0.2, -0.2, -0.2], [0.2, 0.2, 0.2]], atol=1e-6)
-
-
-def test_large_hands_are_blurred_before_downsampling(wilor):
-    stripes = np.zeros((1300, 1300, 3), np.uint8)
-    stripes[:, ::2] = 255
-    wilor.infer(stripes, *keypoints({"right": [350, 350, 950, 950]}))
-    seen = wilor.network.seen[0][0][60:200, 60:200]
-    # 1500 px become 256: a blur of 0.96 px beforehand leaves next to nothing of stripes of one
-    # pixel.
-    assert seen.std() < 6
-    assert abs(seen.mean() - 127.5) < 2
-
-
-def test_another_wilor_is_recognised_by_its_output(make_wilor):
-    backend = make_wilor(
-        WILOR[: WILOR.index("        return {")] + "        return pose, turned, None\n"
-    )
-    backend.load()
-    with pytest.raises(BackendError, match="WiLoR-mini's network returned tuple"):
-        backend.infer(np.zeros((200, 300, 3), np.uint8), *keypoints({"left": [60, 80, 100, 110]}))
 
 
 def test_a_checkpoint_with_objects_is_read_only_if_trusted(

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import pickle
 import sys
-import threading
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +11,9 @@ import pytest
 import torch
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.errors import BackendError, DeviceError, WeightsMissingError
+from physic_core.errors import BackendError, DeviceError
 from physic_core.types import Hints, Intrinsics, Keypoints, People
-from physic_human.sam3d_body import Sam3dBody, Sam3dBodyOptions, guarded_torch
+from physic_human.sam3d_body import Sam3dBody, Sam3dBodyOptions
 from physic_networks.networks import TorchBackend
 
 from .conftest import reading
@@ -224,19 +222,6 @@ def test_dinov3_comes_from_the_named_folder_and_nothing_is_fetched(make_sam, stu
     assert sam.fingerprint() != make_sam("dinov3_vith16plus").fingerprint()
 
 
-def test_without_a_folder_for_dinov3_nothing_is_loaded(make_sam, monkeypatch, tmp_path):
-    monkeypatch.setattr(torch.hub, "load", lambda *_, **__: pytest.fail("it asks the hub"))
-    before = torch.hub.load, torch.load
-    sam = make_sam("dinov3_vith16plus")
-    assert any("set dinov3_checkout" in line for line in sam.missing())
-    with pytest.raises(WeightsMissingError, match="set dinov3_checkout"):
-        TorchBackend.load(sam)
-    assert not any("dinov3" in line for line in make_sam().missing())
-    assert (torch.hub.load, torch.load) == before
-    other = make_sam("dinov3_vith16plus", dinov3_checkout=str(tmp_path))
-    assert "dinov3/hub/backbones.py" in "\n".join(other.missing())
-
-
 @pytest.mark.parametrize("encoder", [{}, {"backbone.encoder.cls_token": torch.zeros(1, 1, 3)}])
 def test_weights_missing_in_the_checkpoint_are_not_initialised_randomly(encoder, load_sam, stub):
     """Its code goes on with random ones, and another version of DINOv3 has other names."""
@@ -255,16 +240,6 @@ def test_other_parameters_that_the_checkpoint_lacks_are_a_warning(make_sam, capl
     )
 
 
-def test_other_code_is_not_fetched_either(stub, make_sam, monkeypatch):
-    monkeypatch.setattr(torch.hub, "load", lambda *_, **__: pytest.fail("it asks the hub"))
-    stub(
-        "sam",
-        {"sam_3d_body/__init__.py": CHECKOUT.replace("facebookresearch/dinov3", "somebody/else")},
-    )
-    with pytest.raises(BackendError, match="code of somebody/else"):
-        make_sam("dinov3_vith16plus").build("cpu")
-
-
 def test_a_checkpoint_with_objects_is_read_only_if_trusted(load_sam):
     """Its code reads them whatever they hold."""
     held = {"state_dict": {"gain": torch.ones(1)}, "hyper_parameters": Path("x")}
@@ -272,22 +247,6 @@ def test_a_checkpoint_with_objects_is_read_only_if_trusted(load_sam):
         load_sam(held=held)
     trusting = load_sam(held=held, trust_checkpoint=True)
     assert trusting.network.model.held["hyper_parameters"] == Path("x")
-
-
-def test_other_threads_load_as_usual_while_one_is_guarded(tmp_path):
-    torch.save({"a": Path("x")}, tmp_path / "objects.pt")
-    found = []
-    with guarded_torch(lambda *_: "guarded", trusted=False):
-        assert torch.hub.load("any", "thing") == "guarded"
-        with pytest.raises(pickle.UnpicklingError):
-            torch.load(tmp_path / "objects.pt", weights_only=False)
-        other = threading.Thread(
-            target=lambda: found.append(torch.load(tmp_path / "objects.pt", weights_only=False))
-        )
-        other.start()
-        other.join()
-    assert found == [{"a": Path("x")}]
-    assert torch.load(tmp_path / "objects.pt", weights_only=False) == {"a": Path("x")}
 
 
 @pytest.mark.parametrize("device", ["cuda", "cuda:1"])

@@ -12,7 +12,6 @@ import torch
 
 from physic_core.types import Hints
 from physic_transformers import depth_pro, grounded_sam2
-from physic_transformers.models import size_from_edges
 
 SIZES = [(480, 640), (1080, 1920), (97, 131), (120, 900)]
 """Height and width."""
@@ -38,15 +37,6 @@ class TestGroundingDino:
         ours = grounded_sam2.detector_pixels(image)
         assert ours.shape == theirs.shape
         np.testing.assert_allclose(ours, theirs, atol=2e-6)
-
-    def test_sizes_are_those_of_the_library_everywhere(self):
-        from transformers.image_transforms import get_size_with_aspect_ratio
-
-        rng = np.random.default_rng(0)
-        for height, width in rng.integers(8, 3000, (400, 2)).tolist():
-            assert size_from_edges(height, width, 800, 1333) == get_size_with_aspect_ratio(
-                (height, width), 800, 1333
-            )
 
     def test_boxes_scores_and_words_are_those_of_the_library(self, saved):
         from transformers import AutoTokenizer, GroundingDinoProcessor

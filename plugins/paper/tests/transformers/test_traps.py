@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
 import sys
 from contextlib import nullcontext
 from pathlib import Path
@@ -13,7 +11,7 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.errors import BackendError, DeviceError, NoPersonError
+from physic_core.errors import DeviceError, NoPersonError
 from physic_core.interfaces import INTERFACES
 from physic_core.types import CameraTrust, Hints, Intrinsics, PeoplePrompt
 from physic_testing import violations
@@ -95,49 +93,6 @@ class TestWithoutTorchvision:
         assert capfd.readouterr() == ("", "")
 
 
-LOAD = """
-import sys
-from pathlib import Path
-from physic_transformers.depth_pro import DepthPro
-backend = DepthPro()
-backend.file = lambda name=None, option="weights": Path(sys.argv[1])
-try:
-    backend.load()
-except Exception as error:
-    print(type(error).__name__, error)
-"""
-
-
-@pytest.mark.slow
-def test_a_torchvision_that_does_not_fit_torch_is_named(saved, tmp_path):
-    """The library imports it where it is installed, and then says that its own class is missing."""
-    for folder, file, text in (
-        (
-            "torchvision",
-            "__init__.py",
-            "raise RuntimeError('operator torchvision::nms does not exist')",
-        ),
-        (
-            "torchvision-0.28.0.dist-info",
-            "METADATA",
-            "Metadata-Version: 2.1\nName: torchvision\nVersion: 0.28.0\n",
-        ),
-    ):
-        (tmp_path / folder).mkdir()
-        (tmp_path / folder / file).write_text(text)
-    done = subprocess.run(
-        [sys.executable, "-c", LOAD, str(saved("depth_pro"))],
-        env=os.environ | {"PYTHONPATH": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert "BackendError" in done.stdout
-    assert "torchvision 0.28.0 does not fit torch" in done.stdout
-    assert "nms does not exist" in done.stdout
-    assert "--upgrade" not in done.stdout
-
-
 class TestDepthPro:
     CONFIG = SimpleNamespace(patch_size=24, scaled_images_ratios=[0.25, 0.5, 1])
 
@@ -169,10 +124,6 @@ class TestDepthPro:
         found = self.asked(0.5, angle, hints, **options).depth
         np.testing.assert_allclose(found, depth, rtol=1e-5)
 
-    def test_depth_is_never_left_unscaled_without_an_angle(self):
-        with pytest.raises(BackendError, match="does not tell the focal length"):
-            self.asked(0.5, None)
-
     @pytest.mark.parametrize(("side", "refused"), [(384, True), (96, False)])
     def test_a_small_machine_is_refused_before_it_is_out_of_memory(
         self, monkeypatch, side, refused
@@ -184,9 +135,6 @@ class TestDepthPro:
         said = pytest.raises(DeviceError, match=r"about 18 GB .* has 8 GB")
         with said if refused else nullcontext():
             DepthPro().load()
-
-    def test_the_sky_is_not_known(self):
-        assert np.isnan(self.asked(0.0, 90.0).depth).all()
 
 
 class TestGroundedSam2:
@@ -262,13 +210,6 @@ class TestGroundedSam2:
         np.testing.assert_allclose(answer.boxes, [[50, 0, 100, 60], [0, 0, 39, 60]], atol=1)
         with pytest.raises(NoPersonError, match="no person was found at point 1"):
             backend.infer(WIDE, PeoplePrompt(points=((75.0, 30.0),)))
-
-    def test_one_person_found_twice_is_one(self):
-        people = self.found((0.9, [0.3, 0.5, 0.4, 0.8]), (0.8, [0.3, 0.5, 0.42, 0.8]))
-        answer, *_ = self.run(
-            people, self.NOTHING, [self.inside((26, 26, 128, 230), (24, 26, 128, 230))]
-        )
-        assert len(answer) == 1
 
     def test_prompts_keep_their_fractions_in_bfloat16(self):
         class Model:
