@@ -9,10 +9,17 @@ import numpy as np
 
 from physic_core import interfaces
 from physic_core.body import JOINT_INDEX
-from physic_core.types import POSTURES, SIDES, TOUCH_PARTS, Observations, SurfaceLabels
+from physic_core.types import POSTURES, TOUCH_PARTS, Observations
 from physic_mock.noise import HEAD_DEG, LOG_ODDS, LOG_ODDS_SIGMA, Noise
 from physic_mock.recognition import MockOptions, match_masks_to_world, recognise_world
-from physic_testing.conformance.truth import true_head, true_touch
+from physic_testing.conformance.truth import (
+    true_child,
+    true_feet_on_floor,
+    true_head,
+    true_holds,
+    true_posture,
+    true_touch,
+)
 
 if TYPE_CHECKING:
     from physic_core.types import (
@@ -24,8 +31,6 @@ if TYPE_CHECKING:
         UInt8Array,
     )
     from physic_testing.worlds import World
-
-_CHILD_YEARS = 12
 
 
 class MockPersonObserver(interfaces.PersonObserver):
@@ -60,17 +65,15 @@ class MockPersonObserver(interfaces.PersonObserver):
         def probability(truth: BoolArray) -> FloatArray:
             return np.asarray(1 / (1 + np.exp(-log_odds(truth))), np.float32)
 
-        posture = np.full((len(rows), len(POSTURES)), np.nan, np.float32)
-        if (name := world.name.partition("_")[0]) in POSTURES:
-            odds = np.exp(log_odds(np.tile(np.array(POSTURES) == name, (len(world.ages), 1))))
-            posture = np.asarray(odds / odds.sum(1, keepdims=True), np.float32)
+        truth = true_posture(world)
+        odds = np.exp(log_odds(truth > 0)) + 0 * truth[rows]
         return replace(
             Observations.unknown(len(rows)),
-            posture=posture,
+            posture=np.asarray(odds / odds.sum(1, keepdims=True), np.float32),
             touch=probability(true_touch(world)),
-            holds=probability(_holding_hands(world)),
-            on_floor=probability(_feet_on_floor(world)),
-            child=probability(np.asarray(world.ages < _CHILD_YEARS)),
+            holds=probability(true_holds(world)),
+            on_floor=probability(true_feet_on_floor(world)),
+            child=probability(true_child(world)),
             **_heads(world, rows, noise.factor, rng),
             **_shares(),
         )
@@ -101,21 +104,3 @@ def _shares() -> dict[str, Any]:
         "on_floor_share": np.full(2, 0.5, np.float32),
         "child_share": 0.5,
     }
-
-
-def _feet_on_floor(world: World) -> BoolArray:
-    """Return which feet (N, 2) touch the floor or the ground."""
-    from physic_core.body import load_body
-
-    sets = load_body(world.body_model).contact_sets
-    ground = SurfaceLabels(world.touched_surface).ground
-    return np.stack([ground[:, sets[f"{side}_foot"].numpy()].any(1) for side in SIDES], 1)
-
-
-def _holding_hands(world: World) -> BoolArray:
-    """Return which hands (N, 2) touch a small object."""
-    from physic_core.body import load_body
-
-    sets = load_body(world.body_model).contact_sets
-    hands = [sets[f"{side}_hand"].numpy() for side in SIDES]
-    return np.stack([(world.touched_item[:, hand] >= 0).any(1) for hand in hands], 1)

@@ -21,8 +21,8 @@ people, defines the second one.
 The checks test the contract: shapes, dtypes, frames, units, rough agreement with the truth of
 simple synthetic photos, and bias: over six photos of people, no shift, scale, rotation, mirroring
 or other order may bring the output clearly closer to the truth. A mean error counts beyond three
-standard errors, so that large errors that point nowhere pass. The accuracy of a backend is
-reported; checks depend on it only with the capability "exact".
+standard errors, so that large errors that point nowhere pass. Only the capability "exact" limits
+how large an error is.
 """
 
 from __future__ import annotations

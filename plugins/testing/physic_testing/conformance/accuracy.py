@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -72,22 +71,16 @@ class ErrorKind(NamedTuple):
 
 ERRORS: dict[str, ErrorKind] = {
     "IoU": ErrorKind("higher", 0.99),
-    "found": ErrorKind("higher"),
     "floor IoU": ErrorKind("higher"),
     "PSNR in the hole, dB": ErrorKind("higher", 40),
     "abs-rel": ErrorKind("lower", 0.01),
-    "delta1": ErrorKind("higher"),
     "abs-rel, scale fitted": ErrorKind("lower"),
-    "delta1, scale fitted": ErrorKind("higher"),
     "abs-rel, aligned": ErrorKind("lower", 0.01),
-    "delta1, aligned": ErrorKind("higher"),
-    "px": ErrorKind("lower"),
     "share of person": ErrorKind("lower", 0.002),
     "MPJPE, mm": ErrorKind("lower", 5),
     "PA-MPJPE, mm": ErrorKind("lower"),
     "degrees": ErrorKind("lower", 1),
     "wrist degrees": ErrorKind("lower"),
-    "hands found": ErrorKind("higher"),
     "Brier": ErrorKind("lower", 0.01),
     "F1": ErrorKind("higher", 0.99),
     "precision": ErrorKind("higher"),
@@ -144,19 +137,6 @@ def check_is_exact(subject: BackendUnderTest) -> None:
             )
 
 
-def mean_accuracy(subject: BackendUnderTest) -> dict[str, float]:
-    """Average the errors of a backend over the photos of worlds that have a result; empty if there
-    are none.
-    """
-    found = []
-    for name in ("one person", "several people", "close"):
-        if name in subject.case_runs:
-            with suppress(Exception):  # invalid output may not be measurable
-                answer = subject.result(name)
-                found.append(measure_errors(subject.interface, answer, subject.case(name)))
-    return mean_errors(found)
-
-
 def mean_errors(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
     """Average each error over its finite values."""
     kept: dict[str, list[float]] = {}
@@ -172,7 +152,7 @@ def mean_errors(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
 def _segmenter(answer: People, case: Case) -> dict[str, Any]:
     truth = case.truth
     best = mask_iou(answer.masks, truth.masks).max(axis=0, initial=0.0)
-    found = {"IoU": best, "found": best > 0.5}
+    found = {"IoU": best}
     if answer.floor is not None:
         floor = truth.empty_floor_mask & ~truth.masks.any(axis=0)
         found["floor IoU"] = mask_iou(answer.floor[None], floor[None])
@@ -189,24 +169,14 @@ def _metric_depth(answer: DepthMap, case: Case) -> dict[str, Any]:
     both = np.isfinite(answer.depth) & inner_pixels(np.isfinite(truth))
     ratio = answer.depth[both] / truth[both]
     fitted = ratio / np.median(ratio)
-    return {
-        "abs-rel": np.abs(ratio - 1),
-        "delta1": _is_near(ratio),
-        "abs-rel, scale fitted": np.abs(fitted - 1),
-        "delta1, scale fitted": _is_near(fitted),
-    }
+    return {"abs-rel": np.abs(ratio - 1), "abs-rel, scale fitted": np.abs(fitted - 1)}
 
 
 def _relative_pointmap(answer: Pointmap, case: Case) -> dict[str, Any]:
     truth = case.truth.empty_depth.astype(np.float64)
     both = answer.valid & inner_pixels(np.isfinite(truth))
     ratio = fit_ambiguity(answer.points[..., 2][both], truth[both], answer.unknown)
-    return {"abs-rel, aligned": np.abs(ratio - 1), "delta1, aligned": _is_near(ratio)}
-
-
-def _is_near(ratio: FloatArray) -> BoolArray:
-    near: BoolArray = np.maximum(ratio, 1 / ratio) < 1.25
-    return near
+    return {"abs-rel, aligned": np.abs(ratio - 1)}
 
 
 def inner_pixels(mask: BoolArray) -> BoolArray:
@@ -224,7 +194,7 @@ def _keypoint_detector(answer: Keypoints, case: Case) -> dict[str, Any]:
     found, true, visible = comparable_keypoints(answer, case.truth)
     seen = visible & (found.confidence > 0)
     error = np.linalg.norm(found.points - true, axis=2)
-    return {"px": error[seen], "share of person": (error / case.box_sides[:, None])[seen]}
+    return {"share of person": (error / case.box_sides[:, None])[seen]}
 
 
 def _body_estimator(answer: Bodies, case: Case) -> dict[str, Any]:
@@ -236,7 +206,7 @@ def _body_estimator(answer: Bodies, case: Case) -> dict[str, Any]:
 def _hand_estimator(answer: Hands, case: Case) -> dict[str, Any]:
     shown = answer.confidence > 0
     degrees = rotation_errors_deg(answer.rotvecs, true_hands(case.truth))
-    found = {"hands found": shown, "degrees": degrees[shown]}
+    found = {"degrees": degrees[shown]}
     if answer.wrists is not None:
         found["wrist degrees"] = rotation_errors_deg(answer.wrists, true_wrists(case.truth))[shown]
     return found

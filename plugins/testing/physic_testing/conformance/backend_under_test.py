@@ -22,7 +22,7 @@ from physic_core.discovery.local_modules import split_folder
 from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.interfaces import INTERFACES, Backend, call
 from physic_core.interfaces.comparison import named_values
-from physic_testing.conformance.cases import EVIDENCE, EVIDENCE_OF_HANDS, SIZE, build_case
+from physic_testing.conformance.cases import EVIDENCE, EVIDENCE_OF, SIZE, build_case
 from physic_testing.conformance.contract import case_violations
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.network_and_memory import no_network
@@ -142,7 +142,7 @@ class BackendUnderTest:
         if options is not None and not callable(options):
             self._refuse_unknown(options)
         of_hands = interface == "hand_estimator"
-        self.evidence_names = EVIDENCE_OF_HANDS if of_hands else EVIDENCE
+        self.evidence_names = EVIDENCE_OF.get(interface, EVIDENCE)
         self.photos_of_one_size = ("close", "sitting") if of_hands else ("one person", "leaning")
         self._loaded: dict[str, Backend] = {}
         self.case_runs: dict[str, CaseRun] = {}

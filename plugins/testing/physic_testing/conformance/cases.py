@@ -40,8 +40,11 @@ SCENE_UNIT = 1.7
 EVIDENCE = ("one person", "several people", "walking", "steps", "squatting", "leaning")
 """Photos over which bias is measured: different people, poses, rooms, cameras and sizes."""
 
-EVIDENCE_OF_HANDS = ("close", "striding", "sitting", "crouching")
-"""The same for hands, which are too small in the others: at 320 x 240 px, a hand has 8 to 15 px."""
+EVIDENCE_OF = {
+    "hand_estimator": ("close", "striding", "sitting", "crouching"),
+    "person_observer": (*EVIDENCE, "child"),
+}
+"""The same of an interface for which others are needed: at 320 x 240 px, a hand has 8 to 15 px."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +76,7 @@ CASES: dict[str, Photo] = {
     "steps": Photo("three people outdoors, in no order of distance, under a sky", "outdoor_crowd"),
     "squatting": Photo("one person who squats", "squat", 7 / 8),
     "leaning": Photo("one person who leans on a wall", "lean_on_wall"),
+    "child": Photo("a child by the hand of an adult", "child_by_the_hand"),
     "close": Photo("one person, three times as wide and high", "stand", 3),
     "striding": Photo("one person who walks, three times as wide and high", "walk", 3),
     "sitting": Photo("two people on a seat, three times as wide and high", "sit_side_by_side", 3),

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from physic_testing.conformance.backend_under_test import BackendUnderTest
     from physic_testing.conformance.cases import Case, Truth, Values
 
-_VISIBLE_CHANGE = 8  # grey levels by which a pixel visibly differs
 _SOFT_PX = 6  # width of a soft border
 
 
@@ -61,26 +60,22 @@ def _faded_in(picture: FloatArray, truth: Truth) -> FloatArray:
     return faded
 
 
+def _coarse(picture: FloatArray, truth: Truth) -> FloatArray:
+    """Return the picture as it is after it was a sixteenth as wide and high."""
+    import cv2
+
+    height, width = picture.shape[:2]
+    small = cv2.resize(picture, (width // 16, height // 16), interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.resize(small, (width, height)))
+
+
 def check_only_the_mask_is_filled(subject: BackendUnderTest) -> None:
-    """Pixels where the mask is False are unchanged, and most others are not."""
+    """Pixels where the mask is False are unchanged."""
     case = subject.case("one person")
     answer = subject.result()
     outside = int(((answer != case.photo).any(axis=2) & ~case.hole).sum())
     hint = "True marks the pixels to fill: np.where(mask[..., None], filled, image)."
     expect(not outside, "unchanged pixels where mask is False", f"{outside} changed pixels", hint)
-    kept = []
-    for one, filled in subject.evidence():
-        person = one.truth.masks.any(axis=0)
-        colours = np.abs(one.photo - one.empty.astype(int)).max(axis=2)
-        telling = person & (colours > 3 * _VISIBLE_CHANGE)
-        same = np.abs(filled.astype(int) - one.photo).max(axis=2) <= _VISIBLE_CHANGE
-        kept.append(float(same[telling].mean()) if telling.any() else 0.0)
-    expect(
-        float(np.median(kept)) < 0.5,
-        "other colours in most pixels of people",
-        f"{np.median(kept):.0%} of them are unchanged",
-        "True marks the pixels to fill: is the mask inverted, or the network's output not used?",
-    )
 
 
 def check_an_empty_mask_changes_nothing(subject: BackendUnderTest) -> None:
@@ -95,6 +90,7 @@ def check_an_empty_mask_changes_nothing(subject: BackendUnderTest) -> None:
     expect(np.array_equal(answer, case.photo), "the photo for an empty mask", "another image")
 
 
+_COARSE = "Is it resized from a small input? Fill at the size of the photo, or in tiles of it."
 _RANGE = "Is the value range right, and are mean and standard deviation undone?"
 _RIM = "Is the mask shrunk, or blended with the photo at its border?"
 _BGR = "OpenCV reads and writes BGR; images here are RGB."
@@ -105,7 +101,9 @@ _COLOURS = (
     Reading("without colour", lambda p, _: p.mean(axis=2, keepdims=True) * [1, 1, 1], _RANGE),
     Reading("mirrored", flipped(1), _FLIP),
     Reading("brighter", times(1.2), _RANGE, 20, " %", 5),
-    Reading("blended with the photo", lambda p, truth: (p + truth["case"].photo) / 2, _RIM),
+    Reading("of the photo", lambda _, truth: truth["case"].photo, _RIM, 100, " %", 30),
+    # A fill from what is around is smooth, too, but another picture.
+    Reading("of a sixteenth of the size", _coarse, _COARSE, left=0.5),
     Reading("the photo at the border of people", _with_rim, _RIM),
     Reading("blended with the photo near the border of the mask", _faded_in, _RIM, limit=0.75),
 )

@@ -163,7 +163,7 @@ def _quick(subject: BackendUnderTest, name: str, call: Callable[[], Any]) -> lis
         not places,
         f"{name} to use no network",
         f"it requests {', '.join(dict.fromkeys(places))}",
-        "Download weights in load(), or better in a separate command.",
+        "Download weights by a command of their own.",
     )
     expect(
         best < MAX_SECONDS,

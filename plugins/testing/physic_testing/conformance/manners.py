@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 import gc
+import json
+import os
+import subprocess
+import sys
 import time
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
+from physic_core.weights.find import search_folders
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckSkipped, expect, warn_unless
 from physic_testing.conformance.network_and_memory import resident_megabytes
@@ -36,6 +44,72 @@ def check_changes_no_settings_of_the_process(subject: BackendUnderTest) -> None:
         "Use generators of your own, np.random.default_rng(seed) or torch.Generator, and options "
         "of the session for threads; use `with torch.no_grad()`.",
     )
+
+
+_IN_A_NEW_HOME = """
+import json, sys
+from physic_core.errors import PhysicError
+from physic_testing.conformance.backend_under_test import find_backend
+from physic_testing.conformance.expect import CheckSkipped
+try:
+    backend, interface, *size, settings = sys.argv[1:]
+    size = tuple(map(int, size))
+    find_backend(backend, interface, size=size, **json.loads(settings)).run_case("one person")
+except (CheckSkipped, PhysicError):
+    pass
+"""
+
+
+def check_leaves_home_and_network_alone(subject: BackendUnderTest) -> None:
+    """`load` and `infer` request no address of a network, and write no file into the home folder of
+    the user.
+    """
+    with suppress(CheckSkipped):  # a load that fails for want of a network
+        subject.result()
+    places = dict.fromkeys(subject.watch.places)
+    hint = "Fetch weights by a command of their own: a run sends and gets nothing."
+    expect(not places, "no network", f"a request of {', '.join(places)}", hint)
+    module = sys.modules.get(subject.kind.__module__)
+    if getattr(module, subject.kind.__qualname__, None) is not subject.kind:
+        raise CheckSkipped("the home folder was not looked at: the class cannot be imported")
+    names = _files_in_a_new_home(subject)
+    expect(
+        not names,
+        "no new file in the home folder",
+        ", ".join(names[:3]),
+        "A library may keep usage data: set its switch before you import it.",
+    )
+
+
+def _files_in_a_new_home(subject: BackendUnderTest) -> list[str]:
+    """Return the files that a new process writes into an empty home folder in which it calls the
+    backend; caches of weights are those of this one.
+    """
+    caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    weights = {"HF_HOME": "huggingface", "TORCH_HOME": "torch"}
+    kept = {name: str(caches / folder) for name, folder in weights.items()} | os.environ
+    target = f"{subject.kind.__module__}:{subject.kind.__qualname__}"
+    options = subject.options(subject.case("one person")).model_dump(mode="json")
+    settings = {"options": options, "device": subject.device}
+    with TemporaryDirectory() as home:
+        places = {
+            "HOME": home,
+            "XDG_CACHE_HOME": f"{home}/.cache",
+            "PHYSIC_WEIGHTS": os.pathsep.join(map(str, search_folders())),
+            "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
+        }
+        subprocess.run(
+            [
+                *(sys.executable, "-P", "-c", _IN_A_NEW_HOME),
+                *(target, subject.interface, *map(str, subject.size), json.dumps(settings)),
+            ],
+            env=kept | places,
+            capture_output=True,
+            check=False,
+        )
+        return sorted(
+            str(path.relative_to(home)) for path in Path(home).rglob("*") if path.is_file()
+        )
 
 
 def check_leaves_nothing_behind(subject: BackendUnderTest) -> None:
@@ -71,6 +145,7 @@ def check_leaves_nothing_behind(subject: BackendUnderTest) -> None:
 
 CHECKS: tuple[Check, ...] = (
     Check(check_changes_no_settings_of_the_process),
+    Check(check_leaves_home_and_network_alone, after=("constructs_quickly_and_offline",)),
     Check(check_leaves_nothing_behind, after=("output_depends_on_the_photo_alone",)),
 )
 """Checks that run last; what is left behind is a warning."""

@@ -29,6 +29,7 @@ def no_network() -> Iterator[list[str]]:
     with (
         patch.object(socket.socket, "connect", connect),
         patch.object(socket.socket, "connect_ex", connect),
+        patch.object(socket.socket, "bind", connect),
         patch.object(socket, "getaddrinfo", look_up),
         patch.object(socket, "gethostbyname", look_up),
     ):

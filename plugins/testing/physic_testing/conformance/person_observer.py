@@ -1,5 +1,5 @@
-"""How outputs of a PersonObserver are compared: which parts touch, where the faces look, and the
-sides in a mirrored photo.
+"""How outputs of a PersonObserver are compared: what people do and touch, where the faces look, and
+the sides in a mirrored photo.
 """
 
 from __future__ import annotations
@@ -9,12 +9,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from physic_core.body import angle_deg
 from physic_core.types import mirrored_order
+from physic_core.types.observations import PROBABILITIES
+from physic_testing.conformance import truth as worlds
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect
 from physic_testing.conformance.output_checks import COLOURS, ROWS, WITHOUT_PEOPLE
-from physic_testing.conformance.readings import Group, Reading, Table, reordered, times
-from physic_testing.conformance.truth import true_head, true_touch
+from physic_testing.conformance.readings import (
+    MIN_UNITS,
+    Group,
+    Reading,
+    Table,
+    expect_within_sigmas,
+    reordered,
+    times,
+    values_of,
+)
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Observations
@@ -24,14 +35,84 @@ if TYPE_CHECKING:
 MIRROR_TOLERANCE = 0.1
 """Difference of probabilities that may be an error."""
 
+MAX_BRIER = {"posture": 0.45, "other": 0.6}
+"""Mean squared error of probabilities from which on they mislead: of 0.5 for all it is 0.25. People
+of worlds have no faces: the embedded observer has up to 0.33 and 0.51.
+"""
+
+ALIKE = 0.05
+MAX_OF_ALIKE = 0.3
+"""Range of probabilities that are the same of everybody, and the most of these: they are evidence
+of nothing.
+"""
+
 _OWN_LEFT = "Are sides those of the picture? Left is the person's own."
 _ORDER = "The order is that of physic_core.types.TOUCH_PARTS."
 
 
 def _values(answer: Observations, case: Case) -> tuple[Values, Truth]:
-    found = {"touch": answer.touch.astype(float), "head": answer.head.astype(float)}
-    truth = {"touch": true_touch(case.truth).astype(float), "head": true_head(case.truth)}
-    return found, truth
+    """Return touch, faces, and what each probability is evidence of, (N, n) in [0, 1]."""
+    world = case.truth
+    touch = worlds.true_touch(world).astype(float)
+    truth = {
+        "posture": worlds.true_posture(world),
+        "touch": touch,
+        "holds": worlds.true_holds(world),
+        "on_floor": np.where(touch[:, :2] > 0, worlds.true_feet_on_floor(world), np.nan),
+        "child": worlds.true_child(world)[:, None],
+        "away": worlds.true_away(world)[:, None],
+        "head": worlds.true_head(world),
+    }
+    own: Values = {"head": answer.head.astype(float), "sigma": answer.head_sigma}
+    for name in PROBABILITIES:
+        value = np.asarray(getattr(answer, name), float).reshape(len(answer), -1)
+        own[name] = value
+        own[f"evidence of {name}"] = _without_share(value, getattr(answer, f"{name}_share"))
+    return own, truth
+
+
+def _without_share(probability: FloatArray, share: Any) -> FloatArray:
+    """Return probabilities of data in which each answer is equally frequent."""
+    if probability.shape[1] > 2 and np.ndim(share) and abs(np.sum(share) - 1) < 1e-3:
+        odds = probability / np.maximum(share, 1e-4)
+        return np.asarray(odds / odds.sum(1, keepdims=True))
+    yes, no = probability / np.maximum(share, 1e-4), (1 - probability) / np.maximum(1 - share, 1e-4)
+    return np.asarray(yes / (yes + no))
+
+
+def check_probabilities_agree_with_the_worlds(subject: BackendUnderTest) -> None:
+    """Without their shares, probabilities do not mislead; those that are the same of everybody are
+    evidence of nothing.
+    """
+    evidence = values_of(subject, _values)
+    for name in PROBABILITIES:
+        own = np.concatenate([values[f"evidence of {name}"].ravel() for values, _ in evidence])
+        true = np.concatenate([np.ravel(truth[name]).astype(float) for _, truth in evidence])
+        off = [(own - t)[(true == t) & np.isfinite(own)] ** 2 for t in (0.0, 1.0)]
+        every = np.concatenate(off)
+        same = np.ptp(own[np.isfinite(own)]) < ALIKE if every.size else False
+        means = [every.mean()] if same else [part.mean() for part in off if len(part) >= MIN_UNITS]
+        limit = MAX_OF_ALIKE if same else MAX_BRIER.get(name, MAX_BRIER["other"])
+        error = float(np.mean(means or [0]))
+        expect(
+            error < limit,
+            f"`{name}`, without `{name}_share`, of what people do",
+            f"a mean squared error of {error:.2f}, of 0.5 it is 0.25",
+            "Is it inverted, in another order, or the same of everybody but not the share?",
+        )
+
+
+def check_stated_error_of_faces_holds(subject: BackendUnderTest) -> None:
+    """The angle between ``head`` and where faces look is plausible for ``head_sigma``."""
+    apart = [
+        float(angle_deg(head, true)) / float(sigma)
+        for values, truth in values_of(subject, _values)
+        for head, true, sigma in zip(values["head"], truth["head"], values["sigma"], strict=True)
+        if np.isfinite(head).all()
+    ]
+    if not apart:
+        raise CheckSkipped("of nobody it tells where the face looks")
+    expect_within_sigmas(apart, "directions of faces", "Is head_sigma in degrees?")
 
 
 def check_mirrored_photo_exchanges_sides(subject: BackendUnderTest) -> None:
@@ -83,7 +164,22 @@ def _sides(answer: Observations) -> FloatArray:
 
 TABLE = Table(
     _values,
-    (WITHOUT_PEOPLE, Check(check_mirrored_photo_exchanges_sides, unless=BLIND), *ROWS, COLOURS),
+    (
+        WITHOUT_PEOPLE,
+        Check(check_mirrored_photo_exchanges_sides, unless=BLIND),
+        Check(
+            check_probabilities_agree_with_the_worlds,
+            after=("touch_is_that_of_the_parts",),
+            unless=BLIND,
+        ),
+        Check(
+            check_stated_error_of_faces_holds,
+            after=("head_looks_out_of_the_face",),
+            unless=BLIND,
+        ),
+        *ROWS,
+        COLOURS,
+    ),
     (
         Group(
             "touch_is_that_of_the_parts",

@@ -18,8 +18,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from physic_core.interfaces.comparison import is_sigmoid_of_probability
 from physic_testing.conformance.check import BLIND, Check
-from physic_testing.conformance.expect import CheckFailed, CheckSkipped
+from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
 
 Make: TypeAlias = "Callable[[Any, Truth], Any]"
 """Value of the truth, and the whole truth -> the value with a mistake."""
+
+VectorsOf: TypeAlias = "Callable[[Any, Truth], Iterable[FloatArray]]"
+"""A value, and the whole truth -> a vector for each unit, NaN where unknown."""
 
 ValuesOf: TypeAlias = "Callable[[Any, Case], tuple[Values, Truth]]"
 """Output and photo -> values of the output, and of the truth without ``case``."""
@@ -43,8 +47,9 @@ AGREE = 0.8
 """Share of the units that must show a mistake in the same direction."""
 
 EXPLAINS = 0.97
-"""Largest share of the squared error that is left if a mistake is undone."""
+"""Largest share of the squared error that is left if most mistakes are undone."""
 
+_FLAT = 1e-6
 _CONSTANT = 0.05  # share of the variance of the truth
 _TELLING = 0.02  # share of the largest mistake from which on a unit shows it
 
@@ -61,6 +66,7 @@ class Reading:
         unit: of the size.
         limit: largest size that is treated as zero, or the share from which on a mistake without a
             size is made.
+        left: largest share of the squared error that is left if the mistake is undone.
         shows_when_blind: whether an output that ignores the image can show it, too.
     """
 
@@ -70,6 +76,7 @@ class Reading:
     size: float = 0.0
     unit: str = ""
     limit: float = MADE
+    left: float = EXPLAINS
     shows_when_blind: bool = False
 
 
@@ -105,6 +112,22 @@ def rows(value: Any, truth: Truth) -> list[FloatArray]:
     return [row.ravel() for row in value]
 
 
+def normalised(key: str, columns: Callable[[], Any] = lambda: slice(None)) -> VectorsOf:
+    """Return the vectors of rows of mean 0 and length 1, NaN where a row or its truth of this name
+    is constant: the order of its numbers counts, and no level.
+    """
+
+    def vectors(value: Any, truth: Truth) -> list[FloatArray]:
+        found = []
+        for row, true in zip(value[:, columns()], truth[key][:, columns()], strict=True):
+            flat = row - row.mean()
+            known = min(np.ptp(row), np.ptp(true)) > _FLAT
+            found.append(flat / np.linalg.norm(flat) if known else np.full(len(row), np.nan))
+        return found
+
+    return vectors
+
+
 @dataclass(frozen=True)
 class Group:
     """What one check compares.
@@ -115,11 +138,12 @@ class Group:
         key: name of the value that is compared.
         unit: of the errors.
         readings: other readings of the output.
-        vectors: the value, and the whole truth -> a vector for each unit, NaN where unknown.
+        vectors: what is compared of the value.
         centred: only differences between the units count.
         rough: largest median error over the units.
-        order: names of parts whose order is tested, and their axis; without names, ``names`` of
-            the values.
+        search: returns the reading that fits the outputs best, of a kind that has too many to
+            list; see :func:`in_order`.
+        is_telling: the value is a probability, which differs between photos.
         after: names of further checks that come first.
     """
 
@@ -128,10 +152,11 @@ class Group:
     key: str
     unit: str
     readings: tuple[Reading, ...]
-    vectors: Callable[[Any, Truth], Iterable[FloatArray]] = rows
+    vectors: VectorsOf = rows
     centred: bool = False
     rough: float = float("inf")
-    order: tuple[Sequence[str], int] | None = None
+    search: Callable[[str, Sequence[tuple[Values, Truth]]], list[Reading]] | None = None
+    is_telling: bool = False
     after: tuple[str, ...] = ()
 
 
@@ -203,6 +228,9 @@ def compare(subject: BackendUnderTest, values: ValuesOf, group: Group) -> None:
         CheckSkipped: too few photos have a valid output.
     """
     evidence = values_of(subject, values)
+    is_blind = bool(BLIND & subject.capabilities)
+    if group.is_telling and not is_blind:
+        expect_telling(np.concatenate([own[group.key].ravel() for own, _ in evidence]), group.what)
 
     def vectors(each: Iterable[Any]) -> list[FloatArray]:
         return [
@@ -219,13 +247,14 @@ def compare(subject: BackendUnderTest, values: ValuesOf, group: Group) -> None:
     known = [unit for unit in off if np.isfinite(unit).any()]
     if len(known) < MIN_UNITS:
         raise CheckSkipped(f"{len(known)} people or photos to compare, {MIN_UNITS} are needed")
-    readings = _readings(group, evidence, blind=bool(BLIND & subject.capabilities))
+    readings = [*group.readings, *(group.search(group.key, evidence) if group.search else ())]
+    readings = [reading for reading in readings if reading.shows_when_blind or not is_blind]
     made = []
     for reading in [] if _is_constant(off, true) else readings:
         mistakes = less_truth(reading.make(truth[group.key], truth) for _, truth in evidence)
         share = _agreed_share(shares(off, mistakes, centred=group.centred), reading)
         left = _share_left(off, mistakes, share)
-        if share and (group.centred or left < EXPLAINS):
+        if share and (group.centred or left < reading.left):
             made.append((left, share, reading))
     rough = float(np.median([np.sqrt(np.nanmean(unit**2)) for unit in known]))
     words = f"an error of {rough:.3g} {group.unit} in the median"
@@ -236,12 +265,21 @@ def compare(subject: BackendUnderTest, values: ValuesOf, group: Group) -> None:
         raise CheckFailed(group.what, words)
 
 
-def _readings(
-    group: Group, evidence: Sequence[tuple[Values, Truth]], *, blind: bool
-) -> list[Reading]:
-    """Return the readings of a group that an output can show, which may ignore the image."""
-    readings = [*group.readings, *_order(group, evidence)]
-    return [reading for reading in readings if reading.shows_when_blind or not blind]
+def expect_telling(probabilities: FloatArray, what: str) -> None:
+    """Raise CheckFailed if all probabilities are the same, or have gone through a sigmoid twice."""
+    known = probabilities[np.isfinite(probabilities)]
+    if known.size and known.any():
+        got = f"{known.min():.2f} to {known.max():.2f} in all photos"
+        expect(float(np.ptp(known)) > _FLAT, what, got, "Is the network's answer used?")
+        expect(not is_sigmoid_of_probability(known), what, got, "Is a sigmoid applied twice?")
+
+
+def expect_within_sigmas(apart: Sequence[float], what: str, hint: str, limit: float = 3.0) -> None:
+    """Raise CheckFailed if the median of errors over their stated standard deviations is beyond a
+    limit.
+    """
+    middle = float(np.median(apart))
+    expect(middle < limit, f"{what} within {limit:g} stated sigmas", f"{middle:.3g} of them", hint)
 
 
 def _words(reading: Reading, share: float, error: str) -> str:
@@ -276,28 +314,31 @@ def _share_left(off: Sequence[FloatArray], mistakes: Sequence[FloatArray], share
     return left / max(sum(float(np.nansum(o**2)) for o in off), 1e-30)
 
 
-def _order(group: Group, evidence: Sequence[tuple[Values, Truth]]) -> list[Reading]:
-    """Return as a reading the order in which parts fit the truth best; none if it is as stated."""
-    from scipy.optimize import linear_sum_assignment
+def in_order(
+    names: Sequence[str], axis: int
+) -> Callable[[str, Sequence[tuple[Values, Truth]]], list[Reading]]:
+    """Return the search for the order in which parts along an axis fit the truth best; without
+    names, they are ``names`` of the truth.
+    """
 
-    if group.order is None:
-        return []
-    names, axis = group.order
-    names = names or evidence[0][1]["names"]
-    apart = []
-    for values, truth in evidence:
-        own, true = (np.moveaxis(side[group.key], axis, 1) for side in (values, truth))
-        if len(own):
-            own, true = (side.reshape(len(own), len(names), -1) for side in (own, true))
-            apart.append(np.linalg.norm(own[:, :, None] - true[:, None], axis=3))
-    cost = np.concatenate(apart)
-    known = np.isfinite(cost).sum(axis=0)
-    mean = np.nansum(cost, axis=0) / np.maximum(known, 1)
-    mean = np.where(known < MIN_UNITS, 10 * np.max(mean, initial=1.0), mean)
-    best = linear_sum_assignment(mean)[1]
-    moved = [j for j in range(len(best)) if best[j] != j]
-    if not moved:
-        return []
-    pairs = ", ".join(f"{names[j]} for {names[best[j]]}" for j in moved[:4])
-    hint = f"Is it the order of another data set? It is {', '.join(names[:5])}, ..."
-    return [Reading(f"reordered: {pairs}", reordered(best, axis), hint)]
+    def search(key: str, evidence: Sequence[tuple[Values, Truth]]) -> list[Reading]:
+        from scipy.optimize import linear_sum_assignment
+
+        parts = names or evidence[0][1]["names"]
+        apart = []
+        for values, truth in evidence:
+            own, true = (np.moveaxis(side[key], axis, 1) for side in (values, truth))
+            if len(own):
+                own, true = (side.reshape(len(own), len(parts), -1) for side in (own, true))
+                apart.append(np.linalg.norm(own[:, :, None] - true[:, None], axis=3))
+        cost = np.concatenate(apart)
+        known = np.isfinite(cost).sum(axis=0)
+        mean = np.nansum(cost, axis=0) / np.maximum(known, 1)
+        mean = np.where(known < MIN_UNITS, 10 * np.max(mean, initial=1.0), mean)
+        best = linear_sum_assignment(mean)[1]
+        pairs = [f"{parts[j]} for {parts[k]}" for j, k in enumerate(best) if j != k]
+        words = f"reordered: {', '.join(pairs[:4])}"
+        hint = f"Is it the order of another data set? It is {', '.join(parts[:5])}, ..."
+        return [Reading(words, reordered(best, axis), hint)] if pairs else []
+
+    return search

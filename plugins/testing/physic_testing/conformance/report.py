@@ -88,14 +88,12 @@ class Report:
         backend: name of the backend.
         origin: distribution and version, or a note that the class was passed directly.
         results: one result per check.
-        accuracy: error name with unit -> mean error on the worlds; no check depends on it.
     """
 
     interface: str
     backend: str
     origin: str
     results: tuple[Result, ...]
-    accuracy: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def counts(self) -> dict[Outcome, int]:
@@ -149,12 +147,9 @@ class Report:
 
     @property
     def text(self) -> str:
-        """All failures and warnings, the accuracy, and the summary as text."""
+        """All failures and warnings, and the summary as text."""
         bad = (*self.failures, *self.warnings)
         blocks = [text for r in bad for text in (r.message, r.traceback) if text]
-        if self.accuracy:
-            numbers = ", ".join(f"{name} {value:.3g}" for name, value in self.accuracy.items())
-            blocks.append(f"mean errors on synthetic photos, which no check judges: {numbers}")
         return "\n".join([*blocks, self.summary, self.verdict])
 
     @property
@@ -180,7 +175,6 @@ class Report:
             "not_asked": self.not_run_reason,
             "counts": self.counts,
             "results": [result.as_dict() for result in self.results],
-            "accuracy": finite_or_none(self.accuracy),
         }
 
     def raise_if_failed(self) -> None:

@@ -15,7 +15,6 @@ from physic_core.cache import remember_passed
 from physic_core.discovery.error_text import describe_error
 from physic_core.errors import PhysicError
 from physic_core.interfaces import INTERFACES
-from physic_testing.conformance.accuracy import mean_accuracy
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped
 from physic_testing.conformance.report import Report, Result
 
@@ -80,11 +79,10 @@ class CheckRun:
                 progress(name.replace("_", " "), done, len(self.checks))
             results.append(self.result(name))
         subject = self.subject
-        accuracy = mean_accuracy(subject)
         subject.close()
         self.remember_if_passed()
         origin = "passed directly" if subject.claim is None else subject.claim.owner
-        return Report(subject.interface, subject.name, origin, tuple(results), accuracy)
+        return Report(subject.interface, subject.name, origin, tuple(results))
 
     def remember_if_passed(self) -> None:
         """Remember that the backend passed, if all checks ran and none failed, as expected or

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body import JOINT_INDEX
+from physic_core.types import POSTURES, SIDES, SurfaceLabels
 from physic_testing.conformance.expect import CheckSkipped
 
 if TYPE_CHECKING:
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
         RestMesh,
     )
     from physic_testing.worlds import World
+
+_CHILD_YEARS = 12
+_SIDEWAYS = 0.3  # cosine of the chest's direction and the line of sight
 
 
 def comparable_keypoints(
@@ -58,6 +62,45 @@ def true_head(world: World) -> FloatArray:
     from physic_core.body import head_direction, rotations_from_parameters
 
     return head_direction(rotations_from_parameters(world.parameters).double()).numpy()
+
+
+def true_posture(world: World) -> FloatArray:
+    """Return which of ``physic_core.types.POSTURES`` (N, 9) people have: that after which the world
+    is named, else NaN.
+    """
+    name = world.name.partition("_")[0]
+    known = np.array([float(name == posture) for posture in POSTURES])
+    return np.tile(known if name in POSTURES else known * np.nan, (len(world.ages), 1))
+
+
+def true_child(world: World) -> BoolArray:
+    """Return which people (N,) are children."""
+    return np.asarray(world.ages < _CHILD_YEARS)
+
+
+def true_away(world: World) -> FloatArray:
+    """Return which people (N,) turn the back to the camera; NaN from the side."""
+    from physic_core.body import rotations_from_parameters, rotations_from_tpose
+
+    turns = rotations_from_tpose(rotations_from_parameters(world.parameters).double().numpy())
+    at = world.joints[:, JOINT_INDEX["spine3"]].astype(np.float64)
+    sight = at / np.linalg.norm(at, axis=1, keepdims=True)
+    facing = (turns[:, JOINT_INDEX["spine3"], :, 2] * sight).sum(1)
+    return np.where(np.abs(facing) < _SIDEWAYS, np.nan, facing > 0)
+
+
+def true_feet_on_floor(world: World) -> BoolArray:
+    """Return which feet (N, 2) touch the floor or the ground."""
+    sets = embedded_body().contact_sets
+    ground = SurfaceLabels(world.touched_surface).ground
+    return np.stack([ground[:, sets[f"{side}_foot"].numpy()].any(1) for side in SIDES], 1)
+
+
+def true_holds(world: World) -> BoolArray:
+    """Return which hands (N, 2) touch a small object."""
+    sets = embedded_body().contact_sets
+    hands = [sets[f"{side}_hand"].numpy() for side in SIDES]
+    return np.stack([(world.touched_item[:, hand] >= 0).any(1) for hand in hands], 1)
 
 
 def true_hands(world: World) -> FloatArray:

@@ -1,4 +1,6 @@
-"""Record of what calls of a backend change in the process: settings, files and printed text."""
+"""Record of what calls of a backend change in the process and ask of the network: settings, files,
+printed text and addresses.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +12,7 @@ from io import StringIO
 
 from physic_core.discovery.process_state import kept_process_state
 from physic_testing.conformance.leaks import changed_settings, read_settings
+from physic_testing.conformance.network_and_memory import no_network
 
 
 class Watch:
@@ -19,12 +22,14 @@ class Watch:
         changed: names of settings of the process.
         files: names that appeared in the current folder.
         printed: text that was written to the standard output.
+        places: network addresses that were requested, without success.
     """
 
     def __init__(self) -> None:
         self.changed: set[str] = set()
         self.files: set[str] = set()
         self.printed = ""
+        self.places: list[str] = []
 
     @contextmanager
     def load(self) -> Iterator[None]:
@@ -58,8 +63,9 @@ class Watch:
     def _settings(self, *, is_load: bool) -> Iterator[None]:
         """Watch the settings of the process; those that the pipeline restores are restored."""
         before = read_settings()
-        with kept_process_state():
+        with kept_process_state(), no_network() as places:
             try:
                 yield
             finally:
                 self.changed |= changed_settings(before, is_load=is_load)
+                self.places += places

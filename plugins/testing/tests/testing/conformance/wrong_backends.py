@@ -9,6 +9,7 @@ import mmap
 import os
 import socket
 import time
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -218,56 +219,38 @@ class Cached(RightDepth):
         return self.kept.setdefault(image.shape, super().infer(image, hints))
 
 
-@wrong("a seed for everybody", "changes_no_settings_of_the_process")
-class Seeding(RightDepth):
-    def infer(self, image, hints):
-        np.random.seed(len(image))
-        return super().infer(image, hints)
+def changing(method, change, undo=lambda: None):
+    """A backend that changes a setting of the process in one of its methods, until it is closed."""
 
-
-@wrong("faster products for everybody", "changes_no_settings_of_the_process")
-class Precision(RightDepth):
-    def load(self, device="cpu"):
-        super().load(device)
-        torch.set_float32_matmul_precision("medium")
+    def changed(self, *arguments):
+        change()
+        return getattr(super(kind, self), method)(*arguments)
 
     def close(self):
-        torch.set_float32_matmul_precision("highest")
-        super().close()
+        undo()
+        super(kind, self).close()
+
+    changed.__signature__ = inspect.signature(getattr(RightDepth, method))
+    kind = type("Changing", (RightDepth,), {method: changed, "close": close})
+    return kind
 
 
-@wrong("no gradients for everybody", "changes_no_settings_of_the_process")
-class NoGradients(RightDepth):
-    def infer(self, image, hints):
-        torch.set_grad_enabled(False)
-        return super().infer(image, hints)
-
-    def close(self):
-        torch.set_grad_enabled(True)
-        super().close()
-
-
-@wrong("threads for everybody", "changes_no_settings_of_the_process")
-class Threads(RightDepth):
-    def load(self, device="cpu"):
-        super().load(device)
-        self.before = torch.get_num_threads()
-        torch.set_num_threads(1)
-
-    def close(self):
-        torch.set_num_threads(self.before)
-        super().close()
-
-
-@wrong("a variable for everybody", "changes_no_settings_of_the_process")
-class Variable(RightDepth):
-    def load(self, device="cpu"):
-        super().load(device)
-        os.environ["OMP_NUM_THREADS"] = "13"
-
-    def close(self):
-        del os.environ["OMP_NUM_THREADS"]
-        super().close()
+for mistake, kind in {
+    "a seed for everybody": changing("infer", lambda: np.random.seed(5)),
+    "faster products for everybody": changing(
+        "load",
+        lambda: torch.set_float32_matmul_precision("medium"),
+        lambda: torch.set_float32_matmul_precision("highest"),
+    ),
+    "no gradients for everybody": changing(
+        "infer", lambda: torch.set_grad_enabled(False), lambda: torch.set_grad_enabled(True)
+    ),
+    "one thread for everybody": changing("load", lambda: torch.set_num_threads(1)),
+    "a variable for everybody": changing(
+        "load", lambda: os.environ.update(MY_DEPTH="1"), lambda: os.environ.pop("MY_DEPTH", None)
+    ),
+}.items():
+    wrong(mistake, "changes_no_settings_of_the_process")(kind)
 
 
 @wrong("a disparity of hints", "depth_is_along_z_and_upright")
@@ -280,6 +263,21 @@ class BlindDisparity(interfaces.MetricDepth):
         if hints.scene is None:
             return DepthMap(np.ones(image.shape[:2], np.float32))
         return DepthMap(np.float32(5 / hints.scene.points[..., 2]))
+
+
+@wrong("usage data in the home folder", "leaves_home_and_network_alone")
+class Counting(RightDepth):
+    def infer(self, image, hints):
+        (Path.home() / ".my-depth").write_text("1")
+        return super().infer(image, hints)
+
+
+@wrong("usage data that are sent", "leaves_home_and_network_alone")
+class Sending(RightDepth):
+    def load(self, device="cpu"):
+        super().load(device)
+        with suppress(OSError):
+            socket.create_connection(("usage.example", 443))
 
 
 @wrong("a picture for debugging", "leaves_nothing_behind")
