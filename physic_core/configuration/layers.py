@@ -32,6 +32,9 @@ PATH_KEYS = (
     ("photo", "depth"),
     ("photo", "pointmap"),
     ("photo", "keypoints"),
+    ("photo", "bodies"),
+    ("photo", "bodies_model"),
+    ("photo", "masks"),
 )
 """Table and key of each path of a file; in a config file it is relative to the file."""
 

@@ -225,6 +225,8 @@ def check_input_files(config: Config) -> None:
     if config.body_model.path is not None and os.path.lexists(config.body_model.path):
         files["body_model.path"] = config.body_model.path
     for name, path in files.items():
+        if name in ("photo.bodies", "photo.masks") and os.path.isdir(path):
+            continue  # of a file for each person
         try:
             check_regular(Path(path))
         except OSError as error:

@@ -100,7 +100,12 @@ class GivenBodies(ShortRepr):
 
 
 def write_bodies(
-    stream: IO[bytes] | Path, parameters: BodyParameters, body_model: str, camera: Intrinsics
+    stream: IO[bytes] | Path,
+    parameters: BodyParameters,
+    body_model: str,
+    camera: Intrinsics,
+    sigma_m: float = _OWN_SIGMA_M,
+    distance_sigma: float = _OWN_DISTANCE_SIGMA,
 ) -> None:
     """Write N bodies as the npz that :func:`read_bodies` reads.
 
@@ -109,6 +114,8 @@ def write_bodies(
         parameters: metres, camera frame.
         body_model: that they are for.
         camera: of the picture, px.
+        sigma_m: root mean square error of joints relative to the pelvis, metres.
+        distance_sigma: standard deviation of the logarithm of distance.
     """
     write_arrays(
         stream,
@@ -117,6 +124,8 @@ def write_bodies(
             "body_model": np.array(body_model),
             "camera": np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
             "size": np.array([camera.width, camera.height]),
+            "sigma_m": np.array(sigma_m),
+            "distance_sigma": np.array(distance_sigma),
             **{name: np.asarray(getattr(parameters, name)) for name in _PARAMETERS},
         },
     )

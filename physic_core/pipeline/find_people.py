@@ -347,7 +347,7 @@ def use_given_bodies(
     from physic_core.prepare.bodies import place_by_keypoints, with_given_bodies
 
     if not given.is_placed:
-        given, rows = place_by_keypoints(given, run.model, photo)
+        given, rows = place_by_keypoints(given, run.model, photo), np.zeros(1, int)
     bodies, matched, warnings = with_given_bodies(given, rows, photo, bodies, run.model)
     run.stages.warn(*warnings)
     run.stages.note(f"bodies of {matched.is_of.sum()} of {len(rows)} people: {given.source}")

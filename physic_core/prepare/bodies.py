@@ -127,58 +127,42 @@ def _cameras(given: GivenBodies, camera: Intrinsics | None) -> FloatArray:
     return np.tile([camera.fx, camera.fy, camera.cx, camera.cy], (len(given), 1))
 
 
-def place_by_keypoints(
-    given: GivenBodies, model: BodyModel, photo: PhotoContent
-) -> tuple[GivenBodies, IntArray]:
-    """Return bodies without a place where the keypoints of the N people put them, and the body (N,)
-    of each person, for as many bodies as people.
+def place_by_keypoints(given: GivenBodies, model: BodyModel, photo: PhotoContent) -> GivenBodies:
+    """Return the only body, which has no place, where the keypoints of the only person put it.
 
     Raises:
-        InputError: there are more or fewer bodies than people.
+        InputError: there are several bodies or people.
     """
-    count = len(photo.people)
-    if len(given) != count:
+    if len(given) != 1 or len(photo.people) != 1:
         raise InputError(
-            f"{given.source} has {len(given)} bodies that state no place, and the photo {count} "
-            f"people: choose the people with --person, or give a file with translations"
+            f"{given.source} has {len(given)} bodies that state no place, and the photo "
+            f"{len(photo.people)} people: choose one person with --person, or give a file with "
+            f"translations"
         )
     points, landmarks = _landmarks(given, model, photo)
-    places = np.zeros((count, count, 3))
-    costs = np.zeros((count, count))
-    for person in range(count):
-        seen = photo.keypoints.confidence[person, photo.keypoints.joint_set.fitted] >= _SEEN
-        for body in range(count):
-            fit = _translation(landmarks[body, seen], points[person, seen], photo.camera)
-            places[body, person], costs[body, person] = fit
-    rows = np.empty(count, int)
-    bodies, people = linear_sum_assignment(costs)
-    rows[people] = bodies
+    seen = photo.keypoints.confidence[0, photo.keypoints.joint_set.fitted] >= _SEEN
     p = given.bodies.parameters
-    moved = p.transl + places[bodies, people].astype(p.transl.dtype)
-    placed = replace(given.bodies, parameters=replace(p, transl=moved))
-    return replace(given, bodies=placed, is_placed=True), rows
+    place = _translation(landmarks[0, seen], points[0, seen], photo.camera)
+    placed = replace(given.bodies, parameters=replace(p, transl=p.transl + np.float32(place)))
+    return replace(given, bodies=placed, is_placed=True)
 
 
-def _translation(
-    landmarks: FloatArray, points: FloatArray, camera: Intrinsics
-) -> tuple[FloatArray, float]:
-    """Return the translation (3,) that puts landmarks (n, 3) on points (n, 2) px, and their mean
-    distance there as a share of the extent of the points; nothing and inf for too few.
+def _translation(landmarks: FloatArray, points: FloatArray, camera: Intrinsics) -> FloatArray:
+    """Return the translation (3,) that puts landmarks (n, 3) on points (n, 2) px.
+
+    Raises:
+        InputError: there are too few, or none puts them in front of the camera.
     """
-    if len(points) < _FEWEST:
-        return np.array([0.0, 0.0, 3.0]), 1e3
     ray = (points - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
     # x + tx = r (z + tz), for both axes
     slopes = np.zeros((len(points), 2, 3))
     slopes[:, 0, 0] = slopes[:, 1, 1] = 1
     slopes[..., 2] = -ray
     target = ray * landmarks[:, 2:] - landmarks[:, :2]
-    found = np.linalg.lstsq(slopes.reshape(-1, 3), target.reshape(-1), rcond=None)[0]
-    z = landmarks[:, 2:] + found[2]
-    if (z <= 0).any():
-        return np.array([0.0, 0.0, 3.0]), 1e3
-    off = (landmarks[:, :2] + found[:2]) / z - ray
-    return found, float(np.linalg.norm(off, axis=1).mean() / np.ptp(ray, axis=0).max())
+    found: FloatArray = np.linalg.lstsq(slopes.reshape(-1, 3), target.reshape(-1), rcond=None)[0]
+    if len(points) < _FEWEST or (landmarks[:, 2] + found[2] <= 0).any():
+        raise InputError("the keypoints do not place the given body: give one with a translation")
+    return found
 
 
 def _landmarks(

@@ -105,6 +105,14 @@ def test_record_in_python_is_of_the_photos_camera(world):
         run(world.image, bodies=given)
 
 
+def test_masks_choose_the_people(tmp_path, group):
+    np.savez(tmp_path / "masks.npz", masks=group.masks[[2, 0]])
+    found = run(group.image, f"photo.masks={tmp_path / 'masks.npz'}", intrinsics=group.intrinsics)
+    assert len(found.people) == 2
+    for person, i in zip(found.people, (2, 0), strict=True):
+        np.testing.assert_array_equal(person.mask, group.masks[i])
+
+
 def test_a_known_stature_resizes_a_given_body(tmp_path, world):
     found = result(world, written(tmp_path, world), "photo.stature=1.9")
     assert found.people[0].stature == pytest.approx(1.9, rel=0.01)

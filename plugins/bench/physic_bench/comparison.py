@@ -81,6 +81,8 @@ class PersonPair:
         joints: how far the joints are apart; None without two bodies.
         pose: the same with both pelvises in one place.
         contacts: likely contacts of each, such as "left hand: floor".
+        from_given_m: how far the pelvis, and in the mean the other joints relative to it, are from
+            those of the body that the user gave; None for an estimated one.
     """
 
     index: tuple[int | None, int | None]
@@ -89,6 +91,7 @@ class PersonPair:
     joints: JointDifference | None
     pose: JointDifference | None
     contacts: tuple[tuple[str, ...], tuple[str, ...]]
+    from_given_m: tuple[tuple[float, float] | None, tuple[float, float] | None] = (None, None)
 
 
 @dataclass(frozen=True)
@@ -240,6 +243,14 @@ def summary_lines(
             f"medians of people: joints {1000 * median(joints):.0f} mm, pose "
             f"{1000 * median(poses):.0f} mm"
         )
+    for i, name in enumerate("AB"):
+        given = [moved for person in people if (moved := person.from_given_m[i]) is not None]
+        if given:
+            place, pose = (1000 * value for value in np.median(given, axis=0))
+            lines.append(
+                f"given bodies of {len(given)} people in {name}: medians of the engine's change of "
+                f"place {place:.0f} mm, of pose {pose:.0f} mm"
+            )
     if ratios:
         lines.append(f"median of scenes: the depth of B is {median(ratios):.2f} times that of A")
     for name, folders in zip("AB", only, strict=True):
@@ -314,7 +325,17 @@ def _pair(
         joints=joints,
         pose=pose,
         contacts=(_contacts(one), _contacts(other)),
+        from_given_m=(_from_given(one), _from_given(other)),
     )
+
+
+def _from_given(person: Person | None) -> tuple[float, float] | None:
+    """Return how far a body was moved from the given one, and its pose changed, metres."""
+    if person is None or person.given_joints is None or not person.has_body:
+        return None
+    moved = (person.joints - person.given_joints)[BODY_JOINTS]
+    pose = np.linalg.norm(moved[1:] - moved[0], axis=-1).mean()
+    return float(np.linalg.norm(moved[0])), float(pose)
 
 
 def _contacts(person: Person | None) -> tuple[str, ...]:

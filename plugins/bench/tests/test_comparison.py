@@ -124,6 +124,15 @@ def test_a_grade_has_changed_only_beyond_the_noise_of_the_probability(result, tr
     assert f"grades of people in B: {said}" in summary_lines([compare_results(a, b)], ((), ()))
 
 
+def test_change_of_given_bodies_is_told(result):
+    first, *rest = result.people
+    given = first.joints - np.array([0, 0, 0.1], np.float32)
+    b = replace(result, people=(replace(first, given_joints=given, body_source="a"), *rest))
+    (line,) = [t for t in summary_lines([compare_results(result, b)], ((), ())) if "given" in t]
+    assert "1 people in B" in line
+    assert "place 100 mm, of pose 0 mm" in line
+
+
 def test_photos_of_folders_are_paired_by_their_digests(result, tmp_path):
     for place, photo in {"a/1": "x", "a/2": "y", "b/one": "y", "b/two": "z"}.items():
         save_reconstruction(replace(result, photo=f"sha256:{photo}"), tmp_path / place, "numbers")

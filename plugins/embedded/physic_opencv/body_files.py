@@ -47,6 +47,14 @@ _PARTS = {
     "left_hand_pose": (25, 40),
     "right_hand_pose": (40, 55),
 }
+_NAMES = ("global_orient", "body_pose", "betas", "transl")
+_HANDS = {"left_hand_pose": 45, "right_hand_pose": 45}
+_AMASS = {
+    72: {"global_orient": 3, "body_pose": 69},
+    156: {"global_orient": 3, "body_pose": 63, **_HANDS},
+    165: {"global_orient": 3, "body_pose": 63, "jaw_pose": 3, "leye_pose": 3, "reye_pose": 3}
+    | _HANDS,
+}
 _CAMERA_KEYS = ("K", "intrinsics", "cam_int", "K_fullimg", "camera_matrix")
 
 
@@ -161,38 +169,26 @@ def _frame(count: int, file: FileOfPhoto) -> int:
     return file.frame or 0
 
 
+def _chosen(values: Mapping[str, Any], at: int, **names: str) -> dict[str, Any]:
+    """Return one row of arrays, by new name -> name in the file."""
+    return {new: np.asarray(values[old])[at : at + 1] for new, old in names.items()}
+
+
 def _gvhmr(document: Any, file: FileOfPhoto) -> _Record:
     given = document["smpl_params_incam"]
     at = _frame(len(given["transl"]), file)
-    pose = np.concatenate(
-        [_rows(given["global_orient"], 1, 3), _rows(given["body_pose"], 21, 3)], 1
-    )
-    camera = _cameras(document, len(pose))
-    return _Record(
-        "GVHMR",
-        "smplx",
-        pose[at : at + 1],
-        _rows(given["betas"], 10)[at : at + 1],
-        transl=_rows(given["transl"], 3)[at : at + 1],
-        camera=None if camera is None else camera[at : at + 1],
-        mean_hands=True,
-        sigma_m=_SIGMA_M["GVHMR"],
-    )
+    values = _chosen(given, at, **{name: name for name in _NAMES})
+    camera = _chosen(document, at, K="K_fullimg") if "K_fullimg" in document else {}
+    return _posed("GVHMR", values | camera, mean_hands=True)
 
 
 def _prompt_hmr(document: Any, file: FileOfPhoto) -> _Record:
-    transl = _rows(document["transl"], 3)
+    turns = np.asarray(document["rotmat"])
+    values = {"global_orient": turns[:, :1], "body_pose": turns[:, 1:_BODY]}
+    values |= {name: document[name] for name in ("betas", "transl")}
+    record = _posed("PromptHMR", values, mean_hands=True)
     focal = math.hypot(*file.size)  # cam_int is of a padded picture
-    return _Record(
-        "PromptHMR",
-        "smplx",
-        _rows(document["rotmat"], _BODY, 3, 3),
-        _rows(document["betas"], 10),
-        transl=transl,
-        camera=_centred(focal, file.size, len(transl)),
-        mean_hands=True,
-        sigma_m=_SIGMA_M["PromptHMR"],
-    )
+    return replace(record, camera=_centred(focal, file.size, len(turns)))
 
 
 def _is_wham(document: Any) -> bool:
@@ -201,52 +197,38 @@ def _is_wham(document: Any) -> bool:
 
 
 def _wham(document: Any, file: FileOfPhoto) -> _Record:
-    shown = np.concatenate([np.asarray(one["frame_ids"]).reshape(-1) for one in document.values()])
+    shown = np.concatenate([np.ravel(one["frame_ids"]) for one in document.values()])
     is_film = file.frame is not None or len(np.unique(shown)) > 1
     at = _frame(int(shown.max()) + 1, file) if is_film else shown[0]
-    rows = []
-    for one in document.values():
-        row = np.flatnonzero(np.asarray(one["frame_ids"]).reshape(-1) == at)
-        rows += [(one, int(row[0]))] if len(row) else []
+    rows = [
+        _chosen(one, int(row), pose="pose", betas="betas", transl="trans")
+        for one in document.values()
+        for row in np.flatnonzero(np.ravel(one["frame_ids"]) == at)[:1]
+    ]
     if not rows:
         raise ValueError(f"nobody is in the picture {at} of the film: set photo.bodies_frame")
-    pose, betas, transl = (
-        np.stack([_rows(one[name], width)[row] for one, row in rows])
-        for name, width in (("pose", 72), ("betas", 10), ("trans", 3))
-    )
-    return _Record(
-        "WHAM",
-        "smpl",
-        pose.reshape(-1, 24, 3),
-        betas,
-        transl=transl,
-        camera=_centred(math.hypot(*file.size), file.size, len(rows)),
-        sigma_m=_SIGMA_M["WHAM"],
-    )
+    values = {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
+    values |= {"global_orient": values["pose"][:, :3], "body_pose": values["pose"][:, 3:]}
+    camera = _centred(math.hypot(*file.size), file.size, len(rows))
+    return replace(_posed("WHAM", values), camera=camera)
 
 
 def _amass(document: Any, file: FileOfPhoto) -> _Record:
     poses = np.asarray(document["poses"], np.float64)
     poses = poses.reshape(-1, poses.shape[-1])
-    models = {72: "smpl", 156: "smplh", 165: "smplx"}
-    if poses.shape[1] not in models:
+    if poses.shape[1] not in _AMASS:
         raise ValueError(
             f"its poses have {poses.shape[1]} numbers; SMPL has 72, SMPL-H 156, SMPL-X 165"
         )
-    same = len(poses) > 1 and file.frame is None and not np.ptp(poses, axis=0).any()
-    at = 0 if same else _frame(len(poses), file)
-    turns = poses[at].reshape(1, -1, 3)
-    if poses.shape[1] == 156:
-        turns = np.concatenate([turns[:, :_BODY], np.zeros((1, 3, 3)), turns[:, _BODY:]], 1)
-    betas = np.asarray(document.get("betas", np.zeros(10)), np.float64).reshape(-1)
-    return _Record(
-        "AMASS",
-        models[poses.shape[1]],
-        turns,
-        betas[None],
-        transl=_rows(document["trans"], 3)[at : at + 1],
-        camera=_cameras(document, 1),
-    )
+    is_still = file.frame is None and not np.ptp(poses, axis=0).any()
+    at = 0 if is_still else _frame(len(poses), file)
+    ends = np.cumsum([0, *_AMASS[poses.shape[1]].values()])
+    names = _AMASS[poses.shape[1]]
+    parts = {n: poses[at : at + 1, a:b] for n, a, b in zip(names, ends, ends[1:], strict=False)}
+    betas = np.reshape(document.get("betas", np.zeros(10)), (1, -1))
+    cameras = {key: document[key] for key in _CAMERA_KEYS if key in document}
+    place = _chosen(document, at, transl="trans")
+    return _posed("AMASS", parts | cameras | place | {"betas": betas})
 
 
 def _photo_of_meta(path: Path) -> str:
@@ -256,19 +238,27 @@ def _photo_of_meta(path: Path) -> str:
 
 
 def _parameters(document: Any, file: FileOfPhoto) -> _Record:
-    """Read the dictionary of SMPL, SMPL-H or SMPL-X."""
+    """Read the dictionary of SMPL, SMPL-H or SMPL-X; SMPLer-X has the camera of each beside it."""
+    meta = file.path.parent.parent / "meta" / f"{file.path.stem}.json"
+    if not meta.is_file():
+        return _posed("parameters", document)
+    about = open_document(meta)
+    record = _posed("SMPLer-X", document, mean_hands=True)
+    return replace(record, camera=_rows([*about["focal"], *about["princpt"]], 4))
+
+
+def _posed(tool: str, document: Mapping[str, Any], *, mean_hands: bool = False) -> _Record:
+    """Return the record of parameters by the names of SMPL-X."""
     betas = np.asarray(document["betas"], np.float64)
     count = 1 if betas.ndim == 1 else len(betas)
     turns = np.zeros((count, _JOINTS, 3))
     given = np.asarray(document["body_pose"], np.float64)
-    per_joint = 9 if given.shape[-2:] == (3, 3) else 3
-    joints = given.size // (count * per_joint)
+    joints = given.size // (count * (9 if given.shape[-2:] == (3, 3) else 3))
     if joints not in (21, 23):
         raise ValueError(
-            f"its body_pose has {joints} joints of {count} people: SMPL has 23, SMPL-X 21"
+            f"its body_pose has {joints} joints of {count} people; SMPL has 23, SMPL-X 21"
         )
-    stop = min(joints, 21) + 1
-    turns[:, 1:stop] = _turns(given, count, joints)[:, :21]
+    turns[:, 1:_BODY] = _turns(given, count, joints)[:, : _BODY - 1]
     for name, (first, last) in _PARTS.items():
         if name in document:
             turns[:, first:last] = _turns(document[name], count, last - first)
@@ -276,13 +266,6 @@ def _parameters(document: Any, file: FileOfPhoto) -> _Record:
     model = "smpl" if joints == 23 else "smplx"
     if joints == 21 and "left_hand_pose" in document and not has_face:
         model = "smplh"
-    meta = file.path.parent.parent / "meta" / f"{file.path.stem}.json"
-    camera = _cameras(document, count)
-    tool = "SMPL-X parameters" if model == "smplx" else "SMPL parameters"
-    if meta.is_file():
-        about = open_document(meta)
-        tool = "SMPLer-X"
-        camera = _rows([*about["focal"], *about["princpt"]], 4)
     transl = document.get("transl", document.get("trans"))
     expression = document.get("expression")
     return _Record(
@@ -290,10 +273,10 @@ def _parameters(document: Any, file: FileOfPhoto) -> _Record:
         model,
         turns,
         betas.reshape(count, -1),
-        None if expression is None else _rows(expression, np.asarray(expression).shape[-1]),
+        None if expression is None else _rows(expression, np.shape(expression)[-1]),
         None if transl is None else _rows(transl, 3),
-        camera=camera,
-        mean_hands=tool == "SMPLer-X",
+        camera=_cameras(document, count),
+        mean_hands=mean_hands,
         is_placed=transl is not None,
         sigma_m=_SIGMA_M.get(tool, 0.06),
     )

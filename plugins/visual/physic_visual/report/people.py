@@ -45,6 +45,7 @@ def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
         - ``posture``, ``posture_probability``, ``child_probability``: as of
           :class:`physic_core.types.Person`.
         - ``unsure``: arms and legs that are shown and unsure, in words.
+        - ``body_source``: what the user gives as the body; "" for an estimated one.
         - ``camera``: distance of the pelvis from the camera, metres. ``distance_sigma``: standard
           deviation of its logarithm.
         - ``pelvis``: (3,) metres, camera frame. ``pelvis_height``: over the floor, metres.
@@ -90,6 +91,7 @@ def _record(
         "posture_probability": person.posture_probability,
         "child_probability": person.child_probability,
         "unsure": ", ".join(map(part_words, person.unsure)),
+        "body_source": person.body_source,
         "camera": float(np.linalg.norm(pelvis)) if posed else None,
         "distance_sigma": reconstruction.distance_sigmas[index],
         "pelvis": pelvis.tolist() if posed else None,

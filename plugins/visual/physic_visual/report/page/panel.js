@@ -37,6 +37,7 @@ function personCard(data, index) {
       ["Seems to", person.posture_probability >= .5 && `${person.posture}, ${person.posture_probability.toFixed(2)}`],
       ["Is a child", person.child_probability?.toFixed(2)],
       ["Unsure", person.unsure],
+      ["Given body", person.body_source],
     ].filter(([, value]) => value);
     card.append(facts([
       ...seen,

@@ -1,0 +1,181 @@
+"""What the engine makes of given bodies: true ones with errors, before and after.
+
+    python -m benchmarks given_bodies DATA --out given-results [--sets mpi_inf_3dhp,panoptic]
+    [--triangulated FILE] [--set KEY=VALUE]
+
+Bodies are fitted to the true joints of photos with a camera, turned by 5 degrees about a common
+axis and by independent angles at each joint that move joints by 50 mm (root mean square, relative
+to the pelvis), and given to ``physic run --bodies``. Truth of ``panoptic`` and ``roundtable`` is
+that of ``--triangulated``, which ``truth`` writes. One row for each person, then the means.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from argparse import Namespace
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from benchmarks.fits import parser_of
+from physic_core import write_bodies
+from physic_core.body import convert_with_residuals, load_body
+from physic_core.body.bones import parameters_from_rotations, pose_from_parameters
+from physic_core.geometry.rotations import rotvec_to_rotmat_numpy
+from physic_core.prepare.bodies import turn_sigmas
+from physic_core.types import Bodies, BodyParameters, Intrinsics
+
+from .truth.joints import BODY_ROWS, limb_joints
+from .truth.measures import box_of, match_people, pose_errors
+from .truth.run import answer_of
+from .truth.scores import MIN_VISIBLE, joints_of, keypoints_of, people_of
+from .truth.sets import SETS, Sample, camera_of, picture_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+SIGMA_M = 0.05
+TURN_DEG = 5.0
+DISTANCE_SIGMA = 0.01  # stated; places are true
+_BODY = 22
+
+
+def main() -> None:
+    """Run, compare, print."""
+    parser = parser_of("given_bodies", __doc__, fits=False)
+    add = parser.add_argument
+    add("data", type=Path, help="folder that holds the data sets")
+    add("--out", type=Path, default=Path("given-results"), help="for bodies and answers")
+    add("--sets", default="mpi_inf_3dhp", help="data sets, with commas between them")
+    add("--triangulated", type=Path, metavar="FILE", help="joints of a run of truth")
+    add("--photos", type=int, help="the first N of each data set")
+    add(
+        "--set", dest="settings", action="append", default=[], metavar="KEY=VALUE", help="a setting"
+    )
+    given = parser.parse_args()
+    rows = [row for sample, truth in _samples(given) for row in _rows(sample, truth, given)]
+    for row in rows:
+        print(*(v if isinstance(v, str) else f"{v:.1f}" for v in row.values()), sep="\t")
+    for name in {str(row["set"]) for row in rows}:
+        own = [row for row in rows if row["set"] == name]
+        means = {
+            k: np.nanmean([row[k] for row in own]) for k in own[0] if k not in ("set", "photo")
+        }
+        better = np.mean([row["mpjpe_out"] < row["mpjpe_in"] for row in own])
+        print(f"{name}: {len(own)} people, output better {better:.0%};", end=" ")
+        print(", ".join(f"{key} {value:.1f}" for key, value in means.items()))
+    (given.out / "rows.json").write_text(json.dumps(rows, indent=1))
+
+
+def _samples(given: Namespace) -> Iterator[tuple[Sample, list[Array]]]:
+    """Yield samples with a camera, and the true joints (12, 3) of their people in its frame, m."""
+    joints = json.loads(given.triangulated.read_text()) if given.triangulated else {}
+    for name in given.sets.split(","):
+        for sample in SETS[name](given.data / name)[: given.photos]:
+            if "joints" in sample.truth and sample.K is not None:
+                yield sample, [limb_joints(sample.truth["joints"], 3)]
+            elif (key := f"{name}/{sample.group}") in joints:
+                camera = camera_of(sample)
+                seen = [camera.to_camera(np.array(one, np.float64)) for one in joints[key]]
+                yield sample, [one for one in seen if _is_shown(one, sample)]
+
+
+def _is_shown(joints: Array, sample: Sample) -> bool:
+    height, width = picture_of(sample).shape[:2]
+    pixels = _pixels(joints, sample)
+    inside = ((pixels >= 0) & (pixels < [width, height])).all(1) & (joints[:, 2] > 0)
+    return int(inside.sum()) >= MIN_VISIBLE
+
+
+def _pixels(joints: Array, sample: Sample) -> Array:
+    assert sample.K is not None
+    pixels: Array = joints @ sample.K.T
+    return pixels[:, :2] / pixels[:, 2:]
+
+
+def _rows(sample: Sample, truth: list[Array], given: Namespace) -> Iterator[dict[str, float | str]]:
+    """Run the tool on the bodies of a sample, and yield the errors of each person."""
+    assert sample.K is not None
+    height, width = picture_of(sample).shape[:2]
+    K = sample.K
+    camera = Intrinsics(K[0, 0], K[1, 1], K[0, 2], K[1, 2], width, height)
+    parameters, before = _with_errors(truth, seed=sum(map(ord, sample.name)))
+    path = given.out / "bodies" / sample.set / f"{sample.name}.npz"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_bodies(path, parameters, "embedded", camera, SIGMA_M, DISTANCE_SIGMA)
+    options = ["--bodies", str(path.resolve())]
+    options += [part for setting in given.settings for part in ("--set", setting)]
+    answer = answer_of(sample, given.out, options)
+    people = people_of(answer)
+    pixels = [_pixels(one, sample) for one in truth]
+    boxes = [person["box"] for person in people]
+    points = [keypoints_of(person) for person in people]
+    found = match_people(boxes, points, [box_of(one).tolist() for one in pixels], pixels)
+    for i, person in found.items():
+        out = pose_errors(joints_of(people[person]), truth[i])
+        into = pose_errors(before[i][BODY_ROWS], truth[i])
+        row: dict[str, float | str] = {"set": sample.set, "photo": sample.name}
+        for name, key in (
+            ("mpjpe", "mpjpe_mm"),
+            ("root", "root_aligned_mm"),
+            ("pa", "pa_mpjpe_mm"),
+        ):
+            row |= {f"{name}_in": into[key], f"{name}_out": out[key]}
+        row["depth_out_%"] = 100 * (out["pelvis_depth_ratio"] - 1)
+        row["floor_deg"] = _floor_error(answer["floor"], sample)
+        yield row
+
+
+def _floor_error(floor: list[float] | None, sample: Sample) -> float:
+    up = sample.truth.get("up")
+    if floor is None or up is None:
+        return math.nan
+    own = np.array(up, np.float64)
+    if "camera" in sample.truth:
+        own = camera_of(sample).R @ own
+    return math.degrees(math.acos(float(np.clip(np.dot(floor[:3], own), -1, 1))))
+
+
+def _with_errors(truth: list[Array], seed: int) -> tuple[BodyParameters, Array]:
+    """Return bodies (N) of the embedded model at true joints with errors, and their joints
+    (N, 55, 3).
+    """
+    import torch
+
+    model = load_body("embedded").double
+    joints = np.full((len(truth), 55, 3), np.nan)
+    joints[:, BODY_ROWS] = truth
+    zero = pose_from_none(len(truth))
+    fitted = convert_with_residuals(Bodies(zero, "joints", joints=joints), load_body()).bodies
+    rotations, betas, transl, _ = pose_from_parameters(fitted.parameters, dtype=torch.float64)
+    start = model(rotations, betas, transl).joints.numpy()
+    rng = np.random.default_rng(seed)
+    axes = rng.standard_normal((len(truth), _BODY, 3))
+    axes /= np.linalg.norm(axes, axis=-1, keepdims=True)
+    angles = turn_sigmas(start, SIGMA_M)[..., None] * rng.standard_normal((len(truth), _BODY, 1))
+    common = rng.standard_normal(3)
+    common *= math.radians(TURN_DEG) / np.linalg.norm(common)
+    angles[:, 0] = 0
+    turned = rotations.numpy().copy()
+    turned[:, :_BODY] = turned[:, :_BODY] @ rotvec_to_rotmat_numpy(axes * angles)
+    turned[:, 0] = rotvec_to_rotmat_numpy(common) @ turned[:, 0]
+    rotations = torch.from_numpy(turned)
+    after = model(rotations, betas, transl).joints.numpy()
+    return parameters_from_rotations(rotations, betas, None, transl), after
+
+
+def pose_from_none(count: int) -> BodyParameters:
+    """Return N bodies of zeros, whose joints tell all."""
+    widths = {"body_pose": 63, "left_hand_pose": 45, "right_hand_pose": 45, "betas": 0}
+    names = BodyParameters.__dataclass_fields__
+    return BodyParameters(
+        **{
+            name: np.zeros((count, 0 if name == "expression" else widths.get(name, 3)), np.float32)
+            for name in names
+        }
+    )
