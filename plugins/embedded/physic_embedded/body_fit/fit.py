@@ -39,7 +39,8 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.floating]
 
 
-_EVALUATIONS = 25  # which choose the minimum
+_EVALUATIONS = 15  # which choose the minimum
+_ROUGH = 1e-3  # standard deviations, of the last step of a fit that :func:`fit_outlines` continues
 # How far 3D landmarks of arms move between two looks that are as sure as the lifter's joints, and
 # the largest weight of these where looks differ. Chosen on mpi_inf_3dhp, panoptic and roundtable.
 _STEADY_M = 0.05
@@ -80,7 +81,7 @@ def fit_bodies(
     earlier: tuple[FittedBodies, BoolArray] | None = None,
 ) -> FittedBodies:
     """Fit the body model to the keypoints and landmarks of N people, and return the best fit of
-    each person.
+    each person, which :func:`fit_outlines` continues to the minimum.
 
     Args:
         model: body model, float64.
@@ -98,14 +99,15 @@ def fit_bodies(
         rows = torch.from_numpy(np.flatnonzero(changed))
         part = problem.select(rows)
         found = fit.unknowns.clone()
-        found[rows] = minimise(part, _near_minimum(part))
+        found[rows] = minimise(part, _near_minimum(part), least_step=_ROUGH)
         return _body_fit(model, problem, found)
     unknowns = _near_minimum(problem)
     with torch.no_grad():
         best = problem.loss(unknowns).view(starts, -1).argmin(0)
     rows = best * len(best) + torch.arange(len(best))
     problem = problem.select(rows)
-    return _body_fit(model, problem, minimise(problem, unknowns[rows]))
+    found = minimise(problem, unknowns[rows], least_step=_ROUGH)
+    return _body_fit(model, problem, found)
 
 
 def fit_outlines(
@@ -114,20 +116,10 @@ def fit_outlines(
     """Continue a fit of N people with pairs of points on the outlines of bodies and masks, and with
     what the lifter tells of their limbs.
 
-    The fit is a minimum without them, and near to the one with them. People without any stay as
-    they are.
+    The fit is nearly a minimum without them, and near to the one with them.
     """
-    told = pairs.weight.any(1)
-    if lifted is not None:
-        told = told | lifted.weight.any(1)
-    rows = told.nonzero()[:, 0]
-    if not len(rows):
-        return fit
     problem = with_outlines(fit.problem, pairs, lifted)
-    part = problem.select(rows)
-    found = fit.unknowns.clone()
-    found[rows] = minimise(part, fit.unknowns[rows])
-    return _body_fit(model, problem, found)
+    return _body_fit(model, problem, minimise(problem, fit.unknowns))
 
 
 def lifted_limbs(

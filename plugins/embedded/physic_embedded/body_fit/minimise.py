@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
     from physic_embedded.body_fit.problem import FitProblem
 
-_MIN_STEP = 1e-7  # largest step of an unknown after which a person is done
+CONVERGED = 1e-7
+"""Largest step of an unknown after which a person is done."""
 _MAX_EVALUATIONS = 300
 _STEPS_OF_HESSIAN = 14  # after which it is computed again: it costs as much as three to ten steps
 _LEAST_CURVATURE = 0.01  # of the loss by an unknown
@@ -53,7 +54,12 @@ def approach_minimum(problem: FitProblem, start: Tensor, evaluations: int) -> Te
     return search.at
 
 
-def minimise(problem: FitProblem, start: Tensor, evaluate: Derivatives = derivatives) -> Tensor:
+def minimise(
+    problem: FitProblem,
+    start: Tensor,
+    evaluate: Derivatives = derivatives,
+    least_step: float = CONVERGED,
+) -> Tensor:
     """Return the minimum (N, W) of each person's loss from unknowns (N, W) near to it; no loss
     increases.
 
@@ -64,6 +70,8 @@ def minimise(problem: FitProblem, start: Tensor, evaluate: Derivatives = derivat
         problem: of N people.
         start: where to begin.
         evaluate: returns loss, gradient and Hessian.
+        least_step: largest step of an unknown, in standard deviations, after which a person is
+            done.
     """
     count, width = start.shape
     zero = start.new_zeros(count)
@@ -80,7 +88,7 @@ def minimise(problem: FitProblem, start: Tensor, evaluate: Derivatives = derivat
             search.inverse[outdated] = _inverse(hessian)
         lower, length = search.step(part, active)
         steps[active] += lower
-        moving = length > _MIN_STEP
+        moving = length > least_step
         outdated = active[moving & lower & (steps[active] % _STEPS_OF_HESSIAN == 0)]
         if not moving.all():
             active = active[moving]
