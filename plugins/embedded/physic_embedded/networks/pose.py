@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     Float = NDArray[np.floating[Any]]
 
 LANDMARK_SIZE = 256
+_HOPELESS = 0.3
+"""Score of a first look from which a second one hardly finds a person: of 50 labelled photos with a
+second search, 49 have the same joints if such looks end.
+"""
 
 
 @dataclass(frozen=True)
@@ -145,6 +149,17 @@ def predict_pose(
     return _with_mirror_image(session, cut, square, _look(session, cut))
 
 
+def predict_hopeful_pose(
+    session: OnnxSession, picture: ImagePyramid, square: RotatedSquare
+) -> Pose | None:
+    """Return :func:`predict_pose` of a square, or None if the first look is hopeless."""
+    look = _look(session, picture.crop(square, LANDMARK_SIZE))
+    if look.score < _HOPELESS:
+        return None
+    refined = person_square(*square.to_photo(look.points[33:35], LANDMARK_SIZE))
+    return predict_pose(session, picture, refined, passes=1)
+
+
 def predict_scored_pose(
     session: OnnxSession, picture: ImagePyramid, square: RotatedSquare, score: float
 ) -> Pose | None:
@@ -152,11 +167,11 @@ def predict_scored_pose(
 
     Returns:
         As :func:`predict_pose`; None unless its score exceeds ``score``. The mirror image is not
-        looked at where no score of it could raise the mean so far.
+        looked at where the first look is hopeless, or no score of it could raise the mean so far.
     """
     cut = picture.crop(square, LANDMARK_SIZE)
     look = _look(session, cut)
-    if look.score + 1.0 <= 2 * score:
+    if look.score < max(_HOPELESS, 2 * score - 1.0):
         return None
     pose = _with_mirror_image(session, cut, square, look)
     return pose if pose.score > score else None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_embedded.networks.crops import RotatedSquare
-from physic_embedded.networks.pose import predict_pose
+from physic_embedded.networks.pose import predict_hopeful_pose
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -66,11 +66,11 @@ def look_turned(
     if is_steady(pose, fit(pose)) or _is_upright(pose, box):
         return pose
     turned = [
-        predict_pose(landmarker, picture, square_around(box, quarter * np.pi / 2))
+        predict_hopeful_pose(landmarker, picture, square_around(box, quarter * np.pi / 2))
         for quarter in (1, 2, 3)
     ]
     return min(
-        [pose, *(one for one in turned if _is_clear(one, fit(one)))],
+        [pose, *(one for one in turned if one is not None and _is_clear(one, fit(one)))],
         key=lambda one: one.mirror_gap - _SCORE_WEIGHT * one.score - _FIT_WEIGHT * fit(one),
     )
 
