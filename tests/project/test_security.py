@@ -43,7 +43,7 @@ TABLES = {
         "`physic serve`": "test_a_worker_takes_no_more_memory",
         "a JPEG": "test_the_number_of_scans_is_bounded",
         "arrays in a result, an archive or the cache": "test_arrays_of_more_than_4_gb_are_refused",
-        "a colour profile; a thumbnail of a batch": "test_a_profile_of_more_than_8_mb_is_not_read "
+        "a color profile; a thumbnail of a batch": "test_a_profile_of_more_than_8_mb_is_not_read "
         "test_a_sheet_embeds_only_what_decodes_as_a_jpeg",
         "TOML and JSON": "test_values_nested_too_deep_are_one_sentence",
         "a message": "test_a_message_is_short_and_has_no_addresses",
@@ -60,7 +60,7 @@ LISTS = {
         "embedded body": "test_a_network_with_one_other_bit test_a_changed_asset",
         "A file from a zip archive": "test_names_inside_a_zip_cannot_leave_the_folder",
         "A weight set with a "
-        "restricted licence": "test_restricted_weights_are_fetched_only_with_accept_licence",
+        "restricted license": "test_restricted_weights_are_fetched_only_with_accept_licence",
     },
     "Files that PhySIC writes": {
         "Each file of a result": "test_an_interruption_loses_nothing_and_is_no_success",
