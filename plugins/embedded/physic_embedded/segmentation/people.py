@@ -26,7 +26,13 @@ from physic_embedded.networks.pose import (
 from physic_embedded.networks.pose_detection import detect_people
 from physic_embedded.networks.yolox import detect_boxes
 from physic_embedded.segmentation.hidden_people import grey_out, without_covered
-from physic_embedded.segmentation.turned import is_steady, is_turned, look_turned, square_around
+from physic_embedded.segmentation.turned import (
+    SURE_FIT,
+    is_steady,
+    is_turned,
+    look_turned,
+    square_around,
+)
 from physic_embedded.segmentation.upper_bodies import square_from_upper_half, with_upper_bodies
 
 if TYPE_CHECKING:
@@ -349,11 +355,13 @@ def _upper_half(landmarker: OnnxSession, picture: ImagePyramid, box: Float) -> l
 
 
 def _is_sure(box: Float, score: float, pose: Pose, box_score: float) -> bool:
-    """Return whether a box has a high score and a pose that fits it, the same in the mirror image,
-    or the clear pose of somebody who is not upright.
+    """Return whether a pose fits a box: one that is the same in the mirror image, in a box with a
+    high score, or the clear pose of somebody who is not upright. A box around a part of somebody
+    fits less.
     """
     fit = box_fit(pose, box)
-    return (score >= box_score and is_steady(pose, fit)) or is_turned(pose, fit)
+    turned = is_turned(pose, fit) and fit >= SURE_FIT
+    return turned or (score >= box_score and is_steady(pose, fit))
 
 
 def _search_blazepose(
