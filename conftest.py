@@ -19,9 +19,6 @@ from hypothesis import settings
 # first imported.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-# Tests that open onnxruntime themselves report no more than the programs.
-os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
-
 # The user's answers are not for the tests, nor the tests' for the user.
 os.environ["PHYSIC_CACHE"] = "off"
 

@@ -6,6 +6,7 @@ start fast.
 
 from __future__ import annotations
 
+import os
 from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -102,6 +103,19 @@ __all__ = [
     "save_report",
     "write_bodies",
 ]
+
+_SILENT = {
+    "DO_NOT_TRACK": "1",
+    "HF_HUB_DISABLE_TELEMETRY": "1",
+    "ORT_DISABLE_TELEMETRY": "1",
+    "RAY_USAGE_STATS_ENABLED": "0",
+}
+"""Variables by which libraries send nothing. They read them when they are imported, so that the
+first import of the core, before any plugin, sets them; the user's own values are kept.
+"""
+
+for _name, _value in _SILENT.items():
+    os.environ.setdefault(_name, _value)
 
 _NAMES = {
     "configuration.model": "Config engine_preset engine_preset_names load_config",

@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import hashlib
 import os
+import struct
+import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -18,6 +20,7 @@ from physic_core.discovery.hooks import ExporterRecord
 from physic_core.discovery.plugins import Found, call_item, find_exporter
 from physic_core.errors import ConfigError, InputError, OutputError, PluginError
 from physic_core.files.atomic import (
+    MARK,
     atomic_write,
     check_regular,
     check_writable,
@@ -208,7 +211,7 @@ def export_reconstruction(
     _check_names(folder, made.files, overwrite, result.photo)
     # the file that names the others comes last
     ordered = sorted(made.files, key=lambda name: name == f"{stem}{suffix}")
-    (write or _write)(folder, {name: made.files[name] for name in ordered})
+    (write or _write)(folder, {name: _marked(made.files[name]) for name in ordered})
     paths = tuple(folder / name for name in made.files)
     return Exported(paths, (*notes, *frame.notes, *made.notes))
 
@@ -287,6 +290,22 @@ def _write(folder: Path, files: Mapping[str, bytes]) -> None:
     with atomic_write(check_writable(folder)) as temporary:
         for name, content in files.items():
             temporary(name).write_bytes(content)
+
+
+def _marked(content: bytes) -> bytes:
+    """Return a file, with the mark in a comment if it is PNG or JPEG: no batch takes it for a
+    photo.
+    """
+    mark = MARK.encode("ascii")
+    if content.startswith(b"\x89PNG\r\n\x1a\n"):
+        chunk = b"tEXtComment\0" + mark
+        chunk = struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk))
+        return content[:33] + chunk + content[33:]
+    if content.startswith(b"\xff\xd8\xff\xe0"):  # after the segment that comes first
+        end = 4 + int.from_bytes(content[4:6], "big")
+        comment = b"\xff\xfe" + struct.pack(">H", len(mark) + 2) + mark
+        return content[:end] + comment + content[end:]
+    return content
 
 
 def _check_names(folder: Path, names: Iterable[str], overwrite: bool, photo: str) -> None:

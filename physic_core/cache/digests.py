@@ -33,7 +33,8 @@ _STARTED = time.time()
 """Start time of this process; files modified later may differ from the imported code."""
 
 _CODE_BYTES = 16
-_IMPORTED = re.compile(rb"^\s*(?:from|import) (physic_\w+)", re.MULTILINE)
+_IMPORTED = re.compile(rb"^[ \t]*(?:from[ \t]+(\w+)|import[ \t]+([\w., \t]+))", re.MULTILINE)
+_INSTALLED = {"site-packages", "dist-packages"}
 _MAX_FILES = 2000
 """Maximum number of files of a package; of a larger one only the module of the class is hashed."""
 
@@ -113,8 +114,9 @@ class CodeDigester:
         self._read: dict[Path, _Code | None] = {}
 
     def digest(self, kind: type) -> str | None:
-        """Compute the digest of the packages that define a class and its bases, and of the packages
-        ``physic_*`` that these import.
+        """Compute the digest of the packages that define a class and its bases, and of all that
+        these import but the standard library and distributions that are installed, of which only
+        the packages ``physic_*`` count.
 
         All files count with their content, so that two installations agree. For a module outside
         any package, the modules in the same folder count.
@@ -184,9 +186,7 @@ def _files(root: Path) -> list[Path]:
 
 @dataclass(frozen=True)
 class _Code:
-    """Digest of the files of a package, and ``__init__.py`` of the packages ``physic_*`` that they
-    import.
-    """
+    """Digest of the files of a package, and the modules that they import and that count."""
 
     digest: bytes
     imported: tuple[Path, ...]
@@ -203,11 +203,34 @@ def _read_code(files: list[Path]) -> _Code | None:
                 return None
             content = path.read_bytes() if is_source else remembered_sha256(path).encode()
             digest.update(f"{path.name} {len(content)};".encode() + content)
-            imported |= {name.decode() for name in _IMPORTED.findall(content)}
+            imported |= _imported(content) if is_source else set()
     except OSError:
         return None
-    specs = map(find_spec, sorted(imported))  # which imports nothing
-    return _Code(digest.digest(), tuple(Path(one.origin) for one in specs if one and one.origin))
+    places = map(_source, sorted(imported - sys.stdlib_module_names))
+    return _Code(digest.digest(), tuple(place for place in places if place is not None))
+
+
+def _imported(source: bytes) -> set[str]:
+    """Return the top-level names that a module imports."""
+    found = _IMPORTED.findall(source)
+    names = {one.split()[0] for _, some in found for one in some.split(b",") if one.split()}
+    names |= {name for name, _ in found if name}
+    return {name.partition(b".")[0].decode(errors="replace") for name in names}
+
+
+def _source(name: str) -> Path | None:
+    """Return the module of a top-level name whose code counts; None if it is installed, or missing.
+
+    It is not imported.
+    """
+    spec = None
+    with suppress(ImportError, ValueError):
+        spec = find_spec(name)
+    if spec is None or spec.origin is None or not spec.origin.endswith(".py"):
+        return None
+    place = Path(spec.origin)
+    is_installed = not _INSTALLED.isdisjoint(place.parts) and not name.startswith("physic_")
+    return None if is_installed else place
 
 
 _known: dict[str, str] = {}

@@ -1,27 +1,36 @@
-"""Which backends passed the conformance kit on this machine, by the digest of their code.
+"""Which backends passed the conformance kit on this machine.
 
-A stamp is an empty file of the cache. It says nothing of another version of the code, nor of the
-packages ``physic_*`` that it imports.
+A stamp is an empty file of the cache, with a digest of the code in its name, and one of all else
+that the results of the backend depend on: its options, the files that they name, its fingerprint,
+and the versions of what its distribution requires.
 """
 
 from __future__ import annotations
 
+import glob
+import hashlib
+import json
 import sys
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from physic_core.cache.digests import CodeDigester
+from physic_core.cache.digests import CodeDigester, files_named_by
 from physic_core.cache.folders import CACHES, claimed_cache, plain_name
 from physic_core.discovery.catalog import BACKENDS
+from physic_core.discovery.entry_points import distributions_of, required_versions
 from physic_core.discovery.local_modules import split_folder
 
 if TYPE_CHECKING:
     from physic_core.interfaces import Backend
 
+_SUFFIX = CACHES["kit"][1]
 
-def is_vouched_for(interface: str, name: str, distribution: str, target: str) -> bool:
+
+def is_vouched_for(
+    interface: str, name: str, distribution: str, target: str, backend: Backend | None = None
+) -> bool:
     """Return whether a backend ships with the project, or has a stamp.
 
     Args:
@@ -29,18 +38,28 @@ def is_vouched_for(interface: str, name: str, distribution: str, target: str) ->
         name: of the backend.
         distribution: that offers it.
         target: "package.module:Class", which is not imported.
+        backend: need not be loaded; None for any options.
+
+    Raises:
+        Exception: raised by the backend's ``fingerprint``.
     """
     if BACKENDS.get(name) == distribution:
         return True
-    stamp = _stamp_path(interface, target)
-    return stamp is not None and stamp.is_file()
+    place = _stamp_place(interface, target)
+    if place is None:
+        return False
+    folder, start = place
+    if backend is None:
+        return any(folder.glob(f"{glob.escape(start)}*"))
+    return (folder / f"{start}{_settings(backend)}{_SUFFIX}").is_file()
 
 
-def remember_passed(interface: str, kind: type[Backend]) -> None:
-    """Remember that a class of backends passed the kit of an interface."""
-    if (path := _stamp_path(interface, target_of(kind))) is not None:
+def remember_passed(interface: str, backend: Backend) -> None:
+    """Remember that a backend passed the kit of an interface."""
+    if (place := _stamp_place(interface, target_of(type(backend)))) is not None:
+        folder, start = place
         with suppress(OSError):
-            path.touch()
+            (folder / f"{start}{_settings(backend)}{_SUFFIX}").touch()
 
 
 def target_of(kind: type) -> str:
@@ -48,8 +67,22 @@ def target_of(kind: type) -> str:
     return f"{kind.__module__}:{kind.__qualname__}"
 
 
-def _stamp_path(interface: str, target: str) -> Path | None:
-    """Return the path of a stamp; None if there is no cache, or the code has no reliable digest.
+def _settings(backend: Backend) -> str:
+    """Return the digest of what results depend on beside code and inputs."""
+    top = type(backend).__module__.partition(".")[0]
+    options = backend.options.model_dump(mode="json")
+    parts = [
+        options,
+        list(files_named_by(options)),
+        str(backend.fingerprint()),
+        [required_versions(one) for one in distributions_of(top)],
+    ]
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _stamp_place(interface: str, target: str) -> tuple[Path, str] | None:
+    """Return the folder of a stamp and the start of its name; None if there is no cache, or the
+    code has no reliable digest.
 
     A class may be offered by another module of its package than the one that defines it.
     """
@@ -67,4 +100,4 @@ def _stamp_path(interface: str, target: str) -> Path | None:
     code = CodeDigester().digest_of([Path(origin)]) if origin else None
     if code is None:
         return None
-    return cache.path / f"{interface}-{plain_name(f'{top}.{name}')}-{code}{CACHES['kit'][1]}"
+    return cache.path, f"{interface}-{plain_name(f'{top}.{name}')}-{code}-"

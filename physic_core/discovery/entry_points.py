@@ -15,7 +15,13 @@ import sys
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib.metadata import PackageNotFoundError, distributions, requires, version
+from importlib.metadata import (
+    PackageNotFoundError,
+    distributions,
+    packages_distributions,
+    requires,
+    version,
+)
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -130,6 +136,11 @@ def canonicalize_name(distribution: str) -> str:
 def core_version() -> str:
     """Return the version of the installed metricbody."""
     return version("metricbody")
+
+
+def distributions_of(package: str) -> list[str]:
+    """Return the names of the installed distributions that have a top-level package."""
+    return packages_distributions().get(package, [])
 
 
 def required_versions(distribution: str) -> dict[str, str]:

@@ -220,16 +220,15 @@ def _suits(kind: Any, value: Any) -> bool:
         return isinstance(value, Mapping)
     if origin is float:
         return isinstance(from_json(value), int | float) and not isinstance(value, bool)
-    if origin in (int, str, bool):
+    if origin in (int, str, bool, builtin_types.NoneType):
         return type(value) is origin
     if not isinstance(origin, type) or issubclass(origin, np.ndarray):
         return False
-    return (
-        isinstance(value, str)
-        if issubclass(origin, Enum)
-        else isinstance(value, list | Mapping)
-        and (issubclass(origin, Mapping) == isinstance(value, Mapping))
-    )
+    if issubclass(origin, Enum):
+        return isinstance(value, str)
+    if issubclass(origin, Mapping):
+        return isinstance(value, Mapping)
+    return issubclass(origin, Iterable) and isinstance(value, list)
 
 
 def _is_tensor(kind: Any) -> bool:

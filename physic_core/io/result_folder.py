@@ -34,7 +34,7 @@ from physic_core.files.atomic import (
     read_regular,
     refusal,
 )
-from physic_core.files.names import UntrustedName, paths_inside
+from physic_core.files.names import UntrustedName
 from physic_core.files.text import parse_json, write_csv
 from physic_core.types.results import PERSON_COLUMNS, person_rows
 
@@ -233,7 +233,7 @@ def add_result_files(folder: Path, contents: Mapping[str, bytes]) -> None:
     Raises:
         OutputError: the folder cannot be written.
     """
-    with _locked(Path(os.path.realpath(folder))), atomic_write(folder, lock=False) as write:
+    with _locked(Path(os.path.realpath(folder))), atomic_write(folder) as write:
         if (document := _document(folder)) is not None:
             write(DOCUMENT_FILE).write_bytes(_with_files(document, contents))
         for name, content in contents.items():
@@ -355,8 +355,3 @@ def is_result(folder: str | os.PathLike[str]) -> bool:
     except (InputError, OSError):
         return False
     return found is not None or _document(Path(folder)) is not None
-
-
-def files_of_result(folder: str | os.PathLike[str]) -> frozenset[str]:
-    """Return the names of the files that the document of a folder lists, some in folders of it."""
-    return frozenset(paths_inside(folder, _files(_document(Path(folder)) or {})))

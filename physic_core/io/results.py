@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.errors import ConfigError, InputError
+from physic_core.discovery.error_text import describe_error
+from physic_core.errors import ConfigError, InputError, PackageMissingError
 from physic_core.files.atomic import open_regular, read_regular, unreadable
 from physic_core.files.names import UntrustedName, paths_inside
 from physic_core.files.npz import MAX_ARRAY_BYTES, read_arrays, read_names, write_arrays
@@ -105,14 +106,15 @@ def save_reconstruction(
         photos: digests of all photos of one moment, whose earlier results are replaced; "" for that
             of the result.
 
+    Pictures that cannot be made are a warning of the saved result.
+
     Returns:
         Paths of the written files.
 
     Raises:
         ConfigError: ``save`` is not valid.
         OutputError: the folder cannot be written, or has a file of the user.
-        BaseException: a picture or the page cannot be made; the numbers are then written without
-            them.
+        PackageMissingError: no plugin makes the pictures; the numbers are written without them.
     """
     if save not in SAVE:
         raise ConfigError(f"what to save is one of {', '.join(SAVE)} (got '{save}')")
@@ -129,6 +131,17 @@ def save_reconstruction(
         arrays = {name: array for name, array in arrays.items() if not name.startswith(_OF_SCENE)}
     arrays = _compact(arrays, reconstruction.intrinsics) | {_RUN: np.array(document["run"])}
     contents, failure = _contents(reconstruction, arrays, pictures, page or "")
+    if isinstance(failure, Exception) and not isinstance(failure, PackageMissingError):
+        text = f"the result has no pictures: {describe_error(failure)}"
+        warned = replace(reconstruction, warnings=(*reconstruction.warnings, text))
+        return save_reconstruction(
+            warned,
+            folder,
+            "people" if save == "people" else "numbers",
+            overwrite=overwrite,
+            beside=beside,
+            photos=photos,
+        )
     write_result_files(folder, document, contents | dict(beside), photos, overwrite=overwrite)
     if failure is not None:
         raise failure

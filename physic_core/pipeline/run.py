@@ -33,6 +33,7 @@ from physic_core.prepare.photo import prepare_photo
 from physic_core.types import (
     Bodies,
     CameraTrust,
+    CheckResult,
     Intrinsics,
     KnownSizes,
     PeoplePrompt,
@@ -414,19 +415,26 @@ def _reconstruct(
         if plan.photo.bodies_final and bodies is not None:
             engine = replace(engine, joint=engine.joint.with_fixed_bodies())
         found = run_engine(estimates, engine, run.model, stages)
-        checks = run_checks(estimates, found)
-    repositories, others = describe_repositories(plan)
-    stages.warn(*others, *warning_messages(checks))
-    stages.warn(*warn_of_small_people(estimates, found), *warn_of_bent_trunks(found))
+        checks: tuple[CheckResult, ...] = ()
+        judged = found
+        with stages.beyond_the_answer("the check of the result"):
+            checks = run_checks(estimates, found)
+            judged = judge(found, checks)
+    repositories: dict[str, Any] = {}
+    with stages.beyond_the_answer("the description of the result"):
+        repositories, others = describe_repositories(plan)
+        stages.warn(*others, *warning_messages(checks))
+        stages.warn(*warn_of_small_people(estimates, found), *warn_of_bent_trunks(found))
+        stages.note(*describe_methods(estimates, found))
     prior = plan.backends.get("contact_prior")
     if prior is not None and not stages.is_vouched_for(prior):
         from physic_core.pipeline.doubts import doubt_of_contact_places
 
-        if doubt := doubt_of_contact_places(found, estimates.contact.probability):
-            stages.warn(f"{prior.title}: {doubt}")
-    stages.note(*describe_methods(estimates, found))
+        with stages.beyond_the_answer(f"{prior.title}: the look for mistakes"):
+            if doubt := doubt_of_contact_places(found, estimates.contact.probability):
+                stages.warn(f"{prior.title}: {doubt}")
     found = replace(
-        judge(found, checks),
+        judged,
         stages=tuple(stages.records),
         warnings=tuple(stages.warnings),
         notes=tuple(stages.notes),

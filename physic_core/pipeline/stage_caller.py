@@ -99,6 +99,18 @@ class StageCaller:
             sys.stderr.write(trace)
 
     @contextmanager
+    def beyond_the_answer(self, what: str) -> Iterator[None]:
+        """Turn an error in the block into a warning that begins with ``what``: the result is
+        complete without it.
+        """
+        try:
+            yield
+        except Exception as error:
+            self.warn(f"{what} failed: {describe_error(error)}; the result is complete without")
+            if trace := traceback_text(error):
+                sys.stderr.write(trace)
+
+    @contextmanager
     def time_engine(self, name: str) -> Iterator[None]:
         """Measure the time of one stage of the engine."""
         self._report_progress(name)
@@ -155,7 +167,9 @@ class StageCaller:
                     result = canonicalize(result)  # the backend may write to its arrays later
             seconds = time.perf_counter() - start
             failed = False
-            agrees = self._warn_of_doubts(resolved, request, result, called=not cached)
+            agrees = False
+            with self.beyond_the_answer(f"{resolved.title}: the look for mistakes"):
+                agrees = self._warn_of_doubts(resolved, request, result, called=not cached)
             if key is not None and not cached and agrees:
                 assert self.cache is not None
                 self.cache.write(key, result)
@@ -262,7 +276,7 @@ class LoadedBackends:
             who = resolved.provenance
             target = target_of(type(resolved.backend))
             self._vouched[key] = is_vouched_for(
-                who.interface, who.backend, who.distribution, target
+                who.interface, who.backend, who.distribution, target, resolved.backend
             )
         return self._vouched[key]
 

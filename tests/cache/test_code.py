@@ -88,6 +88,14 @@ STANDING = {
         "pack",
         ("base.py", SOURCE.replace("1", "2")),
     ),
+    "a package that is not installed": (
+        {
+            "acme_models/__init__.py": "x = 1\n",
+            "pack/__init__.py": f"{SOURCE}    def infer(self):\n        import os, acme_models.x\n",
+        },
+        "pack",
+        ("acme_models/__init__.py", "x = 2\n"),
+    ),
     "a package that it stands on": (
         {
             "physic_base/__init__.py": "from physic_ground import x",
@@ -136,13 +144,40 @@ def test_a_class_of_a_function_or_of_a_session_has_no_digest(monkeypatch):
     assert CodeDigester().digest(MetricDepth) is None
 
 
-def test_a_class_is_vouched_for_until_its_code_changes(site, monkeypatch):
+OPTIONS = """from pathlib import Path
+from physic_core.interfaces import MetricDepth
+import acme_models
+class Depth(MetricDepth):
+    class Options(MetricDepth.Options):
+        factor: float = 1.0
+        file: str = ""
+    def infer(self, image, hints): ...
+    def fingerprint(self): return Path(__file__).with_name("fingerprint").read_text()
+"""
+
+
+def test_a_backend_is_vouched_for_until_what_its_results_depend_on_changes(site, monkeypatch):
     monkeypatch.setenv("PHYSIC_CACHE", str(site / "cache"))
-    kind = package(site)
+    named = write(site / "weights.bin", "1")
+    write(site / "acme_models" / "__init__.py", "")
+    write(site / "pack" / "fingerprint", "1")
+    write(site / "pack" / "__init__.py", OPTIONS)
+    importlib.invalidate_caches()
+    kind = importlib.import_module("pack").Depth
     asked = "metric_depth", "mine", "physic-mine", target_of(kind)
+
+    def backend(**options):
+        return kind(kind.Options(file=str(named), **options))
+
     assert not is_vouched_for(*asked)
-    remember_passed("metric_depth", kind)
+    remember_passed("metric_depth", backend())
     assert is_vouched_for(*asked)
-    assert not is_vouched_for("inpainter", *asked[1:])
-    write(site / "pack" / "other.py", "x = 2\n")
-    assert not is_vouched_for(*asked)
+    assert is_vouched_for(*asked, backend())
+    assert not is_vouched_for("inpainter", *asked[1:], backend())
+    assert not is_vouched_for(*asked, backend(factor=2.0))
+    for path in (named, site / "acme_models" / "__init__.py", site / "pack" / "fingerprint"):
+        text = path.read_text()
+        write(path, "#2")
+        assert not is_vouched_for(*asked, backend())
+        write(path, text)
+        assert is_vouched_for(*asked, backend())

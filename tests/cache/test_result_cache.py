@@ -214,6 +214,19 @@ def test_the_run_that_wrote_makes_room(tmp_path):
     assert 0 < sum(path.stat().st_size for path in files(tmp_path)) <= 4000
 
 
+def test_a_file_that_another_process_removes_at_once_is_no_fault(tmp_path, monkeypatch):
+    replaced = os.replace
+
+    def replace_and_remove(part, path):
+        replaced(part, path)
+        os.unlink(path)
+
+    monkeypatch.setattr(os, "replace", replace_and_remove)
+    cache = ResultCache(tmp_path, 1_000_000)
+    cache.write(ask(cache), ANSWER)
+    assert (cache.read(ask(cache)), cache.notes) == (None, [])
+
+
 HAMMER = """
 import sys
 from pathlib import Path

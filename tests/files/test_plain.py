@@ -65,6 +65,12 @@ def stored(value):
     return json.loads(json.dumps(split(value, arrays), allow_nan=False)), arrays
 
 
+@pytest.mark.parametrize("value", [[None], [], {}])
+def test_a_field_that_may_be_none_takes_no_other_value(value):
+    with pytest.raises(TypeError):
+        join(float | None, value, {})
+
+
 def test_a_value_is_restored_by_the_types_of_its_fields():
     document, arrays = stored(replace(VALUE, skipped=3))
     assert (

@@ -17,7 +17,7 @@ from physic_core.errors import ConfigError
 
 _STORE_BYTES = 200_000_000  # rows are small; Ray's default takes 30 % of the memory
 _CONNECT_S = 10.0
-_QUIET = {"RAY_USAGE_STATS_ENABLED": "0", "RAY_BACKEND_LOG_LEVEL": "fatal"}
+_QUIET = {"RAY_BACKEND_LOG_LEVEL": "fatal"}
 # On Linux too, the ports of a cluster then are those of 127.0.0.1. Ray reads it when it is
 # imported.
 _LOOPBACK = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}

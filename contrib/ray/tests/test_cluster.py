@@ -42,7 +42,6 @@ def cluster():
     """Two nodes that listen on 127.0.0.1, with 2 logical CPUs each."""
     paths = os.pathsep.join([str(STANDIN), os.environ.get("PYTHONPATH", "")])
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
         patch.setenv("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
         patch.setenv("PYTHONPATH", paths)
         patch.syspath_prepend(STANDIN)
@@ -63,7 +62,9 @@ def cluster():
 def standin(monkeypatch):
     monkeypatch.syspath_prepend(STANDIN)
     import batch_standin
+    import worker_standin
 
+    batch_standin.refuse, batch_standin.crash = worker_standin.refuse, worker_standin.crash
     return batch_standin
 
 

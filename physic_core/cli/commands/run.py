@@ -253,7 +253,9 @@ def run(
         title = photo.name if report else None
         save_reconstruction(result, folder, save, overwrite=overwrite, beside=beside, page=title)
     if quiet:
-        for text in result.warnings:
+        from physic_core.io.results import read_record
+
+        for text in read_record(folder).warnings:  # those of pictures, too
             echo(f"warning: {text}", err=True)
     elif verbose:
         for text in messages:

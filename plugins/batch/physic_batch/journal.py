@@ -123,7 +123,10 @@ class Journal:
     def __init__(self, path: Path) -> None:
         self.path = path
         check_journal(path)
-        self._lock = FileLock(path.with_suffix(".lock"), blocking=False)
+        lock = path.with_suffix(".lock")
+        if os.path.lexists(lock) and (lock.is_symlink() or not lock.is_file()):
+            raise foreign_file(lock)
+        self._lock = FileLock(lock, blocking=False)
         try:
             self._lock.acquire()
             self._file = open_to_append(path)
@@ -371,8 +374,8 @@ def write_tables(out: Path, index: JournalIndex | None = None) -> list[Path]:
     where pyarrow is installed, both also as Parquet. Return their paths.
 
     Photos with the highest trust come first. Numbers of results are empty for failed photos. People
-    are in the order of the photos' rows.
-    Texts are those of :func:`physic_core.files.text.csv_writer`.
+    are in the order of the photos' rows. Texts of CSV are those of
+    :func:`physic_core.files.text.csv_writer`.
 
     Args:
         out: folder of the batch.
@@ -384,24 +387,22 @@ def write_tables(out: Path, index: JournalIndex | None = None) -> list[Path]:
     check_tables(out)
     index = index or JournalIndex(journal_files(out))
     others = _parquet_tables(out)
+    columns = _ordered_columns(index.columns() - COLUMNS.keys() - {PEOPLE_COLUMN})
+    kept: tuple[list[Mapping[str, Any]], list[Mapping[str, Any]]] = [], []
     with atomic_write(out) as temporary:
-        paths = temporary(_TABLE), temporary(PEOPLE_TABLE)
-        _write_csv(*paths, index)
-        for path, table, texts in zip(others, paths, (_TEXTS, _PEOPLE_TEXTS), strict=False):
-            write_parquet(temporary(path.name), table, texts)
+        with (
+            temporary(_TABLE).open("w", newline="", encoding="utf-8") as table,
+            temporary(PEOPLE_TABLE).open("w", newline="", encoding="utf-8") as people_table,
+        ):
+            writers = csv_writer(table, columns), csv_writer(people_table, _PEOPLE_COLUMNS)
+            for row in filter(None, index.rows(index.ids())):
+                place = {"id": row["id"], "path": row.get("path", "")}
+                people = [{**place, **one} for one in row.pop(PEOPLE_COLUMN, None) or ()]
+                for write, found, rows in zip(writers, ([row], people), kept, strict=True):
+                    for one in found:
+                        write(one)
+                    rows += found if others else []
+        headers = (columns, _TEXTS), (_PEOPLE_COLUMNS, _PEOPLE_TEXTS)
+        for path, header, rows in zip(others, headers, kept, strict=False):
+            write_parquet(temporary(path.name), header[0], rows, header[1])
     return [out / _TABLE, out / PEOPLE_TABLE, *others]
-
-
-def _write_csv(photos: Path, people: Path, index: JournalIndex) -> None:
-    with (
-        photos.open("w", newline="", encoding="utf-8") as table,
-        people.open("w", newline="", encoding="utf-8") as people_table,
-    ):
-        write = csv_writer(
-            table, _ordered_columns(index.columns() - COLUMNS.keys() - {PEOPLE_COLUMN})
-        )
-        write_person = csv_writer(people_table, _PEOPLE_COLUMNS)
-        for row in filter(None, index.rows(index.ids())):
-            write(row)
-            for one in row.get(PEOPLE_COLUMN) or ():
-                write_person({"id": row["id"], "path": row.get("path", ""), **one})

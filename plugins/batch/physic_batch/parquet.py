@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import os
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
-from physic_core.files import foreign_file
+from physic_core.files import foreign_file, open_regular
 
 _MARK = b"physic"
 
@@ -18,43 +21,50 @@ def has_parquet() -> bool:
 
 def check_parquet(path: Path) -> None:
     """Raise OutputError if a table would replace a file that PhySIC has not written."""
-    import pyarrow as pa
     import pyarrow.parquet as pq
 
-    if not path.exists() and not path.is_symlink():
+    if not os.path.lexists(path):
         return
-    try:
-        is_own = not path.is_symlink() and _MARK in (pq.read_schema(path).metadata or {})
-    except (OSError, pa.ArrowInvalid):
-        is_own = False
+    is_own = False
+    with suppress(Exception), open_regular(path) as file:  # pyarrow raises a dozen classes
+        is_own = not path.is_symlink() and _MARK in (pq.read_schema(file).metadata or {})
     if not is_own:
         raise foreign_file(path)
 
 
-def write_parquet(path: Path, table: Path, texts: Collection[str]) -> None:
-    """Write a CSV table as Parquet.
+def write_parquet(
+    path: Path, columns: Sequence[str], rows: Sequence[Mapping[str, Any]], texts: Collection[str]
+) -> None:
+    """Write rows as Parquet; a value that is missing, None or an empty text is null.
 
     Args:
         path: of the new file.
-        table: of the CSV file.
+        columns: their names; other entries of a row are skipped.
+        rows: of the table.
         texts: names of the columns of texts, which may all be empty.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
-    from pyarrow import csv
 
-    with table.open(encoding="utf-8") as lines:
-        names = lines.readline().rstrip("\r\n").split(",")
-    rows = csv.read_csv(
-        table,
-        parse_options=csv.ParseOptions(newlines_in_values=True),
-        convert_options=csv.ConvertOptions(
-            column_types={name: pa.string() for name in names if name in texts},
-            strings_can_be_null=True,
-        ),
-    )
-    fields = [
-        pa.field(one.name, pa.float64() if pa.types.is_null(one.type) else one.type)
-        for one in rows.schema
-    ]
-    pq.write_table(rows.cast(pa.schema(fields, {_MARK: b"1"})), path)
+    arrays = {}
+    for name in columns:
+        values = [None if (value := row.get(name)) == "" else value for row in rows]
+        there = [value for value in values if value is not None]
+        kinds = {type(value) for value in there}
+        if name in texts or not kinds <= {int, float, bool} or any(map(_is_large, there)):
+            arrays[name] = pa.array([_text(value) for value in values], pa.string())
+        elif kinds in ({bool}, {int}):
+            arrays[name] = pa.array(values)
+        else:
+            numbers = [None if value is None else float(value) for value in values]
+            arrays[name] = pa.array(numbers, pa.float64())
+    pq.write_table(pa.table(arrays).replace_schema_metadata({_MARK: b"1"}), path)
+
+
+def _is_large(value: float) -> bool:
+    return isinstance(value, int) and abs(value) >= 1 << 63
+
+
+def _text(value: Any) -> str | None:
+    """Return a text in UTF-8; bytes of a file's name that are not are written as in the journal."""
+    return None if value is None else str(value).encode("utf-8", "backslashreplace").decode()

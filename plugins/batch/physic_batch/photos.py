@@ -31,10 +31,9 @@ from physic_core.files import (
     shorten,
     unreadable,
 )
-from physic_core.io.result_folder import files_of_result, is_result
+from physic_core.io.result_folder import is_result
 
 _PHOTO_SUFFIXES = frozenset(suffix for suffixes in IMAGE_SUFFIXES.values() for suffix in suffixes)
-_THUMBNAIL = re.compile(r".*[/\\]thumbnails[/\\][0-9a-f]{2}[/\\][^/\\]+\.jpg")
 _MAX_KINDS = 8
 _FILES = ("depth", "pointmap", "bodies", "masks")
 _COLUMNS = ("path", "camera", "stature", "age", "ignore", *_FILES, "id")
@@ -108,9 +107,8 @@ def list_photos(inputs: Iterable[str]) -> PhotoList:
     A table has a column "path", relative to the table's folder, and may have "camera" (focal length
     in px, or "fx,fy,cx,cy"), "stature" (m), "age" (years), "ignore" (px x,y on each person to leave
     out), "depth", "pointmap", "bodies" and "masks" (files), and "id". Photos of folders are sorted
-    by path. Of these, files in folders of results and those below that such a result lists,
-    thumbnails of batches, files that are hidden or have a suffix that no photo has, and hidden
-    folders are left out.
+    by path. Of these, files in folders of results, thumbnails of batches, pictures of exports,
+    files that are hidden or have a suffix that no photo has, and hidden folders are left out.
 
     Raises:
         InputError: an input does not exist, a folder cannot be read, a table is invalid, two photos
@@ -221,15 +219,12 @@ def _files_below(top: str) -> Iterator[tuple[str, str]]:
     """Yield the files of a folder and its sub-folders, each with why it is no photo; "" if it is
     one.
     """
-    listed: set[str] = set()
     for folder, folders, names in os.walk(top, onerror=_raise):
         folders[:] = (name for name in folders if not name.startswith("."))
         of_result = is_result(folder)
-        if of_result:
-            listed.update(os.path.join(folder, name) for name in files_of_result(folder))
         for name in names:
             path = os.path.join(folder, name)
-            yield path, _why_no_photo(path, of_result=of_result or path in listed)
+            yield path, _why_no_photo(path, of_result=of_result)
 
 
 def _why_no_photo(path: str, *, of_result: bool) -> str:
@@ -242,8 +237,8 @@ def _why_no_photo(path: str, *, of_result: bool) -> str:
     if suffix not in _PHOTO_SUFFIXES:
         return printable(shorten(suffix, 20)) or "without a suffix"
     with suppress(OSError):  # a photo that cannot be read fails alone
-        if _THUMBNAIL.fullmatch(path) and has_mark(path):
-            return "thumbnails"
+        if has_mark(path):
+            return "thumbnails and exports"
     return ""
 
 

@@ -78,6 +78,7 @@ class Jobs:
         self._jobs: dict[str, Job] = {}
         self._waiting: SimpleQueue[tuple[Job, dict[str, float]] | None] = SimpleQueue()
         self._lock = threading.Lock()
+        self._is_closed = False
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
 
@@ -117,6 +118,8 @@ class Jobs:
 
     def close(self) -> None:
         """End all jobs and the worker."""
+        with self._lock:
+            self._is_closed = True  # a job that waits opens no other worker
         for job in list(self._jobs.values()):
             self.stop(job)
         self._waiting.put(None)
@@ -127,7 +130,7 @@ class Jobs:
         while (item := self._waiting.get()) is not None:
             job, settings = item
             with self._lock:
-                if job.finished:
+                if job.finished or self._is_closed:
                     continue
                 try:
                     if not self._worker.alive:

@@ -157,10 +157,13 @@ def _run(
         result = reconstruct(task, progress)
         progress("write the files", 0, 0)
         result.save(str(task.folder))
-        result.report(str(task.folder / REPORT_FILE), task.title)
     except Exception as error:
         return Message("failed", _message_of(error))
     missing = {}
+    try:
+        result.report(str(task.folder / REPORT_FILE), task.title)
+    except Exception as error:  # the result itself is complete
+        missing["page"] = str(error)
     for name in exports:
         try:
             _export(result, name, task.folder)

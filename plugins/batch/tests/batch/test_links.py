@@ -158,16 +158,3 @@ def test_a_file_of_another_program_makes_no_folder_one_of_a_result(document, tmp
     assert (len(listed.photos), listed.left_out_in_words()) == (4, "1 .json, 1 .jsonl, 1 hidden")
     with pytest.raises(InputError, match="no result"):
         find_results(tmp_path / "below")
-
-
-def test_of_folders_below_a_result_only_the_listed_files_are_left_out(tmp_path):
-    save_reconstruction(
-        tiny_result(1), tmp_path, "numbers", beside={"colmap/images/0.jpg": b"exported"}
-    )
-    for name in ("colmap/images/mine.jpg", "below/b.jpg", "preview.png", "c.livp"):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).touch()
-    listed = list_photos([str(tmp_path)])
-    found = sorted(item.path.rpartition("/")[2] for item in listed.photos)
-    assert found == ["b.jpg", "mine.jpg"]
-    assert listed.left_out == {"in folders of results": 5}

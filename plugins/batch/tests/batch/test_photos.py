@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import subprocess
@@ -12,11 +11,14 @@ from pathlib import Path
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
 from physic_batch.photos import PhotoItem, Shard, list_photos, photo_folder, photo_of_row
+from physic_core import export_reconstruction, save_reconstruction
 from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError, InputError
 from physic_core.files import MARK
+from tests.rooms import tiny_result
 
 
 @pytest.fixture
@@ -104,16 +106,29 @@ def test_a_name_or_a_table_without_photos_is_an_error(folder, name):
 
 
 def test_a_folder_can_be_that_of_its_results(tmp_path):
-    own = ("a.jpg", "photos/b.jpg", "thumbnails/c.jpg")
-    results = ("photos/3f/a/preview.png", "photos/3f/a/colmap/images/0.jpg", "thumbnails/3f/a.jpg")
-    others = ("journal.jsonl", "photos/3f/a/reconstruction.json")
-    document = {"schema": "physic-reconstruction", "files": {"colmap/images/0.jpg": ""}}
-    for name in (*own, *results, *others):
+    mine = ("a.jpg", "photos/b.jpg", "thumbnails/c.jpg")
+    for name in (*mine, "journal.jsonl", "thumbnails/3f/a.jpg"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text(MARK if name == results[-1] else json.dumps(document))
+        (tmp_path / name).write_text(MARK if "3f" in name else "mine")
+    save_reconstruction(tiny_result(), tmp_path / "photos" / "3f" / "a", "numbers")
     listed = list_photos([str(tmp_path)])
     assert names(listed.photos) == ["a.jpg", "b.jpg", "c.jpg"]
-    assert listed.left_out_in_words() == "3 in folders of results, 1 .jsonl, 1 thumbnails"
+    assert listed.left_out_in_words() == (
+        "2 in folders of results, 1 .jsonl, 1 thumbnails and exports"
+    )
+
+
+@pytest.mark.parametrize("name", ["obj", "colmap", "depth"])
+def test_pictures_of_exports_are_no_photos(name, tmp_path):
+    Image.new("RGB", (8, 8)).save(tmp_path / "mine.png")
+    Image.new("RGB", (8, 8)).save(tmp_path / "mine.jpg")
+    done = export_reconstruction(tiny_result(), tmp_path, name)
+    pictures = [path for path in done.files if path.suffix in (".png", ".jpg")]
+    for path in pictures:
+        with Image.open(path) as picture:
+            picture.load()
+    assert pictures
+    assert names(list_photos([str(tmp_path)]).photos) == ["mine.jpg", "mine.png"]
 
 
 def test_files_that_are_no_photos_are_skipped(folder):
@@ -132,7 +147,7 @@ def test_files_that_are_no_photos_are_skipped(folder):
     assert names(listed.photos) == ["a.PNG", "b.jpg", "c.webp"]
     assert sum(listed.left_out.values()) == 9
     assert names(list_photos(["photos/b-physic/preview.png"]).photos) == ["preview.png"]
-    with pytest.raises(InputError, match=r"left out: 1 \.jsonl, 1 thumbnails"):
+    with pytest.raises(InputError, match=r"left out: 1 \.jsonl, 1 thumbnails and exports"):
         list_photos(["photos/old"])
 
 

@@ -45,7 +45,6 @@ _CALLED = {
 _SET_BY_IMPORTS = frozenset(
     {"CUDA_MODULE_LOADING", "LD_LIBRARY_PATH", "TORCHINDUCTOR_CACHE_DIR"}  # torch, OpenCV
     | {"KMP_DUPLICATE_LIB_OK", "KMP_INIT_AT_FORK"}  # scikit-learn
-    | {"ORT_DISABLE_TELEMETRY"}  # metricbody-embedded, before it imports onnxruntime
 )
 """Environment variables that libraries set for themselves when they are imported."""
 

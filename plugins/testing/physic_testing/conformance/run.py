@@ -91,7 +91,7 @@ class CheckRun:
         outcomes = {found.outcome for found in self._results.values()}
         whole = self._results.keys() == self.checks.keys() and not self.not_run_reason
         if whole and outcomes <= {"passed", "warned", "skipped"}:
-            remember_passed(self.subject.interface, self.subject.kind)
+            remember_passed(self.subject.interface, self.subject.construct())
 
     def _run_check(self, check: Check) -> Result:
         """Run one check, or skip it because of a capability or an earlier failure."""
