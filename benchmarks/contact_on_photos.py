@@ -37,8 +37,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from physic_core.engine.body_parts import contact_regions
 from physic_core.engine.contact.distances import SEARCH_RADIUS_M
-from physic_core.engine.contact.parts import contact_regions
 from physic_core.engine.contact.probability import RATED
 from physic_core.engine.ground.touch import (
     CARRIES,
@@ -50,13 +50,14 @@ from physic_core.engine.ground.touch import (
     OWN_BODY,
     SKIN,
 )
+from physic_core.types import TOUCHED
 from physic_core.types.skeletons import SIDES
 from physic_testing.metrics import match_by_boxes
 
 from .fits import FOLDS, fold_of, name_in_sets, parser_of, write_record
-from .observer.labels import COLLECTIONS, collected_photos, given_photos, labelled_photos
+from .observer.labels import COLLECTIONS, all_photos, touched_word
 from .observer.regression import Examples, fit_logistic
-from .truth.contact import MIN_IOU, OF_RESULTS, TOUCHES
+from .truth.contact import KINDS, MIN_IOU, OF_RESULTS, TOUCHES
 from .truth.measures import probability_scores
 from .truth.sets import Sample, picture_of
 
@@ -71,7 +72,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 TOUCH = Path(__file__).parents[1] / "physic_core" / "engine" / "ground" / "touch.json"
-LABELS_OF_PHOTOS = Path(__file__).parent / "truth" / "labels_of_photos.json"
+_LEAST_COUNT = 0.5  # of each answer: none has a rate of 0
 EXERCISES = "postures"
 """Collection that was chosen by what people do: it takes part in the fit of "other" parts alone."""
 RIDGE = 1.0
@@ -134,17 +135,16 @@ def main() -> int:
                 keep_features(sample, pipeline, given.out)
         return 0
     cases = cases_of(samples, given.out)
-    fit_all(cases, given.kinds, labelled_shares(samples), write=given.write)
+    fit_all(cases, given.kinds, samples, write=given.write)
     return 0
 
 
 def samples_of(data: Path) -> list[Sample]:
     """Return the labelled photos of all collections."""
-    photos = given_photos(data / "contact")
-    more = json.loads(LABELS_OF_PHOTOS.read_text())
-    photos += labelled_photos(CONTACT, data / "photos", more)
-    photos = [replace(photo, set=CONTACT) for photo in photos]
-    return photos + [p for name in COLLECTIONS for p in collected_photos(data / "contact", name)]
+    return [
+        replace(photo, set=CONTACT) if photo.set in ("given", "more") else photo
+        for photo in all_photos(data)
+    ]
 
 
 def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
@@ -300,25 +300,38 @@ def table_of(cases: Sequence[Case], kind: str) -> tuple[Array, Array]:
     return np.array(features, np.float64), np.array([case.touches for case in own], np.float64)
 
 
-def labelled_shares(samples: Sequence[Sample]) -> dict[str, float]:
-    """Return foot, hand, seat -> share that touches the world among all labelled people of photos
-    but exercises; "object", that of hands that hold or pet something; and "floor", that of feet
-    that touch which do so with the floor.
+def labelled_rates(samples: Sequence[Sample]) -> dict[str, dict[str, float]]:
+    """Return kind of part -> what it touches -> share, among all labelled people; of feet, hands
+    and seats without exercises, which were chosen by what people do.
     """
-    touches: dict[str, list[bool]] = {kind: [] for kind in (*RATED, "object", "floor")}
+    counts = {kind: dict.fromkeys(TOUCHED, _LEAST_COUNT) for kind in KINDS}
     for sample in samples:
-        if sample.set == EXERCISES:
-            continue
+        chosen = RATED if sample.set == EXERCISES else ()
         for person in sample.truth["people"]:
             for part, label in person["parts"].items():
                 kind = part.rpartition("_")[2]
-                if label is not None and kind in RATED:
-                    touches[kind].append(TOUCHES[label])
-                if label is not None and kind == "hand":
-                    touches["object"].append(label == "object")
-                if kind == "foot" and TOUCHES.get(label):
-                    touches["floor"].append(label == "floor")
-    return {kind: float(np.mean(values)) for kind, values in touches.items()}
+                if label is not None and kind in counts and kind not in chosen:
+                    counts[kind][touched_word(label)] += 1
+    return {
+        kind: {word: count / sum(of.values()) for word, count in of.items()}
+        for kind, of in counts.items()
+    }
+
+
+def labelled_floor_rate(samples: Sequence[Sample]) -> float:
+    """Return the share of feet that touch the world which are on the floor, of the same people."""
+    return float(
+        np.mean(
+            [
+                label == "floor"
+                for sample in samples
+                if sample.set != EXERCISES
+                for person in sample.truth["people"]
+                for part, label in person["parts"].items()
+                if part.endswith("_foot") and TOUCHES.get(label)
+            ]
+        )
+    )
 
 
 def fit_of(cases: Sequence[Case], kind: str, shares: Mapping[str, float]) -> Array:
@@ -333,10 +346,14 @@ def fit_of(cases: Sequence[Case], kind: str, shares: Mapping[str, float]) -> Arr
 
 
 def fit_all(
-    cases: Sequence[Case], kinds: Sequence[str], shares: Mapping[str, float], *, write: bool
+    cases: Sequence[Case], kinds: Sequence[str], samples: Sequence[Sample], *, write: bool
 ) -> None:
-    """Score the collections, then fit these kinds of part on all cases."""
+    """Score the collections, then fit these kinds of part on all cases; and the rates of the
+    labelled people of the samples.
+    """
     record = json.loads(TOUCH.read_text())
+    rates = labelled_rates(samples)
+    shares = {kind: rates[kind]["world"] for kind in RATED}
     scores = record["error on pictures left out"]
     weights = record["parts"]
     for kind in kinds:
@@ -350,7 +367,10 @@ def fit_all(
         w = fit_of(cases, kind, shares)
         weights[kind] = dict(zip(("constant", *PARTS[kind]), w.round(3).tolist(), strict=True))
     record["error on pictures left out"] = {kind: scores[kind] for kind in PARTS}
-    record["shares"] = {kind: round(share, 3) for kind, share in shares.items()}
+    record["rates"] = {
+        kind: {word: round(share, 4) for word, share in of.items()} for kind, of in rates.items()
+    }
+    record["floor rate"] = round(labelled_floor_rate(samples), 3)
     record["parts"] = {kind: weights[kind] for kind in PARTS}
     pictures = {kind: len({c.picture for c in cases if c.kind == kind}) for kind in kinds}
     record["fitted on"] |= {

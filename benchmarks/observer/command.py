@@ -1,6 +1,6 @@
 """Fit the embedded observer of people to labelled photos, and score it on other collections.
 
-    python -m benchmarks observer DATA OUT [--write]
+    python -m benchmarks observer DATA OUT [--questions NAME ...] [--write]
 
 DATA/contact has ``labels.json``, ``children.json`` and ``photos``; its folders ``other``, ``third``
 and ``postures`` have photos of other collections, whose labels by two readers lie beside the
@@ -28,7 +28,12 @@ import numpy as np
 from benchmarks.fits import parser_of, write_numbers
 from benchmarks.truth.scores import LIMBS as LIMBS_OF_FILMS
 from benchmarks.truth.sets import FILMS_OF_FITS, Sample, parkour, picture_of
-from physic_embedded.person_observer import NUMBERS, REGIONS, tokens_of_questions
+from physic_embedded.person_observer import (
+    NUMBERS,
+    REGIONS,
+    fitted_numbers,
+    tokens_of_questions,
+)
 from physic_testing.metrics import match_by_boxes
 
 from .fit import (
@@ -39,7 +44,7 @@ from .fit import (
     fitted,
     question_of,
 )
-from .labels import COLLECTIONS, collected_photos, given_photos, with_backs
+from .labels import all_photos, with_backs
 from .sample import Networks, read_seen, write_seen
 
 if TYPE_CHECKING:
@@ -60,18 +65,16 @@ def main() -> int:
     parser = parser_of("observer", __doc__)
     parser.add_argument("data", type=Path, help="folder with contact and truth")
     parser.add_argument("out", type=Path)
+    parser.add_argument("--questions", nargs="+", choices=REGIONS, default=tuple(REGIONS))
     given = parser.parse_args()
     if not (given.data / "contact" / "labels.json").is_file():
         print(f"skipped: {given.data / 'contact' / 'labels.json'} is not there")
         return 0
-    folder = given.data / "contact"
-    photos = [
-        *given_photos(folder),
-        *(photo for name in COLLECTIONS for photo in collected_photos(folder, name)),
-    ]
-    pictures = [*map(with_backs, photos), *_frames(given.data / "truth" / "parkour")]
+    photos = map(with_backs, all_photos(given.data))
+    pictures = [*photos, *_frames(given.data / "truth" / "parkour")]
     people = list(_people(pictures, given.out))
-    numbers = {name: _fitted(question_of(name, people)) for name in REGIONS}
+    numbers = dict(fitted_numbers())
+    numbers |= {name: _fitted(question_of(name, people)) for name in given.questions}
     write_numbers(numbers, NUMBERS, given.out, write=given.write)
     return 0
 

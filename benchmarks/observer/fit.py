@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from benchmarks.truth.measures import probability_scores
 from benchmarks.truth.sets import Sample
+from physic_core.types import TOUCHED
 from physic_testing.metrics.intervals import draw_counts, percentile_interval
 
 from .labels import Truth, answers, repository_of
@@ -38,7 +39,7 @@ APART = "films apart"
 DRAWS = 500
 """Draws of an interval."""
 
-ANSWERS = {1: ("",), 3: ("world", "object")}
+SCORED = {1: ("",), 3: ("world", "own body"), 5: TOUCHED[:-1]}
 """Number of answers of a question -> names of those that are scored each."""
 
 FALSE_SHARE = 0.03
@@ -177,7 +178,7 @@ def _scores(p: Array, of: Examples) -> str:
 
 
 def _of_cases(p: Array, y: Array) -> dict[str, float]:
-    if (answers := ANSWERS.get(y.shape[1])) is not None:
+    if (answers := SCORED.get(y.shape[1])) is not None:
         return {
             f"{answer} {name}".lstrip(): value
             for j, answer in enumerate(answers)
@@ -196,4 +197,10 @@ def _of_answer(p: Array, y: NDArray[np.bool_]) -> dict[str, float]:
         float((p[y] > np.quantile(p[~y], 1 - FALSE_SHARE)).mean()) if y.any() > y.all() else nan
     )
     named = {name: found[name] for name in ("auc", "brier", "constant", "balanced")}
-    return named | {f"recall at {FALSE_SHARE:.0%} false": recall}
+    said = p >= 0.5
+    right = float(y[said].mean()) if said.any() else nan
+    return named | {
+        f"recall at {FALSE_SHARE:.0%} false": recall,
+        "recall": float(said[y].mean()) if y.any() else nan,
+        "precision": right,
+    }

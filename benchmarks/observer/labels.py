@@ -14,14 +14,21 @@ from numpy.typing import NDArray
 
 from benchmarks.truth.contact import MIN_IOU, TOUCHES, WORLD
 from benchmarks.truth.sets import Sample
-from physic_core.types.observations import POSTURES
+from physic_core.types.observations import POSTURES, TOUCH_PARTS
 from physic_core.types.skeletons import SIDES
+from physic_embedded.person_observer import ANSWERS
 from physic_testing.metrics import match_by_boxes
 
 COLLECTIONS = ("other", "third", "postures")
 """Folders of DATA/contact whose photos two readers labelled apart, from the pictures alone: in
 ``benchmarks/truth``.
 """
+
+MORE = ("photos", "truth/people2d", "truth/roundtable", "truth/panoptic")
+"""Folders of DATA whose photos are the set "more"."""
+
+LABELS_OF_PHOTOS = Path(__file__).parents[1] / "truth" / "labels_of_photos.json"
+"""Labels of DATA/photos by two readers."""
 
 Array = NDArray[np.float64]
 Truth = Mapping[str, Any]
@@ -37,25 +44,33 @@ def answers(question: str, truth: Truth) -> Array:
     says nothing, in the form of the tokens that answer it.
     """
     parts = truth.get("parts", {})
-    if question in ("foot", "seat"):
-        names = ["seat"] if question == "seat" else [f"{side}_{question}" for side in SIDES]
-        return _column(TOUCHES.get(parts.get(name)) for name in names)
+    if question in ANSWERS:
+        paired = f"left_{question}" in TOUCH_PARTS
+        names = [f"{side}_{question}" for side in SIDES] if paired else [question]
+        return np.array([_touched(parts.get(name), ANSWERS[question]) for name in names])
     if question == "on_floor":
         labels = [parts.get(f"{side}_foot") for side in SIDES]
         return _column(label == "floor" if TOUCHES.get(label) else None for label in labels)
-    if question == "hand":
-        labels = [parts.get(f"{side}_hand") for side in SIDES]
-        world, held = (
-            _column(None if label is None else label in words for label in labels)
-            for words in (WORLD, ("object",))
-        )
-        return np.concatenate([world, held, 1 - world - held], axis=1)
     if question == "posture":
         words = truth.get("posture")
         words = words if isinstance(words, list) else [words]
         share = np.array([[words.count(name) for name in POSTURES]], np.float64)
         return share / share.sum() if share.sum() else np.full_like(share, np.nan)
     return _column([truth.get(question)])
+
+
+def _touched(label: str | None, answers: Sequence[str]) -> Array:
+    """Return what a label says of each of K answers, (K,); what is none of them is nothing."""
+    if label is None or label not in TOUCHES:
+        return np.full(len(answers), np.nan)
+    word = touched_word(label)
+    word = word if word in answers else "nothing"
+    return np.array([name == word for name in answers], np.float64)
+
+
+def touched_word(label: str) -> str:
+    """Return which of :data:`physic_core.types.TOUCHED` a label of a part says that it touches."""
+    return "world" if label in WORLD else {"own": "own body", "none": "nothing"}.get(label, label)
 
 
 def with_backs(photo: Sample) -> Sample:
@@ -115,12 +130,39 @@ def collected_photos(folder: Path, name: str) -> list[Sample]:
     """
     if not (folder / name).is_dir():
         return []
-    beside = Path(__file__).parents[1] / "truth"
-    readers = [
-        json.loads((beside / f"labels_of_{name}_{reader}.json").read_text())
-        for reader in ("first", "second")
+    return labelled_photos(name, folder / name / "photos", _labels_of_readers(name))
+
+
+def all_photos(data: Path) -> list[Sample]:
+    """Return the photos of DATA/contact and of :data:`MORE`, with the people whom two more readers
+    labelled later, apart, from pictures of each person.
+    """
+    photos = [
+        *given_photos(data / "contact"),
+        *(photo for name in COLLECTIONS for photo in collected_photos(data / "contact", name)),
     ]
-    return labelled_photos(name, folder / name / "photos", agreed(readers))
+    later = _labels_of_readers("more")
+    photos = [
+        replace(one, truth={"people": [*one.truth["people"], *later.pop(one.name, ())]})
+        for one in photos
+    ]
+    labels = json.loads(LABELS_OF_PHOTOS.read_text())
+    for folder in (data / name for name in MORE if (data / name).is_dir()):
+        names = {file.stem for file in folder.iterdir()} & {*labels, *later}
+        people = {name: [*labels.get(name, ()), *later.get(name, ())] for name in sorted(names)}
+        photos += labelled_photos("more", folder, people)
+    return photos
+
+
+def _labels_of_readers(name: str) -> dict[str, list[Truth]]:
+    """Return the labels of a collection beside the benchmark on which both readers agree."""
+    beside = Path(__file__).parents[1] / "truth"
+    return agreed(
+        [
+            json.loads((beside / f"labels_of_{name}_{reader}.json").read_text())
+            for reader in ("first", "second")
+        ]
+    )
 
 
 def agreed(readers: Sequence[Mapping[str, Sequence[Truth]]]) -> dict[str, list[Truth]]:
@@ -157,11 +199,5 @@ def _words(one: Truth) -> list[str]:
 
 
 def _same(a: str | None, b: str | None) -> bool:
-    """Return whether two labels say the same: touches the world, or not, on the floor or elsewhere,
-    and holds an object.
-    """
-    return _answers(a) == _answers(b)
-
-
-def _answers(label: str | None) -> tuple[bool | None, bool, bool]:
-    return TOUCHES.get(label or ""), label == "floor", label == "object"
+    """Return whether two labels say the same: what is touched, and whether it is the floor."""
+    return (a and touched_word(a), a == "floor") == (b and touched_word(b), b == "floor")

@@ -32,6 +32,7 @@ Picture = NDArray[np.uint8]
 
 _PASSES = 3
 _LEAST_IOU = 0.3  # of a pose and its box
+_SAME_IOU = 0.4  # from which on a box is that of a labelled person
 
 
 @dataclass(frozen=True)
@@ -63,16 +64,19 @@ class Networks:
         self._detector = open_packaged_session("yolox_nano", 1)
 
     def see(self, picture: Picture, given: Sequence[Sequence[float]]) -> Seen:
-        """Return tokens of a picture (H, W, 3) RGB, and a pose in each of N boxes; without boxes,
-        in that of the likeliest person.
+        """Return tokens of a picture (H, W, 3) RGB, and a pose in each of the given boxes, and then
+        in those of people who overlap them; without boxes, in that of the likeliest person.
 
         A pose that does not lie in its box has confidence 0.
         """
-        if given:
-            boxes = np.array(given, np.float64)
+        found = detect_boxes(self._detector, picture, min_score=0.3, min_tile_score=0.3)
+        boxes = found.people.boxes.astype(np.float64)
+        if not given:
+            boxes = boxes[:1]
         else:
-            found = detect_boxes(self._detector, picture, min_score=0.3, min_tile_score=0.3)
-            boxes = found.people.boxes[:1].astype(np.float64)
+            own = np.array(given, np.float64)
+            overlap = box_iou(boxes, own).max(1, initial=0)
+            boxes = np.concatenate([own, boxes[(overlap > 0) & (overlap < _SAME_IOU)]])
         pyramid = ImagePyramid.from_image(picture)
         poses = [pose_in_box(self._pose, pyramid, box) for box in boxes]
         own = np.array([pose.mask_box for pose in poses]).reshape(-1, 4)

@@ -30,7 +30,7 @@ from physic_core.engine.joint.terms.body import (
 )
 from physic_core.engine.joint.terms.head import HeadTerm
 from physic_core.engine.joint.terms.lean import LeanTerm
-from physic_core.engine.joint.terms.people import PeopleTerm
+from physic_core.engine.joint.terms.people import MeetingTerm, PeopleTerm, mutual_meetings
 from physic_core.engine.joint.terms.picture import (
     DepthSettings,
     DepthTerm,
@@ -168,14 +168,17 @@ class DefaultOptimisation(JointStageMethod):
         return fold_hidden_legs(state)
 
     def late_terms(self, sampling: Sampling) -> tuple[Sequence[Term], Optimiser]:
-        """Return the people term.
+        """Return the people term, and those of parts that touch each other.
 
-        If used from the start, it would keep people apart on the wrong side of each other.
+        If used from the start, they would keep people apart on the wrong side of each other.
         """
         late = replace(self.optimiser, tolerance=min(self.optimiser.tolerance, _LATE_TOLERANCE))
-        if len(sampling.state) == 1:
-            return [], late
-        return [PeopleTerm(self.contact, self.penetration, sampling)], late
+        terms: list[Term] = []
+        if met := mutual_meetings(sampling):
+            terms.append(MeetingTerm(met, sampling))
+        if len(sampling.state) > 1:
+            terms.append(PeopleTerm(self.contact, self.penetration, sampling))
+        return terms, late
 
 
 DEFAULT = EngineSettings(

@@ -18,6 +18,7 @@ from physic_core.engine.limbs import observed_parts
 from physic_core.engine.photo import PhotoContent
 from physic_core.engine.scene_state import SceneState, Surroundings
 from physic_core.engine.sizes.known_sizes import KnownGeometry
+from physic_core.engine.whom import Meeting
 from physic_core.errors import PhysicError
 from physic_core.geometry.alignment import Alignment
 from physic_core.types import Bodies, ContactProbability, DepthMap, KnownSizes
@@ -168,6 +169,8 @@ class JointResult(ShortRepr):
         depth_offset: (N,) log of the ratio of the depth map to the person's depth; NaN if the
             person was not changed.
         failures: per person, the reason why they were not changed, or "".
+        released: parts that touch each other by what is observed of both, but that were not pulled
+            together, since this would have moved a body off its keypoints.
         scene_scale: factor on all lengths of scene, photo and floor, which do not have it.
         losses: term -> its weighted value at the start and at the end, both under the visibility
             at the end.
@@ -179,6 +182,7 @@ class JointResult(ShortRepr):
     joints: Tensor
     depth_offset: Tensor
     failures: tuple[str, ...]
+    released: tuple[Meeting, ...] = ()
     scene_scale: float = 1.0
     losses: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     evaluations: int = 0
@@ -208,6 +212,8 @@ class State(ShortRepr):
         K: (3, 3) px, camera of the scene.
         rotation_sigma: (N, 22) radians, stated errors of the rotations of pelvis and body joints,
             NaN where unknown; None if the body estimator states none.
+        joint_sigma: (N, 55) metres, stated errors of the joints in the body's own frame; None if
+            the body estimator states none.
         lean_sigma: (N,) radians, stated errors of the lean towards the camera, NaN where unknown;
             None if the body estimator states none.
         distance_sigma: (N,) stated errors of the logarithm of distance of bodies that the user
@@ -218,8 +224,9 @@ class State(ShortRepr):
         stand_probability: (N, 2) that the foot stands on the floor; None if unknown.
         rest_probability: (N,) that the lowest skin rests on the floor, of people who lie, plank or
             are on all fours; NaN of others; None if unknown.
-        observed_log_odds: (N, 9) as ``log_odds`` of
+        observed_touch: (N, 10, 5) as ``touch`` of
             :class:`~physic_core.engine.ground.stance.Stance`; None if unknown.
+        observed_floor: (N, 2) as its ``on_floor``; None if unknown.
         limb_touch_probability: (N, 5) by the picture that feet, hands and seat touch something; by
             stage 2 less for feet of people who ride. It weights their attraction to floor and
             scene; None counts as 1.
@@ -254,13 +261,15 @@ class State(ShortRepr):
     scene: SceneState
     K: Tensor = field(metadata=shape(3, 3))
     rotation_sigma: Tensor | None = field(default=None, metadata=shape("N", 22))
+    joint_sigma: Tensor | None = field(default=None, metadata=shape("N", 55))
     lean_sigma: Tensor | None = field(default=None, metadata=shape("N"))
     distance_sigma: Tensor | None = field(default=None, metadata=shape("N"))
     head: Tensor | None = field(default=None, metadata=shape("N", 3))
     head_sigma: Tensor | None = field(default=None, metadata=shape("N"))
     stand_probability: Tensor | None = field(default=None, metadata=shape("N", 2))
     rest_probability: Tensor | None = field(default=None, metadata=shape("N"))
-    observed_log_odds: Tensor | None = field(default=None, metadata=shape("N", 9))
+    observed_touch: Tensor | None = field(default=None, metadata=shape("N", 10, 5))
+    observed_floor: Tensor | None = field(default=None, metadata=shape("N", 2))
     limb_touch_probability: Tensor | None = field(default=None, metadata=shape("N", 5))
     carried: Carried | None = None
     scale_sigma: float | None = None

@@ -38,7 +38,7 @@ from physic_core.types import (
     UnposedPerson,
     skeleton_named,
 )
-from physic_core.types.observations import PROBABILITIES
+from physic_core.types.observations import CHOICES, PROBABILITIES
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Intrinsics, PeoplePrompt, UInt8Array
@@ -343,14 +343,14 @@ class PersonObserver(Backend):
         frequency of "yes" in the labels that it was fitted on.
 
         Example: a network fitted on people of whom a tenth sit on something, who therefore have a
-        ``touch_share`` of 0.1 for the seat, returns ``touch[i, 4]`` = 0.1 for whom it cannot judge:
-        that says nothing.
+        ``touch_share`` of (0.1, 0, 0, 0, 0.9) for the seat, returns this row as ``touch[i, 4]`` for
+        whom it cannot judge: that says nothing.
         """
 
     @classmethod
     def check(cls, result: Observations, request: PersonObserverRequest) -> Iterator[str]:
-        """Check shapes; probabilities in [0, 1] with a share in (0, 1), postures that sum to 1,
-        and directions of length 1 with a sigma above 0. NaN is allowed.
+        """Check shapes; probabilities in [0, 1] with a share in (0, 1), postures and answers of
+        touch that sum to 1, and directions of length 1 with a sigma above 0. NaN is allowed.
         """
         wrong = check_fields(result, N=len(request.people))
         for name in ("child_share", "away_share"):
@@ -364,14 +364,17 @@ class PersonObserver(Backend):
 
 
 def _check_probability(name: str, result: Observations) -> Iterator[str]:
+    import numpy as np
+
     value = getattr(result, name)
     share = getattr(result, f"{name}_share")
     known = value == value
     yield from check_unit_range(name, value[known])
-    if name == "posture":
-        rows = [*value[known.any(1)], *([share] if known.any() else [])]
-        if any(not abs(float(row.sum()) - 1) <= 1e-3 for row in rows):
-            yield "each row of posture, and posture_share, must sum to 1; a row may be NaN"
+    if name in CHOICES:
+        rows = known.any(-1)
+        sums = [*value[rows].sum(-1), *np.broadcast_to(share, value.shape)[rows].sum(-1)]
+        if any(not abs(float(each) - 1) <= 1e-3 for each in sums):
+            yield f"each row of {name}, and {name}_share, must sum to 1; a row may be NaN"
     elif not ((share > 0) & (share < 1) | ~known).all():
         yield f"{name}_share must lie between 0 and 1 where {name} is given, got {share}"
 

@@ -13,12 +13,13 @@ import numpy as np
 
 from physic_core.body.joints import joint_pair
 from physic_core.body.posture import LYING_DEG, lean_deg, standing_legs, trunk_tilt_deg
+from physic_core.engine.body_parts import OBSERVED
 from physic_core.engine.ground.posture import is_upright
 from physic_core.judge.photo import NO_FLOOR, relative_difference
 from physic_core.judge.spec import NO_BODY, YES, check
 from physic_core.types import MARKS, Plane, skeleton_named
 from physic_core.types.contacts import SupportState, part_words
-from physic_core.types.observations import TOUCH_PARTS
+from physic_core.types.observations import ENDS
 from physic_core.types.people import CARRIER_NAMES
 
 if TYPE_CHECKING:
@@ -43,7 +44,6 @@ _SUPPORT_M = 0.1  # largest distance from what carries
 _LOWEST_SHARE = 0.01  # of the vertices, below which the body of a person who lies may reach
 _FAR_BELOW_M = 0.5  # of soles below the floor: no error of a floor that people stand on
 _LIES_DEG = 60.0  # lean beyond which people lie
-_OBSERVED = (*TOUCH_PARTS, "back")
 
 _check = partial(check, "person")
 
@@ -171,7 +171,7 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
         )
     lying = lies(result, person)
     for one in result.people[person].contacts:
-        limb = one.part.endswith(("foot", "hand")) and not lying
+        limb = one.part.endswith(("foot", "hand")) and not lying and one.partner.kind != "person"
         if limb and one.distance_m is not None and one.partner.surface not in CARRIER_NAMES:
             found.append(
                 (
@@ -222,7 +222,7 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
         return None
     if lies(result, person):
         return _sure_carriers(who)
-    value = math.prod(max(likely[part], 1 - likely[part]) for part in TOUCH_PARTS)
+    value = math.prod(max(likely[part], 1 - likely[part]) for part in ENDS)
     seated = who.posture in _SEATED and (who.posture_probability or 0.0) >= 0.5
     if seated and likely["seat"] < 0.5:
         seen = f"{who.posture} (probability {who.posture_probability:.2f})"
@@ -230,7 +230,7 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
             f"this person seems to {seen}, but no seat is found under the body: see "
             f"{_FROM_THE_SIDE}"
         )
-    least = min(TOUCH_PARTS, key=lambda part: abs(likely[part] - 0.5))
+    least = min(ENDS, key=lambda part: abs(likely[part] - 0.5))
     taken = "to touch something" if likely[least] >= 0.5 else "not to touch anything"
     return (
         value,
@@ -258,7 +258,7 @@ def _sure_carriers(who: Person) -> Measured:
     if who.support is not None and who.support.state != SupportState.UNBALANCED:
         surest_last = sorted((one.probability or 0.0, one.part) for one in who.support.contacts)
         likely = {part: probability for probability, part in surest_last if probability}
-        likely = {part: p for part, p in likely.items() if part in _OBSERVED} or likely
+        likely = {part: p for part, p in likely.items() if part in OBSERVED} or likely
     if not likely:
         return 0.0, f"what this person is found to touch carries no body: see {_FROM_THE_SIDE}"
     least = min(likely, key=likely.__getitem__)

@@ -14,11 +14,13 @@ from physic_core.engine.measures import measure_agreement
 from physic_core.engine.placement.solve import solve_placement
 from physic_core.engine.scene.solve import solve_scene
 from physic_core.pipeline.reconstruction import as_reconstruction
+from physic_core.types.contacts import part_words
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.engine.settings import EngineSettings
     from physic_core.engine.state import Estimates
+    from physic_core.engine.whom import Meeting
     from physic_core.pipeline.stage_caller import StageCaller
     from physic_core.types import Reconstruction
 
@@ -51,6 +53,8 @@ def run_engine(
         # Without a common background the depth of people is unknown; a warning reports it.
         blind = placed.photo_depth is None
         state = optimize(placed, settings.joint.without("depth") if blind else settings.joint)
+    if state.joint is not None:
+        stages.note(*(_apart(one) for one in state.joint.released))
     with stages.time_engine("contact"):
         # Before inpainted points are moved out of people: what carries them is there.
         contact = solve_contact(estimates, state, settings.contact).contact
@@ -64,3 +68,12 @@ def run_engine(
     stages.warn(*warnings)
     result = as_reconstruction(estimates, state, measures)
     return replace(result, diagnostics={**result.diagnostics, **sizes})
+
+
+def _apart(meeting: Meeting) -> str:
+    """Return the note on two parts that the engine did not bring together."""
+    own, other = part_words(meeting.part), part_words(meeting.other_part)
+    return (
+        f"The {own} of person {meeting.person} seems to touch the {other} of person "
+        f"{meeting.other}, but they stay apart: together, a body would leave its keypoints."
+    )

@@ -44,7 +44,7 @@ from physic_core.types.contacts import (
 from physic_core.types.depth import AffineAmbiguity, DepthMap, Hints, Plane, Pointmap, SceneScale
 from physic_core.types.keypoint_table import KeypointTable
 from physic_core.types.known_sizes import KnownLength, KnownSizes
-from physic_core.types.observations import POSTURES, TOUCH_PARTS, Observations
+from physic_core.types.observations import POSTURES, TOUCH_PARTS, TOUCHED, Observations
 from physic_core.types.people import (
     CARRIER_NAMES,
     SURFACE_NAMES,
@@ -112,6 +112,7 @@ __all__ = [
     "SKELETONS",
     "SUMMARY_KEYS",
     "SURFACE_NAMES",
+    "TOUCHED",
     "TOUCH_PARTS",
     "AffineAmbiguity",
     "Bodies",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from physic_core.types.arrays import per_person, shape, with_columns
 from physic_core.types.short_repr import ShortRepr
+from physic_core.types.skeletons import mirrored_order
 
 if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray, FloatArray
@@ -17,10 +18,22 @@ if TYPE_CHECKING:
 POSTURES = ("stand", "walk", "run", "sit", "squat", "kneel", "lie", "jump", "ride")
 """Columns of ``posture`` of :class:`Observations`."""
 
-TOUCH_PARTS = ("left_foot", "right_foot", "left_hand", "right_hand", "seat")
-"""Columns of ``touch`` of :class:`Observations`."""
+TOUCH_PARTS = (
+    *("left_foot", "right_foot", "left_hand", "right_hand", "seat"),
+    *("left_knee", "right_knee", "left_forearm", "right_forearm", "back"),
+)
+"""Rows of ``touch`` of :class:`Observations`: parts of a person."""
 
-PROBABILITIES = ("posture", "touch", "holds", "on_floor", "child", "away")
+ENDS = TOUCH_PARTS[:5]
+"""Feet, hands and seat, which carry people most."""
+
+TOUCHED = ("world", "object", "own body", "person", "nothing")
+"""Columns of ``touch`` of :class:`Observations`: what a part touches."""
+
+CHOICES = ("posture", "touch")
+"""Fields of :class:`Observations` of which each row has one right answer."""
+
+PROBABILITIES = (*CHOICES, "on_floor", "child", "away")
 """Fields of :class:`Observations` that are probabilities; each has a share."""
 
 _LEAST = 1e-4
@@ -37,10 +50,10 @@ class Observations(ShortRepr):
 
     Attributes:
         posture: (N, 9) probability of each of :data:`POSTURES`; a row sums to 1 or is NaN.
-        touch: (N, 5) probability that each of :data:`TOUCH_PARTS` touches the world: floor, seat,
-            wall or another support, but not the own body, other people or held objects.
-        holds: (N, 2) probability that the left and right hand hold or pet an object or an animal
-            that does not carry the person: with ``touch`` of this hand at most 1.
+        touch: (N, 10, 5) probability that each of :data:`TOUCH_PARTS` touches each of
+            :data:`TOUCHED`: the world (floor, seat, wall or another support), an object or an
+            animal that it holds or pets and that does not carry the person, another part of the
+            own body, another person, or nothing; a row sums to 1 or is NaN.
         on_floor: (N, 2) probability that the left and right foot, if it touches the world, touches
             floor or ground, and not a pedal, a board, a step or a seat.
         child: (N,) probability that the person is younger than about 12 years.
@@ -52,24 +65,21 @@ class Observations(ShortRepr):
         head_sigma: (N,) degrees, standard deviation of ``head`` in each of the two directions
             across it.
         posture_share: (9,), sums to 1.
-        touch_share: (5,).
-        holds_share: (2,).
+        touch_share: (10, 5), a row sums to 1; 0 for answers that are never given.
         on_floor_share: (2,).
         child_share: a number.
         away_share: a number.
     """
 
     posture: FloatArray = field(metadata=shape("N", len(POSTURES)))
-    touch: FloatArray = field(metadata=shape("N", len(TOUCH_PARTS)))
-    holds: FloatArray = field(metadata=shape("N", 2))
+    touch: FloatArray = field(metadata=shape("N", len(TOUCH_PARTS), len(TOUCHED)))
     on_floor: FloatArray = field(metadata=shape("N", 2))
     child: FloatArray = field(metadata=shape("N"))
     away: FloatArray = field(metadata=shape("N"))
     head: FloatArray = field(metadata=shape("N", 3))
     head_sigma: FloatArray = field(metadata=shape("N"))
     posture_share: FloatArray = field(metadata=shape(len(POSTURES)))
-    touch_share: FloatArray = field(metadata=shape(len(TOUCH_PARTS)))
-    holds_share: FloatArray = field(metadata=shape(2))
+    touch_share: FloatArray = field(metadata=shape(len(TOUCH_PARTS), len(TOUCHED)))
     on_floor_share: FloatArray = field(metadata=shape(2))
     child_share: float = math.nan
     away_share: float = math.nan
@@ -105,7 +115,7 @@ class Observations(ShortRepr):
         """Return observations with left and right limbs exchanged of the people whom ``rows``,
         (N,) bool, selects.
         """
-        orders = {"touch": (1, 0, 3, 2, 4), "holds": (1, 0), "on_floor": (1, 0)}
+        orders = {"touch": mirrored_order(TOUCH_PARTS), "on_floor": (1, 0)}
         return with_columns(self, rows, orders)
 
     def evidence(self, name: str) -> FloatArray:
@@ -113,14 +123,14 @@ class Observations(ShortRepr):
         shape of the field; 0 where it says nothing.
 
         It is log(p / (1 - p)) - log(share / (1 - share)): add it to log odds of other sources. For
-        the posture it is log(p) - log(share). It is finite: p and share count as at least 1e-4, and
-        at most 1 - 1e-4.
+        :data:`CHOICES` it is log(p) - log(share). It is finite: p and share count as at least 1e-4,
+        and at most 1 - 1e-4.
         """
         import numpy as np
 
         def log(values: Any) -> FloatArray:
             p = np.clip(np.asarray(values, np.float64), _LEAST, 1 - _LEAST)
-            return np.asarray(np.log(p) if name == "posture" else np.log(p / (1 - p)))
+            return np.asarray(np.log(p) if name in CHOICES else np.log(p / (1 - p)))
 
         beyond = log(getattr(self, name)) - log(getattr(self, f"{name}_share"))
         return np.nan_to_num(beyond).astype(np.float32)

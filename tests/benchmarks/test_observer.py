@@ -76,16 +76,24 @@ def test_calibration_widens_what_is_too_sure():
     assert abs((p - of.y).mean()) < 0.01
 
 
-NAN = [np.nan] * 3
-
-
 @pytest.mark.parametrize(
     ("question", "truth", "expected"),
     [
         ("foot", {"parts": {"left_foot": "floor", "right_foot": "none"}}, [[1], [0]]),
-        ("hand", {"parts": {"left_hand": "object", "right_hand": None}}, [[0, 1, 0], NAN]),
-        ("hand", {"parts": {"left_hand": "wall", "right_hand": "own"}}, [[1, 0, 0], [0, 0, 1]]),
+        (
+            "hand",
+            {"parts": {"left_hand": "object", "right_hand": None}},
+            [[0, 1, 0, 0, 0], [np.nan] * 5],
+        ),
+        (
+            "hand",
+            {"parts": {"left_hand": "wall", "right_hand": "own"}},
+            [[1, 0, 0, 0, 0], [0, 0, 1, 0, 0]],
+        ),
+        ("hand", {"parts": {"left_hand": "person"}}, [[0, 0, 0, 1, 0], [np.nan] * 5]),
         ("seat", {"parts": {"seat": "seat"}}, [[1]]),
+        ("knee", {"parts": {"left_knee": "floor", "right_knee": "own"}}, [[1], [0]]),
+        ("forearm", {"parts": {"left_forearm": "object"}}, [[0, 0, 1], [np.nan] * 3]),
         ("on_floor", {"parts": {"left_foot": "floor", "right_foot": "support"}}, [[1], [0]]),
         ("on_floor", {"parts": {"left_foot": "none", "right_foot": None}}, [[np.nan], [np.nan]]),
         ("child", {}, [[np.nan]]),

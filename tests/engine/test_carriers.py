@@ -9,10 +9,10 @@ import torch
 from physic_core.engine.contact.method import ContactStageMethod
 from physic_core.engine.contact.solve import find_contact
 from physic_core.engine.ground.carriers import NOTHING, Carried, carried_people
-from physic_core.engine.ground.stance import OBSERVED_COLUMNS
 from physic_core.types import SKELETONS, Carrier, Keypoints
 
 from .test_contact_probability import alone, near_of
+from .touching import LIMBS, touching
 
 FEET_PX = (100.0, 300.0)
 NAMES = SKELETONS["blazepose33"].names
@@ -88,10 +88,10 @@ def test_people_touch_what_carries_them(body, name, ridden, board, gap, feet, ha
     """
     soles = float(body(*body.zero_pose()).vertices[..., 1].min())
     carried = Carried((name,), np.array([ridden]), np.array([board]))
-    observed = torch.zeros(1, len(OBSERVED_COLUMNS))
-    observed[:, :5] = 0.0 if ridden == NOTHING else 4.0
+    said = {} if ridden == NOTHING else dict.fromkeys(LIMBS, ("world", 0.98))
+    observed = torch.tensor(touching(**said))
     floor = torch.tensor([0.0, 1.0, 0.0]), gap - soles
-    state = alone(body, floor, carried=carried, observed_log_odds=observed)
+    state = alone(body, floor, carried=carried, observed_touch=observed)
     found = find_contact(state, near_of(state, ContactStageMethod()), ContactStageMethod())
     touched = {one.part: one.partner.title for one in found.contacts[0]}
     assert [touched.get(f"{side}_foot") for side in ("left", "right")] == [feet] * 2

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import pytest
 import torch
 
+from physic_core.engine.body_parts import ContactRegions, are_adjacent, is_farther_out
 from physic_core.engine.contact.distances import (
     KINDS,
     Distances,
@@ -23,12 +24,7 @@ from physic_core.engine.contact.partner import (
     assign_partners,
     body_contacts,
 )
-from physic_core.engine.contact.parts import (
-    ContactRegions,
-    are_adjacent,
-    is_farther_out,
-    scene_parts,
-)
+from physic_core.engine.contact.parts import scene_parts
 from physic_core.engine.contact.picture import PeopleInPicture
 from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.types import NO_PARTNER, BodyContact, ContactPartner

@@ -12,14 +12,13 @@ import torch
 from physic_core.engine.contact.method import ContactStageMethod
 from physic_core.engine.contact.probability import contact_part_masks, mean_of_surest
 from physic_core.engine.contact.solve import find_contact
-from physic_core.engine.ground.stance import OBSERVED_COLUMNS
 from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.types import ContactPartner
-from physic_core.types.observations import TOUCH_PARTS
 from physic_core.types.skeletons import SIDES
 
 from .adjusted import with_result, with_scene, without_joints
 from .test_contact_probability import alone, near_of
+from .touching import LIMBS, with_touch
 
 METHOD = ContactStageMethod()
 
@@ -42,14 +41,8 @@ def contact(state):
     return find_contact(state, near_of(state, METHOD), METHOD)
 
 
-def observed(state, **odds):
-    """The same state, of whose parts the observer says these log odds."""
-    columns = [odds.get(name, 0.0) for name in OBSERVED_COLUMNS]
-    return replace(state, observed_log_odds=torch.tensor([columns]))
-
-
-def parts_observed(state, odds):
-    return observed(state, **dict.fromkeys(TOUCH_PARTS, odds))
+def limbs_on_world(state, probability):
+    return with_touch(state, **dict.fromkeys(LIMBS, ("world", probability)))
 
 
 def raised(state, height):
@@ -83,16 +76,16 @@ def test_the_surest_vertices_have_the_probability_of_their_part(person):
 
 @pytest.mark.parametrize("part", ["left_foot", "right_hand", "seat"])
 def test_parts_that_are_observed_to_touch_do_so_more(person, part):
-    more, less = (touch(parts_observed(person, odds))[1] for odds in (2.0, -2.0))
+    more, less = (touch(limbs_on_world(person, p))[1] for p in (0.9, 0.1))
     assert more[part] > less[part]
 
 
 def test_without_an_observer_feet_are_those_of_an_average_person(person):
-    assert touch(parts_observed(person, 0.0))[1] == touch(person)[1]
+    assert touch(with_touch(person))[1] == touch(person)[1]
 
 
 def test_a_hand_that_holds_an_object_touches_it_and_nothing_of_the_world(person):
-    found = contact(observed(person, left_object=4.0, left_hand=-4.0))
+    found = contact(with_touch(person, left_hand=("object", 0.9)))
     [held] = [one for one in found.contacts[0] if one.partner.kind == "object"]
     assert held.part == "left_hand"
     assert held.probability > 0.8
@@ -103,18 +96,19 @@ def test_a_hand_that_holds_an_object_touches_it_and_nothing_of_the_world(person)
 @pytest.mark.parametrize(
     ("height", "on_floor", "partner", "off_m"),
     [
-        (0.0, 0.0, ContactPartner("floor", "floor"), None),
-        (0.12, 0.0, ContactPartner("hidden"), 0.12),
-        (0.5, 0.0, ContactPartner("hidden"), 0.15),
-        (0.12, 4.0, ContactPartner("floor", "floor"), 0.12),
-        (0.0, -4.0, ContactPartner("scene"), None),
+        (0.0, None, ContactPartner("floor", "floor"), None),
+        (0.12, None, ContactPartner("hidden"), 0.12),
+        (0.5, None, ContactPartner("hidden"), 0.15),
+        (0.12, 0.98, ContactPartner("floor", "floor"), 0.12),
+        (0.0, 0.02, ContactPartner("scene"), None),
     ],
 )
 def test_feet_that_surely_touch_are_where_they_are_seen_or_on_what_is_near(
     person, height, on_floor, partner, off_m
 ):
-    said = dict.fromkeys(("left_floor", "right_floor"), on_floor) | dict.fromkeys(TOUCH_PARTS, 5.0)
-    found = contact(observed(raised(person, height), **said)).contacts[0]
+    floor = None if on_floor is None else torch.full((1, 2), on_floor)
+    said = replace(limbs_on_world(raised(person, height), 0.99), observed_floor=floor)
+    found = contact(said).contacts[0]
     feet = [one for one in found if one.part.endswith("_foot")]
     assert [one.partner for one in feet] == [partner] * 2
     assert [one.distance_m for one in feet] == [off_m and pytest.approx(off_m, abs=0.01)] * 2
@@ -127,13 +121,13 @@ def test_parts_of_which_nobody_speaks_touch_only_what_is_near(person):
     vertices = person.vertices @ axes.T
     back = contact_part_masks(person.model)["back"]
     moved = replace(person.joint, vertices=vertices, joints=person.joints @ axes.T)
-    lies = observed(replace(person, joint=moved), seat=-4.0)
+    lies = with_touch(replace(person, joint=moved), seat=("world", 0.02))
     lowest = float(vertices[0, back, 1].max())
     on, over = (with_scene(lies, floor_offset=lowest + gap - 0.02) for gap in (0.0, 0.12))
     assert touch(on)[1]["back"] > touch(over)[1]["back"]
     assert touch(over)[1]["back"] < LEAST_PROBABILITY
     assert "back" not in {one.part for one in contact(over).contacts[0]}
-    on_seat = touch(observed(on, seat=4.0))[1]
+    on_seat = touch(with_touch(on, seat=("world", 0.98)))[1]
     assert on_seat["head"] == on_seat["back"] == on_seat["seat"] > LEAST_PROBABILITY
     assert touch(on)[1]["head"] < on_seat["head"]
 
@@ -150,7 +144,14 @@ def test_a_result_has_the_probability_of_each_part_listed_or_not(body, make_stag
     stage = make_stage([(bends, (0.0, 0.0, 3.0))])
     over = alone(body, (torch.tensor([0.0, -1.0, 0.0]), 3.0))
     sits = with_result(over, stage)
-    found = contact(observed(sits, left_hand=-4.0, right_hand=-4.0, seat=4.0))
+    found = contact(
+        with_touch(
+            sits,
+            left_hand=("world", 0.02),
+            right_hand=("world", 0.02),
+            seat=("world", 0.98),
+        )
+    )
     assert set(found.parts) == set(contact_part_masks(body))
     assert {one.partner for one in found.contacts[0]} == {ContactPartner("hidden", "seat")}
     assert LEAST_PROBABILITY <= float(found.parts["seat"]) < 1
@@ -172,7 +173,7 @@ def test_limbs_that_no_pixel_shows_have_the_base_rate_wherever_they_are(person):
     assert found["left_foot"] == found["right_foot"] != seen["left_foot"]
     assert 0.5 < found["left_foot"] < 0.95
     assert found["left_hand"] == seen["left_hand"]
-    assert touch(parts_observed(cut, 1.0))[1] == touch(parts_observed(person, 1.0))[1]
+    assert touch(limbs_on_world(cut, 0.8))[1] == touch(limbs_on_world(person, 0.8))[1]
 
 
 def test_contacts_of_limbs_that_no_pixel_shows_are_listed_as_assumed(person):

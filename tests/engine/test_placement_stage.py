@@ -23,6 +23,7 @@ from physic_core.types.observations import POSTURES
 
 from .conftest import CAMERA, FLOOR_Y
 from .seen import pointmap_of
+from .touching import touching
 
 DEFAULT = engine_preset("default").placement
 AWAY = torch.tensor([[0.1, 0.05, 0.4]])
@@ -61,8 +62,8 @@ def test_feet_on_pedals_do_not_draw_the_floor_to_them(make_stage):
     """A rider's soles are 25 cm over the ground, and the scene keeps its size."""
     estimates, state = estimated_too_far(make_stage, FLOOR_Y - 0.25)
     estimates.photo.observations = replace(Observations.unknown(1), posture=RIDES)
-    observed = np.array([[4.0, 4.0, 0.0, 0.0, 6.0, 0.0, 0.0]])
-    touch = torch.tensor(replace(Stance.unknown(1), log_odds=observed).limb_touch_probability)
+    said = touching(left_foot=("world", 0.99), right_foot=("world", 0.99), seat=("world", 0.99))
+    touch = torch.tensor(replace(Stance.unknown(1), touch=said).limb_touch_probability)
     state = replace(state, limb_touch_probability=touch.to(state.transl))
     found = optimize(solve_placement(estimates, state, DEFAULT), engine_preset("default").joint)
     assert found.scene_scale == pytest.approx(1.0, abs=0.03)

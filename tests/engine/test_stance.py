@@ -12,16 +12,15 @@ import torch
 from physic_core import engine_preset
 from physic_core.engine.ground.stance import Stance
 from physic_core.engine.joint.solve import optimize
-from physic_core.types import Observations
 
 from .conftest import FLOOR_Y
+from .touching import LIMBS, observations
 
 
 def observed(touch):
-    """Observations of one person: probabilities of feet, hands and seat, of a share of one half."""
-    half = np.full(5, 0.5, np.float32)
-    unknown = Observations.unknown(1)
-    return replace(unknown, touch=np.array([touch], np.float32), touch_share=half)
+    """Observations of one person: whether feet, hands and seat touch the world; NaN is not said."""
+    said = {part: ("world", p) for part, p in zip(LIMBS, touch, strict=True) if p == p}
+    return observations(**said)
 
 
 def touch_of(said):
@@ -58,11 +57,7 @@ def test_low_limbs_of_who_rests_on_the_lowest_skin_touch(rests, moved):
 
 
 def test_a_low_hand_that_holds_something_does_not_rest():
-    said = replace(
-        observed(np.full(5, 0.3)),
-        holds=np.array([[0.9, 0.1]], np.float32),
-        holds_share=np.full(2, 0.4, np.float32),
-    )
+    said = observations(**dict.fromkeys(LIMBS, ("world", 0.3)) | {"left_hand": ("object", 0.95)})
     stance = replace(Stance.in_picture(said), rest_probability=np.array([0.9]))
     assert stance.holds.tolist() == [[True, False]]
     found = stance.with_resting(np.ones((1, 4), bool)).limb_touch_probability[0]

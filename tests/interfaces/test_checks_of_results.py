@@ -290,7 +290,10 @@ def test_valid_results_have_no_violation(result, changes):
         (
             OBSERVED,
             {"touch": np.zeros((2, 4)), "child_share": None},
-            ["touch must be (2, 5), got (2, 4)", "child_share must be a number or NaN, got None"],
+            [
+                "touch must be (2, 10, 5), got (2, 4)",
+                "child_share must be a number or NaN, got None",
+            ],
         ),
         (OBSERVED, {"child": np.array([0.5, 1.5])}, "child must lie in [0, 1], got 0 to 1.5"),
         (
@@ -305,8 +308,13 @@ def test_valid_results_have_no_violation(result, changes):
         ),
         (
             OBSERVED,
-            {"holds": np.array([[np.nan, 0.5]] * 2)},
-            "holds_share must lie between 0 and 1 where holds is given, got [nan nan]",
+            {"on_floor": np.array([[np.nan, 0.5]] * 2)},
+            "on_floor_share must lie between 0 and 1 where on_floor is given, got [nan nan]",
+        ),
+        (
+            OBSERVED,
+            {"touch": np.full((2, 10, 5), 0.2)},
+            "each row of touch, and touch_share, must sum to 1...",
         ),
         (OBSERVED, {"child_share": 1.0}, "child_share must lie between 0 and 1 where..."),
         (OBSERVED, {"away_share": None}, "away_share must be a number or NaN, got None"),

@@ -125,6 +125,30 @@ def test_contact_of_worlds_is_found(cases):
     assert np.mean(scores) > 0.6
 
 
+@pytest.mark.parametrize(
+    ("name", "part", "kind", "other"),
+    [
+        ("stand", "left_foot", "floor", ""),
+        ("sit_on_chair", "seat", "scene", ""),
+        ("hold_ball", "right_hand", "object", ""),
+        ("hands_on_hips", "left_hand", "self", "torso"),
+        ("hug", "right_hand", "person", "back"),
+        ("hug", "back", "person", "right_hand"),
+        ("sit_behind_table_other", "seat", "hidden", ""),
+        ("kneel", "left_lower_leg", "floor", ""),
+    ],
+)
+def test_each_partner_is_listed_in_some_world(name, part, kind, other):
+    found = run(load_world(name, (160, 120)).image)
+    listed = {
+        (one.part, one.partner.kind, one.partner.part)
+        for person in found.people
+        for one in person.contacts
+        if one.likely
+    }
+    assert (part, kind, other) in listed
+
+
 def test_bodies_of_mock_worlds_do_not_sink_into_the_scene(cases):
     for case in cases:
         for person in case.result.people:

@@ -81,8 +81,10 @@ def test_what_the_person_observer_says_is_in_the_result_and_saved(world, tmp_pat
 def test_nobody_lies_on_feet_and_hands_alone(world, seat, posture):
     def lying(said, *_):
         sure = np.array([[name == "lie" for name in POSTURES]], np.float32)
-        touch = np.array([[0.98, 0.98, 0.98, 0.98, seat]], np.float32)
-        return replace(said, posture=sure, touch=touch, holds=np.zeros_like(said.holds))
+        touch = said.touch.copy()
+        touch[0, :5, 0] = 0.98, 0.98, 0.98, 0.98, seat
+        touch[0, :5, 1:] = (1 - touch[0, :5, :1]) / 4
+        return replace(said, posture=sure, touch=touch)
 
     lies = changed(backends.MockPersonObserver, lying)
     (person,) = reconstruct(world.image, "mock", backends=lies).people

@@ -23,6 +23,7 @@ import torch
 from torch import Tensor
 
 from physic_core.engine.contact.parts import SceneParts
+from physic_core.engine.whom import Meeting
 from physic_core.geometry.floor import PlaneFit
 from physic_core.geometry.neighbors import NearestPointSearch, array_tree
 from physic_core.geometry.tensors import exact_arrays
@@ -195,6 +196,23 @@ def _finite_people(vertices: Tensor) -> list[int]:
     return finite
 
 
+def at_meetings(
+    skin: SkinDistances, vertices: Tensor, meetings: Sequence[Meeting]
+) -> SkinDistances:
+    """Return the distances with those of vertices (N, V, 3) that meet other skin from it."""
+    distance, person, vertex = skin.distance.clone(), skin.person.clone(), skin.vertex.clone()
+    for one in meetings:
+        for i, own, j, other in (
+            (one.other, one.other_skin, one.person, one.on_own),
+            (one.person, one.skin, one.other, one.on_other),
+        ):
+            same = (person[i, own] == j) & (vertex[i, own] == other)
+            apart = (vertices[i, own] - vertices[j, other]).norm(dim=-1)
+            distance[i, own] = torch.where(same, distance[i, own], apart)
+            person[i, own], vertex[i, own] = j, other
+    return SkinDistances(distance, person, vertex)
+
+
 _Skin: TypeAlias = tuple[int, np.ndarray]
 """A person, and (n,) vertices."""
 
@@ -302,6 +320,8 @@ class Distances:
         parts: of the scene's points, which ``surface.point`` indexes.
         people: to the skin of other people.
         own: to the skin of other parts of the same body.
+        meetings: of parts that touch skin by the observer. Where their vertices touch, ``people``
+            and ``own`` are to the part that they meet, however far it is.
     """
 
     normals: Tensor
@@ -309,6 +329,7 @@ class Distances:
     parts: SceneParts
     people: SkinDistances
     own: SkinDistances
+    meetings: tuple[Meeting, ...] = ()
 
     @property
     def nearest_is_ground(self) -> Tensor:

@@ -17,6 +17,7 @@ from physic_core.engine.contact.distances import (
 )
 from physic_core.engine.contact.probability import (
     held_object_probability,
+    meets,
     near_scene,
     scene_contact_probability,
     share_of_part,
@@ -103,7 +104,8 @@ class ContactStageMethod:
     def find_touch(self, state: State, near: Distances) -> Touch:
         """Return the contacts of vertices whose fitted probability is at least the threshold.
 
-        A vertex touches only what its body part touches, and nothing farther than a hand's breadth.
+        A vertex touches only what its body part touches, and nothing farther than a hand's breadth
+        but skin that its part meets by the observer.
         """
         at = near_scene(state, near)
         parts = scene_contact_probability(state, at)
@@ -114,6 +116,7 @@ class ContactStageMethod:
         probabilities = torch.cat([on_scene[None], on_skin, held])
         sure = torch.cat([of_parts[None], part_on_skin, held]) >= LEAST_PROBABILITY
         within = near.by_kind <= HAND_BREADTH_M
+        within[1:] |= meets(near)
         sure &= torch.cat([within, torch.ones_like(within[:1])])
         sure &= state.model.outer & state.finite_people[:, None]
         rank = torch.where(sure, probabilities, -1.0)

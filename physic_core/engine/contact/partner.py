@@ -11,20 +11,14 @@ from types import MappingProxyType
 import torch
 from torch import Tensor
 
+from physic_core.engine.body_parts import SEAT, ContactRegions, are_adjacent, is_farther_out
 from physic_core.engine.contact.distances import (
     HAND_BREADTH_M,
     KINDS,
     SEARCH_RADIUS_M,
     Distances,
 )
-from physic_core.engine.contact.parts import (
-    SAT_ON,
-    SEAT,
-    UPRIGHT_CLASSES,
-    ContactRegions,
-    are_adjacent,
-    is_farther_out,
-)
+from physic_core.engine.contact.parts import SAT_ON, UPRIGHT_CLASSES
 from physic_core.engine.contact.picture import PeopleInPicture
 from physic_core.engine.contact.probability import mean_of_surest
 from physic_core.engine.ground.touch import LEAST_PROBABILITY
@@ -241,6 +235,7 @@ def body_contacts(
     *,
     assumed: Mapping[str, float] = MappingProxyType({}),
     gaps: Mapping[str, float] = MappingProxyType({}),
+    from_people: Tensor | None = None,
     least: float = 0.0,
 ) -> tuple[BodyContact, ...]:
     """List the contacts of one person by body part, most probable first.
@@ -259,6 +254,7 @@ def body_contacts(
         assumed: body parts of limbs that nothing shows -> their probability of contact with scene
             and floor. Of each, only the partner of most vertices is listed, and no skin.
         gaps: body part -> its distance from the nearest surface, metres.
+        from_people: (V,) distance from the skin of other people, metres.
         least: minimum probability of a listed part.
     """
     touching = index >= 0
@@ -284,6 +280,9 @@ def body_contacts(
         if sure is None or sure >= least:
             one = BodyContact(part, table[partner], sure, count, assumed=part in assumed)
             off = None if gap is None else round(min(gap, SEARCH_RADIUS_M), DECIMALS)
+            if kind == "person" and from_people is not None:
+                apart = float(from_people[here].amin())
+                off = round(apart, DECIMALS) if apart > HAND_BREADTH_M else None
             found.append(replace(one, dent_m=_dent_of(dent[here]), distance_m=off))
     return _listed_contacts(found)
 

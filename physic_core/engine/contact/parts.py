@@ -1,11 +1,8 @@
-"""Parts that touch: of bodies, with seat and back as parts of their own, and of the scene near
-people, by semantic class and connected surface.
-"""
+"""Parts of the scene near people, by semantic class and connected surface."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -14,18 +11,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from physic_core.body.model import BodyModel
 from physic_core.geometry.neighbors import NearestPointSearch, nearest_indices, search_tree
 from physic_core.geometry.tensors import exact_arrays
 from physic_core.types.people import GROUND_SURFACES
-
-SEAT = "seat"
-"""Part of the buttocks: what people sit on."""
-
-_OWN_REGIONS = {"gluteus": SEAT, "back": "back"}
-_TRUNK = ("torso", *_OWN_REGIONS.values())
-_CHAINS = (("hand", "lower_arm", "upper_arm"), ("foot", "lower_leg", "upper_leg"))
-_OUTER_FIRST = ("hand", "lower_arm", "foot", "lower_leg", "upper_arm", "head", "upper_leg", *_TRUNK)
 
 UPRIGHT_CLASSES = ("wall", "ceiling", "window")
 """Classes of surfaces on which nothing rests."""
@@ -34,59 +22,6 @@ SAT_ON = ("seat", "bed", "stairs", "vehicle")
 """Classes of surfaces above the floor on which people sit; others below them are seats."""
 
 _CELL_M = 0.04  # side of the cells in which points are joined to surfaces
-
-
-class ContactRegions(NamedTuple):
-    """Body parts.
-
-    Attributes:
-        names: of the parts.
-        region: (V,) int64, part of each vertex, index into ``names``.
-    """
-
-    names: tuple[str, ...]
-    region: Tensor
-
-
-def contact_regions(model: BodyModel) -> ContactRegions:
-    """Return the body parts of contacts."""
-    names = (*model.part_names, *_OWN_REGIONS.values())
-    region = model.part_of_vertex.clone()
-    for contact_set, name in _OWN_REGIONS.items():
-        region[model.contact_sets[contact_set]] = names.index(name)
-    return ContactRegions(names, region)
-
-
-def are_adjacent(part: str, other: str) -> bool:
-    """Return whether two parts of one body meet at a joint, or are both thighs: their skin touches
-    in many poses.
-    """
-    side, name = _split_part(part)
-    other_side, other_name = _split_part(other)
-    if name in _TRUNK or other_name in _TRUNK:
-        return {name, other_name} <= {*_TRUNK, "head", *(chain[-1] for chain in _CHAINS)}
-    if name == other_name:
-        return side == other_side or name == "upper_leg"
-    chain = next((chain for chain in _CHAINS if name in chain), ())
-    return (
-        side == other_side
-        and other_name in chain
-        and abs(chain.index(name) - chain.index(other_name)) == 1
-    )
-
-
-def is_farther_out(part: str, other: str) -> bool:
-    """Return whether a part is more distal than another; of two equal ones, the left one is."""
-    keys = [(_OUTER_FIRST.index(name), side) for side, name in map(_split_part, (part, other))]
-    return keys[0] < keys[1]
-
-
-def _split_part(part: str) -> tuple[str, str]:
-    """Return side and name of a part, such as ("left", "hand"); no side for the trunk and the
-    head.
-    """
-    side, _, name = part.partition("_")
-    return (side, name) if name else ("", part)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from physic_core.engine.contact.parts import SAT_ON, SEAT
+from physic_core.engine.body_parts import SEAT
+from physic_core.engine.contact.parts import SAT_ON
 from physic_core.geometry.camera import project
 from physic_core.geometry.pixels import dilate_square
 from physic_core.types.people import GROUND_SURFACES

@@ -2,20 +2,21 @@
 objects, and of vertices with skin.
 
 A part has one probability of contact with scene or floor, see
-:mod:`physic_core.engine.ground.touch`. Of feet, hands and buttocks it is what the person observer
-says. Distance decides of all others: all vertices of a part share the errors of its position, so
-that its distance is one number, the fifth smallest of its vertices, which is robust to outliers.
-Feet, hands and buttocks of which the observer says nothing and no keypoint is seen have the share
-of their kind: their place is a guess.
+:mod:`physic_core.engine.ground.touch`. Where the person observer speaks of it, it is what it says.
+Distance decides of all others: all vertices of a part share the errors of its position, so that its
+distance is one number, the fifth smallest of its vertices, which is robust to outliers. Feet, hands
+and buttocks of which the observer says nothing and no keypoint is seen have the share of their
+kind: their place is a guess.
 
 The ten surest vertices of a part have its probability. The others have less of it, the farther they
 are from the surface beside these, and the less directly their skin faces it.
 
-Contact with skin of another person or of the own body has the same form. The vertices of one part
-that are nearest to one part of one partner share their errors, so that their fifth smallest
-distance decides, as the logarithm ``log(1 + d / 1 cm)`` of the outside and the inside, with whether
-one of both parts is a hand. Parts of one body that meet at a joint touch in all poses, which is no
-contact.
+Contact with skin of another person or of the own body is what the observer says where it speaks of
+the part, with the part that :mod:`physic_core.engine.whom` tells, and of skin that nobody speaks of
+what meets it. Distance decides of the rest: the vertices of one part that are nearest to one part
+of one partner share their errors, so that their fifth smallest distance counts, as the logarithm
+``log(1 + d / 1 cm)`` of the outside and the inside, with whether one of both parts is a hand. Parts
+of one body that meet at a joint touch in all poses, which is no contact.
 """
 
 from __future__ import annotations
@@ -28,9 +29,8 @@ from torch import Tensor
 
 from physic_core.body.model import BodyModel
 from physic_core.body.posture import LYING_DEG, trunk_tilt_deg
+from physic_core.engine.body_parts import OBSERVED, SEAT, are_adjacent, contact_regions
 from physic_core.engine.contact.distances import SEARCH_RADIUS_M, Distances
-from physic_core.engine.contact.parts import SEAT, are_adjacent, contact_regions
-from physic_core.engine.ground.stance import OBSERVED_COLUMNS
 from physic_core.engine.ground.touch import (
     CARRIES,
     DISTANCE,
@@ -40,11 +40,12 @@ from physic_core.engine.ground.touch import (
     OUTSIDE,
     OWN_BODY,
     SKIN,
-    observed_log_odds,
     touch_log_odds,
+    usual_touch,
 )
 from physic_core.engine.state import State
 from physic_core.geometry.tensors import exact_arrays
+from physic_core.types.observations import TOUCHED
 from physic_core.types.skeletons import SIDES
 
 _LOG_UNIT_M = 0.01
@@ -63,7 +64,7 @@ HEAD = "head"
 """Part that what carries the back may carry."""
 
 RATED = ("foot", "hand", SEAT)
-"""Kinds of parts of which the observer speaks, and whose rate is known where nothing shows them."""
+"""Kinds of parts that have the rate of their kind where nothing shows them."""
 
 _SIGMA_M = 0.05  # standard deviation of the distance of a part from the scene
 # Rise in metres at which half of the probability of a part is left, and power of the cosine between
@@ -105,12 +106,12 @@ def scene_contact_probability(state: State, at: NearScene) -> dict[str, Tensor]:
     features_of = part_features(state, at)
     for name, features in features_of.items():
         kind = kind_of_part(name)
-        odds = touch_log_odds(kind, features)
+        likely = torch.sigmoid(touch_log_odds(kind, features))
         if kind in RATED:
-            said = _observed_log_odds(state, name)
-            by_distance = (said == 0) & ~unseen[name]
-            odds = torch.where(by_distance, odds, observed_log_odds(kind, said))
-        parts[name] = torch.sigmoid(odds)
+            usual = float(usual_touch()[OBSERVED[name], TOUCHED.index("world")])
+            likely = torch.where(unseen[name], usual, likely)
+        said = observed_touch(state, name, "world")
+        parts[name] = torch.where(said.isnan(), likely, said)
     # What a person who lies on the seat lies on carries the back, too, and a head as low.
     names = list(contact_part_masks(state.model))
     back, head = names.index(BACK), names.index(HEAD)
@@ -128,11 +129,14 @@ def _lowest_of_parts(state: State) -> Tensor:
     return _gaps_of_parts(state.model, height)
 
 
-def _observed_log_odds(state: State, column: str) -> Tensor:
-    """Return the log odds (N,) of one of :data:`OBSERVED_COLUMNS`; 0 without an observer."""
-    if state.observed_log_odds is None:
-        return state.vertices.new_zeros(len(state))
-    return state.observed_log_odds[:, OBSERVED_COLUMNS.index(column)].to(state.vertices)
+def observed_touch(state: State, part: str, touched: str) -> Tensor:
+    """Return the probability (N,) by the observer that a part touches one of
+    :data:`physic_core.types.TOUCHED`; NaN where it says nothing.
+    """
+    row = OBSERVED.get(part)
+    if row is None or state.observed_touch is None:
+        return state.vertices.new_full((len(state),), torch.nan)
+    return state.observed_touch[:, row, TOUCHED.index(touched)].to(state.vertices)
 
 
 def values_by_vertex(model: BodyModel, parts: Mapping[str, Tensor]) -> Tensor:
@@ -145,19 +149,10 @@ def held_object_probability(state: State) -> Tensor:
     where the observer says nothing.
     """
     found = torch.zeros_like(state.vertices[..., 0])
-    for side in SIDES:
-        said = _observed_log_odds(state, f"{side}_object")
-        likely = torch.where(said == 0, 0.0, torch.sigmoid(observed_log_odds("object", said)))
-        found[:, state.model.in_contact_sets(f"{side}_hand")] = likely[:, None]
+    for hand in (f"{side}_hand" for side in SIDES):
+        likely = observed_touch(state, hand, "object").nan_to_num()
+        found[:, state.model.in_contact_sets(hand)] = likely[:, None]
     return found
-
-
-def foot_floor_probability(state: State) -> Tensor:
-    """Return the probability (N, 2) that left and right foot, if they touch anything, are on the
-    floor; NaN where the observer says nothing.
-    """
-    said = torch.stack([_observed_log_odds(state, f"{side}_floor") for side in SIDES], 1)
-    return torch.where(said == 0, torch.nan, torch.sigmoid(observed_log_odds("floor", said)))
 
 
 def unseen_parts(state: State) -> dict[str, Tensor]:
@@ -302,7 +297,42 @@ def skin_contact_probability(state: State, near: Distances) -> tuple[Tensor, Ten
         rise = torch.where(touches, skin.distance - at.gap, 0.0)
         of_parts.append(sure)
         of_vertices.append(sure * _vertex_share(state.model, torch.relu(rise), facing))
-    return torch.stack(of_parts), torch.stack(of_vertices)
+    return _as_observed(state, near, torch.stack(of_parts), torch.stack(of_vertices))
+
+
+def _as_observed(
+    state: State, near: Distances, of_parts: Tensor, of_vertices: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Return the probabilities (2, N, V) of contact with skin, with those of parts of which the
+    observer speaks, and of what they meet.
+    """
+    names, region = contact_regions(state.model)
+    known = torch.zeros_like(of_parts, dtype=torch.bool)
+    for kind, touched in enumerate(("person", "own body")):
+        for part in OBSERVED:
+            said = ~observed_touch(state, part, touched).isnan()
+            known[kind] |= said[:, None] & (region == names.index(part))
+    of_parts, of_vertices = (torch.where(known, 0.0, each) for each in (of_parts, of_vertices))
+    for one in near.meetings:
+        kind = int(one.other == one.person)
+        silent = one.other_skin[~known[kind, one.other, one.other_skin]]
+        for each in (of_parts, of_vertices):
+            each[kind, one.person, one.skin] = one.probability
+            each[kind, one.other, silent] = one.probability
+    return of_parts, of_vertices
+
+
+def meets(near: Distances) -> Tensor:
+    """Return the vertices (2, N, V) bool that meet skin of another person, and of the own body, by
+    the observer.
+    """
+    found = torch.zeros(2, *near.people.distance.shape, dtype=torch.bool)
+    found = found.to(near.people.distance.device)
+    for one in near.meetings:
+        kind = int(one.other == one.person)
+        found[kind, one.person, one.skin] = True
+        found[kind, one.other, one.other_skin] = True
+    return found
 
 
 class NearSkin(NamedTuple):

@@ -7,12 +7,14 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from physic_core.engine.body_parts import SEAT, contact_regions
 from physic_core.engine.contact.distances import (
     HAND_BREADTH_M,
     KINDS,
     ContactSurfaces,
     Distances,
     SkinDistances,
+    at_meetings,
     dent_depths,
     own_distances,
     people_distances,
@@ -26,11 +28,10 @@ from physic_core.engine.contact.partner import (
     assign_partners,
     body_contacts,
 )
-from physic_core.engine.contact.parts import SEAT, contact_regions, scene_parts
+from physic_core.engine.contact.parts import scene_parts
 from physic_core.engine.contact.picture import PeopleInPicture
 from physic_core.engine.contact.probability import (
     contact_part_masks,
-    foot_floor_probability,
     is_lying,
     unseen_parts,
     values_by_vertex,
@@ -43,6 +44,7 @@ from physic_core.engine.contact.support import (
 )
 from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.engine.state import Contact, Estimates, State
+from physic_core.engine.whom import Meeting, meetings
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.pixels import select_pixels
 from physic_core.geometry.tensors import tensors
@@ -107,11 +109,15 @@ def measure_distances(
     height = None if floor is None else floor.scaled(state.scene_scale).height(scene.points)
     parts = scene_parts(scene, surfaces.row, *classes, height, state.up)
     people = own = SkinDistances.none(vertices)
+    met: tuple[Meeting, ...] = ()
     if method.people:
         rest = model(*model.zero_pose()).vertices[0]
         people = people_distances(vertices, normals, model.outer)
         own = own_distances(vertices, normals, model.outer, model.part_of_vertex, rest)
-    return Distances(normals=normals, surface=surface, parts=parts, people=people, own=own)
+        met = meetings(model, vertices, state.observed_touch)
+        people = at_meetings(people, vertices, [one for one in met if one.other != one.person])
+        own = at_meetings(own, vertices, [one for one in met if one.other == one.person])
+    return Distances(normals, surface, parts, people, own, met)
 
 
 def _find_supports(
@@ -216,7 +222,7 @@ def _describe_contacts(
 ) -> Contact:
     """Name partners and supports, and list the contacts of each body part."""
     regions = contact_regions(state.model)
-    seen = SeenTouch(_carried_limbs(state), foot_floor_probability(state), picture)
+    seen = SeenTouch(_carried_limbs(state), state.observed_floor, picture)
     partners, index = assign_partners(touch.kind, near, regions, state.up, seen)
     dents = dent_depths(near.surface, near.parts)
     dents = torch.where(touch.kind == _SCENE, dents, torch.nan)
@@ -235,6 +241,7 @@ def _describe_contacts(
             regions,
             assumed=assumed,
             gaps={name: float(own[i]) for name, own in touch.gaps.items()},
+            from_people=near.people.distance[i],
             least=LEAST_PROBABILITY,
         )
         contacts.append(listed)

@@ -1,4 +1,4 @@
-"""Touch of feet, hands and seat, from the picture before people are placed.
+"""Touch of body parts, from the picture before people are placed.
 
 What the person observer says of a part decides.
 """
@@ -11,21 +11,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.engine.ground.carriers import NOTHING, Carried
-from physic_core.engine.ground.touch import LEAST_PROBABILITY, observed_log_odds
+from physic_core.engine.ground.touch import (
+    LEAST_PROBABILITY,
+    floor_probability,
+    touch_probability,
+    usual_touch,
+)
 from physic_core.types.arrays import PER_PERSON
-from physic_core.types.observations import TOUCH_PARTS
+from physic_core.types.observations import TOUCH_PARTS, TOUCHED
 from physic_core.types.short_repr import ShortRepr
-from physic_core.types.skeletons import SIDES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import BoolArray, FloatArray, Observations
 
-OBSERVED_COLUMNS = (*TOUCH_PARTS, "left_object", "right_object", "left_floor", "right_floor")
-"""Columns of ``log_odds`` of :class:`Stance`: touch of the world by each part, hands that hold an
-object, and feet that are on the floor if they touch anything.
-"""
+WORLD = TOUCHED.index("world")
+OBJECT = TOUCHED.index("object")
+"""Columns of :data:`physic_core.types.TOUCHED`."""
+
+_HANDS = [TOUCH_PARTS.index("left_hand"), TOUCH_PARTS.index("right_hand")]
 
 
 @dataclass(frozen=True)
@@ -33,8 +38,11 @@ class Stance(ShortRepr):
     """Evidence of a picture for the touch of N people; feet and hands are left and right.
 
     Attributes:
-        log_odds: (N, 9) log odds by the person observer of each of :data:`OBSERVED_COLUMNS`, beyond
-            those of its base rate; 0 where unknown.
+        touch: (N, 10, 5) probability by the person observer that each of :data:`TOUCH_PARTS`
+            touches each of :data:`TOUCHED`, at the rates of all labelled people; NaN where it does
+            not say.
+        on_floor: (N, 2) that left and right foot are on the floor if they touch anything; NaN where
+            it does not say.
         stand_probability: (N, 2) that the foot stands on the floor; only a prior if no floor was
             found.
         rest_probability: (N,) that the lowest skin rests on the floor, of people who lie, plank or
@@ -42,7 +50,8 @@ class Stance(ShortRepr):
         carried: what people ride, and boards below their feet; None without any in the picture.
     """
 
-    log_odds: FloatArray = field(metadata=PER_PERSON)
+    touch: FloatArray = field(metadata=PER_PERSON)
+    on_floor: FloatArray = field(metadata=PER_PERSON)
     stand_probability: FloatArray = field(metadata=PER_PERSON)
     rest_probability: FloatArray = field(metadata=PER_PERSON)
     carried: Carried | None = field(default=None, metadata=PER_PERSON)
@@ -52,11 +61,15 @@ class Stance(ShortRepr):
         """Return the stance of people by what is observed of them; feet of which nothing
         is said are on the floor as often as others that touch.
         """
-        parts = [observations.evidence(name) for name in ("touch", "holds", "on_floor")]
-        count = len(parts[0])
-        stance = Stance(np.concatenate(parts, 1), np.zeros((count, 2)), np.full(count, np.nan))
-        on_floor = _probability(observed_log_odds("floor", stance.log_odds[:, _both("floor")]))
-        return replace(stance, stand_probability=on_floor * stance.limb_touch_probability[:, :2])
+        touch = touch_probability(observations.evidence("touch"))
+        likely = floor_probability(observations.evidence("on_floor"))
+        stands = likely * touch[:, :2, WORLD]
+        return Stance(
+            np.where(np.isnan(observations.touch), np.nan, touch),
+            np.where(np.isnan(observations.on_floor), np.nan, likely),
+            stands,
+            np.full(len(stands), np.nan),
+        )
 
     @staticmethod
     def unknown(count: int) -> Stance:
@@ -68,20 +81,17 @@ class Stance(ShortRepr):
     @property
     def limb_touch_probability(self) -> FloatArray:
         """Probability (N, 5) that feet, hands and seat touch floor, seat or support."""
-        odds = [
-            observed_log_odds(kind, self.log_odds[:, own])
-            for kind, own in (
-                ("foot", _both("foot")),
-                ("hand", _both("hand")),
-                ("seat", [OBSERVED_COLUMNS.index("seat")]),
-            )
-        ]
-        return _probability(np.concatenate(odds, 1))
+        return self._likely_touch[:, :5, WORLD]
+
+    @property
+    def _likely_touch(self) -> FloatArray:
+        """``touch`` (N, 10, 5), the rates of all people where the observer does not say."""
+        return np.where(np.isnan(self.touch), usual_touch(), self.touch)
 
     @property
     def holds(self) -> BoolArray:
         """Left and right hands (N, 2) bool that probably hold something."""
-        return np.asarray(observed_log_odds("object", self.log_odds[:, _both("object")]) > 0)
+        return np.asarray(self.touch[:, _HANDS, OBJECT] > LEAST_PROBABILITY)
 
     @property
     def stands_on_both_feet(self) -> BoolArray:
@@ -93,14 +103,16 @@ class Stance(ShortRepr):
         probably rests, these touch by what is seen of them, or else by that; not hands that hold
         something, which may be a bar.
         """
-        lifted = (1 - self.limb_touch_probability[:, :4]) * (1 - self.rest_probability[:, None])
-        usual = replace(self, log_odds=np.zeros_like(self.log_odds)).limb_touch_probability[:, :4]
-        odds = np.log1p(-lifted) - np.log(lifted) - np.log(usual) + np.log1p(-usual)
-        observed = self.log_odds.copy()
+        own = self._likely_touch[:, :4]
+        known = own[..., WORLD]
+        lifted = (1 - known) * (1 - self.rest_probability[:, None])
         rests = limbs & (self.rest_probability >= LEAST_PROBABILITY)[:, None]
         rests[:, 2:] &= ~self.holds
-        observed[:, :4] = np.where(rests, odds, observed[:, :4])
-        return replace(self, log_odds=observed)
+        own = own * (lifted / (1 - known))[..., None]
+        own[..., WORLD] = 1 - lifted
+        touch = self.touch.copy()
+        touch[:, :4] = np.where(rests[..., None], own, touch[:, :4])
+        return replace(self, touch=touch)
 
     def expanded(self, rows: BoolArray) -> Stance:
         """Return N rows from those of the people selected by ``rows`` (N,); the others have average
@@ -118,13 +130,5 @@ class Stance(ShortRepr):
             ridden=wider(self.carried.ridden, NOTHING),
             board=wider(self.carried.board, NOTHING),
         )
-        return Stance(wider(self.log_odds, 0.0), stands, wider(self.rest_probability), carried)
-
-
-def _both(name: str) -> list[int]:
-    """Return the columns of :data:`OBSERVED_COLUMNS` of the left and the right side."""
-    return [OBSERVED_COLUMNS.index(f"{side}_{name}") for side in SIDES]
-
-
-def _probability(log_odds: FloatArray) -> FloatArray:
-    return np.asarray(1 / (1 + np.exp(-log_odds)))
+        rests = wider(self.rest_probability)
+        return Stance(wider(self.touch), wider(self.on_floor), stands, rests, carried)

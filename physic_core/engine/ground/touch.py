@@ -11,7 +11,6 @@ part are in ``touch.json``, which ``benchmarks/contact_on_photos.py`` writes.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
@@ -19,7 +18,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit, logit, softmax
 from torch import Tensor
+
+from physic_core.types.observations import TOUCH_PARTS, TOUCHED
 
 DISTANCE = "distance"
 """Feature of feet, hands and seat: their distance from the nearest surface, in standard
@@ -52,19 +54,31 @@ HAND = "hand"
 OWN_BODY = "own body"
 """Feature of skin: 1 if both parts are of one body."""
 
+FloatArray = NDArray[np.floating[Any]]
 Values = TypeVar("Values", NDArray[np.floating[Any]], Tensor)
 
 
-def observed_log_odds(kind: str, beyond: Values) -> Values:
-    """Return the log odds (...) that parts touch, by those that an observer says beyond its share;
-    where it says 0, nothing, those of an average part.
-
-    Args:
-        kind: "foot", "hand" or "seat"; "object" for what hands hold; "floor" for feet that touch.
-        beyond: (...).
+def touch_probability(evidence: FloatArray) -> FloatArray:
+    """Return the probability (..., 10, 5) that each of ``TOUCH_PARTS`` touches each of ``TOUCHED``
+    of :mod:`physic_core.types.observations`, by what an observer says beyond its share (..., 10,
+    5); where it says 0, nothing, those of an average part.
     """
-    share = _fitted()["shares"][kind]
-    found: Values = beyond + math.log(share / (1 - share))
+    found: FloatArray = softmax(evidence + np.log(usual_touch()), -1)
+    return found
+
+
+@cache
+def usual_touch() -> FloatArray:
+    """Return the share (10, 5) of each of ``TOUCH_PARTS`` that touches each of ``TOUCHED``."""
+    rates = [_fitted()["rates"][part.rpartition("_")[2]] for part in TOUCH_PARTS]
+    return np.array([[rate[word] for word in TOUCHED] for rate in rates])
+
+
+def floor_probability(evidence: FloatArray) -> FloatArray:
+    """Return the probability (...) that feet that touch are on the floor, by what an observer says
+    beyond its share (...).
+    """
+    found: FloatArray = expit(evidence + logit(_fitted()["floor rate"]))
     return found
 
 

@@ -14,14 +14,19 @@ from torch import Tensor
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.method import JointStageMethod
 from physic_core.engine.joint.optimiser import MinimisationResult, join_results
+from physic_core.engine.joint.terms.people import MeetingTerm
 from physic_core.engine.scene.method import SceneStageMethod
 from physic_core.engine.state import Estimates, JointResult, State
+from physic_core.engine.whom import Meeting
 from physic_core.geometry.pixels import span_of_true
 from physic_core.geometry.pointmap import edge_ratio, pointmap_normals
 from physic_core.geometry.visibility import move_behind_bodies
 
 _INVALID_START = "the start has non-finite parameters or is behind the camera"
 _INVALID_ENERGY = "the energy of the start is not finite"
+
+_OFF_KEYPOINTS = 4.0
+"""Rise of a person's reprojection term that counts as off: one sure keypoint by two sigmas."""
 
 
 def optimize(
@@ -57,12 +62,51 @@ def optimize(
         return replace(state, joint=_unoptimised_result(state, failures))
     origin = energy.variables.pack()
     minimised = settings.optimiser.minimise(energy, progress)
+    minimised, released = _with_late_terms(energy, origin, minimised, settings)
+    found = _merged_people(state, energy, minimised, rows, failures)
+    assert found.joint is not None
+    released = tuple(
+        one._replace(person=int(rows[one.person]), other=int(rows[one.other])) for one in released
+    )
+    return settings.finish(replace(found, joint=replace(found.joint, released=released)))
+
+
+def _with_late_terms(
+    energy: JointEnergy, origin: Tensor, minimised: MinimisationResult, settings: JointStageMethod
+) -> tuple[MinimisationResult, tuple[Meeting, ...]]:
+    """Minimise the energy again with the late terms, and return the joined result, and the parts
+    that were not pulled together: where that would move a person off the keypoints.
+    """
     late, optimiser = settings.late_terms(energy.sampling)
-    groups = energy.add_terms(late)
-    if groups is not None:
+    converged, own_terms = energy.variables.pack(), energy.terms
+    misses = _reprojection(energy)
+    released: tuple[Meeting, ...] = ()
+    while True:
+        groups = energy.add_terms(late)
+        if groups is None:
+            return minimised, released
         again = optimiser.minimise(energy, groups=groups)
-        minimised = join_results(energy, origin, minimised, again)
-    return settings.finish(_merged_people(state, energy, minimised, rows, failures))
+        off = _reprojection(energy) - misses > _OFF_KEYPOINTS
+        pulls = [term for term in late if isinstance(term, MeetingTerm)]
+        pulled = [one for term in pulls for one in term.meetings]
+        lost = [bool(off[one.person] or off[one.other]) for one in pulled]
+        if not any(lost):
+            return join_results(energy, origin, minimised, again), released
+        released += tuple(one for one, is_lost in zip(pulled, lost, strict=True) if is_lost)
+        kept = [one for one, is_lost in zip(pulled, lost, strict=True) if not is_lost]
+        late = [term for term in late if not isinstance(term, MeetingTerm)]
+        if kept:
+            late.append(MeetingTerm(kept, energy.sampling))
+        energy.terms = own_terms
+        energy.variables.load(converged)
+        energy.refresh()
+
+
+@torch.no_grad()
+def _reprojection(energy: JointEnergy) -> Tensor:
+    """Return the energy (B,) of the keypoints of each person; 0 without such a term."""
+    found = energy().get("reprojection")
+    return energy.state.transl.new_zeros(len(energy.state)) if found is None else found
 
 
 def _has_valid_start(state: State) -> Tensor:

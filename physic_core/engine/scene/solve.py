@@ -91,12 +91,13 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
     if observed is None:
         observed = np.ones((len(masks), NUM_JOINTS), bool)
     stance = estimates.ground.stance
-    stand_probability, rest_probability, log_odds, limb_touch_probability = (
+    stand_probability, rest_probability, touch, on_floor, limb_touch_probability = (
         torch.from_numpy(each).to(model.device, model.dtype)
         for each in (
             stance.stand_probability,
             stance.rest_probability,
-            stance.log_odds,
+            stance.touch,
+            stance.on_floor,
             stance.limb_touch_probability,
         )
     )
@@ -117,6 +118,7 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
         expression=expression,
         transl=transl,
         rotation_sigma=None if bodies.rotation_sigma is None else own(bodies.rotation_sigma),
+        joint_sigma=None if bodies.joint_sigma is None else own(bodies.joint_sigma),
         lean_sigma=None if bodies.lean_sigma is None else own(bodies.lean_sigma),
         distance_sigma=None if bodies.distance_sigma is None else own(bodies.distance_sigma),
         head=own(observations.head),
@@ -125,7 +127,8 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
         K=scene.K.to(model.device, model.dtype),
         stand_probability=stand_probability,
         rest_probability=rest_probability,
-        observed_log_odds=log_odds,
+        observed_touch=touch,
+        observed_floor=on_floor,
         limb_touch_probability=limb_touch_probability,
         carried=stance.carried,
         scale_sigma=estimates.depth.scale_sigma,

@@ -15,7 +15,7 @@ from scipy.special import expit, softmax
 
 from physic_core.files import read_arrays
 from physic_core.interfaces import Options, PersonObserver
-from physic_core.types import SIDES, Observations
+from physic_core.types import SIDES, TOUCH_PARTS, TOUCHED, Observations
 from physic_embedded.body_fit.observations import rotation_to_ray
 from physic_embedded.networks.crops import ImagePyramid
 from physic_embedded.networks.depth_anything import TOKENS, patch_tokens
@@ -26,6 +26,7 @@ from physic_embedded.networks.sessions import (
     graph_name,
     open_packaged_session,
 )
+from physic_embedded.person_geometry import limb_geometry, posture_geometry
 from physic_networks.onnx_sessions import select_provider
 from physic_networks.runtime import onnxruntime
 
@@ -46,8 +47,8 @@ if TYPE_CHECKING:
     from physic_networks.onnx_sessions import OnnxSession
 
 NUMBERS = Path(__file__).with_suffix(".npz")
-"""Fitted numbers: question -> (K, C + 2), for each of its K answers the weights of a token of C
-numbers, a constant, and the share of "yes" in the fitted data.
+"""Fitted numbers: question -> (K, C + 2), for each of its K answers the weights of C numbers, a
+constant, and the share of "yes" in the fitted data.
 """
 
 _DEPTH = "depth_anything_v2_vits"
@@ -60,19 +61,38 @@ REGIONS = {
     "foot": ("foot",),
     "hand": ("hand",),
     "seat": ("hips", "box"),
+    "knee": ("knee",),
+    "forearm": ("elbow",),
+    "back": ("hips", "box"),
     "on_floor": ("foot", "hips"),
     "child": ("head", "shoulders", "hips"),
     "posture": ("box",),
     "away": ("upper_body",),
 }
 """Question -> the regions whose tokens answer it; it is not answered where the photo does not have
-the first one. "hand" has three answers: it touches the world, it holds or pets an object or an
-animal, neither. "on_floor" is asked of feet that touch.
+the first one. "on_floor" is asked of feet that touch.
 """
+
+GEOMETRY = {"hand": "hand", "knee": "knee", "forearm": "elbow", "posture": "", "back": ""}
+"""Question that numbers of :mod:`physic_embedded.person_geometry` answer, too -> limb; "" for those
+of the posture.
+"""
+
+ANSWERS = {
+    "foot": ("world",),
+    "hand": TOUCHED,
+    "seat": ("world",),
+    "knee": ("world",),
+    "forearm": ("world", "own body", "nothing"),
+    "back": ("world",),
+}
+"""Question about touch -> its answers; others are "nothing"."""
 
 LIMBS = {
     "foot": ("ankle", "heel", "foot_tip", "big_toe", "small_toe"),
     "hand": ("wrist", "pinky1", "index1"),
+    "knee": ("knee",),
+    "elbow": ("elbow",),
 }
 """Limb -> its keypoints without the side; those that the detector has are averaged."""
 
@@ -201,19 +221,25 @@ def observed(found: Mapping[str, FloatArray], numbers: Mapping[str, FloatArray])
     def share(question: str) -> FloatArray:
         return numbers[question][:, -1].astype(np.float32)
 
-    foot, hand, seat = (answer(part) for part in ("foot", "hand", "seat"))
-    world, held, _ = share("hand")
+    unknown = Observations.unknown(len(found["posture"]))
+    touch, touch_share = unknown.touch.copy(), unknown.touch_share.copy()
+    for question, answers in ANSWERS.items():
+        rows = [i for i, part in enumerate(TOUCH_PARTS) if part.rpartition("_")[2] == question]
+        columns = [TOUCHED.index(name) for name in answers]
+        for whole, own in ((touch, answer(question)), (touch_share, share(question))):
+            whole[..., rows, :] = 0 * own[..., :1]
+            whole[..., rows, -1] = 1 - own.sum(-1)
+            for column, values in zip(columns, np.moveaxis(own, -1, 0), strict=True):
+                whole[..., rows, column] = values
     return replace(
-        Observations.unknown(len(found["posture"])),
+        unknown,
         posture=answer("posture")[:, 0],
-        touch=np.concatenate([foot[..., 0], hand[..., 0], seat[..., 0]], axis=1),
-        holds=hand[..., 1],
+        touch=touch,
         on_floor=answer("on_floor")[..., 0],
         child=answer("child")[:, 0, 0],
         away=answer("away")[:, 0, 0],
         posture_share=share("posture"),
-        touch_share=np.array([*share("foot").repeat(2), world, world, *share("seat")]),
-        holds_share=np.array([held, held]),
+        touch_share=touch_share,
         on_floor_share=share("on_floor").repeat(2),
         child_share=float(share("child")[0]),
         away_share=float(share("away")[0]),
@@ -223,7 +249,8 @@ def observed(found: Mapping[str, FloatArray], numbers: Mapping[str, FloatArray])
 def tokens_of_questions(
     tokens: PatchTokens, boxes: FloatArray, keypoints: Keypoints
 ) -> dict[str, FloatArray]:
-    """Return the mean tokens of the :data:`REGIONS` of all questions.
+    """Return the numbers that answer each question: the mean tokens of its :data:`REGIONS`, and
+    its :data:`GEOMETRY`.
 
     Args:
         tokens: of the photo.
@@ -251,6 +278,9 @@ def tokens_of_questions(
     for question, (first, *more) in REGIONS.items():
         own, shown = found[first]
         context = [np.broadcast_to(found[region][0], own.shape) for region in more]
+        if (limb := GEOMETRY.get(question)) is not None:
+            given = boxes.astype(np.float64), keypoints
+            context.append(limb_geometry(limb, *given) if limb else posture_geometry(*given))
         answered[question] = np.where(shown[..., None], np.concatenate([own, *context], -1), np.nan)
     return answered
 

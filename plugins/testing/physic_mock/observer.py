@@ -6,17 +6,17 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.special import softmax
 
 from physic_core import interfaces
 from physic_core.body import JOINT_INDEX
-from physic_core.types import POSTURES, TOUCH_PARTS, Observations
+from physic_core.types import POSTURES, TOUCH_PARTS, TOUCHED, Observations
 from physic_mock.noise import HEAD_DEG, LOG_ODDS, LOG_ODDS_SIGMA, Noise
 from physic_mock.recognition import MockOptions, match_masks_to_world, recognise_world
 from physic_testing.conformance.truth import (
     true_child,
     true_feet_on_floor,
     true_head,
-    true_holds,
     true_posture,
     true_touch,
 )
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 class MockPersonObserver(interfaces.PersonObserver):
     """Person observer that returns what people of a world touch, hold and do.
 
-    The posture is known in worlds that are named after one, such as "sit_on_chair". Half of the
-    answers are "yes" in the data that its probabilities are said to be fitted on.
+    The posture is known in worlds that are named after one, such as "sit_on_chair". All answers to
+    a question are equally frequent in the data that its probabilities are said to be fitted on.
     """
 
     written_for = 1
@@ -65,13 +65,13 @@ class MockPersonObserver(interfaces.PersonObserver):
         def probability(truth: BoolArray) -> FloatArray:
             return np.asarray(1 / (1 + np.exp(-log_odds(truth))), np.float32)
 
-        truth = true_posture(world)
-        odds = np.exp(log_odds(truth > 0)) + 0 * truth[rows]
+        def choice(truth: FloatArray | BoolArray) -> FloatArray:
+            return np.asarray(softmax(log_odds(truth > 0), -1) + 0 * truth[rows], np.float32)
+
         return replace(
             Observations.unknown(len(rows)),
-            posture=np.asarray(odds / odds.sum(1, keepdims=True), np.float32),
-            touch=probability(true_touch(world)),
-            holds=probability(true_holds(world)),
+            posture=choice(true_posture(world)),
+            touch=choice(true_touch(world)),
             on_floor=probability(true_feet_on_floor(world)),
             child=probability(true_child(world)),
             **_heads(world, rows, noise.factor, rng),
@@ -99,8 +99,7 @@ def _shares() -> dict[str, Any]:
     """Return the share of "yes" of each question: all answers are equally frequent."""
     return {
         "posture_share": np.full(len(POSTURES), 1 / len(POSTURES), np.float32),
-        "touch_share": np.full(len(TOUCH_PARTS), 0.5, np.float32),
-        "holds_share": np.full(2, 0.5, np.float32),
+        "touch_share": np.full((len(TOUCH_PARTS), len(TOUCHED)), 1 / len(TOUCHED), np.float32),
         "on_floor_share": np.full(2, 0.5, np.float32),
         "child_share": 0.5,
     }

@@ -1,7 +1,10 @@
-"""Pairs of vertices of two people that are near each other. Camera frame, metres."""
+"""Pairs of vertices of two people that are near each other, and parts that touch each other by what
+is observed of both. Camera frame, metres.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import permutations
 from typing import Any
@@ -10,7 +13,9 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
+from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.model import BodyModel
+from physic_core.engine.body_parts import contact_regions
 from physic_core.engine.joint.sampling import Sampling
 from physic_core.engine.joint.term import PosedBodies, RobustSum, Snapshot, Term
 from physic_core.engine.joint.terms.scene import (
@@ -20,6 +25,8 @@ from physic_core.engine.joint.terms.scene import (
     PenetrationSettings,
     robust_depths,
 )
+from physic_core.engine.state import State
+from physic_core.engine.whom import Meeting, meetings
 from physic_core.geometry.mesh import cluster_points
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 
@@ -227,3 +234,100 @@ class PeopleTerm(Term):
             bodies.vertices, self.pairs, self.apart, self.touch
         )
         return {"people": energy}
+
+
+_MEETING_WEIGHT = 2500.0  # of a gap as large as the errors of both parts: these close it
+_PAIRS = 8  # nearest pairs of vertices of two parts, which share the weight
+_LEAST_GAP_M = 0.005  # between vertices of skin that touches
+_LIMB_SIGMA_M = 0.1  # error of a joint whose body estimator states none
+_JOINT = {"hand": "wrist", "lower_arm": "elbow", "foot": "ankle", "lower_leg": "knee"}
+
+
+def mutual_meetings(sampling: Sampling) -> tuple[Meeting, ...]:
+    """Return the parts of people that touch each other at the start by what is observed of both,
+    each pair once.
+    """
+    found = meetings(sampling.state.model, sampling.start.vertices, sampling.state.observed_touch)
+    ends = {(one.person, one.part): (one.other, one.other_part) for one in found}
+    return tuple(
+        one
+        for one in found
+        if ends.get((one.other, one.other_part)) == (one.person, one.part)
+        and (one.person, one.part) < (one.other, one.other_part)
+    )
+
+
+class MeetingTerm(Term):
+    """Gaps between parts that touch each other: squared distances of the nearest vertices, in units
+    of the errors of both parts.
+
+    Attributes:
+        meetings: the pairs of parts.
+
+    Args:
+        meetings: the pairs of parts.
+        sampling: constants of the optimisation.
+    """
+
+    def __init__(self, meetings: Sequence[Meeting], sampling: Sampling) -> None:
+        self.meetings = tuple(meetings)
+        model = sampling.state.model
+        names, region = contact_regions(model)
+        part = torch.where(model.outer, region, -1)[sampling.ids]
+        self._rows = [
+            [(part == names.index(name)).nonzero()[:, 0] for name in (one.part, one.other_part)]
+            for one in self.meetings
+        ]
+        self._weights = [
+            _MEETING_WEIGHT * one.probability / _variance(sampling.state, one)
+            for one in self.meetings
+        ]
+        self._pairs: list[tuple[Tensor, Tensor]] = []
+
+    @property
+    def links(self) -> Tensor:
+        """The people (p, 2) int64 of each pair."""
+        return torch.tensor([[one.person, one.other] for one in self.meetings])
+
+    def refresh(self, snapshot: Snapshot) -> None:
+        """Find the nearest vertices of each pair of parts."""
+        self._pairs = []
+        for one, (own, other) in zip(self.meetings, self._rows, strict=True):
+            skin, target = snapshot.vertices[one.person, own], snapshot.vertices[one.other, other]
+            gap, nearest = torch.cdist(skin, target).min(1)
+            chosen = gap.topk(min(_PAIRS, len(gap)), largest=False).indices
+            self._pairs.append((own[chosen], other[nearest[chosen]]))
+
+    def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
+        """Return the energy, half for each of both people."""
+        energy = bodies.vertices.new_zeros(len(bodies.vertices))
+        for one, weight, (own, other) in zip(
+            self.meetings, self._weights, self._pairs, strict=True
+        ):
+            offset = bodies.vertices[one.person, own] - bodies.vertices[one.other, other]
+            gap = torch.relu(offset.norm(dim=-1) - _LEAST_GAP_M)
+            half = weight / 2 * gap.square().mean()
+            people = torch.tensor([one.person, one.other], device=energy.device)
+            energy = energy.index_add(0, people, half.expand(2))
+        return {"meeting": energy}
+
+
+def _variance(state: State, meeting: Meeting) -> float:
+    """Return the variance of the distance of two parts, square metres."""
+    return sum(
+        _limb_sigma(state, person, part) ** 2
+        for person, part in (
+            (meeting.person, meeting.part),
+            (meeting.other, meeting.other_part),
+        )
+    )
+
+
+def _limb_sigma(state: State, person: int, part: str) -> float:
+    """Return the error of the place of a part, metres."""
+    side, _, limb = part.partition("_")
+    joint = f"{side}_{_JOINT[limb]}" if limb in _JOINT else "pelvis"
+    sigma = (
+        0.0 if state.joint_sigma is None else float(state.joint_sigma[person, JOINT_INDEX[joint]])
+    )
+    return sigma if sigma > 0 else _LIMB_SIGMA_M

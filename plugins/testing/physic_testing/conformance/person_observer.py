@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.body import angle_deg
-from physic_core.types import mirrored_order
-from physic_core.types.observations import PROBABILITIES
+from physic_core.types import SIDES, TOUCH_PARTS, mirrored_order
+from physic_core.types.observations import CHOICES, PROBABILITIES
 from physic_testing.conformance import truth as worlds
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect
@@ -48,6 +48,7 @@ of nothing.
 
 _OWN_LEFT = "Are sides those of the picture? Left is the person's own."
 _ORDER = "The order is that of physic_core.types.TOUCH_PARTS."
+_ANSWERS = "The order of the answers is that of physic_core.types.TOUCHED."
 
 
 def _values(answer: Observations, case: Case) -> tuple[Values, Truth]:
@@ -57,25 +58,24 @@ def _values(answer: Observations, case: Case) -> tuple[Values, Truth]:
     truth = {
         "posture": worlds.true_posture(world),
         "touch": touch,
-        "holds": worlds.true_holds(world),
-        "on_floor": np.where(touch[:, :2] > 0, worlds.true_feet_on_floor(world), np.nan),
-        "child": worlds.true_child(world)[:, None],
-        "away": worlds.true_away(world)[:, None],
+        "on_floor": np.where(touch[:, :2, 0] > 0, worlds.true_feet_on_floor(world), np.nan),
+        "child": worlds.true_child(world),
+        "away": worlds.true_away(world),
         "head": worlds.true_head(world),
     }
     own: Values = {"head": answer.head.astype(float), "sigma": answer.head_sigma}
     for name in PROBABILITIES:
-        value = np.asarray(getattr(answer, name), float).reshape(len(answer), -1)
-        own[name] = value
-        own[f"evidence of {name}"] = _without_share(value, getattr(answer, f"{name}_share"))
+        own[name] = value = np.asarray(getattr(answer, name), float)
+        share = np.asarray(getattr(answer, f"{name}_share"), float)
+        own[f"evidence of {name}"] = _without_share(name, value, share)
     return own, truth
 
 
-def _without_share(probability: FloatArray, share: Any) -> FloatArray:
+def _without_share(name: str, probability: FloatArray, share: FloatArray) -> FloatArray:
     """Return probabilities of data in which each answer is equally frequent."""
-    if probability.shape[1] > 2 and np.ndim(share) and abs(np.sum(share) - 1) < 1e-3:
+    if name in CHOICES:
         odds = probability / np.maximum(share, 1e-4)
-        return np.asarray(odds / odds.sum(1, keepdims=True))
+        return np.asarray(odds / odds.sum(-1, keepdims=True))
     yes, no = probability / np.maximum(share, 1e-4), (1 - probability) / np.maximum(1 - share, 1e-4)
     return np.asarray(yes / (yes + no))
 
@@ -157,9 +157,10 @@ def _mirrored(request: Any) -> Any:
 
 
 def _sides(answer: Observations) -> FloatArray:
-    """Return what is said of the left and the right side (N, 2, 3), in [0, 1]."""
-    both = [answer.touch[:, :2], answer.touch[:, 2:4], answer.holds]
-    return np.stack(both, 2).astype(np.float64)
+    """Return what is said of the left and the right side (N, 2, 20), in [0, 1]."""
+    rows = [[i for i, part in enumerate(TOUCH_PARTS) if part.startswith(side)] for side in SIDES]
+    both = answer.touch[:, rows].astype(np.float64)
+    return both.reshape(len(both), 2, -1)
 
 
 TABLE = Table(
@@ -183,14 +184,20 @@ TABLE = Table(
     (
         Group(
             "touch_is_that_of_the_parts",
-            "probabilities that the left and right foot, the left and right hand and the seat "
-            "touch, left ones on the person's own left",
+            "probabilities of what each part touches, left ones on the person's own left",
             "touch",
             "of a probability",
             (
-                Reading("inverted", lambda p, _: 1 - p, "1 is touch."),
-                Reading("with left and right exchanged", reordered([1, 0, 3, 2, 4]), _OWN_LEFT),
-                Reading("with hands for feet", reordered([2, 3, 0, 1, 4]), _ORDER),
+                Reading("inverted", lambda p, _: (1 - p) / 4, "1 is touch."),
+                Reading(
+                    "with left and right exchanged",
+                    reordered(mirrored_order(TOUCH_PARTS)),
+                    _OWN_LEFT,
+                ),
+                Reading("with hands for feet", reordered([2, 3, 0, 1, *range(4, 10)]), _ORDER),
+                Reading(
+                    "with answers in another order", reordered([4, 0, 1, 2, 3], axis=2), _ANSWERS
+                ),
             ),
         ),
         Group(

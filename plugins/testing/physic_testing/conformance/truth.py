@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body import JOINT_INDEX
-from physic_core.types import POSTURES, SIDES, SurfaceLabels
+from physic_core.engine.body_parts import OBSERVED, are_adjacent, contact_regions
+from physic_core.types import POSTURES, SIDES, TOUCH_PARTS, TOUCHED, SurfaceLabels
 from physic_testing.conformance.expect import CheckSkipped
 
 if TYPE_CHECKING:
@@ -51,10 +52,28 @@ def comparable_keypoints(
 
 
 def true_touch(world: World) -> BoolArray:
-    """Return which of ``physic_core.types.TOUCH_PARTS`` (N, 5) touch the scene."""
-    sets = embedded_body().contact_sets
-    names = ("left_foot", "right_foot", "left_hand", "right_hand", "gluteus")
-    return np.stack([world.contact[:, sets[name].numpy()].any(1) for name in names], 1)
+    """Return which of ``physic_core.types.TOUCHED`` each of ``TOUCH_PARTS`` touches: (N, 10, 5)
+    bool, the first of world, object, person and another part of the own body that any vertex does,
+    or nothing. Parts that meet at a joint do not count.
+    """
+    names, region = contact_regions(embedded_body())
+    apart = np.array([[not are_adjacent(one, other) for other in names] for one in names])
+    of_own = apart[region.numpy(), np.maximum(world.touched_own_part, 0)]
+    touches = {
+        "world": world.contact,
+        "object": world.touched_item >= 0,
+        "person": world.touched_person >= 0,
+        "own body": (world.touched_own_part >= 0) & of_own,
+    }
+    found = np.zeros((len(world.contact), len(TOUCH_PARTS), len(TOUCHED)), bool)
+    for part, row in OBSERVED.items():
+        skin = region.numpy() == names.index(part)
+        left = np.ones(len(found), bool)
+        for name, vertices in touches.items():
+            found[:, row, TOUCHED.index(name)] = own = left & vertices[:, skin].any(1)
+            left = left & ~own
+        found[:, row, TOUCHED.index("nothing")] = left
+    return found
 
 
 def true_head(world: World) -> FloatArray:
@@ -94,13 +113,6 @@ def true_feet_on_floor(world: World) -> BoolArray:
     sets = embedded_body().contact_sets
     ground = SurfaceLabels(world.touched_surface).ground
     return np.stack([ground[:, sets[f"{side}_foot"].numpy()].any(1) for side in SIDES], 1)
-
-
-def true_holds(world: World) -> BoolArray:
-    """Return which hands (N, 2) touch a small object."""
-    sets = embedded_body().contact_sets
-    hands = [sets[f"{side}_hand"].numpy() for side in SIDES]
-    return np.stack([(world.touched_item[:, hand] >= 0).any(1) for hand in hands], 1)
 
 
 def true_hands(world: World) -> FloatArray:

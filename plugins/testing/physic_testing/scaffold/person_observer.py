@@ -35,5 +35,5 @@ class Template(PersonObserver):
         """N people with keypoints -> probabilities (N, ...); NaN for what is not said."""
         unknown = Observations.unknown(len(people))
         touch, share = unknown.touch.copy(), unknown.touch_share.copy()
-        touch[:, :2] = share[:2] = self.options.share
+        touch[:, :2] = share[:2] = (self.options.share, 0, 0, 0, 1 - self.options.share)
         return replace(unknown, touch=touch, touch_share=share)

@@ -18,6 +18,7 @@ from physic_core.body import JOINT_NAMES, load_body, rest_mesh_of_model
 from physic_core.body.bones import rotations_from_parameters
 from physic_core.errors import BackendError
 from physic_core.types import (
+    TOUCH_PARTS,
     Bodies,
     ContactProbability,
     Mesh,
@@ -28,6 +29,11 @@ from physic_core.types import (
 from physic_mock.recognition import match_masks_to_world, recognise_world
 from physic_testing.conformance.cases import rows_of
 from physic_testing.conformance.truth import embedded_surface, true_wrists
+
+RIGHT_LIMBS_TOUCH = np.array(
+    [[p, 0, 0, 0, 1 - p] for part in TOUCH_PARTS for p in [0.8 if "right" in part else 0.2]]
+)
+"""Of each part what it touches: of the right ones the world."""
 
 
 def fields(**changes):
@@ -537,6 +543,7 @@ FAULTS = {
         ),
     },
     "MockPersonObserver": {
+        "1 is no touch": ("touch_is_that_of_the_parts", fields(touch=lambda p: (1 - p) / 4)),
         "faces that look into the heads": ("head_looks_out_of_the_face", fields(head=np.negative)),
         **{
             f"{name} for everybody": (
@@ -548,7 +555,7 @@ FAULTS = {
                     }
                 ),
             )
-            for name in ("touch", "holds", "child", "away")
+            for name in ("child", "away")
         },
         "floor is no floor": (
             "probabilities_agree_with_the_worlds",
@@ -565,7 +572,7 @@ FAULTS = {
         "an error without people": ("accepts_a_photo_without_people", NO_PEOPLE_IS_AN_ERROR),
         "right limbs touch": (
             "mirrored_photo_exchanges_sides",
-            fields(touch=lambda p: 0 * p + [0.2, 0.8, 0.2, 0.8, 0.5]),
+            fields(touch=lambda p: 0 * p + RIGHT_LIMBS_TOUCH),
         ),
     },
 }

@@ -10,6 +10,7 @@ import numpy as np
 
 from physic_core.errors import BackendError
 from physic_core.interfaces.comparison import named_values
+from physic_core.types import TOUCH_PARTS, mirrored_order
 from physic_mock import backends as mocks
 from physic_testing.conformance.backend_under_test import find_backend
 from physic_testing.conformance.kit import start_checks
@@ -46,7 +47,9 @@ def mirrored_points(ask, image, hints):
 
 def mirrored_people(ask, image, people, keypoints, intrinsics):
     found = ask(image, replace(people, masks=people.masks[..., ::-1]), keypoints, intrinsics)
-    return replace(found, touch=found.touch[:, [1, 0, 3, 2, 4]], head=found.head * [-1, 1, 1])
+    return replace(
+        found, touch=found.touch[:, mirrored_order(TOUCH_PARTS)], head=found.head * [-1, 1, 1]
+    )
 
 
 MIRRORED = {"MockRelativePointmap": mirrored_points, "MockPersonObserver": mirrored_people}
