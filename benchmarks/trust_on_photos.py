@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from physic_core.judge.spec import CHECKS
 from physic_core.judge.trust import ALL, CAP, load_of, probabilities_of
 from physic_core.types import MARKS
+from physic_core.types.records import USABLE
 from physic_testing.metrics import match_by_boxes, resampled_interval
 
 from .fits import HALVES, fold_of, half_of, name_in_sets, parser_of, write_record
@@ -38,13 +39,11 @@ from .truth.measures import probability_scores
 Array = NDArray[np.float64]
 Row = Mapping[str, Any]
 
-TRUST = Path(__file__).parents[1] / "physic_core" / "pipeline" / "checks" / "trust.json"
+TRUST = Path(__file__).parents[1] / "physic_core" / "judge" / "trust.json"
 VERDICTS = Path(__file__).parent / "truth" / "verdicts.json"
 RIDGE = 3.0
 """Weight of half the squared coefficients of standardised columns."""
 
-GOOD = 0.8
-BAD = 0.3
 DRAWS = 1000
 SAME_PERSON = 0.9
 """Least overlap of the boxes of one person in two runs."""
@@ -54,6 +53,11 @@ TERMS = (
     *("support", "scale_sigma", "limb_sigma", "limb_spread", "hidden_limbs", "unknown_contacts"),
 )
 """Checks whose values are in the models."""
+
+OF_CONTACT = ("unknown_contacts",)
+"""Those that count for contact alone, and so for all marks together: a surface that the depth lacks
+makes neither pose, place, nor size wrong.
+"""
 
 
 def main() -> int:
@@ -186,6 +190,8 @@ def fitted_mark(rows: Sequence[Row], mark: str) -> dict[str, Any]:
     rows = judged(rows, mark)
     loads = np.array([loads_of(row) for row in rows], np.float64)
     measured = ~np.isnan(loads).all(0)
+    if mark not in ("contact", ALL):
+        measured &= ~np.isin(TERMS, OF_CONTACT)
     names = [name for name, any_row in zip(TERMS, measured, strict=True) if any_row]
     loads = loads[:, measured]
     right = np.array([rightness(row, mark) for row in rows])
@@ -306,13 +312,10 @@ STATISTICS: dict[str, Callable[..., float]] = {
     "AUC": _probability_score("auc"),
     "log score above the constant's": _log_score_gain,
     "calibration error": _probability_score("calibration"),
-    "good people right": _share_right(lambda chance: chance.round(2) >= GOOD),
-    "doubtful people right": _share_right(
-        lambda chance: (chance.round(2) < GOOD) & (chance.round(2) >= BAD)
-    ),
-    "bad people right": _share_right(lambda chance: chance.round(2) < BAD),
+    "usable and right": _share_right(lambda chance: chance >= USABLE),
+    "doubtful and right": _share_right(lambda chance: chance < USABLE),
     "right above one half": _share_right(lambda chance: chance >= CAP),
     "right below one half": _share_right(lambda chance: chance < CAP),
-    "share good": lambda chance, right, rate: float((chance.round(2) >= GOOD).mean()),
+    "share usable": lambda chance, right, rate: float((chance >= USABLE).mean()),
 }
 """Name -> figure of probabilities (n,), verdicts 0 or 1 (n,) and the constant."""

@@ -14,7 +14,6 @@ from physic_core.types import (
     BodyParameters,
     CheckResult,
     ContactPartner,
-    Grade,
     Intrinsics,
     Lens,
     Person,
@@ -175,7 +174,6 @@ def make_person(x, z, camera, turn_deg=180.0):
         distance=np.where(heights < 0.15, heights, np.inf).astype(np.float32),
         failed_checks=("stands apart from the floor",),
         unknown_checks=("lean",),
-        grade=Grade.DOUBTFUL,
         contact_probability=np.exp(-np.abs(heights) / 0.03).astype(np.float16),
         contact_partner=np.where(heights < 0.02, 0, -1).astype(np.int16),
         contacts=(left_foot,),
@@ -212,7 +210,6 @@ def make_reconstruction(width=160, height=120, people=2):
         diagnostics={"joint": {"contact": [12.5, 0.1], "lowest": float("-inf")}, "rounds": 2},
         warnings=("The focal length is a default – “0.95” of the long side.", "NaN"),
         notes=("read from a file",),
-        grade=Grade.BAD,
         contact_partners=(FLOOR, ContactPartner("person", person=1, part="left_hand")),
         config={
             "preset": "default",

@@ -44,16 +44,12 @@ TEXT_DIFFERENCE = 0.05
 
 
 def numbers_of(result: Reconstruction) -> dict[str, Any]:
-    """Return grade and focal length in px of a result, and of each person grade, distance in m and
-    contacts.
-    """
+    """Return focal length in px of a result, and of each person distance in m and contacts."""
     return {
-        "grade": str(result.grade),
         "failed_checks": _failed(result, None),
         "focal_px": round(result.intrinsics.fx),
         "people": [
             {
-                "grade": str(person.grade),
                 "failed_checks": _failed(result, i),
                 "distance_m": round(float(np.linalg.norm(person.joints[0])), 1)
                 if len(person.joints)
@@ -88,7 +84,7 @@ def _failed(result: Reconstruction, person: int | None) -> list[str]:
 
 def differences(shown: Mapping[str, Any], measured: Mapping[str, Any]) -> list[str]:
     """Say in which numbers a picture is wrong: one line each, none if all agree."""
-    pairs = {key: (shown[key], measured[key], 0.0) for key in ("grade", "failed_checks")}
+    pairs = {key: (shown[key], measured[key], 0.0) for key in ("failed_checks",)}
     pairs["focal length, px"] = (
         shown["focal_px"],
         measured["focal_px"],
@@ -98,10 +94,7 @@ def differences(shown: Mapping[str, Any], measured: Mapping[str, Any]) -> list[s
     new = measured["people"]
     pairs["number of people"] = (len(old), len(new), 0.0)
     for i, (one, other) in enumerate(zip(old, new, strict=False)):
-        pairs |= {
-            f"{key} of person {i}": (one[key], other[key], 0.0)
-            for key in ("grade", "failed_checks")
-        }
+        pairs |= {f"{key} of person {i}": (one[key], other[key], 0.0) for key in ("failed_checks",)}
         margin = DISTANCE_SHARE * (other["distance_m"] or 0.0)
         pairs[f"distance of person {i}, m"] = (one["distance_m"], other["distance_m"], margin)
         for what in sorted({*one["touches"], *other["touches"]}):
@@ -147,8 +140,8 @@ def _same_line(shown: str, measured: str) -> bool:
 
 
 def caption(numbers: Mapping[str, Any]) -> str:
-    """Return the line of a page: grade, and each person with the checks that fail."""
-    sentences = [f"Grade: **{numbers['grade']}**{_failing(numbers)}"]
+    """Return the line of a page: each person, and the checks that fail."""
+    sentences = [f"Photo{_failing(numbers)}"] if numbers["failed_checks"] else []
     for i, person in enumerate(numbers["people"]):
         distance = (
             "without a body" if person["distance_m"] is None else f"{person['distance_m']} m away"
@@ -157,7 +150,8 @@ def caption(numbers: Mapping[str, Any]) -> str:
             ", ".join(name.replace(": ", " touches ") for name in person["touches"])
             or "touches nothing"
         )
-        sentences.append(f"Person {i}: {person['grade']}, {distance}, {touches}{_failing(person)}")
+        text = f"Person {i}: {distance}, {touches}{_failing(person)}"
+        sentences.append(text)
     return ". ".join(sentences) + "."
 
 

@@ -39,7 +39,7 @@ class PersonChange:
         distance: logarithm of the ratio of the distances.
         sigmas: the same over the stated sigma; NaN if none is stated.
         parts: probabilities of each body part in both answers.
-        grades: in both answers.
+        usable: marks that are usable in both answers.
         trust: difference of the probabilities that the person is right; NaN without checks.
     """
 
@@ -47,7 +47,7 @@ class PersonChange:
     distance: float
     sigmas: float
     parts: tuple[tuple[float, float], ...]
-    grades: tuple[str | None, str | None]
+    usable: tuple[tuple[str, ...], tuple[str, ...]]
     trust: float
 
 
@@ -117,7 +117,7 @@ def _person_change(rank: int, photo: SeenPerson, variant: SeenPerson, sigma: flo
         parts=tuple(
             (p, variant.parts[part]) for part, p in photo.parts.items() if part in variant.parts
         ),
-        grades=(photo.grade, variant.grade),
+        usable=(photo.usable, variant.usable),
         trust=after - before,
     )
 
@@ -150,7 +150,7 @@ def _row(changes: Sequence[Change]) -> dict[str, str]:
         "distance / sigma": _spread((p.sigmas for p in people), None, (50, 90, 95)),
         "scene %": _spread((one.scene for one in changes), _as_percent),
         "unsure parts cross %": _percent(int((crosses & unsure).sum()), int(unsure.sum())),
-        "grade %": _percent(sum(len(set(p.grades)) > 1 for p in people), len(people)),
+        "usable marks %": _percent(sum(len(set(p.usable)) > 1 for p in people), len(people)),
         "trust": _spread(p.trust for p in people),
     }
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from physic_core.types import MARKS, is_usable
 from physic_core.types.skeletons import other_side
 
 if TYPE_CHECKING:
@@ -114,14 +115,14 @@ class SeenPerson:
         mask: (GRID, GRID) bool, at the points of the photo.
         distance: from the camera to the pelvis, m; NaN without a body.
         parts: body part -> probability that it touches the world.
-        grade: of the person.
+        usable: marks of the person that are usable.
         trust: probability that the person is right; None without checks.
     """
 
     mask: NDArray[np.bool_]
     distance: float
     parts: Mapping[str, float]
-    grade: str | None
+    usable: tuple[str, ...]
     trust: float | None
 
 
@@ -166,7 +167,7 @@ def answer_of(result: Reconstruction, variant: Variant, width: int, height: int)
                 mask=sampled(person.mask) & inside,
                 distance=float(np.linalg.norm(person.joints[0])),
                 parts=parts,
-                grade=None if person.grade is None else str(person.grade),
+                usable=tuple(m for m in MARKS if is_usable(getattr(person, f"trust_{m}"))),
                 trust=person.trust,
             )
         )

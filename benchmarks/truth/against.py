@@ -305,7 +305,7 @@ def change_figures(
     """Yield how much answers change with a photo that is changed harmlessly."""
     n = len(plan.labelled)
     distance: list[Pair] = []
-    grades: list[Pair] = []
+    usable: list[Pair] = []
     lost: list[Pair] = []
     for (i, variant, question), a, b in zip(plan.changed, other[n:], this[n:], strict=True):
         size = plan.labelled[i].question.picture.shape[1::-1]
@@ -326,13 +326,13 @@ def change_figures(
             name = f"{question.name} {person.person}"
             unit = f"{photo} {person.person}"
             off = [100 * abs(math.expm1(p.distance)) for p in (person, match)]
-            flips = [100.0 * (len(set(p.grades)) > 1) for p in (person, match)]
+            flips = [100.0 * (len(set(p.usable)) > 1) for p in (person, match)]
             if np.isfinite(off).all():
                 distance.append(Pair("same photo", unit, name, off[0], off[1]))
-            grades.append(Pair("same photo", unit, name, flips[0], flips[1]))
+            usable.append(Pair("same photo", unit, name, flips[0], flips[1]))
     yield Figure("same photo, changed: distance, %, median", distance, percentile(50))
     yield Figure("same photo, changed: distance, %, 90th percentile", distance, percentile(90))
-    yield Figure("same photo, changed: grade flips, %", grades, is_share=True)
+    yield Figure("same photo, changed: people with another usable mark, %", usable, is_share=True)
     yield Figure("same photo, changed: people lost or new, %", lost, is_share=True)
 
 

@@ -116,7 +116,6 @@ def measured_fields(
         "floor": None
         if floor is None
         else [*(float(v) for v in floor.normal), float(floor.offset)],
-        "grade": result.grade,
         "scale_sigma": result.scene.scale_sigma,
         "up": None if result.scene.up is None else result.scene.up.tolist(),
         "up_sigma": result.scene.up_sigma,
@@ -143,7 +142,7 @@ def _person(person: Person, skeleton: Skeleton | str, factor: Array) -> dict[str
         "keypoints": np.round(keypoints, 4).tolist(),
         "joint_sigma": None if person.joint_sigma is None else person.joint_sigma.tolist(),
         "parts": dict(person.world_contact or {}),
-        "grade": person.grade,
+        "usable": list(person.usable),
         "stature_sigma": person.stature_sigma,
     }
 

@@ -63,7 +63,7 @@ def people_of(answer: Answer) -> list[Mapping[str, Any]]:
 
 
 def photo_record(sample: Sample, answer: Answer) -> Record:
-    """Time, depths and grade; no grade where there is no result."""
+    """Time and depths."""
     return {
         **_of(sample),
         "error": answer["error"],
@@ -72,7 +72,6 @@ def photo_record(sample: Sample, answer: Answer) -> Record:
             f"inside_{other}_cm": depths
             for other, depths in answer.get("depths_inside_cm", {}).items()
         },
-        "grade": answer.get("grade"),
         **{key: answer.get(key, math.nan) for key in ("cpu_s", "absrel", "absrel_scaled")},
     }
 
@@ -172,7 +171,7 @@ def score_annotated(sample: Sample, answer: Answer) -> list[Record]:
             pixels = projected(joints_of(found[matched[i]]), answer["camera"])
             record["visible"] = points_error(pixels, mark[:, :2], mark[:, 2] == 2, box)
             record["hidden"] = points_error(pixels, mark[:, :2], mark[:, 2] == 1, box)
-            record["grade"] = found[matched[i]].get("grade")
+            record["usable"] = found[matched[i]]["usable"]
         records.append(record)
     return records
 
@@ -191,7 +190,7 @@ def score_parkour(sample: Sample, answer: Answer) -> tuple[Record, list[Record]]
     if person is not None:
         own = pose_errors(joints_of(person), truth)
         # The camera is unknown: nothing else has a truth.
-        record |= {"pa_mpjpe_mm": own["pa_mpjpe_mm"], "grade": person.get("grade")}
+        record |= {"pa_mpjpe_mm": own["pa_mpjpe_mm"], "usable": person["usable"]}
     parts = person["parts"] if person else dict.fromkeys(LIMBS.values(), 0.0)
     limbs = [
         part_record(sample, "0", part, parts[part], sample.truth["touches"][limb])
@@ -232,7 +231,7 @@ def _person(
         "posture": posture,
     }
     if person is not None:
-        record |= pose_errors(joints_of(person), truth) | {"grade": person.get("grade")}
+        record |= pose_errors(joints_of(person), truth) | {"usable": person["usable"]}
         distance = person.get("distance_sigma")
         stature = person.get("stature_sigma")
         record["distance_sigma"] = distance or math.nan

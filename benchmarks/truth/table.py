@@ -60,7 +60,7 @@ def rows_of(
         *_sigma_rows(found, floors),
         _row("PA-MPJPE mm, parkour", "pa_mpjpe_mm", parkour, pooled, "<= 80"),
         *_spread_rows(everybody),
-        *_grade_rows(people, floors, photos),
+        *_usable_rows(people),
         *up_rows(floors),
         *_photo_rows(_of(photos, error="")),
     ]
@@ -155,30 +155,21 @@ def _spread_rows(everybody: Sequence[Record]) -> list[Row]:
     return rows
 
 
-def _grade_rows(
-    people: Sequence[Record], floors: Sequence[Record], photos: Sequence[Record]
-) -> list[Row]:
-    judged = [
-        {**photo, "wrong": is_wrong(photo, people, floors)}
-        for photo in photos
-        if photo["set"] != "rgbd" and not photo["error"]
-    ]
-    bodies = [
-        {**r, "wrong": is_wrong_person(r)}
+def _usable_rows(people: Sequence[Record]) -> list[Row]:
+    """How often pose, place and size of people with 3D truth are all usable, and then wrong."""
+    every = [
+        {**r, "wrong": is_wrong_person(r), "usable": {"pose", "place", "size"} <= {*r["usable"]}}
         for r in _of(people, found=True)
         if math.isfinite(r.get("pa_mpjpe_mm", math.nan))
     ]
-    rows = []
-    for words, graded in (("photos", judged), ("people with 3D truth", bodies)):
-        every = [{**r, "good": r["grade"] == "good"} for r in graded]
-        good = [r for r in every if r["good"]]
-        right = [r for r in every if not r["wrong"]]
-        rows += [
-            _row(f"{words} graded good", "good", every, pooled, "", _SHARE),
-            _row("  measurably wrong of those", "wrong", good, pooled, "none", _SHARE),
-            _row("  graded good of those that are not wrong", "good", right, pooled, "", _SHARE),
-        ]
-    return rows
+    words = "people with 3D truth whose pose, place and size are usable"
+    usable = [r for r in every if r["usable"]]
+    right = [r for r in every if not r["wrong"]]
+    return [
+        _row(words, "usable", every, pooled, "", _SHARE),
+        _row("  measurably wrong of those", "wrong", usable, pooled, "none", _SHARE),
+        _row("  usable of those that are not wrong", "usable", right, pooled, "", _SHARE),
+    ]
 
 
 def up_rows(floors: Sequence[Record]) -> list[Row]:
@@ -203,20 +194,6 @@ def _photo_rows(photos: Sequence[Record]) -> list[Row]:
         _row(other, "inside_people_cm", several, of_lists, form=".1f"),
         _row("CPU seconds a photo", "cpu_s", photos, pooled, "<= 20 (720p)", ".1f"),
     ]
-
-
-def is_wrong(photo: Record, people: Sequence[Record], floors: Sequence[Record]) -> bool:
-    """Whether truth contradicts a result: somebody missed, or one of ``WRONG`` exceeded."""
-    name = photo["set"], photo["photo"]
-    mine = [r for r in people if (r["set"], r["photo"]) == name]
-    ground = [r for r in floors if (r["set"], r["photo"]) == name]
-    return (
-        not all(r["found"] for r in mine)
-        or any(is_wrong_person(r) for r in mine)
-        or any(
-            r[key] > WRONG[key] for r in ground for key in ("floor_angle_deg", "camera_height_off")
-        )
-    )
 
 
 def is_wrong_person(person: Record) -> bool:

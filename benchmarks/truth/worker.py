@@ -19,10 +19,11 @@ import numpy as np
 
 PERSON = (
     *("box", "score", "joints", "keypoints", "keypoint_confidence", "joint_sigma"),
-    *("world_contact", "stature", "stature_sigma", "grade", "trust", "posture"),
+    *("world_contact", "stature", "stature_sigma", "posture", "trust"),
+    *("trust_pose", "trust_place", "trust_contact", "trust_size"),
 )
 SCENE = ("up", "up_sigma", "scale_sigma")
-RESULT = ("warnings", "notes", "grade", "trust", "distance_sigma", "distance_sigmas")
+RESULT = ("warnings", "notes", "distance_sigma", "distance_sigmas")
 CAMERA = ("fx", "fy", "cx", "cy", "width", "height")
 
 

@@ -126,13 +126,12 @@ def _resized(picture: np.ndarray, height: int, width: int) -> torch.Tensor:
 
 
 def _document(result: Reconstruction, nearest: float | None) -> dict[str, Any]:
-    """Return grade and its probability, people and their contacts; lengths are metres."""
+    """Return usable marks, people and their contacts; lengths are metres."""
     titles = [partner_titles(one.partner for one in person.contacts) for person in result.people]
     people = [
         {
-            "grade": person.grade,
-            "trust": person.trust,
             "marks": person.marks,
+            "trust": person.trust,
             "why": person.why,
             "distance_m": pelvis_distance_m(person),
             "contacts": [
@@ -148,8 +147,7 @@ def _document(result: Reconstruction, nearest: float | None) -> dict[str, Any]:
         for person, names in zip(result.people, titles, strict=True)
     ]
     return {
-        "grade": result.grade,
-        "trust": result.trust,
+        "usable": result.usable,
         "nearest_depth_m": nearest,
         "people": people,
         "warnings": result.warnings,

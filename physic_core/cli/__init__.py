@@ -95,7 +95,7 @@ _COMMANDS = {
     ),
     "show": (
         "physic_core.cli.commands.results:show",
-        "Print the people, grade and warnings of a saved result.",
+        "Print the people, usable marks and warnings of a saved result.",
     ),
 }
 

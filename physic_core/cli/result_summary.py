@@ -12,10 +12,11 @@ from typing import Any
 from physic_core.cli.output import echo, format_table
 from physic_core.io.results import read_record
 from physic_core.pictures import REPORT_FILE
-from physic_core.types import grade_text, marks_of_row, summarize_checks
+from physic_core.types import MARKS, marks_of_row, marks_text, summarize_checks, usable_text
+from physic_core.types.records import is_usable
 from physic_core.types.results import metres_text
 
-_HEAD = ("person", "grade", "distance", "likely contact", "why")
+_HEAD = ("person", "usable", "distance", "likely contact", "why")
 SHOWN_NOTES = 3  # on a terminal, the most useful first
 _MIN_WIDTH = 30  # characters of the last column, on a narrow terminal
 
@@ -27,7 +28,8 @@ def print_summary(
     notes: int | None = SHOWN_NOTES,
     seconds: float | None = None,
 ) -> None:
-    """Print the summary of a result: a table of its people, its grade, and where its page is.
+    """Print the summary of a result: a table of its people, for how many of them each mark is
+    usable, and where its page is.
 
     Args:
         folder: of the result.
@@ -77,8 +79,10 @@ def print_summary(
             for check in record.checks
             if not check.ok
         ]
-    graded = grade_text(record.grade, record.trust)
-    lines.append(f"grade: {graded}  (checks: {summarize_checks(record.checks)})")
+    marks = [marks_of_row(person) for person in people]
+    usable = {name: sum(is_usable(one[name]) for one in marks) for name in MARKS}
+    lines.append(usable_text(usable, len(people)))
+    lines.append(f"checks: {summarize_checks(record.checks)}")
     lines.append(f"results: {folder}{'' if str(folder).endswith('/') else '/'}")
     if REPORT_FILE in record.files:
         lines.append(f"page: {folder / REPORT_FILE}")
@@ -104,7 +108,7 @@ def _row(person: Mapping[str, Any]) -> tuple[str, ...]:
             contact += f"; unsure: {person['unsure']}"
     return (
         str(person["person"]),
-        grade_text(person["grade"], person["trust"], marks_of_row(person)),
+        marks_text(marks_of_row(person)),
         place,
         contact,
         person["why"] or "-",

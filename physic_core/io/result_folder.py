@@ -36,7 +36,7 @@ from physic_core.files.atomic import (
 )
 from physic_core.files.names import UntrustedName
 from physic_core.files.text import parse_json, write_csv
-from physic_core.types.results import PERSON_COLUMNS, person_rows
+from physic_core.types.tables import PERSON_COLUMNS, person_rows
 
 if TYPE_CHECKING:
     from physic_core.types import Reconstruction, UInt8Array
@@ -340,7 +340,7 @@ def people_csv(result: Reconstruction, photo: str) -> bytes:
         photo: its name.
     """
     text = io.StringIO(newline="")
-    write_csv(text, list(PERSON_COLUMNS), ({"id": photo, **row} for row in person_rows(result)))
+    write_csv(text, ["id", *PERSON_COLUMNS], ({"id": photo, **row} for row in person_rows(result)))
     return text.getvalue().encode()
 
 

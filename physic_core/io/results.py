@@ -41,18 +41,17 @@ from physic_core.pictures import GLB_FILE, PREVIEW_FILE, REPORT_FILE, make_pictu
 from physic_core.types import (
     NO_PARTNER,
     CheckResult,
-    Grade,
     Intrinsics,
     Reconstruction,
     StageRecord,
     UnposedPerson,
 )
-from physic_core.types.results import person_rows
+from physic_core.types.tables import person_rows
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-SCHEMA_VERSION = 8
+SCHEMA_VERSION = 9
 """Version of documents that are written and read."""
 
 SAVE = ("pictures", "numbers", "people")
@@ -407,15 +406,13 @@ class ResultRecord:
 
     Attributes:
         files: name -> SHA-256 of each file but the document.
-        rows: of the people, see :func:`physic_core.types.results.person_rows`.
+        rows: of the people, see :func:`physic_core.types.person_rows`.
 
     The others are those of :class:`physic_core.types.Reconstruction`.
     """
 
     files: Mapping[str, str]
     rows: tuple[Mapping[str, Any], ...]
-    grade: Grade | None
-    trust: float | None
     unposed: tuple[UnposedPerson, ...]
     checks: tuple[CheckResult, ...]
     notes: tuple[str, ...]

@@ -18,7 +18,7 @@ from physic_core.judge.spec import (
     unknown_checks,
     warning_messages,
 )
-from physic_core.judge.trust import capped, no_trust, person_trust, photo_trust
+from physic_core.judge.trust import capped, no_trust, person_trust
 
 if TYPE_CHECKING:
     from physic_core.engine.state import Estimates
@@ -32,7 +32,6 @@ __all__ = [
     "limb_keypoint_error",
     "no_trust",
     "person_trust",
-    "photo_trust",
     "run_checks",
     "unknown_checks",
     "warning_messages",

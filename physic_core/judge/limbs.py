@@ -39,7 +39,7 @@ _check = partial(check, "person")
 
 # Right bodies 0.013-0.033; bodies of the wrong person 0.036-0.15.
 @_check(
-    "Distance of limb joints from those seen in the photo, which 90 % do not exceed",
+    "Limbs off their keypoints",
     at_most=0.035,
     contradicts=("pose",),
     share_of="the diagonal of the person's box",
@@ -61,7 +61,7 @@ def limb_keypoints(estimates: Estimates, result: Reconstruction, person: int) ->
 
 
 @_check(
-    "Error of the least sure arm or leg that the photo shows",
+    "Arm or leg position uncertain",
     at_most=UNSURE_M,
     unit="m",
     advice="compare arms and legs with the photo",
@@ -82,7 +82,7 @@ def limb_sigma(estimates: Estimates, result: Reconstruction, person: int) -> Mea
 
 # Of wrists and ankles with measured truth .1 in the median and .3 in nine of ten.
 @_check(
-    "Move of a seen arm or leg between looks at the same person",
+    "Arm or leg differs in the mirrored photo",
     at_most=0.3,
     unit="m",
     advice="compare arms and legs with the photo",
@@ -113,7 +113,7 @@ def limb_spread(estimates: Estimates, result: Reconstruction, person: int) -> Me
 
 # With more than six, readers find the pose of 31 % right, else of 57 %.
 @_check(
-    "Parts of arms and legs that the photo does not show",
+    "Hidden parts of arms and legs",
     at_most=6,
     unit="count",
     advice="most of the pose is a guess: use what the photo shows, and leave out joints whose "
@@ -133,7 +133,7 @@ def hidden_limbs(estimates: Estimates, result: Reconstruction, person: int) -> M
 
 
 # In sigmas of the joint fit, and beyond as many as it takes for an outlier. Of 1581 limb joints of
-# 147 people graded good, whose keypoints were detected, none is farther off than 4.
+# 147 people who are likely right, whose keypoints were detected, none is farther off than 4.
 @_check(
     "Given keypoints off the body",
     at_most=ReprojectionSettings.outlier_sigmas,
@@ -161,7 +161,7 @@ def given_keypoints(estimates: Estimates, result: Reconstruction, person: int) -
 
 # Of 202 visible joints that people marked in 12 photos one is farther, of 155 hidden ones nine.
 @_check(
-    "Given keypoints against mask and detector",
+    "Given keypoints off mask and detector",
     at_most=0.1,
     share_of="the diagonal of the person's box",
     contradicts=("pose",),

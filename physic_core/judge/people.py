@@ -20,7 +20,6 @@ from physic_core.judge.spec import NO_BODY, YES, check
 from physic_core.types import MARKS, Plane, skeleton_named
 from physic_core.types.contacts import SupportState, part_words
 from physic_core.types.observations import ENDS
-from physic_core.types.people import CARRIER_NAMES
 
 if TYPE_CHECKING:
     from physic_core.engine.state import Estimates
@@ -35,6 +34,7 @@ _KNEES = joint_pair("knee")
 _ANKLES = joint_pair("ankle")
 _SEATED = ("sit", "ride")  # postures of people on a seat
 _ASSUMED_SUPPORT = "what carries this person is assumed, since the photo does not show it"
+_IN_THE_AIR = "this person is in the air, and touches nothing"
 _FROM_THE_SIDE = "the view from the side in preview.png"
 
 _HEAD = ("nose", "eye_surface", "ear_surface")
@@ -49,7 +49,7 @@ _check = partial(check, "person")
 
 
 @_check(
-    "Placed by joints in the photo, depth and floor",
+    "Placed by keypoints, depth and floor",
     at_least=1,
     unit=YES,
     contradicts=MARKS,
@@ -81,7 +81,7 @@ def placed(estimates: Estimates, result: Reconstruction, person: int) -> Measure
 
 
 @_check(
-    "Score of the detection as one person",
+    "Detection score",
     at_least=0.5,
     advice="the detector is unsure. Check the outline in preview.png. If it is no person in the "
     "room, leave it out by --ignore x,y, a pixel on it",
@@ -94,7 +94,7 @@ def detected(estimates: Estimates, result: Reconstruction, person: int) -> Measu
 # Of 355 people in photos, 10 have a second head: of 9 of them, mask or pose is mixed up with
 # another person's.
 @_check(
-    "Heads within this person's outline",
+    "Heads in the outline",
     at_most=1,
     unit="count",
     contradicts=("pose",),
@@ -126,7 +126,7 @@ def heads(estimates: Estimates, result: Reconstruction, person: int) -> Measured
 
 # Right bodies 0.90-1.00; bodies of people who are hardly visible 0.65-0.85.
 @_check(
-    "Body within the person's outline",
+    "Body inside the outline",
     at_least=0.85,
     share_of="its visible silhouette",
     advice="pose, size or outline is wrong, or an object hides a part of the person: compare the "
@@ -145,22 +145,28 @@ def body_in_mask(estimates: Estimates, result: Reconstruction, person: int) -> M
 # Bodies that touch 0; placed or posed wrongly, or above a wrong floor, 0.16-2.4. Soles on floors
 # that are right 0-0.08, and 0.25 on a treadmill.
 @_check(
-    "Distance from the floor or surface that carries the person",
+    "Gap to floor or support",
     at_most=_SUPPORT_M,
     unit="m",
     contradicts=("place", "contact"),
     unmeasured="there is no floor and no surface near the body",
 )
 def support(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the largest, in metres, of the gap between the body and the nearest surface, unless a
-    support is assumed, that of a foot or hand that touches something unknown, unless the person
-    lies, the depth of people who lie below the floor, and the distance of the lower sole below the
-    floor, or above it if the person stands.
+    """Return the largest, in metres, of the gap between the body and the nearest surface, the depth
+    of people who lie below the floor, and the distance of the lower sole below the floor, or above
+    it if the person stands.
+
+    The gap does not count for people in the air, and where the support is assumed or touched
+    without a surface of the scene.
     """
-    measures = result.people[person].measures
+    who = result.people[person]
+    measures = who.measures
     height = None if result.scene.floor is None else measures.sole_height_m
     found = []
-    if measures.clearance_m is not None and not measures.assumed_support:
+    in_air = who.support is not None and who.support.state is SupportState.AIRBORNE
+    lacks_surface = any(one.likely and one.distance_m is not None for one in who.contacts)
+    unasked = in_air or lacks_surface or measures.assumed_support
+    if measures.clearance_m is not None and not unasked:
         gap = measures.clearance_m
         found.append(
             (
@@ -169,19 +175,8 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
                 f"the person is in the air, person or surface lies wrong: see {_FROM_THE_SIDE}",
             )
         )
-    lying = lies(result, person)
-    for one in result.people[person].contacts:
-        limb = one.part.endswith(("foot", "hand")) and not lying and one.partner.kind != "person"
-        if limb and one.distance_m is not None and one.partner.surface not in CARRIER_NAMES:
-            found.append(
-                (
-                    one.distance_m,
-                    f"the {part_words(one.part)} is seen to touch something, but the nearest "
-                    f"surface is {one.distance_m:.2f} m away or more: see {_FROM_THE_SIDE}",
-                )
-            )
-    if result.scene.floor is not None and lying:
-        above = result.people[person].vertices @ result.scene.floor.normal
+    if result.scene.floor is not None and lies(result, person):
+        above = who.vertices @ result.scene.floor.normal
         low = float(np.quantile(above, _LOWEST_SHARE)) + result.scene.floor.offset
         if low < -_SUPPORT_M:
             found.append(
@@ -203,12 +198,12 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
         )
     if found:
         return max(found)
-    return (None, _ASSUMED_SUPPORT) if measures.assumed_support else None
+    return (None, _IN_THE_AIR if in_air else _ASSUMED_SUPPORT) if unasked else None
 
 
 # Of people whom readers find right 0.59 in the median, of others 0.40.
 @_check(
-    "Probability that it is right which of feet, hands and seat touch something",
+    "Contact certainty",
     at_least=0.5,
     unmeasured="there is no body, or this preset estimates no probabilities",
 )
@@ -271,7 +266,7 @@ def _sure_carriers(who: Person) -> Measured:
 # Of people whom readers find right 5 in the median, of others 15. Sideways tilt is visible in the
 # photo and not checked.
 @_check(
-    "Lean of body or trunk towards the camera or away",
+    "Lean toward or away from the camera",
     at_most=15,
     unit="deg",
     unmeasured=NO_BODY,
@@ -311,7 +306,7 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
 # Of people with one, readers find the contacts of 19 % right and the place of 35 %, of others 63
 # and 83 %.
 @_check(
-    "Parts seen to touch something with no surface of the scene near them",
+    "Contacts without a surface nearby",
     at_most=0,
     unit="count",
     unmeasured="there is no body, or this preset estimates no probabilities",
@@ -336,7 +331,7 @@ def unknown_contacts(estimates: Estimates, result: Reconstruction, person: int) 
 
 # Right people on right floors 0-0.2; seats and floors that are wrong 0.26-0.9.
 @_check(
-    "Depth of the photo at feet or seat differs from the body's by",
+    "Depth at feet or seat off",
     at_most=0.25,
     advice=f"person and ground may not meet, and contact with it be wrong: see {_FROM_THE_SIDE}",
     unmeasured="too few pixels at the lower end of the body are visible and have a depth",
@@ -351,7 +346,7 @@ def low_depth(estimates: Estimates, result: Reconstruction, person: int) -> Meas
 
 # The errors of the given size and of the others' are in the unit.
 @_check(
-    "Size against the given one",
+    "Given size off",
     at_most=3,
     unit="sigma",
     contradicts=("place", "size"),

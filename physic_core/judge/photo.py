@@ -40,7 +40,7 @@ _check = partial(check, "photo", warns=True)
 
 
 @_check(
-    "Depth with and without the people agrees",
+    "Background depth with and without people agrees",
     at_least=0.5,
     share_of="the background",
     unmeasured=_NO_PEOPLE,
@@ -64,7 +64,7 @@ def photo_alignment(estimates: Estimates, result: Reconstruction) -> Measured:
 
 # Without the segmenter's floor pixels, half of the floors in photos are walls, tables or wrong by
 # 10 degrees.
-@_check("Floor lies where the photo looks like floor", at_least=1, unit=YES)
+@_check("Floor where the photo shows floor", at_least=1, unit=YES)
 def floor(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return whether a floor was found and lies in the segmenter's floor mask."""
     report = result.diagnostics["scene"]["floor"]
@@ -101,7 +101,7 @@ def floor(estimates: Estimates, result: Reconstruction) -> Measured:
 
 # 0 where people stand on one colour; of 147 photos 0.51 and more.
 @_check(
-    "Floor that the photo shows, by texture or label",
+    "Visible floor texture",
     at_least=0.05,
     share_of="the floor's pixels",
     advice="the photo has one colour where the floor was found, so that the floor is invented. Do "
@@ -130,7 +130,7 @@ def floor_shown(estimates: Estimates, result: Reconstruction) -> Measured:
 
 # Soles on a floor give 0.08, sizes of people 0.20 and more.
 @_check(
-    "Uncertainty of all lengths, one standard deviation",
+    "Scale uncertain",
     at_most=0.15,
     unit="log",
     unmeasured="the backend of metric_depth does not estimate its scale error",
@@ -147,10 +147,11 @@ def scale_sigma(estimates: Estimates, result: Reconstruction) -> Measured:
 
 
 @_check(
-    "Given depth differs from the sizes of people",
+    "Given depth off people's sizes",
     at_most=3,
     unit="sigma",
     unmeasured="no depth was measured",
+    contradicts=("place", "size"),
     optional=True,
 )
 def given_depth(estimates: Estimates, result: Reconstruction) -> Measured:
@@ -170,7 +171,7 @@ def given_depth(estimates: Estimates, result: Reconstruction) -> Measured:
 
 
 @_check(
-    "Metric depth differs from the sizes of people and floor",
+    "Metric depth off people's sizes",
     at_most=3,
     unit="sigma",
     optional=True,
@@ -210,9 +211,10 @@ def depth_scale(estimates: Estimates, result: Reconstruction) -> Measured:
 
 # Of mirrored depths of 40 worlds 39 give 0.3 and more, the others -0.1 and less.
 @_check(
-    "Depth fits the point map better if it is mirrored, gain of",
+    "Depth fits better if mirrored",
     at_most=0.3,
     unit="correlation",
+    contradicts=("place",),
     optional=True,
 )
 def depth_order(estimates: Estimates, result: Reconstruction) -> Measured:
@@ -237,10 +239,11 @@ def depth_order(estimates: Estimates, result: Reconstruction) -> Measured:
 
 
 @_check(
-    "Given camera's axis off the photo's centre",
+    "Given camera axis off center",
     at_most=0.15,
     share_of="the photo's size",
     unmeasured="no camera was given",
+    contradicts=("place",),
     optional=True,
 )
 def principal_point(estimates: Estimates, result: Reconstruction) -> Measured:
@@ -263,9 +266,10 @@ def principal_point(estimates: Estimates, result: Reconstruction) -> Measured:
 # Straight edges are right to about a tenth; distances are off by the same share as the focal
 # length.
 @_check(
-    "Given focal length differs from those of backends",
+    "Given focal length off the estimates",
     at_most=0.2,
     unmeasured="no focal length was given, or no backend estimates one",
+    contradicts=("place",),
     optional=True,
 )
 def focal_agreement(estimates: Estimates, result: Reconstruction) -> Measured:
@@ -294,7 +298,7 @@ def focal_agreement(estimates: Estimates, result: Reconstruction) -> Measured:
 _BOX = "one --box x0,y0,x1,y1 for each person to keep may find one"
 
 
-@_check("Large people in the photo without a body", at_most=0, unit="count")
+@_check("Large people without a body", at_most=0, unit="count")
 def unposed_people(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return the number of boxes without a body that are as large as main people, and not of people
     with a body.

@@ -14,15 +14,15 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from physic_core.judge.spec import CHECKS
-from physic_core.types import MARKS, Grade
-from physic_core.types.records import LEAST_TRUST, trust_text
+from physic_core.types import MARKS
+from physic_core.types.records import in_words, is_usable
 
 if TYPE_CHECKING:
     from physic_core.types import CheckResult
@@ -33,11 +33,10 @@ MAX_LOAD = 3.0
 CAP = 0.5
 """Largest probability with one contradiction; that of two is its square."""
 
-_REASONS = 2  # that are named
+_REASONS = 2  # that are named with what to do, if they fail; others only without failures
 _LEAST_LOSS = 0.25  # log odds that a named reason takes away
-_NOTHING = "no check lowers the trust much"
 # What readers found wrong of people without a failed check.
-_LOOK = "Compare head, trunk, arms in depth and lifted feet with the photo"
+_LOOK = "compare head, trunk, arms in depth and lifted feet with the photo"
 
 
 ALL = "all"
@@ -69,8 +68,7 @@ class Trust:
     def as_fields(self) -> dict[str, Any]:
         """Return the fields of a :class:`~physic_core.types.Person` that say it."""
         marks = {f"trust_{name}": probability for name, probability in self.marks.items()}
-        grade = Grade.of(self.probability)
-        return {"grade": grade, "trust": self.probability, "why": self.why} | marks
+        return {"trust": self.probability, "why": self.why} | marks
 
 
 @cache
@@ -142,7 +140,9 @@ def contradictions(values: Mapping[str, float | None], mark: str = ALL) -> list[
 
 
 def person_trust(checks: Sequence[CheckResult], person: int) -> Trust:
-    """Return how far a person is to be trusted, with a reason unless the person is good.
+    """Return how far a person is to be trusted, with the reasons.
+
+    Every failed check of the person is named, and those that pass but lower the trust much.
 
     Args:
         checks: of the photo and of all people.
@@ -153,40 +153,32 @@ def person_trust(checks: Sequence[CheckResult], person: int) -> Trust:
     probabilities = probabilities_of(values, trust_models())
     shares = log_odds(values, trust_models()[ALL])
     named = contradictions(values)
-    for name in sorted(shares, key=shares.__getitem__):
-        if name in own and name not in named and shares[name] <= -_LEAST_LOSS:
-            named.append(name)
-    probability = probabilities.pop(ALL)
-    grade = Grade.of(probability)
+    named += [
+        name
+        for name, check in own.items()
+        if check.failed and check.person == person and name not in named
+    ]
+    named.sort(key=lambda name: (not CHECKS[name].contradicts, shares.get(name, 0.0)))
+    passing = sorted(
+        (name for name in shares if name in own and name not in named),
+        key=shares.__getitem__,
+    )
+    lowering = [name for name in passing if shares[name] <= -_LEAST_LOSS]
     why = [part for name in named[:_REASONS] for part in _reason(own[name])]
-    failed = any(check.failed for check in own.values() if check.person == person)
-    if grade is not Grade.GOOD and not failed:
-        better = Grade.DOUBTFUL if grade is Grade.BAD else Grade.GOOD
-        why += [
-            f"no check of this person failed, but the trust of {trust_text(probability)} lies "
-            f"below {trust_text(LEAST_TRUST[better])}, from which on people are {better}",
-            _LOOK,
-        ]
-    text = " ".join(f"{one[0].upper()}{one[1:]}." for one in why or [_NOTHING])
+    why += [str(own[name]) for name in named[_REASONS:]]
+    left = max(0, _REASONS - len(named))
+    why += [part for name in lowering[:left] for part in _reason(own[name])]
+    probability = probabilities.pop(ALL)
+    doubtful = [name for name, chance in probabilities.items() if not is_usable(chance)]
+    if doubtful and not named:
+        why.append(f"no check fails, but {in_words(doubtful)} stay doubtful: {_LOOK}")
+    text = " ".join(f"{one[0].upper()}{one[1:]}." for one in why)
     return Trust(probability, probabilities, text)
 
 
 def no_trust(checks: Sequence[CheckResult], person: int) -> Trust:
     """Return the trust in a person without a body, with the contradictions that say why."""
     return replace(person_trust(checks, person), probability=0.0, marks=dict.fromkeys(MARKS, 0.0))
-
-
-def photo_trust(checks: Sequence[CheckResult], main: Collection[float]) -> float | None:
-    """Return how far a photo is to be trusted: the least of its main people, unless a check of the
-    photo caps it; None without people.
-
-    Args:
-        checks: of the photo and of all people.
-        main: probabilities of the main people.
-    """
-    if not main:
-        return None
-    return capped(min(main), int(any(check.failed for check in checks if check.person is None)))
 
 
 def capped(probability: float, contradictions: int) -> float:

@@ -27,13 +27,11 @@ from physic_core.judge import (
     failed_checks,
     no_trust,
     person_trust,
-    photo_trust,
     unknown_checks,
 )
 from physic_core.prepare.frame import plain_ground
 from physic_core.types import (
     POSTURES,
-    Grade,
     Intrinsics,
     Person,
     Reconstruction,
@@ -41,7 +39,6 @@ from physic_core.types import (
 )
 from physic_core.types.contacts import NO_PARTNER, has_sole_on_floor
 from physic_core.types.known_sizes import size_option
-from physic_core.types.results import main_people
 
 _UP_COSINE = math.cos(
     math.radians(45.0)
@@ -261,13 +258,11 @@ def _plain_ground(estimates: Estimates) -> BoolArray | None:
 
 
 def judge(result: Reconstruction, checks: Sequence[CheckResult]) -> Reconstruction:
-    """Return a result with its checks, and the grade and trust of the photo and of each person."""
+    """Return a result with its checks, and the trust in each person."""
     trust = [
         (no_trust if person.stature is None else person_trust)(checks, i)
         for i, person in enumerate(result.people)
     ]
-    main = main_people([person.box for person in result.people])
-    of_photo = photo_trust(checks, [trust[i].probability for i in main])
     people = tuple(
         replace(
             person,
@@ -277,9 +272,7 @@ def judge(result: Reconstruction, checks: Sequence[CheckResult]) -> Reconstructi
         )
         for i, person in enumerate(result.people)
     )
-    return replace(
-        result, people=people, checks=tuple(checks), grade=Grade.of(of_photo), trust=of_photo
-    )
+    return replace(result, people=people, checks=tuple(checks))
 
 
 def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:

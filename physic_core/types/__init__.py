@@ -61,25 +61,22 @@ from physic_core.types.records import (
     CheckResult,
     CheckState,
     ExportedFiles,
-    Grade,
     Measures,
     Provenance,
     StageRecord,
-    grade_text,
+    in_words,
+    is_usable,
+    marks_text,
     summarize_checks,
-    trust_text,
+    usable_text,
 )
 from physic_core.types.results import (
-    PERSON_COLUMNS,
-    SUMMARY_KEYS,
     Person,
     Reconstruction,
     Scene,
     main_people,
-    marks_of_row,
     metres_text,
     pelvis_distance_m,
-    person_rows,
 )
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import (
@@ -92,6 +89,7 @@ from physic_core.types.skeletons import (
     other_side,
     skeleton_named,
 )
+from physic_core.types.tables import PERSON_COLUMNS, SUMMARY_COLUMNS, marks_of_row, person_rows
 
 if TYPE_CHECKING:
     from physic_core.types.arrays import BoolArray as BoolArray
@@ -110,7 +108,7 @@ __all__ = [
     "SEEN_CONFIDENCE",
     "SIDES",
     "SKELETONS",
-    "SUMMARY_KEYS",
+    "SUMMARY_COLUMNS",
     "SURFACE_NAMES",
     "TOUCHED",
     "TOUCH_PARTS",
@@ -130,7 +128,6 @@ __all__ = [
     "ExportedFiles",
     "FileOfPhoto",
     "FrozenGroups",
-    "Grade",
     "Hands",
     "Hints",
     "Intrinsics",
@@ -168,10 +165,12 @@ __all__ = [
     "UnposedPerson",
     "contacts_text",
     "expand_people",
-    "grade_text",
+    "in_words",
     "is_finger",
+    "is_usable",
     "main_people",
     "marks_of_row",
+    "marks_text",
     "metres_text",
     "mirrored_order",
     "other_side",
@@ -182,5 +181,5 @@ __all__ = [
     "select_people",
     "skeleton_named",
     "summarize_checks",
-    "trust_text",
+    "usable_text",
 ]

@@ -4,7 +4,6 @@ exports.
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,7 +15,10 @@ if TYPE_CHECKING:
 
 
 MARKS = ("pose", "place", "contact", "size")
-"""What is judged of a person: each has a probability to be right, and a grade."""
+"""What is judged of a person: each has a probability to be right."""
+
+USABLE = 0.7
+"""Probability from which on a mark is usable: three of four are right (docs/checks.md)."""
 
 
 @dataclass(frozen=True)
@@ -70,64 +72,43 @@ class CheckState(StrEnum):
     """Nothing was measured; the message says why."""
 
 
-class Grade(StrEnum):
-    """Range of the probability that a person or a photo is right; docs/checks.md states how often
-    each is.
-    """
-
-    GOOD = "good"
-    """0.8 or more."""
-
-    DOUBTFUL = "doubtful"
-    """0.3 or more."""
-
-    BAD = "bad"
-    """Less than 0.3."""
-
-    @classmethod
-    def of(cls, trust: float | None) -> Grade:
-        """Return the grade of a probability; without one, nothing confirms a result: doubtful."""
-        known = LEAST_TRUST[cls.DOUBTFUL] if trust is None else trust
-        return next((grade for grade, least in LEAST_TRUST.items() if known >= least), cls.BAD)
+def is_usable(probability: float | None) -> bool:
+    """Return whether a mark of this probability is usable."""
+    return probability is not None and probability >= USABLE
 
 
-LEAST_TRUST = {Grade.GOOD: 0.8, Grade.DOUBTFUL: 0.3}
-
-
-def grade_text(
-    grade: Grade | str | None, trust: float | None, marks: Mapping[str, float | None] | None = None
-) -> str:
-    """Return a grade with its probability, and the marks whose grade is another: "doubtful, 0.61;
-    place, contact and size good"; "none" without a grade.
+def marks_text(marks: Mapping[str, float | None]) -> str:
+    """Return which marks of a person are usable: "place and size usable, pose doubtful".
 
     Args:
-        grade: of a person or a photo.
-        trust: probability of the grade, or None.
-        marks: of a person, name of :data:`MARKS` -> probability, or None.
+        marks: name of :data:`MARKS` -> probability, or None without checks.
     """
-    others = ""
-    for one in Grade:
-        names = [
-            name
-            for name, probability in (marks or {}).items()
-            if probability is not None and Grade.of(probability) is one
-        ]
-        if names and one != grade:
-            others += f"; {in_words(names)} {one}"
-    return f"{grade or 'none'}{'' if trust is None else f', {trust_text(trust)}'}{others}"
+    parts = []
+    for word, wanted in (("usable", True), ("doubtful", False)):
+        names = [n for n, p in marks.items() if p is not None and is_usable(p) is wanted]
+        if names:
+            parts.append(f"{in_words(names)} {word}")
+    return ", ".join(parts) or "not judged"
+
+
+def usable_text(usable: Mapping[str, int], people: int) -> str:
+    """Return for how many people each mark is usable: "place usable for 2 of 3 people, size for 3".
+
+    Args:
+        usable: name of :data:`MARKS` -> number of people for whom it is usable.
+        people: their number.
+    """
+    if not people:
+        return "no people"
+    first, *others = (f"{name}{{}} for {count}{{}}" for name, count in usable.items())
+    of = f" of {people} people" if people > 1 else " of 1 person"
+    return ", ".join([first.format(" usable", of), *(other.format("", "") for other in others)])
 
 
 def in_words(names: Sequence[str]) -> str:
     """Return names as a text: "place, contact and size"."""
     *most, last = names
     return f"{', '.join(most)} and {last}" if most else last
-
-
-def trust_text(trust: float) -> str:
-    """Return a probability with two digits, rounded down: it never looks as if it reached a limit
-    that it misses.
-    """
-    return f"{math.floor(100 * trust + 1e-9) / 100:.2f}"
 
 
 _YES = "1: yes"
@@ -177,8 +158,8 @@ class CheckResult:
         object.__setattr__(self, "state", CheckState(self.state))
 
     def __str__(self) -> str:
-        """Return label, value and bound: "Heads within this person's outline: 2 (limit 1)"."""
-        bound = "" if self.value is None else f" ({self.bound_text})"
+        """Return label, value and bound: "Heads in the outline: 2, limit 1"."""
+        bound = "" if self.value is None else f", {self.bound_text}"
         return f"{self.title}: {self.value_text}{bound}"
 
     @property

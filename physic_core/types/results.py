@@ -1,14 +1,8 @@
-"""Result of a run: scene, people and contacts; its row in a table of photos, and those of its
-people.
-
-The row of a person says how far to trust the body, where it is, how tall it is, and what it
-touches. The main people count for the grade of a photo.
-"""
+"""Result of a run: scene, people and contacts."""
 
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -17,9 +11,8 @@ from physic_core.doors import DOORS
 from physic_core.errors import InputError, PackageMissingError
 from physic_core.types.arrays import shape
 from physic_core.types.bodies import JOINT_INDEX
-from physic_core.types.contacts import PARTNER_KINDS, contacts_text, part_words
 from physic_core.types.depth import Plane
-from physic_core.types.records import MARKS, Grade, Measures
+from physic_core.types.records import MARKS, Measures, is_usable
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import SIDES
 
@@ -145,7 +138,6 @@ class Person(ShortRepr):
         trust_contact: that the contacts of feet, hands and seat are right.
         trust_size: that the size is right.
         why: sentence that names what lowers ``trust`` most, and what to do.
-        grade: the range of ``trust``, or None without checks.
         age: years, as given; None where unknown.
         stature: standing height of the body from soles to crown, metres; None without a body.
         stature_sigma: standard deviation of log(stature), which includes children among people of
@@ -174,7 +166,6 @@ class Person(ShortRepr):
     distance: FloatArray = field(metadata=shape("V"))
     failed_checks: tuple[str, ...] = ()
     unknown_checks: tuple[str, ...] = ()
-    grade: Grade | None = None
     trust: float | None = None
     trust_pose: float | None = None
     trust_place: float | None = None
@@ -216,6 +207,13 @@ class Person(ShortRepr):
     def marks(self) -> dict[str, float | None]:
         """Probabilities that pose, place, contact and size are right, by name."""
         return {name: getattr(self, f"trust_{name}") for name in MARKS}
+
+    @property
+    def usable(self) -> tuple[str, ...]:
+        """Names of the ``marks`` that are probably right, from
+        :data:`physic_core.types.records.USABLE` on.
+        """
+        return tuple(name for name, probability in self.marks.items() if is_usable(probability))
 
     @property
     def has_body(self) -> bool:
@@ -314,9 +312,6 @@ class Reconstruction(ShortRepr):
         notes: methods that produced the numbers, as sentences ("scale from the soles of 2 people").
         config: the resolved configuration.
         checks: all self-checks of the result: ok, failed or unknown.
-        trust: the least of those of its main people, who are at least half as large in the photo as
-            the largest one, and at most 0.5 if a check of the photo fails. None without people.
-        grade: the range of ``trust``, at best doubtful without people; None without checks.
         photo: digest of the photo file, or of the pixels of a photo without a file.
         photo_name: name of the photo file, without its folder; empty for a photo without a file.
         unposed: person-like boxes for which no body could be given; they are not in ``people``.
@@ -342,8 +337,6 @@ class Reconstruction(ShortRepr):
     checks: tuple[CheckResult, ...] = ()
     photo: str = ""
     photo_name: str = ""
-    grade: Grade | None = None
-    trust: float | None = None
     lens: Lens | None = None
     unposed: tuple[UnposedPerson, ...] = ()
     contact_partners: tuple[ContactPartner, ...] = ()
@@ -357,6 +350,11 @@ class Reconstruction(ShortRepr):
     def floor(self) -> Plane | None:
         """The plane ``scene.floor``."""
         return self.scene.floor
+
+    @property
+    def usable(self) -> dict[str, int]:
+        """Number of people for whom each of pose, place, contact and size is usable."""
+        return {name: sum(name in person.usable for person in self.people) for name in MARKS}
 
     @property
     def distance_sigma(self) -> float | None:
@@ -444,55 +442,12 @@ class Reconstruction(ShortRepr):
         return trimesh.PointCloud(self.scene.points[valid], self.scene.colors[valid])
 
     def summary(self) -> dict[str, float | int | str | None]:
-        """Return a flat dictionary, as one row of a table: the grade and numbers, None where not
-        measured.
-
-        Keys: grade, trust, people (bodies: those with a finite body), failed_checks,
-        unknown_checks, warnings, nearest_person_m and farthest_person_m (of the pelvis from the
-        camera), distance_sigma, scene_scale, scale_sigma, floor_found, scene_valid_share, contacts
-        (likely pairs of a body part and what it touches, of all people), ``contacts_with_KIND`` (of
-        these, those with floor, scene, person, self or hidden), vertices_in_contact,
-        focal_px, focal_known, width_px, height_px, seconds, load_seconds, and ``check_NAME`` for
-        each self-check, the worst value of all people.
+        """Return a flat dictionary, as one row of a table, by the names of
+        :data:`physic_core.types.SUMMARY_COLUMNS`; None where not measured.
         """
-        distances = [
-            distance
-            for person in self.people
-            if (distance := pelvis_distance_m(person)) is not None
-        ]
-        kinds = _likely_kinds(self)
-        values = {
-            "grade": None if self.grade is None else str(self.grade),
-            "trust": self.trust,
-            "people": len(self.people),
-            "bodies": len(distances),
-            "failed_checks": sum(check.failed for check in self.checks),
-            "unknown_checks": sum(not (check.ok or check.failed) for check in self.checks),
-            "warnings": len(self.warnings),
-            "nearest_person_m": min(distances, default=None),
-            "farthest_person_m": max(distances, default=None),
-            "distance_sigma": self.distance_sigma,
-            "scene_scale": self.scene.scale,
-            "scale_sigma": self.scene.scale_sigma,
-            "floor_found": int(self.scene.floor is not None),
-            "scene_valid_share": float(self.scene.valid.mean()),
-            "contacts": None if kinds is None else len(kinds),
-            **{
-                f"contacts_with_{kind}": None if kinds is None else kinds.count(kind)
-                for kind in PARTNER_KINDS
-            },
-            "vertices_in_contact": sum(int(person.contact.sum()) for person in self.people),
-            "focal_px": self.intrinsics.fy,
-            "focal_known": int(self.intrinsics.known),
-            "width_px": self.intrinsics.width,
-            "height_px": self.intrinsics.height,
-            "seconds": sum(stage.seconds for stage in self.stages),
-            "load_seconds": sum(stage.load_seconds for stage in self.stages),
-        }
-        by_name: dict[str, list[CheckResult]] = defaultdict(list)
-        for check in self.checks:
-            by_name[check.name].append(check)
-        return values | {f"check_{name}": _worst(group) for name, group in by_name.items()}
+        from physic_core.types.tables import photo_row
+
+        return photo_row(self)
 
     def save(self, folder: str, save: str = "pictures", *, overwrite: bool = False) -> None:
         """Write ``reconstruction.json``, ``reconstruction.npz``, ``combined.glb`` and
@@ -544,8 +499,7 @@ class Reconstruction(ShortRepr):
         return page
 
     def to_pandas(self) -> Any:
-        """Return the rows of ``people.csv``, see :func:`person_rows`, as a ``pandas.DataFrame``;
-        pandas is yours.
+        """Return the rows of ``people.csv`` as a ``pandas.DataFrame``; install pandas yourself.
 
         Raises:
             PackageMissingError: pandas is not installed.
@@ -555,7 +509,9 @@ class Reconstruction(ShortRepr):
         except ImportError as error:
             raise PackageMissingError("to_pandas needs pandas: pip install pandas") from error
 
-        return pandas.DataFrame(person_rows(self), columns=list(PERSON_COLUMNS[1:]))
+        from physic_core.types.tables import PERSON_COLUMNS, person_rows
+
+        return pandas.DataFrame(person_rows(self), columns=list(PERSON_COLUMNS))
 
     def export(self, path: str, format: str | None = None, **options: Any) -> Exported:
         """Write a file of another program's format: a skinned GLB, or a format of an installed
@@ -591,135 +547,10 @@ class Reconstruction(ShortRepr):
         return loaded
 
 
-def _likely_kinds(result: Reconstruction) -> list[str] | None:
-    """Return the kind of partner of each contact that is likely; None without partners."""
-    if any(person.contact_partner is None for person in result.people):
-        return None
-    return [
-        contact.partner.kind
-        for person in result.people
-        for contact in person.contacts
-        if contact.likely
-    ]
-
-
-SUMMARY_KEYS = (
-    *("grade", "trust", "people", "bodies", "failed_checks", "unknown_checks", "warnings"),
-    *("nearest_person_m", "farthest_person_m", "distance_sigma", "scene_scale", "scale_sigma"),
-    *("floor_found", "scene_valid_share", "contacts"),
-    *(f"contacts_with_{kind}" for kind in PARTNER_KINDS),
-    *("vertices_in_contact", "focal_px", "focal_known", "width_px", "height_px"),
-    *("seconds", "load_seconds"),
-)
-"""Keys of every summary; that of a result also has ``check_NAME`` for each self-check."""
-
-
-def _worst(checks: list[CheckResult]) -> float | None:
-    """Return the worst value of one check of several people; None if nothing was measured."""
-    values = [check.value for check in checks if check.value is not None]
-    worst = max if checks[0].direction == "at most" else min
-    return worst(values, default=None)
-
-
-def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
-    """Return a row of ``people.csv`` for each person, without the photo; None where unknown.
-
-    Keys: person (index into the people of the result), main (True if the grade of the photo counts
-    this person), grade, trust (probability that the person is right), the same of pose, place,
-    contact and size (grade_pose, trust_pose, ...), why (what lowers trust most), body_source (what
-    the user gives as the body, empty for an estimated one), distance_m (of the pelvis from the
-    camera), stature_m (standing height), distance_sigma_m and stature_sigma_m (standard
-    deviations), posture, posture_probability and child_probability (as of :class:`Person`),
-    contacts (body parts that are likely, one half or more, to touch something, each with what it
-    touches and its probability), assumed (likely contacts of body parts that nothing shows, not
-    among the others), unseen (limbs, hands and feet without a confident keypoint at their end),
-    unsure (arms and legs as of :class:`Person`) and left_arm_sigma_m to right_leg_sigma_m (its
-    ``limb_sigmas``), the sizes of :class:`Person`, and main angles of ``Person.joint_angles``,
-    degrees. Lengths and angles are None without a body.
-    """
-    main = main_people([person.box for person in result.people])
-    sigmas = zip(result.people, result.distance_sigmas, strict=True)
-    return [
-        {"person": i, "main": i in main} | _row(person, sigma)
-        for i, (person, sigma) in enumerate(sigmas)
-    ]
-
-
-def _row(person: Person, distance_sigma: float | None) -> dict[str, Any]:
-    """Return the columns of a person that do not depend on the others."""
-    distance = pelvis_distance_m(person)
-    marks = person.marks.items()
-    angles = person.joint_angles
-    return {
-        "grade": str(person.grade or ""),
-        "trust": person.trust,
-        **{f"grade_{name}": "" if p is None else str(Grade.of(p)) for name, p in marks},
-        **{f"trust_{name}": p for name, p in marks},
-        "why": person.why,
-        "body_source": person.body_source or None,
-        "distance_m": _rounded(distance),
-        "distance_sigma_m": _rounded(spread_m(distance, distance_sigma)),
-        "stature_m": _rounded(person.stature),
-        "stature_sigma_m": _rounded(spread_m(person.stature, person.stature_sigma)),
-        "posture": person.posture,
-        "posture_probability": person.posture_probability,
-        "child_probability": person.child_probability,
-        "contacts": contacts_text(person.contacts, assumed=False),
-        "assumed": contacts_text(person.contacts, assumed=True),
-        "unseen": ", ".join(map(part_words, person.unseen)),
-        "unsure": ", ".join(map(part_words, person.unsure)),
-        **{f"{limb}_sigma_m": _rounded(sigma) for limb, sigma in person.limb_sigmas.items()},
-        **{name: _rounded(person.sizes.get(name)) for name in _SIZES},
-        **{f"{name}_deg": _rounded(angles[name], 1) for name in _ANGLES},
-    }
-
-
-def marks_of_row(row: Mapping[str, Any]) -> dict[str, float | None]:
-    """Return the marks of a person, as :attr:`Person.marks`, from a row of :func:`person_rows`."""
-    return {name: row[f"trust_{name}"] for name in MARKS}
-
-
 def pelvis_distance_m(person: Person) -> float | None:
     """Return the distance of a person's pelvis from the camera, metres; None without a body."""
     pelvis = person.joints[0].tolist() if len(person.joints) else [math.nan]
     return math.hypot(*pelvis) if all(map(math.isfinite, pelvis)) else None
-
-
-def spread_m(metres: float | None, log_sigma: float | None) -> float | None:
-    """Return the standard deviation of a length, metres, from that of its logarithm; None if one is
-    not known.
-    """
-    return None if metres is None or log_sigma is None else metres * log_sigma
-
-
-def _rounded(value: float | None, digits: int = 3) -> float | None:
-    return None if value is None or not math.isfinite(value) else round(value, digits)
-
-
-_SIZES = ("pelvis_height_m", "seat_height_m")
-
-_ANGLES = (
-    *("trunk_flexion", "neck_flexion"),
-    *(
-        f"{side}_{angle}"
-        for angle in ("hip_flexion", "knee_flexion", "shoulder_elevation", "elbow_flexion")
-        for side in SIDES
-    ),
-)
-
-
-PERSON_COLUMNS = (
-    *("id", "person", "main", "grade", "trust"),
-    *(f"grade_{name}" for name in MARKS),
-    *(f"trust_{name}" for name in MARKS),
-    *("why", "body_source", "distance_m", "distance_sigma_m", "stature_m", "stature_sigma_m"),
-    *("posture", "posture_probability", "child_probability"),
-    *("contacts", "assumed", "unseen", "unsure"),
-    *(f"{limb}_sigma_m" for limb in LIMB_ENDS),
-    *_SIZES,
-    *(f"{name}_deg" for name in _ANGLES),
-)
-"""Columns of ``people.csv``; the id is the name of the photo, in a batch its id."""
 
 
 _MAIN_SHARE = 0.5

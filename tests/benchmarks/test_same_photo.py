@@ -93,16 +93,16 @@ def test_what_is_changed_by_hand_is_measured():
     one = answer()
     (person,) = one.people
     parts = {"left_foot": 0.4, "right_foot": 0.3, "seat": 0.05}
-    moved = replace(person, distance=1.1 * person.distance, parts=parts, grade="bad", trust=0.2)
+    moved = replace(person, distance=1.1 * person.distance, parts=parts, usable=(), trust=0.2)
     other = replace(one, people=(moved,), depth=0.9 * one.depth)
-    found = change(replace(one, people=(replace(person, grade="good", trust=0.9),)), other)
+    found = change(replace(one, people=(replace(person, usable=("place",), trust=0.9),)), other)
     assert np.exp(found.scene) == pytest.approx(0.9, rel=1e-6)
     assert np.exp(found.people[0].distance) == pytest.approx(1.1)
     assert found.people[0].sigmas == pytest.approx(math.log(1.1) / math.hypot(0.1, 0.2))
     row = dict(zip(*table({"changed": [found]}), strict=True))
     assert row["distance %"] == "10; 10"
     assert row["unsure parts cross %"] == "33"  # the left foot, of three
-    assert (row["grade %"], row["trust"]) == ("100", "0.7; 0.7")
+    assert (row["usable marks %"], row["trust"]) == ("100", "0.7; 0.7")
 
 
 @pytest.mark.parametrize("name", ["crop8", "column", "scale"])

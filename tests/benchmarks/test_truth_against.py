@@ -175,8 +175,8 @@ def test_what_one_build_does_not_state_is_in_no_pair():
 def test_two_builds_differ_by_what_differs_in_them(tmp_path):
     words = ("two pictures: cut them apart, and run each",)
     touch = {"left_foot": 0.9, "left_hand": 0.1}
-    old = checkout(tmp_path / "old", 1.0, words, grade="good", world_contact=touch)
-    new = checkout(tmp_path / "new", 1.1, (), grade="good")
+    old = checkout(tmp_path / "old", 1.0, words, trust_place=0.9, world_contact=touch)
+    new = checkout(tmp_path / "new", 1.1, (), trust_place=0.9)
     one = plan()
     found = against.both_answers((old, new), one.questions, tmp_path / "out")
     rows = {row.figure.name: row for row in against.rows_of(one, *found)}

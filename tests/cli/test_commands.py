@@ -50,7 +50,7 @@ def test_run_writes_beside_the_photo_and_says_what_was_found(pipeline, physic):
         "3.2 s",
         "note: focal length",
         "warning: no floor",
-        "grade: none",
+        "no people",
         "photo-physic/\n",
     ):
         assert words in done.stdout

@@ -13,7 +13,6 @@ from physic_core.types import (
     CheckResult,
     CheckState,
     ContactPartner,
-    Grade,
     UnposedPerson,
 )
 
@@ -36,20 +35,20 @@ def folder(make, tmp_path):
         BodyContact("left_lower_leg", floor, 0.8, 9, assumed=True),
     )
     why = "Limbs off their keypoints: 4.5 % (check the overlay)"
-    doubtful = {"grade": Grade.DOUBTFUL, "trust": 0.5, "failed_checks": ("limb_keypoints", "lean")}
+    doubtful = {"trust_place": 0.5, "failed_checks": ("limb_keypoints", "lean")}
     places = ([0.0, 1.8, 2.4], [0.0, 0.0, 12.5], [np.nan] * 3)
     first, second, third = (
         replace(
             made.people[0],
-            grade=Grade.BAD,
-            trust=0.0,
             contacts=(),
             joints=np.broadcast_to(place, made.people[0].joints.shape),
         )
         for place in places
     )
     people = (
-        replace(first, grade=Grade.GOOD, trust=0.914, why="no check lowers it", contacts=contacts),
+        replace(
+            first, trust_place=0.914, trust_pose=0.2, why="look at the arms", contacts=contacts
+        ),
         replace(second, why=why, **doubtful),
         third,
     )
@@ -60,8 +59,8 @@ def folder(make, tmp_path):
         replace(check("support", CheckState.UNKNOWN, None, "Supported"), person=2),
     )
     unposed = (UnposedPerson((1.0, 2.0, 30.0, 40.0), 0.5, "only a hand is seen"),)
-    graded = {"checks": checks, "grade": Grade.BAD, "notes": TOLD}
-    result = replace(made, people=people, unposed=unposed, contact_partners=(), **graded)
+    told = {"checks": checks, "notes": TOLD}
+    result = replace(made, people=people, unposed=unposed, contact_partners=(), **told)
     save_reconstruction(result, tmp_path / "out", "numbers")
     return tmp_path / "out"
 
@@ -72,14 +71,17 @@ def test_a_person_is_a_row(folder, physic):
         "left lower leg: floor, 0.80 (assumed: not seen)"
     )
     room = len(touches)
-    assert physic("show", folder).stdout.splitlines()[1:6] == [
-        f"person  grade           distance      {'likely contact':<{room}}  why",
-        f"0       good, 0.91      3.0 ± 0.2 m   {touches}  no check lowers it",
-        f"1       doubtful, 0.50  12.5 ± 0.9 m  {'none':<{room}}  Limbs off their keypoints: 4.5 % "
-        "(check the overlay)",
-        f"2       bad, 0.00       -             {'-':<{room}}  -",
+    lines = physic("show", folder).stdout.splitlines()
+    usable = "place usable, pose doubtful"
+    assert lines[1:6] == [
+        f"person  {'usable':<{len(usable)}}  distance      {'likely contact':<{room}}  why",
+        f"0       {usable}  3.0 ± 0.2 m   {touches}  look at the arms",
+        f"1       {'place doubtful':<{len(usable)}}  12.5 ± 0.9 m  {'none':<{room}}  "
+        "Limbs off their keypoints: 4.5 % (check the overlay)",
+        f"2       {'not judged':<{len(usable)}}  -             {'-':<{room}}  -",
         "no body: only a hand is seen, box 1, 2, 30, 40, score 0.50",
     ]
+    assert "pose usable for 0 of 3 people, place for 1, contact for 0, size for 0" in lines
 
 
 def test_three_notes_are_shown_and_those_that_leave_something_to_do_come_first(folder, physic):

@@ -99,7 +99,7 @@ def test_a_folder_of_results_gets_a_sheet_that_links_to_their_pages(folder, tmp_
     assert cut["state"] == "failed"
     assert "reconstruction.npz" in cut["message"]
     assert (good["name"], good["link"], good["state"]) == ("my photo-physic", "", "done")
-    assert (good["people"], good["grade"], good["error"]) == (2, "bad", "")
+    assert (good["people"], good["usable"]["place"], good["error"]) == (2, 0, "")
     assert len(good["thumbnail"]) > 500
     assert (broken["state"], broken["error"]) == ("failed", "InputError")
     assert "reconstruction.json" in broken["message"]

@@ -28,7 +28,7 @@ from physic_core import (
 from physic_core.engine.state import OtherView
 from physic_core.interfaces import MetricDepth
 from physic_core.io.photo import read_photo
-from physic_core.types import SUMMARY_KEYS, CheckResult, DepthMap
+from physic_core.types import SUMMARY_COLUMNS, CheckResult, DepthMap
 from physic_mock import backends
 from tests.pipeline.mocks import changed, without_people
 
@@ -242,10 +242,10 @@ def test_a_person_is_a_mesh_and_the_scene_a_cloud_of_points(result):
         replace(person, faces=None).mesh()
 
 
-def test_a_summary_is_the_grade_and_flat_numbers(result):
+def test_a_summary_is_flat_numbers(result):
     numbers = result.summary()
-    assert tuple(numbers)[: len(SUMMARY_KEYS)] == SUMMARY_KEYS
-    assert numbers.pop("grade") == result.grade
+    assert list(numbers)[: len(SUMMARY_COLUMNS)] == list(SUMMARY_COLUMNS)
+    assert numbers["usable_place"] == result.usable["place"]
     assert all(value is None or type(value) in (int, float) for value in numbers.values())
     assert (numbers["people"], numbers["width_px"], numbers["height_px"]) == (1, 160, 120)
     (person,) = result.people

@@ -41,7 +41,6 @@ def test_the_scene_is_metric_if_the_metric_depth_needs_no_people(world, tmp_path
     )
     measured = {check.name: check.value for check in result.checks}
     assert measured["photo_alignment"] is None
-    assert result.trust is None
     # No inpainting and no second point map: nothing is removed from the photo.
     backend_stages = [stage.name for stage in result.stages if stage.provenance is not None]
     assert backend_stages == ["people", "scene point map", "metric depth"]

@@ -13,11 +13,10 @@ from physic_core.types import (
     MARKS,
     BodyContact,
     ContactPartner,
-    Grade,
     Support,
 )
 from physic_core.types.bodies import JOINT_INDEX
-from physic_core.types.results import PERSON_COLUMNS, person_rows
+from physic_core.types.tables import PERSON_COLUMNS, person_rows
 
 
 @pytest.fixture
@@ -30,7 +29,6 @@ def two_people(reconstruction):
     near = replace(
         near,
         box=np.array([10.0, 0.0, 30.0, 100.0]),
-        grade=Grade.GOOD,
         trust=0.91,
         trust_pose=0.92,
         trust_place=0.79,
@@ -55,7 +53,6 @@ def two_people(reconstruction):
     far = replace(
         far,
         box=np.array([50.0, 0.0, 55.0, 20.0]),
-        grade=Grade.BAD,
         trust=0.0,
         why="Leans: 50° (see the view from the side)",
         joints=np.full_like(far.joints, np.nan),
@@ -70,7 +67,6 @@ def two_people(reconstruction):
 NUMBERS = [name for name in PERSON_COLUMNS if name.endswith(("height_m", "_deg"))]
 SIGMAS = [name for name in PERSON_COLUMNS if name.endswith(("arm_sigma_m", "leg_sigma_m"))]
 UPRIGHT = {name: 0.0 for name in NUMBERS if name.endswith("_deg")}
-GRADES_OF_MARKS = {f"grade_{mark}": "" for mark in MARKS}
 TRUST_OF_MARKS = {f"trust_{mark}": None for mark in MARKS}
 ARMS = {f"{side}_shoulder_elevation_deg": 90.0 for side in ("left", "right")}  # of the T-pose
 
@@ -79,12 +75,8 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people):
     first, second = person_rows(two_people)
     assert first == {
         "person": 0,
-        "main": True,
-        "grade": "good",
+        "usable": "pose, place",
         "trust": 0.91,
-        **GRADES_OF_MARKS,
-        "grade_pose": "good",
-        "grade_place": "doubtful",
         **TRUST_OF_MARKS,
         "trust_pose": 0.92,
         "trust_place": 0.79,
@@ -109,15 +101,14 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people):
         "pelvis_height_m": 0.9,
         "left_knee_flexion_deg": 60.0,
     }
-    assert second == dict.fromkeys(PERSON_COLUMNS[1:]) | GRADES_OF_MARKS | {
+    assert second == dict.fromkeys(PERSON_COLUMNS) | {
         "person": 1,
-        "main": False,
-        "grade": "bad",
+        "usable": "",
         "trust": 0.0,
         "why": "Leans: 50° (see the view from the side)",
         **dict.fromkeys(("contacts", "assumed", "unseen", "unsure"), ""),
     }
-    assert all(["id", *row] == list(PERSON_COLUMNS) for row in (first, second))
+    assert all(list(row) == list(PERSON_COLUMNS) for row in (first, second))
 
 
 def test_two_surfaces_of_one_class_are_told_apart_in_rows_and_support(
@@ -142,7 +133,7 @@ def test_a_frame_of_pandas_has_the_rows_of_people(two_people):
     pandas = pytest.importorskip("pandas")
     frame = two_people.to_pandas()
     pandas.testing.assert_frame_equal(frame, pandas.DataFrame(person_rows(two_people)))
-    assert list(frame.columns) == list(PERSON_COLUMNS[1:])
+    assert list(frame.columns) == list(PERSON_COLUMNS)
 
 
 def test_joints_and_the_floor_have_names(two_people):

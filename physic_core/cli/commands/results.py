@@ -141,6 +141,18 @@ def export(
         echo(f"{folder}/  (files: {count})")
 
 
+def _print_columns(context: click.Context, _: click.Parameter, value: object) -> None:
+    """Print the columns of the tables, and end."""
+    if not value:
+        return
+    from physic_core.types import PERSON_COLUMNS, SUMMARY_COLUMNS
+
+    for file, columns in (("people.csv", PERSON_COLUMNS), ("summary.csv", SUMMARY_COLUMNS)):
+        echo(f"{file}:")
+        echo(format_table([(f"  {name}", one.meaning) for name, one in columns.items()]))
+    context.exit()
+
+
 @click.command()
 @click.argument("out", type=ResultPath())
 @click.option(
@@ -150,9 +162,17 @@ def export(
     help="Also print the time of each stage, and each check that is not ok.",
 )
 @click.option("--notes", is_flag=True, help="Print all notes, not the three most useful ones.")
+@click.option(
+    "--columns",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_print_columns,
+    help="Print what the columns of people.csv and summary.csv hold, and exit.",
+)
 def show(out: Path, verbose: bool, notes: bool) -> None:
-    """Print the people, grade and warnings of the result in folder OUT, as `physic run` does at its
-    end.
+    """Print the people, usable marks and warnings of the result in folder OUT, as `physic run` does
+    at its end.
     """
     from physic_core.cli.result_summary import SHOWN_NOTES, print_summary
 

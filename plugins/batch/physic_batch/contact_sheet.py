@@ -33,6 +33,7 @@ from physic_core.files import (
 from physic_core.io.result_folder import ARRAYS_FILE, is_result
 from physic_core.io.results import read_image, read_record
 from physic_core.pictures import PREVIEW_FILE, REPORT_FILE
+from physic_core.types import MARKS, is_usable
 
 if TYPE_CHECKING:
     from importlib.resources.abc import Traversable
@@ -46,8 +47,8 @@ _MAX_PHOTOS = 5000
 """Most photos of one page, which then has about 60 MB."""
 
 _SHOWN = (
-    *("id", "path", "state", "error", "message", "grade", "trust", "people", "checks_failed"),
-    *("save", "folder"),
+    *("id", "path", "state", "error", "message", "people", "checks_failed"),
+    *("save", "folder", *(f"usable_{mark}" for mark in MARKS)),
 )
 """Columns of a photo's row that its card needs."""
 
@@ -110,7 +111,7 @@ def contact_sheet(cards: Sequence[Mapping[str, Any]], hidden: int = 0) -> Iterat
     Args:
         cards: of photos: name (its id), title, link, lacks_page (whether its page can still be
             written), thumbnail (base64 JPEG, or its file), state, error, message,
-            grade, trust, people, checks.
+            usable (mark -> number of people), people, checks.
         hidden: number of photos that are not on the page; the page states it.
     """
     from physic_core.judge import CHECKS
@@ -218,8 +219,7 @@ def _photo_card(out: Path, row: Mapping[str, Any], above: str) -> dict[str, Any]
         "state": row["state"],
         "error": row.get("error", ""),
         "message": message.removeprefix(f"{title}: "),
-        "grade": row.get("grade", ""),
-        "trust": row.get("trust"),
+        "usable": {mark: int(row.get(f"usable_{mark}") or 0) for mark in MARKS},
         "people": int(row.get("people") or 0) if done else None,
         "checks": str(row.get("checks_failed", "")).split(),
     }
@@ -233,7 +233,7 @@ def _result_card(folder: Path, result: Path) -> dict[str, Any]:
         "link": result_link(folder, result),
         "thumbnail": "",
     }
-    card |= {"error": "", "message": "", "grade": "", "trust": None, "people": 0, "checks": []}
+    card |= {"error": "", "message": "", "usable": {}, "people": 0, "checks": []}
     try:
         record = read_record(result)
         thumbnail = _photo_base64(result)
@@ -245,8 +245,9 @@ def _result_card(folder: Path, result: Path) -> dict[str, Any]:
         }
     failed = list(dict.fromkeys(check.name for check in record.checks if check.failed))
     card |= {
-        "grade": str(record.grade or ""),
-        "trust": record.trust,
+        "usable": {
+            mark: sum(is_usable(row[f"trust_{mark}"]) for row in record.rows) for mark in MARKS
+        },
         "checks": failed,
         "people": len(record.rows),
         "thumbnail": thumbnail,

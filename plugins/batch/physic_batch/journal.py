@@ -35,7 +35,7 @@ from physic_core.files import (
     to_json,
 )
 from physic_core.io.result_folder import PEOPLE_TABLE
-from physic_core.types import MARKS, PERSON_COLUMNS, SUMMARY_KEYS
+from physic_core.types import MARKS, PERSON_COLUMNS, SUMMARY_COLUMNS
 
 if TYPE_CHECKING:
     from physic_batch.photos import Shard
@@ -44,8 +44,6 @@ COLUMNS: Mapping[str, str] = {
     "id": "of the photo",
     "path": "absolute path of the photo",
     "state": '"done" or "failed"',
-    "grade": "of the result: good, doubtful or bad",
-    "trust": "probability that all main people are right; empty without people",
     "checks_failed": "names of the failed self-checks, separated by spaces",
     "error": "class of the error; empty if done",
     "message": "of the error",
@@ -79,7 +77,7 @@ table has it.
 
 _PEOPLE_START = f', "{PEOPLE_COLUMN}": '.encode()  # the last entry of its line
 _ALWAYS = ("id", "state", "config", "finished")
-NUMBERS = ("trust", "seconds", "peak_mb", "attempts", "run")
+NUMBERS = ("seconds", "peak_mb", "attempts", "run")
 """Columns of every row that are numbers; the others are texts."""
 
 _FINITE = (*NUMBERS, "people")
@@ -92,11 +90,11 @@ _TABLE = "summary.csv"
 _BEFORE_NUMBERS = tuple(COLUMNS)[: tuple(COLUMNS).index("seconds")]
 # CSV has no comments: the mark is the start of the first line, which is the same in every version.
 _MARK = "id,path,state,"
-_PEOPLE_COLUMNS = ("id", "path", *(name for name in PERSON_COLUMNS if name != "id"))
+_PEOPLE_COLUMNS = ("id", "path", *PERSON_COLUMNS)
 _PEOPLE_MARK = "id,path,person,"
 _PEOPLE_TEXTS = (
-    *("id", "path", "grade", *(f"grade_{mark}" for mark in MARKS), "why", "posture"),
-    *("contacts", "assumed", "unseen"),
+    *("id", "path"),
+    *(name for name, column in PERSON_COLUMNS.items() if column.is_text),
 )
 
 
@@ -215,15 +213,13 @@ class JournalIndex:
                     if row is None:
                         self.damaged += 1
                     elif row["run"] >= self._last.get(row["id"], (0,))[0]:
-                        trust = row.get("trust")
-                        mistrust = -trust if isinstance(trust, float) else 1.0
                         keys = tuple(row)
                         keys = names.setdefault(keys, keys)
-                        self._last[row["id"]] = (row["run"], mistrust, path, start, keys)
+                        self._last[row["id"]] = (row["run"], -_usable_share(row), path, start, keys)
                     start += len(line)
 
     def ids(self) -> list[str]:
-        """Return the ids, the most trusted first and those without trust last."""
+        """Return the ids, those with the largest share of usable marks first."""
         return sorted(self._last, key=lambda name: self._last[name][1:4])
 
     def columns(self) -> set[str]:
@@ -255,6 +251,15 @@ class JournalIndex:
                 found = _row(files[path].readline(), with_people=with_people)
                 self.damaged += found is None
                 yield found
+
+
+def _usable_share(row: Mapping[str, Any]) -> float:
+    """Return the share of marks of people that are usable; -1 for a photo without people."""
+    people = row.get("people")
+    if not isinstance(people, int) or not people:
+        return -1.0
+    counts = (row.get(f"usable_{mark}") for mark in MARKS)
+    return sum(one for one in counts if isinstance(one, int)) / (len(MARKS) * people)
 
 
 def read_journals(folder: Path, columns: Iterable[str] | None = None) -> dict[str, dict[str, Any]]:
@@ -344,14 +349,16 @@ def all_columns() -> tuple[str, ...]:
     """Return the columns that tables can have, in their order."""
     from physic_core.judge import CHECKS
 
-    return _ordered_columns({*SUMMARY_KEYS, *(f"check_{name}" for name in CHECKS)} - COLUMNS.keys())
+    return _ordered_columns(
+        {*SUMMARY_COLUMNS, *(f"check_{name}" for name in CHECKS)} - COLUMNS.keys()
+    )
 
 
 def _ordered_columns(numbers: Set[str]) -> tuple[str, ...]:
-    """Return the columns of a table: the photo and its grade, the numbers of its result, time,
+    """Return the columns of a table: the photo, the numbers of its result, time,
     memory and files, and at the end the values of the checks, by name.
     """
-    known = (name for name in SUMMARY_KEYS if name in numbers)
+    known = (name for name in SUMMARY_COLUMNS if name in numbers)
     return tuple(dict.fromkeys((*_BEFORE_NUMBERS, *known, *COLUMNS, *sorted(numbers))))
 
 
@@ -373,8 +380,8 @@ def write_tables(out: Path, index: JournalIndex | None = None) -> list[Path]:
     """Write ``summary.csv``, one row for each photo, and ``people.csv``, one for each person;
     where pyarrow is installed, both also as Parquet. Return their paths.
 
-    Photos with the highest trust come first. Numbers of results are empty for failed photos. People
-    are in the order of the photos' rows. Texts of CSV are those of
+    Photos with the largest share of usable marks come first. Numbers of results are empty for
+    failed photos. People are in the order of the photos' rows. Texts of CSV are those of
     :func:`physic_core.files.text.csv_writer`.
 
     Args:

@@ -209,7 +209,6 @@ class PhotoProcessor:
             "checks_failed": " ".join(failed),
             "peak_mb": peak_memory_mb(),
             **{name: value for name, value in summary.items() if name != "seconds"},
-            "grade": str(result.grade or ""),
             PEOPLE_COLUMN: person_rows(result),
         }
 
@@ -273,7 +272,7 @@ def base_row(job: BatchJob, item: PhotoItem) -> dict[str, Any]:
         "result": run_of_result(Path(job.out, photo_folder(item.id))) if job.save != "none" else "",
         "version": job.version,
         "plugins": job.plugins,
-        **dict.fromkeys(("trust", "peak_mb", "run")),
+        **dict.fromkeys(("peak_mb", "run")),
     }
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from starlette.applications import Starlette
 from starlette.datastructures import Headers, MutableHeaders, UploadFile
@@ -22,7 +22,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.templating import Jinja2Templates
 
 from physic_core.pictures import REPORT_FILE
-from physic_core.types import trust_text
+from physic_core.types import MARKS, usable_text
 from physic_serve.jobs import Job, Jobs
 
 if TYPE_CHECKING:
@@ -62,7 +62,16 @@ _COOKIE = "physic-results"
 _MOST_LISTED = 100
 _LONGEST_TITLE = 100  # characters
 _TEMPLATES = Jinja2Templates(str(files("physic_serve") / "templates"))
-_TEMPLATES.env.filters["trust"] = trust_text
+
+
+def _usable(summary: Mapping[str, Any]) -> str:
+    """Return the usable marks of a finished job in words; "" of another job."""
+    if "people" not in summary:
+        return ""
+    return usable_text({name: summary[f"usable_{name}"] for name in MARKS}, summary["people"])
+
+
+_TEMPLATES.env.filters["usable"] = _usable
 
 
 def make_app(jobs: Jobs, hosts: Collection[str], examples: Mapping[str, Path]) -> Starlette:

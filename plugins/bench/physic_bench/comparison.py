@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -21,7 +21,15 @@ from physic_batch.process import WITHOUT_EFFECT
 from physic_core.body import JOINT_NAMES
 from physic_core.errors import InputError
 from physic_core.io.result_folder import is_result, photo_identity_of_result
-from physic_core.types import Grade, Person, grade_text, part_words, pelvis_distance_m
+from physic_core.types import (
+    MARKS,
+    Person,
+    is_usable,
+    marks_text,
+    part_words,
+    pelvis_distance_m,
+    usable_text,
+)
 from physic_testing.metrics import BODY_JOINTS, match_by_masks, scene_error
 from physic_visual.palette import contact_label
 
@@ -30,8 +38,8 @@ if TYPE_CHECKING:
 
 HEAD = (
     "photo, person",
-    "grade A",
-    "grade B",
+    "usable in A",
+    "usable in B",
     "distance A",
     "distance B",
     "joints",
@@ -43,6 +51,9 @@ TRUST_NOISE = 0.06
 """Change of a probability that says nothing: the largest median by which the same photo, mirrored,
 grey or scaled, moves it (docs/checks.md).
 """
+
+Marks: TypeAlias = Mapping[str, float | None]
+"""Name -> probability that it is right."""
 
 PICTURE_HEIGHT = 320
 """Height of the pictures on the page, px."""
@@ -76,7 +87,7 @@ class PersonPair:
 
     Attributes:
         index: of the person in each result; None in the one that has no such person.
-        grade: of the person, with its probability.
+        marks: probability that each is right, by name.
         distance_m: of the pelvis from the camera.
         joints: how far the joints are apart; None without two bodies.
         pose: the same with both pelvises in one place.
@@ -86,7 +97,7 @@ class PersonPair:
     """
 
     index: tuple[int | None, int | None]
-    grade: tuple[str | None, str | None]
+    marks: tuple[Marks | None, Marks | None]
     distance_m: tuple[float | None, float | None]
     joints: JointDifference | None
     pose: JointDifference | None
@@ -102,7 +113,7 @@ class Comparison:
         photo: name of the photo, or of the folder of A if that is not known.
         changed: backends, settings and versions that differ, such as "inpainter: embedded ->
             telea", after a sentence about photos that differ.
-        grade: of each result, with its probability.
+        usable: for how many people of each result the marks are usable, in words.
         focal_px: focal length of each camera.
         depth_m: median depth of each scene, over the pixels that both know; None without such
             pixels.
@@ -112,7 +123,7 @@ class Comparison:
 
     photo: str
     changed: tuple[str, ...]
-    grade: tuple[str | None, str | None]
+    usable: tuple[str, str]
     focal_px: tuple[float, float]
     depth_m: tuple[float | None, float | None]
     depth_difference: float | None
@@ -166,7 +177,7 @@ def compare_results(a: Reconstruction, b: Reconstruction, name: str = "") -> Com
     return Comparison(
         photo=a.photo_name or b.photo_name or name,
         changed=_changes(a, b),
-        grade=(_grade_text(a), _grade_text(b)),
+        usable=(_usable(a), _usable(b)),
         focal_px=(a.intrinsics.fx, b.intrinsics.fx),
         depth_m=(_median(depths[0]), _median(depths[1])),
         depth_difference=error.depth_relative_median
@@ -177,11 +188,11 @@ def compare_results(a: Reconstruction, b: Reconstruction, name: str = "") -> Com
 
 
 def table_rows(photo: Comparison) -> list[tuple[str, ...]]:
-    """Return the rows of a photo, with the columns of :data:`HEAD`: its grades, the median depth of
+    """Return the rows of a photo, with the columns of :data:`HEAD`: its people, the median depth of
     its scene, and one of each person.
     """
     rows = [
-        (photo.photo, *_grades(photo.grade), "", "", "", "", ""),
+        (photo.photo, *photo.usable, "", "", "", "", ""),
         ("  median depth of the scene", "", "", *map(_metres, photo.depth_m), "", "", ""),
     ]
     for person in photo.people:
@@ -194,7 +205,9 @@ def table_rows(photo: Comparison) -> list[tuple[str, ...]]:
             f"only {name}: {text}" for name, text in zip("AB", own, strict=True) if text
         )
         distances = map(_metres, person.distance_m)
-        rows.append((f"  {_title(person)}", *_grades(person.grade), *distances, *joints, contact))
+        rows.append(
+            (f"  {_title(person)}", *_mark_texts(person.marks), *distances, *joints, contact)
+        )
     return rows
 
 
@@ -229,15 +242,14 @@ def summary_lines(
         f"{sum(person.index[1] is None for person in people)}; "
         f"only in B: {sum(person.index[0] is None for person in people)}"
     ]
-    for what, grades in (
-        ("photos", [one.grade for one in photos]),
-        ("people", [one.grade for one in pairs]),
-    ):
-        steps = Counter(map(_grade_change, grades))
-        if graded := [
-            f"{steps[step]} {step}" for step in ("better", "worse", "the same") if steps[step]
-        ]:
-            lines.append(f"grades of {what} in B: {', '.join(graded)}")
+    steps = Counter(step for person in pairs for _, step in _mark_changes(person.marks))
+    if steps:
+        lines.append(
+            "marks of people in B: "
+            + ", ".join(
+                f"{steps[step]} {step}" for step in ("better", "worse", "the same") if steps[step]
+            )
+        )
     if joints:
         lines.append(
             f"medians of people: joints {1000 * median(joints):.0f} mm, pose "
@@ -314,9 +326,9 @@ def _pair(
         pose = _difference(one.joints - one.joints[:1], other.joints - other.joints[:1])
     return PersonPair(
         index=(first, second),
-        grade=(
-            None if one is None else _grade_text(one),
-            None if other is None else _grade_text(other),
+        marks=(
+            None if one is None else one.marks,
+            None if other is None else other.marks,
         ),
         distance_m=(
             None if one is None else pelvis_distance_m(one),
@@ -439,10 +451,8 @@ def _median(depths: FloatArray) -> float | None:
     return float(np.median(depths)) if len(depths) else None
 
 
-def _grade_text(one: Person | Reconstruction) -> str | None:
-    if one.grade is None:
-        return None
-    return grade_text(one.grade, one.trust, one.marks if isinstance(one, Person) else None)
+def _usable(result: Reconstruction) -> str:
+    return usable_text(result.usable, len(result.people))
 
 
 def _title(person: PersonPair) -> str:
@@ -454,26 +464,33 @@ def _title(person: PersonPair) -> str:
     )
 
 
-def _grades(pair: tuple[str | None, str | None]) -> tuple[str, str]:
-    return pair[0] or "-", pair[1] or "-"
+def _mark_texts(pair: tuple[Marks | None, Marks | None]) -> tuple[str, str]:
+    one, other = ("-" if marks is None else marks_text(marks) for marks in pair)
+    return one, other
 
 
 def _metres(value: float | None) -> str:
     return "-" if value is None else f"{value:.2f} m"
 
 
-def _grade_change(grade: tuple[str | None, str | None]) -> str:
-    """Return in words how the grade of B compares to that of A; "" where one has none. Within
-    TRUST_NOISE of the probability they are the same.
+def _mark_changes(pair: tuple[Marks | None, Marks | None]) -> Iterator[tuple[str, str]]:
+    """Yield each mark that both results have, and in words how that of B compares to that of A.
+    Within TRUST_NOISE of the probability they are the same.
     """
-    if None in grade:
-        return ""
-    parts = [str(one).partition(";")[0].partition(", ") for one in grade]
-    before, after = (list(Grade).index(Grade(name)) for name, _, _ in parts)
-    apart = [float(trust) for _, _, trust in parts if trust]
-    if after == before or (len(apart) == 2 and round(abs(apart[1] - apart[0]), 2) <= TRUST_NOISE):
-        return "the same"
-    return "better" if after < before else "worse"
+    one, other = pair
+    if one is None or other is None:
+        return
+    for name in MARKS:
+        before, after = one[name], other[name]
+        if before is None or after is None:
+            continue
+        same = is_usable(before) == is_usable(after) or abs(after - before) <= TRUST_NOISE
+        yield name, "the same" if same else "better" if after > before else "worse"
+
+
+def _change_text(pair: tuple[Marks | None, Marks | None]) -> str:
+    changed = [f"{name} {step}" for name, step in _mark_changes(pair) if step != "the same"]
+    return ", ".join(changed)
 
 
 def _distance_change(metres: float) -> str:
@@ -488,13 +505,13 @@ def _sections(photo: Comparison) -> Iterator[tuple[str, Sequence[tuple[Any, ...]
     a, b = photo.depth_m
     ratio = f"x {b / a:.2f}" if a and b else ""
     depth = ("median depth of the scene", _metres(a), _metres(b), ratio)
-    yield "Photo", [("grade", *_grades(photo.grade), _grade_change(photo.grade)), depth]
+    yield "Photo", [("usable", *photo.usable, ""), depth]
     for person in photo.people:
         one, other = person.distance_m
         further = "" if one is None or other is None else _distance_change(other - one)
         differences = {"joints": person.joints, "pose": person.pose}
         rows = [
-            ("grade", *_grades(person.grade), _grade_change(person.grade)),
+            ("usable", *_mark_texts(person.marks), _change_text(person.marks)),
             ("distance", _metres(one), _metres(other), further),
             *(
                 (name, "", "", str(value))

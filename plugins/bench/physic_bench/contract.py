@@ -6,7 +6,7 @@ Lengths are metres and pixels. A camera frame is OpenCV's: x right, y down, z fo
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -65,7 +65,7 @@ class BenchPerson:
         topology: name of the mesh ("smplx", "smpl"); "" without vertices.
         contact: (V,) bool.
         contact_topology: name of the mesh of ``contact``.
-        grade: of a result, "" without.
+        marks: probabilities of a result that pose, place, contact and size are right.
     """
 
     name: str = "0"
@@ -76,7 +76,7 @@ class BenchPerson:
     topology: str = ""
     contact: Array | None = None
     contact_topology: str = ""
-    grade: str = ""
+    marks: Mapping[str, float | None] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -68,7 +68,7 @@ def _person(person: Person, result: Reconstruction) -> BenchPerson:
         topology=topology,
         contact=contact,
         contact_topology=topology,
-        grade=str(person.grade or ""),
+        marks=person.marks,
     )
 
 

@@ -161,7 +161,7 @@ def score_frame(
             record |= _floor_errors(truth, prediction)
         if prediction is not None and row in matched:
             found = prediction.people[matched[row]]
-            record["grade"] = found.grade
+            record["marks"] = dict(found.marks)
             record |= pose_errors(found, person, files, record["unmeasured"])
             record |= contact_errors(found, contacts, files, record["unmeasured"])
             record |= _scene_errors(frame, truth, found, contacts, files)

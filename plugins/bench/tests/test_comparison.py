@@ -13,14 +13,16 @@ from physic_bench.comparison import changed_lines, compare_results, pair_results
 from physic_core import save_reconstruction
 from physic_core.body import JOINT_NAMES
 from physic_core.configuration.model import load_config
-from physic_core.types import BodyContact, ContactPartner, Grade
+from physic_core.types import BodyContact, ContactPartner
 
 HAND = BodyContact("left_hand", ContactPartner("scene", "table", 3), 0.9, 40)
 
 
 @pytest.fixture
 def result(make):
-    return make()
+    """Two people whose place is usable."""
+    made = make()
+    return replace(made, people=tuple(replace(one, trust_place=0.9) for one in made.people))
 
 
 @pytest.fixture
@@ -33,7 +35,7 @@ def other(result):
         second,
         joints=second.joints + np.float32([0, 0, 0.3]),
         contacts=(*second.contacts, HAND),
-        grade=Grade.BAD,
+        trust_place=0.2,
     )
     scene = replace(result.scene, points=result.scene.points * np.float32(1.1))
     return replace(result, people=(moved, first), scene=scene)
@@ -50,7 +52,7 @@ def test_people_are_matched_by_their_masks(result, other):
     assert moved.joints.mean_m == pytest.approx(0.3, abs=1e-5)
     assert moved.pose.mean_m == pytest.approx(0, abs=1e-5)
     assert moved.contacts == (("left foot: floor",), ("left foot: floor", "left hand: table"))
-    assert moved.grade == ("doubtful", "bad")
+    assert [one["place"] for one in moved.marks] == [0.9, 0.2]
     away = [np.linalg.norm(one.people[index].joints[0]) for one, index in ((result, 1), (other, 0))]
     assert moved.distance_m == pytest.approx(away)
     depths = result.scene.points[result.scene.valid, 2]
@@ -114,14 +116,11 @@ def test_a_person_without_a_body_has_no_joints_to_compare(result):
     assert (person.joints, person.pose, person.distance_m[1]) == (None, None, None)
 
 
-@pytest.mark.parametrize(("trust", "said"), [(0.75, "2 the same"), (0.7, "1 worse, 1 the same")])
-def test_a_grade_has_changed_only_beyond_the_noise_of_the_probability(result, trust, said):
+@pytest.mark.parametrize(("trust", "said"), [(0.69, "2 the same"), (0.6, "1 worse, 1 the same")])
+def test_a_mark_has_changed_only_beyond_the_noise_of_the_probability(result, trust, said):
     first, *rest = result.people
-    a, b = (
-        replace(result, people=(replace(first, grade=Grade.of(p), trust=p), *rest))
-        for p in (0.8, trust)
-    )
-    assert f"grades of people in B: {said}" in summary_lines([compare_results(a, b)], ((), ()))
+    a, b = (replace(result, people=(replace(first, trust_place=p), *rest)) for p in (0.74, trust))
+    assert f"marks of people in B: {said}" in summary_lines([compare_results(a, b)], ((), ()))
 
 
 def test_change_of_given_bodies_is_told(result):
@@ -154,9 +153,11 @@ def test_the_command_prints_a_table_or_json(saved, physic):
     done = physic("compare", *saved)
     assert done.exit_code == 0, done.output
     row = next(line for line in done.output.splitlines() if "only B: left hand: table" in line)
-    assert re.search(r"person 1 of A, 0 of B +doubtful +bad +3.84 m +4.14 m +300 mm \(", row)
+    assert re.search(
+        r"person 1 of A, 0 of B +place usable +place doubtful +3.84 m +4.14 m +300 mm \(", row
+    )
     assert "beach.jpg" in done.output
-    assert "grades of people in B: 1 worse, 1 the same" in done.output
+    assert "marks of people in B: 1 worse, 1 the same" in done.output
     data = json.loads(physic("compare", *saved, "--json").output)
     assert data["photos"][0]["people"][1]["joints"]["mean_m"] == pytest.approx(0.3, abs=1e-4)
     assert data["only_a"] == data["only_b"] == []

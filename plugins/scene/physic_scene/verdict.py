@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.judge import CheckSpec, capped, limb_keypoint_error
-from physic_core.types import Grade
 from physic_scene.matching import answer_cost
 
 if TYPE_CHECKING:
@@ -77,20 +76,30 @@ class SolvedView:
 
 
 def with_checks(result: Reconstruction, checks: Sequence[CheckResult]) -> Reconstruction:
-    """Return a result with checks of its photos, their warnings, and the grade that is left.
+    """Return a result with checks of its photos, their warnings, and the trust that is left.
 
-    A failed check caps the probability as one of a single photo does. One that fails in several
-    photos counts once.
+    A failed check contradicts the place of all people. One that fails in several photos counts
+    once.
     """
     failed = {check.name for check in checks if check.failed}
-    trust = None if result.trust is None else capped(result.trust, len(failed))
+    people = tuple(
+        replace(
+            person,
+            trust=_capped(person.trust, len(failed)),
+            trust_place=_capped(person.trust_place, len(failed)),
+        )
+        for person in result.people
+    )
     return replace(
         result,
         checks=(*result.checks, *checks),
         warnings=(*result.warnings, *(check.message for check in checks if check.failed)),
-        grade=Grade.of(trust),
-        trust=trust,
+        people=people,
     )
+
+
+def _capped(trust: float | None, failures: int) -> float | None:
+    return None if trust is None else capped(trust, failures)
 
 
 def checks_of_keypoints(

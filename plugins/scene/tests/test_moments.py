@@ -17,7 +17,6 @@ from physic_core import load_config, load_reconstruction
 from physic_core.body import load_body
 from physic_core.errors import ConfigError, InputError, OutputError, PhysicError
 from physic_core.interfaces import INTERFACES
-from physic_core.types import Grade
 from physic_scene import ScenePipeline
 from physic_scene.command import scene as command
 from physic_scene.output import save_scene
@@ -89,7 +88,7 @@ def test_the_reference_result_is_a_complete_reconstruction(solved, alone):
     assert len(result.people) == 2
     assert result.photo == alone[solved.reference].photo
     assert any(person.contact.any() for person in result.people)
-    assert all(person.grade is not None for person in result.people)
+    assert all(person.trust is not None for person in result.people)
     assert result.intrinsics.source == "solved from several photos"
     assert not result.intrinsics.known
 
@@ -193,7 +192,7 @@ def test_photos_without_a_common_person_are_refused_or_bad(solver, alone):
     except InputError as error:
         assert "no person of a.png can be where other.png shows one" in str(error)  # noqa: PT017
     else:
-        assert found.grade is Grade.BAD
+        assert not found.usable["place"]
         assert any(check.failed for check in found.checks if check.name == "view_agreement")
 
 
@@ -236,10 +235,8 @@ def test_a_camera_that_is_wrong_is_named(solved):
     )
     assert (wrong.failed, right.failed) == (True, False)
     assert f"not where {first.name} shows them" in wrong.message
-    doubtful = with_checks(
-        replace(solved.reconstruction, trust=0.9, grade=Grade.GOOD), [wrong, right]
-    )
-    assert doubtful.grade is Grade.DOUBTFUL
+    doubtful = with_checks(solved.reconstruction, [wrong, right])
+    assert not doubtful.usable["place"]
     assert wrong.message in doubtful.warnings
 
 
@@ -316,7 +313,7 @@ def test_the_command_writes_result_cameras_and_page(worlds, tmp_path, run):
     lines = done.stdout.splitlines()
     assert lines[0].split("  ")[0] == "photo"
     assert [line.split()[0] for line in lines[1:3]] == ["a.png", "b.png"]
-    assert any(line.startswith("grade: ") for line in lines)
+    assert any("usable for" in line for line in lines)
     assert f"results: {out}/" in lines
     assert f"page: {out / 'report.html'}" in lines
     assert any(

@@ -47,7 +47,7 @@ def test_a_person_of_other_photos_is_in_the_result(found, others):
     assert not other.box.any()
     assert np.isfinite(other.vertices).all()
     assert other.contact.any()
-    assert other.grade is not None
+    assert other.trust is not None
     assert tuple(photo.index for photo in found.photos if 3 in photo.shown) == others
     own = NAMES[found.reference]
     views = ", ".join(NAMES[i] for i in others)

@@ -11,7 +11,7 @@ import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.geometry import transform_points
-from physic_core.types import grade_text
+from physic_core.types import usable_text
 from physic_export.meshes import person_meshes
 from physic_export.skins import skins_of
 from physic_visual.surface import is_near, scene_meshes, scene_reach
@@ -36,7 +36,7 @@ def export_rrd(request: ExportRequest) -> ExportedFiles:
     - ``world/backdrop``: what is farther, on a part of a sphere: direction only, distance unknown.
     - ``world/person_0``, ...: the bodies, at step "people" in the colours of the option ``skin``,
       at step "contact" in those of what they touch.
-    - ``result``: grade, warnings and notes as text.
+    - ``result``: usable marks, warnings and notes as text.
     """
     import rerun as rr
 
@@ -108,7 +108,7 @@ def _text(request: ExportRequest) -> str:
     result = request.result
     return "\n".join(
         (
-            f"grade: {grade_text(result.grade, result.trust)}",
+            usable_text(result.usable, len(result.people)),
             repr(result),
             *result.warnings,
             *result.notes,

@@ -16,7 +16,7 @@ from PIL import Image, ImageDraw
 from PIL.PngImagePlugin import PngInfo
 
 from physic_core.files import MARK
-from physic_core.types import Grade, grade_text, metres_text
+from physic_core.types import in_words, metres_text
 from physic_visual.numbers import draw_numbers, heads_in_photo
 from physic_visual.palette import (
     CONTACT_PALETTE,
@@ -56,12 +56,6 @@ if TYPE_CHECKING:
 
 _BOX_RGB = (255, 214, 64)
 _DASH_PX = 7
-_GRADE_RGB = {
-    Grade.GOOD: (28, 122, 70),
-    Grade.DOUBTFUL: (150, 96, 10),
-    Grade.BAD: (178, 48, 34),
-    None: INK_RGB,
-}
 
 _Box = tuple[float, float, float, float]
 
@@ -160,19 +154,18 @@ def preview_image(reconstruction: Reconstruction) -> Image.Image:
 def _draw_person(
     page: Image.Image, spot: tuple[int, int], reconstruction: Reconstruction, index: int
 ) -> None:
-    """Draw number, grade and distance of a person, and below them front, back and soles with their
-    contact.
+    """Draw number, usable marks and distance of a person, and below them front, back and soles with
+    their contact.
     """
     x, y = spot
     person = reconstruction.people[index]
     pen = ImageDraw.Draw(page)
     draw_person_number(pen, x + 12, y + 12, index)
     distance = float(np.linalg.norm(person.joints[0]))
-    facts = [grade_text(person.grade, person.trust)] if person.grade else []
+    facts = [f"{in_words(person.usable)} usable"] if person.usable else []
     if np.isfinite(distance):
         facts.append(metres_text(distance, reconstruction.distance_sigmas[index], 1))
-    color = _GRADE_RGB[person.grade]
-    draw_text(pen, (x + 32, y + 12), "  ·  ".join(facts), 16, color, "lm")
+    draw_text(pen, (x + 32, y + 12), "  ·  ".join(facts), 16, INK_RGB, "lm")
     figures = render_contact_views(reconstruction, index, _CELL, _FIGURE - 8)
     page.paste(Image.fromarray(figures), (x, y + _CAPTION))
     for place, name in enumerate(CONTACT_VIEWS):

@@ -43,15 +43,10 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path, mon
     assert (rows["broken.jpg"]["people"], rows["broken.jpg"]["state"]) == ("", "failed")
     with Path("out/people.csv").open(newline="") as file:
         (person,) = csv.DictReader(file)
-    assert (person["id"], person["person"], person["main"]) == (
-        rows["stand.png"]["id"],
-        "0",
-        "True",
-    )
+    assert (person["id"], person["person"]) == (rows["stand.png"]["id"], "0")
     assert float(person["distance_m"]) > 1
     table = pq.read_table("out/people.parquet")
     assert table.column_names == list(person)
-    assert table["main"].to_pylist() == [True]
     assert table["distance_m"].to_pylist() == [float(person["distance_m"])]
     assert 1.4 < float(person["stature_m"]) < 2.1
     people = Path("out", rows["stand.png"]["folder"], "reconstruction.npz")

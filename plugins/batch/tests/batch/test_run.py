@@ -184,7 +184,7 @@ def test_the_last_row_of_an_id_counts_and_torn_lines_do_not(tmp_path):
         ("files", "3"),
         ("people_rows", '"abc"'),
         ("people_rows", "[1]"),
-        ("trust", '"high"'),
+        ("seconds", '"high"'),
         ("run", "[]"),
         ("people", "{}"),
         ("stamp", "null"),
@@ -196,12 +196,12 @@ def test_a_row_with_a_value_of_another_type_or_that_is_not_finite_is_skipped_and
     tmp_path, name, value
 ):
     with Journal(tmp_path / "journal.jsonl") as journal:
-        journal.append(row("a", trust=0.5))
+        journal.append(row("a", seconds=0.5))
     with (tmp_path / "journal.jsonl").open("a") as file:
-        line = json.dumps(row("a", trust=0.9, run=1) | {name: "VALUE"})
+        line = json.dumps(row("a", seconds=0.9, run=1) | {name: "VALUE"})
         file.write(line.replace('"VALUE"', value) + "\n")
     index = JournalIndex(journal_files(tmp_path))
-    assert [found and found["trust"] for found in index.rows(["a"])] in ([0.5], [None])
+    assert [found and found["seconds"] for found in index.rows(["a"])] in ([0.5], [None])
     assert index.damaged == 1
     write_tables(tmp_path)
     write_contact_sheet(tmp_path)
@@ -218,11 +218,12 @@ def test_of_several_journals_the_later_run_counts_whatever_its_clock_says(tmp_pa
     assert found["both"]["value"] == 1
 
 
-def test_tables_begin_with_the_photo_of_the_highest_trust(tmp_path):
-    trusts = {"doubtful": 0.6, "failed": None, "good": 0.9, "bad": 0.1}
+def test_tables_begin_with_the_photo_of_most_usable_marks(tmp_path):
+    trusts = {"doubtful": 2, "failed": None, "good": 4, "bad": 1}
     with Journal(tmp_path / "journal.jsonl") as journal:
         for name, trust in trusts.items():
-            journal.append(row(name, trust=trust))
+            people = {} if trust is None else {"people": 1, "usable_place": trust}
+            journal.append(row(name, **people))
     with write_tables(tmp_path)[0].open(newline="", encoding="utf-8") as file:
         assert [found["id"] for found in csv.DictReader(file)] == [
             "good",

@@ -46,7 +46,7 @@ def batch(result, tmp_path):
     return out
 
 
-def test_columns_are_photo_grade_sizes_costs_files_and_checks_in_one_order(tmp_path):
+def test_columns_are_photo_sizes_costs_files_and_checks_in_one_order(tmp_path):
     row = dict.fromkeys(reversed(all_columns()), "") | {
         "id": "one",
         "state": "done",
@@ -56,7 +56,7 @@ def test_columns_are_photo_grade_sizes_costs_files_and_checks_in_one_order(tmp_p
         journal.append(row)
     header = write_tables(tmp_path)[0].read_text().splitlines()[0].split(",")
     assert header == list(all_columns())
-    assert header[:6] == ["id", "path", "state", "grade", "trust", "checks_failed"]
+    assert header[:4] == ["id", "path", "state", "checks_failed"]
     places = [
         "people",
         "nearest_person_m",

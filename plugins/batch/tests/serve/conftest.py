@@ -29,9 +29,7 @@ class ScriptedWorker:
     def write(self, task):
         for name in ("preview.png", "report.html", "combined.glb", "other.ply"):
             (task.folder / name).write_text(name)
-        return Message(
-            "done", {"grade": "good", "missing_exports": {"mjcf": "the result has no floor"}}
-        )
+        return Message("done", {"missing_exports": {"mjcf": "the result has no floor"}})
 
     def reconstruct(self, task):
         self.tasks.append(task)

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from physic_core.geometry import gltf_from_camera
-from physic_core.types import grade_text, main_people, summarize_checks
+from physic_core.types import main_people, summarize_checks, usable_text
 from physic_visual.palette import (
     CAMERA_RGB,
     CONTACT_PALETTE,
@@ -44,8 +44,7 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
     people = reconstruction.people
     contents = {
         "title": title,
-        "grade": None if reconstruction.grade is None else str(reconstruction.grade),
-        "graded": grade_text(reconstruction.grade, reconstruction.trust),
+        "usable": usable_text(reconstruction.usable, len(people)),
         "summary": repr(reconstruction).removeprefix("Reconstruction(").removesuffix(")"),
         "checked": summarize_checks(reconstruction.checks),
         "distance_sigma": reconstruction.distance_sigma,

@@ -9,7 +9,7 @@ import numpy as np
 
 from physic_core.body import PART_NAMES
 from physic_core.geometry import vertex_areas
-from physic_core.types import grade_text, part_words, partner_titles
+from physic_core.types import marks_text, part_words, partner_titles
 from physic_visual.palette import contact_color, contact_colors, person_color, person_tint
 from physic_visual.rig import body_at_hand
 
@@ -32,7 +32,7 @@ def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
     Returns:
         For each person:
 
-        - ``grade``: of :class:`physic_core.types.Grade`, or None. ``graded``: it in words.
+        - ``marks``: which marks are usable, in words.
         - ``why``: sentence on what lowers the probability.
         - ``box``: x0 y0 x1 y1 px, or None if the photo does not show the person.
         - ``color``: of the person's number, sRGB. ``tint``: of the body, sRGB.
@@ -74,8 +74,7 @@ def _record(
     pelvis = np.asarray(person.joints[_PELVIS], np.float64)
     body = model if posed else None
     return {
-        "grade": None if person.grade is None else str(person.grade),
-        "graded": grade_text(person.grade, person.trust, person.marks),
+        "marks": marks_text(person.marks),
         "why": person.why,
         "box": [float(edge) for edge in person.box] if person.mask.any() else None,
         "color": person_color(index),

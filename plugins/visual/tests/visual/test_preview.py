@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from PIL import Image, ImageDraw
 
 from physic_core.geometry import RayCaster
-from physic_core.types import Grade, Intrinsics, UnposedPerson
+from physic_core.types import Intrinsics, UnposedPerson
 from physic_visual.palette import person_color
 from physic_visual.panels import (
     CONTACT_VIEWS,
@@ -272,7 +272,7 @@ def test_a_crowd_and_broken_bodies_do_not_break_the_preview(make):
 def test_the_name_of_the_photo_is_the_title_and_each_person_has_a_caption(make):
     before = make(people=2)
     page = np.asarray(preview_image(before))
-    person = replace(before.people[1], grade=Grade.BAD, trust=0.21)
+    person = replace(before.people[1], trust_place=0.91)
     for changes, rows, columns in (
         ({"photo_name": "couple.jpg"}, slice(0, 60), slice(None)),
         ({"people": (before.people[0], person)}, slice(700, None), slice(420, 840)),

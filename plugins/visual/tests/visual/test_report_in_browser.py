@@ -373,8 +373,8 @@ def test_the_photo_is_that_of_the_result_with_bodies_over_it_and_a_click_selects
     assert page.evaluate("document.querySelector('.chips [aria-pressed=true]')") is None
 
 
-def test_grade_warnings_checks_and_licences_are_on_the_page(page):
-    assert text(page, "#grade") == "grade: bad, 0.04"
+def test_usable_marks_warnings_checks_and_licences_are_on_the_page(page):
+    assert "usable for" in text(page, "#usable")
     assert ODD.split("\u2028")[0].strip() in text(page, "#remarks")
     checks = text(page, "#checks")
     assert "Floor mask: no (must be yes)" in checks

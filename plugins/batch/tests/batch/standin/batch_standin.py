@@ -20,7 +20,6 @@ class Result:
     checks = ()
     people = ()
     distance_sigmas = ()
-    grade = "good"
     photo = "sha256:0 pixels-sha256:1"
 
     def __init__(self, path):

@@ -81,9 +81,7 @@ function connect(stage, panel, select) {
 
 async function start() {
   const data = JSON.parse(byId("data").textContent);
-  const badge = byId("grade");
-  badge.textContent = `grade: ${data.graded}`;
-  badge.classList.add(data.grade ?? "soft");
+  byId("usable").textContent = data.usable;
   const byFocal = data.distance_sigma > data.scale_sigma
     ? `distances from the camera ±${(100 * data.distance_sigma).toFixed(0)} % by focal length and scale, ` : "";
   byId("summary").textContent = (byFocal + data.summary).replaceAll(" %", "\u00a0%");

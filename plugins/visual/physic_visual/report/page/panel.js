@@ -2,10 +2,6 @@
 
 const STATE_CLASS = { failed: "bad", unknown: "doubtful", ok: "good" };
 
-function gradeBadge(graded) {
-  return element("span", { className: `grade ${graded.grade ?? "soft"}`, textContent: graded.graded });
-}
-
 function showPeople(section, data, selected, onSelect) {
   const chips = data.people.map((person, index) => {
     const dot = element("span", { className: "dot" });
@@ -27,7 +23,8 @@ function showPeople(section, data, selected, onSelect) {
 
 function personCard(data, index) {
   const person = data.people[index], card = element("div", {});
-  const heading = element("div", { className: "row" }, element("h2", { textContent: `Person ${index}` }), gradeBadge(person));
+  const heading = element("div", { className: "row" }, element("h2", { textContent: `Person ${index}` }),
+    element("span", { textContent: person.marks }));
   const why = element("p", { className: "why", textContent: person.why });
   card.append(heading, why, ...checkList(data.checks.filter(check => check.person === index)));
   if (!person.posed) {
