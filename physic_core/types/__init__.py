@@ -44,7 +44,14 @@ from physic_core.types.contacts import (
 from physic_core.types.depth import AffineAmbiguity, DepthMap, Hints, Plane, Pointmap, SceneScale
 from physic_core.types.keypoint_table import KeypointTable
 from physic_core.types.known_sizes import KnownLength, KnownSizes
-from physic_core.types.observations import POSTURES, TOUCH_PARTS, TOUCHED, Observations
+from physic_core.types.observations import (
+    CHOICES,
+    POSTURES,
+    PROBABILITIES,
+    TOUCH_PARTS,
+    TOUCHED,
+    Observations,
+)
 from physic_core.types.people import (
     CARRIER_NAMES,
     SURFACE_NAMES,
@@ -99,12 +106,14 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CARRIER_NAMES",
+    "CHOICES",
     "MARKS",
     "NO_PARTNER",
     "PARTNER_KINDS",
     "PERSON_COLUMNS",
     "PER_PERSON",
     "POSTURES",
+    "PROBABILITIES",
     "SEEN_CONFIDENCE",
     "SIDES",
     "SKELETONS",

@@ -41,7 +41,7 @@ def results():
         keypoints(),
         Bodies(parameters, "smplx", rows(55), rows(55, 3), mesh, rows(22), rows(), rows(55)),
         Hands(rows(2, 15, 3), rows(2), rows(2, 3)),
-        Observations(*map(rows, (9, 5, 2, 2)), rows(), rows(), rows(3), rows(), *[None] * 4),
+        Observations(rows(9), rows(10, 5), rows(2), rows(), rows(), rows(3), rows(), *[None] * 3),
         ContactProbability(rows(4), "smpl"),
     )
 

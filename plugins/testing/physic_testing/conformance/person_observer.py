@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.body import angle_deg
-from physic_core.types import SIDES, TOUCH_PARTS, mirrored_order
-from physic_core.types.observations import CHOICES, PROBABILITIES
+from physic_core.types import CHOICES, PROBABILITIES, SIDES, TOUCH_PARTS, mirrored_order
 from physic_testing.conformance import truth as worlds
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.expect import CheckSkipped, expect
