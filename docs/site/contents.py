@@ -35,7 +35,6 @@ SECTIONS = {
     ],
     "Judge": [
         "docs/checks",
-        "docs/notes",
         "docs/evaluation",
         "benchmarks/README",
         "benchmarks/fits",
