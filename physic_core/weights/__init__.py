@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from physic_core.weights.find import format_size as format_size
     from physic_core.weights.find import locate_files as locate_files
     from physic_core.weights.find import presence as presence
+    from physic_core.weights.find import search_folders as search_folders
     from physic_core.weights.find import size_mismatches as size_mismatches
     from physic_core.weights.library import named_sets as named_sets
     from physic_core.weights.library import read_library as read_library
@@ -36,7 +37,7 @@ __all__ = ["WeightFile", "WeightSet", "fingerprint", "locate", "missing", "read_
 
 _NAMES = {
     "find": "common_folder describe_mismatch fingerprint format_size locate locate_files missing "
-    "presence size_mismatches",
+    "presence search_folders size_mismatches",
     "library": "named_sets read_library",
     "manifest": "HubSource WebSource WeightFile WeightSet read_manifest",
 }

@@ -13,7 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from physic_core.weights.find import search_folders
+from physic_core.weights import search_folders
 from physic_testing.conformance.check import Check
 from physic_testing.conformance.expect import CheckSkipped, expect, warn_unless
 from physic_testing.conformance.network_and_memory import resident_megabytes
