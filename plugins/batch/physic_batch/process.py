@@ -171,6 +171,8 @@ class PhotoProcessor:
                 return pipeline(path, settings=settings)
 
         self._reconstruct = reconstruct
+        # Now, as it imports the backends: in a photo, that would count in its time and its limit.
+        _ = job.plugins
 
     def __call__(self, item: PhotoItem) -> dict[str, Any]:
         """Reconstruct a photo, write its files, and return its row; errors of the photo become a
