@@ -110,12 +110,12 @@ def test_the_contact_sheet_is_one_file_that_needs_no_network(batch):
     cards = json.loads(data[1])
     assert [(card["name"], card["state"], card["people"]) for card in cards] == [
         ("one", "done", 2),
-        ("bad", "failed", None),
         ("two", "done", 2),
+        ("bad", "failed", None),
     ]
     assert cards[0]["thumbnail"].startswith("/9j/")
     assert len(cards[0]["thumbnail"]) < 40_000
-    assert [card["title"] for card in cards] == ["one.jpg", "bad.jpg", "two.jpg"]
-    assert cards[1]["message"] == "cannot read the photo bad.jpg: </script><b>&"
+    assert [card["title"] for card in cards] == ["one.jpg", "two.jpg", "bad.jpg"]
+    assert cards[2]["message"] == "cannot read the photo bad.jpg: </script><b>&"
     # a result of people alone has no page
     assert (cards[0]["link"], cards[0]["lacks_page"]) == ("", False)

@@ -29,7 +29,9 @@ class ScriptedWorker:
     def write(self, task):
         for name in ("preview.png", "report.html", "combined.glb", "other.ply"):
             (task.folder / name).write_text(name)
-        return Message("done", {"missing_exports": {"mjcf": "the result has no floor"}})
+        usable = {"usable_pose": 0, "usable_place": 2, "usable_contact": 1, "usable_size": 3}
+        missing = {"mjcf": "the result has no floor"}
+        return Message("done", {"people": 3, **usable, "missing_exports": missing})
 
     def reconstruct(self, task):
         self.tasks.append(task)

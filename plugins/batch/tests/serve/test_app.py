@@ -19,7 +19,8 @@ def test_a_photo_becomes_a_page_with_its_files(served):
     assert "Stop" in running
     served.release.set()
     done = served.wait(page, "Done")
-    assert '<span class="good">' in done
+    usable = "pose usable for 0 of 3 people, place for 2, contact for 1, size for 3"
+    assert f'<p role="status">Done: {usable}.</p>' in done
     assert "<title>&lt;b&gt;&amp;.jpg</title>" in done
     assert re.findall(r"download>([^<]+)", done) == [
         "combined.glb",
