@@ -152,10 +152,12 @@ def test_contact_is_an_attribute_and_no_colour(tree, result):
 
 
 def test_the_combined_file_shows_people_in_the_photo_s_colours_with_two_other_skins(
-    result, saved_pair
+    result, tmp_path
 ):
     gltf = pytest.importorskip("pygltflib").GLTF2()
-    tree = gltf.load(str(saved_pair / "combined.glb"))
+    # Of the result as loaded: rounding on saving moves vertices across the edge of a mask.
+    result.save(str(tmp_path / "out"), "pictures")
+    tree = gltf.load(str(tmp_path / "out" / "combined.glb"))
     variants = tree.extensions["KHR_materials_variants"]["variants"]
     assert [variant["name"] for variant in variants] == ["photo", "neutral", "contact"]
     dressed = dressed_bodies(result).people
