@@ -246,8 +246,8 @@ def lies(result: Reconstruction, person: int) -> bool:
 
 
 def _sure_carriers(who: Person) -> Measured:
-    """Return the probability of the least sure part that carries a person, 0 if none does; of feet,
-    hands, buttocks and back, if any is among them, since others are listed by distance.
+    """Return the probability of the least sure part that carries a person, 0 if none does; of parts
+    that the observer speaks of, if any is among them, since others are listed by distance.
     """
     likely = {}
     if who.support is not None and who.support.state != SupportState.UNBALANCED:

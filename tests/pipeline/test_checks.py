@@ -451,7 +451,7 @@ LYING = standing()[:, [0, 2, 1]]
 
 @pytest.mark.parametrize(("state", "value"), [("balanced", 0.8), ("unbalanced", 0.0)])
 def test_of_people_who_lie_the_least_sure_part_that_carries_them_is_asked(state, value):
-    sure = [("back", 0.9), ("seat", 0.8), ("left_lower_arm", 0.55), ("back", 0.51)]
+    sure = [("back", 0.9), ("seat", 0.8), ("left_upper_arm", 0.55), ("back", 0.51)]
     carriers = [BodyContact(part, ContactPartner("floor"), p, 20) for part, p in sure]
     support = Support(SupportState(state), tuple(carriers), 0.0, (0.0, 0.0, 0.0))
     result = case(joints=LYING, likely={"left_hand": 0.55, "seat": 0.9}, support=support)[1]

@@ -145,15 +145,17 @@ def test_a_backend_is_asked_twice_until_it_has_passed_the_kit(walk, monkeypatch)
 
 
 @pytest.mark.parametrize(
-    ("wrong", "words", "check"),
+    ("wrong", "words", "check", "placed"),
     [
-        (mistaken(*DEPTH, lambda z: 1000 * z), "is its unit millimetres", "depth_scale"),
-        (mistaken(*DEPTH, lambda z: z[:, ::-1]), "mirrored", "depth_order"),
-        (mistaken(*CONTACT, lambda p: 1 - p), "are they inverted", None),
-        (mistaken(*CONTACT, np.zeros_like), "0 everywhere", None),
+        (mistaken(*DEPTH, lambda z: 1000 * z), "is its unit millimetres", "depth_scale", 1),
+        (mistaken(*DEPTH, lambda z: z[:, ::-1]), "mirrored", "depth_order", 0),
+        (mistaken(*CONTACT, lambda p: 1 - p), "are they inverted", None, 1),
+        (mistaken(*CONTACT, np.zeros_like), "0 everywhere", None, 1),
     ],
 )
-def test_a_plausible_mistake_is_a_warning_that_names_the_backend(world, wrong, words, check):
+def test_a_plausible_mistake_is_a_warning_that_names_the_backend(
+    world, wrong, words, check, placed
+):
     found = reconstruct(world.image, "mock", backends=wrong)
     (interface,) = wrong
     (warning,) = (text for text in found.warnings if words in text)
@@ -161,4 +163,4 @@ def test_a_plausible_mistake_is_a_warning_that_names_the_backend(world, wrong, w
     assert [one.name for one in found.checks if one.failed and one.person is None] == (
         [check] if check else []
     )
-    assert check in (None, "floor", "photo_alignment", "scale_sigma") or not found.usable["place"]
+    assert found.usable["place"] == placed  # a depth of another scale than people is not followed
