@@ -27,6 +27,11 @@ AXIS_SIGMA_DEG = 13.0
 DISAGREE = 2.5
 """Joint standard deviations from which on two witnesses contradict each other."""
 
+REPORTED_DEG = 15.0
+"""Angle from which on two witnesses contradict each other whatever their errors, if both are surer
+than the camera's axis.
+"""
+
 GIMBAL_SIGMA_DEG = 2.0
 """Standard deviation of up by the pitch that a drone states. Assumed: gimbals hold a hundredth of a
 degree, but their horizon drifts by one or two, which pilots correct by hand.
@@ -131,8 +136,7 @@ def surest_up(floor: PlaneFit | None, up: Up | None, slope: float) -> Up:
     """Return the surest of a floor after :func:`level_plane`, up without it, and the camera.
 
     An up that is too unsure to turn a floor replaces it only where the camera's axis would: steep
-    views look level. The error contains the contradiction of floor and up, by the share of the
-    other one in their precisions.
+    views look level. The error contains the contradiction of floor and up, whichever wins.
     """
     other = _up_or_axis(up)
     if floor is None:
@@ -142,13 +146,20 @@ def surest_up(floor: PlaneFit | None, up: Up | None, slope: float) -> Up:
     own = Up(floor.normal.double(), math.hypot(sigma, slope), "the floor")
     limit = other.sigma if sure else AXIS_SIGMA_DEG
     if own.sigma < limit:
-        return own
+        return own if up is None else _with_contradiction(own, up)
     seen = Up(own.direction, math.hypot(math.degrees(floor.plane_sigma), slope), own.source)
-    if not sure or difference_sigmas(seen, other) <= DISAGREE:
-        return other
-    share = other.sigma / math.hypot(other.sigma, seen.sigma)
-    off = angle_deg(seen.direction, other.direction)
-    return replace(other, sigma=math.hypot(other.sigma, share * off))
+    return _with_contradiction(other, seen) if sure else other
+
+
+def _with_contradiction(up: Up, loser: Up) -> Up:
+    """Return up whose error contains its angle to a witness that contradicts it, by the share of
+    that one in their precisions.
+    """
+    if not contradict(up, loser):
+        return up
+    share = up.sigma / math.hypot(up.sigma, loser.sigma)
+    off = angle_deg(up.direction, loser.direction)
+    return replace(up, sigma=math.hypot(up.sigma, share * off))
 
 
 def _up_or_axis(up: Up | None) -> Up:
@@ -178,6 +189,14 @@ def difference_sigmas(first: Up, second: Up) -> float:
     """Return how far two witnesses differ, in joint standard deviations."""
     joint = math.hypot(first.sigma, second.sigma)
     return angle_deg(first.direction, second.direction) / joint
+
+
+def contradict(first: Up, second: Up) -> bool:
+    """Return whether two witnesses contradict each other."""
+    if difference_sigmas(first, second) > DISAGREE:
+        return True
+    off = angle_deg(first.direction, second.direction)
+    return off >= REPORTED_DEG and max(first.sigma, second.sigma) < AXIS_SIGMA_DEG
 
 
 # Least cosine between a ray and the normal: a plane is not turned about a point at the horizon.
@@ -222,7 +241,7 @@ def slope_warnings(floor: PlaneFit | None, up: Up | None, slope: float) -> tuple
     if floor is None or floor.beneath or up is None:
         return ()
     own = Up(floor.normal.double(), math.degrees(floor.plane_sigma), "the floor")
-    if difference_sigmas(own, replace(up, sigma=math.hypot(up.sigma, slope))) <= DISAGREE:
+    if not contradict(own, replace(up, sigma=math.hypot(up.sigma, slope))):
         return ()
     off = angle_deg(floor.normal, up.direction)
     return (
