@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from physic_core.geometry.colors import lab_from_srgb
 from physic_core.prepare.border import find_inside
+from physic_core.prepare.strips import count_pictures
 from physic_core.prepare.twins import half_of_twins
 
 if TYPE_CHECKING:
@@ -47,6 +48,7 @@ _SQUARE_DEG = 6.0  # a corner of a picture that is looked at from the front
 _ONE_COLOUR = 4  # largest difference of a plain ground from its colour; walls have shading
 _GROUND_SIDE = 400  # px of the long side, at which it is looked for
 _PLAIN_GROUND = 0.3  # least share of the area
+_BORDER = "a border of one colour"
 
 
 @dataclass(frozen=True)
@@ -120,6 +122,10 @@ def find_frame(image: UInt8Array) -> Frame:
         several = len(_outermost_layer(image).uncut)
         if several > 2:  # their common border is no frame
             return Frame(warning=_several_warning(several))
+    inside = image if border is None else image[border]
+    parted = count_pictures(inside)
+    if parted > 2 or (parted == 2 and half_of_twins(inside) is None):
+        return Frame(border, "" if border is None else _BORDER, _several_warning(parted))
     frame, pictures = _without_layers(image, border)
     # of more pictures than two, as of a sheet for a passport, half is no picture
     rows, columns = frame.inside or whole
@@ -144,7 +150,7 @@ def _without_layers(image: UInt8Array, inside: Inside | None) -> tuple[Frame, tu
     the pictures in it that cannot be cut out.
     """
     rows, columns = inside or (slice(0, image.shape[0]), slice(0, image.shape[1]))
-    frame = Frame(inside, "" if inside is None else "a border of one colour")
+    frame = Frame(inside, "" if inside is None else _BORDER)
     left, right, top, bottom = columns.start, columns.stop, rows.start, rows.stop
     corners = np.array([[left, top], [right, top], [right, bottom], [left, bottom]], float)
     part = image[rows, columns]

@@ -147,6 +147,29 @@ def test_several_pictures_on_one_ground_are_warned_of(gap, axis):
     assert warning == find_frame(sheet).warning
 
 
+@pytest.mark.parametrize("gap", [2, 8, 40])
+@pytest.mark.parametrize("color", [0, 128, 255])
+@pytest.mark.parametrize("rows_and_columns", [(1, 2), (2, 1), (2, 2), (3, 3)])
+def test_pictures_between_strips_of_any_width_are_counted(gap, color, rows_and_columns):
+    rows, columns = rows_and_columns
+    sheet = np.full((rows * 200 + gap * (rows - 1), columns * 300 + gap * (columns - 1), 3), color)
+    for number in range(rows * columns):
+        top, left = (number // columns) * (200 + gap), (number % columns) * (300 + gap)
+        part = picture(number)[100:300, 100:400]
+        sheet[top : top + 200, left : left + 300] = part
+    sheet = sheet.astype(np.uint8)
+    framed = cv2.copyMakeBorder(sheet, *[20] * 4, 0, value=(color,) * 3)
+    for photo in (sheet, framed, as_jpeg(sheet)) if gap > 2 else (sheet, framed):
+        assert f"{rows * columns} pictures" in find_frame(photo).warning
+
+
+def test_a_bar_that_somebody_stands_before_parts_no_pictures():
+    photo = picture()
+    photo[200:210] = 90
+    photo[100:400, 300:360] = picture(1)[100:400, 300:360]
+    assert find_frame(photo).warning == ""
+
+
 @pytest.mark.parametrize("gap", [0, 16])
 @pytest.mark.parametrize("axis", [0, 1])
 def test_of_a_stereo_card_one_half_is_used(gap, axis):
