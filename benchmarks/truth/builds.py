@@ -200,7 +200,7 @@ def recorded(file: Path) -> SimpleNamespace:
     its build does not state is None.
     """
     from physic_core import Intrinsics
-    from physic_core.types import Skeleton
+    from physic_core.types import MARKS, Skeleton, is_usable
 
     with np.load(file, allow_pickle=False) as arrays:
         record = json.loads(str(arrays["record"]))
@@ -214,7 +214,8 @@ def recorded(file: Path) -> SimpleNamespace:
     for i, person in enumerate(record["people"]):
         mask = np.unpackbits(packed[i], axis=-1, count=camera.width).astype(bool)
         fields = {name: _array(person.get(name)) for name in PERSON}
-        people.append(SimpleNamespace(**fields, mask=mask, has_body=False))
+        usable = tuple(name for name in MARKS if is_usable(person.get(f"trust_{name}")))
+        people.append(SimpleNamespace(**fields, mask=mask, has_body=False, usable=usable))
     return SimpleNamespace(
         error="",
         **{name: record.get(name) for name in RESULT},

@@ -12,7 +12,7 @@ from pickles import chumpy, pickled, select
 from scipy.sparse import csc_matrix
 from scipy.spatial.transform import Rotation
 
-from physic_core.body.files import load_smpl
+from physic_core.body.files import SMPL_PARENTS, load_smpl
 from physic_core.errors import BodyModelError
 
 
@@ -58,7 +58,9 @@ def test_the_published_pickle_is_read(light, tmp_path):
     }
     found = load_smpl(pickled(tmp_path / "SMPL.pkl", published))
     names = ("v_template", "f", "shapedirs", "posedirs", "J_regressor", "weights")
-    for name, array in zip(names, vars(found).values(), strict=True):
+    *values, parents = vars(found).values()
+    assert parents == SMPL_PARENTS
+    for name, array in zip(names, values, strict=True):
         assert_array_equal(array, light[name])
 
 

@@ -227,7 +227,7 @@ def _amass(document: Any, file: FileOfPhoto) -> _Record:
     parts = {n: poses[at : at + 1, a:b] for n, a, b in zip(names, ends, ends[1:], strict=False)}
     betas = np.reshape(document.get("betas", np.zeros(10)), (1, -1))
     cameras = {key: document[key] for key in _CAMERA_KEYS if key in document}
-    place = _chosen(document, at, transl="trans")
+    place = {"transl": np.reshape(document["trans"], (-1, 3))[at : at + 1]}
     return _posed("AMASS", parts | cameras | place | {"betas": betas})
 
 

@@ -67,7 +67,7 @@ def read(file):
 
 @pytest.mark.parametrize("up", ["z", "camera"])
 def test_smplfitter_poses_the_same_body_from_the_file(converted, read, tmp_path, up, in_frame):
-    (path,) = converted.export(str(tmp_path / "a.npz"), up=up).files
+    (path,) = converted.export(str(tmp_path / "a.npz"), "amass", up=up).files
     vertices, joints = read(path)
     np.testing.assert_allclose(vertices, in_frame(converted.people[0].vertices, up), atol=1e-5)
     with np.load(path) as arrays:
@@ -77,7 +77,7 @@ def test_smplfitter_poses_the_same_body_from_the_file(converted, read, tmp_path,
 
 
 def test_embedded_bodies_are_fitted_and_the_error_is_stated(result, file, read, tmp_path, in_frame):
-    done = result.export(str(tmp_path / "a.npz"), body_model=file, person=1)
+    done = result.export(str(tmp_path / "a.npz"), "amass", body_model=file, person=1)
     vertices, joints = read(done.files[0])
     with np.load(done.files[0]) as arrays:
         error = float(arrays["fit_error_m"])
@@ -97,7 +97,7 @@ def test_embedded_bodies_are_fitted_and_the_error_is_stated(result, file, read, 
 
 def test_without_a_file_the_message_says_what_is_needed_and_why(result, tmp_path):
     with pytest.raises(InputError, match=r"^AMASS files hold SMPL-X"):
-        result.export(str(tmp_path / "a.npz"))
+        result.export(str(tmp_path / "a.npz"), "amass")
 
 
 def test_another_file_than_that_of_the_run_is_refused(converted, other, tmp_path):
@@ -105,7 +105,7 @@ def test_another_file_than_that_of_the_run_is_refused(converted, other, tmp_path
     taller = tmp_path / "SMPLX_MALE.npz"
     np.savez(taller, **(arrays | {"v_template": 1.1 * arrays["v_template"]}))
     with pytest.raises(InputError, match=r"vertices \d+ mm from"):
-        converted.export(str(tmp_path / "a.npz"), body_model=taller)
+        converted.export(str(tmp_path / "a.npz"), "amass", body_model=taller)
 
 
 def test_the_skeleton_of_smplx_bodies_is_in_their_file(converted, tmp_path):
