@@ -176,6 +176,12 @@ def read_amass(files: Files) -> Opened:
     return _compare(files, found, lambda person: files.joints(person)[:1])
 
 
+def read_bodies(files: Files) -> Opened:
+    with np.load(files.ending(".npz")[0]) as arrays:
+        found = list(arrays["transl"][:, None].astype(np.float64))
+    return _compare(files, found, lambda person: files.points(person.parameters.transl))
+
+
 def read_bvh(files: Files) -> Opened:
     import bvhio
 

@@ -75,6 +75,7 @@ _NAMES = "names of joints", 0.5
 
 READERS = (
     Reader("amass", "numpy", "numpy", readers.read_amass, "pelvis, m", 0.05),
+    Reader("bodies", "numpy", "numpy", readers.read_bodies, "transl, m", 1e-6),
     Reader("bvh", "bvhio", "bvhio", readers.read_bvh, "55 joints, m", 1e-4),
     Reader("coco", "pycocotools", "pycocotools", readers.read_coco, "keypoints, px", 1e-3),
     Reader("colmap", "pycolmap", "pycolmap", readers.read_colmap, "scene, m", 1e-4),
