@@ -140,12 +140,18 @@ _DOORS = {
     "joint_angles": "joint_angles",
     "joints_beside": "joints_beside",
     "load": "load_reconstruction",
+    "person_table": "person_table",
+    "photo_row": "photo_row",
     "preview": "preview_png",
     "report": "save_report",
     "save": "save_reconstruction",
 }
 _public = importer(__name__, _NAMES)
-_imported = importer(__name__, _NAMES | {"body.joint_angles": "joint_angles joints_beside"})
+_BEHIND = {
+    "body.joint_angles": "joint_angles joints_beside",
+    "types.tables": "person_table photo_row",
+}
+_imported = importer(__name__, _NAMES | _BEHIND)
 
 DOORS.update({door: partial(_imported, name) for door, name in _DOORS.items()})
 

@@ -445,9 +445,8 @@ class Reconstruction(ShortRepr):
         """Return a flat dictionary, as one row of a table, by the names of
         :data:`physic_core.types.SUMMARY_COLUMNS`; None where not measured.
         """
-        from physic_core.types.tables import photo_row
-
-        return photo_row(self)
+        row: dict[str, float | int | str | None] = DOORS["photo_row"]()(self)
+        return row
 
     def save(self, folder: str, save: str = "pictures", *, overwrite: bool = False) -> None:
         """Write ``reconstruction.json``, ``reconstruction.npz``, ``combined.glb`` and
@@ -509,9 +508,7 @@ class Reconstruction(ShortRepr):
         except ImportError as error:
             raise PackageMissingError("to_pandas needs pandas: pip install pandas") from error
 
-        from physic_core.types.tables import PERSON_COLUMNS, person_rows
-
-        return pandas.DataFrame(person_rows(self), columns=list(PERSON_COLUMNS))
+        return pandas.DataFrame(DOORS["person_table"]()(self))
 
     def export(self, path: str, format: str | None = None, **options: Any) -> Exported:
         """Write a file of another program's format: a skinned GLB, or a format of an installed

@@ -216,6 +216,12 @@ def person_rows(result: Reconstruction) -> list[dict[str, Any]]:
     return [{name: column.value(row) for name, column in PERSON_COLUMNS.items()} for row in rows]
 
 
+def person_table(result: Reconstruction) -> dict[str, list[Any]]:
+    """Return the columns of ``people.csv``, by name."""
+    rows = person_rows(result)
+    return {name: [row[name] for row in rows] for name in PERSON_COLUMNS}
+
+
 def marks_of_row(row: Mapping[str, Any]) -> dict[str, float | None]:
     """Return the marks of a person, as :attr:`Person.marks`, from a row of :func:`person_rows`."""
     return {name: row[f"trust_{name}"] for name in MARKS}
