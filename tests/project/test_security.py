@@ -52,7 +52,7 @@ TABLES = {
 LISTS = {
     "Weights": {
         "A run downloads nothing.": "test_a_test_that_uses_the_network_fails",
-        "A run sends nothing": "test_onnxruntime_is_opened_without_its_telemetry",
+        "A run sends nothing": "test_a_script_with_a_strangers_network_leaves_home_empty",
         "A downloaded file is compared": "test_a_file_that_differs_from_the_manifest_is_removed",
         "`physic weights verify` repeats": "test_verify_lists_what_differs_and_what_has_no_published_hash",  # noqa: E501
         "A run compares a weight file": "test_a_damaged_file_is_refused_and_not_missing",

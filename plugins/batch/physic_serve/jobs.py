@@ -12,7 +12,6 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
-from physic_core.errors import PhysicError
 from physic_core.files import paths_inside
 from physic_serve.worker import Message, Task, Worker
 
@@ -65,7 +64,7 @@ class Jobs:
 
     Args:
         folder: for the results, one folder each.
-        open_worker: starts a worker process.
+        open_worker: starts a worker process; at once, as everything else waits meanwhile.
 
     Raises:
         BackendError: the backends cannot be loaded.
@@ -75,6 +74,7 @@ class Jobs:
         self._folder = folder
         self._open_worker = open_worker
         self._worker = open_worker()
+        self._worker.wait()
         self._jobs: dict[str, Job] = {}
         self._waiting: SimpleQueue[tuple[Job, dict[str, float]] | None] = SimpleQueue()
         self._lock = threading.Lock()
@@ -137,7 +137,7 @@ class Jobs:
                         self._worker = self._open_worker()
                     task = Task(job.upload.read_bytes(), job.title, settings, job.folder)
                     job.upload.unlink()
-                except (PhysicError, OSError) as error:
+                except OSError as error:
                     job.state = "failed"
                     job.error = str(error)
                     continue

@@ -66,15 +66,12 @@ def open_pipeline(config: Any) -> Reconstruct:
 
 
 class Worker:
-    """The process, seen from the server. Creating one waits until the backends are loaded.
+    """The process, seen from the server. It loads the backends while the server goes on.
 
     Args:
         config: passed to ``open_``.
         exports: formats of ``physic export`` that are written beside each result.
         open_: called in the process; returns the function of a task. Can be pickled.
-
-    Raises:
-        BackendError: the backends cannot be loaded.
     """
 
     def __init__(
@@ -91,17 +88,33 @@ class Worker:
         with processes_started_safely():
             self._process.start()
         theirs.close()
-        answer = self._receive()
-        if answer.kind != "ready":
-            raise BackendError(f"the models cannot be loaded: {answer.content}")
+        self._is_ready = False
 
     @property
     def alive(self) -> bool:
         """Whether the process runs."""
         return self._process.is_alive()
 
+    def wait(self) -> None:
+        """Wait until the backends are loaded.
+
+        Raises:
+            BackendError: they cannot be loaded, or the process was ended; it has ended.
+        """
+        if not self._is_ready:
+            answer = self._receive()
+            self._is_ready = answer.kind == "ready"
+            if not self._is_ready:
+                self.end()
+                raise BackendError(f"the models cannot be loaded: {answer.content}")
+
     def reconstruct(self, task: Task) -> Iterator[Message]:
         """Yield what happens to a photo; the last message is "done" or "failed"."""
+        try:
+            self.wait()
+        except BackendError as error:
+            yield Message("failed", str(error))
+            return
         with suppress(OSError):  # it has just ended: the next line says so
             self._pipe.send(task)
         while (message := self._receive()).kind == "stage":

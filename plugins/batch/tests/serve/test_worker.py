@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from time import sleep
 from zipfile import ZipFile
 
@@ -11,6 +12,8 @@ import pytest
 from physic_core import BackendError
 from physic_serve.jobs import Jobs
 from physic_serve.worker import Worker
+
+from .conftest import PHOTO, Served
 
 STAND_IN = """
 import os, pathlib, signal, time
@@ -35,6 +38,12 @@ class Folders:
 def open_pipeline(config):
     if config == "refuse":
         raise BackendError("no weights")
+    if config == "slow from the second on":
+        if pathlib.Path("opened").exists():
+            pathlib.Path("opened again").touch()
+            time.sleep(60)
+            pathlib.Path("loaded again").touch()
+        pathlib.Path("opened").touch()
 
     def reconstruct(task, progress):
         progress("people", 0, 1)
@@ -104,6 +113,33 @@ def test_a_photo_that_hangs_can_be_stopped(jobs):
     assert ended(next_one) == "the photo is broken"
 
 
-def test_models_that_cannot_be_loaded_are_an_error(open_worker):
+def test_models_that_cannot_be_loaded_are_an_error(open_worker, tmp_path):
     with pytest.raises(BackendError, match="no weights"):
-        open_worker("refuse")
+        Jobs(tmp_path, partial(open_worker, "refuse"))
+
+
+@pytest.mark.parametrize("how", ["stop", "close"])
+def test_a_process_that_loads_again_is_not_waited_for(how, open_worker, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "results").mkdir()
+    jobs = Jobs(tmp_path / "results", partial(open_worker, "slow from the second on"))
+    ended(jobs.add(b"kill", "a photo", {}))
+    waits = jobs.add(b"bad", "a photo", {})
+    while not Path("opened again").exists():
+        sleep(0.02)
+    if how == "stop":
+        jobs.stop(waits)
+    jobs.close()
+    assert waits.error == "it was stopped"
+    assert not Path("loaded again").exists()
+
+
+def test_a_server_that_ends_opens_no_other_worker_for_photos_that_wait(tmp_path):
+    served = Served(tmp_path)
+    jobs = [served.jobs.add(PHOTO, "a photo", {}) for _ in range(200)]
+    while jobs[0].state != "running":
+        sleep(0.02)
+    served.jobs.close()
+    assert {job.error for job in jobs} == {"it was stopped"}
+    assert len(served.workers) == 1
+    assert not [path for path in tmp_path.iterdir() if path.is_file()]
