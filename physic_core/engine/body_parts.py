@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from torch import Tensor
-
-from physic_core.body.model import BodyModel
 from physic_core.types.observations import TOUCH_PARTS
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from physic_core.body.model import BodyModel
 
 SEAT = "seat"
 """Part of the buttocks: what people sit on."""

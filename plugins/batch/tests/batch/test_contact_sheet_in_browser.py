@@ -59,7 +59,7 @@ def titles(page):
 
 
 def text(page, selector):
-    found = page.evaluate(f"document.querySelector({json.dumps(selector)}).innerText")
+    found = page.evaluate(f"document.querySelector({json.dumps(selector)}).textContent")
     return found
 
 

@@ -45,14 +45,13 @@ def result(make):
             contact=own,
             contact_partner=None,
             contact_probability=None,
-            trust=0.914,
+            trust_pose=0.914,
+            trust_place=0.046,
             why="Leans: 16° (see the side)",
         )
         for p, own in zip(made.people, touching, strict=True)
     )
-    return replace(
-        made, people=people, checks=checks, warnings=(ODD,), unposed=unposed, trust=0.046
-    )
+    return replace(made, people=people, checks=checks, warnings=(ODD,), unposed=unposed)
 
 
 @pytest.fixture(scope="module")
@@ -239,7 +238,7 @@ def test_a_click_on_a_person_shows_their_numbers(page, result):
         page.evaluate("document.querySelector('.chips [aria-pressed=true]').innerText")
         == "Person 1"
     )
-    assert "doubtful, 0.91" in card
+    assert "pose usable, place doubtful" in card
     assert "Leans: 16° (see the side)" in card
     assert (
         metres_text(float(np.linalg.norm(result.people[1].joints[0])), result.distance_sigmas[1])
