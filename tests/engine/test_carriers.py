@@ -63,14 +63,6 @@ def test_a_board_carries_both_feet_and_not_only_one():
     assert carried_people([board], keypoints).board.tolist() == [NOTHING]
 
 
-def test_without_keypoints_of_the_hips_nothing_is_ridden():
-    unknown = Keypoints(np.full((1, 33, 2), np.nan), np.zeros((1, 33)), "blazepose33")
-    bicycle = carrier("bicycle", FEET_PX, 400.0, 400.0)
-    board = carrier("ski", FEET_PX, 400.0, 400.0)
-    found = carried_people([bicycle, board], unknown)
-    assert found.ridden.tolist() == found.board.tolist() == [NOTHING]
-
-
 @pytest.mark.parametrize(
     ("name", "ridden", "board", "gap", "feet", "hands"),
     [

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 import torch
 
-from physic_core.engine.body_parts import ContactRegions, are_adjacent, is_farther_out
+from physic_core.engine.body_parts import ContactRegions
 from physic_core.engine.contact.distances import (
     KINDS,
     Distances,
@@ -175,17 +175,6 @@ def test_a_part_rests_on_no_wall_and_people_sit_on_a_seat(part, label, facing, n
     assert found.surface == name
 
 
-@pytest.mark.parametrize(
-    ("height", "said", "kind"),
-    [(0.01, None, "floor"), (0.01, 0.9, "floor"), (0.01, 0.1, "scene"), (0.08, 0.9, "floor")],
-)
-def test_feet_are_on_the_floor_or_on_something_else_as_is_seen(height, said, kind):
-    near = {"floor": height} if height < 0.05 else {"scene": 0.05, "point": ON_SEAT}
-    on_floor = None if said is None else torch.tensor([[said, torch.nan]])
-    (found,) = partners([SCENE], seen=SeenTouch(foot_floor_probability=on_floor), **near)
-    assert found.kind == kind
-
-
 def square_px(x, y, side):
     mask = torch.zeros(100, 100, dtype=torch.bool)
     mask[y : y + side, x : x + side] = True
@@ -259,22 +248,3 @@ def test_own_parts_are_listed_once_from_the_outer_one_and_adjacent_ones_are_not(
     contacts = body_contacts(*person)
     assert [(one.part, one.partner.part) for one in contacts] == [("left_hand", "head")]
     assert body_contacts(*person, least=0.61) == ()
-
-
-@pytest.mark.parametrize(
-    ("part", "other", "adjacent"),
-    [
-        ("left_upper_arm", "torso", True),
-        ("back", "seat", True),
-        ("left_upper_leg", "right_upper_leg", True),
-        ("left_foot", "left_lower_leg", True),
-        ("left_foot", "right_lower_leg", False),
-        ("left_hand", "right_hand", False),
-        ("left_hand", "left_upper_arm", False),
-        ("left_lower_arm", "torso", False),
-        ("left_hand", "left_upper_leg", False),
-    ],
-)
-def test_adjacent_parts_meet_at_a_joint(part, other, adjacent):
-    assert are_adjacent(part, other) == are_adjacent(other, part) == adjacent
-    assert is_farther_out(part, other) != is_farther_out(other, part)

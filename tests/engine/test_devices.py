@@ -13,15 +13,12 @@ from torch.overrides import TorchFunctionMode
 from torch.testing import assert_close
 
 from physic_core import engine_preset
-from physic_core.engine.contact.distances import ContactSurfaces, surface_distances
-from physic_core.engine.contact.method import ContactStageMethod
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.optimiser import total_energy
 from physic_core.engine.joint.solve import optimize
-from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.geometry.tensors import to_device
 
-from .adjusted import adjusted, posed, shifted, with_options
+from .adjusted import adjusted, shifted, with_options
 from .drawn import normal
 
 DEFAULT = engine_preset("default").joint
@@ -138,19 +135,3 @@ def test_cuda_ends_where_the_cpu_does(with_box):
     )
     assert (there.vertices.cpu() - here.vertices).norm(dim=-1).amax() < 2e-3
     assert there.scene_scale == pytest.approx(here.scene_scale, abs=1e-3)
-
-
-@needs_cuda
-def test_cuda_gives_the_distances_of_the_cpu(with_box):
-    answers = []
-    for device in ("cpu", "cuda"):
-        state = as_double(with_box.state, device)
-        body = posed(state)
-        around = state.surroundings
-        scene = NearestPointSearch(around.points, around.normals)
-        rows = torch.arange(len(around.points), device=device)
-        surfaces = ContactSurfaces(scene, rows, around.floor)
-        distance = surface_distances(body.vertices, surfaces, ContactStageMethod().measure).nearest
-        assert distance.device.type == device
-        answers.append(distance.cpu())
-    assert_close(answers[1], answers[0], rtol=0, atol=1e-6)

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 import torch
-from hypothesis import given
-from hypothesis import strategies as st
 from torch.testing import assert_close
 
 from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.precompute import subsample_vertices
-from physic_core.engine.joint.snapshot import OcclusionTracker, sample_mask_neighbours
+from physic_core.engine.joint.snapshot import OcclusionTracker
 from physic_core.engine.joint.terms.picture import DepthTerm
-from physic_core.engine.limbs import keypoints_of_observed_limbs, observed_parts
+from physic_core.engine.limbs import keypoints_of_observed_limbs
 from physic_core.geometry.mesh import vertex_areas
-from physic_core.geometry.visibility import inside_mask
 from physic_core.types import SKELETONS
 from physic_paper.terms.chamfer import HumanPoints
 
-from .adjusted import adjusted, part_of, shifted, with_scene
+from .adjusted import adjusted, part_of, shifted
 from .drawn import uniform
 
 SETTINGS = engine_preset("default").joint
@@ -54,16 +49,6 @@ def test_thinning_changes_the_energy_little(standing):
         assert thin[name].item() == pytest.approx(full[name].item(), rel=0.05), name
 
 
-def test_a_segment_is_observed_when_its_end_is(body):
-    observed = torch.ones(1, 55, dtype=torch.bool)
-    observed[0, [JOINT_INDEX["left_ankle"], JOINT_INDEX["right_wrist"]]] = False
-    seen = observed_parts(body.part_names, observed)[0].tolist()
-    unseen = {name for name, is_seen in zip(body.part_names, seen, strict=True) if not is_seen}
-    assert sorted(unseen) == ["left_foot", "left_lower_leg", "right_hand", "right_lower_arm"]
-    nothing = observed_parts(body.part_names, torch.zeros(1, 55, dtype=torch.bool))
-    assert not nothing.any()
-
-
 @pytest.mark.parametrize("skeleton", ["coco17", "coco23", "blazepose33"])
 def test_keypoints_go_with_their_limb(skeleton):
     observed = torch.ones(1, 55, dtype=torch.bool)
@@ -75,19 +60,6 @@ def test_keypoints_go_with_their_limb(skeleton):
     feet = {n for n in names if n.startswith("left_") and n.endswith(("toe", "heel", "foot_tip"))}
     assert feet <= unseen
     assert not any("knee" in n or "left_elbow" in n or "eye" in n for n in unseen)
-
-
-def test_keypoints_outside_the_image_count_nothing(standing):
-    keypoints = standing.state.keypoints.clone()
-    keypoints[0, 0] = torch.tensor([-5.0, 10.0])
-    keypoints[0, 1, 0] = torch.nan
-    confidence = standing.state.keypoint_confidence.clone()
-    confidence[0, 2] = 0.2
-    energy = JointEnergy(
-        replace(standing.state, keypoints=keypoints, keypoint_confidence=confidence), SETTINGS
-    )
-    weight = energy.sampling.keypoint_weights[0]
-    assert weight[:4].tolist() == pytest.approx([0, 0, 0, 1])
 
 
 def test_self_occlusion_is_found_again_after_a_motion_of_a_centimetre(standing):
@@ -123,23 +95,3 @@ def test_depth_is_read_where_the_photo_shows_the_person(standing):
     seen = part_of(energy, DepthTerm).log_map_depth[0, rows].exp()
     assert rows.sum() > 300
     assert (vertices[:, 2] - seen).abs().median() < 0.005
-
-
-def test_points_of_the_floor_are_left_to_the_plane(standing):
-    energy = JointEnergy(standing.state, SETTINGS)
-    height = standing.state.scene.floor.offset - energy.sampling.around.points[:, 1]
-    assert height.amin() > 0.05
-    without = JointEnergy(with_scene(standing.state, floor=None), SETTINGS)
-    assert len(without.sampling.around.points) > len(energy.sampling.around.points)
-    assert "floor" not in without()
-
-
-@given(seed=st.integers(0, 2**16), reach=st.floats(0, 30))
-def test_masks_are_sampled_at_a_pixel_and_eight_neighbours(seed, reach):
-    uv = uniform(2, 50, 2, seed=seed) * torch.tensor([60.0, 50.0]) - 10
-    uv[0, 0] = torch.nan
-    masks = uniform(2, 30, 40, seed=seed) > 0.5
-    reaches = reach * uniform(2, seed=seed)
-    steps = [torch.tensor([x, y]) for y in (-1.0, 0.0, 1.0) for x in (-1.0, 0.0, 1.0)]
-    plain = torch.stack([inside_mask(uv + step * reaches[:, None, None], masks) for step in steps])
-    assert torch.equal(sample_mask_neighbours(uv, masks, reaches), plain)

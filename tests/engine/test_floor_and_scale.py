@@ -14,11 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.bones import parameters_from_rotations
-from physic_core.engine.ground.beside import LowSkin, feet_pixels
+from physic_core.engine.ground.beside import feet_pixels
 from physic_core.engine.ground.floor import (
     FloorCandidate,
     chosen_floor,
-    standing_score,
 )
 from physic_core.engine.ground.floor_and_scale import (
     find_ground,
@@ -193,18 +192,6 @@ def test_the_pitch_of_the_floor_is_less_certain_if_the_focal_length_is(world):
     assert math.degrees(unsure) == pytest.approx(6, abs=0.5)
 
 
-def test_the_pitch_of_the_floor_is_less_certain_if_the_shift_of_the_scene_is(world):
-    found = world.answer().search.plane
-    down = -found.normal.double() / found.offset
-    sigma = 0.02 * float(torch.linalg.vector_norm(down))
-    evidence = evidence_of(EMPTY.shape, shift_sigma=sigma)
-    unsure = chosen_floor((FloorCandidate(found, {}),), 0, evidence).plane.pitch_sigma
-    shifted = down + torch.tensor([[0.0, 0.0, -sigma], [0.0, 0.0, sigma]])
-    pitches = torch.asin(shifted[:, 2] / torch.linalg.vector_norm(shifted, dim=1))
-    moved = float(pitches.diff().abs()) / 2
-    assert unsure == pytest.approx(math.hypot(found.pitch_sigma, moved), rel=0.02)
-
-
 def test_the_pitch_of_the_floor_is_less_certain_if_another_plane_is_as_likely(world):
     found = world.answer().search.plane
     angle = math.radians(10)
@@ -316,11 +303,6 @@ def test_a_metric_depth_is_converted_to_the_focal_length_of_the_bodies(world):
     assert witness.scale == pytest.approx(0.8 * UNIT)
 
 
-def test_a_metric_depth_without_a_pixel_of_the_scene_says_nothing(world):
-    nothing = DepthMap(np.full(EMPTY.shape, np.nan, np.float32))
-    assert depth_witness(nothing, world.photo.scene_map, CAMERA, NO_WITNESSES) is None
-
-
 def test_people_at_several_depths_show_the_shift_of_the_inverse_depth():
     world = World([(-0.6, 2.5), (0.7, 4.0), (0.3, 7.5)])
     shift = 0.2
@@ -387,20 +369,6 @@ def test_people_on_a_box_do_not_lift_the_floor_off_the_ground_that_is_seen(world
     assert found.stance.stand_probability.max() < 0.1
 
 
-def test_masks_labels_other_masks_and_what_people_may_lie_on_are_candidates(world):
-    rows = np.indices(EMPTY.shape)[0]
-    lower = rows >= 100
-    people = world.labelled("floor", rows >= 120, floor=lower, floor_candidates=(lower,))
-    candidates = world.candidates(people=people)
-    sources = [c.plane.source for c in candidates if c.plane is not None]
-    assert sources[1:5] == ["floor mask", "floor mask", "labels", "lower image"]
-    assert sources[0] == "people who lie"
-    assert len(sources) <= 7
-    assert candidates[-1].plane is None
-    best = max(candidates, key=lambda c: c.log_score)
-    assert best.plane.offset == pytest.approx(CAMERA_HEIGHT / UNIT, rel=0.02)
-
-
 def test_a_floor_that_is_switched_off_has_no_plane(world):
     (only,) = world.candidates(searched=False)
     assert only.plane is None
@@ -415,16 +383,6 @@ def test_a_plane_that_cuts_people_whose_feet_are_hidden_is_moved_down_to_them():
     assert kept.search.plane.reanchored == 1.0
 
 
-def test_a_floor_is_doubted_on_which_people_lie():
-    upright = torch.zeros(1, 55, 3)
-    upright[0, JOINT_INDEX["neck"], 1] = -0.5
-    stands, lies = (
-        standing_score(torch.tensor(up, dtype=torch.float64), upright)
-        for up in ([0.0, -1.0, 0.0], [0.0, 0.0, -1.0])
-    )
-    assert lies < stands - 2.0
-
-
 def lying(height_m):
     """A person who lies across the picture, so high over the floor, on a block if it is high."""
     depth = level(CAMERA_HEIGHT)
@@ -436,16 +394,6 @@ def lying(height_m):
     world = World([(0.0, 3.0)], height_m, LIES, depth)
     people = world.labelled("floor", depth == level(CAMERA_HEIGHT))
     return world, world.answer(people=people)
-
-
-@pytest.mark.parametrize(
-    ("up", "limbs"), [((0.0, 1.0, 0.0), [True, True, False, False]), ((0.0, 0.0, 1.0), [False] * 4)]
-)
-def test_low_feet_and_hands_are_those_of_people_whose_trunk_is_higher(up, limbs):
-    model = load_body("embedded")
-    vertices = model(*model.zero_pose(1)).vertices.double()
-    low = LowSkin(np.ones(1, bool), vertices, model.outer[None])
-    assert low.limbs_as_low(model, torch.tensor(up, dtype=torch.float64)).tolist() == [limbs]
 
 
 @pytest.mark.parametrize(("height_m", "on_floor"), [(0.0, True), (0.5, False)])

@@ -11,13 +11,11 @@ import torch
 from physic_core import engine_preset
 from physic_core.body.bones import head_direction
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
 
-from .adjusted import adjusted, in_float64
+from .adjusted import adjusted
 
 SETTINGS = engine_preset("default").joint
-EARS = ("left_ear_surface", "right_ear_surface")
 
 
 def facing(state, turn, sigma):
@@ -34,12 +32,6 @@ def off(state, other):
         head_direction(state.rotations) * head_direction(other.rotations).to(state.rotations)
     ).sum()
     return float(torch.acos(cosine.clamp(-1, 1)))
-
-
-def test_the_head_term_is_the_squared_angle_over_its_variance(standing):
-    told = in_float64(facing(standing.state, 0.02, 0.1))
-    energy = JointEnergy(told, adjusted(SETTINGS, head__weight=1.0))
-    assert energy()["head"].item() == pytest.approx(0.2**2, rel=0.01)
 
 
 def test_neck_and_head_turn_towards_the_face_by_equal_shares(standing):
@@ -59,12 +51,3 @@ def test_without_a_face_nothing_changes(standing):
     unknown = facing(standing.state, 0.4, torch.nan)
     plain = optimize(replace(standing.state, head=None, head_sigma=None), short)
     assert torch.equal(plain.joints, optimize(unknown, short).joints)
-
-
-def test_ears_do_not_count_where_the_face_is_observed(standing):
-    state = facing(standing.state, 0.0, 0.1)
-    ears = [state.skeleton.names.index(name) for name in EARS]
-    weights = SETTINGS.weigh_keypoints(state)
-    assert not weights[:, ears].any()
-    unknown = replace(state, head_sigma=torch.full_like(state.head_sigma, torch.nan))
-    assert (SETTINGS.weigh_keypoints(unknown)[:, ears] > 0).all()

@@ -14,16 +14,13 @@ from torch.testing import assert_close
 
 from physic_core import engine_preset
 from physic_core.engine.photo import PixelPoints
-from physic_core.engine.placement import terms
 from physic_core.engine.placement.solve import (
     align_photo_points_to_scene,
     human_points,
     move_photo_points_to_scene,
     people_to_place,
 )
-from physic_core.engine.placement.terms import gauss_newton
 from physic_core.geometry.camera import intrinsics_matrix, pixel_rays
-from physic_paper import outliers
 
 from .drawn import normal
 
@@ -172,21 +169,6 @@ def test_slopes_are_the_derivatives_of_the_errors(person, kind):
             assert_close(difference, now.slope[..., axis], atol=1e-5, rtol=1e-5)
 
 
-def test_descent_never_raises_the_energy_and_leaves_fixed_numbers_alone(person, monkeypatch):
-    monkeypatch.setattr(terms, "ITERATIONS", 1)
-    term = replace(DEFAULT, robust_px_share=math.inf).reprojection_term(person)
-
-    values = []
-    x = torch.zeros(4, dtype=torch.float64)
-    for _ in range(5):
-        values.append(
-            sum((r.weight * r.error.square().sum(-1)).sum().item() for r in term.residuals(x))
-        )
-        x = gauss_newton([term], x, (0, 2))
-    assert values == sorted(values, reverse=True)
-    assert (x[1], x[3]) == (0.0, 0.0)
-
-
 ROWS = 90
 COLUMNS = 120
 ZERO = torch.zeros((), dtype=torch.float64)
@@ -227,48 +209,9 @@ def test_where_two_maps_disagree_the_background_at_the_peoples_depth_decides():
         assert found.scale == pytest.approx(scale, abs=0.01)
 
 
-def test_far_background_takes_no_part_where_that_is_wanted():
-    wrong = torch.where(BACKGROUND > 5, BACKGROUND * 1.5, BACKGROUND)
-    found = align(RAYS * wrong[..., None], SCENE, far=5.0)
-    assert (found.scale, found.inlier_share) == (pytest.approx(1.0), pytest.approx(1.0))
-
-
-def test_aligned_points_are_put_on_the_rays_of_the_scenes_camera():
-    found = align(SCENE / 2, SCENE)
-    placed = move_photo_points_to_scene(SCENE / 2, found, CAMERA)
-    expected = pixel_rays(ROWS, COLUMNS, CAMERA) * BACKGROUND[..., None]
-    assert_close(placed, expected)
-
-
-def test_without_a_common_background_no_person_has_points():
-    found = align(SCENE, SCENE, people=EVERYWHERE)
-    assert found.inlier_share == 0
-    placed = move_photo_points_to_scene(SCENE, found, CAMERA)
-    assert len(human_points(placed, EVERYWHERE, PERSON, DEFAULT)) == 0
-
-
 def test_points_that_float_at_the_rim_are_no_human_points():
     depth = torch.where(PERSON, 2.0, 5.0).double()
     depth[20:80, 45] = 3.0  # mixed pixels inside the mask
     points = human_points(RAYS * depth[..., None], EVERYWHERE, PERSON, EVERY_POINT)
     assert points[:, 2].unique().tolist() == [2.0]
     assert len(points) > 0.85 * int(PERSON.sum())
-
-
-def test_a_speck_of_background_in_the_mask_is_no_human_point(
-    monkeypatch,
-):
-    depth = torch.where(PERSON, 2.0, 5.0).double()
-    depth[50:52, 60:62] = 5.0
-    monkeypatch.setattr(outliers, "KNN_SHARE", 0.1)
-    for settings in (DEFAULT, PAPER):
-        points = human_points(RAYS * depth[..., None], EVERYWHERE, PERSON, settings)
-        assert points[:, 2].max() == 2.0
-
-
-def test_no_more_points_than_the_limit_spread_over_the_person():
-    points = human_points(RAYS * 2.0, EVERYWHERE, PERSON, replace(DEFAULT, max_points=100))
-    assert points.shape == (100, 3)
-    every = human_points(RAYS * 2.0, EVERYWHERE, PERSON, EVERY_POINT)
-    assert len(every) == int(PERSON.sum())
-    assert_close(points.mean(0), every.mean(0), atol=0.01, rtol=0)

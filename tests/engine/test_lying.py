@@ -11,15 +11,14 @@ import pytest
 import torch
 
 from physic_core import load_config, reconstruct
-from physic_core.body import JOINT_INDEX, load_body
+from physic_core.body import load_body
 from physic_core.body.bones import parameters_from_rotations
-from physic_core.body.posture import photo_seems_turned
 from physic_core.engine.ground.floor_and_scale import (
     find_ground,
     floor_evidence,
     scene_floor_candidates,
 )
-from physic_core.types import Bodies, Intrinsics, Plane, SurfaceLabels
+from physic_core.types import Bodies, Intrinsics, SurfaceLabels
 from physic_core.types.observations import POSTURES
 from physic_testing.worlds import load_world
 
@@ -103,14 +102,6 @@ STEEP = [(0.0, -np.sin(angle), -np.cos(angle)) for angle in np.radians([60.0, 30
 def test_observer_label_distance_and_up_each_speak_against_people_who_lie(given):
     plane = answer(**given).plane
     assert plane is None or plane.normal @ DOWN < 0.9
-
-
-def test_a_photo_of_people_who_lie_is_not_turned():
-    joints = np.zeros((1, 55, 3))
-    joints[..., 2] = 2.0
-    joints[0, JOINT_INDEX["neck"], 1] = 0.5  # below the pelvis in the picture
-    assert photo_seems_turned(joints, None)
-    assert not photo_seems_turned(joints, Plane(DOWN, 2.2))
 
 
 def test_people_who_lie_touch_the_floor_with_back_head_and_seat(few_steps):

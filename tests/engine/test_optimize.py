@@ -14,7 +14,6 @@ from torch.testing import assert_close
 from physic_core.engine.joint.optimiser import (
     LbfgsHistory,
     LbfgsOptimiser,
-    keep_lowest_energy,
     revert_if_worse,
 )
 from physic_core.engine.joint.variables import Variables
@@ -129,17 +128,6 @@ def test_adam_at_a_lower_rate_improves_a_start_that_the_first_steps_lose():
     assert trace.steps == 40
 
 
-def test_the_one_scale_is_the_one_with_the_lowest_total():
-    energy = Two(scale=0.1)
-    start = energy.variables.pack()
-    with torch.no_grad():
-        energy.variables.values["scale"].fill_(1.0)  # log(scale) 0.1, as it should be
-        energy.variables.load_people(start, torch.ones(2, dtype=torch.bool))
-    end = energy.variables.pack()
-    keep_lowest_energy(energy, (start, end))
-    assert_close(energy.variables.pack(), end)
-
-
 def test_the_total_never_rises_even_where_people_are_bound_to_each_other():
     """The first gains and the second loses by their common way, and to part would cost more than
     either.
@@ -158,21 +146,6 @@ def test_the_total_never_rises_even_where_people_are_bound_to_each_other():
     before, after = revert_if_worse(energy, energy.variables.pack(), start)
     assert before == after == {"own": 0.0, "between": 0.0}
     assert_close(energy.variables.pack(), start)
-
-
-def test_people_of_one_group_keep_their_common_end():
-    """The first person loses by the motion less than the second one gains."""
-    energy = Two()
-    start = energy.variables.pack()
-    with torch.no_grad():
-        energy.variables.values["translation"][1] += 1.0
-        energy.goals[1] = energy.places()[1]
-        energy.variables.values["translation"][0] -= 0.1
-    end = energy.variables.pack()
-    revert_if_worse(energy, end, start, torch.tensor([0, 0]))
-    assert_close(energy.variables.pack(), end)
-    revert_if_worse(energy, end, start, None)
-    assert_close(energy.places()[0], STARTS[0])
 
 
 def two_loops(pairs, gradient):
@@ -219,16 +192,3 @@ def test_one_group_has_the_direction_of_the_two_loop_recursion(count, people):
     assert_close(
         flat(*history.direction(gradient)), want, rtol=1e-6, atol=1e-6 * want.norm().item()
     )
-
-
-def test_a_step_of_negative_curvature_is_not_stored_for_that_person():
-    history = LbfgsHistory()
-    gradient = torch.tensor([[3.0, 4.0], [0.0, 0.0]]), None
-    before, _ = history.direction(gradient)
-    assert_close(before, -0.1 * gradient[0])  # half a unit long
-    after = gradient[0] + torch.tensor([[-1.0, 0.0], [2.0, 0.0]]), None
-    history.add(torch.tensor([[1.0, 0.0], [1.0, 0.0]]), None, gradient, after)
-    same, _ = history.direction(gradient)
-    assert_close(same, before)
-    other, _ = history.direction((torch.tensor([[3.0, 4.0], [1.0, 0.0]]), None))
-    assert_close(other[1], torch.tensor([-0.5, 0.0]))

@@ -13,7 +13,6 @@ from physic_core import engine_preset
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms.people import (
-    connected_groups,
     find_people_pairs,
     select_probes,
 )
@@ -148,9 +147,3 @@ def test_visible_hands_near_a_person_touch_them_and_nothing_else_is_pulled(cross
     assert parts <= {"left_hand", "right_hand"}
     assert pairs.distance.max() < 0.04
     assert not len(touching(observed=torch.zeros(2, 55, dtype=torch.bool))[0])
-
-
-def test_people_are_grouped_by_their_links():
-    links = torch.tensor([[3, 1], [1, 4], [4, 3], [0, 2]])
-    assert connected_groups(links, 6).tolist() == [0, 1, 0, 1, 1, 5]
-    assert connected_groups(links[:0], 2).tolist() == [0, 1]

@@ -10,7 +10,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
-from torch.testing import assert_close
 
 from physic_core import engine_preset
 from physic_core.engine.ground.stance import Stance
@@ -82,13 +81,6 @@ def known(given):
         torch.zeros(0, dtype=torch.int64),
     )
     return KnownGeometry(torch.tensor([torch.nan]), 1.1 * given[1].scene.floor.offset, nothing)
-
-
-def test_heights_over_the_floor_grow_with_the_scene(given, known):
-    before = replace(given[1].scene, floor_points=torch.tensor([[0.3, 1.2, 3.0]]))
-    scenes = before, scale_scene(before, known, 1.1)[0]
-    low, high = (s.floor.height(s.floor_points) for s in scenes)
-    assert_close(high, 1.1 * low)
 
 
 def test_people_are_resized_to_a_scene_of_known_size(given, known):

@@ -10,11 +10,9 @@ import pytest
 from physic_core.engine.ground.posture import (
     is_back_taken_for_front,
     is_upright,
-    trunk_in_picture_deg,
-    trunk_planes_of_standing,
     weigh_posture,
 )
-from physic_core.types import SKELETONS, Intrinsics, Keypoints, Observations
+from physic_core.types import SKELETONS, Keypoints, Observations
 from physic_core.types.observations import POSTURES
 
 NAMES = SKELETONS["coco17"].names
@@ -32,11 +30,6 @@ def keypoints_of(degrees):
 def observed_as(posture):
     sure = np.array([[name == posture for name in POSTURES]], np.float32)
     return replace(Observations.unknown(1), posture=sure)
-
-
-@pytest.mark.parametrize("degrees", [0.0, 30.0, -60.0, 150.0])
-def test_the_angle_of_a_trunk_in_the_picture_is_clockwise_from_up(degrees):
-    assert trunk_in_picture_deg(keypoints_of(degrees)) == pytest.approx(degrees)
 
 
 @pytest.mark.parametrize(
@@ -112,13 +105,3 @@ def test_a_back_is_taken_for_a_front_where_3d_keypoints_surely_contradict_the_ob
         keypoints = replace(keypoints, world=world)
     said = replace(Observations.unknown(1), away=np.array([away], np.float32), away_share=0.15)
     assert is_back_taken_for_front(said, keypoints).tolist() == [found]
-
-
-@pytest.mark.parametrize("degrees", [0.0, 25.0, -170.0])
-def test_gravity_lies_in_the_plane_of_who_stands(degrees):
-    camera = Intrinsics.from_focal(500, 100, 100)
-    (normal,) = trunk_planes_of_standing(keypoints_of(degrees), observed_as("stand"), camera)
-    off = abs(np.degrees(np.arcsin(normal[1])))
-    assert off == pytest.approx(min(abs(degrees), 180 - abs(degrees)), abs=0.1)
-    none = trunk_planes_of_standing(keypoints_of(degrees), observed_as("sit"), camera)
-    assert none.shape == (0, 3)

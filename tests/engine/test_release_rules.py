@@ -11,16 +11,11 @@ from torch.testing import assert_close
 
 from physic_core import engine_preset
 from physic_core.engine.contact.distances import surface_distances
-from physic_core.engine.joint.energy import JointEnergy
 from physic_core.types import SKELETONS, skeleton_named
 from physic_paper.released.pointmap import published_floor_grid, published_normals
 from physic_paper.released.reprojection import released_keypoint_weights
-from physic_paper.released.visibility import visible_part_shares
 
 from .adjusted import posed, with_scene
-
-RELEASE = engine_preset("release")
-PAPER = engine_preset("paper")
 
 
 def released(state, **changed):
@@ -61,50 +56,6 @@ def test_body_and_feet_count_ten_times_their_confidence_and_unsure_keypoints_not
         if "inner" in name or "outer" in name or "mouth" in name
     ]
     assert [weights("wholebody69", [0.9] * 69)[j] for j in face] == pytest.approx([0.9] * 6)
-
-
-@pytest.mark.parametrize("skeleton", ["coco_wholebody133", "wholebody69"])
-def test_a_hand_of_low_mean_confidence_has_no_weight(skeleton):
-    names = SKELETONS[skeleton].names
-    left = [j for j, n in enumerate(names) if n.startswith("left_") and (n[-1].isdigit() or n.endswith("_root") or  # noqa: E501
-            n.split("_")[1] in ("thumb", "index", "middle", "ring", "pinky"))]  # fmt: skip
-    assert len(left) == (21 if skeleton == "coco_wholebody133" else 20)
-    confidence = [0.9] * len(names)
-    for j in left:
-        confidence[j] = 0.69
-    got = weights(skeleton, confidence)
-    assert {got[j] for j in left} == {0.0}
-    assert all(w > 0 for j, w in enumerate(got) if j not in left)
-
-
-@pytest.mark.parametrize("preset", ["paper", "release"])
-def test_a_contact_vertex_counts_one_whatever_its_probability(standing, preset):
-    state = released(standing.state, transl=standing.state.transl - torch.tensor([0.0, 0.03, 0.0]))
-    sure, less = (
-        replace(state, contact_prior=share * state.contact_prior.clamp(max=1.0))
-        for share in (1.0, 0.6)
-    )
-    values = [
-        float(JointEnergy(p, engine_preset(preset).joint)()["contact"].detach())
-        for p in (sure, less)
-    ]
-    assert values[0] > 0
-    assert values[0] == values[1]
-
-
-def test_a_part_is_seen_where_rays_meet_it_first():
-    """A square of four vertices before another of the same outline, and one vertex beside both."""
-    square = torch.tensor([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
-    near = 0.6 * square + torch.tensor([0.0, 0, 2])
-    far = 0.4 * square + torch.tensor([0.0, 0, 4])
-    beside = torch.tensor([[3.0, 0, 4]])
-    vertices = torch.cat([near, far, beside])
-    faces = torch.tensor([[0, 2, 1], [0, 3, 2], [4, 6, 5], [4, 7, 6], [4, 5, 8]])
-    part = torch.tensor([0, 0, 0, 0, 1, 1, 1, 1, 1])
-    shares = visible_part_shares(vertices, faces, part, [0, 1, 2])
-    assert float(shares[2]) == 1.0
-    # the four behind are hidden; the one beside is on the silhouette
-    assert float(shares[1]) <= 0.2
 
 
 def test_a_floor_of_samples_is_touched_where_its_samples_are(standing):

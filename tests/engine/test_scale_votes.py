@@ -56,14 +56,6 @@ def test_a_witness_who_is_far_off_counts_little():
     assert vote([1.0, 1.0, 1.0, 3.0]).scale.scale == pytest.approx(1.0, rel=0.02)
 
 
-def test_kinds_of_witnesses_are_weighed_by_their_errors():
-    soles = 0.08
-    torsos = 0.2
-    found = vote_on_scale([witnesses([1.0], soles, 1.0), witnesses([1.2], torsos, 1.0)]).scale
-    share = soles**-2 / (soles**-2 + torsos**-2)
-    assert math.log(found.scale) == pytest.approx((1 - share) * math.log(1.2), abs=0.002)
-
-
 def test_a_plane_at_which_the_witnesses_agree_is_more_likely():
     planes = [[witnesses([m], 0.1)] for m in (1.0, 2.0)]
     found = vote_on_scale([witnesses([1.0], 0.1, 1.0)], planes, [0.0, 0.0])

@@ -4,7 +4,6 @@ floor.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import pytest
@@ -19,9 +18,7 @@ from physic_core.engine.photo import PixelPoints
 from physic_core.engine.scene.method import Cameras, SceneStageMethod
 from physic_core.engine.scene.solve import build_scene
 from physic_core.engine.up import angle_deg
-from physic_core.geometry import pointmap
 from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project
-from physic_core.geometry.pointmap import edge_ratio
 
 from .drawn import normal, uniform
 from .seen import evidence_of
@@ -163,20 +160,6 @@ def test_depth_edges_are_not_valid_but_keep_their_own_surfaces_normal():
     assert_close(state.normals[50, 100], torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64))
 
 
-def test_the_grazing_far_floor_is_not_taken_for_an_edge(monkeypatch):
-    without = scene(mask=None, settings=SceneStageMethod(floor="off"))
-    monkeypatch.setattr(pointmap, "EDGE_RATIO", 1.01)
-    with_floor = scene(mask=None)
-    far_floor = ON_FLOOR & (DEPTH > 4) & (DEPTH < 5.5)
-    far_floor[:, 95:145] = False
-    assert bool(with_floor.valid[far_floor].all())
-    normal = with_floor.floor.normal
-    assert_close(
-        with_floor.normals[far_floor], normal.expand(int(far_floor.sum()), 3), atol=0.01, rtol=0
-    )
-    assert without.floor is None
-
-
 def test_a_photo_without_a_floor_reports_it_and_nothing_else_changes():
     state = scene(RAYS * 3.0, depth=torch.full_like(DEPTH, 3.0), mask=None)
     assert state.floor is None
@@ -189,18 +172,3 @@ def test_disagreement_with_the_metric_depth_is_reported():
     wrong = torch.where(uniform(ROWS, COLUMNS) < 0.7, DEPTH * 3, DEPTH)
     state = scene(depth=wrong * (1 + 0.2 * normal(ROWS, COLUMNS, seed=1).abs()))
     assert state.diagnostics["alignment"]["inlier_share"] < 0.5
-
-
-def test_floor_points_are_densest_where_the_feet_are():
-    state = scene(feet_px=FEET)
-    foot = RAYS[100, 60] * FLOOR[100, 60]
-    near = (state.floor_points - foot).norm(dim=-1) < 0.2
-    assert int(near.sum()) == pytest.approx(math.pi * 0.2**2 / 0.025**2, rel=0.1)
-    assert len(state.floor_points) <= 40_000
-    assert len(scene(settings=PAPER).floor_points) == 10_000
-
-
-def test_the_same_slope_is_an_edge_at_every_resolution():
-    assert edge_ratio(768, 1024) == pytest.approx(1.05)
-    assert edge_ratio(1536, 2048) == pytest.approx(1.05**0.5)
-    assert edge_ratio(100, 100) == pytest.approx(1.05**2)

@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import pytest
 import torch
 
 from physic_core import engine_preset
@@ -44,18 +43,6 @@ def test_what_is_observed_of_a_part_moves_its_touch_and_no_other():
             assert np.delete(found, column).tolist() == np.delete(average, column).tolist()
 
 
-@pytest.mark.parametrize(("rests", "moved"), [(0.8, True), (0.3, False), (math.nan, False)])
-def test_low_limbs_of_who_rests_on_the_lowest_skin_touch(rests, moved):
-    stance = replace(
-        Stance.in_picture(observed(np.full(5, 0.3))), rest_probability=np.array([rests])
-    )
-    found = stance.with_resting(np.array([[True, False, True, False]])).limb_touch_probability[0]
-    before = stance.limb_touch_probability[0]
-    assert found[[1, 3, 4]].tolist() == before[[1, 3, 4]].tolist()
-    wanted = 1 - (1 - before[[0, 2]]) * (1 - rests * moved) if moved else before[[0, 2]]
-    assert found[[0, 2]] == pytest.approx(wanted)
-
-
 def test_a_low_hand_that_holds_something_does_not_rest():
     said = observations(**dict.fromkeys(LIMBS, ("world", 0.3)) | {"left_hand": ("object", 0.95)})
     stance = replace(Stance.in_picture(said), rest_probability=np.array([0.9]))
@@ -74,16 +61,6 @@ def test_feet_that_touch_something_else_do_not_stand_on_the_floor():
     )
     assert stands.limb_touch_probability.tolist() == rides.limb_touch_probability.tolist()
     assert rides.stand_probability.max() < 0.25 * stands.stand_probability.min()
-
-
-def test_people_without_a_body_have_average_feet():
-    known = Stance.in_picture(observed([0.2] * 5))
-    wider = known.expanded(np.array([False, True]))
-    assert wider.limb_touch_probability[1].tolist() == known.limb_touch_probability[0].tolist()
-    assert (
-        wider.limb_touch_probability[0].tolist()
-        == Stance.unknown(1).limb_touch_probability[0].tolist()
-    )
 
 
 def test_a_foot_that_hardly_touches_stays_lifted(make_stage):

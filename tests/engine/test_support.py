@@ -19,7 +19,7 @@ from physic_core.engine.contact.support import (
     support_record,
 )
 from physic_core.geometry.mesh import vertex_normals
-from physic_core.types import BodyContact, ContactPartner, Support, SupportState
+from physic_core.types import BodyContact, ContactPartner
 
 SITS = {
     "left_hip": (-1.45, 0, 0),
@@ -206,33 +206,3 @@ def test_a_support_lists_its_large_likely_contacts_with_their_probability(suppor
     assert support.hidden == ("hidden seat",)
     assert str(support) == "assumed: left foot on floor, a seat that the scene does not show"
     assert support.outside_m == pytest.approx(found.outside_m, abs=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("part", "name"),
-    [
-        ("left_upper_leg", "hidden support under the thighs"),
-        ("right_hand", "hidden handhold"),
-        ("back", "hidden support behind the back"),
-        ("left_foot", "hidden support under the feet"),
-    ],
-)
-def test_names_of_hidden_supports(part, name):
-    support = Support(
-        "assumed", (BodyContact(part, ContactPartner("hidden"), 0.5, 9),), None, (0.0, 0.0, 1.0)
-    )
-    assert support.hidden == (name,)
-    assert str(support) == f"assumed: a {name.removeprefix('hidden ')} that the scene does not show"
-
-
-def test_an_upright_surface_and_few_vertices_that_face_down_carry_no_person(support):
-    def chosen(model, normals):
-        thigh, torso = (
-            model.part_of_vertex == model.part_names.index(part)
-            for part in ("left_upper_leg", "torso")
-        )
-        return few(thigh & (normals @ UP < -0.5), 9) | (torso & (normals[:, 2] < -0.9))
-
-    model, _, found = support(HANGS, (), chosen, feet=False, grips=True)
-    assert found.state == SupportState.ASSUMED
-    assert not (found.hidden & ~model.in_contact_sets(*HANDS)).any()

@@ -16,9 +16,7 @@ from physic_core.engine.joint.sampling import STATIC_CONTACT_PARTS
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms import picture
 from physic_core.engine.joint.terms.scene import ContactTerm
-from physic_core.engine.limbs import keypoints_of_observed_limbs
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
-from physic_core.types import SKELETONS
 
 from .adjusted import (
     adjusted,
@@ -31,7 +29,6 @@ from .adjusted import (
 )
 
 SETTINGS = engine_preset("default").joint
-NAMES = SKELETONS["blazepose33"].names
 
 
 def prior_of(state, **changes):
@@ -88,43 +85,6 @@ def test_an_unseen_foot_that_hovers_comes_down(standing, monkeypatch):
     pulled, left = (sole_height(optimize(state, settings)) for settings in (SETTINGS, free))
     assert pulled < left - 0.02
     assert left > 0.03
-
-
-def test_guessed_keypoints_count_by_their_own_weight(standing, monkeypatch):
-    monkeypatch.setattr(picture, "INVISIBLE_WEIGHT", 0.5)
-    state = lifted(standing, 0.06)
-    hidden = ~keypoints_of_observed_limbs(state.skeleton, state.observed)
-    assert hidden.sum() >= 2
-    guessed = replace(state, keypoint_confidence=torch.where(hidden, 0.1, 1.0))
-    sampling = JointEnergy(guessed, SETTINGS).sampling
-    expected = torch.where(hidden, 0.05, 1.0) * torch.tensor(
-        [0.5 if name.endswith("_hip") else 1.0 for name in NAMES]
-    )
-    assert_close(sampling.keypoint_weights.to(expected), expected)
-
-
-def test_guessed_keypoints_bring_a_hidden_foot_back(standing, monkeypatch):
-    """A leg that no pixel shows is 7 degrees too far to the side, its ankle 10 cm."""
-    state = lifted(standing, 0.0)
-    hip = JOINT_INDEX["left_hip"]
-    ankle = JOINT_INDEX["left_ankle"]
-    body = posed(state)
-    aside = state.rotations.clone()
-    aside[:, hip] = aside[:, hip] @ rotvec_to_rotmat(torch.tensor([0.0, 0.0, 0.12]))
-
-    def off(weight):
-        monkeypatch.setattr(picture, "INVISIBLE_WEIGHT", weight)
-        end = optimize(replace(state, rotations=aside), SETTINGS).joints
-        return float((end - body.joints)[0, ankle].norm())
-
-    assert off(0.0) > 0.08
-    assert off(0.4) < 0.03
-
-
-def test_an_unseen_foot_high_up_is_let_go(standing):
-    for height, weight in ((0.06, 1.0), (0.35, 0.0)):
-        energy = JointEnergy(lifted(standing, height), SETTINGS)
-        assert energy.weights["unseen_soles"].tolist() == [[weight, 0.0]]
 
 
 def test_a_person_without_a_floor_may_be_nearer_than_depth_says(standing):

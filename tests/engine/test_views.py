@@ -150,17 +150,6 @@ def test_one_factor_on_people_cameras_and_scene_changes_no_pixel(two):
     assert (term(larger)["views"] > 2 * term(moved)["views"]).all()
 
 
-def test_what_another_camera_shows_takes_part_in_contact(raised):
-    """A hand that the photo does not show counts as visible once a camera shows it."""
-    state = hide_left_arm(raised.state)
-    hand = state.model.part_of_vertex == state.model.part_names.index("left_hand")
-    view = view_of(raised, 40.0)
-    for views, shown in (((), 0.0), ((view,), 1.0), ((blank(view),), 0.0)):
-        energy = JointEnergy(replace(state, views=views), SETTINGS)
-        on_hand = energy.snapshot.visibility.eligible[0, hand[energy.sampling.ids]]
-        assert on_hand.float().mean() == shown
-
-
 def test_an_energy_without_other_cameras_refuses_them(two):
     state = replace(two.state, views=(view_of(two, 40.0),))
     with pytest.raises(PhysicError, match=r"^only the engine preset 'default' uses other cameras"):
