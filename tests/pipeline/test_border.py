@@ -122,22 +122,6 @@ def test_a_result_is_that_of_the_picture_inside_in_px_of_the_whole(plain, name):
     assert offset == pytest.approx(corner)
 
 
-def test_a_white_frame_of_a_photo_that_fades_to_white_is_cut_at_the_photo():
-    share = np.linspace(0.1, 1, 240)[:, None, None]
-    whole, inside = with_border(
-        (255 - share * (255 - textured(240, 320))).astype(np.uint8), "a frame of 10 %"
-    )
-    assert find_inside(whole) == inside
-
-
-def test_a_large_photo_is_downscaled_by_the_picture_inside():
-    whole, _ = with_border(textured(480, 640), "a frame of 10 %")
-    prepared = prepare_photo(Photo(whole), PhotoSettings(max_side=320), None, None)
-    height, width = prepared.photo.image.shape[:2]
-    assert (width, height) == pytest.approx((320, 240), abs=2)
-    assert prepared.border.image.shape[:2] == pytest.approx((288, 384), abs=1)
-
-
 def test_a_plain_picture_with_a_few_other_rows_at_its_end_is_no_border():
     photo = np.full((240, 320, 3), 20, np.uint8)
     photo[-5:] = textured(240, 320)[-5:]

@@ -429,33 +429,7 @@ def test_a_mask_with_the_head_of_another_person_is_never_good():
     assert warning_messages(found) == (f"person 0: {found[0].message}",)
 
 
-@pytest.mark.parametrize(
-    ("seat", "posture", "probability", "said"),
-    [
-        (0.01, "stand", 0.9, "left foot"),
-        (0.01, "sit", 0.9, "sit (probability 0.90)"),
-        (0.01, "sit", 0.4, "left foot"),
-        (0.8, "sit", 0.9, "left foot"),
-    ],
-)
-def test_a_doubtful_contact_names_the_part_or_the_seat_that_is_missing(
-    seat, posture, probability, said
-):
-    likely = {"left_foot": 0.55, "right_foot": 0.9, "seat": seat}
-    result = case(likely=likely, posture=posture, posture_probability=probability)[1]
-    assert said in CHECKS["contact_sure"].measure(None, result, 0)[1]
-
-
 LYING = standing()[:, [0, 2, 1]]
-
-
-@pytest.mark.parametrize(("state", "value"), [("balanced", 0.8), ("unbalanced", 0.0)])
-def test_of_people_who_lie_the_least_sure_part_that_carries_them_is_asked(state, value):
-    sure = [("back", 0.9), ("seat", 0.8), ("left_upper_arm", 0.55), ("back", 0.51)]
-    carriers = [BodyContact(part, ContactPartner("floor"), p, 20) for part, p in sure]
-    support = Support(SupportState(state), tuple(carriers), 0.0, (0.0, 0.0, 0.0))
-    result = case(joints=LYING, likely={"left_hand": 0.55, "seat": 0.9}, support=support)[1]
-    assert CHECKS["contact_sure"].measure(None, result, 0)[0] == value
 
 
 @pytest.mark.parametrize(("below_m", "failed"), [(0.5, True), (0.05, False)])
@@ -564,28 +538,6 @@ def test_what_the_user_gave_and_the_photo_contradicts_makes_a_person_doubtful(
     assert bool(warning_messages([found])) == failed
     trust = person_trust((*run_checks(*case()), found), 0)
     assert (trust.probability <= CAP) == failed
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "text"),
-    [
-        ("limb_keypoints", 0.0351, "3.51 % of {share_of}, limit 3.5 %"),
-        ("body_in_mask", 0.97, "97 % of {share_of}, at least 85 %"),
-        ("low_depth", 0.2, "20 %, limit 25 %"),
-        ("support", -0.001, "0.00 m, limit 0.1 m"),
-        ("lean", 3.2, "3°, limit 15°"),
-        ("heads", 2.0, "2, limit 1"),
-        ("placed", 0.0, "no, must be yes"),
-        ("support", None, "not measured"),
-    ],
-)
-def test_a_check_reads_as_label_value_and_bound(name, value, text):
-    spec = CHECKS[name]
-    check = spec.compare((value, "advice or reason"))
-    text = f"{spec.label}: {text.format(share_of=spec.share_of)}"
-    assert str(check) == text
-    said = "advice or reason" if check.failed else "not measured: advice or reason"
-    assert check.message == (text if check.ok else said)
 
 
 def test_a_metric_depth_that_is_larger_where_the_scene_is_nearer_may_be_a_disparity():

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from physic_core import load_config, reconstruct
-from physic_core.backends.people import boxes_from_masks
 from physic_core.errors import BackendOutputError, ConfigError, NoPersonError
 from physic_core.prepare.people import select_chosen
 from physic_core.types import Keypoints, People, PeoplePrompt
@@ -136,47 +133,6 @@ def test_a_run_reconstructs_the_chosen_person(world, kind):
     by_config = load_config(preset="mock", overrides=["photo.person=[[1, 1]]"])
     with pytest.raises(NoPersonError, match=r"no person was found at point 1 \(1, 1\)"):
         reconstruct(world.image, by_config, backends=own)
-
-
-class Doubling(backends.MockSegmenter):
-    """Returns the first person once for each box; the others take the left of the mask."""
-
-    takes_prompt = True
-
-    def infer(self, image, prompt=None):
-        first = super().infer(image)
-        rows = np.zeros(len(prompt.boxes), int)
-        masks = first.masks[rows]
-        left = np.arange(image.shape[1]) < first.boxes[0, [0, 2]].mean()
-        masks[1:] &= left
-        masks[0] &= ~masks[1:].any(0)
-        y, x = np.argwhere(first.masks[0])[:: first.masks[0].sum() // 16][:17].T
-        points = np.stack([x, y], -1)[None].astype(np.float32)[rows]
-        return replace(
-            first,
-            masks=masks,
-            boxes=first.boxes[rows],
-            heads=None,
-            scores=np.linspace(0.9, 0.5, len(rows), dtype=np.float32),
-            keypoints=Keypoints(points, np.ones((len(rows), 17), np.float32), "coco17"),
-        )
-
-
-def test_a_second_box_on_a_person_is_left_out_and_changes_nothing(world):
-    box = tuple(map(float, boxes_from_masks(world.masks[:1])[0]))
-    alone, both = (
-        reconstruct(
-            world.image,
-            "mock",
-            backends={"segmenter": Doubling},
-            people=PeoplePrompt(boxes=boxes),
-        )
-        for boxes in ((box,), (box, box))
-    )
-    (one,), (other,) = alone.people, both.people
-    assert np.array_equal(one.joints, other.joints)
-    assert np.array_equal(one.mask, other.mask)
-    assert any("left out the person" in note for note in both.notes)
 
 
 def test_a_segmenter_that_takes_prompts_has_to_obey_them(world):

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from physic_core.engine.joint import solve as joint
 from physic_core.io.results import read_record
 from physic_core.pipeline.backend_results import is_real_person
 from physic_core.types import MARKS, Keypoints, People, PeoplePrompt, Reconstruction
@@ -146,28 +145,6 @@ def test_other_invalid_results_of_a_person_are_named_and_the_body_is_kept(
     moved = [apart(result.people[KEPT], other) for other in (sound.people[KEPT], alone)]
     assert min(moved) < 0.03
     assert result.people[KEPT].failed_checks == sound.people[KEPT].failed_checks
-
-
-def test_a_person_who_cannot_be_optimised_is_named_and_the_other_goes_on(
-    world, sound, alone, monkeypatch
-):
-    plain = joint._has_finite_energy
-
-    def one_is_not(energy):
-        fine = plain(energy)
-        if len(fine) == 2:
-            fine[LOST] = False
-        return fine
-
-    monkeypatch.setattr(joint, "_has_finite_energy", one_is_not)
-    result = run(world.image)
-    assert "placed" in result.people[LOST].failed_checks
-    assert any(
-        warning.endswith("the energy of the start is not finite") for warning in result.warnings
-    )
-    assert np.isfinite(result.people[LOST].vertices).all()
-    assert apart(result.people[LOST], sound.people[LOST]) < 0.2
-    check_unspoilt(result.people[KEPT], sound, alone, world)
 
 
 def two(masks, points, scores=(1.0, 1.0)):

@@ -12,7 +12,7 @@ from physic_core import InputError, reconstruct
 from physic_core.configuration.model import PhotoSettings
 from physic_core.io.keypoint_file import read_keypoints
 from physic_core.io.photo import read_photo
-from physic_core.prepare.keypoints import contradicted_keypoints, corrected_keypoints
+from physic_core.prepare.keypoints import corrected_keypoints
 from physic_core.prepare.photo import prepare_photo
 from physic_core.types import SKELETONS, Keypoints, People
 from physic_mock import backends
@@ -80,14 +80,6 @@ def test_sides_of_a_back_that_looks_like_a_front_change_places_but_not_those_giv
     assert np.array_equal(after[left], before[left if given else right])
 
 
-@pytest.mark.parametrize("score", ["0", "-1", "nan"])
-def test_a_joint_without_a_score_is_left_out_with_a_note(tmp_path, score):
-    text = "person,joint,x,y,confidence\n0,left_wrist,150,120,0.9\n0,nose,150,60,"
-    found = read_keypoints(str(written(tmp_path, f"{text}{score}\n")), 320, 240)
-    assert found.joint == ("left_wrist",)
-    assert any("1 given keypoints" in note for note in found.notes)
-
-
 def test_a_wrist_that_no_arm_reaches_is_contradicted_by_the_photo(tmp_path, world):
     found = run(world, written(tmp_path, "person,joint,x,y\n0,left_wrist,2,110\n"))
     off_body, off_photo = (text for text in found.warnings if "given" in text)
@@ -152,38 +144,6 @@ def test_a_photo_that_is_made_smaller_has_given_scores_and_a_note_in_px_of_its_f
     after, _, (note,) = corrected_keypoints(keypoints, given, people)
     assert after.confidence[0, LEFT_WRIST] == pytest.approx(0.4)
     assert "120 px" in note
-
-
-@pytest.mark.parametrize(
-    ("confidence", "at", "off"),
-    [
-        (0.9, (60, 60), 0),  # in the mask
-        (0.9, (90, 60), 40),  # beside it: from the detected one
-        (0.9, (90, 110), 10),  # from that of the other side, which is nearer
-        (0.9, (155, 60), 86),  # from the mask
-        (0.2, (80, 60), 0),
-        (0.2, (140, 60), 71),  # far outside, of an unsure detector
-    ],
-)
-def test_a_given_joint_outside_of_the_mask_is_contradicted(confidence, at, off):
-    before, people = two_people()
-    before = replace(before, confidence=np.full((2, 17), confidence))
-    before.points[0, [LEFT_WRIST, NAMES.index("right_wrist")]] = (50, 60), (100, 110)
-    changed = np.zeros((2, 17), bool)
-    changed[0, LEFT_WRIST] = True
-    after = replace(before, points=np.where(changed[..., None], at, before.points))
-    found = contradicted_keypoints(before, after, changed, people)
-    assert found == pytest.approx(np.where(changed, off, 0), abs=1)
-
-
-def test_an_annotation_of_a_person_who_was_not_found_is_left_out_with_a_note(
-    tmp_path,
-):
-    before, _ = two_people()
-    three = [annotation(points + 1) for points in (*before.points, before.points[0] + 5)]
-    _, changed, notes = corrected(tmp_path, three)
-    assert changed.all()
-    assert "annotation 2" in notes[-1]
 
 
 def test_annotations_that_are_of_nobody_are_refused(tmp_path):

@@ -14,7 +14,6 @@ import torch
 
 from physic_core import KnownLength, KnownSizes, load_config
 from physic_core.body import load_body
-from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry
 from physic_core.errors import ConfigError
 from physic_core.prepare.people import known_people
 from physic_core.types import PeoplePrompt
@@ -224,18 +223,3 @@ def test_sizes_of_the_command_line_are_in_the_result(tmp_path, stand, physic):
     wrong = physic("run", str(photo), "--known-length", "1,2,3")
     assert wrong.exit_code == 2
     assert "'1,2,3' is not comma-separated numbers: x1,y1,x2,y2,metres" in wrong.output
-
-
-def test_chosen_people_keep_the_sizes_given_for_them():
-
-    distances = KnownDistances(
-        torch.tensor([1.0, 2.0]),
-        torch.tensor([[0, -1], [2, 2]]),
-        torch.zeros(2, 2, 3),
-        torch.zeros(2, 2, 3),
-        torch.tensor([0, 1]),
-    )
-    known = KnownGeometry(torch.tensor([1.5, 1.6, 1.7]), None, distances)
-    chosen = known.select_people(torch.tensor([2, 1]))
-    assert chosen.stature.tolist() == pytest.approx([1.7, 1.6])
-    assert (chosen.distances.person.tolist(), chosen.distances.index.tolist()) == ([[0, 0]], [1])

@@ -12,7 +12,6 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-import torch
 from PIL import Image
 
 from physic_core import (
@@ -25,10 +24,9 @@ from physic_core import (
     load_config,
     reconstruct,
 )
-from physic_core.engine.state import OtherView
 from physic_core.interfaces import MetricDepth
 from physic_core.io.photo import read_photo
-from physic_core.types import SUMMARY_COLUMNS, CheckResult, DepthMap
+from physic_core.types import SUMMARY_COLUMNS, DepthMap
 from physic_mock import backends
 from tests.pipeline.mocks import changed, without_people
 
@@ -255,35 +253,3 @@ def test_a_summary_is_flat_numbers(result):
     assert numbers["contacts"] == len(likely) > 0
     assert numbers["contacts_with_floor"] == likely.count("floor")
     assert {f"check_{check.name}" for check in result.checks} < numbers.keys()
-
-
-@pytest.mark.parametrize(
-    ("values", "worst"), [((0.5, 0.1, None), 0.1), ((0.9, 0.5), 0.5), ((None,), None)]
-)
-def test_a_check_of_several_people_counts_with_its_worst_value(result, values, worst):
-    states = {0.1: "failed", 0.5: "ok", 0.9: "ok", None: "unknown"}
-    checks = tuple(
-        CheckResult("visible", states[v], v, 0.4, "at least", "share", "", person=0) for v in values
-    )
-    assert replace(result, checks=checks).summary()["check_visible"] == worst
-
-
-@pytest.mark.parametrize(
-    ("given", "word"),
-    [
-        (
-            {
-                "complete": lambda e: replace(
-                    e,
-                    photo=replace(e.photo, people=replace(e.photo.people, heads=np.ones(2, int))),
-                )
-            },
-            "photo.people.heads has 2 rows",
-        ),
-        ({"complete": lambda e: replace(e, missing_results=())}, "missing_results has 0 rows"),
-        ({"views": (OtherView(*[torch.zeros(0)] * 7),)}, r"views\[0\].masks has 0 rows"),
-    ],
-)
-def test_estimates_and_views_from_elsewhere_have_a_row_for_each_person(world, given, word):
-    with Pipeline("mock") as pipeline, pytest.raises(PhysicError, match=word):
-        pipeline(world.image, **given)

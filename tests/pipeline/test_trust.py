@@ -9,8 +9,8 @@ from dataclasses import replace
 import pytest
 
 from physic_core.judge import CHECKS, person_trust
-from physic_core.judge.trust import ALL, CAP, load_of, probabilities_of, trust_models
-from physic_core.types import MARKS, is_usable, marks_text, usable_text
+from physic_core.judge.trust import ALL, CAP, probabilities_of, trust_models
+from physic_core.types import MARKS, is_usable
 
 MODELS = trust_models()
 MODEL = MODELS[ALL]
@@ -69,24 +69,6 @@ def test_all_are_at_most_as_probable_as_each_mark_and_fall_from_good_to_bad():
     assert min(probabilities_of(best(), MODELS).values()) >= 0.8
 
 
-@pytest.mark.parametrize(
-    ("value", "name", "load"),
-    [
-        (None, "lean", None),
-        (7.5, "lean", 0.5),
-        (90.0, "lean", 3.0),
-        (0.85, "body_in_mask", 1.0),
-        (1.0, "body_in_mask", 0.0),
-        (1.0, "placed", 1.0),
-        (0.0, "placed", 2.0),
-        (1.0, "heads", 1.0),
-    ],
-)
-def test_a_load_is_one_at_the_limit(value, name, load):
-    spec = CHECKS[name]
-    assert load_of(value, spec.threshold, spec.direction, spec.unit) == pytest.approx(load)
-
-
 @pytest.mark.parametrize("name", [name for name, spec in CHECKS.items() if spec.contradicts])
 def test_a_contradiction_caps_the_probability_and_is_named_first(name):
     wrong = CHECKS[name].compare(value_at(name, 1.5) if name != "heads" else 2.0, 0)
@@ -96,11 +78,6 @@ def test_a_contradiction_caps_the_probability_and_is_named_first(name):
     assert trust.probability <= CAP
     assert {mark for mark in MARKS if trust.marks[mark] <= CAP} == set(CHECKS[name].contradicts)
     assert trust.why.startswith(wrong.title)
-
-
-def test_two_contradictions_halve_the_trust_twice():
-    trust = person_trust(results(limb_keypoints=0.2, support=0.5), 0)
-    assert trust.probability <= CAP**2
 
 
 def test_every_failed_check_is_named_and_the_two_worst_with_what_to_do():
@@ -137,25 +114,6 @@ def test_checks_of_other_people_do_not_count():
     other = [replace(one, person=1) for one in results(lean=80.0) if one.person == 0]
     assert person_trust([*own, *other], 0) == person_trust(own, 0)
     assert person_trust([*own, *other], 1).probability < person_trust(own, 0).probability
-
-
-@pytest.mark.parametrize(
-    ("marks", "text"),
-    [
-        ((0.4, 0.95, None, 0.7), "place and size usable, pose doubtful"),
-        ((0.7, 0.7, 0.7, 0.7), "pose, place, contact and size usable"),
-        ((0.1, 0.699, 0.0, 0.5), "pose, place, contact and size doubtful"),
-        ((None,) * 4, "not judged"),
-    ],
-)
-def test_marks_in_words(marks, text):
-    assert marks_text(dict(zip(MARKS, marks, strict=True))) == text
-
-
-def test_a_photo_counts_the_people_of_each_mark():
-    assert usable_text({"place": 2, "size": 3}, 3) == "place usable for 2 of 3 people, size for 3"
-    assert usable_text({"place": 0}, 1) == "place usable for 0 of 1 person"
-    assert usable_text({"place": 0}, 0) == "no people"
 
 
 def test_each_mark_can_be_usable():
