@@ -16,7 +16,7 @@ from physic_core.types import Hints
 from physic_embedded.networks.depth_anything import predict_disparity
 from physic_networks.onnx_sessions import open_session
 from physic_networks.pictures import resize_map
-from physic_onnx.depth_anything import DepthAnything, input_size
+from physic_onnx.depth_anything import DepthAnything
 
 FILES = ("depth_anything_v2_vits.onnx", "depth_anything_v2_vits.weights")
 
@@ -77,22 +77,3 @@ def test_points_lie_on_the_rays_of_a_default_camera_and_sky_has_none(answering):
     np.testing.assert_allclose(answer.points[..., 1], z * y[:, None], atol=1e-6)
     disparity = 1 / z[52:, 0]
     np.testing.assert_allclose(disparity / disparity[-1], rows[104::2, 0] / 3, rtol=0.01)
-
-
-def test_a_constant_map_is_refused(answering):
-    with pytest.raises(BackendError, match="saw no structure"):
-        answering(np.full((28, 28), 0.97)).infer(np.zeros((28, 28, 3), np.uint8), Hints())
-
-
-@pytest.mark.parametrize(
-    ("photo", "seen"),
-    [
-        ((720, 1280), (518, 924)),
-        ((1280, 720), (924, 518)),
-        ((97, 131), (378, 518)),
-        ((800, 4800), (392, 2422)),
-    ],
-)
-def test_sizes_keep_the_aspect_in_multiples_of_14(photo, seen):
-    """The short side becomes 518 of a larger photo and the long one of a smaller."""
-    assert input_size(*photo) == seen

@@ -7,12 +7,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from physic_core.cache.results import ResultCache
-from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import BackendError
-from physic_core.interfaces import MetricDepthRequest, RelativePointmapRequest
-from physic_core.pipeline.stage_caller import StageCaller
-from physic_core.types import CameraTrust, Hints, Intrinsics, Provenance
+from physic_core.types import CameraTrust, Hints, Intrinsics
 from physic_onnx.moge import Moge2Depth, Moge2Pointmap, network_input_size
 from physic_testing.worlds import load_world
 
@@ -131,18 +127,6 @@ def test_an_answer_without_a_surface_or_a_scale_is_refused(backend_of, answer, w
         backend_of(Moge2Depth, partial(plane, **answer)).infer(PHOTO, Hints())
 
 
-@pytest.mark.parametrize(
-    ("size", "tokens", "seen"),
-    [
-        ((240, 320), 1800, (240, 320, 1800)),
-        ((3000, 4000), 1800, (504, 672, 36 * 48)),
-        ((20, 30000), 1200, (13, 18783, 1200)),
-    ],
-)
-def test_photo_is_reduced_to_whole_patches_and_never_enlarged(size, tokens, seen):
-    assert network_input_size(*size, tokens) == seen
-
-
 @pytest.mark.parametrize("tokens", [1200, 2500, 3600])
 @pytest.mark.parametrize(
     "size", [(1080, 1920), (2000, 3000), (3024, 4032), (4000, 2250), (1439, 2560), (1501, 1999)]
@@ -159,22 +143,3 @@ def test_the_network_resizes_nothing_of_what_it_gets(size, tokens):
     )
     assert 0.85 * tokens <= asked <= tokens
     assert abs(np.log(aspect * size[0] / size[1])) < 0.01
-
-
-def test_both_interfaces_with_equal_settings_share_one_run_of_a_photo_by_the_cache(
-    backend_of, tmp_path
-):
-    points, depth = (backend_of(kind, plane) for kind in (Moge2Pointmap, Moge2Depth))
-    finer = backend_of(Moge2Depth, plane, tokens=3600)
-    stages = StageCaller("cpu", 2, cache=ResultCache(tmp_path / "results", 10**8))
-    for backend, request in (
-        (points, RelativePointmapRequest(PHOTO, Hints())),
-        (depth, MetricDepthRequest(PHOTO, Hints())),
-        (finer, MetricDepthRequest(PHOTO, Hints())),
-    ):
-        options = {"tokens": backend.options.tokens}
-        who = Provenance(
-            backend.interface, "moge-2-onnx", "physic_onnx", "metricbody-onnx", "1", options, ""
-        )
-        stages.call_backend(backend.interface, ResolvedBackend(backend, who), request)
-    assert [one.network.runs for one in (points, depth, finer)] == [1, 0, 1]

@@ -41,30 +41,6 @@ def networks_of(stand_in_network):
     return make
 
 
-# The centres of the first and of the last pixel: 4 px of the square a pixel across, 2 down.
-WHOLE = [[1.5, 0.5], [1021.5, 1022.5]]
-MIDDLE = [[257.5, 256.5], [509.5, 510.5]]
-LOWER = [[1.5, 512.5], [1021.5, 1022.5]]
-
-
-def test_the_decoder_gets_a_box_as_two_points_before_others(networks_of):
-    """Two boxes, and then a point inside and one outside, of a photo of 256 x 512 px. A box is two
-    points, labelled 2 and 3.
-    """
-    encoder, decoder = networks_of()
-    networks = Sam2Networks(encoder, decoder)
-    photo = networks.encode(np.zeros((512, 256, 3), np.uint8))
-    networks.masks_from_boxes(photo, np.array([[0.0, 0, 256, 512], [64, 128, 128, 256]]))
-    np.testing.assert_array_equal(decoder.fed["point_coords"], [WHOLE, MIDDLE])
-    np.testing.assert_array_equal(decoder.fed["point_labels"], [[2, 3], [2, 3]])
-    np.testing.assert_array_equal(decoder.fed["mask_input"], np.zeros((2, 1, 256, 256)))
-    np.testing.assert_array_equal(decoder.fed["has_mask_input"], [0])
-    ends = np.array([[[0.0, 0.0]], [[255.0, 511.0]]])
-    networks.masks_from_points(photo, *ends, np.array([0.0, 256, 256, 512]))
-    np.testing.assert_array_equal(decoder.fed["point_coords"], [[*LOWER, *WHOLE]])
-    np.testing.assert_array_equal(decoder.fed["point_labels"], [[2, 3, 1, 0]])
-
-
 def standing(boxes, size=(200, 300)):
     masks = np.zeros((len(boxes), *size), bool)
     for mask, (x0, y0, x1, y1) in zip(masks, boxes, strict=True):

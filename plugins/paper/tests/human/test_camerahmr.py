@@ -15,7 +15,6 @@ from .seen import coordinates, normalised_back, place_of
 
 NUM_KEYPOINTS = Keypoints(np.zeros((2, 17, 2)), np.zeros((2, 17)), "coco17")
 CAMERA = Intrinsics(500.0, 500.0, 140.0, 105.0, 300, 200)
-PLAIN = np.full((200, 300, 3), [200, 100, 10], np.uint8)
 
 CHECKOUT = {
     "core/constants.py": "SMPL_MEAN_PARAMS_FILE = "
@@ -42,20 +41,6 @@ class CameraHMR(torch.nn.Module):
         parameters = {"global_orient": eye[:, :1], "body_pose": eye[:, 1:], "betas": self.gain * torch.ones(count, 10)}
         return parameters, torch.tensor([[0.9, 0.05, -0.1]]).expand(count, 3), batch["cam_int"][:, 0, 0]
 """,  # noqa: E501
-    "core/cam_model/fl_net.py": """
-import torch
-
-SHOWN = []
-
-class FLNet(torch.nn.Module):
-    def __init__(self):
-        super().__init__()
-        self.gain = torch.nn.Parameter(torch.zeros(1))
-
-    def forward(self, images):
-        SHOWN.append(images.numpy().copy())
-        return torch.tensor([[0.9, 0.8]]) * self.gain, torch.zeros(1, 720)
-""",
 }
 
 
@@ -73,8 +58,8 @@ def made(stub, tmp_path, smpl_file):
     torch.save({"state_dict": state}, files / "camerahmr_checkpoint_cleaned.ckpt")
     (files / "smpl_mean_params.npz").write_bytes(b"")
 
-    def make(camera_gain=1.0, **options):
-        camera = {"state_dict": {"gain": torch.full((1,), camera_gain)}}
+    def make(**options):
+        camera = {"state_dict": {"gain": torch.ones(1)}}
         torch.save(camera, files / "cam_model_cleaned.ckpt")
         places = {"checkout": str(checkout), "smpl_file": str(smpl_file)}
         backend = reading(CameraHmr(CameraHmrOptions(**places, **options)), files)
@@ -126,20 +111,3 @@ def test_bodies_are_seen_where_the_crop_has_them(made, smpl_file):
     assert np.isnan(bodies.joints[:, 22:]).all()
     assert bodies.mesh.rest is not None
     np.testing.assert_allclose(bodies.mesh.rest, arrays["v_template"], atol=1e-6)
-
-
-def test_its_estimated_focal_length_reaches_the_network_and_does_not_move_the_body(
-    made,
-):
-    backend = made(focal="own", focal_channels="bgr")
-    bodies = ask(backend, PLAIN)
-    np.testing.assert_allclose(
-        backend.network[0].seen[0]["cam_int"][0, 0, 0], 200 / (2 * np.tan(0.4)), rtol=1e-5
-    )
-    np.testing.assert_allclose(bodies.parameters.transl[0, 2], 2 * 500 / (100 * 0.9), rtol=1e-5)
-    (shown,) = backend.checkout.load("core.cam_model.fl_net").SHOWN
-    seen = normalised_back(shown[0])
-    np.testing.assert_allclose(seen[128, 128], [10, 100, 200], atol=0.6)
-    np.testing.assert_allclose(seen[10, 128], 255, atol=0.6)  # letterboxed on white
-    crop = normalised_back(backend.network[0].seen[0]["img"][0])
-    np.testing.assert_allclose(crop[128, 128], [200, 100, 10], atol=0.6)

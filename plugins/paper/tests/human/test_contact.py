@@ -7,23 +7,12 @@ import pytest
 import torch
 
 from physic_core.types import People
-from physic_human.deco import Deco, DecoOptions, contact_crop, enlarged_box_slices
+from physic_human.deco import Deco, DecoOptions, contact_crop
 from physic_human.user_smpl import open_smpl
 from physic_networks.bodies import empty_bodies
 
 from .conftest import reading
 from .seen import normalised_back
-
-
-def test_the_box_grows_by_a_tenth_on_every_side_and_ends_at_the_image():
-    assert enlarged_box_slices(np.array([100.0, 50, 200, 250]), 480, 640) == (
-        slice(30, 270),
-        slice(90, 210),
-    )
-    assert enlarged_box_slices(np.array([0.0, 400, 640, 480]), 480, 640) == (
-        slice(392, 480),
-        slice(0, 640),
-    )
 
 
 def test_the_network_gets_bgr_with_white_beside_the_person_unless_the_crop_is_squashed():
@@ -90,11 +79,3 @@ def test_deco_gives_smpls_labels_with_smpls_t_pose(deco, smpl_file):
     np.testing.assert_allclose(found.probability[:, 0], 0.75)
     wanted = open_smpl(str(smpl_file)).rest
     np.testing.assert_array_equal(found.rest.vertices, wanted.vertices)
-
-
-def test_deco_is_called_in_batches_and_never_without_people(deco):
-    backend = deco(batch=2)
-    ask(backend, 3)
-    assert [len(seen) for seen in backend.network[0].seen] == [2, 1]
-    assert ask(backend, 0).probability.shape == (0, 6890)
-    assert len(backend.network[0].seen) == 2

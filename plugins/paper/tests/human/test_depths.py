@@ -9,13 +9,9 @@ import numpy as np
 import pytest
 import torch
 
-from physic_core.cache.results import ResultCache
-from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import PhysicError
-from physic_core.interfaces import MetricDepthRequest, RelativePointmapRequest
-from physic_core.pipeline.stage_caller import StageCaller
-from physic_core.types import CameraTrust, Hints, Intrinsics, Provenance
-from physic_human.moge import Moge1, Moge1Options, Moge3Depth, Moge3Options, Moge3Pointmap
+from physic_core.types import CameraTrust, Hints, Intrinsics
+from physic_human.moge import Moge1, Moge1Options, Moge3Depth, Moge3Options
 
 from .conftest import reading
 
@@ -131,22 +127,6 @@ def test_a_known_camera_is_followed_by_moge_3_and_a_guessed_one_is_not(moge_3):
         camera = replace(Intrinsics.from_focal(200.0, 80, 60), trust=trust)
         found = backend.infer(image, Hints(intrinsics=camera)).intrinsics
         np.testing.assert_allclose(found.fx, fx, rtol=0.01)
-
-
-def test_both_interfaces_share_one_run_of_moge_3_by_the_cache(moge_3, tmp_path):
-    depth = moge_3()
-    points = reading(Moge3Pointmap(depth.options), depth.file())
-    image = np.zeros((60, 80, 3), np.uint8)
-    stages = StageCaller("cpu", 2, cache=ResultCache(tmp_path / "results", 10**8))
-    for backend, request in (
-        (points, RelativePointmapRequest(image, Hints())),
-        (depth, MetricDepthRequest(image, Hints())),
-    ):
-        who = Provenance(
-            backend.interface, "moge-3", "physic_human", "metricbody-paper", "1", {}, ""
-        )
-        stages.call_backend(backend.interface, ResolvedBackend(backend, who), request)
-    assert (points.network.runs, depth.network.runs) == (1, 0)
 
 
 @pytest.mark.parametrize(

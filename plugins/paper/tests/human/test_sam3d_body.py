@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import sys
 from pathlib import Path
 
@@ -162,22 +161,6 @@ def ask(backend, camera=CAMERA):
     return backend.infer(image, PEOPLE, camera, NUM_KEYPOINTS, Hints())
 
 
-def test_sam_3d_body_gets_boxes_camera_and_rgb_and_masks_if_wanted(sam, load_sam, capsys):
-    ask(sam)
-    asked = sam.network.asked
-    assert len(asked) == 2
-    np.testing.assert_array_equal(asked[0][0][0, 0], [200, 100, 10])
-    np.testing.assert_array_equal(asked[0][1], [[10, 5, 30, 45]])
-    assert asked[0][2] is None
-    np.testing.assert_allclose(asked[1][3], [[[500, 0, 32], [0, 510, 24], [0, 0, 1]]])
-    assert capsys.readouterr().out == ""
-    masked = load_sam(use_masks=True)
-    ask(masked)
-    mask = masked.network.asked[0][2]
-    assert mask.shape == (1, 48, 64, 1)
-    assert mask.sum() == 800
-
-
 def test_the_translation_is_added_to_surface_and_joints(sam):
     bodies = ask(sam)
     assert bodies.body_model == "mhr"
@@ -231,15 +214,6 @@ def test_weights_missing_in_the_checkpoint_are_not_initialised_randomly(encoder,
         load_sam("dinov3_vith16plus", held=held, dinov3_checkout=dinov3)
 
 
-def test_other_parameters_that_the_checkpoint_lacks_are_a_warning(make_sam, caplog):
-    make_sam(held={"state_dict": {}}).build("cpu")
-    (said,) = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
-    assert said.endswith(
-        "is missing 1 of 3 parameters of the network, gain: these keep random numbers, so look at "
-        "the bodies"
-    )
-
-
 def test_a_checkpoint_with_objects_is_read_only_if_trusted(load_sam):
     """Its code reads them whatever they hold."""
     held = {"state_dict": {"gain": torch.ones(1)}, "hyper_parameters": Path("x")}
@@ -247,36 +221,6 @@ def test_a_checkpoint_with_objects_is_read_only_if_trusted(load_sam):
         load_sam(held=held)
     trusting = load_sam(held=held, trust_checkpoint=True)
     assert trusting.network.model.held["hyper_parameters"] == Path("x")
-
-
-@pytest.mark.parametrize("device", ["cuda", "cuda:1"])
-def test_what_its_code_sends_to_cuda_goes_to_the_device_of_the_config(
-    device, make_sam, monkeypatch
-):
-    """Its batches go to "cuda", which is whatever device torch holds for the current one."""
-    current = ["none"]
-
-    @contextlib.contextmanager
-    def entered(name):
-        current.append(name)
-        yield
-        current.pop()
-
-    monkeypatch.setattr(torch.cuda, "device", entered)
-    monkeypatch.setattr("physic_networks.networks.check_device", lambda name: None)
-    sam = make_sam()
-    sam.load(device)
-    estimator = sam.network
-    assert estimator.model.device == device
-    process = estimator.process_one_image
-    at = []
-    estimator.process_one_image = lambda *args, **rest: (
-        at.append(current[-1]),
-        process(*args, **rest),
-    )[1]
-    ask(sam)
-    assert at == [device, device]
-    assert current == ["none"]
 
 
 def test_it_needs_a_gpu_and_says_so(sam):

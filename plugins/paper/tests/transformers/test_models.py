@@ -10,26 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from physic_core import weights
 from physic_core.errors import BackendError, DeviceError
 from physic_core.types import Hints
 from physic_transformers import models
 from physic_transformers.depth_pro import DepthPro
-from physic_transformers.grounded_sam2 import GroundedSam2
-from physic_transformers.sam3 import Sam3
 
-BACKENDS = (GroundedSam2, Sam3, DepthPro)
 GREY = np.full((60, 80, 3), 128, np.uint8)
-
-
-@pytest.mark.parametrize("kind", BACKENDS)
-def test_every_default_is_in_the_list_of_weights(kind):
-    known = weights.read_manifest(kind.manifest())
-    backend = kind()
-    for spec in kind.specs:
-        files = {file.path for file in known[getattr(backend.options, spec.option)].files}
-        assert {"config.json", "model.safetensors"} <= files
-        assert ("tokenizer.json" in files) == spec.needs_tokenizer
 
 
 def drop_two(folder):
@@ -91,11 +77,3 @@ def test_networks_for_photos_are_read_from_the_published_ones_for_videos(
     assert len(own) < len(published)
     for name, tensor in own.items():
         np.testing.assert_array_equal(tensor.numpy(), published[prefix + name])
-
-
-def test_networks_that_sample_grids_compute_in_float32_on_a_cpu(saved):
-    """torch's CPU fills NaN into grid_sample in half precision, by what is in memory."""
-    spec, _ = GroundedSam2.specs
-    options = models.ModelOptions(precision="bfloat16")
-    network = models.open_model(spec, saved("grounding_dino"), options, "cpu")
-    assert {str(value.dtype) for value in network._model.parameters()} == {"torch.float32"}

@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import sys
-from contextlib import nullcontext
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
 
-from physic_core.errors import DeviceError, NoPersonError
 from physic_core.interfaces import INTERFACES
-from physic_core.types import CameraTrust, Hints, Intrinsics, PeoplePrompt
+from physic_core.types import CameraTrust, Hints, Intrinsics
 from physic_testing import violations
 from physic_transformers.depth_pro import DepthPro, DepthProOptions
 from physic_transformers.grounded_sam2 import (
     GroundedSam2,
     GroundedSam2Options,
 )
-from physic_transformers.models import TransformersModel
 from physic_transformers.sam3 import Sam3, Sam3Options
 
 LOW = {"box_threshold": 0.0, "text_threshold": 0.0, "person_score": 0.0}
@@ -124,21 +120,8 @@ class TestDepthPro:
         found = self.asked(0.5, angle, hints, **options).depth
         np.testing.assert_allclose(found, depth, rtol=1e-5)
 
-    @pytest.mark.parametrize(("side", "refused"), [(384, True), (96, False)])
-    def test_a_small_machine_is_refused_before_it_is_out_of_memory(
-        self, monkeypatch, side, refused
-    ):
-        config = SimpleNamespace(patch_size=side, scaled_images_ratios=[0.25, 0.5, 1])
-        monkeypatch.setattr(DepthPro, "file", lambda *_, **__: Path("here"))
-        monkeypatch.setattr("physic_transformers.models.open_model", lambda *_: Recorded(config))
-        monkeypatch.setattr("physic_transformers.depth_pro.memory_gb", lambda: 8.0)
-        said = pytest.raises(DeviceError, match=r"about 18 GB .* has 8 GB")
-        with said if refused else nullcontext():
-            DepthPro().load()
-
 
 class TestGroundedSam2:
-    NOTHING = tensors(logits=np.full((1, 5, 256), -9.0), pred_boxes=np.full((1, 5, 4), 0.5))
     MASKS = SimpleNamespace(prompt_encoder_config=SimpleNamespace(image_size=1024, patch_size=16))
 
     def words(self, text, **_):
@@ -196,37 +179,6 @@ class TestGroundedSam2:
         assert not (answer.floor & answer.masks.any(0)).any()
         assert detector.shown().shape == (1, 3, 800, 1333)
 
-    def test_points_and_boxes_of_the_user_are_prompts_in_their_order(self):
-        masks = [self.inside((128, 0, 256, 256)), self.inside((0, 0, 100, 256))]
-        detector = Recorded(None, self.NOTHING, tokenizer=self.words)
-        sam = Recorded(self.MASKS, "embeddings", *masks, "embeddings", self.inside((0, 0, 0, 0)))
-        backend = given(GroundedSam2(), detector=detector, masks=sam)
-        prompt = PeoplePrompt(points=((75.0, 30.0),), boxes=((0.0, 0.0, 39.0, 60.0),))
-        answer = backend.infer(WIDE, prompt)
-        (_, points), (_, boxes) = sam.asked[1:]
-        np.testing.assert_allclose(points["input_points"], [[[[768, 512]]]])
-        assert points["input_labels"].tolist() == [[[1]]]
-        np.testing.assert_allclose(boxes["input_boxes"], [[[0, 0, 0.39 * 1024, 1024]]], rtol=1e-6)
-        np.testing.assert_allclose(answer.boxes, [[50, 0, 100, 60], [0, 0, 39, 60]], atol=1)
-        with pytest.raises(NoPersonError, match="no person was found at point 1"):
-            backend.infer(WIDE, PeoplePrompt(points=((75.0, 30.0),)))
-
-    def test_prompts_keep_their_fractions_in_bfloat16(self):
-        class Model:
-            config = None
-            device = "cpu"
-            dtype = torch.bfloat16
-
-            def __call__(self, **inputs):
-                return inputs
-
-        box = np.array([[[1001.25, 3.0, 1007.5, 9.0]]], np.float32)
-        seen = TransformersModel(Model()).run(
-            input_boxes=box, pixel_values=np.zeros((1, 3, 2, 2), np.float32)
-        )
-        np.testing.assert_array_equal(seen["input_boxes"].numpy(), box)
-        assert seen["pixel_values"].dtype == torch.bfloat16
-
 
 class TestSam3:
     CONFIG = SimpleNamespace(image_size=1008)
@@ -265,30 +217,3 @@ class TestSam3:
         np.testing.assert_allclose(answer.boxes, [[10, 12, 40, 36]], atol=1)
         assert network.shown().shape == (1, 3, 1008, 1008)
         np.testing.assert_allclose(network.shown().mean(), 2 * WIDE.mean() / 255 - 1, atol=0.01)
-
-    def test_each_word_for_the_floor_is_searched_alone(self):
-        """Ground is at the left, floor at the right, and there is no carpet, wherever the network
-        would see it.
-        """
-        left, right, everywhere = (
-            self.out(presence, (3.0, (0, 0, 1, 1))) for presence in (9.0, 9.0, -3.0)
-        )
-        left.semantic_seg[..., 144:] = -5
-        right.semantic_seg[..., :144] = -5
-        everywhere.semantic_seg[:] = 5
-        texts = []
-
-        def words(text, **options):
-            texts.append(text)
-            return self.words(text, **options)
-
-        person = self.out(9.0, (3.0, (0.1, 0.2, 0.4, 0.6)))
-        network = Recorded(
-            self.CONFIG, "seen", left, right, everywhere, person, None, tokenizer=words
-        )
-        floor = given(Sam3(), weights=network).infer(WIDE).floor
-        assert texts == ["ground", "floor", "carpet", "person"]
-        assert floor[45:, :48].all()
-        assert floor[45:, 52:].all()
-        assert not floor[:38].any()
-        assert self.run(person, floor_words=" , .")[0].floor is None
