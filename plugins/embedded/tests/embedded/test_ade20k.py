@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from physic_core.types import SURFACE_NAMES
-from physic_embedded.networks.ade20k import PADDING_VALUE, label_surfaces
+from physic_embedded.networks.ade20k import label_surfaces
 from physic_embedded.networks.sessions import open_packaged_session
 
 FLOOR, WALL, PERSON, SEAT = (
@@ -51,18 +51,6 @@ def test_a_surface_lies_at_the_pixels_of_its_logits():
     assert (labels[185:] == FLOOR).all()
 
 
-def test_pixels_of_people_are_people_and_grey_to_the_network():
-    image = photo(512, 512)
-    people = np.zeros((512, 512), bool)
-    network = Network()
-    people[200:300, 100:200] = True
-    labels = label_surfaces(network, image, people)[0].labels
-    assert (labels[people] == PERSON).all()
-    assert (labels[~people] != PERSON).all()
-    assert (network.input[200:300, 100:200] == PADDING_VALUE).all()
-    assert (image[200:300, 100:200] != PADDING_VALUE).all()
-
-
 def test_paintings_and_mirrors_are_walls_and_framed():
     class Framed(Network):
         def run(self, names, inputs):
@@ -74,12 +62,6 @@ def test_paintings_and_mirrors_are_walls_and_framed():
     assert framed.all()
     assert surfaces.mask("wall").all()
     assert not label_surfaces(Network(), photo(), NO_PEOPLE)[1].any()
-
-
-def test_an_improbable_surface_is_unknown():
-    """31 classes of equal logits: the largest group of classes, walls, has 7 of 31."""
-    labels = label_surfaces(Network(margin=0), photo(), NO_PEOPLE)[0].labels
-    assert (labels == 0).all()
 
 
 def test_the_court_of_the_example_is_floor_or_ground(image):

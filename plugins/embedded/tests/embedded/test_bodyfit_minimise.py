@@ -1,10 +1,7 @@
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -177,19 +174,3 @@ def test_the_hessian_of_the_fit_is_that_of_differences(landmarks):
     torch.testing.assert_close(gradient, wanted[1], rtol=1e-9, atol=1e-9)
     wanted_hessian = differences(problem, at)
     assert (hessian - wanted_hessian).abs().max() < 1e-4 * wanted_hessian.abs().max()
-
-
-def test_no_derivative_imports_the_compiler_of_torch():
-    """It takes about a second of processor time."""
-    code = (
-        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
-        f"import {Path(__file__).stem} as tests\n"
-        "problem = tests.two_people(landmarks=True)\n"
-        "at = tests.torch.zeros(2, problem.num_unknowns, dtype=tests.torch.float64)\n"
-        "tests.minimise(problem, at)\n"
-        "print({'sympy', 'torch._dynamo'} & set(sys.modules))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True
-    )
-    assert done.stdout.strip() == "set()"

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physic_embedded.networks.line_segments import segments_outside_mask
 from physic_embedded.single_view.focal import focal_of_segments, manhattan_frame
 from physic_embedded.single_view.gravity import UpInPhoto, up_of_edges
 
@@ -152,10 +151,3 @@ def test_edges_are_the_less_sure_the_farther_they_are_from_the_look_of_the_pictu
     assert 1 < near < 2.5
     assert 4 < far < 12
     assert contrary > 20
-
-
-def test_segments_in_the_made_up_part_are_left_out():
-    hole = np.zeros((100, 100), bool)
-    hole[:, 50:] = True
-    segments = np.array([[[5, 10], [40, 10]], [[55, 10], [95, 10]], [[40, 20], [52, 20]]], float)
-    assert segments_outside_mask(segments, hole).tolist() == segments[[0, 2]].tolist()

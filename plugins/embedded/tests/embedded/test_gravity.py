@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,6 @@ from physic_embedded.single_view.gravity import (
     PICTURE_PATCHES,
     PICTURE_SIDE_PX,
     fitted_numbers,
-    means_of_parts,
     up_of_tokens,
 )
 from physic_networks.pictures import Letterbox
@@ -42,19 +40,6 @@ def seen(picture):
 
 def pitch_of(picture):
     return up_of_tokens(seen(picture), fitted_numbers()).pitch[0]
-
-
-def test_parts_are_the_means_of_thirds_row_by_row():
-    numbers = np.stack(np.meshgrid(np.arange(12.0), np.arange(18.0), indexing="ij"), axis=-1)
-    parts = means_of_parts(tokens_of(numbers)).reshape(3, 3, 2)
-    np.testing.assert_allclose(parts[:, 0, 0], [1.5, 5.5, 9.5])
-    np.testing.assert_allclose(parts[0, :, 1], [2.5, 8.5, 14.5])
-
-
-def test_parts_leave_out_the_border_of_the_canvas():
-    grid = np.pad(np.ones((12, 12, 1)), [(3, 3), (0, 0), (0, 0)])
-    tokens = replace(tokens_of(grid), photo=Letterbox(1.0, 0, 30, (120, 120), (120, 120)))
-    np.testing.assert_allclose(means_of_parts(tokens), 1)
 
 
 def test_up_is_turned_by_pitch_and_roll():

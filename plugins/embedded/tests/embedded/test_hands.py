@@ -15,13 +15,6 @@ from physic_core.types.skeletons import other_side
 from physic_embedded.body_fit.fingers import RestHand, fit_fingers
 from physic_embedded.hand_estimator import EmbeddedHands, EmbeddedHandsOptions
 from physic_embedded.networks.blazepose import BLAZEPOSE_SKELETON
-from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
-from physic_embedded.networks.hand_landmarks import (
-    DETECTOR_LAYERS,
-    DETECTOR_SIZE,
-    find_hand,
-)
-from physic_embedded.networks.single_shot_detection import anchor_centers
 from physic_testing import violations
 
 HAND_JOINTS = {"left": slice(25, 40), "right": slice(40, 55)}
@@ -155,36 +148,3 @@ def test_a_hand_of_the_example_is_found_and_mirrored_in_the_mirror_image(estimat
     np.testing.assert_allclose(other.confidence[:, ::-1], found.confidence, atol=0.05)
     mirrored = other.rotvecs[:, ::-1] * [1, -1, -1]
     np.testing.assert_allclose(mirrored, found.rotvecs, atol=0.15)
-
-
-class TwoPalms:
-    """Detects an upright palm on the left of the crop, and one on the right."""
-
-    def run(self, names, inputs):
-        anchors = anchor_centers(DETECTOR_SIZE, DETECTOR_LAYERS) * DETECTOR_SIZE
-        rows = [np.abs(anchors - [x, 96]).sum(1).argmin() for x in (72, 120)]
-        boxes = np.zeros((1, len(anchors), 18))
-        boxes[0, rows, 2:4] = 32
-        boxes[0, rows, 9] = -20  # the middle finger is above the wrist
-        scores = np.full((1, len(anchors), 1), -100.0)
-        scores[0, rows] = 5
-        return boxes, scores
-
-
-class RightIfRed:
-    """Sees a right hand where the middle of the crop is red, and a left hand elsewhere."""
-
-    def run(self, names, inputs):
-        middle = inputs["image"][0, 112, 112]
-        points = np.linspace(102, 122, 63)[None]
-        return points, np.ones((1, 1)), middle[None, :1], np.zeros((1, 63))
-
-
-@pytest.mark.parametrize("side", ["left", "right"])
-def test_the_hand_of_the_right_side_is_taken_of_two_at_one_wrist(side):
-    image = np.zeros((400, 400, 3), np.uint8)
-    image[:, :200, 0] = 255
-    around = RotatedSquare(np.array([200.0, 200.0]), 200.0, 0.0)
-    picture = ImagePyramid.from_image(image)
-    found = find_hand(TwoPalms(), RightIfRed(), picture, around, np.array([200, 190.0]), side)
-    assert (found.points[:, 0].mean() < 190) == (side == "right")

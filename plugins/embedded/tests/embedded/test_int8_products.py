@@ -12,7 +12,6 @@ from onnx import numpy_helper
 
 from physic_embedded.networks.depth_anything import predict_disparity
 from physic_embedded.networks.sessions import WEIGHTS_FOLDER, open_packaged_session
-from physic_embedded.relative_pointmap import EmbeddedPointmap
 from physic_embedded.segmenter import EmbeddedSegmenter
 
 pytestmark = pytest.mark.slow
@@ -71,15 +70,3 @@ def test_disparities_in_int8_are_near_those_in_float32(image):
     error = np.abs(rounded - exact) / (high - low)
     assert error.mean() < 0.02
     assert np.percentile(error, 99) < 0.05
-
-
-@pytest.mark.parametrize(
-    ("products", "name"),
-    [("auto", NETWORK), ("int8", NETWORK), ("float32", "depth_anything_v2_vits")],
-)
-def test_the_option_chooses_the_arithmetic(products, name, caplog):
-    options = EmbeddedPointmap.Options(products=products, focal_from_edges=False, threads=1)
-    with caplog.at_level("INFO"):
-        EmbeddedPointmap(options).load()
-    (opened,) = caplog.messages
-    assert opened.startswith(f"{name}.onnx runs on ")

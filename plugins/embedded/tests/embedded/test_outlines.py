@@ -11,8 +11,6 @@ import torch
 from physic_core.geometry.camera import pixel_rays
 from physic_core.geometry.raster import rasterize
 from physic_core.types import Pointmap
-from physic_embedded.body_fit.problem import OutlinePairs
-from physic_embedded.body_fit.silhouette import without_legs
 
 from .test_bodies import (
     CAMERA,
@@ -99,18 +97,3 @@ def test_a_body_hidden_by_something_nearer_is_not_drawn_into_its_mask():
     without_pillar = fitted(seen, depth_of(seen))
     np.testing.assert_allclose(with_pillar, without, rtol=0, atol=2e-3)
     assert np.abs(without_pillar - without).max() > 4e-3
-
-
-def test_hidden_legs_are_not_drawn_into_a_mask():
-    model = MODEL
-    ids = torch.tensor(
-        [
-            int((model.part_of_vertex == model.part_names.index(name)).nonzero()[0])
-            for name in ("head", "left_lower_leg", "right_foot")
-        ]
-    )
-    rows = torch.arange(3).repeat(2, 1)
-    zeros = torch.zeros(2, 3)
-    pairs = OutlinePairs(ids, rows, zeros[..., None].expand(-1, -1, 2), zeros, zeros + 1)
-    found = without_legs(model, pairs, np.array([True, False]))
-    assert found.weight.tolist() == [[1, 0, 0], [1, 1, 1]]

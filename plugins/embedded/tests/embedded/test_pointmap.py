@@ -11,20 +11,18 @@ from scipy.spatial.transform import Rotation
 from physic_core.backends.masks import dilate
 from physic_core.backends.people import boxes_from_masks
 from physic_core.types import (
-    SKELETONS,
     SURFACE_NAMES,
     Hints,
-    Keypoints,
     People,
     SurfaceLabels,
 )
-from physic_embedded.networks.depth_anything import network_input_size, predict_disparity
+from physic_embedded.networks.depth_anything import network_input_size
 from physic_embedded.relative_pointmap import EmbeddedPointmap
 from physic_embedded.single_view.disparity_floor import fit_disparity_floor
 from physic_embedded.single_view.disparity_offset import disparity_at_infinity
 from physic_embedded.single_view.flying_pixels import flying_pixels
 from physic_embedded.single_view.two_looks import scene_disparity
-from physic_embedded.single_view.upright import axes_cost, body_planes, wall_planes
+from physic_embedded.single_view.upright import wall_planes
 
 
 def test_a_grazing_floor_has_no_flying_pixels_and_a_depth_edge_has():
@@ -112,16 +110,6 @@ def test_the_disparity_of_infinity_of_a_room_comes_back_from_its_gravity(ahead):
     assert gap_of(found, disparity) == pytest.approx(gap, rel=0.12)
 
 
-def test_a_pitch_tells_less_of_infinity_if_the_focal_length_is_a_guess():
-    disparity, _ = disparity_of(inverse_depth_of_a_room(turned("yx", 8, 6), 6.0).max(0))
-    floor = fit_disparity_floor(disparity)
-    known, guessed = (
-        disparity_at_infinity(disparity, floor, FOCAL, pitch=(6.0, 1.0), focal_sigma=sigma)
-        for sigma in (0.0, 0.25)
-    )
-    assert guessed.sigma > 1.5 * known.sigma
-
-
 @pytest.mark.parametrize(("pitch", "roll"), [(10, 0), (30, -20), (45, 10)])
 def test_walls_upright_on_the_floor_settle_the_disparity_of_infinity(pitch, roll):
     turn = turned("yxz", 25, pitch, roll)
@@ -147,32 +135,6 @@ def test_the_directions_of_a_room_tell_infinity_where_no_floor_is_seen(ahead):
         assert found.sigma < 0.4
     unsure = disparity_at_infinity(disparity, None, FOCAL, frame=(turn.T, 0.1), surfaces=surfaces)
     assert unsure.sigma > found.sigma
-
-
-def test_standing_people_define_planes_that_hold_gravity():
-    turn = turned("xz", 40, 12)
-    names = SKELETONS["coco17"].names
-    points = np.zeros((2, 17, 2))
-    confidence = np.ones((2, 17))
-    for row, name in enumerate(names):
-        side, _, joint = name.partition("_")
-        height = {"shoulder": 1.4, "hip": 0.9, "knee": 0.5, "ankle": 0.1}.get(joint, 1.6)
-        for i, (x, z) in enumerate(((-1.5, 4.0), (1.0, 5.0))):
-            aside = 0.15 if side == "left" else -0.15
-            place = turn @ np.array([x + aside, 2.5 - height, z])
-            points[i, row] = 500 * place[:2] / place[2] + [320, 240]
-
-    def planes_of(keypoints):
-        return body_planes(keypoints, (320.0, 240.0), 500.0)
-
-    planes = planes_of(Keypoints(points, confidence, "coco17"))
-    assert planes.shape == (2, 3)
-    assert np.abs(planes @ turn[:, 1]).max() < 0.01
-    candidates = np.stack([turn[:, 1], np.array([0.0, 1.0, 0.0])])
-    assert axes_cost(planes, candidates).argmin() == 0
-    confidence[0, names.index("left_ankle")] = 0.1
-    assert len(planes_of(Keypoints(points, confidence, "coco17"))) == 1
-    assert planes_of(None).shape == (0, 3)
 
 
 def test_sky_over_ground_is_infinitely_far():
@@ -332,24 +294,6 @@ def test_a_scene_has_the_trend_of_the_inpainted_photo_and_details_of_the_photo()
     assert scene_disparity(small, photo, np.zeros_like(people)) == pytest.approx(plane, abs=0.03)
 
 
-def test_one_look_at_the_photo_serves_both_calls(image):
-    backend = EmbeddedPointmap(EmbeddedPointmap.Options(short_side=154, threads=1))
-    backend.load()
-    people = hidden_by(np.s_[40:239, 5:90])
-    hole = people.masks[0]
-    inpainted = np.where(hole[..., None], np.uint8(90), image)
-    scene = backend.infer(inpainted, Hints(people=people, hole=hole, photo=image))
-    network = backend.network["depth_anything_v2_vits"]
-    seen = []
-    given = network.run
-    network.run = lambda *names, **more: seen.append(names) or given(*names, **more)
-    hints = Hints(intrinsics=scene.intrinsics, people=people, scene=scene)
-    assert backend.infer(image, hints).valid.any()
-    assert not seen
-    assert backend.infer(image[::-1].copy(), hints).valid.any()
-    assert len(seen) == 1
-
-
 def test_a_scene_hidden_by_people_is_said_not_to_be_matched(backend, image, scene):
     hints = Hints(intrinsics=scene.intrinsics, people=hidden_by(np.s_[:]), scene=scene)
     answer = backend.infer(image, hints)
@@ -363,18 +307,3 @@ def test_a_scene_hidden_by_people_is_said_not_to_be_matched(backend, image, scen
 def test_a_photo_with_a_column_or_row_less_has_the_same_network_input(height, width, short_side):
     less = [(0, 0), (0, 1), (1, 0), (1, 1)]
     assert len({network_input_size(height - r, width - c, short_side) for r, c in less}) == 1
-
-
-class Red:
-    """Stands for the depth network: its disparity is the red channel."""
-
-    def run(self, outputs, inputs, **options):
-        return [inputs["image"][:, 0]]
-
-
-@pytest.mark.parametrize(("height", "width"), [(853, 1280), (1280, 853), (60, 1600), (50, 41)])
-def test_the_disparity_is_that_of_the_photo_alone_at_its_aspect_ratio(height, width):
-    disparity = predict_disparity(Red(), np.full((height, width, 3), 201, np.uint8))
-    assert (disparity == 201).all()
-    rows, columns = disparity.shape
-    assert abs(rows * width / height - columns) < 0.5 * (1 + width / height) + 1e-6

@@ -1,29 +1,20 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
 import cv2
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from physic_core.backends.people import box_iou
 from physic_core.interfaces import Segmenter
 from physic_core.types import SurfaceLabels, UnposedPerson, mirrored_order
 from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square
 from physic_embedded.networks.mobile_sam import ImageEmbedding, embed_image, predict_masks
-from physic_embedded.networks.pose import Pose, average_agreeing
-from physic_embedded.networks.pose_detection import DETECTOR_LAYERS, merge_candidates
+from physic_embedded.networks.pose import Pose
 from physic_embedded.networks.sessions import open_packaged_session
-from physic_embedded.networks.single_shot_detection import (
-    BoxDetection,
-    anchor_centers,
-    decode_detections,
-)
 from physic_embedded.networks.tiles import tiles
 from physic_embedded.segmentation.floor_mask import add_labelled_floor, ground_points
-from physic_embedded.segmentation.people import DetectedPose, box_fit, is_person, poses_of_same
+from physic_embedded.segmentation.people import DetectedPose, poses_of_same
 from physic_embedded.segmentation.person_masks import resolve_overlaps
 from physic_embedded.segmentation.unposed import count_heads
 from physic_testing import violations
@@ -70,22 +61,6 @@ def test_a_box_whose_top_is_another_head_in_the_mask_is_counted(box, score, head
     assert count_heads(boxes, [], mask[:0]).tolist() == []
 
 
-def test_boxes_lie_at_their_anchors_and_those_that_overlap_are_averaged_by_their_scores():
-    anchors = anchor_centers(224, DETECTOR_LAYERS)
-    raw = np.zeros((len(anchors), 6))
-    logits = np.full(len(anchors), -100.0)
-    chances = np.array([0.8, 0.6, 0.7])
-    rows = [2, 4, 60]  # the centres (12, 4), (20, 4) and (20, 12) px
-    logits[rows] = np.log(chances / (1 - chances))
-    raw[rows] = [4, -2, 40, 20, 10, 30], [6, -2, 40, 20, 2, 30], [0, 90, 40, 20, 0, 0]
-    first, second = decode_detections(raw, logits, anchors, 224, threshold=0.5)
-    left = 16 + 10 * 0.6 / 1.4
-    np.testing.assert_allclose(first.box, [left - 20, -8, left + 20, 12])
-    np.testing.assert_allclose(first.keypoints, [[22, 34]])
-    np.testing.assert_allclose([first.score, second.score], [0.8, 0.7])
-    np.testing.assert_allclose(second.box, [0, 92, 40, 112])
-
-
 @given(st.integers(1, 700), st.integers(1, 700), st.sampled_from([192, 224]))
 def test_a_letterbox_shows_the_corners_of_the_photo_where_it_says(width, height, size):
     pixels, square = letterbox_square(np.full((height, width, 3), 255, np.uint8), size, (30, 7))
@@ -127,32 +102,6 @@ def test_tiles_cover_the_photo_and_stay_on_it(width, height, fraction):
     assert covered.all() or fraction * max(width, height) < 160
 
 
-@pytest.mark.parametrize("fraction", [0.4, 0.5, 0.6])
-def test_as_many_tiles_cover_a_photo_with_a_column_less(fraction):
-    assert len({len(list(tiles(width, 900, [fraction]))) for width in range(1230, 1290)}) == 1
-
-
-def test_candidates_on_one_body_are_merged_and_neighbours_are_not():
-    def person(x, score):
-        return BoxDetection(
-            np.array([x - 20, 0, x + 20, 40.0]), np.array([[x, 100.0], [x, 0.0]]), score
-        )
-
-    kept = merge_candidates([person(0, 0.6), person(30, 0.9), person(120, 0.5)])
-    assert [d.score for d in kept] == [0.9, 0.5]
-
-
-def test_a_weak_candidate_must_look_the_same_in_a_mirror():
-    pose = pose_at((100, 100))
-    for change, confidence, person in (
-        ({}, 0.5, True),
-        ({"mirror_gap": 0.02}, 0.5, False),
-        ({"mirror_gap": 0.02}, 0.8, True),
-        ({"score": 0.4}, 0.8, False),
-    ):
-        assert is_person(replace(pose, **change), confidence, sure=0.75) == person
-
-
 @pytest.mark.parametrize(
     ("other", "same"),
     [
@@ -167,29 +116,6 @@ def test_a_weak_candidate_must_look_the_same_in_a_mirror():
 def test_poses_are_of_one_person_if_their_joints_are_together(other, same):
     people = [DetectedPose(pose_at((400, 100)), 1.0), DetectedPose(pose_at((100, 100)), 1.0)]
     assert poses_of_same(other, people) == people[1:] * same
-
-
-def test_joints_that_poses_agree_about_are_averaged_and_others_are_kept():
-    """The side of the square is 250 px: the left wrist moves by 4 px and the right one by 40 px."""
-    pose = pose_at((100, 100))
-    other = pose_at((100, 100))
-    other.points[[15, 16], 0] += [4.0, 40.0]
-    other.world[[15, 16], 2] = 0.2
-    mean = average_agreeing(pose, [pose, other], near=0.02)
-    np.testing.assert_allclose(
-        mean.points - pose.points, np.eye(33)[15][:, None] * [2.0, 0.0], atol=1e-9
-    )
-    np.testing.assert_allclose(mean.world, np.eye(33)[15][:, None] * [0.0, 0.0, 0.1], atol=1e-9)
-
-
-def test_a_pose_fits_the_box_around_its_joints_and_its_mask():
-    pose = pose_at((100, 100))
-    square = np.array([-25.0, -25.0, 225.0, 225.0])
-    joints = np.array([*pose.points.min(axis=0), *pose.points.max(axis=0)])
-    between = box_iou(joints[None], square[None])[0, 0]
-    assert box_fit(pose, square) == pytest.approx(between, rel=0.05)
-    assert box_fit(pose, joints) == pytest.approx(between, rel=0.05)
-    assert box_fit(pose, square + 500) == 0
 
 
 def embedding_of(height, width):
@@ -219,21 +145,6 @@ def test_the_mask_of_an_ellipse_is_that_ellipse():
     )
     masks = [embedding.to_photo(v) > 0 for v in answer.logits]
     assert max((m & truth).sum() / (m | truth).sum() for m in masks) > 0.96
-
-
-@pytest.mark.parametrize("shape", [(400, 600), (900, 1)])
-def test_features_far_from_a_photo_are_those_of_an_empty_image(shape):
-    encoder = open_packaged_session("mobilesam_encoder_int8", threads=1)
-    noise = np.random.default_rng(0).integers(0, 255, (*shape, 3), np.uint8)
-    one, other = (embed_image(encoder, photo).features for photo in (noise, 255 - noise))
-    # A cell is 16 px of the frame; up to 79 px beside the photo are computed with it.
-    rows, columns = (-(-length * 64 // max(shape)) + 5 for length in shape)
-    assert one.shape == (1, 256, 64, 64)
-    for side in np.s_[:, :, rows:], np.s_[..., columns:]:
-        np.testing.assert_array_equal(one[side], other[side])
-    assert (
-        one[:, :, : rows - 5, : columns - 5] != other[:, :, : rows - 5, : columns - 5]
-    ).mean() > 0.9
 
 
 def test_overlapping_masks_are_separated_and_a_stray_piece_is_given_back():

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from physic_embedded.networks.crops import ImagePyramid
-from physic_embedded.networks.pose import predict_pose
 from physic_embedded.networks.sessions import open_packaged_session
-from physic_embedded.segmentation.people import box_fit, pose_in_box
-from physic_embedded.segmentation.turned import look_turned, square_around
+from physic_embedded.segmentation.people import pose_in_box
 
 
 @pytest.fixture(scope="module")
@@ -34,11 +32,3 @@ def test_a_person_is_found_as_well_in_a_photo_that_is_turned(landmarker, people,
     found = pose_in_box(landmarker, picture, around)
     off = found.points[11:29] - turned_by(pose.points[11:29], quarters, height, width)
     assert np.linalg.norm(off, axis=1).max() < 0.03 * np.ptp(pose.points, axis=0).max()
-
-
-def test_who_is_upright_and_narrow_is_not_looked_at_again(landmarker, people, image):
-    picture = ImagePyramid.from_image(image)
-    box = people.boxes[0]
-    pose = predict_pose(landmarker, picture, square_around(box))
-    assert look_turned(landmarker, picture, box, pose, lambda one: 0.0) is pose
-    assert box_fit(pose, box) > 0.3

@@ -7,7 +7,7 @@ import pytest
 
 from physic_core.backends.people import box_iou
 from physic_embedded.networks.sessions import open_packaged_session
-from physic_embedded.networks.yolox import CLASSES, PADDING_VALUE, detect_boxes
+from physic_embedded.networks.yolox import CLASSES, detect_boxes
 
 CELLS = [(52, 8), (26, 16), (13, 32)]
 
@@ -60,18 +60,6 @@ def test_a_box_lies_at_its_cell_in_the_photo():
     np.testing.assert_allclose(center, [400, 300], atol=24)
     np.testing.assert_allclose(found.boxes[0, 2:] - found.boxes[0, :2], [120, 240], atol=1e-3)
     np.testing.assert_allclose(found.scores[0], 0.9)
-
-
-def test_yolox_gets_bgr_at_the_top_left_of_a_grey_canvas():
-    network = Network(60, 120)
-    image = np.zeros((208, 416, 3), np.uint8)
-    image[..., 0] = 200
-    image[..., 2] = 30
-    detect(network, image)
-    (canvas,) = network.inputs
-    assert canvas.shape == (3, 416, 416)
-    np.testing.assert_array_equal(canvas[:, 100, 200], [30, 0, 200])
-    np.testing.assert_array_equal(canvas[:, 300, 200], [PADDING_VALUE] * 3)
 
 
 def test_boxes_at_inner_edges_of_tiles_are_dropped_and_at_photo_edges_kept():

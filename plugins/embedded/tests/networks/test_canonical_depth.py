@@ -7,7 +7,6 @@ import pytest
 
 from physic_core.types import Hints, Intrinsics
 from physic_networks.canonical_depth import (
-    depth_from_canonical,
     depth_from_canonical_inverse,
     focal_from_fov,
     known_camera,
@@ -42,8 +41,3 @@ def test_a_known_camera_follows_the_size_of_the_image():
     camera = known_camera(Hints(intrinsics=Intrinsics.from_focal(300.0, 400, 200)), IMAGE)
     assert (camera.fx, camera.width, camera.height) == (150.0, 200, 100)
     assert known_camera(Hints(), IMAGE) is None
-
-
-def test_canonical_depth_grows_with_the_focal_length():
-    raw = np.array([[2.0, 4.0]], np.float32)
-    np.testing.assert_allclose(depth_from_canonical(raw, 500.0, 1000.0), [[1.0, 2.0]])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from types import MappingProxyType, ModuleType
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -11,12 +11,10 @@ import torch
 from pydantic import Field
 
 from physic_core.errors import BackendError, WeightsMissingError
-from physic_core.interfaces import GpuMemory, MetricDepth, Options
+from physic_core.interfaces import MetricDepth, Options
 from physic_core.types import DepthMap, Hints
 from physic_networks.networks import (
     NetworkBackend,
-    TorchBackend,
-    TorchOptions,
     run_in_batches,
 )
 
@@ -88,34 +86,6 @@ def test_a_backend_is_preprocess_network_and_postprocess(own, tmp_path):
     backend.close()
     with pytest.raises(BackendError, match="call load"):
         backend.infer(PHOTO, Hints())
-
-
-class HalfOptions(TorchOptions):
-    weights: str = Field("net", description="a name or a path")
-
-
-class Half(TorchBackend, MetricDepth):
-    """A backend whose memory on a GPU was measured in two precisions."""
-
-    Options = HalfOptions
-    gpu_gigabytes = MappingProxyType({"float32": 4.0, "float16": 2.5})
-
-    def build(self, device):
-        raise NotImplementedError
-
-
-@pytest.mark.parametrize(
-    ("options", "gigabytes"),
-    [
-        ({}, [4.0]),
-        ({"precision": "float16"}, [2.5]),
-        ({"precision": "bfloat16"}, []),
-        ({"weights": "larger-net"}, []),
-    ],
-)
-def test_memory_of_a_gpu_is_stated_for_what_was_measured(options, gigabytes):
-    stated = Half(**options).requirements()
-    assert [one.gigabytes for one in stated if isinstance(one, GpuMemory)] == gigabytes
 
 
 @pytest.mark.parametrize("full", [False, True])

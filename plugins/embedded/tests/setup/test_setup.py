@@ -136,18 +136,6 @@ def test_the_embedded_preset_needs_a_configuration_alone(tmp_path, monkeypatch, 
     assert physic("setup", "embedded", "--folder", "mine").exit_code == 0
 
 
-def test_the_last_step_keeps_optimised_networks_where_there_is_a_cache(
-    tmp_path, monkeypatch, physic
-):
-    def is_printed():
-        return "physic cache fill" in physic("setup", "embedded", "--folder", tmp_path).output
-
-    assert not is_printed()
-    monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "cache"))
-    assert is_printed()
-    assert not list(tmp_path.iterdir())
-
-
 def test_each_requirement_is_a_step_and_their_costs_are_added(thing, physic):
     folder, commit = thing
     written(folder)
@@ -238,41 +226,6 @@ def test_a_small_installation_is_told_the_plugins_of_each_preset(
     assert all(" -e " in line for line in installs), "no index is asked for them"
 
 
-@pytest.mark.parametrize(
-    ("version", "expected"),
-    [
-        ("2.13.0", ["python -m pip install", "torch==2.13.0 torchvision"]),
-        (
-            "2.13.0+cpu",
-            ["python -m uv pip install", "--torch-backend cpu torch==2.13.0 torchvision"],
-        ),
-    ],
-)
-def test_torchvision_is_of_the_build_of_the_installed_torch(
-    thing,
-    monkeypatch,
-    version,
-    expected,
-    physic,
-):
-    import torch
-
-    from physic_setup import steps
-
-    folder = thing[0]
-    written(folder)
-    site = folder / "site" / "physic_thing.py"
-    site.write_text(site.read_text().replace("no_such_package", "torchvision"))
-    monkeypatch.setattr(torch, "__version__", version)
-    monkeypatch.setattr(steps, "find_spec", lambda name: None if name == "torchvision" else name)
-    lines = physic("setup", "embedded", "--folder", "mine").output.splitlines()
-    (line,) = [
-        line for line in lines if line.startswith("python -m") and line.endswith("torchvision")
-    ]
-    assert line.startswith(expected[0])
-    assert line.endswith(expected[1])
-
-
 def test_the_open_preset_is_one_download_without_an_account_or_a_condition():
     from physic_core.configuration.resolve import named_weights, resolve
     from physic_core.interfaces import Repository, UserFile
@@ -287,27 +240,6 @@ def test_the_open_preset_is_one_download_without_an_account_or_a_condition():
     assert not [one for one in stated if isinstance(one, UserFile)]
     (code,) = (one for one in stated if isinstance(one, Repository))
     assert (code.name, len(code.commit)) == ("MoGe-3", 40)
-
-
-def test_setup_of_the_open_preset_gets_the_code_of_moge_3_once_for_both_interfaces(
-    tmp_path, monkeypatch, physic
-):
-    for name in ("PHYSIC_WEIGHTS", "XDG_CACHE_HOME"):
-        monkeypatch.setenv(name, str(tmp_path / name))
-    text = physic("setup", "open", "--folder", str(tmp_path / "open")).stdout
-    assert "Download size, without packages: 2.07 GB" in text
-    assert "Accounts: none" in text
-    assert "GPU memory: 3.5 GB for the relative_pointmap" in text
-    assert "never run here" in text.partition("1. ")[0]
-    place = tmp_path / "open" / "MoGe"
-    clone = f"git clone https://github.com/microsoft/MoGe {place}"
-    commit = "74fbce054ebed49800de42d0ad0e83495065719a"
-    lines = text.splitlines()
-    assert [line for line in lines if line.startswith("git ")] == [
-        clone,
-        f"git -C {place} checkout --quiet {commit}",
-    ]
-    assert lines.count(f'checkout = "{place}"') == 2
 
 
 def test_a_package_without_commercial_use_is_left_to_the_user(physic):
