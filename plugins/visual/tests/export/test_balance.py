@@ -124,28 +124,6 @@ def test_who_is_balanced_within_the_error_of_the_lean_stays_up_and_falls_with_th
     assert as_seen[0] < -0.3
 
 
-def test_a_foot_that_touches_the_floor_has_its_sole_there_if_the_pose_has_it_higher(
-    leaning, export, simulated
-):
-    higher = changed(leaning, raised_m=0.05, contacts=BALANCED.contacts)
-    floor = higher.scene.floor
-    assert (higher.people[0].vertices @ floor.normal + floor.offset).min() > 0.04
-    model, data = simulated(export("a.xml", of=higher, keep_lean=True).files[0])
-    soles = [i for i in range(model.ngeom) if re.search(r"(ankle|foot)_\d", model.geom(i).name)]
-    np.testing.assert_allclose(data.geom_xpos[soles, 2], model.geom_size[soles, 0], atol=1e-3)
-
-
-def test_a_foot_far_over_the_floor_does_not_balance_a_person_though_it_is_said_to_touch(
-    result, export, rise_of_heads
-):
-    made = upright(result, knee=np.deg2rad(70))
-    on_one_foot = changed(made, support=BALANCED, contacts=BALANCED.contacts)
-    done = export("a.xml", of=on_one_foot)
-    (note,) = (note for note in done.notes if note.startswith("person 0"))
-    assert re.search(r"turned by [\d.]+ degrees", note)
-    assert rise_of_heads(done.files[0]) == pytest.approx([0], abs=0.03)
-
-
 def test_who_stands_on_a_raised_surface_stands_on_a_step_as_others_on_the_floor(
     leaning, export, rise_of_heads
 ):

@@ -5,9 +5,7 @@ photo's pose.
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import replace
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -17,7 +15,6 @@ from scipy.spatial import ConvexHull
 
 from physic_core.body.joints import JOINT_NAMES
 from physic_core.export import export_frame
-from physic_core.geometry.upright import transform_points
 from physic_export.tiles import FLAT_M, FLOOR_M, convex_tiles
 
 mujoco = pytest.importorskip("mujoco")
@@ -201,34 +198,6 @@ def test_actuators_whose_controls_are_0_hold_the_pose(file, simulated):
     assert np.rad2deg(worst) < 1.0
 
 
-def test_the_scene_is_one_textured_mesh_that_does_not_collide(result, opened):
-    model, data = opened
-    scene = model.geom("scene")
-    assert (int(scene.contype[0]), int(scene.conaffinity[0]), int(scene.group[0])) == (0, 0, 2)
-    assert {int(model.geom(f"scene_{number}").group[0]) for number in range(5)} == {3}
-    height, width = result.scene.valid.shape
-    assert (model.tex_height[0], model.tex_width[0]) == (height, width)
-    mesh = int(scene.dataid[0])
-    start = model.mesh_texcoordadr[mesh]
-    points = placed_vertices(model, data, "scene")
-    camera = result.intrinsics
-    up = export_frame(result.scene.floor, "z").from_camera
-    seen = transform_points(np.linalg.inv(up), points)
-    columns = seen[:, 0] / seen[:, 2] * camera.fx + camera.cx
-    rows = seen[:, 1] / seen[:, 2] * camera.fy + camera.cy
-    places = model.mesh_texcoord[start : start + model.mesh_texcoordnum[mesh]]
-    at = dict(zip(*(np.concatenate(pair).tolist() for pair in corners(model, mesh)), strict=True))
-    uv = places[[at[number] for number in range(len(points))]]
-    pixels = (uv * [width, height] - 0.5) * [camera.width / width, camera.height / height]
-    assert np.median(np.abs(pixels - np.stack([columns, rows], 1))) < 1.0
-
-
-def corners(model, mesh):
-    """Indices (F, 3) of the vertices and of the texture coordinates of a mesh."""
-    part = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
-    return model.mesh_face[part], model.mesh_facetexcoord[part]
-
-
 def test_people_do_not_collide_with_themselves(opened):
     model, _ = opened
 
@@ -264,21 +233,6 @@ def reaches(tile, points):
     return bool(((planes[:, :3] @ points.T + planes[:, 3:]).max(0) < 0).any())
 
 
-def test_arms_are_capsules_and_feet_have_soles_on_one_level(opened):
-    model, data = opened
-    for limb in ("left_shoulder", "right_elbow"):
-        assert model.geom(f"person_0_{limb}").type[0] == mujoco.mjtGeom.mjGEOM_CAPSULE
-    for part in ("left_ankle", "right_foot"):
-        spheres = [f"person_0_{part}_{number}" for number in range(1, 9)]
-        heights = np.array([data.geom(name).xpos[2] for name in spheres])
-        np.testing.assert_allclose(heights, heights[0], atol=1e-4)
-
-
-def test_the_error_of_the_collision_mesh_is_stated(exported):
-    (note,) = exported.notes
-    assert re.search(r"from the scene to the tiles: \d\.\d cm .*, \d+\.\d cm \(95 %\)", note)
-
-
 def test_the_camera_has_the_field_of_view_of_the_photo(result, opened):
     model, data = opened
     camera = result.intrinsics
@@ -288,11 +242,3 @@ def test_the_camera_has_the_field_of_view_of_the_photo(result, opened):
     up = export_frame(result.scene.floor, "z").from_camera
     np.testing.assert_allclose(data.cam("photo").xpos, up[:3, 3], atol=1e-5)
     np.testing.assert_allclose(-data.cam("photo").xmat.reshape(3, 3)[:, 2], up[:3, 2], atol=1e-5)
-
-
-def test_a_result_without_a_surface_is_a_floor_with_people(export, result):
-    without = export("a.xml", scene=False, person=1).files[0].read_text()
-    assert 'name="scene_0"' not in without
-    assert 'name="person_1"' in without
-    assert 'name="person_0"' not in without
-    assert Path(export("b.mjcf", scene=False).files[0]).suffix == ".mjcf"

@@ -28,35 +28,6 @@ def tree(result, tmp_path_factory):
     return read(result.export(str(file), names="unity", texture_size="512"))
 
 
-def test_each_person_has_a_picture_and_three_skins(tree):
-    assert [image.name for image in tree.images] == [
-        *("photo", "person_0", "person_0_contact", "person_1", "person_1_contact")
-    ]
-    variants = [entry["name"] for entry in tree.extensions["KHR_materials_variants"]["variants"]]
-    assert variants == ["photo", "neutral", "contact"]
-    for index in (0, 1):
-        (mesh,) = (mesh for mesh in tree.meshes if mesh.name == f"person_{index}")
-        (primitive,) = mesh.primitives
-        mapped = primitive.extensions["KHR_materials_variants"]["mappings"]
-        names = {
-            variants[entry["variants"][0]]: tree.materials[entry["material"]].name
-            for entry in mapped
-        }
-        assert names == {
-            "photo": f"person_{index}",
-            "neutral": "body",
-            "contact": f"person_{index}_contact",
-        }
-        assert tree.materials[primitive.material].name == f"person_{index}"
-        assert primitive.attributes.TEXCOORD_0 is not None
-        assert primitive.attributes._FILLED is not None
-
-
-def test_the_skin_can_be_neutral(export):
-    tree = read(export("a.glb", skin="neutral", scene=False, person=0))
-    assert {tree.materials[mesh.primitives[0].material].name for mesh in tree.meshes} == {"body"}
-
-
 def test_contact_is_a_picture_on_request(export):
     done = export("a.glb", contact_texture=True, texture_size="512", person=1)
     assert [file.name for file in done.files] == ["a.glb", "a_contact_1.png"]

@@ -89,32 +89,3 @@ def test_the_masses_are_those_of_the_mjcf_file(result, folder, export):
     volume = result.people[0].mesh().volume
     # 30 light links between the axes of joints
     assert total == pytest.approx(1010 * volume + 0.01 * 30, rel=1e-3)
-
-
-def test_a_person_in_mujoco_has_its_whole_mass_and_keeps_its_pose_without_gravity(folder):
-    model, data, _ = read(folder, 0)
-    masses = ElementTree.parse(folder / "a_0.urdf").findall("link/inertial/mass")
-    assert model.body_mass.sum() == pytest.approx(
-        sum(float(mass.get("value")) for mass in masses), abs=1e-3
-    )
-    model.opt.gravity[:] = 0
-    before = data.qpos.copy()
-    for _ in range(100):
-        mujoco.mj_step(model, data)
-        assert data.ncon == 0
-    np.testing.assert_allclose(data.qpos, before, atol=1e-6)
-
-
-def test_an_arm_collides_as_a_cylinder_with_round_ends(folder):
-    root = ElementTree.parse(folder / "a_0.urdf").getroot()
-    (elbow,) = (link for link in root.iter("link") if link.get("name") == "left_elbow")
-    cylinder, first, second = (
-        one for one in elbow.iter("collision") if one.find("geometry/mesh") is None
-    )
-    shapes = [next(iter(one.find("geometry"))) for one in (cylinder, first, second)]
-    assert [shape.tag for shape in shapes] == ["cylinder", "sphere", "sphere"]
-    assert len({shape.get("radius") for shape in shapes}) == 1
-    ends = [np.array(one.find("origin").get("xyz").split(), float) for one in (first, second)]
-    turn = Rotation.from_euler("xyz", np.array(cylinder.find("origin").get("rpy").split(), float))
-    along = turn.inv().apply(ends[1] - ends[0])
-    np.testing.assert_allclose(np.abs(along), [0, 0, float(shapes[0].get("length"))], atol=1e-4)

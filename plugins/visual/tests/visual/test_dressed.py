@@ -68,12 +68,6 @@ def test_the_back_of_the_head_has_the_colour_of_hair_that_stands_off(pink):
         assert guess @ expected > 0.9 * np.linalg.norm(guess) * np.linalg.norm(expected)
 
 
-def test_a_texture_is_as_fine_as_the_photo(result):
-    person = replace(result.people[0], mask=np.ones((300, 4), bool))
-    large = replace(result, people=(person,), image=np.zeros((300, 4, 3), np.uint8))
-    assert len(dressed_images(large)[0]) > 2 * len(dressed_images(result)[0])
-
-
 def test_a_person_whom_no_photo_shows_is_grey_in_shoes(result):
     person = replace(result.people[0], mask=np.zeros_like(result.people[0].mask))
     dressed = dressed_bodies(replace(result, people=(person,))).people[0]

@@ -17,7 +17,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.types import Plane, Scene
 from physic_visual.glb import combined_glb
-from physic_visual.surface import BACKDROP, mesh_backdrop, mesh_scene, scene_reach
+from physic_visual.surface import mesh_backdrop, mesh_scene, scene_reach
 
 
 def tree_of(content):
@@ -83,28 +83,12 @@ def test_a_wall_becomes_one_sheet_that_faces_the_camera():
     assert mesh.area == pytest.approx(11 * 19 * (3 / 50) ** 2, rel=1e-5)
 
 
-def test_a_vertex_keeps_its_pixel():
-    scene = flat_scene(np.random.default_rng(0).uniform(2.9, 3.0, (30, 40)))
-    surface = mesh_scene(scene, 10.0, max_vertices=300)
-    columns, rows = surface.pixels.T
-    assert_array_equal(surface.vertices, scene.points[rows, columns])
-    assert columns.max() == 38  # every second
-
-
 def test_an_edge_in_depth_is_cut():
     depth = np.full((10, 20), 3.0)
     depth[:, 10:] = 4.0
     surface = surface_of(depth)
     assert len(surface.faces) == 2 * 9 * 18
     assert np.ptp(surface.vertices[surface.faces][..., 2], axis=1).max() == 0
-
-
-def test_flying_shards_are_left_out():
-    depth = np.full((100, 100), 3.0)
-    depth[40:44, 40:44] = 2.0
-    depth[70:80, 70:80] = 2.0
-    surface = surface_of(depth)
-    assert (surface.vertices[:, 2] == 2.0).sum() == 100
 
 
 def test_invalid_and_far_pixels_are_left_out():
@@ -127,12 +111,6 @@ def test_a_floor_far_away_stays_whole(reconstruction):
     assert steps[on_floor].max() > 0.1
     floor = np.abs(scene.points @ scene.floor.normal + scene.floor.offset) < 1e-3
     assert (heights < 1e-3).sum() > 0.98 * floor.sum()
-
-
-def test_the_scene_ends_at_three_times_the_farthest_person(reconstruction, make):
-    depth = max(np.median(person.vertices[:, 2]) for person in reconstruction.people)
-    assert scene_reach(reconstruction) == pytest.approx(3 * depth)
-    assert scene_reach(make(people=0)) == 20.0
 
 
 @pytest.fixture
@@ -169,28 +147,6 @@ def test_a_room_that_fills_the_photo_has_no_backdrop(reconstruction, content):
     assert "backdrop" not in {node["name"] for node in tree_of(content)["nodes"]}
 
 
-def test_the_outline_of_a_backdrop_is_smooth(far_away):
-    valid = far_away.scene.valid.copy()
-    rows, columns = np.indices(valid.shape)
-    valid[rows < 30 + 0.25 * columns] = False
-    slanted = replace(far_away, scene=replace(far_away.scene, valid=valid))
-    backdrop = mesh_backdrop(slanted, mesh_scene(slanted.scene, 20.0))
-    columns, rows = backdrop.pixels.T
-    for column in range(50, 110, 5):
-        assert -1.5 <= rows[np.abs(columns - column) <= 2].max() - (30 + 0.25 * column) < 4
-
-
-def test_the_backdrop_is_a_node_of_its_own_that_says_what_it_is(far_away):
-    tree = tree_of(combined_glb(far_away))
-    (node,) = (node for node in tree["nodes"] if node["name"] == "backdrop")
-    assert node["extras"] == {"meaning": BACKDROP, "radius_m": round(scene_reach(far_away), 3)}
-    scene, backdrop = (tree["meshes"][one["mesh"]]["primitives"][0] for one in tree["nodes"][:2])
-    materials = [tree["materials"][one["material"]] for one in (scene, backdrop)]
-    # seen from outside, it hides nothing
-    assert [one["doubleSided"] for one in materials] == [True, False]
-    assert materials[0]["pbrMetallicRoughness"] == materials[1]["pbrMetallicRoughness"]
-
-
 def test_the_file_states_units_axes_and_colours_and_has_a_camera(content):
     extras = tree_of(content)["scenes"][0]["extras"]
     assert extras["units"] == "metres"
@@ -222,23 +178,6 @@ def test_a_large_scene_has_indices_of_16_bits_and_all_its_triangles(reconstructi
     assert sum(len(part.faces) for part in parts) == len(surface.faces)
     whole = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
     assert sum(part.area for part in parts) == pytest.approx(whole.area, rel=1e-5)
-
-
-def test_materials_are_unlit_as_the_photo_brings_its_own_light(content):
-    tree = tree_of(content)
-    photo, floor, people = tree["materials"]
-    assert floor["alphaMode"] == "BLEND"
-    assert photo["extensions"] == {"KHR_materials_unlit": {}}
-    assert photo["doubleSided"] is True
-    assert tree["extensionsUsed"] == ["KHR_materials_unlit"]
-    # The mannequins of the room have no texture coordinates: their vertices have the colours of the
-    # photo.
-    assert people["extensions"] == {"KHR_materials_unlit": {}}
-    used = {mesh["name"]: mesh["primitives"][0] for mesh in tree["meshes"]}
-    names = ("scene", "floor", "person_0", "person_1")
-    assert [used[name]["material"] for name in names] == [0, 1, 2, 2]
-    assert set(used["scene"]["attributes"]) == {"POSITION", "TEXCOORD_0"}
-    assert set(used["person_0"]["attributes"]) == {"POSITION", "NORMAL", "_CONTACT", "COLOR_0"}
 
 
 def test_the_scene_stands_in_the_same_frame_and_shows_its_colours(content, reconstruction):

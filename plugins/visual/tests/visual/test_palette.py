@@ -16,7 +16,6 @@ from physic_core.types import ContactPartner
 from physic_visual.palette import (
     BODY_RGB,
     CONTACT_PALETTE,
-    CONTACT_RGB,
     contact_color,
     contact_colors,
     contact_legend,
@@ -98,12 +97,3 @@ def test_contact_is_painted_by_its_probability(reconstruction):
     )
     assert_array_equal(painted, plain)
     assert not has_faint_contact(replace(result, people=(sure,)))
-
-
-def test_without_partners_all_contact_has_one_colour(reconstruction):
-    people = tuple(replace(person, contact_partner=None) for person in reconstruction.people)
-    assert contact_legend(replace(reconstruction, people=people)) == {"anything": CONTACT_RGB}
-    colors = contact_colors(people[0], (), body=(1, 2, 3))
-    assert (colors[people[0].contact] == CONTACT_RGB).all()
-    assert (colors[~people[0].contact] == [1, 2, 3]).all()
-    assert contact_legend(replace(reconstruction, people=())) == {}

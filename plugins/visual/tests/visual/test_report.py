@@ -99,33 +99,6 @@ def test_a_crowd_is_shown_with_fewer_vertices_and_keeps_its_contact(result):
     assert unpacked(packed["faces"]["data"], "<u2").max() < count
 
 
-def test_bodies_with_texture_coordinates_have_a_texture_and_the_vertices_of_its_seams(result):
-    packed = pack_bodies(result)
-    count = len(result.people[0].vertices)
-    faces, split, uv = (
-        unpacked(packed[name]["data"], "<u2").astype(int) for name in ("faces", "split", "uv")
-    )
-    vertex = np.r_[np.arange(count), split]
-    np.testing.assert_array_equal(vertex[faces].reshape(-1, 3), result.faces)
-    assert len(uv) == 2 * len(vertex)
-    for one in packed["people"]:
-        assert one["texture"].startswith("data:image/jpeg;base64,")
-        assert one["colors"] is None
-        assert one["points"]["count"] == count
-
-
-def test_contact_less_likely_than_not_is_faint_and_the_page_says_so(result):
-    person = result.people[0]
-    unsure = replace(person, contact_probability=np.full(len(person.vertices), 0.4, np.float16))
-    data = shown(result, (unsure,))
-    strength = unpacked(data["bodies"]["people"][0]["contact"])
-    assert set(strength[person.contact]) == {51}
-    assert not strength[~person.contact].any()
-    assert data["faint"] == "faint: less likely than not"
-    sure = replace(person, contact_probability=None)
-    assert shown(result, (sure,))["faint"] == ""
-
-
 def test_the_page_tells_assumed_contacts_from_others(result):
     foot = BodyContact("left_foot", ContactPartner("floor", "floor"), 0.8, 9, assumed=True)
     hand = replace(foot, part="left_hand", assumed=False)
@@ -256,11 +229,3 @@ def test_the_bundle_of_three_js_is_the_one_that_was_built_and_has_its_licence():
     assert "three.js authors" in head
     assert b"http:" not in content
     assert b"https:" not in content
-
-
-def test_a_result_shows_its_page_in_the_browser(result, monkeypatch):
-    opened = []
-    monkeypatch.setattr("webbrowser.open", lambda address: bool(opened.append(address)))
-    page = replace(result).show()
-    assert opened == [page.as_uri()]
-    assert PAGE_MARK in page.read_text()[:500]

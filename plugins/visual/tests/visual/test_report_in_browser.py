@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import json
 import re
 from dataclasses import replace
@@ -131,22 +129,6 @@ def test_each_switch_shows_and_hides_its_part(page, overview, name):
     click(page, f"[data-show={name}]")
     assert difference(overview, changed) > 0.0003
     assert difference(overview, page.picture("#view")) == 0
-
-
-def test_contact_is_red_on_the_bodies_only_while_it_is_chosen(page):
-    def red(picture):
-        picture = picture.astype(int)
-        return int(
-            ((picture[..., 0] > 120) & (picture[..., 1:].max(-1) < 0.5 * picture[..., 0])).sum()
-        )
-
-    click(page, "[value=neutral]")
-    hidden = red(page.picture("#canvas"))
-    click(page, "[value=contact]")
-    shown = red(page.picture("#canvas"))
-    click(page, "[value=photo]")
-    # The box in the room is red too, on both pictures.
-    assert shown > hidden + 300
 
 
 def test_the_legend_names_the_colours_that_the_bodies_show(page, make, show):
@@ -404,59 +386,9 @@ def test_the_keyboard_reaches_every_control_and_turns_the_view(page, overview):
     click(page, "[data-view=people]")
 
 
-KEEP_FILES = """window.made = [];
-const make = URL.createObjectURL;
-URL.createObjectURL = blob => { window.made.push(blob); return make.call(URL, blob); };"""
-LAST_FILE = """window.made.pop().arrayBuffer().then(content => btoa(
-    Array.from(new Uint8Array(content), byte => String.fromCharCode(byte)).join("")))"""
-
-
-def saved_file(page, button):
-    click(page, button)
-    page.wait("window.made.length === 1")
-    return base64.b64decode(page.evaluate(LAST_FILE))
-
-
-@pytest.mark.parametrize(
-    ("width", "height", "ratio"), [(960, 600, 1), (961, 599, 1.25), (700, 601, 1.5), (640, 480, 2)]
-)
-def test_the_page_saves_the_view_in_the_pixels_of_the_screen(opened, path, width, height, ratio):
-    page = opened(path.as_uri(), width, height, before=KEEP_FILES, ratio=ratio)
-    view = Image.open(io.BytesIO(saved_file(page, "#picture")))
-    assert page.errors() == []
-    assert np.abs(np.subtract(view.size, np.multiply(page.box("#canvas")[2:], ratio))).max() <= 0.51
-    assert np.asarray(view).std() > 20
-
-
 def test_the_view_alone_is_for_other_pages(opened, path):
     page = opened(f"{path.as_uri()}#view")
     assert (page.box(".stage")[2:], page.box("aside")[3]) == ([960, 600], 0)
-
-
-@pytest.mark.parametrize("dark", [False, True])
-def test_what_has_no_distance_is_on_the_backdrop_and_keeps_its_light_on_a_dark_page(
-    make, show, dark
-):
-    """A white sky fills the upper half of the view, in the photo's colours and beside the photo."""
-    made = make(320, 240)
-    valid = made.scene.valid.copy()
-    colors = made.scene.colors.copy()
-    valid[:120] = False
-    colors[:120] = 250
-    scene = replace(made.scene, valid=valid, colors=colors)
-    page = show(replace(made, scene=scene), dark=dark)
-    click(page, "[data-view=side]")
-    beside = page.picture("#view")
-    click(page, "[data-view=people]")
-    shown = page.picture("#view")
-    click(page, "[data-show=people]")
-    sky = page.picture("#view")
-    click(page, "[data-show=backdrop]")
-    without = page.picture("#view")
-    assert np.median(beside[:20]) > 230
-    assert difference(shown, sky) > 0.02
-    assert np.median(sky[:60]) > 240
-    assert difference(sky, without) > 0.01
 
 
 def test_without_webgl_the_numbers_and_the_photo_are_there(opened, path):
@@ -489,13 +421,3 @@ def test_a_damaged_file_says_so(chromium, path, tmp_path, damage):
         page.wait(READY)
         assert text(page, "#message").startswith("The data of this page is damaged or incomplete.")
     page.close()
-
-
-@pytest.mark.parametrize("people", [0, 1])
-def test_a_scene_alone_and_one_person_are_shown(people, make, show):
-    page = show(make(people=people))
-    assert page.evaluate(READY) == "3d"
-    assert page.errors() == []
-    assert page.picture("#view").std() > 15
-    assert ("No person was found" in text(page, "#people")) is (people == 0)
-    assert ("Stature" in text(page, "#people")) is (people == 1)  # the only person is chosen

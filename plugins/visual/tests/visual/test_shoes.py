@@ -43,15 +43,6 @@ def test_feet_have_shoes_unless_they_have_the_colour_of_skin(result, color, shod
         assert (body.vertices != person.vertices).any() == bool(shod)
 
 
-@pytest.mark.parametrize("extent", [(0, 0, 0), (1, 1, 0)], ids=["point", "plane"])
-def test_a_body_without_volume_keeps_its_toes(result, extent):
-    person = result.people[0]
-    middle = person.vertices.mean(0)
-    vertices = middle + (person.vertices - middle) * np.float32(extent)
-    flat = replace(result, people=(replace(person, vertices=vertices),))
-    assert_array_equal(dressed_bodies(flat).people[0].vertices, vertices)
-
-
 def test_a_shoe_is_the_hull_of_the_toes_and_stands_where_they_stood():
     model = load_body("embedded")
     vertices = model.skin.template.T.double().numpy()

@@ -14,11 +14,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from physic_core.body import load_body
-from physic_core.body.joints import JOINT_NAMES, joint_pair
+from physic_core.body.joints import JOINT_NAMES
 from physic_core.export import export_frame
 from physic_core.geometry.upright import transform_points
-from physic_visual.glb import skin_influences
 from physic_visual.palette import contact_legend
 from physic_visual.textures.dressed import GUESSED, dressed_bodies
 
@@ -118,21 +116,6 @@ def test_readers_without_skinning_show_people_of_the_combined_file_at_their_plac
     assert mesh.volume > 0.03
 
 
-def test_shoes_are_a_shape_that_moves_toes_and_can_be_switched_off(tree, result):
-    toes = load_body("embedded").skin.weights[joint_pair("foot")].max(0).values.numpy() > 0
-    for index in dressed_bodies(result).people:
-        mesh = mesh_of(tree, index)
-        assert (mesh.weights, mesh.extras["targetNames"]) == ([1.0], ["shoes"])
-        (target,) = mesh.primitives[0].targets
-        moves = tree.accessors[target["POSITION"]]
-        assert moves.count == tree.accessors[mesh.primitives[0].attributes.POSITION].count
-        steps = array(tree, target["POSITION"])
-        moved = np.flatnonzero(steps.any(1))
-        assert toes[moved[moved < len(toes)]].all()
-        assert 0.005 < np.linalg.norm(steps, axis=1).max() < 0.06
-        assert_array_equal([moves.min, moves.max], [steps.min(0), steps.max(0)])
-
-
 def test_no_array_is_sparse_which_some_readers_refuse(tree):
     assert all(accessor.bufferView is not None for accessor in tree.accessors)
     assert all(accessor.sparse is None for accessor in tree.accessors)
@@ -196,35 +179,6 @@ def test_the_camera_of_the_file_sees_what_the_photo_shows(tree, result):
     wanted = vertices @ camera.matrix.T
     shift = [camera.cx, camera.cy] - (size - 1) / 2
     assert_allclose(pixels + shift, wanted[:, :2] / wanted[:, 2:], atol=1e-3)
-
-
-def test_the_floor_is_no_larger_than_the_scene_and_not_where_the_scene_shows_it(file, result):
-    scene = trimesh.load_scene(file)
-    floor = scene.geometry["floor"]
-    surface = scene.geometry["scene"]
-    bodies = np.concatenate([scene.geometry[f"person_{index}"].bounds for index in (0, 1)])
-    low = np.min([surface.bounds[0], bodies.min(0) - 0.6], 0)
-    high = np.max([surface.bounds[1], bodies.max(0) + 0.6], 0)
-    assert (floor.bounds[0] >= low - 0.11)[[0, 2]].all()
-    assert (floor.bounds[1] <= high + 0.11)[[0, 2]].all()
-    triangles = surface.triangles_center[(np.abs(surface.triangles[..., 1]) < 0.02).all(1)]
-    down = trimesh.ray.ray_pyembree.RayMeshIntersector(floor)
-    above = triangles + np.array([0, 1, 0])
-    hit = down.intersects_any(above, np.full_like(above, [0.0, -1.0, 0.0]))
-    assert len(triangles) > 500
-    assert not hit.any()
-
-
-def test_weights_of_many_joints_become_eight():
-    rng = np.random.default_rng(0)
-    weights = rng.random((10, 55)) ** 8
-    weights /= weights.sum(1, keepdims=True)
-    joints, kept = skin_influences(weights)
-    assert joints.shape == kept.shape == (10, 8)
-    assert_allclose(kept.sum(1), 1, atol=1e-6)
-    four = np.eye(55)[[3, 7]]
-    joints, kept = skin_influences(four)
-    assert joints.tolist() == [[3, 0, 0, 0], [7, 0, 0, 0]]
 
 
 VALIDATE = """
