@@ -13,7 +13,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from physic_core.body.convert.bodies import convert_contact, rest_mesh_of_model
-from physic_core.body.convert.correspondence import SurfaceIndex, find_correspondence
+from physic_core.body.convert.correspondence import find_correspondence
 from physic_core.cache import correspondences as module
 from physic_core.cache.correspondences import cached_correspondence
 from physic_core.errors import BodyModelError
@@ -30,21 +30,6 @@ def onto_other(embedded, other_model):
 def onto_embedded(embedded, other_model):
     """Where the vertices of the other body lie on the embedded one."""
     return find_correspondence(rest_mesh_of_model(embedded), other_model)
-
-
-def test_the_other_side_of_a_sheet_is_not_near():
-    """Two sheets 2 cm apart, back to back, as two thighs are: the nearer one faces the wrong
-    way.
-    """
-    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
-    vertices = np.concatenate([square, square + np.array([0, 0, 0.02])])
-    faces = np.array([[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]])
-    on = SurfaceIndex(vertices, faces).nearest(
-        np.array([[0.5, 0.4, 0.005]]), np.array([[0, 0, 1.0]])
-    )
-    assert on.face[0] in (2, 3)
-    assert on.distance[0] == pytest.approx(0.015)
-    assert on.facing[0] == pytest.approx(1)
 
 
 def test_vertices_find_their_places_on_the_other_body(onto_embedded, embedded, other, other_model):
@@ -139,12 +124,3 @@ def test_a_map_is_kept_and_found_again(embedded, onto_other, other_model, tmp_pa
     file.write_bytes(file.read_bytes()[:1000])
     monkeypatch.setattr(module, "find_correspondence", lambda rest, model: onto_other)
     assert cached_correspondence(rest, embedded) is onto_other
-
-
-def test_a_disk_that_cannot_be_written_costs_nothing_but_time(
-    embedded, onto_other, other_model, tmp_path, monkeypatch
-):
-    (tmp_path / "file").write_text("no folder")
-    monkeypatch.setenv("PHYSIC_CACHE", str(tmp_path / "file" / "folder"))
-    monkeypatch.setattr(module, "find_correspondence", lambda rest, model: onto_other)
-    assert cached_correspondence(rest_mesh_of_model(other_model), embedded) is onto_other

@@ -133,13 +133,6 @@ def test_joints_only_gives_the_same_joints_with_the_pelvis_at_the_translation(
     assert torch.allclose(alone.joints[:, 0], random_pose["transl"], atol=1e-6)
 
 
-@pytest.mark.parametrize("ids", [[], [13347, 0, 13347]])
-def test_a_vertex_subset_equals_the_whole(embedded, random_pose, ids):
-    index = torch.tensor(ids, dtype=torch.int64)
-    some = embedded(**random_pose, vertex_ids=index).vertices
-    assert torch.allclose(some, embedded(**random_pose).vertices[:, index], atol=1e-6)
-
-
 @pytest.fixture(scope="module", params=["embedded", "smplx"])
 def model64(request, embedded64):
     """With bind rotations, and with pose correctives."""

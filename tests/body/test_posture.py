@@ -7,12 +7,9 @@ import pytest
 
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.body.posture import (
-    STANDING_DEG,
     lean_deg,
-    legs_in_line,
     photo_seems_turned,
     standing_legs,
-    trunk_tilt_deg,
 )
 from physic_core.types import Plane
 
@@ -68,31 +65,10 @@ def test_a_body_that_lies_across_the_picture_does_not_lean():
     assert lean_deg(joints, Plane(UP, 1.5)) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_the_tilt_of_the_trunk_is_from_up():
-    assert trunk_tilt_deg(body(trunk=80.0), UP) == pytest.approx(80.0)
-
-
-@pytest.mark.parametrize("degrees", [STANDING_DEG - 1, STANDING_DEG + 1])
-def test_one_angle_limits_knees_hips_and_tilt(degrees):
-    stands = [degrees < STANDING_DEG] * 2
-    assert standing_legs(body(hip=-degrees / 2, knees=(degrees, degrees)), UP).tolist() == stands
-    assert standing_legs(body(trunk=degrees)).tolist() == stands
-    assert standing_legs(body(), turned(degrees)).tolist() == stands
-
-
 def test_legs_with_unknown_joints_do_not_stand():
     joints = body()
     joints[JOINT_INDEX["left_knee"]] = np.nan
     assert standing_legs(joints, UP).tolist() == [False, True]
-
-
-def test_the_rule_works_in_the_picture():
-    hips, knees, ankles = (np.array([[10.0, y], [-10.0, y]]) for y in (0.0, 40.0, 80.0))
-    assert legs_in_line(
-        hips, knees, ankles, neck=np.array([0.0, -50.0]), up=np.array([0.0, -1.0])
-    ).all()
-    assert not legs_in_line(hips, knees, ankles, neck=np.array([80.0, -50.0])).any()
-    assert legs_in_line(hips, knees, ankles).all()
 
 
 def photo_of(*bodies, degrees):

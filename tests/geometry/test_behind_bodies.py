@@ -74,14 +74,3 @@ def test_what_hides_a_body_that_the_photo_shows_moves_behind_it():
     assert torch.equal(after[~moved], before[~moved])
     assert ((after[moved] - CENTRE).norm(dim=-1) - RADIUS).abs().max() < 5e-3
     assert (after[moved].norm(dim=-1) > nearest[moved].norm(dim=-1)).all()
-
-
-def test_what_would_have_to_move_too_far_stays():
-    body = ball(0.0, 0.0, 3.0)[None]
-    for z, shown, least in ((2.8, False, 0.45), (2.0, True, 1.25)):
-        point = torch.tensor([[0.0, 0.0, z]], dtype=torch.float64)
-        seen = torch.full((1, 1), shown)
-        assert move_behind_bodies(point, body, FACES, seen, least + 0.05)[1].all()
-        after, moved = move_behind_bodies(point, body, FACES, seen, least - 0.05)
-        assert not moved.any()
-        assert torch.equal(after, point)

@@ -5,31 +5,13 @@ from __future__ import annotations
 import pytest
 import torch
 import trimesh
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from physic_core.body import load_body
-from physic_core.geometry.mesh import cluster_points, coarse_mesh
+from physic_core.geometry.mesh import coarse_mesh
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_core.geometry.visibility import self_occlusion
 
 pytestmark = pytest.mark.quick
-
-
-@given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.5), st.integers(1, 3))
-@settings(max_examples=25, deadline=None)
-def test_each_cell_of_a_part_has_one_that_stands_for_it(seed, spacing, parts):
-    generator = torch.Generator().manual_seed(seed)
-    points = torch.randn(200, 3, generator=generator)
-    part = torch.randint(parts, (200,), generator=generator)
-    group, chosen = cluster_points(points, part, spacing)
-    assert torch.equal(group[chosen], torch.arange(len(chosen)))
-    assert torch.equal(part[chosen][group], part)
-    assert ((points[chosen][group] / spacing).floor() == (points / spacing).floor()).all()
-    plain = {
-        (int(p), *c) for p, c in zip(part, (points / spacing).floor().int().tolist(), strict=True)
-    }
-    assert len(chosen) == len(plain)
 
 
 def test_a_sphere_keeps_its_surface_and_its_outside():

@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch.testing import assert_close
 
-from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
+from physic_core.geometry.neighbors import NearestPointSearch
 
 pytestmark = pytest.mark.quick
 
@@ -50,12 +50,3 @@ def test_a_vertex_that_is_not_a_number_is_near_nothing():
     broken[1, 2] = float("nan")
     query = NearestPointSearch(points, normals, radius=10.0).query(broken)
     assert query.found.tolist() == [True, False, True, True]
-
-
-def test_boxes_keep_every_point_that_a_query_could_reach():
-    points, normals = room()
-    keep = inside_body_boxes(points, vertices(), margin=0.15)
-    assert 0 < keep.sum() < len(points)
-    everything = NearestPointSearch(points, normals).query(vertices())
-    cropped = NearestPointSearch(points[keep], normals[keep]).query(vertices())
-    assert torch.equal(everything.distance, cropped.distance)

@@ -67,17 +67,6 @@ def test_numpy_finds_the_faces_and_distances_of_embree(name):
     assert_allclose(on_face, along, atol=1e-9 * np.abs(along).max())
 
 
-@pytest.mark.parametrize("library", LIBRARIES)
-def test_the_faces_alone_are_those_of_the_hits(library):
-    if library == "embree":
-        pytest.importorskip("embreex")
-    caster = RayCaster(*posed_body(), library)
-    rays = np.random.default_rng(3).uniform(-1, 1, (500, 3)) + np.array([0, 0, 1])
-    assert np.array_equal(
-        caster.first_faces(np.zeros(3), rays), caster.first(np.zeros(3), rays).face
-    )
-
-
 def test_numpy_misses_no_ray_to_an_edge_or_a_vertex():
     ball = trimesh.creation.icosphere(4, 0.5)
     centre = np.array([0.1, 0.2, 2])

@@ -101,8 +101,3 @@ def test_space_is_free_before_all_surfaces_around_a_pixel_and_where_nothing_is_k
     assert in_free_space(points, front, K).tolist() == [True, True, False, True, False]
     outside = torch.tensor([[5.0, 0.0, 2.0], [0.0, -5.0, 2.0], [0.0, 0.0, -2.0]])
     assert in_free_space(outside, front, K).all()
-
-
-def test_trunk_is_never_occluded_where_only_limbs_count():
-    vertices, faces, part = two_spheres([0.0, 0.0, 2.0], [0.0, 0.0, 3.0])
-    assert not self_occlusion(vertices, faces, part, [0], 0.3)[1].any()
