@@ -163,19 +163,6 @@ def cut_at_the_knees(given):
     return without_joints(given, "knee", "ankle", "foot")
 
 
-def test_limbs_that_no_pixel_shows_have_the_base_rate_wherever_they_are(person):
-    cut = cut_at_the_knees(person)
-    apart = cut_at_the_knees(raised(person, 0.1))
-    found = touch(cut)[1]
-    seen = touch(person)[1]
-    there = touch(apart)[1]
-    assert found["left_foot"] == there["left_foot"]
-    assert found["left_foot"] == found["right_foot"] != seen["left_foot"]
-    assert 0.5 < found["left_foot"] < 0.95
-    assert found["left_hand"] == seen["left_hand"]
-    assert touch(limbs_on_world(cut, 0.8))[1] == touch(limbs_on_world(person, 0.8))[1]
-
-
 def test_contacts_of_limbs_that_no_pixel_shows_are_listed_as_assumed(person):
     measured = contact(person)
     cut = contact(cut_at_the_knees(person))

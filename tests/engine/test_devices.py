@@ -5,11 +5,9 @@ CUDA agrees.
 from __future__ import annotations
 
 import copy
-from dataclasses import replace
 
 import pytest
 import torch
-from torch.overrides import TorchFunctionMode
 from torch.testing import assert_close
 
 from physic_core import engine_preset
@@ -69,42 +67,6 @@ def test_an_evaluation_stays_on_one_device(with_box, name):
         total_energy(found), there.variables.parameters(), allow_unused=True
     )
     assert all(g.device.type == "meta" for g in gradients if g is not None)
-
-
-class HostReads(TorchFunctionMode):
-    """Counts the reads of tensors that make the processor wait for another device."""
-
-    READS = (
-        "tolist",
-        "item",
-        "numpy",
-        "cpu",
-        "__array__",
-        "__bool__",
-        "__float__",
-        "__int__",
-        "__index__",
-        "nonzero",
-    )
-
-    def __init__(self):
-        super().__init__()
-        self.count = 0
-
-    def __torch_function__(self, function, types, args=(), kwargs=None):
-        self.count += getattr(function, "__name__", "") in self.READS
-        return function(*args, **(kwargs or {}))
-
-
-@pytest.mark.parametrize("steps", [1, 9])
-def test_the_host_waits_once_an_evaluation_and_once_a_step(with_box, steps):
-    """For energy and checksum; for the slope of a step."""
-    energy = JointEnergy(with_box.state, DEFAULT)
-    settings = replace(DEFAULT.optimiser, steps=steps, refresh_steps=steps, tolerance=0.0)
-    with HostReads() as reads:
-        block = settings.start(energy)(steps)
-    assert block.steps == steps
-    assert reads.count == block.evaluations + block.steps
 
 
 def as_double(state, device):

@@ -162,19 +162,6 @@ def test_the_answer_names_who_spoke_for_floor_and_scale_and_who_contradicts():
     assert soles[1]["right"] < 0.3
 
 
-def test_the_ground_of_people_with_bodies_names_them_by_their_numbers_among_all():
-    world = World([(-0.6, 2.5), (0.7, 2.8), (0.1, 3.0)])
-    found = world.answer(bodies=world.moved(1, 1.6))
-    among = found.expanded(np.array([False, True, True, False, True]))
-    assert list(among.small_statures) == [2]
-    soles = [row for row in among.witnesses["scale"] if row["by"] == "soles"]
-    assert [row["person"] for row in soles] == [1, 2, 4]
-    assert (
-        among.stance.stand_probability[[1, 2, 4]].tolist()
-        == found.stance.stand_probability.tolist()
-    )
-
-
 def test_a_plane_that_is_nearly_as_likely_as_the_floor_is_named(world):
     normal = torch.tensor([0.0, -math.cos(0.2), -math.sin(0.2)])
     tilted = replace(FLOOR[0].plane, normal=normal, source="labels")

@@ -66,17 +66,6 @@ def test_hidden_vertices_are_regularised_more_than_visible_ones(behind_box, visi
     assert weight[hidden].unique().tolist() == [12.0]
 
 
-def test_camera_facing_vertices_are_picked_once_and_hidden_ones_again(start):
-    energy = JointEnergy(start, PAPER)
-    facing = energy.snapshot.visibility.facing
-    hidden = energy.snapshot.visibility.hidden
-    with torch.no_grad():
-        energy.variables.values["translation"][:, 0] += 0.3
-    energy.refresh()
-    assert torch.equal(energy.snapshot.visibility.facing, facing)
-    assert not torch.equal(energy.snapshot.visibility.hidden, hidden)
-
-
 def test_contact_outside_the_picture_counts(make_stage):
     """So near that the picture cuts the feet off, which stand on the samples of the floor."""
     stage = make_stage([({}, (0.0, 0.0, 1.8))])

@@ -9,8 +9,6 @@ import pytest
 import torch
 from torch.testing import assert_close
 
-from physic_core import engine_preset
-from physic_core.engine.contact.distances import surface_distances
 from physic_core.types import SKELETONS, skeleton_named
 from physic_paper.released.pointmap import published_floor_grid, published_normals
 from physic_paper.released.reprojection import released_keypoint_weights
@@ -56,19 +54,6 @@ def test_body_and_feet_count_ten_times_their_confidence_and_unsure_keypoints_not
         if "inner" in name or "outer" in name or "mouth" in name
     ]
     assert [weights("wholebody69", [0.9] * 69)[j] for j in face] == pytest.approx([0.9] * 6)
-
-
-def test_a_floor_of_samples_is_touched_where_its_samples_are(standing):
-    state = released(standing.state)
-    state = with_scene(state, valid=torch.zeros_like(state.scene.valid))
-    height = state.scene.floor.offset - 0.01
-    over = torch.tensor([[[0.0, height, 3.0], [30.0, height, 3.0]]])
-    for preset, expected in (("release", [True, False]), ("default", [True, True])):
-        method = engine_preset(preset).contact
-        distance = surface_distances(
-            over, method.surfaces(state.surroundings, over, 1.0), method.measure
-        ).nearest
-        assert (distance[0] < 0.02).tolist() == expected
 
 
 def test_floor_samples_span_the_scene_in_x_and_z():

@@ -45,13 +45,6 @@ def test_an_error_that_all_share_does_not_shrink_with_their_number():
     assert [few.scale, many.scale] == pytest.approx([2.0, 2.0])
 
 
-def test_what_all_share_may_be_far_off():
-    map_depth = witnesses([1.0] * 3, 0.1, 1.0, 0.1, 0.1)
-    soles = witnesses([5.0] * 3, 0.1)
-    assert vote_on_scale([map_depth, soles]).scale.scale == pytest.approx(5.0, rel=0.05)
-    assert vote_on_scale([map_depth]).scale.scale == pytest.approx(1.0, rel=0.05)
-
-
 def test_a_witness_who_is_far_off_counts_little():
     assert vote([1.0, 1.0, 1.0, 3.0]).scale.scale == pytest.approx(1.0, rel=0.02)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import cache
 
 import pytest
@@ -16,10 +15,8 @@ from physic_core.engine.contact.support import (
     PersonContact,
     distance_to_hull,
     find_support,
-    support_record,
 )
 from physic_core.geometry.mesh import vertex_normals
-from physic_core.types import BodyContact, ContactPartner
 
 SITS = {
     "left_hip": (-1.45, 0, 0),
@@ -188,21 +185,3 @@ def test_the_distance_to_the_hull_is_that_of_its_edges(turn, half):
         # The supporting lines of 360 directions miss 1 % of the hull's size.
         found = distance_to_hull(*turned, UP.double())
         assert found == pytest.approx(half * distance, abs=0.02 * half)
-
-
-def test_a_support_lists_its_large_likely_contacts_with_their_probability(support):
-    found = support(SITS, SOLES, sits=True)[2]
-    floor = ContactPartner("floor", "floor")
-    seat = ContactPartner("hidden", "seat")
-    carrying = (
-        BodyContact("left_foot", floor, None, 90),
-        BodyContact("right_hand", floor, None, 9),
-        BodyContact("seat", seat, None, 5),
-        BodyContact("left_hand", floor, None, 40),
-    )
-    listed = (BodyContact("left_foot", floor, 0.7, 120), BodyContact("left_hand", floor, 0.4, 40))
-    support = support_record(found, carrying, listed)
-    assert support.contacts == (replace(carrying[0], probability=0.7), carrying[2])
-    assert support.hidden == ("hidden seat",)
-    assert str(support) == "assumed: left foot on floor, a seat that the scene does not show"
-    assert support.outside_m == pytest.approx(found.outside_m, abs=1e-4)

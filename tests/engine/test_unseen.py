@@ -5,23 +5,18 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import pytest
 import torch
-from torch.testing import assert_close
 
 from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.sampling import STATIC_CONTACT_PARTS
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.terms import picture
-from physic_core.engine.joint.terms.scene import ContactTerm
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
 
 from .adjusted import (
     adjusted,
     heights,
-    part_of,
     posed,
     with_result,
     with_scene,
@@ -29,35 +24,6 @@ from .adjusted import (
 )
 
 SETTINGS = engine_preset("default").joint
-
-
-def prior_of(state, **changes):
-    """Weight of each vertex by its contact probability; the vertices of the energy."""
-    energy = JointEnergy(state, adjusted(SETTINGS, **changes))
-    return part_of(energy, ContactTerm).prior[0], energy.sampling.ids
-
-
-@pytest.mark.parametrize(
-    ("changes", "share"),
-    [
-        ({"contact__static_weight": 0.25}, 0.25),
-        ({"contact__static_weight": 0.0}, 0.0),
-        ({"contact__static_weight": 0.0, "contact__source": "static"}, 1.0),
-    ],
-)
-def test_usual_contact_parts_count_without_a_prior(standing, changes, share):
-    without_prior = replace(standing.state, contact_prior=0 * standing.state.contact_prior)
-    prior, ids = prior_of(without_prior, **changes)
-    likely = torch.zeros(without_prior.model.num_vertices)
-    for name in STATIC_CONTACT_PARTS:
-        likely[without_prior.model.contact_sets[name]] = share
-    assert_close(prior, likely[ids])
-
-
-def test_the_prior_goes_before_likely_parts(standing):
-    prior, both = (prior_of(standing.state, contact__static_weight=w)[0] for w in (0.0, 0.25))
-    assert (prior > 0).any()
-    assert_close(both[prior > 0], prior[prior > 0])
 
 
 def lifted(stage, height):
