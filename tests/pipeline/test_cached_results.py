@@ -184,12 +184,6 @@ def test_without_the_cache_every_backend_is_called_and_nothing_is_kept(
     assert {path: path.stat().st_mtime_ns for path in warm.iterdir()} == before
 
 
-def test_the_summary_says_what_came_from_the_cache(warm, photo, tmp_path):
-    noisy = ("--set", "metric_depth.options.noise=0.5")
-    said = physic("run", str(photo), "--preset", "mock", "-o", str(tmp_path / "out"), *noisy)
-    assert "9 of 10 backends were not run" in said.splitlines()[1]
-
-
 def test_where_memory_is_short_one_backend_is_open_at_a_time(first, counts, photo, tmp_path):
     assert first[2].most_open == 1
     physic("run", str(photo), "--preset", "mock", "--low-memory", "-o", str(tmp_path / "out"))

@@ -16,7 +16,6 @@ from physic_batch.process import batch_config
 from physic_core import Pipeline, load_config
 from physic_core.body import load_body
 from physic_core.cache.folders import CACHE_VARIABLE
-from physic_core.engine.contact.method import ContactStageMethod
 from physic_core.types import CameraTrust, Intrinsics, PeoplePrompt
 from physic_testing.worlds import load_world
 
@@ -141,20 +140,3 @@ def test_the_man_who_is_not_cut_off_stands_on_the_floor(result):
     lowest = (person.vertices[np.concatenate(soles)] @ floor.normal + floor.offset).min()
     assert abs(lowest) < 0.03
     assert heights[12] - heights[7:9].min() > 1.0
-
-
-@pytest.mark.slow
-def test_his_soles_touch_and_his_head_does_not(result):
-    whole, cut = whole_and_cut(result)
-    model = load_body()
-    contact = result.people[whole].contact
-    for side in ("left", "right"):
-        assert contact[model.contact_sets[f"{side}_sole"].numpy()].mean() > 0.5
-    head = (model.part_of_vertex == model.part_names.index("head")).numpy()
-    assert not contact[head].any()
-    legs = [i for i, name in enumerate(model.part_names) if name.endswith(("lower_leg", "foot"))]
-    unseen = np.isin(model.part_of_vertex.numpy(), legs)
-    person = result.people[cut]
-    touches = unseen & person.contact
-    least = ContactStageMethod().threshold - 1e-3  # float16
-    assert (person.contact_probability >= least)[touches].all()

@@ -79,15 +79,6 @@ def test_a_known_stature_counts_more_than_an_age():
     assert notes[0] == "person 0 is a child of 4.5 years, 0.95 m tall before the joint fit"
 
 
-def test_adults_and_people_without_a_body_keep_what_they_have():
-    before = two_adults()
-    before.betas[1] = NAN
-    after, notes = resized(before, years=[16.0, 4.5])
-    assert np.array_equal(after.betas, before.betas, equal_nan=True)
-    assert np.array_equal(after.transl, before.transl)
-    assert not notes
-
-
 def with_age(world, steps, chosen="child"):
     """The result of two people of whom the child, or the adult, is said to be four years old; also
     the ages, from left to right.

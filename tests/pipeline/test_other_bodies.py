@@ -15,12 +15,9 @@ from physic_core.body import load_body
 from physic_core.body.bones import rotations_from_parameters
 from physic_core.body.convert.bodies import rest_mesh_of_model
 from physic_core.errors import BodyModelError
-from physic_core.interfaces import BodyEstimator
-from physic_core.pipeline.backend_results import discard_invalid_bodies
 from physic_core.types import Bodies, ContactProbability, Mesh, RestMesh
 from physic_mock import backends
 from physic_networks.bodies import parameters_from_rotvecs
-from physic_testing import violations
 from tests.pipeline.mocks import changed, run
 
 pytestmark = pytest.mark.usefixtures("few_steps")
@@ -35,19 +32,6 @@ def bodies():
     joints[:, 22:] = np.nan
     mesh = Mesh("mhr", np.zeros((2, 4, 3), np.float32), FACES, np.zeros((4, 3), np.float32))
     return Bodies(parameters, "mhr", None, joints, mesh)
-
-
-def test_a_body_whose_mesh_is_nan_is_removed_with_all_its_rows():
-    estimated = bodies()
-    estimated.mesh.vertices[0, 2] = np.nan
-    assert violations(BodyEstimator, estimated, people=2) == []
-    kept, lost = discard_invalid_bodies(estimated)
-    assert lost.tolist() == [True, False]
-    for value in (kept.parameters.transl, kept.joints, kept.mesh.vertices):
-        assert np.isnan(value[0]).all()
-    np.testing.assert_array_equal(kept.joints[1], bodies().joints[1])
-    assert np.isfinite(kept.mesh.vertices[1]).all()
-    np.testing.assert_array_equal(kept.mesh.faces, FACES)
 
 
 def joints_of(estimated):

@@ -4,15 +4,12 @@ people.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from physic_core import KnownSizes
 from physic_core.errors import ConfigError
-from physic_mock.depths import MockRelativePointmap
-from tests.pipeline.mocks import changed, run
+from tests.pipeline.mocks import run
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
@@ -82,12 +79,3 @@ def test_a_known_age_makes_sizes_more_certain(world):
     given = run(world.image, *EXACT, known=KnownSizes(age=(40.0,)))
     assert all(person.stature_sigma < 0.07 for person in given.people)
     assert np.all(np.array(given.distance_sigmas) <= found.distance_sigmas)
-
-
-def test_the_warning_of_a_point_map_is_one_of_the_result(world):
-    doubtful = changed(
-        MockRelativePointmap,
-        lambda found, *_: replace(found, warnings=("the background is a guess",)),
-    )
-    found = run(world.image, backends=doubtful)
-    assert found.warnings.count("the background is a guess") == 1

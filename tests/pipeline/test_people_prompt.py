@@ -52,10 +52,3 @@ def test_prompts_follow_the_size_of_the_image():
     expected = np.zeros((1, 150, 200), bool)
     expected[0, 50:100, 100:150] = True
     np.testing.assert_array_equal(smaller.masks, expected)
-
-
-def test_a_mask_that_vanishes_when_the_photo_is_reduced_is_reported():
-    mask = np.zeros((1, 300, 400), bool)
-    mask[0, 299, 399] = True
-    with pytest.raises(ConfigError, match="mask 1 has no pixels at 80 x 60 px"):
-        prepared(PeoplePrompt(masks=mask), (80, 60))

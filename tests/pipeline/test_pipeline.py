@@ -9,14 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physic_core import Reconstruction, body, reconstruct
+from physic_core import Reconstruction, reconstruct
 from physic_core.configuration.model import OPTIONAL_INTERFACES, PhotoSettings
-from physic_core.engine.ground.beside import feet_pixels
 from physic_core.errors import ConfigError
 from physic_core.io.photo import Photo
-from physic_core.pipeline.backend_results import replace_hands
 from physic_core.prepare.photo import prepare_photo
-from physic_core.types import Hands, Hints, Intrinsics, Keypoints
+from physic_core.types import Intrinsics
 from physic_core.types.observations import POSTURES
 from physic_mock import backends
 from tests.pipeline.mocks import changed, run
@@ -45,18 +43,6 @@ def test_bodies_of_another_body_model(world):
     )
     with pytest.raises(ConfigError, match="'smplx', but the configuration loads 'embedded': set "):
         reconstruct(world.image, "mock", backends=smplx)
-
-
-def test_bodies_are_converted_to_the_users_own_body_model(world, monkeypatch):
-    """The way alone: a whole SMPL-X file is the business of the body's own tests."""
-    load = body.load_body
-    monkeypatch.setattr(body, "load_body", lambda source: replace(load("embedded"), name="smplx"))
-    result = reconstruct(world.image, "mock")
-    assert result.body_model == "smplx"
-    assert [note for note in result.notes if "converted" in note] == [
-        "bodies converted from 'embedded' to 'smplx', surface within 0 mm and joints within 0 mm "
-        "on average"
-    ]
 
 
 def test_optional_interfaces_may_be_left_out(world):
@@ -131,23 +117,3 @@ def test_a_configured_camera_wins_over_the_files():
     assert prepared_camera(photo) == photo.intrinsics
     chosen = prepared_camera(photo, focal_px=222)
     assert (chosen.fx, chosen.source) == (222, "given")
-
-
-def test_pixels_of_feet_are_confident_and_inside_the_image():
-    keypoints = Keypoints(np.zeros((1, 33, 2)), np.zeros((1, 33)), "blazepose33")
-    keypoints.points[0, 29:] = [[10, 90], [20, 90], [30, 200], [40, 90]]
-    keypoints.confidence[0, 27:] = [1, 1, 0.9, 0.4, 0.9, 0.9]
-    assert feet_pixels(keypoints, 100, 100).tolist() == [[10, 90], [40, 90]]
-
-
-def test_hands_replace_fingers_where_they_were_found(world):
-    start = backends.MockSegmenter().infer(world.image)
-    keypoints = backends.MockKeypointDetector().infer(world.image, start)
-    bodies = backends.MockBodyEstimator().infer(
-        world.image, start, world.intrinsics, keypoints, Hints()
-    )
-    n = len(start)
-    hands = Hands(np.full((n, 2, 15, 3), 0.25, np.float32), np.tile([[1.0, 0.0]], (n, 1)))
-    merged = replace_hands(bodies, hands, body.load_body("embedded"))
-    assert (merged.parameters.left_hand_pose == 0.25).all()
-    assert (merged.parameters.right_hand_pose == bodies.parameters.right_hand_pose).all()

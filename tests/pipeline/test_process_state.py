@@ -4,22 +4,17 @@ are restored, and the backend is named.
 
 from __future__ import annotations
 
-import json
 import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from PIL import Image
 
 from physic_core.configuration.resolve import ResolvedBackend
 from physic_core.errors import BackendError
 from physic_core.interfaces import MetricDepth, MetricDepthRequest
-from physic_core.pipeline.stage_caller import StageCaller, load_backend
+from physic_core.pipeline.stage_caller import StageCaller
 from physic_core.types import DepthMap, Hints, Provenance
 
 SHAPE = (6, 8)
@@ -84,51 +79,3 @@ def test_what_a_backend_changes_is_restored_and_named(where, error):
     assert all(text.startswith("metric_depth 'naughty' (my-dist 1.0)") for text in warnings)
     for what, text in zip(("current folder", "float32 -> torch.float64"), warnings, strict=True):
         assert what in text
-
-
-def test_a_folder_that_is_gone_is_not_said_to_be_restored(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-    def lose():
-        os.chdir("/")
-        shutil.rmtree(tmp_path, ignore_errors=True)
-
-    (warning,) = run(Naughty("infer", lose)).warnings
-    assert "not restored" in warning
-
-
-def test_a_backend_that_is_loaded_alone_says_what_it_changed(monkeypatch, caplog):
-    monkeypatch.setattr(
-        Naughty, "__init__", lambda self, options=None: MetricDepth.__init__(self, options)
-    )
-    monkeypatch.setattr(Naughty, "load", lambda self, device: os.chdir("/"))
-    monkeypatch.setattr(Naughty, "written_for", 1, raising=False)
-    load_backend("metric_depth", f"{__name__}:Naughty")
-    assert "the current folder" in caplog.text
-
-
-PLUGIN = """
-from physic_mock.backends import MockSegmenter
-
-class Lazy(MockSegmenter):
-    def load(self, device="cpu"):
-        import torch
-        torch.set_default_dtype(torch.float64)
-        super().load(device)
-"""
-
-
-@pytest.mark.slow
-def test_a_backend_that_imports_torch_first_is_compared_with_its_default(world, tmp_path):
-    (tmp_path / "lazy_plugin.py").write_text(PLUGIN)
-    Image.fromarray(world.image).save(tmp_path / "world.png")
-    words = "-m physic_core run world.png --preset mock --save numbers --out out --overwrite"
-    subprocess.run(
-        [sys.executable, *words.split(), "--set", "segmenter.backend=lazy_plugin:Lazy"],
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": str(tmp_path)},
-        check=True,
-        capture_output=True,
-    )
-    warnings = json.loads((tmp_path / "out" / "reconstruction.json").read_text())["warnings"]
-    assert any("torch's default dtype (torch.float32 -> torch.float64)" in one for one in warnings)

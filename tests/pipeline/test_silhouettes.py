@@ -62,11 +62,3 @@ def test_pixels_that_a_nearer_object_hides_do_not_count():
     desk[150:] = 4.5  # it is behind the body
     share = compare(mask(bottom=150), scene=desk)[0][0]
     assert share == pytest.approx(0.52, abs=0.015)
-
-
-@pytest.mark.parametrize("metres", [2.0, 4.0, 6.0])
-def test_the_depth_at_the_lower_end(metres):
-    photo = depth(50.0)
-    photo[184:] = metres
-    (found,) = compare(mask(), photo=photo)
-    assert found[1] == pytest.approx(metres / 4)

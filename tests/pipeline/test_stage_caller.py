@@ -115,18 +115,6 @@ def test_a_backend_that_fails_is_closed_too(events, event, low_memory):
     assert events.count("close a") == 1
 
 
-def test_a_backend_that_cannot_be_closed_costs_a_warning(events):
-    stages = StageCaller("cpu", 2)
-    a = Counting("a", "close", OSError("gone"))
-    b = Counting("b")
-    ask(stages, a)
-    ask(stages, b)
-    stages.close()
-    assert events[-2:] == ["close a", "close b"]
-    (warning,) = stages.warnings
-    assert f"cannot be closed: OSError: gone {LOADS}" in warning
-
-
 TITLE = "metric_depth 'a' (my-dist 1.0), stage 'depth'"
 
 
