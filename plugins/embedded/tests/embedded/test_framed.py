@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from physic_core.types import SKELETONS, SURFACE_NAMES, Keypoints, People, SurfaceLabels
-from physic_core.types.arrays import select_people
 from physic_embedded.segmentation.framed import question_people
 
 MASKS = np.zeros((2, 100, 200), bool)
@@ -59,9 +58,3 @@ def test_a_person_around_whom_a_frame_is_may_be_a_picture(frame, asked):
 def test_a_person_whose_feet_stand_on_a_table_may_be_a_figurine(ankle, under, asked):
     nothing = np.zeros(MASKS.shape[1:], bool)
     assert is_questioned(question_people(people_on(under, ankle), nothing)) == asked
-
-
-def test_a_person_alone_is_no_figurine():
-    nothing = np.zeros(MASKS.shape[1:], bool)
-    alone = select_people(people_on("table", 0.9), np.array([True, False]))
-    assert not question_people(alone, nothing).notes

@@ -64,14 +64,6 @@ def test_a_hand_pose_is_recovered_from_its_landmarks(body, side, degrees, spread
     assert np.linalg.norm(moved, axis=1).mean() < 0.003
 
 
-def test_noise_of_three_millimetres_costs_little(body):
-    rest = rest_of(body, "left")
-    truth = posed(body, "left", curled(rest, 30.0))
-    seen = truth + np.random.default_rng(3).normal(0, 0.003, (5, 21, 3))
-    found = np.stack([posed(body, "left", fit_fingers(one, rest)) for one in seen])
-    assert np.linalg.norm(found - truth, axis=-1).mean() < 0.005
-
-
 def test_fingers_stay_within_the_range_of_human_joints(body):
     rest = rest_of(body, "right")
     backwards = posed(body, "right", curled(rest, -80.0))

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import os
 import struct
-import sys
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -42,14 +40,6 @@ def test_a_kept_graph_gives_the_same_outputs(folder, monkeypatch):
     assert [file.stat().st_ino for file in folder.iterdir()] == [before]
     monkeypatch.setenv(CACHE_VARIABLE, "off")
     assert_same(outputs(), made)
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="this system does not list mapped files")
-def test_the_weights_of_a_graph_that_was_just_kept_are_mapped(folder):
-    session = open_packaged_session(NETWORK, threads=1)
-    [kept] = folder.iterdir()
-    assert str(kept) in Path("/proc/self/maps").read_text()
-    del session
 
 
 def test_the_cache_can_be_filled_before_the_first_photo(folder, physic):

@@ -67,13 +67,6 @@ def test_a_body_that_leans_in_depth_is_lifted_nearer_to_the_truth(degrees, up, s
     np.testing.assert_allclose(found[:, HIPS].mean(1), 0, atol=1e-12)
 
 
-def test_the_size_of_a_person_scales_the_answer():
-    joints = leaning(10.0)
-    points = seen(WALKER[None])
-    small = told(0.6 * joints, 0.6 * points, depth=0.6 * DEPTH)
-    np.testing.assert_allclose(small, 0.6 * told(joints, points), atol=1e-12)
-
-
 @pytest.mark.parametrize(("depth", "least", "most"), [(-0.08, 0.0, 0.05), (-0.22, 0.11, 0.23)])
 def test_a_forearm_is_told_flat_where_its_tilt_is_a_guess(depth, least, most):
     joints = WALKER.copy()

@@ -163,14 +163,6 @@ def test_the_seen_horizon_is_that_of_ground_which_the_map_makes_steep_nearby():
     assert off(hills) > 0.8 * off(None)
 
 
-def test_labels_tell_whether_the_farthest_pixels_are_the_sky_or_a_wall():
-    disparity = 8 * np.linspace(0.009, 1, HEIGHT)[:, None] * np.ones(WIDTH)
-    room, unknown, meadow = (
-        disparity_at_infinity(disparity, None, FOCAL, open_air=label) for label in (-1, 0, 1)
-    )
-    assert room.disparity < unknown.disparity < meadow.disparity
-
-
 def test_the_farthest_pixels_recede_smoothly_as_the_map_reaches_zero():
     rows = np.linspace(0, 1, HEIGHT)[:, None] * np.ones(WIDTH)
     maps = [8 * (rows + far) for far in np.linspace(0, 0.04, 41)]

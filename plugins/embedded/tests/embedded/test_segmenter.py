@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 
 from physic_core.interfaces import Segmenter
 from physic_core.types import SurfaceLabels, UnposedPerson, mirrored_order
-from physic_embedded.networks.crops import ImagePyramid, RotatedSquare, letterbox_square
+from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
 from physic_embedded.networks.mobile_sam import ImageEmbedding, embed_image, predict_masks
 from physic_embedded.networks.pose import Pose
 from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.networks.tiles import tiles
-from physic_embedded.segmentation.floor_mask import add_labelled_floor, ground_points
+from physic_embedded.segmentation.floor_mask import add_labelled_floor
 from physic_embedded.segmentation.people import DetectedPose, poses_of_same
 from physic_embedded.segmentation.person_masks import resolve_overlaps
 from physic_embedded.segmentation.unposed import count_heads
@@ -61,17 +61,6 @@ def test_a_box_whose_top_is_another_head_in_the_mask_is_counted(box, score, head
     assert count_heads(boxes, [], mask[:0]).tolist() == []
 
 
-@given(st.integers(1, 700), st.integers(1, 700), st.sampled_from([192, 224]))
-def test_a_letterbox_shows_the_corners_of_the_photo_where_it_says(width, height, size):
-    pixels, square = letterbox_square(np.full((height, width, 3), 255, np.uint8), size, (30, 7))
-    corners = np.array([[29.5, 6.5], [width + 29.5, height + 6.5]])
-    low, high = square.from_photo(corners, size)
-    y, x = np.nonzero(pixels[..., 0] > 127)
-    # Both sides are rounded to whole pixels of the input.
-    np.testing.assert_allclose([x.min(), y.min()], low, atol=1.01)
-    np.testing.assert_allclose([x.max() + 1, y.max() + 1], high, atol=1.01)
-
-
 @pytest.mark.parametrize("side", [40.0, 100.0, 390.0])
 def test_a_cut_shows_the_pixel_that_its_coordinates_name(side):
     y, x = np.mgrid[:400, :400]
@@ -80,15 +69,6 @@ def test_a_cut_shows_the_pixel_that_its_coordinates_name(side):
     cut = ImagePyramid.from_image(image).crop(square, 64)
     at = square.to_photo(np.array([20.5, 40.5]), 64)
     np.testing.assert_allclose(cut[40, 20, :2], at * 0.6, atol=2)
-
-
-def test_a_small_cut_of_a_big_photo_does_not_alias():
-    stripes = np.zeros((2048, 2048, 3), np.uint8)
-    stripes[:, ::2] = 255
-    cut = ImagePyramid.from_image(stripes).crop(
-        RotatedSquare(np.array([1023.5, 1023.5]), 1500.0, 0.3), 64
-    )
-    assert cut.std() < 8
 
 
 @given(st.integers(1, 900), st.integers(1, 900), st.floats(0.2, 0.9))
@@ -159,17 +139,6 @@ def test_overlapping_masks_are_separated_and_a_stray_piece_is_given_back():
     np.testing.assert_array_equal(left, wanted)
     assert not (left & right).any()
     assert right[105, 205]
-
-
-def test_ground_points_lie_beside_the_feet_outside_people_and_inside_the_photo():
-    pose = pose_at((100, 100))
-    people = np.zeros((250, 300), bool)
-    people[:205, 60:140] = True
-    points = ground_points([pose], people)
-    assert len(points)
-    assert (points[:, 1] > 180).all()
-    assert not people[np.rint(points[:, 1]).astype(int), np.rint(points[:, 0]).astype(int)].any()
-    assert len(ground_points([pose_at((100, 100), confidence=0.3)], people)) == 0
 
 
 @pytest.mark.slow

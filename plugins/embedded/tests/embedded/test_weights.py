@@ -3,9 +3,6 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import onnxruntime
@@ -108,30 +105,3 @@ def test_memory_is_released_while_a_network_is_open():
     for _ in range(2):
         PackagedBackend.release_memory()
     np.testing.assert_array_equal(session.run(["scores"], image)[0], before)
-
-
-@pytest.mark.skipif(
-    not Path("/proc/self/statm").is_file(), reason="the memory of a process is read from /proc"
-)
-def test_the_memory_of_closed_networks_is_returned_to_the_system():
-    # A process of its own: in one that ran other tests, networks take the memory that these left.
-    program = """
-from pathlib import Path
-import numpy as np
-from physic_core.backends.memory import release_memory
-from physic_embedded.networks.sessions import PackagedBackend, open_packaged_session
-
-def resident_mb():
-    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6
-
-network = open_packaged_session("depth_anything_v2_vits", 1)
-network.run(["depth"], {"image": np.zeros((1, 3, 518, 518), np.float32)})
-del network
-before = resident_mb()
-release_memory([PackagedBackend])
-print(before - resident_mb())
-"""
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    )
-    assert float(done.stdout) > 50

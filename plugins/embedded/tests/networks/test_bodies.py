@@ -14,7 +14,6 @@ from physic_networks.bodies import (
     bodies_from_smpl,
     joints_from_mhr70,
     observed_joints,
-    parameters_from_rotvecs,
 )
 from physic_testing import violations
 from physic_testing.worlds import load_world
@@ -36,22 +35,6 @@ def test_joints_0_to_21_keep_their_rotations_and_the_hands_are_dropped():
     assert bodies.body_model == "smpl"
     assert bodies.joints is None
     assert violations(BodyEstimator, bodies, people=2) == []
-
-
-def test_parameters_of_all_55_joints_land_in_their_fields():
-    full = RNG.normal(0, 0.3, (1, 55, 3))
-    p = parameters_from_rotvecs(full, BETAS[:1], PLACE[:1])
-    rows = [
-        p.global_orient,
-        p.body_pose,
-        p.jaw_pose,
-        p.leye_pose,
-        p.reye_pose,
-        p.left_hand_pose,
-        p.right_hand_pose,
-    ]
-    np.testing.assert_allclose(np.concatenate(rows, axis=1).reshape(1, 55, 3), full, atol=1e-6)
-    assert p.expression.shape == (1, 0)
 
 
 TOES = ("left_big", "left_small", "right_big", "right_small")
@@ -98,23 +81,6 @@ def test_all_keypoints_show_all_joints_and_one_hides_its_own(skeleton):
     assert seen(skeleton, "right_elbow") == {"right_elbow"}
     fingers = {name for name in JOINT_INDEX if name.startswith("left_") and name[-1].isdigit()}
     assert seen(skeleton, "left_wrist") == {"left_wrist", *fingers}
-
-
-def test_neighbouring_joints_are_observed_together():
-    assert seen("coco17", "left_ankle") == {"left_ankle", "left_foot"}
-    assert seen("coco23", "left_ankle") == {"left_ankle"}
-    assert seen("coco17", "left_hip", "right_hip") == {
-        "left_hip",
-        "right_hip",
-        "pelvis",
-        "spine1",
-        "spine2",
-    }
-    face = [
-        name for name in SKELETONS["coco17"].names if name == "nose" or name.endswith("_surface")
-    ]
-    assert seen("coco17", *face) == {"neck", "head", "jaw", "left_eye", "right_eye"}
-    assert seen("coco17", *face[1:]) == set()
 
 
 def test_points_outside_of_the_image_are_not_seen():

@@ -12,7 +12,6 @@ from physic_core.interfaces import Segmenter
 from physic_core.types import Keypoints
 from physic_networks.people import (
     clip_boxes,
-    mask_nms,
     nms,
     people_from_masks,
     xyxy_from_cxcywh,
@@ -60,13 +59,6 @@ def test_a_pixel_goes_to_the_largest_logit():
     assert people.masks[0].sum() == 20 - 6
 
 
-def test_where_masks_are_bool_a_pixel_goes_to_the_better_score():
-    masks = [rectangle(0, 4, 0, 5) > 0, rectangle(2, 6, 2, 8) > 0]
-    for scores, areas in (([0.9, 0.8], [20, 18]), ([0.7, 0.8], [24, 14])):
-        people = people_from_masks(masks, None, np.array(scores), size=SIZE)
-        assert people.masks.sum((1, 2)).tolist() == areas
-
-
 def test_people_without_pixels_are_dropped_and_the_best_score_comes_first():
     masks = [rectangle(0, 2, 0, 2), rectangle(0, 0, 0, 0), rectangle(4, 6, 4, 6)]
     joints = Keypoints(np.arange(6.0).reshape(3, 1, 2), np.ones((3, 1)), "one")
@@ -92,10 +84,3 @@ def test_any_mask_gives_a_valid_result(logits, sharp):
     )
     assert violations(Segmenter, people, height=SIZE[0], width=SIZE[1]) == []
     assert (people.masks.any(0) == (logits > 0).any(0)).all() if len(masks) else len(people) == 0
-
-
-def test_mask_nms_keeps_one_mask_of_each_person():
-    masks = np.stack(
-        [rectangle(0, 5, 0, 5) > 0, rectangle(0, 5, 0, 4) > 0, rectangle(0, 5, 4, 8) > 0]
-    )
-    assert mask_nms(masks, np.array([0.7, 0.9, 0.8]), overlap=0.75).tolist() == [1, 2]

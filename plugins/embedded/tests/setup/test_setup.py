@@ -205,27 +205,6 @@ def test_a_run_checks_out_the_tested_commit_and_stops_at_a_command_that_fails(
     )
 
 
-@pytest.mark.parametrize(
-    ("preset", "missing"),
-    [
-        ("paper", ["omnieraser", "onnx", "paper"]),
-        ("best", ["onnx", "paper"]),
-        ("open", ["onnx", "paper"]),
-    ],
-)
-def test_a_small_installation_is_told_the_plugins_of_each_preset(
-    monkeypatch, preset, missing, physic
-):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "metricbody-embedded")
-    printed = physic("setup", preset)
-    installs = [
-        line for line in printed.output.splitlines() if line.startswith("python -m pip install")
-    ]
-    assert printed.exit_code == 4
-    assert {line.rpartition("/")[2] for line in installs} == set(missing)
-    assert all(" -e " in line for line in installs), "no index is asked for them"
-
-
 def test_the_open_preset_is_one_download_without_an_account_or_a_condition():
     from physic_core.configuration.resolve import named_weights, resolve
     from physic_core.interfaces import Repository, UserFile
