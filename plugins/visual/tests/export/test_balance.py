@@ -136,19 +136,6 @@ def test_who_stands_on_a_raised_surface_stands_on_a_step_as_others_on_the_floor(
     assert note.startswith("person 0 falls")
 
 
-def test_people_who_touch_each_other_do_not_push_each_other_over(
-    leaning, export, simulated, rise_of_heads
-):
-    person = leaning.people[0]
-    beside = np.array([1.5, 0.0, 0.0], np.float32)  # the hands of two T-poses overlap
-    other = replace(person, vertices=person.vertices + beside, joints=person.joints + beside)
-    moved = replace(other.parameters, transl=other.parameters.transl + beside)
-    pair = replace(leaning, people=(person, replace(other, parameters=moved)))
-    file = export("a.xml", of=pair).files[0]
-    assert rise_of_heads(file, people=2) == pytest.approx([0, 0], abs=0.03)
-    assert simulated(file)[0].nexclude > 0
-
-
 @pytest.mark.parametrize(
     ("state", "parts", "said"),
     [

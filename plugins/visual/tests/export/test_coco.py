@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from physic_core.types import Lens, skeleton_named
+from physic_core.types import Lens
 
 # of pycocotools
 pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")
@@ -52,23 +52,6 @@ def test_pycocotools_decodes_the_masks(export, thrice):
         mask = data.annToMask(data.anns[index + 1])
         np.testing.assert_array_equal(mask, np.kron(person.mask, np.ones((3, 3), bool)))
         assert data.anns[index + 1]["area"] == mask.sum()
-
-
-def test_the_category_has_the_names_of_the_keypoints_and_lines_between_them(export, result):
-    (category,) = opened(export("a.json", "coco").files[0]).loadCats([1])
-    names = category["keypoints"]
-    assert len(names) == len(skeleton_named(result.skeleton))
-    links = {frozenset(names[place - 1] for place in pair) for pair in category["skeleton"]}
-    sides = ("left", "right")
-    for pair in [
-        ("shoulder", "elbow"),
-        ("elbow", "wrist"),
-        ("hip", "knee"),
-        ("knee", "ankle"),
-        ("shoulder", "hip"),
-    ]:
-        assert {frozenset(f"{side}_{name}" for name in pair) for side in sides} <= links
-    assert frozenset({"left_hip", "right_hip"}) in links
 
 
 def test_annotations_of_an_undistorted_photo_are_those_of_its_file(export, result):

@@ -49,17 +49,6 @@ def test_people_are_in_front_of_the_scene_at_the_depth_of_their_skin(files, resu
     assert same.mean() > 0.999  # an edge may be on either side
 
 
-def test_masks_of_bodies_are_where_their_depth_is(files, result):
-    behind = read(files["a.exr"])
-    with_people = read(files["a_people.exr"])
-    masks = [
-        cv2.imread(str(files[f"a_body_{index}.png"]), cv2.IMREAD_UNCHANGED) > 0
-        for index in range(len(result.people))
-    ]
-    np.testing.assert_array_equal(np.any(masks, axis=0), with_people < behind)
-    assert not np.all(masks, axis=0).any()
-
-
 def test_the_mask_is_white_where_the_scene_is_inpainted(files, result):
     mask = cv2.imread(str(files["a_inpainted.png"]), cv2.IMREAD_UNCHANGED)
     same = (result.scene.colors == result.image).all(-1)

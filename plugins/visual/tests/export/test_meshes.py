@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from physic_visual.palette import BODY_RGB, contact_colors, contact_legend
+from physic_visual.palette import contact_legend
 
 
 def test_plyfile_reads_points_colours_normals_and_contact(export, result):
@@ -75,21 +75,6 @@ def test_bodies_are_closed_where_a_program_merges_equal_places(export, result, n
         metres = 1000 if name == "a.stl" else 1
         volume = result.people[index].mesh().volume
         assert whole.volume == pytest.approx(volume * metres**3, rel=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("skin", "wanted"),
-    [
-        ("contact", lambda person, result: contact_colors(person, result.contact_partners)),
-        ("neutral", lambda person, _: np.tile(BODY_RGB, (len(person.vertices), 1))),
-    ],
-)
-def test_vertex_colours_are_those_of_the_skin(export, result, skin, wanted):
-    text = export("a.obj", scene=False, person=0, skin=skin).files[0].read_text()
-    colors = np.array(
-        [line.split()[4:] for line in text.splitlines() if line.startswith("v ")], float
-    )
-    np.testing.assert_allclose(255 * colors, wanted(result.people[0], result), atol=0.2)
 
 
 def test_an_obj_has_a_picture_for_each_material(export, result):

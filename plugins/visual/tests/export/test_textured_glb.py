@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import trimesh
 from PIL import Image
 
-from physic_core import ExportRequest
 from physic_core.errors import ConfigError
-from physic_core.export import export_frame
-from physic_export.skeleton import bone_names, t_pose, with_ends
-from physic_visual.rig import rigs
+from physic_export.skeleton import bone_names
 
 pygltflib = pytest.importorskip("pygltflib")
 
@@ -79,22 +74,6 @@ def test_the_root_of_unreals_skeleton_is_on_the_floor_below_the_pelvis(export, r
         np.testing.assert_allclose(top, wanted, atol=1e-5)
         np.testing.assert_allclose(foot, wanted * [1, 0, 1], atol=1e-5)
     np.testing.assert_allclose(places["root"][0][:3, 3] * [0, 1, 0], 0, atol=1e-6)
-
-
-def test_the_end_joints_of_mixamo_are_where_the_skin_ends_and_move_none(result):
-    request = ExportRequest(result, (0,), export_frame(result.scene.floor, "y"), "a", ".glb")
-    ((_, rig),) = rigs(request)
-    whole = with_ends(replace(rig, names=bone_names("mixamo")))
-    up = np.array([0.0, 1.0, 0.0])
-    plain = t_pose(rig, up)
-    standing = t_pose(whole, up)
-    np.testing.assert_allclose(standing.posed_vertices(), plain.posed_vertices(), atol=1e-9)
-    places = dict(zip(standing.names, standing.joint_poses()[:, :3, 3], strict=True))
-    body = standing.posed_vertices()
-    assert places["HeadTop_End"][1] == pytest.approx(body[:, 1].max(), abs=0.02)
-    assert places["LeftToe_End"][1] < 0.1
-    for name in ("LeftToe_End", "RightToe_End", "LeftHandIndex4", "RightHandMiddle4"):
-        assert np.linalg.norm(body - places[name], axis=1).min() < 0.02
 
 
 UNITY = """Hips LeftUpperLeg RightUpperLeg LeftLowerLeg RightLowerLeg LeftFoot RightFoot Spine Chest UpperChest Neck

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("pxr")
 
-from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdShade, UsdSkel, UsdUtils
+from pxr import Gf, Usd, UsdGeom, UsdPhysics, UsdSkel, UsdUtils
 
 
 @pytest.fixture(scope="module")
@@ -70,33 +70,6 @@ def test_time_0_is_a_t_pose_on_the_floor(stage):
     assert low[2] == pytest.approx(0, abs=1e-4)
     assert np.linalg.norm((high - low)[:2]) > 1.5
     assert high[2] > 1.5
-
-
-@pytest.mark.parametrize("index", [0, 1])
-def test_the_bounds_of_a_person_are_those_of_its_surface(stage, index):
-    for time in (0, 1):
-        points = skinned_points(stage, index, time)
-        cache = UsdGeom.BBoxCache(time, [UsdGeom.Tokens.default_])
-        box = cache.ComputeWorldBound(
-            stage.GetPrimAtPath(f"/physic/person_{index}")
-        ).ComputeAlignedRange()
-        np.testing.assert_allclose(box.GetMin(), points.min(0), atol=1e-3)
-        np.testing.assert_allclose(box.GetMax(), points.max(0), atol=1e-3)
-
-
-def test_skins_are_variants_with_materials(stage, export):
-    variants = stage.GetPrimAtPath("/physic/person_0").GetVariantSets().GetVariantSet("skin")
-    assert variants.GetVariantNames() == ["contact", "neutral", "photo"]
-    assert variants.GetVariantSelection() == "photo"
-    opened = Usd.Stage.Open(
-        str(export("a.usda", skin="neutral", names="unreal", up="y", person=0).files[0])
-    )
-    assert UsdGeom.GetStageUpAxis(opened) == "Y"
-    mesh = opened.GetPrimAtPath("/physic/person_0/mesh")
-    material, _ = UsdShade.MaterialBindingAPI(mesh).ComputeBoundMaterial()
-    assert material.GetPath() == "/physic/person_0/looks/neutral"
-    joints = UsdSkel.Skeleton.Get(opened, "/physic/person_0/skeleton").GetJointsAttr().Get()
-    assert list(joints)[:3] == ["root", "root/pelvis", "root/pelvis/thigh_l"]
 
 
 def test_the_camera_projects_a_vertex_onto_its_pixel(stage, result, in_frame):

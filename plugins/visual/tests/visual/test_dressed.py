@@ -47,27 +47,6 @@ def test_a_body_has_the_photo_s_colour_where_it_is_seen_and_a_darker_guess_of_it
         assert saturation(images[index]).max() > 200
 
 
-def test_the_back_of_the_head_has_the_colour_of_hair_that_stands_off(pink):
-    person = pink.people[0]
-    image = pink.image.copy()
-    blue = np.array([20, 40, 220])
-    head = person.joints[15].astype(np.float64)
-    column, row = np.round(pink.intrinsics.matrix[:2] @ head / head[2]).astype(int)
-    hair = np.zeros_like(person.mask)
-    hair[row - 13 : row - 1, column - 10 : column + 11] = True
-    hair &= ~person.mask
-    image[hair] = blue
-    curly = replace(pink, image=image, people=(replace(person, mask=person.mask | hair),))
-    mesh = person.mesh()
-    behind = (mesh.vertex_normals @ head / np.linalg.norm(head) > 0.8) & (
-        mesh.vertices[:, 1] < head[1] - 0.03
-    )
-    assert behind.sum() > 20
-    for one, expected in ((curly, blue), (pink, PINK)):
-        guess = dressed_bodies(one).people[0].colors[behind].astype(float).mean(0)
-        assert guess @ expected > 0.9 * np.linalg.norm(guess) * np.linalg.norm(expected)
-
-
 def test_a_person_whom_no_photo_shows_is_grey_in_shoes(result):
     person = replace(result.people[0], mask=np.zeros_like(result.people[0].mask))
     dressed = dressed_bodies(replace(result, people=(person,))).people[0]

@@ -165,21 +165,6 @@ def test_vertices_are_the_camera_s_under_the_stated_matrix(content, reconstructi
     assert_array_equal(mesh.faces, reconstruction.faces)
 
 
-def test_a_large_scene_has_indices_of_16_bits_and_all_its_triangles(reconstruction):
-    large = replace(reconstruction, people=(), scene=flat_scene(np.full((300, 400), 3.0)))
-    content = combined_glb(large)
-    surface = mesh_scene(large.scene, scene_reach(large))
-    assert len(surface.vertices) > 65535
-    tree = tree_of(content)
-    (scene,) = (mesh for mesh in tree["meshes"] if mesh["name"] == "scene")
-    for part in scene["primitives"]:
-        assert tree["accessors"][part["indices"]]["componentType"] == 5123
-    parts = [mesh for name, mesh in opened(content).geometry.items() if name.startswith("scene")]
-    assert sum(len(part.faces) for part in parts) == len(surface.faces)
-    whole = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
-    assert sum(part.area for part in parts) == pytest.approx(whole.area, rel=1e-5)
-
-
 def test_the_scene_stands_in_the_same_frame_and_shows_its_colours(content, reconstruction):
     mesh = opened(content).geometry["scene"]
     low = mesh.bounds[0]
@@ -192,17 +177,3 @@ def test_the_scene_stands_in_the_same_frame_and_shows_its_colours(content, recon
     height, width = texture.shape[:2]
     pixel = texture[round((1 - v) * height - 0.5), round(u * width - 0.5)]
     assert_allclose(pixel, [215, 120, 95], atol=12)
-
-
-def test_bodies_that_no_model_gives_are_posed_meshes_and_the_combined_file_says_why(
-    content, reconstruction
-):
-    tree = tree_of(content)
-    assert "skins" not in tree
-    count = len(reconstruction.people[0].vertices)
-    theirs = tree_of(combined_glb(replace(reconstruction, body_model="smplx")))
-    for one, reason in (
-        (tree, f"the body model has 13348 vertices, a body of the result {count}: "),
-        (theirs, "it is in a file of yours; "),
-    ):
-        assert one["scenes"][0]["extras"]["no_skeleton"].startswith(reason)

@@ -11,7 +11,6 @@ import trimesh
 from numpy.testing import assert_allclose
 from PIL import Image
 
-from physic_core.geometry import RayCaster
 from physic_core.types import Intrinsics
 from physic_visual.palette import person_color
 from physic_visual.panels import (
@@ -53,14 +52,6 @@ def is_hue(picture, index):
     wanted = np.array(person_color(index)) / np.linalg.norm(person_color(index))
     values = picture.astype(float)
     return (values @ wanted > 0.995 * np.linalg.norm(values, axis=-1)) & (values.max(-1) > 40)
-
-
-def test_a_surface_may_fill_the_picture():
-    corners = np.array([[-9.0, -9.0, 4.0], [9.0, -9.0, 4.0], [0.0, 18.0, 4.0]])
-    wall = RayCaster(corners, np.array([[0, 1, 2]]))
-    layer = render_mesh(wall, PINHOLE, np.ones((3, 3)))
-    assert layer.alpha.min() == 1
-    assert layer.distance == pytest.approx(4.0)
 
 
 def test_the_nearer_hides_the_farther():
@@ -203,15 +194,3 @@ def test_a_crowd_and_broken_bodies_do_not_break_the_preview(make):
     page = preview_image(crowd)
     assert page.width == 1280
     assert page.height < 2000
-
-
-def test_the_name_of_the_photo_is_the_title_and_each_person_has_a_caption(make):
-    before = make(people=2)
-    page = np.asarray(preview_image(before))
-    person = replace(before.people[1], trust_place=0.91)
-    for changes, rows, columns in (
-        ({"photo_name": "couple.jpg"}, slice(0, 60), slice(None)),
-        ({"people": (before.people[0], person)}, slice(700, None), slice(420, 840)),
-    ):
-        changed = (np.asarray(preview_image(replace(before, **changes))) != page).any(-1)
-        assert changed[rows, columns].sum() == changed.sum() > 50

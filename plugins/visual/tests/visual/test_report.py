@@ -25,7 +25,7 @@ from physic_core.types import (
     part_words,
 )
 from physic_visual.report.page import failure_html, report_html
-from physic_visual.report.surfaces import MAX_FULL_BODIES, pack_bodies, pack_scene
+from physic_visual.report.surfaces import pack_scene
 from physic_visual.surface import mesh_scene, scene_reach
 
 PAGE = files("physic_visual.report") / "page"
@@ -87,18 +87,6 @@ def test_the_scene_has_the_points_of_its_pixels_and_the_triangles_of_its_mesh(ma
     np.testing.assert_array_equal(corners, np.unique(of_mesh, axis=0))
 
 
-def test_a_crowd_is_shown_with_fewer_vertices_and_keeps_its_contact(result):
-    crowd = replace(result, people=result.people[:1] * (MAX_FULL_BODIES + 1))
-    packed = pack_bodies(crowd)
-    count = packed["people"][0]["points"]["count"]
-    assert count < 0.4 * len(result.people[0].vertices)
-    contact, colors = (unpacked(packed["people"][0][name]) for name in ("contact", "colors"))
-    assert max(contact) == 255
-    assert (len(contact), len(colors)) == (count, 3 * count)
-    assert packed["people"][0]["texture"] is packed["uv"] is None
-    assert unpacked(packed["faces"]["data"], "<u2").max() < count
-
-
 def test_the_page_tells_assumed_contacts_from_others(result):
     foot = BodyContact("left_foot", ContactPartner("floor", "floor"), 0.8, 9, assumed=True)
     hand = replace(foot, part="left_hand", assumed=False)
@@ -137,16 +125,6 @@ def test_contact_is_counted_by_body_part(result):
         assert sum(one["share"] for one in row["colors"]) == pytest.approx(row["share"])
 
 
-def test_people_whose_body_model_is_not_at_hand_have_no_stature(reconstruction, tmp_path):
-    # The mannequins of the room have other vertices than the embedded body.
-    config = {"body_model": {"path": str(tmp_path / "SMPLX.npz")}}
-    for changes in ({}, {"body_model": "smplx", "config": config}):
-        person = shown(replace(reconstruction, **changes))["people"][0]
-        assert person["stature"] is None
-        assert person["contact"] is None
-        assert person["contact_vertices"] > 0
-
-
 @pytest.mark.parametrize("people", [0, 1, 2])
 def test_a_page_has_no_address_and_is_small(make, people):
     page = report_html(make(people=people), "photo.jpg")
@@ -167,15 +145,6 @@ def test_a_person_without_a_body_is_on_the_page(reconstruction):
     assert (data["people"][1]["posed"], data["people"][1]["others"]) == (False, [])
     assert data["people"][0]["others"] == []
     assert data["unposed"][0]["reason"] == "no pose fits the box"
-
-
-def test_a_person_of_other_photos_has_no_box_in_the_reference_photo(reconstruction):
-    first, person = reconstruction.people
-    other = replace(person, mask=np.zeros_like(person.mask), box=np.zeros_like(person.box))
-    data = shown(reconstruction, (first, other))
-    assert data["people"][0]["box"] == first.box.tolist()
-    assert data["people"][1]["box"] is None
-    assert data["people"][1]["posed"]
 
 
 def test_a_scene_without_floor_and_without_a_valid_pixel_gives_a_page(reconstruction):

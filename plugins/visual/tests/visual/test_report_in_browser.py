@@ -386,11 +386,6 @@ def test_the_keyboard_reaches_every_control_and_turns_the_view(page, overview):
     click(page, "[data-view=people]")
 
 
-def test_the_view_alone_is_for_other_pages(opened, path):
-    page = opened(f"{path.as_uri()}#view")
-    assert (page.box(".stage")[2:], page.box("aside")[3]) == ([960, 600], 0)
-
-
 def test_without_webgl_the_numbers_and_the_photo_are_there(opened, path):
     none = "HTMLCanvasElement.prototype.getContext = (get => function (kind, ...more) {"
     none += " return kind.startsWith('webgl') ? null : get.call(this, kind, ...more); })"
