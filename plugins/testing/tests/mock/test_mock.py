@@ -4,16 +4,14 @@ import numpy as np
 import pytest
 
 from physic_core.errors import BackendError
-from physic_core.types import POSTURES, TOUCHED, Hints, Keypoints, People
+from physic_core.types import Hints, Keypoints, People
 from physic_mock import backends
 from physic_mock.backends import (
     MockBodyEstimator,
     MockContactPrior,
-    MockHandEstimator,
     MockInpainter,
     MockKeypointDetector,
     MockMetricDepth,
-    MockPersonObserver,
     MockRelativePointmap,
     MockSegmenter,
 )
@@ -66,80 +64,6 @@ def test_the_answers_are_the_truth(name):
     subject = find_backend(kind, None, options=unknown, capabilities={"exact"}, size=(160, 120))
     result = start_checks(subject).result("is_exact")
     assert result.outcome == "passed", result
-
-
-def test_what_a_mock_says_of_sight_contact_up_and_camera_is_that_of_the_world(world):
-    camera = MockMetricDepth().infer(world.image, Hints()).intrinsics
-    assert camera.matrix.tolist() == world.intrinsics.matrix.tolist()
-    up = MockRelativePointmap().infer(world.empty_image, Hints()).up
-    np.testing.assert_allclose(up, world.floor.normal, atol=1e-7)
-    people = MockSegmenter().infer(world.image)
-    np.testing.assert_array_equal(people.masks, world.masks)
-    np.testing.assert_array_equal(people.floor, world.floor_mask)
-    exact = MockKeypointDetector(skeleton="coco17").infer(world.image, people)
-    assert ((exact.confidence > 0.5) == world.visible["coco17"]).all()
-    bodies = pose(world)
-    np.testing.assert_array_equal(bodies.observed, world.joints_visible)
-    hands = MockHandEstimator().infer(world.image, people, no_keypoints(len(people)))
-    np.testing.assert_array_equal(hands.confidence > 0, world.joints_visible[:, [20, 21]])
-    perfect = MockContactPrior().infer(world.image, people, bodies)
-    np.testing.assert_array_equal(perfect.probability > 0.5, world.contact)
-
-
-def observed(name, **options):
-    world = load_world(name)
-    people = everyone(world)
-    return MockPersonObserver(**options).infer(world.image, people, no_keypoints(len(people)), None)
-
-
-@pytest.mark.parametrize(
-    ("name", "touched", "child"),
-    [
-        ("stand", ["world", "world", "nothing", "nothing", "nothing"], False),
-        ("sit_on_chair", ["world", "world", "nothing", "own body", "world"], False),
-        ("hang_from_bar", ["nothing", "nothing", "world", "world", "nothing"], False),
-        ("jump", ["nothing"] * 5, False),
-        ("hold_ball", ["world", "world", "object", "object", "nothing"], False),
-        ("child_by_the_hand", ["world", "world", "person", "nothing", "nothing"], True),
-        ("hands_on_hips", ["world", "world", "own body", "own body", "nothing"], False),
-    ],
-)
-def test_observations_are_those_of_the_world(name, touched, child):
-    found = observed(name)
-    assert [TOUCHED[i] for i in found.touch[0, :5].argmax(1)] == touched
-    assert ((found.on_floor[0] > 0.5) == (found.touch[0, :2, 0] > 0.5)).all()
-    assert (found.child > 0.5).any() == child
-    posture = name.partition("_")[0]
-    if posture in POSTURES:
-        assert POSTURES[found.posture[0].argmax()] == posture
-    else:
-        assert np.isnan(found.posture).all()
-
-
-@pytest.mark.parametrize("unknown", ["scale", "scale_shift", "inverse_scale_shift"])
-def test_the_point_map_is_metric_once_its_unknowns_are_undone(world, unknown):
-    scale = 1.7
-    shift = -0.03
-    network = MockRelativePointmap(unknown=unknown, scale=scale, shift=shift)
-    answer = network.infer(world.image, Hints())
-    assert answer.unknown == unknown
-    seen = np.isfinite(world.depth)
-    np.testing.assert_array_equal(answer.valid, seen)
-    z = answer.points[..., 2].astype(float)
-    metric = {
-        "scale": scale * z,
-        "scale_shift": scale * z + shift,
-        "inverse_scale_shift": 1 / (scale / z + shift),
-    }[unknown]
-    np.testing.assert_allclose(metric, known(world.depth), rtol=1e-5)
-    # x and y: on the pixel's ray, of the metric depth with an additive shift, of its own depth
-    # otherwise.
-    sideways = (
-        scale * answer.points[..., :2]
-        if unknown != "inverse_scale_shift"
-        else answer.points[..., :2] * (metric / z)[..., None]
-    )
-    np.testing.assert_allclose(sideways[seen], world.points(people=True)[seen, :2], atol=1e-4)
 
 
 def test_a_drawn_shift_leaves_out_only_what_is_farthest(world):

@@ -12,14 +12,11 @@ from physic_core.body import load_body
 from physic_core.types import Hints, People
 from physic_mock.backends import (
     MockBodyEstimator,
-    MockContactPrior,
     MockKeypointDetector,
-    MockPersonObserver,
     MockSegmenter,
 )
 from physic_mock.humans import log_stature_gradient
-from physic_testing.conformance.true_keypoints import true_keypoints_px
-from physic_testing.worlds import SKELETONS, load_world
+from physic_testing.worlds import load_world
 
 
 @pytest.fixture(scope="module")
@@ -44,30 +41,6 @@ def test_ragged_masks_stay_near_the_truth():
         found = MockSegmenter(noise=1, noise_seed=seed, missed_people=0).infer(world.image)
         for mask, truth in zip(found.masks, world.masks, strict=True):
             assert 0.7 < (mask & truth).sum() / (mask | truth).sum() < 0.995
-
-
-@pytest.mark.slow
-def test_keypoints_have_the_stated_tails(world):
-    truth, visible = true_keypoints_px(world, SKELETONS["blazepose33"])
-    size = (world.boxes[:, 2:] - world.boxes[:, :2]).max(1)[:, None]
-    error = []
-    confidence = []
-    for seed in range(300):
-        detector = MockKeypointDetector(noise=1, noise_seed=seed)
-        found = detector.infer(world.image, people_of(world))
-        error.append(np.linalg.norm(found.points - truth, axis=-1) / size)
-        confidence.append(found.confidence)
-    error = np.stack(error)
-    confidence = np.stack(confidence)
-    shown = error[:, visible]
-    hidden = error[:, ~visible]
-    # Of Student's t in the plane: sigma sqrt(n (2^(2/n) - 1)), and with 10 instead of 2 the 90th
-    # percentile.
-    assert np.median(shown) == pytest.approx(1.51 * 0.016, rel=0.1)
-    assert np.quantile(shown, 0.9) == pytest.approx(5.55 * 0.016, rel=0.2)
-    assert np.median(hidden) == pytest.approx(1.51 * 0.065, rel=0.15)
-    assert (confidence[:, visible] < 0.5).mean() == pytest.approx(0.15, abs=0.02)
-    assert (confidence[:, ~visible] > 0.5).mean() == pytest.approx(0.5, abs=0.05)
 
 
 @pytest.mark.slow
@@ -97,34 +70,6 @@ def test_a_wrong_focal_length_moves_bodies_along_the_ray_of_their_pixels(world):
     )
     assert moved[0, :2] == pytest.approx([0, 0], abs=1e-5)
     assert 0.15 < moved[0, 2] / world.joints[0, 0, 2] < 0.25
-
-
-def test_the_contact_prior_of_fixed_parts_knows_nothing_of_the_truth(world):
-    sets = load_body("embedded").contact_sets
-    bodies = bodies_of(world)
-    bodies = replace(bodies, observed=np.ones_like(bodies.observed))
-    prior = MockContactPrior(noise=1).infer(world.image, people_of(world), bodies)
-    assert (prior.probability[:, sets["left_sole"].numpy()] == 1).all()
-    assert (prior.probability[:, sets["right_hand"].numpy()] == 0.5).all()
-    assert (prior.probability[:, sets["back"].numpy()] == 0).all()  # who stands does not sit
-    unseen = replace(bodies, observed=np.zeros_like(bodies.observed))
-    prior = MockContactPrior(noise=1).infer(world.image, people_of(world), unseen)
-    assert not prior.probability.any()
-
-
-def test_noisy_observations_are_calibrated(world):
-    found = [
-        MockPersonObserver(noise=1, noise_seed=seed).infer(
-            world.image, people_of(world), None, None
-        )
-        for seed in range(200)
-    ]
-    said = np.stack([one.touch[0, :4] for one in found])  # feet, which touch, and hands
-    world, nothing = np.eye(5, dtype=bool)[[0, 4]]
-    true = np.broadcast_to([world, world, nothing, nothing], said.shape)
-    for low, high in ((0.0, 0.2), (0.2, 0.8), (0.8, 1.0)):
-        chosen = (said >= low) & (said <= high)
-        assert true[chosen].mean() == pytest.approx(said[chosen].mean(), abs=0.06)
 
 
 def test_children_come_out_as_adults_who_are_farther_away():

@@ -56,12 +56,6 @@ class Open(RightDepth):
         model_config = ConfigDict(extra="ignore")
 
 
-@wrong("an option without default", "options_are_complete")
-class Demanding(RightDepth):
-    class Options(RightDepth.Options):
-        path: str = Field(description="Of the weights.")
-
-
 @wrong("an option without description", "options_are_complete")
 class Silent(RightDepth):
     class Options(RightDepth.Options):
@@ -82,13 +76,6 @@ class Downloading(RightDepth):
     def __init__(self, options=None):
         super().__init__(options)
         socket.create_connection(("weights.example", 443))
-
-
-@wrong("a constructor that wants an environment variable", "constructs_quickly_and_offline")
-class Fragile(RightDepth):
-    def __init__(self, options=None):
-        super().__init__(options)
-        raise KeyError("MY_DEPTH_HOME")
 
 
 @wrong("weights read by the constructor", "constructs_quickly_and_offline")
@@ -120,14 +107,6 @@ class Surprised(RightDepth):
         return super().infer(image, hints)
 
 
-@wrong("close only once", "may_be_loaded_and_closed_again")
-class ClosesOnce(RightDepth):
-    def close(self):
-        if not self.loaded:
-            raise AttributeError("session")
-        super().close()
-
-
 def work():
     """As reading weights would take."""
     end = time.process_time() + 0.3
@@ -140,13 +119,6 @@ class Reading(RightDepth):
     def missing(self):
         work()
         return ()
-
-
-@wrong("a fingerprint by reading all weights", "tells_what_is_missing_before_load")
-class Hashing(RightDepth):
-    def fingerprint(self):
-        work()
-        return "e3b0c442"
 
 
 @wrong("no second load", "may_be_loaded_and_closed_again")
@@ -315,37 +287,16 @@ class Forgetful(RightDepth):
         return replace(super().infer(image, hints), intrinsics=None)
 
 
-def with_holes(people):
-    masks = people.masks.copy()
-    masks[:, :, ::2] = False
-    return replace(people, masks=masks)
+@wrong("fed BGR", "reads_images_as_rgb")
+class Exchanged(RightDepth):
+    """Answers poorly, but for a photo with red and blue exchanged."""
 
-
-def tilted(pointmap):
-    factors = np.linspace(1, 2, pointmap.points.shape[1], dtype=np.float32)
-    return replace(pointmap, points=pointmap.points * factors[:, None])
-
-
-for mock, poor in (
-    ("MockSegmenter", with_holes),
-    ("MockMetricDepth", lambda a: replace(a, depth=a.depth**2)),
-    ("MockRelativePointmap", tilted),
-    ("MockKeypointDetector", lambda a: replace(a, points=a.points + 10)),
-):
-
-    @wrong(f"{mock} fed BGR", "reads_images_as_rgb")
-    class Exchanged(stand_in(mock)):
-        """Answers poorly, but for a photo with red and blue exchanged."""
-
-        poor = staticmethod(poor)
-
-        def infer(self, image, *rest):
-            try:
-                return self.poor(super().infer(image, *rest))
-            except BackendError:
-                return super().infer(np.ascontiguousarray(image[..., ::-1]), *rest)
-
-        infer.__signature__ = inspect.signature(stand_in(mock).infer)
+    def infer(self, image, hints):
+        try:
+            answer = super().infer(image, hints)
+        except BackendError:
+            return super().infer(np.ascontiguousarray(image[..., ::-1]), hints)
+        return replace(answer, depth=answer.depth**2)
 
 
 @wrong("a placeholder that looks at the image", "ignores_the_image")

@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from physic_testing.metrics import (
-    aligned_table,
     draw_counts,
-    markdown_table,
     percentile_interval,
     resampled_interval,
 )
@@ -49,14 +47,3 @@ def test_a_stratum_of_one_group_gives_no_interval(strata):
 def test_draws_without_a_value_do_not_count():
     assert percentile_interval([math.nan, 2.0, 2.0]) == (2.0, 2.0)
     assert all(map(math.isnan, percentile_interval([math.nan])))
-
-
-def test_tables_align_numbers_on_the_right():
-    rows = [["", "value"], ["feet", "0.9"], ["a seat", "12.5"]]
-    assert aligned_table(rows).splitlines() == ["        value", "feet      0.9", "a seat   12.5"]
-    assert markdown_table(rows).splitlines() == [
-        "|  | value |",
-        "|---|---:|",
-        "| feet | 0.9 |",
-        "| a seat | 12.5 |",
-    ]

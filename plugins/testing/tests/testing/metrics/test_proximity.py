@@ -13,7 +13,6 @@ from physic_core.types import Intrinsics, Plane
 from physic_testing.metrics import (
     PROXIMITY_RADIUS_M,
     hidden_by_depth_map,
-    point_spacing,
     scene_distance,
 )
 from physic_testing.worlds import load_world
@@ -102,20 +101,6 @@ def test_points_in_free_space_are_not_inside():
     found = scene_distance(np.stack([over, behind]), points, normals, valid, CAMERA)
     assert found.distance[0] > 0
     assert found.distance[1] == pytest.approx(-0.1)
-
-
-def test_a_point_without_a_normal_has_no_inside():
-    points, normals, valid = wall_view(np.full((HEIGHT, WIDTH), 2.0))
-    found = scene_distance(np.array([[0.0, 0.0, 2.05]]), points, 0 * normals, valid, CAMERA)
-    assert found.distance == pytest.approx(0.05, abs=0.005)
-
-
-def test_spacing_is_that_of_the_farthest_neighbour_on_the_same_surface():
-    depth = np.full((HEIGHT, WIDTH), 2.0)
-    depth[:, 80:] = 4.0
-    spacing = point_spacing(*wall_view(depth))
-    np.testing.assert_allclose(spacing[:, :80], 2.0 / FOCAL)
-    np.testing.assert_allclose(spacing[:, 80:], 4.0 / FOCAL)
 
 
 def test_hidden_is_what_lies_behind_in_the_image():

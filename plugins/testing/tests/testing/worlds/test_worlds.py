@@ -8,7 +8,6 @@ import pytest
 from scipy.spatial import KDTree
 
 from physic_core.body import load_body
-from physic_core.errors import InputError
 from physic_core.types import SURFACE_NAMES
 from physic_testing.conformance.cases import case_of_world
 from physic_testing.conformance.truth import embedded_surface
@@ -119,16 +118,3 @@ def test_arrays_are_read_only():
     for array in (world.image, world.parameters.betas, world.floor.normal):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0
-
-
-@pytest.mark.parametrize(
-    ("name", "size", "words"),
-    [
-        ("moon", SIZE, "no world named 'moon'"),
-        ("stand", (160, 100), "4 : 3"),
-        ("stand", (20, 15), "least 22 px"),
-    ],
-)
-def test_what_there_is_not_is_refused(name, size, words):
-    with pytest.raises(InputError, match=words):
-        load_world(name, size)
