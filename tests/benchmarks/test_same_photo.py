@@ -6,25 +6,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks.same_photo.changes import change, table
-from benchmarks.same_photo.command import drawn, half_of
 from benchmarks.same_photo.variants import PHOTO, VARIANTS, Variant, answer_of
-from benchmarks.truth.sets import Sample
-from physic_core import load_backend
 from physic_core.body import load_body
 from physic_core.body.bones import parameters_from_rotations
-from physic_core.io.photo import read_photo
-from physic_core.types import Hints, Intrinsics, Person, Reconstruction, Scene
+from physic_core.types import Intrinsics, Person, Reconstruction, Scene
 
 WIDTH = 640
 HEIGHT = 480
 CAMERA = replace(Intrinsics.from_focal(600.0, WIDTH, HEIGHT), focal_sigma=0.2)
-EXAMPLES = Path(__file__).parents[2] / "examples"
 BY_NAME = {variant.name: variant for variant in VARIANTS}
 
 
@@ -64,12 +58,6 @@ def result(mirrored=False):
     return Reconstruction(
         image, CAMERA, scene, (person,), np.zeros((0, 3), np.int32), "embedded", "coco17"
     )
-
-
-def pictures_of_examples():
-    files = sorted(file for file in EXAMPLES.iterdir() if file.suffix in (".jpg", ".png"))
-    assert len(files) == 6
-    return [read_photo(file).image for file in files]
 
 
 def answer():
@@ -145,32 +133,3 @@ def test_a_pixel_lies_on_the_same_ray_in_photo_and_variant(variant):
         return [-x if variant.mirrored and of is own else x, (rows.mean() - of.cy) / of.fy]
 
     assert ray(picture, own) == pytest.approx(ray(photo, camera), abs=1e-3)
-
-
-def test_photos_are_drawn_by_name_and_few_are_the_first_of_more():
-    samples = [
-        Sample("", f"{number}", "", Path(), truth={"people": [{}] * (number % 7)})
-        for number in range(40)
-    ]
-    more, fewer = ([sample.name for sample in drawn(samples, count, seed=3)] for count in (12, 5))
-    assert more[:5] == fewer
-    assert more != [sample.name for sample in drawn(samples, 12, seed=4)]
-    assert {int(name) % 7 for name in more} <= {1, 2, 3, 4}
-    assert {half_of(name) for name in more} == {"development", "held"}
-
-
-@pytest.mark.slow
-def test_examples_have_the_same_lens_if_they_are_mirrored_within_half_its_error():
-    # its depth does not matter here
-    estimator = load_backend("relative_pointmap", "embedded", short_side=70)
-    pairs = [
-        [
-            estimator(view, Hints()).intrinsics
-            for view in (picture, np.ascontiguousarray(picture[:, ::-1]))
-        ]
-        for picture in pictures_of_examples()
-    ]
-    estimator.close()
-    for camera, mirrored in pairs:
-        assert camera.focal_sigma is not None
-        assert abs(math.log(mirrored.fx / camera.fx)) <= camera.focal_sigma / 2

@@ -15,7 +15,6 @@ import pytest
 import trimesh
 
 from benchmarks.truth import command, measures, run, sets, statistics, table, triangulation
-from benchmarks.truth import contact as touch
 from benchmarks.truth import joints as limbs
 from physic_bench import cameras
 
@@ -327,39 +326,6 @@ def test_a_person_a_third_off_is_wrong_whatever_is_usable(joints, scale):
         rows = table.rows_of(records["people"], records["floors"], records["photos"])
         found = [row.figure.value for row in rows if row.name == "  measurably wrong of those"]
         assert found == pytest.approx([wrong], nan_ok=True)
-
-
-def test_limbs_of_parkour_films_have_contact_labels(joints):
-    names = [name.replace("left_", "l_").replace("right_", "r_") for name in limbs.LIMB_JOINTS]
-    facts = {
-        "joints": dict(zip(names, (joints @ np.diag([1, -1, -1])).tolist(), strict=True)),
-        "touches": {"l_ankle": True, "r_ankle": True, "l_fingers": True, "r_fingers": False},
-        "uncaptured": {"l_ankle": 0, "r_ankle": 1, "l_fingers": 0, "r_fingers": 0},
-    }
-    sample = sets.Sample("parkour", "f_000", "f", Path("f.mp4"), frame=0, truth=facts)
-    contact = {"left_foot": 0.8, "right_foot": 0.1, "left_hand": 0.2, "right_hand": 0.6}
-    small = person_of(moved(joints, 0, 0, 2))
-    records = command.compared([sample], [answer_with(small, person_of(joints, contact))])
-    assert [(r["part"], r["probability"], r["touches"]) for r in records["parts"]] == [
-        ("left_foot", 0.8, True),
-        ("left_hand", 0.2, True),
-        ("right_hand", 0.6, False),
-    ]
-    assert rows_by_name(records)["PA-MPJPE mm, parkour"] == pytest.approx(0, abs=1e-6)
-    nobody = command.compared([sample], [answer_with()])
-    assert [r["probability"] for r in nobody["parts"]] == [0.0] * 3
-
-
-def test_films_of_fits_and_films_apart_are_tables_of_their_own():
-    assert not set(sets.FILMS_OF_FITS) & set(sets.FILMS_APART)
-    parts = [
-        touch.part_record(
-            sets.Sample("parkour", film, film, Path("f.mp4"), 0), "0", "left_foot", 0.6, True
-        )
-        for film in (*sets.FILMS_OF_FITS[:3], sets.FILMS_APART[0])
-    ]
-    tables = touch.part_tables(parts)
-    assert [tables[f"parkour, {name}"]["feet"]["touching"] for name in touch.FILMS] == [3, 1]
 
 
 def test_a_run_writes_table_and_json(tmp_path, monkeypatch, capsys, joints):

@@ -221,18 +221,3 @@ def test_the_code_of_a_build_names_its_answers(tmp_path):
     assert changed.commit == f"{build.commit}+"
     with pytest.raises(SystemExit, match="no checkout"):
         builds.build_of(tmp_path, "embedded")
-
-
-@pytest.mark.parametrize("layout", [*layouts.STRIPS, *layouts.TILES], ids=lambda one: one.name)
-def test_a_layout_has_its_pictures_and_strips(layout):
-    photo = np.full((300, 400, 3), 70, np.uint8)
-    file = layout.picture([photo], side=160).astype(int)
-    margin = layout.margin_px
-    rows = layout.rows * (120 + layout.strip_px) - layout.strip_px + 2 * margin
-    assert file.shape[0] == rows
-    columns = layout.columns * (160 + layout.strip_px) - layout.strip_px + 2 * margin
-    assert file.shape[1] == columns
-    assert file[margin + 60, margin + 80] == pytest.approx([70] * 3, abs=2)
-    if layout.columns > 1:
-        strip = file[margin + 60, margin + 160 : margin + 160 + layout.strip_px]
-        assert strip == pytest.approx(np.full_like(strip, layout.grey), abs=60)

@@ -15,18 +15,6 @@ from physic_ray.resources import Resources
 from physic_ray.worker import JsonActor, WorkerPlan, decode_item, encode_item
 
 
-def test_options_are_attributes_of_resources():
-    assert Resources.from_options({"gpus": "0.25", "memory_gb": "6"}) == Resources(1.0, 0.25, 6.0)
-    assert Resources().for_device("cuda:0").gpus == 1
-    assert Resources().for_device("cpu").gpus == 0
-    assert Resources(2.0, 0.5, 0.0).as_ray_arguments() == {"num_cpus": 2.0, "num_gpus": 0.5}
-    assert Resources().for_device("cpu").as_ray_arguments() == {
-        "num_cpus": 1,
-        "num_gpus": 0,
-        "memory": 1_500_000_000,
-    }
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -109,13 +109,6 @@ def test_a_person_of_one_result_alone_is_listed(result):
     assert [person.index for person in compare_results(fewer, result).people] == [(0, 1), (None, 0)]
 
 
-def test_a_person_without_a_body_has_no_joints_to_compare(result):
-    first = result.people[0]
-    lost = replace(first, joints=np.full_like(first.joints, np.nan))
-    person = compare_results(result, replace(result, people=(lost, *result.people[1:]))).people[0]
-    assert (person.joints, person.pose, person.distance_m[1]) == (None, None, None)
-
-
 @pytest.mark.parametrize(("trust", "said"), [(0.69, "2 the same"), (0.6, "1 worse, 1 the same")])
 def test_a_mark_has_changed_only_beyond_the_noise_of_the_probability(result, trust, said):
     first, *rest = result.people

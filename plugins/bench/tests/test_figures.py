@@ -63,12 +63,6 @@ def test_the_interval_holds_the_mean_and_lies_within_the_values(values):
     assert (np.diff(ordered) >= -1e-9 * max(values)).all()
 
 
-def test_people_of_one_group_are_drawn_together():
-    values = np.random.default_rng(0).normal(100, 20, 50)
-    alone, thrice = (figure(records(*[[v] * n for v in values]), ERROR) for n in (1, 3))
-    assert thrice.high - thrice.low == pytest.approx(alone.high - alone.low)
-
-
 def test_methods_are_compared_on_the_same_people_and_draws():
     values = np.random.default_rng(0).uniform(50, 500, 30)
     first = records(*[[v] for v in values])

@@ -7,10 +7,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from physic_bench.datasets.base import evenly_spaced
 from physic_bench.scoring import LIMB_JOINTS
 
-from .miniatures import TRUE, evaluated, run, write_plain, write_results
+from .miniatures import TRUE, evaluated, write_plain, write_results
 
 JOINTS = np.array(LIMB_JOINTS)
 ONE = TRUE["stand"][None]
@@ -72,23 +71,3 @@ def test_files_of_an_earlier_evaluation_are_replaced(root):
     first = evaluated(root, write_results(root))
     again = write_results(root, move=lambda points: points + np.array([0.05, 0, 0]))
     assert evaluated(root, again) != first
-
-
-def test_options_that_change_figures_stand_over_the_tables(root):
-    names = root.parent / "list.txt"
-    chosen = ("--results", write_results(root), "--frames", str(names))
-
-    def output(text, *more):
-        names.write_text(text)
-        return run("worlds", str(root), "-o", str(root.parent / "out"), *chosen, *more).output
-
-    assert "frames that there are not: gone" in output("# mine\nstand\ngone\n")
-    text = output("stand\nwalk\n", "--limit", "1")
-    assert "worlds, 1 frames, with --frames list.txt, --limit 1\n" in text
-
-
-@pytest.mark.parametrize(
-    ("count", "chosen"), [(3, [0, 3, 6]), (10, [*range(10)]), (None, [*range(10)])]
-)
-def test_a_limit_takes_frames_from_the_whole_set(count, chosen):
-    assert evenly_spaced(range(10), count) == chosen

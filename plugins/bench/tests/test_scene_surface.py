@@ -26,14 +26,6 @@ def test_a_large_box_has_the_distance_of_a_box():
     np.testing.assert_allclose(found, np.where(near, expected, np.inf), atol=1e-9)
 
 
-def test_a_ground_of_400_m_fits_into_memory():
-    index = SceneIndex.build(surface(trimesh.creation.box((400, 400, 2))))
-    assert len(index.corners) < 5_000_000
-    points = np.array([[100.0, -150.0, 1.05], [3.0, 4.0, 0.9], [0.0, 0.0, 1.5]])
-    found = index.signed_distance(points, reach=0.2)
-    np.testing.assert_allclose(found, [0.05, -0.1, np.inf], atol=1e-9)
-
-
 def test_near_points_are_exact_on_a_scan_of_mixed_triangles():
     rng = np.random.default_rng(1)
     mesh = trimesh.creation.icosphere(3, 0.5)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
-from click.testing import CliRunner
-from PIL import Image
 
 from physic_core import KnownSizes, load_config
 from physic_core.body import load_body
@@ -14,7 +12,6 @@ from physic_core.engine.sizes.stature import load_ages
 from physic_core.errors import ConfigError, InputError
 from physic_core.interfaces import INTERFACES
 from physic_scene import ScenePipeline
-from physic_scene.command import scene as command
 from physic_testing.worlds import load_world
 
 NOISE = {name: {"options": {"noise": 0.25}} for name in INTERFACES}
@@ -67,11 +64,3 @@ def test_several_ages_are_those_of_one_photo(solver, worlds):
 def test_statures_of_a_photo_that_is_left_out_are_refused(solver, alone):
     with pytest.raises(InputError, match="of the first photo, but photo 1 is skipped"):
         solver.join([None, *alone], statures=(1.8, 0.0))
-
-
-def test_the_command_names_a_wrong_age(worlds, tmp_path):
-    for name, world in zip("ab", worlds, strict=True):
-        Image.fromarray(world.image).save(tmp_path / f"{name}.png")
-    photos = [str(tmp_path / f"{name}.png") for name in "ab"]
-    run = CliRunner().invoke(command, [*photos, "-o", str(tmp_path / "out"), "--age", "-1"])
-    assert "an age should be 0 to 120 years" in run.stderr

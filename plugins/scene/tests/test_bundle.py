@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from physic_scene.bundle import Bundle, MomentObservations, adjust, camera_sigmas
-from physic_scene.rigid import CameraPose, fit_rotation, mean_rotation, rotation_angle_deg
+from physic_scene.rigid import CameraPose, rotation_angle_deg
 
 from .photos import photo
 
@@ -99,20 +99,3 @@ def test_the_reference_camera_stays_and_others_have_an_uncertainty():
     first, *others = camera_sigmas(seen, found, 0)
     assert first[0] < np.radians(0.1)
     assert all(0 < rotation < np.radians(5) and 0 < centre < 0.5 for rotation, centre, _ in others)
-
-
-def test_the_mean_rotation_ignores_one_of_three():
-    base = Rotation.from_euler("xyz", [20, -40, 10], degrees=True)
-    near = Rotation.from_rotvec([0.02, 0, 0]) * base
-    far = Rotation.from_rotvec([0, 1.5, 0]) * base
-    mean = mean_rotation(np.stack([r.as_matrix() for r in (base, near, far)]))
-    assert rotation_angle_deg(mean, base.as_matrix()) < 5
-
-
-def test_fit_rotation_recovers_a_rotation_and_never_mirrors():
-    source = np.random.default_rng(0).normal(size=(6, 3))
-    rotation = Rotation.from_rotvec([0.3, -0.5, 0.8]).as_matrix()
-    assert np.allclose(fit_rotation(source, source @ rotation.T, np.ones(6)), rotation)
-    assert np.linalg.det(fit_rotation(source, source * [-1, 1, 1], np.ones(6))) == pytest.approx(
-        1.0
-    )

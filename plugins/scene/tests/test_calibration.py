@@ -74,12 +74,6 @@ def test_the_unit_of_the_file_can_be_given(read):
         read(camera_table(), unit_m=math.inf)
 
 
-def test_a_camera_of_a_longer_name_is_preferred_and_a_folder_names_one(read):
-    longer = camera_table().replace("[left]", "[left_0001]").replace("900.0", "950.0")
-    camera, other = read(camera_table() + longer, ["left_0001.jpg", "left/7.jpg"])
-    assert (camera.lens.intrinsics.fx, other.lens.intrinsics.fx) == (950.0, 900.0)
-
-
 @pytest.mark.parametrize(
     ("changes", "word"),
     [

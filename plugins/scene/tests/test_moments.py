@@ -83,16 +83,6 @@ def test_three_photos_give_their_cameras_and_a_check_of_each(solved, worlds):
     assert all(check.ok and check.value is not None for check in checks)
 
 
-def test_the_reference_result_is_a_complete_reconstruction(solved, alone):
-    result = solved.reconstruction
-    assert len(result.people) == 2
-    assert result.photo == alone[solved.reference].photo
-    assert any(person.contact.any() for person in result.people)
-    assert all(person.trust is not None for person in result.people)
-    assert result.intrinsics.source == "solved from several photos"
-    assert not result.intrinsics.known
-
-
 @pytest.mark.parametrize("statures", [(1.65, 0.0), (1.65,)])
 def test_a_known_stature_is_that_of_the_result(solver, alone, statures):
     result = solver.join(alone, NAMES, statures=statures).reconstruction

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import re
 import shutil
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from physic_core.errors import ConfigError, InputError
@@ -62,35 +60,6 @@ def test_points_have_the_pixels_that_the_tool_gives_them(file, photos, unit_m, h
     for camera, own in zip(cameras, rows, strict=True):
         assert off_px(camera, own, unit_m or 1.0, half) < within_px
     assert distance(*cameras[:2]) == pytest.approx(np.sqrt(2**2 + 0.5**2 + 0.3**2), rel=1e-6)
-
-
-@pytest.mark.parametrize("path", ["easymocap", "easymocap/intri.yml", "easymocap/extri.yml"])
-def test_both_files_of_easymocap_are_read_with_its_six_decimals(path):
-    cameras = read_calibration(RIGS / path, BY_FOLDER, SIZES)
-    for camera, rows in zip(cameras, POINTS["pose2sim.toml"].values(), strict=True):
-        assert off_px(camera, rows) < 0.01
-    assert distance(cameras[0], cameras[2]) == pytest.approx(4, rel=1e-5)
-
-
-def test_a_rotation_of_easymocap_is_a_vector_or_a_matrix(tmp_path):
-    path = changed(tmp_path, "easymocap/extri.yml", "", "")
-    path.write_text(re.sub(r"\nR_.*(?:\n .*)*", "", path.read_text()))
-    cameras = read_calibration(path, BY_FOLDER, SIZES)
-    others = read_calibration(RIGS / "easymocap", BY_FOLDER, SIZES)
-    for camera, other in zip(cameras, others, strict=True):
-        assert camera.pose == pytest.approx(other.pose, abs=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("old", "new"), [(": !!opencv-matrix", ":"), ("rows: 3\n", "rows: 3 # [H, W]\n")]
-)
-def test_a_matrix_of_easymocap_is_read_without_its_tag_and_beside_a_comment(old, new, tmp_path):
-    path = changed(tmp_path, "easymocap/intri.yml", old, new)
-    assert path.read_text() != (RIGS / "easymocap/intri.yml").read_text()
-    for camera, rows in zip(
-        read_calibration(path, BY_FOLDER, SIZES), POINTS["pose2sim.toml"].values(), strict=True
-    ):
-        assert off_px(camera, rows) < 0.01
 
 
 def test_a_photo_of_a_camera_without_a_size_has_its_principal_point_in_the_middle():
@@ -220,16 +189,6 @@ def test_cameras_in_millimetres_need_their_unit_before_any_photo_is_reconstructe
 def test_a_length_of_the_unit_that_is_none_is_a_wrong_argument(unit, cameras, physic):
     arguments = ["scene", "a.jpg", "b.jpg", "-o", "out", "--camera-unit", unit, *cameras]
     assert physic(*arguments).exit_code == 2
-
-
-def test_the_command_says_that_cameras_are_taken_in_order(tmp_path, physic):
-    photos = [str(tmp_path / name) for name in ("a.png", "b.png", "c.png")]
-    for photo, size in zip(photos, SIZES, strict=True):
-        Image.new("L", size).save(photo)
-    rig = ["--cameras", str(RIGS / "pose2sim.toml"), "--preset", "none", "--quiet"]
-    run = physic("scene", *photos, "-o", str(tmp_path / "out"), *rig)
-    assert run.exit_code == 2  # no such preset
-    assert "a.png is left, b.png is middle, c.png is right" in run.output
 
 
 @pytest.mark.parametrize("name", ["a.toml", "intri.yml", "transforms.json", "cameras.txt"])

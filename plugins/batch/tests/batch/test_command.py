@@ -109,22 +109,6 @@ def use_executor(monkeypatch, rows):
     monkeypatch.setattr("physic_batch.run.open_executor", lambda name, settings: rows)
 
 
-def test_the_tables_are_written_every_20_photos(folder, monkeypatch, physic):
-    seen = []
-
-    def rows(items, job):
-        for item in items:
-            yield failed_row(job, item, "InputError", "no photo", 0.0)
-            seen.append(rows_of_table())
-
-    use_executor(monkeypatch, rows)
-    monkeypatch.setattr("physic_batch.batch_command._PAUSES", 0)
-    assert physic("batch", "photos", "-o", "out", "--preset", "mock").exit_code == 0
-    assert seen[18:20] == [0, 20]
-    assert seen[39:] == [40] * 6
-    assert rows_of_table() == 45
-
-
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
 def test_a_batch_that_is_stopped_has_its_tables(folder, monkeypatch, name, physic, request):
     number = getattr(signal, name, None)
@@ -152,21 +136,6 @@ def test_a_batch_that_is_stopped_has_its_tables(folder, monkeypatch, name, physi
     assert "contact-sheet.html" in stopped.stdout
     assert f" 3 photos are kept; to continue: physic {' '.join(words)}\n" in stopped.stderr
     assert "42 to do" in physic(*words, "--dry-run").stderr
-
-
-def test_a_changed_configuration_says_how_many_results_it_replaces(folder, monkeypatch, physic):
-    def rows(items, job):
-        for item in items[:5]:
-            yield failed_row(job, item, "InputError", "no photo", 0.0)
-        for item in items[5:]:
-            yield failed_row(job, item, "", "", 0.0) | {"state": "done"}
-
-    use_executor(monkeypatch, rows)
-    options = ("photos", "-o", "out", "--preset", "mock", "--save", "people", "--no-thumbnails")
-    assert physic("batch", *options).exit_code == 0
-    again = physic("batch", *options, "--set", "photo.max_side=640", "--dry-run")
-    assert "45 to do: 45 with other settings" in again.stderr
-    assert "40 of these have a result, which is replaced: name another folder" in again.stderr
 
 
 def failed_rows(items, job):
@@ -204,33 +173,6 @@ def test_photos_or_tables_are_named(folder, physic, arguments, words):
 
 
 @pytest.mark.parametrize(
-    ("count", "options", "level"),
-    [
-        (100, (), "pictures"),
-        (101, (), "numbers"),
-        (1, ("--no-thumbnails",), "numbers"),
-        (1, ("--save", "people"), "people"),
-    ],
-)
-def test_few_photos_have_previews_for_the_contact_sheet(
-    tmp_path, monkeypatch, physic, count, options, level
-):
-    saved = set()
-
-    def rows(items, job):
-        saved.add(job.save)
-        yield from failed_rows(items[:1], job)
-
-    use_executor(monkeypatch, rows)
-    monkeypatch.chdir(tmp_path)
-    Path("photos").mkdir()
-    for index in range(count):
-        Path("photos", f"{index}.jpg").touch()
-    assert physic("batch", "photos", "-o", "out", "--preset", "mock", *options).exit_code == 0
-    assert saved == {level}
-
-
-@pytest.mark.parametrize(
     ("row", "words"),
     [
         ("nowhere.png,,,", "nowhere.png: there is no such file"),
@@ -265,13 +207,3 @@ def test_a_dry_run_says_which_photos_will_fail(tmp_path, monkeypatch, physic, ro
     assert ("1 of 1 photos will fail" in done.stderr) == bool(words)
     assert words.format(folder=tmp_path) in done.stderr
     assert not Path("out").exists()
-
-
-@pytest.mark.parametrize("name", ["summary.csv", "people.csv"])
-def test_a_table_of_another_version_is_continued(folder, monkeypatch, physic, name):
-    use_executor(monkeypatch, failed_rows)
-    Path("out").mkdir()
-    start = {"summary.csv": "id,path,state", "people.csv": "id,path,person"}[name]
-    Path("out", name).write_text(f"{start},of_another_version\n")
-    assert physic("batch", "photos", "-o", "out", "--preset", "mock").exit_code == 0
-    assert "of_another_version" not in Path("out", name).read_text()

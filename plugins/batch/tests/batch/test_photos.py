@@ -15,7 +15,6 @@ from PIL import Image
 
 from physic_batch.photos import PhotoItem, Shard, list_photos, photo_folder, photo_of_row
 from physic_core import export_reconstruction, save_reconstruction
-from physic_core.configuration.model import load_config
 from physic_core.errors import ConfigError, InputError
 from physic_core.files import MARK
 from tests.rooms import tiny_result
@@ -151,13 +150,6 @@ def test_files_that_are_no_photos_are_skipped(folder):
         list_photos(["photos/old"])
 
 
-@pytest.mark.parametrize("name", ["photos.parquet", "list.txt", "shard-000.tar"])
-def test_a_list_of_another_kind_is_told_what_a_table_is(tmp_path, name):
-    (tmp_path / name).touch()
-    with pytest.raises(InputError, match="column path"):
-        list_photos([str(tmp_path / name)])
-
-
 UNREADABLE = """
 import os, sys
 from physic_batch.photos import list_photos
@@ -221,10 +213,3 @@ def test_a_row_names_people_to_leave_out():
     for cell in ("3", "3,4,5", "left"):
         with pytest.raises(ValueError, match="pixels x,y"):
             photo_of_row({"path": "a.jpg", "ignore": cell})
-
-
-@pytest.mark.parametrize("cells", [{"stature": "9"}, {"age": "500"}, {"camera": "0.5"}])
-def test_the_cells_of_a_row_are_checked_like_settings(cells):
-    settings = photo_of_row({"path": "a.jpg", **cells}).settings
-    with pytest.raises(ConfigError, match="settings of this photo"):
-        load_config(preset="mock").with_photo(settings)

@@ -4,7 +4,6 @@ done twice.
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import json
 import os
@@ -132,23 +131,6 @@ def test_a_full_disk_ends_the_batch_without_a_row_for_its_photo(standin, tmp_pat
     assert states(out) == {"a": ("done", ""), "roomy": ("done", "")}
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="names that are not UTF-8")
-def test_names_that_are_not_utf8_reach_every_file(standin, tmp_path, out):
-    photos = make_photos(tmp_path / "photos", "a \udcff", "новый 😀 <b>&", "broken \udcfe")
-    standin.run_standin(photos, out, workers=1)
-    assert states(out) == {
-        "a \udcff": ("done", ""),
-        "новый 😀 <b>&": ("done", ""),
-        "broken \udcfe": ("failed", "ValueError"),
-    }
-    text = write_tables(out)[0].read_text(encoding="utf-8")
-    assert "a \\udcff.jpg" in text
-    page = write_contact_sheet(out).read_text(encoding="utf-8")
-    assert "a \\udcff.jpg" in page
-    with (out / "summary.csv").open(encoding="utf-8", newline="") as file:
-        assert len(list(csv.DictReader(file))) == 3
-
-
 # ---- the journal
 # --------------------------------------------------------------------------------------------------
 
@@ -216,21 +198,6 @@ def test_of_several_journals_the_later_run_counts_whatever_its_clock_says(tmp_pa
     found = read_journals(tmp_path)
     assert sorted(found) == ["both", "only 1-of-2", "only 2-of-2"]
     assert found["both"]["value"] == 1
-
-
-def test_tables_begin_with_the_photo_of_most_usable_marks(tmp_path):
-    trusts = {"doubtful": 2, "failed": None, "good": 4, "bad": 1}
-    with Journal(tmp_path / "journal.jsonl") as journal:
-        for name, trust in trusts.items():
-            people = {} if trust is None else {"people": 1, "usable_place": trust}
-            journal.append(row(name, **people))
-    with write_tables(tmp_path)[0].open(newline="", encoding="utf-8") as file:
-        assert [found["id"] for found in csv.DictReader(file)] == [
-            "good",
-            "doubtful",
-            "bad",
-            "failed",
-        ]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no locks")
@@ -468,23 +435,6 @@ def test_a_photo_that_is_replaced_while_it_is_read_is_done_again(tmp_path, out):
 
     run_all(photos, job, replaced)
     assert sorted(todo(job, photos)) == ["done", "failed"]
-
-
-@pytest.mark.parametrize("fails", [False, True])
-def test_a_photo_whose_depth_map_changes_while_it_is_read_is_done_again(tmp_path, out, fails):
-    make_photos(tmp_path, "a")
-    (tmp_path / "table.csv").write_text("path,depth\na.jpg,depth.npy\n")
-    (tmp_path / "depth.npy").write_bytes(b"one")
-
-    def changed(path, settings):
-        Path(settings["depth"]).write_bytes(b"two")
-        if fails:
-            raise InputError("damaged")
-        return tiny_result()
-
-    job = job_for(out)
-    run_all(tmp_path / "table.csv", job, changed)
-    assert todo(job, tmp_path / "table.csv") == ["a"]
 
 
 def test_failed_photos_are_tried_again_with_retry(tmp_path, out):

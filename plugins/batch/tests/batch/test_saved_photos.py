@@ -12,7 +12,7 @@ from dataclasses import replace
 import pytest
 
 from physic_batch.contact_sheet import write_contact_sheet
-from physic_batch.journal import Journal, all_columns, write_tables
+from physic_batch.journal import Journal, write_tables
 from physic_batch.photos import PhotoItem
 from physic_batch.process import BatchJob, PhotoProcessor, failed_row
 from physic_core.configuration.model import load_config
@@ -44,30 +44,6 @@ def batch(result, tmp_path):
         for name in ("one", "bad", "two"):
             journal.append(process(PhotoItem(name, f"/photos/{name}.jpg")))
     return out
-
-
-def test_columns_are_photo_sizes_costs_files_and_checks_in_one_order(tmp_path):
-    row = dict.fromkeys(reversed(all_columns()), "") | {
-        "id": "one",
-        "state": "done",
-        "people_rows": [],
-    }
-    with Journal(tmp_path / "journal.jsonl") as journal:
-        journal.append(row)
-    header = write_tables(tmp_path)[0].read_text().splitlines()[0].split(",")
-    assert header == list(all_columns())
-    assert header[:4] == ["id", "path", "state", "checks_failed"]
-    places = [
-        "people",
-        "nearest_person_m",
-        "scale_sigma",
-        "contacts",
-        "seconds",
-        "folder",
-        "check_body_in_mask",
-    ]
-    assert sorted(places, key=header.index) == places
-    assert all(name.startswith("check_") for name in header[header.index("check_body_in_mask") :])
 
 
 def people_of(out):

@@ -4,7 +4,6 @@ for ever.
 
 from __future__ import annotations
 
-import multiprocessing.context
 import os
 import subprocess
 import sys
@@ -88,15 +87,6 @@ def test_the_time_limit_counts_work_and_not_what_other_programs_take(standin):
 def test_workers_that_cannot_start_end_the_batch_at_once(standin, name, kind, message):
     with pytest.raises(kind, match=message):
         list(run_in_workers(["a", "b", "c"], getattr(standin, name), WorkerSettings(3)))
-
-
-def test_a_process_that_the_system_refuses_says_so(standin, monkeypatch):
-    def refuse(process):
-        raise BlockingIOError("no more processes")
-
-    monkeypatch.setattr(multiprocessing.context.SpawnProcess, "start", refuse)
-    with pytest.raises(BlockingIOError, match="no more processes"):
-        outcomes(standin, "a")
 
 
 def test_the_number_of_workers_may_depend_on_the_memory_of_the_first(standin, tmp_path):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 
 import pytest
 
@@ -110,17 +109,6 @@ def test_a_failed_photo_says_why_and_gives_no_file(served):
     page = served.post()
     served.wait(page, "the disk is full")
     assert served.client.get(f"{page}/files/preview.png").status_code == 404
-
-
-def test_a_folder_that_is_gone_is_a_line_on_the_page(served, tmp_path):
-    served.release.set()
-    page = served.post()
-    served.wait(page, "Done")
-    shutil.rmtree(tmp_path)
-    assert "download" not in served.client.get(page).text
-    assert served.client.get(f"{page}/files/preview.png").status_code == 404
-    answer = served.client.post("/jobs", files={"photo": ("photo.jpg", PHOTO)})
-    assert (answer.status_code, "cannot store the photo" in answer.text) == (507, True)
 
 
 def test_photos_wait_on_the_disk_until_their_turn_or_until_they_are_stopped(served, tmp_path):
