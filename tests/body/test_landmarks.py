@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 import torch
-from numpy.testing import assert_array_equal
 
 from physic_core.body import JOINT_INDEX
-from physic_core.body.landmarks import keypoints_on_body
 from physic_core.errors import BodyModelError
-from physic_core.types import SKELETONS, Keypoints, Skeleton
+from physic_core.types import SKELETONS, Skeleton
 
 ON_BODY = (
     "coco17",
@@ -80,21 +77,6 @@ PUBLISHED = {
 def test_points_have_their_published_order(skeleton):
     points = SKELETONS[skeleton].names
     assert {i: points[i] for i in PUBLISHED[skeleton]} == PUBLISHED[skeleton]
-
-
-@pytest.mark.parametrize(
-    ("skeleton", "known"), [("coco_wholebody133", "wholebody69"), ("halpe26", "coco23")]
-)
-def test_the_fitted_part_keeps_each_points_name(skeleton, known):
-    rows = np.arange(len(SKELETONS[skeleton]), dtype=float)
-    points = np.stack([rows, rows], -1)[None]
-    given = Keypoints(points, rows[None] / 200, skeleton, np.repeat(rows[None, :, None], 3, 2))
-    answer = keypoints_on_body(given)
-    assert set(answer.joint_set.names) == set(SKELETONS[known].names)
-    places = [SKELETONS[skeleton].names.index(name) for name in answer.joint_set.names]
-    assert_array_equal(answer.points[0].T, [places] * 2)
-    assert_array_equal(answer.confidence[0], np.array(places) / 200)
-    assert_array_equal(answer.world[0].T, [places] * 3)
 
 
 @pytest.mark.parametrize("skeleton", ["coco23", "blazepose33", "wholebody69"])

@@ -217,24 +217,6 @@ def test_details_show_the_licences_of_the_default_weights(site, default, printed
         assert words in shown
 
 
-def test_details_show_what_a_backend_is(physic):
-    shown = physic("plugins", "show", "telea").stdout
-    for words in (
-        "metricbody-embedded 0.1.0",
-        "physic_opencv.inpaint:Telea",
-        "  Inpainter by fast marching (Telea 2004): fills the hole from its border inwards with a "
-        "weighted mean of known pixels.\n",
-        "ready",
-        "inpaint.py",
-        "radius_px",
-    ):
-        assert words in shown
-    assert (
-        "Apache-2.0 (MediaPipe Hands)"
-        in physic("plugins", "show", "metricbody-embedded:embedded").stdout
-    )
-
-
 def test_check_prints_ok_or_the_faults(physic):
     Path("my.toml").write_text('extends = "mock"\n[photo]\nmax_side = 640\n')
     assert physic("config", "check", "--config", "my.toml").stdout == "my.toml: no errors\n"

@@ -5,7 +5,6 @@ command.
 from __future__ import annotations
 
 import os
-import resource
 import shlex
 from pathlib import Path
 
@@ -209,14 +208,3 @@ def test_a_result_is_named_by_its_document_too(physic, command):
     save_reconstruction(empty_reconstruction(), "result", "numbers")
     done = physic(*shlex.split(command), "result/reconstruction.json")
     assert done.exit_code == 0, done.output
-
-
-def test_a_full_disk_leaves_nothing(physic):
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    before = sorted(os.listdir())
-    resource.setrlimit(resource.RLIMIT_FSIZE, (100, limits[1]))
-    try:
-        done = physic("plugins", "new", "my-depth", "--interface", "metric_depth")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert (done.exit_code, sorted(os.listdir())) == (USAGE, before), done.output

@@ -7,9 +7,7 @@ from pathlib import Path
 import pytest
 
 from physic_core import engine_preset, engine_preset_names
-from physic_core.configuration.layers import preset_names
 from physic_core.configuration.model import as_config, load_config
-from physic_core.discovery.catalog import BACKENDS
 from physic_core.errors import ConfigError
 from physic_core.interfaces import INTERFACES
 
@@ -42,14 +40,6 @@ def test_the_default_names_the_embedded_backend_everywhere():
     assert config.photo.max_side == 1280
     assert config.body_model.source == "embedded"
     assert config.run.device == "cpu"
-
-
-@pytest.mark.parametrize("name", preset_names())
-def test_every_preset_names_the_distribution_of_each_backend(name):
-    config = load_config(preset=name)
-    for interface in INTERFACES:
-        distribution, _, backend = config.choice(interface).backend.rpartition(":")
-        assert backend == "none" or distribution == BACKENDS[backend]
 
 
 @pytest.mark.parametrize(
@@ -291,12 +281,6 @@ def test_a_file_that_cannot_be_read_is_named_with_the_file_that_extends_it(write
 def test_files_that_extend_each_other_are_refused(write):
     write('extends = "a.toml"\n', "b.toml")
     assert "a.toml extends itself" in refusal(write('extends = "b.toml"\n', "a.toml"))
-
-
-def test_infinite_settings_are_kept(write):
-    config = load_config(write("[engine.scene]\nfar_m = inf\n[inpainter.options]\na = -inf\n"))
-    assert config.as_dict()["engine"]["scene"] == {"far_m": float("inf")}
-    assert config.as_dict()["inpainter"]["options"] == {"a": float("-inf")}
 
 
 @pytest.mark.parametrize("text", ["inpainter", "=3", "a b=3", "a..b=3"])

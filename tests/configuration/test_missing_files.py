@@ -8,12 +8,8 @@ import numpy as np
 import pytest
 
 from physic_core import interfaces, load_config, reconstruct
-from physic_core.configuration.resolve import require_available, resolve
-from physic_core.discovery.backends import find_backend, missing_requirements
+from physic_core.discovery.backends import missing_requirements
 from physic_core.errors import BackendError, WeightsMissingError
-from physic_core.interfaces import INTERFACES
-from physic_testing import check_backend
-from physic_testing.commands.doctor import try_backend
 
 PLUGIN = """
 from pathlib import Path
@@ -133,20 +129,3 @@ def saying(answer):
 def test_an_invalid_result_of_missing_is_a_backend_error(answer, says):
     with pytest.raises(BackendError, match=says):
         missing_requirements(saying(answer)())
-
-
-def test_a_wrong_missing_method_is_named_by_every_command(site):
-    kinds = {
-        name: type("Own", (base,), {"infer": lambda self, *a: None})
-        for name, base in INTERFACES.items()
-    }
-    site.put(kinds | {"metric_depth": saying(None)})
-    config = load_config(flags={"config": {name: {"backend": "own"} for name in INTERFACES}})
-    says = "missing() must return a tuple of texts, got None"
-    with pytest.raises(BackendError, match=r"metric_depth 'own'.*tuple of texts"):
-        require_available(resolve(config))
-    assert says in str(try_backend(find_backend("metric_depth", "own"), "cpu"))
-    report = check_backend("own", "metric_depth", size=(96, 72))
-    (failure,) = report.failures
-    assert failure.check == "tells_what_is_missing_before_load"
-    assert says in failure.got

@@ -73,16 +73,6 @@ def test_the_class_of_a_variable_lies_on_pythons_path_alone(monkeypatch):
         kind()
 
 
-@pytest.mark.parametrize("name", ["{}/own_depth:MyDepth", "../elsewhere/own_depth:MyDepth"])
-def test_a_name_may_hold_its_folder(tmp_path, name):
-    (tmp_path / "elsewhere").mkdir()
-    (tmp_path / "elsewhere" / "own_depth.py").write_text(DEPTH)
-    assert (
-        kind(config(tmp_path / "configs", name.format(tmp_path / "elsewhere"))).__name__
-        == "MyDepth"
-    )
-
-
 def test_the_resolved_config_holds_from_anywhere(tmp_path, monkeypatch):
     Path("own_depth.py").write_text(DEPTH)
     tables = load_config(
@@ -114,18 +104,6 @@ def test_commands_know_the_class_of_a_file_in_the_current_folder(command, physic
 
 # ---- what it may be
 # --------------------------------------------------------------------------------------------------
-
-
-def test_a_package_imports_its_own_parts_relatively_and_late(tmp_path):
-    package = tmp_path / "own_package"
-    (package / "inner").mkdir(parents=True)
-    (package / "__init__.py").write_text("from . import first\nstarted = []\n")
-    (package / "first.py").write_text("")
-    (package / "inner" / "depth.py").write_text(
-        "def late():\n    from .. import second\n    return second.value\n"
-    )
-    (package / "second.py").write_text("value = 7")
-    assert load_module(tmp_path, "own_package.inner.depth").late() == 7
 
 
 def test_what_lies_beside_the_module_is_not_found(tmp_path):

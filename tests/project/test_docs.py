@@ -7,15 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from physic_core import cli, find_exporters
+from physic_core import cli
 from physic_core.configuration import model as config
 from physic_core.configuration.resolve import resolve
-from physic_core.judge import CHECKS
 
 pytestmark = pytest.mark.usefixtures("few_steps")
 
 ROOT = Path(__file__).parents[2]
-CHECKS_PAGE = ROOT / "docs" / "checks.md"
 PAPERS = [page for page in ROOT.glob("*.md") if page.name != "CHANGELOG.md"]
 PAGES = sorted(
     [
@@ -107,16 +105,6 @@ def test_every_script_of_the_pages_runs(text, tmp_path, monkeypatch):
     exec(compile(text, "page", "exec"), {})
 
 
-def test_the_import_orders_of_the_architecture_are_the_contracts():
-    text = (ROOT / "ARCHITECTURE.md").read_text()
-    shown = re.findall(r"^```text\n((?:cli|presets)\n.*?)^```", text, re.M | re.S)
-    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"][
-        "contracts"
-    ]
-    layers = [contract["layers"] for contract in contracts if contract["type"] == "layers"]
-    assert [order.splitlines() for order in shown] == layers
-
-
 @pytest.mark.parametrize("page", ["ARCHITECTURE.md", "README.md", "CONTRIBUTING.md", "docs/api.md"])
 def test_every_file_that_a_paper_names_is_there(page):
     text = (ROOT / page).read_text()
@@ -139,29 +127,6 @@ def test_every_name_that_the_architecture_places_in_a_file_is_there():
         folders = (ROOT, ROOT / "physic_core")
         (text,) = [(one / file).read_text() for one in folders if (one / file).exists()]
         assert re.search(rf"^(?:def |class )?{name}\b", text, re.M), (name, file)
-
-
-def test_the_page_of_checks_has_each_check_with_its_label_and_limit():
-    rows = re.findall(r"^\| (.+?) \| `(\w+)` \| .*? \| (\S.*?) \|", CHECKS_PAGE.read_text(), re.M)
-    listed = {name: (label.partition(",")[0], limit) for label, name, limit in rows}
-    assert listed.keys() == CHECKS.keys()
-    for name, spec in CHECKS.items():
-        label, limit = listed[name]
-        assert spec.label.startswith(label)
-        assert f"{spec.threshold:g}" in limit or limit == "yes"
-
-
-def test_the_page_of_exports_has_each_format_as_it_is_registered():
-    text = (ROOT / "docs" / "exports.md").read_text()
-    rows = re.findall(r"^\| `(\w+)` \| (.+?) \| (.+?) \| (.*)\|$", text, re.M)
-    listed = {
-        name: (audience, *(tuple(re.findall(r"`(.+?)`", cell)) for cell in cells))
-        for name, audience, *cells in rows
-    }
-    assert listed == {
-        one.name: (one.audience, one.ups, tuple(f"--{o.replace('_', '-')}" for o in one.options))
-        for one in (found.record for found in find_exporters())
-    }
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))

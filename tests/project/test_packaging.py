@@ -12,7 +12,6 @@ from hatchling.builders.sdist import SdistBuilder
 from hatchling.builders.wheel import WheelBuilder
 
 from physic_core.configuration.layers import preset_names
-from physic_core.discovery.catalog import REQUIRES
 from physic_core.discovery.entry_points import group_problem
 from physic_core.interfaces import INTERFACES
 
@@ -82,18 +81,6 @@ def test_a_distribution_sets_lower_bounds_only_and_each_is_pinned_for_the_machin
 
 
 ALL = PROJECTS | projects("contrib")
-
-
-def test_the_catalog_says_which_distributions_require_others():
-    asked = {
-        name: [re.split("[>=[]", text)[0] for text in project(ALL[name])["dependencies"]]
-        for name in ALL
-    }
-    assert {
-        name: others
-        for name, texts in asked.items()
-        if (others := [text for text in texts if text in PROJECTS and text != "metricbody"])
-    } == REQUIRES
 
 
 @pytest.mark.parametrize("name", ALL)

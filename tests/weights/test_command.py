@@ -102,20 +102,6 @@ def test_a_fetched_folder_is_read_offline_by_another_machine(
     assert f"already in {stick / 'free' / 'free.onnx'}" in done.stdout
 
 
-def test_a_name_that_two_plugins_list_needs_its_distribution(
-    plugin, site, server, monkeypatch, own_cache, physic
-):
-    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-nets,physic-more,metricbody-embedded")
-    site.list_weights("physic-more", manifest(f"{server.address}/gone"))
-    done = physic("weights", "verify", "free")
-    assert done.exit_code == 2
-    assert (
-        "several plugins list weights named 'free': write 'physic-more:free' or 'physic-nets:free'"
-        in done.stderr
-    )
-    assert physic("weights", "fetch", "physic-nets:free").exit_code == 0
-
-
 def test_verify_lists_what_differs_and_what_has_no_published_hash(plugin, own_cache, physic):
     write(own_cache / "free" / "free.onnx", CONTENT[::-1])
     write(own_cache / "own" / "own.json", b"{}")

@@ -197,13 +197,3 @@ def test_graphs_and_data_behind_links_of_the_librarys_cache_open(lay_set, name):
         assert (folder / graph).is_symlink()
         assert opens(folder / graph)
         assert opens(find_weights(MANIFEST, name, graph))
-
-
-def test_setup_takes_what_it_finds_behind_links(lay_set, tmp_path, physic):
-    def fetched():
-        words = physic("setup", "paper", "--folder", tmp_path / "setup").stdout.split()
-        return "vitpose-h-wholebody" in words[words.index("fetch") :]
-
-    assert fetched()
-    lay_set(IN_TWO_FILES["vitpose-h-wholebody"])
-    assert not fetched()
