@@ -8,7 +8,7 @@
 # make kernels                  the tests that rounding could upset, with other kernels of the libraries
 # make mutants                  remove each stated defence in turn, and require that its test fails (tools/attacks/mutants)
 # make test-lowest | test-newest the tests of make quick, with the lowest and the newest versions of all dependencies
-# make audit                    known vulnerabilities of the pinned dependencies; needs pip-audit and a network
+# make audit                    known vulnerabilities of the pinned dependencies; needs a network
 # make findings                 run each script of findings/: a table of what changed in other tools; needs a network
 # make release                  one archive that installs PhySIC, in dist: wheels, tested versions, bill of materials, licences
 # make sbom                     a bill of materials of this environment, in dist/physic-sbom.json (CycloneDX)
@@ -83,7 +83,8 @@ test-lowest test-newest: $(VENV)/test.stamp
 		--compile-bytecode --resolution $(RESOLUTION) -r -
 	OMP_NUM_THREADS=1 .venv-$(RESOLUTION)/bin/python -m pytest -q -n $(JOBS) --dist loadfile $(QUICK)
 
-audit: $(VENV)/test.stamp
+audit: | $(BIN)/python
+	$(PIP) --quiet pip-audit
 	$(BIN)/pip-audit --strict --no-deps --disable-pip -r constraints.txt
 
 findings:

@@ -16,6 +16,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass
 from importlib.util import find_spec
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,9 +35,14 @@ _STARTED = time.time()
 
 _CODE_BYTES = 16
 _IMPORTED = re.compile(rb"^[ \t]*(?:from[ \t]+(\w+)|import[ \t]+([\w., \t]+))", re.MULTILINE)
+_MODULES = {".py", ".so", ".pyd"}
 _INSTALLED = {"site-packages", "dist-packages"}
 _MAX_FILES = 2000
 """Maximum number of files of a package; of a larger one only the module of the class is hashed."""
+
+
+_MAX_NAMED_FILES = 20_000
+"""Maximum number of files of a folder that settings name."""
 
 
 class Digester:
@@ -174,7 +180,7 @@ def _files(root: Path) -> list[Path]:
     package.
     """
     if not (root / "__init__.py").is_file():
-        return sorted(root.glob("*.py"))
+        return sorted(path for path in root.iterdir() if path.suffix in _MODULES)
     files: list[Path] = []
     for folder, folders, names in os.walk(root):
         folders[:] = sorted(name for name in folders if name != "__pycache__")
@@ -206,8 +212,8 @@ def _read_code(files: list[Path]) -> _Code | None:
             imported |= _imported(content) if is_source else set()
     except OSError:
         return None
-    places = map(_source, sorted(imported - sys.stdlib_module_names))
-    return _Code(digest.digest(), tuple(place for place in places if place is not None))
+    names = sorted(imported - sys.stdlib_module_names)
+    return _Code(digest.digest(), tuple(place for name in names for place in _sources(name)))
 
 
 def _imported(source: bytes) -> set[str]:
@@ -218,19 +224,29 @@ def _imported(source: bytes) -> set[str]:
     return {name.partition(b".")[0].decode(errors="replace") for name in names}
 
 
-def _source(name: str) -> Path | None:
-    """Return the module of a top-level name whose code counts; None if it is installed, or missing.
+def _sources(name: str) -> list[Path]:
+    """Return the modules of a top-level name whose code counts: one, or all in the folders of a
+    package without ``__init__.py``; none if it is installed, or missing.
 
     It is not imported.
     """
     spec = None
     with suppress(ImportError, ValueError):
         spec = find_spec(name)
-    if spec is None or spec.origin is None or not spec.origin.endswith(".py"):
-        return None
-    place = Path(spec.origin)
-    is_installed = not _INSTALLED.isdisjoint(place.parts) and not name.startswith("physic_")
-    return None if is_installed else place
+    if spec is None:
+        return []
+    alone = spec.has_location and spec.origin is not None
+    places = (
+        [Path(spec.origin or "")] if alone else map(Path, spec.submodule_search_locations or ())
+    )
+    own = [
+        place
+        for place in places
+        if name.startswith("physic_") or _INSTALLED.isdisjoint(place.parts)
+    ]
+    if alone:
+        return [place for place in own if place.suffix in _MODULES]
+    return [path for place in own for path in islice(sorted(place.rglob("*.py")), _MAX_FILES)]
 
 
 _known: dict[str, str] = {}
@@ -270,7 +286,8 @@ def remembered_sha256(path: Path) -> str:
 
 
 def files_named_by(settings: Any) -> Iterator[tuple[str, str]]:
-    """Yield path and SHA-256 of every file that a text in settings names.
+    """Yield path and SHA-256 of every file that a text in settings names; of a folder whose path
+    has a separator, its files' names and stamps.
 
     Args:
         settings: a text, or mappings, lists and tuples of settings.
@@ -285,6 +302,26 @@ def files_named_by(settings: Any) -> Iterator[tuple[str, str]]:
             path = Path(os.path.expanduser(settings))
             if path.is_file():
                 yield str(path.absolute()), remembered_sha256(path)
+            elif len(path.parts) > 1 and path.is_dir():
+                yield str(path.absolute()), _folder_stamp(path)
+
+
+def _folder_stamp(folder: Path) -> str:
+    """Return the digest of the names and stamps of all files of a folder; of one with very many
+    files, a digest that no other call returns.
+    """
+    digest = hashlib.blake2b(digest_size=_BYTES)
+    count = 0
+    for place, folders, names in os.walk(folder):
+        folders.sort()
+        for name in sorted(names):
+            path = Path(place, name)
+            digest.update(f"{path.relative_to(folder)} ".encode("utf-8", "surrogateescape"))
+            digest.update(file_stamp(path.stat()).encode())
+        count += len(names)
+        if count > _MAX_NAMED_FILES:
+            return f"{os.getpid()} {time.time_ns()}"
+    return digest.hexdigest()
 
 
 def _read(name: str) -> str | None:

@@ -7,12 +7,14 @@ the name of the backend.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Collection, Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from physic_core.interfaces.comparison import describe_difference, is_sigmoid_of_probability
+from physic_core.judge.trust import load_of
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Hands, Reconstruction, UInt8Array
@@ -36,6 +38,19 @@ _OF_ONE_PHOTO = (
     *("inpainter", "metric_depth", "relative_pointmap"),
     *("keypoint_detector", "body_estimator"),
 )
+_ANSWERS_OF = {
+    "photo_alignment": ("inpainter", "relative_pointmap"),
+    "depth_scale": ("metric_depth",),
+    "depth_order": ("metric_depth", "relative_pointmap"),
+    "focal_agreement": ("relative_pointmap", "metric_depth"),
+    "heads": ("segmenter",),
+    "limb_keypoints": ("keypoint_detector", "body_estimator"),
+    "body_in_mask": ("segmenter", "keypoint_detector", "body_estimator"),
+    "support": ("relative_pointmap", "body_estimator"),
+    "low_depth": ("relative_pointmap", "keypoint_detector", "body_estimator"),
+}
+"""Check -> interfaces whose answers it compares with those of others."""
+_OTHER_SIZE = 0.25  # logarithm of a person's size by the floor and others over the stated one
 _EQUAL = "two people have the same values: is one photo, or one sum, repeated for all?"
 
 
@@ -49,6 +64,8 @@ def doubts_of(interface: str, request: Any, result: Any) -> Iterator[str]:
         count = len(np.unique(known)) if known.size > _LARGE_MAP_PX else _FEWEST_DEPTHS
         if 1 < count < _FEWEST_DEPTHS:
             yield f"{known.size:,} pixels have {count} different depths: are they rounded?"
+        if interface == "relative_pointmap" and result.up is not None and result.up[1] > 0:
+            yield "its up points down in the picture: is it the direction of gravity?"
     elif interface == "hand_estimator":
         bent = np.degrees(np.linalg.norm(result.rotvecs, axis=-1))[result.confidence > _CERTAIN]
         if bent.size and np.nanmax(bent) > _MOST_BENT_DEG:
@@ -152,6 +169,45 @@ def doubt_of_wrists(hands: Hands, turned_deg: FloatArray) -> str:
         f"wrists are turned by {np.median(certain):.0f} degrees from those of the bodies, and are "
         f"not used: are they rotations from the T-pose to the camera's frame?"
     )
+
+
+def doubt_of_distance_from_others(
+    result: Reconstruction, interfaces: Collection[str]
+) -> tuple[str, str]:
+    """Return which of these interfaces has the answer that is furthest from those of the others,
+    and by what; "" twice if no check and no size of a person contradicts one of them.
+
+    The distance is the sum of the loads of failed checks that compare the answer.
+    """
+    loads: dict[str, list[tuple[float, str]]] = {name: [] for name in interfaces}
+    for interface, load, what in _distances(result):
+        if interface in loads:
+            loads[interface].append((load, what))
+    furthest = max(loads, key=lambda name: sum(load for load, _ in loads[name]), default="")
+    if not loads.get(furthest):
+        return "", ""
+    what = max(loads[furthest])[1]
+    return furthest, f"its answer is the furthest from those of the other backends ({what})"
+
+
+def _distances(result: Reconstruction) -> Iterator[tuple[str, float, str]]:
+    """Yield interface, load and words of what its answer contradicts."""
+    for check in result.checks:
+        if check.failed:
+            load = load_of(check.value, check.threshold, check.direction, check.unit)
+            who = "" if check.person is None else f"person {check.person}, "
+            for interface in _ANSWERS_OF.get(check.name, ()):
+                yield interface, load or 0.0, f"{who}{check}"
+    for row in result.diagnostics["witnesses"].get("scale", ()):
+        away = row["log_ratio"]
+        if row["by"] in ("size", "soles") and abs(away) > _OTHER_SIZE and row["right"] < _CERTAIN:
+            person = row["person"]
+            says_child = (result.people[person].child_probability or 0.0) > _CERTAIN
+            yield (
+                "person_observer" if says_child else "body_estimator",
+                abs(away) / _OTHER_SIZE,
+                f"floor and others make person {person} {math.exp(-away):.2g} times as tall",
+            )
 
 
 def doubt_of_contact_places(result: Reconstruction, probability: FloatArray) -> str:

@@ -426,13 +426,8 @@ def _reconstruct(
         stages.warn(*others, *warning_messages(checks))
         stages.warn(*warn_of_small_people(estimates, found), *warn_of_bent_trunks(found))
         stages.note(*describe_methods(estimates, found))
-    prior = plan.backends.get("contact_prior")
-    if prior is not None and not stages.is_vouched_for(prior):
-        from physic_core.pipeline.doubts import doubt_of_contact_places
-
-        with stages.beyond_the_answer(f"{prior.title}: the look for mistakes"):
-            if doubt := doubt_of_contact_places(found, estimates.contact.probability):
-                stages.warn(f"{prior.title}: {doubt}")
+    with stages.beyond_the_answer("the look for mistakes of backends"):
+        _warn_of_contradictions(plan, estimates, judged, stages)
     found = replace(
         judged,
         stages=tuple(stages.records),
@@ -443,6 +438,21 @@ def _reconstruct(
         diagnostics={**found.diagnostics, **repositories},
     )
     return found if prepared.border is None else prepared.border.added_to(found)
+
+
+def _warn_of_contradictions(
+    plan: ResolvedPipeline, estimates: Estimates, found: Reconstruction, stages: StageCaller
+) -> None:
+    """Warn of backends that are not vouched for, and whose answers contradict those of others."""
+    from physic_core.pipeline.doubts import doubt_of_contact_places, doubt_of_distance_from_others
+
+    strange = {name: one for name, one in plan.backends.items() if not stages.is_vouched_for(one)}
+    prior = strange.get("contact_prior")
+    if prior and (doubt := doubt_of_contact_places(found, estimates.contact.probability)):
+        stages.warn(f"{prior.title}: {doubt}")
+    furthest, doubt = doubt_of_distance_from_others(found, strange)
+    if furthest and not any(strange[furthest].title in text for text in stages.warnings):
+        stages.warn(f"{strange[furthest].title}: {doubt}; physic plugins check tries it alone")
 
 
 def _estimate(run: PhotoRun, *, close: bool) -> Estimates:

@@ -96,6 +96,19 @@ STANDING = {
         "pack",
         ("acme_models/__init__.py", "x = 2\n"),
     ),
+    "a package without __init__.py that is not installed": (
+        {
+            "acme_ns/deep/net.py": "x = 1\n",
+            "pack/__init__.py": f"from acme_ns.deep.net import x\n{SOURCE}",
+        },
+        "pack",
+        ("acme_ns/deep/net.py", "x = 2\n"),
+    ),
+    "a compiled module beside one in no package": (
+        {"my_depth.py": SOURCE, "my_kernels.so": "1"},
+        "my_depth",
+        ("my_kernels.so", "12"),
+    ),
     "a package that it stands on": (
         {
             "physic_base/__init__.py": "from physic_ground import x",
@@ -151,6 +164,7 @@ class Depth(MetricDepth):
     class Options(MetricDepth.Options):
         factor: float = 1.0
         file: str = ""
+        folder: str = ""
     def infer(self, image, hints): ...
     def fingerprint(self): return Path(__file__).with_name("fingerprint").read_text()
 """
@@ -159,6 +173,7 @@ class Depth(MetricDepth):
 def test_a_backend_is_vouched_for_until_what_its_results_depend_on_changes(site, monkeypatch):
     monkeypatch.setenv("PHYSIC_CACHE", str(site / "cache"))
     named = write(site / "weights.bin", "1")
+    inside = write(site / "weights" / "deep" / "part.bin", "1")
     write(site / "acme_models" / "__init__.py", "")
     write(site / "pack" / "fingerprint", "1")
     write(site / "pack" / "__init__.py", OPTIONS)
@@ -167,7 +182,8 @@ def test_a_backend_is_vouched_for_until_what_its_results_depend_on_changes(site,
     asked = "metric_depth", "mine", "physic-mine", target_of(kind)
 
     def backend(**options):
-        return kind(kind.Options(file=str(named), **options))
+        places = {"file": str(named), "folder": str(site / "weights")}
+        return kind(kind.Options(**places, **options))
 
     assert not is_vouched_for(*asked)
     remember_passed("metric_depth", backend())
@@ -181,3 +197,5 @@ def test_a_backend_is_vouched_for_until_what_its_results_depend_on_changes(site,
         assert not is_vouched_for(*asked, backend())
         write(path, text)
         assert is_vouched_for(*asked, backend())
+    write(inside, "12")
+    assert not is_vouched_for(*asked, backend())

@@ -22,7 +22,7 @@ from physic_core import load_people, load_reconstruction, save_reconstruction
 from physic_core.cache.digests import Digester
 from physic_core.errors import ConfigError, InputError, OutputError
 from physic_core.files.atomic import check_writable
-from physic_core.io.result_folder import digest_of
+from physic_core.io.result_folder import digest_of, is_result
 from physic_core.io.results import read_image
 from physic_core.types import person_rows
 
@@ -208,6 +208,16 @@ def folder(saved, tmp_path):
     for path in saved.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())
     return tmp_path
+
+
+def test_a_document_of_another_program_makes_no_folder_a_result(tmp_path, reconstruction):
+    document = tmp_path / "reconstruction.json"
+    for content in (b"[]", b"{}", b'{"schema": "other"}', b'{"cameras": []}', b"\xff"):
+        document.write_bytes(content)
+        assert not is_result(tmp_path)
+    document.unlink()
+    save_reconstruction(reconstruction, tmp_path, "numbers")
+    assert is_result(tmp_path)
 
 
 def test_a_folder_without_a_result(tmp_path):

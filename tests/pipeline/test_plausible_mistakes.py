@@ -96,6 +96,16 @@ def test_mistakes_that_checks_of_the_result_do_not_see_are_warnings(run, walk):
         assert any(words in one and f"{interface} '" in one for one in found.warnings), words
 
 
+def test_wrists_that_are_doubted_move_no_arm(walk):
+    doubted = changed(HANDS, partial(with_wrists, shift=1e-6))
+    without = changed(HANDS, lambda hands, *_: hands)
+    one, other = (
+        reconstruct(walk.image, UNCACHED, backends=hands).people[0].joints
+        for hands in (doubted, without)
+    )
+    np.testing.assert_array_equal(one, other)
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -129,6 +139,36 @@ def test_backends_without_a_mistake_and_without_a_stamp_raise_no_doubt(name):
     same |= changed(HANDS, with_wrists)
     found = reconstruct(load_world(name, (160, 120)).image, UNCACHED, backends=same)
     assert not [one for one in found.warnings if "Mine" in one or "Changed" in one]
+
+
+BODIES = backends.MockBodyEstimator
+FAR_FROM_OTHERS = [
+    mistaken(*POINTS, lambda points: points + np.array([0, 10])),
+    changed(
+        BODIES,
+        lambda bodies, *_: replace(
+            bodies,
+            parameters=replace(
+                bodies.parameters,
+                global_orient=bodies.parameters.global_orient * np.float32([1, 0, 0]),
+            ),
+        ),
+    ),
+    changed(
+        backends.MockPersonObserver,
+        lambda said, *_: replace(said, child=np.full_like(said.child, 0.95), child_share=0.1),
+    ),
+    changed(backends.MockRelativePointmap, lambda pointmap, *_: replace(pointmap, up=-pointmap.up)),
+    mistaken(*DEPTH, lambda z: 1.6 * z),
+]
+
+
+@pytest.mark.parametrize("wrong", FAR_FROM_OTHERS)
+def test_the_backend_that_is_furthest_from_the_others_is_named(wrong, walk):
+    """Children with the height of adults, a shift, a mirrored body, a roof for a floor, a scale."""
+    (interface,) = wrong
+    found = reconstruct(walk.image, UNCACHED, backends=wrong)
+    assert any(one.startswith(f"{interface} '") for one in found.warnings), found.warnings
 
 
 def test_a_backend_is_asked_twice_until_it_has_passed_the_kit(walk, monkeypatch):
