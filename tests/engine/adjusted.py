@@ -9,7 +9,6 @@ from dataclasses import fields, replace
 import torch
 
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.joint.terms.surface import SurfaceTerms
 from physic_core.engine.settings import with_overrides
 from physic_core.engine.state import JointResult
 from physic_core.geometry.tensors import to_device
@@ -101,12 +100,6 @@ def with_options(joint, **changes):
     """Settings of stage 3 whose energy has some other methods."""
     Other = type("Other", (type(joint),), changes)
     return Other(**{f.name: getattr(joint, f.name) for f in fields(joint)})
-
-
-def part_of(energy, kind):
-    """The one surface term of a class."""
-    (found,) = (term for term in term_of(energy, SurfaceTerms).terms if isinstance(term, kind))
-    return found
 
 
 def term_of(energy, kind):

@@ -26,7 +26,7 @@ TABLES = {
         "`physic serve` runs": "test_a_page_of_another_site_can_send_and_read_nothing",
         "`report.html`, made from names and "
         "results of others": "test_only_the_scripts_of_the_page_may_run",
-        "a table of photos for `physic batch`": "test_the_cells_of_a_row_are_checked_like_settings",
+        "a table of photos for `physic batch`": "test_a_table_with_faults_is_an_error",
         "a file of cameras, keypoints or depth of another "
         "program": "test_what_is_not_supported_or_damaged_is_named "
         "test_what_an_archive_calls_not_valid_is_unknown",
