@@ -11,6 +11,7 @@
 # make audit                    known vulnerabilities of the pinned dependencies; needs a network
 # make findings                 run each script of findings/: a table of what changed in other tools; needs a network
 # make release                  one archive that installs PhySIC, in dist: wheels, tested versions, bill of materials, licences
+# make check-release            make it, check its wheels (twine, check-wheel-contents), and the workflows of CI (zizmor)
 # make sbom                     a bill of materials of this environment, in dist/physic-sbom.json (CycloneDX)
 # make docs                     the documentation as a site, in docs/_build/html/index.html; compares its notebooks with results
 # make pictures                 pictures, their numbers and notebooks of the documentation, made again; needs Chromium
@@ -22,11 +23,12 @@ PHOTO ?= examples/couple.jpg
 JOBS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
+TOOLS := .venv-tools
 DISTRIBUTIONS := pyproject.toml $(wildcard contrib/*/pyproject.toml plugins/*/pyproject.toml)
 
 # Values with blanks and quotes reach the shell as they are.
 export PHOTO
-.PHONY: demo quick test test-all photos coverage test-ray kernels mutants test-lowest test-newest audit release sbom docs site notebooks pictures findings lint clean
+.PHONY: demo quick test test-all photos coverage test-ray kernels mutants test-lowest test-newest audit release check-release sbom docs site notebooks pictures findings lint clean
 
 demo: $(VENV)/demo.stamp
 	@name=$$(basename "$$PHOTO"); $(BIN)/physic run "$$PHOTO" -o "demo/$${name%.*}"
@@ -83,15 +85,22 @@ test-lowest test-newest: $(VENV)/test.stamp
 		--compile-bytecode --resolution $(RESOLUTION) -r -
 	OMP_NUM_THREADS=1 .venv-$(RESOLUTION)/bin/python -m pytest -q -n $(JOBS) --dist loadfile $(QUICK)
 
-audit: | $(BIN)/python
-	$(PIP) --quiet pip-audit
-	$(BIN)/pip-audit --strict --no-deps --disable-pip -r constraints.txt
+audit: $(TOOLS)/stamp
+	$(TOOLS)/bin/pip-audit --strict --no-deps --disable-pip -r constraints.txt
 
 findings:
 	@$(PYTHON) findings/table.py
 
 release: $(VENV)/test.stamp
 	$(BIN)/python tools/release.py dist
+
+# As an index would receive them. W002: a licence lies beside the networks, too. W009: a distribution has several packages,
+# which the tests compare.
+check-release: release $(TOOLS)/stamp
+	rm -rf dist/physic && $(BIN)/python -m zipfile -e dist/physic-*.zip dist/physic
+	$(TOOLS)/bin/twine check --strict dist/physic/wheels/*
+	$(TOOLS)/bin/check-wheel-contents --ignore W002,W009 dist/physic/wheels
+	$(TOOLS)/bin/zizmor --offline .github
 
 sbom: $(VENV)/test.stamp
 	$(BIN)/python tools/sbom.py dist/physic-sbom.json
@@ -138,5 +147,11 @@ $(VENV)/test.stamp: requirements-dev.txt requirements.txt constraints.txt $(DIST
 	$(BIN)/python -m compileall -q physic_core $(wildcard plugins/*/physic_*)
 	@touch $(VENV)/demo.stamp $@
 
+# Apart from the project, whose pinned versions they do not all accept.
+$(TOOLS)/stamp: requirements-tools.txt
+	$(PYTHON) -m venv $(TOOLS)
+	$(TOOLS)/bin/python -m pip install --disable-pip-version-check --quiet -r requirements-tools.txt
+	@touch $@
+
 clean:
-	rm -rf $(VENV) .venv-lowest-direct .venv-highest demo dist docs/_build docs/_reference
+	rm -rf $(VENV) $(TOOLS) .venv-lowest-direct .venv-highest demo dist docs/_build docs/_reference

@@ -49,8 +49,10 @@ def main(arguments: list[str]) -> None:
         except (subprocess.CalledProcessError, OSError) as error:
             shutil.rmtree(folder, ignore_errors=True)
             sys.exit(f"nothing was installed: {error}")
-        shutil.copytree(content / "licences", folder / "share" / "physic" / "licences")
-        shutil.copy(content / "sbom.json", folder / "share" / "physic")
+        documents = folder / "share" / "physic"
+        shutil.copytree(content / "licences", documents / "licences")
+        for name in ("CHANGELOG.md", "CITATION.cff", "sbom.json"):
+            shutil.copy(content / name, documents)
     print(f"installed; now run:\n\n    {bin_folder / 'physic'} run photo.jpg")
 
 

@@ -3,8 +3,8 @@
     python tools/release.py [FOLDER]
 
 FOLDER/physic-VERSION.zip has the wheels of ``requirements.txt``, the versions that were tested
-together, the bill of materials, licences and notices, and the SHA-256 of each file. Python runs it:
-``tools/install_release.py`` is its ``__main__.py``.
+together, the bill of materials, licences and notices, changelog, citation, and the SHA-256 of each
+file. Python runs it: ``tools/install_release.py`` is its ``__main__.py``.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from hatchling.builders.wheel import WheelBuilder
 from sbom import bill
 
 ROOT = Path(__file__).parents[1]
+DOCUMENTS = ("CHANGELOG.md", "CITATION.cff", "constraints.txt")
 _CHANGED = (1980, 1, 1, 0, 0, 0)  # of every entry, so that equal content is an equal archive
 
 
@@ -45,7 +46,7 @@ def write_archive(folder: Path) -> Path:
     """Write the archive into a folder, and return its path."""
     folder.mkdir(parents=True, exist_ok=True)
     entries = {
-        "constraints.txt": (ROOT / "constraints.txt").read_bytes(),
+        **{name: (ROOT / name).read_bytes() for name in DOCUMENTS},
         "sbom.json": (json.dumps(bill(), indent=2) + "\n").encode(),
         **dict(notices()),
     }

@@ -210,6 +210,11 @@ def test_a_built_wheel_holds_its_package_and_its_notices(name, tmp_path):
         licence = archive.read(f"{info}/licenses/LICENSE")
     assert licence == (ROOT / "LICENSE").read_bytes()
     assert re.search("^License-Expression: Apache-2.0$", metadata, re.M)
+    if name.startswith("metricbody"):
+        shared = project(ROOT)
+        assert set(re.findall("^Classifier: (.*)$", metadata, re.M)) == set(shared["classifiers"])
+        addresses = dict(re.findall("^Project-URL: (.*), (.*)$", metadata, re.M))
+        assert addresses == shared["urls"]
     assert {f.partition("/")[0].removesuffix(".py") for f in files} == own | {info}
     assert {f"{one}/py.typed" for one in own} <= files or ALL[name].parent.name == "contrib"
     assert not [

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
 import stat
 import subprocess
 import sys
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -33,9 +35,20 @@ def test_the_archive_has_all_distributions_and_the_digest_of_each_file(archive):
     assert wheels == listed | {"metricbody"}
     sums = dict(line.split("  ")[::-1] for line in content["SHA256SUMS"].decode().splitlines())
     assert set(sums) == set(content) - {"SHA256SUMS", "__main__.py"}
-    assert {"constraints.txt", "sbom.json", "licences/LICENSE", "licences/NOTICE"} <= set(sums)
+    assert {"licences/LICENSE", "licences/NOTICE", "sbom.json"} <= set(sums)
+    for name in ("CHANGELOG.md", "CITATION.cff", "constraints.txt"):
+        assert content[name] == (ROOT / name).read_bytes()
     for name, digest in sums.items():
         assert hashlib.sha256(content[name]).hexdigest() == digest
+
+
+def test_the_changelog_and_the_citation_state_the_version_and_its_date():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    dated = re.search(r"^## (\S+) - (\d{4}-\d\d-\d\d)$", (ROOT / "CHANGELOG.md").read_text(), re.M)
+    cited = dict(re.findall(r"^([a-z-]+): (\S+)$", (ROOT / "CITATION.cff").read_text(), re.M))
+    assert dated is not None
+    assert (project["version"], cited["date-released"]) == dated.groups()
+    assert cited["version"] == project["version"]
 
 
 def test_a_damaged_archive_installs_nothing(archive, tmp_path):
