@@ -17,6 +17,7 @@ BENCHMARKS = {
     "given_bodies": "benchmarks.given_bodies",
     "exports_opened": "benchmarks.exports_opened",
     "run_cost": "benchmarks.run_cost",
+    "figures": "benchmarks.figures",
 }
 """Name -> module, whose ``main`` reads the command line."""
 

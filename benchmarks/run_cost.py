@@ -30,6 +30,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tools"))
 
 import docs_numbers
 import numpy as np
+import pages
 from docs_numbers import CODE, ROOT, git
 
 from benchmarks.fits import parser_of
@@ -154,6 +155,7 @@ def main() -> None:
         "rounds": given.rounds,
         "photos": measured,
     }
-    docs_numbers.COST.write_text(json.dumps(cost, indent=2) + "\n", encoding="utf-8")
-    docs_numbers.write_lines()
-    print(docs_numbers.cost_line(cost))
+    found = {**pages.figures(), "cost": cost}
+    pages.FIGURES.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    pages.write_pages()
+    print(pages.cost_line())

@@ -1,8 +1,7 @@
-"""The numbers that pictures of the documentation show: written beside the pictures, into the pages,
-and compared.
+"""The numbers that pictures of the documentation show: written beside the pictures, and compared.
 
 ``docs/pictures/numbers/NAME.json`` has those of one result, and lists the pictures that were drawn
-from it. A page has them as a line of text below ``<!-- numbers of NAME -->``.
+from it; ``pages.py`` writes them into pages.
 """
 
 from __future__ import annotations
@@ -26,8 +25,6 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).resolve().parents[1]
 NUMBERS = ROOT / "docs" / "pictures" / "numbers"
-COST = ROOT / "benchmarks" / "run_cost.json"
-"""What ``benchmarks/run_cost.py`` measured."""
 CODE = ("physic_core", "plugins")
 COMMAND = "make pictures"
 """What renews pictures, numbers and lines; messages name it."""
@@ -190,48 +187,3 @@ def git(*arguments: str) -> str:
     """Return what git prints in this checkout."""
     done = subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, text=True, check=True)
     return done.stdout.strip()
-
-
-def marked_lines(text: str) -> dict[str, str]:
-    """Return the lines of a page below its marks, by name."""
-    return dict(re.findall(r"^<!-- numbers of ([\w-]+) -->\n(.*)$", text, re.M))
-
-
-def with_line(text: str, name: str, line: str) -> str:
-    """Return a page with another line below the marks of this name."""
-    mark = re.escape(f"<!-- numbers of {name} -->\n")
-    return re.sub(rf"^({mark}).*$", lambda found: found[1] + line, text, flags=re.M)
-
-
-def pages_with_marks() -> list[Path]:
-    """Return the pages that show numbers."""
-    pages = [ROOT / "README.md", *sorted(ROOT.glob("docs/*.md"))]
-    return [page for page in pages if marked_lines(page.read_text(encoding="utf-8"))]
-
-
-def cost_line(cost: Mapping[str, Any]) -> str:
-    """Return the line that states what a photo costs."""
-    rows = [
-        f"`{photo}`: {one['cpu_s']:.0f} s of CPU time, {one['memory_gb']:.1f} GB of memory, "
-        f"{one['written_mb']:.0f} MB of files"
-        for photo, one in cost["photos"].items()
-    ]
-    return (
-        f"{'; '.join(rows)} (medians of {cost['rounds']} runs at commit {cost['commit']} on "
-        f"{cost['machine']})."
-    )
-
-
-def lines() -> dict[str, str]:
-    """Return the lines that pages state, by the names in their marks."""
-    captions = {name: caption(numbers) for name, numbers in read_numbers().items()}
-    return captions | {"a-run": cost_line(json.loads(COST.read_text(encoding="utf-8")))}
-
-
-def write_lines() -> None:
-    """Renew the lines of all pages from the numbers beside the pictures."""
-    for page in pages_with_marks():
-        text = page.read_text(encoding="utf-8")
-        for name, line in lines().items():
-            text = with_line(text, name, line)
-        page.write_text(text, encoding="utf-8")

@@ -25,6 +25,7 @@ os.environ["PHYSIC_CACHE"] = "off"
 import cv2
 import docs_numbers
 import numpy as np
+import pages
 import run_notebooks
 from PIL import Image
 
@@ -211,7 +212,7 @@ def main() -> None:
     PICTURES.mkdir(parents=True, exist_ok=True)
     for name in given.names or names:
         draw_result(name)
-    docs_numbers.write_lines()
+    pages.write_pages()
     if not given.names:
         run_notebooks.run_all(check=False)
 

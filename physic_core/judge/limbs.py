@@ -49,7 +49,7 @@ _check = partial(check, "person")
     unmeasured="the photo shows fewer than 4 limb joints clearly",
 )
 def limb_keypoints(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return :func:`limb_keypoint_error` of this person."""
+    """Return the distance of limb joints from their keypoints, of all but the worst tenth."""
     return limb_keypoint_error(
         result.people[person].joints,
         estimates.photo.keypoints.points[person],
@@ -68,8 +68,8 @@ def limb_keypoints(estimates: Estimates, result: Reconstruction, person: int) ->
     optional=True,
 )
 def limb_sigma(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the largest stated error of a wrist or an ankle relative to the middle of the hips,
-    metres, of arms and legs whose end the photo shows.
+    """Return the largest stated error of a visible wrist or ankle, relative to the middle of the
+    hips.
     """
     who = result.people[person]
     sigmas = {limb: sigma for limb, sigma in who.limb_sigmas.items() if not who.hides(limb)}
@@ -89,8 +89,8 @@ def limb_sigma(estimates: Estimates, result: Reconstruction, person: int) -> Mea
     optional=True,
 )
 def limb_spread(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return how far the 3D landmark of a wrist or an ankle that the photo shows moves between the
-    detector's looks, such as at the mirror image, at most, metres.
+    """Return the largest change of a visible wrist or ankle in 3D between the photo and its mirror
+    image.
     """
     keypoints = estimates.photo.keypoints
     if keypoints.world_spread is None:
@@ -121,9 +121,7 @@ def limb_spread(estimates: Estimates, result: Reconstruction, person: int) -> Me
     unmeasured=NO_BODY,
 )
 def hidden_limbs(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return how many upper and lower arms and legs, hands and feet are ``unseen``, of a person who
-    does not lie.
-    """
+    """Return the number of hidden parts of arms and legs (``unseen``), of people who do not lie."""
     who = result.people[person]
     if not who.has_body:
         return None
@@ -143,8 +141,8 @@ def hidden_limbs(estimates: Estimates, result: Reconstruction, person: int) -> M
     optional=True,
 )
 def given_keypoints(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return by how many standard deviations the body misses the worst of the keypoints that the
-    user gave.
+    """Return the distance of your farthest keypoint from the body, in standard deviations of 1 % of
+    the stature.
     """
     measured = result.people[person].measures
     off = measured.given_keypoints_px
@@ -169,8 +167,9 @@ def given_keypoints(estimates: Estimates, result: Reconstruction, person: int) -
     optional=True,
 )
 def contradicted_keypoints(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return how far mask and detector contradict the worst of the keypoints that the user gave, as
-    a share.
+    """Return the distance of your farthest keypoint from the mask, or from the detected joint.
+
+    As a share of the diagonal of the box.
     """
     given = estimates.is_given_keypoint
     contradicted = estimates.contradicted_px

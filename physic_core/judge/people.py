@@ -56,8 +56,8 @@ _check = partial(check, "person")
     warns=True,
 )
 def placed(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return whether all backends have results for this person, keypoints, depth and floor place
-    the body, not far below the floor, and the joint fit includes it.
+    """Return whether all backends have valid values for the person, the joint fit succeeded, and
+    the soles are less than half a meter below the floor.
     """
     if missing := estimates.missing_results[person]:
         return 0.0, (
@@ -104,7 +104,7 @@ def detected(estimates: Estimates, result: Reconstruction, person: int) -> Measu
     unmeasured="no pixel of the photo shows this person",
 )
 def heads(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the number of heads in this person's mask: those that the segmenter sees, or those of
+    """Return the number of heads in the person's mask, by the segmenter or by the keypoints of
     other people.
     """
     mask = estimates.photo.people.masks[person]
@@ -134,7 +134,7 @@ def heads(estimates: Estimates, result: Reconstruction, person: int) -> Measured
     unmeasured=NO_BODY,
 )
 def body_in_mask(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the share of the visible silhouette within the mask."""
+    """Return the share of the body's visible silhouette within the mask."""
     who = result.people[person]
     share = who.measures.body_in_mask_share
     if share is None and np.isfinite(who.joints).all():
@@ -152,12 +152,11 @@ def body_in_mask(estimates: Estimates, result: Reconstruction, person: int) -> M
     unmeasured="there is no floor and no surface near the body",
 )
 def support(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the largest, in metres, of the gap between the body and the nearest surface, the depth
-    of people who lie below the floor, and the distance of the lower sole below the floor, or above
-    it if the person stands.
+    """Return the largest of the gap between body and nearest surface, the depth of a lying body
+    below the floor, and the distance of a standing person's lower sole from the floor.
 
-    The gap does not count for people in the air, and where the support is assumed or touched
-    without a surface of the scene.
+    Metres. The gap does not count for people in the air, and where the support is assumed or
+    touched without a surface of the scene. A sole below the floor counts for everybody.
     """
     who = result.people[person]
     measures = who.measures
@@ -208,9 +207,10 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
     unmeasured="there is no body, or this preset estimates no probabilities",
 )
 def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the probability that feet, hands and seat all touch the world or not as the likelier
-    of both says; of people whose trunk is nearly horizontal that of the least sure part that
-    carries them, and 0 if none does.
+    """Return the probability that feet, hands and seat all touch something, or not, as listed; of
+    people who lie, that of the least certain part that carries them.
+
+    It is 0 if none carries a person who lies.
     """
     who = result.people[person]
     if not (likely := who.world_contact):
@@ -272,10 +272,11 @@ def _sure_carriers(who: Person) -> Measured:
     unmeasured=NO_BODY,
 )
 def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the larger tilt towards the camera or away of body and trunk, degrees, of a person
-    who is upright in the photo.
+    """Return the larger tilt of body and trunk toward the camera or away, of people who are upright
+    in the photo and do not ride.
 
-    The body counts on straight legs with a visible ankle: other ankles do not lie under the hips.
+    Degrees. The body counts on straight legs with a visible ankle: other ankles do not lie under
+    the hips.
     """
     joints = result.people[person].joints
     if not np.isfinite(joints).all():
@@ -312,8 +313,8 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     unmeasured="there is no body, or this preset estimates no probabilities",
 )
 def unknown_contacts(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return how many parts touch what lies nowhere near them, without those that are assumed, of a
-    person who does not lie.
+    """Return the number of visible parts in contact that have no surface within 10 cm, of people
+    who do not lie.
     """
     who = result.people[person]
     if not who.world_contact:
@@ -337,7 +338,7 @@ def unknown_contacts(estimates: Estimates, result: Reconstruction, person: int) 
     unmeasured="too few pixels at the lower end of the body are visible and have a depth",
 )
 def low_depth(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the difference of the photo's depth from the body's at the lower end of the
+    """Return the difference between the depth of photo and body at the lower end of the
     silhouette, as a share.
     """
     ratio = result.people[person].measures.low_depth_ratio
@@ -354,8 +355,8 @@ def low_depth(estimates: Estimates, result: Reconstruction, person: int) -> Meas
     optional=True,
 )
 def given_size(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return by how many standard deviations the size in the photo differs from that of a given age
-    or stature.
+    """Return the difference between the stature in the photo and the one you gave, or that of the
+    age you gave, in standard deviations.
     """
     measured = result.people[person].measures
     given = measured.given_stature_m

@@ -66,7 +66,7 @@ def photo_alignment(estimates: Estimates, result: Reconstruction) -> Measured:
 # 10 degrees.
 @_check("Floor where the photo shows floor", at_least=1, unit=YES)
 def floor(estimates: Estimates, result: Reconstruction) -> Measured:
-    """Return whether a floor was found and lies in the segmenter's floor mask."""
+    """Return whether a floor was found, and lies where the segmenter detects floor."""
     report = result.diagnostics["scene"]["floor"]
     reason = report["reason"]
     in_mask = report["in_mask"]
@@ -110,8 +110,10 @@ def floor(estimates: Estimates, result: Reconstruction) -> Measured:
     optional=True,
 )
 def floor_shown(estimates: Estimates, result: Reconstruction) -> Measured:
-    """Return the share of the floor's visible pixels whose neighbourhood varies by more than one of
-    255 levels; or, if it is larger and the floor is the segmenter's, of those in its mask.
+    """Return the share of the floor's visible pixels with texture, or in the segmenter's mask.
+
+    A pixel has texture if its neighbourhood varies by more than one of 255 levels. The mask counts
+    if it has more of them, and the floor is the segmenter's.
     """
     plane = estimates.ground.search.plane
     if result.scene.floor is None or plane is None:
@@ -136,7 +138,7 @@ def floor_shown(estimates: Estimates, result: Reconstruction) -> Measured:
     unmeasured="the backend of metric_depth does not estimate its scale error",
 )
 def scale_sigma(estimates: Estimates, result: Reconstruction) -> Measured:
-    """Return the standard deviation of log(scale)."""
+    """Return the standard deviation of the logarithm of all lengths."""
     sigma = result.scene.scale_sigma
     if sigma is None:
         return None
@@ -155,8 +157,8 @@ def scale_sigma(estimates: Estimates, result: Reconstruction) -> Measured:
     optional=True,
 )
 def given_depth(estimates: Estimates, result: Reconstruction) -> Measured:
-    """Return the difference of the scales by a measured depth and by people, in standard
-    deviations.
+    """Return the difference between the scale of your depth and that of people's sizes, in
+    standard deviations.
     """
     measured = estimates.ground.measured
     if measured is None:
@@ -177,8 +179,8 @@ def given_depth(estimates: Estimates, result: Reconstruction) -> Measured:
     optional=True,
 )
 def depth_scale(estimates: Estimates, result: Reconstruction) -> Measured:
-    """Return the difference of the scale by the metric depth from that by all other witnesses that
-    are likely right, in standard deviations.
+    """Return the difference between the scale of the metric depth and that of all other evidence
+    that is probably right, in standard deviations.
     """
     from physic_core.engine.sizes.evidence import (
         ScaleEvidence,
@@ -218,8 +220,9 @@ def depth_scale(estimates: Estimates, result: Reconstruction) -> Measured:
     optional=True,
 )
 def depth_order(estimates: Estimates, result: Reconstruction) -> Measured:
-    """Return by how much the correlation of metric depth and point map, along rows, grows if one is
-    mirrored.
+    """Return how much the correlation of metric depth and point map grows if one is mirrored.
+
+    The correlation is along rows.
     """
     step = max(1, max(estimates.photo.hole.shape) // _CORRELATED_PX)
     scene = estimates.photo.scene_map
@@ -247,7 +250,7 @@ def depth_order(estimates: Estimates, result: Reconstruction) -> Measured:
     optional=True,
 )
 def principal_point(estimates: Estimates, result: Reconstruction) -> Measured:
-    """Return the distance of a given principal point from the centre, as a share of the photo's
+    """Return the distance of your principal point from the center, as a share of the photo's
     width or height.
     """
     camera = result.intrinsics
@@ -273,7 +276,7 @@ def principal_point(estimates: Estimates, result: Reconstruction) -> Measured:
     optional=True,
 )
 def focal_agreement(estimates: Estimates, result: Reconstruction) -> Measured:
-    """Return the largest difference of a backend's focal length from the given one, as a share."""
+    """Return the largest difference between a backend's focal length and yours, as a share."""
     camera = result.intrinsics
     if not camera.known:
         return None
@@ -300,8 +303,9 @@ _BOX = "one --box x0,y0,x1,y1 for each person to keep may find one"
 
 @_check("Large people without a body", at_most=0, unit="count")
 def unposed_people(estimates: Estimates, result: Reconstruction) -> Measured:
-    """Return the number of boxes without a body that are as large as main people, and not of people
-    with a body.
+    """Return the number of large boxes around people without a body.
+
+    Boxes count if they are as large as main people's, and not of people with a body.
     """
     people = estimates.photo.people
     boxes: list[FloatArray] = list(people.boxes)

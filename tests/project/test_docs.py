@@ -105,6 +105,11 @@ def test_every_script_of_the_pages_runs(text, tmp_path, monkeypatch):
     exec(compile(text, "page", "exec"), {})
 
 
+def test_pages_state_what_code_and_measurements_do(module_at, monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "tools")
+    assert module_at("tools/pages.py").old_pages() == []
+
+
 @pytest.mark.parametrize("page", ["ARCHITECTURE.md", "README.md", "CONTRIBUTING.md", "docs/api.md"])
 def test_every_file_that_a_paper_names_is_there(page):
     text = (ROOT / page).read_text()

@@ -1,0 +1,109 @@
+"""Write the public figures to docs/figures.json, and into the pages that state them.
+
+    python -m benchmarks figures [--truth RESULTS]
+
+The figures are how often marks are right (what ``trust_on_photos`` wrote), what a photo costs
+(``run_cost``), and the errors on photos with measured truth: the ``results.json`` of
+``python -m benchmarks truth`` that ``--truth`` names, else those that are there. ``tools/pages.py``
+writes the pages.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tools"))
+
+from docs_numbers import commit_of_code
+from pages import FIGURES, write_pages
+
+from physic_core.judge import CHECKS
+from physic_core.judge.trust import ALL
+from physic_core.types import MARKS
+
+from .fits import parser_of
+from .trust_on_photos import TRUST, VERDICTS, Row, judged, right_share
+
+READERS = "vision-language models"
+"""Who judged the people of the table."""
+
+TRUTH_ROWS = {
+    "PA-MPJPE mm, upright": 0,
+    "PA-MPJPE mm, on floor, seat or bent": 0,
+    "PA-MPJPE mm, parkour": 0,
+    "root-aligned MPJPE mm, mean of sets": 0,
+    "MPJPE mm at own scale, mean of sets": 0,
+    "depth of the pelvis, estimated / true, mean of sets": 2,
+    "floor: angle deg": 1,
+    "camera height off by": 2,
+}
+"""Rows of the benchmark's table that pages show, with the digits that their counts allow."""
+
+
+def main() -> int:
+    """Measure, and write file and pages."""
+    parser = parser_of("figures", __doc__, fits=False)
+    parser.add_argument("--truth", type=Path, metavar="RESULTS", help="results.json of truth")
+    given = parser.parse_args()
+    earlier = json.loads(FIGURES.read_text(encoding="utf-8")) if FIGURES.exists() else {}
+    rows = [row for row in json.loads(VERDICTS.read_text(encoding="utf-8")) if row["verdicts"]]
+    figures = {
+        **earlier,
+        "commit": commit_of_code(),
+        "trust": trust_figures(rows),
+        "truth": truth_figures(given.truth) if given.truth else earlier["truth"],
+    }
+    FIGURES.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+    write_pages()
+    return 0
+
+
+def trust_figures(rows: Sequence[Row]) -> dict[str, Any]:
+    """Return how often each mark is right, of people in photos that took no part in the fit."""
+    fit = json.loads(TRUST.read_text(encoding="utf-8"))
+    return {
+        "people": len(rows),
+        "photos": len({row["photo"] for row in rows}),
+        "readers": len({reader for row in rows for reader in row["verdicts"]}),
+        "read by": READERS,
+        "agreement": fit["agreement of readers"],
+        "right": {mark: share(rows, mark) for mark in (*MARKS, ALL)},
+        "scores": {mark: of["all"] for mark, of in fit["people who took no part"].items()},
+        "children": share([row for row in rows if row["child"]], ALL),
+        "where a check fails": {
+            name: share([row for row in rows if is_failed(row, name)], ALL) for name in CHECKS
+        },
+    }
+
+
+def share(rows: Sequence[Row], mark: str) -> dict[str, float | None]:
+    """Return the share of people whose mark is right, with their number."""
+    known = judged(rows, mark)
+    return {"people": len(known), "share": round(right_share(rows, mark), 2) if known else None}
+
+
+def is_failed(row: Row, name: str) -> bool:
+    """Return whether a check of a person fails."""
+    value, spec = row["checks"].get(name), CHECKS[name]
+    if value is None:
+        return False
+    return bool(value > spec.threshold if spec.direction == "at most" else value < spec.threshold)
+
+
+def truth_figures(file: Path) -> dict[str, Any]:
+    """Return the rows of a run of ``truth`` that pages show."""
+    run: Mapping[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+    return {
+        "commit": commit_of_code(),
+        "preset": run["preset"],
+        "photos": run["photos"],
+        "rows": [
+            {**row, "digits": TRUTH_ROWS[row["name"]]}
+            for row in run["table"]
+            if row["name"] in TRUTH_ROWS
+        ],
+    }

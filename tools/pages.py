@@ -1,0 +1,285 @@
+"""The parts of pages that code, pictures or measurements state.
+
+    python tools/pages.py            # write them
+    python tools/pages.py --check    # name the pages that state anything else
+
+A part stands below its mark, ``<!-- tools/pages.py: NAME -->``, and ends at the next blank line.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+import sys
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import docs_numbers
+
+from physic_core import find_exporters
+from physic_core.cli.exit_codes import MEANINGS
+from physic_core.judge import CHECKS, CheckSpec
+from physic_core.judge.trust import ALL
+
+ROOT = Path(__file__).resolve().parents[1]
+FIGURES = ROOT / "docs" / "figures.json"
+"""What ``python -m benchmarks figures`` and ``run_cost`` measured."""
+MARKS = ("place", "size", "contact", "pose")
+"""The marks of people, the most often right ones first."""
+FEW = 10
+"""Of fewer people no share is stated."""
+
+_PART = re.compile(r"^(<!-- tools/pages\.py: ([\w-]+) -->\n)((?:.+\n)*)", re.M)
+
+
+def figures() -> dict[str, Any]:
+    """Return the public figures."""
+    read: dict[str, Any] = json.loads(FIGURES.read_text(encoding="utf-8"))
+    return read
+
+
+def table(names: Iterable[str], rows: Iterable[Iterable[str]], numbers: int = 0) -> str:
+    """Return a table, its last columns aligned as numbers."""
+    names = list(names)
+    rule = "|" + "---|" * (len(names) - numbers) + "---:|" * numbers
+    head, *lines = (f"| {' | '.join(cells)} |" for cells in (names, *rows))
+    return "\n".join((head, rule, *lines))
+
+
+def percent(share: float) -> str:
+    return f"{100 * share:.0f} %"
+
+
+def with_interval(text: str) -> str:
+    """Return a share with its interval, "0.743 (0.668 to 0.812)", in percent."""
+    value, low, high = (100 * float(number) for number in re.findall(r"[\d.]+|nan", text))
+    return "-" if value != value else f"{value:.0f} % ({low:.0f} to {high:.0f})"
+
+
+def marks_table() -> str:
+    trust = figures()["trust"]
+    return table(
+        ("mark", "people", "right", "usable", "right if usable", "right if doubtful"),
+        (
+            (
+                mark,
+                str(trust["right"][mark]["people"]),
+                percent(trust["right"][mark]["share"]),
+                percent(float(trust["scores"][mark]["share usable"].split()[0])),
+                with_interval(trust["scores"][mark]["usable and right"]),
+                with_interval(trust["scores"][mark]["doubtful and right"])
+                if trust["scores"][mark]["share usable"] < "0.95"
+                else "-",
+            )
+            for mark in MARKS
+        ),
+        5,
+    )
+
+
+def marks_line() -> str:
+    trust = figures()["trust"]
+    words = (
+        f"{mark} for {percent(trust['right'][mark]['share'])} "
+        f"({with_interval(trust['scores'][mark]['usable and right']).partition(' (')[0]} if usable)"
+        for mark in MARKS
+    )
+    return (
+        f"By the judgment of {trust['read by']} on {trust['people']} people in {trust['photos']} "
+        f"photos (contact: {trust['right']['contact']['people']} people), these are right: "
+        f"{', '.join(words)}."
+    )
+
+
+def all_marks_line() -> str:
+    trust = figures()["trust"]
+    right, scores = trust["right"][ALL], trust["scores"][ALL]
+    return (
+        f"All four marks are right for {percent(right['share'])} of {right['people']} people, and "
+        f"for {with_interval(scores['right above one half'])} of those with a `trust` of 0.5 or "
+        f"more. The AUC of `trust` is {scores['AUC']}."
+    )
+
+
+def readers_line() -> str:
+    trust = figures()["trust"]
+    pose = trust["agreement"]["pose"]
+    equal, kappa, people = re.findall(r"[\d.]+", pose)
+    return (
+        f"The figures are of {trust['people']} people in {trust['photos']} photos. "
+        f"{trust['readers']} readers, all {trust['read by']}, judged them, two to four for each "
+        f"person. Two readers agree on {percent(float(equal))} of poses (kappa {kappa}, {people} "
+        "people)."
+    )
+
+
+def children_line() -> str:
+    found = figures()["trust"]["children"]
+    return f"All four marks are right for {right_text(found)} children."
+
+
+def right_text(found: Mapping[str, Any]) -> str:
+    """Return a share of people in words; a count where they are few."""
+    people = found["people"]
+    if not people:
+        return "-"
+    if people < FEW:
+        return f"{round(found['share'] * people)} of {people}"
+    return f"{percent(found['share'])} of {people}"
+
+
+def truth_table() -> str:
+    truth = figures()["truth"]
+    return table(
+        ("figure", "value", "95 % interval", "of"),
+        (
+            (
+                row["name"],
+                f"{row['value']:.{row['digits']}f}",
+                f"{row['low']:.{row['digits']}f} to {row['high']:.{row['digits']}f}",
+                str(row["count"]),
+            )
+            for row in truth["rows"]
+        ),
+        3,
+    )
+
+
+def truth_line() -> str:
+    truth = figures()["truth"]
+    photos = ", ".join(f"{count} of {name}" for name, count in truth["photos"].items() if count)
+    return f"Preset `{truth['preset']}` at commit {truth['commit']}, {photos}:"
+
+
+def cost_line() -> str:
+    cost = figures()["cost"]
+    rows = [
+        f"`{photo}`: {one['cpu_s']:.0f} s of CPU time, {one['memory_gb']:.1f} GB of memory, "
+        f"{one['written_mb']:.0f} MB of files"
+        for photo, one in cost["photos"].items()
+    ]
+    return (
+        f"{'; '.join(rows)} (medians of {cost['rounds']} runs at commit {cost['commit']} on "
+        f"{cost['machine']})."
+    )
+
+
+def checks_table(of: str) -> str:
+    found = figures()["trust"]["where a check fails"]
+    head = ["label", "name", "value", "limit"]
+    people = of == "person"
+    return table(
+        [*head, "right if it fails"] if people else head,
+        (
+            [
+                spec.label,
+                f"`{spec.name}`",
+                value_of(spec) + ("; only if there is one" if spec.optional else ""),
+                limit_of(spec),
+                *([right_text(found[spec.name])] if people else []),
+            ]
+            for spec in CHECKS.values()
+            if spec.of == of
+        ),
+        int(people),
+    )
+
+
+def value_of(spec: CheckSpec) -> str:
+    """Return what a check measures, from the first paragraph of its docstring."""
+    first = " ".join((inspect.getdoc(spec.measure) or "").partition("\n\n")[0].split())
+    text = first.removeprefix("Return ").removeprefix("the ").rstrip(".")
+    return re.sub(r":\w+:`(?:[\w.]+\.)?(\w+)`|``(.+?)``", lambda m: f"`{m[1] or m[2]}`", text)
+
+
+def limit_of(spec: CheckSpec) -> str:
+    return spec.compare(spec.threshold).bound_text.removeprefix("must be ")
+
+
+def exports_table() -> str:
+    rows = sorted((found.record for found in find_exporters()), key=lambda one: one.name)
+    return table(
+        ("`--to`", "for", "`--up`", "options"),
+        (
+            (
+                f"`{one.name}`",
+                one.audience,
+                ", ".join(f"`{up}`" for up in one.ups),
+                ", ".join(f"`--{option.replace('_', '-')}`" for option in one.options),
+            )
+            for one in rows
+        ),
+    )
+
+
+def exit_codes_table() -> str:
+    return table(("code", "meaning"), ((str(c), text) for c, text in MEANINGS.items()))
+
+
+def layers(container: str) -> str:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    (found,) = (
+        contract["layers"]
+        for contract in project["tool"]["importlinter"]["contracts"]
+        if contract.get("containers") == [container]
+    )
+    return "\n".join(["```text", *found, "```"])
+
+
+def parts() -> dict[str, Callable[[], str]]:
+    """Return what writes each part, by name."""
+    captions = {
+        f"caption-of-{name}": lambda shown=shown: docs_numbers.caption(shown)
+        for name, shown in docs_numbers.read_numbers().items()
+    }
+    return captions | {
+        "marks": marks_table,
+        "marks-in-a-line": marks_line,
+        "all-marks": all_marks_line,
+        "readers": readers_line,
+        "children": children_line,
+        "truth": truth_table,
+        "truth-of": truth_line,
+        "cost": cost_line,
+        "checks-of-the-photo": lambda: checks_table("photo"),
+        "checks-of-a-person": lambda: checks_table("person"),
+        "exports": exports_table,
+        "exit-codes": exit_codes_table,
+        "layers-of-the-core": lambda: layers("physic_core"),
+        "layers-of-the-engine": lambda: layers("physic_core.engine"),
+    }
+
+
+def pages() -> list[Path]:
+    """Return the pages with such parts."""
+    found = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("*/*.md")]
+    return sorted({page for page in found if _PART.search(page.read_text(encoding="utf-8"))})
+
+
+def renewed(text: str) -> str:
+    """Return a page with its parts as they are now."""
+    made = parts()
+    return _PART.sub(lambda found: f"{found[1]}{made[found[2]]()}\n", text)
+
+
+def old_pages() -> list[str]:
+    """Return the pages that state anything else."""
+    texts = {page: page.read_text(encoding="utf-8") for page in pages()}
+    return [str(page.relative_to(ROOT)) for page, text in texts.items() if renewed(text) != text]
+
+
+def write_pages() -> None:
+    """Renew all pages."""
+    for page in pages():
+        page.write_text(renewed(page.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    if sys.argv[1:] == ["--check"]:
+        sys.exit(
+            "".join(f"{page} is old: python tools/pages.py renews it\n" for page in old_pages())
+        )
+    write_pages()
