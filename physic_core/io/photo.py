@@ -20,9 +20,16 @@ from physic_core.files.image_file import (
     wrap_decoding_errors,
 )
 from physic_core.io.colour import code_points, srgb_conversion
-from physic_core.io.exif import EXIF_IFD, ORIENTATION, intrinsics_from_exif, swaps_sides
+from physic_core.io.exif import (
+    EXIF_IFD,
+    INTEROPERABILITY_IFD,
+    ORIENTATION,
+    intrinsics_from_exif,
+    swaps_sides,
+)
 from physic_core.io.file_geometry import drone_note, panorama_kind, stretched_pixels, up_of_gimbal
 from physic_core.io.result_folder import file_digest, image_digest
+from physic_core.io.thumbnail import share_of_thumbnail
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
@@ -278,6 +285,7 @@ def _read(image: Image.Image, source: ImageSource, colours: tuple[int, int] | No
     left = factor // max(1, round(max(stored) / max(image.size)))
     with wrap_decoding_errors(source):
         rgb, conversions = _to_rgb(image, left, deep, colours, source)
+    thumbnail = share_of_thumbnail(image, rgb)
     if orientation != 1:
         rgb = np.array(Image.fromarray(rgb).transpose(_UPRIGHT[orientation]))
         notes.append("rotated upright according to the EXIF orientation")
@@ -289,7 +297,12 @@ def _read(image: Image.Image, source: ImageSource, colours: tuple[int, int] | No
         )
     stretched = stretched_pixels(image.info, tags, stored, orientation)
     intrinsics, focal_notes = intrinsics_from_exif(
-        {} if stretched else tags, stored, width, height, orientation
+        {} if stretched else tags,
+        stored,
+        width,
+        height,
+        orientation,
+        thumbnail,
     )
     notes += [exif_note, *focal_notes, drone_note(xmp)]
     upright = stored[::-1] if swaps_sides(orientation) else stored
@@ -337,7 +350,7 @@ def _exif(image: Image.Image) -> tuple[int, dict[int, Any], str]:
         with wrap_decoding_errors(ImageSource("")):
             exif = image.getexif()
             orientation = exif.get(ORIENTATION, 1)
-            tags = {**exif, **exif.get_ifd(EXIF_IFD)}
+            tags = {**exif, **exif.get_ifd(EXIF_IFD), **exif.get_ifd(INTEROPERABILITY_IFD)}
     except InputError:
         return 1, {}, ""  # the pixels are valid: a damaged EXIF block only loses the focal length
     return (orientation if orientation in _UPRIGHT else 1), tags, ""

@@ -9,7 +9,9 @@ import io
 import math
 import os
 import socket
+import struct
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -323,19 +325,56 @@ def test_a_photo_that_is_replaced_has_the_digest_of_the_pixels_that_were_read(
 def test_the_35_mm_equivalent_is_read_by_the_diagonal(stored):
     photo = read_photo(stored("JPEG", exif={0xA405: 26}))
     focal = 26 * math.hypot(WIDTH, HEIGHT) / math.hypot(36, 24)
-    assert photo.intrinsics == Intrinsics.from_focal(
-        focal, WIDTH, HEIGHT, "EXIF: 26 mm (35 mm equivalent, by the diagonal)", "known"
+    expected = Intrinsics.from_focal(
+        focal, WIDTH, HEIGHT, "EXIF: 26 mm (35 mm equivalent, by the diagonal)", "estimated"
     )
+    assert photo.intrinsics == replace(expected, focal_sigma=0.1)
     assert ["cropped" in note for note in photo.notes] == [True]
 
 
+def with_thumbnail(path, picture, thumbnail):
+    """A JPEG of 26 mm (35 mm equivalent) with a thumbnail in its EXIF data."""
+    stream = io.BytesIO()
+    thumbnail.save(stream, "JPEG")
+    data = stream.getvalue()
+    # 8: first directory, with that of Exif; 26: the latter; 44: that of the thumbnail; 74: its data
+    first = struct.pack("<HHHIII", 1, 0x8769, 4, 1, 26, 44)
+    exif = struct.pack("<HHHIII", 1, 0xA405, 3, 1, 26, 0)
+    place = struct.pack("<HHHIIHHIII", 2, 0x0201, 4, 1, 74, 0x0202, 4, 1, len(data), 0)
+    blob = b"Exif\0\0" + b"II*\0\x08\0\0\0" + first + exif + place + data
+    picture.save(path, exif=blob, quality=95)
+    return read_photo(path)
+
+
+@pytest.mark.parametrize(
+    ("box", "bars", "word"),
+    [
+        ((0, 0, 640, 480), 0, ""),
+        ((0, 0, 640, 480), 12, ""),
+        ((80, 60, 560, 420), 0, "thumbnail shows more"),
+        ((160, 0, 640, 360), 0, "thumbnail shows more"),
+    ],
+)
+def test_a_thumbnail_tells_the_whole_photo_from_a_crop(tmp_path, box, bars, word):
+    noise = np.random.default_rng(1).integers(0, 256, (12, 16, 3), np.uint8)
+    whole = Image.fromarray(noise).resize((640, 480), Image.Resampling.BICUBIC)
+    thumbnail = Image.new("RGB", (160, 120 + 2 * bars))
+    thumbnail.paste(whole.resize((160, 120)), (0, bars))
+    photo = with_thumbnail(tmp_path / "a.jpg", whole.crop(box), thumbnail)
+    assert (photo.intrinsics is None) == bool(word)
+    if photo.intrinsics is None:
+        assert word in " ".join(photo.notes)
+    else:
+        assert photo.intrinsics.known
+
+
 def test_a_turned_photo_swaps_the_focal_lengths(stored):
-    plane = {0x920A: 50.0, 0xA20E: 100.0, 0xA20F: 110.0, 0xA210: 3}  # px a centimetre
-    size = {0xA002: 360, 0xA003: 240}
-    picture = Image.fromarray(corners(360, 240))
+    plane = {0x920A: 50.0, 0xA20E: 400.0, 0xA20F: 440.0, 0xA210: 3}  # px a centimetre
+    size = {0xA002: 1800, 0xA003: 1200}
+    picture = Image.fromarray(corners(1800, 1200))
     intrinsics = read_photo(stored("JPEG", picture, exif={0x0112: 6} | plane | size)).intrinsics
-    assert (intrinsics.width, intrinsics.height) == (240, 360)
-    assert (intrinsics.fx, intrinsics.fy) == pytest.approx((550, 500), rel=1e-6)
+    assert (intrinsics.width, intrinsics.height) == (1200, 1800)
+    assert (intrinsics.fx, intrinsics.fy) == pytest.approx((2200, 2000), rel=1e-6)
 
 
 @pytest.mark.parametrize(("size", "shape"), [(1 << 20, (HEIGHT, WIDTH)), (1, (WIDTH, HEIGHT))])
