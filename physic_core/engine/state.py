@@ -21,6 +21,7 @@ from physic_core.engine.sizes.known_sizes import KnownGeometry
 from physic_core.engine.whom import Meeting
 from physic_core.errors import PhysicError
 from physic_core.geometry.alignment import Alignment
+from physic_core.geometry.readings import Comparison
 from physic_core.types import Bodies, ContactProbability, DepthMap, KnownSizes
 from physic_core.types.arrays import PER_PERSON, select_people, shape, wrong_rows
 from physic_core.types.contacts import BodyContact, ContactPartner, Support
@@ -106,6 +107,7 @@ class Estimates(ShortRepr):
         contradicted_px: (N, J), how far mask and detector contradict them, px; None if none.
         given_bodies: the bodies that the user gives, in the frame of the camera; None if none.
         file_px_per_px: px of the photo file in one px of ``image``, stated if keypoints are given.
+        reading: how a depth or point map of the user's fits the photo; None without one.
     """
 
     image: UInt8Array
@@ -124,6 +126,7 @@ class Estimates(ShortRepr):
     contradicted_px: FloatArray | None = field(default=None, metadata=PER_PERSON)
     file_px_per_px: float = 1.0
     given_bodies: MatchedBodies | None = field(default=None, metadata=PER_PERSON)
+    reading: Comparison | None = None
 
     def __post_init__(self) -> None:
         count = len(self.photo.people)

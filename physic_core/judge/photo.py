@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from physic_core.geometry.readings import LIKELY, STRANGER, compare_depth
 from physic_core.judge.spec import YES, check
 from physic_core.types.contacts import has_sole_on_floor
 from physic_core.types.results import main_people
@@ -31,8 +32,6 @@ _NO_PEOPLE = "no person was found"
 _OTHER_INPAINTER = "Try --set inpainter.backend=telea"
 _FLOOR_LINE = "compare the floor's line with the photo, from the side in preview.png"
 _COVERED_SHARE = 0.5  # of a box that holds parts of a person who has a body
-_CORRELATED_PX = 200  # of the long side
-_SAME = 0.999  # correlation with the point map, of a depth that is derived from it
 _MOST_PITCH_DEG = 15.0  # of a camera that looks up and shows the floor
 _LIKELY = 0.5  # least probability of a witness that counts
 
@@ -211,34 +210,41 @@ def depth_scale(estimates: Estimates, result: Reconstruction) -> Measured:
     )
 
 
-# Of mirrored depths of 40 worlds 39 give 0.3 and more, the others -0.1 and less.
+# Of correct files 0.85 and more; where the answer is clear, the file is refused.
 @_check(
-    "Depth fits better if mirrored",
-    at_most=0.3,
-    unit="correlation",
-    contradicts=("place",),
+    "Depth fits better if read otherwise",
+    at_least=LIKELY,
+    share_of="the error of the depth as it is read",
+    contradicts=("place", "size"),
     optional=True,
 )
 def depth_order(estimates: Estimates, result: Reconstruction) -> Measured:
-    """Return how much the correlation of metric depth and point map grows if one is mirrored.
+    """Return the error of the best other reading of the metric depth over that of this one.
 
-    The correlation is along rows.
+    Other readings are mirrored, moved, along the ray, and others. The point map says what is right.
     """
-    step = max(1, max(estimates.photo.hole.shape) // _CORRELATED_PX)
-    scene = estimates.photo.scene_map
-    z, depth = (each[::step, ::step] for each in (scene.points[..., 2], estimates.depth.depth))
-    known = scene.valid[::step, ::step] & (depth > 0) & np.isfinite(depth)
-    known &= known[:, ::-1]
-    one, other = (_along_rows(array, known) for array in (z, depth))
-    size = max(float(np.linalg.norm(one) * np.linalg.norm(other)), 1e-9)
-    own, mirrored = (float((one * way).sum()) / size for way in (other, other[:, ::-1]))
-    if not known.any() or own > _SAME:
-        return None
-    return mirrored - own, (
-        f"the depth of {estimates.depth_backend} fits the point map better if left and right are "
-        f"exchanged. Check that a file you gave is neither mirrored nor a disparity; else do not "
-        f"use the depth"
+    photo = estimates.photo
+    found = estimates.reading or compare_depth(
+        estimates.depth.depth, (photo.scene_map,), result.intrinsics
     )
+    if not found.what:
+        return None
+    source = "that you gave" if estimates.reading else f"of {estimates.depth_backend}"
+    return found.ratio, f"the depth {source} was followed, and {found}"
+
+
+@_check(
+    "Given depth off the photo",
+    at_most=STRANGER,
+    share_of="what a network sees, unexplained",
+    contradicts=("place", "size"),
+    optional=True,
+    advice="the depth that you gave was followed, and hardly fits the photo: is it of another photo"
+    " or crop, or not depth? If so, do not use places and sizes",
+)
+def depth_fits(estimates: Estimates, result: Reconstruction) -> Measured:
+    """Return the share of what a network sees that your depth or point map leaves unexplained."""
+    return None if estimates.reading is None else estimates.reading.error
 
 
 @_check(
@@ -337,14 +343,6 @@ def _is_covered(box: tuple[float, float, float, float], mask: BoolArray) -> bool
 def relative_difference(ratio: float) -> float:
     """Return the share by which the larger of two numbers exceeds the smaller, from their ratio."""
     return math.exp(abs(math.log(ratio))) - 1
-
-
-def _along_rows(depth: FloatArray, known: BoolArray) -> FloatArray:
-    """Return log depth (H, W) less the mean of its row; 0 where it is not known."""
-    logs = np.log(np.where(known, depth, 1.0))
-    mean = logs.sum(1, keepdims=True) / np.maximum(known.sum(1, keepdims=True), 1)
-    centred: FloatArray = np.where(known, logs - mean, 0.0)
-    return centred
 
 
 def _texture(image: UInt8Array) -> FloatArray:

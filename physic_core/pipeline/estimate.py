@@ -42,9 +42,8 @@ def run_backends(run: PhotoRun) -> Estimates:
     """Run all backends on a photo.
 
     Raises:
-        ConfigError: a measured depth is a disparity.
-        InputError: the number of known statures differs from that of the people, or given keypoints
-            are of no person or joint.
+        InputError: the number of known statures differs from that of the people, given keypoints
+            are of no person or joint, or a given depth or point map does not show this photo.
         NoPersonError: a prompt selects no person, or people are required and the segmenter found
             none.
         BackendError: a required backend failed.
@@ -100,6 +99,7 @@ def run_backends(run: PhotoRun) -> Estimates:
         contradicted_px=joints.contradicted_px,
         file_px_per_px=joints.file_px_per_px,
         given_bodies=given,
+        reading=maps.reading,
     )
 
 

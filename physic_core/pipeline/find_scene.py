@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.backends.masks import dilate
-from physic_core.errors import NoPersonError
+from physic_core.errors import InputError, NoPersonError, PhysicError
 from physic_core.interfaces import InpainterRequest, MetricDepthRequest, RelativePointmapRequest
 from physic_core.types import DepthMap, Hints, Intrinsics, Pointmap
 from physic_core.types.results import KNOWN_UP_SIGMA_DEG
@@ -24,9 +24,18 @@ if TYPE_CHECKING:
     from physic_core.engine.ground.floor_and_scale import Ground
     from physic_core.engine.photo import PhotoContent
     from physic_core.engine.placement.method import PlacementStageMethod
+    from physic_core.geometry.readings import Comparison
     from physic_core.pipeline.find_people import FoundPeople
     from physic_core.pipeline.photo_run import PhotoRun
-    from physic_core.types import Bodies, BoolArray, Keypoints, Observations, People, UInt8Array
+    from physic_core.types import (
+        Bodies,
+        BoolArray,
+        FloatArray,
+        Keypoints,
+        Observations,
+        People,
+        UInt8Array,
+    )
 
 
 @dataclass(frozen=True)
@@ -53,6 +62,7 @@ class Maps(ShortRepr):
         camera: of both.
         own_depth: metric depth with a scale of its own, without the hole; None without one.
         hints: for the next backend, with the scene as it was measured or estimated.
+        reading: of a depth or point map of a file; None without one.
     """
 
     inpainting: Inpainting
@@ -61,6 +71,7 @@ class Maps(ShortRepr):
     camera: Intrinsics
     own_depth: DepthMap | None
     hints: Hints
+    reading: Comparison | None = None
 
 
 @dataclass(frozen=True)
@@ -101,17 +112,81 @@ def map_photo(run: PhotoRun, people: People, keypoints: Keypoints, inpainting: I
     scene, doubt = with_up_of_file(scene, run.given.photo.up)
     run.stages.warn(*filter(None, (doubt,)))
     camera = camera or scene.intrinsics or _camera_of(scene)
-    scene, measured, own = _depth_of_photo(run, scene, hole, camera)
     hints = replace(hints, intrinsics=camera, hole=None, photo=None, scene=scene)
     original = _pointmap(run, "photo point map", run.image, hints) if hole.any() else scene
-    if own is not None and measured is not None:
-        from physic_core.engine.scene.measured_shape import in_usual_unit
-        from physic_core.prepare.depth import photo_of_depth
+    reading, seen = _compared_points(run, original, camera) or (None, (original, scene))
+    maps = Maps(inpainting, scene, original, camera, None, hints, reading)
+    if run.resolved("metric depth").backend.sees != "photo":
+        return maps
+    return _with_depth_of_photo(run, maps, seen, people)
 
-        if hole.any():
-            original = photo_of_depth(original, scene, measured, own, people.masks, camera)
-        scene = in_usual_unit(scene)
-    return Maps(inpainting, scene, original, camera, own, hints)
+
+def _compared_points(run: PhotoRun, original: Pointmap, camera: Intrinsics) -> tuple[Pointmap, ...]:
+    """Compare a point map of a file with that of the network that it replaces, and return the
+    latter; nothing without a file.
+
+    Raises:
+        InputError: the file does not show this photo.
+    """
+    if run.plan.config.choice("relative_pointmap") == run.plan.config.relative_pointmap:
+        return None
+
+    try:
+        seen = run.call_replaced("relative_pointmap", RelativePointmapRequest(run.image, Hints()))
+    except PhysicError as error:
+        run.stages.note(f"the given point map was not compared with the photo: {error}")
+        return None
+    z = np.where(original.valid, original.points[..., 2], np.nan)
+    return _compared("point map", z, (seen,), camera), (seen,)
+
+
+def _compared(
+    name: str, depth: FloatArray, seen: tuple[Pointmap, ...], camera: Intrinsics
+) -> Comparison:
+    """Compare the depth (H, W) of a file with point maps of a network.
+
+    Raises:
+        InputError: another reading of the file fits clearly better.
+    """
+    from physic_core.geometry.readings import SURELY, compare_depth
+
+    found = compare_depth(depth, seen, camera)
+    if found.ratio <= SURELY:
+        raise InputError(f"the given {name} does not show this photo as it is: {found}")
+    return found
+
+
+def _with_depth_of_photo(
+    run: PhotoRun, maps: Maps, seen: tuple[Pointmap, ...], people: People
+) -> Maps:
+    """Return the maps in the shape of the depth by a backend that sees the photo, if it was
+    measured.
+
+    Args:
+        run: of the photo.
+        maps: without it.
+        seen: point maps of the photo by a network.
+        people: in the photo.
+
+    Raises:
+        InputError: the depth does not show this photo.
+    """
+    from physic_core.engine.scene.measured_shape import in_usual_unit
+    from physic_core.engine.sizes.evidence import is_measured
+    from physic_core.prepare.depth import photo_of_depth, scene_of_depth, without_hole
+
+    hole, scene, original = maps.inpainting.hole, maps.scene, maps.original
+    whole = run.call("metric depth", MetricDepthRequest(run.image))
+    maps = replace(maps, reading=_compared("depth", whole.depth, seen, maps.camera))
+    own = without_hole(whole, hole)
+    if own is None or not is_measured(own):
+        return replace(maps, own_depth=own)
+    scene, note = scene_of_depth(scene, own, hole, maps.camera)
+    run.stages.note(note)
+    hints = replace(maps.hints, scene=scene)
+    if hole.any():
+        original = photo_of_depth(original, scene, whole, own, people.masks, maps.camera)
+    return replace(maps, scene=in_usual_unit(scene), original=original, own_depth=own, hints=hints)
 
 
 def _pointmap(run: PhotoRun, stage: str, image: UInt8Array, hints: Hints) -> Pointmap:
@@ -121,26 +196,6 @@ def _pointmap(run: PhotoRun, stage: str, image: UInt8Array, hints: Hints) -> Poi
     run.stages.note(*pointmap.notes)
     run.stages.warn(*pointmap.warnings)
     return pointmap
-
-
-def _depth_of_photo(
-    run: PhotoRun, scene: Pointmap, hole: BoolArray, camera: Intrinsics
-) -> tuple[Pointmap, DepthMap | None, DepthMap | None]:
-    """Return the scene, in the shape of a measured depth; the depth of the whole photo if it was
-    measured, and the depth without the hole, by a backend that sees the photo, or None.
-    """
-    if run.resolved("metric depth").backend.sees != "photo":
-        return scene, None, None
-    from physic_core.engine.sizes.evidence import is_measured
-    from physic_core.prepare.depth import scene_of_depth, without_hole
-
-    whole = run.call("metric depth", MetricDepthRequest(run.image))
-    own = without_hole(whole, hole)
-    if own is None or not is_measured(own):
-        return scene, None, own
-    scene, note = scene_of_depth(scene, own, hole, camera)
-    run.stages.note(note)
-    return scene, whole, own
 
 
 def _camera_of(pointmap: Pointmap) -> Intrinsics:

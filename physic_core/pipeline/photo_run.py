@@ -106,3 +106,18 @@ class PhotoRun:
         except PhysicError as error:
             self.stages.warn_of(error, otherwise)
             return None
+
+    def call_replaced(self, interface: str, request: Request[Result]) -> Result:
+        """Call the backend that a file of the user's replaces, and close it.
+
+        Raises:
+            PhysicError: it cannot be used, such as without its weights.
+        """
+        from physic_core.configuration.resolve import resolve_one
+
+        choice = getattr(self.plan.config, interface)
+        resolved = resolve_one(interface, choice.backend, choice.options)
+        try:
+            return self.stages.call_backend(f"compared {interface}", resolved, request)
+        finally:
+            self.stages.close_backend(resolved)

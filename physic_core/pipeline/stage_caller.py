@@ -180,7 +180,7 @@ class StageCaller:
                 StageRecord(name, seconds, loading, resolved.provenance, cached, failed)
             )
             if (self.close_used or self.low_memory) and last:
-                self._close(resolved)
+                self.close_backend(resolved)
                 if self.low_memory:
                     gc.collect()
         return cast("Result", result)
@@ -224,14 +224,15 @@ class StageCaller:
         """Close all loaded backends and trim the cache; a backend that cannot be closed adds a
         warning.
         """
-        self._close()
+        self.close_backend()
         self.trim_cache()
 
     def _report_progress(self, name: str) -> None:
         if self.progress is not None:
             self.progress(name, len(self.records), self.total)
 
-    def _close(self, *only: ResolvedBackend) -> None:
+    def close_backend(self, *only: ResolvedBackend) -> None:
+        """Close these backends, or all; one that cannot be closed adds a warning."""
         for error in self._loaded.close(*only, report=self.warn):
             self.warn_of(error, "the result is complete, but memory may be lost")
 

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.engine.scene.measured_shape import shows_people, with_measured_shape
-from physic_core.engine.sizes.evidence import is_inverse
-from physic_core.errors import ConfigError
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, DepthMap, Intrinsics, Pointmap
@@ -31,16 +29,7 @@ def scene_of_depth(
         depth: without the hole.
         hole: (H, W), inpainted pixels.
         camera: of a scene that has none.
-
-    Raises:
-        ConfigError: the depth is a disparity.
     """
-    if is_inverse(depth, scene):
-        raise ConfigError(
-            "the given depth is larger where the scene is nearer: it is a disparity, or inverse "
-            "depth; give metres along the optical axis: focal length in px x distance of the two "
-            "cameras in m / disparity in px"
-        )
     scene = with_measured_shape(scene, depth, scene.intrinsics or camera)
     share = (np.isfinite(depth.depth) & scene.valid).sum() / max(1, (scene.valid & ~hole).sum())
     return scene, (

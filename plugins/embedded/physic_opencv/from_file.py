@@ -23,7 +23,7 @@ from physic_opencv.depth_files import (
 )
 
 if TYPE_CHECKING:
-    from physic_core.types import Hints, UInt8Array
+    from physic_core.types import BoolArray, FloatArray, Hints, UInt8Array
 
 
 class DepthFileOptions(interfaces.Options):
@@ -182,6 +182,7 @@ class PointmapFile(_ResultFromFile, interfaces.RelativePointmap):
         points, valid, notes = read_pointmap(path, options.scale)
         points_here, resizing = resize_nearest(points, image.shape[0], image.shape[1], path)
         notes += resizing
+        _check_axes(path, points, valid)
         valid_here, _ = resize_nearest(valid, image.shape[0], image.shape[1], path)
         known = np.asarray(valid_here, np.bool_)
         if hints.hole is not None:
@@ -189,3 +190,22 @@ class PointmapFile(_ResultFromFile, interfaces.RelativePointmap):
         if not known.any():
             raise self.error_of_people_only("point")
         return Pointmap(np.asarray(points_here, np.float32), known, options.unknown, None, notes)
+
+
+def _check_axes(path: Path, points: FloatArray, valid: BoolArray) -> None:
+    """Refuse points (H, W, 3) whose x does not grow to the right, or whose y does not grow down.
+
+    Raises:
+        InputError: an axis has the other sign, or x and y are exchanged.
+    """
+    middle = [(side - 1) / 2 for side in valid.shape]
+    off = np.moveaxis(np.indices(valid.shape), 0, -1) - middle  # down and right
+    x, y = (points[..., k][valid] / points[..., 2][valid] for k in (0, 1))
+    for name, values, axis in (("x", x, 1), ("y", y, 0)):
+        along = off[..., axis][valid]
+        if np.ptp(values) > 0 and np.ptp(along) > 0 and np.corrcoef(values, along)[0, 1] < 0:
+            raise InputError(
+                f"in {path}, {name} falls where it should grow: points are needed in the camera's "
+                f"frame, with x to the right, y down, and z forward; as OpenGL and Blender have "
+                f"it, (x, y, z) becomes (x, -y, -z)"
+            )

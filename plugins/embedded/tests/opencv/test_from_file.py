@@ -310,11 +310,48 @@ def test_the_scene_and_people_of_a_run_have_the_shape_of_the_depth(tmp_path, sta
     assert result.scene.scale_sigma == pytest.approx(0.01, abs=0.002)
 
 
-def test_a_disparity_in_place_of_a_depth_is_refused(tmp_path, stand):
-    np.save(tmp_path / "depth.npy", 30 / stand.points(people=True)[..., 2])
+def ray(camera):
+    """Length of each pixel's ray up to a depth of 1 m."""
+    y, x = np.mgrid[: camera.height, : camera.width]
+    return np.hypot(1, np.hypot((x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy))
+
+
+OTHER_READINGS = {
+    "disparity": lambda z, _: 30 / z,
+    "mirrored": lambda z, _: z[:, ::-1],
+    "upside down": lambda z, _: z[::-1],
+    "turned by 180": lambda z, _: z[::-1, ::-1],
+    "along the ray": lambda z, camera: z * ray(camera),
+    "depth buffer": lambda z, _: 1.001 - 0.1 / z,
+    "field of view": lambda z, _: np.roll(z, 14, 1),
+    "mirrored, and a disparity": lambda z, _: 30 / z[:, ::-1],
+}
+
+
+@pytest.mark.parametrize("name", OTHER_READINGS)
+@pytest.mark.parametrize("setting", ["depth", "pointmap"])
+def test_a_file_that_shows_the_photo_otherwise_is_refused_and_named(tmp_path, stand, name, setting):
+    points = stand.points(people=True)
+    z = np.clip(points[..., 2], 0.1, 20)
+    given = OTHER_READINGS[name](z, stand.intrinsics)
+    file = {"depth": given, "pointmap": points / points[..., 2:] * given[..., None]}
+    np.save(tmp_path / "a.npy", file[setting])
     config = load_config(preset="mock", overrides=QUICK)
-    with pytest.raises(ConfigError, match="disparity"):
-        reconstruct(stand.image, config.with_photo({"depth": str(tmp_path / "depth.npy")}))
+    with pytest.raises(InputError, match=name):
+        reconstruct(
+            stand.image,
+            config.with_photo({setting: str(tmp_path / "a.npy")}),
+            intrinsics=stand.intrinsics,
+        )
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_points_of_another_frame_are_refused(tmp_path, axis):
+    points = POINTS.copy()
+    points[..., axis] *= -1
+    np.save(tmp_path / "p.npy", points)
+    with pytest.raises(InputError, match=f"{'xy'[axis]} falls"):
+        pointmap(tmp_path / "p.npy")
 
 
 def test_the_flags_of_a_run_keep_the_options_of_a_chosen_file_backend():

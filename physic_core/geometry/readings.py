@@ -1,0 +1,296 @@
+"""Compare what a file says of a photo with what a network sees in it, under other readings of the
+file: turned, mirrored, moved, or of another quantity than depth along the optical axis.
+
+A network knows the inverse depth of a photo up to a factor and a shift. The error of a reading is
+the share of it that the best line through the file's inverse depth leaves unexplained: 0 if they
+agree, 1 if the file says nothing. The file was not made from the network's answer, so that both
+agree only if the file is read as it was written. OpenCV camera frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import product
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from physic_core.types import BoolArray, FloatArray, Intrinsics, Pointmap
+
+_SIDE = 96  # of the compared maps, px
+_FEWEST = 0.1  # share of the pixels that both know
+SURELY = 0.6
+"""Error of another reading over that of the stated one, up to which the file is refused.
+
+Other readings of correct files have 0.85 and more; those that are right 0.08 to 0.31 for turned
+files, 0.48 to 0.56 for distances along the ray.
+"""
+LIKELY = 0.75
+"""The same, up to which it is doubtful."""
+
+_FITS = 0.35  # largest error of a reading that explains a file
+_AGREES = 0.06  # error below which no other reading is looked for
+STRANGER = 0.35
+"""Error from which on a file may be of another photo."""
+
+_TWO_CHANGES = 1.25  # on the error of a reading that differs in two ways
+_LEAST = 1e-9
+_NARROW = SURELY / 1.1  # on that of a buffer: of a narrow range, depth fits it as well
+_BUFFER = 0.8  # least value of a depth buffer; a room with people is farther than 1 m
+
+_Turn = Callable[[Any], Any]
+
+TURNS: dict[str, tuple[_Turn, str]] = {
+    "": (lambda a: a, ""),
+    "mirrored": (lambda a: a[..., ::-1], "exchange left and right"),
+    "upside down": (lambda a: a[..., ::-1, :], "exchange top and bottom"),
+    "turned by 180 degrees": (lambda a: a[..., ::-1, ::-1], "turn it"),
+    "turned by 90 degrees": (lambda a: a.swapaxes(-1, -2)[..., ::-1], "turn it back"),
+    "turned by -90 degrees": (lambda a: a.swapaxes(-1, -2)[..., ::-1, :], "turn it back"),
+    "transposed": (lambda a: a.swapaxes(-1, -2), "exchange rows and columns"),
+    "turned and mirrored": (
+        lambda a: a.swapaxes(-1, -2)[..., ::-1, ::-1],
+        "exchange rows and columns, and turn it by 180 degrees",
+    ),
+}
+"""What a file is -> how the photo's pixels are found in an array (..., H, W), and the cure."""
+
+_QUANTITIES: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
+    "": (lambda d, ray: 1 / d, ""),
+    "the distance along the ray": (
+        lambda d, ray: ray / d,
+        "divide it by sqrt(1 + ((x - cx) / fx)^2 + ((y - cy) / fy)^2), for metres along the "
+        "optical axis",
+    ),
+    "a disparity, or inverse depth": (
+        lambda d, ray: d,
+        "give metres along the optical axis: focal length in px x distance of the two cameras in "
+        "m / disparity in px",
+    ),
+    "a renderer's depth buffer": (
+        lambda d, ray: -d,
+        "give metres along the optical axis: near x far / (far - value x (far - near))",
+    ),
+    "the logarithm of depth": (
+        lambda d, ray: np.exp(-np.clip(d, -50, 50)),
+        "give metres along the optical axis",
+    ),
+}
+"""What a file holds -> its inverse depth, up to a factor and a shift, and the cure."""
+
+_FIELDS = (0.7, 0.8, 0.9, 1.0, 1.11, 1.25, 1.43)  # of view, over the photo's
+_OFFSETS = tuple(np.arange(-4, 5) * 0.03)  # of the long side
+
+
+class Comparison(NamedTuple):
+    """What a depth map seems to be.
+
+    Attributes:
+        error: of the map as it is stated, 0 to 1.
+        other: error of the best other reading, if that explains the photo; otherwise ``error``.
+        what: that reading, such as "mirrored".
+        cure: what to do about it.
+    """
+
+    error: float
+    other: float
+    what: str = ""
+    cure: str = ""
+
+    @property
+    def ratio(self) -> float:
+        """Error of the other reading over that of the stated one."""
+        return self.other / max(self.error, _LEAST)
+
+    def __str__(self) -> str:
+        return (
+            f"it fits the photo better as {self.what} ({self.error:.0%} of what a network sees is "
+            f"left unexplained, and {self.other:.0%} then): {self.cure}"
+        )
+
+
+def compare_depth(depth: FloatArray, seen: Sequence[Pointmap], camera: Intrinsics) -> Comparison:
+    """Compare a depth map with what a network sees.
+
+    Args:
+        depth: (H, W) along the optical axis, in any unit, NaN where unknown.
+        seen: of the same photo, with its people and without; the depth may show either.
+        camera: of the photo.
+    """
+    small = _shrunk(depth)
+    maps = [_inverse_depth(one) for one in seen]
+    ray = _shrunk(_ray_lengths(camera))
+    as_stated = _error(_nearness(small, ray, ""), maps)
+    if as_stated <= _AGREES and not _is_buffer(small):
+        return Comparison(as_stated, as_stated)
+    best = min(
+        (*_other_readings(small, ray, maps), *_moved_readings(small, maps)),
+        key=lambda one: one[0],
+    )
+    return Comparison(as_stated, *best) if best[0] <= _FITS else Comparison(as_stated, as_stated)
+
+
+def _other_readings(
+    depth: FloatArray, ray: FloatArray, maps: Sequence[FloatArray]
+) -> Iterator[tuple[float, str, str]]:
+    """Yield the error of each reading of another orientation or quantity, its name, and the
+    cure.
+    """
+    for turn, quantity in product(TURNS, _QUANTITIES):
+        turned = TURNS[turn][0](depth)
+        if not (turn or quantity) or turned.shape != depth.shape:
+            continue
+        error = _error(_nearness(turned, ray, quantity), maps)
+        if quantity == "a renderer's depth buffer" and _is_buffer(depth):
+            error *= SURELY / 1.1  # a buffer of a narrow range is a line through inverse depth, too
+        if turn and quantity:
+            error *= _TWO_CHANGES
+        names = filter(None, (turn, quantity))
+        cures = filter(None, (TURNS[turn][1], _QUANTITIES[quantity][1]))
+        yield error, ", and ".join(names), "; ".join(cures)
+
+
+def _is_buffer(depth: FloatArray) -> bool:
+    """Return whether all values are just below 1, as those of a renderer's depth buffer."""
+    known = depth[np.isfinite(depth)]
+    return bool(known.size and known.min() >= _BUFFER and known.max() <= 1)
+
+
+def _moved_readings(
+    depth: FloatArray, maps: Sequence[FloatArray]
+) -> Iterator[tuple[float, str, str]]:
+    """Yield the error, name and cure of the best other offset and field of view."""
+    few = [one[::2, ::2] for one in maps]
+    best = max(
+        product(_FIELDS, _OFFSETS, _OFFSETS),
+        key=lambda one: max(_correlation(_nearness(_moved(depth[::2, ::2], *one)), m) for m in few),
+    )
+    if best == (1.0, 0.0, 0.0):
+        return
+    field, right, down = best
+    moved = _moved(depth, *best)
+    same = np.where(np.isfinite(moved), depth, np.nan)  # others explain other pixels
+    as_stated = _error(_nearness(same), maps)
+    yield (
+        _error(_nearness(moved), maps) * _error(_nearness(depth), maps) / max(as_stated, _LEAST),
+        f"of a field of view of {1 / field:.0%} of the photo's, moved by {right:+.0%} to the right "
+        f"and {down:+.0%} down",
+        "give a depth map that is registered to the photo, pixel by pixel",
+    )
+
+
+def _moved(values: FloatArray, field: float, right: float, down: float) -> FloatArray:
+    """Return an array (h, w) as another camera sees it, NaN outside."""
+    height, width = values.shape
+    side = max(height, width)
+    x, y = (
+        np.rint((np.arange(n) - (n - 1) / 2) * field + (n - 1) / 2 + offset * side).astype(int)
+        for n, offset in ((width, right), (height, down))
+    )
+    inside = ((y >= 0) & (y < height))[:, None] & ((x >= 0) & (x < width))
+    found = values[y.clip(0, height - 1)][:, x.clip(0, width - 1)]
+    return np.where(inside, found, np.nan)
+
+
+def _nearness(depth: FloatArray, ray: FloatArray | float = 1.0, quantity: str = "") -> FloatArray:
+    """Return the inverse depth (h, w) of a reading, up to a factor and a shift."""
+    with np.errstate(all="ignore"):
+        near: FloatArray = np.asarray(_QUANTITIES[quantity][0](depth, ray), np.float64)
+    return near
+
+
+def _error(near: FloatArray, maps: Sequence[FloatArray]) -> float:
+    return min(_unexplained(near, one) for one in maps)
+
+
+def _common(near: FloatArray, seen: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    """Return the values (n,) of both maps where they are known, without outliers of the first; None
+    for too few.
+    """
+    known = np.isfinite(near) & np.isfinite(seen)
+    if known.mean() < _FEWEST:
+        return None
+    x = near[known]
+    low, high = np.percentile(x, [1, 99])
+    return np.clip(x, low, high), seen[known]
+
+
+def _unexplained(near: FloatArray, seen: FloatArray) -> float:
+    """Return the mean distance of a map (h, w) from a rising line through another one, over that
+    from its median.
+    """
+    common = _common(near, seen)
+    if common is None or np.ptp(common[0]) <= 0:
+        return 1.0
+    x, y = common
+    usual = max(float(np.abs(y - np.median(y)).mean()), 1e-12)
+    weight = np.ones_like(y)
+    for _ in range(6):  # of least absolute distances
+        mx, my = np.average(x, weights=weight), np.average(y, weights=weight)
+        slope = (weight * (x - mx) * (y - my)).sum() / (weight * (x - mx) ** 2).sum()
+        away = np.abs(y - my - slope * (x - mx))
+        weight = 1 / np.maximum(away, 0.02 * usual)
+    return min(1.0, float(away.mean()) / usual) if slope > 0 else 1.0
+
+
+def _correlation(near: FloatArray, seen: FloatArray) -> float:
+    common = _common(near, seen)
+    if common is None or min(map(np.ptp, common)) <= 0:
+        return -1.0
+    return float(np.corrcoef(*common)[0, 1])
+
+
+def _inverse_depth(pointmap: Pointmap) -> FloatArray:
+    """Return the inverse depth (h, w) of a network, NaN where it is not valid."""
+    z = pointmap.points[..., 2]
+    with np.errstate(divide="ignore"):
+        return _shrunk(np.where(pointmap.valid & (z > 0), 1 / z.astype(np.float64), np.nan))
+
+
+def _ray_lengths(camera: Intrinsics) -> FloatArray:
+    """Return the length (H, W) of each pixel's ray up to z = 1."""
+    x = (np.arange(camera.width) - camera.cx) / camera.fx
+    y = (np.arange(camera.height) - camera.cy) / camera.fy
+    return np.asarray(np.sqrt(1 + x**2 + y[:, None] ** 2))
+
+
+def _shrunk(values: Any) -> Any:
+    """Return an array (H, W) at :data:`_SIDE` px of the long side, by its nearest pixels."""
+    height, width = values.shape
+    share = min(1.0, _SIDE / max(height, width))
+    rows, columns = (
+        ((np.arange(max(1, round(n * share))) + 0.5) / max(1, round(n * share)) * n).astype(int)
+        for n in (height, width)
+    )
+    return values[rows][:, columns]
+
+
+def turned_masks(given: BoolArray, seen: BoolArray) -> tuple[str, str]:
+    """Return what masks or outlines of people seem to be, and the cure; "" for what they are stated
+    to be, or if no reading is clearly better.
+
+    Args:
+        given: (M, H, W), by a file.
+        seen: (N, H, W), of the people that are detected.
+    """
+    if not len(given) or not len(seen):
+        return "", ""
+    small = np.stack([_shrunk(mask) for mask in given])
+    people = np.stack([_shrunk(mask) for mask in seen])
+    apart = {
+        turn: 1 - _overlap(turned(small), people)
+        for turn, (turned, _) in TURNS.items()
+        if turned(small).shape == small.shape
+    }
+    best = min(apart, key=apart.__getitem__)
+    is_better = best and apart[best] <= SURELY * apart[""]
+    return (best, TURNS[best][1]) if is_better else ("", "")
+
+
+def _overlap(given: BoolArray, seen: BoolArray) -> float:
+    """Return the mean over masks (M, h, w) of the largest intersection over union with others."""
+    flat, others = (one.reshape(len(one), -1).astype(np.float64) for one in (given, seen))
+    both = flat @ others.T
+    union = flat.sum(1)[:, None] + others.sum(1) - both
+    return float((both / np.maximum(union, 1)).max(1).mean())
