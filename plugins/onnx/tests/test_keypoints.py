@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from physic_core.interfaces import KeypointDetector
-from physic_core.types import SKELETONS
 from physic_onnx.rtmpose import RtmPose, Rtmw3d
 from physic_onnx.vitpose import VitPose
 from physic_testing import violations
@@ -74,28 +73,3 @@ def test_depths_are_decoded_as_mmposes_rtmpose3d_does(rtmw3d):
     assert (peaks > 1).any()
     np.testing.assert_allclose(found.confidence, np.minimum(1, peaks), atol=1e-4)
     assert violations(KeypointDetector, found, people=2) == []
-
-
-def test_a_person_is_as_large_as_the_limbs_say_with_their_depths(rtmw3d):
-    """A limb of an adult that points away from the camera looks short, and does not make the person
-    small.
-    """
-    rng = np.random.default_rng(0)
-    names = SKELETONS["coco_wholebody133"].names
-    metres = np.zeros((133, 3))
-    for side, x in (("left", 0.2), ("right", -0.2)):
-        leg = np.array([x / 2, 0, 0]), {"hip": 0, "knee": 0.38, "ankle": 0.43}
-        arm = np.array([x, -0.5, 0]), {"shoulder": 0, "elbow": 0.26, "wrist": 0.23}
-        for place, lengths in (leg, arm):
-            for name, length in lengths.items():
-                way = rng.normal(size=3)
-                place += length * way / np.linalg.norm(way)
-                metres[names.index(f"{side}_{name}")] = place
-    # 200 bins a metre
-    at = np.round(metres * [200, 200, 288 / 2.1744869] + [288, 300, 288]).astype(int)
-    rows = [np.zeros((1, 133, length), np.float32) for length in (576, 768, 576)]
-    for axis, row in enumerate(rows):
-        row[0, np.arange(133), at[:, axis]] = 0.9
-    world = rtmw3d(*rows).infer(blobs(PLACES), people(BOX)).world[0]
-    own = metres.any(axis=1)
-    np.testing.assert_allclose(world[own], metres[own], atol=0.01)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
-from physic_core.body.joints import JOINT_INDEX
 from physic_core.errors import BackendError, DeviceError
 from physic_core.types import Hints, Intrinsics, Keypoints, People
 from physic_human.sam3d_body import Sam3dBody, Sam3dBodyOptions
@@ -161,17 +159,6 @@ def ask(backend, camera=CAMERA):
     return backend.infer(image, PEOPLE, camera, NUM_KEYPOINTS, Hints())
 
 
-def test_the_translation_is_added_to_surface_and_joints(sam):
-    bodies = ask(sam)
-    assert bodies.body_model == "mhr"
-    place = np.array([(49.5 - 30) / 500 * 3, (24.5 - 20) / 500 * 3, 3])
-    np.testing.assert_allclose(bodies.mesh.vertices[1], np.tile(place + 0.5, (5, 1)), rtol=1e-6)
-    np.testing.assert_allclose(
-        bodies.joints[1, JOINT_INDEX["left_hip"]], place + np.array([27, 28, 29]), rtol=1e-6
-    )
-    assert not bodies.parameters.body_pose.any()
-
-
 @pytest.mark.parametrize("decoder", ["", "    USE_INTRIN_CENTER: true\n"])
 def test_bodies_lie_where_the_given_camera_sees_their_boxes(decoder, load_sam):
     """Unless its config says otherwise, the network takes the middle of the photo for the principal
@@ -212,15 +199,6 @@ def test_weights_missing_in_the_checkpoint_are_not_initialised_randomly(encoder,
     dinov3 = str(stub("dinov3", DINOV3))
     with pytest.raises(BackendError, match=r"missing 1 of 5 .* backbone\.encoder\.cls_token"):
         load_sam("dinov3_vith16plus", held=held, dinov3_checkout=dinov3)
-
-
-def test_a_checkpoint_with_objects_is_read_only_if_trusted(load_sam):
-    """Its code reads them whatever they hold."""
-    held = {"state_dict": {"gain": torch.ones(1)}, "hyper_parameters": Path("x")}
-    with pytest.raises(BackendError, match="set the option trust_checkpoint = true"):
-        load_sam(held=held)
-    trusting = load_sam(held=held, trust_checkpoint=True)
-    assert trusting.network.model.held["hyper_parameters"] == Path("x")
 
 
 def test_it_needs_a_gpu_and_says_so(sam):

@@ -10,14 +10,14 @@ import pytest
 import torch
 
 from physic_core.interfaces import INTERFACES
-from physic_core.types import CameraTrust, Hints, Intrinsics
+from physic_core.types import Hints, Intrinsics
 from physic_testing import violations
 from physic_transformers.depth_pro import DepthPro, DepthProOptions
 from physic_transformers.grounded_sam2 import (
     GroundedSam2,
     GroundedSam2Options,
 )
-from physic_transformers.sam3 import Sam3, Sam3Options
+from physic_transformers.sam3 import Sam3
 
 LOW = {"box_threshold": 0.0, "text_threshold": 0.0, "person_score": 0.0}
 """Options with which a network of random weights finds something."""
@@ -105,21 +105,6 @@ class TestDepthPro:
         assert answer.intrinsics == known
         assert all(size in answer.notes[0] for size in ("50 px", "200 px"))
 
-    @pytest.mark.parametrize(
-        ("trust", "angle", "options", "depth"),
-        [
-            (CameraTrust.GUESSED, 90.0, {}, 1.0),
-            (CameraTrust.KNOWN, 90.0, {"use_known_focal": False}, 1.0),
-            (CameraTrust.KNOWN, None, {}, 4.0),
-        ],
-    )
-    def test_a_guessed_or_unwanted_focal_length_gives_way_to_the_networks(
-        self, trust, angle, options, depth
-    ):
-        hints = Hints(intrinsics=Intrinsics.from_focal(200.0, 100, 60, "", trust))
-        found = self.asked(0.5, angle, hints, **options).depth
-        np.testing.assert_allclose(found, depth, rtol=1e-5)
-
 
 class TestGroundedSam2:
     MASKS = SimpleNamespace(prompt_encoder_config=SimpleNamespace(image_size=1024, patch_size=16))
@@ -178,42 +163,3 @@ class TestGroundedSam2:
         assert answer.floor[35, 50], "and the other: the floor is all of them"
         assert not (answer.floor & answer.masks.any(0)).any()
         assert detector.shown().shape == (1, 3, 800, 1333)
-
-
-class TestSam3:
-    CONFIG = SimpleNamespace(image_size=1008)
-
-    def words(self, text, **options):
-        assert options["padding"] == "max_length"
-        assert options["max_length"] == 32
-        mask = np.zeros((1, 32), np.int64)
-        mask[0, :3] = 1
-        return {"input_ids": np.full((1, 32), len(text)), "attention_mask": mask}
-
-    def out(self, presence, *rows):
-        masks = np.full((1, len(rows), 288, 288), -5.0, np.float32)
-        for mask, (_, (x0, y0, x1, y1)) in zip(masks[0], rows, strict=True):
-            mask[int(288 * y0) : int(288 * y1), int(288 * x0) : int(288 * x1)] = 5.0
-        floor = np.full((1, 1, 288, 288), -5.0)
-        floor[..., 200:, :] = 5.0
-        return tensors(
-            pred_masks=masks,
-            pred_boxes=[[box for _, box in rows]],
-            pred_logits=[[logit for logit, _ in rows]],
-            presence_logits=[[presence]],
-            semantic_seg=floor,
-        )
-
-    def run(self, people, **options):
-        floors = [self.out(9.0, (3.0, (0, 0, 1, 1)))] * 3
-        network = Recorded(self.CONFIG, "seen", *floors, people, None, tokenizer=self.words)
-        return given(Sam3(Sam3Options(**options)), weights=network).infer(WIDE), network
-
-    def test_a_query_that_fits_counts_for_nothing_where_there_is_no_such_thing(self):
-        assert len(self.run(self.out(-3.0, (3.0, (0.1, 0.2, 0.4, 0.6))))[0]) == 0
-
-    def test_people_are_the_masks_of_the_queries_that_fit(self):
-        answer, network = self.run(self.out(9.0, (3.0, (0.1, 0.2, 0.4, 0.6)), (-3.0, (0, 0, 1, 1))))
-        np.testing.assert_allclose(answer.boxes, [[10, 12, 40, 36]], atol=1)
-        assert network.shown().shape == (1, 3, 1008, 1008)
-        np.testing.assert_allclose(network.shown().mean(), 2 * WIDE.mean() / 255 - 1, atol=0.01)
