@@ -11,11 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import exports_opened
 from benchmarks.export_readers import Opened
 from benchmarks.exports_opened import READERS, is_wrong, outcome_of, outcomes_of, row_of
-from physic_core import find_exporters
-from physic_core.pictures import GLB_FILE
 
 DEPTH, KEYPOINTS, AMASS = (
     next(reader for reader in READERS if reader.form == form)
@@ -58,23 +55,6 @@ def test_a_format_that_refuses_a_result_is_neither_opened_nor_wrong(saved_pair):
 def test_a_difference_above_the_limit_of_the_row_is_wrong():
     assert not is_wrong(DEPTH, Opened(difference=DEPTH.limit))
     assert is_wrong(DEPTH, Opened(difference=2 * DEPTH.limit))
-
-
-def test_a_reader_that_is_not_installed_opens_nothing(saved_pair, monkeypatch, capsys):
-    absent = replace(DEPTH, distribution="no-such-reader", module="no_such_reader")
-    monkeypatch.setattr(exports_opened, "READERS", (absent,))
-    monkeypatch.setattr("sys.argv", ["", str(saved_pair), "--format", "depth"])
-    assert exports_opened.main() == 1
-    assert "not opened: pip install no-such-reader" in capsys.readouterr().out
-
-
-def test_each_format_of_the_project_has_a_reader():
-    forms = {reader.form for reader in READERS}
-    assert forms == {GLB_FILE, *(one.record.name for one in find_exporters())}
-
-
-def test_the_table_has_a_row_for_each_reader():
-    assert {(one.form, one.distribution or "Python") for one in READERS} <= set(ROWS)
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from benchmarks.lifter import fit, project, read_motions
+from benchmarks.lifter import fit, project
 from physic_embedded.body_fit.lifter import BONES, inputs
 from physic_embedded.body_fit.limb_keypoints import LIMBS
 
@@ -30,16 +30,6 @@ def made_up(count):
 
 def lengths(joints):
     return np.stack([np.linalg.norm(joints[:, a] - joints[:, b], axis=-1) for a, b in BONES], 1)
-
-
-def test_motions_of_a_file_are_put_in_the_order_of_limbs(tmp_path):
-    poses = made_up(4)
-    sides = [LIMBS.index(f"{side}_{joint}") for half in (list(STANCE)[:3], list(STANCE)[3:])
-             for side in ("left", "right") for joint in half]  # fmt: skip
-    np.savez(tmp_path / "motions.npz", P=poses[:, sides], clip=np.arange(4))
-    found, clips = read_motions(tmp_path / "motions.npz")
-    np.testing.assert_allclose(found, poses)
-    assert clips.tolist() == [0, 1, 2, 3]
 
 
 def test_projected_people_keep_their_size_and_show_it():

@@ -169,20 +169,6 @@ def people(joints):
     ]
 
 
-def test_a_view_that_disagrees_about_a_joint_is_left_out_there(people):
-    cameras = ring()
-    points = np.stack([camera.project(people[0]) for camera in cameras])
-    points[2, 4] += [200, 50]
-    points[3, 5] = np.nan
-    found, error = triangulation.robust_joints(cameras, points)
-    assert found == pytest.approx(people[0], abs=1e-9)
-    assert error == pytest.approx(0, abs=1e-9)
-    points[[0, 1, 3], 4] += np.random.default_rng(0).uniform(100, 300, (3, 2))
-    found, _ = triangulation.robust_joints(cameras, points)
-    assert np.isnan(found[4]).all()
-    assert np.isfinite(np.delete(found, 4, 0)).all()
-
-
 def test_people_are_matched_across_views(people):
     cameras = ring()
     rng = np.random.default_rng(1)
@@ -199,27 +185,6 @@ def test_people_are_matched_across_views(people):
     for person, i in zip(found, (1, 0), strict=True):
         assert np.linalg.norm(person.joints - people[i], axis=-1).max() < 0.03
         assert all(order[v][member] == i for v, member in person.members.items() if v != 4)
-
-
-def test_a_camera_of_a_padded_picture():
-    record = {
-        "width": 960,
-        "height": 512,
-        "width_calibrated": 1920,
-        "height_calibrated": 1080,
-        "K_calibrated": [[1400, 0, 960], [0, 1400, 540], [0, 0, 1]],
-        "R": np.eye(3).tolist(),
-        "t_m": [0, 0, 1],
-    }
-    camera, shown = sets.calibrated(record)
-    assert shown == (25, 0, 935, 512)
-    assert (camera.width, camera.height) == (910, 512)
-    factor = 512 / 1080
-    assert camera.K[0, 0] == pytest.approx(1400 * factor)
-    assert camera.K[:2, 2] == pytest.approx([455, 256])
-    assert camera.to_world(camera.to_camera(np.array([[1.0, 2, 3]]))) == pytest.approx(
-        np.array([[1.0, 2, 3]])
-    )
 
 
 def test_intervals_are_over_groups():
@@ -247,13 +212,6 @@ def test_intervals_are_over_groups():
     nothing = figure([], pooled)
     assert math.isnan(nothing.value)
     assert nothing.count == 0
-
-
-def test_a_large_set_does_not_drown_a_small_one():
-    records = [{"set": "many", "group": str(i), "photo": str(i), "x": 1.0} for i in range(9)]
-    records.append({"set": "few", "group": "0", "photo": "0", "x": 2.0})
-    assert statistics.figure(records, statistics.of_sets("x")).value == pytest.approx(1.5)
-    assert statistics.figure(records, statistics.pooled("x")).value == pytest.approx(1.1)
 
 
 def alone(joints):

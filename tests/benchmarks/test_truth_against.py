@@ -156,14 +156,6 @@ def test_a_verdict_needs_the_limit_and_the_whole_interval():
     assert verdict([]) is Verdict.NOT_MEASURED
 
 
-def test_people_are_drawn_with_all_their_photos():
-    alike = [Pair("a", str(i // 10), "", 0.0, float(i // 10)) for i in range(40)]
-    apart = [Pair("a", str(i), "", 0.0, float(i // 10)) for i in range(40)]
-    wide, narrow = (pairs.compare(Figure("", one)) for one in (alike, apart))
-    assert wide.this == narrow.this == pytest.approx(1.5)
-    assert wide.high - wide.low > 2 * (narrow.high - narrow.low)
-
-
 def test_what_one_build_does_not_state_is_in_no_pair():
     before = [{"set": "a", "photo": "p", "person": "0", "x": 1.0}]
     after = [{"set": "a", "photo": "p", "person": "0", "x": math.nan}]
@@ -208,16 +200,3 @@ def test_a_build_that_ends_is_no_answer(tmp_path):
     (tmp_path / "old" / ".venv" / "bin" / "python").write_text("#!/bin/sh\nexit 3\n")
     with pytest.raises(SystemExit, match="ended with 3"):
         builds.answers(build, plan().questions[:1], tmp_path / "out")
-
-
-def test_the_code_of_a_build_names_its_answers(tmp_path):
-    build = checkout(tmp_path / "old")
-    assert builds.build_of(build.root, "embedded") == build
-    (build.root / "README.md").write_text("words")
-    assert builds.build_of(build.root, "embedded").content == build.content
-    (build.root / "physic_core" / "more.py").write_text("")
-    changed = builds.build_of(build.root, "embedded")
-    assert changed.content != build.content
-    assert changed.commit == f"{build.commit}+"
-    with pytest.raises(SystemExit, match="no checkout"):
-        builds.build_of(tmp_path, "embedded")

@@ -5,21 +5,17 @@ through the batch.
 from __future__ import annotations
 
 import json
-import shutil
 
 import numpy as np
 import pytest
 
-from physic_batch.photos import photo_folder
 from physic_bench.bodies import BodyFiles
 from physic_bench.datasets.worlds import frames
 from physic_bench.run import Method, evaluate_methods
 from physic_bench.scoring import LIMB_JOINTS
-from physic_core import load_reconstruction
-from physic_core.body.joints import JOINT_INDEX
 from physic_testing.worlds import load_world
 
-from .miniatures import NAMES, TRUE, evaluated, figures, run, write_results
+from .miniatures import NAMES, TRUE, evaluated, figures, write_results
 
 HIPS = [LIMB_JOINTS.index(f"{side}_hip") for side in ("left", "right")]
 
@@ -98,38 +94,3 @@ def test_the_truth_is_perfect_and_touches_its_scene(tmp_path):
         assert record["contact"]["annotated"]["false_alarms"] == 0
         assert record["floating_mm"] < 20
         assert record["penetration_mm"] < 20
-
-
-@pytest.mark.slow
-def test_a_killed_call_reconstructs_what_is_missing_alone(root):
-    out = root.parent / "out"
-    (root.parent / "quick.toml").write_text('extends = "mock"\n')
-    (root.parent / "frames.txt").write_text("stand\nwalk\n")
-    arguments = (
-        "worlds", str(root), "-o", str(out), "--config", str(root.parent / "quick.toml"),
-        "--frames", str(root.parent / "frames.txt"), "--set", "engine.joint.optimiser.steps=2",
-    )  # fmt: skip
-    assert "--preset cannot be combined with --config" in run(*arguments, "--preset", "mock").output
-    done = run(*arguments)
-    assert done.exit_code == 0, done.output
-    assert "2 pictures: 2 to reconstruct, 0 done before" in done.output
-    first = figures(out, "physic quick")
-    folders = [out / "reconstructions" / photo_folder(name) for name in ("stand", "walk")]
-    body = range(JOINT_INDEX["right_wrist"] + 1)
-    apart = []
-    for folder, name in zip(folders, ("stand", "walk"), strict=True):
-        (person,) = load_reconstruction(str(folder)).people
-        apart.append(np.linalg.norm(person.joints[body] - load_world(name).joints[0][body], axis=1))
-    assert first["me_mpjpe"] == pytest.approx(1000 * np.mean(apart), abs=0.1)
-
-    # A call that is killed in the second picture leaves the row of the first, and no tables.
-    journal = out / "reconstructions" / "journal.jsonl"
-    rows = journal.read_text().splitlines()
-    kept = [line for line in rows if json.loads(line)["id"] == "stand"]
-    journal.write_text("\n".join(kept) + "\n")
-    shutil.rmtree(folders[1])
-    before = (folders[0] / "reconstruction.json").stat().st_mtime_ns
-    again = run(*arguments)
-    assert "2 pictures: 1 to reconstruct, 1 done before" in again.output
-    assert (folders[0] / "reconstruction.json").stat().st_mtime_ns == before
-    assert figures(out, "physic quick") == first

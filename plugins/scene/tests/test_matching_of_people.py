@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from physic_core.types import Plane
-from physic_scene.matching import PairMatch, answer_cost, join_tracks, match_pair
+from physic_scene.matching import match_pair
 from physic_scene.rigid import CameraPose
 from physic_scene.verdict import SolvedView, checks_of_cameras
 
@@ -48,38 +48,6 @@ def test_clothes_tell_people_apart_who_face_each_other(facing_each_other, swappe
     odds = found.odds[:, order]
     assert np.diag(odds).min() > 10
     assert odds[[0, 1], [1, 0]].max() < -10
-
-
-def test_people_who_look_alike_have_even_odds(facing_each_other):
-    one, two, _ = facing_each_other
-    assert match_pair(one, two).odds == pytest.approx(0, abs=0.1)
-
-
-def test_two_photos_always_have_an_answer(facing_each_other):
-    one, _, _ = facing_each_other
-    other = photo(np.random.default_rng(9).normal(0, 0.5, (1, 55, 3)) + MIDDLE)
-    found = match_pair(in_clothes(one, 20, 60), in_clothes(other, 90))
-    assert len(found.pairs) == 1
-    assert answer_cost(one, other, found.pairs, found.motion)[0] > 28
-
-
-def test_the_surest_pairs_join_people_over_three_photos(facing_each_other):
-    one, two, _ = facing_each_other
-    third = photo(CameraPose(TURN.T, MIDDLE - TURN.T @ MIDDLE).to_camera(one.joints[::-1]))
-    people = in_clothes(one, 20, 60), in_clothes(two, 20, 60), in_clothes(third, np.nan, 20)
-    matches = {(a, b): match_pair(people[a], people[b]) for a, b in ((0, 1), (0, 2), (1, 2))}
-    assert join_tracks(people, matches).tolist() == [[0, 0, 1], [1, 1, 0]]
-
-
-def test_a_photo_without_a_sure_pair_is_joined_by_its_likeliest_one(facing_each_other):
-    one, two, _ = facing_each_other
-    people = one, two, two
-    odds = {(0, 1): [[9, -9], [-9, 9]], (0, 2): [[-5, -6], [-6, -2]], (1, 2): [[-5, -6], [-6, -3]]}
-    matches = {
-        pair: PairMatch((), 0.0, CameraPose.identity(), np.array(own, float))
-        for pair, own in odds.items()
-    }
-    assert join_tracks(people, matches).tolist() == [[1, 1, 1], [0, 0, -1]]
 
 
 def verdict(*views, rows):
