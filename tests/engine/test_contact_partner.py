@@ -4,9 +4,6 @@ body part.
 
 from __future__ import annotations
 
-from dataclasses import replace
-from types import SimpleNamespace
-
 import pytest
 import torch
 
@@ -25,7 +22,6 @@ from physic_core.engine.contact.partner import (
     body_contacts,
 )
 from physic_core.engine.contact.parts import scene_parts
-from physic_core.engine.contact.picture import PeopleInPicture
 from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.types import NO_PARTNER, BodyContact, ContactPartner
 
@@ -173,43 +169,6 @@ def test_a_part_rests_on_no_wall_and_people_sit_on_a_seat(part, label, facing, n
     skin = 0.0, facing, 1 - facing
     (found,) = partners([SCENE], names=(part,), scene=0.0, facing=skin, room=room)
     assert found.surface == name
-
-
-def square_px(x, y, side):
-    mask = torch.zeros(100, 100, dtype=torch.bool)
-    mask[y : y + side, x : x + side] = True
-    return mask
-
-
-@pytest.mark.parametrize(
-    ("part", "label", "partner"),
-    [
-        ("seat", "seat", ContactPartner("scene", "seat")),
-        ("seat", "wall", ContactPartner("scene", "seat")),
-        ("left_foot", "wall", ContactPartner("scene")),
-        ("left_foot", "floor", FLOOR_PARTNER),
-        ("left_hand", "wall", ContactPartner("scene")),
-        ("left_hand", "table", ContactPartner("scene", "table")),
-    ],
-)
-def test_what_is_seen_around_a_part_is_not_hidden(part, label, partner):
-    person = square_px(30, 30, 40)
-    photo = SimpleNamespace(
-        label_names=NAMES,
-        labels=torch.full((100, 100), NAMES.index(label)),
-        masks=person[None],
-        hole=person,
-    )
-    picture = PeopleInPicture(
-        photo, torch.tensor([[[50.0, 70.0]]]), torch.ones(1, 1, dtype=torch.bool)
-    )
-    inside = replace(picture, points=picture.points * torch.tensor([1.0, 0.7]))
-    unseen = replace(picture, shown=~picture.shown)
-    for one, expected in (
-        (picture, partner),
-        *((p, ContactPartner("hidden")) for p in (inside, unseen)),
-    ):
-        assert partners([HIDDEN], names=(part,), seen=SeenTouch(picture=one)) == [expected]
 
 
 def test_the_list_by_body_part_has_the_most_probable_contact_first():

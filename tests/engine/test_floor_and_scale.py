@@ -10,14 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.bones import parameters_from_rotations
 from physic_core.engine.ground.beside import feet_pixels
 from physic_core.engine.ground.floor import (
     FloorCandidate,
-    chosen_floor,
 )
 from physic_core.engine.ground.floor_and_scale import (
     find_ground,
@@ -40,7 +38,7 @@ from physic_core.types import (
 from physic_core.types.arrays import select_people
 from physic_core.types.known_sizes import KnownPeople
 
-from .seen import evidence_of, photo_of, pointmap_of, rays_of
+from .seen import photo_of, pointmap_of, rays_of
 
 HEIGHT = 180
 WIDTH = 160
@@ -162,34 +160,12 @@ def test_the_answer_names_who_spoke_for_floor_and_scale_and_who_contradicts():
     assert soles[1]["right"] < 0.3
 
 
-def test_a_plane_that_is_nearly_as_likely_as_the_floor_is_named(world):
-    normal = torch.tensor([0.0, -math.cos(0.2), -math.sin(0.2)])
-    tilted = replace(FLOOR[0].plane, normal=normal, source="labels")
-    rival = FloorCandidate(tilted, {"pixels": 7.0})
-    assert "may be wrong" not in " ".join(world.answer().scale.notes)
-    notes = " ".join(world.answer((FLOOR[0], rival, NO_FLOOR)).scale.notes)
-    assert "tilted by 11 degrees" in notes
-
-
 def test_the_pitch_of_the_floor_is_less_certain_if_the_focal_length_is(world):
     guess = replace(CAMERA, focal_sigma=0.25)
     known = replace(guess, trust=CameraTrust.KNOWN)
     unsure, sure = (world.answer(camera=c).search.plane.pitch_sigma for c in (guess, known))
     assert math.degrees(sure) == pytest.approx(1.5)
     assert math.degrees(unsure) == pytest.approx(6, abs=0.5)
-
-
-def test_the_pitch_of_the_floor_is_less_certain_if_another_plane_is_as_likely(world):
-    found = world.answer().search.plane
-    angle = math.radians(10)
-    turn = torch.from_numpy(Rotation.from_euler("x", angle).as_matrix()).to(found.normal)
-    other = replace(found, normal=turn @ found.normal)
-    sigmas = []
-    for score in (-20.0, -2.0, 0.0):
-        planes = FloorCandidate(found, {}), FloorCandidate(other, {"pixels": score})
-        sigmas.append(chosen_floor(planes, 0, evidence_of(EMPTY.shape)).plane.pitch_sigma)
-    assert sigmas[0] == pytest.approx(found.pitch_sigma, rel=0.01)
-    assert sigmas[0] < sigmas[1] < sigmas[2] < angle
 
 
 def test_torsos_give_the_scale_where_no_foot_is_seen_and_are_less_certain(world):

@@ -52,14 +52,6 @@ def test_the_trend_continues_where_the_depth_is_unknown():
     assert np.abs(found.points[..., 2] / truth - 1).max() < 0.015
 
 
-def test_pixels_that_the_point_map_lacks_have_the_measured_depth():
-    lacking = pointmap(WALL / 3)
-    lacking.valid[:20] = False
-    found = with_measured_shape(lacking, measured(WALL), CAMERA)
-    assert found.valid.all()
-    assert found.points[:20, :, 2] == pytest.approx(WALL[:20], rel=1e-5)
-
-
 def test_a_depth_shows_people_or_the_scene_behind_them():
     masks = np.zeros((1, 120, 160), bool)
     masks[0, 30:100, 60:90] = True

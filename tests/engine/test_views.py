@@ -9,22 +9,18 @@ from dataclasses import replace
 
 import pytest
 import torch
-from torch.testing import assert_close
 
 from physic_core import engine_preset
 from physic_core.body.joints import JOINT_INDEX
-from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.joint.term import PosedBodies
-from physic_core.engine.joint.terms.picture import ViewsTerm
 from physic_core.engine.state import OtherView
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import project
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
-from physic_core.geometry.visibility import inside_image
 from physic_testing.worlds import BLAZEPOSE
 
-from .adjusted import adjusted, shifted, term_of, without_joints
+from .adjusted import adjusted, shifted, without_joints
 from .conftest import CAMERA
 from .seen import seen
 
@@ -114,28 +110,6 @@ def test_a_camera_that_shows_nobody_changes_no_bit(two):
     )
     assert torch.equal(alone.vertices, with_view.vertices)
     assert alone.scene_scale == with_view.scene_scale
-
-
-def test_the_energy_is_the_sum_over_cameras_people_and_keypoints(two):
-    views = (view_of(two, 40.0), view_of(two, 120.0))
-    start = replace(shifted(two.state, 0.05, 0.0, 0.1), views=views)
-    energy = JointEnergy(start, SETTINGS)
-    term = term_of(energy, ViewsTerm)
-    body = energy.state.model(start.rotations, start.betas, start.transl)
-    landmarks = energy.state.model.landmarks(body, BLAZEPOSE)
-    stature = energy.state.model.stature(start.betas)
-    weights = torch.tensor([BLAZEPOSE.weights.get(name, 1.0) for name in BLAZEPOSE.names])
-    sums = torch.zeros(2)
-    for view in views:
-        pelvis, points = (
-            each @ view.rotation.T + view.translation for each in (body.joints[:, 0], landmarks)
-        )
-        sigma_px = 0.01 * view.K[1, 1] * stature / pelvis[:, 2]
-        off = project(points, view.K) - view.keypoints
-        square = (off.norm(dim=-1) / sigma_px[:, None]).square()
-        weight = weights * inside_image(view.keypoints, *start.masks.shape[-2:])
-        sums += (weight * 25 * torch.log(1 + square / 25)).sum(1)
-    assert_close(term(posed(energy))["views"], sums, rtol=1e-4, atol=0)
 
 
 def test_an_energy_without_other_cameras_refuses_them(two):
