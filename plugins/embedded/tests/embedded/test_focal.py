@@ -108,15 +108,6 @@ def test_the_directions_of_a_room_come_back_from_its_edges_and_mirrored():
     assert 0 < frame_of(edges_of_a_room(clutter=120))[1] < trust < 1
 
 
-def looking(*degrees):
-    """What the look of a picture says of a camera that is turned by angles about x and z."""
-    turn = Rotation.from_euler("xz", degrees, degrees=True)
-    return UpInPhoto(turn.apply([0.0, -1.0, 0.0]), 8.0, "look")
-
-
-LEVEL = looking(0, 0)
-
-
 @pytest.mark.parametrize(("open_air", "most"), [(-0.8, 2.5), (0.8, 8.0)])
 def test_up_is_the_vertical_of_a_room_and_less_sure_outdoors(open_air, most):
     segments = edges_of_a_room()
@@ -131,15 +122,3 @@ def test_up_is_the_vertical_of_a_room_and_less_sure_outdoors(open_air, most):
         frame_of(mirrored(segments)), open_air, look._replace(up=look.up * [-1, 1, 1])
     )
     assert other.up * [-1, 1, 1] == pytest.approx(found.up, abs=1e-6)
-
-
-def test_a_doubtful_or_steep_frame_does_not_tell_up():
-    assert up_of_edges((np.eye(3), 0.1), 0.0, LEVEL) is None
-    steep = Rotation.from_euler("x", 45, degrees=True).as_matrix(), 0.9
-    assert up_of_edges(steep, -1.0, LEVEL) is None
-
-
-def test_the_vertical_of_a_tilted_view_is_the_axis_that_the_look_of_the_picture_is_near():
-    turn = Rotation.from_euler("xz", (43, 32), degrees=True)
-    found = up_of_edges((turn.as_matrix().T, 0.8), -0.8, looking(25, 20))
-    assert found.up == pytest.approx(turn.apply([0.0, -1.0, 0.0]), abs=1e-6)

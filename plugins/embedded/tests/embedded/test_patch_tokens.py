@@ -21,21 +21,6 @@ def grid():
 
 
 @pytest.mark.parametrize(
-    ("point", "reach", "expected"),
-    [
-        ((70, 10), 0, (1, 3)),
-        ((70, 10), 1, (1.5, 3)),
-        ((70, 30), 1, (1.5, 3)),
-        ((0, 0), 1, (1.5, 0.5)),
-        ((-50, 500), 0, (2, 0)),
-    ],
-)
-def test_a_square_around_a_point_stays_on_the_photo(grid, point, reach, expected):
-    [mean] = grid.around(np.array([point]), reach)
-    np.testing.assert_allclose(mean, expected)
-
-
-@pytest.mark.parametrize(
     ("box", "expected"),
     [
         ((20, 0, 60, 20), (1, 1.5)),

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from physic_core.backends.masks import dilate
 from physic_core.backends.people import boxes_from_masks
 from physic_core.types import (
     SURFACE_NAMES,
@@ -21,7 +20,6 @@ from physic_embedded.relative_pointmap import EmbeddedPointmap
 from physic_embedded.single_view.disparity_floor import fit_disparity_floor
 from physic_embedded.single_view.disparity_offset import disparity_at_infinity
 from physic_embedded.single_view.flying_pixels import flying_pixels
-from physic_embedded.single_view.two_looks import scene_disparity
 from physic_embedded.single_view.upright import wall_planes
 
 
@@ -268,22 +266,6 @@ def test_lines_are_those_of_the_photo_and_not_of_invented_pixels(backend, image)
         alone.append(backend.infer(inpainted, Hints()).intrinsics)
     assert cameras[0] == cameras[1]
     assert alone[0] != alone[1]
-
-
-def test_a_scene_has_the_trend_of_the_inpainted_photo_and_details_of_the_photo():
-    rows, columns = np.mgrid[0:120, 0:160].astype(np.float32)
-    plane = 1 + 0.05 * rows
-    steps = np.where(columns % 8 < 4, 0.1, -0.1).astype(np.float32)
-    people = np.zeros((120, 160), bool)
-    people[30:100, 70:90] = True
-    bent = plane + 2 * ((rows - 60) / 60) ** 2
-    photo = 0.3 * (bent + steps + 4 * people) + 7
-    small = cv2.resize(plane, (80, 60), interpolation=cv2.INTER_AREA)
-    scene = scene_disparity(small, photo, ~people)
-    assert np.abs(scene - plane)[people].max() < 0.1
-    far = ~dilate(people, 6)
-    assert np.abs(scene - plane - steps)[far].mean() < 0.05
-    assert scene_disparity(small, photo, np.zeros_like(people)) == pytest.approx(plane, abs=0.03)
 
 
 def test_a_scene_hidden_by_people_is_said_not_to_be_matched(backend, image, scene):

@@ -8,13 +8,12 @@ from hypothesis import strategies as st
 
 from physic_core.interfaces import Segmenter
 from physic_core.types import SurfaceLabels, UnposedPerson, mirrored_order
-from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
+from physic_embedded.networks.crops import RotatedSquare
 from physic_embedded.networks.mobile_sam import ImageEmbedding, embed_image, predict_masks
 from physic_embedded.networks.pose import Pose
 from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.networks.tiles import tiles
 from physic_embedded.segmentation.floor_mask import add_labelled_floor
-from physic_embedded.segmentation.people import DetectedPose, poses_of_same
 from physic_embedded.segmentation.person_masks import resolve_overlaps
 from physic_embedded.segmentation.unposed import count_heads
 from physic_testing import violations
@@ -61,16 +60,6 @@ def test_a_box_whose_top_is_another_head_in_the_mask_is_counted(box, score, head
     assert count_heads(boxes, [], mask[:0]).tolist() == []
 
 
-@pytest.mark.parametrize("side", [40.0, 100.0, 390.0])
-def test_a_cut_shows_the_pixel_that_its_coordinates_name(side):
-    y, x = np.mgrid[:400, :400]
-    image = np.stack([x * 0.6, y * 0.6, np.zeros_like(x)], axis=-1).astype(np.uint8)
-    square = RotatedSquare(np.array([200.0, 190.0]), side, 0.0)
-    cut = ImagePyramid.from_image(image).crop(square, 64)
-    at = square.to_photo(np.array([20.5, 40.5]), 64)
-    np.testing.assert_allclose(cut[40, 20, :2], at * 0.6, atol=2)
-
-
 @given(st.integers(1, 900), st.integers(1, 900), st.floats(0.2, 0.9))
 def test_tiles_cover_the_photo_and_stay_on_it(width, height, fraction):
     covered = np.zeros((height, width), bool)
@@ -82,33 +71,9 @@ def test_tiles_cover_the_photo_and_stay_on_it(width, height, fraction):
     assert covered.all() or fraction * max(width, height) < 160
 
 
-@pytest.mark.parametrize(
-    ("other", "same"),
-    [
-        (pose_at((105, 100)), True),
-        (pose_at((100, 100), confidence=0.1), True),
-        (pose_at((100, 110), height=230), True),
-        (pose_at((140, 100)), False),
-        (pose_at((100, 60), height=100), False),  # a child before the chest
-    ],
-    ids=["moved", "hardly seen", "larger", "beside", "carried"],
-)
-def test_poses_are_of_one_person_if_their_joints_are_together(other, same):
-    people = [DetectedPose(pose_at((400, 100)), 1.0), DetectedPose(pose_at((100, 100)), 1.0)]
-    assert poses_of_same(other, people) == people[1:] * same
-
-
 def embedding_of(height, width):
     features = np.zeros((1, 256, 64, 64), np.float32)
     return ImageEmbedding(features, height, width, 1024 / max(height, width))
-
-
-@pytest.mark.parametrize(("height", "width"), [(480, 640), (1500, 700), (90, 333)])
-def test_grid_values_land_on_the_pixels_that_the_grid_names(height, width):
-    embedding = embedding_of(height, width)
-    ramp = embedding.to_photo(np.meshgrid(*embedding.grid_axes())[0])
-    inner = slice(20, width - 20)
-    np.testing.assert_allclose(ramp[height // 2, inner], np.arange(width)[inner], atol=0.2)
 
 
 def test_the_mask_of_an_ellipse_is_that_ellipse():

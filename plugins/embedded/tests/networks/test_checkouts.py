@@ -63,17 +63,6 @@ def test_an_import_error_of_a_checkout_restores_the_import_path(tmp_path):
     assert "core" not in sys.modules
 
 
-def test_a_missing_package_is_named_with_its_pip_name(tmp_path):
-    side = checkout(tmp_path, {"core/net.py": "import yacs_that_is_not_there.config"})
-    with pytest.raises(WeightsMissingError, match="pip install yacs_that_is_not_there"):
-        side.load()
-    needs = checkout(tmp_path, {}, needs=("json", "absent_a", "absent_b")).missing()
-    assert needs == (
-        "Thing needs the packages absent_a, absent_b of the environment: pip install absent_a "
-        "absent_b",
-    )
-
-
 def test_a_wrong_folder_is_reported_before_anything_is_imported(tmp_path):
     page = "https://example.org/thing"
     absent = Checkout(str(tmp_path / "no"), name="Thing", package="core.net", homepage=page)
