@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from physic_core import reconstruct
-from physic_core.types import Lens, skeleton_named
+from physic_core.types import skeleton_named
 from physic_testing.worlds import load_world
 
 
@@ -36,16 +36,6 @@ def test_the_table_lists_the_seen_keypoints_in_px_of_the_photo_file(export, resu
         [person.keypoints[j] for person, j in zip(result.people, seen, strict=True)]
     )
     assert shown == pytest.approx(3 * points + 1, abs=0.006)
-
-
-def test_keypoints_of_an_undistorted_photo_are_those_of_its_file(export, result, tmp_path):
-    lens = Lens(result.intrinsics, (0.1, 0.0, 0.0, 0.0, 0.0))
-    export("a.csv", of=replace(result, lens=lens))
-    row = rows_of(tmp_path / "a.csv")[0]
-    person = result.people[0]
-    first = person.keypoints[np.flatnonzero(person.keypoint_confidence)[0]]
-    expected = lens.file_pixels(first, result.intrinsics)
-    assert [float(row["x"]), float(row["y"])] == pytest.approx(expected.tolist(), abs=0.006)
 
 
 @pytest.mark.usefixtures("few_steps")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import struct
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,7 +16,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from physic_core.geometry.upright import gltf_from_camera, transform_points
 from physic_core.types import Plane, Scene
 from physic_visual.glb import combined_glb
-from physic_visual.surface import mesh_backdrop, mesh_scene, scene_reach
+from physic_visual.surface import mesh_scene
 
 
 def tree_of(content):
@@ -111,40 +110,6 @@ def test_a_floor_far_away_stays_whole(reconstruction):
     assert steps[on_floor].max() > 0.1
     floor = np.abs(scene.points @ scene.floor.normal + scene.floor.offset) < 1e-3
     assert (heights < 1e-3).sum() > 0.98 * floor.sum()
-
-
-@pytest.fixture
-def far_away(reconstruction):
-    """The room, of which the upper third of the photo has no depth, apart from a crack of one
-    column below.
-    """
-    scene = reconstruction.scene
-    valid = scene.valid.copy()
-    valid[: len(valid) // 3] = False
-    valid[:, 80] = False
-    return replace(reconstruction, scene=replace(scene, valid=valid))
-
-
-def test_a_backdrop_shows_what_has_no_distance(far_away):
-    """It lies on a sphere, in the direction of its pixels, faces the camera, and has no holes seen
-    from there.
-    """
-    surface = mesh_scene(far_away.scene, scene_reach(far_away))
-    backdrop = mesh_backdrop(far_away, surface)
-    assert_allclose(np.linalg.norm(backdrop.vertices, axis=1), scene_reach(far_away), rtol=1e-5)
-    seen = backdrop.vertices @ far_away.intrinsics.matrix.T
-    assert_allclose(seen[:, :2] / seen[:, 2:], backdrop.pixels, atol=1e-3)
-    height, width = far_away.scene.valid.shape
-    columns, rows = backdrop.pixels.T
-    assert (columns.min(), columns.max(), rows.min()) == (0, width - 1, 0)
-    assert height / 3 <= rows.max() < 0.45 * height
-    a, b, c = backdrop.vertices[backdrop.faces].transpose(1, 0, 2)
-    assert ((np.cross(b - a, c - a) * a).sum(1) < 0).all()
-
-
-def test_a_room_that_fills_the_photo_has_no_backdrop(reconstruction, content):
-    assert not len(mesh_backdrop(reconstruction, mesh_scene(reconstruction.scene, 20.0)).faces)
-    assert "backdrop" not in {node["name"] for node in tree_of(content)["nodes"]}
 
 
 def test_the_file_states_units_axes_and_colours_and_has_a_camera(content):

@@ -9,7 +9,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_array_equal
 
 from physic_core.geometry import linear_from_srgb
 from physic_core.types import ContactPartner
@@ -19,8 +19,6 @@ from physic_visual.palette import (
     contact_color,
     contact_colors,
     contact_legend,
-    has_faint_contact,
-    painted_contact,
 )
 
 # Machado, Oliveira and Fernandes 2009, severity 1, on linear sRGB.
@@ -73,27 +71,3 @@ def test_vertices_and_legend_have_the_colours_of_what_is_touched(reconstruction)
     assert_array_equal(colors[:4], wanted)
     shown = ("floor", "seat")
     assert list(contact_legend(result).items()) == [(n, CONTACT_PALETTE[n]) for n in shown]
-
-
-def test_contact_is_painted_by_its_probability(reconstruction):
-    person = reconstruction.people[0]
-    touching = np.arange(len(person.vertices)) < 4
-    probability = np.zeros(len(touching), np.float16)
-    probability[:3] = 0.9, 0.5, 0.4
-    partner = np.where(touching, 0, -1).astype(np.int16)
-    person = replace(
-        person, contact=touching, contact_probability=probability, contact_partner=partner
-    )
-    result = replace(reconstruction, people=(person,))
-    away = painted_contact(person, result.contact_partners).astype(int) - BODY_RGB
-    full = np.array(CONTACT_PALETTE["floor"]) - BODY_RGB
-    assert_array_equal(away[:2], [full, full])
-    assert_allclose(away[2], 0.2 * full, atol=1)
-    assert not away[3:].any()
-    assert has_faint_contact(result)
-    sure = replace(person, contact_probability=None)
-    painted, plain = (
-        paint(sure, result.contact_partners) for paint in (painted_contact, contact_colors)
-    )
-    assert_array_equal(painted, plain)
-    assert not has_faint_contact(replace(result, people=(sure,)))

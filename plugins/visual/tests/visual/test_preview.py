@@ -27,7 +27,6 @@ from physic_visual.views import (
     build_preview_geometry,
     side_view,
     top_view,
-    view_from_aside,
 )
 
 SPHERE = trimesh.creation.icosphere(subdivisions=4, radius=0.5)
@@ -130,22 +129,6 @@ def test_from_above_people_stand_beside_each_other(reconstruction):
     assert_allclose(offset, [0.9, -0.8], atol=0.1)  # farther is higher
     assert plan.floor_row is None
     assert (spots[0][0] - plan.camera_px[0]) / plan.pixels_per_metre == pytest.approx(-0.6, abs=0.1)
-
-
-def test_from_aside_people_stand_before_what_is_farther(reconstruction):
-    """The upper third of the photo is a pink sky, which has no depth."""
-    scene = reconstruction.scene
-    pink = (230, 20, 200)
-    valid = scene.valid.copy()
-    colors = scene.colors.copy()
-    valid[: len(valid) // 3] = False
-    colors[: len(valid) // 3] = pink
-    sky = replace(reconstruction, scene=replace(scene, valid=valid, colors=colors))
-    picture = view_from_aside(in_colors_of_numbers(sky), 400, 320)
-    assert min(is_hue(picture, index).sum() for index in (0, 1)) > 500
-    rows = np.nonzero((picture == pink).all(-1))[0]
-    assert len(rows) > 5000
-    assert rows.mean() < np.nonzero(is_hue(picture, 0))[0].mean()
 
 
 def test_contact_with_the_floor_is_green_from_below_only(reconstruction):
