@@ -60,19 +60,6 @@ def written_by(*arguments):
     return files
 
 
-@pytest.mark.parametrize(
-    ("arguments", "names"),
-    [
-        (("--save", "numbers", "--report"), ["people.csv", *ARRAYS, "report.html"]),
-        (("--save", "people"), ["people.csv", *ARRAYS]),
-    ],
-    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
-)
-def test_save_option_of_run_chooses_these_files(world, arguments, names):
-    Image.fromarray(world.image).save("a.png")
-    assert sorted(written_by(*arguments)) == names
-
-
 @pytest.fixture
 def constructed(monkeypatch):
     """The interface of each backend that is constructed."""

@@ -152,11 +152,6 @@ def test_valid_results_have_no_violation(result, changes):
             {"masks": None, "keypoints": None},
             ["masks must be a numpy array (0, 6, 8), got NoneType", ...],
         ),
-        (
-            PEOPLE,
-            {"masks": np.zeros((2, H, W), bool)},
-            "every person needs at least one pixel, masks [0...",
-        ),
         (PEOPLE, {"masks": np.ones((2, H, W), bool)}, "masks of two people overlap..."),
         (
             PEOPLE,
@@ -171,11 +166,6 @@ def test_valid_results_have_no_violation(result, changes):
         ),
         (
             PEOPLE,
-            {"surfaces": replace(SURFACES, names=("floor", "floor"))},
-            "surfaces.names must not name a...",
-        ),
-        (
-            PEOPLE,
             {"surfaces": SurfaceLabels(np.full((H, W), 2, np.uint8), ("wall",))},
             "surfaces.labels must be...",
         ),
@@ -185,23 +175,11 @@ def test_valid_results_have_no_violation(result, changes):
             "carriers has 'hovercraft'; the...",
         ),
         (
-            PEOPLE,
-            {"carriers": (Carrier("ski", (2.0, 0.0, 2.0, 2.0), 0.5),)},
-            "carriers needs boxes x0 y0...",
-        ),
-        (PEOPLE, {"carriers": ("ski",)}, "carriers must be a tuple of..."),
-        (
             KEYPOINTS,
             {"skeleton": 17},
             ["skeleton must be a Skeleton or the name of a standard one, got int", ...],
         ),
         (KEYPOINTS, {"sigma": np.zeros((2, 17))}, "sigma must be above 0 where confidence is"),
-        (KEYPOINTS, {"world_spread": -np.ones((2, 17))}, "world_spread must be at least 0..."),
-        (
-            KEYPOINTS,
-            {"world": None, "depth_sigma": np.ones((2, 17))},
-            "depth_sigma is given without world...",
-        ),
         (
             POINTMAP,
             {"points": nan_at(POINTMAP.points)},
@@ -213,20 +191,13 @@ def test_valid_results_have_no_violation(result, changes):
             "z must be > 0 where valid (z forward), 100% of the valid points...",
         ),
         (POINTMAP, {"valid": np.zeros((H, W), bool)}, "no pixel is valid"),
-        (POINTMAP, {"points": RAYS * [-1, 1, 1]}, "x must grow with the columns..."),
         (POINTMAP, {"points": RAYS * [1, -1, 1]}, "y must grow with the rows..."),
         (
             POINTMAP,
             {"unknown": "metres"},
             "unknown must be one of scale, scale_shift, inverse_scale_shift...",
         ),
-        (
-            POINTMAP,
-            {"shift_sigma": -0.1},
-            "shift_sigma must be finite and at least 0, or None, got -0.1",
-        ),
         (POINTMAP, {"up": UP}, "up_sigma must be degrees, > 0 and < 90, got None"),
-        (POINTMAP, {"up_sigma": 2.0}, "up_sigma is of up, which is None..."),
         (POINTMAP, {"up": UP, "up_sigma": -1.0}, "up_sigma must be degrees..."),
         (POINTMAP, {"up": 2 * UP, "up_sigma": 1.0}, "up must be a vector (3,) of length 1..."),
         (
@@ -234,8 +205,6 @@ def test_valid_results_have_no_violation(result, changes):
             {"up": nan_at(UP), "up_sigma": 1.0},
             "up must be a vector (3,) of length 1...",
         ),
-        (POINTMAP, {"up": UP[:2], "up_sigma": 1.0}, "up must be (3), got (2)"),
-        (POINTMAP, {"intrinsics": np.eye(3)}, "intrinsics must be Intrinsics, got ndarray"),
         (
             POINTMAP,
             {"intrinsics": replace(CAMERA, cx=np.nan)},
@@ -245,11 +214,6 @@ def test_valid_results_have_no_violation(result, changes):
             DEPTH,
             {"intrinsics": CAMERA.resized(16, 12)},
             "intrinsics must be for 8 x 6 px, got 16 x 12",
-        ),
-        (
-            DEPTH,
-            {"scale_sigma": np.nan},
-            "scale_sigma must be a number from 0 to 1000 or None, got nan",
         ),
         (DEPTH, {"notes": "text"}, "notes must be a tuple of texts, got 'text'"),
         (DEPTH, {"depth": nan_at(DEPTH.depth)}, "depth is NaN or infinite everywhere"),
@@ -261,7 +225,6 @@ def test_valid_results_have_no_violation(result, changes):
         ),
         (BODIES, {"parameters": {}}, ["parameters must be BodyParameters, got dict", ...]),
         (BODIES, {"joints": np.zeros((2, 55, 3), int)}, "joints must be float, got int64"),
-        (BODIES, {"joints": np.full((2, 55, 3), np.inf)}, "joints must be within +-10000 m..."),
         (
             HANDS,
             {"rotvecs": HANDS.rotvecs + 20},
@@ -271,16 +234,6 @@ def test_valid_results_have_no_violation(result, changes):
             BODIES,
             {"rotation_sigma": np.full((2, 22), 20.0)},
             "rotation_sigma must be within 0 and pi radians...",
-        ),
-        (
-            BODIES,
-            {"joint_sigma": np.zeros((2, 55))},
-            "joint_sigma must be within 0 and 10000 m, or NaN where unknown",
-        ),
-        (
-            BODIES,
-            {"lean_sigma": np.zeros(2)},
-            "lean_sigma must be within 0 and pi radians...",
         ),
         (
             BODIES,
@@ -295,7 +248,6 @@ def test_valid_results_have_no_violation(result, changes):
                 "child_share must be a number or NaN, got None",
             ],
         ),
-        (OBSERVED, {"child": np.array([0.5, 1.5])}, "child must lie in [0, 1], got 0 to 1.5"),
         (
             OBSERVED,
             {"posture": nan_at(OBSERVED.posture, 0, 3)},
@@ -311,26 +263,14 @@ def test_valid_results_have_no_violation(result, changes):
             {"on_floor": np.array([[np.nan, 0.5]] * 2)},
             "on_floor_share must lie between 0 and 1 where on_floor is given, got [nan nan]",
         ),
-        (
-            OBSERVED,
-            {"touch": np.full((2, 10, 5), 0.2)},
-            "each row of touch, and touch_share, must sum to 1...",
-        ),
         (OBSERVED, {"child_share": 1.0}, "child_share must lie between 0 and 1 where..."),
-        (OBSERVED, {"away_share": None}, "away_share must be a number or NaN, got None"),
         (
             OBSERVED,
             {"head": 2 * LOOKS, "head_sigma": np.full(2, 8.0)},
             "each row of head must be a unit vector, or NaN",
         ),
-        (OBSERVED, {"head": LOOKS}, "head_sigma must be above 0 where head is given"),
         (CONTACT, {"rest": None}, "topology must be 'embedded' as the bodies', got 'smpl'"),
         (CONTACT, {"probability": np.zeros((2, 5))}, "probability must be (2, 4), got (2, 5)"),
-        (
-            CONTACT,
-            {"rest": RestMesh("smplx", np.zeros((4, 3)), FACES)},
-            "rest must be the mesh 'smpl' that the...",
-        ),
     ],
 )
 def test_a_violation_says_what_was_expected_and_what_came(result, changes, expected):

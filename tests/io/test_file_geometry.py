@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from PIL import Image
 
 from physic_core.errors import InputError
 from physic_core.io.photo import read_photo
@@ -87,44 +86,12 @@ def test_a_density_without_a_unit_has_two_readings(jfif, x, y):
     assert "width" in warning
 
 
-@pytest.mark.parametrize(("x", "y"), [(1, 1), (100, 101), (200, 72)])
-def test_square_pixels_and_mistakes_are_not_named(jfif, x, y):
-    assert read_photo(jfif(x, y)).warnings == ()
-
-
 def test_the_lens_of_a_photo_with_stretched_pixels_is_not_known(stored):
     exif = {0xA405: 26, **RESOLUTION}
     photo = read_photo(stored("WEBP", exif=exif))
     assert photo.intrinsics is None
     assert len(photo.warnings) == 1
     assert read_photo(stored("WEBP", exif={0xA405: 26})).intrinsics is not None
-
-
-@pytest.mark.parametrize(
-    ("size", "right"),
-    [
-        ((960, 1080), "are not square: resize it to 1920 x 1080"),
-        ((960, 576), "768 x 576"),
-        ((704, 288), "768 x 576"),
-        ((1440, 1080), "may not be square"),
-        ((720, 576), "may not be square"),
-        ((720, 480), "may not be square"),
-        ((544, 576), "768 x 576"),
-        ((704, 480), "640 x 480 px, or 854 x 480"),
-        ((352, 288), "768 x 576"),
-        ((1280, 1080), "1920 x 1080"),
-        ((960, 720), ""),
-        ((640, 480), ""),
-        ((1024, 576), ""),
-        ((480, 480), ""),
-    ],
-)
-def test_the_sizes_of_recorders_are_named(stored, size, right):
-    picture = Image.new("RGB", size, (90, 120, 150))
-    photo = read_photo(stored("JPEG", picture))
-    assert [right in text for text in photo.warnings] == ([True] if right else [])
-    of_camera = read_photo(stored("JPEG", picture, exif={0x010F: "Maker"}))
-    assert (of_camera.warnings, of_camera.notes) == ((), ())
 
 
 def of_drone(pitch, roll="+0.00"):

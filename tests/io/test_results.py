@@ -6,13 +6,11 @@ import errno
 import json
 import math
 import os
-import re
 import struct
 import tempfile
 import tracemalloc
 import zipfile
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,8 +25,6 @@ from physic_core.io.results import read_image
 from physic_core.types import person_rows
 
 pytestmark = pytest.mark.quick
-
-ROOT = Path(__file__).parents[2]
 
 
 def digest(result):
@@ -109,31 +105,6 @@ def test_numbers_that_are_not_finite_survive(tmp_path, reconstruction):
 def test_a_word_that_names_no_files_is_refused(tmp_path, reconstruction):
     with pytest.raises(ConfigError, match="pictures, numbers, people"):
         save_reconstruction(reconstruction, tmp_path, "everything")
-
-
-def test_each_array_is_plain_and_listed_in_the_documentation(tmp_path, reconstruction):
-    page = (ROOT / "docs" / "file-format.md").read_text(encoding="utf-8")
-    rows = dict(re.findall(r"^\| `([\w.{}]+)` \| (\w+) \|", page, re.M))
-    result = on_rays(reconstruction)
-    up = {"up": np.array([0.0, -1.0, 0.0]), "up_sigma": 2.0, "up_source": "edges of a room"}
-    result = replace(result, scene=replace(result.scene, **up))
-    save_reconstruction(result, tmp_path, "numbers")
-    with np.load(tmp_path / "reconstruction.npz", allow_pickle=False) as arrays:
-        found = {name: arrays[name].dtype for name in arrays}
-        np.testing.assert_allclose(arrays["scene.depth"], result.scene.points[..., 2], rtol=2e-5)
-        np.testing.assert_array_equal(
-            arrays["image"] + arrays["scene.colors_change"], result.scene.colors
-        )
-        np.testing.assert_array_equal(arrays["people.1.contact"], result.people[1].contact)
-    named = {re.sub(r"^people\.\d+", "people.{i}", name): dtype for name, dtype in found.items()}
-    for name, dtype in named.items():
-        wanted = {"floating": ("float32", "float64"), "text": (dtype.name,)}.get(
-            rows[name], (rows[name],)
-        )
-        assert dtype.name in wanted, name
-    assert set(rows) - set(named) == {
-        *("scene.points", "people.{i}.joint_sigma", "people.{i}.given_joints"),
-    }
 
 
 def test_the_document_states_units_frame_and_camera(tmp_path, reconstruction):
