@@ -22,8 +22,9 @@ import numpy as np
 
 from benchmarks.fits import parser_of
 from physic_core import write_bodies
-from physic_core.body import convert_with_residuals, load_body
+from physic_core.body import load_body
 from physic_core.body.bones import parameters_from_rotations, pose_from_parameters
+from physic_core.conversion import convert_bodies
 from physic_core.geometry.rotations import rotvec_to_rotmat_numpy
 from physic_core.prepare.bodies import turn_sigmas
 from physic_core.types import Bodies, BodyParameters, Intrinsics
@@ -151,7 +152,7 @@ def _with_errors(truth: list[Array], seed: int) -> tuple[BodyParameters, Array]:
     joints = np.full((len(truth), 55, 3), np.nan)
     joints[:, BODY_ROWS] = truth
     zero = pose_from_none(len(truth))
-    fitted = convert_with_residuals(Bodies(zero, "joints", joints=joints), load_body()).bodies
+    fitted = convert_bodies(Bodies(zero, "joints", joints=joints), load_body()).bodies
     rotations, betas, transl, _ = pose_from_parameters(fitted.parameters, dtype=torch.float64)
     start = model(rotations, betas, transl).joints.numpy()
     rng = np.random.default_rng(seed)

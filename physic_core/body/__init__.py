@@ -33,12 +33,6 @@ if TYPE_CHECKING:
     from physic_core.body.bones import pose_from_parameters as pose_from_parameters
     from physic_core.body.bones import rotations_from_parameters as rotations_from_parameters
     from physic_core.body.bones import rotations_from_tpose as rotations_from_tpose
-    from physic_core.body.convert.bodies import can_convert as can_convert
-    from physic_core.body.convert.bodies import convert_contact as convert_contact
-    from physic_core.body.convert.bodies import convert_with_residuals as convert_with_residuals
-    from physic_core.body.convert.bodies import rest_mesh_of_model as rest_mesh_of_model
-    from physic_core.body.convert.correspondence import Correspondence as Correspondence
-    from physic_core.body.convert.correspondence import find_correspondence as find_correspondence
     from physic_core.body.files import MANO as MANO
     from physic_core.body.files import SMPL as SMPL
     from physic_core.body.files import SMPL_PARENTS as SMPL_PARENTS
@@ -55,6 +49,7 @@ if TYPE_CHECKING:
     from physic_core.body.model import BodyOutput as BodyOutput
     from physic_core.body.model import LandmarkModel as LandmarkModel
     from physic_core.body.model import build_body_model as build_body_model
+    from physic_core.body.model import rest_mesh_of_model as rest_mesh_of_model
     from physic_core.body.posing import JointTree as JointTree
     from physic_core.body.posing import Skin as Skin
     from physic_core.body.posing import turns_above as turns_above
@@ -80,13 +75,11 @@ _NAMES = {
     "arrays": "BodyArrays",
     "bones": "head_direction parameters_from_rotations pose_from_parameters "
     "rotations_from_parameters rotations_from_tpose",
-    "convert.bodies": "can_convert convert_contact convert_with_residuals rest_mesh_of_model",
-    "convert.correspondence": "Correspondence find_correspondence",
     "files": "MANO ModelFileLayout SMPL SMPL_PARENTS SmplBody embedded_arrays load_smpl "
     "read_model_file smplx_arrays",
     "joint_angles": "segment_axes",
     "landmarks": "BODY_POINTS keypoints_on_body",
-    "model": "BodyModel BodyOutput LandmarkModel build_body_model",
+    "model": "BodyModel BodyOutput LandmarkModel build_body_model rest_mesh_of_model",
     "posing": "JointTree Skin turns_above",
     "posture": "angle_deg legs_in_line standing_legs",
 }

@@ -7,7 +7,7 @@ size of a body, such threads only wait for each other.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -24,6 +24,7 @@ from physic_core.types import BodyParameters
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
+    from physic_core.types import Bodies
 
 _HEAD = JOINT_INDEX["head"]
 _UP = np.array([0, *PARENTS[1:]])
@@ -256,3 +257,10 @@ def rotations_from_parents(world: _Array) -> _Array:
     local = np.swapaxes(world[:, _UP], -1, -2) @ world
     local[:, 0] = world[:, 0]
     return local
+
+
+def replace_mesh_with_joints(bodies: Bodies, model: BodyModel) -> Bodies:
+    """Return bodies with the posed joints of their body model, and without a mesh."""
+    with torch.no_grad():
+        joints = model(*pose_from_parameters(bodies.parameters), joints_only=True).joints
+    return replace(bodies, joints=joints.cpu().numpy(), mesh=None)

@@ -26,6 +26,7 @@ from physic_core.errors import BodyModelError
 from physic_core.geometry.mesh import CoarseMesh, coarse_mesh, faces_of_vertices
 from physic_core.geometry.tensors import to_device
 from physic_core.types.arrays import PER_PERSON
+from physic_core.types.bodies import RestMesh
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import Skeleton, skeleton_named
 
@@ -421,3 +422,10 @@ def _float(array: _Array) -> Tensor:
 def _ids(groups: Mapping[str, _Array]) -> dict[str, Tensor]:
     """Convert id arrays to int64 tensors."""
     return {name: torch.as_tensor(ids.astype(np.int64)) for name, ids in groups.items()}
+
+
+def rest_mesh_of_model(model: BodyModel) -> RestMesh:
+    """Return the mesh of the mean body of a model in its T-pose."""
+    with torch.no_grad():
+        vertices = model(*model.zero_pose()).vertices[0].cpu().numpy()
+    return RestMesh(model.topology, vertices, model.faces.cpu().numpy())

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from physic_core.lazy import importer
 
 if TYPE_CHECKING:
-    from physic_core.cache.correspondences import cached_correspondence as cached_correspondence
     from physic_core.cache.digests import CodeDigester as CodeDigester
     from physic_core.cache.digests import file_stamp as file_stamp
     from physic_core.cache.digests import files_named_by as files_named_by
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from physic_core.cache.results import made_of as made_of
 
 _NAMES = {
-    "correspondences": "cached_correspondence",
     "digests": "CodeDigester file_stamp files_named_by",
     "folders": "LruFolder cache_folder claimed_cache is_own users_cache",
     "kit_stamps": "remember_passed",

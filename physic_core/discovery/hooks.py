@@ -156,6 +156,14 @@ def physic_mask_readers() -> Sequence[PluginItem]:  # type: ignore[empty-body]
     """
 
 
+@_hookspec
+def physic_body_converters() -> Sequence[PluginItem]:  # type: ignore[empty-body]
+    """Return the converter of bodies to other body models.
+
+    The target returns a :class:`physic_core.conversion.BodyConverter` when it is called.
+    """
+
+
 RECORDS: dict[str, type[PluginItem] | type[ExporterRecord]] = {
     "physic_commands": PluginItem,
     "physic_exporters": ExporterRecord,
@@ -165,5 +173,6 @@ RECORDS: dict[str, type[PluginItem] | type[ExporterRecord]] = {
     "physic_keypoint_readers": PluginItem,
     "physic_body_readers": PluginItem,
     "physic_mask_readers": PluginItem,
+    "physic_body_converters": PluginItem,
 }
 """The hooks, and the class of what each returns."""

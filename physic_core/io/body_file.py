@@ -342,8 +342,8 @@ def _posed_smplx(
 ) -> Bodies:
     import torch
 
+    from physic_core.body import rest_mesh_of_model
     from physic_core.body.bones import parameters_from_rotations
-    from physic_core.body.convert.bodies import rest_mesh_of_model
     from physic_core.body.files import load_embedded, load_smplx
 
     count = len(turns)
@@ -389,7 +389,7 @@ def _mean_hands(model_file: str) -> _Array:
 
 def _mesh(name: str, vertices: FloatArray, model_file: str | None) -> Mesh:
     """Return the mesh of vertices of a known topology, with its T-pose."""
-    from physic_core.body.convert.bodies import rest_mesh_of_model
+    from physic_core.body import rest_mesh_of_model
     from physic_core.body.files import load_smpl, load_smplx
 
     file = _required(model_file, "vertices", name)

@@ -138,8 +138,7 @@ def convert_to_configured(
         ConfigError: the bodies have neither joints nor mesh.
         BodyModelError: they have too few joints for all people.
     """
-    from physic_core.body.convert.bodies import can_convert, convert_with_residuals
-    from physic_core.cache.correspondences import cached_correspondence
+    from physic_core.conversion import can_convert, convert_bodies
 
     if not can_convert(bodies, model):
         cure = (
@@ -153,7 +152,7 @@ def convert_to_configured(
             f"or choose a body_estimator that gives '{model.name}'"
         )
     try:
-        found = convert_with_residuals(bodies, model, cached_correspondence)
+        found = convert_bodies(bodies, model)
     except BodyModelError as error:
         raise BodyModelError(f"{who}: {error}") from error
     if not valid_body_rows(found.bodies).any():
@@ -173,11 +172,10 @@ def transfer_contact(
     """Transfer contact probabilities to the mesh of the configured body model; None and a warning
     on failure.
     """
-    from physic_core.body.convert.bodies import convert_contact
-    from physic_core.cache.correspondences import cached_correspondence
+    from physic_core.conversion import convert_contact
 
     try:
-        carried = convert_contact(contact, model, cached_correspondence)
+        carried = convert_contact(contact, model)
     except BodyModelError as error:
         stages.warn(f"{who}: {error}; contact is computed from distances only")
         return None

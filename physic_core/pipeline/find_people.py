@@ -364,7 +364,7 @@ def hints_with_bodies(run: PhotoRun, photo: PhotoContent, bodies: Bodies, hints:
     Bodies of a model that not all backends can load have joints, too.
     """
     if run.model.name != "embedded":
-        from physic_core.body.convert.bodies import replace_mesh_with_joints
+        from physic_core.body.bones import replace_mesh_with_joints
 
         bodies = replace_mesh_with_joints(bodies, run.model)
     return replace(

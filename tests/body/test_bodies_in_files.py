@@ -21,8 +21,9 @@ from other_body import mm, posed, smpl_file_arrays, smplx_file_arrays
 from scipy.spatial.transform import Rotation
 
 from physic_core import InputError, read_bodies
-from physic_core.body import convert_with_residuals, load_smpl
+from physic_core.body import load_smpl
 from physic_core.body.files import load_smplx
+from physic_core.conversion import convert_bodies
 from physic_core.geometry.rotations import rotmat_to_rotvec
 from physic_core.types import FileOfPhoto
 
@@ -279,7 +280,7 @@ def mhr(embedded64, tmp_path_factory):
 
 def converted_mm(found, joints, embedded64):
     """Mean distance of joints after the conversion to the embedded body."""
-    bodies = convert_with_residuals(found.bodies, embedded64.to(dtype=torch.float32)).bodies
+    bodies = convert_bodies(found.bodies, embedded64.to(dtype=torch.float32)).bodies
     return mm(posed(embedded64, bodies.parameters)[1][:, :22], joints[:, :22])
 
 

@@ -12,9 +12,10 @@ import torch
 from numpy.testing import assert_allclose, assert_array_equal
 from other_body import mm, posed, smpl_file_arrays
 
+from physic_core.body import rest_mesh_of_model
 from physic_core.body.bones import parameters_from_rotations, rotations_from_parameters
-from physic_core.body.convert.bodies import can_convert, convert_with_residuals, rest_mesh_of_model
 from physic_core.body.files import SmplBody
+from physic_core.conversion import can_convert, convert_bodies
 from physic_core.errors import BodyModelError
 from physic_core.types import Bodies, Mesh
 
@@ -47,14 +48,14 @@ def with_mesh(bodies, model):
 
 def test_a_body_converted_by_its_surface_and_back_is_the_same(own, embedded, other_model, other):
     vertices, joints = posed(embedded, own.parameters)
-    there = convert_with_residuals(own, other_model)
+    there = convert_bodies(own, other_model)
     assert there.bodies.body_model == "smplx"
     assert there.bodies.parameters.betas.shape == (4, 10)
     assert_array_equal(there.bodies.observed, own.observed)
     assert (there.bodies.joints, there.bodies.mesh) == (None, None)
     truth = np.stack([other.from_embedded @ v for v in vertices])
     found = posed(other_model, there.bodies.parameters)[0]
-    back = convert_with_residuals(with_mesh(there.bodies, other_model), embedded)
+    back = convert_bodies(with_mesh(there.bodies, other_model), embedded)
     again, joints_again = posed(embedded, back.bodies.parameters)
     assert mm(found, truth) < 4
     assert mm(again, vertices) < 3
@@ -67,9 +68,9 @@ def test_a_body_converted_by_its_joints_and_back_is_the_same(own, embedded, othe
     off by as much.
     """
     vertices, joints = posed(embedded, own.parameters)
-    there = convert_with_residuals(replace(own, body_model="smpl", joints=joints), other_model)
+    there = convert_bodies(replace(own, body_model="smpl", joints=joints), other_model)
     joints_there = posed(other_model, there.bodies.parameters)[1]
-    back = convert_with_residuals(replace(there.bodies, joints=joints_there), embedded)
+    back = convert_bodies(replace(there.bodies, joints=joints_there), embedded)
     again, joints_again = posed(embedded, back.bodies.parameters)
     limbs = [4, 5, 7, 8, 18, 19, 20, 21]
     assert mm(joints_there[:, limbs], joints[:, limbs]) < 15
@@ -97,10 +98,10 @@ def test_smpl_reaches_the_embedded_body(own, embedded, smpl, smaller):
     estimated = Bodies(
         flat, "smpl", None, placed, Mesh("smpl", vertices, smpl.faces, smpl.template)
     )
-    found = convert_with_residuals(estimated, embedded)
+    found = convert_bodies(estimated, embedded)
     assert found.surface_m.max() < 6e-3
     # Which vertex of the embedded body each vertex of the other is, is known.
-    by_joints = convert_with_residuals(replace(estimated, mesh=None), embedded)
+    by_joints = convert_bodies(replace(estimated, mesh=None), embedded)
     for one, most in ((found, 6), (by_joints, 35)):
         own_vertices = posed(embedded, one.bodies.parameters)[0]
         assert mm(np.stack([smaller.from_embedded @ v for v in own_vertices]), vertices) < most
@@ -112,7 +113,7 @@ def test_bare_joints_make_bodies(own, embedded):
     wild = replace(
         own.parameters, body_pose=own.parameters.body_pose + 1, betas=np.zeros((4, 45), np.float32)
     )
-    found = convert_with_residuals(Bodies(wild, "other", None, joints), embedded)
+    found = convert_bodies(Bodies(wild, "other", None, joints), embedded)
     assert mm(posed(embedded, found.bodies.parameters)[0], vertices) < 9
 
 
@@ -121,10 +122,10 @@ def test_people_without_known_joints_are_nan(own, embedded):
     joints[1] = np.nan
     estimated = replace(own, body_model="smpl", joints=joints)
     estimated.parameters.body_pose.setflags(write=False)
-    found = convert_with_residuals(estimated, embedded)
+    found = convert_bodies(estimated, embedded)
     assert np.isnan(found.bodies.parameters.transl).all(1).tolist() == [False, True, False, False]
     assert np.isnan(found.joints_m).tolist() == [False, True, False, False]
-    alone = convert_with_residuals(
+    alone = convert_bodies(
         replace(estimated, parameters=estimated.parameters[2:], joints=joints[2:], observed=None),
         embedded,
     )
@@ -135,4 +136,4 @@ def test_parameters_alone_of_a_model_that_is_not_there_are_refused(own, embedded
     estimated = replace(own, body_model="smplx")
     assert not can_convert(estimated, embedded)
     with pytest.raises(BodyModelError, match="'smplx' cannot be converted to 'embedded'"):
-        convert_with_residuals(estimated, embedded)
+        convert_bodies(estimated, embedded)

@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from physic_core.body.convert.bodies import convert_contact, rest_mesh_of_model
-from physic_core.body.convert.correspondence import find_correspondence
-from physic_core.cache import correspondences as module
-from physic_core.cache.correspondences import cached_correspondence
+from physic_convert import cached as module
+from physic_convert.cached import cached_correspondence
+from physic_convert.correspondence import find_correspondence
+from physic_core.body import rest_mesh_of_model
+from physic_core.conversion import convert_contact
 from physic_core.errors import BodyModelError
 from physic_core.types import ContactProbability
 
@@ -47,14 +48,12 @@ def test_vertices_find_their_places_on_the_other_body(onto_embedded, embedded, o
 
 
 @pytest.fixture(scope="module")
-def carried(embedded, onto_embedded, onto_other):
+def carried():
     """Contact of a model's vertices on those of another one."""
 
     def convert(probability, model, onto):
         given = ContactProbability(probability, model.topology, rest_mesh_of_model(model))
-        return convert_contact(
-            given, onto, lambda *_: onto_other if onto is embedded else onto_embedded
-        )
+        return convert_contact(given, onto)
 
     return convert
 

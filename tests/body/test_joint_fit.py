@@ -9,23 +9,23 @@ import pytest
 import torch
 from other_body import mm
 
-from physic_core.body import JOINT_INDEX, JOINT_NAMES
-from physic_core.body.bones import (
-    BoneOffsets,
-    rotations_from_parents,
-    rotations_from_tpose,
-)
-from physic_core.body.convert.joint_fit import (
+from physic_convert.joint_fit import (
     BodyFit,
     fit_joints,
     has_torso_joints,
     rotations_from_joints,
 )
-from physic_core.body.convert.surface_fit import (
+from physic_convert.surface_fit import (
     SampledBodyModel,
     SurfaceTargets,
     fit_surface,
     sample_vertices,
+)
+from physic_core.body import JOINT_INDEX, JOINT_NAMES
+from physic_core.body.bones import (
+    BoneOffsets,
+    rotations_from_parents,
+    rotations_from_tpose,
 )
 from physic_core.geometry.rotations import rotmat_to_rotvec, rotvec_to_rotmat_numpy
 from physic_core.geometry.tensors import exact_arrays

@@ -10,8 +10,6 @@ import os
 import numpy as np
 import pytest
 
-from physic_core.body.convert.correspondence import Correspondence
-from physic_core.cache import correspondences
 from physic_core.cache.digests import Digester
 from physic_core.cache.folders import CACHES
 from physic_core.cache.results import CacheKey, ResultCache
@@ -96,13 +94,3 @@ def test_a_folder_with_files_in_it_is_left_alone_and_named(tmp_path):
     cache.write(ASKED, depth_map())
     assert "a result of a backend cannot be cached" in cache.notes[1]
     assert (path / "mine.txt").read_text() == "mine"
-
-
-def test_a_map_between_bodies_that_does_not_fit_them_is_made_anew(tmp_path):
-    random = np.random.default_rng(0)
-    corners = random.integers(0, 9, (7, 3))
-    path = tmp_path / "a.map.npz"
-    for change, kept in ((0, True), (-1, False)):
-        found = Correspondence(corners + change, random.random((7, 3)), np.ones(7, bool))
-        correspondences._write(path, found)
-        assert (correspondences._read(path, 7, 9) is not None) == kept

@@ -11,10 +11,9 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from physic_core.body import load_body
+from physic_core.body import load_body, rest_mesh_of_model
 from physic_core.body.bones import rotations_from_parameters
-from physic_core.body.convert.bodies import rest_mesh_of_model
-from physic_core.errors import BodyModelError
+from physic_core.errors import BodyModelError, PackageMissingError
 from physic_core.types import Bodies, ContactProbability, Mesh, RestMesh
 from physic_mock import backends
 from physic_networks.bodies import parameters_from_rotvecs
@@ -86,6 +85,12 @@ def test_bodies_with_too_few_joints_are_refused(world):
         BodyModelError, match="the body model 'smpl' with too few joints to convert them"
     ):
         run(world.image, backends=changed(backends.MockBodyEstimator, without_hips))
+
+
+def test_without_the_plugin_that_converts_bodies_its_distribution_is_named(world, monkeypatch):
+    monkeypatch.setenv("PHYSIC_PLUGINS", "metricbody-testing,metricbody-visual")
+    with pytest.raises(PackageMissingError, match="metricbody-embedded"):
+        run(world.image, backends=changed(backends.MockBodyEstimator, of_smpl))
 
 
 def test_contact_on_another_mesh_is_carried_over(world, plain):

@@ -95,8 +95,8 @@ def _smplx_parameters(
     """Return the SMPL-X model, the parameters of the chosen people in the camera frame, and fit
     errors in metres.
     """
-    from physic_core.body import build_body_model, convert_with_residuals, smplx_arrays
-    from physic_core.cache import cached_correspondence
+    from physic_core.body import build_body_model, smplx_arrays
+    from physic_core.conversion import convert_bodies
 
     people = [person.parameters for _, person in request.chosen()]
     stacked = BodyParameters(
@@ -112,9 +112,7 @@ def _smplx_parameters(
             f"bodies of the model '{request.result.body_model}' cannot be converted to SMPL-X"
         )
     model = smplx_arrays(file)
-    found = convert_with_residuals(
-        Bodies(stacked, "embedded"), build_body_model(model), cached_correspondence
-    )
+    found = convert_bodies(Bodies(stacked, "embedded"), build_body_model(model))
     errors = found.joints_m if found.surface_m is None else found.surface_m
     return model, found.bodies.parameters, errors
 

@@ -7,8 +7,7 @@ import pytest
 import torch
 
 from physic_core.body import JOINT_INDEX, load_body
-from physic_core.body.bones import parameters_from_rotations
-from physic_core.body.convert.bodies import replace_mesh_with_joints
+from physic_core.body.bones import parameters_from_rotations, replace_mesh_with_joints
 from physic_core.errors import BackendError
 from physic_core.types import Bodies, People
 from physic_core.types.skeletons import SIDES

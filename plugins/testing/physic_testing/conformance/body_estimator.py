@@ -165,7 +165,7 @@ def check_bodies_can_be_posed(subject: BackendUnderTest) -> None:
     """`body_model` is known, with matching betas, or the bodies have joints or a mesh that suffice
     for a conversion.
     """
-    from physic_core.body import can_convert
+    from physic_core.conversion import can_convert
 
     bodies = subject.result()
     parameters = bodies.parameters

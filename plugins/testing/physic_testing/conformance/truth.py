@@ -13,7 +13,7 @@ from physic_core.types import POSTURES, SIDES, TOUCH_PARTS, TOUCHED, SurfaceLabe
 from physic_testing.conformance.expect import CheckSkipped
 
 if TYPE_CHECKING:
-    from physic_core.body import BodyModel, Correspondence
+    from physic_core.body import BodyModel
     from physic_core.types import (
         Bodies,
         BodyParameters,
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
         ContactProbability,
         FloatArray,
         Keypoints,
-        RestMesh,
     )
     from physic_testing.worlds import World
 
@@ -182,7 +181,7 @@ def embedded_parameters(bodies: Bodies) -> BodyParameters:
     Raises:
         CheckSkipped: the model of these bodies is a file of the user, and they cannot be converted.
     """
-    from physic_core.body import can_convert, convert_with_residuals
+    from physic_core.conversion import can_convert, convert_bodies
 
     model = embedded_body()
     if not can_convert(bodies, model):
@@ -190,32 +189,11 @@ def embedded_parameters(bodies: Bodies) -> BodyParameters:
             f"the body model {bodies.body_model!r} is not installed, and the bodies have no "
             f"joints or mesh to convert"
         )
-    return convert_with_residuals(bodies, model, _find_correspondence).bodies.parameters
+    return convert_bodies(bodies, model).bodies.parameters
 
 
 def contact_on_embedded(answer: ContactProbability) -> ContactProbability:
     """Transfer contact probabilities to the mesh of the embedded body, (N, V)."""
-    from physic_core.body import convert_contact
+    from physic_core.conversion import convert_contact
 
-    return convert_contact(answer, embedded_body(), _find_correspondence)
-
-
-def _find_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
-    """Find the correspondence of two meshes; those of the last meshes are cached, as a search takes
-    half a second.
-    """
-    arrays = np.asarray(rest.vertices, np.float64), np.asarray(rest.faces, np.int64)
-    return _correspondence_of(rest.topology, arrays[0].tobytes(), arrays[1].tobytes(), model)
-
-
-@lru_cache(maxsize=4)
-def _correspondence_of(
-    topology: str, vertices: bytes, faces: bytes, model: BodyModel
-) -> Correspondence:
-    from physic_core.body import find_correspondence
-    from physic_core.types import RestMesh
-
-    points = np.frombuffer(vertices, np.float64).reshape(-1, 3)
-    return find_correspondence(
-        RestMesh(topology, points, np.frombuffer(faces, np.int64).reshape(-1, 3)), model
-    )
+    return convert_contact(answer, embedded_body())

@@ -12,7 +12,7 @@ from other_body import posed, smplx_file_arrays
 from scipy.spatial import cKDTree
 
 from physic_core.body import load_body
-from physic_core.body.convert.bodies import convert_with_residuals
+from physic_core.conversion import convert_bodies
 from physic_core.errors import InputError
 from physic_core.types import Bodies
 
@@ -30,7 +30,7 @@ def converted(result, file):
     """The first person as a body of the file, as a run with [body_model] path gives it."""
     model = load_body(file)
     bodies = Bodies(result.people[0].parameters, "embedded")
-    parameters = convert_with_residuals(bodies, model).bodies.parameters
+    parameters = convert_bodies(bodies, model).bodies.parameters
     vertices, joints = (values[0] for values in posed(model.to(dtype=torch.float64), parameters))
     faces = model.faces.numpy().astype(np.int32)
     person = replace(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body.convert.correspondence import (
+from physic_convert.correspondence import (
     CORRESPONDENCE_VERSION,
     Correspondence,
     find_correspondence,
@@ -28,15 +28,13 @@ def cached_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
     """Compute the correspondence between two body meshes, or read it from the cache.
 
     Raises:
-        BodyModelError: as in :func:`physic_core.body.convert.correspondence.find_correspondence`.
+        BodyModelError: as in :func:`physic_convert.correspondence.find_correspondence`.
     """
     kept = claimed_cache("correspondences")
     path = None
     if kept is not None:
-        path = (
-            kept.path
-            / f"{plain_name(rest.topology)}-{model.topology}-{_digest(rest, model)}{kept.suffix}"
-        )
+        name = f"{plain_name(rest.topology)}-{model.topology}-{_digest(rest, model)}"
+        path = kept.path / f"{name}{kept.suffix}"
     found = None if path is None else _read(path, model.num_vertices, len(rest.vertices))
     if found is None:
         found = find_correspondence(rest, model)

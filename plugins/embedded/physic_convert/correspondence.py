@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from physic_core.body.bones import ANCESTOR_MATRIX, fit_shape
-from physic_core.body.convert.joint_fit import BodyFit
-from physic_core.body.convert.surface_fit import (
+from physic_convert.joint_fit import BodyFit
+from physic_convert.surface_fit import (
     SampledBodyModel,
     SurfaceTargets,
     fit_surface,
     sample_vertices,
 )
+from physic_core.body.bones import ANCESTOR_MATRIX, fit_shape
 from physic_core.body.joints import joint_pair
 from physic_core.errors import BodyModelError
 from physic_core.geometry.mesh import vertex_normals

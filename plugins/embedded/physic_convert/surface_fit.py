@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from physic_convert.joint_fit import BodyFit
 from physic_core.body.bones import (
     ANCESTOR_MATRIX,
     BoneOffsets,
@@ -18,7 +19,6 @@ from physic_core.body.bones import (
     matmul,
     rotations_from_parents,
 )
-from physic_core.body.convert.joint_fit import BodyFit
 from physic_core.body.joints import NUM_JOINTS, PARENTS
 from physic_core.geometry.rotations import cross, nearest_rotation, rotvec_to_rotmat_numpy
 from physic_core.geometry.tensors import exact_arrays
