@@ -145,10 +145,12 @@ _DOORS = {
     "preview": "preview_png",
     "report": "save_report",
     "save": "save_reconstruction",
+    "world": "world_from_camera",
 }
 _public = importer(__name__, _NAMES)
 _BEHIND = {
     "body.joint_angles": "joint_angles joints_beside",
+    "geometry.upright": "world_from_camera",
     "types.tables": "person_table photo_row",
 }
 _imported = importer(__name__, _NAMES | _BEHIND)

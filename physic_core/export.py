@@ -27,7 +27,7 @@ from physic_core.files.atomic import (
     open_regular,
     unreadable,
 )
-from physic_core.geometry.upright import gltf_from_camera
+from physic_core.geometry.upright import world_from_camera
 from physic_core.types.records import Exported, ExportedFiles
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ def export_frame(level: Plane | None, up: str) -> ExportFrame:
     """
     if up == "camera":
         return ExportFrame(up, np.eye(4), "x right, y down, z forward, origin at the camera")
-    matrix = gltf_from_camera(level)
+    matrix = world_from_camera(level)
     origin = "origin on the floor below the camera"
     notes: tuple[str, ...] = ()
     if level is None or not level.offset:

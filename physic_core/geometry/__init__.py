@@ -45,9 +45,9 @@ if TYPE_CHECKING:
     from physic_core.geometry.rotations import rotvec_to_rotmat_numpy as rotvec_to_rotmat_numpy
     from physic_core.geometry.rotvecs import rotvec_to_rotmat as rotvec_to_rotmat
     from physic_core.geometry.tensors import optional_tensors as optional_tensors
-    from physic_core.geometry.upright import gltf_from_camera as gltf_from_camera
     from physic_core.geometry.upright import transform_points as transform_points
     from physic_core.geometry.upright import up_in_camera as up_in_camera
+    from physic_core.geometry.upright import world_from_camera as world_from_camera
 
 _NAMES = {
     "alignment": "AlignmentOptions",
@@ -65,7 +65,7 @@ _NAMES = {
     "check_rotations rotmat_to_rotvec rotvec_to_rotmat_numpy",
     "rotvecs": "rotvec_to_rotmat",
     "tensors": "optional_tensors",
-    "upright": "gltf_from_camera transform_points up_in_camera",
+    "upright": "world_from_camera transform_points up_in_camera",
 }
 
 __getattr__ = importer(__name__, _NAMES)

@@ -1,4 +1,4 @@
-"""Rigid transforms from the camera frame to the upright frame of a viewer."""
+"""Rigid transforms from the camera frame to the world frame, in which y is up."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ def up_in_camera(floor: Plane | None) -> Matrix:
     return normal / np.linalg.norm(normal)
 
 
-def gltf_from_camera(floor: Plane | None) -> Matrix:
-    """Return the rigid transform (4, 4), metres, from the camera frame to glTF's (x right, y up, z
-    backward).
+def world_from_camera(floor: Plane | None) -> Matrix:
+    """Return the rigid transform (4, 4), metres, from the camera frame to the world frame (x right,
+    y up, z backward, as in glTF).
 
     With a floor, +y is its normal, the floor is at y = 0, and the camera is above the origin and
     looks along -z. Without one, the camera stays at the origin and y is its up axis.

@@ -25,7 +25,7 @@ from physic_core.files.names import UntrustedName, paths_inside
 from physic_core.files.npz import MAX_ARRAY_BYTES, read_arrays, read_names, write_arrays
 from physic_core.files.plain import Arrays, join, split
 from physic_core.files.text import parse_json, to_json
-from physic_core.geometry.upright import gltf_from_camera
+from physic_core.geometry.upright import world_from_camera
 from physic_core.interfaces.checks import check_camera
 from physic_core.io.result_folder import (
     ARRAYS_FILE,
@@ -63,7 +63,8 @@ _FRAME = {
     "axes": "OpenCV camera: x right, y down, z forward; origin at the camera",
     "units": "metres, radians, seconds, pixels",
     "pixels": "integer coordinates are pixel centres; (0, 0) is the centre of the top left pixel",
-    "gltf": "the GLB files have y up: their points are gltf_from_camera times the camera frame's",
+    "world": "x right, y up, z backward, floor at y = 0 below the camera: world_from_camera times "
+    "points of the camera frame; GLB files are in it",
 }
 _OF_SCENE = ("image", "scene.")
 _RUN = "run"
@@ -237,7 +238,7 @@ def _document(reconstruction: Reconstruction, arrays: Arrays) -> dict[str, Any]:
     """Return the document of a result without its files, and add its arrays to ``arrays``."""
     texts = {name: to_json(getattr(reconstruction, name)) for name in ("config", "diagnostics")}
     values = split(replace(reconstruction, **texts), arrays)
-    frame = _FRAME | {"gltf_from_camera": gltf_from_camera(reconstruction.scene.level).tolist()}
+    frame = _FRAME | {"world_from_camera": world_from_camera(reconstruction.scene.level).tolist()}
     document = {
         "schema": SCHEMA,
         "schema_version": SCHEMA_VERSION,

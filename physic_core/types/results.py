@@ -352,6 +352,25 @@ class Reconstruction(ShortRepr):
         return self.scene.floor
 
     @property
+    def world_from_camera(self) -> NDArray[np.float64]:
+        """Rigid transform (4, 4), metres, from camera frame to world frame: x right, y up,
+        z backward, the floor at y = 0, its origin below the camera. Exports with y up are in it.
+
+        Without a floor, the origin is the camera, and y is ``scene.up``, or the camera's up axis if
+        that is not known either.
+        """
+        matrix: NDArray[np.float64] = DOORS["world"]()(self.scene.level)
+        return matrix
+
+    def in_world(self, points: FloatArray) -> NDArray[np.float64]:
+        """Return points (..., 3) of the camera's frame in the world frame, metres: the second
+        coordinate is the height over the floor.
+        """
+        matrix = self.world_from_camera
+        moved: NDArray[np.float64] = points @ matrix[:3, :3].T + matrix[:3, 3]
+        return moved
+
+    @property
     def usable(self) -> dict[str, int]:
         """Number of people for whom each of pose, place, contact and size is usable."""
         return {name: sum(name in person.usable for person in self.people) for name in MARKS}

@@ -107,13 +107,24 @@ def test_a_word_that_names_no_files_is_refused(tmp_path, reconstruction):
         save_reconstruction(reconstruction, tmp_path, "everything")
 
 
+def test_the_second_coordinate_in_the_world_is_the_height_over_the_floor(reconstruction):
+    floor = reconstruction.scene.floor
+    points = np.random.default_rng(0).normal(size=(5, 3))
+    heights = points @ floor.normal + floor.offset
+    np.testing.assert_allclose(reconstruction.in_world(points)[:, 1], heights)
+    camera, ahead = reconstruction.in_world(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+    np.testing.assert_allclose(camera, [0.0, floor.offset, 0.0], atol=1e-12)
+    assert ahead[2] < camera[2]
+
+
 def test_the_document_states_units_frame_and_camera(tmp_path, reconstruction):
     save_reconstruction(reconstruction, tmp_path, "numbers")
     text = (tmp_path / "reconstruction.json").read_text(encoding="utf-8")
     document = json.loads(text, parse_constant=pytest.fail)
     assert "metres" in document["frame"]["units"]
     assert "x right, y down, z forward" in document["frame"]["axes"]
-    assert np.shape(document["frame"]["gltf_from_camera"]) == (4, 4)
+    world = reconstruction.world_from_camera
+    np.testing.assert_allclose(document["frame"]["world_from_camera"], world)
     assert document["intrinsics"]["fx"] == reconstruction.intrinsics.fx
     first = document["people"][0]
     assert first["failed_checks"] == ["stands apart from the floor"]

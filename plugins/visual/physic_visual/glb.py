@@ -255,7 +255,7 @@ def build_glb(
     extras = {
         "units": "metres",
         "axes": frame.axes,
-        "gltf_from_camera": frame.from_camera.tolist(),
+        "world_from_camera": frame.from_camera.tolist(),
         "body_model": result.body_model,
         "contact": "vertex attribute _CONTACT: 1 in contact, 0 not",
         "contact_colors": contact_legend(result),

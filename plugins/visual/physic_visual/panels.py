@@ -10,7 +10,7 @@ import numpy as np
 from PIL import ImageDraw, ImageFont
 
 from physic_core.body import JOINT_INDEX, joint_pair
-from physic_core.geometry import gltf_from_camera, transform_points
+from physic_core.geometry import transform_points, world_from_camera
 from physic_visual.palette import painted_contact, person_color
 from physic_visual.render import (
     RenderedLayer,
@@ -153,7 +153,7 @@ def render_contact_views(
     import cv2
 
     person = reconstruction.people[index]
-    matrix = gltf_from_camera(reconstruction.scene.level)
+    matrix = world_from_camera(reconstruction.scene.level)
     vertices = transform_points(matrix, person.vertices)
     joints = transform_points(matrix, person.joints)
     picture = np.tile((np.array(PAGE_RGB) / 255).astype(np.float32), (height, width, 1))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.geometry import gltf_from_camera, transform_points
+from physic_core.geometry import transform_points, world_from_camera
 from physic_core.types import main_people
 from physic_visual.palette import person_color
 from physic_visual.render import (
@@ -58,7 +58,7 @@ class PreviewGeometry:
             :func:`physic_visual.surface.mesh_backdrop`.
         backdrop_colors: (K, 3) float32 sRGB in 0-1.
         spacing: of points on a surface that faces the camera, at the median depth, metres.
-        upright: (4, 4), see :func:`physic_core.geometry.upright.gltf_from_camera`.
+        upright: (4, 4), see :func:`physic_core.geometry.upright.world_from_camera`.
         low: (3,) minimum corner of the box around the main people, upright frame; around most of
             the scene without people.
         high: (3,) maximum corner.
@@ -86,7 +86,7 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
     """Build the preview geometry of a reconstruction, without people with non-finite vertices."""
     scene = reconstruction.scene
     limit = scene_reach(reconstruction)
-    matrix = gltf_from_camera(scene.level)
+    matrix = world_from_camera(scene.level)
     bodies = {
         index: np.asarray(person.vertices, np.float64)
         for index, person in enumerate(reconstruction.people)

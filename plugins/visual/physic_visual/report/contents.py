@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from physic_core.geometry import gltf_from_camera
+from physic_core.geometry import world_from_camera
 from physic_core.types import main_people, summarize_checks, usable_text
 from physic_visual.palette import (
     CAMERA_RGB,
@@ -78,7 +78,7 @@ def _photo_and_scene(reconstruction: Reconstruction) -> dict[str, Any]:
         "camera": {key: getattr(camera, key) for key in ("fx", "fy", "cx", "cy", "source")},
         "photo": photo_jpeg(reconstruction.image, _PHOTO_PX, 80 if crowd else 85),
         "background": photo_jpeg(scene.colors, _BACKGROUND_PX, 75 if crowd else 82),
-        "upright": gltf_from_camera(scene.level).ravel().tolist(),
+        "upright": world_from_camera(scene.level).ravel().tolist(),
         "floor": scene.floor is not None,
         "scale": scene.scale,
         "scale_sigma": scene.scale_sigma,

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from physic_core.geometry.upright import gltf_from_camera, transform_points
+from physic_core.geometry.upright import transform_points, world_from_camera
 from physic_core.types import Plane, Scene
 from physic_visual.glb import combined_glb
 from physic_visual.surface import mesh_scene
@@ -40,7 +40,7 @@ direction = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v
 @given(normal=direction, offset=st.floats(0.1, 5), point=st.tuples(*[st.floats(-10, 10)] * 3))
 def test_the_upright_frame_is_rigid_and_its_y_is_the_height(normal, offset, point):
     unit = np.array(normal) / np.linalg.norm(normal)
-    matrix = gltf_from_camera(Plane(unit, offset))
+    matrix = world_from_camera(Plane(unit, offset))
     assert_allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-12)
     assert np.linalg.det(matrix[:3, :3]) == pytest.approx(1.0)
     assert transform_points(matrix, np.array([point]))[0, 1] == pytest.approx(
@@ -121,8 +121,8 @@ def test_the_file_states_units_axes_and_colours_and_has_a_camera(content):
 
 
 def test_vertices_are_the_camera_s_under_the_stated_matrix(content, reconstruction):
-    matrix = np.array(tree_of(content)["scenes"][0]["extras"]["gltf_from_camera"])
-    assert_array_equal(matrix, gltf_from_camera(reconstruction.scene.floor))
+    matrix = np.array(tree_of(content)["scenes"][0]["extras"]["world_from_camera"])
+    assert_array_equal(matrix, world_from_camera(reconstruction.scene.floor))
     mesh = opened(content).geometry["person_1"]
     assert_allclose(
         mesh.vertices, transform_points(matrix, reconstruction.people[1].vertices), atol=1e-6
