@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import stat
 import struct
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -309,7 +310,9 @@ def _marked(content: bytes) -> bytes:
 
 
 def _check_names(folder: Path, names: Iterable[str], overwrite: bool, photo: str) -> None:
-    """Refuse names of existing files: all without ``overwrite``, else the photo and links."""
+    """Refuse names of existing files: all without ``overwrite``, else the photo, and links, pipes,
+    devices and folders.
+    """
     existing = [folder / name for name in names if os.path.lexists(folder / name)]
     if existing and not overwrite:
         raise OutputError(
@@ -317,9 +320,10 @@ def _check_names(folder: Path, names: Iterable[str], overwrite: bool, photo: str
             "it with --overwrite (overwrite=True in Python)"
         )
     for path in existing:
-        if path.is_symlink() or _sha256(path) in photo.split():
+        if not stat.S_ISREG(path.lstat().st_mode) or _sha256(path) in photo.split():
             raise OutputError(
-                f"cannot replace {path}: it is the photo, or a link; name another file (-o)"
+                f"cannot replace {path}: it is the photo, or no regular file; name another file "
+                f"(-o)"
             )
 
 

@@ -180,11 +180,12 @@ def _files(root: Path) -> list[Path]:
     package.
     """
     if not (root / "__init__.py").is_file():
-        return sorted(path for path in root.iterdir() if path.suffix in _MODULES)
+        return sorted(path for path in root.iterdir() if path.suffix in _MODULES and path.is_file())
     files: list[Path] = []
     for folder, folders, names in os.walk(root):
         folders[:] = sorted(name for name in folders if name != "__pycache__")
-        files += [Path(folder, name) for name in sorted(names)]
+        paths = (Path(folder, name) for name in sorted(names))
+        files += [path for path in paths if path.is_file()]  # a pipe would be waited for
         if len(files) > _MAX_FILES:
             return []
     return files

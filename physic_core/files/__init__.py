@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from physic_core.files.atomic import MARK as MARK
     from physic_core.files.atomic import atomic_write as atomic_write
     from physic_core.files.atomic import check_own as check_own
+    from physic_core.files.atomic import check_regular as check_regular
     from physic_core.files.atomic import check_writable as check_writable
     from physic_core.files.atomic import foreign_file as foreign_file
     from physic_core.files.atomic import has_mark as has_mark
@@ -48,17 +49,18 @@ if TYPE_CHECKING:
     from physic_core.files.text import read_csv as read_csv
     from physic_core.files.text import shorten as shorten
     from physic_core.files.text import to_json as to_json
+    from physic_core.files.text import whole as whole
     from physic_core.files.text import write_csv as write_csv
 
 _NAMES = {
-    "atomic": "MARK atomic_write check_own check_writable foreign_file has_mark open_regular "
-    "open_to_append path_to_write read_regular read_text unreadable write_own",
+    "atomic": "MARK atomic_write check_own check_regular check_writable foreign_file has_mark "
+    "open_regular open_to_append path_to_write read_regular read_text unreadable write_own",
     "image_file": "IMAGE_SUFFIXES ImageSource decode open_image wrap_decoding_errors",
     "names": "UntrustedName paths_inside",
     "npz": "read_arrays read_names write_arrays",
     "plain": "split",
     "text": "csv_writer finite from_json parse_json parse_toml path_problem printable quoted "
-    "read_csv shorten to_json write_csv",
+    "read_csv shorten to_json whole write_csv",
 }
 
 __getattr__ = importer(__name__, _NAMES)

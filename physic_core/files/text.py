@@ -188,7 +188,11 @@ def parse_json(content: bytes | str) -> Any:
     """
     try:
         value = json.loads(
-            content, parse_constant=_refuse, parse_float=finite, object_pairs_hook=_once
+            content,
+            parse_constant=_refuse,
+            parse_float=finite,
+            parse_int=whole,
+            object_pairs_hook=_once,
         )
     except RecursionError:
         raise ValueError(_TOO_DEEP) from None
@@ -247,3 +251,13 @@ def finite(text: str) -> float:
     if not math.isfinite(number):
         raise ValueError(f"the number {text:.60} is too large")
     return number
+
+
+def whole(text: str) -> int:
+    """Return the whole number of a text, as ``parse_int`` of a decoder.
+
+    Raises:
+        ValueError: no float is as large.
+    """
+    finite(text)
+    return int(text)

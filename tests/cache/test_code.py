@@ -57,6 +57,15 @@ def test_the_same_files_have_one_digest(site):
     assert CodeDigester().digest(kind) == first
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="Windows has no pipes")
+def test_a_pipe_and_a_link_to_nothing_are_no_code(site):
+    kind = package(site)
+    first = CodeDigester().digest(kind)
+    os.mkfifo(site / "pack" / "pipe.py")
+    (site / "pack" / ".#other.py").symlink_to("user@machine.1234")
+    assert CodeDigester().digest(kind) == first
+
+
 @pytest.mark.parametrize(
     ("file", "text"),
     [

@@ -71,3 +71,9 @@ def test_a_message_is_short_and_has_no_addresses():
     assert len(message) < 6000
     assert message.startswith("no image <_io.BytesIO object>: x")
     assert message.endswith("x; end")
+
+
+@pytest.mark.parametrize("number", [f"1{'0' * 400}", f"-1{'0' * 400}", "1e400", "NaN", "Infinity"])
+def test_a_number_that_no_float_holds_is_refused(number):
+    with pytest.raises(ValueError, match="number"):
+        parse_json(f'{{"a": [{number}]}}')

@@ -33,6 +33,7 @@ from physic_core.files import (
     open_to_append,
     paths_inside,
     to_json,
+    whole,
 )
 from physic_core.io.result_folder import PEOPLE_TABLE
 from physic_core.types import MARKS, PERSON_COLUMNS, SUMMARY_COLUMNS
@@ -342,7 +343,7 @@ def _refuse(word: str) -> Any:
     raise ValueError(word)
 
 
-_DECODER = json.JSONDecoder(parse_constant=_refuse, parse_float=finite)
+_DECODER = json.JSONDecoder(parse_constant=_refuse, parse_float=finite, parse_int=whole)
 
 
 def all_columns() -> tuple[str, ...]:

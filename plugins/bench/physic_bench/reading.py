@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
@@ -13,6 +12,7 @@ import numpy as np
 
 from physic_bench.contract import Surface
 from physic_core.errors import InputError, PhysicError
+from physic_core.files import check_regular, parse_json, read_text
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from physic_bench.contract import Frame, Picture
 
     Array = NDArray[np.float64]
+
+
+_MAX_JSON_BYTES = 1 << 28
 
 
 class DamagedFrameError(InputError):
@@ -32,12 +35,14 @@ class DamagedFrameError(InputError):
 
 @contextmanager
 def naming_file_in_errors(path: Path) -> Iterator[None]:
-    """Turn every error of the block into one that names the file.
+    """Turn every error of the block into one that names the file; a pipe, which would be waited
+    for, is one before the block.
 
     Raises:
-        DamagedFrameError: the block failed.
+        DamagedFrameError: the block failed, or it is no regular file.
     """
     try:
+        check_regular(path)
         yield
     except PhysicError as error:
         if isinstance(error, DamagedFrameError) and str(path) not in str(error):
@@ -85,7 +90,7 @@ def read_json(path: Path) -> Any:
         DamagedFrameError: it cannot be read.
     """
     with naming_file_in_errors(path):
-        return json.loads(path.read_text(encoding="utf-8"))
+        return parse_json(read_text(path, _MAX_JSON_BYTES))
 
 
 def read_npz(path: Path) -> dict[str, Any]:

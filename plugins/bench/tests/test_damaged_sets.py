@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 
@@ -9,7 +10,13 @@ import pytest
 
 from physic_bench.datasets.base import FrameChoice
 from physic_bench.datasets.rich import DATA_SET as RICH
-from physic_bench.reading import DamagedFrameError
+from physic_bench.reading import (
+    DamagedFrameError,
+    read_json,
+    read_mesh,
+    read_npz,
+    read_pickled,
+)
 
 from .miniatures import run
 from .test_rich import SEQUENCE
@@ -65,3 +72,11 @@ def test_a_damaged_file_is_the_reason_of_its_frames(rich, files, tmp_path, name,
     for frame in RICH.frames(root, FrameChoice(), files.bodies, "test").frames:
         with pytest.raises(DamagedFrameError, match=Path(name).name):
             frame.truth()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="Windows has no pipes")
+@pytest.mark.parametrize("read", [read_json, read_pickled, read_mesh, read_npz])
+def test_a_pipe_is_not_waited_for(read, tmp_path):
+    os.mkfifo(tmp_path / "pipe.ply")
+    with pytest.raises(DamagedFrameError, match=r"pipe\.ply"):
+        read(tmp_path / "pipe.ply")

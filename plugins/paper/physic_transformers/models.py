@@ -8,7 +8,6 @@ do little. Where torchvision is installed, model classes import it, too. Nothing
 from __future__ import annotations
 
 import importlib.util
-import json
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from importlib.metadata import version  # noqa: TID251 -- of a package that cannot be imported
@@ -19,12 +18,14 @@ from pydantic import Field
 
 from physic_core.backends.devices import limited_threads
 from physic_core.errors import BackendError
+from physic_core.files import parse_json, read_text
 from physic_networks.networks import TorchBackend, TorchOptions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+_MAX_CONFIG_BYTES = 1 << 20
 _TOLD = 4  # names of weights in a message
 
 
@@ -210,7 +211,7 @@ def _check_torchvision() -> None:
 def _check_model_type(folder: Path, spec: ModelSpec) -> None:
     """Raise BackendError if the folder contains another type of model."""
     try:
-        found = json.loads((folder / "config.json").read_text("utf-8")).get("model_type")
+        found = parse_json(read_text(folder / "config.json", _MAX_CONFIG_BYTES)).get("model_type")
     except (OSError, ValueError, AttributeError) as cause:
         raise BackendError(f"{folder / 'config.json'} cannot be read: {cause}") from cause
     if found not in spec.model_types:

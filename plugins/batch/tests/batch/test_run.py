@@ -172,6 +172,8 @@ def test_the_last_row_of_an_id_counts_and_torn_lines_do_not(tmp_path):
         ("stamp", "null"),
         ("photo", "1.5"),
         *(("people", number) for number in ("NaN", "1e400", "-1e400", '"Infinity"')),
+        ("people", f"1{'0' * 400}"),
+        ("usable_pose", f"-1{'0' * 400}"),
     ],
 )
 def test_a_row_with_a_value_of_another_type_or_that_is_not_finite_is_skipped_and_counted(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import stat
 import subprocess
 import sys
 from dataclasses import replace
@@ -147,10 +148,20 @@ def test_the_photo_and_links_are_never_replaced(result, tmp_path, kind):
         (tmp_path / "mine").write_bytes(b"mine")
         there.symlink_to(tmp_path / "mine")
     photo = f"sha256:{hashlib.sha256(shown).hexdigest()}"
-    with pytest.raises(OutputError, match="it is the photo, or a link"):
+    with pytest.raises(OutputError, match="it is the photo, or no regular file"):
         replace(result, photo=photo).export(tmp_path / "a.bvh", overwrite=True)
     assert there.read_bytes() == b"mine"
     assert not (tmp_path / "a_0.bvh").exists()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="Windows has no pipes")
+def test_pipes_and_folders_are_never_replaced(result, tmp_path):
+    os.mkfifo(tmp_path / "a_0.bvh")
+    (tmp_path / "a_1.bvh").mkdir()
+    with pytest.raises(OutputError, match="no regular file"):
+        result.export(tmp_path / "a.bvh", overwrite=True)
+    assert stat.S_ISFIFO((tmp_path / "a_0.bvh").stat().st_mode)
+    assert (tmp_path / "a_1.bvh").is_dir()
 
 
 def test_the_command_writes_into_the_result_and_prints_the_files(saved_pair, physic):
