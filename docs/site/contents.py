@@ -52,7 +52,6 @@ SECTIONS = {
     ],
     "Project": [
         "docs/decisions",
-        "docs/trials",
         "ARCHITECTURE",
         "CONTRIBUTING",
         "CHANGELOG",

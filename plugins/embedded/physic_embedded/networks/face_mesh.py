@@ -34,7 +34,7 @@ KEYPOINTS = (
 
 DEPTH_FACTOR = 1.3
 """Factor on the network's depth across the face, which is too flat for the yaw; up and down the
-face it is right. See ``docs/trials.md``.
+face it is right. See ``docs/decisions.md``.
 """
 
 _PAIRS = ((454, 234), (263, 33), (356, 127), (291, 61), (361, 132))  # same height, left first
