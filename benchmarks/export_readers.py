@@ -624,6 +624,19 @@ def read_pinocchio(files: Files) -> Opened:
     return _compare_robots(files, read)
 
 
+def read_asset_validator(files: Files) -> Opened:
+    """Count failures. Those of extents stand apart: the validator asks for the bounds that OpenUSD
+    computes of a skeleton's joints, and the file states those of the skin.
+    """
+    from omni.asset_validator import IssueSeverity, ValidationEngine
+
+    issues = ValidationEngine().validate(files.ending(".usdc")[0]).issues()
+    bad = (IssueSeverity.ERROR, IssueSeverity.FAILURE)
+    rules = [one.rule.__name__ if one.rule else "" for one in issues if one.severity in bad]
+    extents = rules.count("ExtentsChecker")
+    return Opened(None, len(rules) - extents, f"{extents} extents of skeletons")
+
+
 def read_usd(files: Files) -> Opened:
     from pxr import Usd, UsdGeom, UsdSkel
 

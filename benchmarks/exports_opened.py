@@ -103,6 +103,9 @@ READERS = (
     Reader("urdf", "pybullet", "pybullet", readers.read_pybullet, *_NAMES, _LEAN),
     Reader("urdf", "pin", "pinocchio", readers.read_pinocchio, *_NAMES, _LEAN),
     Reader("usd", "usd-core", "pxr", readers.read_usd, "vertices, m", 1e-3),
+    Reader(
+        "usd", "omniverse-asset-validator", "omni", readers.read_asset_validator, "failures", 0.5
+    ),
 )
 
 

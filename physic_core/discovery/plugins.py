@@ -217,11 +217,13 @@ def missing_formats_hint(exporters: Sequence[Found[ExporterRecord]]) -> tuple[st
     return (f"formats are in {explain_absence(FORMATS)}",)
 
 
-_HINTS = {
-    "fbx": "; FBX is made of the GLB by Blender: the command is in docs/exports.md under FBX",
-    "3mf": "; for 3MF, write STL, and save it from the slicer",
+_WAYS = {
+    "GLB, then Blender (docs/exports.md, FBX)": "fbx abc vrm gltf blend",
+    "PLY, then CloudCompare": "las laz e57 pcd pts xyz asc",
+    "STL, then the slicer": "3mf",
+    "TRC, then Mokka": "c3d",
 }
-"""Format that none writes -> the way to it."""
+"""Format and program -> formats that the program makes of it, and no exporter writes."""
 
 
 def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
@@ -276,7 +278,9 @@ def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
     parts = wanted.replace(".", "").split(",")
     if {each.record.name for each in exporters}.issuperset(parts):
         hint = f"; write --to {parts[0]}" + ", and one command for each" * (len(parts) > 1)
-    hint = _HINTS.get(wanted, hint)
+    for way, formats in _WAYS.items():
+        if wanted in formats.split():
+            hint = f"; for {wanted}, write {way}"
     raise ConfigError(
         f"{what}: {choose} (--to, or format= in Python; physic export --list says what each is "
         f"for){hint}"

@@ -114,6 +114,8 @@ BY_BLENDER = "docs/exports.md"
         ),
         ("metricbody-visual", ("--to", "fbx"), BY_BLENDER),
         ("metricbody-visual", ("-o", "a.fbx"), BY_BLENDER),
+        ("metricbody-visual", ("-o", "a.E57"), "PLY, then CloudCompare"),
+        ("metricbody-visual", ("-o", "a.c3d"), "TRC, then Mokka"),
     ],
 )
 def test_a_format_that_no_plugin_writes_is_refused_with_the_way_to_it(

@@ -83,6 +83,11 @@ def _refuse_format_option(ctx: click.Context, _: click.Parameter, given: str | N
 )
 @click.option("--contact-texture", is_flag=True, help="Also write contact as a UV texture.")
 @click.option("--plain", is_flag=True, help="Leave out contact and guessed colours (GLB).")
+@click.option(
+    "--rest-pose",
+    is_flag=True,
+    help="Store people at rest; the animation has the pose (GLB).",
+)
 @click.option("--rigid", is_flag=True, help="People without joints (MJCF).")
 @click.option(
     "--keep-lean", is_flag=True, help="People lean as in the photo, and may fall (MJCF, URDF)."

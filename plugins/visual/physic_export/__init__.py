@@ -93,7 +93,7 @@ _FORMATS = (
         "Blender, Unity, Unreal, three.js",
         "textured bodies, skeletons, T-pose and pose, contact, scene, floor, camera",
         stem="skinned",
-        options=_NAMES | _SKIN | _TEXTURES | {"plain": (False, True)},
+        options=_NAMES | _SKIN | _TEXTURES | {"plain": (False, True), "rest_pose": (False, True)},
     ),
     _record(
         "keypoints",

@@ -14,7 +14,7 @@ from physic_core import ExportedFiles, ExportRequest
 from physic_core.errors import InputError
 from physic_core.files import write_arrays
 from physic_core.geometry import rotmat_to_rotvec, rotvec_to_rotmat_numpy
-from physic_core.types import Bodies, BodyParameters
+from physic_core.types import Bodies, BodyParameters, ContactProbability
 from physic_visual.rig import body_of_result, pose_rig
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def export_amass(request: ExportRequest) -> ExportedFiles:
         BodyModelError: the file is not an SMPL-X model.
     """
     file = _smplx_file(request)
-    model, parameters, errors = _smplx_parameters(request, file)
+    model, parameters, contact, errors = _smplx_parameters(request, file)
     gender = _gender(file)
     files = {}
     notes = []
@@ -56,6 +56,7 @@ def export_amass(request: ExportRequest) -> ExportedFiles:
         error = errors[row]
         arrays = _arrays(model, parameters[row : row + 1], request.frame, gender)
         arrays["fit_error_m"] = np.array(error)
+        arrays["contact"] = contact[row]
         stream = io.BytesIO()
         write_arrays(stream, arrays)
         files[request.file_of(index)] = stream.getvalue()
@@ -91,30 +92,40 @@ def _smplx_file(request: ExportRequest) -> Path:
 
 def _smplx_parameters(
     request: ExportRequest, file: Path
-) -> tuple[BodyArrays, BodyParameters, NDArray[np.float64]]:
-    """Return the SMPL-X model, the parameters of the chosen people in the camera frame, and fit
-    errors in metres.
+) -> tuple[BodyArrays, BodyParameters, NDArray[np.bool_], NDArray[np.float64]]:
+    """Return the SMPL-X model, of the chosen people the parameters in the camera frame and the
+    vertices in contact (N, V), and fit errors in metres.
     """
-    from physic_core.body import build_body_model, smplx_arrays
-    from physic_core.conversion import convert_bodies
+    from physic_core.body import (
+        build_body_model,
+        load_body,
+        rest_mesh_of_model,
+        smplx_arrays,
+    )
+    from physic_core.conversion import convert_bodies, convert_contact
 
     people = [person.parameters for _, person in request.chosen()]
     stacked = BodyParameters(
         **{name: np.concatenate([getattr(p, name) for p in people]) for name in vars(people[0])}
     )
+    touched = np.stack([person.contact for _, person in request.chosen()])
     if request.result.body_model == "smplx":
         model = body_of_result(request.result, file)
         for _, person in request.chosen():
             pose_rig(model, person, request.frame)  # checks that the file is that of the result
-        return model, stacked, np.zeros(len(people))
+        return model, stacked, touched, np.zeros(len(people))
     if request.result.body_model != "embedded":
         raise InputError(
             f"bodies of the model '{request.result.body_model}' cannot be converted to SMPL-X"
         )
     model = smplx_arrays(file)
-    found = convert_bodies(Bodies(stacked, "embedded"), build_body_model(model))
+    body = build_body_model(model)
+    found = convert_bodies(Bodies(stacked, "embedded"), body)
     errors = found.joints_m if found.surface_m is None else found.surface_m
-    return model, found.bodies.parameters, errors
+    rest = rest_mesh_of_model(load_body("embedded"))
+    given = ContactProbability(touched.astype(np.float32), rest.topology, rest)
+    contact = convert_contact(given, body).probability > 0.5
+    return model, found.bodies.parameters, contact, errors
 
 
 def _arrays(

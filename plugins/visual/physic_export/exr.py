@@ -83,5 +83,7 @@ def _exr(depth: FloatArray) -> bytes:
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "depth.exr"
-        OpenEXR.File(header, {"Y": depth, "Z": depth}).write(str(path))
+        # the package writes the memory behind a view
+        rows = np.ascontiguousarray(depth)
+        OpenEXR.File(header, {"Y": rows, "Z": rows}).write(str(path))
         return path.read_bytes()

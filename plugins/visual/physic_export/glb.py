@@ -11,7 +11,7 @@ import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.geometry import rotmat_to_quat
-from physic_export.skeleton import bone_names, named_rig, t_pose, with_ends
+from physic_export.skeleton import at_rest, bone_names, named_rig, t_pose, with_ends
 from physic_export.skins import Skins, skins_of
 from physic_visual.glb import (
     Appearance,
@@ -43,7 +43,8 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     (KHR_materials_variants). The vertex attribute ``_CONTACT`` is 1 or 0, ``_FILLED`` 1 where the
     photo does not show the body, and 0 where it does; with ``plain``, the file has neither. The
     animation ``pose`` is a T-pose at 0 s and the pose at 1/24 s; without it, the nodes are in the
-    pose. With ``contact_texture``, there is also a PNG of contact per person.
+    pose. With ``rest_pose``, they and the mesh are in the bind pose, for readers that take nodes
+    for it. With ``contact_texture``, there is also a PNG of contact per person.
 
     Raises:
         InputError: the skeleton of the bodies is not known.
@@ -56,8 +57,11 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
         names = tuple(f"mixamorig:{name}" for name in bone_names(style))
         skins = {index: with_ends(replace(rig, names=names)) for index, rig in skins.items()}
     colors = skins_of(request)
+    stored = skins
+    if options["rest_pose"]:
+        stored = {index: at_rest(rig, up) for index, rig in skins.items()}
 
-    glb = build_glb(request, skins, partial(_body_look, colors))
+    glb = build_glb(request, stored, partial(_body_look, colors))
     if skins:
         joints = [skin["joints"] for skin in glb.tree["skins"]]
         keys = [

@@ -36,7 +36,7 @@ from physic_export.humanoid import (
     vertex_segments,
 )
 from physic_export.meshes import scene_mesh
-from physic_export.tiles import Tile, parts_that_meet, tile_errors
+from physic_export.tiles import Tile, parts_that_meet, segments_that_meet, tile_errors
 from physic_visual.floor import drawn_floor
 from physic_visual.rig import body_of_result
 from physic_visual.surface import mesh_scene, scene_reach
@@ -129,15 +129,17 @@ def _add_humanoid(
         for hinge in segment.hinges:
             joint = f"{own}_{hinge.axis}"
             limits = np.rad2deg([hinge.low - hinge.angle, hinge.high - hinge.angle])
+            torque = max_torque(segment.name, mass)
             SubElement(
                 body,
                 "joint",
                 name=joint,
                 axis=number_text(hinge.axis_in_pose, 8),
                 range=number_text(limits),
+                actuatorfrcrange=number_text((-torque, torque), 3),  # which Newton reads
             )
             resting[joint] = -hinge.angle
-            _add_actuator(file.actuators, joint, max_torque(segment.name, mass))
+            _add_actuator(file.actuators, joint, torque)
         skin = file.add_mesh(f"{own}_skin", *segment.skin)
         SubElement(body, "geom", skin | _DRAWN | {"rgba": RGBA})
         _add_shapes(file, body, own, segment, geom)
@@ -297,15 +299,20 @@ def _file(
         for index in rigid:
             _add_rigid(file, f"person_{index}", result.people[index], model, matrix)
     resting: dict[str, float] = {}
+    contact = Element("contact")
     for person in jointed:
         bit = 2 << person.index % _PERSON_BITS
         geom = {"contype": str(bit), "conaffinity": str(2**31 - 1 - bit), "group": "3"}
         geom |= {"friction": FRICTION, "rgba": RGBA}
         segments = body_segments(person.rig, person.vertices, person.ground_heights)
         resting |= _add_humanoid(file, f"person_{person.index}", segments, geom)
+        for pair in segments_that_meet(segments):
+            _exclude(contact, (person.index, person.index), pair)
     if resting:
         _add_t_pose(root, resting)
-    _exclude_touching(root, jointed)
+    _exclude_touching(contact, jointed)
+    if len(contact):
+        root.append(contact)
     _add_camera(world, result.intrinsics, camera_pose(request.frame))
     return file
 
@@ -336,7 +343,16 @@ def _add_camera(world: Element, camera: Intrinsics, pose: NDArray[np.float64]) -
     )
 
 
-def _exclude_touching(root: Element, people: Sequence[ExportedPerson]) -> None:
+def _exclude(contact: Element, people: tuple[int, int], joints: tuple[int, int]) -> None:
+    """Exclude collisions of two segments, each of a person."""
+    names = {}
+    for number, person, joint in zip((1, 2), people, joints, strict=True):
+        name = f"person_{person}"
+        names[f"body{number}"] = f"{name}_{JOINT_NAMES[joint]}" if joint else name
+    SubElement(contact, "exclude", names)
+
+
+def _exclude_touching(contact: Element, people: Sequence[ExportedPerson]) -> None:
     """Exclude collisions of parts of two people that touch in the pose: shapes that overlap push
     people over.
     """
@@ -344,16 +360,9 @@ def _exclude_touching(root: Element, people: Sequence[ExportedPerson]) -> None:
     for person in people:
         part = vertex_segments(person.rig.weights)
         parts.append([person.vertices[part == joint] for joint in range(NUM_BODIES)])
-    contact = Element("contact")
     for first, second in itertools.combinations(range(len(people)), 2):
         for pair in parts_that_meet(parts[first], parts[second]):
-            names = {}
-            for number, row, joint in zip((1, 2), (first, second), pair, strict=True):
-                name = f"person_{people[row].index}"
-                names[f"body{number}"] = f"{name}_{JOINT_NAMES[joint]}" if joint else name
-            SubElement(contact, "exclude", names)
-    if len(contact):
-        root.append(contact)
+            _exclude(contact, (people[first].index, people[second].index), pair)
 
 
 def _add_scene(out: _File, request: ExportRequest) -> dict[str, bytes]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body import JOINT_NAMES
+from physic_core.geometry import transform_points
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -189,3 +190,20 @@ def t_pose(rig: Rig, up: NDArray[np.float64]) -> Rig:
     offsets = rig.offsets.copy()
     offsets[pelvis] -= (standing.posed_vertices() @ up).min() * up
     return replace(standing, offsets=offsets)
+
+
+def at_rest(rig: Rig, up: NDArray[np.float64]) -> Rig:
+    """Return a rig whose joints and mesh are in the bind pose, where :func:`t_pose` stands."""
+    pelvis = int(rig.names[0] == "root")
+    place = t_pose(rig, up).joint_poses()[pelvis] @ rig.inverse_bind[pelvis]
+    place[:3, 3] -= (transform_points(place, rig.vertices) @ up).min() * up
+    poses = place @ np.linalg.inv(rig.inverse_bind)
+    above = [np.eye(4) if parent < 0 else poses[parent] for parent in rig.parents]
+    local = np.linalg.inv(above) @ poses
+    return replace(
+        rig,
+        vertices=transform_points(place, rig.vertices),
+        inverse_bind=np.linalg.inv(poses),
+        rotations=local[:, :3, :3],
+        offsets=local[:, :3, 3],
+    )

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import Reconstruction
+    from physic_export.humanoid import Segment
 
     Array = NDArray[np.float64]
 
@@ -167,6 +168,24 @@ def parts_that_meet(one: Sequence[Array], other: Sequence[Array]) -> list[tuple[
             if max(_depth_inside(points, theirs), _depth_inside(others, own)) > -MEET_M:
                 pairs.append((first, second))
     return pairs
+
+
+def segments_that_meet(segments: Sequence[Segment]) -> list[tuple[int, int]]:
+    """Return the pairs of segments that are no neighbors, and whose hulls overlap or are less than
+    MEET_M apart in the pose or in the T-pose, such as chest and upper arm.
+    """
+    met: set[tuple[int, int]] = set()
+    for pose in ("pose", "zero_pose"):
+        places: list[Array] = []
+        for one in segments:
+            own = getattr(one, pose)
+            places.append(own if one.parent < 0 else places[one.parent] @ own)
+        hulls = [
+            transform_points(place, one.hull[0])
+            for place, one in zip(places, segments, strict=True)
+        ]
+        met.update(parts_that_meet(hulls, hulls))
+    return sorted((a, b) for a, b in met if a < b and segments[b].parent != a)
 
 
 def _depth_inside(points: Array, facets: Array) -> float:

@@ -20,6 +20,7 @@ from physic_export.balance import people_of, tiles_beside
 from physic_export.humanoid import SOLE_RADIUS_M, body_segments, inertia_of, max_torque
 from physic_export.meshes import scene_mesh
 from physic_export.mjcf import number_text, xml_file
+from physic_export.tiles import segments_that_meet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -75,8 +76,8 @@ class _Robot:
 
 
 def export_urdf(request: ExportRequest) -> ExportedFiles:
-    """Return a URDF file per person, a JSON file with the pose of the photo, the scene, and the
-    meshes of all.
+    """Return a URDF file per person, a JSON file with the pose of the photo, an SRDF file with the
+    links that do not collide, the scene, and the meshes of all.
 
     The robot has the 22 segments and 51 hinges of :mod:`physic_export.humanoid`; the link
     ``pelvis`` is the root. All joints at 0 are a T-pose. A joint with several axes is several
@@ -94,6 +95,7 @@ def export_urdf(request: ExportRequest) -> ExportedFiles:
         robot = _robot(stem, f"person_{person.index}", segments)
         files |= robot.meshes
         files[f"{stem}.json"] = (json.dumps(_pose(request, segments), indent=2) + "\n").encode()
+        files[f"{stem}.srdf"] = xml_file(_pairs(robot.root.attrib["name"], segments))
         files[name] = xml_file(robot.root)
     notes = [person.note for person in people if person.note]
     if request.scene:
@@ -131,6 +133,19 @@ def _root(name: str, collides: bool) -> Element:
     SubElement(mujoco, "compiler", strippath="false", fusestatic="false")
     if not collides:
         SubElement(SubElement(mujoco, "option"), "flag", contact="disable")
+    return root
+
+
+def _pairs(name: str, segments: Sequence[Segment]) -> Element:
+    """Return the pairs of links whose collisions a planner skips: neighbors, which light links
+    separate in the file, and those that meet in the pose or in the T-pose.
+    """
+    root = Element("robot", name=name)
+    neighbors = [(one.parent, number) for number, one in enumerate(segments) if one.parent >= 0]
+    for reason, pairs in (("Adjacent", neighbors), ("Default", segments_that_meet(segments))):
+        for first, second in pairs:
+            links = {"link1": segments[first].name, "link2": segments[second].name}
+            SubElement(root, "disable_collisions", links, reason=reason)
     return root
 
 

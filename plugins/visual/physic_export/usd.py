@@ -349,9 +349,10 @@ def _add_material(
     stage: Any, path: str, picture: str = "", color: tuple[int, int, int] = (255, 255, 255)
 ) -> Any:
     """Add a matte material with a picture, or with an sRGB colour."""
-    from pxr import Gf, Sdf, UsdShade
+    from pxr import Gf, Sdf, UsdGeom, UsdShade
 
     kinds = Sdf.ValueTypeNames
+    UsdGeom.Scope.Define(stage, path.rpartition("/")[0])  # else the folder has no type
     material = UsdShade.Material.Define(stage, path)
     surface = UsdShade.Shader.Define(stage, f"{path}/surface")
     surface.CreateIdAttr("UsdPreviewSurface")

@@ -15,13 +15,22 @@ from physic_core.geometry.upright import transform_points
 
 sys.path.append(str(Path(__file__).parents[4] / "tests" / "body"))  # other_body.py
 
-from other_body import make
+from other_body import make, smplx_file_arrays
 
 
 @pytest.fixture(scope="session")
 def other():
     """The embedded body in a mesh with the number of vertices of SMPL-X, its joints elsewhere."""
     return make(load_body("embedded"), 10475)
+
+
+@pytest.fixture(scope="session")
+def file(other, tmp_path_factory):
+    """An SMPL-X file of that body."""
+    path = tmp_path_factory.mktemp("smplx") / "SMPLX_FEMALE.npz"
+    np.savez(path, **smplx_file_arrays(other))
+    yield path
+    path.unlink()  # pytest keeps folders of old runs
 
 
 @pytest.fixture(scope="session")

@@ -18,14 +18,6 @@ from physic_core.types import Bodies
 
 
 @pytest.fixture(scope="module")
-def file(other, tmp_path_factory):
-    path = tmp_path_factory.mktemp("smplx") / "SMPLX_FEMALE.npz"
-    np.savez(path, **smplx_file_arrays(other))
-    yield path
-    path.unlink()  # pytest keeps folders of old runs
-
-
-@pytest.fixture(scope="module")
 def converted(result, file):
     """The first person as a body of the file, as a run with [body_model] path gives it."""
     model = load_body(file)
@@ -86,12 +78,18 @@ def test_embedded_bodies_are_fitted_and_the_error_is_stated(result, file, read, 
         assert arrays["poses"].shape == (2, 165)
         assert arrays["trans"].shape == (2, 3)
         assert arrays["betas"].shape == (10,)
+        contact = arrays["contact"]
+        assert (contact.shape, contact.dtype) == ((10475,), np.dtype(bool))
         assert float(arrays["mocap_frame_rate"]) == 30
     assert 0 < error < 0.01
     assert f"within {1000 * error:.0f} mm" in done.notes[0]
     assert "gender female" in done.notes[1]
-    distance, _ = cKDTree(in_frame(result.people[1].vertices)).query(vertices)
+    distance, nearest = cKDTree(in_frame(result.people[1].vertices)).query(vertices)
     assert np.median(distance) < 0.012
+    near = result.people[1].contact[nearest]
+    assert near.any()
+    assert (contact == near).mean() > 0.95
+    assert (contact & near).sum() > 0.7 * near.sum()
     assert np.abs(joints[0] - in_frame(result.people[1].joints[0])).max() < 0.06
 
 

@@ -197,6 +197,22 @@ def test_actuators_whose_controls_are_0_hold_the_pose(file, simulated):
     assert np.rad2deg(worst) < 1.0
 
 
+def test_hinges_and_actuators_have_one_limit_of_torque(opened):
+    model, _ = opened
+    joints = model.actuator_trnid[:, 0]
+    assert model.jnt_actfrclimited[joints].all()
+    np.testing.assert_allclose(model.jnt_actfrcrange[joints], model.actuator_forcerange)
+
+
+def test_segments_that_overlap_in_the_pose_are_excluded(opened):
+    model, _ = opened
+    bodies = [(code >> 16, code & 0xFFFF) for code in model.exclude_signature.tolist()]
+    pairs = [{model.body(one).name for one in pair} for pair in bodies]
+    for person in ("person_0", "person_1"):
+        for side in ("left", "right"):
+            assert {f"{person}_spine3", f"{person}_{side}_shoulder"} in pairs
+
+
 def test_no_tile_reaches_a_person_behind_it(result, rays):
     nearest = float(result.people[0].vertices[:, 2].min())
     scene = result.scene

@@ -63,7 +63,11 @@ def test_the_scene_is_a_robot_of_one_link_that_collides(result, folder, in_frame
     points = in_frame(result.scene.points[result.scene.valid])
     surface = trimesh.load(folder / "meshes" / "a_scene_surface.obj")
     assert cKDTree(points).query(surface.vertices)[0].max() < 0.01
-    assert {file.suffix for file in folder.iterdir() if file.is_file()} == {".urdf", ".json"}
+    assert {file.suffix for file in folder.iterdir() if file.is_file()} == {
+        ".urdf",
+        ".json",
+        ".srdf",
+    }
 
 
 def test_the_robot_with_all_angles_zero_is_in_a_t_pose(folder):
@@ -72,3 +76,18 @@ def test_the_robot_with_all_angles_zero_is_in_a_t_pose(folder):
     leg = data.body("right_hip").xpos - data.body("right_ankle").xpos
     assert arm[0] == pytest.approx(np.linalg.norm(arm), rel=0.02)
     assert leg[1] == pytest.approx(np.linalg.norm(leg), rel=0.02)
+
+
+@pytest.mark.parametrize("person", [0, 1])
+def test_no_shapes_of_a_robot_overlap_but_those_that_its_srdf_names(folder, person):
+    pinocchio = pytest.importorskip("pinocchio")
+    path = str(folder / f"a_{person}.urdf")
+    model, shapes, _ = pinocchio.buildModelsFromUrdf(path, [str(folder)])
+    shapes.addAllCollisionPairs()
+    pinocchio.removeCollisionPairs(model, shapes, path.replace(".urdf", ".srdf"))
+    assert len(shapes.collisionPairs) > 500
+    pose = json.loads((folder / f"a_{person}.json").read_text())["joints"]
+    for angles in ([pose[name] for name in list(model.names)[1:]], np.zeros(model.nq)):
+        data, found = model.createData(), shapes.createData()
+        met = pinocchio.computeCollisions(model, data, shapes, found, np.array(angles), False)
+        assert not met

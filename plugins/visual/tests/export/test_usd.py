@@ -35,6 +35,11 @@ def test_the_usd_stage_is_in_metres_with_z_up(stage):
     assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (1, 1)
 
 
+def test_every_prim_has_a_type(stage):
+    assert [prim.GetPath() for prim in stage.TraverseAll() if not prim.GetTypeName()] == []
+    assert stage.GetPrimAtPath("/physic/person_0/looks").GetTypeName() == "Scope"
+
+
 def skinned_points(stage, index, time):
     """Points of a body as UsdSkel poses them."""
     root = UsdSkel.Root.Get(stage, f"/physic/person_{index}")

@@ -74,13 +74,42 @@ def mesh_of(tree, person):
     return tree.meshes[named(tree, f"person_{person}")[1].mesh]
 
 
-@pytest.mark.parametrize("kind", ["exported", "saved"])
+def set_last_keys(tree):
+    """Set the nodes to the end of the animation."""
+    (animation,) = tree.animations
+    for channel in animation.channels:
+        values = array(tree, animation.samplers[channel.sampler].output)
+        setattr(tree.nodes[channel.target.node], channel.target.path, values[-1].tolist())
+
+
+@pytest.fixture(scope="module")
+def resting(result, tmp_path_factory):
+    path = tmp_path_factory.mktemp("rest") / "a.glb"
+    return result.export(str(path), rest_pose=True, scene=False).files[0]
+
+
+def test_with_the_rest_pose_nodes_are_where_the_mesh_is_bound_and_people_stand(tree, resting):
+    tree = type(tree)().load(str(resting))
+    poses = node_poses(tree)
+    for person, skin in enumerate(tree.skins):
+        inverse = array(tree, skin.inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1)
+        bones = np.stack([poses[joint] for joint in skin.joints]) @ inverse
+        assert_allclose(bones, np.tile(np.eye(4), (len(bones), 1, 1)), atol=1e-5)
+        points = array(tree, mesh_of(tree, person).primitives[0].attributes.POSITION)
+        assert_allclose(points[:, 1].min(), 0, atol=1e-4)
+        assert np.ptp(points[:, 1]) > 1.5
+
+
+@pytest.mark.parametrize("kind", ["exported", "saved", "at rest"])
 @pytest.mark.parametrize("person", [0, 1])
 def test_vertices_skinned_from_the_file_are_the_posed_vertices(
-    tree, saved_pair, result, person, kind
+    tree, saved_pair, resting, result, person, kind
 ):
-    if kind == "saved":
-        tree = type(tree)().load(str(saved_pair / "combined.glb"))
+    if kind != "exported":
+        path = resting if kind == "at rest" else saved_pair / "combined.glb"
+        tree = type(tree)().load(str(path))
+    if kind == "at rest":
+        set_last_keys(tree)
     _, node = named(tree, f"person_{person}")
     skin = tree.skins[node.skin]
     attributes = mesh_of(tree, person).primitives[0].attributes
