@@ -56,9 +56,7 @@ def attach_hands(parameters: BodyParameters, hands: Hands, model: BodyModel) -> 
         model: the body model that the parameters are for.
     """
     assert hands.wrists is not None
-    confidence = np.asarray(hands.confidence, np.float64)
-    ramp = np.clip((confidence - _MIN_CONFIDENCE) / (_FULL_CONFIDENCE - _MIN_CONFIDENCE), 0.0, 1.0)
-    share = ramp * ramp * (3 - 2 * ramp)
+    share = _shares(hands)
     rows = np.flatnonzero((share > 0).any(1) & np.isfinite(parameters.global_orient).all(1))
     if not len(rows):
         return parameters
@@ -80,6 +78,13 @@ def attach_hands(parameters: BodyParameters, hands: Hands, model: BodyModel) -> 
     for side, joints in enumerate(_HANDS):
         local[:, joints] = slerp(local[:, joints], fingers[:, side], share[rows, side, None])
     return _with_arms(parameters, rows, local, given[..., 0])
+
+
+def _shares(hands: Hands) -> _Array:
+    """Return how far arms follow each hand (N, 2), from 0 to 1, smooth in the confidence."""
+    confidence = np.asarray(hands.confidence, np.float64)
+    ramp = np.clip((confidence - _MIN_CONFIDENCE) / (_FULL_CONFIDENCE - _MIN_CONFIDENCE), 0.0, 1.0)
+    return ramp * ramp * (3 - 2 * ramp)
 
 
 def wrist_turns_deg(parameters: BodyParameters, wrists: FloatArray) -> _Array:

@@ -332,21 +332,47 @@ def _people_evidence(
     feet = np.stack(
         [observed[:, [JOINT_INDEX[f"{s}_{j}"] for j in ("ankle", "foot")]].all(1) for s in SIDES], 1
     )
-    sizes = photo.known.filled(len(vertices))
-    sigma = _size_sigmas(photo, *sizes)
-    adult = adult_probability(*sizes, said.child)
-    if bodies.distance_sigma is not None:  # the user gives their size
-        sigma = np.where(np.isfinite(bodies.distance_sigma), bodies.distance_sigma, sigma)
-        adult = np.where(np.isnan(bodies.distance_sigma), adult, 1.0)
-    real = photo.people.scores * adult
-    farther, spread = photo.aligned_map.people_farther or (0.0, _TORSO_SIGMA)
     stance = Stance.in_picture(said)
     if carriers := photo.people.carriers:
         stance = replace(stance, carried=carried_people(carriers, photo.keypoints))
+    sigma, adult = _sizes(photo, bodies)
+    real = photo.people.scores * adult
+    torsos = _torsos(photo, model, vertices, sigma, real)
+    lie = said.posture[:, POSTURES.index("lie")] > _LIES
+    upright = posed.joints.cpu()[torch.from_numpy(~lie)]
+    across = may_rest_on_any_part(photo.keypoints, said)
+    low = low_skin(across, torch.from_numpy(vertices), model, observed, stance.holds, up)
+    return _PeopleEvidence(model, vertices, upright, feet, real, low, stance, sigma, torsos)
+
+
+def _sizes(photo: PhotoContent, bodies: Bodies) -> tuple[FloatArray, FloatArray]:
+    """Return the standard deviation (N,) of the logarithm of each stature, and the probability (N,)
+    that it is an adult's or stated.
+    """
+    sizes = photo.known.filled(len(bodies.parameters))
+    sigma = _size_sigmas(photo, *sizes)
+    adult = adult_probability(*sizes, photo.observations.child)
+    if bodies.distance_sigma is not None:  # the user gives their size
+        sigma = np.where(np.isfinite(bodies.distance_sigma), bodies.distance_sigma, sigma)
+        adult = np.where(np.isnan(bodies.distance_sigma), adult, 1.0)
+    return sigma, adult
+
+
+def _torsos(
+    photo: PhotoContent,
+    model: BodyModel,
+    vertices: FloatArray,
+    sigma: FloatArray,
+    real: FloatArray,
+) -> Witnesses:
+    """Return torsos as witnesses of scale, from the errors of statures and the probabilities that
+    they are people (N,).
+    """
+    farther, spread = photo.aligned_map.people_farther or (0.0, _TORSO_SIGMA)
     scale = scales_by_torsos(
         vertices, model, photo.people.masks, photo.aligned_map, photo.camera.matrix
     )
-    torsos = Witnesses(
+    return Witnesses(
         scale=scale * math.exp(farther),
         depth=vertices[..., 2].mean(1),
         sigma=np.hypot(np.hypot(sigma, spread), _TORSO_SIGMA),
@@ -354,11 +380,6 @@ def _people_evidence(
         shared_sigma=_PEOPLE_SIGMA,
         shared_wrong=_PEOPLE_WRONG,
     )
-    lie = said.posture[:, POSTURES.index("lie")] > _LIES
-    upright = posed.joints.cpu()[torch.from_numpy(~lie)]
-    across = may_rest_on_any_part(photo.keypoints, said)
-    low = low_skin(across, torch.from_numpy(vertices), model, observed, stance.holds, up)
-    return _PeopleEvidence(model, vertices, upright, feet, real, low, stance, sigma, torsos)
 
 
 def _size_sigmas(photo: PhotoContent, stature: FloatArray, years: FloatArray) -> FloatArray:

@@ -88,19 +88,12 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
     def own(array: FloatArray) -> Tensor:
         return tensor(array).to(model.device, model.dtype)
 
+    def own_if_stated(array: FloatArray | None) -> Tensor | None:
+        return None if array is None else own(array)
+
     if observed is None:
         observed = np.ones((len(masks), NUM_JOINTS), bool)
     stance = estimates.ground.stance
-    stand_probability, rest_probability, touch, on_floor, limb_touch_probability = (
-        torch.from_numpy(each).to(model.device, model.dtype)
-        for each in (
-            stance.stand_probability,
-            stance.rest_probability,
-            stance.touch,
-            stance.on_floor,
-            stance.limb_touch_probability,
-        )
-    )
     rotations, betas, transl, expression = pose_from_parameters(
         bodies.parameters, model.device, model.dtype
     )
@@ -117,19 +110,19 @@ def _initial_state(estimates: Estimates, model: BodyModel, scene: SceneState) ->
         betas=betas,
         expression=expression,
         transl=transl,
-        rotation_sigma=None if bodies.rotation_sigma is None else own(bodies.rotation_sigma),
-        joint_sigma=None if bodies.joint_sigma is None else own(bodies.joint_sigma),
-        lean_sigma=None if bodies.lean_sigma is None else own(bodies.lean_sigma),
-        distance_sigma=None if bodies.distance_sigma is None else own(bodies.distance_sigma),
+        rotation_sigma=own_if_stated(bodies.rotation_sigma),
+        joint_sigma=own_if_stated(bodies.joint_sigma),
+        lean_sigma=own_if_stated(bodies.lean_sigma),
+        distance_sigma=own_if_stated(bodies.distance_sigma),
         head=own(observations.head),
         head_sigma=own(observations.head_sigma) * (torch.pi / 180),
         scene=scene,
         K=scene.K.to(model.device, model.dtype),
-        stand_probability=stand_probability,
-        rest_probability=rest_probability,
-        observed_touch=touch,
-        observed_floor=on_floor,
-        limb_touch_probability=limb_touch_probability,
+        stand_probability=own(stance.stand_probability),
+        rest_probability=own(stance.rest_probability),
+        observed_touch=own(stance.touch),
+        observed_floor=own(stance.on_floor),
+        limb_touch_probability=own(stance.limb_touch_probability),
         carried=stance.carried,
         scale_sigma=estimates.depth.scale_sigma,
         views=to_device(estimates.views, model.device, model.dtype),
@@ -178,10 +171,7 @@ def build_scene(
     search = method.search_floor(placed, known & ~outliers, normals, evidence)
     floor = search.plane
     floor_points = placed.new_zeros((0, 3))
-    on_floor = torch.zeros_like(known)
-    if floor is not None:
-        thin = floor.height(placed).abs() < _FLOOR_THICKNESS * placed[..., 2]
-        on_floor = known & floor.inliers & thin
+    on_floor = _points_on(floor, placed, known)
     # A floor at a grazing angle resembles a depth edge: keep points on its plane.
     edges_off_floor = edges & ~on_floor
     outliers_off_floor = outliers & ~on_floor
@@ -211,6 +201,14 @@ def build_scene(
             "fy_px": float(camera[1, 1]),
         },
     )
+
+
+def _points_on(floor: PlaneFit | None, placed: Tensor, known: Tensor) -> Tensor:
+    """Return which points (H, W) lie on the floor."""
+    if floor is None:
+        return torch.zeros_like(known)
+    thin = floor.height(placed).abs() < _FLOOR_THICKNESS * placed[..., 2]
+    return known & floor.inliers & thin
 
 
 def _align_to_metric(

@@ -197,9 +197,14 @@ def _set_limbs(world: _Array, both: _Array, known: _Bools) -> None:
         turn = _turns_of_bones(bones, at_rest, axis)
         parent = world[:, [PARENTS[row] for row in rows]]
         world[:, rows] = np.where(seen[..., None, None], turn, parent)
+    _set_feet(world, rest[:, _FEET] - rest[:, _ANKLES], feet, feet_known)
+
+
+def _set_feet(world: _Array, at_rest: _Array, feet: _Array, known: _Bools) -> None:
+    """Set the rotations of ankles and feet, from those of the knees."""
     shin = world[:, _KNEES]
-    tread = rotation_between(rotate(shin, rest[:, _FEET] - rest[:, _ANKLES]), feet) @ shin
-    world[:, _ANKLES] = np.where(feet_known[..., None], tread, shin)
+    tread = rotation_between(rotate(shin, at_rest), feet) @ shin
+    world[:, _ANKLES] = np.where(known[..., None], tread, shin)
     world[:, _FEET] = world[:, _ANKLES]
 
 
