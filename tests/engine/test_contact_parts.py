@@ -63,6 +63,14 @@ def test_parts_touch_less_the_farther_the_scene_is(person):
     assert near["seat"] == far["seat"]
 
 
+def test_four_vertices_out_of_place_bring_no_part_near(person):
+    head = contact_part_masks(person.model)["head"].nonzero()[:4, 0]
+    vertices = person.vertices.clone()
+    vertices[0, head, 1] = -person.scene.floor.offset
+    off = replace(person, joint=replace(person.joint, vertices=vertices))
+    assert touch(off)[1]["head"] == pytest.approx(touch(person)[1]["head"], abs=0.01)
+
+
 def test_the_surest_vertices_have_the_probability_of_their_part(person):
     vertices, parts = touch(person)
     for name, chosen in contact_part_masks(person.model).items():

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 import torch
 
 from physic_core import engine_preset
-from physic_core.engine.contact.distances import ContactSurfaces
+from physic_core.engine.contact.distances import KINDS, ContactSurfaces
+from physic_core.engine.contact.probability import contact_part_masks
 from physic_core.engine.contact.solve import find_contact, measure_distances
 from physic_core.engine.ground.touch import (
     HAND,
@@ -58,6 +61,28 @@ def always_touched(monkeypatch, probability):
     constant = math.log(probability / (1 - probability))
     nothing = dict.fromkeys((OUTSIDE, INSIDE, HAND, OWN_BODY), 0.0)
     monkeypatch.setitem(touch_model(), SKIN, {"constant": constant, **nothing})
+
+
+@pytest.mark.parametrize(
+    ("part", "met", "touches"),
+    [
+        ("left_lower_arm", "left_hand", False),
+        ("left_lower_arm", "right_hand", True),
+        ("left_lower_arm", "left_lower_leg", True),
+        ("left_upper_leg", "right_upper_leg", False),
+    ],
+)
+def test_parts_touch_unless_they_meet_in_many_poses(body, monkeypatch, part, met, touches):
+    given = alone(body)
+    method = engine_preset("default").contact
+    near = near_of(given, method)
+    always_touched(monkeypatch, 0.99)
+    skin = contact_part_masks(body)[part]
+    at = int((body.part_of_vertex == body.part_names.index(met)).nonzero()[0])
+    on_it = torch.where(skin, 0.0, torch.inf)[None]
+    own = replace(near.own, distance=on_it, vertex=torch.full_like(near.own.vertex, at))
+    kinds = set(method.find_touch(given, replace(near, own=own)).kind[0, skin].unique().tolist())
+    assert (KINDS.index("own body") in kinds) == touches
 
 
 def test_a_thigh_beside_the_thigh_of_another_does_not_sit(body, monkeypatch):
