@@ -12,7 +12,7 @@ from physic_core import InputError, reconstruct
 from physic_core.configuration.model import PhotoSettings
 from physic_core.io.keypoint_file import read_keypoints
 from physic_core.io.photo import read_photo
-from physic_core.prepare.keypoints import corrected_keypoints
+from physic_core.prepare.keypoints import contradicted_keypoints, corrected_keypoints
 from physic_core.prepare.photo import prepare_photo
 from physic_core.types import SKELETONS, Keypoints, People
 from physic_mock import backends
@@ -87,6 +87,20 @@ def test_a_wrist_that_no_arm_reaches_is_contradicted_by_the_photo(tmp_path, worl
     assert "px from where mask and detector" in off_photo
     assert {"given_keypoints", "contradicted_keypoints"} <= set(found.people[0].failed_checks)
     assert "pose" not in found.people[0].usable
+
+
+@pytest.mark.parametrize(("at", "apart_px"), [((90, 190), 0), ((90, 60), 130)])
+def test_a_joint_where_the_detector_found_that_of_the_other_side_is_not_contradicted(at, apart_px):
+    points = np.full((1, 17, 2), 50.0)
+    points[0, [NAMES.index("left_ankle"), NAMES.index("right_ankle")]] = (10, 190), (90, 190)
+    found = Keypoints(points, np.full((1, 17), 0.9), "coco17")
+    changed = np.zeros((1, 17), bool)
+    changed[0, NAMES.index("left_ankle")] = True
+    given = replace(found, points=np.where(changed[..., None], np.array(at, float), points))
+    boxes = np.array([[0, 0, 100, 200]], float)
+    people = People(np.ones((1, 200, 100), bool), boxes, np.ones(1))
+    off = contradicted_keypoints(found, given, changed, people)
+    assert off.max() == pytest.approx(apart_px)
 
 
 def annotation(points, hidden=None):
