@@ -32,8 +32,21 @@ ORDERED = {
 }
 """Check -> the axis of parts whose order it tells."""
 
-LOST = set()
+LOST = {
+    ("metric_depth", "disparity"),
+    ("metric_depth", "along the ray of each pixel"),
+    ("keypoint_detector", "to the right"),
+    ("keypoint_detector", "down"),
+    ("keypoint_detector", "too large along x"),
+    ("body_estimator", "of the camera of a crop that looks at the person"),
+    ("body_estimator", "degrees about y"),
+    ("contact_prior", "mirrored"),
+    ("contact_prior", "with the own body's"),
+}
 """Mistakes that are lost among errors as large as those of a network."""
+
+UNTOLD = {"world_points_are_metres", "wrists_are_in_the_cameras_frame"}
+"""Checks of what no mock says."""
 
 RNG = np.random.default_rng(0)
 MISTAKE = [RNG.normal(size=400) for _ in range(12)]
@@ -126,7 +139,11 @@ def test_a_mistake_of_twice_its_limit_is_told_from_all_others(right, interface, 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("interface", "group", "reading"),
-    [row for row in READINGS if (row[1].check, row[2].words) not in LOST],
+    [
+        (interface, group, reading)
+        for interface, group, reading in READINGS
+        if (interface, reading.words) not in LOST and group.check not in UNTOLD
+    ],
     ids=name_of,
 )
 def test_a_mistake_is_found_among_the_errors_of_a_network(noisy, interface, group, reading):
