@@ -59,6 +59,26 @@ def test_true_bodies_stay_where_they_are(tmp_path, group):
         assert distances(person, group.joints[i]).mean() < 0.05
 
 
+def moved_by_a_pixel(keypoints, *_):
+    """All keypoints 1 px off, which is 25 mm at the person."""
+    return replace(keypoints, points=keypoints.points + np.float32([1, 0]))
+
+
+def test_stated_error_decides_between_the_place_of_a_body_and_of_keypoints(tmp_path, world):
+    off = []
+    for sigma in (0.005, 0.2):
+        found = run(
+            world.image,
+            f"photo.bodies={written(tmp_path, world)}",
+            f"photo.bodies_sigma={sigma}",
+            "engine.joint.optimiser.steps=20",
+            intrinsics=world.intrinsics,
+            backends=changed(backends.MockKeypointDetector, moved_by_a_pixel),
+        )
+        off.append(found.people[0].joints[0, 0] - world.joints[0, 0, 0])
+    assert off[0] < 0.005 < 0.018 < off[1]
+
+
 def test_final_bodies_keep_pose_and_shape_and_are_all_people(tmp_path, group):
     found = result(group, written(tmp_path, group, rows=[1, 2]), "photo.bodies_final=true")
     assert len(found.people) == 2

@@ -56,7 +56,8 @@ _POSE_SIGMAS: dict[str, float | tuple[float, float, float]] = {
 _ROOT_SIGMA = 0.3  # radians
 _HAND_SIGMA = 0.15  # radians
 _BETA_SIGMA = 0.5
-_RAY_SIGMA = 0.01  # of x / z and y / z
+RAY_SIGMA = 0.01
+"""Expected correction of x / z and y / z of a body."""
 DEPTH_SIGMA = 0.05
 """Expected correction of log z of a body."""
 
@@ -145,7 +146,7 @@ class Variables:
         self._pelvis = pelvis.detach()
         self._sigmas: dict[str, Tensor | float] = {
             "betas": _BETA_SIGMA,
-            "translation": rotations.new_tensor([_RAY_SIGMA, _RAY_SIGMA, DEPTH_SIGMA]),
+            "translation": rotations.new_tensor([RAY_SIGMA, RAY_SIGMA, DEPTH_SIGMA]),
             "scale": scale_sigma,
             "offset": offset_sigma,
         }

@@ -14,7 +14,7 @@ from torch import Tensor
 from physic_core.body.joints import PARENTS, joint_pair
 from physic_core.engine.joint.sampling import Sampling
 from physic_core.engine.joint.term import PosedBodies, Snapshot, Term
-from physic_core.engine.joint.variables import DEPTH_SIGMA, Variables
+from physic_core.engine.joint.variables import DEPTH_SIGMA, RAY_SIGMA, Variables
 from physic_core.engine.sizes.evidence import KNOWN_SIZE_SIGMA
 from physic_core.engine.sizes.stature import linearise_stature, stature_prior
 from physic_core.engine.state import State
@@ -34,7 +34,8 @@ It is more than the 1 of independent errors: those of a photo's depth, floor and
 common to all vertices and keypoints, which the other terms count one by one.
 """
 _LEAST_ROTATION_SIGMA = 0.01  # radians
-_DISTANCE = -2  # column of the deviations: the last of the translation, before the depth offset
+_ERRORS = 6
+"""Errors, three axes of two joints, whose squares add up to that of a joint relative to another."""
 
 
 @dataclass(frozen=True)
@@ -92,12 +93,24 @@ def stated_weights(state: State, expected: Tensor) -> Tensor:
     return torch.where(shown, STATED_WEIGHT * (expected / sigma).square(), torch.nan)
 
 
-def distance_weights(state: State) -> Tensor:
-    """Return the weights (B,) of the distances of bodies that the user gives; 0 of others."""
-    if state.distance_sigma is None:
-        return torch.zeros_like(state.transl[:, 0])
-    sigma = state.distance_sigma.clamp(min=KNOWN_SIZE_SIGMA)
-    return torch.nan_to_num(STATED_WEIGHT * (DEPTH_SIGMA / sigma).square())
+def given_weights(state: State, distance: Tensor) -> Tensor:
+    """Return the weights (B, K + 3) of shape and translation of bodies that the user gives; 0 of
+    others.
+
+    The pelvis is as far off across its ray as any joint: their distances from the true ones,
+    relative to each other, are what the file states.
+
+    Args:
+        state: of B people.
+        distance: (B,) metres, of the pelvis at the start.
+    """
+    shape = torch.ones_like(state.betas)
+    if state.distance_sigma is None or state.joint_sigma is None:
+        return shape.new_zeros(len(shape), shape.shape[1] + 3)
+    across = (RAY_SIGMA * distance / state.joint_sigma[:, 0])[:, None] * math.sqrt(_ERRORS)
+    along = (DEPTH_SIGMA / state.distance_sigma.clamp(min=KNOWN_SIZE_SIGMA))[:, None]
+    weights = STATED_WEIGHT * torch.cat([shape, across, across, along], 1).square()
+    return torch.where(state.is_given[:, None], weights, 0.0)
 
 
 class RegularisationTerm:
@@ -120,7 +133,7 @@ class RegularisationTerm:
         stated = stated_weights(sampling.state, variables.expected_turns).repeat_interleave(3, 1)
         added = stated - self._prior_weight[: stated.shape[1]]
         self._stated_beyond_prior = torch.where(added.isfinite(), added, 0.0)
-        self._distance_weight = distance_weights(sampling.state)
+        self._given_weights = given_weights(sampling.state, sampling.start.joints[:, 0, 2])
         self.weights: dict[str, Tensor] = {}
 
     def refresh(self, snapshot: Snapshot) -> None:
@@ -135,7 +148,9 @@ class RegularisationTerm:
         """
         turns = deviation[:, : self._stated_beyond_prior.shape[1]]
         stated = (self._stated_beyond_prior * turns.square()).sum(1)
-        stated = stated + self._distance_weight * deviation[:, _DISTANCE].square()
+        # The last columns are those of shape, translation and depth offset.
+        placed = deviation[:, -1 - self._given_weights.shape[1] : -1]
+        stated = stated + (self._given_weights * placed.square()).sum(1)
         return mesh + self._photos * (parameter_energy(deviation, self._prior_weight) + stated)
 
 
