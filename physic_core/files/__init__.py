@@ -2,8 +2,8 @@
 
 Other packages use :mod:`.atomic` for files that are written completely or not at all, files that
 may be replaced and files of unknown origin, :mod:`.names` for names of unknown origin,
-:mod:`.plain` for dataclasses, :mod:`.npz` for arrays, :mod:`.text` for text and JSON, and
-:mod:`.image_file` for photos.
+:mod:`.plain` for dataclasses, :mod:`.npz` for arrays, :mod:`.text` for text and JSON,
+:mod:`.values` for what a parsed file of another program holds, and :mod:`.image_file` for photos.
 """
 
 from __future__ import annotations
@@ -51,6 +51,11 @@ if TYPE_CHECKING:
     from physic_core.files.text import to_json as to_json
     from physic_core.files.text import whole as whole
     from physic_core.files.text import write_csv as write_csv
+    from physic_core.files.values import boolean as boolean
+    from physic_core.files.values import count as count
+    from physic_core.files.values import identity as identity
+    from physic_core.files.values import matrix as matrix
+    from physic_core.files.values import number as number
 
 _NAMES = {
     "atomic": "MARK atomic_write check_own check_regular check_writable foreign_file has_mark "
@@ -61,6 +66,7 @@ _NAMES = {
     "plain": "split",
     "text": "csv_writer finite from_json parse_json parse_toml path_problem printable quoted "
     "read_csv shorten to_json whole write_csv",
+    "values": "boolean count identity matrix number",
 }
 
 __getattr__ = importer(__name__, _NAMES)

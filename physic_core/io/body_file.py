@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from physic_core.types import FloatArray, Intrinsics
 
 WRONG_FORM = (
-    *(ValueError, TypeError, KeyError, AttributeError, IndexError, EOFError),
+    *(ValueError, TypeError, KeyError, AttributeError, IndexError, EOFError, ArithmeticError),
     *(zipfile.BadZipFile, zlib.error, NotImplementedError),
 )
 """What a damaged file, or one of another form than it seems, leads to."""

@@ -42,12 +42,16 @@ _OF_CAMERAS = {MAKE, 0x0110, FOCAL_LENGTH}  # 0x0110: model
 
 _SQUARE = math.log(1.02)
 _LARGEST = math.log(2.5)  # a more extreme ratio is a mistake in a tag that no program reads
-_LINES = {240: 480, 288: 576, 480: 480, 486: 480, 576: 576, 1080: 1080}
+_LINES = {120: 480, 144: 576, 240: 480, 288: 576, 480: 480, 486: 480, 576: 576, 1080: 1080}
 """Height of a frame or a field of video -> lines of the square-pixel picture it shows."""
-_SAMPLES = (352, 480, 528, 544, 704, 720, 928, 944, 960)
-_SAMPLES_OF_HD = (960, 1280, 1440)
+_SAMPLES = (176, 352, 480, 528, 544, 704, 720, 928, 944, 960)
+_SAMPLES_OF_HD = (944, 960, 1280, 1440)
 """Width of a line as ITU-R BT.601 samples it, and the parts of it that DVB, DVD and recorders
 (960H) store; of BT.709, those of DVCPRO HD and HDV. All show 4:3 or 16:9, HD 16:9 alone.
+"""
+_VIDEO = {(1280, 720), (1920, 1080), (2560, 1440), (2592, 1944), (3840, 2160)}
+"""Sizes of video of which recorders store half of the columns (720N, lite), or half of the lines, a
+field.
 """
 _SHAPES_OF_PHOTOS = (4 / 3, 3 / 2, 5 / 4, 2.0)
 _PAIRS = ("jfif_density", "aspect", "dpi")
@@ -136,13 +140,18 @@ def _of_recorder(width: int, height: int) -> str:
     """
     lines = _LINES.get(height)
     is_hd = lines == 1080
-    if lines is None or width == height or width not in (_SAMPLES_OF_HD if is_hd else _SAMPLES):
+    whole = [size for size in ((2 * width, height), (width, 2 * height)) if size in _VIDEO]
+    if whole:
+        right = f"to {whole[0][0]} x {whole[0][1]} px"
+    elif lines and width != height and width in (_SAMPLES_OF_HD if is_hd else _SAMPLES):
+        wide = f"{2 * round(lines * 8 / 9)} x {lines} px"
+        right = f"to {wide}"
+        if not is_hd:
+            right = f"to {lines * 4 // 3} x {lines} px, or {wide} if it has 16:9"
+    else:
         return ""
-    wide = f"{2 * round(lines * 8 / 9)} x {lines} px"
-    right = f"to {wide}"
-    if not is_hd:
-        right = f"to {lines * 4 // 3} x {lines} px, or {wide} if it has 16:9"
-    may_be_photo = any(abs(width / height / shape - 1) < 1e-3 for shape in _SHAPES_OF_PHOTOS)
+    longer, shorter = max(width, height), min(width, height)
+    may_be_photo = any(abs(longer / shorter / shape - 1) < 1e-3 for shape in _SHAPES_OF_PHOTOS)
     unsure = "may not be square: if people look too thin or wide,"
     are = unsure if may_be_photo else "are not square:"
     return f"{width} x {height} px is a size of video, whose pixels {are} resize it {right}"

@@ -5,6 +5,7 @@ y.
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -17,6 +18,7 @@ from physic_core.discovery.plugins import explain_absence, find_items, import_it
 from physic_core.errors import InputError, PackageMissingError
 from physic_core.files.atomic import read_text, unreadable
 from physic_core.files.text import parse_json, read_csv
+from physic_core.io.body_file import WRONG_FORM, scale_of_picture
 from physic_core.types.keypoint_table import KeypointRow, KeypointTable
 from physic_core.types.short_repr import ShortRepr
 
@@ -28,7 +30,8 @@ _SCORE = "confidence"
 _DISTRIBUTION = "metricbody-embedded"
 _MAX_BYTES = 10_000_000
 _LEAST_SCORE = 0.3
-_LARGEST_SHARE_PX = 2.0  # all coordinates below it are shares of the picture
+_LARGEST_SHARE_PX = 2.0  # all coordinates of a part below it are shares of the picture
+_HAND = re.compile("(left|right)_(?:hand|thumb|index|middle|ring|pinky)")
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,7 @@ def read_keypoints(path: str, width: int, height: int, photo: str = "") -> Given
         return _given_keypoints(table, is_csv, (width, height))
     except OSError as error:
         raise InputError(f"cannot read the keypoints {path}: {unreadable(error)}") from error
-    except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
+    except WRONG_FORM as error:
         raise InputError(
             f"the keypoints {path} cannot be used (give CSV with the columns "
             f"{', '.join(_COLUMNS)}, COCO JSON, or JSON "
@@ -159,7 +162,7 @@ def _given_keypoints(table: KeypointTable, is_csv: bool, size: tuple[int, int]) 
     _check_rows(certain)
     points = np.array([row[2:4] for row in certain], np.float64)
     if table.size is not None and table.size != size:
-        points = (points + 0.5) * _scale(table.size, size) - 0.5
+        points = (points + 0.5) * scale_of_picture(table.size, size) - 0.5
         notes.append(
             f"the given keypoints are in px of a picture of {table.size[0]} x {table.size[1]}, "
             f"and were scaled to the "
@@ -177,25 +180,6 @@ def _given_keypoints(table: KeypointTable, is_csv: bool, size: tuple[int, int]) 
     return GivenKeypoints(people, joints, points[inside], is_csv, 1.0, confidence, tuple(notes))
 
 
-def _scale(stated: tuple[int, int], size: tuple[int, int]) -> FloatArray:
-    """Return the factors from px of a stated size to px of the photo.
-
-    Raises:
-        ValueError: the shapes differ by more than rounding, or the picture is turned.
-    """
-    if min(stated) < 1:
-        raise ValueError(f"they state a picture of {stated[0]} x {stated[1]} px")
-    factors = np.array(size, np.float64) / stated
-    # A side that was rounded is off by half a pixel.
-    if abs(factors[0] / factors[1] - 1) > 1 / min(stated) + 1 / min(size):
-        raise ValueError(
-            f"they are for a picture of {stated[0]} x {stated[1]} px, and the photo has {size[0]} "
-            f"x {size[1]}: give "
-            "those of this photo, neither cropped nor turned"
-        )
-    return factors
-
-
 def _check_rows(rows: list[KeypointRow]) -> None:
     if not rows:
         raise ValueError("it has no keypoints that count")
@@ -204,13 +188,26 @@ def _check_rows(rows: list[KeypointRow]) -> None:
         raise ValueError(f"the {joint} of person {person} comes twice")
     if wrong := [row for row in rows if not (math.isfinite(row[2]) and math.isfinite(row[3]))]:
         raise ValueError(f"the {wrong[0][1]} of person {wrong[0][0]} has no finite place")
-    largest = max(max(row[2:4]) for row in rows)
-    # One joint may lie in the corner, at whole pixels.
-    is_share = len(rows) > 1 or any(value % 1 for value in rows[0][2:4])
-    if is_share and largest < _LARGEST_SHARE_PX:
-        raise ValueError(
-            "all coordinates are below 2: these look like shares of the picture, and px are needed"
-        )
+    parts: dict[tuple[int, str], list[KeypointRow]] = {}
+    for row in rows:
+        parts.setdefault((row[0], _part(row[1])), []).append(row)
+    for (person, part), own in parts.items():
+        values = [value for row in own for value in row[2:4]]
+        # One joint may lie in the corner, at whole pixels.
+        is_share = len(own) > 1 or any(value % 1 for value in values)
+        if is_share and max(values) < _LARGEST_SHARE_PX:
+            raise ValueError(
+                f"all coordinates of the {part} of person {person} are below 2: these look like "
+                f"shares of the picture, and px are needed for all people and parts"
+            )
+
+
+def _part(joint: str) -> str:
+    """Return the part of a joint, whose unit programs write apart: body, a hand, or the face."""
+    found = _HAND.match(joint)
+    if found is not None:
+        return f"{found[1]} hand"
+    return "face" if joint.startswith("face") else "body"
 
 
 def _check_inside(

@@ -121,9 +121,11 @@ def map_photo(run: PhotoRun, people: People, keypoints: Keypoints, inpainting: I
     return _with_depth_of_photo(run, maps, seen, people)
 
 
-def _compared_points(run: PhotoRun, original: Pointmap, camera: Intrinsics) -> tuple[Pointmap, ...]:
-    """Compare a point map of a file with that of the network that it replaces, and return the
-    latter; nothing without a file.
+def _compared_points(
+    run: PhotoRun, original: Pointmap, camera: Intrinsics
+) -> tuple[Comparison, tuple[Pointmap, ...]] | None:
+    """Compare a point map of a file with that of the network that it replaces, and return this map,
+    too; None without a file, or without the network.
 
     Raises:
         InputError: the file does not show this photo.

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from physic_core.files import matrix
 from physic_core.geometry import check_rotations, rotmat_to_rotvec
 from physic_core.types import BodiesInFile, FileOfPhoto
 from physic_opencv.documents import MESHES, open_document
@@ -102,12 +103,12 @@ def _people_of(document: Any) -> list[Mapping[str, Any]]:
 
 def _rows(values: Any, *shape: int) -> _Array:
     """Return an array (N, *shape), also of one person without N."""
-    return np.asarray(values, np.float64).reshape(-1, *shape)
+    return matrix(values, "a body's array").reshape(-1, *shape)
 
 
 def _centred(focal: Any, size: tuple[int, int], count: int) -> _Array:
     """Return cameras (N, 4) of one focal length, or of N, with the middle of a picture."""
-    focal = np.broadcast_to(np.asarray(focal, np.float64).reshape(-1), (count,))
+    focal = np.broadcast_to(matrix(focal, "focal_length").reshape(-1), (count,))
     middle = np.broadcast_to((np.array(size) - 1) / 2, (count, 2))
     return np.concatenate([np.stack([focal, focal], 1), middle], 1)
 
@@ -206,7 +207,7 @@ def _wham(document: Any, file: FileOfPhoto) -> _Record:
 
 
 def _amass(document: Any, file: FileOfPhoto) -> _Record:
-    poses = np.asarray(document["poses"], np.float64)
+    poses = matrix(document["poses"], "poses")
     poses = poses.reshape(-1, poses.shape[-1])
     if poses.shape[1] not in _AMASS:
         raise ValueError(
@@ -241,10 +242,10 @@ def _parameters(document: Any, file: FileOfPhoto) -> _Record:
 
 def _posed(tool: str, document: Mapping[str, Any], *, mean_hands: bool = False) -> _Record:
     """Return the record of parameters by the names of SMPL-X."""
-    betas = np.asarray(document["betas"], np.float64)
+    betas = matrix(document["betas"], "betas")
     count = 1 if betas.ndim == 1 else len(betas)
     turns = np.zeros((count, _JOINTS, 3))
-    given = np.asarray(document["body_pose"], np.float64)
+    given = matrix(document["body_pose"], "body_pose")
     joints = given.size // (count * (9 if given.shape[-2:] == (3, 3) else 3))
     if joints not in (21, 23):
         raise ValueError(
@@ -276,7 +277,7 @@ def _posed(tool: str, document: Mapping[str, Any], *, mean_hands: bool = False) 
 
 def _turns(values: Any, count: int, joints: int) -> _Array:
     """Return rotation vectors (N, joints, 3) of vectors or matrices."""
-    given = np.asarray(values, np.float64)
+    given = matrix(values, "rotations")
     if given.size == 3 * count * joints:
         return given.reshape(count, joints, 3)
     if given.size != 9 * count * joints:
@@ -346,7 +347,8 @@ def _focal_beside(path: Path) -> float | None:
     if not beside.is_file():
         return None
     value = open_document(beside)
-    return float(np.ravel(value["focal_length"] if isinstance(value, Mapping) else value)[0])
+    focal = value["focal_length"] if isinstance(value, Mapping) else value
+    return float(matrix(focal, "focal_length").ravel()[0])
 
 
 _FORMS: Sequence[tuple[Callable[[Any], bool], Callable[[Any, FileOfPhoto], _Record]]] = (

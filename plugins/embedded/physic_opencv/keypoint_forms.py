@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
-from physic_core.files import quoted
+from physic_core.files import boolean, count, identity, matrix, number, quoted
 from physic_core.types import SKELETONS, KeypointTable
 
 Row = tuple[int, str, float, float, float]
@@ -109,26 +109,26 @@ def _read_coco(document: Any, photo: str) -> KeypointTable:
         isinstance(one, Mapping) for one in annotations
     ):
         raise ValueError("it has no list of annotations")
-    images = {one.get("id"): one for one in dataset.get("images") or () if isinstance(one, Mapping)}
-    image = image_of(annotations, images, photo)
+    images = by_id(dataset.get("images"))
+    image, of_image = shown_in(annotations, images, photo)
     names = {
-        one["id"]: tuple(one["keypoints"])
-        for one in dataset.get("categories") or ()
+        key: tuple(identity(name, "the name of a joint") for name in one["keypoints"])
+        for key, one in by_id(dataset.get("categories")).items()
         if one.get("keypoints")
     }
     everywhere: list[Row] = []
     rows: list[Row] = []
-    for number, one in enumerate(annotations):
-        found = list(_triples(number, one.get("keypoints"), names.get(one.get("category_id"))))
+    for person, one in enumerate(annotations):
+        own = names.get(id_of(one, "category_id"))
+        found = list(_triples(person, one.get("keypoints"), own))
         for part, (start, stop) in _PARTS.items():
-            found += _triples(number, one.get(part), _WHOLE_BODY[start:stop])
+            found += _triples(person, one.get(part), _WHOLE_BODY[start:stop])
         everywhere += found
-        rows += found if one.get("image_id") == image else []
+        rows += found if any(one is other for other in of_image) else []
     # A score of another image of the file says what the numbers of this one are.
     scored = any(row[4] not in (0, 1, 2) for row in everywhere)
     about = images.get(image, {})
-    size = _stated_size(about, "width", "height")
-    of_image = [one for one in annotations if one.get("image_id") == image]
+    size = stated_size(about, "width", "height")
     notes = (
         *_note_on_other_name(about, "file_name", photo),
         *_note_on_unread((dataset,), _OF_DATASET),
@@ -138,26 +138,44 @@ def _read_coco(document: Any, photo: str) -> KeypointTable:
     return KeypointTable(tuple(_first_visible(rows)), scored, size, notes)
 
 
-def image_of(
-    annotations: Sequence[Mapping[str, Any]], images: Mapping[Any, Any], photo: str
-) -> Any:
-    """Return the id of the photo's image: the only one, or the one of its name, listed or
-    annotated.
+def by_id(entries: Any) -> dict[str, Mapping[str, Any]]:
+    """Return images or categories of COCO by their id."""
+    return {id_of(one, "id"): one for one in entries or ()}
+
+
+def id_of(entry: Mapping[str, Any], key: str) -> str:
+    """Return the id of an object of COCO, "" without one; programs write numbers and texts."""
+    return "" if entry.get(key) is None else identity(entry[key], key)
+
+
+def shown_in(
+    annotations: Sequence[Mapping[str, Any]], images: Mapping[str, Any], photo: str
+) -> tuple[str, list[Mapping[str, Any]]]:
+    """Return the id of the photo's image, and the annotations of it: of the only image, or the one
+    of its name, listed or annotated.
+
+    Raises:
+        ValueError: it is not known which image is meant, or of which image an annotation is.
     """
-    found = {one.get("image_id") for one in annotations} | images.keys()
-    if len(found) < 2:
-        return next(iter(found), None)
+    of = [id_of(one, "image_id") for one in annotations]
+    found = {*of, *images} - {""}
+    if len(found) < 2:  # those without an id are of the only image
+        return next(iter(found), ""), list(annotations)
+    if "" in of:
+        raise ValueError(
+            f"annotation {of.index('')} has no image_id, and the file has {len(found)} images"
+        )
     stem = PurePath(photo).stem
     named = [
         key
         for key in found
         if stem and PurePath(str(images.get(key, {}).get("file_name", ""))).stem == stem
     ]
-    if len(named) == 1:
-        return named[0]
-    raise ValueError(
-        f"it has {len(found)} images, and none is named {stem or 'as the photo'}: keep its"
-    )
+    if len(named) != 1:
+        raise ValueError(
+            f"it has {len(found)} images, and none is named {stem or 'as the photo'}: keep its"
+        )
+    return named[0], [one for one, key in zip(annotations, of, strict=True) if key == named[0]]
 
 
 def _note_on_other_name(entry: Mapping[str, Any], key: str, photo: str) -> tuple[str, ...]:
@@ -178,8 +196,9 @@ def _note_on_unread(entries: Iterable[Any], known: str) -> tuple[str, ...]:
     return (f"of the given keypoints' file, {', '.join(others[:8])} is not used",) if others else ()
 
 
-def _triples(number: int, numbers: Any, names: Sequence[str] | None) -> Iterable[Row]:
+def _triples(person: int, numbers: Any, names: Sequence[str] | None) -> Iterable[Row]:
     """Yield the rows of a flat list x, y, v, x, y, v, ..."""
+    numbers = matrix([] if numbers is None else numbers, f"annotation {person}").ravel().tolist()
     if not numbers:
         return
     joints = names or _BY_COUNT.get(len(numbers) // 3, ())
@@ -188,12 +207,12 @@ def _triples(number: int, numbers: Any, names: Sequence[str] | None) -> Iterable
             len(joints) or f"{', '.join(map(str, list(_BY_COUNT)[:-1]))} or {list(_BY_COUNT)[-1]}"
         )
         raise ValueError(
-            f"annotation {number} has {len(numbers)} numbers for {wanted} keypoints of x, y, v"
+            f"annotation {person} has {len(numbers)} numbers for {wanted} keypoints of x, y, v"
         )
     for row, joint in enumerate(joints):
         if joint:
-            x, y, third = map(float, numbers[3 * row : 3 * row + 3])
-            yield number, str(joint), x, y, third
+            x, y, third = numbers[3 * row : 3 * row + 3]
+            yield person, str(joint), x, y, third
 
 
 def _first_visible(rows: Iterable[Row]) -> Iterable[Row]:
@@ -208,48 +227,54 @@ def _first_visible(rows: Iterable[Row]) -> Iterable[Row]:
     return kept.values()
 
 
-def _stated_size(entry: Mapping[str, Any], width: str, height: str) -> tuple[int, int] | None:
-    size = entry.get(width), entry.get(height)
-    if not all(isinstance(side, int | float) and side > 0 for side in size):
+def stated_size(entry: Mapping[str, Any], width: str, height: str) -> tuple[int, int] | None:
+    """Return the size that an object states; None if it states none, or 0.
+
+    Raises:
+        ValueError: a side is no number.
+    """
+    if not (entry.get(width) or entry.get(height)):
         return None
-    return int(size[0]), int(size[1])  # type: ignore[arg-type]
+    return int(number(entry.get(width), width)), int(number(entry.get(height), height))
 
 
 def _pairs(
-    number: int, points: Any, scores: Any, names: Sequence[str] | None = None
+    person: int, points: Any, scores: Any, names: Sequence[str] | None = None
 ) -> Iterable[Row]:
     """Yield the rows of a list of points and a list of scores."""
     joints = names or _BY_COUNT.get(len(points), ())
     if len(joints) != len(points) or len(scores) != len(points):
         raise ValueError(
-            f"person {number} has {len(points)} keypoints and {len(scores)} scores: 17, 23, 26 or "
+            f"person {person} has {len(points)} keypoints and {len(scores)} scores: 17, 23, 26 or "
             f"133 fit"
         )
-    for joint, at, score in zip(joints, points, scores, strict=True):
-        yield number, joint, float(at[0]), float(at[1]), float(score)
+    places = matrix(points, f"the keypoints of person {person}")
+    values = matrix(scores, f"the scores of person {person}").ravel()
+    for joint, at, score in zip(joints, places.tolist(), values.tolist(), strict=True):
+        yield person, joint, at[0], at[1], score
 
 
 def _read_openpose(document: Any, photo: str) -> KeypointTable:
     """Read OpenPose's JSON; other tools write COCO's 17, 23, 26 or 133 joints in it."""
     rows: list[Row] = []
-    for number, one in enumerate(document["people"]):
+    for person, one in enumerate(document["people"]):
         body = one.get("pose_keypoints_2d") or []
-        rows += _triples(number, body, _OPENPOSE.get(len(body) // 3))
+        rows += _triples(person, body, _OPENPOSE.get(len(body) // 3))
         for side in ("left", "right"):
             hand = _names(f"openpose_hand21_{side}")
-            rows += _triples(number, one.get(f"hand_{side}_keypoints_2d"), hand)
-    size = _stated_size(document, "canvas_width", "canvas_height")
+            rows += _triples(person, one.get(f"hand_{side}_keypoints_2d"), hand)
+    size = stated_size(document, "canvas_width", "canvas_height")
     notes = _note_on_unread(document["people"], _OF_OPENPOSE)
     return KeypointTable(tuple(_first_visible(rows)), True, size, notes)
 
 
 def _read_ultralytics(document: Any, photo: str) -> KeypointTable:
     rows: list[Row] = []
-    for number, one in enumerate(document):
+    for person, one in enumerate(document):
         marks = one.get("keypoints") or {"x": [], "y": []}
         scores = marks.get("visible") or [1.0] * len(marks["x"])
         if marks["x"]:
-            rows += _pairs(number, list(zip(marks["x"], marks["y"], strict=True)), scores)
+            rows += _pairs(person, list(zip(marks["x"], marks["y"], strict=True)), scores)
     return KeypointTable(tuple(rows), True, notes=_note_on_unread(document, _OF_PERSON))
 
 
@@ -269,11 +294,11 @@ def _read_scored(document: Any, photo: str) -> KeypointTable:
             raise ValueError(f"it has people of {len(people)} images: keep those of this photo")
         people = people[0]
     rows: list[Row] = []
-    for number, one in enumerate(people):
+    for person, one in enumerate(people):
         scores = one.get("keypoint_scores", one.get("scores"))
         labels = one.get("labels")
-        names = None if labels is None else [_joint_of_label(int(label)) for label in labels]
-        rows += _pairs(number, one["keypoints"], scores or (), names)
+        names = None if labels is None else [_joint_of_label(label) for label in labels]
+        rows += _pairs(person, one["keypoints"], scores or (), names)
     notes = (
         *_note_on_unread((about,), f"{_OF_PERSON} meta_info instance_info predictions"),
         *_note_on_unread(people, _OF_PERSON),
@@ -291,9 +316,10 @@ def _check_names(meta: Mapping[str, Any]) -> None:
         )
 
 
-def _joint_of_label(label: int) -> str:
+def _joint_of_label(label: Any) -> str:
     """Return the joint of a label of transformers, which counts COCO's 17."""
     joints = _BY_COUNT[17]
+    label = count(label, "a label")
     if not 0 <= label < len(joints):
         raise ValueError(
             f"it has the label {label}, and those of COCO's joints are 0 to {len(joints) - 1}"
@@ -323,7 +349,7 @@ def _read_label_studio(document: Any, photo: str) -> KeypointTable:
     marks = [
         one
         for made in tasks[0]["annotations"]
-        if not made.get("was_cancelled")
+        if not boolean(made.get("was_cancelled"), "was_cancelled")
         for one in made.get("result", ())
     ]
     rows: list[Row] = []
@@ -336,17 +362,21 @@ def _read_label_studio(document: Any, photo: str) -> KeypointTable:
     for one in marks:
         if one["type"] != "keypointlabels":
             continue
-        stated = _stated_size(one, "original_width", "original_height")
+        stated = stated_size(one, "original_width", "original_height")
         if size not in (None, stated) or len(one["value"]["keypointlabels"]) > 1:
             raise ValueError("marks of Label Studio have several pictures, or several labels each")
         size = stated
-        if one.get("image_rotation"):
+        if number(one.get("image_rotation") or 0, "image_rotation"):
             raise ValueError("a mark is of the turned picture: turn it back in Label Studio")
         if size is None:
             raise ValueError("a mark of Label Studio lacks original_width and original_height")
         value = one["value"]
-        x, y = (value[axis] / 100 * side - 0.5 for axis, side in zip("xy", size, strict=True))
-        rows.append((0, str(value["keypointlabels"][0]), x, y, 2.0))
+        x, y = (
+            number(value[axis], axis) / 100 * side - 0.5
+            for axis, side in zip("xy", size, strict=True)
+        )
+        label = identity(value["keypointlabels"][0], "a label")
+        rows.append((0, label, x, y, 2.0))
     return KeypointTable(tuple(rows), False, size, notes)
 
 

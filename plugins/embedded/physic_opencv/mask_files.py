@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from physic_core.errors import InputError
-from physic_core.files import ImageSource, decode, open_image, read_text
+from physic_core.files import ImageSource, decode, matrix, number, open_image, read_text
 from physic_core.types import FileOfPhoto, MasksInFile
 from physic_opencv.documents import open_document
-from physic_opencv.keypoint_forms import image_of
+from physic_opencv.keypoint_forms import by_id, id_of, shown_in, stated_size
 
 _Masks = NDArray[np.bool_]
 _PERSON = "person"
-_COCO_PERSON = 1
+_COCO_PERSON = "1"
 _MAX_TEXT = 100_000_000
 
 
@@ -94,16 +94,15 @@ def _of_json(document: Any, file: FileOfPhoto) -> MasksInFile:
         raise ValueError("it has no list of annotations with a segmentation")
     if any("predicted_iou" in one for one in entries):
         return MasksInFile(_all(entries, file.size), are_people=False)
-    images = {one.get("id"): one for one in dataset.get("images") or ()}
-    image = image_of(entries, images, file.photo)
-    about = images.get(image, {})
-    size = int(about.get("width", file.size[0])), int(about.get("height", file.size[1]))
-    people = {one["id"] for one in dataset.get("categories") or () if one.get("name") == _PERSON}
-    shown = [one for one in entries if one.get("image_id") == image]
-    chosen = [one for one in shown if one.get("category_id") in (people or {_COCO_PERSON, None})]
+    images = by_id(dataset.get("images"))
+    image, shown = shown_in(entries, images, file.photo)
+    size = stated_size(images.get(image, {}), "width", "height") or file.size
+    categories = by_id(dataset.get("categories"))
+    people = {key for key, one in categories.items() if one.get("name") == _PERSON}
+    chosen = [one for one in shown if id_of(one, "category_id") in (people or {_COCO_PERSON, ""})]
     if not chosen:
         raise ValueError(f"it has {len(shown)} annotations of the photo, and no person")
-    chosen.sort(key=lambda one: -float(one.get("score", 1)))
+    chosen.sort(key=lambda one: -number(one.get("score", 1), "score"))
     left_out = len(shown) - len(chosen)
     notes = (f"left out {left_out} given masks of other things than people",) * bool(left_out)
     return MasksInFile(_all(chosen, size), notes=notes)
@@ -116,10 +115,10 @@ def _all(entries: list[Any], size: tuple[int, int]) -> _Masks:
 def _mask(segmentation: Any, size: tuple[int, int]) -> _Masks:
     """Return the mask (H, W) of polygons, or of run lengths that are by column."""
     if isinstance(segmentation, list):
-        return _filled([np.reshape(points, (-1, 2)) for points in segmentation], size)
-    height, width = segmentation["size"]
+        return _filled([matrix(one, "a polygon").reshape(-1, 2) for one in segmentation], size)
+    height, width = matrix(segmentation["size"], "size").astype(int).tolist()
     counts = segmentation["counts"]
-    runs = _run_lengths(counts) if isinstance(counts, str) else counts
+    runs = _run_lengths(counts) if isinstance(counts, str) else matrix(counts, "counts").astype(int)
     if sum(runs) != height * width:
         raise ValueError(f"run lengths are of {sum(runs)} px, and the size is {width} x {height}")
     values = np.arange(len(runs)) % 2 == 1
@@ -160,7 +159,7 @@ def _polygons_of_text(text: str, size: tuple[int, int]) -> _Masks:
     id.
     """
     masks = []
-    for number, line in enumerate(text.splitlines(), start=1):
+    for at, line in enumerate(text.splitlines(), start=1):
         values = [float(part) for part in line.split()]
         if not values or values[0] != 0:  # class 0 is the person
             continue
@@ -169,7 +168,7 @@ def _polygons_of_text(text: str, size: tuple[int, int]) -> _Masks:
             del shares[-2:]
         del shares[len(shares) // 2 * 2 :]
         if len(shares) < 6 or not all(-0.01 <= share <= 1.01 for share in shares):
-            raise InputError(f"line {number} of the masks is no polygon of shares of the picture")
+            raise InputError(f"line {at} of the masks is no polygon of shares of the picture")
         masks.append(_filled([np.reshape(shares, (-1, 2)) * size], size))
     if not masks:
         raise ValueError("it has no line of class 0, a person")

@@ -7,8 +7,10 @@ a name of the file, cameras are taken in order.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from itertools import combinations
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,9 +18,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import (
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
-    PositiveInt,
     TypeAdapter,
     ValidationError,
     model_validator,
@@ -26,7 +28,7 @@ from pydantic import (
 from scipy.spatial.transform import Rotation
 
 from physic_core.errors import ConfigError, InputError
-from physic_core.files import unreadable
+from physic_core.files import count, number, unreadable
 from physic_core.types import CameraTrust, Intrinsics, Lens, ShortRepr
 from physic_scene.calibration_forms import CameraFile, read_camera_file
 
@@ -36,13 +38,17 @@ if TYPE_CHECKING:
     from physic_core.types import FloatArray
 
 _NAMED = 8  # names of a message
+_NEAR_NAME = 0.75  # similarity of two names that may be one
 _ORTHONORMAL = 0.01  # largest deviation of R R^T from the identity; files have four digits or more
 _FARTHEST_APART = 100.0  # metres
 _LARGEST = 1e9  # number of an entry, in px or in the file's unit
 _LARGEST_UNIT = 1000.0  # metres
 _OFF_CENTRE = 0.1  # of width or height; a principal point farther off is that of another picture
 
-_Number = Annotated[float, Field(ge=-_LARGEST, le=_LARGEST)]
+_Number = Annotated[
+    float, BeforeValidator(lambda v: number(v, "it")), Field(ge=-_LARGEST, le=_LARGEST)
+]
+_Side = Annotated[int, BeforeValidator(lambda v: count(v, "it")), Field(gt=0)]
 _Vector = tuple[_Number, _Number, _Number]
 
 
@@ -71,7 +77,7 @@ class _CameraTable(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    size: tuple[PositiveInt, PositiveInt] | None
+    size: tuple[_Side, _Side] | None
     K: tuple[_Vector, _Vector, _Vector]
     distortion: Annotated[tuple[_Number, ...], Field(max_length=5)] = ()
     R: tuple[_Vector, _Vector, _Vector] | None = None
@@ -147,8 +153,9 @@ def read_calibration(
 
     Raises:
         ConfigError: the unit is invalid or missing.
-        InputError: the file cannot be read, a camera is invalid or of no photo, a photo has another
-            size than its camera, or cameras are over 100 m apart without a unit.
+        InputError: the file cannot be read, a camera is invalid, has nearly the name of a photo, or
+            is of no photo, a photo has another size than its camera, or cameras are over 100 m
+            apart without a unit.
     """
     if unit_m is not None and not 0 < unit_m <= _LARGEST_UNIT:
         raise ConfigError(
@@ -173,6 +180,7 @@ def read_calibration(
             f"{', '.join([*cameras][:_NAMED]) or 'none'}: the name of a photo, or of its folder, "
             "must be or begin with that of its camera"
         )
+    _refuse_near_names(path, photos, named, cameras)
     found: list[KnownCamera | None] = []
     for name, photo, size in zip(named, photos, sizes, strict=True):
         if name is not None and named.count(name) > 1:
@@ -247,6 +255,26 @@ def _cameras(path: Path) -> tuple[CameraFile, Mapping[str, _CameraTable]]:
         raise InputError(f"cannot read the cameras of {path}: {unreadable(error)}") from error
     except (ValueError, TypeError, LookupError, ArithmeticError, RecursionError) as error:
         raise InputError(f"cannot read the cameras of {path}: {error}") from error
+
+
+def _refuse_near_names(
+    path: Path, photos: Sequence[Path], named: Sequence[str | None], cameras: Iterable[str]
+) -> None:
+    """Refuse a camera without a photo whose name is nearly that of a photo without a camera.
+
+    Raises:
+        InputError: there is one.
+    """
+    free = {PurePosixPath(name).stem.lower(): name for name in cameras if name not in named}
+    for photo, name in zip(photos, named, strict=True):
+        stem = photo.stem.lower()
+        first = re.split(r"[\W_]", stem)[0]
+        own = [] if name else [stem, first, photo.resolve().parent.name.lower()]
+        for near in (key for text in own for key in get_close_matches(text, free, 1, _NEAR_NAME)):
+            raise InputError(
+                f"{photo.name} has no camera in {path}, and camera {free[near]} has no photo: if "
+                f"they belong together, give both the same name; if not, leave out the camera"
+            )
 
 
 def _name_for(photo: Path, cameras: Iterable[str]) -> str | None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from physic_core.files import parse_json, parse_toml, read_text
+from physic_core.files import boolean, count, matrix, parse_json, parse_toml, read_text
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -94,18 +94,18 @@ def _pose(rotation: Any, translation: Any) -> dict[str, Any]:
     """Return R and t, or nothing if not known; the rotation is a vector (Rodrigues) or a matrix."""
     if isinstance(rotation, str | None):  # Caliscope has written "null"
         return {}
-    values = np.asarray(rotation, np.float64)
+    values = matrix(rotation, "a rotation")
     R = (
         Rotation.from_rotvec(values.ravel()).as_matrix()
         if values.size == 3
         else values.reshape(3, 3)
     )
-    return {"R": R.tolist(), "t": np.ravel(translation).tolist()}
+    return {"R": R.tolist(), "t": matrix(translation, "a translation").ravel().tolist()}
 
 
 def _coefficients(values: Any) -> list[float]:
     """Return the coefficients of OpenCV without zeros after the fifth."""
-    found: list[float] = np.ravel([] if values is None else values).tolist()
+    found: list[float] = matrix([] if values is None else values, "distortion").ravel().tolist()
     return found if any(found[5:]) else found[:5]
 
 
@@ -134,11 +134,11 @@ def _read_toml(path: Path) -> CameraFile:
     _refuse_others("its metadata", document.get("metadata", ()), ("adjusted", "error"))
     for key in cameras:
         one = entries[key]
-        if one.get("ignore"):
-            continue
         name = str(one.get("name", f"cam_{key}" if nested else key))
+        if boolean(one.get("ignore"), f"ignore of camera {name}"):
+            continue
         _refuse_others(f"camera {name}", one, _TOML_KEYS)
-        if one.get("fisheye"):
+        if boolean(one.get("fisheye"), f"fisheye of camera {name}"):
             raise _unsupported(name, "a fisheye (AniPose's and Caliscope's `fisheye = true`)")
         table = {
             "size": one["size"],
@@ -147,7 +147,7 @@ def _read_toml(path: Path) -> CameraFile:
             **_pose(one.get("rotation"), one.get("translation")),
         }
         _add(tables, name, table)
-        turns[name] = int(one.get("rotation_count", 0))
+        turns[name] = count(one.get("rotation_count", 0), f"rotation_count of camera {name}")
     return CameraFile(tables, turns)
 
 
@@ -182,7 +182,7 @@ def _read_easymocap(path: Path) -> CameraFile:
         ):
             raise ValueError(f"its R_{name} and Rot_{name} differ: remove one")
         tables[name] = {
-            "size": size if all(size) else None,
+            "size": [*map(int, size)] if all(size) else None,
             "K": numbers[f"K_{name}"].reshape(3, 3).tolist(),
             "distortion": _coefficients(numbers.get(f"dist_{name}")),
             **_pose(vector, numbers.get(f"T_{name}")),
@@ -243,7 +243,7 @@ def _read_nerfstudio(path: Path) -> CameraFile:
         name = one["file_path"]
         model = one.get("camera_model", "OPENCV")
         values = one | {"fx": one["fl_x"], "fy": one["fl_y"]}
-        to_world = np.array(one["transform_matrix"], np.float64)[:3]
+        to_world = matrix(one["transform_matrix"], f"transform_matrix of {name}")[:3]
         R = (to_world[:, :3] * _OPENGL).T
         lens = _lens(name, model, (one["w"], one["h"]), values)
         _refuse_others(f"camera {name}", one, _OF_NERFSTUDIO)
@@ -265,7 +265,7 @@ def _read_colmap(path: Path) -> CameraFile:
         keys = _COLMAP.get(model, "").split() or numbers
         values: dict[str, float] = dict(zip(keys, map(float, numbers), strict=True))
         values.setdefault("fy", values.get("fx", 0))
-        _add(lenses, number, _lens(number, model, (width, height), values))
+        _add(lenses, number, _lens(number, model, (int(width), int(height)), values))
     tables: dict[str, Any] = {}
     lines = _read_rows(path.with_name("images.txt"))
     for line in lines:

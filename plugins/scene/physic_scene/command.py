@@ -103,6 +103,8 @@ def scene(
     cameras = None if calibration is None else read_calibration(calibration, photos, sizes, unit_m)
     if cameras and any(one and one.by_order for one in cameras):
         _warn_of_order(photos, cameras)
+    for photo in (p for p, one in zip(photos, cameras or (), strict=False) if one is None):
+        echo(f"warning: {photo.name} has no camera in {calibration}: it is estimated", err=True)
     all_photos = " ".join(digests)
 
     def progress(name: str, done: int, total: int) -> None:

@@ -104,6 +104,105 @@ def test_of_two_images_that_of_the_photo_is_read():
         read("dataset_two_images", photo="other.jpg")
 
 
+def leaves(value, path=()):
+    """The path of each number of a document."""
+    if isinstance(value, dict | list):
+        for key, item in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from leaves(item, (*path, key))
+    elif not isinstance(value, str):
+        yield path
+
+
+def with_leaf(document, path, text):
+    """The text of a document in which a leaf is another text of JSON."""
+    copy = json.loads(json.dumps(document))
+    place = copy
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = "@"
+    return json.dumps(copy).replace('"@"', text)
+
+
+def known(file):
+    """What is read of a file, or the error."""
+    try:
+        return read_keypoints(str(file), *SIZES_OF.get(file.parent.name, SLOPE), "slope.jpg")
+    except InputError as error:
+        return str(error)
+
+
+SIZES_OF = {"couple_dataset_1728": (1920, 1278), "couple_low_scores": (1920, 1278)}
+
+
+@pytest.mark.parametrize("wrong", ["9" * 400, '"12"', "true", "null", "[]", '"NaN"'])
+@pytest.mark.parametrize("name", sorted(path.stem for path in FILES.glob("*.json")))
+def test_a_value_of_another_kind_is_refused_or_named_or_changes_nothing(tmp_path, name, wrong):
+    document = json.loads((FILES / f"{name}.json").read_text())
+    folder = tmp_path / name
+    folder.mkdir()
+    file = folder / "a.json"
+    file.write_text(json.dumps(document))
+    right = known(file)
+    every = list(leaves(document))
+    for path in every[:: max(1, len(every) // 12)]:
+        file.write_text(with_leaf(document, path, wrong))
+        found = known(file)
+        if isinstance(found, str) or isinstance(right, str) or found.notes != right.notes:
+            continue
+        assert found.joint == right.joint, path
+        assert np.array_equal(found.points, right.points), path
+        sure, before = (np.array(one.confidence, float) for one in (found, right))
+        assert np.array_equal(sure, before, equal_nan=True), path
+
+
+def of_coco(person, image_id, **others):
+    keypoints = [value for x in range(17) for value in (100 + 9 * x + person, 200 + 9 * x, 2)]
+    own = {"category_id": 1, "keypoints": keypoints, **others}
+    return own if image_id is None else {**own, "image_id": image_id}
+
+
+@pytest.mark.parametrize("ids", [(1, "1"), (None, None), (1, None), ("a", "a"), (7.0, 7)])
+def test_people_of_one_image_are_read_however_its_id_is_written(tmp_path, ids):
+    document = {"annotations": [of_coco(i, one) for i, one in enumerate(ids)]}
+    given = read_keypoints(written(tmp_path, document), *SLOPE)
+    assert set(given.person) == {0, 1}
+
+
+def test_an_annotation_of_no_image_is_refused_if_there_are_several(tmp_path):
+    images = [{"id": 1, "file_name": "a.jpg"}, {"id": 2, "file_name": "slope.jpg"}]
+    document = {"images": images, "annotations": [of_coco(0, 2), of_coco(1, None)]}
+    with pytest.raises(InputError, match="annotation 1 has no image_id"):
+        read_keypoints(written(tmp_path, document), *SLOPE, "slope.jpg")
+
+
+def of_openpose(unit_of_hand=1.0, unit_of_second=1.0):
+    body = [value for k in range(18) for value in (300 + 5 * k, 400 + 20 * k, 0.9)]
+    hand = [value for k in range(21) for value in (350 + k, 600 + k, 0.9)]
+
+    def in_shares(values, unit):
+        scaled = np.reshape(values, (-1, 3)) * ([1, 1, 1] if unit == 1 else [1 / 720, 1 / 1280, 1])
+        return scaled.ravel().tolist()
+
+    first = {
+        "pose_keypoints_2d": body,
+        "hand_left_keypoints_2d": in_shares(hand, unit_of_hand),
+    }
+    return {"people": [first, {"pose_keypoints_2d": in_shares(body, unit_of_second)}]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"unit_of_hand": 0}, "left hand of person 0"),
+        ({"unit_of_second": 0}, "body of person 1"),
+    ],
+)
+def test_a_part_or_person_in_shares_beside_others_in_px_is_refused(tmp_path, changes, words):
+    with pytest.raises(InputError, match=words):
+        read_keypoints(written(tmp_path, of_openpose(**changes)), *SLOPE)
+    assert len(read_keypoints(written(tmp_path, of_openpose()), *SLOPE).joint) == 17 * 2 + 20
+
+
 def written(folder, document):
     file = folder / "given.json"
     file.write_text(json.dumps(document))
