@@ -105,7 +105,8 @@ def check_journal(path: Path) -> None:
     Raises:
         OutputError: it has none, or is a link.
     """
-    if os.path.lexists(path) and (not path.is_file() or path.is_symlink() or not _is_journal(path)):
+    check_own(path, mark="")
+    if path.exists() and not _is_journal(path):
         raise foreign_file(path)
 
 
@@ -123,8 +124,7 @@ class Journal:
         self.path = path
         check_journal(path)
         lock = path.with_suffix(".lock")
-        if os.path.lexists(lock) and (lock.is_symlink() or not lock.is_file()):
-            raise foreign_file(lock)
+        check_own(lock, mark="")
         self._lock = FileLock(lock, blocking=False)
         try:
             self._lock.acquire()

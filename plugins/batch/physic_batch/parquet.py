@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from physic_core.files import foreign_file, open_regular
+from physic_core.files import check_own, foreign_file
 
 _MARK = b"physic"
 
@@ -23,11 +22,10 @@ def check_parquet(path: Path) -> None:
     """Raise OutputError if a table would replace a file that PhySIC has not written."""
     import pyarrow.parquet as pq
 
-    if not os.path.lexists(path):
-        return
-    is_own = False
-    with suppress(Exception), open_regular(path) as file:  # pyarrow raises a dozen classes
-        is_own = not path.is_symlink() and _MARK in (pq.read_schema(file).metadata or {})
+    check_own(path, mark="")
+    is_own = not path.exists()
+    with suppress(Exception):  # pyarrow raises a dozen classes
+        is_own = is_own or _MARK in (pq.read_schema(path).metadata or {})
     if not is_own:
         raise foreign_file(path)
 
