@@ -49,11 +49,16 @@ if TYPE_CHECKING:
 
     BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.floating]
+    Earlier = tuple[FittedBodies, BoolArray] | None
 
 _UP_OF_LEVEL_CAMERA = np.array([0.0, -1.0, 0.0])
 _MAX_APPARENT_BEND = 0.7  # radians by which a knee of an upright person may seem bent
 _BEND_SHARE = 0.35  # share of it that counts as real
-_ACCEPTED_RISE = 50.0  # of the fit's squared residuals: a larger cost of uprightness halves it
+# Of the fit's squared residuals: more than a posture of the legs may cost; the cost of uprightness
+# that halves its weight, and what it may cost for nothing.
+_ACCEPTED_RISE = 50.0
+_HALVING_RISE = 75.0
+_FREE_RISE = 25.0
 _MAX_LEAN = 0.44  # radians; a larger lean is a misread floor or no stance
 _LIES = 0.5  # probability from which on a trunk without legs is not set upright
 _ACROSS_DEG = 60.0  # from up in the picture, of a trunk that is not compared with the vertical
@@ -110,6 +115,7 @@ def fit_people(
     with torch.enable_grad(), limited_threads():
         fit = _fit_keypoints(model, observations)
         fit, upright = _upright(model, fit, observations, keypoints, said, known)
+        lean_sigma = UPRIGHT_SIGMA / np.sqrt(np.where(upright > 0, upright, np.nan))
         pairs = outline_pairs(model, fit, observations, people, hints.original)
         lifted = None
         if observations.world is not None and keypoints.depth_sigma is None:
@@ -121,7 +127,7 @@ def fit_people(
         "embedded",
         observed,
         rotation_sigma=rotation_sigma,
-        lean_sigma=np.where(upright, UPRIGHT_SIGMA, np.where(cut, pitch_sigma(said), np.nan)),
+        lean_sigma=np.where(cut & ~(upright > 0), pitch_sigma(said), lean_sigma),
         joint_sigma=None
         if lifted is None
         else joint_sigma(limb_evidence(observations, lifted.moved.numpy())),
@@ -173,13 +179,13 @@ def _upright(
     keypoints: Keypoints,
     said: Observations,
     known: FloatArray | None,
-) -> tuple[FittedBodies, BoolArray]:
+) -> tuple[FittedBodies, FloatArray]:
     """Repeat the fit with the vertical (3,), or that of a level camera if none is known: feet
     level, legs as the posture says, and standing people upright. These have visible straight legs,
     or stand by picture and observer.
 
-    Return the fit, and who was set upright: (N,) bool. A fit whose detector states errors of depth
-    stays as it is.
+    Return the fit, and the share (N,) of uprightness of each person, less where it makes the fit
+    worse. A fit whose detector states errors of depth stays as it is.
 
     The landmarks are turned back by the lean before the fit. Turning the finished body instead
     would not do: its keypoints move, and the next optimisation turns it back.
@@ -187,7 +193,7 @@ def _upright(
     cut = legs_hidden(observations, observations.skeleton)
     trunk = _trunks_to_compare(keypoints, said, cut, known is not None)
     if not trunk.any() or observations.depth_sigma is not None:
-        return fit, np.zeros(len(trunk), bool)
+        return fit, np.zeros(len(trunk))
     skeleton = observations.skeleton
     up = np.asarray(_UP_OF_LEVEL_CAMERA if known is None else known, np.float64)
     ends = sided_indices(skeleton, "knee", "ankle")
@@ -199,28 +205,29 @@ def _upright(
     turn = np.clip(np.where(upright, -lean, 0.0), -_MAX_LEAN, _MAX_LEAN)
     legs = without_posture(legs_by_posture(said), ~trunk)
     posed = legs_of_other_postures(joints, observations, up, legs)
-    again = fit
-    earlier = None
-    for _ in range(3):
-        again = fit_bodies(
+
+    def refit(share: FloatArray, turn: FloatArray, earlier: Earlier = None) -> FittedBodies:
+        return fit_bodies(
             model,
             without_guessed_legs(observations, skeleton, said, up, posed),
             with_legs(_restart(fit, observations, turn, upright), joints, posed, up, legs),
-            floor=FloorConstraint(up, trunk, upright, turn, legs),
+            floor=FloorConstraint(up, trunk, share, turn, legs),
             earlier=earlier,
         )
-        costly = (upright | posed.any(1)) & (again.loss - fit.loss > _ACCEPTED_RISE)
-        if not costly.any():
-            break
-        # first without the posture of the legs, then with less of the turn
-        unlike = costly & posed.any(1)
-        leaning = costly & ~unlike
+
+    share = upright.astype(np.float64)
+    again = refit(share, turn)
+    unlike = posed.any(1) & (again.loss - fit.loss > _ACCEPTED_RISE)
+    if unlike.any():
         legs = without_posture(legs, unlike)
         posed &= ~unlike[:, None]
-        turn = np.where(leaning, turn / 2, turn)
-        upright = upright & ~leaning
-        earlier = again, costly
-    return again, upright
+        again = refit(share, turn, (again, unlike))
+    rise = np.maximum(again.loss - fit.loss, 0)
+    costly = upright & (rise > _FREE_RISE)
+    if costly.any():
+        share = np.where(costly, 1 / (1 + (rise / _HALVING_RISE) ** 4), share)
+        again = refit(share, share * turn, (again, costly))
+    return again, share
 
 
 def _restart(

@@ -118,14 +118,14 @@ class FloorConstraint:
         up: (3,) unit normal of the floor, or of an upright camera without one; camera frame.
         trunk: (N,) bool, people whose trunk is vertical unless it is clearly bent, and whose feet
             are level.
-        upright: (N,) bool, people whose line from ankles to neck must be vertical.
+        upright: (N,) weight of a vertical line from ankles to neck.
         pitch: (N,) rotation of the landmarks about the view's x axis before the fit, radians.
         legs: where the legs lie by the posture.
     """
 
     up: FloatArray
     trunk: BoolArray
-    upright: BoolArray
+    upright: FloatArray
     pitch: FloatArray
     legs: LegsByPosture
 

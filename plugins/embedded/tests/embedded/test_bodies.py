@@ -257,6 +257,18 @@ def test_the_lean_is_stated_of_those_whom_the_floor_sets_upright_or_whose_legs_a
     assert 0 < sure < unsure
 
 
+def test_a_floor_that_tilts_by_three_degrees_turns_who_walks_by_that_much():
+    """Though the landmarks lean so far that the picture contradicts an upright body."""
+    seen = truth([WALKS], PLACES[:1], yaw_deg=0.0)
+    world = np.array(seen.keypoints.world)
+    world[..., 2] += 0.55 * world[..., 1]
+    seen = with_keypoints(seen, world=world)
+    tilted = Rotation.from_euler("x", [[-9], [-12]], degrees=True).apply(FLOOR.normal)
+    first, second = (joints_of_fit(seen, replace(FLOOR, normal=up))[0, :22] for up in tilted)
+    moved = np.linalg.norm(second - second[0] - first + first[0], axis=-1)
+    assert moved.max() < 0.08
+
+
 def trunk_tilt_deg(joints, low="hip", high="shoulder"):
     """Angle of each trunk (N, 55, 3), or from other joints to others, from the vertical, towards
     the camera, seen from the side.
