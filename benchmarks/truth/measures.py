@@ -193,8 +193,18 @@ def _depth_inside(own: Trimesh, other: Trimesh) -> float:
 
     low, high = other.bounds
     near = own.vertices[((own.vertices > low) & (own.vertices < high)).all(1)]
-    inside = near[other.contains(near)] if len(near) else near
+    inside = near[_is_inside(near, other)] if len(near) else near
     return float(KDTree(other.vertices).query(inside)[0].max()) if len(inside) else 0.0
+
+
+def _is_inside(points: Array, mesh: Trimesh) -> NDArray[np.bool_]:
+    """Return whether points (n, 3) are inside a closed mesh whose parts may overlap, as a hand in
+    the belly does: a ray leaves it once more than it enters. ``contains`` counts crossings.
+    """
+    ahead = np.array([0.36, 0.48, 0.8])  # along no edge of a regular mesh
+    faces, rays = mesh.ray.intersects_id(points, np.tile(ahead, (len(points), 1)))
+    exits = np.sign(mesh.face_normals[faces] @ ahead)
+    return np.bincount(rays, exits, len(points)) > 0.5
 
 
 def spread_m(places: Array) -> float:

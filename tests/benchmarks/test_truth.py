@@ -103,8 +103,11 @@ def test_a_person_is_found_by_box_or_keypoints():
 
 
 def test_depths_inside_scene_and_other_bodies_are_in_cm():
-    def body(x, distance):
+    def body(x, distance, hand=0.0):
         ball = trimesh.creation.icosphere(subdivisions=4, radius=0.3)
+        if hand:  # in the belly: a part of the same mesh
+            part = trimesh.creation.icosphere(subdivisions=4, radius=hand)
+            ball = trimesh.util.concatenate([ball, part.apply_translation([0.3, 0, 0])])
         ball.apply_translation([x, 0, 3])
         far = np.full(len(ball.vertices), np.inf)
         far[:2] = distance
@@ -116,6 +119,9 @@ def test_depths_inside_scene_and_other_bodies_are_in_cm():
     assert found["scene"] == pytest.approx([4, 0, 2])
     assert found["people"] == pytest.approx([5, 5, 0], abs=0.5)
     assert measures.depths_inside_cm([bodiless]) == {"scene": [], "people": []}
+    holding = body(0.0, [0.1, 0.1], hand=0.1)
+    found = measures.depths_inside_cm([holding, body(0.55, [0.0, 0.02])])
+    assert found["people"][1] == pytest.approx(5, abs=0.6)
 
 
 def test_contact_is_five_percent_of_the_largest_force_of_the_film():
