@@ -14,6 +14,7 @@ BENCHMARKS = {
     "up": "benchmarks.up",
     "lifter": "benchmarks.lifter",
     "joint_errors": "benchmarks.joint_errors",
+    "blazepose": "benchmarks.blazepose",
     "given_bodies": "benchmarks.given_bodies",
     "exports_opened": "benchmarks.exports_opened",
     "run_cost": "benchmarks.run_cost",
