@@ -13,6 +13,7 @@ from physic_core.engine.contact.distances import (
     Distances,
     SkinDistances,
     SurfaceDistances,
+    dent_depths,
 )
 from physic_core.engine.contact.partner import (
     HIDDEN,
@@ -21,9 +22,9 @@ from physic_core.engine.contact.partner import (
     assign_partners,
     body_contacts,
 )
-from physic_core.engine.contact.parts import scene_parts
+from physic_core.engine.contact.parts import SceneParts, scene_parts
 from physic_core.geometry.neighbors import NearestPointSearch
-from physic_core.types import NO_PARTNER, BodyContact, ContactPartner
+from physic_core.types import NO_PARTNER, SURFACE_NAMES, BodyContact, ContactPartner
 
 NAMES = ("unknown", "floor", "seat", "table", "wall", "water")
 UP = torch.tensor([0.0, -1.0, 0.0])
@@ -207,3 +208,19 @@ def test_own_parts_are_listed_once_from_the_outer_one_and_adjacent_ones_are_not(
     contacts = body_contacts(*person)
     assert [(one.part, one.partner.part) for one in contacts] == [("left_hand", "head")]
     assert body_contacts(*person, least=0.61) == ()
+
+
+@pytest.mark.parametrize("height", [0.02, -0.01, -0.06, -0.14])
+def test_a_dent_is_as_deep_as_the_vertex_and_as_its_surface_gives_way(height):
+    label = torch.arange(-1, len(SURFACE_NAMES))
+    distance = torch.full((1, len(label)), height)
+    none = torch.zeros(len(label), dtype=torch.int64)
+    far = torch.full_like(distance, torch.inf)
+    near = SurfaceDistances(distance, far, torch.arange(len(label))[None], torch.zeros(1, 1, 3))
+    dents = dent_depths(near, SceneParts(SURFACE_NAMES, label, none, none.bool()))[0].tolist()
+    gives = {"bed": 0.10, "seat": 0.08, "vegetation": 0.05, "ground": 0.03, "rug": 0.02}
+    wanted = [
+        min(max(-height, 0), gives[name]) if name in gives else torch.nan
+        for name in ("", *SURFACE_NAMES)
+    ]
+    assert dents == pytest.approx(wanted, nan_ok=True)
