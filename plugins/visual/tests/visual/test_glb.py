@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -82,10 +83,12 @@ def test_a_wall_becomes_one_sheet_that_faces_the_camera():
     assert mesh.area == pytest.approx(11 * 19 * (3 / 50) ** 2, rel=1e-5)
 
 
-def test_an_edge_in_depth_is_cut():
+@pytest.mark.parametrize(("far", "normal"), [(4.0, -1), (3.4, -1), (3.4, 0)])
+def test_an_edge_in_depth_is_cut_also_without_normals(far, normal):
     depth = np.full((10, 20), 3.0)
-    depth[:, 10:] = 4.0
-    surface = surface_of(depth)
+    depth[:, 10:] = far
+    scene = flat_scene(depth)
+    surface = mesh_scene(replace(scene, normals=normal * np.abs(scene.normals)), 10.0)
     assert len(surface.faces) == 2 * 9 * 18
     assert np.ptp(surface.vertices[surface.faces][..., 2], axis=1).max() == 0
 
