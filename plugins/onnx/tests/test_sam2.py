@@ -62,6 +62,9 @@ def rectangles(feed):
     """Three masks for each box, of which the best is its lower half; points get the lowest rows."""
     y, x = np.mgrid[:256, :256] * 4 + 2
     masks = []
+    if feed["point_coords"].shape[1] > 2:
+        assert (feed["point_labels"] == 0).sum() == 2  # of two people, who are not the floor
+        assert (feed["point_labels"] == 1).any()
     for (x0, y0), (x1, y1) in feed["point_coords"][:, :2]:
         inside = (x > x0) & (x < x1) & (y > y0) & (y < y1)
         whole = np.ones((256, 256), bool)

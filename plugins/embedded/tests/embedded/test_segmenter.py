@@ -8,10 +8,12 @@ from hypothesis import strategies as st
 
 from physic_core.interfaces import Segmenter
 from physic_core.types import SurfaceLabels, UnposedPerson, mirrored_order
-from physic_embedded.networks.crops import RotatedSquare
+from physic_embedded.networks.crops import ImagePyramid, RotatedSquare
 from physic_embedded.networks.mobile_sam import ImageEmbedding, embed_image, predict_masks
-from physic_embedded.networks.pose import Pose
+from physic_embedded.networks.pose import Pose, average_agreeing
+from physic_embedded.networks.pose_detection import DETECTOR_LAYERS, detect_people
 from physic_embedded.networks.sessions import open_packaged_session
+from physic_embedded.networks.single_shot_detection import anchor_centers, decode_detections
 from physic_embedded.networks.tiles import tiles
 from physic_embedded.segmentation.floor_mask import add_labelled_floor
 from physic_embedded.segmentation.person_masks import resolve_overlaps
@@ -177,3 +179,38 @@ def test_labels_extend_the_floor_beside_the_feet_where_they_touch_it():
     ):
         surfaces = SurfaceLabels(label.astype(np.uint8), ("unknown", "floor"))
         np.testing.assert_array_equal(add_labelled_floor(floor, surfaces, people), wanted)
+
+
+def test_boxes_lie_at_their_anchors_and_those_that_overlap_are_averaged_by_their_scores():
+    anchors = anchor_centers(224, DETECTOR_LAYERS)
+    raw = np.zeros((len(anchors), 6))
+    logits = np.full(len(anchors), -100.0)
+    chances = np.array([0.8, 0.6, 0.7])
+    rows = [2, 4, 60]  # the centres (12, 4), (20, 4) and (20, 12) px
+    logits[rows] = np.log(chances / (1 - chances))
+    raw[rows] = [4, -2, 40, 20, 10, 30], [6, -2, 40, 20, 2, 30], [0, 90, 40, 20, 0, 0]
+    first, second = decode_detections(raw, logits, anchors, 224, threshold=0.5)
+    left = 16 + 10 * 0.6 / 1.4
+    np.testing.assert_allclose(first.box, [left - 20, -8, left + 20, 12])
+    np.testing.assert_allclose(first.keypoints, [[22, 34]])
+    np.testing.assert_allclose(second.box, [0, 92, 40, 112])
+
+
+def test_joints_that_poses_agree_about_are_averaged_and_others_are_kept():
+    """The side of the square is 250 px: the left wrist moves by 4 px and the right one by 40 px."""
+    pose, other = pose_at((100, 100)), pose_at((100, 100))
+    other.points[[15, 16], 0] += [4.0, 40.0]
+    mean = average_agreeing(pose, [pose, other], near=0.02)
+    np.testing.assert_allclose(
+        mean.points - pose.points, np.eye(33)[15][:, None] * [2.0, 0.0], atol=1e-9
+    )
+
+
+def test_a_player_beside_the_middle_is_one_candidate(image):
+    session = open_packaged_session("pose_detection", threads=1)
+    beside = cv2.copyMakeBorder(image, 0, 0, 0, image.shape[1] // 2, cv2.BORDER_CONSTANT)
+    found = [
+        len(detect_people(session, ImagePyramid.from_image(photo), 0.5, 0.9, ()))
+        for photo in (beside, beside[:, ::-1])
+    ]
+    assert found == [1, 1]

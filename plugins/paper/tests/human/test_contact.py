@@ -7,12 +7,19 @@ import pytest
 import torch
 
 from physic_core.types import People
-from physic_human.deco import Deco, DecoOptions, contact_crop
+from physic_human.deco import Deco, DecoOptions, contact_crop, enlarged_box_slices
 from physic_human.user_smpl import open_smpl
 from physic_networks.bodies import empty_bodies
 
 from .conftest import reading
 from .seen import normalised_back
+
+
+def test_a_box_grows_by_a_tenth_of_its_own_sides_and_stays_in_the_photo():
+    assert enlarged_box_slices(np.array([20.0, 30, 60, 130]), 135, 100) == (
+        slice(20, 135),
+        slice(16, 64),
+    )
 
 
 def test_the_network_gets_bgr_with_white_beside_the_person_unless_the_crop_is_squashed():
