@@ -168,6 +168,22 @@ def test_a_disk_that_cannot_be_written_costs_one_note(tmp_path):
     assert (tmp_path / "file").read_text() == ""
 
 
+def test_a_result_larger_than_the_whole_cache_is_not_written(tmp_path):
+    cache = ResultCache(tmp_path / "results", 100)
+    cache.write(ask(cache), ANSWER)
+    assert not (tmp_path / "results").exists()
+
+
+def test_the_run_that_wrote_makes_room(tmp_path):
+    cache = ResultCache(tmp_path, 4000)
+    for i in range(9):
+        cache.write(ask(cache, replace(WHO, version=str(i))), ANSWER)
+    ResultCache(tmp_path, 0).trim()  # wrote nothing
+    assert len(files(tmp_path)) == 9
+    cache.trim()
+    assert 0 < sum(path.stat().st_size for path in files(tmp_path)) <= 4000
+
+
 HAMMER = """
 import sys
 from pathlib import Path
