@@ -77,6 +77,18 @@ def test_numpy_misses_no_ray_to_an_edge_or_a_vertex():
     ).all()
 
 
+def test_numpy_takes_a_mesh_without_faces_and_faces_that_are_not_finite():
+    nothing = RayCaster(np.zeros((0, 3)), np.zeros((0, 3), int), "numpy")
+    assert nothing.first(np.zeros(3), np.array([[0.0, 0, 1]])).face.tolist() == [-1]
+    vertices = np.array(
+        [[-1.0, -1, 1], [1, -1, 1], [0, 1, np.nan], [-1, -1, 2], [1, -1, 2], [0, 1, 2]]
+    )
+    hits = RayCaster(vertices, np.arange(6).reshape(2, 3), "numpy").first(
+        np.zeros(3), np.array([[0.0, 0, 1]])
+    )
+    assert (hits.face.tolist(), hits.distance.tolist()) == ([1], [2])
+
+
 def test_a_mesh_is_hit_where_embreex_is_not_installed():
     code = """
 import sys

@@ -105,3 +105,27 @@ def test_a_profile_of_more_than_8_mb_is_not_read(stored):
     photo = read_photo(stored("TIFF", icc_profile=large))
     np.testing.assert_array_equal(photo.image, np.asarray(PICTURE))
     assert ["colour profile" in note for note in photo.notes] == [True]
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        *((with_gamma(gamma), "gamma") for gamma in (0.00001, 0.05, 3.5, 20)),
+        ({"icc_profile": b"no profile of any kind"}, "colour profile"),
+    ],
+)
+def test_what_no_photo_has_is_ignored_and_named(stored, options, word):
+    photo = read_photo(stored("PNG", **options))
+    np.testing.assert_array_equal(photo.image, np.asarray(PICTURE))
+    assert [word in note for note in photo.notes] == [True]
+
+
+def test_grey_is_read_by_a_grey_profile(stored):
+    content = bytearray(profile("sRGB"))
+    content[16:20] = b"GRAY"
+    curve = content.index(b"rTRC")
+    content[curve : curve + 4] = b"kTRC"
+    grey = PICTURE.convert("L")
+    photo = read_photo(stored("PNG", grey, icc_profile=bytes(content)))
+    np.testing.assert_array_equal(photo.image, np.asarray(grey.convert("RGB")))
+    assert ["grey" in note for note in photo.notes] == [True]

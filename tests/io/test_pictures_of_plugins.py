@@ -7,7 +7,7 @@ from __future__ import annotations
 import pytest
 
 from physic_core import InputError, load_reconstruction, preview_png, save_reconstruction
-from physic_core.errors import PackageMissingError
+from physic_core.errors import PackageMissingError, PluginError
 from physic_core.io.report_file import add_report
 from physic_core.pictures import PAGE_MARK, report_html
 
@@ -96,3 +96,23 @@ def test_the_page_of_another_plugin_is_written(folder, site, monkeypatch, physic
     with pytest.raises(InputError) as error:
         add_report(folder)
     assert (folder / "report.html").read_text() == f"{PAGE_MARK}<h1>a</h1>{error.value}"
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("return None", "bytes of report.html, got 'None'"),
+        ("return {}", "bytes of report.html, got 'None'"),
+        (
+            f"return {{names[0]: (500 * ' ' + '{PAGE_MARK}').encode()}}",
+            "in its first 500 bytes, got",
+        ),
+        ("return title / 2", "fails: TypeError"),
+    ],
+    ids=["nothing", "no page", "no generator", "fails"],
+)
+def test_a_page_that_breaks_the_contract_is_refused(make, site, monkeypatch, body, words):
+    install(site, body)
+    monkeypatch.setenv("PHYSIC_PLUGINS", "physic-page")
+    with pytest.raises(PluginError, match=f"'plain' of physic-page 1.0 .*{words}"):
+        report_html(make(people=0))

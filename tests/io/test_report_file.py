@@ -86,6 +86,36 @@ def test_the_command_writes_pages_and_goes_on_after_a_broken_result(folder, tmp_
     assert done.output.endswith("Error: --out needs one result, got 2\n")
 
 
+def test_a_folder_of_results_gets_a_sheet_that_links_to_their_pages(folder, tmp_path, physic):
+    (tmp_path / "broken").mkdir()
+    start = (folder / "reconstruction.json").read_bytes()[:200]
+    (tmp_path / "broken" / "reconstruction.json").write_bytes(start)
+    (tmp_path / "cut").mkdir()
+    shutil.copy(folder / "reconstruction.json", tmp_path / "cut")
+    (tmp_path / "cut" / "reconstruction.npz").write_bytes(b"PK")
+    done = physic("report", tmp_path)
+    assert done.output == f"wrote {tmp_path / 'contact-sheet.html'}\n"
+    broken, cut, good = cards(tmp_path)
+    assert cut["state"] == "failed"
+    assert "reconstruction.npz" in cut["message"]
+    assert (good["name"], good["link"], good["state"]) == ("my photo-physic", "", "done")
+    assert (good["people"], good["usable"]["place"], good["error"]) == (2, 0, "")
+    assert len(good["thumbnail"]) > 500
+    assert (broken["state"], broken["error"]) == ("failed", "InputError")
+    assert "reconstruction.json" in broken["message"]
+    sheet = tmp_path / "contact-sheet.html"
+    assert "physic report . --each" in sheet.read_text(encoding="utf-8")
+
+    done = physic("report", "--each", tmp_path)
+    assert done.exit_code == 0
+    assert "physic report . --each" not in sheet.read_text(encoding="utf-8")
+    broken, _, good = cards(tmp_path)
+    assert (good["link"], broken["link"]) == ("my photo-physic/report.html", "broken/report.html")
+    assert "reconstruction.json" in (tmp_path / "broken" / "report.html").read_text(
+        encoding="utf-8"
+    )
+
+
 def test_a_contact_sheet_of_the_user_ends_the_command_before_the_first_page(
     folder, tmp_path, physic
 ):
@@ -93,3 +123,8 @@ def test_a_contact_sheet_of_the_user_ends_the_command_before_the_first_page(
     done = physic("report", "--each", tmp_path)
     assert (done.exit_code, (tmp_path / "contact-sheet.html").read_text()) == (2, "mine")
     assert not (folder / "report.html").exists()
+
+
+def cards(folder):
+    page = (folder / "contact-sheet.html").read_text(encoding="utf-8")
+    return json.loads(page.split('id="data" type="application/json">')[1].split("</script>")[0])

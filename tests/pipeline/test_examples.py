@@ -16,7 +16,7 @@ from physic_batch.process import batch_config
 from physic_core import Pipeline, load_config
 from physic_core.body import load_body
 from physic_core.cache.folders import CACHE_VARIABLE
-from physic_core.types import CameraTrust, Intrinsics
+from physic_core.types import CameraTrust, Intrinsics, PeoplePrompt
 from physic_testing.worlds import load_world
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -46,7 +46,25 @@ def result_of(pipeline):
     return cache(lambda name: pipeline(PHOTOS[name]))
 
 
+MAN = (395.0, 420.0, 589.0, 1044.0)
 """Box of a man of the photo "slope", px."""
+
+
+@pytest.fixture(scope="module")
+def joints_alone(pipeline):
+    """Joints (55, 3) of the man who is chosen alone."""
+    return pipeline(PHOTOS["slope"], people=PeoplePrompt(boxes=(MAN,))).people[0].joints
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("top", "bottom"), [(0.2, 0.6), (0.0, 0.35), (0.5, 1.0)])
+def test_a_false_person_within_a_person_moves_no_other(pipeline, joints_alone, top, bottom):
+    within = (MAN[0] + 20, MAN[1] + top * 624, MAN[2] - 20, MAN[1] + bottom * 624)
+    both = pipeline(PHOTOS["slope"], people=PeoplePrompt(boxes=(MAN, within)))
+    (person,) = both.people
+    moved = np.linalg.norm(person.joints - joints_alone, axis=1)
+    assert moved.max() < 0.02 * np.linalg.norm(person.joints[0])
+    assert any("left out" in note for note in both.notes)
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from physic_core import KnownLength, KnownSizes, load_config
 from physic_core.body import load_body
 from physic_core.errors import ConfigError
 from physic_core.prepare.people import known_people
+from physic_core.types import PeoplePrompt
 from physic_testing.worlds import load_world
 from tests.pipeline.mocks import run
 
@@ -157,6 +158,15 @@ def test_a_given_stature_that_lifts_a_person_off_the_floor_is_a_warning():
     (warning,) = [text for text in found.warnings if "off the floor with the given size" in text]
     assert warning.startswith("person 1 ")
     assert "1.55 m" in warning
+
+
+def test_chosen_people_and_their_statures_stay_in_the_order_of_the_choice():
+    world = load_world("group", SIZE)
+    boxes = [tuple(map(float, box)) for box in sorted(world.boxes.tolist())[::-1][:2]]
+    given = {"known": KnownSizes(stature=(1.75, 1.7)), "people": PeoplePrompt(boxes=boxes)}
+    found = run(world.image, "engine.joint.optimiser.steps=4", **given)
+    assert found.people[0].box[0] > found.people[1].box[0]
+    assert given_statures(found) == pytest.approx([1.75, 1.7])
 
 
 def test_too_many_statures_are_an_error():

@@ -5,12 +5,14 @@ asks of it.
 from __future__ import annotations
 
 import hashlib
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import physic_onnx
+from physic_core.errors import DownloadError
 from physic_core.weights import WeightFile, locate, read_manifest
 from physic_core.weights.find import find_weights
 from physic_onnx.sessions import OnnxOptions, open_network
@@ -129,6 +131,36 @@ def test_a_token_goes_to_the_hub_and_not_to_where_it_sends_us(hub, server, monke
         for _, path, headers in server.asked
     }
     assert tokens == {"/owner/net/resolve/main/model.onnx": "Bearer hf_mine", f"/cdn/{HASH}": None}
+
+
+def test_behind_a_gate_a_mirror_is_taken_that_has_a_file_of_the_same_hash(hub, own_cache):
+    """The mirror may name its files as it likes; of a small one the hub tells the size alone."""
+    hub.add("any/name.bin", CONTENT, repository="other/mirror", revision=COMMIT)
+    hub.add("settings", CONFIG, repository="other/mirror", revision=COMMIT)
+    large = {"sha256": HASH, "size": len(CONTENT), "pointerSize": 134}
+    siblings = [
+        {"rfilename": "README.md", "size": 3},
+        {"rfilename": "settings", "size": len(CONFIG)},
+        {"rfilename": "any/name.bin", "size": len(CONTENT), "lfs": large},
+    ]
+    page = json.dumps({"id": "other/mirror", "sha": COMMIT, "siblings": siblings}).encode()
+    hub.server.add("/api/models/other/mirror", page, headers={"Content-Type": "application/json"})
+    gated = weights(
+        WeightFile("model.ckpt", len(CONTENT), HASH, hub.refuse("model.ckpt", "GatedRepo")),
+        WeightFile(
+            "config.yaml",
+            len(CONFIG),
+            hashlib.sha256(CONFIG).hexdigest(),
+            hub.refuse("config.yaml"),
+        ),
+        account=True,
+        mirrors=("other/mirror",),
+    )
+    with pytest.raises(DownloadError, match="without --accept-licence"):
+        fetch(gated)
+    assert fetch(gated, accept=True) == ("model.ckpt", "config.yaml")
+    assert left(own_cache) == ["net/config.yaml", "net/model.ckpt"]
+    assert fetch(gated) == ()
 
 
 MANIFEST = Path(physic_onnx.__file__).with_name("weights")
