@@ -90,6 +90,14 @@ def test_only_the_arm_of_the_hand_that_was_found_is_touched():
     assert_array_equal(before.left_hand_pose, after.left_hand_pose)
 
 
+def test_fingers_of_a_half_sure_hand_bend_half_as_far():
+    flat = dict.fromkeys(("left_hand_pose", "right_hand_pose"), np.zeros((1, 45), np.float32))
+    before = replace(body(), **flat)
+    hands = hands_of(before, wrists_of(before), 0.3)
+    after = attach_hands(before, replace(hands, rotvecs=np.full((1, 2, 15, 3), 0.3)), MODEL)
+    assert_allclose(after.right_hand_pose, np.full((1, 45), 0.15), atol=1e-5)
+
+
 @pytest.mark.parametrize("side", [0, 1], ids=["left", "right"])
 def test_a_hand_that_a_wrist_can_reach_is_reached(side):
     """Known answer: bent up by 40 and turned over by 50 degrees."""

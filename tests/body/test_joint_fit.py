@@ -68,6 +68,13 @@ def test_a_body_is_recovered_from_its_joints_and_rotations(embedded, people):
     assert turns[:, kept].max() < 1e-5
 
 
+@pytest.mark.parametrize("unknown", [["left_hip"], ["neck", "right_shoulder"]])
+def test_without_both_hips_and_shoulders_or_neck_there_is_no_trunk(unknown):
+    known = np.ones((1, 55), bool)
+    known[0, [JOINT_INDEX[name] for name in unknown]] = False
+    assert not has_torso_joints(known)[0]
+
+
 @pytest.mark.parametrize(
     ("unknown", "most_mm"),
     [

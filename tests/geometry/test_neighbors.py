@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch.testing import assert_close
 
-from physic_core.geometry.neighbors import NearestPointSearch
+from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 
 pytestmark = pytest.mark.quick
 
@@ -50,3 +50,11 @@ def test_a_vertex_that_is_not_a_number_is_near_nothing():
     broken[1, 2] = float("nan")
     query = NearestPointSearch(points, normals, radius=10.0).query(broken)
     assert query.found.tolist() == [True, False, True, True]
+
+
+def test_points_in_the_enlarged_box_of_any_body_are_in_it():
+    bodies = torch.tensor([[[0.0, 0, 2], [1, 1, 3]], [[5.0, 0, 2], [6, 1, 3]]])
+    middle = torch.tensor([0.5, 0.5, 2.5])
+    steps = torch.cat([d * torch.eye(3) for d in (0.55, -0.55, 0.65, -0.65)])
+    for points in (middle + steps, middle + torch.tensor([5.0, 0, 0]) + steps):
+        assert inside_body_boxes(points, bodies, 0.1).tolist() == 6 * [True] + 6 * [False]
