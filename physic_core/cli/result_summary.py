@@ -65,6 +65,7 @@ def print_summary(
         f"no body: {one.reason}, box {', '.join(f'{edge:.0f}' for edge in one.box)}, score "
         f"{one.score:.2f}"
         for one in record.unposed
+        if one.is_missing
     ]
     useful = sorted(record.notes, key=_leaves_nothing_to_do)
     shown = useful[:notes]

@@ -67,8 +67,8 @@ class Meeting(NamedTuple):
 
 
 def meetings(model: BodyModel, vertices: Tensor, touch: Tensor | None) -> tuple[Meeting, ...]:
-    """Return the part that each part touches which probably touches skin; none for people whose
-    vertices are not finite, and where no other skin is in reach.
+    """Return the part that each part touches which probably touches skin, most probable last; none
+    for people whose vertices are not finite, and where no other skin is in reach.
 
     Args:
         model: of the bodies.
@@ -94,7 +94,7 @@ def meetings(model: BodyModel, vertices: Tensor, touch: Tensor | None) -> tuple[
                 if best is not None and best[3] >= LEAST_PROBABILITY:
                     skin = (torch.from_numpy(ids).to(region) for ids in best[4:])
                     found.append(Meeting(i, part, *best[1:4], *skin))
-    return tuple(found)
+    return tuple(sorted(found, key=lambda one: one.probability))
 
 
 _Candidate = tuple[float, int, str, float, "Ids", "Ids", "Ids", "Ids"]

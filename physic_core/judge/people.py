@@ -321,7 +321,8 @@ def unknown_contacts(estimates: Estimates, result: Reconstruction, person: int) 
         return None
     if lies(result, person):
         return None, "this person lies, and hides what carries the trunk"
-    parts = [one.part for one in who.contacts if one.likely and one.distance_m is not None]
+    far = [one.part for one in who.contacts if one.likely and one.distance_m is not None]
+    parts = dict.fromkeys(far)
     return float(len(parts)), (
         f"the photo shows a touch of {' and '.join(map(part_words, parts))}, and no surface is "
         f"near: it is hidden, or body or scene is wrong: see {_FROM_THE_SIDE}"

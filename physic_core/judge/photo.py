@@ -316,13 +316,14 @@ def unposed_people(estimates: Estimates, result: Reconstruction) -> Measured:
     people = estimates.photo.people
     boxes: list[FloatArray] = list(people.boxes)
     posed: BoolArray = np.any(people.masks, axis=0)
+    missing = [one for one in people.unposed if one.is_missing]
     lacking = [
         one.reason
-        for one in people.unposed
+        for one in missing
         if len(boxes) in main_people([*boxes, np.array(one.box)])
         and not _is_covered(one.box, posed)
     ]
-    all_of_them = f", of {len(people.unposed)} without a body" if len(people.unposed) > 1 else ""
+    all_of_them = f", of {len(missing)} without a body" if len(missing) > 1 else ""
     who = f"{len(lacking)} large {'person' if len(lacking) == 1 else 'people'}{all_of_them}"
     # a reason that the segmenter can cure ends with what to do
     cures = dict.fromkeys(reason.partition(": ")[2] or _BOX for reason in lacking)

@@ -5,6 +5,7 @@ repositories of the run.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -276,11 +277,15 @@ def judge(result: Reconstruction, checks: Sequence[CheckResult]) -> Reconstructi
 
 
 def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
-    """Return notes about people who lie, people who give the scale, a plain ground, and a photo
-    that seems turned.
+    """Return notes about people without a body, people who lie, people who give the scale, a plain
+    ground, and a photo that seems turned.
     """
     people = result.people
     notes = []
+    reasons = Counter(one.reason.partition(":")[0] for one in result.unposed)
+    if reasons:
+        counts = ", ".join(f"{reason} {count}" for reason, count in reasons.most_common())
+        notes.append(f"detected, and not among the people with a body: {counts}")
     plane = estimates.ground.search.plane
     lie = plane is not None and plane.beneath
     if lie:

@@ -54,6 +54,8 @@ from physic_core.types.observations import (
 )
 from physic_core.types.people import (
     CARRIER_NAMES,
+    FOUND_TWICE,
+    HARDLY_VISIBLE,
     SURFACE_NAMES,
     Carrier,
     Keypoints,
@@ -107,6 +109,8 @@ if TYPE_CHECKING:
 __all__ = [
     "CARRIER_NAMES",
     "CHOICES",
+    "FOUND_TWICE",
+    "HARDLY_VISIBLE",
     "MARKS",
     "NO_PARTNER",
     "PARTNER_KINDS",

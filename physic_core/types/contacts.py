@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
-from physic_core.types.people import CARRIER_NAMES
+from physic_core.types.people import CARRIER_NAMES, GROUND_SURFACES
 
 PARTNER_KINDS = ("floor", "scene", "person", "self", "object", "hidden")
 """Kinds of :class:`ContactPartner`: the floor or ground; a part of the scene; another person; the
@@ -35,7 +35,8 @@ class ContactPartner:
         surface: semantic class, one of :data:`physic_core.types.SURFACE_NAMES`, or of
             :data:`physic_core.types.CARRIER_NAMES`; "" if no class is known.
         id: of the connected surface or the carrier; the same for all people who touch it. None
-            otherwise: the picture shows a part of the scene, and it has no place in 3D.
+            otherwise: the picture shows a part of the scene, such as a floor whose plane is not
+            found, and it has no place in 3D.
         person: index of the person touched, for kind "person"; None otherwise.
         part: body part touched, for kinds "person" and "self"; "" otherwise.
 
@@ -137,7 +138,7 @@ def has_sole_on_floor(contacts: Iterable[BodyContact]) -> bool:
     return any(
         one.likely
         and not one.assumed
-        and one.partner.kind == "floor"
+        and one.partner.surface in GROUND_SURFACES
         and one.part in ("left_foot", "right_foot")
         for one in contacts
     )

@@ -119,6 +119,13 @@ class Keypoints(ShortRepr):
         return found
 
 
+FOUND_TWICE = "found twice"
+"""Reason of an :class:`UnposedPerson` that is a second detection of somebody with a body."""
+
+HARDLY_VISIBLE = "hardly visible"
+"""Reason of one that may be no person."""
+
+
 @dataclass(frozen=True)
 class UnposedPerson(ShortRepr):
     """A person-like box in a photo for which no body could be given.
@@ -126,12 +133,18 @@ class UnposedPerson(ShortRepr):
     Attributes:
         box: x0, y0, x1, y1 px, half open.
         score: of the detection, in [0, 1].
-        reason: why there is no body, a few words ("no pose fits the box").
+        reason: why there is no body, a few words ("no pose fits the box"), or
+            :data:`FOUND_TWICE`, or :data:`HARDLY_VISIBLE`; what cures it may follow after a colon.
     """
 
     box: tuple[float, float, float, float]
     score: float
     reason: str
+
+    @property
+    def is_missing(self) -> bool:
+        """Whether somebody surely lacks in the result."""
+        return self.reason not in (FOUND_TWICE, HARDLY_VISIBLE)
 
 
 @dataclass(frozen=True)
@@ -163,9 +176,9 @@ class People(ShortRepr):
             not segment it.
         keypoints: joints that the person detector found along with the boxes, or None.
         surfaces: semantic labels of the pixels, or None if the backend does not segment them.
-        unposed: person-like boxes that are not among the N people, for the report of the result.
-        unposed_mask: (H, W) bool, visible pixels of all ``unposed``; they are removed from the
-            scene as those of people are. Or None.
+        unposed: everyone else who was detected, for the report of the result.
+        unposed_mask: (H, W) bool, visible pixels of those who are missing; they are removed from
+            the scene as those of people are. Or None.
         floor_candidates: (H, W) bool each, other masks that may be the ground, such as several
             beside the feet. The pipeline weighs them.
         carriers: boards, bicycles, motorcycles and horses in the photo, whether or not somebody is

@@ -314,7 +314,7 @@ class Reconstruction(ShortRepr):
         checks: all self-checks of the result: ok, failed or unknown.
         photo: digest of the photo file, or of the pixels of a photo without a file.
         photo_name: name of the photo file, without its folder; empty for a photo without a file.
-        unposed: person-like boxes for which no body could be given; they are not in ``people``.
+        unposed: everyone else who was detected, with the reason why they are not in ``people``.
         lens: camera of the photo file, if it has lens distortion, which ``image`` has not;
             ``lens.file_pixels(pixels, intrinsics)`` maps back. None without distortion.
         contact_partners: everything that people touch; ``Person.contact_partner`` has indices into

@@ -9,6 +9,7 @@ import pytest
 
 from physic_core import Pipeline, load_config
 from physic_core.types.contacts import has_sole_on_floor
+from physic_testing.contradictions import contradictions
 from physic_testing.worlds import WORLDS, load_world
 
 NO_FLOOR = ['engine.scene.floor="off"']
@@ -46,6 +47,10 @@ def test_sentences_agree_with_contacts_and_floor(result):
     sentences = [*result.notes, *result.warnings]
     assert [denied for denied in sentences if is_denied(denied, result)] == []
     assert re.search(r"all sizes rest|gives the scale|beside the sizes", " ".join(sentences))
+
+
+def test_results_of_worlds_do_not_contradict_themselves(result):
+    assert contradictions(result) == []
 
 
 def is_denied(sentence, result):

@@ -34,6 +34,7 @@ DECIMALS = 4
 """Decimals of probabilities and lengths of listed contacts and supports."""
 
 _OF_WORLD = ("floor", "scene", "hidden")
+_SKIN = ("person", "self")
 _MIN_VERTICES = 3  # of a contact that is listed
 _DENT_QUANTILE = 0.9  # of the depths of a part's vertices in a dent
 _GROUND_M = 0.05  # height over the floor of feet that stand on it: its error and that of the pose
@@ -49,11 +50,18 @@ class SeenTouch:
         foot_floor_probability: (N, 2) that left and right foot are on the floor if they touch
             anything, NaN where unknown; None if unknown of all.
         picture: what it shows beside parts; None if unknown.
+        has_floor: whether the scene has a plane of the floor.
     """
 
     carriers: Sequence[tuple[str, Tensor]] = ()
     foot_floor_probability: Tensor | None = None
     picture: PeopleInPicture | None = None
+    has_floor: bool = True
+
+    @property
+    def floor(self) -> ContactPartner:
+        """The floor; one without a plane is a part of the scene that the picture shows."""
+        return ContactPartner("floor" if self.has_floor else "scene", "floor")
 
 
 def assign_partners(
@@ -100,14 +108,14 @@ def _partners(
     hidden = touched >= HIDDEN
     foot_on_floor, foot_elsewhere = _feet_on_floor(near, regions, seen.foot_floor_probability)
     # Feet on the floor: before carriers, since a rider may put a foot down.
-    yield (on_scene | hidden) & foot_on_floor, ContactPartner("floor", "floor")
+    yield (on_scene | hidden) & foot_on_floor, seen.floor
     # Carriers: before the floor and surfaces, whose points near a limb may be the carrier's.
     for number, (name, carried) in enumerate(seen.carriers):
         yield carried & on_scene, ContactPartner("scene", name, id=number)
         yield carried & hidden, ContactPartner("hidden", name, id=number)
     # The floor: before other surfaces, of which the ground is none.
     on_ground = near.surface.floor_is_nearer | near.nearest_is_ground
-    yield on_scene & on_ground & ~foot_elsewhere, ContactPartner("floor", "floor")
+    yield on_scene & on_ground & ~foot_elsewhere, seen.floor
     # Surfaces: of what is left of the scene, all but feet on ground that is not theirs.
     yield from _surfaces(on_scene & ~on_ground, near, regions, up, len(seen.carriers))
     yield from _skin(touched, near, regions)
@@ -115,7 +123,7 @@ def _partners(
     # The picture's names: before those without a name below.
     if seen.picture is not None:
         unmeasured = hidden | (on_scene & foot_elsewhere)
-        yield from _in_picture(unmeasured, regions, foot_elsewhere, seen.picture)
+        yield from _in_picture(unmeasured, regions, foot_elsewhere, seen)
     yield touched == HIDDEN_SEAT, ContactPartner("hidden", "seat")
     # The rest: hidden, and feet on the scene that are not on the floor.
     yield hidden, ContactPartner("hidden")
@@ -141,7 +149,7 @@ def _skin(
 
 
 def _in_picture(
-    unmeasured: Tensor, regions: ContactRegions, foot_elsewhere: Tensor, picture: PeopleInPicture
+    unmeasured: Tensor, regions: ContactRegions, foot_elsewhere: Tensor, seen: SeenTouch
 ) -> Iterator[tuple[Tensor, ContactPartner]]:
     """Yield the vertices (N, V) bool of each partner that the picture shows.
 
@@ -149,8 +157,10 @@ def _in_picture(
         unmeasured: (N, V) bool, skin that touches what the scene has no surface of.
         regions: body parts.
         foot_elsewhere: (N, V) bool, feet that are not on the floor.
-        picture: of the people.
+        seen: with the picture.
     """
+    picture = seen.picture
+    assert picture is not None
     unmeasured = unmeasured & picture.shown
     for number, part in enumerate(regions.names):
         own = unmeasured & (regions.region == number)
@@ -159,7 +169,7 @@ def _in_picture(
             rows = torch.zeros_like(own)
             rows[person] = own[person]
             if name in GROUND_SURFACES:
-                yield rows & ~foot_elsewhere, ContactPartner("floor", "floor")
+                yield rows & ~foot_elsewhere, seen.floor
                 name = ""
             if name is not None:
                 yield rows, ContactPartner("scene", name)
@@ -234,6 +244,7 @@ def body_contacts(
     regions: ContactRegions,
     *,
     assumed: Mapping[str, float] = MappingProxyType({}),
+    met: Collection[str] = (),
     gaps: Mapping[str, float] = MappingProxyType({}),
     from_people: Tensor | None = None,
     least: float = 0.0,
@@ -252,7 +263,8 @@ def body_contacts(
         table: partners.
         regions: body parts.
         assumed: body parts of limbs that nothing shows -> their probability of contact with scene
-            and floor. Of each, only the partner of most vertices is listed, and no skin.
+            and floor. Of each, only the partner of most vertices is listed, and skin if it is met.
+        met: body parts that meet skin by the observer.
         gaps: body part -> its distance from the nearest surface, metres.
         from_people: (V,) distance from the skin of other people, metres.
         least: minimum probability of a listed part.
@@ -270,11 +282,12 @@ def body_contacts(
         here = touching & (code == value)
         sure = None
         kind = table[partner].kind
-        if kind in ("person", "self", "object") and part in assumed:
+        is_skin = kind in _SKIN
+        if part in assumed and (kind == "object" or (is_skin and part not in met)):
             continue
         if probability is not None:
-            likely = probability[here]
-            sure = round(assumed.get(part, mean_of_surest(likely)), DECIMALS)
+            of_surest = mean_of_surest(probability[here])
+            sure = round(of_surest if is_skin else assumed.get(part, of_surest), DECIMALS)
         far = kind == "hidden" or gaps.get(part, 0.0) > HAND_BREADTH_M
         gap = gaps.get(part) if far and kind in _OF_WORLD and part not in assumed else None
         if sure is None or sure >= least:

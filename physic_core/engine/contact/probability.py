@@ -315,10 +315,9 @@ def _as_observed(
     of_parts, of_vertices = (torch.where(known, 0.0, each) for each in (of_parts, of_vertices))
     for one in near.meetings:
         kind = int(one.other == one.person)
-        silent = one.other_skin[~known[kind, one.other, one.other_skin]]
         for each in (of_parts, of_vertices):
             each[kind, one.person, one.skin] = one.probability
-            each[kind, one.other, silent] = one.probability
+            each[kind, one.other, one.other_skin] = one.probability
     return of_parts, of_vertices
 
 

@@ -213,6 +213,18 @@ def _add_hidden_contacts(
     return replace(touch, kind=kind, probability=probability)
 
 
+def _seen_floor(state: State) -> Tensor | None:
+    """Return the probability (N, 2) that left and right foot are on the floor, NaN where unknown;
+    None if unknown of all. Without a plane, no floor is assumed under feet that nothing shows.
+    """
+    said = state.observed_floor
+    if said is None or state.scene.floor is not None:
+        return said
+    unseen = unseen_parts(state)
+    feet = torch.stack([unseen[f"{side}_foot"] for side in SIDES], 1)
+    return torch.where(feet, torch.nan, said)
+
+
 def _describe_contacts(
     state: State,
     near: Distances,
@@ -222,7 +234,8 @@ def _describe_contacts(
 ) -> Contact:
     """Name partners and supports, and list the contacts of each body part."""
     regions = contact_regions(state.model)
-    seen = SeenTouch(_carried_limbs(state), state.observed_floor, picture)
+    has_floor = state.scene.floor is not None
+    seen = SeenTouch(_carried_limbs(state), _seen_floor(state), picture, has_floor)
     partners, index = assign_partners(touch.kind, near, regions, state.up, seen)
     dents = dent_depths(near.surface, near.parts)
     dents = torch.where(touch.kind == _SCENE, dents, torch.nan)
@@ -233,6 +246,8 @@ def _describe_contacts(
         carrying = torch.zeros_like(state.model.outer) if one is None else one.contact | one.hidden
         likely = None if touch.probability is None else touch.probability[i]
         assumed = {name: float(touch.parts[name][i]) for name, own in unseen.items() if own[i]}
+        met = {one.part for one in near.meetings if one.person == i}
+        met |= {one.other_part for one in near.meetings if one.other == i}
         listed = body_contacts(
             index[i],
             likely,
@@ -240,13 +255,14 @@ def _describe_contacts(
             partners,
             regions,
             assumed=assumed,
+            met=met,
             gaps={name: float(own[i]) for name, own in touch.gaps.items()},
             from_people=near.people.distance[i],
             least=LEAST_PROBABILITY,
         )
         contacts.append(listed)
         own = torch.where(carrying, index[i], -1)
-        bearing = body_contacts(own, None, dents[i], partners, regions, assumed=assumed)
+        bearing = body_contacts(own, None, dents[i], partners, regions, assumed=assumed, met=met)
         supports.append(None if one is None else support_record(one, bearing, listed))
     return Contact(
         probability=touch.probability,

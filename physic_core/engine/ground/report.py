@@ -40,7 +40,7 @@ def size_notes(
         else vote.residuals(torsos)
     )
     return tuple(
-        f"floor and other people make person {i} {math.exp(-ratio[i]):.2g} times as tall as "
+        f"by all else in the photo, person {i} is {math.exp(-ratio[i]):.2g} times as tall as "
         f"stated: this stature and distance may be wrong by that factor. "
         + (
             f"Of a child give {size_option('--age YEARS', len(ratio))}, of a small person "

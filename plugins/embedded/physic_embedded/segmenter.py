@@ -142,7 +142,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         seen = self._people(found, masks, floor, surfaces, image)
         result = replace(
             seen,
-            heads=count_heads(unposed, poses, masks),
+            heads=count_heads([one for one in unposed if one.is_missing], poses, masks),
             unposed=reported,
             unposed_mask=unposed_mask,
             carriers=carriers,

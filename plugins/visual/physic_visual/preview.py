@@ -84,7 +84,7 @@ def draw_unposed(
     height px.
     """
     rows, columns = reconstruction.image.shape[:2]
-    boxes = [np.array(one.box) for one in reconstruction.unposed]
+    boxes = [np.array(one.box) for one in reconstruction.unposed if one.is_missing]
     boxes += [one.box.astype(np.float64) for one in reconstruction.people if not one.has_body]
     for box in boxes:
         edges = box * ([width / columns, height / rows] * 2)

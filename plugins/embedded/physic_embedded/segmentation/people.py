@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from physic_core.backends.people import SAME_PERSON, box_iou, keypoint_similarity
-from physic_core.types import UnposedPerson, skeleton_named
+from physic_core.types import FOUND_TWICE, HARDLY_VISIBLE, UnposedPerson, skeleton_named
 from physic_embedded.networks.crops import ImagePyramid
 from physic_embedded.networks.pose import (
     average_agreeing,
@@ -54,6 +54,8 @@ WEAK_MARGIN = 0.1
 """Boxes with a score lower by up to this than ``box_score`` are tried, and kept if a pose fits them
 well.
 """
+LEAST_SCORE = 0.2
+"""Score from which on a box without a pose is reported: somebody may be there."""
 MIN_BOX_FIT = 0.15
 """A pose with a lower fit to its box belongs to another person or to nothing."""
 MIN_WEAK_FIT = 0.3
@@ -119,7 +121,7 @@ class DetectedPose:
 
 
 def unposed_person(box: Float, score: float, reason: str) -> UnposedPerson:
-    """Return a person in a box (4,) x0 y0 x1 y1 px, by YOLOX, without a pose."""
+    """Return a person in a box (4,) x0 y0 x1 y1 px, without a pose."""
     x0, y0, x1, y1 = (float(edge) for edge in box)
     return UnposedPerson((x0, y0, x1, y1), score, reason)
 
@@ -129,7 +131,7 @@ class FoundPeople(NamedTuple):
 
     Attributes:
         posed: people with a pose, best first.
-        unposed: boxes of people without a pose.
+        unposed: boxes of people without a pose, and of people with one who were found twice.
         not_people: name of the animal or the board in each box that was left out.
         carriers: what may carry a person.
     """
@@ -167,11 +169,12 @@ def detect_poses(
     things = detect_boxes(
         box_detector,
         image,
-        min_score=lowest,
-        min_tile_score=lowest,
+        min_score=min(lowest, LEAST_SCORE),
+        min_tile_score=min(lowest, LEAST_SCORE),
         fractions=BOX_TILES if fractions else (),
     )
-    boxes, left_out = _without_others(things, box_score)
+    every, left_out = _without_others(things, box_score)
+    boxes = every[every.scores > lowest]
     posed = [
         (box, float(score), pose_in_box(landmarker, picture, box))
         for box, score in zip(boxes.boxes, boxes.scores, strict=True)
@@ -199,18 +202,19 @@ def detect_poses(
     kept = _without_repeats(found)
     unposed = _add_hidden_people(landmarker, image, posed, kept, box_score)
     unposed += _beyond_limit(kept, max_people)
+    unclear = every[every.scores <= lowest]
+    unposed += [
+        unposed_person(box, float(score), HARDLY_VISIBLE)
+        for box, score in zip(unclear.boxes, unclear.scores, strict=True)
+    ]
     kept = _with_upper_bodies(landmarker, image, kept[:max_people])
     return FoundPeople(kept, unposed, left_out, things.carriers(box_score))
 
 
 def _beyond_limit(people: Sequence[DetectedPose], most: int) -> list[UnposedPerson]:
-    """Return the people with a box who are more than the limit."""
+    """Return the people who are more than the limit."""
     why = f"more than {most} people: raise it with --set segmenter.options.max_people=N"
-    return [
-        unposed_person(person.box, person.score, why)
-        for person in people[most:]
-        if person.box is not None
-    ]
+    return [unposed_person(person.extent, person.score, why) for person in people[most:]]
 
 
 def _with_upper_bodies(
@@ -281,8 +285,8 @@ def _add_hidden_people(
     """Add to ``kept`` the people of boxes that gave no pose of their own, with the others in grey.
 
     Returns:
-        The boxes that still have no pose, without those of weak score, and those around a part of
-        somebody, whose pose the landmark network finds from there.
+        The boxes that still have no pose. Those around a part of somebody, whose pose the landmark
+        network finds from there, are found twice; those of weak score are hardly visible.
     """
     unposed = []
     grey: list[Pose] = []  # people in grey in ``picture``
@@ -291,6 +295,7 @@ def _add_hidden_people(
         if any(person.box is not None and np.array_equal(person.box, box) for person in kept):
             continue
         if _is_of_turned(DetectedPose(own, score, box), kept):
+            unposed.append(unposed_person(box, score, FOUND_TWICE))
             continue
         if len(grey) != len(kept):
             grey = [person.pose for person in kept]
@@ -303,8 +308,9 @@ def _add_hidden_people(
                 kept.append(person)
                 break
         else:
-            if score >= box_score and not _is_part(box, own, kept):
-                unposed.append(unposed_person(box, float(score), "no pose fits the box"))
+            why = "no pose fits the box" if score >= box_score else HARDLY_VISIBLE
+            why = FOUND_TWICE if _is_part(box, own, kept) else why
+            unposed.append(unposed_person(box, score, why))
     return unposed
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.backends.people import boxes_from_masks
+from physic_core.types import FOUND_TWICE, HARDLY_VISIBLE
 from physic_embedded.networks.mobile_sam import predict_masks
 
 if TYPE_CHECKING:
@@ -62,30 +63,39 @@ def segment_unposed(
         surfaces: semantic labels, or None to trust only the scores of the boxes.
 
     Returns:
-        The people of boxes with a mask that mostly covers no other person, each with the box of
-        these pixels, and all these pixels (H, W).
+        The boxes but those of chairs and trees. One with a mask that mostly covers no other person
+        becomes the box of these pixels; others are found twice, and left out if hardly visible.
+        And the pixels (H, W) of the people who are missing.
     """
     found = []
     taken = np.zeros_like(people)
+    missing = np.zeros_like(people)
     for one in sorted(boxes, key=lambda one: -one.score):
+        if one.reason == FOUND_TWICE:
+            found.append(one)
+            continue
         if (
             surfaces is not None
             and one.score < SURE_SCORE
             and _person_share(surfaces, one) < MIN_PERSON_SHARE
         ):
             continue
-        if one.score < SURE_SCORE and any(_is_limb(one, pose) for pose in poses):
-            continue
-        none = np.zeros((0, 2))
-        answer = predict_masks(decoder, embedding, none, none, np.asarray(one.box, float))
-        mask = embedding.to_photo(answer.logits[int(answer.iou.argmax())]) > 0
-        own = mask & ~people & ~taken
-        if not mask.any() or own.sum() < MIN_OWN_SHARE * mask.sum():
+        own = np.zeros_like(people)
+        if one.score >= SURE_SCORE or not any(_is_limb(one, pose) for pose in poses):
+            none = np.zeros((0, 2))
+            answer = predict_masks(decoder, embedding, none, none, np.asarray(one.box, float))
+            mask = embedding.to_photo(answer.logits[int(answer.iou.argmax())]) > 0
+            own = mask & ~people & ~taken
+        if not own.any() or own.sum() < MIN_OWN_SHARE * mask.sum():
+            if one.reason != HARDLY_VISIBLE:
+                found.append(replace(one, reason=FOUND_TWICE))
             continue
         x0, y0, x1, y1 = (float(edge) for edge in boxes_from_masks(own[None])[0])
         found.append(replace(one, box=(x0, y0, x1, y1)))
         taken |= own
-    return tuple(found), taken
+        if one.is_missing:
+            missing |= own
+    return tuple(found), missing
 
 
 def _is_limb(one: UnposedPerson, pose: Pose) -> bool:

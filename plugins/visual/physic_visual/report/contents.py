@@ -58,7 +58,11 @@ def page_contents(reconstruction: Reconstruction, title: str) -> dict[str, Any]:
         ],
         "people": people_records(reconstruction),
         "main": [i for i in main_people([one.box for one in people]) if people[i].has_body],
-        "unposed": [{"box": one.box, "reason": one.reason} for one in reconstruction.unposed],
+        "unposed": [
+            {"box": one.box, "reason": one.reason}
+            for one in reconstruction.unposed
+            if one.is_missing
+        ],
         "warnings": reconstruction.warnings,
         "notes": reconstruction.notes,
         "checks": [_check(check) for check in reconstruction.checks],
