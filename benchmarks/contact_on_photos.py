@@ -4,17 +4,14 @@
     python -m benchmarks contact_on_photos fit DATA OUT [--write]
 
 ``sample`` runs the embedded preset on the labelled photos of DATA/contact, of its folders of other
-collections, and of DATA/photos, and keeps the features of each person in a file of OUT; an
+collections, and of DATA/photos, and keeps the distances of each person in a file of OUT; an
 interrupted run continues. OUT may lack photos, and those in it may be chosen by their labels: the
 constants are for the shares of touching parts among all labelled people.
 
 ``fit`` prints the scores of pictures of DATA/contact, each by a fit to the others, and of each
 other collection by a fit to DATA/contact alone, and with ``--write`` writes
 ``physic_core/engine/ground/touch.json``, fitted on all, and the shares of touching parts, which
-parts have that nothing shows.
-
-Contact with other people and the own body is of kind "skin", fitted to the labelled hands, feet,
-forearms and lower legs.
+parts have that nothing shows. A kind of part whose model is worse there than a constant has none.
 
 The labels of DATA/photos and of the collections lie beside the benchmark: two readers labelled them
 apart, from the pictures alone.
@@ -23,7 +20,6 @@ apart, from the pictures alone.
 from __future__ import annotations
 
 import json
-import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -34,24 +30,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from unittest.mock import patch
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
-from physic_core.engine.body_parts import contact_regions
-from physic_core.engine.contact.distances import SEARCH_RADIUS_M
-from physic_core.engine.contact.probability import RATED
-from physic_core.engine.ground.touch import (
-    CARRIES,
-    DISTANCE,
-    HAND,
-    INSIDE,
-    LIES,
-    OUTSIDE,
-    OWN_BODY,
-    SKIN,
-)
 from physic_core.types import TOUCHED
-from physic_core.types.skeletons import SIDES
 from physic_testing.metrics import match_by_boxes
 
 from .fits import FOLDS, fold_of, name_in_sets, parser_of, write_record
@@ -66,37 +47,22 @@ if TYPE_CHECKING:
 
     from physic_core import Pipeline
     from physic_core.body.model import BodyModel
-    from physic_core.engine.contact.probability import NearSkin
-    from physic_core.engine.state import Estimates, State
+    from physic_core.engine.state import Estimates
 
 Array = NDArray[np.float64]
 
 TOUCH = Path(__file__).parents[1] / "physic_core" / "engine" / "ground" / "touch.json"
 _LEAST_COUNT = 0.5  # of each answer: none has a rate of 0
 EXERCISES = "postures"
-"""Collection that was chosen by what people do: it takes part in the fit of "other" parts alone."""
+"""Collection that was chosen by what people do: it takes no part in the fit."""
 RIDGE = 1.0
 """Weight of half the squared coefficients of standardised features."""
 
 CONTACT = "contact"
 """Set of the photos of DATA/contact and DATA/photos, and of the films."""
 
-PARTS: dict[str, tuple[str, ...]] = {
-    **dict.fromkeys(RATED, (DISTANCE,)),
-    "other": (LIES, CARRIES),
-    SKIN: (OUTSIDE, INSIDE, HAND, OWN_BODY),
-}
-"""Kind of part -> its features, of ``part_features`` in ``engine/contact/probability.py``."""
-
-LABELLED_ON_SKIN = tuple(
-    f"{side}_{limb}" for side in SIDES for limb in ("hand", "foot", "knee", "forearm")
-)
-"""Parts whose labels say whether they touch another person or the own body."""
-
-NO_SKIN = {OUTSIDE: math.log1p(SEARCH_RADIUS_M / 0.01), INSIDE: 0.0}
-"""Features of a part that has no skin near it."""
-
-SkinFeatures: TypeAlias = tuple[str, str, dict[str, float]]
+PARTS = ("foot", "hand", "seat")
+"""Kinds of parts that are fitted."""
 
 
 @dataclass(frozen=True)
@@ -106,14 +72,14 @@ class Case:
     Attributes:
         picture: photo, which is left out at once.
         kind: of the part.
-        features: by name.
+        distance: from the nearest surface, in standard deviations.
         touches: whether it touches the world.
         set: of the picture: :data:`CONTACT`, or a collection.
     """
 
     picture: str
     kind: str
-    features: Mapping[str, float]
+    distance: float
     touches: bool
     set: str = CONTACT
 
@@ -132,7 +98,7 @@ def main() -> int:
 
         with Pipeline(load_config(preset="embedded")) as pipeline:
             for sample in samples:
-                keep_features(sample, pipeline, given.out)
+                keep_distances(sample, pipeline, given.out)
         return 0
     cases = cases_of(samples, given.out)
     fit_all(cases, given.kinds, samples, write=given.write)
@@ -147,8 +113,8 @@ def samples_of(data: Path) -> list[Sample]:
     ]
 
 
-def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
-    """Run the pipeline on a sample and write the features of its people."""
+def keep_distances(sample: Sample, pipeline: Pipeline, out: Path) -> None:
+    """Run the pipeline on a sample and write the distances of its people's parts."""
     file = out / f"{sample.set}-{sample.name}.json"
     if file.exists():
         return
@@ -158,72 +124,42 @@ def keep_features(sample: Sample, pipeline: Pipeline, out: Path) -> None:
     from physic_core.errors import PhysicError
 
     estimates: list[Estimates] = []
-    features: list[tuple[State, dict[str, dict[str, Tensor]]]] = []
-    near: list[tuple[State, tuple[NearSkin, NearSkin]]] = []
+    distances: list[dict[str, Tensor]] = []
 
     def complete(found: Estimates) -> Estimates:
         estimates.append(found)
         return found
 
     picture = picture_of(sample)
-    with recorded(probability, "part_features", features), recorded(probability, "near_skin", near):
+    with recorded(probability, "part_distances", distances):
         try:
             pipeline(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), complete=complete)
         except PhysicError as error:
             print(f"{sample.set} {sample.name}: {error}", file=sys.stderr)
     people: list[dict[str, Any]] = []
-    for (_, parts), seen in zip(features[:1], estimates, strict=False):
-        skin = [one for state, found in near for one in skin_features(state.model, found)]
+    for parts, seen in zip(distances[:1], estimates, strict=False):
         size = np.array([picture.shape[k] / seen.image.shape[k] for k in (1, 0)])
         for i, box in enumerate(np.asarray(seen.photo.people.boxes, np.float64)):
             place = (box * np.tile(size, 2)).tolist()
-            own = features_of_person(parts, i)
-            people.append({"box": place, "parts": own, "skin": skin[i] if skin else []})
+            own = {part: values.tolist()[i] for part, values in parts.items()}
+            people.append({"box": place, "parts": own})
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(json.dumps(people))
     print(sample.set, sample.name, len(people), file=sys.stderr, flush=True)
 
 
-def features_of_person(
-    parts: Mapping[str, Mapping[str, Tensor]], person: int
-) -> dict[str, dict[str, float]]:
-    """Return the features of the parts of one of the people (N,)."""
-    return {
-        part: {key: values.tolist()[person] for key, values in features.items()}
-        for part, features in parts.items()
-    }
-
-
 @contextmanager
-def recorded(module: ModuleType, name: str, calls: list[tuple[State, Any]]) -> Iterator[None]:
-    """Keep the state and the result of each call of a module's function meanwhile."""
+def recorded(module: ModuleType, name: str, calls: list[Any]) -> Iterator[None]:
+    """Keep the result of each call of a module's function meanwhile."""
     function = getattr(module, name)
 
-    def record(state: State, at: Any) -> Any:
-        found = function(state, at)
-        calls.append((state, found))
+    def record(model: BodyModel, at: Any) -> Any:
+        found = function(model, at)
+        calls.append(found)
         return found
 
     with patch.object(module, name, record):
         yield
-
-
-def skin_features(model: BodyModel, near: Sequence[NearSkin]) -> list[list[SkinFeatures]]:
-    """Return for each person part, kind of partner, and features of the pair of vertices that is
-    nearest, of the parts whose partner is labelled.
-    """
-    names, region = contact_regions(model)
-    people: list[list[SkinFeatures]] = [[] for _ in near[0].gap]
-    for kind, at in zip(("person", "own"), near, strict=True):
-        for part in sorted({OF_RESULTS.get(part, part) for part in LABELLED_ON_SKIN}):
-            own = torch.where(region == names.index(part), at.gap, torch.inf)
-            for i, nearest in enumerate(own.argmin(1).tolist()):
-                if torch.isfinite(own[i, nearest]):
-                    features = {key: float(v[i, nearest]) for key, v in at.features.items()}
-                else:
-                    features = {**NO_SKIN, HAND: float("hand" in part)}
-                people[i].append((part, kind, {**features, OWN_BODY: float(kind == "own")}))
-    return people
 
 
 def _logit(probability: float) -> float:
@@ -237,36 +173,25 @@ def cases_of(samples: Sequence[Sample], out: Path) -> list[Case]:
         file = out / f"{sample.set}-{sample.name}.json"
         people = json.loads(file.read_text()) if file.exists() else []
         for found, labels in labels_of(sample, people):
-            own = [*placed_parts(found, labels), *skin_cases(found, labels, len(people))]
             cases += [
-                Case(name_in_sets(sample.name), kind, features, touches, sample.set)
-                for kind, features, touches in own
-                if sample.set != EXERCISES or kind == "other"
+                Case(name_in_sets(sample.name), kind, distance, touches, sample.set)
+                for kind, distance, touches in placed_parts(found, labels)
+                if sample.set != EXERCISES
             ]
     return cases
 
 
-Judged: TypeAlias = tuple[str, Mapping[str, float], bool]
-"""Kind, features, and whether it touches."""
+Judged: TypeAlias = tuple[str, float, bool]
+"""Kind, distance, and whether it touches."""
 
 
 def placed_parts(one: Mapping[str, Any], labels: Mapping[str, str]) -> Iterator[Judged]:
     """Yield the labelled parts of a person by their distance."""
     for part, label in labels.items():
-        features = one["parts"].get(OF_RESULTS.get(part, part))
+        distance = one["parts"].get(OF_RESULTS.get(part, part))
         kind = part.rpartition("_")[2]
-        if features is not None:
-            yield kind if kind in RATED else "other", features, TOUCHES[label]
-
-
-def skin_cases(one: Mapping[str, Any], labels: Mapping[str, str], people: int) -> Iterator[Judged]:
-    """Yield whether the labelled parts of one of some found people touch another person, if there
-    is one, and the own body.
-    """
-    of_results = {OF_RESULTS.get(part, part): label for part, label in labels.items()}
-    for part, partner, features in one["skin"]:
-        if part in of_results and (partner == "own" or people > 1):
-            yield SKIN, features, of_results[part] == partner
+        if distance is not None and kind in PARTS:
+            yield kind, distance, TOUCHES[label]
 
 
 def labels_of(
@@ -294,10 +219,10 @@ def logistic(features: Array, touches: Array) -> Array:
 
 
 def table_of(cases: Sequence[Case], kind: str) -> tuple[Array, Array]:
-    """Return features (n, F) and whether the parts touch, of the cases of one kind."""
+    """Return distances (n, 1) and whether the parts touch, of the cases of one kind."""
     own = [case for case in cases if case.kind == kind]
-    features = [[float(np.nan_to_num(case.features[name])) for name in PARTS[kind]] for case in own]
-    return np.array(features, np.float64), np.array([case.touches for case in own], np.float64)
+    distances = np.array([[case.distance] for case in own], np.float64)
+    return distances, np.array([case.touches for case in own], np.float64)
 
 
 def labelled_rates(samples: Sequence[Sample]) -> dict[str, dict[str, float]]:
@@ -306,7 +231,7 @@ def labelled_rates(samples: Sequence[Sample]) -> dict[str, dict[str, float]]:
     """
     counts = {kind: dict.fromkeys(TOUCHED, _LEAST_COUNT) for kind in KINDS}
     for sample in samples:
-        chosen = RATED if sample.set == EXERCISES else ()
+        chosen = PARTS if sample.set == EXERCISES else ()
         for person in sample.truth["people"]:
             for part, label in person["parts"].items():
                 kind = part.rpartition("_")[2]
@@ -335,13 +260,12 @@ def labelled_floor_rate(samples: Sequence[Sample]) -> float:
 
 
 def fit_of(cases: Sequence[Case], kind: str, shares: Mapping[str, float]) -> Array:
-    """Return constant and coefficients of a kind of part, for the share of touching parts that
+    """Return constant and coefficient of a kind of part, for the share of touching parts that
     all labelled people have.
     """
-    features, touches = table_of(cases, kind)
-    found = logistic(features, touches)
-    if (share := shares.get(kind)) is not None:
-        found[0] += _logit(share) - _logit(float(touches.mean()))
+    distances, touches = table_of(cases, kind)
+    found = logistic(distances, touches)
+    found[0] += _logit(shares[kind]) - _logit(float(touches.mean()))
     return found
 
 
@@ -353,7 +277,7 @@ def fit_all(
     """
     record = json.loads(TOUCH.read_text())
     rates = labelled_rates(samples)
-    shares = {kind: rates[kind]["world"] for kind in RATED}
+    shares = {kind: rates[kind]["world"] for kind in PARTS}
     scores = record["error on pictures left out"]
     weights = record["parts"]
     for kind in kinds:
@@ -364,14 +288,18 @@ def fit_all(
             own = [case for case in cases if case.set == name and case.kind == kind]
             likely[f"{name}, by contact"] = [(case, chance(case, w)) for case in own]
         scores[kind] = {name: words for name, rows in likely.items() if (words := described(rows))}
-        w = fit_of(cases, kind, shares)
-        weights[kind] = dict(zip(("constant", *PARTS[kind]), w.round(3).tolist(), strict=True))
+        weights.pop(kind, None)
+        if is_better_than_constant([one for rows in likely.values() for one in rows]):
+            w = fit_of(cases, kind, shares)
+            weights[kind] = dict(zip(("constant", "distance"), w.round(3).tolist(), strict=True))
     record["error on pictures left out"] = {kind: scores[kind] for kind in PARTS}
     record["rates"] = {
         kind: {word: round(share, 4) for word, share in of.items()} for kind, of in rates.items()
     }
+    others = [of["world"] for kind, of in rates.items() if kind not in PARTS]
+    record["rate of others"] = round(float(np.mean(others)), 3)
     record["floor rate"] = round(labelled_floor_rate(samples), 3)
-    record["parts"] = {kind: weights[kind] for kind in PARTS}
+    record["parts"] = {kind: weights[kind] for kind in PARTS if kind in weights}
     pictures = {kind: len({c.picture for c in cases if c.kind == kind}) for kind in kinds}
     record["fitted on"] |= {
         kind: f"{count} photos labelled by two readers" for kind, count in pictures.items()
@@ -395,9 +323,13 @@ def left_out_chances(
 
 def chance(case: Case, weights: Array) -> float:
     """Return the probability that the part of a case touches."""
-    features = [float(np.nan_to_num(case.features[name])) for name in PARTS[case.kind]]
-    odds = weights[0] + weights[1:] @ features
-    return float(1 / (1 + np.exp(-odds)))
+    return float(1 / (1 + np.exp(-(weights[0] + weights[1] * case.distance))))
+
+
+def is_better_than_constant(rows: Sequence[tuple[Case, float]]) -> bool:
+    """Return whether probabilities of parts left out have a lower Brier score than their mean."""
+    score = probability_scores([p for _, p in rows], [case.touches for case, _ in rows])
+    return score["brier"] < score["constant"]
 
 
 def described(rows: Sequence[tuple[Case, float]]) -> str:

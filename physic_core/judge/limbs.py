@@ -17,6 +17,7 @@ from physic_core.judge.people import lies
 from physic_core.judge.spec import NO_BODY, check
 from physic_core.types import skeleton_named
 from physic_core.types.contacts import part_words
+from physic_core.types.records import in_words
 from physic_core.types.results import LIMB_ENDS, UNSURE_M
 from physic_core.types.skeletons import SIDES, keypoint_in_words
 
@@ -76,8 +77,8 @@ def limb_sigma(estimates: Estimates, result: Reconstruction, person: int) -> Mea
     known = [sigma for sigma in sigmas.values() if math.isfinite(sigma)]
     if not known:
         return None
-    limbs = " and ".join(map(part_words, who.unsure))
-    return max(known), f"{limbs} unsure: compare with the photo" if limbs else ""
+    limbs = [part_words(limb) for limb in who.unsure]
+    return max(known), f"{in_words(limbs)} unsure: compare with the photo" if limbs else ""
 
 
 # Of wrists and ankles with measured truth .1 in the median and .3 in nine of ten.

@@ -20,6 +20,7 @@ from physic_core.judge.spec import NO_BODY, YES, check
 from physic_core.types import MARKS, Plane, skeleton_named
 from physic_core.types.contacts import SupportState, part_words
 from physic_core.types.observations import ENDS
+from physic_core.types.records import in_words
 
 if TYPE_CHECKING:
     from physic_core.engine.state import Estimates
@@ -229,7 +230,7 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
     taken = "to touch something" if likely[least] >= 0.5 else "not to touch anything"
     return (
         value,
-        f"the least sure is the {least.replace('_', ' ')}, taken {taken} (probability of touch "
+        f"the least sure is the {part_words(least)}, taken {taken} (probability of touch "
         f"{likely[least]:.2f}): look whether it is so in the photo",
     )
 
@@ -247,7 +248,7 @@ def lies(result: Reconstruction, person: int) -> bool:
 
 def _sure_carriers(who: Person) -> Measured:
     """Return the probability of the least sure part that carries a person, 0 if none does; of parts
-    that the observer speaks of, if any is among them, since others are listed by distance.
+    that the observer speaks of, if any is among them.
     """
     likely = {}
     if who.support is not None and who.support.state != SupportState.UNBALANCED:
@@ -324,7 +325,7 @@ def unknown_contacts(estimates: Estimates, result: Reconstruction, person: int) 
     far = [one.part for one in who.contacts if one.likely and one.distance_m is not None]
     parts = dict.fromkeys(far)
     return float(len(parts)), (
-        f"the photo shows a touch of {' and '.join(map(part_words, parts))}, and no surface is "
+        f"the photo shows a touch of {in_words([*map(part_words, parts)])}, and no surface is "
         f"near: it is hidden, or body or scene is wrong: see {_FROM_THE_SIDE}"
         if parts
         else ""

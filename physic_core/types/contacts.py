@@ -106,7 +106,7 @@ class BodyContact:
             probability is mostly that of such parts.
         distance_m: of a part that surely touches something of which the scene has no surface within
             a hand's breadth from the nearest surface, metres; the radius of the search, 0.15, if
-            none is within it. None otherwise.
+            none is within it. Of skin, that of the other part beyond this. None otherwise.
     """
 
     part: str
@@ -122,10 +122,20 @@ class BodyContact:
         """Whether the probability is at least one half, or not estimated."""
         return self.probability is None or self.probability >= 0.5
 
+    @property
+    def far(self) -> str:
+        """How far off what is touched is: "nearest surface at least 0.12 m off", of skin "0.12 m
+        apart"; "" if it is near.
+        """
+        if not self.distance_m:
+            return ""
+        apart = f"{self.distance_m:.2f} m"
+        return f"{apart} apart" if self.partner.part else f"nearest surface at least {apart} off"
+
     def text(self, partner: str) -> str:
         """Return "left foot: floor, 0.97", with this name of the partner."""
         sure = "" if self.probability is None else f", {self.probability:.2f}"
-        far = f" (nearest surface at least {self.distance_m:.2f} m off)" if self.distance_m else ""
+        far = f" ({self.far})" if self.far else ""
         assumed = " (assumed: not seen)" if self.assumed else ""
         return f"{part_words(self.part)}: {partner}{far}{sure}{assumed}"
 

@@ -1,8 +1,7 @@
-"""The probability of contact with scene and skin, and the gap that vertices of a part share."""
+"""The contact of people who are near no scene: with skin, by what an observer says."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -11,22 +10,14 @@ import pytest
 import torch
 
 from physic_core import engine_preset
-from physic_core.engine.contact.distances import KINDS, ContactSurfaces
-from physic_core.engine.contact.probability import contact_part_masks
+from physic_core.engine.contact.distances import ContactSurfaces
 from physic_core.engine.contact.solve import find_contact, measure_distances
-from physic_core.engine.ground.touch import (
-    HAND,
-    INSIDE,
-    OUTSIDE,
-    OWN_BODY,
-    SKIN,
-    touch_model,
-)
 from physic_core.geometry.neighbors import NearestPointSearch
 from physic_core.types import SKELETONS, Intrinsics
 
 from .adjusted import with_result
 from .conftest import state_of
+from .touching import touching
 
 
 def alone(body, plane=None, **known):
@@ -56,51 +47,43 @@ def near_of(state, method):
     return measure_distances(state, surfaces, (("unknown",), none), method)
 
 
-def always_touched(monkeypatch, probability):
-    """Let skin touch what is near it with a probability."""
-    constant = math.log(probability / (1 - probability))
-    nothing = dict.fromkeys((OUTSIDE, INSIDE, HAND, OWN_BODY), 0.0)
-    monkeypatch.setitem(touch_model(), SKIN, {"constant": constant, **nothing})
+def test_up_is_that_of_an_upright_camera_without_a_floor(body):
+    assert alone(body).up.tolist() == [0.0, -1.0, 0.0]
 
 
-@pytest.mark.parametrize(
-    ("part", "met", "touches"),
-    [
-        ("left_lower_arm", "left_hand", False),
-        ("left_lower_arm", "right_hand", True),
-        ("left_lower_arm", "left_lower_leg", True),
-        ("left_upper_leg", "right_upper_leg", False),
-    ],
-)
-def test_parts_touch_unless_they_meet_in_many_poses(body, monkeypatch, part, met, touches):
-    given = alone(body)
-    method = engine_preset("default").contact
-    near = near_of(given, method)
-    always_touched(monkeypatch, 0.99)
-    skin = contact_part_masks(body)[part]
-    at = int((body.part_of_vertex == body.part_names.index(met)).nonzero()[0])
-    on_it = torch.where(skin, 0.0, torch.inf)[None]
-    own = replace(near.own, distance=on_it, vertex=torch.full_like(near.own.vertex, at))
-    kinds = set(method.find_touch(given, replace(near, own=own)).kind[0, skin].unique().tolist())
-    assert (KINDS.index("own body") in kinds) == touches
-
-
-def test_a_thigh_beside_the_thigh_of_another_does_not_sit(body, monkeypatch):
+def beside(body, gap, **parts):
+    """Two people, one behind the other, of whose parts the observer says the same."""
     one = alone(body)
-    apart = torch.tensor([0.0, 0.0, 0.15])
+    apart = torch.tensor([0.0, 0.0, gap])
     vertices, joints = (torch.cat([x, x + apart]) for x in (one.vertices, one.joints))
     both = one.select_people(torch.tensor([0, 0]))
     given = with_result(both, SimpleNamespace(vertices=vertices, joints=joints))
-    always_touched(monkeypatch, 0.9)
+    return replace(given, observed_touch=torch.tensor(np.repeat(touching(**parts), 2, 0)))
+
+
+def contact_of(given):
     method = engine_preset("default").contact
-    found = find_contact(given, near_of(given, method), method)
-    thighs = torch.cat([body.contact_sets["thighs"], body.contact_sets["gluteus"]])
-    touched = {
-        found.partners[number].kind
-        for number in found.partner[:, thighs].unique().tolist()
-        if number >= 0
-    }
-    assert "person" in touched
-    for support in found.supports:
-        on_people = {one.part for one in support.contacts if one.partner.kind == "person"}
-        assert not on_people & {"seat", "left_upper_leg", "right_upper_leg"}
+    return find_contact(given, near_of(given, method), method)
+
+
+@pytest.mark.parametrize(("probability", "touches"), [(0.9, True), (0.1, False)])
+def test_who_is_touched_touches_back(body, probability, touches):
+    one, other = contact_of(beside(body, 0.15, left_hand=("person", probability))).contacts
+    given, returned = (
+        {(c.part, c.partner.part, c.probability) for c in person if c.partner.kind == "person"}
+        for person in (one, other)
+    )
+    assert bool(given) is touches
+    assert {(b, a, p) for a, b, p in given} == returned
+
+
+def test_skin_of_which_the_observer_does_not_speak_touches_nobody(body):
+    found = contact_of(beside(body, 0.15))
+    assert not {p.kind for p in found.partners} & {"person", "self"}
+
+
+def test_parts_that_meet_at_a_joint_do_not_touch(body):
+    given = replace(
+        alone(body), observed_touch=torch.tensor(touching(left_forearm=("own body", 0.9)))
+    )
+    assert not {p.part for p in contact_of(given).partners} & {"left_hand", "left_upper_arm"}

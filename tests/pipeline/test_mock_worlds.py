@@ -4,6 +4,7 @@ in numbers.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,11 +16,13 @@ from physic_core.body import load_body
 from physic_core.body.bones import rotations_from_parameters
 from physic_core.configuration.resolve import resolve
 from physic_core.errors import BackendError
-from physic_core.types import Hints
+from physic_core.types import PARTNER_KINDS, TOUCH_PARTS, TOUCHED, Hints
 from physic_core.types.skeletons import SIDES
+from physic_mock.observer import MockPersonObserver
+from physic_mock.recognition import match_masks_to_world, recognise_world
 from physic_testing.metrics import pa_mpjpe_mm
 from physic_testing.worlds import load_world
-from tests.pipeline.mocks import run
+from tests.pipeline.mocks import changed, run
 
 pytestmark = [pytest.mark.quick, pytest.mark.kernels]
 
@@ -125,19 +128,20 @@ def test_contact_of_worlds_is_found(cases):
     assert np.mean(scores) > 0.6
 
 
-@pytest.mark.parametrize(
-    ("name", "part", "kind", "other"),
-    [
-        ("stand", "left_foot", "floor", ""),
-        ("sit_on_chair", "seat", "scene", ""),
-        ("hold_ball", "right_hand", "object", ""),
-        ("hands_on_hips", "left_hand", "self", "torso"),
-        ("hug", "right_hand", "person", "back"),
-        ("hug", "back", "person", "right_hand"),
-        ("sit_behind_table_other", "seat", "hidden", ""),
-        ("kneel", "left_lower_leg", "floor", ""),
-    ],
+PARTNERS = (
+    ("stand", "left_foot", "floor", ""),
+    ("sit_on_chair", "seat", "scene", ""),
+    ("hold_ball", "right_hand", "object", ""),
+    ("hands_on_hips", "left_hand", "self", "torso"),
+    ("hug", "right_hand", "person", "back"),
+    ("hug", "back", "person", "right_hand"),
+    ("sit_behind_table_other", "seat", "hidden", ""),
+    ("kneel", "left_lower_leg", "floor", ""),
 )
+"""World, and a contact in it."""
+
+
+@pytest.mark.parametrize(("name", "part", "kind", "other"), PARTNERS)
 def test_each_partner_is_listed_in_some_world(name, part, kind, other):
     found = run(load_world(name, (160, 120)).image)
     listed = {
@@ -147,6 +151,28 @@ def test_each_partner_is_listed_in_some_world(name, part, kind, other):
         if one.likely
     }
     assert (part, kind, other) in listed
+    assert {case[2] for case in PARTNERS} == {*PARTNER_KINDS}
+
+
+def test_a_pull_that_takes_a_body_off_its_keypoints_is_dropped_with_a_note():
+    """Two hands, .2 m from each other, of which the observer says that they meet."""
+
+    def hands_meet(seen, image, people, *_):
+        rows = match_masks_to_world(recognise_world(image), people)
+        touch = np.full_like(seen.touch, 0.01)
+        touch[..., TOUCHED.index("nothing")] = 0.96
+        for row, hand in ((0, "left_hand"), (1, "right_hand")):
+            own = touch[list(rows).index(row), TOUCH_PARTS.index(hand)]
+            own[:] = 0.01
+            own[TOUCHED.index("person")] = 0.96
+        return replace(seen, touch=touch)
+
+    backends = changed(MockPersonObserver, hands_meet)
+    found = run(load_world("sit_side_by_side", (160, 120)).image, backends=backends)
+    assert [note for note in found.notes if "stay apart" in note]
+    listed = {one.part: one.distance_m for p in found.people for one in p.contacts}
+    assert listed["right_hand"] > 0.1
+    assert listed["left_hand"] > 0.1
 
 
 def test_bodies_of_mock_worlds_do_not_sink_into_the_scene(cases):

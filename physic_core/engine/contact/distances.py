@@ -1,7 +1,6 @@
 """Distances of body vertices to all that they may touch: scene and floor, and skin.
 
-Skin is that of other people, and of other parts of the same body. It touches only skin that faces
-another way: the back of a hand does not touch what its palm touches.
+Skin is that of other people, and of other parts of the same body, which meets it by the observer.
 
 A photo shows only the front of an object. Its depth is inferred from the width of its front: at a
 pixel ``r`` metres from the silhouette, of an object of half width ``R``, the object is ``2 sqrt(r
@@ -14,19 +13,17 @@ Camera frame, metres.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from physic_core.engine.contact.parts import SceneParts
 from physic_core.engine.whom import Meeting
 from physic_core.geometry.floor import PlaneFit
-from physic_core.geometry.neighbors import NearestPointSearch, array_tree
-from physic_core.geometry.tensors import exact_arrays
+from physic_core.geometry.neighbors import NearestPointSearch
 
 KINDS = ("scene", "person", "own body", "object")
 """What a vertex may touch; floor and scene are one kind. An object has no distance."""
@@ -122,21 +119,12 @@ def surface_distances(
     return SurfaceDistances(signed, height, nearest.index, normals)
 
 
-# Search radius on the same body: its parts have smaller errors than scene and people.
-_OWN_RADIUS_M = 0.08
-_SPACING_M = 0.012  # half the largest distance of neighbouring vertices
-_CANDIDATES = 6  # nearest vertices among which one of skin that looks another way is searched
-_MAX_COSINE = 0.5  # between two normals; skin that looks the same way does not touch
-_SAME_SKIN_M = 0.12  # in the rest pose; nearer vertices are one piece of skin
-
-
 @dataclass(frozen=True)
 class SkinDistances:
-    """Nearest skin of each vertex of N people.
+    """Skin that each vertex of N people meets.
 
     Attributes:
-        distance: (N, V) signed, along the normal of that skin, metres, negative inside; inf if no
-            skin is within the search radius.
+        distance: (N, V) from it, metres; inf if the vertex meets none.
         person: (N, V) int64, index of the person whose skin it is; 0 if there is none.
         vertex: (N, V) int64, the nearest vertex of that person; 0 if there is none.
     """
@@ -146,167 +134,18 @@ class SkinDistances:
     vertex: Tensor
 
     @staticmethod
-    def none(vertices: Tensor) -> SkinDistances:
-        """Return the distances of vertices (N, V, 3) where no skin is near."""
-        index = torch.zeros(vertices.shape[:2], dtype=torch.int64, device=vertices.device)
-        return SkinDistances(torch.full_like(vertices[..., 0], torch.inf), index, index)
-
-
-def people_distances(vertices: Tensor, normals: Tensor, outer: Tensor) -> SkinDistances:
-    """Find the nearest skin of other people.
-
-    Args:
-        vertices: (N, V, 3) metres.
-        normals: (N, V, 3) unit, out of the bodies.
-        outer: (V,) bool, vertices that may touch and be touched.
-    """
-    (ids,) = exact_arrays(outer.nonzero()[:, 0])
-    people = _finite_people(vertices)
-    searches = [(j, ids, [(i, ids) for i in people if i != j]) for j in people]
-    return _nearest_skin(vertices, normals, searches, SEARCH_RADIUS_M)
-
-
-def own_distances(
-    vertices: Tensor, normals: Tensor, outer: Tensor, part: Tensor, rest: Tensor
-) -> SkinDistances:
-    """Find the nearest skin of other parts of the same body.
-
-    Vertices less than 12 cm apart in the rest pose are one piece of skin, and do not touch each
-    other, such as forearm and upper arm in a bent elbow.
-
-    Args:
-        vertices: (N, V, 3) metres.
-        normals: (N, V, 3) unit, out of the bodies.
-        outer: (V,) bool, vertices that may touch and be touched.
-        part: (V,) int64, body part of each vertex.
-        rest: (V, 3) vertices in the rest pose, metres.
-    """
-    ids, parts, at_rest = exact_arrays(outer.nonzero()[:, 0], part[outer], rest)
-    searches = [
-        (i, ids[parts == p], [(i, ids[parts != p])])
-        for i in _finite_people(vertices)
-        for p in np.unique(parts)
-    ]
-    return _nearest_skin(vertices, normals, searches, _OWN_RADIUS_M, at_rest)
-
-
-def _finite_people(vertices: Tensor) -> list[int]:
-    """Return the people whose vertices (N, V, 3) are finite."""
-    finite: list[int] = torch.isfinite(vertices).flatten(1).all(1).nonzero()[:, 0].tolist()
-    return finite
-
-
-def at_meetings(
-    skin: SkinDistances, vertices: Tensor, meetings: Sequence[Meeting]
-) -> SkinDistances:
-    """Return the distances with those of vertices (N, V, 3) that meet other skin from it."""
-    distance, person, vertex = skin.distance.clone(), skin.person.clone(), skin.vertex.clone()
-    for one in meetings:
-        for i, own, j, other in (
-            (one.other, one.other_skin, one.person, one.on_own),
-            (one.person, one.skin, one.other, one.on_other),
-        ):
-            same = (person[i, own] == j) & (vertex[i, own] == other)
-            apart = (vertices[i, own] - vertices[j, other]).norm(dim=-1)
-            distance[i, own] = torch.where(same, distance[i, own], apart)
-            person[i, own], vertex[i, own] = j, other
-    return SkinDistances(distance, person, vertex)
-
-
-_Skin: TypeAlias = tuple[int, np.ndarray]
-"""A person, and (n,) vertices."""
-
-
-def _nearest_skin(
-    vertices: Tensor,
-    normals: Tensor,
-    searches: Iterable[tuple[int, np.ndarray, Sequence[_Skin]]],
-    radius: float,
-    rest: np.ndarray | None = None,
-) -> SkinDistances:
-    """Return the nearest skin of each vertex over all searches.
-
-    Args:
-        vertices: (N, V, 3) metres.
-        normals: (N, V, 3) unit, out of the bodies.
-        searches: person and vertices that are searched; people and their vertices that search them.
-        radius: of the search, metres.
-        rest: (V, 3) vertices in the rest pose, metres, where skin of the same body is searched.
-    """
-    points, outwards = exact_arrays(vertices, normals)
-    distance = np.full(points.shape[:2], np.inf)
-    person = np.zeros(distance.shape, np.int64)
-    vertex = np.zeros(distance.shape, np.int64)
-    for j, targets, searchers in searches:
-        for i, ids, nearest, found in _neighbours(points, (j, targets), searchers, radius):
-            outward = outwards[j, nearest]
-            found &= (outwards[i, ids][:, None] * outward).sum(-1) < _MAX_COSINE
-            if rest is not None:
-                found &= np.linalg.norm(rest[ids][:, None] - rest[nearest], axis=-1) > _SAME_SKIN_M
-            offset = points[i, ids][:, None] - points[j, nearest]
-            signed, best = _signed_distances(offset, outward, found)
-            closer = np.abs(signed) < np.abs(distance[i, ids])
-            chosen = ids[closer]
-            distance[i, chosen] = signed[closer]
-            person[i, chosen] = j
-            vertex[i, chosen] = nearest[np.arange(len(ids)), best][closer]
-    near, *others = (
-        torch.from_numpy(each).to(vertices.device) for each in (distance, person, vertex)
-    )
-    return SkinDistances(near.to(vertices), *others)
-
-
-def _neighbours(
-    points: np.ndarray, searched: _Skin, searchers: Iterable[_Skin], radius: float
-) -> Iterator[tuple[int, np.ndarray, np.ndarray, np.ndarray]]:
-    """Yield each person with vertices near the skin of another, these n vertices, the k vertices
-    (n, k) of that skin nearest to each, and which of them (n, k) bool are within the radius.
-
-    Args:
-        points: (N, V, 3) metres.
-        searched: the other person, and the vertices of the skin.
-        searchers: people, and their vertices.
-        radius: of the search, metres.
-    """
-    other, targets = searched
-    if not len(targets):
-        return
-    skin = points[other, targets]
-    low = skin.min(0) - radius
-    high = skin.max(0) + radius
-    count = min(_CANDIDATES, len(targets))
-    tree = None
-    for i, candidates in searchers:
-        inside = ((points[i, candidates] > low) & (points[i, candidates] < high)).all(1)
-        ids = candidates[inside]
-        if not len(ids):
-            continue
-        tree = tree or array_tree(skin)
-        gap, index = tree.query(points[i, ids], k=count, distance_upper_bound=radius)
-        found = np.isfinite(gap.reshape(len(ids), count))
-        nearest = targets[np.where(found, index.reshape(found.shape), 0)]
-        near = found[:, 0]
-        yield i, ids[near], nearest[near], found[near]
-
-
-def _signed_distances(
-    offset: np.ndarray, outward: np.ndarray, found: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the smallest distance (n,) of n vertices from k pieces of skin, signed along its
-    normal, and the piece (n,) int64; inf if none is found.
-
-    Args:
-        offset: (n, k, 3) from the skin, metres.
-        outward: (n, k, 3) unit, out of the skin.
-        found: (n, k) bool.
-    """
-    along = (offset * outward).sum(-1)
-    beside = np.linalg.norm(offset - along[..., None] * outward, axis=-1)
-    size = np.sqrt(along**2 + np.maximum(beside - _SPACING_M, 0) ** 2)
-    size = np.where(found, size, np.inf)
-    best = size.argmin(1)
-    rows = np.arange(len(best))
-    return np.copysign(size[rows, best], along[rows, best]), best
+    def of_meetings(vertices: Tensor, meetings: Iterable[Meeting]) -> SkinDistances:
+        """Return the distances of vertices (N, V, 3) that meet skin."""
+        distance = torch.full_like(vertices[..., 0], torch.inf)
+        person, vertex = torch.zeros(2, *distance.shape, dtype=torch.int64, device=distance.device)
+        for one in meetings:
+            for i, own, j, other in (
+                (one.other, one.other_skin, one.person, one.on_own),
+                (one.person, one.skin, one.other, one.on_other),
+            ):
+                distance[i, own] = (vertices[i, own] - vertices[j, other]).norm(dim=-1)
+                person[i, own], vertex[i, own] = j, other
+        return SkinDistances(distance, person, vertex)
 
 
 @dataclass(frozen=True)
@@ -318,10 +157,9 @@ class Distances:
         normals: (N, V, 3) unit, out of the bodies.
         surface: to scene and floor.
         parts: of the scene's points, which ``surface.point`` indexes.
-        people: to the skin of other people.
-        own: to the skin of other parts of the same body.
-        meetings: of parts that touch skin by the observer. Where their vertices touch, ``people``
-            and ``own`` are to the part that they meet, however far it is.
+        people: to the skin of other people that they meet.
+        own: to the skin of other parts of the same body that they meet.
+        meetings: of parts that touch skin by the observer.
     """
 
     normals: Tensor

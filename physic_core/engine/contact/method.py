@@ -17,7 +17,6 @@ from physic_core.engine.contact.distances import (
 )
 from physic_core.engine.contact.probability import (
     held_object_probability,
-    meets,
     near_scene,
     scene_contact_probability,
     share_of_part,
@@ -104,20 +103,18 @@ class ContactStageMethod:
     def find_touch(self, state: State, near: Distances) -> Touch:
         """Return the contacts of vertices whose fitted probability is at least the threshold.
 
-        A vertex touches only what its body part touches, and nothing farther than a hand's breadth
-        but skin that its part meets by the observer.
+        A vertex touches only what its body part touches, of the scene nothing farther than a hand's
+        breadth.
         """
         at = near_scene(state, near)
         parts = scene_contact_probability(state, at)
         of_parts = values_by_vertex(state.model, parts)
         on_scene = of_parts * share_of_part(state.model, at)
-        part_on_skin, on_skin = skin_contact_probability(state, near)
+        on_skin = skin_contact_probability(near).to(on_scene)
         held = held_object_probability(state)[None]
         probabilities = torch.cat([on_scene[None], on_skin, held])
-        sure = torch.cat([of_parts[None], part_on_skin, held]) >= LEAST_PROBABILITY
-        within = near.by_kind <= HAND_BREADTH_M
-        within[1:] |= meets(near)
-        sure &= torch.cat([within, torch.ones_like(within[:1])])
+        sure = torch.cat([of_parts[None], on_skin, held]) >= LEAST_PROBABILITY
+        sure[0] &= near.surface.nearest <= HAND_BREADTH_M
         sure &= state.model.outer & state.finite_people[:, None]
         rank = torch.where(sure, probabilities, -1.0)
         touches = rank.amax(0) >= self.threshold

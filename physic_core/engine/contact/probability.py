@@ -3,20 +3,16 @@ objects, and of vertices with skin.
 
 A part has one probability of contact with scene or floor, see
 :mod:`physic_core.engine.ground.touch`. Where the person observer speaks of it, it is what it says.
-Distance decides of all others: all vertices of a part share the errors of its position, so that its
-distance is one number, the fifth smallest of its vertices, which is robust to outliers. Feet, hands
-and buttocks of which the observer says nothing and no keypoint is seen have the share of their
-kind: their place is a guess.
+Of other feet and buttocks distance decides: all vertices of a part share the errors of its
+position, so that its distance is one number, the fifth smallest of its vertices, which is robust to
+outliers. All other parts, and those that nothing shows, have the share of their kind: distance
+tells no more of them.
 
 The ten surest vertices of a part have its probability. The others have less of it, the farther they
 are from the surface beside these, and the less directly their skin faces it.
 
-Contact with skin of another person or of the own body is what the observer says where it speaks of
-the part, with the part that :mod:`physic_core.engine.whom` tells, and of skin that nobody speaks of
-what meets it. Distance decides of the rest: the vertices of one part that are nearest to one part
-of one partner share their errors, so that their fifth smallest distance counts, as the logarithm
-``log(1 + d / 1 cm)`` of the outside and the inside, with whether one of both parts is a hand. Parts
-of one body that meet at a joint touch in all poses, which is no contact.
+Contact with skin of another person or of the own body is what the observer says of a part, with the
+part that :mod:`physic_core.engine.whom` tells, and of this part the same.
 """
 
 from __future__ import annotations
@@ -29,26 +25,14 @@ from torch import Tensor
 
 from physic_core.body.model import BodyModel
 from physic_core.body.posture import LYING_DEG, trunk_tilt_deg
-from physic_core.engine.body_parts import OBSERVED, SEAT, are_adjacent, contact_regions
+from physic_core.engine.body_parts import OBSERVED, SEAT, contact_regions
 from physic_core.engine.contact.distances import SEARCH_RADIUS_M, Distances
-from physic_core.engine.ground.touch import (
-    CARRIES,
-    DISTANCE,
-    HAND,
-    INSIDE,
-    LIES,
-    OUTSIDE,
-    OWN_BODY,
-    SKIN,
-    touch_log_odds,
-    usual_touch,
-)
+from physic_core.engine.ground.touch import touch_by_distance, usual_world_touch
 from physic_core.engine.state import State
 from physic_core.geometry.tensors import exact_arrays
 from physic_core.types.observations import TOUCHED
 from physic_core.types.skeletons import SIDES
 
-_LOG_UNIT_M = 0.01
 _GAP_VERTICES = 5
 # Least cosine between down and the skin of a back on which a person lies. On 67 pictures of
 # exercises the backs of all 21 who lie on their backs with the seat touch, too.
@@ -62,9 +46,6 @@ BACK = "back"
 
 HEAD = "head"
 """Part that what carries the back may carry."""
-
-RATED = ("foot", "hand", SEAT)
-"""Kinds of parts that have the rate of their kind where nothing shows them."""
 
 _SIGMA_M = 0.05  # standard deviation of the distance of a part from the scene
 # Rise in metres at which half of the probability of a part is left, and power of the cosine between
@@ -91,31 +72,19 @@ def contact_part_masks(model: BodyModel) -> dict[str, Tensor]:
     }
 
 
-def kind_of_part(part: str) -> str:
-    """Return the kind of a part: "foot", "hand", "seat" or "other"; parts of one kind have one
-    model.
-    """
-    kind = part.rpartition("_")[2]
-    return kind if kind in RATED else "other"
-
-
 def scene_contact_probability(state: State, at: NearScene) -> dict[str, Tensor]:
     """Return part -> probability (N,) that it touches scene or floor."""
-    unseen = unseen_parts(state)
     parts = {}
-    features_of = part_features(state, at)
-    for name, features in features_of.items():
-        kind = kind_of_part(name)
-        likely = torch.sigmoid(touch_log_odds(kind, features))
-        if kind in RATED:
-            usual = float(usual_touch()[OBSERVED[name], TOUCHED.index("world")])
-            likely = torch.where(unseen[name], usual, likely)
+    gaps = part_distances(state.model, at)
+    for name, unseen in unseen_parts(state).items():
+        likely = touch_by_distance(name, gaps[name])
+        likely = torch.where(unseen, usual_world_touch(name), likely)
         said = observed_touch(state, name, "world")
         parts[name] = torch.where(said.isnan(), likely, said)
     # What a person who lies on the seat lies on carries the back, too, and a head as low.
     names = list(contact_part_masks(state.model))
     back, head = names.index(BACK), names.index(HEAD)
-    lies = (features_of[BACK][LIES] > 0) & (at.down[:, back] > _FACES_DOWN)
+    lies = is_lying(state) & (at.down[:, back] > _FACES_DOWN)
     parts[BACK] = torch.where(lies, torch.maximum(parts[BACK], parts[SEAT]), parts[BACK])
     lowest = _lowest_of_parts(state)
     low = lies & (lowest[:, head] - lowest[:, back] < _HEAD_M)
@@ -230,21 +199,10 @@ def _vertex_share(model: BodyModel, rise: Tensor, facing: Tensor) -> Tensor:
     return ((1 + facing) / 2) ** power / (1 + (rise / far_m).square())
 
 
-def part_features(state: State, at: NearScene) -> dict[str, dict[str, Tensor]]:
-    """Return part -> name of a feature -> values (N,): one reason for or against contact of the
-    part with the scene.
-    """
-    lies = is_lying(state).to(at.gap)
-    found = {}
-    rows = zip(contact_part_masks(state.model), at.gap.T, at.down.T, strict=True)
-    for name, gap, down in rows:
-        distance = torch.relu(gap).clamp(max=SEARCH_RADIUS_M) / _SIGMA_M
-        found[name] = {
-            DISTANCE: distance,
-            LIES: lies,
-            CARRIES: torch.relu(1 - distance) * torch.relu(down),
-        }
-    return found
+def part_distances(model: BodyModel, at: NearScene) -> dict[str, Tensor]:
+    """Return part -> its distance (N,) from the scene, in standard deviations, at least 0."""
+    gaps = torch.relu(at.gap).clamp(max=SEARCH_RADIUS_M) / _SIGMA_M
+    return dict(zip(contact_part_masks(model), gaps.T, strict=True))
 
 
 def is_lying(state: State) -> Tensor:
@@ -283,121 +241,13 @@ def _scene_distance_and_facing(state: State, near: Distances) -> tuple[Tensor, T
     return torch.where(state.model.outer, distance, torch.inf), -(near.normals * towards).sum(-1)
 
 
-def skin_contact_probability(state: State, near: Distances) -> tuple[Tensor, Tensor]:
-    """Return the probability (2, N, V) that the part of a vertex touches the part of another
-    person, and of the own body, to which the vertex is nearest; and that of the vertex.
+def skin_contact_probability(near: Distances) -> Tensor:
+    """Return the probability (2, N, V) that a vertex touches skin of another person, and of the own
+    body.
     """
-    of_parts = []
-    of_vertices = []
-    for skin, at in zip((near.people, near.own), near_skin(state, near), strict=True):
-        touches = torch.isfinite(at.gap)
-        odds = touch_log_odds(SKIN, at.features)
-        sure = torch.where(touches, torch.sigmoid(odds), 0.0)
-        facing = -(near.normals * near.normals[skin.person, skin.vertex]).sum(-1)
-        rise = torch.where(touches, skin.distance - at.gap, 0.0)
-        of_parts.append(sure)
-        of_vertices.append(sure * _vertex_share(state.model, torch.relu(rise), facing))
-    return _as_observed(state, near, torch.stack(of_parts), torch.stack(of_vertices))
-
-
-def _as_observed(
-    state: State, near: Distances, of_parts: Tensor, of_vertices: Tensor
-) -> tuple[Tensor, Tensor]:
-    """Return the probabilities (2, N, V) of contact with skin, with those of parts of which the
-    observer speaks, and of what they meet.
-    """
-    names, region = contact_regions(state.model)
-    known = torch.zeros_like(of_parts, dtype=torch.bool)
-    for kind, touched in enumerate(("person", "own body")):
-        for part in OBSERVED:
-            said = ~observed_touch(state, part, touched).isnan()
-            known[kind] |= said[:, None] & (region == names.index(part))
-    of_parts, of_vertices = (torch.where(known, 0.0, each) for each in (of_parts, of_vertices))
+    found = near.people.distance.new_zeros(2, *near.people.distance.shape)
     for one in near.meetings:
         kind = int(one.other == one.person)
-        for each in (of_parts, of_vertices):
-            each[kind, one.person, one.skin] = one.probability
-            each[kind, one.other, one.other_skin] = one.probability
-    return of_parts, of_vertices
-
-
-def meets(near: Distances) -> Tensor:
-    """Return the vertices (2, N, V) bool that meet skin of another person, and of the own body, by
-    the observer.
-    """
-    found = torch.zeros(2, *near.people.distance.shape, dtype=torch.bool)
-    found = found.to(near.people.distance.device)
-    for one in near.meetings:
-        kind = int(one.other == one.person)
-        found[kind, one.person, one.skin] = True
-        found[kind, one.other, one.other_skin] = True
+        found[kind, one.person, one.skin] = one.probability
+        found[kind, one.other, one.other_skin] = one.probability
     return found
-
-
-class NearSkin(NamedTuple):
-    """Distances of N people's vertices from skin.
-
-    Attributes:
-        gap: (N, V) signed distance of the part of the vertex from the part to which the vertex is
-            nearest, metres; inf if no skin is near, or if both parts meet at a joint.
-        features: of :data:`SKIN`, name -> (N, V).
-    """
-
-    gap: Tensor
-    features: dict[str, Tensor]
-
-
-def near_skin(state: State, near: Distances) -> tuple[NearSkin, NearSkin]:
-    """Return where vertices are beside the skin of other people, and of their own bodies."""
-    names, region = contact_regions(state.model)
-    hands = state.model.on_parts("hand")
-    meet = torch.tensor(
-        [[one == other or are_adjacent(one, other) for other in names] for one in names]
-    )
-    found = []
-    for skin, is_own in ((near.people, False), (near.own, True)):
-        other = region[skin.vertex]
-        distance = skin.distance
-        if is_own:
-            distance = torch.where(meet.to(other.device)[region, other], torch.inf, distance)
-        pair = (region * len(names) + other) * len(state.vertices) + skin.person
-        gap = part_gaps(distance, pair)
-        finite = torch.where(torch.isfinite(gap), gap, SEARCH_RADIUS_M)
-        found.append(
-            NearSkin(
-                gap,
-                {
-                    OUTSIDE: _log_cm(finite),
-                    INSIDE: _log_cm(-finite),
-                    HAND: (hands | hands[skin.vertex]).to(finite),
-                    OWN_BODY: torch.full_like(finite, is_own),
-                },
-            )
-        )
-    return found[0], found[1]
-
-
-def part_gaps(distance: Tensor, group: Tensor) -> Tensor:
-    """Return the gap (N, V) of the group of each vertex: the fifth smallest of its finite
-    distances; inf without any.
-
-    Args:
-        distance: (N, V) signed, metres; inf where nothing is near.
-        group: (N, V) int64; vertices of one person and group share their errors.
-    """
-    gaps = torch.full_like(distance, torch.inf)
-    for own, number, gap in zip(distance.detach(), group, gaps, strict=True):
-        order = torch.isfinite(own).nonzero()[:, 0]
-        order = order[own[order].argsort(stable=True)]
-        order = order[number[order].argsort(stable=True)]
-        _, inverse, count = number[order].unique_consecutive(
-            return_inverse=True, return_counts=True
-        )
-        fifth = count.cumsum(0) - count + count.clamp(max=_GAP_VERTICES) - 1
-        gap[order] = own[order][fifth[inverse]]
-    return gaps
-
-
-def _log_cm(distance: Tensor) -> Tensor:
-    """Return log(1 + d / 1 cm) of the positive part of distances in metres."""
-    return torch.log1p(torch.relu(distance) / _LOG_UNIT_M)

@@ -7,17 +7,14 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from physic_core.engine.body_parts import SEAT, contact_regions
+from physic_core.engine.body_parts import OBSERVED, SEAT, contact_regions
 from physic_core.engine.contact.distances import (
     HAND_BREADTH_M,
     KINDS,
     ContactSurfaces,
     Distances,
     SkinDistances,
-    at_meetings,
     dent_depths,
-    own_distances,
-    people_distances,
     surface_distances,
 )
 from physic_core.engine.contact.method import ContactStageMethod, Touch
@@ -51,6 +48,8 @@ from physic_core.geometry.tensors import tensors
 from physic_core.types.skeletons import SIDES
 
 _SCENE, _PERSON, _OWN_BODY, _OBJECT = range(len(KINDS))
+_TOUCHING = {"foot": "sole", "hand": "hand"}  # contact set of a limb
+_FACES_DOWN = -0.3  # largest cosine between up and skin that faces down
 _BEARS = 0.3  # least cosine between up and skin of another person on which one can sit or stand
 
 
@@ -78,7 +77,7 @@ def find_contact(
     """Return the contact of people by their distances, and by what the picture shows beside
     them.
     """
-    touch = _with_unknown(state, method.find_touch(state, near))
+    touch = _with_unknown(state, near, method.find_touch(state, near))
     carried = _find_supports(state, near, touch, method)
     return _describe_contacts(
         state, near, _add_hidden_contacts(state, touch, carried), carried, picture
@@ -108,15 +107,15 @@ def measure_distances(
     floor = state.scene.floor
     height = None if floor is None else floor.scaled(state.scene_scale).height(scene.points)
     parts = scene_parts(scene, surfaces.row, *classes, height, state.up)
-    people = own = SkinDistances.none(vertices)
     met: tuple[Meeting, ...] = ()
     if method.people:
-        rest = model(*model.zero_pose()).vertices[0]
-        people = people_distances(vertices, normals, model.outer)
-        own = own_distances(vertices, normals, model.outer, model.part_of_vertex, rest)
         met = meetings(model, vertices, state.observed_touch)
-        people = at_meetings(people, vertices, [one for one in met if one.other != one.person])
-        own = at_meetings(own, vertices, [one for one in met if one.other == one.person])
+    people, own = (
+        SkinDistances.of_meetings(
+            vertices, [one for one in met if (one.other == one.person) is is_own]
+        )
+        for is_own in (False, True)
+    )
     return Distances(normals, surface, parts, people, own, met)
 
 
@@ -181,18 +180,24 @@ def _carried_limbs(state: State) -> list[tuple[str, Tensor]]:
     ]
 
 
-def _with_unknown(state: State, touch: Touch) -> Touch:
-    """Add contacts of soles and hands that probably touch the world, and have nothing of it within
-    a hand's breadth: with something unknown.
+def _with_unknown(state: State, near: Distances, touch: Touch) -> Touch:
+    """Add contacts of soles, hands, and skin of other observed parts that faces down, which
+    probably touch the world, and have nothing of it within a hand's breadth: with something
+    unknown. A hidden seat is a support.
     """
     kind = touch.kind.clone()
-    for side in SIDES if touch.parts else ():
-        for limb, skin in (("foot", "sole"), ("hand", "hand")):
-            name = f"{side}_{limb}"
-            alone = touch.parts[name] >= LEAST_PROBABILITY
-            alone &= touch.gaps[name] > HAND_BREADTH_M
-            chosen = state.model.in_contact_sets(f"{side}_{skin}") & state.model.outer
-            kind[alone[:, None] & chosen] = HIDDEN
+    down = near.normals @ state.up < _FACES_DOWN
+    for name, skin in contact_part_masks(state.model).items() if touch.parts else ():
+        if name not in OBSERVED or name == SEAT:
+            continue
+        alone = touch.parts[name] >= LEAST_PROBABILITY
+        alone &= touch.gaps[name] > HAND_BREADTH_M
+        side, _, limb = name.partition("_")
+        if limb in _TOUCHING:
+            chosen = state.model.in_contact_sets(f"{side}_{_TOUCHING[limb]}") & state.model.outer
+        else:
+            chosen = skin & down
+        kind[alone[:, None] & chosen] = HIDDEN
     return replace(touch, kind=kind)
 
 

@@ -1,8 +1,8 @@
 """Probability that a body part touches scene, floor or a hidden support.
 
-What the person observer says of a part decides, at the share of such parts that touch. Of the
-others, distance does: one logistic model for each kind of part. A feature is a reason for or
-against contact.
+What the person observer says of a part decides, at the share of such parts that touch. Of other
+feet and buttocks, distance does, by a logistic model. No model of distance tells more of other
+parts than their share, which they have.
 
 The shares, the weights, the photos that they were fitted on and the error on photos that took no
 part are in ``touch.json``, which ``benchmarks/contact_on_photos.py`` writes.
@@ -14,48 +14,21 @@ import json
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from scipy.special import expit, logit, softmax
 from torch import Tensor
 
+from physic_core.engine.body_parts import OBSERVED
 from physic_core.types.observations import TOUCH_PARTS, TOUCHED
-
-DISTANCE = "distance"
-"""Feature of feet, hands and seat: their distance from the nearest surface, in standard
-deviations.
-"""
 
 LEAST_PROBABILITY = 0.5
 """Minimum probability of a part in contact: others are not listed and do not support the person."""
 
-LIES = "lies"
-"""Feature of other parts: 1 if the trunk is nearly horizontal."""
-
-CARRIES = "carries"
-"""Feature of other parts: how near the surface is, 1 at it and 0 from a standard deviation on,
-times the cosine between down and the skin that is nearest to it.
-"""
-
-SKIN = "skin"
-"""Kind of contact of a part with another person or the own body."""
-
-OUTSIDE = "outside"
-"""Feature of skin: log(1 + d / 1 cm) of the distance of a part from the other one."""
-
-INSIDE = "inside"
-"""Feature of skin: the same of the depth of the part within the other one."""
-
-HAND = "hand"
-"""Feature of skin: 1 if one of both parts is a hand."""
-
-OWN_BODY = "own body"
-"""Feature of skin: 1 if both parts are of one body."""
-
 FloatArray = NDArray[np.floating[Any]]
-Values = TypeVar("Values", NDArray[np.floating[Any]], Tensor)
 
 
 def touch_probability(evidence: FloatArray) -> FloatArray:
@@ -82,29 +55,22 @@ def floor_probability(evidence: FloatArray) -> FloatArray:
     return found
 
 
-def touch_log_odds(kind: str, features: Mapping[str, Values]) -> Values:
-    """Return the log odds (...) that parts touch.
+def usual_world_touch(part: str) -> float:
+    """Return the share of a body part, such as "left_hand", that touches the world."""
+    row = OBSERVED.get(part)
+    if row is None:
+        return float(_fitted()["rate of others"])
+    return float(usual_touch()[row, TOUCHED.index("world")])
 
-    Args:
-        kind: of the parts: "foot", "hand", "seat", "other"; :data:`SKIN` for contact of a part with
-            another person or the own body.
-        features: name -> values (...), more than the kind needs or as many.
 
-    Raises:
-        KeyError: a feature is missing.
+def touch_by_distance(part: str, distance: Tensor) -> Tensor:
+    """Return the probability (...) that a body part touches the world, by its distance (...) from
+    the nearest surface in standard deviations; its share where distance tells no more.
     """
-    constant, *weights = touch_model()[kind].items()
-    odds: Any = constant[1]
-    for name, weight in weights:
-        odds = odds + weight * features[name]
-    found: Values = odds
-    return found
-
-
-def touch_model() -> Mapping[str, Mapping[str, float]]:
-    """Return kind of part -> "constant" and names of features -> weight."""
-    parts: Mapping[str, Mapping[str, float]] = _fitted()["parts"]
-    return parts
+    model = _fitted()["parts"].get(part.rpartition("_")[2])
+    if model is None:
+        return torch.full_like(distance, usual_world_touch(part))
+    return torch.sigmoid(model["constant"] + model["distance"] * distance)
 
 
 @cache

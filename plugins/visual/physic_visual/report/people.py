@@ -39,7 +39,7 @@ def people_records(reconstruction: Reconstruction) -> list[dict[str, Any]]:
         - ``posed``: whether there is a finite body; without one, the distances are None.
         - ``contact_vertices``: number of vertices in contact. ``vertices``: number of vertices.
         - ``contacts``: ``part``, ``partner``, ``color`` sRGB, ``probability``, ``likely``,
-          ``assumed`` of each.
+          ``assumed``, ``far`` of each.
         - ``support``: sentence on what carries the person.
         - ``stature``: metres. ``stature_sigma``: standard deviation of its logarithm.
         - ``posture``, ``posture_probability``, ``child_probability``: as of
@@ -126,7 +126,7 @@ def _contacts(person: Person) -> list[dict[str, Any]]:
             "probability": contact.probability,
             "likely": contact.likely,
             "assumed": contact.assumed,
-            "distance": contact.distance_m,
+            "far": contact.far,
         }
         for contact in person.contacts
     ]

@@ -58,12 +58,11 @@ function personCard(data, index) {
 // What each body part touches, and how surely.
 function partnerRows(person) {
   if (!person.contacts.length) return [];
-  const rows = person.contacts.map(({ part, partner, color, probability, distance }) => {
+  const rows = person.contacts.map(({ part, partner, color, probability, far }) => {
     const dot = element("span", { className: "dot" });
     dot.style.background = cssColor(color);
     const sure = probability === null ? "" : `, ${probability.toFixed(2)}`;
-    const far = distance ? ` (nearest surface at least ${distance.toFixed(2)} m off)` : "";
-    return element("li", {}, dot, `${part}: ${partner}${far}${sure}`);
+    return element("li", {}, dot, `${part}: ${partner}${far && ` (${far})`}${sure}`);
   });
   const list = chosen => element("ul", { className: "partners" }, ...rows.filter((row, i) => chosen(person.contacts[i])));
   const apart = (title, chosen) => person.contacts.some(chosen)
