@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.networks.single_shot_detection import anchor_centers, decode_detections
 from physic_embedded.networks.tiles import tiles
 from physic_embedded.segmentation.floor_mask import add_labelled_floor
+from physic_embedded.segmentation.people import is_person
 from physic_embedded.segmentation.person_masks import resolve_overlaps
 from physic_embedded.segmentation.unposed import count_heads
 from physic_testing import violations
@@ -214,3 +217,12 @@ def test_a_player_beside_the_middle_is_one_candidate(image):
         for photo in (beside, beside[:, ::-1])
     ]
     assert found == [1, 1]
+
+
+@pytest.mark.parametrize(
+    ("detected", "gap", "overlap", "person"),
+    [(0.8, 0.1, 0.5, True), (0.5, 0.1, 1.0, False), (0.5, 0.0, 0.5, False), (0.5, 0.0, 1.0, True)],
+)
+def test_a_weak_candidate_must_look_the_same_in_the_mirror(detected, gap, overlap, person):
+    pose = replace(pose_at((100, 100)), mirror_gap=gap, mirror_mask_iou=overlap)
+    assert is_person(pose, detected, 0.75) == person
