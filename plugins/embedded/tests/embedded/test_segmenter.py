@@ -18,6 +18,7 @@ from physic_embedded.networks.sessions import open_packaged_session
 from physic_embedded.networks.single_shot_detection import anchor_centers, decode_detections
 from physic_embedded.networks.tiles import tiles
 from physic_embedded.segmentation.floor_mask import add_labelled_floor
+from physic_embedded.segmentation.hidden_people import grey_out
 from physic_embedded.segmentation.people import is_person
 from physic_embedded.segmentation.person_masks import resolve_overlaps
 from physic_embedded.segmentation.unposed import count_heads
@@ -226,3 +227,11 @@ def test_a_player_beside_the_middle_is_one_candidate(image):
 def test_a_weak_candidate_must_look_the_same_in_the_mirror(detected, gap, overlap, person):
     pose = replace(pose_at((100, 100)), mirror_gap=gap, mirror_mask_iou=overlap)
     assert is_person(pose, detected, 0.75) == person
+
+
+def test_people_are_covered_in_grey_and_nothing_else_is():
+    image = np.full((200, 200, 3), 10, np.uint8)
+    covered = grey_out(image, [pose_at((60, 100), height=80)])
+    assert (covered[55:145, 15:105] == 114).all()
+    assert (covered[:, 115:] == 10).all()
+    assert (image == 10).all()
