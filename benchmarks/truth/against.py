@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
     from benchmarks.same_photo.variants import Answer
 
+_Record = Mapping[str, Any]
+
 CAMERA_SETS = ("mpi_inf_3dhp", "panoptic", "roundtable")
 
 
@@ -201,9 +203,18 @@ def truth_figures(
     )
     truth = compared(samples, before)["triangulated"]
     records = [compared(samples, one, truth) for one in (before, after)]
-    people = [[_with_size(r) for r in one["people"]] for one in records]
-    floors = [one["floors"] for one in records]
+    yield from _joint_figures([[_with_size(r) for r in one["people"]] for one in records])
+    yield from _floor_figures([one["floors"] for one in records])
     photos = [one["photos"] for one in records]
+    for key, words in (("absrel", "as it comes"), ("absrel_scaled", "after one factor")):
+        pairs = _percent(paired(key, *photos, unit=("photo",)))
+        yield Figure(f"depth of the scene off, %, {words}", pairs)
+    parts = [[{**r, "brier": _brier(r)} for r in one["parts"]] for one in records]
+    pairs = paired("brier", *parts, unit=("photo", "person", "part"))
+    yield Figure("touch in films, Brier score", pairs, form=".3f")
+
+
+def _joint_figures(people: Sequence[Sequence[_Record]]) -> Iterator[Figure]:
     for group, sets in (
         ("", CAMERA_SETS),
         (", one person a photo", CAMERA_SETS[:1]),
@@ -221,23 +232,20 @@ def truth_figures(
     yield Figure("PA-MPJPE, mm, films", paired("pa_mpjpe_mm", *films))
     yield Figure("size of bodies off, %", paired("size_off", *people))
     yield Figure("people missed, %", paired("missed", *people), is_share=True)
-    yield Figure("2D joints off, % of the box: visible", paired("visible", *people), form=".2f")
-    yield Figure("2D joints off, % of the box: hidden", paired("hidden", *people), form=".2f")
-    for key, words in (
-        ("floor_angle_deg", "floor: angle, degrees"),
-        ("up_angle_deg", "up: angle, degrees"),
-        ("camera_height_off", "camera height off, %"),
+    for shown in ("visible", "hidden"):
+        pairs = paired(shown, *people)
+        yield Figure(f"2D joints off, % of the box: {shown}", pairs, form=".2f")
+
+
+def _floor_figures(floors: Sequence[Sequence[_Record]]) -> Iterator[Figure]:
+    for key, words, is_share in (
+        ("floor_angle_deg", "floor: angle, degrees", False),
+        ("up_angle_deg", "up: angle, degrees", False),
+        ("camera_height_off", "camera height off, %", False),
+        ("missing", "floor missing, %", True),
     ):
         pairs = paired(key, *floors, unit=("photo",))
-        yield Figure(words, _percent(pairs) if "%" in words else pairs)
-    pairs = paired("missing", *floors, unit=("photo",))
-    yield Figure("floor missing, %", _percent(pairs), is_share=True)
-    for key, words in (("absrel", "as it comes"), ("absrel_scaled", "after one factor")):
-        pairs = _percent(paired(key, *photos, unit=("photo",)))
-        yield Figure(f"depth of the scene off, %, {words}", pairs)
-    parts = [[{**r, "brier": _brier(r)} for r in one["parts"]] for one in records]
-    pairs = paired("brier", *parts, unit=("photo", "person", "part"))
-    yield Figure("touch in films, Brier score", pairs, form=".3f")
+        yield Figure(words, _percent(pairs) if "%" in words else pairs, is_share=is_share)
 
 
 def _with_size(record: Mapping[str, Any]) -> dict[str, Any]:
@@ -318,22 +326,40 @@ def change_figures(
         if before.visible and after.visible:
             shares = [100 * (c.lost + c.new) / c.visible for c in (before, after)]
             lost.append(Pair("same photo", photo, question.name, shares[0], shares[1]))
-        theirs = {person.person: person for person in after.people}
-        for person in before.people:
-            match = theirs.get(ranks.get(person.person, -1))
-            if match is None:
-                continue
-            name = f"{question.name} {person.person}"
-            unit = f"{photo} {person.person}"
-            off = [100 * abs(math.expm1(p.distance)) for p in (person, match)]
-            flips = [100.0 * (len(set(p.usable)) > 1) for p in (person, match)]
-            if np.isfinite(off).all():
-                distance.append(Pair("same photo", unit, name, off[0], off[1]))
-            usable.append(Pair("same photo", unit, name, flips[0], flips[1]))
+        of = ("same photo", photo, question.name)
+        moved, flipped = _of_people((before.people, after.people), ranks, of)
+        distance += moved
+        usable += flipped
     yield Figure("same photo, changed: distance, %, median", distance, percentile(50))
     yield Figure("same photo, changed: distance, %, 90th percentile", distance, percentile(90))
     yield Figure("same photo, changed: people with another usable mark, %", usable, is_share=True)
     yield Figure("same photo, changed: people lost or new, %", lost, is_share=True)
+
+
+def _of_people(
+    both: tuple[Sequence[Any], Sequence[Any]], ranks: Mapping[int, int], of: tuple[str, str, str]
+) -> tuple[list[Pair], list[Pair]]:
+    """Return how far each person moves in both builds, percent, and whether usable marks differ.
+
+    Args:
+        both: people of both builds, with what the change of the photo moves.
+        ranks: number of a person in one build -> in the other.
+        of: set, photo, and name of the question.
+    """
+    distance: list[Pair] = []
+    usable: list[Pair] = []
+    theirs = {person.person: person for person in both[1]}
+    for person in both[0]:
+        match = theirs.get(ranks.get(person.person, -1))
+        if match is None:
+            continue
+        names = of[0], *(f"{word} {person.person}" for word in of[1:])
+        off = [100 * abs(math.expm1(p.distance)) for p in (person, match)]
+        if np.isfinite(off).all():
+            distance.append(Pair(*names, *off))
+        flips = [100.0 * (len(set(p.usable)) > 1) for p in (person, match)]
+        usable.append(Pair(*names, *flips))
+    return distance, usable
 
 
 def _seen(answer: SimpleNamespace, variant: Variant, size: tuple[int, int]) -> Answer:

@@ -71,16 +71,17 @@ def main() -> int:
         "scores": parts,
         **records,
     }
-    for name, content, indent in (
-        ("results", measured, 1),
-        ("triangulated", records["triangulated"], None),
-    ):
-        text = json.dumps(without_nan(content), indent=indent, allow_nan=False)
-        (given.out / f"{name}.json").write_text(text)
-    (given.out / "table.md").write_text(table + "\n")
+    _write(given.out, measured, records["triangulated"], table)
     print(table)
     print("photos: " + ", ".join(f"{name} {count}" for name, count in counts.items()))
     return 0
+
+
+def _write(folder: Path, measured: Any, triangulated: Any, table: str) -> None:
+    for name, content, indent in (("results", measured, 1), ("triangulated", triangulated, None)):
+        text = json.dumps(without_nan(content), indent=indent, allow_nan=False)
+        (folder / f"{name}.json").write_text(text)
+    (folder / "table.md").write_text(table + "\n")
 
 
 def _parser() -> argparse.ArgumentParser:
