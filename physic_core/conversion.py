@@ -14,10 +14,14 @@ from physic_core.discovery.plugins import call_item, explain_absence, find_items
 from physic_core.errors import BodyModelError, ConfigError, PackageMissingError, PluginError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from physic_core.body.model import BodyModel
-    from physic_core.types import Bodies, ContactProbability, Mesh
+    from physic_core.types import Bodies, ContactProbability, Mesh, RestMesh
+
+    VertexTransfer = Callable[[NDArray[np.floating[Any]]], NDArray[np.float64]]
 
 _ROLE = "converter of bodies"
 _DISTRIBUTION = "metricbody-embedded"
@@ -56,6 +60,10 @@ class BodyConverter(ABC):
     @abstractmethod
     def convert(self, bodies: Bodies, model: BodyModel) -> ConvertedBodies:
         """Convert bodies for which :func:`can_convert` holds to another model on the CPU."""
+
+    @abstractmethod
+    def vertex_transfer(self, rest: RestMesh, model: BodyModel) -> VertexTransfer:
+        """Return what carries values from the vertices of a mesh to those of a body model."""
 
     @abstractmethod
     def convert_contact(self, contact: ContactProbability, model: BodyModel) -> ContactProbability:
@@ -108,6 +116,18 @@ def convert_contact(contact: ContactProbability, model: BodyModel) -> ContactPro
             "give the mesh in the T-pose (ContactProbability.rest)"
         )
     return _converter().convert_contact(contact, model)
+
+
+def vertex_transfer(rest: RestMesh, model: BodyModel) -> VertexTransfer:
+    """Return a function that carries values (..., V, C) of the vertices of a body's mesh to those
+    of a body model.
+
+    Raises:
+        BodyModelError: the mesh is not a body in a T-pose.
+
+    Further errors are those of :func:`convert_bodies`.
+    """
+    return _converter().vertex_transfer(rest, model)
 
 
 def mesh_to_fit(bodies: Bodies, model: BodyModel) -> Mesh | None:

@@ -245,7 +245,9 @@ def _inverse_depth(pointmap: Pointmap) -> FloatArray:
     """Return the inverse depth (h, w) of a network, NaN where it is not valid."""
     z = pointmap.points[..., 2]
     with np.errstate(divide="ignore"):
-        return _shrunk(np.where(pointmap.valid & (z > 0), 1 / z.astype(np.float64), np.nan))
+        inverse = np.where(pointmap.valid & (z > 0), 1 / z.astype(np.float64), np.nan)
+    shrunk: FloatArray = _shrunk(inverse)
+    return shrunk
 
 
 def _ray_lengths(camera: Intrinsics) -> FloatArray:

@@ -182,7 +182,7 @@ def _vertex_transfer(files: BodyFiles, source: str, target: str) -> Callable[[Ar
     """Return what carries values from one mesh to another; found once, half a second each."""
     from scipy.spatial import KDTree
 
-    from physic_core.body import find_correspondence
+    from physic_core.conversion import vertex_transfer
 
     rest_source = files.rest_mesh(source)
     rest_target = files.rest_mesh(target)
@@ -190,14 +190,12 @@ def _vertex_transfer(files: BodyFiles, source: str, target: str) -> Callable[[Ar
         return None
     model = files.model(target)
     if model is not None:
-        return find_correspondence(rest_source, model).interpolate
+        return vertex_transfer(rest_source, model)
     model = files.model(source)
     if model is None:
         return None
     # The target has no model here: its vertices take the values of the nearest of the source's,
     # laid onto it.
-    laid = find_correspondence(rest_target, model).interpolate(
-        rest_target.vertices.astype(np.float64)
-    )
+    laid = vertex_transfer(rest_target, model)(rest_target.vertices.astype(np.float64))
     nearest = KDTree(laid).query(rest_target.vertices)[1]
     return lambda values: values[nearest]

@@ -38,6 +38,7 @@ from physic_core.types import Bodies, BodyParameters, ContactProbability, Mesh, 
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
+    from physic_core.conversion import VertexTransfer
 
 _Array = NDArray[np.float64]
 _Bools = NDArray[np.bool_]
@@ -56,6 +57,10 @@ class ClosedForm(BodyConverter):
     def convert(self, bodies: Bodies, model: BodyModel) -> ConvertedBodies:
         """Fit the model to the surfaces of people, or to their joints."""
         return _converted(bodies, model)
+
+    def vertex_transfer(self, rest: RestMesh, model: BodyModel) -> VertexTransfer:
+        """Return the interpolation at the position of each vertex on the mesh."""
+        return cached_correspondence(rest, model).interpolate
 
     def convert_contact(self, contact: ContactProbability, model: BodyModel) -> ContactProbability:
         """Interpolate contact at the position of each vertex; 0 in cavities of the body."""

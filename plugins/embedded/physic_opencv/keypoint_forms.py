@@ -318,7 +318,7 @@ def _check_names(meta: Mapping[str, Any]) -> None:
 
 def _joint_of_label(label: Any) -> str:
     """Return the joint of a label of transformers, which counts COCO's 17."""
-    joints = _BY_COUNT[17]
+    joints: tuple[str, ...] = _BY_COUNT[17]
     label = count(label, "a label")
     if not 0 <= label < len(joints):
         raise ValueError(

@@ -174,7 +174,7 @@ def _read_easymocap(path: Path) -> CameraFile:
     numbers = {key: _read_matrix(key, value) for key, value in entries.items()}
     tables = {}
     for name in names:
-        size = [sides.get(f"{side}_{name}") for side in "WH"]
+        size = [sides.get(f"{side}_{name}", "") for side in "WH"]
         turn = numbers.get(f"Rot_{name}")
         vector = numbers.get(f"R_{name}", turn)
         if turn is not None and not np.allclose(
