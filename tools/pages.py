@@ -179,7 +179,11 @@ def checks_table(of: str) -> str:
                 f"`{spec.name}`",
                 value_of(spec) + ("; only if there is one" if spec.optional else ""),
                 limit_of(spec),
-                *([right_text(found[spec.name])] if people else []),
+                *(
+                    [right_text(found[spec.name]) if spec.name in found else "not measured"]
+                    if people
+                    else []
+                ),
             ]
             for spec in CHECKS.values()
             if spec.of == of

@@ -268,26 +268,25 @@ def _shrunk(values: Any) -> Any:
     return values[rows][:, columns]
 
 
-def turned_masks(given: BoolArray, seen: BoolArray) -> tuple[str, str]:
-    """Return what masks or outlines of people seem to be, and the cure; "" for what they are stated
-    to be, or if no reading is clearly better.
+def turned_masks(given: BoolArray, seen: BoolArray) -> str:
+    """Return what masks or outlines of people seem to be, and the cure, such as "mirrored: exchange
+    left and right"; "" if they are best as they are, or nothing is clearly better.
 
     Args:
         given: (M, H, W), by a file.
         seen: (N, H, W), of the people that are detected.
     """
     if not len(given) or not len(seen):
-        return "", ""
-    small = np.stack([_shrunk(mask) for mask in given])
-    people = np.stack([_shrunk(mask) for mask in seen])
+        return ""
+    small, people = (np.stack([_shrunk(mask) for mask in masks]) for masks in (given, seen))
     apart = {
         turn: 1 - _overlap(turned(small), people)
         for turn, (turned, _) in TURNS.items()
         if turned(small).shape == small.shape
     }
     best = min(apart, key=apart.__getitem__)
-    is_better = best and apart[best] <= SURELY * apart[""]
-    return (best, TURNS[best][1]) if is_better else ("", "")
+    is_better = apart[best] <= min(0.5, SURELY * apart[""])
+    return f"{best}: {TURNS[best][1]}" if best and is_better else ""
 
 
 def _overlap(given: BoolArray, seen: BoolArray) -> float:

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 _KNEES = joint_pair("knee")
 _ANKLES = joint_pair("ankle")
+_UPRIGHT = ("stand", "walk", "run", "jump")
 _SEATED = ("sit", "ride")  # postures of people on a seat
 _ASSUMED_SUPPORT = "what carries this person is assumed, since the photo does not show it"
 _IN_THE_AIR = "this person is in the air, and touches nothing"
@@ -372,6 +373,67 @@ def given_size(estimates: Estimates, result: Reconstruction, person: int) -> Mea
         f"the photo shows {shown:.2f} m, and {given:.2f} m {origin}: check the ages and statures "
         f"that you gave"
     )
+
+
+# Of adults 0 to 2; a renderer's depth made one .60 m tall, and a mirrored one another 1.37 m.
+@_check(
+    "Stature unlikely",
+    at_most=3,
+    unit="sigma",
+    contradicts=("size",),
+    optional=True,
+)
+def stature(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
+    """Return the difference of a stature from that of adults or of children, as the photo shows
+    one, in standard deviations.
+
+    People of known stature or age are not asked about.
+    """
+    from physic_core.engine.sizes.stature import SEEMS_CHILD, stature_surprise
+
+    who = result.people[person]
+    if who.stature is None or _is_known(estimates, result, person):
+        return None
+    child = math.nan if who.child_probability is None else who.child_probability
+    off = stature_surprise(who.stature, child, stands=who.posture in _UPRIGHT)
+    return off, (
+        f"this person is {who.stature:.2f} m tall, and seems to be "
+        f"{'a child' if child >= SEEMS_CHILD else 'an adult'}: check the unit of what you gave, "
+        f"and do not use this size"
+    )
+
+
+@_check(
+    "Age of a child unknown",
+    at_most=0.15,
+    unit="log",
+    contradicts=("size",),
+    optional=True,
+)
+def child_size(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
+    """Return the standard deviation of the logarithm of the stature of a child who does not stand.
+
+    It is not asked where you give age or stature, or where something measured gives the scale.
+    """
+    from physic_core.engine.sizes.evidence import MEASURED_SIGMA
+    from physic_core.engine.sizes.stature import SEEMS_CHILD, log_stature_of_children
+
+    who = result.people[person]
+    sigma = result.scene.scale_sigma
+    is_measured = sigma is not None and sigma <= MEASURED_SIGMA
+    is_child = (who.child_probability or 0.0) >= SEEMS_CHILD and who.posture not in _UPRIGHT
+    if not is_child or is_measured or _is_known(estimates, result, person):
+        return None
+    return log_stature_of_children()[1], (
+        "this child may be a baby: the height is that of children of 2 to 13 years. Give --age or "
+        "--stature"
+    )
+
+
+def _is_known(estimates: Estimates, result: Reconstruction, person: int) -> bool:
+    """Return whether the user gave stature or age of a person."""
+    given = estimates.photo.known.filled(len(result.people))
+    return any(math.isfinite(values[person]) for values in given)
 
 
 def _stands_on_seen_legs(estimates: Estimates, result: Reconstruction, person: int) -> bool:

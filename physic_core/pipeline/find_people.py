@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.errors import NoPersonError
+from physic_core.errors import InputError, NoPersonError
 from physic_core.interfaces import (
     BodyEstimatorRequest,
     ContactPriorRequest,
@@ -54,6 +54,10 @@ if TYPE_CHECKING:
     from physic_core.types.known_sizes import KnownPeople
 
 _POINT_AT_PEOPLE = "if the photo shows one, point at them with --person x,y or --box x0,y0,x1,y1"
+
+
+_SURE = 0.5  # confidence of a keypoint that tells where a person is
+_INSIDE = 0.8  # share of a person's keypoints in a mask of them
 
 
 @dataclass(frozen=True)
@@ -110,8 +114,9 @@ def find_people(run: PhotoRun) -> FoundPeople:
     if prompt is not None and prompt.ignored:
         ignored = prompt
         prompt = None
-    found = _segment(run, prompt, required=run.plan.photo.require_people)
+    found = _segment_with_masks(run, prompt, required=run.plan.photo.require_people)
     if run.given.masks is not None:
+        _check_masks(found.people.masks, run.given.masks)
         people, count = with_given_masks(found.people, run.given.masks)
         run.stages.note(f"given masks of {count} of {len(people)} people")
         found = replace(found, people=people)
@@ -169,6 +174,54 @@ def _with_given_bodies(run: PhotoRun, found: SegmentedPeople) -> tuple[Segmented
     run.stages.note(f"added {shown.sum()} people whom only the given bodies show")
     people = with_people_of_masks(found.people, free[shown])
     return SegmentedPeople(people, None), np.concatenate([rows, others[shown]])
+
+
+def _segment_with_masks(
+    run: PhotoRun, prompt: PeoplePrompt | None, *, required: bool
+) -> SegmentedPeople:
+    """Segment people as :func:`_segment`; if masks of the prompt show nobody, or keypoints lie
+    beside them, compare them with the people who are found without them.
+
+    Raises:
+        InputError: the masks are those of a turned or mirrored picture.
+        NoPersonError: they are of no person.
+    """
+    masks = None if prompt is None else prompt.masks
+    try:
+        found = _segment(run, prompt, required=required)
+    except NoPersonError:
+        if masks is not None:
+            _check_masks(masks, _segment(run, None, required=False).people.masks)
+        raise
+    if masks is not None and _share_of_keypoints_inside(found.people) < _INSIDE:
+        _check_masks(masks, _segment(run, None, required=False).people.masks)
+    return found
+
+
+def _check_masks(given: BoolArray, seen: BoolArray) -> None:
+    """Raise InputError if masks (M, H, W) fit others clearly better turned or mirrored."""
+    from physic_core.geometry.readings import turned_masks
+
+    if turned := turned_masks(given, seen):
+        raise InputError(f"the given masks are those of a picture that is {turned}")
+
+
+def _share_of_keypoints_inside(people: People) -> float:
+    """Return the share of the certain keypoints of people that lie in their masks; 1 without
+    any.
+    """
+    keypoints = people.keypoints
+    if keypoints is None:
+        return 1.0
+    height, width = people.masks.shape[1:]
+    inside = [
+        mask[np.rint(y).astype(int).clip(0, height - 1), np.rint(x).astype(int).clip(0, width - 1)]
+        for mask, points, sure in zip(
+            people.masks, keypoints.points, keypoints.confidence, strict=True
+        )
+        for x, y in [points[sure >= _SURE].T]
+    ]
+    return float(np.concatenate(inside).mean()) if any(map(len, inside)) else 1.0
 
 
 def _segment(run: PhotoRun, prompt: PeoplePrompt | None, *, required: bool) -> SegmentedPeople:

@@ -15,6 +15,7 @@ from physic_core.body.landmarks import keypoints_on_body
 from physic_core.engine.state import MatchedBodies
 from physic_core.errors import ConfigError, InputError
 from physic_core.geometry.raster import rasterize
+from physic_core.geometry.readings import turned_masks
 from physic_core.interfaces.bodies import valid_body_rows
 from physic_core.types.skeletons import mirrored_order
 
@@ -80,6 +81,8 @@ def match_to_people(
     rows = np.full(len(people), -1)
     if not len(people):
         return rows, outlines
+    if turned := turned_masks(outlines[drawn], people.masks):
+        raise InputError(f"{given.source}: its bodies are of a picture that is {turned}")
     boxes = boxes_from_masks(outlines).astype(np.float64) if given.boxes is None else given.boxes
     flat = outlines.reshape(len(outlines), -1).astype(np.float32)
     masks = people.masks.reshape(len(people), -1).astype(np.float32)

@@ -235,6 +235,8 @@ def case(
         "contacts": (),
         "vertices": joints,
         "has_body": True,
+        "stature": None,
+        "child_probability": None,
         "unseen": ("right_upper_leg", "right_lower_leg", "right_foot"),
         "posture": posture,
         "posture_probability": 0.9,
@@ -532,7 +534,7 @@ def test_what_the_user_gave_and_the_photo_contradicts_makes_a_person_doubtful(
     name, report, known, failed, message
 ):
     estimates, result = case(report=report)
-    estimates.photo.known = known
+    estimates.photo.known = KnownPeople(**known)
     estimates.file_px_per_px = 1.5
     found = next(d for d in run_checks(estimates, result) if d.name == name)
     assert found.message.startswith(message)
@@ -557,3 +559,40 @@ def test_a_trunk_that_bends_more_than_a_spine_is_warned_of(degrees, warned):
     bent = replace(person, parameters=replace(person.parameters, body_pose=pose))
     sentences = warn_of_bent_trunks(replace(result, people=(bent,)))
     assert [f"{degrees} degrees" in sentence for sentence in sentences] == [True] * warned
+
+
+UNKNOWN = KnownPeople(None, None)
+
+
+@pytest.mark.parametrize(
+    ("person", "name"),
+    [
+        ({"stature": 0.6, "child_probability": 0.24}, "stature"),
+        ({"stature": 0.6, "child_probability": 0.9}, "stature"),
+        ({"stature": 2.4}, "stature"),
+        ({"stature": 1.22, "child_probability": 0.9, "posture": "lie"}, "child_size"),
+        ({"stature": 1.22, "child_probability": 0.9, "sigma": 0.01, "posture": "lie"}, ""),
+        ({"stature": 1.22, "child_probability": 0.9}, ""),
+        ({"stature": 1.69, "child_probability": 0.24}, ""),
+        ({"stature": 1.95}, ""),
+        ({"stature": 0.9, "child_probability": 0.9}, ""),
+    ],
+)
+def test_a_stature_that_nobody_has_is_not_usable_in_size(person, name):
+    estimates, result = case(**person)
+    estimates.photo.known = UNKNOWN
+    checks = run_checks(estimates, result)
+    about_size = [
+        one.name for one in checks if one.failed and one.name in ("stature", "child_size")
+    ]
+    assert about_size == [name] * bool(name)
+    assert (person_trust(checks, 0).marks["size"] <= 0.5) == bool(name)
+
+
+@pytest.mark.parametrize(
+    "known", [KnownPeople(np.array([1.0]), None), KnownPeople(None, np.array([0.6]))]
+)
+def test_a_stature_is_not_asked_of_people_of_known_age_or_size(known):
+    estimates, result = case(stature=0.6, child_probability=0.9)
+    estimates.photo.known = KnownPeople(**known)
+    assert not [one for one in run_checks(estimates, result) if one.name == "stature"]

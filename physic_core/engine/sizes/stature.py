@@ -61,6 +61,8 @@ STATURES_M = (0.5, 2.2)
 ADULT_YEARS = 16.0
 """Age from which the body estimator's prior of adults holds."""
 
+_LEAST_STANDING_M = 0.7  # stature of people of one year, who begin to stand
+
 _CERTAIN = 0.2  # log factor beyond which a person is not an adult of the prior, such as a child
 _NEWTON_STEPS = 4  # stature is piecewise linear in the shape
 
@@ -186,6 +188,29 @@ def log_stature_of_children() -> tuple[float, float]:
     mean = ages.log_stature[child].mean()
     variance = ((ages.log_stature[child] - mean) ** 2 + ages.sigma[child] ** 2).mean()
     return float(mean), float(np.sqrt(variance))
+
+
+def stature_surprise(stature: float, child: float, *, stands: bool) -> float:
+    """Return by how many standard deviations a stature differs from that of adults or children,
+    whichever is likelier.
+
+    A class that is rare by the photo counts as far away as a value of a normal distribution that is
+    as rare. Nobody stands before their first birthday.
+
+    Args:
+        stature: metres.
+        child: probability by the photo, NaN where it says nothing.
+        stands: whether the person stands.
+    """
+    share = CHILD_SHARE if np.isnan(child) else child
+    mean, spread = log_stature_of_children()
+    adults = np.log(ADULT_STATURE_M), np.hypot(STATURE_SIGMA, FACTOR_SPREAD)
+    children = (mean, spread) if not stands or stature >= _LEAST_STANDING_M else (np.inf, spread)
+    squares = [
+        ((np.log(stature) - middle) / sigma) ** 2 - 2 * np.log(max(part, 1e-9))
+        for part, (middle, sigma) in ((1 - share, adults), (share, children))
+    ]
+    return float(np.sqrt(min(squares)))
 
 
 def size_sigmas(

@@ -182,7 +182,7 @@ def _read_easymocap(path: Path) -> CameraFile:
         ):
             raise ValueError(f"its R_{name} and Rot_{name} differ: remove one")
         tables[name] = {
-            "size": [*map(int, size)] if all(size) else None,
+            "size": [int(side or 0) for side in size] if all(size) else None,
             "K": numbers[f"K_{name}"].reshape(3, 3).tolist(),
             "distortion": _coefficients(numbers.get(f"dist_{name}")),
             **_pose(vector, numbers.get(f"T_{name}")),
