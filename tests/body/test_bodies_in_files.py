@@ -21,11 +21,13 @@ from other_body import mm, posed, smpl_file_arrays, smplx_file_arrays
 from scipy.spatial.transform import Rotation
 
 from physic_core import InputError, read_bodies
-from physic_core.body import load_smpl
-from physic_core.body.files import load_smplx
+from physic_core.body import JOINT_INDEX, PARENTS, load_smpl
+from physic_core.body.files import SMPLH, load_smplx
 from physic_core.conversion import convert_bodies
 from physic_core.geometry.rotations import rotmat_to_rotvec
 from physic_core.types import FileOfPhoto
+from physic_testing.worlds import load_world
+from tests.pipeline.mocks import run
 
 SIZE = (640, 480)
 MIDDLE = [319.5, 239.5]
@@ -113,6 +115,34 @@ def test_amass_keys(tmp_path, smplx, smplx_path):
     assert off(found, joints[2:3], slice(0, 55)) < 0.1
     with pytest.raises(InputError, match="bodies_frame"):
         read(tmp_path / "a.npz", smplx_path)
+
+
+def smplh_file_arrays(body):
+    """A body of 6890 vertices as a SMPL-H file: 52 joints, no jaw and eyes."""
+    rows = [*range(22), *range(25, 55)]
+    weights = body.weights[:, rows].copy()
+    weights[:, 15] += body.weights[:, 22:25].sum(1)
+    parents = [PARENTS[row] - 3 * (PARENTS[row] >= 25) for row in rows]
+    return smpl_file_arrays(body) | {
+        "posedirs": np.zeros((len(body.template), 3, 459), np.float16),
+        "J_regressor": body.regressor[rows],
+        "weights": weights,
+        "kintree_table": np.stack([parents, np.arange(52)]).astype(np.uint32),
+    }
+
+
+def test_amass_keys_of_smplh(tmp_path, people, smaller):
+    """156 numbers: root, 21 joints of the body, 15 of the left hand, 15 of the right."""
+    np.savez(tmp_path / "SMPLH_NEUTRAL.npz", **smplh_file_arrays(smaller))
+    turns = rotmat_to_rotvec(people["rotations"])[:, [*range(22), *range(25, 55)]]
+    model = load_smpl(tmp_path / "SMPLH_NEUTRAL.npz", SMPLH)
+    joints = model.smpl_joints(matrices(turns), people["betas"][:, :10], people["transl"])
+    poses, betas = turns.reshape(4, 156), people["betas"][3, :10]
+    np.savez(tmp_path / "a.npz", poses=poses, betas=betas, trans=people["transl"], gender="neutral")
+    found = read(tmp_path / "a.npz", tmp_path / "SMPLH_NEUTRAL.npz", frame=3)
+    assert off(found, joints[3:]) < 0.1
+    hands = found.bodies.joints[:, 25:] - joints[3:, 22:]
+    assert 1000 * np.abs(hands).max() < 0.1
 
 
 def test_gvhmr(tmp_path, smplx, smplx_path):
@@ -293,6 +323,38 @@ def test_sam_3d_body(tmp_path, embedded64, mhr, people, maps):
     np.testing.assert_allclose(found.boxes[0], [10, 20, 30, 40])
 
 
+MHR70 = {
+    5: "left_shoulder",
+    6: "right_shoulder",
+    7: "left_elbow",
+    8: "right_elbow",
+    9: "left_hip",
+    10: "right_hip",
+    11: "left_knee",
+    12: "right_knee",
+    13: "left_ankle",
+    14: "right_ankle",
+    41: "right_wrist",
+    62: "left_wrist",
+}  # of sam_3d_body/metadata/mhr70.py
+
+
+def test_keypoints_of_sam_3d_body_need_no_model(tmp_path, smplx):
+    *_, transl, joints, _ = smplx
+    places = {k: joints[:, JOINT_INDEX[name]] - transl for k, name in MHR70.items()}
+    points = np.zeros((4, 70, 3), np.float32)
+    for k, place in places.items():
+        points[:, k] = place
+    given = [
+        {"pred_cam_t": transl[i], "pred_keypoints_3d": points[i], "focal_length": 750.0}
+        for i in range(4)
+    ]
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps(given))
+    found = read(tmp_path / "a.pkl").bodies.joints
+    rows = [JOINT_INDEX[name] for name in MHR70.values()]
+    assert 1000 * np.abs(found[:, rows] - joints[:, rows]).max() < 0.1
+
+
 def test_ply_of_sam_3d_body(tmp_path, embedded64, mhr, people, maps):
     given, joints = sam_people(embedded64, mhr[:3], people)
     body = given[1]["pred_vertices"] + given[1]["pred_cam_t"]
@@ -312,7 +374,11 @@ def test_obj_of_4d_humans(tmp_path, embedded64, smaller, smpl_path, people, maps
     joints = out.joints[:1].numpy() + np.array([0, 0, 50])
     assert converted_mm(found, joints, embedded64) < 2
     np.testing.assert_allclose(found.camera[0, 0], 5000 / 256 * 640)
-    assert read(tmp_path, smpl_path).is_placed
+    nearer = far - [1, 0, 10]
+    for name, body in (("photo_1.obj", nearer), ("other_0.obj", far)):
+        trimesh.Trimesh(body * [1, -1, -1], smaller.faces, process=False).export(tmp_path / name)
+    both = read(tmp_path, smpl_path)
+    assert converted_mm(both, np.stack([joints[0], joints[0] - [1, 0, 10]]), embedded64) < 2
 
 
 def test_obj_of_camerahmr_has_no_place(tmp_path, embedded64, smaller, smpl_path, people):
@@ -322,6 +388,16 @@ def test_obj_of_camerahmr_has_no_place(tmp_path, embedded64, smaller, smpl_path,
     found = read(tmp_path / "photo_000000.obj", smpl_path)
     assert not found.is_placed
     assert found.notes
+
+
+def test_keypoints_place_an_obj_without_a_place(tmp_path, smaller, smpl_path, maps):
+    world = load_world("stand", (160, 120))
+    body = smaller.from_embedded @ (world.vertices[0] - world.parameters.transl[0])
+    trimesh.Trimesh(body, smaller.faces, process=False).export(tmp_path / "photo_000000.obj")
+    files = f"photo.bodies={tmp_path / 'photo_000000.obj'}", f"photo.bodies_model={smpl_path}"
+    found = run(world.image, *files, intrinsics=world.intrinsics)
+    apart = np.linalg.norm(found.people[0].given_joints[:22] - world.joints[0, :22], axis=1)
+    assert apart.mean() < 0.02
 
 
 def test_arrays_and_glb_of_multi_hmr(tmp_path, embedded64, other, smplx_path, people, maps):

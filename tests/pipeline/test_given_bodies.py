@@ -133,6 +133,13 @@ def test_masks_choose_the_people(tmp_path, group):
         np.testing.assert_array_equal(person.mask, group.masks[i])
 
 
+def test_masks_in_python_choose_the_people(group):
+    found = run(group.image, masks=group.masks[[2, 0]], intrinsics=group.intrinsics)
+    assert len(found.people) == 2
+    for person, i in zip(found.people, (2, 0), strict=True):
+        np.testing.assert_array_equal(person.mask, group.masks[i])
+
+
 def test_a_known_stature_resizes_a_given_body(tmp_path, world):
     found = result(world, written(tmp_path, world), "photo.stature=1.9")
     assert found.people[0].stature == pytest.approx(1.9, rel=0.01)

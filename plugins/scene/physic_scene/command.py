@@ -30,6 +30,21 @@ def _known_sizes(stature: tuple[float, ...] | None, age: float | None) -> KnownS
         raise click.UsageError(str(error)) from error
 
 
+def _files_of_photos(count: int, **given: Sequence[Path]) -> list[dict[str, str]]:
+    """Return the settings of each photo from options that are given once for each, or not at
+    all.
+    """
+    for name, paths in given.items():
+        if len(paths) not in (0, count):
+            raise click.UsageError(
+                f"--{name} is given {len(paths)} times for {count} photos: give it once for each"
+            )
+    return [
+        {name: str(paths[i].absolute()) for name, paths in given.items() if paths}
+        for i in range(count)
+    ]
+
+
 def _warn_of_order(photos: Sequence[Path], cameras: Sequence[KnownCamera | None]) -> None:
     from physic_core.cli.output import echo
 
@@ -67,6 +82,20 @@ def _warn_of_order(photos: Sequence[Path], cameras: Sequence[KnownCamera | None]
     "where unknown.",
 )
 @click.option("--age", metavar="YEARS", type=Number(), help="Known age of all people.")
+@click.option(
+    "--bodies",
+    metavar="FILE",
+    type=AnyPath(),
+    multiple=True,
+    help="Bodies of another program, as of `physic run`: once for each photo, in their order.",
+)
+@click.option(
+    "--masks",
+    metavar="FILE",
+    type=AnyPath(),
+    multiple=True,
+    help="Masks of another program, as of `physic run`: once for each photo, in their order.",
+)
 @click.option("-q", "--quiet", is_flag=True, help="Print only warnings and errors.")
 def scene(
     photos: tuple[Path, ...],
@@ -79,6 +108,8 @@ def scene(
     unit_m: float | None,
     stature: tuple[float, ...] | None,
     age: float | None,
+    bodies: tuple[Path, ...],
+    masks: tuple[Path, ...],
     quiet: bool,
 ) -> None:
     """Reconstruct one moment from two to eight photos.
@@ -95,6 +126,7 @@ def scene(
     from physic_scene.scene import ScenePipeline
 
     known = _known_sizes(stature, age)
+    settings = _files_of_photos(len(photos), bodies=bodies, masks=masks)
     if unit_m is not None and calibration is None:
         raise click.UsageError(
             "--camera-unit is the unit of a file of --cameras: give both, or leave it out"
@@ -115,7 +147,7 @@ def scene(
         reserve_folder(out, all_photos, overwrite=overwrite),
         ScenePipeline(load_config(file, preset=preset, overrides=overrides)) as solver,
     ):
-        result = solver(photos, cameras=cameras, known=known, progress=progress)
+        result = solver(photos, cameras=cameras, known=known, settings=settings, progress=progress)
         save_scene(
             result,
             str(out),

@@ -70,6 +70,7 @@ class ScenePipeline:
         *,
         cameras: Sequence[KnownCamera | None] | None = None,
         known: KnownSizes | None = None,
+        settings: Sequence[Mapping[str, Any]] | None = None,
         progress: Progress | None = None,
     ) -> SceneResult:
         """Reconstruct one moment.
@@ -84,6 +85,8 @@ class ScenePipeline:
                 scene. One age or stature is that of all people of all photos; several statures are
                 those of the people of the first photo from left to right. For people of several
                 ages, use :meth:`alone` with those of each photo, and :meth:`join`.
+            settings: of each photo, other values in the table ``[photo]`` of the config, such as
+                files of ``bodies`` and ``masks``.
             progress: called when each stage begins.
 
         Returns:
@@ -97,7 +100,7 @@ class ScenePipeline:
                 metres.
             PhysicError: a single photo cannot be reconstructed; see :class:`physic_core.Pipeline`.
         """
-        _check_number(len(photos), cameras=cameras)
+        _check_number(len(photos), cameras=cameras, settings=settings)
         known = known or KnownSizes()
         names = _unique([_name(photo, i) for i, photo in enumerate(photos)])
         if len(known.age) > 1:
@@ -108,9 +111,14 @@ class ScenePipeline:
         stature = known.stature if len(known.stature) == 1 else ()
         others = KnownSizes(stature=stature, age=known.age)
         calibrated = [None] * len(photos) if cameras is None else list(cameras)
+        own = [{}] * len(photos) if settings is None else settings
         results = [
             self.alone(
-                photo, camera=camera, known=(others if i else known) or None, progress=progress
+                photo,
+                camera=camera,
+                known=(others if i else known) or None,
+                settings=own[i],
+                progress=progress,
             )
             for i, (photo, camera) in enumerate(zip(photos, calibrated, strict=True))
         ]
@@ -123,6 +131,7 @@ class ScenePipeline:
         *,
         camera: KnownCamera | None = None,
         known: KnownSizes | None = None,
+        settings: Mapping[str, Any] | None = None,
         progress: Progress | None = None,
     ) -> Reconstruction | None:
         """Reconstruct a single photo, for :meth:`join`; other arguments are those of
@@ -132,6 +141,7 @@ class ScenePipeline:
             photo: as of :meth:`__call__`.
             camera: of the upright photo file; its pose is not used.
             known: sizes.
+            settings: other values in the table ``[photo]``, as of :meth:`__call__`.
             progress: called when each stage begins.
 
         Returns:
@@ -141,15 +151,13 @@ class ScenePipeline:
             PhysicError: the photo cannot be reconstructed.
         """
         own = None if camera is None else camera.lens.intrinsics
-        settings: dict[str, Any] = {}
+        values = dict(settings or {})
         if camera is not None and own is not None and any(camera.lens.distortion):
-            settings = {
-                "intrinsics": [own.fx, own.fy, own.cx, own.cy],
-                "distortion": list(camera.lens.distortion),
-            }
+            values["intrinsics"] = [own.fx, own.fy, own.cx, own.cy]
+            values["distortion"] = list(camera.lens.distortion)
         try:
             return self._pipeline(
-                photo, intrinsics=own, known=known, settings=settings, progress=progress
+                photo, intrinsics=own, known=known, settings=values, progress=progress
             )
         except NoPersonError:
             return None

@@ -13,7 +13,7 @@ import torch
 from click.testing import CliRunner
 from PIL import Image
 
-from physic_core import load_config, load_reconstruction
+from physic_core import load_config, load_reconstruction, write_bodies
 from physic_core.body import load_body
 from physic_core.errors import ConfigError, InputError, OutputError
 from physic_core.interfaces import INTERFACES
@@ -299,3 +299,21 @@ def test_the_command_writes_result_cameras_and_page(worlds, tmp_path, run):
     assert {"reconstruction.json", "cameras.json", "photos.png", "report.html"} <= files
     Image.fromarray(worlds[0].image[::-1]).save(tmp_path / "c.png")
     assert "--overwrite" in str(run("c.png", "c.png").exception)
+
+
+def test_given_bodies_and_masks_are_those_of_their_photos(worlds, tmp_path, run):
+    options = ["--set", "engine.joint.optimiser.steps=2", "--set", "photo.bodies_final=true"]
+    for name, world in zip("ab", worlds, strict=False):
+        Image.fromarray(world.image).save(tmp_path / f"{name}.png")
+        bodies, masks = tmp_path / f"{name}.npz", tmp_path / f"{name}_masks.npz"
+        write_bodies(bodies, world.parameters, world.body_model, world.intrinsics)
+        np.savez(masks, masks=world.masks)
+        options += ["--bodies", str(bodies), "--masks", str(masks)]
+    done = run("a.png", "b.png", options=options)
+    assert done.exit_code == 0, done.output
+    people = load_reconstruction(tmp_path / "out").people
+    assert len(people) == 2
+    assert len({person.body_source for person in people} & {"a.npz", "b.npz"}) == 1
+    one_of_two = run("a.png", "b.png", options=options[:6])
+    assert one_of_two.exit_code == 2
+    assert "once for each" in one_of_two.output

@@ -250,7 +250,7 @@ class Options(MetricDepthOptions):
 class Own(MockMetricDepth):
     Options = Options
 """
-TABLE = "path,depth,id\na.jpg,depth.npy,a\nb.jpg,,b\n"
+TABLE = "path,depth,bodies,masks,id\na.jpg,depth.npy,a.npz,,a\nb.jpg,,,masks.npz,b\n"
 
 
 @pytest.fixture
@@ -258,7 +258,8 @@ def place(tmp_path, monkeypatch):
     """Two photos, a and b, with all that their results depend on."""
     monkeypatch.setattr("physic_core.cache.digests._STARTED", float("inf"))
     make_photos(tmp_path, "a", "b")
-    for name in ("depth.npy", "points.npy", "weights.bin", "body.npz"):
+    files = ("depth.npy", "points.npy", "a.npz", "masks.npz", "weights.bin", "body.npz")
+    for name in files:
         (tmp_path / name).write_text("one")
     (tmp_path / "own").mkdir()
     (tmp_path / "own" / "own_depth.py").write_text(OWN_DEPTH)
@@ -310,8 +311,10 @@ CHANGES = [
     ("photo", "a", "photo changed", in_file("a.jpg", "a", "longer")),
     ("photo of the same size and time", "a", "photo changed", rewritten("a.jpg", "A")),
     ("setting", "ab", "with other settings", ("photo.max_side=640",)),
-    ("cell", "b", "with other settings", in_file("table.csv", "b.jpg,,b", "b.jpg,points.npy,b")),
+    ("cell", "b", "with other settings", in_file("table.csv", "b.jpg,,", "b.jpg,points.npy,")),
     ("file of a cell", "a", "with other settings", rewritten("depth.npy", "two")),
+    ("bodies of a cell", "a", "with other settings", rewritten("a.npz", "two")),
+    ("masks of a cell", "b", "with other settings", rewritten("masks.npz", "two")),
     ("file of the photo", "ab", "with other settings", rewritten("points.npy", "two")),
     ("weights", "ab", "with other settings", rewritten("weights.bin", "two")),
     ("body", "ab", "with other settings", rewritten("body.npz", "two")),
