@@ -318,13 +318,13 @@ def _check_names(meta: Mapping[str, Any]) -> None:
 
 def _joint_of_label(label: Any) -> str:
     """Return the joint of a label of transformers, which counts COCO's 17."""
-    joints: tuple[str, ...] = _BY_COUNT[17]
-    label = count(label, "a label")
-    if not 0 <= label < len(joints):
+    joints = _BY_COUNT[17]
+    number = count(label, "a label")
+    if not 0 <= number < len(joints):
         raise ValueError(
-            f"it has the label {label}, and those of COCO's joints are 0 to {len(joints) - 1}"
+            f"it has the label {number}, and those of COCO's joints are 0 to {len(joints) - 1}"
         )
-    return joints[label]
+    return joints[number]
 
 
 def _scored_people(document: Any) -> Any:

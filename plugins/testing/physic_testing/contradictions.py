@@ -64,8 +64,8 @@ def _of_people(result: Reconstruction) -> Iterator[str]:
         if union and (one.mask & other.mask).sum() > _SAME * union:
             yield f"people {i} and {j} have the same pixels"
     for i, person in enumerate(result.people):
-        for one in result.unposed:
-            if "no pose" in one.reason and _overlap(person.box, one.box) > _SAME:
+        for unposed in result.unposed:
+            if "no pose" in unposed.reason and _overlap(person.box, unposed.box) > _SAME:
                 yield f"person {i} has a pose, and the box of one without"
 
 
