@@ -15,7 +15,7 @@
 # make sbom                     a bill of materials of this environment, in dist/physic-sbom.json (CycloneDX)
 # make docs                     the documentation as a site, in docs/_build/html/index.html; compares its notebooks with results
 # make pictures                 pictures, their numbers and notebooks of the documentation, made again; needs Chromium
-# make lint | clean             the first part alone | remove what make made
+# make lint | clean             ruff, import contracts, mypy and the prose linter | remove what make made
 # PYTHON=python3.12 chooses the interpreter that .venv is made with.
 
 PYTHON ?= python3
@@ -117,11 +117,12 @@ notebooks: $(VENV)/test.stamp
 pictures: $(VENV)/test.stamp
 	$(BIN)/python tools/docs_pictures.py
 
-lint: $(VENV)/test.stamp
+lint: $(VENV)/test.stamp $(TOOLS)/stamp
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/lint-imports
 	$(BIN)/mypy
+	$(TOOLS)/bin/python tools/prose.py
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; v = sys.version.split()[0]; sys.version_info >= (3, 11) or sys.exit("PhySIC needs Python 3.11 or newer, $(PYTHON) is " + v + ": make PYTHON=python3.12 ...")'

@@ -32,7 +32,7 @@ class PhysicReconstruct:
     """Reconstruct each image of a batch on its own; the outputs have the size of the images."""
 
     CATEGORY = "PhySIC"
-    DESCRIPTION = "People, scene and contact of one photo in 3D, in metres."
+    DESCRIPTION = "People, scene and contact of one photo in 3D, in meters."
     FUNCTION = "reconstruct"
     OUTPUT_NODE = True
     RETURN_TYPES = ("IMAGE", "IMAGE", "MASK", "STRING", "STRING")

@@ -26,7 +26,10 @@ class StatureOptions(Options):
     """Settings of Stature."""
 
     stature_m: float = Field(
-        1.68, gt=0.3, lt=2.5, description="height of whoever stands, m; 1.6-1.8 for adults"
+        1.68,
+        gt=0.3,
+        lt=2.5,
+        description="height of the tallest person, m; 1.6-1.8 for adults",
     )
 
 

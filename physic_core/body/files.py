@@ -437,7 +437,7 @@ def smplx_arrays(path: str | Path, *, num_betas: int = 10, num_expression: int =
         num_betas=num_betas,
         num_expression=num_expression,
         outer=~np.isin(weights.argmax(1), eyes),
-        info="SMPL-X model file of the user; its licence is between the user and the Max Planck "
+        info="SMPL-X model file of the user; its license is between the user and the Max Planck "
         "Society.",
     )
 

@@ -44,7 +44,7 @@ def print_summary(
     record = read_record(folder)
     stages = record.stages
     people = record.rows
-    found = {0: "no person was found, only the scene,", 1: "1 person"}.get(
+    found = {0: "no person, only the scene,", 1: "1 person"}.get(
         len(people), f"{len(people)} people"
     )
     work = sum(stage.seconds for stage in stages)
@@ -57,7 +57,7 @@ def print_summary(
     if cached := sum(stage.cached for stage in backends):
         count = f"{cached} of {len(backends)}"
         lines.append(
-            f"{count} backends were not run, since the cache has their results; --no-cache runs all"
+            f"{count} backends did not run because the cache has their results; --no-cache runs all"
         )
     if people:
         lines.append(_table([_row(person) for person in people]))

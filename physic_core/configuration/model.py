@@ -91,7 +91,7 @@ class BackendChoice(StrictModel):
 def _depth_unit(text: str) -> str:
     if text not in _UNITS_M and not re.fullmatch(r"1/[1-9]\d{0,5}", text):
         raise ValueError(
-            f"should be {', '.join(_UNITS_M)}, or a part of a metre such as 1/5000 (got "
+            f"should be {', '.join(_UNITS_M)}, or a part of a meter such as 1/5000 (got "
             f"{quoted(text)})"
         )
     return text
@@ -102,7 +102,7 @@ _DepthUnit = Annotated[str, AfterValidator(_depth_unit)]
 
 _Pixel = Annotated[float, Field(ge=-1e6, le=1e6)]  # beyond, float32 cannot tell neighbouring pixels
 _Focal = Annotated[float, Field(ge=1, le=1e6)]  # px; a field of view of 180 or 0 degrees
-_Length = Annotated[float, Field(ge=0.01, le=1000)]  # metres
+_Length = Annotated[float, Field(ge=0.01, le=1000)]  # meters
 # Strong lenses of telephones have coefficients of tens.
 _Distortion = Annotated[float, Field(ge=-1000, le=1000)]
 
@@ -123,7 +123,7 @@ class PhotoSettings(StrictModel):
     )
     intrinsics: tuple[_Focal, _Focal, _Pixel, _Pixel] | None = Field(
         default=None,
-        description="fx, fy, cx, cy, px of the upright photo file, pixel centres at integers",
+        description="fx, fy, cx, cy, px of the upright photo file, pixel centers at integers",
     )
     distortion: tuple[_Distortion, _Distortion, _Distortion, _Distortion, _Distortion] | None = (
         Field(
@@ -151,11 +151,11 @@ class PhotoSettings(StrictModel):
     depth: _FilePath = Field(
         default=None,
         description="a depth map of the photo, instead of metric_depth: .npy, .exr or .pfm in "
-        "metres, or a 16-bit PNG in millimetres; relative to the config file",
+        "meters, or a 16-bit PNG in millimeters; relative to the config file",
     )
     depth_unit: _DepthUnit | None = Field(
         default=None,
-        description="another unit of depth: mm, cm, m, ft, or a part of a metre such as 1/5000",
+        description="another unit of depth: mm, cm, m, ft, or a part of a meter such as 1/5000",
     )
     pointmap: _FilePath = Field(
         default=None,
@@ -186,7 +186,7 @@ class PhotoSettings(StrictModel):
         default=None,
         ge=0.001,
         le=1,
-        description="root mean square error of joints of bodies relative to the pelvis, metres; "
+        description="root mean square error of joints of bodies relative to the pelvis, meters; "
         "by default 0.06, and more for tools that a public table says are worse",
     )
     bodies_final: bool = Field(
@@ -206,7 +206,7 @@ class PhotoSettings(StrictModel):
     stature: tuple[Annotated[float, Field(ge=0, le=2.6)], ...] | None = Field(
         default=None,
         max_length=_MAX_PROMPTS,
-        description="known standing heights, metres: one for all people, or one per person from "
+        description="known standing heights, meters: one for all people, or one per person from "
         "left to right, or in "
         "the order of the chosen people; 0 where unknown",
     )
@@ -220,12 +220,12 @@ class PhotoSettings(StrictModel):
         default=None,
         ge=0.01,
         le=100,
-        description="known height of the camera above the floor, metres",
+        description="known height of the camera above the floor, meters",
     )
     known_length: tuple[tuple[_Pixel, _Pixel, _Pixel, _Pixel, _Length], ...] | None = Field(
         default=None,
         max_length=_MAX_PROMPTS,
-        description="x1, y1, x2, y2, metres: two pixels of the upright photo file, and the true "
+        description="x1, y1, x2, y2, meters: two pixels of the upright photo file, and the true "
         "distance between "
         "their points; or a list of these",
     )
@@ -247,7 +247,7 @@ class PhotoSettings(StrictModel):
 
     @field_validator("camera_height", mode="before")
     @classmethod
-    def _height_in_metres(cls, value: Any) -> Any:
+    def _height_in_meters(cls, value: Any) -> Any:
         if type(value) in (int, float):
             KnownSizes(camera_height=value)
         return value
@@ -274,7 +274,7 @@ class PhotoSettings(StrictModel):
         }
         if self.known_length is not None:
             stated["lengths"] = tuple(
-                KnownLength((a, b), (c, d), metres) for a, b, c, d, metres in self.known_length
+                KnownLength((a, b), (c, d), meters) for a, b, c, d, meters in self.known_length
             )
         return replace(given or KnownSizes(), **stated)
 

@@ -250,8 +250,8 @@ def _explain_missing(name: str, interface: str | None) -> str:
     similar = did_you_mean(bare, {*names, *BACKENDS} - {bare})
     if len(parts) == 1 and not similar:
         parts.append(
-            "A plugin of yours is found once it is installed (pip install -e its folder), or named "
-            "as PACKAGE.MODULE:CLASS"
+            "For a plugin of yours, install it (pip install -e its folder), or name it as "
+            "PACKAGE.MODULE:CLASS"
         )
     return ". ".join(parts) + similar
 

@@ -60,21 +60,21 @@ _QUANTITIES: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
     "": (lambda d, ray: 1 / d, ""),
     "the distance along the ray": (
         lambda d, ray: ray / d,
-        "divide it by sqrt(1 + ((x - cx) / fx)^2 + ((y - cy) / fy)^2), for metres along the "
+        "divide it by sqrt(1 + ((x - cx) / fx)^2 + ((y - cy) / fy)^2), for meters along the "
         "optical axis",
     ),
     "a disparity, or inverse depth": (
         lambda d, ray: d,
-        "give metres along the optical axis: focal length in px x distance of the two cameras in "
+        "give meters along the optical axis: focal length in px x distance of the two cameras in "
         "m / disparity in px",
     ),
     "a renderer's depth buffer": (
         lambda d, ray: -d,
-        "give metres along the optical axis: near x far / (far - value x (far - near))",
+        "give meters along the optical axis: near x far / (far - value x (far - near))",
     ),
     "the logarithm of depth": (
         lambda d, ray: np.exp(-np.clip(d, -50, 50)),
-        "give metres along the optical axis",
+        "give meters along the optical axis",
     ),
 }
 """What a file holds -> its inverse depth, up to a factor and a shift, and the cure."""

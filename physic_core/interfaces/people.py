@@ -174,7 +174,7 @@ def _check_boxes_of_masks(boxes: FloatArray, masks: BoolArray) -> Iterator[str]:
     corner, rest = boxes[:, :2], boxes[:, 2:]
     notations = {
         "x, y, width, height": np.hstack([corner, corner + rest]),
-        "centre, width, height": np.hstack([corner - rest / 2, corner + rest / 2]),
+        "center, width, height": np.hstack([corner - rest / 2, corner + rest / 2]),
         "y0, x0, y1, x1": boxes[:, [1, 0, 3, 2]],
         "shares of the image": boxes * [width, height, width, height],
     }

@@ -53,7 +53,7 @@ _MODEL_FILES = {
     "smpl": "SMPL_NEUTRAL.npz or .pkl",
     "smplh": "SMPLH_NEUTRAL.npz, model.npz or .pkl",
     "smplx": "SMPLX_NEUTRAL.npz",
-    "mhr": "an npz of MHR in its T-pose with vertices, metres, and faces",
+    "mhr": "an npz of MHR in its T-pose with vertices, meters, and faces",
 }
 _LARGEST_TURN = 2 * np.pi + 0.01  # radians, of a component of a rotation vector
 _LARGEST_BODY_M = 3.0
@@ -289,12 +289,12 @@ def _check(record: BodiesInFile) -> None:
         extent = float(np.nanmedian((np.nanmax(points, 1) - np.nanmin(points, 1)).max(-1)))
         if not extent < _LARGEST_BODY_M:
             raise ValueError(
-                f"its bodies are {extent:.3g} m large: are they in centimetres or millimetres?"
+                f"its bodies are {extent:.3g} m large: are they in centimeters or millimeters?"
             )
     if record.transl is not None and not np.isfinite(record.transl).all():
         raise ValueError("its translations are not finite")
     if record.transl is not None and (far := float(np.abs(record.transl).max())) > _FARTHEST_M:
-        raise ValueError(f"a body is {far:.0f} m away: are the translations in millimetres?")
+        raise ValueError(f"a body is {far:.0f} m away: are the translations in millimeters?")
 
 
 def _posed(record: BodiesInFile, model_file: str | None) -> Bodies:

@@ -67,7 +67,7 @@ def _by_code_points(primaries: int, transfer: int) -> tuple[Convert | None, str]
     known = transfer in (_PQ, _HLG, _LINEAR, *_POWERS, *_CURVES_LIKE_SRGB)
     if not known or primaries not in (*_LIKE_SRGB, *_TO_SRGB):
         return None, (
-            f"the colours have primaries {primaries} and transfer function {transfer} of H.273, "
+            f"the colors have primaries {primaries} and transfer function {transfer} of H.273, "
             "which are taken for sRGB: if the photo looks wrong, save it as sRGB"
         )
     if transfer in _CURVES_LIKE_SRGB and primaries in _LIKE_SRGB:
@@ -130,7 +130,7 @@ def srgb_conversion(
         try:
             mode, convert = _by_profile(content)
         except (ImageCms.PyCMSError, OSError, TypeError, ValueError, KeyError):
-            return "", None, "the colour profile cannot be read: colours are taken for sRGB"
+            return "", None, "the color profile cannot be read: colors are taken for sRGB"
         return mode, convert, ""
     gamma = image.info.get("gamma")
     if (

@@ -123,9 +123,9 @@ def intrinsics_from_exif(
     if not (other or thumbnail is not None or all(_size(tags, _OF_CAMERA))):
         camera = replace(camera, trust=CameraTrust.ESTIMATED, focal_sigma=_ONE_TAG_SIGMA)
         notes.append(
-            f"the focal length is by one tag of the EXIF data, which programs that crop photos "
-            f"keep: it may be off by {_ONE_TAG_SIGMA:.0%}, and is too short if the photo was "
-            f"cropped. Give the camera's own file, or --focal-px PX"
+            f"the focal length comes from one EXIF tag, which cropping programs keep: it may be "
+            f"off by {_ONE_TAG_SIGMA:.0%}, and is too short if the photo was cropped. Give the "
+            f"original file, or --focal-px PX"
         )
     return camera, tuple(notes)
 
@@ -140,7 +140,7 @@ def _crop(tags: Mapping[int, Any], stored: tuple[int, int], thumbnail: float | N
     but not the tags.
     """
     if thumbnail is not None and thumbnail < _WHOLE:
-        return f"its thumbnail shows more, so that it was cropped to {thumbnail:.0%} of a side"
+        return f"its thumbnail shows more, so it was cropped to {thumbnail:.0%} of a side"
     for words, pair in (*_SIZES.items(), ("of the camera's photo", _OF_CAMERA)):
         size = _size(tags, pair)
         if all(size) and any(
@@ -201,21 +201,21 @@ def _doubt(
             "the 35 mm equivalent and the sensor's resolution differ, as after a crop or a resize"
         )
     if not resized and any(side % _CAMERA_STEP for side in stored):
-        return f"no camera writes {stored[0]} x {stored[1]} px, so that it was cropped or resized"
+        return f"no camera writes {stored[0]} x {stored[1]} px, so it was cropped or resized"
     if not by_film and math.prod(stored) < _CAMERA_PIXELS:
         return (
-            f"cameras that state it write more than {stored[0]} x {stored[1]} px, so that it was "
+            f"cameras that write this tag have more than {stored[0]} x {stored[1]} px, so it was "
             f"cropped or resized"
         )
     sensor_mm = max(stored) * (positive_number(tags.get(FOCAL_LENGTH)) or 0.0) / max(focal)
     zoom = _zoom(tags)
     has_zoom = 0 < sensor_mm < _SENSOR_MM[0] or "Apple" in str(tags.get(MAKE))
     if by_film and zoom != 1 and not has_zoom:
-        return f"whether the 35 mm equivalent has the digital zoom of {zoom:g} cannot be told"
+        return f"it is not known whether the 35 mm equivalent includes the digital zoom of {zoom:g}"
     sensor_mm *= 1 if by_film else zoom
     aspect = max(stored) / min(stored)
     if all(abs(aspect / of_sensor - 1) > _ASPECT_ERROR for of_sensor in _SENSOR_ASPECTS):
-        return f"sides of {aspect:.2f}:1 are of no usual sensor, so the photo may have been cropped"
+        return f"no usual sensor has sides of {aspect:.2f}:1, so the photo may have been cropped"
     is_sensor = _SENSOR_MM[0] <= sensor_mm <= _SENSOR_MM[1]
     if (by_film and is_sensor) or (share <= _MAX_FOCAL_BY_ONE and (by_film or is_sensor)):
         return ""

@@ -392,11 +392,11 @@ def _to_rgb(
     notes = {
         "16 bits per channel were scaled to 8": deep,
         "transparent parts were composited over mid-grey": transparent,
-        "CMYK colours were converted to RGB without a colour profile": (
+        "CMYK colors were converted to RGB without a color profile": (
             image.mode == "CMYK" and not is_converted
         ),
         colour_note: bool(colour_note),
-        "the photo is grey: its one channel is used for red, green and blue": (
+        "the photo is gray: its one channel is used for red, green and blue": (
             image.mode in ("1", "L", "LA", "La") or image.mode.startswith("I")
         ),
     }

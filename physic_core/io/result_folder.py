@@ -111,7 +111,7 @@ def _check_replaceable(place: Path, target: Path, photos: str, *, overwrite: boo
         digest = "" if (place / name).is_symlink() else file_digest(place / name)
         if not digest or digest != digests.get(name) or digest in photos.split():
             raise OutputError(
-                f"{start}{name} there is not of a run, was edited since, or is the photo; name "
+                f"{start}{name} there was not written by a run, was edited, or is the photo; name "
                 "another folder with -o, or move it away"
             )
     if document and not overwrite and not _is_same_photo(str(document.get("photo", "")), photos):

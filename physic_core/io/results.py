@@ -61,8 +61,8 @@ SAVE = ("pictures", "numbers", "people")
 
 _FRAME = {
     "axes": "OpenCV camera: x right, y down, z forward; origin at the camera",
-    "units": "metres, radians, seconds, pixels",
-    "pixels": "integer coordinates are pixel centres; (0, 0) is the centre of the top left pixel",
+    "units": "meters, radians, seconds, pixels",
+    "pixels": "integer coordinates are pixel centers; (0, 0) is the center of the top left pixel",
     "world": "x right, y up, z backward, floor at y = 0 below the camera: world_from_camera times "
     "points of the camera frame; GLB files are in it",
 }
@@ -307,7 +307,7 @@ def _unreadable(path: Path, error: OSError) -> InputError:
     if isinstance(error, FileNotFoundError | NotADirectoryError):
         below = (path.parent.glob(f"{each}/{path.name}") for each in ("photos/*/*", "*"))
         one = next(itertools.chain.from_iterable(below), None)
-        which = "" if one is None else f", of several that of one photo, such as {one.parent}"
+        which = "" if one is None else f", or the folder of one photo, such as {one.parent}"
         return InputError(
             f"cannot read {path}: there is no such file; name the folder of a finished run{which}"
         )

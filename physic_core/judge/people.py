@@ -35,7 +35,7 @@ _KNEES = joint_pair("knee")
 _ANKLES = joint_pair("ankle")
 _UPRIGHT = ("stand", "walk", "run", "jump")
 _SEATED = ("sit", "ride")  # postures of people on a seat
-_ASSUMED_SUPPORT = "what carries this person is assumed, since the photo does not show it"
+_ASSUMED_SUPPORT = "the photo does not show what carries this person, so a support is assumed"
 _IN_THE_AIR = "this person is in the air, and touches nothing"
 _FROM_THE_SIDE = "the view from the side in preview.png"
 
@@ -74,11 +74,11 @@ def placed(estimates: Estimates, result: Reconstruction, person: int) -> Measure
     height = measures.sole_height_m
     if height is not None and height < -_FAR_BELOW_M:
         return 0.0, (
-            f"the body reaches {-height:.1f} m below the floor, so that it is not where the photo "
-            "shows this person. Do not use it"
+            f"the body reaches {-height:.1f} m below the floor, and is not where the photo shows "
+            "this person. Do not use it"
         )
     if result.scene.floor is None:
-        return None, f"{NO_FLOOR}, so that body size and depth alone give the distance"
+        return None, f"{NO_FLOOR}, so only body size and depth give the distance"
     return 1.0
 
 
@@ -101,7 +101,7 @@ def detected(estimates: Estimates, result: Reconstruction, person: int) -> Measu
     unit="count",
     contradicts=("pose",),
     warns=True,
-    advice="two people are merged, or one was found twice: see the outlines in preview.png. Then "
+    advice="two people are merged, or one was detected twice: see the outlines in preview.png, and "
     "give one --person x,y for each person to keep",
     unmeasured="no pixel of the photo shows this person",
 )
@@ -173,7 +173,7 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
             (
                 gap,
                 f"the nearest surface that could carry this person is {gap:.2f} m away. Unless "
-                f"the person is in the air, person or surface lies wrong: see {_FROM_THE_SIDE}",
+                f"the person is in the air, person or surface is misplaced: see {_FROM_THE_SIDE}",
             )
         )
     if result.scene.floor is not None and lies(result, person):
@@ -183,8 +183,8 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
             found.append(
                 (
                     -low,
-                    f"the body reaches {-low:.2f} m below the floor, so that the floor or the "
-                    f"person's distance is wrong: see {_FROM_THE_SIDE}. Do not use this distance",
+                    f"the body reaches {-low:.2f} m below the floor: the floor or the person's "
+                    f"distance is wrong. See {_FROM_THE_SIDE}, and do not use this distance",
                 )
             )
     stands = _stands_on_seen_legs(estimates, result, person)
@@ -193,8 +193,8 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
         found.append(
             (
                 abs(height),
-                f"the lower foot is {abs(height):.2f} m {side} the floor, so that the floor or "
-                f"the person's distance is wrong: see {_FROM_THE_SIDE}. Do not use this distance",
+                f"the lower foot is {abs(height):.2f} m {side} the floor: the floor or the "
+                f"person's distance is wrong. See {_FROM_THE_SIDE}, and do not use this distance",
             )
         )
     if found:
@@ -224,15 +224,15 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
     if seated and likely["seat"] < 0.5:
         seen = f"{who.posture} (probability {who.posture_probability:.2f})"
         return value, (
-            f"this person seems to {seen}, but no seat is found under the body: see "
+            f"this person seems to {seen}, but there is no seat under the body: see "
             f"{_FROM_THE_SIDE}"
         )
     least = min(ENDS, key=lambda part: abs(likely[part] - 0.5))
     taken = "to touch something" if likely[least] >= 0.5 else "not to touch anything"
     return (
         value,
-        f"the least sure is the {part_words(least)}, taken {taken} (probability of touch "
-        f"{likely[least]:.2f}): look whether it is so in the photo",
+        f"the least certain is the {part_words(least)}, which is assumed {taken} "
+        f"(probability {likely[least]:.2f}): compare it with the photo",
     )
 
 
@@ -257,11 +257,11 @@ def _sure_carriers(who: Person) -> Measured:
         likely = {part: probability for probability, part in surest_last if probability}
         likely = {part: p for part, p in likely.items() if part in OBSERVED} or likely
     if not likely:
-        return 0.0, f"what this person is found to touch carries no body: see {_FROM_THE_SIDE}"
+        return 0.0, f"none of the detected contacts carries this person: see {_FROM_THE_SIDE}"
     least = min(likely, key=likely.__getitem__)
     return likely[least], (
-        f"the least sure of what carries this person is the {part_words(least)} (probability "
-        f"{likely[least]:.2f}): look whether it is so in the photo"
+        f"the least certain contact that carries this person is the {part_words(least)} "
+        f"(probability {likely[least]:.2f}): compare it with the photo"
     )
 
 
@@ -300,8 +300,8 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
             f"the person lies, or body or floor is wrong: compare {_FROM_THE_SIDE} with the photo"
         )
     return abs(part), (
-        f"the lean is {'towards' if part > 0 else 'away from'} the camera, which one photo hardly "
-        f"shows: if the person looks upright there, do not use the depth of this pose; see "
+        f"the lean is {'toward' if part > 0 else 'away from'} the camera, which is hard to see in "
+        f"one photo. If the person looks upright there, do not use the depth of this pose; see "
         f"{_FROM_THE_SIDE}"
     )
 
@@ -322,12 +322,12 @@ def unknown_contacts(estimates: Estimates, result: Reconstruction, person: int) 
     if not who.world_contact:
         return None
     if lies(result, person):
-        return None, "this person lies, and hides what carries the trunk"
+        return None, "this person lies, and hides the surface below"
     far = [one.part for one in who.contacts if one.likely and one.distance_m is not None]
     parts = dict.fromkeys(far)
     return float(len(parts)), (
-        f"the photo shows a touch of {in_words([*map(part_words, parts)])}, and no surface is "
-        f"near: it is hidden, or body or scene is wrong: see {_FROM_THE_SIDE}"
+        f"the photo shows contact of {in_words([*map(part_words, parts)])}, but no surface is "
+        f"near: it is hidden, or body or scene is wrong. See {_FROM_THE_SIDE}"
         if parts
         else ""
     )
@@ -337,7 +337,7 @@ def unknown_contacts(estimates: Estimates, result: Reconstruction, person: int) 
 @_check(
     "Depth at feet or seat off",
     at_most=0.25,
-    advice=f"person and ground may not meet, and contact with it be wrong: see {_FROM_THE_SIDE}",
+    advice=f"the person may be off the ground, and contact with it wrong: see {_FROM_THE_SIDE}",
     unmeasured="too few pixels at the lower end of the body are visible and have a depth",
 )
 def low_depth(estimates: Estimates, result: Reconstruction, person: int) -> Measured:

@@ -52,8 +52,8 @@ def photo_alignment(estimates: Estimates, result: Reconstruction) -> Measured:
     if share == 0:
         return (
             share,
-            "the photos with and without people have no background in common, so that body size "
-            f"alone gives people's distance, and gaps to the scene are wrong. {_OTHER_INPAINTER}",
+            "the photos with and without people share no background. Only body size gives people's "
+            f"distance, and gaps to the scene are wrong. {_OTHER_INPAINTER}",
         )
     return share, (
         f"people's distance to the scene is doubtful: depth with and without them agrees on only "
@@ -73,7 +73,7 @@ def floor(estimates: Estimates, result: Reconstruction) -> Measured:
         return None, "the engine settings disable the floor search"
     if reason != "found":
         cure = (
-            "That feet touch the ground is told by its look alone"
+            "Only the look of the photo tells that feet touch the ground"
             if any(has_sole_on_floor(person.contacts) for person in result.people)
             else "A photo that shows the ground at the feet may have one"
         )
@@ -92,9 +92,9 @@ def floor(estimates: Estimates, result: Reconstruction) -> Measured:
     if in_mask is None:
         return None, "in the photo no pixels look like floor"
     return float(in_mask), (
-        "the floor lies where the photo does not look like floor, since another plane in its lower "
-        "part fits people better. If it is wrong, so are heights, leans and contacts with the "
-        f"floor: {_FLOOR_LINE}"
+        "the floor is where the photo does not look like floor, because a plane there fits people "
+        "better. If it is wrong, so are heights, leans and contacts with the floor: "
+        f"{_FLOOR_LINE}"
     )
 
 
@@ -103,8 +103,8 @@ def floor(estimates: Estimates, result: Reconstruction) -> Measured:
     "Visible floor texture",
     at_least=0.05,
     share_of="the floor's pixels",
-    advice="the photo has one colour where the floor was found, so that the floor is invented. Do "
-    "not use heights and distances, or take a photo that shows the ground",
+    advice="the photo has one color where the floor was estimated, so the floor is a guess. Do not "
+    "use heights and distances, or take a photo that shows the ground",
     contradicts=("place", "contact", "size"),
     optional=True,
 )
@@ -166,8 +166,8 @@ def given_depth(estimates: Estimates, result: Reconstruction) -> Measured:
 
     times = measured.depth_over_people
     return measured.sigmas, (
-        f"by the given depth everything is {times:.3g} times as large as the people suggest, and "
-        f"it was followed: {likely_unit(times)} --depth-unit states another unit"
+        f"with your depth, everything is {times:.3g} times as large as people's sizes suggest. It "
+        f"was used: {likely_unit(times)} --depth-unit sets another unit"
     )
 
 
@@ -201,7 +201,7 @@ def depth_scale(estimates: Estimates, result: Reconstruction) -> Measured:
         return None
     away = own["log_ratio"] - others.log_scale
     times = math.exp(away)
-    followed = "counts beside them" if own["right"] > _LIKELY else "was not followed"
+    followed = "was used together with them" if own["right"] > _LIKELY else "was not used"
     inverse = is_inverse(estimates.depth, estimates.photo.scene_map)
     question = "is it a disparity, 1 / depth?" if inverse else likely_unit(times)
     return abs(away) / math.hypot(own["sigma"], others.sigma), (
@@ -267,7 +267,7 @@ def principal_point(estimates: Estimates, result: Reconstruction) -> Measured:
     offset = max(abs(off_x) / camera.width, abs(off_y) / camera.height)
     return offset, (
         f"the principal point ({camera.cx:.0f}, {camera.cy:.0f}) lies {offset:.0%} of the photo's "
-        f"size off its centre ({camera.source}), which is normal only in a cropped photo: check "
+        f"size off its center ({camera.source}), which is normal only in a cropped photo: check "
         "--intrinsics. If it is wrong, so are all places to the side"
     )
 

@@ -64,7 +64,7 @@ def check_placed_people(estimates: Estimates, before: State, placed: State) -> l
     if 2 * len(surely) > measured:
         raise ConfigError(
             f"the photo contradicts {sizes}: in a scene of that size it shows "
-            f"{', '.join(impossible)}; beside people of usual stature it shows "
+            f"{', '.join(impossible)}; with people of usual stature it shows "
             f"{_scene_sizes(known, 1 / float(ratio[surely].median()))}. Correct the size, or leave "
             f"it out{_unit_question(estimates)}"
         )

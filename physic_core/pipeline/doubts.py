@@ -144,7 +144,7 @@ def _doubts_of_fill(image: UInt8Array, mask: BoolArray, filled: UInt8Array) -> I
         exchanged = float(np.median(np.abs(inside[:, ::-1] - beside).max(1)))
         why = "are red and blue exchanged?" if exchanged < 0.5 * step else "is its range right?"
         yield (
-            f"at the edge of the hole, its colours differ by {step:.0f} grey levels from the "
+            f"at the edge of the hole, its colors differ by {step:.0f} gray levels from the "
             f"photo, which changes by {usual:.0f} there: {why}"
         )
 

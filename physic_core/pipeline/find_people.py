@@ -314,7 +314,7 @@ def observe_people(
         seen = run.call_optional(
             "observations",
             PersonObserverRequest(run.image, people, keypoints, camera),
-            otherwise="what people do is told by their joints alone",
+            otherwise="only their joints tell what people do",
         )
     if seen is None:
         return Observations.unknown(len(people)), joints

@@ -75,5 +75,5 @@ def _apart(meeting: Meeting) -> str:
     own, other = part_words(meeting.part), part_words(meeting.other_part)
     return (
         f"The {own} of person {meeting.person} seems to touch the {other} of person "
-        f"{meeting.other}, but they stay apart: together, a body would leave its keypoints."
+        f"{meeting.other}, but they stay apart: to meet, a body would have to leave its keypoints."
     )

@@ -300,7 +300,7 @@ def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
     if (plain := _plain_ground(estimates)) is not None:
         share = (plain & ~np.asarray(estimates.photo.hole)).mean()
         notes.append(
-            f"{share:.0%} of the photo is a ground of one colour, which has no shape: its depth is "
+            f"{share:.0%} of the photo is a ground of one color, which has no shape: its depth is "
             "unknown"
         )
     joints = np.reshape([person.joints for person in people], (-1, NUM_JOINTS, 3))
@@ -325,8 +325,8 @@ def warn_of_small_people(estimates: Estimates, result: Reconstruction) -> list[s
     """Return a warning about each person who stands on the floor of others and is too small."""
     on_floor = [has_sole_on_floor(person.contacts) for person in result.people]
     return [
-        f"person {i} would be {stature:.1f} m tall on the floor on which others stand. Of a child "
-        f"give {size_option('--age YEARS', len(on_floor))}; else size and distance are wrong"
+        f"person {i} would be {stature:.1f} m tall on the floor of the others. For a child, give "
+        f"{size_option('--age YEARS', len(on_floor))}; otherwise size and distance are wrong"
         for i, stature in estimates.ground.small_statures.items()
         if on_floor[i] and sum(on_floor) > 1
     ]

@@ -348,8 +348,8 @@ def _errors_name_photo(photo: str) -> Iterator[None]:
 _GIVEN: dict[str, tuple[type, str]] = {
     "intrinsics": (Intrinsics, "(fx, fy, cx, cy, width, height) in px of the image"),
     "people": (PeoplePrompt, "(points=((x, y),)) in px of the photo"),
-    "known": (KnownSizes, "(stature=(1.8,)) in metres"),
-    "bodies": (Bodies, "(parameters, body_model) in metres"),
+    "known": (KnownSizes, "(stature=(1.8,)) in meters"),
+    "bodies": (Bodies, "(parameters, body_model) in meters"),
 }
 """Fields of `_Given` that users pass -> type, and how it is constructed."""
 

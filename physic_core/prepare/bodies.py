@@ -75,8 +75,8 @@ def match_to_people(
     if not drawn.any():
         raise InputError(
             f"{given.source}: none of its {len(given)} bodies is in the picture: are they in world "
-            f"coordinates, behind the camera, with y up, or in millimetres? They are needed in the "
-            f"camera's frame: x right, y down, z forward, metres"
+            f"coordinates, behind the camera, with y up, or in millimeters? They are needed in the "
+            f"camera's frame: x right, y down, z forward, meters"
         )
     rows = np.full(len(people), -1)
     if not len(people):

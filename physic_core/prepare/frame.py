@@ -48,7 +48,7 @@ _SQUARE_DEG = 6.0  # a corner of a picture that is looked at from the front
 _ONE_COLOUR = 4  # largest difference of a plain ground from its colour; walls have shading
 _GROUND_SIDE = 400  # px of the long side, at which it is looked for
 _PLAIN_GROUND = 0.3  # least share of the area
-_BORDER = "a border of one colour"
+_BORDER = "a border of one color"
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,7 @@ def _without_layers(image: UInt8Array, inside: Inside | None) -> tuple[Frame, tu
             found.corners[None], np.linalg.inv(_homography_to_upright(corners))
         )[0]
         is_print = frame.is_print or found.turn_deg > _STRAIGHT_DEG
-        frame = Frame(_rectangle_in(corners), "what is round the picture", is_print=is_print)
+        frame = Frame(_rectangle_in(corners), "the surroundings of the picture", is_print=is_print)
         width, height = _width_and_height(corners)
         part = cv2.warpPerspective(
             image, _homography_to_upright(corners), (round(width), round(height))
@@ -253,8 +253,8 @@ def _largest_share(parts: BoolArray) -> float:
 
 def _several_warning(number: int) -> str:
     return (
-        f"{number} pictures in one file? A plain ground parts them, and distances between people "
-        "of two pictures are meaningless: cut them apart, and run each"
+        f"{number} pictures in one file? A plain background separates them. Distances between "
+        "people in two pictures are meaningless: cut them apart, and run each"
     )
 
 

@@ -97,7 +97,7 @@ class SceneScale(ShortRepr):
         scale: metres per unit of the relative scene.
         shift: of the inverse depth, 1 / unit; 0 unless the scene's shift is unknown.
         sigma: standard deviation of log(scale) at the depth of the people; None for a guess.
-        notes: plain sentences for the user ("all sizes rest mainly on ...").
+        notes: plain sentences for the user ("all sizes depend mainly on ...").
     """
 
     scale: float

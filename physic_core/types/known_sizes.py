@@ -131,5 +131,5 @@ def _check(what: str, size: float, metres: tuple[float, float, float], unknown: 
     hint = ""
     if likely:
         unit = min(likely, key=lambda unit: abs(math.log(likely[unit] / usual)))
-        hint = f"; {size:g} {unit} are {likely[unit]:.3g} metres"
-    raise ValueError(f"{what} should be {least} to {most} metres{unknown} (got {size:g}{hint})")
+        hint = f"; {size:g} {unit} are {likely[unit]:.3g} meters"
+    raise ValueError(f"{what} should be {least} to {most} meters{unknown} (got {size:g}{hint})")

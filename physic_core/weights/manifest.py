@@ -211,7 +211,7 @@ class WeightSet:
 
     def describe_licence(self) -> str:
         """Format the licence, and how to get access to the files, as lines of text."""
-        lines = [f"  licence     {self.license}", f"  commercial  use {self._commercial_use()}"]
+        lines = [f"  license     {self.license}", f"  commercial  use {self._commercial_use()}"]
         if self.account:
             login = "log in there (for Hugging Face by `hf auth login` or HF_TOKEN)"
             need = "needed" if self.needs_account else "only for the first source"
@@ -225,7 +225,7 @@ class WeightSet:
         return "\n".join(lines)
 
     def _commercial_use(self) -> str:
-        return {True: "allowed", False: "NOT allowed", None: "not stated: read the licence"}[
+        return {True: "allowed", False: "NOT allowed", None: "not stated: read the license"}[
             self.commercial
         ]
 

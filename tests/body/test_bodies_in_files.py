@@ -437,7 +437,7 @@ def parameters(**changes):
 
 WRONG = {
     "degrees": ({"body_pose": np.full((1, 63), 45.0)}, "degrees"),
-    "millimetres": ({"transl": np.array([[0, 0, 4000.0]])}, "millimetres"),
+    "millimetres": ({"transl": np.array([[0, 0, 4000.0]])}, "millimeters"),
     "scaled matrices": ({"global_orient": 2 * np.eye(3)[None]}, "no rotations"),
     "mirrored matrices": ({"global_orient": np.diag([1.0, 1, -1])[None]}, "no rotations"),
     "components of hands": ({"left_hand_pose": np.zeros((1, 6))}, "principal components"),
@@ -459,7 +459,7 @@ def test_wrong_parameters_are_named(tmp_path, smplx_path, name):
     ("vertices", "word"),
     [
         (np.random.default_rng(0).random((1, 5023, 3)), "5023 vertices"),
-        (1000 * np.random.default_rng(0).random((1, 6890, 3)), "metres"),
+        (1000 * np.random.default_rng(0).random((1, 6890, 3)), "meters"),
         (np.zeros((0, 6890, 3)), "no person"),
     ],
 )

@@ -105,13 +105,13 @@ MISTAKES = [
     (USAGE, "a folder", "run a.png --config folder"),
     (
         USAGE,
-        "--stature: photo.stature: a stature should be 0.4 to 2.6 metres, or 0 where unknown "
-        "(got 170; 170 cm are 1.7 metres)",
+        "--stature: photo.stature: a stature should be 0.4 to 2.6 meters, or 0 where unknown "
+        "(got 170; 170 cm are 1.7 meters)",
         f"{RUN} --stature 170",
     ),
     (USAGE, "0 to 120 years", f"{RUN} --age 300"),
-    (USAGE, "15000 mm are 15 metres", f"{RUN} --camera-height 15000"),
-    (USAGE, "5.8 ft are 1.77 metres", f"{SCENE} --stature 5.8"),
+    (USAGE, "15000 mm are 15 meters", f"{RUN} --camera-height 15000"),
+    (USAGE, "5.8 ft are 1.77 meters", f"{SCENE} --stature 5.8"),
     (USAGE, "should be a list, such as [1.7, 1.8] (got '1,7')", f"{RUN} --set photo.stature=1,7"),
     (USAGE, "is not a number, such as 1200", f"{RUN} --focal-px 1200px"),
     (USAGE, "a comma separates people: write 1.7", f"{RUN} --stature 1,7"),

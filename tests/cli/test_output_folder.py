@@ -53,7 +53,7 @@ def test_the_folder_has_the_name_of_the_photo_and_is_taken_from_another_one_with
 def test_a_folder_with_a_file_of_the_user_is_refused_before_the_run(pipeline, overwrite):
     photo("out/a.jpg")
     done = run("out/a.jpg", "-o", "out", *overwrite)
-    assert (done.exit_code, "out: a.jpg there is not of a run" in done.stderr) == (2, True)
+    assert (done.exit_code, "out: a.jpg there was not written by a run" in done.stderr) == (2, True)
     assert pipeline.calls == []
     assert Path("out/a.jpg").read_text() == "out/a.jpg"
     assert run("out/a.jpg", "-o", "new/below", "--set", "no.such=1").exit_code != 0

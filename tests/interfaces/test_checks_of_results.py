@@ -289,7 +289,7 @@ def test_a_violation_says_what_was_expected_and_what_came(result, changes, expec
     ("boxes", "notation"),
     [
         (np.hstack([BOXES[:, :2], BOXES[:, 2:] - BOXES[:, :2]]), "x, y, width, height"),
-        (np.hstack([BOXES[:, :2] + [1, 2], [[2, 4], [2, 4]]]), "centre, width, height"),
+        (np.hstack([BOXES[:, :2] + [1, 2], [[2, 4], [2, 4]]]), "center, width, height"),
         (BOXES[:, [1, 0, 3, 2]], "y0, x0, y1, x1"),
         (BOXES / [W, H, W, H], "shares of the image"),
     ],

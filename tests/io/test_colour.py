@@ -104,14 +104,14 @@ def test_a_profile_of_more_than_8_mb_is_not_read(stored):
     large = wide_profile() + bytes(8 << 20)
     photo = read_photo(stored("TIFF", icc_profile=large))
     np.testing.assert_array_equal(photo.image, np.asarray(PICTURE))
-    assert ["colour profile" in note for note in photo.notes] == [True]
+    assert ["color profile" in note for note in photo.notes] == [True]
 
 
 @pytest.mark.parametrize(
     ("options", "word"),
     [
         *((with_gamma(gamma), "gamma") for gamma in (0.00001, 0.05, 3.5, 20)),
-        ({"icc_profile": b"no profile of any kind"}, "colour profile"),
+        ({"icc_profile": b"no profile of any kind"}, "color profile"),
     ],
 )
 def test_what_no_photo_has_is_ignored_and_named(stored, options, word):

@@ -225,5 +225,5 @@ def test_a_document_of_the_user_in_place_of_a_folder_or_link_is_refused(out, rec
         document.unlink() if document.is_file() else document.rmdir()
         (out.parent / "mine.json").write_bytes(content)
         make(document)
-        with pytest.raises(OutputError, match="there is not of a run"):
+        with pytest.raises(OutputError, match="there was not written by a run"):
             save_reconstruction(reconstruction, out, "numbers")

@@ -245,7 +245,7 @@ CONVERTED = {
         np.where(HIDDEN == 0, 128, corners()),
         ("transparent",),
     ),
-    "grey cutout.png": (
+    "gray cutout.png": (
         Image.fromarray(np.concatenate([GREY[..., None], HIDDEN], -1)),
         np.where(HIDDEN == 0, 128, GREY[..., None]).repeat(3, -1),
         ("transparent", "grey"),

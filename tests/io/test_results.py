@@ -121,7 +121,7 @@ def test_the_document_states_units_frame_and_camera(tmp_path, reconstruction):
     save_reconstruction(reconstruction, tmp_path, "numbers")
     text = (tmp_path / "reconstruction.json").read_text(encoding="utf-8")
     document = json.loads(text, parse_constant=pytest.fail)
-    assert "metres" in document["frame"]["units"]
+    assert "meters" in document["frame"]["units"]
     assert "x right, y down, z forward" in document["frame"]["axes"]
     world = reconstruction.world_from_camera
     np.testing.assert_allclose(document["frame"]["world_from_camera"], world)

@@ -156,7 +156,7 @@ def flipped(world):
 
 WRONG = {
     "degrees": (lambda w: {"global_orient": np.degrees(w.parameters.global_orient)}, "degrees"),
-    "millimetres": (lambda w: {"transl": 1000 * w.parameters.transl}, "millimetres"),
+    "millimetres": (lambda w: {"transl": 1000 * w.parameters.transl}, "millimeters"),
     "behind the camera": (lambda w: {"transl": -w.parameters.transl}, "behind the camera"),
     "40 m up": (lambda w: {"transl": w.parameters.transl - [0, 40, 0]}, "world"),
     "another place": (

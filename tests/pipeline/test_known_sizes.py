@@ -116,7 +116,7 @@ WIDE = KnownLength((10.0, 100.0), (150.0, 100.0), 8.0)
             KnownSizes(camera_height=4.0),
             r"the photo contradicts the camera height 4 m: in a scene of that size it shows "
             r"person 0 as [345]\.\d\d m "
-            r"tall; beside people of usual stature it shows the camera height 1\.\d+ m\. ",
+            r"tall; with people of usual stature it shows the camera height 1\.\d+ m\. ",
         ),
         (
             KnownSizes(camera_height=1.1, lengths=(replace(WIDE, metres=4.0),)),
@@ -180,12 +180,12 @@ def test_too_many_statures_are_an_error():
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("stature=0.2", "a stature should be 0.4 to 2.6 metres, or 0 where unknown (got 0.2)"),
+        ("stature=0.2", "a stature should be 0.4 to 2.6 meters, or 0 where unknown (got 0.2)"),
         (
             "camera_height=-1",
-            "photo.camera_height: the camera height should be 0.01 to 100 metres",
+            "photo.camera_height: the camera height should be 0.01 to 100 meters",
         ),
-        ("known_length=[1, 2, 30, 40, 0]", "a known length should be 0.01 to 1000 metres (got 0)"),
+        ("known_length=[1, 2, 30, 40, 0]", "a known length should be 0.01 to 1000 meters (got 0)"),
         (
             "known_length=[1, 2, 1, 2, 3]",
             "a known length needs two different pixels (got (1, 2) and (1, 2))",
@@ -222,4 +222,4 @@ def test_sizes_of_the_command_line_are_in_the_result(tmp_path, stand, physic):
     assert set(given_and_result(result)) == {"the stature of person 0", "the camera height", length}
     wrong = physic("run", str(photo), "--known-length", "1,2,3")
     assert wrong.exit_code == 2
-    assert "'1,2,3' is not comma-separated numbers: x1,y1,x2,y2,metres" in wrong.output
+    assert "'1,2,3' is not comma-separated numbers: x1,y1,x2,y2,meters" in wrong.output

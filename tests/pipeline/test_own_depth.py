@@ -56,9 +56,9 @@ def test_a_measured_depth_that_people_contradict_is_followed_with_a_warning(worl
     ("scale", "unit"),
     [
         (5000, "1/5000 m"),
-        (1000, "millimetres"),
+        (1000, "millimeters"),
         (3.281, "feet"),
-        (0.1, "centimetres"),
+        (0.1, "centimeters"),
         (0.2, "optical axis"),
     ],
 )

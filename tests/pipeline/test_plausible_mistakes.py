@@ -187,7 +187,7 @@ def test_a_backend_is_asked_twice_until_it_has_passed_the_kit(walk, monkeypatch)
 @pytest.mark.parametrize(
     ("wrong", "words", "check", "placed"),
     [
-        (mistaken(*DEPTH, lambda z: 1000 * z), "is its unit millimetres", "depth_scale", 1),
+        (mistaken(*DEPTH, lambda z: 1000 * z), "is its unit millimeters", "depth_scale", 1),
         (mistaken(*DEPTH, lambda z: z[:, ::-1]), "mirrored", "depth_order", 0),
         (mistaken(*CONTACT, lambda p: 1 - p), "are they inverted", None, 1),
         (mistaken(*CONTACT, np.zeros_like), "0 everywhere", None, 1),

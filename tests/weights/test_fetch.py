@@ -58,12 +58,12 @@ def test_a_refusal_of_a_server_is_reported_with_the_homepage(server, code):
 def test_restricted_weights_are_fetched_only_with_accept_licence(server, keys):
     chosen = one(
         server.add("/model.onnx", CONTENT),
-        license="Own licence",
+        license="Own license",
         homepage="https://example.org",
         **keys,
     )
     message = refusal(chosen)
-    assert "Own licence" in message
+    assert "Own license" in message
     assert "https://example.org" in message
     assert "physic weights fetch net --accept-licence" in message
     assert server.asked == []

@@ -134,7 +134,7 @@ class OmniEraser(TorchBackend, Inpainter):
     def requirements(self) -> tuple[Requirement, ...]:
         """Return the repository, its packages, FLUX.1-dev, and the memory of the GPU."""
         advice = (
-            f"accept the licence (non-commercial) on {FLUX_PAGE}, then `hf auth login` and "
+            f"accept the license (non-commercial) on {FLUX_PAGE}, then `hf auth login` and "
             f"`hf download {self.options.base}`; or set base to a folder that has it"
         )
         here = not self._missing_base_model()
@@ -213,7 +213,7 @@ class OmniEraser(TorchBackend, Inpainter):
             pass  # no one looks for it then, and it is missing all the same
         return (
             f"{self.options.base} is not here (about 34 GB, non-commercial, an account with "
-            "access): accept its licence on huggingface.co, then `hf auth login` and `hf download "
+            "access): accept its license on huggingface.co, then `hf auth login` and `hf download "
             f"{self.options.base}`; or set base to a folder that has it",
         )
 

@@ -103,8 +103,9 @@ def _set_checkpoint(dataset: ray.data.Dataset, folder: str, resources: Resources
     cpus = ray.cluster_resources().get("CPU", 0.0)
     if 0 < cpus < resources.cpus + _CPUS_OF_RAY_DATA:  # 0: the nodes are still to come
         raise ConfigError(
-            f"a checkpoint needs {_CPUS_OF_RAY_DATA} CPUs beside those of the actors, or Ray Data "
-            f"waits for ever: the cluster has {cpus:g}, and an actor reserves {resources.cpus:g}"
+            f"a checkpoint needs {_CPUS_OF_RAY_DATA} CPUs in addition to those of the actors, or "
+            f"Ray Data waits forever: the cluster has {cpus:g}, and an actor reserves "
+            f"{resources.cpus:g}"
         )
     schema = dataset.schema(fetch_if_missing=False)
     if schema is not None and "id" not in schema.names:

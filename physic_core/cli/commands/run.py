@@ -151,8 +151,8 @@ _IGNORE = "Leave out the person at this pixel: a reflection, a picture, a figure
 @_setting_option(
     "--stature",
     "photo.stature",
-    type=Numbers("metres,..."),
-    help="Known standing height, metres: one for all people, or one per person from left to "
+    type=Numbers("meters,..."),
+    help="Known standing height, meters: one for all people, or one per person from left to "
     "right, 0 where unknown; a "
     "note says who got which.",
 )
@@ -173,7 +173,7 @@ _IGNORE = "Leave out the person at this pixel: a reflection, a picture, a figure
 @_setting_option(
     "--known-length",
     "photo.known_length",
-    type=Numbers("x1,y1,x2,y2,metres"),
+    type=Numbers("x1,y1,x2,y2,meters"),
     multiple=True,
     help="Two pixels of the photo file and the true distance between their points; may be "
     "repeated.",

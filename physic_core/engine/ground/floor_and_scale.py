@@ -571,6 +571,6 @@ def _guessed_scale(scene: Pointmap, plane: PlaneFit | None) -> tuple[SceneScale,
         option = "known-length"
     warning = (
         f"the scale is unknown without a person: {assumed}; give --{option} or use a metric depth "
-        f"network to get metres"
+        f"network to get meters"
     )
     return SceneScale(scale), warning

@@ -145,12 +145,12 @@ def scale_note(
         if lie:
             why = "who seem to lie"
         elif stand:
-            why = "since the plane of the floor is not found"
+            why = "because no floor was found"
         else:
-            why = "since no feet on a floor are seen"
+            why = "because no feet on a floor are visible"
         origin = f"the usual height of {_people(bodies)}, {why}"
     option = size_option("--stature METRES", len(contacts))
-    return f"all sizes rest mainly on {origin}. If you know a height, give {option}"
+    return f"all sizes depend mainly on {origin}. If you know a height, give {option}"
 
 
 def _people(count: int) -> str:

@@ -277,9 +277,9 @@ class PlacementStageMethod:
                 fit = self.fit_to_depth(person, by_keypoints, seen)
             elif not problem:
                 problem = (
-                    f"{len(person.points)} points of depth and {int(seen.sum())} of the body are "
-                    f"visible of this person, but {FEWEST_POINTS} of each are needed. The distance "
-                    f"follows from joints in the photo and body size alone, and is doubtful"
+                    f"this person has {len(person.points)} points of depth and {int(seen.sum())} "
+                    f"visible points of the body, but {FEWEST_POINTS} of each are needed. The "
+                    f"distance follows from 2D joints and body size alone, and is doubtful"
                 )
         x = self.finish(person, fit)
         if not _is_in_view(person, x):

@@ -111,9 +111,9 @@ class MeasuredScale:
 
 
 _PER_METRE = {
-    "metres": 1.0,
-    "millimetres": 1000.0,
-    "centimetres": 100.0,
+    "meters": 1.0,
+    "millimeters": 1000.0,
+    "centimeters": 100.0,
     "feet": 3.281,
     "1/5000 m, as in TUM's data sets": 5000.0,
     "1/256 m, as in KITTI's data sets": 256.0,
@@ -134,7 +134,7 @@ def likely_unit(factor: float) -> str:
     nearest = min(ratios, key=lambda ratio: abs(math.log(factor) - ratio))
     if abs(math.log(factor) - nearest) < _UNIT_SPREAD:
         return f"is its unit {ratios[nearest]}?"
-    return "is it in metres along the optical axis, or only relative?"
+    return "is it in meters along the optical axis, or only relative?"
 
 
 def combined_scale(evidence: Sequence[ScaleEvidence]) -> ScaleEvidence | None:
@@ -346,7 +346,7 @@ def rescaled_depth(
     other witnesses.
     """
     factor = math.exp(-float(vote.residuals(witness)[0]))
-    own = f"the metric depth counts beside the sizes of people, and was multiplied by {factor:.3g}"
+    own = f"the metric depth counts like the sizes of people, and was multiplied by {factor:.3g}"
     if is_measured(depth):
         own = (
             f"the measured depth gives the scale, {1 / factor:.3g} times that of the people, "

@@ -60,7 +60,7 @@ COLUMNS: Mapping[str, str] = {
     "save": "what was saved: pictures, numbers, people or none",
     "folder": "of the results, relative to the output folder; empty without files",
     "files": "names and sizes of the files, such as reconstruction.npz=2048 thumbnail=512",
-    "result": "run that wrote the files, as they state it; empty without files",
+    "result": "id of the run that wrote the files; empty without files",
     "version": "of metricbody",
     "plugins": "of the backends, with versions, and a digest of their code and libraries",
 }

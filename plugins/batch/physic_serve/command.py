@@ -88,7 +88,7 @@ def serve(
         with closing(Jobs(Path(place), partial(Worker, config, formats))) as jobs:
             if address not in _LOCAL:
                 echo(
-                    f"warning: whoever reaches {host} can use this server: it has no password",
+                    f"warning: anyone who reaches {host} can use this server: it has no password",
                     err=True,
                 )
             app = make_app(jobs, (*_LOCAL, address, *allow_host), example_photos())

@@ -109,7 +109,7 @@ def _plain_person(arrays: Mapping[str, Any], row: int) -> BenchPerson:
     if "vertices" in arrays:
         vertices = checked_numbers(arrays["vertices"][row], (-1, 3), "vertices")
         if not 0.2 < np.ptp(vertices, axis=0).max() < 3.0:
-            raise DamagedFrameError("vertices must be of a person in metres")
+            raise DamagedFrameError("vertices must be of a person in meters")
         person = replace(person, vertices=vertices, topology=_topology(arrays, len(vertices)))
     if "joints" in arrays:
         joints = np.asarray(arrays["joints"][row], np.float64)

@@ -200,7 +200,7 @@ def checked_truth(frame: Frame) -> Truth:
             distance = float(np.nanmedian(np.linalg.norm(points, axis=-1)))
             if distance > MAX_DISTANCE_M:
                 raise DamagedFrameError(
-                    f"an annotated person is {distance:.0f} m away: lengths must be metres"
+                    f"an annotated person is {distance:.0f} m away: lengths must be meters"
                 )
     return truth
 
@@ -230,7 +230,7 @@ def _require_results(method: Method, records: Sequence[Record], overlaps: Sequen
         raise InputError(
             f"the results of {method.name} do not project onto the annotated people: median "
             f"overlap of the boxes {median(overlaps):.2f}. They must be of these pictures, in "
-            "metres, in OpenCV's camera frame (x right, y down, z forward)"
+            "meters, in OpenCV's camera frame (x right, y down, z forward)"
         )
 
 

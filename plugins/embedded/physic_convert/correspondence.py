@@ -190,7 +190,7 @@ def find_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
         raise BodyModelError(
             f"the body '{model.name}' cannot be fitted to the mesh '{rest.topology}': only "
             f"{sure.mean():.0%} of its vertices have a counterpart; give the mesh in a T-pose (y "
-            "up, facing +z, its left on +x), in metres"
+            "up, facing +z, its left on +x), in meters"
         )
     return Correspondence(surface.faces[on.face], on.shares, sure)
 
@@ -247,6 +247,6 @@ def _check_body_extent(rest: RestMesh) -> None:
     ):
         raise BodyModelError(
             f"the mesh '{rest.topology}' is {wide:.3g} wide, {tall:.3g} high and {deep:.3g} deep, "
-            "which is not a body in a T-pose: give it in metres, y up, facing +z, arms stretched "
+            "which is not a body in a T-pose: give it in meters, y up, facing +z, arms stretched "
             "out sideways"
         )

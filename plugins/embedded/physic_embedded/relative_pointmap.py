@@ -104,7 +104,7 @@ class EmbeddedPointmapOptions(Options):
         description="arithmetic of the depth network's matrix products; auto is int8 on the CPU "
         "and float32 elsewhere. "
         "int8 takes two thirds of the time, but one level of one pixel can then move the scene by "
-        "centimetres",
+        "centimeters",
     )
     threads: int = Field(
         2, ge=0, le=256, description="threads of the network; 0: one for each core of the process"
@@ -269,8 +269,8 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         camera = Intrinsics.from_focal(focal, width, height, source, trust)
         how = "assumed to be usual" if found is None else "estimated from straight edges"
         note = (
-            f"the focal length is {how}, so that all distances may be off by {sigma:.0%} (one "
-            f"standard deviation). Give the camera's own file, which may state it, or --focal-px PX"
+            f"the focal length is {how}, so all distances may be off by {sigma:.0%} (one standard "
+            f"deviation). Give the original file, which may state it, or --focal-px PX"
         )
         return replace(camera, focal_sigma=sigma), note
 
@@ -288,7 +288,7 @@ def _gap_from_infinity(raw: FloatArray, infinity: float) -> tuple[FloatArray, ND
     lost = flying_pixels(gap) | too_far
     if lost.all():
         raise BackendError(
-            "the depth network saw no structure in the photo: no pixel has a reliable depth"
+            "the depth network detects no structure in the photo: no pixel has a reliable depth"
         )
     return gap, lost
 

@@ -269,7 +269,7 @@ def _sampled(points: FloatArray, mask: BoolArray) -> tuple[FloatArray, FloatArra
     if len(v) < 3:
         raise BackendError(
             f"the point map has {len(v)} valid points of {width} x {height}, too few for a camera: "
-            "the network saw nothing in this photo"
+            "the network detects nothing in this photo"
         )
     centre = np.array([(width - 1) / 2, (height - 1) / 2])
     uv = (np.stack([u, v], -1) - centre) / half_diagonal(height, width)

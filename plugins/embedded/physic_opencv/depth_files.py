@@ -67,7 +67,7 @@ def read_phone_depth(path: Path) -> tuple[FloatArray, bool]:
         ):
             raise InputError(
                 f"the depth map in {path} is not disparity with its range (it says "
-                f"{kind or 'nothing'}), so its metres "
+                f"{kind or 'nothing'}), so its meters "
                 "are not known; convert it to .npy"
             )
         with wrap_decoding_errors(source):
@@ -125,7 +125,7 @@ def read_depth(
             raise InputError(
                 f"the depth map {path} has 8 bits per pixel, whose unit is not known and whose "
                 f"steps are too coarse: "
-                "give a PNG of 16 bits in millimetres, or a .npy array in metres"
+                "give a PNG of 16 bits in millimeters, or a .npy array in meters"
             )
     elif suffix == ".exr":
         values = read_exr(path)
@@ -317,6 +317,6 @@ def _read_picture(path: Path) -> NDArray[np.generic]:
         if (factor := image.info.get("scale", 1.0)) != 1:
             raise InputError(
                 f"cannot read the {source}: its header states a scale of {factor:g}, which tools "
-                f"read differently; write 1 or -1, with the depth in metres"
+                f"read differently; write 1 or -1, with the depth in meters"
             )
         return np.asarray(image if image.mode in _GREY else image.convert("RGB"))

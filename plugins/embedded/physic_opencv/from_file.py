@@ -35,7 +35,7 @@ class DepthFileOptions(interfaces.Options):
         ".exr, .pfm, or the .heic photo of a phone that stores depth.",
     )
     scale: float = Field(
-        1.0, ge=1e-6, le=1e6, description="Metres per unit of the file; 0.001 for millimetres."
+        1.0, ge=1e-6, le=1e6, description="Meters per unit of the file; 0.001 for millimeters."
     )
     invalid: float | None = Field(
         None,

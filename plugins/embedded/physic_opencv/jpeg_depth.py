@@ -39,10 +39,10 @@ def read_jpeg_depth(path: Path) -> tuple[FloatArray, bool]:
         kind = b"photos/dd/1.0" in xmp
         raise InputError(
             f"the photo {path} has its depth as Dynamic Depth, which is not read: save the photo "
-            "with depth as HEIC, or extract the map (exiftool -b) and convert it to metres in .npy"
+            "with depth as HEIC, or extract the map (exiftool -b) and convert it to meters in .npy"
             if kind
-            else f"the photo {path} has no depth map in its XMP data: give metres in .npy or .exr, "
-            "or a PNG of 16 bits in millimetres"
+            else f"the photo {path} has no depth map in its XMP data: give meters in .npy or .exr, "
+            "or a PNG of 16 bits in millimeters"
         )
     try:
         near, far = float(found["Near"]), float(found["Far"])
@@ -54,7 +54,7 @@ def read_jpeg_depth(path: Path) -> tuple[FloatArray, bool]:
     if not 0 < near < far < np.inf or form not in ("RangeInverse", "RangeLinear") or not content:
         raise InputError(
             f"the depth map in {path} does not state its range (format {form or 'none'}, near "
-            f"{found.get('Near', 'none')}, far {found.get('Far', 'none')}), so its metres are not "
+            f"{found.get('Near', 'none')}, far {found.get('Far', 'none')}), so its meters are not "
             "known; convert it to .npy"
         )
     inner = ImageSource(f"in {path}", content, what="depth map")

@@ -56,7 +56,7 @@ def _picture(path: Path) -> NDArray[Any]:
         decode(image, source)
         if image.mode not in ("1", "L", "P", "I", "I;16"):
             raise ValueError(
-                f"{path.name} is a picture of colours ({image.mode}): give a palette or one "
+                f"{path.name} is a picture of colors ({image.mode}): give a palette or one "
                 f"channel, whose values number the people"
             )
         return np.asarray(image)

@@ -106,7 +106,7 @@ def _cost_lines(found: Setup) -> Iterator[str]:
     from physic_core.weights import format_size
 
     more = (
-        f", and these, of no published exact size: {', '.join(found.unsized)}"
+        f", and these, whose size is not published: {', '.join(found.unsized)}"
         if found.unsized
         else ""
     )

@@ -66,7 +66,7 @@ def fetch(
         raise DownloadError(
             f"'{weights.name}' is not downloaded without "
             f"--accept-licence:\n{weights.describe_licence()}\n"
-            f"to accept the licence: physic weights fetch {weights.name} --accept-licence"
+            f"to accept the license: physic weights fetch {weights.name} --accept-licence"
         )
     for file in absent:
         here = locate_files(weights).get(file.path)

@@ -302,7 +302,7 @@ def _restricted_weights_step(weights: WeightSet) -> SetupStep:
         else ()
     )
     return SetupStep(
-        title, False, by_hand=(f"licence: {weights.homepage}", weights.how_to_get(), *into)
+        title, False, by_hand=(f"license: {weights.homepage}", weights.how_to_get(), *into)
     )
 
 

@@ -48,7 +48,7 @@ def list_weights(missing: bool) -> None:
 
     library = read_library()
     sets = [one for one in library.sets if not (missing and presence(one.weights) == "here")]
-    rows = [("weights", "plugin", "size", "commercial use", "account", "state", "licence")]
+    rows = [("weights", "plugin", "size", "commercial use", "account", "state", "license")]
     for one in sets:
         found = one.weights
         account = "needed" if found.needs_account else "-"
@@ -109,7 +109,7 @@ def verify(ctx: click.Context, names: tuple[str, ...]) -> None:
     "--accept-license",
     "accept",
     is_flag=True,
-    help="Accept a licence that restricts use or requires an account.",
+    help="Accept a license that restricts use or requires an account.",
 )
 @click.option(
     "--to",

@@ -60,7 +60,7 @@ class DepthAnything(OnnxBackend, RelativePointmap):
         gap, lost = clip_disparity(disparity[0])
         if lost.all() or np.ptp(gap) <= _LEAST_SPREAD * gap.max():
             raise BackendError(
-                f"{self.network.name} saw no structure in the photo: no pixel has a depth"
+                f"{self.network.name} detects no structure in the photo: no pixel has a depth"
             )
         camera = known_camera(hints, image)
         notes: tuple[str, ...] = ()

@@ -97,11 +97,11 @@ class _MogeBackend(OnnxBackend):
             )
             camera = Intrinsics.from_focal(focal_px, width, height, "MoGe-2")
             if not found.determined:
-                source = "default: MoGe-2 saw a scene too flat to tell"
+                source = "default: the scene is too flat for MoGe-2"
                 camera = replace(camera, source=source, trust=CameraTrust.GUESSED)
                 notes.append(
-                    f"MoGe-2 saw a scene too flat to tell the focal length: {focal_px:.0f} px is "
-                    f"a guess"
+                    f"the scene is too flat for MoGe-2 to estimate the focal length: "
+                    f"{focal_px:.0f} px is a guess"
                 )
         mask = resize_map(confidence, height, width) > _SURE
         depth = resize_map(xyz[..., 2], height, width)

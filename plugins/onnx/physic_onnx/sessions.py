@@ -38,7 +38,7 @@ class OnnxOptions(Options):
     provider: ProviderName = Field(
         "auto",
         description="what onnxruntime computes with; 'auto' follows the device: the CPU, or CUDA "
-        "on a GPU of NVIDIA",
+        "on an NVIDIA GPU",
     )
     threads: int = Field(
         2, ge=0, le=256, description="threads on the CPU; 0: one for each core of the process"

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Hints, Intrinsics, UInt8Array
 
 _LEVELS = 9
-_TOO_FLAT = "saw a scene too flat to tell the focal length"
+_TOO_FLAT = "finds the scene too flat to estimate the focal length"
 
 
 class MogeOptions(CheckoutOptions):
@@ -129,9 +129,7 @@ class _MogeBackend(CheckoutBackend):
         height, width = mask.shape
         found = recover_camera(points, mask, None if given is None else (given.fx, given.fy))
         source = (
-            self.title
-            if found.determined
-            else f"default: {self.title} saw a scene too flat to tell"
+            self.title if found.determined else f"default: {self.title} finds the scene too flat"
         )
         camera = given or found.intrinsics(width, height, source)
         placed, valid = points_on_rays(points[..., 2], mask, found, camera, scale)

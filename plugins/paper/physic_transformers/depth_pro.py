@@ -44,7 +44,7 @@ class DepthProOptions(ModelOptions):
         default=1000.0,
         ge=1e-6,
         le=1e6,
-        description="Metres; what is farther is not known: DepthPro puts the sky at 10 km.",
+        description="Meters; what is farther is not known: DepthPro puts the sky at 10 km.",
     )
     cpu_memory_gb: float = Field(
         default=18.0,

@@ -166,7 +166,7 @@ def read_calibration(
     if rig.names_are_images and unit_m is None:
         raise ConfigError(
             f"the unit of {path} is not known, as COLMAP and nerfstudio choose their own: give its "
-            "length in metres by --camera-unit (unit_m in Python), which is a known distance "
+            "length in meters by --camera-unit (unit_m in Python), which is a known distance "
             "divided by the same distance in the file"
         )
     find = _image_for if rig.names_are_images else _name_for
@@ -220,7 +220,7 @@ def _require_metres(path: Path, cameras: Sequence[KnownCamera | None]) -> None:
     if apart > _FARTHEST_APART:
         raise InputError(
             f"two cameras of {path} are {apart:.0f} m apart: give the length of its unit with "
-            "--camera-unit (unit_m in Python), such as 0.001 for millimetres"
+            "--camera-unit (unit_m in Python), such as 0.001 for millimeters"
         )
 
 

@@ -73,11 +73,11 @@ def _warn_of_order(photos: Sequence[Path], cameras: Sequence[KnownCamera | None]
     "unit_m",
     metavar="METRES",
     type=Number(0, min_open=True),
-    help="Length of the unit of --cameras, such as 0.01 for centimetres.  [default: 1]",
+    help="Length of the unit of --cameras, such as 0.01 for centimeters.  [default: 1]",
 )
 @click.option(
     "--stature",
-    type=Numbers("metres,..."),
+    type=Numbers("meters,..."),
     help="Known standing heights: one for all people, or from left to right in the first photo, 0 "
     "where unknown.",
 )

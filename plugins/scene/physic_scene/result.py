@@ -72,7 +72,7 @@ def _note_on_known_cameras(solved: SolvedScene) -> list[str]:
     others = [photo.name for photo in solved.photos if photo.people.pose is None]
     if len(known) == 1:
         return [f"the known pose of {known[0]} is not used: two are needed"]
-    also = f"; those of {', '.join(others)} are solved" if others else ""
+    also = f"; those of {', '.join(others)} are estimated" if others else ""
     return [f"the poses of {', '.join(known)} are known, and give the scale{also}"] if known else []
 
 

@@ -83,7 +83,7 @@ def sizes_by_cameras(observations: MomentObservations, poses: Sequence[CameraPos
     every = float(np.nanmedian(factor)) if np.isfinite(factor).any() else 1.0
     if not 1 / _OTHER_UNIT < every < _OTHER_UNIT:
         raise InputError(
-            "the known cameras are not in metres: by the sizes of the people, their unit is "
+            "the known cameras are not in meters: by the sizes of the people, their unit is "
             f"{1 / every:.2g} m; give the true one with --camera-unit (unit_m of read_calibration "
             "in Python)"
         )

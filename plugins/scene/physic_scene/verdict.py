@@ -38,11 +38,11 @@ _CHECKS = {
         ),
         # Of 30 pairs of photos of a rig, 20 have two or three people, and 29 of 30 wrong pairs of
         # two rigs one.
-        CheckSpec("view_people", "People whom other photos show, too", "at least", 2, "count"),
+        CheckSpec("view_people", "People in other photos, too", "at least", 2, "count"),
         # Half of the energy of a person in the solution of two photos, with the clothes: rigs
         # 11-29, wrong pairs 17-47.
-        CheckSpec("view_agreement", "People unlike those of other photos", "at most", 28, "energy"),
-        CheckSpec("view_missing_person", "Person of other photos missing", "at most", 0, "count"),
+        CheckSpec("view_agreement", "People differ from other photos", "at most", 28, "energy"),
+        CheckSpec("view_missing_person", "Person in other photos missing", "at most", 0, "count"),
         # Rigs 0.05-0.56; 0.6-0.9 where a floor is wrong, 2.6 in a wrong pair.
         CheckSpec("view_height", "Camera height over other floors, off", "at most", 0.6, "log"),
     )

@@ -126,7 +126,7 @@ def test_known_cameras_stay_and_give_the_scale(solver, alone, worlds, poses, kno
 
 def test_known_cameras_in_another_unit_are_refused(solver, alone, poses):
     centimetres = [np.vstack([pose[:3] * [1, 1, 1, 100], pose[3]]) for pose in poses]
-    with pytest.raises(InputError, match=r"not in metres.*camera-unit"):
+    with pytest.raises(InputError, match=r"not in meters.*camera-unit"):
         solver.join(alone, poses=centimetres)
 
 

@@ -28,7 +28,7 @@ from physic_testing.worlds.world import pixel_rays
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Hints, Intrinsics, UInt8Array
 
-_METRIC_SIGMA = math.hypot(NORMAL["metric scale"][1], NORMAL["focal length of the both depths"][1])
+_METRIC_SIGMA = math.hypot(NORMAL["metric scale"][1], NORMAL["focal length of both depths"][1])
 _FAR = 0.95  # quantile of the depth of what counts as farthest
 _MOST_OFFSET = 0.95  # of the inverse depth there
 
@@ -105,7 +105,7 @@ class RelativePointmapOptions(MockOptions):
         None,
         ge=-1e6,
         le=1e6,
-        description="The unknown shift t, metres or 1 / metres. None draws it for "
+        description="The unknown shift t, meters or 1 / meters. None draws it for "
         "inverse_scale_shift, and is 0 for "
         "scale_shift. Unused where there is none.",
     )
@@ -315,6 +315,6 @@ def _distance_error(found: RecognisedWorld, hints: Hints) -> float:
 
 def _camera(noise: Noise) -> Intrinsics:
     """Return the camera with a focal length error."""
-    factor = math.exp(noise.normal("focal length of the both depths"))
+    factor = math.exp(noise.normal("focal length of both depths"))
     true = noise.world.intrinsics
     return replace(true, fx=true.fx * factor, fy=true.fy * factor, source="mock")

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from physic_testing.worlds import World
 
 NORMAL = {
-    "focal length of the both depths": (math.log(1.2), 0.07),  # log of the focal length
+    "focal length of both depths": (math.log(1.2), 0.07),  # log of the focal length
     "metric scale": (0, 0.09),  # log of depth, beside the focal length's or the bodies' error
     "unit of both": (0, 0.3),  # log of the point map's unit, in both images
     "unit of the photo": (0, 0.15),  # the same, in the photo with people alone

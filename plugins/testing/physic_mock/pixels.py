@@ -32,7 +32,7 @@ class SegmenterOptions(MockOptions):
     )
     surfaces: bool = Field(
         False,
-        description="Whether surfaces are labelled, without errors. The engine then also looks "
+        description="Whether surfaces are labeled, without errors. The engine then also looks "
         "for feet in the air, "
         "which it finds too often among the errors of depth of the other mocks.",
     )

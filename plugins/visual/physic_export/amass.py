@@ -168,7 +168,7 @@ def _arrays(
         "mocap_time_length": np.array(_FRAMES / _FRAME_RATE),
         "pelvis": pelvis,
         "pivot": np.array(_PIVOT),
-        "frame": np.array(f"{frame.axes}; metres; hands are relative to flat hands"),
+        "frame": np.array(f"{frame.axes}; meters; hands are relative to flat hands"),
     }
 
 

@@ -34,7 +34,7 @@ def export_bvh(request: ExportRequest) -> ExportedFiles:
         files[request.file_of(index)] = _document([t_pose(named, up), named]).encode("ascii")
     return ExportedFiles(
         files,
-        ("lengths are metres: a program that counts in centimetres imports them with scale 100",),
+        ("lengths are meters: a program that counts in centimeters imports them with scale 100",),
     )
 
 

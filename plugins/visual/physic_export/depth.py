@@ -52,7 +52,7 @@ def files_beside(request: ExportRequest, unit: dict[str, float]) -> dict[str, by
     document = {
         **{name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy", "width", "height")},
         "frame": f"OpenCV camera: {request.frame.axes}",
-        "pixels": "integer coordinates are pixel centres; (0, 0) is the centre of the top left "
+        "pixels": "integer coordinates are pixel centers; (0, 0) is the center of the top left "
         "pixel",
         "depth": {"file": f"{request.stem}{request.suffix}", **unit, "along": "z"},
         "photo": photo,

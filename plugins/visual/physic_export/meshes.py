@@ -181,7 +181,7 @@ def _header(request: ExportRequest, skins: Skins, vertices: int, faces: int) -> 
     lines = [
         "ply",
         "format binary_little_endian 1.0",
-        "comment PhySIC; unit: metre",
+        "comment PhySIC; unit: meter",
         f"comment axes: {frame.axes}",
         f"comment floor: {plane}",
         "comment object: -1 scene, 0 and up people; contact: 1 touches; normals of the scene are "
@@ -229,7 +229,7 @@ def export_stl(request: ExportRequest) -> ExportedFiles:
         head = f"PhySIC; unit: millimetre; {request.frame.up} up".encode("ascii").ljust(80)
         count = len(rows).to_bytes(4, "little")
         files[request.file_of(index)] = head + count + rows.tobytes()
-    note = "lengths are in millimetres, as slicers read them, at the size of life: scale the body"
+    note = "lengths are in millimeters, as slicers read them, at the size of life: scale the body"
     return ExportedFiles(files, (note,))
 
 
@@ -245,8 +245,8 @@ def export_obj(request: ExportRequest) -> ExportedFiles:
     files = skins.pictures()
     scene = scene_mesh(request)
     text = [
-        f"# PhySIC; unit: metre; axes: {request.frame.axes}\n# v: x y z red green blue (sRGB, 0 "
-        f"to 1)\n# Programs that read OBJ in millimetres need a scale of 1000.\n",
+        f"# PhySIC; unit: meter; axes: {request.frame.axes}\n# v: x y z red green blue (sRGB, 0 "
+        f"to 1)\n# Programs that read OBJ in millimeters need a scale of 1000.\n",
         *(f"# contact: {line}\n" for line in contact_lines(request.result, skins)),
         f"mtllib {request.stem}.mtl\n",
     ]

@@ -277,7 +277,7 @@ def _file(
     result = request.result
     matrix = request.frame.from_camera
     root = Element("mujoco", model="physic")
-    root.append(Comment(f" PhySIC; metres; {request.frame.axes} "))
+    root.append(Comment(f" PhySIC; meters; {request.frame.axes} "))
     SubElement(root, "compiler", angle="degree")
     SubElement(root, "option", gravity="0 0 -9.81", timestep="0.002", integrator="implicitfast")
     _add_visual(root, result.intrinsics)

@@ -65,7 +65,7 @@ def export_trc(request: ExportRequest) -> ExportedFiles:
             ("1", "0.0", *(f"{value:.3f}" for value in points.reshape(-1))),
         )
         files[name] = _table(lines)
-    return ExportedFiles(files, ("lengths are millimetres, y is up",))
+    return ExportedFiles(files, ("lengths are millimeters, y is up",))
 
 
 def export_mot(request: ExportRequest) -> ExportedFiles:

@@ -189,7 +189,7 @@ def _new_stage(path: Path, request: ExportRequest) -> Any:
     stage.SetTimeCodesPerSecond(24)
     stage.SetStartTimeCode(1)
     stage.SetEndTimeCode(1)
-    stage.SetMetadata("comment", f"PhySIC; metres; {frame.axes}")
+    stage.SetMetadata("comment", f"PhySIC; meters; {frame.axes}")
     legend = [
         f"{name}: sRGB {rgb[0]} {rgb[1]} {rgb[2]}"  # names have blanks: no keys of a dictionary
         for name, rgb in contact_legend(request.result).items()

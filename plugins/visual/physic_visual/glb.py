@@ -135,7 +135,7 @@ def glb_notes(request: ExportRequest, skins: Mapping[int, Rig]) -> tuple[str, ..
     offset = math.dist(((camera.width - 1) / 2, (camera.height - 1) / 2), (camera.cx, camera.cy))
     if offset > 1.0:
         notes.append(
-            f"the principal point is {offset:.0f} px from the image centre, which a glTF camera "
+            f"the principal point is {offset:.0f} px from the image center, which a glTF camera "
             "cannot state: a render of the camera is shifted by that"
         )
     return tuple(notes)
@@ -253,7 +253,7 @@ def build_glb(
         nodes += _add_person(glb, index, request, skins.get(index), look(glb, index, request))
     nodes.append(_add_camera(glb, result.intrinsics, camera_pose(frame)))
     extras = {
-        "units": "metres",
+        "units": "meters",
         "axes": frame.axes,
         "world_from_camera": frame.from_camera.tolist(),
         "body_model": result.body_model,

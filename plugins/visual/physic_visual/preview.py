@@ -196,7 +196,7 @@ def _draw_photo_panels(
     # a pixel is not seen
     if cv2.erode((depths == UNKNOWN_RGB).all(-1).astype(np.uint8), np.ones((3, 3))).any():
         at = depth.x + 6, depth.y + depth.height - 6
-        draw_text(pen, at, "grey: distance unknown", 13, UNKNOWN_RGB, "ls", rim=INK_RGB)
+        draw_text(pen, at, "gray: distance unknown", 13, UNKNOWN_RGB, "ls", rim=INK_RGB)
 
 
 def _draw_views(

@@ -128,7 +128,7 @@ def test_a_photo_whose_result_was_edited_fails_before_it_is_computed(
         (folder / "reconstruction.npz").unlink()
     job = jobs[why == "another setting"]
     message = run(job)
-    assert ("preview.png there is not of a run" in message) == (why != "nothing changed")
+    assert ("preview.png there was not written by a run" in message) == (why != "nothing changed")
     assert ((folder / "preview.png").read_text(), len(calls)) == ("mine", 1)
     folder.rename(tmp_path / "mine")
     assert run(job) == ""

@@ -73,7 +73,7 @@ MESH_FRAMES = ("camera", "scene", "vicon")
 def missing(root: Path, with_pictures: bool, mesh_frame: str) -> list[str]:
     """Return the missing files."""
     needed = [
-        ("calibration/Color.json", "calibration of the colour camera"),
+        ("calibration/Color.json", "calibration of the color camera"),
         ("cam2world/vicon.json", "pose of the camera"),
         ("vicon2scene.json", "transform from Vicon to the scene"),
         ("scenes/vicon.ply", "scan of the scene"),
@@ -196,7 +196,7 @@ def _mesh_vertices(root: Path, name: str) -> Array:
     size = float(np.ptp(vertices, axis=0).max())
     if len(vertices) != NUM_VERTICES or not 0.2 < size < 3.0:
         raise DamagedFrameError(
-            f"{file} must have {NUM_VERTICES} vertices in metres, got {len(vertices)}, {size:.3g} m"
+            f"{file} must have {NUM_VERTICES} vertices in meters, got {len(vertices)}, {size:.3g} m"
         )
     return vertices
 
@@ -233,7 +233,7 @@ def _transform(file: Path) -> Array:
         matrix = checked_numbers(read_json(file), (4, 4), "transform")
         checked_rotation(matrix[:3, :3], "transform")
         if np.abs(matrix[:3, 3]).max() > 100:
-            raise DamagedFrameError("lengths must be metres")
+            raise DamagedFrameError("lengths must be meters")
     return matrix
 
 

@@ -140,7 +140,7 @@ def _contact(file: Path) -> NDArray[np.bool_]:
     mesh = read_mesh(file)
     with naming_file_in_errors(file):
         found: NDArray[np.bool_] = (np.asarray(mesh.visual.vertex_colors) == GREEN).all(1)
-        checked_numbers(found, (10475,), "vertex colours")
+        checked_numbers(found, (10475,), "vertex colors")
     return found
 
 

@@ -61,7 +61,7 @@ def test_a_16_bit_png_in_millimetres(tmp_path):
     expected[0, 0] = expected[1, 1] = np.nan
     np.testing.assert_allclose(found, expected, rtol=1e-6)
     cv2.imwrite(str(tmp_path / "d.png"), (DEPTH * 30).astype(np.uint8))
-    with pytest.raises(InputError, match="16 bits in millimetres"):
+    with pytest.raises(InputError, match="16 bits in millimeters"):
         depth(tmp_path / "d.png")
 
 
@@ -390,7 +390,7 @@ def test_the_unit_of_a_depth_is_that_of_its_option(unit, metres):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"depth": "d.png", "depth_unit": "inch"}, "mm, cm, m, ft, or a part of a metre"),
+        ({"depth": "d.png", "depth_unit": "inch"}, "mm, cm, m, ft, or a part of a meter"),
         ({"depth": "d.png", "depth_unit": "1/0"}, "1/5000"),
         ({"depth": "d.png", "depth_unit": "5000"}, "1/5000"),
         ({"depth_unit": "mm"}, "without depth"),

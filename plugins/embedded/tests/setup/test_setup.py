@@ -72,9 +72,7 @@ def test_licences_sizes_and_what_was_not_measured_are_said_before_any_step(
     assert all(
         word in first for word in ("RTMW3D", "MoGe-3 (1.48)", "MIT", "Apache-2.0", "Not measured")
     )
-    assert (
-        run or "without packages: 1.84 GB, and these, of no published exact size: rtmw3d-x" in first
-    )
+    assert run or "1.84 GB, and these, whose size is not published: rtmw3d-x" in first
 
 
 @pytest.fixture
@@ -162,7 +160,7 @@ def test_each_requirement_is_a_step_and_their_costs_are_added(thing, physic):
 def test_a_licence_that_restricts_use_is_left_to_the_user(thing, physic):
     written(thing[0], weights="other-net")
     lines = physic("setup", "embedded", "--folder", "mine").output.splitlines()
-    assert "#    by hand: licence: https://example.org/licence" in lines
+    assert "#    by hand: license: https://example.org/licence" in lines
     assert (
         "#    by hand: `physic weights fetch other-net --accept-licence` (commercial use NOT "
         "allowed)" in lines

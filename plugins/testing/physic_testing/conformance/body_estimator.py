@@ -51,12 +51,12 @@ _MIRRORED = "Was the photo mirrored for the network, and the body not mirrored b
 
 _FOCAL = (
     "Is it the focal length of the crop, or of the network? z is the focal length of the photo in "
-    "px / px per metre, in px of the photo: scale what the network says of a crop by the side of "
+    "px / px per meter, in px of the photo: scale what the network says of a crop by the side of "
     "the crop."
 )
 
 _DEGREES = "Are they in degrees?"
-_TURNED_CROP = "A crop beside the image's centre is seen by a rotated camera: rotate bodies back."
+_TURNED_CROP = "A crop beside the image's center is seen by a rotated camera: rotate bodies back."
 
 
 def shortest(rotvecs: FloatArray) -> FloatArray:
@@ -199,7 +199,7 @@ def check_bodies_can_be_posed(subject: BackendUnderTest) -> None:
             worst < MAX_JOINT_TO_MESH_M,
             f"joints at most {MAX_JOINT_TO_MESH_M} m outside of the mesh",
             f"a joint {worst:.3g} m outside",
-            "Are both in metres, and in the camera's frame?",
+            "Are both in meters, and in the camera's frame?",
         )
 
 
@@ -315,10 +315,10 @@ _GROUPS = (
     ),
     Group(
         "observed_is_true_in_sight",
-        "True for joints in sight, and False for hidden ones",
+        "True for visible joints, and False for hidden ones",
         "observed",
         "of a unit vector",
-        (Reading("inverted", lambda seen, _: 1 - seen, "True is in sight."),),
+        (Reading("inverted", lambda seen, _: 1 - seen, "True is visible."),),
         normalised("observed"),
         is_telling=True,
     ),

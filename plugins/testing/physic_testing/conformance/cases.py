@@ -69,7 +69,7 @@ CASES: dict[str, Photo] = {
     "several people": Photo("people beside one another", "group"),
     "odd size": Photo("131 x 97 px, which no network likes", "stand_indoors", size=(131, 97)),
     "nobody": Photo("a room without people", "stand_indoors"),
-    "blank": Photo("one grey all over", "stand_indoors"),
+    "blank": Photo("one gray all over", "stand_indoors"),
     "tiny": Photo("32 x 24 px", "stand_indoors", size=(32, 24)),
     "large": Photo("one person, four times as wide and high", "stand_indoors", 4),
     "walking": Photo("one person who walks, higher than wide", "walk_portrait"),

@@ -92,7 +92,7 @@ def check_mesh_is_known(subject: BackendUnderTest) -> None:
         try:
             contact_on_embedded(answer)
         except BodyModelError as error:
-            wanted = "a mesh in the T-pose: metres, y up, facing +z, left side on +x"
+            wanted = "a mesh in the T-pose: meters, y up, facing +z, left side on +x"
             raise CheckFailed(wanted, str(error)) from error
         return
     expect(

@@ -184,7 +184,7 @@ def _of_a_square(pixels: FloatArray, truth: Truth) -> FloatArray:
 
 _TURNED = "Is the shape (H, W), and is the output turned back as the photo was for the network?"
 _RAYS = "Divide by sqrt(1 + ((u - cx) / fx)^2 + ((v - cy) / fy)^2)."
-_RESIZED = "Is the padding of the network's input subtracted, and the output resized by centres?"
+_RESIZED = "Is the padding of the network's input subtracted, and the output resized by centers?"
 _FLIPPED = "Mirror the output for the mirrored photo back before you average."
 _INPUT = "Is it in px of the network's input, or of another camera?"
 _BOTH = (
@@ -223,8 +223,8 @@ _BOTH = (
         "camera",
         "px or %",
         (
-            Reading("right of the centre", plus(0.5, 0, 0, 0), _CENTRES, 0.5, " px", 0.3),
-            Reading("below the centre", plus(0, 0.5, 0, 0), _CENTRES, 0.5, " px", 0.3),
+            Reading("right of the center", plus(0.5, 0, 0, 0), _CENTRES, 0.5, " px", 0.3),
+            Reading("below the center", plus(0, 0.5, 0, 0), _CENTRES, 0.5, " px", 0.3),
             Reading("fx over fy", plus(0, 0, 25, 0), _ASPECT, 25, " %", 2),
             Reading("too long a focal length", plus(0, 0, 0, 70), _INPUT, 70, " %", 30),
         ),
@@ -312,7 +312,7 @@ def check_states_what_it_promises(subject: BackendUnderTest) -> None:
         sigma is None or 0 < float(sigma) < MAX_SIGMA,
         f"a standard deviation of log(scale) below {MAX_SIGMA}: 0.1 is ten percent; or None",
         f"{sigma!r}",
-        "Is it in percent, or in metres?",
+        "Is it in percent, or in meters?",
     )
 
 
@@ -415,13 +415,13 @@ _OF_BOTH = (
     Check(check_states_what_it_promises),
 )
 _FOCAL = "Is the depth of a network for one focal length rescaled to that of the photo, once?"
-_UNIT = "Is it centimetres, or is a factor missing that the network's authors state?"
+_UNIT = "Is it centimeters, or is a factor missing that the network's authors state?"
 _LARGE = float(np.log(1.2))
 
 _SCALE = (
     Group(
         "depth_is_in_metres",
-        "metres",
+        "meters",
         "z",
         "of log(depth / true depth)",
         (Reading("too large", times(np.e), _UNIT, 1, " of the logarithm", _LARGE),),
@@ -455,7 +455,7 @@ _GIVEN = "Use hints.intrinsics if they are given."
 
 _ON_RAYS = Group(
     "points_lie_on_the_rays_of_the_camera",
-    "points that project to the centres of their pixels by the given camera (x right, y down)",
+    "points that project to the centers of their pixels by the given camera (x right, y down)",
     "pixels",
     "px",
     (

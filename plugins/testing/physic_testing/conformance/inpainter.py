@@ -98,7 +98,7 @@ _FLIP = "Was the photo mirrored or turned for the network?"
 
 _COLOURS = (
     Reading("of red and blue exchanged", flipped(2), _BGR),
-    Reading("without colour", lambda p, _: p.mean(axis=2, keepdims=True) * [1, 1, 1], _RANGE),
+    Reading("without color", lambda p, _: p.mean(axis=2, keepdims=True) * [1, 1, 1], _RANGE),
     Reading("mirrored", flipped(1), _FLIP),
     Reading("brighter", times(1.2), _RANGE, 20, " %", 5),
     Reading("of the photo", lambda _, truth: truth["case"].photo, _RIM, 100, " %", 30),
@@ -124,9 +124,9 @@ TABLE = Table(
     (
         Group(
             "fill_has_the_colours_around",
-            "the colours of the background in RGB order",
+            "the colors of the background in RGB order",
             "picture",
-            "grey levels",
+            "gray levels",
             _COLOURS,
             _fill,
             after=("only_the_mask_is_filled",),
@@ -135,7 +135,7 @@ TABLE = Table(
             "fill_is_not_shifted",
             "a fill in place",
             "picture",
-            "grey levels",
+            "gray levels",
             _PLACE,
             _slopes,
             after=("fill_has_the_colours_around",),

@@ -178,7 +178,7 @@ TABLE = Table(
         ),
         Group(
             "joints_are_not_shifted_or_scaled",
-            "joints without a common shift or scale; integer coordinates are pixel centres",
+            "joints without a common shift or scale; integer coordinates are pixel centers",
             "points",
             "px",
             _ALONG,
@@ -186,7 +186,7 @@ TABLE = Table(
         ),
         Group(
             "confidence_tells_hidden_joints",
-            "a higher confidence of joints in sight than of hidden ones, joint by joint",
+            "a higher confidence of visible joints than of hidden ones, joint by joint",
             "confidence",
             "of a unit vector",
             (
@@ -200,13 +200,13 @@ TABLE = Table(
         ),
         Group(
             "world_points_are_metres",
-            "`world` in metres, x right and y down",
+            "`world` in meters, x right and y down",
             "world",
             "m",
             (
                 Reading("with x to the left", times(-1, 1, 1), "x points right in the photo."),
                 Reading("with y up", times(1, -1, 1), "y points down."),
-                Reading("too large", times(2), "Is it in metres?", 100, " %", 40),
+                Reading("too large", times(2), "Is it in meters?", 100, " %", 40),
             ),
             rough=0.5,
             after=("joints_are_those_of_the_person",),

@@ -163,7 +163,7 @@ def check_ignores_the_image(subject: BackendUnderTest) -> None:
     request = subject.request(case)
     grey = replace(request, image=np.full_like(request.image, 128))
     _expect_same(
-        "the same output for an image all grey, as the capability 'ignores_image' declares",
+        "the same output for an image all gray, as the capability 'ignores_image' declares",
         subject.result(),
         subject.infer(subject.loaded(case), grey),
         "Remove 'ignores_image' from `capabilities`: the checks of bias then run.",
@@ -239,7 +239,7 @@ def check_rows_do_not_depend_on_other_people(subject: BackendUnderTest) -> None:
         not changes,
         "the same row for a person alone as among others",
         f"other rows for {len(changes)} of {count} people: {next(iter(changes.values()), '')}",
-        "Is a layer in training mode (call eval()), or are values normalised over people? Dynamic "
+        "Is a layer in training mode (call eval()), or are values normalized over people? Dynamic "
         "ranges of quantised networks are for all rows of a batch: show it one person at a time.",
     )
 

@@ -84,7 +84,7 @@ def _with_people(floor: FloatArray, truth: Truth) -> FloatArray:
 
 
 _PADDING = (
-    "Is the padding of the network's input subtracted, and the mask resized by pixel centres?"
+    "Is the padding of the network's input subtracted, and the mask resized by pixel centers?"
 )
 _TURNED = "Was the output for a mirrored or turned photo turned back?"
 
@@ -96,7 +96,7 @@ def _in_place(limit: float) -> tuple[Reading, ...]:
         Reading("upside down", flipped(1), _TURNED),
         Reading("to the right", shifted(2), _PADDING, 1, " px", limit),
         Reading("down", shifted(1), _PADDING, 1, " px", limit),
-        Reading("larger about the photo's centre", _larger, _PADDING, 2, " %", 0.75),
+        Reading("larger about the photo's center", _larger, _PADDING, 2, " %", 0.75),
     )
 
 

@@ -37,7 +37,7 @@ class Template(Inpainter):
             raise InputError(f"mask must be {image.shape[:2]} bool, got {mask.shape} {mask.dtype}")
         if mask.all():
             raise InputError(
-                "mask covers the complete image: no pixel is left to take a colour from"
+                "mask covers the complete image: no pixel is left to take a color from"
             )
         filled = image.copy()  # a backend must not modify its input
         if mask.any():

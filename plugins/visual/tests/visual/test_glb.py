@@ -117,7 +117,7 @@ def test_a_floor_far_away_stays_whole(reconstruction):
 
 def test_the_file_states_units_axes_and_colours_and_has_a_camera(content):
     extras = tree_of(content)["scenes"][0]["extras"]
-    assert extras["units"] == "metres"
+    assert extras["units"] == "meters"
     assert "y up" in extras["axes"]
     assert extras["contact_colors"] == {"floor": [24, 140, 130]}
     assert tree_of(content)["nodes"][-1]["name"] == "camera"

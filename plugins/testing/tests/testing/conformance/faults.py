@@ -424,7 +424,7 @@ FAULTS = {
             "bodies_can_be_posed",
             after(with_joints(), fields(joints=hipless)),
         ),
-        "a surface in millimetres": (
+        "a surface in millimeters": (
             "bodies_can_be_posed",
             after(with_joints(surface=True), fields(mesh=MILLIMETRES)),
         ),
@@ -442,7 +442,7 @@ FAULTS = {
     },
     "MockContactPrior": {
         "touch of the own body": ("vertices_are_in_order", with_own_body),
-        "normalised over people": (
+        "normalized over people": (
             "rows_do_not_depend_on_other_people",
             fields(probability=lambda p: p * (1 - 0.1 * len(p))),
         ),
@@ -451,7 +451,7 @@ FAULTS = {
             fields(probability=lambda p: np.concatenate([p[:1], p[1:] * 0.9])),
         ),
         "a mesh that is not given": ("mesh_is_known", fields(topology=lambda _: "smplx")),
-        "a T-pose in millimetres": (
+        "a T-pose in millimeters": (
             "mesh_is_known",
             after(other_mesh, fields(rest=MILLIMETRES)),
         ),

@@ -80,7 +80,7 @@ def test_every_check_of_all_interfaces_catches_a_fault():
 
 def test_rows_that_all_change_fail_and_some_only_warn():
     for fault, outcome in (
-        ("normalised over people", "failed"),
+        ("normalized over people", "failed"),
         ("lower for all but the first", "warned"),
     ):
         check, change = FAULTS["MockContactPrior"][fault]

@@ -93,11 +93,11 @@ def test_a_failure_states_expected_and_found_value_unit_and_reference(failed):
     for words in (
         failure.expected,
         failure.got,
-        "Is it centimetres",
+        "Is it centimeters",
         "physic_core.interfaces.MetricDepth",
     ):
         assert words in failure.message
-    assert failure.expected == "metres"
+    assert failure.expected == "meters"
     assert "of the logarithm too large" in failure.got
 
 

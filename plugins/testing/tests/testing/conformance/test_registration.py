@@ -78,7 +78,7 @@ def test_check_prints_failures_and_counts_and_ends_with_5_if_there_are_any(offer
     offer("physic-far", 300.0)
     done = physic("plugins", "check", "far", "--interface", "metric_depth")
     assert done.exit_code == 5, done.output
-    assert "  hint:     Is it centimetres, " in done.stdout
+    assert "  hint:     Is it centimeters, " in done.stdout
 
 
 def test_check_says_what_is_wrong_with_its_arguments(offer, physic):
