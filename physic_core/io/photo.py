@@ -391,7 +391,7 @@ def _to_rgb(
         )
     notes = {
         "16 bits per channel were scaled to 8": deep,
-        "transparent parts were composited over mid-grey": transparent,
+        "transparent parts were composited over mid-gray": transparent,
         "CMYK colors were converted to RGB without a color profile": (
             image.mode == "CMYK" and not is_converted
         ),
@@ -404,7 +404,7 @@ def _to_rgb(
 
 
 def _over_grey(image: Image.Image) -> tuple[Image.Image, bool]:
-    """Return a picture with transparency over mid-grey, and whether any pixel is transparent."""
+    """Return a picture with transparency over mid-gray, and whether any pixel is transparent."""
     image = image.convert("RGBA")
     if np.asarray(image.getchannel("A")).min() == 255:
         return image, False

@@ -143,7 +143,7 @@ def scale_sigma(estimates: Estimates, result: Reconstruction) -> Measured:
         return None
     return sigma, (
         f"all lengths may be off by {sigma:.0%} (one standard deviation). Give one that you know: "
-        f"--known-length X1,Y1,X2,Y2,METRES between two points of the scene"
+        f"--known-length X1,Y1,X2,Y2,METERS between two points of the scene"
     )
 
 

@@ -204,7 +204,7 @@ class WeightSet:
         if not self.is_free:
             account = "an account with access, " if self.needs_account else ""
             command = (
-                f"`physic weights fetch {self.name} --accept-licence` ({account}commercial "
+                f"`physic weights fetch {self.name} --accept-license` ({account}commercial "
                 f"use {self._commercial_use()})"
             )
         return command if all(file.source for file in self.files) else f"{command}; {self.advice}"

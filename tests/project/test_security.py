@@ -60,7 +60,7 @@ LISTS = {
         "embedded body": "test_a_network_with_one_other_bit test_a_changed_asset",
         "A file from a zip archive": "test_names_inside_a_zip_cannot_leave_the_folder",
         "A weight set with a "
-        "restricted license": "test_restricted_weights_are_fetched_only_with_accept_licence",
+        "restricted license": "test_restricted_weights_are_fetched_only_with_accept_license",
     },
     "Files that PhySIC writes": {
         "Each file of a result": "test_an_interruption_loses_nothing_and_is_no_success",

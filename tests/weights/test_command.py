@@ -84,7 +84,7 @@ def test_fetch_goes_on_with_the_others(plugin, own_cache, physic):
     assert (done.exit_code, str(own_cache / "free" / "free.onnx") in done.stdout) == (4, True)
     assert f"tools/export_own.py; then copy it into {own_cache / 'own'}" in done.stderr
     assert "Own licence: research only" in done.stderr
-    assert "physic weights fetch gated --accept-licence" in done.stderr
+    assert "physic weights fetch gated --accept-license" in done.stderr
 
 
 def test_a_fetched_folder_is_read_offline_by_another_machine(

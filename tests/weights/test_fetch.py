@@ -55,7 +55,7 @@ def test_a_refusal_of_a_server_is_reported_with_the_homepage(server, code):
 @pytest.mark.parametrize(
     "keys", [{"commercial": False}, {"commercial": None}, {"account": True}], ids=str
 )
-def test_restricted_weights_are_fetched_only_with_accept_licence(server, keys):
+def test_restricted_weights_are_fetched_only_with_accept_license(server, keys):
     chosen = one(
         server.add("/model.onnx", CONTENT),
         license="Own license",
@@ -65,7 +65,7 @@ def test_restricted_weights_are_fetched_only_with_accept_licence(server, keys):
     message = refusal(chosen)
     assert "Own license" in message
     assert "https://example.org" in message
-    assert "physic weights fetch net --accept-licence" in message
+    assert "physic weights fetch net --accept-license" in message
     assert server.asked == []
     assert fetch(chosen, accept=True) == ("model.onnx",)
 

@@ -156,7 +156,7 @@ def test_behind_a_gate_a_mirror_is_taken_that_has_a_file_of_the_same_hash(hub, o
         account=True,
         mirrors=("other/mirror",),
     )
-    with pytest.raises(DownloadError, match="without --accept-licence"):
+    with pytest.raises(DownloadError, match="without --accept-license"):
         fetch(gated)
     assert fetch(gated, accept=True) == ("model.ckpt", "config.yaml")
     assert left(own_cache) == ["net/config.yaml", "net/model.ckpt"]

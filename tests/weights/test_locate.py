@@ -66,7 +66,7 @@ def test_missing_weights_are_named_with_size_licence_command_and_searched_folder
 )
 def test_how_to_get_it_follows_the_licence(add_list, keys, words):
     (message,) = missing(add_list("net", {"path": "a", "source": SOURCE}, **keys), "net")
-    assert f"`physic weights fetch net --accept-licence` ({words}" in message
+    assert f"`physic weights fetch net --accept-license` ({words}" in message
 
 
 @pytest.mark.parametrize(

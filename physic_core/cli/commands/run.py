@@ -167,7 +167,7 @@ _IGNORE = "Leave out the person at this pixel: a reflection, a picture, a figure
     "--camera-height",
     "photo.camera_height",
     type=Number(),
-    metavar="METRES",
+    metavar="METERS",
     help="Known camera height above the floor.",
 )
 @_setting_option(

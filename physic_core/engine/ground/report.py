@@ -44,9 +44,9 @@ def size_notes(
         f"stated: this stature and distance may be wrong by that factor. "
         + (
             f"Of a child give {size_option('--age YEARS', len(ratio))}, of a small person "
-            f"--stature METRES in the same order; leave out a figure or picture by --ignore x,y"
+            f"--stature METERS in the same order; leave out a figure or picture by --ignore x,y"
             if ratio[i] > 0
-            else f"If you know the height, give {size_option('--stature METRES', len(ratio))}"
+            else f"If you know the height, give {size_option('--stature METERS', len(ratio))}"
         )
         for i in np.flatnonzero(np.abs(ratio) > _DISAGREES).tolist()
     )
@@ -149,7 +149,7 @@ def scale_note(
         else:
             why = "because no feet on a floor are visible"
         origin = f"the usual height of {_people(bodies)}, {why}"
-    option = size_option("--stature METRES", len(contacts))
+    option = size_option("--stature METERS", len(contacts))
     return f"all sizes depend mainly on {origin}. If you know a height, give {option}"
 
 

@@ -65,8 +65,8 @@ def fetch(
     if absent and not (accept or weights.is_free):
         raise DownloadError(
             f"'{weights.name}' is not downloaded without "
-            f"--accept-licence:\n{weights.describe_licence()}\n"
-            f"to accept the license: physic weights fetch {weights.name} --accept-licence"
+            f"--accept-license:\n{weights.describe_licence()}\n"
+            f"to accept the license: physic weights fetch {weights.name} --accept-license"
         )
     for file in absent:
         here = locate_files(weights).get(file.path)

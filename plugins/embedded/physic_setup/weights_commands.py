@@ -105,7 +105,7 @@ def verify(ctx: click.Context, names: tuple[str, ...]) -> None:
 @weights.command()
 @click.argument("names", nargs=-1, required=True, metavar="NAME...")
 @click.option(
-    "--accept-licence",
+    "--accept-license",
     "--accept-license",
     "accept",
     is_flag=True,

@@ -71,7 +71,7 @@ def _warn_of_order(photos: Sequence[Path], cameras: Sequence[KnownCamera | None]
 @click.option(
     "--camera-unit",
     "unit_m",
-    metavar="METRES",
+    metavar="METERS",
     type=Number(0, min_open=True),
     help="Length of the unit of --cameras, such as 0.01 for centimeters.  [default: 1]",
 )

@@ -162,7 +162,7 @@ def test_a_licence_that_restricts_use_is_left_to_the_user(thing, physic):
     lines = physic("setup", "embedded", "--folder", "mine").output.splitlines()
     assert "#    by hand: license: https://example.org/licence" in lines
     assert (
-        "#    by hand: `physic weights fetch other-net --accept-licence` (commercial use NOT "
+        "#    by hand: `physic weights fetch other-net --accept-license` (commercial use NOT "
         "allowed)" in lines
     )
     assert not any("accept" in line for line in lines if not line.startswith("#"))

@@ -61,7 +61,7 @@ _SAME = 0.98  # share of the pixels of a row that repeats another
 _COMPARED = 20000  # pixels of a photo
 _BLUR_PX = 1.2
 _IN_FRONT = 0.1  # log of the depth behind a person over the person's
-_CENTRES = "Use u = 0, 1, ... W - 1, not u + 0.5, and (W - 1) / 2 for a centred principal point."
+_CENTRES = "Use u = 0, 1, ... W - 1, not u + 0.5, and (W - 1) / 2 for a centered principal point."
 _ASPECT = "Was the photo resized to another aspect ratio?"
 _UPRIGHT = ("depth_is_along_z_and_upright",)
 
