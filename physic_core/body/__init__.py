@@ -28,10 +28,16 @@ if TYPE_CHECKING:
     from physic_core.body.array_pickle import read_pickle as read_pickle
     from physic_core.body.array_pickle import read_plain as read_plain
     from physic_core.body.arrays import BodyArrays as BodyArrays
+    from physic_core.body.bones import ANCESTOR_MATRIX as ANCESTOR_MATRIX
+    from physic_core.body.bones import BoneOffsets as BoneOffsets
+    from physic_core.body.bones import cholesky_solve as cholesky_solve
+    from physic_core.body.bones import fit_shape as fit_shape
     from physic_core.body.bones import head_direction as head_direction
+    from physic_core.body.bones import matmul as matmul
     from physic_core.body.bones import parameters_from_rotations as parameters_from_rotations
     from physic_core.body.bones import pose_from_parameters as pose_from_parameters
     from physic_core.body.bones import rotations_from_parameters as rotations_from_parameters
+    from physic_core.body.bones import rotations_from_parents as rotations_from_parents
     from physic_core.body.bones import rotations_from_tpose as rotations_from_tpose
     from physic_core.body.files import MANO as MANO
     from physic_core.body.files import SMPL as SMPL
@@ -73,8 +79,9 @@ _NAMES = {
     "array_pickle": "InvalidArrayError PickledObject UnsafePickleError as_array read_pickle "
     "read_plain",
     "arrays": "BodyArrays",
-    "bones": "head_direction parameters_from_rotations pose_from_parameters "
-    "rotations_from_parameters rotations_from_tpose",
+    "bones": "ANCESTOR_MATRIX BoneOffsets cholesky_solve fit_shape head_direction "
+    "matmul parameters_from_rotations pose_from_parameters "
+    "rotations_from_parameters rotations_from_parents rotations_from_tpose",
     "files": "MANO ModelFileLayout SMPL SMPL_PARENTS SmplBody embedded_arrays load_smpl "
     "read_model_file smplx_arrays",
     "joint_angles": "segment_axes",

@@ -37,13 +37,20 @@ if TYPE_CHECKING:
     from physic_core.geometry.rays import RayCaster as RayCaster
     from physic_core.geometry.robust import robust_loss as robust_loss
     from physic_core.geometry.rotations import check_rotations as check_rotations
+    from physic_core.geometry.rotations import cross as cross
+    from physic_core.geometry.rotations import frame_from_axes as frame_from_axes
     from physic_core.geometry.rotations import nearest_rotation as nearest_rotation
+    from physic_core.geometry.rotations import rotate as rotate
     from physic_core.geometry.rotations import rotation_between as rotation_between
     from physic_core.geometry.rotations import rotmat_to_euler as rotmat_to_euler
     from physic_core.geometry.rotations import rotmat_to_quat as rotmat_to_quat
     from physic_core.geometry.rotations import rotmat_to_rotvec as rotmat_to_rotvec
     from physic_core.geometry.rotations import rotvec_to_rotmat_numpy as rotvec_to_rotmat_numpy
+    from physic_core.geometry.rotations import slerp as slerp
+    from physic_core.geometry.rotations import swing_twist as swing_twist
+    from physic_core.geometry.rotations import unit as unit
     from physic_core.geometry.rotvecs import rotvec_to_rotmat as rotvec_to_rotmat
+    from physic_core.geometry.tensors import exact_arrays as exact_arrays
     from physic_core.geometry.tensors import optional_tensors as optional_tensors
     from physic_core.geometry.upright import transform_points as transform_points
     from physic_core.geometry.upright import up_in_camera as up_in_camera
@@ -61,10 +68,11 @@ _NAMES = {
     "raster": "rasterize",
     "rays": "RayCaster",
     "robust": "robust_loss",
-    "rotations": "nearest_rotation rotation_between rotmat_to_euler rotmat_to_quat "
-    "check_rotations rotmat_to_rotvec rotvec_to_rotmat_numpy",
+    "rotations": "check_rotations cross frame_from_axes nearest_rotation rotate "
+    "rotation_between rotmat_to_euler rotmat_to_quat rotmat_to_rotvec "
+    "rotvec_to_rotmat_numpy slerp swing_twist unit",
     "rotvecs": "rotvec_to_rotmat",
-    "tensors": "optional_tensors",
+    "tensors": "exact_arrays optional_tensors",
     "upright": "world_from_camera transform_points up_in_camera",
 }
 

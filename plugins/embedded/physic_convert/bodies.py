@@ -24,7 +24,10 @@ from physic_convert.surface_fit import (
     fit_surface,
     sample_vertices,
 )
-from physic_core.body.bones import (
+from physic_core.body import (
+    JOINT_INDEX,
+    NUM_JOINTS,
+    ROTATION_FIELDS,
     BoneOffsets,
     parameters_from_rotations,
     pose_from_parameters,
@@ -32,12 +35,11 @@ from physic_core.body.bones import (
     rotations_from_parents,
     rotations_from_tpose,
 )
-from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS, ROTATION_FIELDS
 from physic_core.conversion import BodyConverter, ConvertedBodies, has_topology, mesh_to_fit
 from physic_core.types import Bodies, BodyParameters, ContactProbability, Mesh, RestMesh
 
 if TYPE_CHECKING:
-    from physic_core.body.model import BodyModel
+    from physic_core.body import BodyModel
     from physic_core.conversion import VertexTransfer
 
 _Array = NDArray[np.float64]

@@ -13,14 +13,14 @@ from physic_convert.correspondence import (
     Correspondence,
     find_correspondence,
 )
-from physic_core.cache.folders import claimed_cache, plain_name
+from physic_core.cache import claimed_cache, plain_name
 from physic_core.errors import OutputError
-from physic_core.files.plain import DamagedFileError, read_value, write_value
+from physic_core.files import DamagedFileError, read_value, write_value
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from physic_core.body.model import BodyModel
+    from physic_core.body import BodyModel
     from physic_core.types import RestMesh
 
 

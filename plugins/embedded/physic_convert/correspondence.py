@@ -21,15 +21,12 @@ from physic_convert.surface_fit import (
     fit_surface,
     sample_vertices,
 )
-from physic_core.body.bones import ANCESTOR_MATRIX, fit_shape
-from physic_core.body.joints import joint_pair
+from physic_core.body import ANCESTOR_MATRIX, fit_shape, joint_pair
 from physic_core.errors import BodyModelError
-from physic_core.geometry.mesh import vertex_normals
-from physic_core.geometry.rotations import cross, rotation_between, unit
-from physic_core.geometry.tensors import exact_arrays
+from physic_core.geometry import cross, exact_arrays, rotation_between, unit, vertex_normals
 
 if TYPE_CHECKING:
-    from physic_core.body.model import BodyModel
+    from physic_core.body import BodyModel
     from physic_core.types import RestMesh
 
 _Array = NDArray[np.float64]

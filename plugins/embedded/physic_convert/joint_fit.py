@@ -21,9 +21,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.body.bones import BoneOffsets, fit_shape
-from physic_core.body.joints import FINGER_JOINTS, JOINT_INDEX, JOINT_NAMES, PARENTS, joint_pair
-from physic_core.geometry.rotations import (
+from physic_core.body import (
+    FINGER_JOINTS,
+    JOINT_INDEX,
+    JOINT_NAMES,
+    PARENTS,
+    BoneOffsets,
+    fit_shape,
+    joint_pair,
+)
+from physic_core.geometry import (
     cross,
     frame_from_axes,
     nearest_rotation,

@@ -11,20 +11,20 @@ import torch
 from numpy.typing import NDArray
 
 from physic_convert.joint_fit import BodyFit
-from physic_core.body.bones import (
+from physic_core.body import (
     ANCESTOR_MATRIX,
+    NUM_JOINTS,
+    PARENTS,
     BoneOffsets,
     cholesky_solve,
     fit_shape,
     matmul,
     rotations_from_parents,
 )
-from physic_core.body.joints import NUM_JOINTS, PARENTS
-from physic_core.geometry.rotations import cross, nearest_rotation, rotvec_to_rotmat_numpy
-from physic_core.geometry.tensors import exact_arrays
+from physic_core.geometry import cross, exact_arrays, nearest_rotation, rotvec_to_rotmat_numpy
 
 if TYPE_CHECKING:
-    from physic_core.body.model import BodyModel
+    from physic_core.body import BodyModel
 
 _Array = NDArray[np.float64]
 
