@@ -233,12 +233,12 @@ CONVERTED = {
     ),
     "opaque.png": (Image.fromarray(corners()).convert("RGBA"), corners(), ()),
     "print.jpg": (Image.fromarray(corners()).convert("CMYK"), corners(), ("CMYK",)),
-    "grey.png": (Image.fromarray(GREY), np.repeat(GREY[..., None], 3, -1), ("grey",)),
-    "fax.png": (Image.fromarray(GREY > 0), np.repeat(corners()[..., :1], 3, -1), ("grey",)),
+    "grey.png": (Image.fromarray(GREY), np.repeat(GREY[..., None], 3, -1), ("gray",)),
+    "fax.png": (Image.fromarray(GREY > 0), np.repeat(corners()[..., :1], 3, -1), ("gray",)),
     "deep.png": (
         Image.fromarray(DEEP),
         np.repeat(DEEP[..., None] / 257, 3, -1),
-        ("16 bits", "grey"),
+        ("16 bits", "gray"),
     ),
     "cutout.png": (
         Image.fromarray(np.concatenate([corners(), HIDDEN], -1)),
@@ -248,7 +248,7 @@ CONVERTED = {
     "gray cutout.png": (
         Image.fromarray(np.concatenate([GREY[..., None], HIDDEN], -1)),
         np.where(HIDDEN == 0, 128, GREY[..., None]).repeat(3, -1),
-        ("transparent", "grey"),
+        ("transparent", "gray"),
     ),
 }
 
