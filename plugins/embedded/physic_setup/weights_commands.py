@@ -106,7 +106,6 @@ def verify(ctx: click.Context, names: tuple[str, ...]) -> None:
 @click.argument("names", nargs=-1, required=True, metavar="NAME...")
 @click.option(
     "--accept-license",
-    "--accept-license",
     "accept",
     is_flag=True,
     help="Accept a license that restricts use or requires an account.",
