@@ -128,4 +128,4 @@ def test_grey_is_read_by_a_grey_profile(stored):
     grey = PICTURE.convert("L")
     photo = read_photo(stored("PNG", grey, icc_profile=bytes(content)))
     np.testing.assert_array_equal(photo.image, np.asarray(grey.convert("RGB")))
-    assert ["grey" in note for note in photo.notes] == [True]
+    assert ["gray" in note for note in photo.notes] == [True]

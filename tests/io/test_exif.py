@@ -116,7 +116,7 @@ def test_a_focal_length_is_known_by_two_witnesses_and_an_estimate_by_one(tags, t
     assert camera.fx == pytest.approx(85 / 35.6 * 6000, rel=0.02)
     assert camera.known == is_known
     assert camera.focal_sigma == (None if is_known else 0.1)
-    assert ["one tag" in note for note in notes] == [True] * (not is_known)
+    assert ["one EXIF tag" in note for note in notes] == [True] * (not is_known)
 
 
 @pytest.mark.parametrize(

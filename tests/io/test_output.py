@@ -119,7 +119,7 @@ CHANGES = {
 def test_a_foreign_or_edited_file_is_named_and_stays(change, out, reconstruction):
     change(out)
     there = tree(out.parent)
-    with pytest.raises(OutputError, match=rf"{out}: {CHANGES[change]} there is not .*-o"):
+    with pytest.raises(OutputError, match=rf"{out}: {CHANGES[change]} there was not .*-o"):
         save_reconstruction(reconstruction, out, "numbers", overwrite=True)
     assert tree(out.parent) == there
 
@@ -168,7 +168,7 @@ def test_the_result_of_another_photo_is_replaced_with_overwrite_alone(tmp_path, 
 def test_the_photo_is_never_replaced(out):
     photo = file_digest(out / "preview.png")
     for photos in (photo, f"sha256:0 {photo}"):
-        with pytest.raises(OutputError, match=r"preview\.png there is .* the photo"):
+        with pytest.raises(OutputError, match=r"preview\.png there was .* the photo"):
             prepare_result_folder(out, photos, overwrite=True)
 
 
@@ -192,7 +192,7 @@ def test_what_the_user_writes_while_pictures_are_made_is_kept_and_so_is_the_resu
         return b"mesh"
 
     monkeypatch.setattr("physic_visual.pictures.combined_glb", mesh)
-    with pytest.raises(OutputError, match=r"notes\.txt there is not .* new result is in") as error:
+    with pytest.raises(OutputError, match=r"notes\.txt there was not .* new result is in") as error:
         reconstruction.save(str(out))
     assert (out / "notes.txt").read_text() == "mine"
     assert Reconstruction.load(str(error.value).rpartition(" is in ")[2]).people

@@ -228,7 +228,7 @@ CX = '"cx": 79.5'
         ('"kind": "floor"', '"kind": "flor"', "flor"),
         (FX, '"fx": ' + 900 * "[" + 900 * "]", "nested"),
         (FX, '"fx": ' + 100_000 * "[", "nested"),
-        (FX, '"fx": ' + 5000 * "1", "digits"),
+        (FX, '"fx": ' + 5000 * "1", "too large"),
         (f"{FX},", "", "fx"),
         ('"height": 120', '"height": 121', "image"),
         pytest.param('"run": "', '"run": "x', "another run", id="run"),

@@ -534,7 +534,7 @@ def test_what_the_user_gave_and_the_photo_contradicts_makes_a_person_doubtful(
     name, report, known, failed, message
 ):
     estimates, result = case(report=report)
-    estimates.photo.known = KnownPeople(**known)
+    estimates.photo.known = known or KnownPeople()
     estimates.file_px_per_px = 1.5
     found = next(d for d in run_checks(estimates, result) if d.name == name)
     assert found.message.startswith(message)
@@ -594,5 +594,5 @@ def test_a_stature_that_nobody_has_is_not_usable_in_size(person, name):
 )
 def test_a_stature_is_not_asked_of_people_of_known_age_or_size(known):
     estimates, result = case(stature=0.6, child_probability=0.9)
-    estimates.photo.known = KnownPeople(**known)
+    estimates.photo.known = known
     assert not [one for one in run_checks(estimates, result) if one.name == "stature"]
