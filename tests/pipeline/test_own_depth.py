@@ -48,7 +48,7 @@ def test_people_follow_a_measured_depth(world):
 def test_a_measured_depth_that_people_contradict_is_followed_with_a_warning(world):
     found = measured(world, 0.65)
     assert camera_height(found, world) == pytest.approx(0.65, abs=0.03)
-    assert any("given depth" in warning for warning in found.warnings)
+    assert any("your depth" in warning for warning in found.warnings)
     assert found.usable["place"] == found.usable["size"] == 0
 
 
