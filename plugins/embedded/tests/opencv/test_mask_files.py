@@ -152,7 +152,7 @@ def test_wrong_arrays_are_named(tmp_path, name):
 
 def test_other_wrong_files_are_named(tmp_path):
     Image.new("RGB", (WIDTH, HEIGHT), "red").save(tmp_path / "a.png")
-    with pytest.raises(InputError, match="colours"):
+    with pytest.raises(InputError, match="colors"):
         read(tmp_path / "a.png")
     (tmp_path / "a.txt").write_text("0 300 200 100 200 100 300\n")
     with pytest.raises(InputError, match="shares"):
