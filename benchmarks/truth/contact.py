@@ -47,7 +47,8 @@ def part_record(
     world.
     """
     of = {"set": sample.set, "photo": sample.name, "group": sample.group, "person": person}
-    kind = KINDS[part.rpartition("_")[2]]
+    word = part.rpartition("_")[2]
+    kind = KINDS.get(word, word)
     return {
         **of,
         "part": part,
