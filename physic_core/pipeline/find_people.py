@@ -179,7 +179,7 @@ def _with_given_bodies(run: PhotoRun, found: SegmentedPeople) -> tuple[Segmented
 def _segment_with_masks(
     run: PhotoRun, prompt: PeoplePrompt | None, *, required: bool
 ) -> SegmentedPeople:
-    """Segment people as :func:`_segment`; if masks of the prompt show nobody, or keypoints lie
+    """Segment people as :func:`_segment`; if masks of the prompt show no person, or keypoints lie
     beside them, compare them with the people who are found without them.
 
     Raises:

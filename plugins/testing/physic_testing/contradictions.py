@@ -120,7 +120,7 @@ def _of_contacts(result: Reconstruction, person: Person) -> Iterator[str]:
         if kind == "person" and one.partner.person not in {*range(len(result.people))} - {index}:
             yield f"touches a person who is not there: {text}"
         elif kind == "person" and one.likely and not _is_returned(result, index, one):
-            yield f"touches somebody who does not touch back: {text}"
+            yield f"touches a person without being touched back: {text}"
     pairs = [(one.part, one.partner) for one in person.contacts]
     if len({*pairs}) < len(pairs):
         yield "has a contact twice"
