@@ -148,3 +148,8 @@ def test_a_turned_or_rolled_picture_states_no_up(stored):
     assert read_photo(stored("JPEG", xmp=of_drone("-20.00", roll="-90.00"))).up is None
     assert read_photo(stored("JPEG", xmp=of_drone("-20.00"), exif={0x0112: 6})).up is None
     assert read_photo(stored("JPEG")).up is None
+
+
+@pytest.mark.parametrize(("x", "y"), [(1, 1), (100, 101), (200, 72)])
+def test_square_pixels_and_mistakes_are_not_named(jfif, x, y):
+    assert read_photo(jfif(x, y)).warnings == ()

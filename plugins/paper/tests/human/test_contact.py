@@ -86,3 +86,14 @@ def test_deco_gives_smpls_labels_with_smpls_t_pose(deco, smpl_file):
     np.testing.assert_allclose(found.probability[:, 0], 0.75)
     wanted = open_smpl(str(smpl_file)).rest
     np.testing.assert_array_equal(found.rest.vertices, wanted.vertices)
+
+
+def test_the_box_grows_by_a_tenth_on_every_side_and_ends_at_the_image():
+    assert enlarged_box_slices(np.array([100.0, 50, 200, 250]), 480, 640) == (
+        slice(30, 270),
+        slice(90, 210),
+    )
+    assert enlarged_box_slices(np.array([0.0, 400, 640, 480]), 480, 640) == (
+        slice(392, 480),
+        slice(0, 640),
+    )

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 
+from physic_core.errors import PhysicError
 from physic_core.types import CameraTrust, Hints, Intrinsics
 from physic_human.moge import Moge1, Moge1Options, Moge3Depth, Moge3Options
 
@@ -126,3 +127,20 @@ def test_a_known_camera_is_followed_by_moge_3_and_a_guessed_one_is_not(moge_3):
         camera = replace(Intrinsics.from_focal(200.0, 80, 60), trust=trust)
         found = backend.infer(image, Hints(intrinsics=camera)).intrinsics
         np.testing.assert_allclose(found.fx, fx, rtol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("made", "words"),
+    [
+        ({"state": {"other": 1.0}}, "is missing 1 of 1 parameters"),
+        ({"scale_head": False}, "expected points, mask, metric_scale"),
+        ({"refine_steps": 3}, "runs on a GPU only"),
+    ],
+)
+def test_what_moge_3_cannot_do_is_refused(moge_3, made, words):
+    def use(backend):
+        backend.load()
+        backend.infer(np.zeros((60, 80, 3), np.uint8), Hints())
+
+    with pytest.raises(PhysicError, match=words):
+        use(moge_3(**made))

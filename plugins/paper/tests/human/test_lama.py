@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 
+from physic_core.errors import BackendError
 from physic_human.lama import Lama
 
 
@@ -57,3 +58,11 @@ def test_filled_pixels_land_at_their_places(lama, size, monkeypatch):
     mask[size[0] // 3 : size[0] // 2, size[1] // 5 : size[1] // 3] = True
     off = np.abs(lama.infer(smooth, mask).astype(int) - smooth)[mask]
     assert off.max() <= 2
+
+
+def test_a_file_that_is_no_torchscript_is_refused(tmp_path):
+    backend = Lama()
+    (tmp_path / "big-lama.pt").write_bytes(b"nothing")
+    backend.file = lambda: tmp_path / "big-lama.pt"
+    with pytest.raises(BackendError, match="as TorchScript"):
+        backend.load()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from physic_core.body.joints import JOINT_INDEX
 from physic_core.errors import BackendError, DeviceError
 from physic_core.types import Hints, Intrinsics, Keypoints, People
 from physic_human.sam3d_body import Sam3dBody, Sam3dBodyOptions
@@ -204,3 +205,14 @@ def test_weights_missing_in_the_checkpoint_are_not_initialised_randomly(encoder,
 def test_it_needs_a_gpu_and_says_so(sam):
     with pytest.raises(DeviceError, match="a GPU only, got 'cpu'"):
         sam.load("cpu")
+
+
+def test_the_translation_is_added_to_surface_and_joints(sam):
+    bodies = ask(sam)
+    assert bodies.body_model == "mhr"
+    place = np.array([(49.5 - 30) / 500 * 3, (24.5 - 20) / 500 * 3, 3])
+    np.testing.assert_allclose(bodies.mesh.vertices[1], np.tile(place + 0.5, (5, 1)), rtol=1e-6)
+    np.testing.assert_allclose(
+        bodies.joints[1, JOINT_INDEX["left_hip"]], place + np.array([27, 28, 29]), rtol=1e-6
+    )
+    assert not bodies.parameters.body_pose.any()

@@ -60,3 +60,13 @@ def test_nothing_is_near_an_empty_scene_and_no_number_is_near_nothing():
     grid = GridSearch(*room(1000), radius=10.0)
     assert grid.query(broken).found.tolist() == [True, False, True, True]
     assert grid.query(torch.zeros(0, 3)).index.shape == (0,)
+
+
+def test_the_radius_is_in_metres_of_the_scaled_scene():
+    scene = GridSearch(torch.tensor([[0.0, 0.0, 2.0]]), torch.zeros(1, 3), radius=0.15, cells=16)
+    for scale in (1.0, 2.0):
+        query = scene.query(
+            torch.tensor([[0.0, 0.14, 2.0 * scale], [0.0, 0.16, 2.0 * scale]]), scale=scale
+        )
+        assert query.found.tolist() == [True, False]
+        torch.testing.assert_close(query.distance, torch.tensor([0.14, torch.inf]))

@@ -15,6 +15,7 @@ from physic_mock.backends import (
     MockKeypointDetector,
     MockSegmenter,
 )
+from physic_mock.humans import log_stature_gradient
 from physic_testing.worlds import load_world
 
 
@@ -74,3 +75,22 @@ def test_children_come_out_as_adults_who_are_farther_away():
     assert child_farther == pytest.approx(np.log(zero) - 0.06, abs=0.03)
     assert adult_taller == pytest.approx(-0.06, abs=0.03)
     assert adult_farther == pytest.approx(-0.06, abs=0.03)
+
+
+@pytest.mark.slow
+def test_bodies_have_the_stated_distance_and_stature(world):
+    nearer = []
+    taller = []
+    growth = log_stature_gradient(world.body_model)
+    for seed in range(200):
+        found = bodies_of(world, noise=1, noise_seed=seed)
+        own = world.joints[0, 0, 2] + found.parameters.transl[0, 2] - world.parameters.transl[0, 2]
+        nearer.append(np.log(own / world.joints[0, 0, 2]))
+        taller.append(growth @ (found.parameters.betas[0] - world.parameters.betas[0]))
+    assert np.mean(nearer) == pytest.approx(-0.06, abs=0.015)
+    assert np.std(nearer) == pytest.approx(np.hypot(0.045, 0.05), rel=0.15)
+    assert np.mean(taller) == pytest.approx(-0.06, abs=0.012)
+    assert np.std(taller) == pytest.approx(0.045, rel=0.15)
+    assert np.corrcoef(nearer, taller)[0, 1] == pytest.approx(
+        0.045 / np.hypot(0.045, 0.05), abs=0.1
+    )

@@ -72,7 +72,7 @@ PLANTED = {
     "a floor that is not found": (without_floor, "floor that is not found"),
     "a part that touches itself": (lambda r: with_contact(r, PALM), "with itself"),
     "somebody who is not there": (lambda r: with_contact(r, NOBODY), "not there"),
-    "a touch of one side": (lambda r: with_contact(r, MIRROR), "touch back"),
+    "a touch of one side": (lambda r: with_contact(r, MIRROR), "touched back"),
     "a contact twice": (lambda r: with_contact(r, r.people[0].contacts[0]), "contact twice"),
     "people who are not counted": (
         lambda r: replace(r, notes=("scale from 3 people",)),

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from physic_core import reconstruct
-from physic_core.types import skeleton_named
+from physic_core.types import Lens, skeleton_named
 from physic_testing.worlds import load_world
 
 
@@ -49,3 +49,13 @@ def test_a_run_with_the_written_keypoints_gives_the_same_bodies(export, tmp_path
     again = reconstruct(world.image, config | {"photo": {"keypoints": str(tmp_path / name)}})
     assert any("they change nothing" in note for note in again.notes)
     assert np.array_equal(again.people[0].joints, first.people[0].joints)
+
+
+def test_keypoints_of_an_undistorted_photo_are_those_of_its_file(export, result, tmp_path):
+    lens = Lens(result.intrinsics, (0.1, 0.0, 0.0, 0.0, 0.0))
+    export("a.csv", of=replace(result, lens=lens))
+    row = rows_of(tmp_path / "a.csv")[0]
+    person = result.people[0]
+    first = person.keypoints[np.flatnonzero(person.keypoint_confidence)[0]]
+    expected = lens.file_pixels(first, result.intrinsics)
+    assert [float(row["x"]), float(row["y"])] == pytest.approx(expected.tolist(), abs=0.006)

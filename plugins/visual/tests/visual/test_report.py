@@ -14,12 +14,15 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from physic_core.body import PART_NAMES, embedded_arrays
+from physic_core.geometry import vertex_areas
 from physic_core.pictures import PAGE_MARK
 from physic_core.types import (
     BodyContact,
     CheckResult,
     ContactPartner,
     UnposedPerson,
+    part_words,
 )
 from physic_visual.report.page import failure_html, report_html
 from physic_visual.report.surfaces import pack_scene
@@ -181,3 +184,17 @@ def test_the_bundle_of_three_js_is_the_one_that_was_built_and_has_its_licence():
     assert "three.js authors" in head
     assert b"http:" not in content
     assert b"https:" not in content
+
+
+def test_contact_is_counted_by_body_part(result):
+    person = result.people[0]
+    contact = shown(result)["people"][0]["contact"]
+    parts = embedded_arrays().part_of_vertex
+    touching = np.unique(parts[person.contact])
+    area = 1e4 * vertex_areas(person.vertices, result.faces)
+    whole = {part_words(PART_NAMES[part]): area[parts == part].sum() for part in touching}
+    touched = sum(row["cm2"] for row in contact)
+    assert touched == pytest.approx(area[person.contact].sum(), abs=0.5 * len(touching))
+    for row in contact:
+        assert row["share"] == pytest.approx(row["cm2"] / whole[row["part"]])
+        assert sum(one["share"] for one in row["colors"]) == pytest.approx(row["share"])

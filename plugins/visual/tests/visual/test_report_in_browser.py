@@ -12,7 +12,9 @@ from PIL import Image
 
 from physic_core.types import CheckResult, UnposedPerson
 from physic_core.types.results import metres_text
+from physic_visual.palette import CONTACT_PALETTE, FAINT
 from physic_visual.report.page import report_html
+from physic_visual.textures.dressed import GUESSED
 
 READY = "document.documentElement.dataset.ready"
 ODD = (
@@ -347,3 +349,70 @@ def test_a_damaged_file_says_so(chromium, path, tmp_path, damage):
         page.wait(READY)
         assert text(page, "#message").startswith("The data of this page is damaged or incomplete.")
     page.close()
+
+
+def test_the_legend_names_the_colours_that_the_bodies_show(page, make, show):
+    made = make()
+    unsure = [
+        replace(p, contact_probability=np.full(len(p.vertices), 0.4, np.float16))
+        for p in made.people
+    ]
+    other = show(replace(made, people=tuple(unsure)))
+    for one, labels in (
+        (page, ["Contact with", "anything"]),
+        (other, ["Contact with", "floor", FAINT]),
+    ):
+        assert text(one, "#legend") == GUESSED
+        click(one, "[value=neutral]")
+        assert one.evaluate("document.querySelector('#legend').hidden") is True
+        click(one, "[value=contact]")
+        assert text(one, "#legend").split("\n") == labels
+    red, green, blue = CONTACT_PALETTE["floor"]
+    dot = "getComputedStyle(document.querySelector('#legend .dot')).backgroundColor"
+    assert other.evaluate(dot) == f"rgb({red}, {green}, {blue})"
+    click(other, "[data-show=people]")
+    assert other.evaluate("document.querySelector('#legend').hidden") is True
+    click(page, "[value=photo]")
+
+
+def test_the_page_opens_on_the_main_people_in_the_photo_s_colours(make, show):
+    """As the photo's camera sees them, larger than in the photo."""
+    made = make(320, 240)
+    image = made.image.copy()
+    pink = np.array([230, 20, 200])
+    for person in made.people:
+        image[person.mask] = pink
+    page = show(replace(made, image=image))
+    seen = page.picture("#canvas").astype(int)
+    shown = np.abs(seen - pink).max(-1) < 30
+    rows, columns = np.nonzero(shown)
+    height, width = shown.shape
+    assert np.ptp(rows) > 0.55 * height
+    assert abs((rows.min() + rows.max()) / 2 - height / 2) < 0.15 * height
+    assert abs((columns.min() + columns.max()) / 2 - width / 2) < 0.15 * width
+    click(page, "[value=neutral]")
+    assert (
+        np.abs(page.picture("#canvas").astype(int) - pink).max(-1) < 30
+    ).sum() < 0.02 * shown.sum()
+
+
+def test_in_the_photo_s_view_the_photo_is_behind_the_bodies_until_the_view_turns(page, result):
+    click(page, "[data-show=people]")
+    click(page, "[data-view=camera]")
+    seen = page.picture("#canvas")
+    height, width = result.image.shape[:2]
+    (left, top), (right, bottom) = (
+        np.subtract(place_on_canvas(page, result, *corner), page.box("#canvas")[:2])
+        .round()
+        .astype(int)
+        for corner in ((-0.5, -0.5), (width - 0.5, height - 0.5))
+    )
+    inside = seen[max(top, 0) : bottom, max(left, 0) : right]
+    wanted = np.asarray(Image.fromarray(result.image).resize(inside.shape[1::-1]))
+    assert np.abs(inside.astype(int) - wanted).mean() < 4
+    page.evaluate("document.querySelector('#canvas').focus()")
+    page.press("ArrowLeft")
+    assert difference(seen, page.picture("#canvas")) > 0.05
+    click(page, "[data-show=people]")
+    click(page, "[data-view=people]")
+    page.picture("#view")
