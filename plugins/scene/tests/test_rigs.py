@@ -16,6 +16,9 @@ from physic_scene import read_calibration
 
 RIGS = Path(__file__).parent / "rigs"
 POINTS = json.loads((RIGS / "points.json").read_text())
+"""By file and camera: points of the world and their pixels by the tool's own camera, in its own
+convention: pose2sim 0.10.49, aniposelib 0.8.0, caliscope 0.11.8, pycolmap 4.2.1, nerfstudio 1.1.5.
+"""
 SIZES = [(1920, 1080), (1280, 720), (1280, 720)]
 BY_NAME = [Path("left_0012.jpg"), Path("middle_0012.jpg"), Path("right_0012.jpg")]
 BY_FOLDER = [Path(f"/data/{name}/0001.png") for name in ("left", "middle", "right")]
