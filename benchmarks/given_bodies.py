@@ -5,7 +5,7 @@
 
 Bodies are fitted to the true joints of photos with a camera, turned by 5 degrees about a common
 axis and by independent angles at each joint that move joints by 50 mm (root mean square, relative
-to the pelvis), and given to ``physic run --bodies``. Truth of ``panoptic`` and ``roundtable`` is
+to the pelvis), and given to the tool. Truth of ``panoptic`` and ``roundtable`` is
 that of ``--triangulated``, which ``truth`` writes. One row for each person, then the means.
 """
 
@@ -15,6 +15,7 @@ import json
 import math
 from argparse import Namespace
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,20 +30,24 @@ from physic_core.geometry.rotations import rotvec_to_rotmat_numpy
 from physic_core.prepare.bodies import turn_sigmas
 from physic_core.types import Bodies, BodyParameters, Intrinsics
 
+from .truth.builds import ROOT, asked, build_of, measured, question_of
 from .truth.joints import BODY_ROWS, limb_joints
-from .truth.measures import box_of, match_people, pose_errors
-from .truth.run import answer_of
-from .truth.scores import MIN_VISIBLE, joints_of, keypoints_of, people_of
-from .truth.sets import SETS, Sample, camera_of, picture_of
+from .truth.measures import pose_errors
+from .truth.scores import MIN_VISIBLE, floor_record, joints_of, matched_people, projected
+from .truth.sets import SETS, Sample, camera_of
+from .truth.triangulation import visible_joints
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from .truth.builds import Ask
 
     Array = NDArray[np.float64]
 
 SIGMA_M = 0.05
 TURN_DEG = 5.0
 DISTANCE_SIGMA = 0.01  # stated; places are true
+ERRORS = {"mpjpe": "mpjpe_mm", "root": "root_aligned_mm", "pa": "pa_mpjpe_mm"}
 _BODY = 22
 
 
@@ -55,91 +60,72 @@ def main() -> None:
     add("--sets", default="mpi_inf_3dhp", help="data sets, with commas between them")
     add("--triangulated", type=Path, metavar="FILE", help="joints of a run of truth")
     add("--photos", type=int, help="the first N of each data set")
-    add(
-        "--set", dest="settings", action="append", default=[], metavar="KEY=VALUE", help="a setting"
-    )
+    setting = {"dest": "settings", "action": "append", "metavar": "KEY=VALUE"}
+    add("--set", default=[], help="a setting", **setting)
     given = parser.parse_args()
-    rows = [row for sample, truth in _samples(given) for row in _rows(sample, truth, given)]
+    with asked(build_of(ROOT, "embedded", given.settings), given.out) as ask:
+        rows = [
+            row for sample, truth in _samples(given) for row in _rows(sample, truth, ask, given.out)
+        ]
     for row in rows:
         print(*(v if isinstance(v, str) else f"{v:.1f}" for v in row.values()), sep="\t")
     for name in {str(row["set"]) for row in rows}:
         own = [row for row in rows if row["set"] == name]
-        means = {
-            k: np.nanmean([row[k] for row in own]) for k in own[0] if k not in ("set", "photo")
-        }
+        keys = [key for key in own[0] if key not in ("set", "photo")]
+        means = (f"{key} {np.nanmean([row[key] for row in own]):.1f}" for key in keys)
         better = np.mean([row["mpjpe_out"] < row["mpjpe_in"] for row in own])
-        print(f"{name}: {len(own)} people, output better {better:.0%};", end=" ")
-        print(", ".join(f"{key} {value:.1f}" for key, value in means.items()))
+        print(f"{name}: {len(own)} people, output better {better:.0%}; {', '.join(means)}")
     (given.out / "rows.json").write_text(json.dumps(rows, indent=1))
 
 
 def _samples(given: Namespace) -> Iterator[tuple[Sample, list[Array]]]:
     """Yield samples with a camera, and the true joints (12, 3) of their people in its frame, m."""
-    joints = json.loads(given.triangulated.read_text()) if given.triangulated else {}
+    triangulated = json.loads(given.triangulated.read_text()) if given.triangulated else {}
     for name in given.sets.split(","):
         for sample in SETS[name](given.data / name)[: given.photos]:
             if "joints" in sample.truth and sample.K is not None:
                 yield sample, [limb_joints(sample.truth["joints"], 3)]
-            elif (key := f"{name}/{sample.group}") in joints:
+            elif (key := f"{name}/{sample.group}") in triangulated:
                 camera = camera_of(sample)
-                seen = [camera.to_camera(np.array(one, np.float64)) for one in joints[key]]
-                yield sample, [one for one in seen if _is_shown(one, sample)]
+                people = [np.array(one, np.float64) for one in triangulated[key]]
+                seen = [one for one in people if visible_joints(camera, one).sum() >= MIN_VISIBLE]
+                yield sample, [camera.to_camera(one) for one in seen]
 
 
-def _is_shown(joints: Array, sample: Sample) -> bool:
-    height, width = picture_of(sample).shape[:2]
-    pixels = _pixels(joints, sample)
-    inside = ((pixels >= 0) & (pixels < [width, height])).all(1) & (joints[:, 2] > 0)
-    return int(inside.sum()) >= MIN_VISIBLE
-
-
-def _pixels(joints: Array, sample: Sample) -> Array:
-    assert sample.K is not None
-    pixels: Array = joints @ sample.K.T
-    return pixels[:, :2] / pixels[:, 2:]
-
-
-def _rows(sample: Sample, truth: list[Array], given: Namespace) -> Iterator[dict[str, float | str]]:
+def _rows(
+    sample: Sample, truth: list[Array], ask: Ask, out: Path
+) -> Iterator[dict[str, float | str]]:
     """Run the tool on the bodies of a sample, and yield the errors of each person."""
-    assert sample.K is not None
-    height, width = picture_of(sample).shape[:2]
-    K = sample.K
-    camera = Intrinsics(K[0, 0], K[1, 1], K[0, 2], K[1, 2], width, height)
+    question = question_of(sample)
+    assert question.camera is not None
+    height, width = question.picture.shape[:2]
     parameters, before = _with_errors(truth, seed=sum(map(ord, sample.name)))
-    path = given.out / "bodies" / sample.set / f"{sample.name}.npz"
+    path = out / "bodies" / sample.set / f"{sample.name}.npz"
     path.parent.mkdir(parents=True, exist_ok=True)
+    camera = Intrinsics(*question.camera, width, height)
     write_bodies(path, parameters, "embedded", camera, SIGMA_M, DISTANCE_SIGMA)
-    options = ["--bodies", str(path.resolve())]
-    options += [part for setting in given.settings for part in ("--set", setting)]
-    answer = answer_of(sample, given.out, options)
-    people = people_of(answer)
-    pixels = [_pixels(one, sample) for one in truth]
-    boxes = [person["box"] for person in people]
-    points = [keypoints_of(person) for person in people]
-    found = match_people(boxes, points, [box_of(one).tolist() for one in pixels], pixels)
-    for i, person in found.items():
-        out = pose_errors(joints_of(people[person]), truth[i])
-        into = pose_errors(before[i][BODY_ROWS], truth[i])
-        row: dict[str, float | str] = {"set": sample.set, "photo": sample.name}
-        for name, key in (
-            ("mpjpe", "mpjpe_mm"),
-            ("root", "root_aligned_mm"),
-            ("pa", "pa_mpjpe_mm"),
-        ):
-            row |= {f"{name}_in": into[key], f"{name}_out": out[key]}
-        row["depth_out_%"] = 100 * (out["pelvis_depth_ratio"] - 1)
-        row["floor_deg"] = _floor_error(answer["floor"], sample)
-        yield row
-
-
-def _floor_error(floor: list[float] | None, sample: Sample) -> float:
+    answer = measured(ask(replace(question, bodies=path)), sample)
     up = sample.truth.get("up")
-    if floor is None or up is None:
-        return math.nan
-    own = np.array(up, np.float64)
     if "camera" in sample.truth:
-        own = camera_of(sample).R @ own
-    return math.degrees(math.acos(float(np.clip(np.dot(floor[:3], own), -1, 1))))
+        up = camera_of(sample).R @ up
+    floor = math.nan
+    if up is not None:
+        floor = floor_record(sample, answer, np.array(up), math.nan)["floor_angle_deg"]
+    for i, person in matched_people(
+        answer, [projected(one, question.camera) for one in truth]
+    ).items():
+        errors = [pose_errors(one, truth[i]) for one in (before[i][BODY_ROWS], joints_of(person))]
+        yield {
+            "set": sample.set,
+            "photo": sample.name,
+            **{
+                f"{name}_{way}": of[key]
+                for name, key in ERRORS.items()
+                for way, of in zip(("in", "out"), errors, strict=True)
+            },
+            "depth_out_%": 100 * (errors[1]["pelvis_depth_ratio"] - 1),
+            "floor_deg": floor,
+        }
 
 
 def _with_errors(truth: list[Array], seed: int) -> tuple[BodyParameters, Array]:

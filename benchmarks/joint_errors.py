@@ -27,7 +27,7 @@ from physic_embedded.body_fit.limb_keypoints import LIMBS
 
 from .fits import parser_of, write_record
 from .truth.command import compared, samples_of
-from .truth.run import measured_fields
+from .truth.fields import measured_fields
 from .truth.sets import Sample, picture_of
 
 if TYPE_CHECKING:

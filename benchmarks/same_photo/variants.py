@@ -16,6 +16,8 @@ from physic_core.types import MARKS, is_usable
 from physic_core.types.skeletons import other_side
 
 if TYPE_CHECKING:
+    from types import SimpleNamespace
+
     from physic_core import Intrinsics, Reconstruction
 
 Array = NDArray[np.float64]
@@ -90,7 +92,6 @@ class Variant:
 
 
 PHOTO = Variant("photo")
-PHOTO_K = Variant("photo, K", camera_is_known=True)
 VARIANTS = (
     Variant("mirror", mirrored=True),
     Variant("scale", scale=0.9),
@@ -183,8 +184,10 @@ def answer_of(result: Reconstruction, variant: Variant, width: int, height: int)
     )
 
 
-def no_answer(variant: Variant, width: int, height: int) -> Answer:
-    """Return the answer of a variant for which there is no result."""
+def seen(answer: SimpleNamespace, variant: Variant, width: int, height: int) -> Answer:
+    """Return what a build answers to a variant; an error shows nobody and no scene."""
+    if not answer.error:
+        return answer_of(answer, variant, width, height)  # type: ignore[arg-type]
     inside = _grid(variant, width, height)[2]
     return Answer(inside, np.full((GRID, GRID), np.nan, np.float32), (), math.nan, None)
 

@@ -18,11 +18,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.same_photo.changes import change, same_people
-from benchmarks.same_photo.variants import PHOTO, VARIANTS, Variant, no_answer
-from benchmarks.same_photo.variants import answer_of as seen_answer
+from benchmarks.same_photo.variants import PHOTO, VARIANTS, Variant, seen
 from physic_testing.metrics import match_by_boxes
 
-from .builds import Build, Question, answers, build_of, measured, question_of
+from .builds import ROOT, Build, Question, asked, build_of, measured, question_of
 from .contact import MIN_IOU, OF_RESULTS, TOUCHES, part_record
 from .layouts import STRIPS, TILES, says_several
 from .pairs import Figure, Pair, Row, Verdict, compare, page, paired, percentile
@@ -30,8 +29,6 @@ from .sets import SETS, Sample
 
 if TYPE_CHECKING:
     from types import SimpleNamespace
-
-    from benchmarks.same_photo.variants import Answer
 
 _Record = Mapping[str, Any]
 
@@ -113,7 +110,7 @@ def main(data: Sequence[Path], other: Path, out: Path, size: str, options: Seque
         options: preset of both builds, settings of this one.
     """
     preset, settings = options
-    builds = build_of(other, preset), build_of(Path(__file__).parents[2], preset, settings)
+    builds = build_of(other, preset), build_of(ROOT, preset, settings)
     plan = plan_of(data, SIZES[size])
     if not plan.questions:
         print("No data found: nothing to compare. See benchmarks/README.md.")
@@ -132,13 +129,13 @@ def both_answers(
     builds: Sequence[Build], questions: Sequence[Question], out: Path
 ) -> list[list[SimpleNamespace]]:
     """Return the answers of both builds, which run side by side."""
-    titles = ("other", "this")
+
+    def answers(build: Build, title: str) -> list[SimpleNamespace]:
+        with asked(build, out, title) as ask:
+            return [ask(question) for question in questions]
+
     with ThreadPoolExecutor(len(builds)) as pool:
-        return list(
-            pool.map(
-                lambda build, title: answers(build, questions, out, title=title), builds, titles
-            )
-        )
+        return list(pool.map(answers, builds, ("other", "this")))
 
 
 def plan_of(data: Sequence[Path], size: Size) -> Plan:
@@ -198,8 +195,7 @@ def truth_figures(
 
     samples = [case.sample for case in cases]
     before, after = (
-        [measured(a, c.sample, c.question) for a, c in zip(one, cases, strict=True)]
-        for one in (other, this)
+        [measured(a, c.sample) for a, c in zip(one, cases, strict=True)] for one in (other, this)
     )
     truth = compared(samples, before)["triangulated"]
     records = [compared(samples, one, truth) for one in (before, after)]
@@ -289,7 +285,7 @@ def _labelled(
     """Return people found or not, and their judged parts."""
     sample = case.sample
     truth = sample.truth["people"]
-    people = measured(answer, sample, case.question)["people"]
+    people = measured(answer, sample)["people"]
     matched: Mapping[int, int] = {}
     if people:
         boxes = [person["box"] for person in people], [person["box"] for person in truth]
@@ -317,9 +313,9 @@ def change_figures(
     lost: list[Pair] = []
     for (i, variant, question), a, b in zip(plan.changed, other[n:], this[n:], strict=True):
         size = plan.labelled[i].question.picture.shape[1::-1]
-        bases = [_seen(one[i], PHOTO, size) for one in (other, this)]
+        bases = [seen(one[i], PHOTO, *size) for one in (other, this)]
         before, after = (
-            change(base, _seen(one, variant, size)) for base, one in zip(bases, (a, b), strict=True)
+            change(base, seen(one, variant, *size)) for base, one in zip(bases, (a, b), strict=True)
         )
         ranks = same_people(*bases)
         photo = plan.labelled[i].sample.name
@@ -360,12 +356,6 @@ def _of_people(
         flips = [100.0 * (len(set(p.usable)) > 1) for p in (person, match)]
         usable.append(Pair(*names, *flips))
     return distance, usable
-
-
-def _seen(answer: SimpleNamespace, variant: Variant, size: tuple[int, int]) -> Answer:
-    if answer.error:
-        return no_answer(variant, *size)
-    return seen_answer(answer, variant, *size)  # type: ignore[arg-type]
 
 
 def file_figures(

@@ -12,22 +12,26 @@ import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .run import measured_fields
+from .fields import measured_fields
 from .sets import picture_of
 from .worker import CAMERA, PERSON, RESULT, SCENE
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Iterator, Sequence
+    from typing import TypeAlias
 
     from numpy.typing import NDArray
 
     from .sets import Picture, Sample
+
+    Ask: TypeAlias = "Callable[[Question], SimpleNamespace]"
 
 ROOT = Path(__file__).resolve().parents[2]
 CODE = ("physic_core", "plugins", ":!*/tests/*", ":!*.md")
@@ -43,19 +47,23 @@ class Build:
         python: its interpreter.
         commit: as Git describes it, "+" after it if files differ from it.
         content: hash of the code, which commits of other files leave.
-        preset: of all runs.
+        preset: of all runs; None with a configuration.
         settings: overrides, ``KEY=VALUE``.
+        config: file of a configuration.
     """
 
     root: Path
     python: Path
     commit: str
     content: str
-    preset: str = "embedded"
+    preset: str | None = "embedded"
     settings: tuple[str, ...] = ()
+    config: Path | None = None
 
 
-def build_of(root: Path, preset: str, settings: Sequence[str] = ()) -> Build:
+def build_of(
+    root: Path, preset: str | None, settings: Sequence[str] = (), config: Path | None = None
+) -> Build:
     """Return the build of a checkout.
 
     Raises:
@@ -73,7 +81,7 @@ def build_of(root: Path, preset: str, settings: Sequence[str] = ()) -> Build:
         changed += name + hashlib.sha256((root / name).read_bytes()).hexdigest()
     content = hashlib.sha256(f"{files}\n{changed}".encode()).hexdigest()[:16]
     shown = _git(root, "rev-parse", "HEAD")[:8] + ("+" if changed else "")
-    return Build(root, python, shown, content, preset, tuple(settings))
+    return Build(root, python, shown, content, preset, tuple(settings), config)
 
 
 def keep_networks_only(cache: Path) -> None:
@@ -100,23 +108,28 @@ class Question:
         picture: (H, W, 3) uint8 RGB.
         camera: fx, fy, cx, cy in px, or None.
         depth: whether the depth map is asked for.
+        bodies: file of given bodies.
     """
 
     name: str
     picture: NDArray[np.uint8]
     camera: tuple[float, ...] | None = None
     depth: bool = False
+    bodies: Path | None = None
 
     def key(self, build: Build) -> str:
         """Return the name of the answer's file."""
         of = [list(self.picture.shape), self.camera, self.depth, build.preset, build.settings]
         text = json.dumps(of).encode()
+        for file in (self.bodies, build.config):
+            text += file.read_bytes() if file else b""
         return hashlib.sha256(text + np.ascontiguousarray(self.picture).tobytes()).hexdigest()[:24]
 
 
-def question_of(sample: Sample) -> Question:
+def question_of(sample: Sample, *, with_camera: bool = True) -> Question:
     """Return what a sample asks: its picture, with the camera where it is known."""
-    camera = None if sample.K is None else sample.K[[0, 1, 0, 1], [0, 1, 2, 2]]
+    known = with_camera and sample.K is not None
+    camera = sample.K[[0, 1, 0, 1], [0, 1, 2, 2]] if known else None
     return Question(
         f"{sample.set} {sample.name}",
         rgb(picture_of(sample)),
@@ -130,28 +143,30 @@ def rgb(picture: Picture) -> Picture:
     return np.ascontiguousarray(picture[..., ::-1])
 
 
-def answers(
-    build: Build, questions: Sequence[Question], out: Path, *, title: str = ""
-) -> list[SimpleNamespace]:
-    """Return what a build answers, from files of earlier runs where they exist; it is started if
-    one is missing.
+@contextlib.contextmanager
+def asked(build: Build, out: Path, title: str = "") -> Iterator[Ask]:
+    """Yield a function that returns what a build answers to a question: from the file of an earlier
+    run if there is one. The build is started for the first that is missing.
 
     Raises:
         SystemExit: the build ended early.
     """
     folder = out / "answers" / build.content
     folder.mkdir(parents=True, exist_ok=True)
-    files = [folder / f"{question.key(build)}.npz" for question in questions]
-    missing = {f: q for f, q in zip(files, questions, strict=True) if not f.exists()}
-    if missing:
-        with tempfile.TemporaryDirectory() as place, _started(build, out) as worker:
-            for number, (file, question) in enumerate(missing.items(), 1):
-                _ask(worker, question, file, Path(place))
+    with tempfile.TemporaryDirectory() as place, contextlib.ExitStack() as stack:
+        started = cache(lambda: stack.enter_context(_started(build, out)))
+
+        def ask(question: Question) -> SimpleNamespace:
+            file = folder / f"{question.key(build)}.npz"
+            if not file.exists():
+                _ask(started(), question, file, Path(place))
                 keep_networks_only(_cache(build, out))
-                words = f"{title} [{number}/{len(missing)}] {question.name}"
-                print(words, file=sys.stderr, flush=True)
-            worker.communicate()
-    return [recorded(file) for file in files]
+                print(title, question.name, file=sys.stderr, flush=True)
+            answer = recorded(file)
+            answer.size = question.picture.shape[1::-1]
+            return answer
+
+        yield ask
 
 
 def _started(build: Build, out: Path) -> subprocess.Popen[str]:
@@ -167,7 +182,11 @@ def _started(build: Build, out: Path) -> subprocess.Popen[str]:
             stderr=log,
             text=True,
         )
-    start = {"preset": build.preset, "settings": ["run.cache_mb=100000", *build.settings]}
+    start = {
+        "preset": build.preset,
+        "config": [str(build.config.resolve())] if build.config else [],
+        "settings": ["run.cache_mb=100000", *build.settings],
+    }
     with contextlib.suppress(BrokenPipeError):
         print(json.dumps(start), file=worker.stdin, flush=True)
     return worker
@@ -185,9 +204,12 @@ def _ask(worker: subprocess.Popen[str], question: Question, file: Path, place: P
     assert worker.stdout is not None
     photo = place / "photo.png"
     cv2.imwrite(str(photo), rgb(question.picture))
-    job = {"photo": str(photo), "camera": question.camera, "depth": question.depth}
+    settings: dict[str, Any] = {"intrinsics": question.camera} if question.camera else {}
+    if question.bodies:
+        settings["bodies"] = str(question.bodies.resolve())
+    job = {"photo": str(photo), "settings": settings, "depth": question.depth, "out": str(file)}
     with contextlib.suppress(BrokenPipeError):
-        print(json.dumps({**job, "out": str(file)}), file=worker.stdin, flush=True)
+        print(json.dumps(job), file=worker.stdin, flush=True)
     if worker.stdout.readline().strip() != "done":
         with contextlib.suppress(BrokenPipeError):
             worker.stdin.close()
@@ -235,10 +257,8 @@ def _array(value: Any) -> Any:
     return np.array(value, np.float64) if isinstance(value, list) else value
 
 
-def measured(answer: SimpleNamespace, sample: Sample, question: Question) -> dict[str, Any]:
-    """Return an answer in the form of :func:`benchmarks.truth.run.answer_of`."""
+def measured(answer: SimpleNamespace, sample: Sample) -> dict[str, Any]:
+    """Return what is measured of an answer, in px of its picture."""
     if answer.error:
-        return {"error": answer.error, "people": [], "floor": None, "cpu_s": float("nan")}
-    height, width = question.picture.shape[:2]
-    fields = measured_fields(answer, (width, height), sample)  # type: ignore[arg-type]
-    return {"error": "", **fields, "cpu_s": float("nan")}
+        return {"error": answer.error, "people": [], "floor": None}
+    return {"error": "", **measured_fields(answer, answer.size, sample)}  # type: ignore[arg-type]

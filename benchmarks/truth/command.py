@@ -10,8 +10,7 @@ DATA are folders that hold the data sets ``mpi_inf_3dhp``, ``panoptic``, ``round
 
 compares this build with another on the same photos, and ends with 1 if a figure is worse.
 
-Every photo is reconstructed by ``physic run`` in a process of its own. Its numbers are kept in
-``--out``, so that an interrupted run continues: use a new folder for another version of the code.
+Answers are kept in ``--out`` by the content of the code, so that an interrupted run continues.
 """
 
 from __future__ import annotations
@@ -19,10 +18,10 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import sys
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +31,8 @@ from benchmarks.fits import parser_of
 from physic_testing.metrics import ValueWithInterval
 
 from . import against
+from .builds import ROOT, asked, build_of, measured, question_of
 from .contact import part_tables, table_of_parts
-from .run import answer_of
 from .scores import photo_record, score_annotated, score_moment, score_parkour, score_single
 from .sets import SETS, Sample
 from .table import rows_of, text_table
@@ -55,9 +54,8 @@ def main() -> int:
             "benchmarks/README.md."
         )
         return 0
-    answers = _answers(samples, given)
     earlier = json.loads(given.triangulated.read_text()) if given.triangulated else {}
-    records = compared(samples, answers, earlier)
+    records = compared(samples, _answers(samples, given), earlier)
     rows = rows_of(records["people"], records["floors"], records["photos"])
     parts = part_tables(records["parts"])
     table = "\n\n".join([text_table(rows), table_of_parts(parts)])
@@ -89,8 +87,8 @@ def _parser() -> argparse.ArgumentParser:
     add = parser.add_argument
     add("data", nargs="*", type=Path, help="folders that hold the data sets")
     add("--out", type=Path, default=Path("truth-results"), help="for results and the table")
-    add("--preset", default="embedded", help="preset of physic run")
-    words = "configuration of physic run, in place of a preset"
+    add("--preset", default="embedded", help="preset of the tool")
+    words = "configuration, in place of a preset"
     add("--config", type=Path, metavar="FILE", help=words)
     setting = {"dest": "settings", "action": "append", "metavar": "KEY=VALUE"}
     add("--set", default=[], help="one setting", **setting)
@@ -109,25 +107,20 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _answers(samples: Sequence[Sample], given: argparse.Namespace) -> list[dict[str, Any]]:
-    """Run the tool on the samples, or take what earlier runs left."""
-    options = (
-        ["--config", str(given.config.resolve())] if given.config else ["--preset", given.preset]
-    )
-    options += [part for setting in given.settings for part in ("--set", setting)]
+    """Return what is measured of the tool's answers to the samples."""
+    preset = None if given.config else given.preset
+    build = build_of(ROOT, preset, given.settings, given.config)
 
-    def run(sample: Sample) -> dict[str, Any]:
-        answer = answer_of(sample, given.out, options, with_camera=not given.no_camera)
-        words = sample.set, sample.name, f"{answer['cpu_s']:.1f} s", answer["error"]
-        print(*words, file=sys.stderr, flush=True)
-        return answer
+    def run(first: int) -> list[dict[str, Any]]:
+        with asked(build, given.out) as ask:
+            return [
+                measured(ask(question_of(sample, with_camera=not given.no_camera)), sample)
+                for sample in samples[first :: given.jobs]
+            ]
 
     with ThreadPoolExecutor(given.jobs) as pool:
-        pending = [pool.submit(run, sample) for sample in samples]
-        try:
-            return [future.result() for future in pending]
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+        parts = zip_longest(*pool.map(run, range(given.jobs)))
+    return [answer for row in parts for answer in row if answer is not None]
 
 
 def samples_of(folders: Sequence[Path], sets: Sequence[str], photos: int | None) -> list[Sample]:

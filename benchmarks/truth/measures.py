@@ -9,13 +9,10 @@ import numpy as np
 
 from benchmarks.truth.joints import bone_lengths, root
 from physic_core.backends.people import box_iou
-from physic_testing.metrics import assign, mpjpe_mm, pa_mpjpe_mm, penetration
+from physic_testing.metrics import assign, mpjpe_mm, pa_mpjpe_mm
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-    from trimesh import Trimesh
-
-    from physic_core.types import Person
 
     Array = NDArray[np.float64]
 
@@ -169,42 +166,6 @@ def depth_errors(depth: Array, truth: Array) -> dict[str, float]:
         "absrel": float((np.abs(own - true) / true).mean()),
         "absrel_scaled": float((np.abs(factor * own - true) / true).mean()),
     }
-
-
-def depths_inside_cm(people: Sequence[Person]) -> dict[str, list[float]]:
-    """Depth of the deepest vertex of each of B people with a body, cm, as two lists (B,): "scene"
-    is inside scene or floor, "people" inside another body, both 0 where no vertex is inside.
-    """
-    bodies = [person for person in people if person.has_body]
-    meshes = [body.mesh() for body in bodies]
-    return {
-        "scene": [100 * float(penetration(body.distance).max_depth) for body in bodies],
-        "people": [
-            100
-            * max((_depth_inside(own, other) for other in meshes if other is not own), default=0)
-            for own in meshes
-        ],
-    }
-
-
-def _depth_inside(own: Trimesh, other: Trimesh) -> float:
-    """Distance of the deepest vertex inside the other mesh from the vertices of that mesh, m."""
-    from scipy.spatial import KDTree
-
-    low, high = other.bounds
-    near = own.vertices[((own.vertices > low) & (own.vertices < high)).all(1)]
-    inside = near[_is_inside(near, other)] if len(near) else near
-    return float(KDTree(other.vertices).query(inside)[0].max()) if len(inside) else 0.0
-
-
-def _is_inside(points: Array, mesh: Trimesh) -> NDArray[np.bool_]:
-    """Return whether points (n, 3) are inside a closed mesh whose parts may overlap, as a hand in
-    the belly does: a ray leaves it once more than it enters. ``contains`` counts crossings.
-    """
-    ahead = np.array([0.36, 0.48, 0.8])  # along no edge of a regular mesh
-    faces, rays = mesh.ray.intersects_id(points, np.tile(ahead, (len(points), 1)))
-    exits = np.sign(mesh.face_normals[faces] @ ahead)
-    return np.bincount(rays, exits, len(points)) > 0.5
 
 
 def spread_m(places: Array) -> float:

@@ -63,17 +63,9 @@ def people_of(answer: Answer) -> list[Mapping[str, Any]]:
 
 
 def photo_record(sample: Sample, answer: Answer) -> Record:
-    """Time and depths."""
-    return {
-        **_of(sample),
-        "error": answer["error"],
-        "bodies": len(people_of(answer)),
-        **{
-            f"inside_{other}_cm": depths
-            for other, depths in answer.get("depths_inside_cm", {}).items()
-        },
-        **{key: answer.get(key, math.nan) for key in ("cpu_s", "absrel", "absrel_scaled")},
-    }
+    """Errors of depth."""
+    depths = {key: answer.get(key, math.nan) for key in ("absrel", "absrel_scaled")}
+    return {**_of(sample), "error": answer["error"], **depths}
 
 
 def score_single(sample: Sample, answer: Answer) -> tuple[list[Record], list[Record]]:
@@ -82,11 +74,11 @@ def score_single(sample: Sample, answer: Answer) -> tuple[list[Record], list[Rec
     up = None if sample.truth["up"] is None else np.array(sample.truth["up"], np.float64)
     pixels = truth @ np.array(sample.truth["K"]).T
     pixels = pixels[:, :2] / pixels[:, 2:]
-    people = [_person(sample, "0", truth, up, _match(answer, [pixels]).get(0))]
+    people = [_person(sample, "0", truth, up, matched_people(answer, [pixels]).get(0))]
     floors = []
     if up is not None:
         height = float(-up @ np.array(sample.truth["floor_point"]))
-        floors.append(_floor(sample, answer, up, height))
+        floors.append(floor_record(sample, answer, up, height))
     return people, floors
 
 
@@ -110,7 +102,7 @@ def score_moment(
     views = list(zip(samples, answers, cameras, strict=True))
     people = [one for view in views for one in _seen_people(*view, truth)]
     floors = [
-        _floor(
+        floor_record(
             sample,
             answer,
             camera.R @ sample.truth["up"],
@@ -134,7 +126,7 @@ def _seen_people(
     known = [int(np.isfinite(joints).all(-1).sum()) for joints in truth]
     visible = [i for i in range(len(truth)) if shown[i].sum() >= min(MIN_VISIBLE, known[i])]
     pixels = [np.where(shown[i][:, None], camera.project(truth[i]), np.nan) for i in visible]
-    matched = _match(answer, pixels)
+    matched = matched_people(answer, pixels)
     up = camera.R @ sample.truth["up"]
     for row, i in enumerate(visible):
         person = matched.get(row)
@@ -208,7 +200,7 @@ def projected(joints: Array, camera: Sequence[float]) -> Array:
     )
 
 
-def _match(answer: Answer, pixels: Sequence[Array]) -> dict[int, Mapping[str, Any]]:
+def matched_people(answer: Answer, pixels: Sequence[Array]) -> dict[int, Mapping[str, Any]]:
     """Of each true person, by the (12, 2) px of the joints, who is found of those with a body."""
     found = people_of(answer)
     boxes = [box_of(points).tolist() for points in pixels]
@@ -255,7 +247,7 @@ def _joints_in_sigmas(errors: Sequence[float], person: Mapping[str, Any]) -> flo
     return float(np.sqrt(np.nanmean(ratios**2)))
 
 
-def _floor(sample: Sample, answer: Answer, up: Array, height: float) -> Record:
+def floor_record(sample: Sample, answer: Answer, up: Array, height: float) -> Record:
     """The errors of floor and up against the direction up and the camera's true height; the error
     of up over its stated one is that in each of two directions.
     """

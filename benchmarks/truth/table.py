@@ -62,7 +62,6 @@ def rows_of(
         *_spread_rows(everybody),
         *_usable_rows(people),
         *up_rows(floors),
-        *_photo_rows(_of(photos, error="")),
     ]
 
 
@@ -182,17 +181,6 @@ def up_rows(floors: Sequence[Record]) -> list[Row]:
             ("up_in_sigmas", "  over its sigma, rms", _RMS, ".2f"),
             ("floor_angle_deg", "  of the floor's normal, rms", _RMS, ".1f"),
         )
-    ]
-
-
-def _photo_rows(photos: Sequence[Record]) -> list[Row]:
-    scene = "deepest vertex of a body inside scene or floor, cm"
-    other = "  inside another body, cm, photos of several people"
-    several = [r for r in photos if r["bodies"] > 1]
-    return [
-        _row(scene, "inside_scene_cm", photos, of_lists, form=".1f"),
-        _row(other, "inside_people_cm", several, of_lists, form=".1f"),
-        _row("CPU seconds a photo", "cpu_s", photos, pooled, "<= 20 (720p)", ".1f"),
     ]
 
 

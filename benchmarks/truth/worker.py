@@ -3,8 +3,8 @@ builds of a comparison state.
 
 It imports the standard library, NumPy and the public names of ``physic_core`` alone, since the
 other build may be of any age. A line of JSON on the standard input is a job: "photo" and "out" are
-files, "camera" is fx, fy, cx, cy in px or null, "depth" asks for the map. The first line has the
-preset and the settings. What a build does not state is left out.
+files, "settings" are those of the photo, "depth" asks for the map. The first line has the preset,
+the configuration, and settings. What a build does not state is left out.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def main() -> None:
     from physic_core import Pipeline, load_config
 
     start = json.loads(sys.stdin.readline())
-    config = load_config(preset=start["preset"], overrides=start["settings"])
+    config = load_config(*start["config"], preset=start["preset"], overrides=start["settings"])
     with Pipeline(config) as pipeline:
         for line in sys.stdin:
             job = json.loads(line)
@@ -47,10 +47,8 @@ def main() -> None:
 
 def answer(pipeline: Any, job: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return what is stated of a photo, and its masks and depth; "error" alone without a result."""
-    camera = job["camera"]
-    settings = {"intrinsics": camera} if camera else {}
     try:
-        result = pipeline(job["photo"], settings=settings)
+        result = pipeline(job["photo"], settings=job["settings"])
     except Exception as error:
         return {"error": f"{type(error).__name__}: {error}"}, {}
     masks = np.array([person.mask for person in result.people], bool)

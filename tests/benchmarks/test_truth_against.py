@@ -31,7 +31,7 @@ import sys
 sys.modules["physic_core.types"] = types
 
 
-def load_config(preset, overrides):
+def load_config(*, preset, overrides):
     return preset
 
 
@@ -198,5 +198,8 @@ def test_two_builds_differ_by_what_differs_in_them(tmp_path):
 def test_a_build_that_ends_is_no_answer(tmp_path):
     build = checkout(tmp_path / "old")
     (tmp_path / "old" / ".venv" / "bin" / "python").write_text("#!/bin/sh\nexit 3\n")
-    with pytest.raises(SystemExit, match="ended with 3"):
-        builds.answers(build, plan().questions[:1], tmp_path / "out")
+    with (
+        pytest.raises(SystemExit, match="ended with 3"),
+        builds.asked(build, tmp_path / "out") as ask,
+    ):
+        ask(plan().questions[0])
