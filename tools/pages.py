@@ -8,21 +8,29 @@ A part stands below its mark, ``<!-- tools/pages.py: NAME -->``, and ends at the
 
 from __future__ import annotations
 
+import ast
 import inspect
 import json
 import re
 import sys
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+import click
 import docs_numbers
 
-from physic_core import find_exporters
+from physic_core import Person, Reconstruction, Scene, cli, find_exporters, interfaces
 from physic_core.cli.exit_codes import MEANINGS
+from physic_core.discovery.backends import list_backends, load_class
+from physic_core.discovery.entry_points import Offer
 from physic_core.judge import CHECKS, CheckSpec
 from physic_core.judge.trust import ALL
+from physic_core.types import BodyParameters
+from physic_core.types.tables import PERSON_COLUMNS
+from physic_core.weights.library import licence_text, named_sets
 
 ROOT = Path(__file__).resolve().parents[1]
 FIGURES = ROOT / "docs" / "figures.json"
@@ -194,9 +202,18 @@ def checks_table(of: str) -> str:
 
 def value_of(spec: CheckSpec) -> str:
     """Return what a check measures, from the first paragraph of its docstring."""
-    first = " ".join((inspect.getdoc(spec.measure) or "").partition("\n\n")[0].split())
-    text = first.removeprefix("Return ").removeprefix("the ").rstrip(".")
-    return re.sub(r":\w+:`(?:[\w.]+\.)?(\w+)`|``(.+?)``", lambda m: f"`{m[1] or m[2]}`", text)
+    return summary(spec.measure).removeprefix("Return ").removeprefix("the ").rstrip(".")
+
+
+def summary(thing: object) -> str:
+    """Return the first paragraph of a docstring as Markdown."""
+    return as_markdown((inspect.getdoc(thing) or "").partition("\n\n")[0])
+
+
+def as_markdown(text: str) -> str:
+    """Return text of a docstring with the code of Markdown, in one line."""
+    roles = r":\w+:`(?:[\w.]+\.)?(\w+)`|``(.+?)``"
+    return re.sub(roles, lambda m: f"`{m[1] or m[2]}`", " ".join(text.split()))
 
 
 def limit_of(spec: CheckSpec) -> str:
@@ -221,6 +238,87 @@ def exports_table() -> str:
 
 def exit_codes_table() -> str:
     return table(("code", "meaning"), ((str(c), text) for c, text in MEANINGS.items()))
+
+
+def options_table() -> str:
+    context = click.Context(cli.main)
+    command = cli.main.get_command(context, "run")
+    assert command is not None
+    records = (option.get_help_record(context) for option in command.params)
+    return table(
+        ("option", "meaning"),
+        ((f"`{names}`".replace("|", "\\|"), text) for names, text in filter(None, records) if text),
+    )
+
+
+def backends_table() -> str:
+    offers = [offer for offer in list_backends() if offer.name != "mock"]
+    return table(
+        ("interface", "backend", "what it is", "license of the weights"),
+        (
+            (offer.interface, f"`{offer.name}`", summary(load_class(offer)), license_of(offer))
+            for offer in offers
+        ),
+    )
+
+
+def license_of(offer: Offer) -> str:
+    """Return the licenses of the weights that a backend uses by default."""
+    kind = load_class(offer)
+    defaults = {name: field.get_default() for name, field in kind.Options.model_fields.items()}
+    sets = named_sets(offer.distribution, defaults)
+    return licence_text(sets) or kind.weights_license or "-"
+
+
+def interfaces_table() -> str:
+    return table(
+        ("interface", "what it does"),
+        ((f"`{name}`", summary(kind)) for name, kind in interfaces.INTERFACES.items()),
+    )
+
+
+def packages_table(folder: Path) -> str:
+    rows = []
+    for file in sorted(folder.glob("*/__init__.py")):
+        doc = ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""
+        rows.append((f"`{file.parent.name}`", as_markdown(doc.partition("\n\n")[0]).rstrip(".")))
+    return table(("package", "content"), rows)
+
+
+def arrays_table() -> str:
+    homes = {
+        "": Reconstruction,
+        "scene.": Scene,
+        "people.{i}.": Person,
+        "people.{i}.parameters.": BodyParameters,
+    }
+    return table(
+        ("array", "shape", "meaning"),
+        (
+            (
+                f"`{home}{field.name}`",
+                " x ".join(map(str, field.metadata["shape"])).replace("N", "1"),
+                as_markdown(meaning_of(kind, field.name)),
+            )
+            for home, kind in homes.items()
+            for field in fields(kind)
+            if "shape" in field.metadata
+        ),
+    )
+
+
+def meaning_of(kind: type, name: str) -> str:
+    """Return what the docstring of a dataclass says of a field, without its shape."""
+    doc = inspect.getdoc(kind) or ""
+    found = re.search(rf"^    {name}: (?:\([\w, ]*\) ?)?((?:.+\n(?!    \w+:))*.+)", doc, re.M)
+    assert found is not None, (kind, name)
+    return found[1].lstrip(", ").rstrip(".")
+
+
+def columns_table() -> str:
+    return table(
+        ("column", "meaning"), ((f"`{c.name}`", c.meaning) for c in PERSON_COLUMNS.values())
+    )
 
 
 def layers(container: str) -> str:
@@ -252,6 +350,12 @@ def parts() -> dict[str, Callable[[], str]]:
         "checks-of-a-person": lambda: checks_table("person"),
         "exports": exports_table,
         "exit-codes": exit_codes_table,
+        "options-of-run": options_table,
+        "backends": backends_table,
+        "interfaces": interfaces_table,
+        "arrays": arrays_table,
+        "columns": columns_table,
+        "packages-of-the-core": lambda: packages_table(ROOT / "physic_core"),
         "layers-of-the-core": lambda: layers("physic_core"),
         "layers-of-the-engine": lambda: layers("physic_core.engine"),
     }

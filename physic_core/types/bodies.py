@@ -58,15 +58,15 @@ class BodyParameters(ShortRepr):
 
     Attributes:
         global_orient: (N, 3) rotation about the pelvis joint.
-        body_pose: (N, 63) joints 1-21.
+        body_pose: (N, 63) joints 1 to 21.
         left_hand_pose: (N, 45) index, middle, pinky, ring, thumb.
-        right_hand_pose: (N, 45).
-        jaw_pose: (N, 3).
-        leye_pose: (N, 3).
-        reye_pose: (N, 3).
+        right_hand_pose: (N, 45) the same of the right hand.
+        jaw_pose: (N, 3) rotation of the jaw.
+        leye_pose: (N, 3) rotation of the left eye.
+        reye_pose: (N, 3) rotation of the right eye.
         betas: (N, K) shape, unit variance, meaningful for one body model only.
         expression: (N, E), E = 0 where the body has none.
-        transl: (N, 3) metres, added after posing.
+        transl: (N, 3) meters, added after posing.
     """
 
     global_orient: FloatArray = field(metadata=shape("N", 3))
@@ -94,9 +94,9 @@ class Mesh(ShortRepr):
 
     Attributes:
         name: of the topology ("smplx", "smpl", "mhr").
-        vertices: (N, V, 3) metres, camera frame.
+        vertices: (N, V, 3) meters, camera frame.
         faces: (F, 3) int, the same for all.
-        rest: (V, 3) metres, a body of this topology in the T-pose (y up, facing +z, its left on
+        rest: (V, 3) meters, a body of this topology in the T-pose (y up, facing +z, its left on
             +x), of any shape, or None. It gives the correspondence between the vertices of this
             topology and those of another.
     """
@@ -113,7 +113,7 @@ class RestMesh(ShortRepr):
 
     Attributes:
         topology: name of the mesh ("smpl", "smplx").
-        vertices: (V, 3) metres.
+        vertices: (V, 3) meters.
         faces: (F, 3) int.
     """
 
@@ -132,12 +132,12 @@ class Bodies(ShortRepr):
     zero, and must give joints or a mesh.
 
     Attributes:
-        parameters: of N bodies, body i of person i, metres, camera frame.
+        parameters: of N bodies, body i of person i, meters, camera frame.
         body_model: name of the body model that the parameters are for ("embedded", "smplx", "smpl",
             "mhr").
         observed: (N, 55) bool, joints that the photo shows, or None if the backend does not report
             it.
-        joints: (N, 55, 3) metres, camera frame: the SMPL-X joints as the backend places them, NaN
+        joints: (N, 55, 3) meters, camera frame: the SMPL-X joints as the backend places them, NaN
             where unknown. None if the parameters alone define them.
         mesh: the surfaces, or None.
         rotation_sigma: (N, 22) radians, standard deviation of the angle of error of
@@ -148,7 +148,7 @@ class Bodies(ShortRepr):
             the backend has set upright on the floor of its hints; NaN for others. The lean is that
             of the line from ankles to neck, seen from the side. The error of the floor is not a
             part of it. None if the backend sets no person upright.
-        joint_sigma: (N, 55) metres, root mean square distance of each joint from the true one, both
+        joint_sigma: (N, 55) meters, root mean square distance of each joint from the true one, both
             relative to the middle of the hips; NaN where unknown. None if the backend does not
             state it.
         distance_sigma: (N,) standard deviation of the logarithm of the distance of bodies that the

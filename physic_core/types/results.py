@@ -48,16 +48,16 @@ LIMB_ENDS = {
 
 @dataclass(frozen=True)
 class Scene(ShortRepr):
-    """Point map and floor of the scene without people, metres, camera frame.
+    """Point map and floor of the scene without people, meters, camera frame.
 
     Attributes:
-        points: (H, W, 3) float32.
+        points: (H, W, 3) float32, meters.
         normals: (H, W, 3) float32, unit, facing the camera; zero where unreliable.
         colors: (H, W, 3) uint8 RGB of the inpainted photo.
-        valid: (H, W) bool.
+        valid: (H, W) bool, whether a pixel has a point.
         floor: plane, or None if none was found.
-        floor_points: (M, 3) float32 sampled on the plane.
-        scale: the factor that the joint optimisation applied to the scene (already in the points).
+        floor_points: (M, 3) float32, meters, sampled on the floor; M = 0 without one.
+        scale: the factor that the joint optimization applied to the scene (already in the points).
         scale_sigma: standard deviation of log(scale), or None.
         measured: whether a measured depth gave the scale: it does not depend on the focal length.
         up: (3,) unit vector against gravity, camera frame; None in results that do not state it.
@@ -89,21 +89,22 @@ class Scene(ShortRepr):
 
 @dataclass(frozen=True)
 class Person(ShortRepr):
-    """Body, contacts and detections of one person, metres, camera frame.
+    """Body, contacts and detections of one person, meters, camera frame.
 
     If the body estimator failed for a person, parameters, vertices and joints are NaN and no vertex
     is in contact.
 
     Attributes:
-        box: (4,) px, x0 y0 x1 y1.
+        box: (4,) x0 y0 x1 y1 in px, half open.
         score: in [0, 1].
-        mask: (H, W) bool; empty, with a box of zeros, if the photo does not show them.
+        mask: (H, W) bool, visible pixels; empty, with a box of zeros, if the photo does not show
+            them.
         keypoints: (J, 2) px.
-        keypoint_confidence: (J,).
+        keypoint_confidence: (J,) in [0, 1].
         parameters: a batch of one.
-        vertices: (V, 3) float32.
-        joints: (55, 3) float32.
-        contact: (V,) bool.
+        vertices: (V, 3) float32, meters.
+        joints: (55, 3) float32, meters, in SMPL-X order.
+        contact: (V,) bool, whether the vertex touches something.
         distance: (V,) float32, signed distance to the floor, or to the scene before inpainted
             points were moved out of people: negative inside, inf beyond the search radius.
         contact_probability: (V,) float16 in [0, 1], that the vertex touches its partner, and floor
@@ -121,12 +122,12 @@ class Person(ShortRepr):
             buttocks. None without a body, and if the preset estimates none.
         unseen: limbs, hands and feet without a confident keypoint inside the photo at their end:
             their pose is mostly a guess.
-        joint_sigma: (55,) metres, root mean square distance of each joint from the true one, both
+        joint_sigma: (55,) meters, root mean square distance of each joint from the true one, both
             relative to the middle of the hips, by the body estimator; NaN where unknown, None if it
             does not say.
         body_source: what the user gives as this body, such as the tool and its file; "" for an
             estimated one.
-        given_joints: (55, 3) metres, joints of the body that the user gives, at its place in the
+        given_joints: (55, 3) meters, joints of the body that the user gives, at its place in the
             camera frame; None for an estimated one.
         failed_checks: names of the ``Reconstruction.checks`` about this person that failed.
         unknown_checks: names of those for which nothing could be measured.
@@ -139,7 +140,7 @@ class Person(ShortRepr):
         trust_size: that the size is right.
         why: sentence that names what lowers ``trust`` most, and what to do.
         age: years, as given; None where unknown.
-        stature: standing height of the body from soles to crown, metres; None without a body.
+        stature: standing height of the body from soles to crown, meters; None without a body.
         stature_sigma: standard deviation of log(stature), which includes children among people of
             unknown age; None without a body.
         posture: most probable one of :data:`physic_core.types.POSTURES`, by the person observer and
@@ -192,7 +193,7 @@ class Person(ShortRepr):
     measures: Measures = field(default_factory=Measures)
 
     def joint(self, name: str) -> FloatArray:
-        """Return the position (3,) of a joint of :data:`physic_core.body.JOINT_NAMES`, metres, such
+        """Return the position (3,) of a joint of :data:`physic_core.body.JOINT_NAMES`, meters, such
         as ``person.joint("left_knee")``.
 
         Raises:
@@ -240,7 +241,7 @@ class Person(ShortRepr):
 
     @property
     def limb_sigmas(self) -> dict[str, float]:
-        """``joint_sigma`` of wrists and ankles by limb, such as "left_arm", metres; NaN where
+        """``joint_sigma`` of wrists and ankles by limb, such as "left_arm", meters; NaN where
         unknown.
         """
         sigma = self.joint_sigma
@@ -266,7 +267,7 @@ class Person(ShortRepr):
         return f"{side}_lower_{name}" in self.unseen
 
     def mesh(self) -> Any:
-        """Return the body as a ``trimesh.Trimesh``, metres, camera frame (x right, y down, z
+        """Return the body as a ``trimesh.Trimesh``, meters, camera frame (x right, y down, z
         forward).
 
         Its ``vertex_attributes`` are "contact" (V,) bool and "distance" (V,) float32, m, and
@@ -300,7 +301,7 @@ class Reconstruction(ShortRepr):
     Attributes:
         image: (H, W, 3) uint8 RGB, upright, as reconstructed.
         intrinsics: of ``image``.
-        people: from left to right in the photo, by the centres of their boxes, or in the order of
+        people: from left to right in the photo, by the centers of their boxes, or in the order of
             the user's choice; empty for a scene alone.
         faces: (F, 3) int32, of every person's mesh.
         body_model: name of the body model of the people's parameters.
@@ -353,7 +354,7 @@ class Reconstruction(ShortRepr):
 
     @property
     def world_from_camera(self) -> NDArray[np.float64]:
-        """Rigid transform (4, 4), metres, from camera frame to world frame: x right, y up,
+        """Rigid transform (4, 4), meters, from camera frame to world frame: x right, y up,
         z backward, the floor at y = 0, its origin below the camera. Exports with y up are in it.
 
         Without a floor, the origin is the camera, and y is ``scene.up``, or the camera's up axis if
@@ -363,7 +364,7 @@ class Reconstruction(ShortRepr):
         return matrix
 
     def in_world(self, points: FloatArray) -> NDArray[np.float64]:
-        """Return points (..., 3) of the camera's frame in the world frame, metres: the second
+        """Return points (..., 3) of the camera's frame in the world frame, meters: the second
         coordinate is the height over the floor.
         """
         matrix = self.world_from_camera
@@ -452,7 +453,7 @@ class Reconstruction(ShortRepr):
         return f'<img src="data:image/png;base64,{picture}" alt="{self!r}" style="max-width: 100%">'
 
     def scene_points(self) -> Any:
-        """Return the valid points of the scene as a coloured ``trimesh.PointCloud``, metres, camera
+        """Return the valid points of the scene as a coloured ``trimesh.PointCloud``, meters, camera
         frame.
         """
         import trimesh
@@ -564,7 +565,7 @@ class Reconstruction(ShortRepr):
 
 
 def pelvis_distance_m(person: Person) -> float | None:
-    """Return the distance of a person's pelvis from the camera, metres; None without a body."""
+    """Return the distance of a person's pelvis from the camera, meters; None without a body."""
     pelvis = person.joints[0].tolist() if len(person.joints) else [math.nan]
     return math.hypot(*pelvis) if all(map(math.isfinite, pelvis)) else None
 
@@ -589,7 +590,7 @@ def metres_text(metres: float, log_sigma: float | None, digits: int = 2) -> str:
     """Return a length with its standard deviation: "4.20 ± 0.71 m"; without one: "4.20 m".
 
     Args:
-        metres: the length.
+        meters: the length.
         log_sigma: standard deviation of its logarithm, or None.
         digits: after the point; one more where the deviation would be 0.
     """

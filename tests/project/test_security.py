@@ -53,9 +53,9 @@ LISTS = {
     "Weights": {
         "A run downloads nothing.": "test_a_test_that_uses_the_network_fails",
         "A run sends nothing": "test_a_script_with_a_strangers_network_leaves_home_empty",
-        "A downloaded file is compared": "test_a_file_that_differs_from_the_manifest_is_removed",
-        "`physic weights verify` repeats": "test_verify_lists_what_differs_and_what_has_no_published_hash",  # noqa: E501
-        "A run compares a weight file": "test_a_damaged_file_is_refused_and_not_missing",
+        "A downloaded file that differs": "test_a_file_that_differs_from_the_manifest_is_removed "
+        "test_verify_lists_what_differs_and_what_has_no_published_hash",
+        "A run refuses a weight file": "test_a_damaged_file_is_refused_and_not_missing",
         "The embedded networks and the "
         "embedded body": "test_a_network_with_one_other_bit test_a_changed_asset",
         "A file from a zip archive": "test_names_inside_a_zip_cannot_leave_the_folder",
@@ -63,22 +63,22 @@ LISTS = {
         "restricted license": "test_restricted_weights_are_fetched_only_with_accept_license",
     },
     "Files that PhySIC writes": {
-        "Each file of a result": "test_an_interruption_loses_nothing_and_is_no_success",
-        "The files of a result belong together": "test_the_hidden_result_of_a_killed_process "
+        "Each file is written": "test_an_interruption_loses_nothing_and_is_no_success",
+        "A result folder is": "test_the_hidden_result_of_a_killed_process "
         "test_two_writers_without_a_common_lock",
         "Commands that read a result": "test_a_name_that_leads_out_of_the_folder_is_no_file",
-        "A name that a document": "test_a_name_that_leads_out_of_the_folder_is_no_file "
+        "A name in a document": "test_a_name_that_leads_out_of_the_folder_is_no_file "
         "test_a_sheet_neither_embeds_nor_links_what_lies_outside",
-        "The files of a result, and": "test_a_result_whose_file_is_a_link_that_leads_out "
+        "No file is read or written": "test_a_result_whose_file_is_a_link_that_leads_out "
         "test_a_batch_writes_nothing_through_a_link_that_leads_out",
         "A page embeds": "test_a_sheet_embeds_only_what_decodes_as_a_jpeg",
         "Arrays of a result are refused": "test_arrays_that_were_changed_after_the_run_are_refused",
-        "Files of the cache": "test_folders_and_files_are_for_their_user_alone_whatever_the_umask",
+        "Only you can read": "test_folders_and_files_are_for_their_user_alone_whatever_the_umask",
         "A result without a row": "test_a_result_without_its_row_is_done_again",
         "A file of yours is never replaced": "test_a_foreign_or_edited_file_is_named_and_stays",
         "`physic export --overwrite` replaces": "test_the_photo_and_links_are_never_replaced",
         "Tables, pages and logs": "test_a_file_of_the_user_ends_the_batch_before_its_first_photo",
-        "No file of an output folder": "test_a_file_is_appended_to_and_a_link_is_not",
+        "No link is": "test_a_file_is_appended_to_and_a_link_is_not",
         "The photo is never replaced": "test_the_photo_is_never_replaced",
     },
 }
