@@ -7,7 +7,6 @@ from importlib import import_module
 
 BENCHMARKS = {
     "truth": "benchmarks.truth.command",
-    "same_photo": "benchmarks.same_photo.command",
     "contact_on_photos": "benchmarks.contact_on_photos",
     "trust_on_photos": "benchmarks.trust_on_photos",
     "observer": "benchmarks.observer.command",

@@ -72,7 +72,7 @@ def trust_figures(rows: Sequence[Row]) -> dict[str, Any]:
         "read by": READERS,
         "agreement": fit["agreement of readers"],
         "right": {mark: share(rows, mark) for mark in (*MARKS, ALL)},
-        "scores": {mark: of["all"] for mark, of in fit["people who took no part"].items()},
+        "scores": fit["people who took no part"],
         "children": share([row for row in rows if row["child"]], ALL),
         "where a check fails": {
             name: share([row for row in rows if is_failed(row, name)], ALL) for name in CHECKS

@@ -15,7 +15,6 @@ from physic_core.files.npz import write_arrays
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-HALVES = ("development", "held")
 FOLDS = 10
 
 
@@ -54,16 +53,6 @@ def name_in_sets(photo: str) -> str:
     return numbers[-1] if numbers else re.sub("^tfjs(-models_)?_", "", photo)
 
 
-def half_of(picture: str) -> str:
-    """Return the half of a photo with this :func:`name_in_sets`."""
-    return HALVES[_digest(picture) % 2]
-
-
 def fold_of(group: str) -> int:
     """Return the fold of what is left out at once."""
-    return _digest(f"{group}fold") % FOLDS
-
-
-def _digest(text: str) -> int:
-    """Return a number below 256 that depends on a text alone."""
-    return hashlib.sha256(text.encode()).digest()[0]
+    return hashlib.sha256(f"{group}fold".encode()).digest()[0] % FOLDS

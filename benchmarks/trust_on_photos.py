@@ -12,9 +12,7 @@ and of all, agrees with the verdicts, and with ``--write`` writes
 their results, add verdicts, and fit.
 
 TABLE is by default ``benchmarks/truth/verdicts.json``, of the photos with labelled contact and the
-embedded preset. Half "development" of the photos chose the terms: each tenth of it is scored by a
-fit to the rest of the half. Half "held" is scored by a fit to half "development". "all" scores each
-tenth of the repositories by a fit to the rest, which is nearly as large as that of the final fit.
+embedded preset. A fit to nine tenths of the repositories scores each tenth.
 """
 
 from __future__ import annotations
@@ -33,7 +31,7 @@ from physic_core.types import MARKS
 from physic_core.types.records import USABLE
 from physic_testing.metrics import match_by_boxes, resampled_interval
 
-from .fits import HALVES, fold_of, half_of, name_in_sets, parser_of, write_record
+from .fits import fold_of, parser_of, write_record
 from .truth.measures import probability_scores
 
 Array = NDArray[np.float64]
@@ -108,24 +106,9 @@ def people_of(results: Path, earlier: Sequence[Row]) -> list[Row]:
 
 
 def fit_all(rows: Sequence[Row]) -> dict[str, Any]:
-    """Score both halves of the photos, then fit to all people; return the fitted file."""
-    halves: dict[str, list[Row]] = {half: [] for half in HALVES}
-    for row in rows:
-        halves[half_of(name_in_sets(row["photo"]))].append(row)
-    chosen, held = halves.values()
-    of_chosen, of_held, of_all = (
-        left_out_probabilities(chosen),
-        probabilities(held, fitted(chosen)),
-        left_out_probabilities(rows),
-    )
-    scores = {
-        mark: {
-            HALVES[0]: described(chosen, of_chosen[mark], mark),
-            HALVES[1]: described(held, of_held[mark], mark, right_share(chosen, mark)),
-            "all": described(rows, of_all[mark], mark),
-        }
-        for mark in (*MARKS, ALL)
-    }
+    """Score people left out, then fit to all; return the fitted file."""
+    likely = left_out_probabilities(rows)
+    scores = {mark: described(rows, likely[mark], mark) for mark in (*MARKS, ALL)}
     readers = sorted({reader for row in rows for reader in row["verdicts"]})
     return {
         "made by": "benchmarks/trust_on_photos.py",
@@ -253,9 +236,7 @@ def left_out_probabilities(rows: Sequence[Row]) -> dict[str, Array]:
     return found
 
 
-def described(
-    rows: Sequence[Row], likely: Array, mark: str, constant: float | None = None
-) -> dict[str, Any]:
+def described(rows: Sequence[Row], likely: Array, mark: str) -> dict[str, Any]:
     """Return scores over the verdicts of all readers, each with its interval by a bootstrap over
     photos.
 
@@ -263,9 +244,8 @@ def described(
         rows: people.
         likely: (n,) probabilities.
         mark: whose probabilities they are.
-        constant: the probability without any evidence; the share who are right if not given.
     """
-    rate = right_share(rows, mark) if constant is None else constant
+    rate = right_share(rows, mark)
     photos: dict[str, list[tuple[float, float]]] = {}
     chances = dict(zip(map(id, rows), likely.tolist(), strict=True))
     rows = judged(rows, mark)

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.same_photo.changes import change
-from benchmarks.same_photo.variants import PHOTO, Variant, answer_of
+from benchmarks.same_photo import PHOTO, Variant, answer_of, change
 from physic_batch.process import batch_config
 from physic_core import Pipeline, load_config
 from physic_core.body import load_body
@@ -21,9 +20,7 @@ from physic_testing.worlds import load_world
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NUMBERS = Path(__file__).parents[2] / "docs" / "pictures" / "numbers"
-MIRRORED_AND_CROPPED = Variant(
-    "mirrored and cropped", mirrored=True, margin=0.02, camera_is_known=True
-)
+MIRRORED_AND_CROPPED = Variant("mirrored and cropped", mirrored=True, margin=0.02)
 
 
 @pytest.fixture(scope="module")
@@ -97,8 +94,8 @@ def test_people_stay_where_they_are_if_the_photo_is_mirrored_and_cropped(result_
         other = pipeline(picture, intrinsics=MIRRORED_AND_CROPPED.camera(camera))
         changes.append(
             change(
-                answer_of(result, PHOTO, width, height),
-                answer_of(other, MIRRORED_AND_CROPPED, width, height),
+                answer_of(result.people, PHOTO, width, height),
+                answer_of(other.people, MIRRORED_AND_CROPPED, width, height),
             )
         )
     people = [person for found in changes for person in found.people]
