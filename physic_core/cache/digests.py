@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from physic_core.cache.folders import claimed_cache
+from physic_core.discovery.entry_points import versions_of
 from physic_core.errors import OutputError
 from physic_core.files.atomic import atomic_write
 
@@ -36,6 +37,7 @@ _STARTED = time.time()
 _CODE_BYTES = 16
 _IMPORTED = re.compile(rb"^[ \t]*(?:from[ \t]+(\w+)|import[ \t]+([\w., \t]+))", re.MULTILINE)
 _MODULES = {".py", ".so", ".pyd"}
+_OURS = "physic_"
 _INSTALLED = {"site-packages", "dist-packages"}
 _MAX_FILES = 2000
 """Maximum number of files of a package; of a larger one only the module of the class is hashed."""
@@ -121,8 +123,8 @@ class CodeDigester:
 
     def digest(self, kind: type) -> str | None:
         """Compute the digest of the packages that define a class and its bases, and of all that
-        these import but the standard library and distributions that are installed, of which only
-        the packages ``physic_*`` count.
+        these import but the standard library. Of distributions that are installed, only the
+        packages ``physic_*`` count; of others the version, which those packages require anyway.
 
         All files count with their content, so that two installations agree. For a module outside
         any package, the modules in the same folder count.
@@ -145,13 +147,19 @@ class CodeDigester:
     def digest_of(self, modules: list[Path]) -> str | None:
         """Compute the digest of the packages of modules, as :meth:`digest` does."""
         modules = [*modules]
+        known = set(modules)
+        counted = set[bytes]()
         digest = hashlib.blake2b(digest_size=_CODE_BYTES)
         for module in modules:  # which grows
             code = self._module(module)
             if code is None:
                 return None
+            if code.digest in counted:
+                continue
+            counted.add(code.digest)
             digest.update(code.digest)
-            modules += [path for path in code.imported if path not in modules]
+            modules += (new := [path for path in code.imported if path not in known])
+            known.update(new)
         return digest.hexdigest()
 
     def _module(self, module: Path) -> _Code | None:
@@ -213,8 +221,13 @@ def _read_code(files: list[Path]) -> _Code | None:
             imported |= _imported(content) if is_source else set()
     except OSError:
         return None
-    names = sorted(imported - sys.stdlib_module_names)
-    return _Code(digest.digest(), tuple(place for name in names for place in _sources(name)))
+    places: list[Path] = []
+    is_declared = files[0].parent.name.startswith(_OURS)  # its distribution states requirements
+    for name in sorted(imported - sys.stdlib_module_names):
+        places += (found := _sources(name))
+        if not found and not is_declared:
+            digest.update(f"{name} {versions_of(name)};".encode())
+    return _Code(digest.digest(), tuple(dict.fromkeys(places)))
 
 
 def _imported(source: bytes) -> set[str]:
@@ -241,9 +254,7 @@ def _sources(name: str) -> list[Path]:
         [Path(spec.origin or "")] if alone else map(Path, spec.submodule_search_locations or ())
     )
     own = [
-        place
-        for place in places
-        if name.startswith("physic_") or _INSTALLED.isdisjoint(place.parts)
+        place for place in places if name.startswith(_OURS) or _INSTALLED.isdisjoint(place.parts)
     ]
     if alone:
         return [place for place in own if place.suffix in _MODULES]

@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 import re
 import sys
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
@@ -140,7 +141,20 @@ def core_version() -> str:
 
 def distributions_of(package: str) -> list[str]:
     """Return the names of the installed distributions that have a top-level package."""
-    return packages_distributions().get(package, [])
+    return _owners(_folders()).get(package, [])
+
+
+def versions_of(package: str) -> list[str]:
+    """Return the versions of the installed distributions that have a top-level package."""
+    return list(_versions_of(package, _folders()))
+
+
+@lru_cache(maxsize=1024)
+def _versions_of(package: str, folders: tuple[tuple[str, float], ...]) -> tuple[str, ...]:
+    try:
+        return (version(package),)
+    except PackageNotFoundError:  # a package with another name than its distribution
+        return tuple(version(name) for name in _owners(folders).get(package, ()))
 
 
 def required_versions(distribution: str) -> dict[str, str]:
@@ -168,6 +182,11 @@ def _read_versions(
 def _folders() -> tuple[tuple[str, float], ...]:
     """Return the folders that distributions are searched in, and when each was changed."""
     return tuple((folder, os.stat(folder).st_mtime) for folder in sys.path if os.path.isdir(folder))
+
+
+@lru_cache(maxsize=8)
+def _owners(folders: tuple[tuple[str, float], ...]) -> Mapping[str, list[str]]:
+    return packages_distributions()
 
 
 @lru_cache(maxsize=8)

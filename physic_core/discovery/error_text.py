@@ -7,9 +7,12 @@ from __future__ import annotations
 import os
 import re
 import traceback
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from pathlib import PurePath
+from typing import Any
+
+from physic_core.errors import OutputError
 
 _MAX_MESSAGE = 4096
 
@@ -47,6 +50,34 @@ def describe_error(error: BaseException, *owners: str | type) -> str:
     # The message of a SyntaxError contains its place.
     place = "" if isinstance(error, SyntaxError) else _place(error, owners)
     return f"{text} ({place})" if place else text
+
+
+def left_out(what: str, error: BaseException) -> str:
+    """Return the warning of a result that is complete without something whose making failed."""
+    return f"{what} failed: {describe_error(error)}; the result is complete without"
+
+
+def make_each(parts: Mapping[str, Callable[[], Any]]) -> tuple[dict[str, Any], list[str]]:
+    """Make parts of a result without which it is complete.
+
+    Args:
+        parts: what to call for each, by name.
+
+    Returns:
+        What was made by name, and a warning for each part that failed.
+
+    Raises:
+        OutputError: a file cannot be written.
+    """
+    made, warnings = {}, []
+    for name, make in parts.items():
+        try:
+            made[name] = make()
+        except OutputError:
+            raise
+        except Exception as error:
+            warnings.append(left_out(name, error))
+    return made, warnings
 
 
 def bounded_message(error: BaseException) -> str:

@@ -9,16 +9,17 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.discovery.error_text import describe_error
+from physic_core.discovery.error_text import left_out, make_each
 from physic_core.errors import ConfigError, InputError, PackageMissingError
 from physic_core.files.atomic import open_regular, read_regular, unreadable
 from physic_core.files.names import UntrustedName, paths_inside
@@ -68,6 +69,7 @@ _FRAME = {
 }
 _OF_SCENE = ("image", "scene.")
 _RUN = "run"
+_ROWS = "the table of people"
 # Of bodies: rounding by less than a thousandth of a millimetre saves a sixth of the bytes.
 _STEPS_PER_METRE = 1 << 19
 _DEPTH_BITS = 15  # of the mantissa: 0.0015 %
@@ -87,7 +89,7 @@ def save_reconstruction(
     save: str = "pictures",
     *,
     overwrite: bool = False,
-    beside: Mapping[str, bytes] | None = None,
+    beside: Mapping[str, Callable[[], bytes]] | None = None,
     page: str | None = None,
     photos: str = "",
 ) -> tuple[Path, ...]:
@@ -101,12 +103,13 @@ def save_reconstruction(
         folder: created if missing.
         save: one of :data:`SAVE`.
         overwrite: whether to replace another photo's result.
-        beside: name and content of further files, which are files of the result too.
+        beside: names of further files, which are files of the result too, and what returns their
+            content.
         page: title of ``report.html``; None for no page.
         photos: digests of all photos of one moment, whose earlier results are replaced; "" for that
             of the result.
 
-    Pictures that cannot be made are a warning of the saved result.
+    Pictures, tables, and files ``beside`` that cannot be made are a warning of the saved result.
 
     Returns:
         Paths of the written files.
@@ -119,33 +122,33 @@ def save_reconstruction(
     if save not in SAVE:
         raise ConfigError(f"what to save is one of {', '.join(SAVE)} (got '{save}')")
     folder = Path(folder)
-    beside = beside or {}
     photos = photos or reconstruction.photo
     pictures = [GLB_FILE, PREVIEW_FILE] if save == "pictures" else []
     if page is not None:
         pictures.append(REPORT_FILE)
     prepare_result_folder(folder, photos, overwrite=overwrite)
+    made, warnings = make_each({_ROWS: partial(person_rows, reconstruction), **(beside or {})})
+    reconstruction = reconstruction.with_warnings(*warnings)
+    rows = made.pop(_ROWS, [])
     arrays: Arrays = {}
-    document = _document(reconstruction, arrays)
+    document = _document(reconstruction, rows, arrays)
     if save == "people":
         arrays = {name: array for name, array in arrays.items() if not name.startswith(_OF_SCENE)}
     arrays = _compact(arrays, reconstruction.intrinsics) | {_RUN: np.array(document["run"])}
     contents, failure = _contents(reconstruction, arrays, pictures, page or "")
     if isinstance(failure, Exception) and not isinstance(failure, PackageMissingError):
-        text = f"the result has no pictures: {describe_error(failure)}"
-        warned = replace(reconstruction, warnings=(*reconstruction.warnings, text))
         return save_reconstruction(
-            warned,
+            reconstruction.with_warnings(left_out("the pictures", failure)),
             folder,
             "people" if save == "people" else "numbers",
             overwrite=overwrite,
-            beside=beside,
+            beside={name: partial(bytes, content) for name, content in made.items()},
             photos=photos,
         )
-    write_result_files(folder, document, contents | dict(beside), photos, overwrite=overwrite)
+    write_result_files(folder, document, contents | made, photos, overwrite=overwrite)
     if failure is not None:
         raise failure
-    return tuple(folder / name for name in (DOCUMENT_FILE, *contents, *beside))
+    return tuple(folder / name for name in (DOCUMENT_FILE, *contents, *made))
 
 
 def load_reconstruction(folder: str | os.PathLike[str]) -> Reconstruction:
@@ -234,7 +237,9 @@ def read_document(folder: Path) -> dict[str, Any]:
     return document
 
 
-def _document(reconstruction: Reconstruction, arrays: Arrays) -> dict[str, Any]:
+def _document(
+    reconstruction: Reconstruction, rows: list[dict[str, Any]], arrays: Arrays
+) -> dict[str, Any]:
     """Return the document of a result without its files, and add its arrays to ``arrays``."""
     texts = {name: to_json(getattr(reconstruction, name)) for name in ("config", "diagnostics")}
     values = split(replace(reconstruction, **texts), arrays)
@@ -244,7 +249,7 @@ def _document(reconstruction: Reconstruction, arrays: Arrays) -> dict[str, Any]:
         "schema_version": SCHEMA_VERSION,
         "run": "",
         "frame": frame,
-        "rows": to_json(person_rows(reconstruction)),
+        "rows": to_json(rows),
         **values,
     }
     return document | {"run": run_of_document(document)}

@@ -23,6 +23,7 @@ from physic_core.configuration.resolve import resolve_one
 from physic_core.discovery.error_text import (
     bounded_message,
     describe_error,
+    left_out,
     plugin_error,
     traceback_text,
 )
@@ -106,7 +107,7 @@ class StageCaller:
         try:
             yield
         except Exception as error:
-            self.warn(f"{what} failed: {describe_error(error)}; the result is complete without")
+            self.warn(left_out(what, error))
             if trace := traceback_text(error):
                 sys.stderr.write(trace)
 

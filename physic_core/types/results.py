@@ -468,6 +468,10 @@ class Reconstruction(ShortRepr):
         row: dict[str, float | int | str | None] = DOORS["photo_row"]()(self)
         return row
 
+    def with_warnings(self, *texts: str) -> Reconstruction:
+        """Return the result with further warnings."""
+        return replace(self, warnings=(*self.warnings, *texts))
+
     def save(self, folder: str, save: str = "pictures", *, overwrite: bool = False) -> None:
         """Write ``reconstruction.json``, ``reconstruction.npz``, ``combined.glb`` and
         ``preview.png`` to a folder.

@@ -143,6 +143,22 @@ def test_an_edit_outside_of_the_own_package_counts(site, name):
     assert first != second
 
 
+def test_of_an_installed_package_the_version_counts(site, monkeypatch):
+    installed = site / "site-packages"
+    about = write(installed / "acme_models-1.dist-info" / "METADATA", "Name: x-acme\nVersion: 1\n")
+    write(about.with_name("top_level.txt"), "acme_models")
+    module = write(installed / "acme_models" / "__init__.py", "")
+    write(site / "pack" / "__init__.py", f"import acme_models\n{SOURCE}")
+    monkeypatch.syspath_prepend(str(installed))
+    kind = importlib.import_module("pack").Depth
+    first = CodeDigester().digest(kind)
+    write(module, "x = 2\n")
+    assert CodeDigester().digest(kind) == first
+    about.parent.rename(installed / "acme_models-2.dist-info")
+    write(installed / "acme_models-2.dist-info" / "METADATA", "Name: x-acme\nVersion: 2\n")
+    assert CodeDigester().digest(kind) not in (first, None)
+
+
 def test_a_module_edited_after_the_start_has_no_digest(site, monkeypatch):
     kind = package(site)
     monkeypatch.setattr(digests, "_STARTED", time.time() - 100)

@@ -18,6 +18,7 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
+from physic_core import Reconstruction
 from physic_core.cli import main
 from physic_core.interfaces import INTERFACES, Backend
 from physic_testing.worlds import load_world
@@ -72,6 +73,29 @@ def constructed(monkeypatch):
 
     monkeypatch.setattr(Backend, "__init__", construct)
     return interfaces
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        "physic_core.judge.run_checks",
+        "physic_core.pipeline.reconstruction.judge",
+        "physic_core.pipeline.reconstruction.describe_repositories",
+        "physic_core.pipeline.doubts.doubt_of_distance_from_others",
+        "physic_core.io.results.person_rows",
+        "physic_core.io.result_folder.person_rows",
+        "physic_core.io.results.make_pictures",
+    ],
+)
+def test_what_fails_beyond_the_answer_is_a_warning_of_the_saved_result(world, part, monkeypatch):
+    monkeypatch.setattr(part, lambda *_: 1 / 0)
+    Image.fromarray(world.image).save("a.png")
+    done = run("a.png")
+    assert done.exit_code == 0, done.output
+    result = Reconstruction.load("new/out")
+    assert len(result.people) == 1
+    assert sum("failed: ZeroDivisionError" in text for text in result.warnings) == 1
+    assert "failed: ZeroDivisionError" in done.output
 
 
 def test_a_run_constructs_each_backend_once_and_writes_every_file_and_the_same_bytes_again(

@@ -32,7 +32,7 @@ def quick_pictures(monkeypatch):
 @pytest.fixture
 def out(tmp_path, reconstruction):
     folder = tmp_path / "out"
-    save_reconstruction(reconstruction, folder, beside={"a/b.txt": b"a"})
+    save_reconstruction(reconstruction, folder, beside={"a/b.txt": lambda: b"a"})
     return folder
 
 
@@ -130,7 +130,7 @@ def test_an_untouched_result_is_replaced_as_a_whole(save, out, reconstruction):
         (out / name).write_text("of the system")
     (out / "combined.glb").unlink()
     out.chmod(0o750)
-    paths = save_reconstruction(reconstruction, out, save, beside={"c.txt": b"c"})
+    paths = save_reconstruction(reconstruction, out, save, beside={"c.txt": lambda: b"c"})
     names = {path.name for path in paths}
     pictures = {"combined.glb", "preview.png"} if save == "pictures" else set()
     assert names == {"reconstruction.json", "reconstruction.npz", "c.txt", *pictures}

@@ -25,6 +25,7 @@ from physic_core.types import DepthMap, Hints, People, Provenance
 
 pytestmark = pytest.mark.quick
 
+CODE = digests.CodeDigester()
 SHAPE = (6, 8)
 PHOTO = np.zeros((*SHAPE, 3), np.uint8)
 REQUEST = MetricDepthRequest(PHOTO, Hints())
@@ -155,7 +156,8 @@ def test_a_failure_names_interface_backend_distribution_and_stage(event, error, 
 @pytest.fixture
 def run(tmp_path):
     """Begins another run with the same cache."""
-    return lambda: StageCaller("cpu", 1, cache=ResultCache(tmp_path / "answers", 10**6))
+    folder = tmp_path / "answers"
+    return lambda: StageCaller("cpu", 1, cache=ResultCache(folder, 10**6, CODE))
 
 
 class ReadsTheHole(Counting):

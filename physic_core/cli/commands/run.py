@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -249,7 +250,7 @@ def run(
         from physic_core.io.result_folder import PEOPLE_TABLE, people_csv
         from physic_core.io.results import save_reconstruction
 
-        beside = {PEOPLE_TABLE: people_csv(result, photo.name)}
+        beside = {PEOPLE_TABLE: partial(people_csv, result, photo.name)}
         title = photo.name if report else None
         save_reconstruction(result, folder, save, overwrite=overwrite, beside=beside, page=title)
     if quiet:

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +26,7 @@ from physic_core.configuration.model import DEFAULT_ENERGY, as_config
 from physic_core.configuration.resolve import require_available, resolve
 from physic_core.discovery.backends import find_backend, load_class
 from physic_core.discovery.entry_points import core_version
+from physic_core.discovery.error_text import make_each
 from physic_core.discovery.plugin_code import named_plugin_code
 from physic_core.discovery.plugins import find_items
 from physic_core.errors import ConfigError, OutputError
@@ -43,6 +44,8 @@ WITHOUT_EFFECT = ("cache", "cache_mb", "low_memory", "threads")
 """Settings of ``[run]`` that change no result by more than rounding, as the option ``threads`` of
 backends.
 """
+
+_THUMBNAIL, _SUMMARY, _PEOPLE = "the thumbnail", "the summary", "the table of people"
 
 OTHER_CODE = "code"
 """Word before the digest of the code in the column ``plugins``."""
@@ -188,7 +191,13 @@ class PhotoProcessor:
                 photo = file_digest(item.path)
                 prepare_result_folder(self._folder(item), photo, overwrite=True)
             result = self._reconstruct(item.path, item.settings)
-            files = self._save(result, item)
+            parts = {
+                _THUMBNAIL: partial(self._thumbnail, result, item),
+                _SUMMARY: result.summary,
+                _PEOPLE: partial(person_rows, result),
+            }
+            made, warnings = make_each(parts)
+            files = self._save(result.with_warnings(*warnings), item)
         except Exception as error:  # an error of one photo must not end the batch
             if isinstance(error, OutputError) and isinstance(error.__cause__, OSError):
                 raise  # of the disk, which concerns every photo
@@ -198,8 +207,8 @@ class PhotoProcessor:
                 )
                 | config
             )
-        summary = result.summary()
-        loading = float(summary["load_seconds"] or 0)
+        summary = made.get(_SUMMARY, {})
+        loading = float(summary.get("load_seconds") or 0)
         failed = dict.fromkeys(check.name for check in result.checks if check.failed)
         return base_row(self.job, item) | {
             **config,
@@ -207,27 +216,33 @@ class PhotoProcessor:
             "seconds": time.perf_counter() - start - loading,
             "photo": result.photo,
             "folder": photo_folder(item.id) if self.job.save != "none" else "",
-            "files": files,
+            "files": " ".join([*files, *made.get(_THUMBNAIL, ())]),
             "checks_failed": " ".join(failed),
             "peak_mb": peak_memory_mb(),
             **{name: value for name, value in summary.items() if name != "seconds"},
-            PEOPLE_COLUMN: person_rows(result),
+            PEOPLE_COLUMN: made.get(_PEOPLE, []),
         }
 
     def _folder(self, item: PhotoItem) -> Path:
         return path_to_write(Path(self.job.out), photo_folder(item.id))
 
-    def _save(self, result: Reconstruction, item: PhotoItem) -> str:
-        """Write the files of a photo, and return the column ``files`` of its row."""
-        sizes = {}
-        if self.job.save != "none":
-            folder = self._folder(item)
-            paths = save_reconstruction(result, folder, self.job.save, overwrite=True)
-            sizes = {path.name: path.stat().st_size for path in paths}
-        if self.job.with_thumbnails:
-            thumbnail = write_thumbnail(result, Path(self.job.out), photo_folder(item.id))
-            sizes[THUMBNAIL] = thumbnail.stat().st_size
-        return " ".join(f"{name}={size}" for name, size in sizes.items())
+    def _save(self, result: Reconstruction, item: PhotoItem) -> list[str]:
+        """Write the files of a photo, and return their names and sizes as of the column
+        ``files``.
+        """
+        if self.job.save == "none":
+            return []
+        paths = save_reconstruction(result, self._folder(item), self.job.save, overwrite=True)
+        return [f"{path.name}={path.stat().st_size}" for path in paths]
+
+    def _thumbnail(self, result: Reconstruction, item: PhotoItem) -> list[str]:
+        """Write the thumbnail of a photo, and return its name and size as of the column
+        ``files``.
+        """
+        if not self.job.with_thumbnails:
+            return []
+        path = write_thumbnail(result, Path(self.job.out), photo_folder(item.id))
+        return [f"{THUMBNAIL}={path.stat().st_size}"]
 
 
 _MAX_MESSAGE = 5000

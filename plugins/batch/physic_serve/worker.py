@@ -12,6 +12,7 @@ import shutil
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -172,17 +173,16 @@ def _run(
         result.save(str(task.folder))
     except Exception as error:
         return Message("failed", _message_of(error))
+    page = partial(result.report, str(task.folder / REPORT_FILE), task.title)
+    parts = {name: partial(_export, result, name, task.folder) for name in exports}
+    made: dict[str, Any] = {}
     missing = {}
-    try:
-        result.report(str(task.folder / REPORT_FILE), task.title)
-    except Exception as error:  # the result itself is complete
-        missing["page"] = str(error)
-    for name in exports:
+    for name, make in {"page": page, **parts, "summary": result.summary}.items():
         try:
-            _export(result, name, task.folder)
+            made[name] = make()
         except Exception as error:  # the result itself is complete
             missing[name] = str(error)
-    return Message("done", {**result.summary(), "missing_exports": missing})
+    return Message("done", {**made.get("summary", {}), "missing_exports": missing})
 
 
 def _message_of(error: Exception) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,12 +40,13 @@ def save_scene(
     Raises:
         OutputError: the folder cannot be written, or has a file of the user.
     """
-    beside = {
-        CAMERAS_FILE: cameras_json(scene).encode(),
-        PICTURE_FILE: photos_png(scene),
-        PEOPLE_TABLE: people_csv(scene.reconstruction, scene.reference_photo.name),
+    beside: dict[str, Callable[[], bytes]] = {
+        CAMERAS_FILE: lambda: cameras_json(scene).encode(),
+        PICTURE_FILE: lambda: photos_png(scene),
+        PEOPLE_TABLE: lambda: people_csv(scene.reconstruction, scene.reference_photo.name),
     }
-    beside |= {REPORT_FILE: page.encode()} if page else {}
+    if page:
+        beside[REPORT_FILE] = page.encode
     save_reconstruction(
         scene.reconstruction, folder, overwrite=overwrite, beside=beside, photos=photos
     )
