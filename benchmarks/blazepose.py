@@ -21,8 +21,9 @@ from physic_embedded.keypoint_detector import EmbeddedKeypoints
 from physic_embedded.segmenter import EmbeddedSegmenter
 
 from .fits import parser_of
-from .truth.command import compared, samples_of
+from .truth.command import samples_of
 from .truth.joints import BODY_ROWS
+from .truth.scores import compared
 from .truth.sets import Sample, picture_of
 from .truth.table import CAMERA_SETS, rows_of, text_table
 
@@ -55,9 +56,8 @@ def main() -> None:
         picture = np.ascontiguousarray(picture_of(sample)[..., ::-1])
         people = segmenter.infer(picture)
         answers.append(answer_of(people, detector.infer(picture, people), sample))
-    records = compared(samples, answers)
-    rows = rows_of(records["people"], records["floors"], records["photos"])
-    print(text_table([row for row in rows if row.figure.count and _is_of_joints(row.name)]))
+    rows = rows_of(compared(samples, answers))
+    print(text_table([row for row in rows if _is_of_joints(row.figure.name)]))
 
 
 def _is_of_joints(row: str) -> bool:

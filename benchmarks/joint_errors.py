@@ -26,8 +26,9 @@ from physic_embedded.body_fit.joint_sigma import EVIDENCE, NUMBERS, kind_of
 from physic_embedded.body_fit.limb_keypoints import LIMBS
 
 from .fits import parser_of, write_record
-from .truth.command import compared, samples_of
+from .truth.command import samples_of
 from .truth.fields import measured_fields
+from .truth.scores import compared
 from .truth.sets import Sample, picture_of
 
 if TYPE_CHECKING:

@@ -25,14 +25,14 @@ from .builds import ROOT, Build, Question, asked, build_of, measured, question_o
 from .contact import MIN_IOU, OF_RESULTS, TOUCHES, part_record
 from .layouts import STRIPS, TILES, says_several
 from .pairs import Figure, Pair, Row, Verdict, compare, page, paired, percentile
+from .scores import compared
 from .sets import SETS, Sample
+from .table import figures_of, touch_figure
 
 if TYPE_CHECKING:
     from types import SimpleNamespace
 
 _Record = Mapping[str, Any]
-
-CAMERA_SETS = ("mpi_inf_3dhp", "panoptic", "roundtable")
 
 MOST_PEOPLE = 4
 """Labeled people of a photo with labels of touch."""
@@ -206,75 +206,12 @@ def truth_figures(
     """Yield the figures of photos with measured truth. Joints of several views are triangulated
     from the other build's keypoints, for both.
     """
-    from .command import compared
-
     samples = [case.sample for case in cases]
     before, after = (
         [measured(a, c.sample) for a, c in zip(one, cases, strict=True)] for one in (other, this)
     )
     truth = compared(samples, before)["triangulated"]
-    records = [compared(samples, one, truth) for one in (before, after)]
-    yield from _joint_figures([[_with_size(r) for r in one["people"]] for one in records])
-    yield from _floor_figures([one["floors"] for one in records])
-    photos = [one["photos"] for one in records]
-    for key, words in (("absrel", "as it comes"), ("absrel_scaled", "after one factor")):
-        pairs = _percent(paired(key, *photos, unit=("photo",)))
-        yield Figure(f"depth of the scene off, %, {words}", pairs)
-    parts = [[{**r, "brier": _brier(r)} for r in one["parts"]] for one in records]
-    pairs = paired("brier", *parts, unit=("photo", "person", "part"))
-    yield Figure("touch in films, Brier score", pairs, form=".3f")
-
-
-def _joint_figures(people: Sequence[Sequence[_Record]]) -> Iterator[Figure]:
-    for group, sets in (
-        ("", CAMERA_SETS),
-        (", one person a photo", CAMERA_SETS[:1]),
-        (", rig", CAMERA_SETS[1:]),
-    ):
-        mine = [[r for r in one if r["set"] in sets] for one in people]
-        for key, words in (
-            ("mpjpe_mm", "MPJPE, mm"),
-            ("pelvis_mm", "pelvis, mm"),
-            ("root_aligned_mm", "root-aligned MPJPE, mm"),
-            ("pa_mpjpe_mm", "PA-MPJPE, mm"),
-        ):
-            yield Figure(words + group, paired(key, *mine))
-    films = [[r for r in one if r["set"] == "parkour"] for one in people]
-    yield Figure("PA-MPJPE, mm, films", paired("pa_mpjpe_mm", *films))
-    yield Figure("size of bodies off, %", paired("size_off", *people))
-    yield Figure("people missed, %", paired("missed", *people), is_share=True)
-    for shown in ("visible", "hidden"):
-        pairs = paired(shown, *people)
-        yield Figure(f"2D joints off, % of the box: {shown}", pairs, form=".2f")
-
-
-def _floor_figures(floors: Sequence[Sequence[_Record]]) -> Iterator[Figure]:
-    for key, words, is_share in (
-        ("floor_angle_deg", "floor: angle, degrees", False),
-        ("up_angle_deg", "up: angle, degrees", False),
-        ("camera_height_off", "camera height off, %", False),
-        ("missing", "floor missing, %", True),
-    ):
-        pairs = paired(key, *floors, unit=("photo",))
-        yield Figure(words, _percent(pairs) if "%" in words else pairs, is_share=is_share)
-
-
-def _with_size(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a record with its errors of size and being found, and shares as percent."""
-    found = {**record, "missed": 100.0 * (not record["found"])}
-    found["size_off"] = 100 * abs(record.get("bones_ratio", math.nan) - 1)
-    for key in ("visible", "hidden"):
-        if key in record:
-            found[key] = [100 * value for value in record[key]]
-    return found
-
-
-def _percent(pairs: Sequence[Pair]) -> list[Pair]:
-    return [pair._replace(other=100 * pair.other, this=100 * pair.this) for pair in pairs]
-
-
-def _brier(record: Mapping[str, Any]) -> float:
-    return float((record["probability"] - record["touches"]) ** 2)
+    return figures_of(*(compared(samples, one, truth) for one in (before, after)))
 
 
 def touch_figures(
@@ -289,9 +226,8 @@ def touch_figures(
         parts.append([record for _, one in scored for record in one])
     yield Figure("labelled people missed, %", paired("missed", *people), is_share=True)
     for kind in ("feet", "hands", "seat"):
-        mine = [[{**r, "brier": _brier(r)} for r in one if r["kind"] == kind] for one in parts]
-        pairs = paired("brier", *mine, unit=("photo", "person", "part"))
-        yield Figure(f"labelled touch, Brier score: {kind}", pairs, form=".3f")
+        mine = [[r for r in one if r["kind"] == kind] for one in parts]
+        yield touch_figure(f"labelled touch, Brier score: {kind}", *mine)
 
 
 def _labelled(

@@ -20,20 +20,15 @@ import json
 import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from benchmarks.fits import parser_of
-from physic_testing.metrics import ValueWithInterval
 
 from . import against
 from .builds import ROOT, asked, build_of, measured, question_of
-from .contact import part_tables, table_of_parts
-from .scores import photo_record, score_annotated, score_moment, score_parkour, score_single
+from .scores import compared
 from .sets import SETS, Sample
 from .table import rows_of, text_table
 
@@ -56,17 +51,18 @@ def main() -> int:
         return 0
     earlier = json.loads(given.triangulated.read_text()) if given.triangulated else {}
     records = compared(samples, _answers(samples, given), earlier)
-    rows = rows_of(records["people"], records["floors"], records["photos"])
-    parts = part_tables(records["parts"])
-    table = "\n\n".join([text_table(rows), table_of_parts(parts)])
+    rows = rows_of(records)
+    table = text_table(rows)
     counts = {name: sum(sample.set == name for sample in samples) for name in SETS}
     measured = {
         "preset": None if given.config else given.preset,
         "config": str(given.config) if given.config else None,
         "settings": given.settings,
         "photos": counts,
-        "table": [{"name": r.name.strip(), "goal": r.goal, **asdict(r.figure)} for r in rows],
-        "scores": parts,
+        "table": [
+            {"name": r.figure.name, "value": r.this, "low": r.low, "high": r.high, "count": r.count}
+            for r in rows
+        ],
         **records,
     }
     _write(given.out, measured, records["triangulated"], table)
@@ -139,57 +135,9 @@ def samples_of(folders: Sequence[Path], sets: Sequence[str], photos: int | None)
 
 
 def without_nan(value: Any) -> Any:
-    """JSON knows no NaN, nor records: what is unknown is null."""
-    if isinstance(value, ValueWithInterval):
-        value = asdict(value)
+    """JSON knows no NaN: what is unknown is null."""
     if isinstance(value, dict):
         return {key: without_nan(part) for key, part in value.items()}
     if isinstance(value, list):
         return [without_nan(part) for part in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def compared(
-    samples: Sequence[Sample],
-    answers: Sequence[dict[str, Any]],
-    earlier: dict[str, Any] | None = None,
-) -> dict[str, Any]:
-    """The records of all people, floors, body parts and photos, and the joints that were
-    triangulated.
-    """
-    people: list[Any] = []
-    floors: list[Any] = []
-    parts: list[Any] = []
-    triangulated: dict[str, Any] = {}
-    moments: dict[str, list[tuple[Sample, dict[str, Any]]]] = {}
-    for sample, answer in zip(samples, answers, strict=True):
-        if sample.set == "mpi_inf_3dhp":
-            own, ground = score_single(sample, answer)
-            people += own
-            floors += ground
-        elif sample.set == "people2d":
-            people += score_annotated(sample, answer)
-        elif sample.set == "parkour":
-            person, touching = score_parkour(sample, answer)
-            people.append(person)
-            parts += touching
-        elif "camera" in sample.truth:
-            moments.setdefault(f"{sample.set}/{sample.group}", []).append((sample, answer))
-    for name, views in moments.items():
-        truth = (
-            [np.array(joints, np.float64) for joints in earlier[name]]
-            if earlier and name in earlier
-            else None
-        )
-        own, ground, joints = score_moment([s for s, _ in views], [a for _, a in views], truth)
-        people += own
-        floors += ground
-        triangulated[name] = [np.round(j, 5).tolist() for j in joints]
-    photos = [photo_record(sample, answer) for sample, answer in zip(samples, answers, strict=True)]
-    return {
-        "people": people,
-        "floors": floors,
-        "parts": parts,
-        "photos": photos,
-        "triangulated": triangulated,
-    }

@@ -106,6 +106,17 @@ class Row:
         return Verdict.CANNOT_TELL if self.low <= 0 and self.high >= self.limit else Verdict.KEPT
 
     @property
+    def count(self) -> int:
+        """Number of cases."""
+        return len(self.figure.pairs)
+
+    @property
+    def interval(self) -> str:
+        """In words; "-" if there is none."""
+        form = self.figure.form
+        return f"{self.low:{form}} .. {self.high:{form}}" if math.isfinite(self.low) else "-"
+
+    @property
     def largest_loss(self) -> Pair | None:
         """The case that lost most, if one lost."""
         lost = [pair for pair in self.figure.pairs if pair.this > pair.other]
@@ -180,16 +191,14 @@ def page(rows: Sequence[Row], title: str, words: Sequence[str] = ()) -> str:
     summary = ", ".join(f"{verdict} {count[verdict]}" for verdict in Verdict)
     cells = [["figure", "other", "this", "difference", "95 % interval", "limit", "of", "verdict"]]
     for row in rows:
-        if row.verdict is Verdict.NOT_MEASURED:
+        if not row.count:
             cells.append([row.figure.name, "", "", "", "", "", "0", row.verdict])
             continue
         numbers = [row.other, row.this, row.this - row.other]
         form = row.figure.form
         shown = [f"{number:{form}}" for number in numbers]
-        interval = f"{row.low:{form}} .. {row.high:{form}}" if math.isfinite(row.low) else "-"
-        counted = str(len(row.figure.pairs))
-        limit = f"{row.limit:{form}}"
-        cells.append([row.figure.name, *shown, interval, limit, counted, row.verdict])
+        ends = row.interval, f"{row.limit:{form}}", str(row.count), row.verdict
+        cells.append([row.figure.name, *shown, *ends])
     losses = [
         f"- {row.figure.name}: {loss.name}, {loss.other:{row.figure.form}} -> "
         f"{loss.this:{row.figure.form}}"

@@ -62,6 +62,52 @@ def people_of(answer: Answer) -> list[Mapping[str, Any]]:
     return [person for person in answer["people"] if np.isfinite(joints_of(person)).all()]
 
 
+def compared(
+    samples: Sequence[Sample],
+    answers: Sequence[dict[str, Any]],
+    earlier: dict[str, Any] | None = None,
+) -> dict[str, Any]:
+    """The records of all people, floors, body parts and photos, and the joints that were
+    triangulated.
+    """
+    people: list[Any] = []
+    floors: list[Any] = []
+    parts: list[Any] = []
+    triangulated: dict[str, Any] = {}
+    moments: dict[str, list[tuple[Sample, dict[str, Any]]]] = {}
+    for sample, answer in zip(samples, answers, strict=True):
+        if sample.set == "mpi_inf_3dhp":
+            own, ground = score_single(sample, answer)
+            people += own
+            floors += ground
+        elif sample.set == "people2d":
+            people += score_annotated(sample, answer)
+        elif sample.set == "parkour":
+            person, touching = score_parkour(sample, answer)
+            people.append(person)
+            parts += touching
+        elif "camera" in sample.truth:
+            moments.setdefault(f"{sample.set}/{sample.group}", []).append((sample, answer))
+    for name, views in moments.items():
+        truth = (
+            [np.array(joints, np.float64) for joints in earlier[name]]
+            if earlier and name in earlier
+            else None
+        )
+        own, ground, joints = score_moment([s for s, _ in views], [a for _, a in views], truth)
+        people += own
+        floors += ground
+        triangulated[name] = [np.round(j, 5).tolist() for j in joints]
+    photos = [photo_record(sample, answer) for sample, answer in zip(samples, answers, strict=True)]
+    return {
+        "people": people,
+        "floors": floors,
+        "parts": parts,
+        "photos": photos,
+        "triangulated": triangulated,
+    }
+
+
 def photo_record(sample: Sample, answer: Answer) -> Record:
     """Errors of depth."""
     depths = {key: answer.get(key, math.nan) for key in ("absrel", "absrel_scaled")}

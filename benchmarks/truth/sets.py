@@ -25,10 +25,7 @@ FILMS_OF_FITS = (
     *("kv01_PKFC", "kv02_PKLP", "mu03_PKLP", "mu05_PKFC", "pu02_PKLT", "pu03_PKLT"),
     *("sv02_PKFC", "sv03_PKLP", "sv04_PKFC"),
 )
-"""Films of parkour on which numbers may be fitted."""
-
-FILMS_APART = ("kv04_PKLP", "kv06_PKLP", "mu11_PKFC", "pu04_PKLT", "sv05_PKLP")
-"""Films of parkour that take no part in any fit."""
+"""Films of parkour on which numbers may be fitted; the others take no part in any fit."""
 
 
 @dataclass(frozen=True)

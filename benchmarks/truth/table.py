@@ -1,201 +1,159 @@
-"""The table of figures to reach, from the records of everybody."""
+"""Figures of photos with measured truth, from the records of two builds, or of one alone."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
-from physic_testing.metrics import ValueWithInterval, markdown_table
+import numpy as np
 
-from .statistics import Record, Strata, figure, of_lists, of_sets, pooled, rms_of
+from physic_testing.metrics import markdown_table
+
+from .pairs import Figure, Pair, Row, compare, paired
+from .sets import SETS
+
+Record = Mapping[str, Any]
+Records = Mapping[str, Sequence[Record]]
 
 CAMERA_SETS = ("mpi_inf_3dhp", "panoptic", "roundtable")
-WRONG = {
-    "pa_mpjpe_mm": 150.0,
-    "pelvis_depth_ratio": 0.25,
-    "floor_angle_deg": 10.0,
-    "camera_height_off": 0.25,
-}
-"""Beyond one of these a result is measurably wrong, as it is where somebody is missed."""
+
+WRONG_POSE_MM = 150.0
+WRONG_DEPTH = 0.25
+"""Aligned error of joints, and relative error of the distance, beyond which a person is measurably
+wrong.
+"""
 
 
-@dataclass(frozen=True)
-class Row:
-    """A figure of the table; ``goal`` in words, ``form`` a format of numbers."""
-
-    name: str
-    figure: ValueWithInterval
-    goal: str = ""
-    form: str = ".0f"
-
-    def text(self, number: float) -> str:
-        """As printed."""
-        return f"{number:{self.form}}".replace("%", " %") if math.isfinite(number) else "-"
-
-    @property
-    def interval(self) -> str:
-        """As printed; empty where there is none."""
-        known = math.isfinite(self.figure.low)
-        return f"{self.text(self.figure.low)} .. {self.text(self.figure.high)}" if known else ""
+def figures_of(other: Records, this: Records) -> Iterator[Figure]:
+    """Yield the errors in what :func:`benchmarks.truth.scores.compared` returned for both
+    builds.
+    """
+    people = [[_completed(r) for r in one["people"]] for one in (other, this)]
+    yield from _joint_figures(people)
+    yield from _floor_figures([one["floors"] for one in (other, this)])
+    photos = [one["photos"] for one in (other, this)]
+    for key, words in (("absrel", "as it comes"), ("absrel_scaled", "after one factor")):
+        pairs = _percent(paired(key, *photos, unit=("photo",)))
+        yield Figure(f"depth of the scene off, %, {words}", pairs)
+    yield touch_figure("touch in films, Brier score", *(one["parts"] for one in (other, this)))
 
 
-_RMS = partial(pooled, average=rms_of)
-_SHARE = ".0%"
-
-
-def rows_of(
-    people: Sequence[Record], floors: Sequence[Record], photos: Sequence[Record]
-) -> list[Row]:
-    """All rows, those of a data set that was not run with no number."""
-    everybody = [r for r in people if r["set"] in CAMERA_SETS]
-    found = [r for r in everybody if r["found"]]
-    parkour = _of(people, "parkour", found=True)
-    return [
-        *_people_rows(people),
-        *_pose_rows(found),
-        *_scene_rows(floors, _of(photos, "rgbd")),
-        *_sigma_rows(found, floors),
-        _row("PA-MPJPE mm, parkour", "pa_mpjpe_mm", parkour, pooled, "<= 80"),
-        *_spread_rows(everybody),
-        *_usable_rows(people),
-        *up_rows(floors),
-    ]
-
-
-def _of(records: Sequence[Record], *sets: str, **fixed: Any) -> list[Record]:
-    """The records of some sets, or of all, with these values."""
-    return [
-        r
-        for r in records
-        if (not sets or r["set"] in sets) and all(r.get(k) == v for k, v in fixed.items())
-    ]
-
-
-def _row(
-    name: str,
-    key: str,
-    records: Sequence[Record],
-    statistic: Callable[[str], Callable[[Strata], float]],
-    goal: str = "",
-    form: str = ".0f",
-) -> Row:
-    """A row about the records that have a list, or a finite number."""
-    known = [
-        r for r in records if isinstance(r.get(key), list) or math.isfinite(r.get(key, math.nan))
-    ]
-    return Row(name, figure(known, statistic(key)), goal, form)
-
-
-def _people_rows(people: Sequence[Record]) -> list[Row]:
-    goals = {**dict.fromkeys((*CAMERA_SETS, "parkour"), "all"), "people2d": ">= 34 of 38"}
-    joints = _of(people, "people2d", found=True)
-    words = "2D joints off, share of the box's diagonal: visible"
-    return [
-        *(
-            _row(f"people found, {name}", "found", _of(people, name), pooled, goal, _SHARE)
-            for name, goal in goals.items()
-        ),
-        _row(words, "visible", joints, of_lists, "<= .025", ".3f"),
-        _row("  hidden", "hidden", joints, of_lists, "<= .07", ".3f"),
-    ]
-
-
-def _pose_rows(found: Sequence[Record]) -> list[Row]:
-    upright, bent = (_of(found, posture=posture) for posture in ("upright", "bent"))
-    depth = "depth of the pelvis, estimated / true, mean of sets"
-    rows = []
-    for name, key, records, mean, goal, form in (
-        ("PA-MPJPE mm, upright", "pa_mpjpe_mm", upright, pooled, "<= 58", ".0f"),
-        ("PA-MPJPE mm, on floor, seat or bent", "pa_mpjpe_mm", bent, pooled, "<= 85", ".0f"),
-        ("root-aligned MPJPE mm, mean of sets", "root_aligned_mm", found, of_sets, "<= 95", ".0f"),
-        ("MPJPE mm at own scale, mean of sets", "mpjpe_mm", found, of_sets, "<= 180", ".0f"),
-        ("bones, estimated / true, mean of sets", "bones_ratio", found, of_sets, ".98-1.02", ".3f"),
-        (depth, "pelvis_depth_ratio", found, of_sets, "", ".3f"),
+def _joint_figures(people: Sequence[Sequence[Record]]) -> Iterator[Figure]:
+    for group, sets in (
+        ("", CAMERA_SETS),
+        (", one person a photo", CAMERA_SETS[:1]),
+        (", rig", CAMERA_SETS[1:]),
     ):
-        rows.append(_row(name, key, records, mean, goal, form))
-        rows += [
-            _row(f"  {a_set}", key, _of(records, a_set), pooled, "", form) for a_set in CAMERA_SETS
-        ]
-    return rows
+        for key, words in (
+            ("mpjpe_mm", "MPJPE, mm"),
+            ("pelvis_mm", "pelvis, mm"),
+            ("root_aligned_mm", "root-aligned MPJPE, mm"),
+            ("pa_mpjpe_mm", "PA-MPJPE, mm"),
+        ):
+            yield Figure(words + group, paired(key, *_of_sets(people, *sets)))
+    for posture, words in (("upright", "upright"), ("bent", "on floor, seat or bent")):
+        mine = [[r for r in one if r.get("posture") == posture] for one in people]
+        pairs = paired("pa_mpjpe_mm", *_of_sets(mine, *CAMERA_SETS))
+        yield Figure(f"PA-MPJPE, mm, {words}", pairs)
+    yield Figure("PA-MPJPE, mm, films", paired("pa_mpjpe_mm", *_of_sets(people, "parkour")))
+    yield Figure("size of bodies off, %", paired("size_off", *people))
+    yield Figure("people missed, %", paired("missed", *people), is_share=True)
+    yield Figure("usable people who are wrong, %", paired("wrong", *people), is_share=True)
+    for shown in ("visible", "hidden"):
+        pairs = paired(shown, *people)
+        yield Figure(f"2D joints off, % of the box: {shown}", pairs, form=".2f")
 
 
-def _scene_rows(floors: Sequence[Record], scenes: Sequence[Record]) -> list[Row]:
-    missing = "  missing where one is in sight"
+def _of_sets(people: Sequence[Sequence[Record]], *sets: str) -> list[list[Record]]:
+    return [[r for r in one if r["set"] in sets] for one in people]
+
+
+def _floor_figures(floors: Sequence[Sequence[Record]]) -> Iterator[Figure]:
+    for key, words, is_share in (
+        ("floor_angle_deg", "floor: angle, degrees", False),
+        ("up_angle_deg", "up: angle, degrees", False),
+        ("camera_height_off", "camera height off, %", False),
+        ("missing", "floor missing, %", True),
+    ):
+        pairs = paired(key, *floors, unit=("photo",))
+        yield Figure(words, _percent(pairs) if "%" in words else pairs, is_share=is_share)
+
+
+def touch_figure(name: str, other: Sequence[Record], this: Sequence[Record]) -> Figure:
+    """Return the Brier score of body parts that were judged."""
+    both = [
+        [{**r, "brier": (r["probability"] - r["touches"]) ** 2} for r in one]
+        for one in (other, this)
+    ]
+    return Figure(name, paired("brier", *both, unit=("photo", "person", "part")), form=".3f")
+
+
+def _completed(record: Record) -> dict[str, Any]:
+    """Return a record with whether the person is missed or wrong, the error of size, and shares as
+    percent.
+    """
+    found = {**record, "missed": 100.0 * (not record["found"])}
+    found["size_off"] = 100 * abs(record.get("bones_ratio", math.nan) - 1)
+    if {"pose", "place", "size"} <= {*record.get("usable", ())} and "pa_mpjpe_mm" in record:
+        off = abs(record.get("pelvis_depth_ratio", 1) - 1)
+        found["wrong"] = 100.0 * (record["pa_mpjpe_mm"] > WRONG_POSE_MM or off > WRONG_DEPTH)
+    for key in ("visible", "hidden"):
+        if key in record:
+            found[key] = [100 * value for value in record[key]]
+    return found
+
+
+def _percent(pairs: Sequence[Pair]) -> list[Pair]:
+    return [pair._replace(other=100 * pair.other, this=100 * pair.this) for pair in pairs]
+
+
+def rows_of(records: Records) -> list[Row]:
+    """Return the figures of one build: ``this`` with the interval of its own value. It has people
+    missed of each set, errors over stated ones, and the spread of one person over cameras, too.
+    """
+    people, floors = records["people"], records["floors"]
+    missed = [[_completed(r) for r in people]] * 2
+    figures = [
+        *figures_of(records, records),
+        *(
+            Figure(f"people missed, %, {name}", paired("missed", *_of_sets(missed, name)))
+            for name in SETS
+        ),
+        *(
+            Figure(
+                f"{words} over its stated sigma, rms", paired(key, of, of, unit), _rms, form=".2f"
+            )
+            for words, key, of, unit in (
+                ("distance", "distance_in_sigmas", people, ("photo", "person")),
+                ("stature", "stature_in_sigmas", people, ("photo", "person")),
+                ("a joint", "joints_in_sigmas", people, ("photo", "person")),
+                ("camera height", "scale_in_sigmas", floors, ("photo",)),
+                ("up", "up_in_sigmas", floors, ("photo",)),
+            )
+        ),
+        Figure(
+            "spread of one pelvis over cameras, m",
+            paired("spread_m", people, people, ("group", "person")),
+            form=".2f",
+        ),
+    ]
     return [
-        _row("floor: angle deg", "floor_angle_deg", floors, pooled, "<= 2.5", ".1f"),
-        _row(missing, "missing", floors, pooled, "<= 5 %", _SHARE),
-        _row("  camera height off by", "camera_height_off", floors, pooled, "<= 8 %", _SHARE),
-        _row("scene depth, absrel as it comes", "absrel", scenes, pooled, "<= .15", ".3f"),
-        _row("  after one factor", "absrel_scaled", scenes, pooled, "<= .10", ".3f"),
+        compare(replace(one, pairs=[pair._replace(other=0.0) for pair in one.pairs]))
+        for one in figures
     ]
 
 
-def _sigma_rows(found: Sequence[Record], floors: Sequence[Record]) -> list[Row]:
-    return [
-        _row(f"{words}, rms", f"{key}_in_sigmas", records, _RMS, ".6-1.5", ".2f")
-        for words, key, records in (
-            ("distance over its stated sigma", "distance", found),
-            ("stature over its stated sigma", "stature", found),
-            ("error of a joint over its stated sigma", "joints", found),
-            ("camera height over the stated sigma of the scale", "scale", floors),
-        )
-    ]
-
-
-def _spread_rows(everybody: Sequence[Record]) -> list[Row]:
-    rows = []
-    for name, goal in (("panoptic", "<= .15"), ("roundtable", "")):
-        once = {(r["set"], r["group"], r["person"]): r for r in _of(everybody, name)}
-        words = f"spread of one pelvis over cameras, m, {name}"
-        rows.append(_row(words, "spread_m", list(once.values()), pooled, goal, ".2f"))
-    return rows
-
-
-def _usable_rows(people: Sequence[Record]) -> list[Row]:
-    """How often pose, place and size of people with 3D truth are all usable, and then wrong."""
-    every = [
-        {**r, "wrong": is_wrong_person(r), "usable": {"pose", "place", "size"} <= {*r["usable"]}}
-        for r in _of(people, found=True)
-        if math.isfinite(r.get("pa_mpjpe_mm", math.nan))
-    ]
-    words = "people with 3D truth whose pose, place and size are usable"
-    usable = [r for r in every if r["usable"]]
-    right = [r for r in every if not r["wrong"]]
-    return [
-        _row(words, "usable", every, pooled, "", _SHARE),
-        _row("  measurably wrong of those", "wrong", usable, pooled, "none", _SHARE),
-        _row("  usable of those that are not wrong", "usable", right, pooled, "", _SHARE),
-    ]
-
-
-def up_rows(floors: Sequence[Record]) -> list[Row]:
-    """Errors of up, of the floor's normal and of the stated sigma of up, by data set."""
-    return [
-        _row(f"{words}, {name}", key, _of(floors, name), average, form=form)
-        for name in CAMERA_SETS
-        for key, words, average, form in (
-            ("up_angle_deg", "up: angle deg, rms", _RMS, ".1f"),
-            ("up_in_sigmas", "  over its sigma, rms", _RMS, ".2f"),
-            ("floor_angle_deg", "  of the floor's normal, rms", _RMS, ".1f"),
-        )
-    ]
-
-
-def is_wrong_person(person: Record) -> bool:
-    """Whether truth contradicts a body that was found."""
-    return bool(
-        person.get("pa_mpjpe_mm", 0) > WRONG["pa_mpjpe_mm"]
-        or abs(person.get("pelvis_depth_ratio", 1) - 1) > WRONG["pelvis_depth_ratio"]
-    )
+def _rms(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else math.nan
 
 
 def text_table(rows: Sequence[Row]) -> str:
-    """For a terminal and for Markdown alike."""
-    cells = [["figure", "value", "95 % interval", "of", "to reach"]]
-    for r in rows:
-        name = f"&nbsp; {r.name.strip()}" if r.name.startswith(" ") else r.name
-        cells.append([name, r.text(r.figure.value), r.interval, str(r.figure.count), r.goal])
+    """Return the figures of one build that were measured, for a terminal and for Markdown alike."""
+    cells = [["figure", "value", "95 % interval", "of"]]
+    for row in rows:
+        if row.count:
+            value = f"{row.this:{row.figure.form}}"
+            cells.append([row.figure.name, value, row.interval, str(row.count)])
     return markdown_table(cells)
