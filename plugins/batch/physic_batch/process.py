@@ -197,7 +197,8 @@ class PhotoProcessor:
                 _PEOPLE: partial(person_rows, result),
             }
             made, warnings = make_each(parts)
-            files = self._save(result.with_warnings(*warnings), item)
+            result = result.with_warnings(*warnings) if warnings else result
+            files = self._save(result, item)
         except Exception as error:  # an error of one photo must not end the batch
             if isinstance(error, OutputError) and isinstance(error.__cause__, OSError):
                 raise  # of the disk, which concerns every photo

@@ -17,6 +17,7 @@ from physic_batch.photos import PhotoItem
 from physic_batch.process import BatchJob, PhotoProcessor, failed_row
 from physic_core.configuration.model import load_config
 from physic_core.errors import InputError
+from physic_core.io.results import read_record
 
 
 @pytest.fixture
@@ -44,6 +45,28 @@ def batch(result, tmp_path):
         for name in ("one", "bad", "two"):
             journal.append(process(PhotoItem(name, f"/photos/{name}.jpg")))
     return out
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        "physic_batch.process.write_thumbnail",
+        "physic_batch.process.person_rows",
+        "physic_core.types.Reconstruction.summary",
+    ],
+)
+def test_what_fails_beyond_the_answer_is_a_warning_of_the_photo(
+    result, tmp_path, part, monkeypatch
+):
+    monkeypatch.setattr(part, lambda *_: 1 / 0)
+    job = BatchJob(load_config(preset="mock"), str(tmp_path), "people")
+    row = PhotoProcessor(job, lambda *_: result)(PhotoItem("one", "/photos/one.jpg"))
+    assert row["state"] == "done"
+    record = read_record(tmp_path / row["folder"])
+    assert sum("failed: ZeroDivisionError" in text for text in record.warnings) == 1
+    with Journal(tmp_path / "journal.jsonl") as journal:
+        journal.append(row)
+    assert all(path.stat().st_size for path in write_tables(tmp_path))
 
 
 def people_of(out):
