@@ -139,7 +139,7 @@ def check_limit(name: str, value: Any, limit: float, unit: str = "") -> Iterator
     known = value[is_finite(value)]
     if not within(known, limit).all():
         extreme = max(known.min(), known.max(), key=abs)
-        advice = ": is it in degrees?" if unit == "rad" else ""
+        advice = {"rad": ": is it in degrees?", "m": ": is it in millimeters?"}.get(unit, "")
         bound = f"+-{limit:.6g}{unit and ' ' + unit}"
         yield f"{name} must lie within {bound}, got {float(extreme):g}{advice}"
 

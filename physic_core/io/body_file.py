@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,17 +14,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from physic_core.body.joints import JOINT_INDEX, NUM_JOINTS, ROTATION_FIELDS
+from physic_core.body.joints import NUM_JOINTS, ROTATION_FIELDS
 from physic_core.discovery.plugins import explain_absence, find_items, import_item
 from physic_core.errors import InputError, PackageMissingError
 from physic_core.files.atomic import open_regular, unreadable
 from physic_core.files.npz import read_arrays, read_names, write_arrays
-from physic_core.geometry.rotations import (
-    check_rotations,
-    rotmat_to_rotvec,
-    rotvec_to_rotmat_numpy,
-)
+from physic_core.files.values import matrix
+from physic_core.geometry.rotations import rotvec_to_rotmat_numpy
+from physic_core.interfaces.checks import RADIANS, SHAPE, check_fields, check_limit
 from physic_core.types import Bodies, BodiesInFile, BodyParameters, FileOfPhoto, Mesh, RestMesh
+from physic_core.types.arrays import per_person
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:
@@ -46,7 +45,6 @@ _DISTRIBUTION = "metricbody-embedded"
 _PARAMETERS = tuple(field.name for field in fields(BodyParameters))
 _OWN_SIGMA_M = 0.06
 _OWN_DISTANCE_SIGMA = 0.05
-_VERTICES = {"smpl": 6890, "smplh": 6890, "smplx": 10475, "mhr": 18439}
 _NAMES = {"smpl": "SMPL", "smplh": "SMPL-H", "smplx": "SMPL-X", "mhr": "MHR"}
 _SHARED = 22  # joints that SMPL, SMPL-H, and SMPL-X have in common
 _MODEL_FILES = {
@@ -55,9 +53,15 @@ _MODEL_FILES = {
     "smplx": "SMPLX_NEUTRAL.npz",
     "mhr": "an npz of MHR in its T-pose with vertices, meters, and faces",
 }
-_LARGEST_TURN = 2 * np.pi + 0.01  # radians, of a component of a rotation vector
+_NOBODY = "it states no person"
 _LARGEST_BODY_M = 3.0
 _FARTHEST_M = 300.0
+_LEAST_FOCAL = 0.1  # of the longer side of the picture
+_LIMITS = dict.fromkeys(("betas", "expression"), (SHAPE, "")) | dict.fromkeys(
+    ("transl", "vertices"), (_FARTHEST_M, "m")
+)
+"""Largest magnitudes of what is not a rotation."""
+_Posed = tuple["FloatArray", "FloatArray", RestMesh, BodyParameters | None]
 
 
 @dataclass(frozen=True)
@@ -208,27 +212,40 @@ def _own_bodies(arrays: Mapping[str, Any], file: FileOfPhoto) -> GivenBodies:
     if missing := [name for name in ("camera", "size", *_PARAMETERS) if name not in arrays]:
         raise ValueError(f"it lacks the arrays {', '.join(missing)}")
     parameters = BodyParameters(**{name: arrays[name] for name in _PARAMETERS})
-    count = len(parameters)
-    for name, width in (("global_orient", 3), ("body_pose", 63), ("transl", 3)):
-        if getattr(parameters, name).shape != (count, width):
-            raise ValueError(f"{name} must be (N, {width}), got {getattr(parameters, name).shape}")
-    for name in _PARAMETERS[:7]:
-        _check_vectors(getattr(parameters, name), name)
+    if not len(parameters):
+        raise ValueError(_NOBODY)
+    _check_values(parameters, _PARAMETERS)
     width, height = (int(v) for v in arrays["size"])
     given = GivenBodies(
         Bodies(parameters, str(arrays["body_model"])),
         file.path.name,
-        np.broadcast_to(np.asarray(arrays["camera"], np.float64), (count, 4)),
+        np.tile(matrix(arrays["camera"], "camera"), (len(parameters), 1)),
         sigma_m=float(arrays.get("sigma_m", _OWN_SIGMA_M)),
         distance_sigma=float(arrays.get("distance_sigma", _OWN_DISTANCE_SIGMA)),
     )
     return _in_px_of_file(given, (width, height), file)
 
 
+def _check_values(record: BodyParameters | BodiesInFile, names: Iterable[str]) -> None:
+    """Raise ValueError if arrays of a record have wrong shapes, or values that no body has."""
+    wrong = check_fields(record)
+    for name in names:
+        if not wrong and (value := getattr(record, name)) is not None:
+            wrong += check_limit(name, value, *_LIMITS.get(name, (RADIANS, "rad")))
+    if wrong:
+        raise ValueError(wrong[0])
+
+
 def _in_px_of_file(
     given: GivenBodies, size: tuple[int, int] | None, file: FileOfPhoto
 ) -> GivenBodies:
     """Return bodies whose px are those of a picture of some size with those of the photo."""
+    sides = size or file.size
+    if given.camera is not None and not given.camera[:, :2].min() > _LEAST_FOCAL * max(sides):
+        raise ValueError(
+            f"its camera has a focal length of {given.camera[:, :2].min():.4g} px, in a picture of "
+            f"{sides[0]} x {sides[1]} px: give px of the whole picture"
+        )
     if size is None or size == file.size:
         return given
     factors = scale_of_picture(size, file.size)
@@ -253,131 +270,109 @@ def scale_of_picture(stated: tuple[int, int], size: tuple[int, int]) -> FloatArr
     return factors
 
 
-def _check_vectors(vectors: Any, what: str) -> None:
-    """Raise ValueError unless rotation vectors are finite radians."""
-    if not np.isfinite(vectors).all():
-        raise ValueError(f"{what} has numbers that are not finite")
-    if vectors.size and (largest := float(np.abs(vectors).max())) > _LARGEST_TURN:
-        raise ValueError(
-            f"{what} has rotations of up to {largest:.0f}, and radians are below 6.3: are they "
-            f"degrees?"
-        )
-
-
 def _check(record: BodiesInFile) -> None:
-    """Raise ValueError if a record contradicts itself, or has another unit or topology."""
-    parts = ("rotations", "betas", "transl", "vertices", "joints", "camera", "boxes")
-    counts = {name: len(v) for name in parts if (v := getattr(record, name)) is not None}
-    if not counts or not max(counts.values()):
-        raise ValueError(f"{record.tool} states no person in it")
+    """Raise ValueError if a record contradicts itself, or has another unit."""
+    counts = {name: len(value) for name, value in per_person(record)}
+    if not any(counts.get(name) for name in ("rotations", "vertices", "joints")):
+        raise ValueError(_NOBODY)
     if len(set(counts.values())) > 1:
         each = ", ".join(f"{name} of {count}" for name, count in counts.items())
         raise ValueError(f"it has different numbers of people: {each}")
-    turns = record.rotations
-    if turns is not None and turns.ndim == 4:
-        check_rotations(turns)
-    elif turns is not None:
-        _check_vectors(turns, "the pose")
-    if record.vertices is not None:
-        count = record.vertices.shape[1]
-        if count != _VERTICES.get(record.model, count):
-            known = ", ".join(f"{n} ({model})" for model, n in _VERTICES.items())
-            raise ValueError(f"it has a mesh of {count} vertices; those that are known: {known}")
     for points in (record.vertices, record.joints):
-        if points is None:
-            continue
-        extent = float(np.nanmedian((np.nanmax(points, 1) - np.nanmin(points, 1)).max(-1)))
-        if not extent < _LARGEST_BODY_M:
-            raise ValueError(
-                f"its bodies are {extent:.3g} m large: are they in centimeters or millimeters?"
-            )
-    if record.transl is not None and not np.isfinite(record.transl).all():
-        raise ValueError("its translations are not finite")
-    if record.transl is not None and (far := float(np.abs(record.transl).max())) > _FARTHEST_M:
-        raise ValueError(f"a body is {far:.0f} m away: are the translations in millimeters?")
+        if points is not None and len(points):
+            extent = float(np.nanmedian((np.nanmax(points, 1) - np.nanmin(points, 1)).max(-1)))
+            if not extent < _LARGEST_BODY_M:
+                raise ValueError(
+                    f"its bodies are {extent:.3g} m large: are they in centimeters or millimeters?"
+                )
+    _check_values(record, ("rotations", *_LIMITS))
 
 
 def _posed(record: BodiesInFile, model_file: str | None) -> Bodies:
-    """Return the bodies of a record with joints or mesh."""
-    stated = next(v for v in (record.rotations, record.vertices, record.joints) if v is not None)
-    count = len(stated)
-    shift = np.zeros((count, 3)) if record.transl is None else np.asarray(record.transl, np.float64)
+    """Return the bodies of a record with joints or mesh, and with parameters if the model is
+    SMPL-X.
+    """
+    joints, vertices = record.joints, record.vertices
+    rest = parameters = None
     if record.rotations is not None:
-        turns = _vectors(record.rotations, count)
-        pose = _posed_smpl if record.model in ("smpl", "smplh") else _posed_smplx
-        return pose(record, turns, shift, model_file)
-    mesh = joints = None
-    if record.joints is not None:
-        joints = _single(record.joints + shift[:, None])
-    if record.vertices is not None and (model_file is not None or joints is None):
-        mesh = _mesh(record.model, record.vertices + shift[:, None], model_file)
-    return Bodies(_at_rest(count), record.model, joints=joints, mesh=mesh)
+        file = _required(model_file, "parameters", record.model)
+        pose = _posed_smplx if record.model == "smplx" else _posed_smpl
+        joints, vertices, rest, parameters = pose(record, _turns(record), file)
+    elif vertices is not None and (model_file is not None or joints is None):
+        rest = _rest_mesh(record.model, _required(model_file, "vertices", record.model))
+    count = next(len(v) for v in (joints, vertices) if v is not None)
+    shift = np.zeros((count, 3)) if record.transl is None else record.transl
+    return Bodies(
+        replace(parameters or _at_rest(count), transl=_single(shift)),
+        record.model,
+        joints=None if joints is None else _single(joints + shift[:, None]),
+        mesh=None if rest is None or vertices is None else _mesh(vertices + shift[:, None], rest),
+    )
 
 
-def _posed_smpl(
-    record: BodiesInFile, turns: _Array, shift: _Array, model_file: str | None
-) -> Bodies:
+def _mesh(vertices: FloatArray, rest: RestMesh) -> Mesh:
+    if vertices.shape[1] != len(rest.vertices):
+        raise ValueError(
+            f"its meshes have {vertices.shape[1]} vertices, and the model's file "
+            f"{len(rest.vertices)}: set photo.bodies_model to the file of their model"
+        )
+    return Mesh(rest.topology, _single(vertices), rest.faces, _single(rest.vertices))
+
+
+def _turns(record: BodiesInFile) -> FloatArray:
+    """Return the rotation vectors (N, 55, 3) of a record; joints that lack are at rest."""
+    given = np.asarray(record.rotations)
+    flat = with_columns_of_zeros(given.reshape(len(given), -1), 3 * NUM_JOINTS)
+    return flat.reshape(-1, NUM_JOINTS, 3)
+
+
+def _posed_smpl(record: BodiesInFile, turns: FloatArray, file: str) -> _Posed:
+    """Pose SMPL or SMPL-H by vectors (N, 55, 3) of SMPL-X's joints."""
     from physic_core.body.files import SMPL, SMPLH, load_smpl
 
     layout = SMPLH if record.model == "smplh" else SMPL
-    width = 0 if record.betas is None else record.betas.shape[1]
-    file = _required(model_file, "parameters", record.model)
-    model = load_smpl(file, layout, max(width, 10))
+    own = np.zeros((len(turns), 0)) if record.betas is None else record.betas
+    model = load_smpl(file, layout, max(own.shape[1], 10))
     joint = np.arange(layout.joints if layout is SMPLH else _SHARED)
     name = joint + 3 * (joint >= _SHARED)  # SMPL-X has jaw and eyes before the hands
     rotations = np.tile(np.eye(3), (len(turns), layout.joints, 1, 1))
     rotations[:, joint] = rotvec_to_rotmat_numpy(turns[:, name])
-    betas = _columns(record.betas, len(turns), model.shapedirs.shape[2])
-    posed = model.smpl_joints(rotations, betas, np.zeros((len(turns), 3)))
-    shift = shift - _pivot(record, posed)
+    given = (
+        rotations,
+        with_columns_of_zeros(own, model.shapedirs.shape[2]),
+        np.zeros((len(turns), 3)),
+    )
     joints = np.full((len(turns), NUM_JOINTS, 3), np.nan)
-    joints[:, name] = posed[:, joint] + shift[:, None]
-    vertices = model.vertices(rotations, betas, shift)
-    mesh = Mesh("smpl", _single(vertices), model.faces, _single(model.template))
-    return Bodies(_at_rest(len(turns)), "smpl", joints=_single(joints), mesh=mesh)
+    joints[:, name] = model.smpl_joints(*given)[:, joint]
+    return joints, model.vertices(*given), model.rest, None
 
 
-def _posed_smplx(
-    record: BodiesInFile, turns: _Array, shift: _Array, model_file: str | None
-) -> Bodies:
+def _posed_smplx(record: BodiesInFile, turns: FloatArray, file: str) -> _Posed:
+    """Pose SMPL-X by vectors (N, 55, 3)."""
     import torch
 
     from physic_core.body import rest_mesh_of_model
     from physic_core.body.bones import parameters_from_rotations
-    from physic_core.body.files import load_embedded, load_smplx
+    from physic_core.body.files import load_smplx
 
-    count = len(turns)
-    if record.model == "embedded":
-        model = load_embedded()
-    else:
-        file = _required(model_file, "parameters", "smplx")
-        width, faces = (0 if v is None else v.shape[1] for v in (record.betas, record.expression))
-        model = load_smplx(file, num_betas=max(width, 10), num_expression=max(faces, 10))
-        if record.mean_hands:
-            turns = turns + np.pad(_mean_hands(file), ((NUM_JOINTS - 30, 0), (0, 0)))
-    pose = torch.from_numpy(rotvec_to_rotmat_numpy(turns))
-    betas, expression, none = (
-        torch.from_numpy(_columns(given, count, width))
-        for given, width in (
-            (record.betas, model.num_betas),
-            (record.expression, model.num_expression),
-            (None, 3),
+    none = np.zeros((len(turns), 0))
+    own = none if record.betas is None else record.betas
+    face = none if record.expression is None else record.expression
+    model = load_smplx(file, num_betas=max(own.shape[1], 10), num_expression=max(face.shape[1], 10))
+    if record.mean_hands:
+        turns = turns + np.pad(_mean_hands(file), ((NUM_JOINTS - 30, 0), (0, 0)))
+    pose, betas, expression, still = (
+        torch.from_numpy(each)
+        for each in (
+            rotvec_to_rotmat_numpy(turns),
+            with_columns_of_zeros(own, model.num_betas),
+            with_columns_of_zeros(face, model.num_expression),
+            np.zeros((len(turns), 3)),
         )
     )
-    posed = model.double(pose, betas, none, expression)
-    shift = shift - _pivot(record, posed.joints.numpy())
-    moved = torch.from_numpy(shift)[:, None]
-    rest = rest_mesh_of_model(model)
-    mesh = Mesh(model.topology, _single(posed.vertices + moved), rest.faces, rest.vertices)
-    parameters = parameters_from_rotations(pose, betas, expression, moved[:, 0])
-    return Bodies(parameters, model.name, joints=_single(posed.joints + moved), mesh=mesh)
-
-
-def _pivot(record: BodiesInFile, joints: FloatArray) -> _Array:
-    """Return the point (N, 3) of bodies without translation that their ``transl`` places."""
-    if record.pivot == "origin":
-        return np.zeros((len(joints), 3))
-    return np.asarray(joints[:, JOINT_INDEX[record.pivot]])
+    posed = model.double(pose, betas, still, expression)
+    parameters = parameters_from_rotations(pose, betas, expression, still)
+    return posed.joints.numpy(), posed.vertices.numpy(), rest_mesh_of_model(model), parameters
 
 
 def _mean_hands(model_file: str) -> _Array:
@@ -387,21 +382,18 @@ def _mean_hands(model_file: str) -> _Array:
     return np.concatenate([found[f"hands_mean{side}"].reshape(15, 3) for side in "lr"])
 
 
-def _mesh(name: str, vertices: FloatArray, model_file: str | None) -> Mesh:
-    """Return the mesh of vertices of a known topology, with its T-pose."""
+def _rest_mesh(name: str, file: str) -> RestMesh:
+    """Return the T-pose of a known topology."""
     from physic_core.body import rest_mesh_of_model
     from physic_core.body.files import load_smpl, load_smplx
 
-    file = _required(model_file, "vertices", name)
     if name == "smplx":
-        rest = rest_mesh_of_model(load_smplx(file))
-    elif name == "mhr":
-        with open_regular(Path(file)) as stream:
-            own = read_arrays(stream, ["vertices", "faces"])
-        rest = RestMesh("mhr", _single(own["vertices"]), own["faces"].astype(np.int64))
-    else:
-        rest = load_smpl(file).rest
-    return Mesh(name, _single(vertices), rest.faces, _single(rest.vertices))
+        return rest_mesh_of_model(load_smplx(file))
+    if name != "mhr":
+        return load_smpl(file).rest
+    with open_regular(Path(file)) as stream:
+        own = read_arrays(stream, ["vertices", "faces"])
+    return RestMesh("mhr", own["vertices"], own["faces"].astype(np.int64))
 
 
 def _required(model_file: str | None, what: str, model: str) -> str:
@@ -413,22 +405,10 @@ def _required(model_file: str | None, what: str, model: str) -> str:
     )
 
 
-def _vectors(turns: FloatArray | None, count: int) -> _Array:
-    """Return the rotation vectors (N, 55, 3) of vectors or matrices; joints that lack are at
-    rest.
-    """
-    vectors = np.zeros((count, NUM_JOINTS, 3))
-    if turns is not None:
-        given = np.asarray(turns, np.float64)
-        vectors[:, : given.shape[1]] = rotmat_to_rotvec(given) if given.ndim == 4 else given
-    return vectors
-
-
-def _columns(values: FloatArray | None, rows: int, width: int) -> _Array:
-    """Return values (N, width) with zeros for columns that lack."""
-    full = np.zeros((rows, width))
-    if values is not None:
-        full[:, : values.shape[1]] = values[:, :width]
+def with_columns_of_zeros(values: FloatArray, width: int) -> FloatArray:
+    """Return the first columns of values (N, K), with zeros for columns that lack."""
+    full = np.zeros((len(values), width), values.dtype)
+    full[:, : values.shape[1]] = values[:, :width]
     return full
 
 

@@ -17,13 +17,23 @@ from physic_core.errors import ConfigError, InputError
 from physic_core.geometry.raster import rasterize
 from physic_core.geometry.readings import turned_masks
 from physic_core.interfaces.bodies import valid_body_rows
+from physic_core.io.body_file import with_columns_of_zeros
+from physic_core.types import BodyParameters
 from physic_core.types.skeletons import mirrored_order
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
     from physic_core.engine.photo import PhotoContent
     from physic_core.io.body_file import GivenBodies
-    from physic_core.types import Bodies, BoolArray, FloatArray, IntArray, Intrinsics, People
+    from physic_core.types import (
+        Bodies,
+        BoolArray,
+        FloatArray,
+        IntArray,
+        Intrinsics,
+        Keypoints,
+        People,
+    )
 
 _LEAST_OVERLAP = 0.3
 """Least overlap of outlines or boxes of a body and the person whose it is."""
@@ -41,18 +51,14 @@ def of_model(given: GivenBodies, model: BodyModel) -> GivenBodies:
         InputError: one of them has numbers that are not finite, or too large.
     """
     p = given.bodies.parameters
-    widths = {"betas": model.num_betas, "expression": model.num_expression}
-    fitted = {name: _with_columns(getattr(p, name), width) for name, width in widths.items()}
+    fitted = {
+        name: with_columns_of_zeros(getattr(p, name), width)
+        for name, width in (("betas", model.num_betas), ("expression", model.num_expression))
+    }
     bodies = replace(given.bodies, parameters=replace(p, **fitted), joints=None, mesh=None)
     if not valid_body_rows(bodies).all():
         raise InputError(f"{given.source}: a body has numbers that are not finite, or too large")
     return replace(given, bodies=bodies)
-
-
-def _with_columns(values: FloatArray, width: int) -> FloatArray:
-    full = np.zeros((len(values), width), np.float32)
-    full[:, : values.shape[1]] = values[:, :width]
-    return full
 
 
 def match_to_people(
@@ -84,11 +90,8 @@ def match_to_people(
     if turned := turned_masks(outlines[drawn], people.masks):
         raise InputError(f"{given.source}: its bodies are of a picture that is {turned}")
     boxes = boxes_from_masks(outlines).astype(np.float64) if given.boxes is None else given.boxes
-    flat = outlines.reshape(len(outlines), -1).astype(np.float32)
-    masks = people.masks.reshape(len(people), -1).astype(np.float32)
-    both = flat @ masks.T
-    union = flat.sum(1)[:, None] + masks.sum(1) - both
-    overlap = box_iou(boxes, np.asarray(people.boxes, np.float64)) + both / np.maximum(union, 1)
+    overlap = box_iou(boxes, np.asarray(people.boxes, np.float64))
+    overlap += _mask_iou(outlines, people.masks)
     allowed = overlap > _LEAST_OVERLAP
     for body, person in zip(*linear_sum_assignment(np.where(allowed, -overlap, 1.0)), strict=True):
         if allowed[body, person]:
@@ -101,6 +104,13 @@ def match_to_people(
             f"another photo, or of another size or crop of it?"
         )
     return rows, outlines
+
+
+def _mask_iou(first: BoolArray, second: BoolArray) -> FloatArray:
+    """Return the intersections over unions (M, N) of masks (M, H, W) and (N, H, W)."""
+    flat, others = (one.reshape(len(one), -1).astype(np.float32) for one in (first, second))
+    both = flat @ others.T
+    return both / np.maximum(flat.sum(1)[:, None] + others.sum(1) - both, 1)
 
 
 def _outlines(
@@ -142,41 +152,38 @@ def place_by_keypoints(given: GivenBodies, model: BodyModel, photo: PhotoContent
             f"{len(photo.people)} people: choose one person with --person, or give a file with "
             f"translations"
         )
-    points, landmarks = _landmarks(given, model, photo)
-    seen = photo.keypoints.confidence[0, photo.keypoints.joint_set.fitted] >= _SEEN
     p = given.bodies.parameters
-    place = _translation(landmarks[0, seen], points[0, seen], photo.camera)
+    keypoints, landmarks = _landmarks(p, model, photo)
+    seen = keypoints.confidence[0] >= _SEEN
+    body = landmarks[0, seen]
+    place = _translation(body, keypoints.points[0, seen], photo.camera)
+    if len(body) < _FEWEST or (body[:, 2] + place[2] <= 0).any():
+        raise InputError("the keypoints do not place the given body: give one with a translation")
     placed = replace(given.bodies, parameters=replace(p, transl=p.transl + np.float32(place)))
     return replace(given, bodies=placed, is_placed=True)
 
 
-def _translation(landmarks: FloatArray, points: FloatArray, camera: Intrinsics) -> FloatArray:
-    """Return the translation (3,) that puts landmarks (n, 3) on points (n, 2) px.
-
-    Raises:
-        InputError: there are too few, or none puts them in front of the camera.
-    """
+def _translation(body: FloatArray, points: FloatArray, camera: Intrinsics) -> FloatArray:
+    """Return the translation (3,) that puts points of a body (n, 3) on points (n, 2) px."""
     ray = (points - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
     # x + tx = r (z + tz), for both axes
     slopes = np.zeros((len(points), 2, 3))
     slopes[:, 0, 0] = slopes[:, 1, 1] = 1
     slopes[..., 2] = -ray
-    target = ray * landmarks[:, 2:] - landmarks[:, :2]
+    target = ray * body[:, 2:] - body[:, :2]
     found: FloatArray = np.linalg.lstsq(slopes.reshape(-1, 3), target.reshape(-1), rcond=None)[0]
-    if len(points) < _FEWEST or (landmarks[:, 2] + found[2] <= 0).any():
-        raise InputError("the keypoints do not place the given body: give one with a translation")
     return found
 
 
 def _landmarks(
-    given: GivenBodies, model: BodyModel, photo: PhotoContent
-) -> tuple[FloatArray, FloatArray]:
-    """Return the keypoints (N, J, 2) px of people that lie on bodies, and the same points (M, J, 3)
-    of the bodies.
+    bodies: BodyParameters, model: BodyModel, photo: PhotoContent
+) -> tuple[Keypoints, FloatArray]:
+    """Return the J keypoints of people that lie on bodies, and the same points (M, J, 3) of the
+    bodies.
     """
     keypoints = keypoints_on_body(photo.keypoints)
-    posed = model.double(*pose_from_parameters(given.bodies.parameters, dtype=torch.float64))
-    return keypoints.points, model.double.landmarks(posed, keypoints.joint_set).numpy()
+    posed = model.double(*pose_from_parameters(bodies, dtype=torch.float64))
+    return keypoints, model.double.landmarks(posed, keypoints.joint_set).numpy()
 
 
 def with_given_bodies(
@@ -198,59 +205,67 @@ def with_given_bodies(
     Raises:
         InputError: keypoints show that the bodies are upside down.
     """
-    p = given.bodies.parameters
-    posed = model.double(*pose_from_parameters(p, dtype=torch.float64))
-    pelvis = posed.joints[:, 0].numpy()
-    move = _in_camera(pelvis, _cameras(given, photo.camera), photo.camera) - pelvis
-    own = replace(p, transl=(p.transl + move).astype(p.transl.dtype))
-    joints = posed.joints.numpy() + move[:, None]
     is_of = rows >= 0
-    chosen = rows[is_of]
-    merged = {}
-    for one in fields(own):
-        value = np.array(getattr(bodies.parameters, one.name))
-        new = getattr(own, one.name)[chosen].astype(value.dtype)
-        if one.name.endswith("hand_pose"):
-            flat = ~new.any(1, keepdims=True) & np.isfinite(value[is_of]).all(1, keepdims=True)
-            new = np.where(flat, value[is_of], new)
-        value[is_of] = new
-        merged[one.name] = value
-    placed = replace(given, bodies=replace(given.bodies, parameters=own), camera=None)
-    warnings = _contradictions(placed, model, photo, rows)
+    parameters, joints = _in_photo(given, rows[is_of], model, photo.camera)
+    warnings = _contradictions(given.source, parameters, model, photo, is_of)
     distance = np.inf if given.distance_sigma is None else given.distance_sigma
+    stated = {
+        "rotation_sigma": turn_sigmas(joints, given.sigma_m),
+        "joint_sigma": np.full(joints.shape[:2], given.sigma_m),
+        "lean_sigma": np.full(len(joints), np.nan),
+        "distance_sigma": np.full(len(joints), distance),
+    }
     changed = replace(
         bodies,
-        parameters=replace(own, **merged),
+        parameters=_merged(bodies.parameters, is_of, parameters),
         joints=None,
         mesh=None,
-        rotation_sigma=_changed(bodies.rotation_sigma, rows, turn_sigmas(joints, given.sigma_m)),
-        joint_sigma=_changed(bodies.joint_sigma, rows, np.full((len(joints), 55), given.sigma_m)),
-        lean_sigma=_changed(bodies.lean_sigma, rows, np.full(len(joints), np.nan)),
-        distance_sigma=_changed(None, rows, np.full(len(joints), distance)),
+        **{name: _changed(getattr(bodies, name), is_of, value) for name, value in stated.items()},
     )
-    matched = _changed(None, rows, joints)
-    return changed, MatchedBodies(given.source, is_of, matched), warnings
+    return changed, MatchedBodies(given.source, is_of, _changed(None, is_of, joints)), warnings
 
 
-def _in_camera(points: FloatArray, own: FloatArray, camera: Intrinsics) -> FloatArray:
-    """Return points (M, 3) of cameras (M, 4) at the same pixels of another one; distances grow with
-    the focal length.
+def _in_photo(
+    given: GivenBodies, chosen: IntArray, model: BodyModel, camera: Intrinsics
+) -> tuple[BodyParameters, FloatArray]:
+    """Return the chosen bodies (n,) where their joints are at the same pixels of the photo's
+    camera, and the joints (n, 55, 3).
+
+    One joint does not tell the place: a crop's camera is far away, so that what is near is as large
+    as what is behind.
     """
-    f, c = np.split(own, 2, axis=1)
-    focal = np.array([camera.fx, camera.fy])
-    z = points[:, 2:] * np.sqrt(focal.prod() / f.prod(1, keepdims=True))
-    pixels = points[:, :2] / points[:, 2:] * f + c
-    return np.concatenate([(pixels - [camera.cx, camera.cy]) / focal * z, z], 1)
+    p = given.bodies.parameters[chosen]
+    joints = model.double(*pose_from_parameters(p, dtype=torch.float64)).joints.numpy()
+    body = joints[:, :_JOINTS]
+    f, c = np.split(_cameras(given, camera)[chosen, None], 2, axis=2)
+    pixels = body[..., :2] / body[..., 2:] * f + c
+    move = np.reshape(
+        [_translation(*one, camera) for one in zip(body, pixels, strict=True)], (len(p), 3)
+    )
+    return replace(p, transl=p.transl + np.float32(move)), joints + move[:, None]
 
 
-def _changed(values: FloatArray | None, rows: IntArray, new: FloatArray) -> FloatArray:
-    """Return values (N, ...) of people, NaN if there are none, with those of their bodies
-    (M, ...).
+def _merged(estimated: BodyParameters, is_of: BoolArray, given: BodyParameters) -> BodyParameters:
+    """Return the parameters of N people, with given ones of some; hands that are flat are
+    estimated.
     """
-    out = np.full((len(rows), *new.shape[1:]), np.nan, np.float32)
+    merged = {
+        one.name: _changed(getattr(estimated, one.name), is_of, getattr(given, one.name))
+        for one in fields(given)
+    }
+    for name in ("left_hand_pose", "right_hand_pose"):
+        hands = getattr(estimated, name)
+        flat = ~merged[name].any(1) & np.isfinite(hands).all(1)
+        merged[name][flat] = hands[flat]
+    return BodyParameters(**merged)
+
+
+def _changed(values: FloatArray | None, is_of: BoolArray, new: FloatArray) -> FloatArray:
+    """Return values (N, ...) of people, NaN if there are none, with those of some (n, ...)."""
+    out = np.full((len(is_of), *new.shape[1:]), np.nan, np.float32)
     if values is not None:
         out[:] = values
-    out[rows >= 0] = new[rows[rows >= 0]]
+    out[is_of] = new
     return out
 
 
@@ -269,40 +284,54 @@ def turn_sigmas(joints: FloatArray, sigma_m: float) -> FloatArray:
 
 
 def _contradictions(
-    given: GivenBodies, model: BodyModel, photo: PhotoContent, rows: IntArray
+    source: str, given: BodyParameters, model: BodyModel, photo: PhotoContent, is_of: BoolArray
 ) -> tuple[str, ...]:
-    """Return warnings of bodies whose left and right are exchanged by the keypoints.
+    """Return warnings of bodies (n,) of some people (N,) bool that the keypoints contradict.
 
     Raises:
         InputError: most bodies are upside down by the keypoints.
     """
-    points, landmarks = _landmarks(given, model, photo)
+    off, by_sides, by_turn = _readings(given, model, photo, is_of).T
+    far = off > _OFF
+    if 2 * (far & (by_turn < _MUCH_BETTER * off)).sum() > len(off):
+        raise InputError(
+            f"{source}: its bodies stand upside down where the photo shows people: y points down "
+            f"in the camera's frame; turn (x, y, z) to (x, -y, -z)"
+        )
+    swapped = far & (by_sides < _MUCH_BETTER * off)
+    warnings = []
+    for which, what in (
+        (swapped, "left and right of the given bodies seem exchanged by the keypoints of"),
+        (far & ~swapped, "the given bodies are far from the keypoints of"),
+    ):
+        people = np.flatnonzero(is_of)[which].tolist()
+        if people:
+            shares = ", ".join(f"{share:.0%}" for share in off[which])
+            warnings.append(
+                f"{source}: {what} person {', '.join(map(str, people))} ({shares} of their size): "
+                f"check them in the preview"
+            )
+    return tuple(warnings)
+
+
+def _readings(
+    given: BodyParameters, model: BodyModel, photo: PhotoContent, is_of: BoolArray
+) -> FloatArray:
+    """Return the mean distances (n, 3) of bodies from the keypoints of their people, as shares of
+    their size: as they are, with left and right exchanged, and upside down; NaN with few keypoints.
+    """
     camera = photo.camera
+    keypoints, landmarks = _landmarks(given, model, photo)
     drawn = landmarks[..., :2] / np.maximum(landmarks[..., 2:], 1e-3)
     drawn = drawn * [camera.fx, camera.fy] + [camera.cx, camera.cy]
-    mirrored = mirrored_order(keypoints_on_body(photo.keypoints).joint_set.names)
-    swapped, turned = [], []
-    for person in np.flatnonzero(rows >= 0).tolist():
-        seen = photo.keypoints.confidence[person, photo.keypoints.joint_set.fitted] >= _SEEN
-        if seen.sum() < _FEWEST:
-            continue
-        at, body = points[person, seen], drawn[rows[person]]
-        middle = body[seen].mean(0)
-        readings = body, body[mirrored], body * [1, -1] + [0, 2 * middle[1]]
-        size = float(np.linalg.norm(np.ptp(at, axis=0)))
-        off, by_sides, by_turn = (
-            float(np.linalg.norm(one[seen] - at, axis=1).mean()) / size for one in readings
-        )
-        if off > _OFF:
-            swapped += [person] if by_sides < _MUCH_BETTER * off else []
-            turned += [person] if by_turn < _MUCH_BETTER * off else []
-    if 2 * len(turned) > (rows >= 0).sum():
-        raise InputError(
-            f"{given.source}: its bodies stand upside down where the photo shows people: y points "
-            f"down in the camera's frame; turn (x, y, z) to (x, -y, -z)"
-        )
-    people = ", ".join(map(str, swapped))
-    return (
-        f"{given.source}: left and right of the given bodies seem exchanged by the keypoints of "
-        f"person {people}: check them in the preview",
-    ) * bool(swapped)
+    mirrored = mirrored_order(keypoints.joint_set.names)
+    found = np.full((len(drawn), 3), np.nan)
+    people = zip(drawn, keypoints.points[is_of], keypoints.confidence[is_of], strict=True)
+    for row, (body, points, confidence) in enumerate(people):
+        seen = confidence >= _SEEN
+        if seen.sum() >= _FEWEST:
+            turned = body * [1, -1] + [0, 2 * body[seen, 1].mean()]
+            readings = np.stack([body, body[mirrored], turned])[:, seen]
+            apart = np.linalg.norm(readings - points[seen], axis=-1).mean(1)
+            found[row] = apart / np.linalg.norm(np.ptp(points[seen], axis=0))
+    return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from physic_core.types.arrays import shape
 from physic_core.types.short_repr import ShortRepr
@@ -39,14 +39,12 @@ class BodiesInFile(ShortRepr):
 
     Attributes:
         tool: what wrote them, for messages.
-        model: "embedded", "smpl", "smplh", "smplx" or "mhr".
-        rotations: (N, J, 3) vectors in radians, or (N, J, 3, 3) matrices, of J joints of the model
-            in SMPL-X's order; others are at rest.
+        model: "smpl", "smplh", "smplx" or "mhr".
+        rotations: (N, J, 3) vectors, radians, of J joints in SMPL-X's order; others are at rest.
         betas: (N, K), for ``rotations``.
         expression: (N, E), for ``rotations``.
         transl: (N, 3), added to posed bodies and to vertices and joints; None for bodies without a
             place, unless they are placed by their vertices.
-        pivot: what ``transl`` is the place of: the model's origin, its pelvis or its head.
         vertices: (N, V, 3).
         joints: (N, 55, 3) as of :class:`Bodies`, NaN where unknown.
         camera: (N, 4) fx, fy, cx, cy, px of a picture of ``size``; None for the photo's own.
@@ -63,11 +61,10 @@ class BodiesInFile(ShortRepr):
 
     tool: str
     model: str
-    rotations: FloatArray | None = None
+    rotations: FloatArray | None = field(default=None, metadata=shape("N", "J", 3))
     betas: FloatArray | None = field(default=None, metadata=shape("N", "K"))
     expression: FloatArray | None = field(default=None, metadata=shape("N", "E"))
     transl: FloatArray | None = field(default=None, metadata=shape("N", 3))
-    pivot: Literal["origin", "pelvis", "head"] = "origin"
     vertices: FloatArray | None = field(default=None, metadata=shape("N", "V", 3))
     joints: FloatArray | None = field(default=None, metadata=shape("N", 55, 3))
     camera: FloatArray | None = field(default=None, metadata=shape("N", 4))

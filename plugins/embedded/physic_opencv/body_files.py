@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -42,13 +42,20 @@ _PARTS = {
     "right_hand_pose": (40, 55),
 }
 _NAMES = ("global_orient", "body_pose", "betas", "transl")
-_HANDS = {"left_hand_pose": 45, "right_hand_pose": 45}
-_AMASS = {
-    72: {"global_orient": 3, "body_pose": 69},
-    156: {"global_orient": 3, "body_pose": 63, **_HANDS},
-    165: {"global_orient": 3, "body_pose": 63, "jaw_pose": 3, "leye_pose": 3, "reye_pose": 3}
-    | _HANDS,
+_POSES = {
+    72: ("smpl", [*range(_BODY)]),  # and one joint in each hand
+    156: ("smplh", [*range(_BODY), *range(25, _JOINTS)]),
+    165: ("smplx", [*range(_JOINTS)]),
 }
+"""Numbers of all joints' vectors -> model, and which joints of SMPL-X they are."""
+_SAM_3D_BODY: Mapping[str, tuple[int, ...]] = {
+    "pred_cam_t": (3,),
+    "pred_keypoints_3d": (70, 3),
+    "pred_vertices": (18439, 3),
+    "bbox": (4,),
+    "focal_length": (),
+}
+_FLAT = np.zeros((1, 10))
 _CAMERA_KEYS = ("K", "intrinsics", "cam_int", "K_fullimg", "camera_matrix")
 
 
@@ -74,17 +81,25 @@ def _of_folder(file: FileOfPhoto) -> BodiesInFile | None:
     records = []
     for path in sorted(file.path.iterdir()):
         is_body = path.suffix.lower() in (*MESHES, ".npz") and path.is_file()
-        if is_body and (path.stem.startswith(stem) or _photo_of_meta(path) == stem):
+        named = str(_meta_of(path).get("img_path", "")) if is_body else ""
+        if is_body and (path.stem.startswith(stem) or Path(named).stem == stem):
             record = bodies_of(replace(file, path=path))
             records += [] if record is None else [record]
     if not records:
         raise ValueError(f"no file in it is of {file.photo or 'the photo'}, by name or meta file")
-    joined: dict[str, Any] = {}
-    for one in fields(BodiesInFile):
-        values = [getattr(record, one.name) for record in records]
-        if isinstance(values[0], np.ndarray):
-            joined[one.name] = np.concatenate(values)
+    joined = {
+        name: np.concatenate([getattr(record, name) for record in records])
+        for name, value in vars(records[0]).items()
+        if isinstance(value, np.ndarray)
+    }
     return replace(records[0], **joined)
+
+
+def _meta_of(path: Path) -> Mapping[str, Any]:
+    """Return SMPLer-X's meta file of a body, which is beside its folder; nothing without one."""
+    meta = path.parent.parent / "meta" / f"{path.stem}.json"
+    found = open_document(meta) if meta.is_file() else {}
+    return found if isinstance(found, Mapping) else {}
 
 
 def _has(*keys: str) -> Callable[[Any], bool]:
@@ -101,24 +116,32 @@ def _people_of(document: Any) -> list[Mapping[str, Any]]:
     return [one for one in people if "pred_cam_t" in one] if is_list else []
 
 
-def _rows(values: Any, *shape: int) -> _Array:
-    """Return an array (N, *shape), also of one person without N."""
-    return matrix(values, "a body's array").reshape(-1, *shape)
+def _rows(document: Mapping[str, Any], name: str, *shape: int) -> _Array:
+    """Return an array (N, *shape) of a document, also of one person without N.
+
+    Raises:
+        ValueError: it has another number of values, or others than numbers.
+    """
+    values = matrix(document[name], name)
+    if values.size % math.prod(shape):
+        wanted = ", ".join(map(str, ("N", *shape)))
+        raise ValueError(f"{name} must be ({wanted}), got {values.shape}")
+    return values.reshape(-1, *shape)
 
 
 def _centred(focal: Any, size: tuple[int, int], count: int) -> _Array:
     """Return cameras (N, 4) of one focal length, or of N, with the middle of a picture."""
-    focal = np.broadcast_to(matrix(focal, "focal_length").reshape(-1), (count,))
-    middle = np.broadcast_to((np.array(size) - 1) / 2, (count, 2))
-    return np.concatenate([np.stack([focal, focal], 1), middle], 1)
+    middle = (np.array(size) - 1) / 2
+    focal = np.reshape(np.asarray(focal), -1)
+    return np.stack([np.broadcast_to(v, count) for v in (focal, focal, *middle)], 1)
 
 
 def _cameras(document: Mapping[str, Any], count: int) -> _Array | None:
     """Return the cameras (N, 4) of a camera matrix or of each person's; None if there is none."""
     for key in _CAMERA_KEYS:
         if key in document:
-            matrix = np.broadcast_to(_rows(document[key], 3, 3), (count, 3, 3))
-            return np.stack([matrix[:, 0, 0], matrix[:, 1, 1], matrix[:, 0, 2], matrix[:, 1, 2]], 1)
+            found = _rows(document, key, 9)[:, [0, 4, 2, 5]]
+            return np.broadcast_to(found, (count, 4))
     return None
 
 
@@ -127,28 +150,18 @@ def _sam_3d_body(document: Any, file: FileOfPhoto) -> _Record:
 
     people = _people_of(document)
     each = {
-        name: np.concatenate([_rows(one[name], *shape) for one in people])
-        for name, shape in (
-            ("pred_cam_t", (3,)),
-            ("pred_keypoints_3d", (70, 3)),
-            ("pred_vertices", (18439, 3)),
-            ("bbox", (4,)),
-            ("focal_length", ()),
-        )
+        name: np.concatenate([_rows(one, name, *shape) for one in people])
+        for name, shape in _SAM_3D_BODY.items()
         if name in people[0]
     }
-    place = each["pred_cam_t"]
-    joints = each.get("pred_keypoints_3d")
-    camera = None
-    if "focal_length" in each:
-        camera = _centred(each["focal_length"], file.size, len(place))
+    joints, focal = each.get("pred_keypoints_3d"), each.get("focal_length")
     return _Record(
         "SAM 3D Body",
         "mhr",
-        transl=place,
+        transl=each["pred_cam_t"],
         vertices=each.get("pred_vertices"),
         joints=None if joints is None else joints_from_mhr70(joints),
-        camera=camera,
+        camera=None if focal is None else _centred(focal, file.size, len(people)),
         boxes=each.get("bbox"),
     )
 
@@ -162,17 +175,13 @@ def _frame(count: int, file: FileOfPhoto) -> int:
     return file.frame or 0
 
 
-def _chosen(values: Mapping[str, Any], at: int, **names: str) -> dict[str, Any]:
-    """Return one row of arrays, by new name -> name in the file."""
-    return {new: np.asarray(values[old])[at : at + 1] for new, old in names.items()}
-
-
 def _gvhmr(document: Any, file: FileOfPhoto) -> _Record:
     given = document["smpl_params_incam"]
     at = _frame(len(given["transl"]), file)
-    values = _chosen(given, at, **{name: name for name in _NAMES})
-    camera = _chosen(document, at, K="K_fullimg") if "K_fullimg" in document else {}
-    return _posed("GVHMR", values | camera, mean_hands=True)
+    values = {name: np.asarray(given[name])[at : at + 1] for name in _NAMES}
+    if "K_fullimg" in document:
+        values["K"] = np.asarray(document["K_fullimg"])[at]
+    return _posed("GVHMR", values, mean_hands=True)
 
 
 def _prompt_hmr(document: Any, file: FileOfPhoto) -> _Record:
@@ -190,99 +199,101 @@ def _is_wham(document: Any) -> bool:
 
 
 def _wham(document: Any, file: FileOfPhoto) -> _Record:
-    shown = np.concatenate([np.ravel(one["frame_ids"]) for one in document.values()])
+    people = list(document.values())
+    frames = [np.ravel(one["frame_ids"]) for one in people]
+    shown = np.concatenate(frames)
     is_film = file.frame is not None or len(np.unique(shown)) > 1
     at = _frame(int(shown.max()) + 1, file) if is_film else shown[0]
-    rows = [
-        _chosen(one, int(row), pose="pose", betas="betas", transl="trans")
-        for one in document.values()
-        for row in np.flatnonzero(np.ravel(one["frame_ids"]) == at)[:1]
-    ]
-    if not rows:
+    there = [own == at for own in frames]
+    pose, betas, place = (
+        np.concatenate([_rows(one, name, n)[own] for one, own in zip(people, there, strict=True)])
+        for name, n in (("pose", 72), ("betas", 10), ("trans", 3))
+    )
+    if not len(pose):
         raise ValueError(f"nobody is in the picture {at} of the film: set photo.bodies_frame")
-    values = {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
-    values |= {"global_orient": values["pose"][:, :3], "body_pose": values["pose"][:, 3:]}
-    camera = _centred(math.hypot(*file.size), file.size, len(rows))
-    return replace(_posed("WHAM", values), camera=camera)
+    return _of_poses(
+        "WHAM", pose, betas, place, _centred(math.hypot(*file.size), file.size, len(pose))
+    )
 
 
 def _amass(document: Any, file: FileOfPhoto) -> _Record:
     poses = matrix(document["poses"], "poses")
     poses = poses.reshape(-1, poses.shape[-1])
-    if poses.shape[1] not in _AMASS:
+    is_still = file.frame is None and not np.ptp(poses, axis=0).any()
+    at = 0 if is_still else _frame(len(poses), file)
+    shape = matrix(document.get("betas", np.zeros(10)), "betas")
+    own = poses[at : at + 1], shape.reshape(1, -1), _rows(document, "trans", 3)[at : at + 1]
+    return _of_poses("AMASS", *own, _cameras(document, 1))
+
+
+def _of_poses(
+    tool: str, poses: _Array, betas: _Array, transl: _Array, camera: _Array | None
+) -> _Record:
+    """Return the record of the vectors (N, P) of all joints of a model."""
+    if poses.shape[1] not in _POSES:
         raise ValueError(
             f"its poses have {poses.shape[1]} numbers; SMPL has 72, SMPL-H 156, SMPL-X 165"
         )
-    is_still = file.frame is None and not np.ptp(poses, axis=0).any()
-    at = 0 if is_still else _frame(len(poses), file)
-    ends = np.cumsum([0, *_AMASS[poses.shape[1]].values()])
-    names = _AMASS[poses.shape[1]]
-    parts = {n: poses[at : at + 1, a:b] for n, a, b in zip(names, ends, ends[1:], strict=False)}
-    betas = np.reshape(document.get("betas", np.zeros(10)), (1, -1))
-    cameras = {key: document[key] for key in _CAMERA_KEYS if key in document}
-    place = {"transl": np.reshape(document["trans"], (-1, 3))[at : at + 1]}
-    return _posed("AMASS", parts | cameras | place | {"betas": betas})
-
-
-def _photo_of_meta(path: Path) -> str:
-    """Return the stem of the photo that SMPLer-X's meta file of a body names; "" without one."""
-    meta = path.parent.parent / "meta" / f"{path.stem}.json"
-    return Path(str(open_document(meta).get("img_path", ""))).stem if meta.is_file() else ""
+    model, joints = _POSES[poses.shape[1]]
+    turns = np.zeros((len(poses), _JOINTS, 3))
+    turns[:, joints] = poses.reshape(len(poses), -1, 3)[:, : len(joints)]
+    return _Record(tool, model, turns, betas, transl=transl, camera=camera)
 
 
 def _parameters(document: Any, file: FileOfPhoto) -> _Record:
     """Read the dictionary of SMPL, SMPL-H or SMPL-X; SMPLer-X has the camera of each beside it."""
-    meta = file.path.parent.parent / "meta" / f"{file.path.stem}.json"
-    if not meta.is_file():
+    about = _meta_of(file.path)
+    if not about:
         return _posed("parameters", document)
-    about = open_document(meta)
-    record = _posed("SMPLer-X", document, mean_hands=True)
-    return replace(record, camera=_rows([*about["focal"], *about["princpt"]], 4))
+    camera = np.concatenate([_rows(about, name, 2) for name in ("focal", "princpt")], 1)
+    return replace(_posed("SMPLer-X", document, mean_hands=True), camera=camera)
 
 
 def _posed(tool: str, document: Mapping[str, Any], *, mean_hands: bool = False) -> _Record:
     """Return the record of parameters by the names of SMPL-X."""
     betas = matrix(document["betas"], "betas")
-    count = 1 if betas.ndim == 1 else len(betas)
-    turns = np.zeros((count, _JOINTS, 3))
-    given = matrix(document["body_pose"], "body_pose")
-    joints = given.size // (count * (9 if given.shape[-2:] == (3, 3) else 3))
+    betas = betas.reshape(-1, betas.shape[-1])
+    count = len(betas)
+    pose = np.asarray(document["body_pose"])
+    joints = pose.size // (count * (9 if pose.shape[-2:] == (3, 3) else 3))
     if joints not in (21, 23):
         raise ValueError(
             f"its body_pose has {joints} joints of {count} people; SMPL has 23, SMPL-X 21"
         )
-    turns[:, 1:_BODY] = _turns(given, count, joints)[:, : _BODY - 1]
-    for name, (first, last) in _PARTS.items():
-        if name in document:
-            turns[:, first:last] = _turns(document[name], count, last - first)
-    has_face = any(name in document for name in ("jaw_pose", "expression", "leye_pose"))
-    model = "smpl" if joints == 23 else "smplx"
-    if joints == 21 and "left_hand_pose" in document and not has_face:
-        model = "smplh"
-    transl = document.get("transl", document.get("trans"))
-    expression = document.get("expression")
+    turns = np.zeros((count, _JOINTS, 3))
+    turns[:, 1:_BODY] = _turns(document, "body_pose", count, joints)[:, : _BODY - 1]
+    for name in _PARTS.keys() & document.keys():
+        first, last = _PARTS[name]
+        turns[:, first:last] = _turns(document, name, count, last - first)
+    place = next((name for name in ("transl", "trans") if name in document), None)
+    face = document.get("expression")
     return _Record(
         tool,
-        model,
+        "smpl" if joints == 23 else "smplh" if _has_hands_alone(document) else "smplx",
         turns,
-        betas.reshape(count, -1),
-        None if expression is None else _rows(expression, np.shape(expression)[-1]),
-        None if transl is None else _rows(transl, 3),
+        betas,
+        None if face is None else _rows(document, "expression", np.shape(face)[-1]),
+        None if place is None else _rows(document, place, 3),
         camera=_cameras(document, count),
         mean_hands=mean_hands,
-        is_placed=transl is not None,
+        is_placed=place is not None,
         sigma_m=_SIGMA_M.get(tool, BodiesInFile.sigma_m),
     )
 
 
-def _turns(values: Any, count: int, joints: int) -> _Array:
+def _has_hands_alone(document: Mapping[str, Any]) -> bool:
+    has_face = any(name in document for name in ("jaw_pose", "expression", "leye_pose"))
+    return "left_hand_pose" in document and not has_face
+
+
+def _turns(document: Mapping[str, Any], name: str, count: int, joints: int) -> _Array:
     """Return rotation vectors (N, joints, 3) of vectors or matrices."""
-    given = matrix(values, "rotations")
+    given = matrix(document[name], name)
     if given.size == 3 * count * joints:
         return given.reshape(count, joints, 3)
     if given.size != 9 * count * joints:
         raise ValueError(
-            f"rotations of {joints} joints of {count} people have {given.size} numbers: give "
+            f"{name} of {joints} joints of {count} people has {given.size} numbers: give "
             f"vectors or matrices, and no principal components of hands"
         )
     matrices = given.reshape(count, joints, 3, 3)
@@ -298,47 +309,53 @@ def _is_mesh(document: Any) -> bool:
 
 def _meshes(document: Any, file: FileOfPhoto) -> _Record:
     """Read vertices of a known topology; the file's axes are told by where the bodies are."""
-    if isinstance(document, np.ndarray):
-        vertices = _rows(document, *document.shape[-2:])
-    else:
-        sizes = {name: len(mesh.vertices) for name, mesh in document.items()}
-        known = [name for name, size in sizes.items() if size in _VERTICES]
-        if not known:
-            found = ", ".join(str(size) for size in sizes.values())
-            raise ValueError(
-                f"its meshes have {found} vertices; SMPL has 6890, SMPL-X 10475, MHR 18439"
-            )
-        vertices = np.stack([np.asarray(document[name].vertices, np.float64) for name in known])
-    count = vertices.shape[1]
-    if count not in _VERTICES:
-        raise ValueError(f"it has {count} vertices; SMPL has 6890, SMPL-X 10475, MHR 18439")
-    model = _VERTICES[count]
-    middle = np.median(vertices, axis=1)
-    is_placed = bool((np.abs(middle[:, 2]) > _AT_ORIGIN_M).all())
+    vertices = _vertices(document)
+    model = _VERTICES[vertices.shape[1]]
+    middle = np.median(vertices[..., 2], axis=1)
+    is_placed = bool((np.abs(middle) > _AT_ORIGIN_M).all())
     is_glb = file.path.suffix.lower() in (".glb", ".gltf")
     if is_glb and model == "mhr":
         raise ValueError(
             "a GLB of MHR holds the pose at rest and a skin that moves it: save SAM 3D Body's PLY, "
             "or its arrays"
         )
-    tool, focal = "CameraHMR", None
-    if (middle[:, 2] < 0).all() and is_placed:
-        tool = "4D-Humans" if model == "smpl" else "SAM 3D Body"
-        vertices = vertices * [1, -1, -1]
-        focal = _CROP_FOCAL * max(file.size) if model == "smpl" else _focal_beside(file.path)
+    tool, focal, axes = "CameraHMR", None, (1, 1, 1)
+    if is_placed and (middle < 0).all():
+        axes = 1, -1, -1
+        tool, focal = "SAM 3D Body", _focal_beside(file.path)
+        if model == "smpl":
+            tool, focal = "4D-Humans", _CROP_FOCAL * max(file.size)
+    elif is_placed and model == "smplx":
+        tool, focal = "Multi-HMR", _MULTI_HMR_FOCAL * max(file.size)
+        axes = (-1, -1, 1) if is_glb else axes
     elif is_placed:
-        tool = "Multi-HMR" if model == "smplx" else f"{model} mesh"
-        vertices = vertices * ([-1, -1, 1] if is_glb else [1, 1, 1])
-        focal = _MULTI_HMR_FOCAL * max(file.size) if model == "smplx" else None
+        tool = f"{model} mesh"
     return _Record(
         tool,
         model,
-        vertices=vertices,
+        vertices=vertices * axes,
         camera=None if focal is None else _centred(focal, file.size, len(vertices)),
         is_placed=is_placed,
         sigma_m=_SIGMA_M.get(tool, BodiesInFile.sigma_m),
         notes=() if is_placed else ("the given meshes state no place: keypoints place them",),
     )
+
+
+def _vertices(document: Any) -> _Array:
+    """Return the vertices (N, V, 3) of all meshes of a known topology.
+
+    Raises:
+        ValueError: there is none.
+    """
+    given = [document]
+    if isinstance(document, Mapping):
+        given = [mesh.vertices for mesh in document.values()]
+    meshes = [matrix(one, "vertices").reshape(-1, *one.shape[-2:]) for one in given]
+    known = [mesh for mesh in meshes if mesh.shape[1] in _VERTICES]
+    if not known:
+        counts = ", ".join(str(mesh.shape[1]) for mesh in meshes)
+        raise ValueError(f"it has {counts} vertices; SMPL has 6890, SMPL-X 10475, MHR 18439")
+    return np.concatenate(known)
 
 
 def _focal_beside(path: Path) -> float | None:
