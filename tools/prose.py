@@ -1,19 +1,16 @@
 """Check the English of the pages and messages that users read.
 
     python tools/prose.py            # or: make lint
-    python tools/prose.py --sample 150 --seed 1
 
 Text is Markdown without code, and the strings of five words and more in the code of core and
 plugins. proselint checks it by ``tools/prose.json``, and so does the list of words there that
-newcomers stumble over; ``--sample`` prints sentences for a reader to judge.
+newcomers stumble over.
 """
 
 from __future__ import annotations
 
-import argparse
 import ast
 import json
-import random
 import re
 import subprocess
 import sys
@@ -123,22 +120,8 @@ def linted(sources: dict[str, list[tuple[int, str]]], config: dict[str, Any]) ->
 
 
 def main() -> int:
-    """Check, or print a sample."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--sample", type=int, help="print this many sentences")
-    parser.add_argument("--seed", type=int, default=0)
-    given = parser.parse_args()
+    """Check."""
     text = sources()
-    if given.sample:
-        every = [
-            f"{name}:{number}: {sentence}"
-            for name, lines in text.items()
-            for number, line in lines
-            for sentence in re.split(r"(?<=[.;:]) ", line)
-            if len(sentence.split()) >= FEWEST_WORDS
-        ]
-        print("\n".join(random.Random(given.seed).sample(every, given.sample)))
-        return 0
     config = json.loads(CONFIG.read_text(encoding="utf-8"))
     found = stumbling(text, config["avoid"]) + linted(text, config)
     print("\n".join(found) or "the prose linter finds nothing")

@@ -8,9 +8,8 @@ benchmark: labels on which readers differ are left out. Films of DATA/truth/park
 hands with measured forces. Tokens and keypoints of each picture are kept in OUT, so that a
 second run takes no network.
 
-Each question is scored with photos left out, with whole repositories left out, and on the other
-collections and films by a fit to the given photos alone; then the photos of each collection by fits
-to the others of all collections. The numbers are fitted to all pictures but the films apart, and
+Each question is scored with whole repositories left out, and on the other collections and films by
+a fit to the given photos alone. The numbers are fitted to all pictures but the films apart, and
 calibrated on people whose repository took no part, and written to OUT, with ``--write`` into the
 plugin.
 """

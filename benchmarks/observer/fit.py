@@ -127,37 +127,21 @@ def calibration_of(question: Question, ridge: float = RIDGE) -> tuple[float, flo
 
 
 def figures(question: Question) -> dict[str, str]:
-    """Return the scores of a question with photos left out, with repositories left out, on each
-    other set by a fit to the given photos alone, on each set by fits to the other pictures of all,
-    and on films apart by a fit to all others.
+    """Return the scores of a question on the given photos with repositories left out, and on each
+    other set by a fit to the given photos alone.
     """
     fit = partial(fit_logistic, ridge=RIDGE)
     given = question.of(question.sets == "given")
-    pair = calibration_of(given)
-
-    def scaled(logits: Array) -> Array:
-        return probabilities(logits * pair[0] + pair[1])
-
-    rows = {
-        "photos left out": _scores(scaled(left_out_logits(given.examples, fit)), given.examples),
-        "repositories left out": _scores(
-            scaled(left_out_logits(given.by_repository, fit)), given.examples
-        ),
-    }
+    factor, offset = calibration_of(given)
     numbers = fit(given.examples)
+    logits = {"repositories left out": (left_out_logits(given.by_repository, fit), given.examples)}
     for other in sorted({*question.sets.tolist()} - {"given"}):
         apart = question.of(question.sets == other).examples
-        rows[other] = _scores(scaled(logits_of(numbers, apart.x)), apart)
-    rest = question.of(question.sets != APART)
-    factor, offset = calibration_of(rest)
-    likely = probabilities(left_out_logits(rest.examples, fit) * factor + offset)
-    for own in sorted({*rest.sets.tolist()}):
-        of_set = rest.sets == own
-        rows[f"{own}, by all others"] = _scores(likely[of_set], rest.examples.take(of_set))
-    if (apart := question.of(question.sets == APART).examples).groups:
-        numbers = fitted(rest)[:, :-1].astype(np.float64)
-        rows[f"{APART}, by all"] = _scores(probabilities(logits_of(numbers, apart.x)), apart)
-    return rows
+        logits[other] = logits_of(numbers, apart.x), apart
+    return {
+        name: _scores(probabilities(values * factor + offset), of)
+        for name, (values, of) in logits.items()
+    }
 
 
 def _scores(p: Array, of: Examples) -> str:
