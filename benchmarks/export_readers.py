@@ -5,7 +5,7 @@ and what else.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -66,10 +66,6 @@ class Files:
     def joints(self, person: Person) -> Array:
         return self.points(person.joints)
 
-    def box(self, person: Person) -> Array:
-        """Return the least and the largest corner (2, 3) of a person."""
-        return _box(self.vertices(person))
-
 
 @dataclass(frozen=True)
 class Opened:
@@ -111,30 +107,6 @@ def _compare(
     return Opened(len(got), worst, more)
 
 
-def _compare_named(
-    files: Files,
-    meshes: Mapping[str, Any],
-    box_of: Callable[[Any], Any],
-    more_of: Callable[[Any, Person], str],
-) -> Opened:
-    """Compare the corners of the meshes that are named after people; what else is of the first."""
-    present = [
-        (meshes[name], person) for i, person in files.bodies if (name := f"person_{i}") in meshes
-    ]
-    more = more_of(*present[0]) if present else ""
-    return _compare(files, (box_of(mesh) for mesh, _ in present), files.box, more)
-
-
-def _box(points: Any) -> Array:
-    return np.stack([np.min(points, 0), np.max(points, 0)])
-
-
-def _contact(values: Any, person: Person) -> str:
-    """Say whether the share of vertices in contact is that of a person."""
-    share = float((np.ravel(values) > 0.5).mean())
-    return "contact" if abs(share - person.contact.mean()) < _CONTACT_SHARE else "other contact"
-
-
 def read_bvh(files: Files) -> Opened:
     import bvhio
 
@@ -162,50 +134,31 @@ def read_colmap(files: Files) -> Opened:
     return Opened(None, apart(places, wanted), more)
 
 
-def read_open3d(files: Files) -> Opened:
-    import open3d
-
-    model = open3d.io.read_triangle_model(files.ending(".glb")[0])
-    return _compare_named(
-        files,
-        {one.mesh_name: one.mesh for one in model.meshes},
-        lambda mesh: [mesh.get_min_bound(), mesh.get_max_bound()],
-        lambda mesh, _: "texture" if mesh.has_triangle_uvs() else "",
-    )
-
-
-def read_assimp(files: Files) -> Opened:
-    import assimp_py
-
-    scene = assimp_py.import_file(files.ending(".glb")[0], assimp_py.Process_Triangulate)
-    return _compare_named(
-        files,
-        {mesh.name: mesh for mesh in scene.meshes},
-        lambda mesh: _box(np.reshape(mesh.vertices, (-1, 3))),
-        lambda mesh, _: "texture" if mesh.texcoords else "",
-    )
-
-
 def read_blender(files: Files) -> Opened:
-    """Read the pose at frame 1."""
+    """Read the corners of people in the pose at frame 1."""
     import bpy
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=files.ending(".glb")[0], disable_bone_shape=True)
     bpy.context.scene.frame_set(1)
+    found = []
+    more = ""
+    for index, person in files.bodies:
+        if body := bpy.data.objects.get(f"person_{index}"):
+            posed = body.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
+            points = np.array([body.matrix_world @ vertex.co for vertex in posed.vertices])
+            found.append(corners(points[:, [0, 2, 1]] * [1, 1, -1]))
+            values = np.array([one.value for one in body.data.attributes["_CONTACT"].data])
+            touching = abs((values > 0.5).mean() - person.contact.mean()) < _CONTACT_SHARE
+            bones = len(bpy.data.objects[f"{body.name}_skeleton"].data.bones)
+            texture = "texture, " if body.data.uv_layers else ""
+            more = f"{texture}{'contact' if touching else 'other contact'}, {bones} joints"
+    return _compare(files, found, lambda person: corners(files.vertices(person)), more)
 
-    def box(body: Any) -> Array:
-        posed = body.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
-        points = np.array([body.matrix_world @ vertex.co for vertex in posed.vertices])
-        return _box(points[:, [0, 2, 1]] * [1, 1, -1])
 
-    def more(body: Any, person: Person) -> str:
-        contact = _contact([one.value for one in body.data.attributes["_CONTACT"].data], person)
-        texture = "texture, " if body.data.uv_layers else ""
-        bones = len(bpy.data.objects[f"{body.name}_skeleton"].data.bones)
-        return f"{texture}{contact}, {bones} joints"
-
-    return _compare_named(files, bpy.data.objects, box, more)
+def corners(points: Array) -> Array:
+    """Return the least and the largest corner (2, 3) of points (n, 3)."""
+    return np.stack([points.min(0), points.max(0)])
 
 
 def _shape_of(points: Any) -> Array:

@@ -20,12 +20,9 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing import get_context
-from pathlib import Path
 
 from physic_core import InputError, Reconstruction, find_exporter
 from physic_core.export import export_frame
-from physic_core.pictures import GLB_FILE
-from physic_visual.glb import combined_glb
 
 from . import export_readers as readers
 from .export_readers import Opened
@@ -37,7 +34,7 @@ class Reader:
     """Program that opens a format.
 
     Attributes:
-        form: format, or ``combined.glb``, which a run writes.
+        form: format.
         distribution: that a user installs.
         module: that it is imported as.
         read: opens the files.
@@ -64,16 +61,13 @@ class Reader:
         return f"{self.distribution} {importlib.metadata.version(self.distribution)}"
 
 
-_BOX = "bounds, m", 1e-3
 _OPENSIM = "opensim", "opensim"
 _VALIDATOR = "omniverse-asset-validator", "omni"
 
 READERS = (
     Reader("bvh", "bvhio", "bvhio", readers.read_bvh, "55 joints, m", 1e-4),
     Reader("colmap", "pycolmap", "pycolmap", readers.read_colmap, "scene, m", 1e-4),
-    Reader(GLB_FILE, "open3d", "open3d", readers.read_open3d, *_BOX),
-    Reader(GLB_FILE, "assimp-py", "assimp_py", readers.read_assimp, *_BOX),
-    Reader("glb", "bpy", "bpy", readers.read_blender, *_BOX),
+    Reader("glb", "bpy", "bpy", readers.read_blender, "bounds, m", 1e-3),
     Reader("mot", *_OPENSIM, readers.read_mot, "hips and knees, degrees", 1e-3),
     Reader("ply", "open3d", "open3d", readers.read_open3d_points, "vertices, m", 1e-4),
     Reader("trc", *_OPENSIM, readers.read_trc, "22 joints, m", 1e-4),
@@ -86,18 +80,13 @@ def outcome_of(reader: Reader, folder: str) -> Opened:
     """Export the result of a folder to the format of a reader, open the files, and compare."""
     result = Reconstruction.load(folder)
     with tempfile.TemporaryDirectory() as made:
-        if reader.form == GLB_FILE:
-            up = "y"
-            paths = [Path(made, GLB_FILE)]
-            paths[0].write_bytes(combined_glb(result))
-        else:
-            up = find_exporter(reader.form).record.ups[0]
-            try:
-                # people are not turned until they balance
-                options = {"keep_lean": True} if reader.form == "urdf" else {}
-                paths = result.export(made, reader.form, **options).files
-            except InputError as error:
-                return Opened(refused=str(error))
+        up = find_exporter(reader.form).record.ups[0]
+        # people are not turned until they balance
+        options = {"keep_lean": True} if reader.form == "urdf" else {}
+        try:
+            paths = result.export(made, reader.form, **options).files
+        except InputError as error:
+            return Opened(refused=str(error))
         files = readers.Files(result, paths, export_frame(result.scene.level, up).from_camera)
         try:
             got = reader.read(files)

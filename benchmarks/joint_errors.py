@@ -125,19 +125,12 @@ def described(
     kinds = [kind_of(name) for name in LIMB_JOINTS]
     shares = np.array([[variances[part][kind] for part in EVIDENCE] for kind in kinds])
     stated = np.sqrt((evidence * shares).sum(-1))
-    lines = []
-    for title, rows in (
-        ("joints", list(range(len(kinds)))),
-        ("wrists", [i for i, kind in enumerate(kinds) if kind == "wrist"]),
-        ("ankles", [i for i, kind in enumerate(kinds) if kind == "ankle"]),
-    ):
-        known = np.isfinite(errors[:, rows])
-        error, sigma = errors[:, rows][known], stated[:, rows][known]
-        ratio = error / sigma
-        lines.append(
-            f"{known.sum()} {title}: ratio rms {np.sqrt((ratio**2).mean()):.2f}, "
-            f"median {np.median(ratio):.2f}, over 1 {(ratio > 1).mean():.0%}, "
-            f"over 2 {(ratio > 2).mean():.0%}, rank correlation "
-            f"{spearmanr(sigma, error).statistic:.2f}"
-        )
-    return "; ".join(lines)
+    known = np.isfinite(errors)
+    error, sigma = errors[known], stated[known]
+    ratio = error / sigma
+    return (
+        f"{known.sum()} joints: ratio rms {np.sqrt((ratio**2).mean()):.2f}, "
+        f"median {np.median(ratio):.2f}, over 1 {(ratio > 1).mean():.0%}, "
+        f"over 2 {(ratio > 2).mean():.0%}, rank correlation "
+        f"{spearmanr(sigma, error).statistic:.2f}"
+    )

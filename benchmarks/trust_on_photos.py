@@ -245,7 +245,6 @@ def described(rows: Sequence[Row], likely: Array, mark: str) -> dict[str, Any]:
         likely: (n,) probabilities.
         mark: whose probabilities they are.
     """
-    rate = right_share(rows, mark)
     photos: dict[str, list[tuple[float, float]]] = {}
     chances = dict(zip(map(id, rows), likely.tolist(), strict=True))
     rows = judged(rows, mark)
@@ -259,22 +258,15 @@ def described(rows: Sequence[Row], likely: Array, mark: str) -> dict[str, Any]:
 
         def of_groups(drawn: Sequence[Any], statistic: Any = statistic) -> float:
             pairs = np.array([pair for group in drawn[0] for pair in group])
-            return float(statistic(pairs[:, 0], pairs[:, 1], rate))
+            return float(statistic(pairs[:, 0], pairs[:, 1]))
 
         low, high = resampled_interval([groups], of_groups, DRAWS)
         scores[name] = f"{of_groups([groups]):.3f} ({low:.3f} to {high:.3f})"
     return {"people": len(rows), "photos": len(groups), **scores}
 
 
-def _log_score_gain(chance: Array, right: Array, rate: float) -> float:
-    def mean(p: Any) -> float:
-        return float((right * np.log(p) + (1 - right) * np.log(1 - p)).mean())
-
-    return mean(chance) - mean(rate)
-
-
 def _share_right(among: Callable[[Array], NDArray[np.bool_]]) -> Callable[..., float]:
-    def share(chance: Array, right: Array, rate: float) -> float:
+    def share(chance: Array, right: Array) -> float:
         chosen = among(chance)
         return float(right[chosen].mean()) if chosen.any() else np.nan
 
@@ -282,7 +274,7 @@ def _share_right(among: Callable[[Array], NDArray[np.bool_]]) -> Callable[..., f
 
 
 def _probability_score(name: str) -> Callable[..., float]:
-    def score(chance: Array, right: Array, rate: float) -> float:
+    def score(chance: Array, right: Array) -> float:
         return probability_scores(chance.tolist(), right.astype(bool).tolist())[name]
 
     return score
@@ -290,12 +282,10 @@ def _probability_score(name: str) -> Callable[..., float]:
 
 STATISTICS: dict[str, Callable[..., float]] = {
     "AUC": _probability_score("auc"),
-    "log score above the constant's": _log_score_gain,
     "calibration error": _probability_score("calibration"),
     "usable and right": _share_right(lambda chance: chance >= USABLE),
     "doubtful and right": _share_right(lambda chance: chance < USABLE),
     "right above one half": _share_right(lambda chance: chance >= CAP),
-    "right below one half": _share_right(lambda chance: chance < CAP),
-    "share usable": lambda chance, right, rate: float((chance >= USABLE).mean()),
+    "share usable": lambda chance, right: float((chance >= USABLE).mean()),
 }
-"""Name -> figure of probabilities (n,), verdicts 0 or 1 (n,) and the constant."""
+"""Name -> figure of probabilities (n,) and verdicts 0 or 1 (n,)."""
