@@ -11,7 +11,9 @@ import sys
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout, suppress
 from dataclasses import dataclass, field
+from functools import lru_cache
 from importlib import import_module
+from types import ModuleType
 from typing import Any, Generic, TypeVar
 
 import pluggy
@@ -186,17 +188,28 @@ def _items_of_hook(offer: Offer, hook: str) -> list[Any]:
     kind = RECORDS[hook]
     # What a plugin prints must not mix with the output of a command.
     with plugin_code(), redirect_stdout(sys.stderr):
-        module = import_module(offer.target)
-        manager = pluggy.PluginManager(PROJECT)
-        manager.add_hookspecs(hooks)
-        manager.register(module, offer.name)
-        manager.check_pending()
-        if not manager.get_hookcallers(module):
-            raise PluginError(f"{offer.target} has no function marked with @hookimpl")
-        records = [record for returned in getattr(manager.hook, hook)() for record in returned]
+        relay = _relay_to(import_module(offer.target))
+        records = [record for returned in getattr(relay, hook)() for record in returned]
     if wrong := [record for record in records if not isinstance(record, kind)]:
         raise PluginError(f"{hook}() should return a list of {kind.__name__}, got {wrong[0]!r}")
     return records
+
+
+@lru_cache(maxsize=64)
+def _relay_to(module: ModuleType) -> pluggy.HookRelay:
+    """Return what calls the hooks of one module.
+
+    Raises:
+        PluginError: it has none.
+        Exception: raised by pluggy for a hook that is not known.
+    """
+    manager = pluggy.PluginManager(PROJECT)
+    manager.add_hookspecs(hooks)
+    manager.register(module)
+    manager.check_pending()
+    if not manager.get_hookcallers(module):
+        raise PluginError(f"{module.__name__} has no function marked with @hookimpl")
+    return manager.hook
 
 
 def find_exporters() -> tuple[Found[ExporterRecord], ...]:
