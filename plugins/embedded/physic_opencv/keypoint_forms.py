@@ -268,6 +268,21 @@ def _read_openpose(document: Any, photo: str) -> KeypointTable:
     return KeypointTable(tuple(_first_visible(rows)), True, size, notes)
 
 
+def _openpose_pictures(document: Any) -> Any:
+    """Return OpenPose's objects, one a picture, that nodes of ComfyUI list, and a web UI answers
+    with; [] for other documents.
+    """
+    pictures = document.get("poses") if isinstance(document, Mapping) else document
+    return pictures if "people" in _first(pictures) else []
+
+
+def _read_openpose_picture(document: Any, photo: str) -> KeypointTable:
+    pictures = _openpose_pictures(document)
+    if len(pictures) > 1:
+        raise ValueError(f"it has people of {len(pictures)} images: keep those of this photo")
+    return _read_openpose(pictures[0], photo)
+
+
 def _read_ultralytics(document: Any, photo: str) -> KeypointTable:
     rows: list[Row] = []
     for person, one in enumerate(document):
@@ -421,6 +436,7 @@ _Reader = Callable[[Any, str], KeypointTable]
 _FORMS: tuple[tuple[Callable[[Any], bool], _Reader], ...] = (
     (_is_label_studio, _read_label_studio),
     (lambda d: isinstance(d, Mapping) and "people" in d, _read_openpose),
+    (lambda d: bool(_openpose_pictures(d)), _read_openpose_picture),
     (lambda d: isinstance(_first(d).get("keypoints"), Mapping), _read_ultralytics),
     (_has_scores, _read_scored),
     (_is_coco, _read_coco),

@@ -204,6 +204,15 @@ def test_a_part_or_person_in_shares_beside_others_in_px_is_refused(tmp_path, cha
     assert len(read_keypoints(written(tmp_path, of_openpose()), *SLOPE).joint) == 17 * 2 + 20
 
 
+@pytest.mark.parametrize("within", [list, lambda pictures: {"info": "", "poses": pictures}])
+def test_openposes_object_is_read_from_a_list_of_one_picture(tmp_path, within):
+    document = of_openpose()
+    given = read_keypoints(written(tmp_path, within([document])), *SLOPE)
+    assert len(given.joint) == 17 * 2 + 20
+    with pytest.raises(InputError, match="2 images"):
+        read_keypoints(written(tmp_path, within([document] * 2)), *SLOPE)
+
+
 def written(folder, document):
     file = folder / "given.json"
     file.write_text(json.dumps(document))
