@@ -30,7 +30,7 @@ from physic_core.geometry.rotations import rotvec_to_rotmat_numpy
 from physic_core.prepare.bodies import turn_sigmas
 from physic_core.types import Bodies, BodyParameters, Intrinsics
 
-from .truth.builds import ROOT, asked, build_of, measured, question_of
+from .truth.builds import ROOT, asked, build_of, measured_of, question_of
 from .truth.joints import BODY_ROWS, limb_joints
 from .truth.measures import pose_errors
 from .truth.scores import MIN_VISIBLE, floor_record, joints_of, matched_people, projected
@@ -104,7 +104,7 @@ def _rows(
     path.parent.mkdir(parents=True, exist_ok=True)
     camera = Intrinsics(*question.camera, width, height)
     write_bodies(path, parameters, "embedded", camera, SIGMA_M, DISTANCE_SIGMA)
-    answer = measured(ask(replace(question, bodies=path)), sample)
+    answer = measured_of(ask(replace(question, bodies=path)), sample)
     up = sample.truth.get("up")
     if "camera" in sample.truth:
         up = camera_of(sample).R @ up

@@ -27,9 +27,10 @@ from physic_embedded.body_fit.limb_keypoints import LIMBS
 
 from .fits import parser_of, write_record
 from .truth.command import samples_of
-from .truth.fields import measured_fields
+from .truth.fields import measured
 from .truth.scores import compared
 from .truth.sets import Sample, picture_of
+from .truth.worker import record_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -85,7 +86,7 @@ def people_of(samples: Sequence[Sample]) -> list[dict[str, Any]]:
             size = (picture.shape[1], picture.shape[0])
             fx, fy, cx, cy = sample.K[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()
             result = pipeline(picture, intrinsics=Intrinsics(fx, fy, cx, cy, *size))
-            answer = {"error": "", **measured_fields(result, size, sample)}
+            answer = measured(record_of(result), size, sample)
             for person, evidence in zip(answer["people"], told, strict=True):
                 person["evidence"] = evidence
             answers.append(answer)

@@ -21,7 +21,7 @@ import numpy as np
 from benchmarks.same_photo import PHOTO, VARIANTS, Variant, answer_of, change, same_people
 from physic_testing.metrics import match_by_boxes
 
-from .builds import ROOT, Build, Question, asked, build_of, measured, question_of
+from .builds import ROOT, Build, Question, asked, build_of, measured_of, question_of
 from .contact import MIN_IOU, OF_RESULTS, TOUCHES, part_record
 from .layouts import STRIPS, TILES, says_several
 from .pairs import Figure, Pair, Row, Verdict, compare, page, paired, percentile
@@ -208,7 +208,7 @@ def truth_figures(
     """
     samples = [case.sample for case in cases]
     before, after = (
-        [measured(a, c.sample) for a, c in zip(one, cases, strict=True)] for one in (other, this)
+        [measured_of(a, c.sample) for a, c in zip(one, cases, strict=True)] for one in (other, this)
     )
     truth = compared(samples, before)["triangulated"]
     return figures_of(*(compared(samples, one, truth) for one in (before, after)))
@@ -236,7 +236,7 @@ def _labelled(
     """Return people found or not, and their judged parts."""
     sample = case.sample
     truth = sample.truth["people"]
-    people = measured(answer, sample)["people"]
+    people = measured_of(answer, sample)["people"]
     matched: Mapping[int, int] = {}
     if people:
         boxes = [person["box"] for person in people], [person["box"] for person in truth]

@@ -19,9 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .fields import measured_fields
+from .fields import measured, usable_of
 from .sets import picture_of
-from .worker import CAMERA, PERSON, RESULT, SCENE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -218,47 +217,20 @@ def _ask(worker: subprocess.Popen[str], question: Question, file: Path, place: P
 
 
 def recorded(file: Path) -> SimpleNamespace:
-    """Return an answer as an object with the fields of a ``Reconstruction`` that are compared; what
-    its build does not state is None.
+    """Return an answer: ``record``, what its build states, ``people`` with their masks, and
+    ``depth`` (H, W), None if it was not asked for.
     """
-    from physic_core import Intrinsics
-    from physic_core.types import MARKS, Skeleton, is_usable
-
     with np.load(file, allow_pickle=False) as arrays:
         record = json.loads(str(arrays["record"]))
-        packed = arrays.get("masks")
-        depth = arrays["depth"] if "depth" in arrays else np.full((1, 1), np.nan, np.float32)
-    if record["error"]:
-        return SimpleNamespace(error=record["error"], people=(), warnings=(), notes=())
-    camera = Intrinsics(**{name: record["camera"][name] for name in CAMERA})
-    floor = record["floor"]
+        packed, depth = arrays.get("masks"), arrays.get("depth")
     people = []
-    for i, person in enumerate(record["people"]):
-        mask = np.unpackbits(packed[i], axis=-1, count=camera.width).astype(bool)
-        fields = {name: _array(person.get(name)) for name in PERSON}
-        usable = tuple(name for name in MARKS if is_usable(person.get(f"trust_{name}")))
-        people.append(SimpleNamespace(**fields, mask=mask, has_body=False, usable=usable))
-    return SimpleNamespace(
-        error="",
-        **{name: record.get(name) for name in RESULT},
-        intrinsics=camera,
-        skeleton=Skeleton("of the answer", tuple(record["skeleton"])),
-        people=tuple(people),
-        scene=SimpleNamespace(
-            **{name: _array(record["scene"].get(name)) for name in SCENE},
-            floor=None if floor is None else SimpleNamespace(normal=floor[:3], offset=floor[3]),
-            points=np.repeat(depth[..., None], 3, axis=-1),
-            valid=np.isfinite(depth),
-        ),
-    )
+    for i, person in enumerate(record.get("people", ())):
+        mask = np.unpackbits(packed[i], axis=-1, count=record["camera"]["width"]).astype(bool)
+        joints = np.array(person["joints"], np.float64)
+        people.append(SimpleNamespace(mask=mask, joints=joints, usable=usable_of(person)))
+    return SimpleNamespace(record=record, people=people, depth=depth)
 
 
-def _array(value: Any) -> Any:
-    return np.array(value, np.float64) if isinstance(value, list) else value
-
-
-def measured(answer: SimpleNamespace, sample: Sample) -> dict[str, Any]:
+def measured_of(answer: SimpleNamespace, sample: Sample) -> dict[str, Any]:
     """Return what is measured of an answer, in px of its picture."""
-    if answer.error:
-        return {"error": answer.error, "people": [], "floor": None}
-    return {"error": "", **measured_fields(answer, answer.size, sample)}  # type: ignore[arg-type]
+    return measured(answer.record, answer.size, sample, answer.depth)

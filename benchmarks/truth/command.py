@@ -27,7 +27,7 @@ from typing import Any
 from benchmarks.fits import parser_of
 
 from . import against
-from .builds import ROOT, asked, build_of, measured, question_of
+from .builds import ROOT, asked, build_of, measured_of, question_of
 from .scores import compared
 from .sets import SETS, Sample
 from .table import rows_of, text_table
@@ -110,7 +110,7 @@ def _answers(samples: Sequence[Sample], given: argparse.Namespace) -> list[dict[
     def run(first: int) -> list[dict[str, Any]]:
         with asked(build, given.out) as ask:
             return [
-                measured(ask(question_of(sample, with_camera=not given.no_camera)), sample)
+                measured_of(ask(question_of(sample, with_camera=not given.no_camera)), sample)
                 for sample in samples[first :: given.jobs]
             ]
 

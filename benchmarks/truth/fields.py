@@ -1,12 +1,15 @@
-"""What is measured of a result."""
+"""What is measured of what a build states."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from physic_bench.scoring import LIMB_JOINTS
+from physic_core import Intrinsics
+from physic_core.types import MARKS, is_usable
 
 from .measures import depth_errors
 from .sets import Sample
@@ -14,66 +17,71 @@ from .sets import Sample
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import Person, Reconstruction, Skeleton
-
     Array = NDArray[np.float64]
 
 
-def measured_fields(
-    result: Reconstruction, size: tuple[int, int], sample: Sample
+def measured(
+    record: Mapping[str, Any], size: tuple[int, int], sample: Sample, depth: Array | None = None
 ) -> dict[str, Any]:
-    """What is measured of a result, in px of the photo of ``size`` (width, height)."""
-    camera = result.intrinsics.resized(*size)
-    factor = np.array([size[0] / result.intrinsics.width, size[1] / result.intrinsics.height])
-    floor = result.scene.floor
+    """Return what is measured of an answer to a sample, in px of a picture of ``size`` (width,
+    height).
+
+    Args:
+        record: of :func:`benchmarks.truth.worker.record_of`, or its error alone.
+        size: of the picture.
+        sample: that was asked about.
+        depth: (H, W) m, NaN where unknown, if the sample has a true one.
+    """
+    if record["error"]:
+        return {"error": record["error"], "people": [], "floor": None}
+    own = Intrinsics(**record["camera"])
+    camera = own.resized(*size)
+    factor = np.array([size[0] / own.width, size[1] / own.height])
+    names = [record["skeleton"].index(n) if n in record["skeleton"] else -1 for n in LIMB_JOINTS]
+    people = record["people"]
+    sigmas = record.get("distance_sigmas") or [None] * len(people)
     answer = {
+        "error": "",
         "people": [
-            {**_person(person, result.skeleton, factor), "distance_sigma": sigma}
-            for person, sigma in zip(result.people, result.distance_sigmas, strict=True)
+            {**_person(person, names, factor), "distance_sigma": sigma}
+            for person, sigma in zip(people, sigmas, strict=True)
         ],
         "camera": [camera.fx, camera.fy, camera.cx, camera.cy],
-        "floor": None
-        if floor is None
-        else [*(float(v) for v in floor.normal), float(floor.offset)],
-        "scale_sigma": result.scene.scale_sigma,
-        "up": None if result.scene.up is None else result.scene.up.tolist(),
-        "up_sigma": result.scene.up_sigma,
+        "floor": record["floor"],
+        **{name: record["scene"].get(name) for name in ("up", "up_sigma", "scale_sigma")},
     }
-    if "depth_file" in sample.truth:
-        answer |= _depth(result, sample)
+    if depth is not None and "depth_file" in sample.truth:
+        answer |= _depth(depth, sample)
     return answer
 
 
-def _person(person: Person, skeleton: Skeleton | str, factor: Array) -> dict[str, Any]:
-    """What is measured of a person, in px of the result times ``factor`` (2,)."""
-    from physic_core.types import skeleton_named
+def usable_of(person: Mapping[str, Any]) -> list[str]:
+    """Return the marks of a person that are usable."""
+    return [name for name in MARKS if is_usable(person.get(f"trust_{name}"))]
 
-    names = skeleton_named(skeleton).names
-    keypoints = np.full((len(LIMB_JOINTS), 3), np.nan)
-    for row, name in enumerate(LIMB_JOINTS):
-        if name in names:
-            k = names.index(name)
-            pixel = (person.keypoints[k] + 0.5) * factor - 0.5
-            keypoints[row] = (*pixel, person.keypoint_confidence[k])
+
+def _person(person: Mapping[str, Any], rows: list[int], factor: Array) -> dict[str, Any]:
+    """Return what is measured of a person whose limb joints are these keypoints, -1 for none, in px
+    of the result times ``factor`` (2,).
+    """
+    pixels = (np.array(person["keypoints"], np.float64) + 0.5) * factor - 0.5
+    keypoints = np.column_stack([pixels, person["keypoint_confidence"]])
+    unknown = np.full(3, np.nan)
     return {
-        "box": (np.asarray(person.box, np.float64) * np.tile(factor, 2)).tolist(),
-        "joints": np.round(person.joints.astype(np.float64), 5).tolist(),
-        "keypoints": np.round(keypoints, 4).tolist(),
-        "joint_sigma": None if person.joint_sigma is None else person.joint_sigma.tolist(),
-        "parts": dict(person.world_contact or {}),
-        "usable": list(person.usable),
-        "stature_sigma": person.stature_sigma,
+        "box": (np.array(person["box"], np.float64) * np.tile(factor, 2)).tolist(),
+        "joints": person["joints"],
+        "keypoints": [keypoints[row] if row >= 0 else unknown for row in rows],
+        "parts": person.get("world_contact") or {},
+        "usable": usable_of(person),
+        **{name: person.get(name) for name in ("joint_sigma", "stature_sigma")},
     }
 
 
-def _depth(result: Reconstruction, sample: Sample) -> dict[str, float]:
+def _depth(depth: Array, sample: Sample) -> dict[str, float]:
     import cv2
 
-    truth = (
-        cv2.imread(str(sample.truth["depth_file"]), cv2.IMREAD_UNCHANGED).astype(np.float64) / 1000
-    )
-    depth = np.where(result.scene.valid, result.scene.points[..., 2], np.nan).astype(np.float32)
+    file = str(sample.truth["depth_file"])
+    truth = cv2.imread(file, cv2.IMREAD_UNCHANGED).astype(np.float64) / 1000
     size = (truth.shape[1], truth.shape[0])
-    return depth_errors(
-        cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST).astype(np.float64), truth
-    )
+    found = cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST).astype(np.float64)
+    return depth_errors(found, truth)

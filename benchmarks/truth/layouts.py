@@ -108,5 +108,6 @@ TILES = tuple(
 
 def says_several(answer: Any) -> bool:
     """Return whether an answer tells its user that the file shows several pictures."""
-    texts = (answer.error, *(answer.warnings or ()), *(answer.notes or ()))
+    record = answer.record
+    texts = (record["error"], *(record.get("warnings") or ()), *(record.get("notes") or ()))
     return any(WORDS in text for text in texts)

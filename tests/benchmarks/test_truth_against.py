@@ -192,7 +192,7 @@ def test_two_builds_differ_by_what_differs_in_them(tmp_path):
 
     (tmp_path / "old" / ".venv" / "bin" / "python").write_text("#!/bin/sh\nexit 3\n")
     again = against.both_answers((old, new), one.questions, tmp_path / "out")
-    assert [vars(answer)["error"] for answer in again[0]] == [""] * 4
+    assert [answer.record["error"] for answer in again[0]] == [""] * 4
 
 
 def test_a_build_that_ends_is_no_answer(tmp_path):
