@@ -137,7 +137,8 @@ def _with_errors(truth: list[Array], seed: int) -> tuple[BodyParameters, Array]:
     model = load_body("embedded").double
     joints = np.full((len(truth), 55, 3), np.nan)
     joints[:, BODY_ROWS] = truth
-    zero = pose_from_none(len(truth))
+    rotations, betas, transl = model.zero_pose(len(truth))
+    zero = parameters_from_rotations(rotations, betas, None, transl)
     fitted = convert_bodies(Bodies(zero, "joints", joints=joints), load_body()).bodies
     rotations, betas, transl, _ = pose_from_parameters(fitted.parameters, dtype=torch.float64)
     start = model(rotations, betas, transl).joints.numpy()
@@ -154,15 +155,3 @@ def _with_errors(truth: list[Array], seed: int) -> tuple[BodyParameters, Array]:
     rotations = torch.from_numpy(turned)
     after = model(rotations, betas, transl).joints.numpy()
     return parameters_from_rotations(rotations, betas, None, transl), after
-
-
-def pose_from_none(count: int) -> BodyParameters:
-    """Return N bodies of zeros, whose joints tell all."""
-    widths = {"body_pose": 63, "left_hand_pose": 45, "right_hand_pose": 45, "betas": 0}
-    names = BodyParameters.__dataclass_fields__
-    return BodyParameters(
-        **{
-            name: np.zeros((count, 0 if name == "expression" else widths.get(name, 3)), np.float32)
-            for name in names
-        }
-    )
