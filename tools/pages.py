@@ -256,9 +256,18 @@ def backends_table() -> str:
     return table(
         ("interface", "backend", "what it is", "license of the weights"),
         (
-            (offer.interface, f"`{offer.name}`", summary(load_class(offer)), license_of(offer))
+            (offer.interface, f"`{offer.name}`", purpose_of(offer), license_of(offer))
             for offer in offers
         ),
+    )
+
+
+def purpose_of(offer: Offer) -> str:
+    """Return the summary of a backend without the words of its interface."""
+    text = summary(load_class(offer)).rstrip(".")
+    words = offer.interface.replace("_", " ")
+    return re.sub(
+        rf"^{words}\w*( estimator)?(:| that| of the photo from| by| of) ?", "", text, flags=re.I
     )
 
 
