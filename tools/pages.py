@@ -286,12 +286,24 @@ def interfaces_table() -> str:
     )
 
 
-def packages_table(folder: Path) -> str:
-    rows = []
-    for file in sorted(folder.glob("*/__init__.py")):
-        doc = ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""
-        rows.append((f"`{file.parent.name}`", as_markdown(doc.partition("\n\n")[0]).rstrip(".")))
-    return table(("package", "content"), rows)
+def packages_table() -> str:
+    files = sorted((ROOT / "physic_core").glob("*/__init__.py"))
+    return table(("package", "content"), ((f"`{f.parent.name}`", content_of(f)) for f in files))
+
+
+def distributions_table() -> str:
+    rows = (
+        (f"[{folder.name}]({folder.name}/README.md)", f"`{file.parent.name}`", content_of(file))
+        for folder in sorted((ROOT / "plugins").glob("*/"))
+        for file in sorted(folder.glob("physic_*/__init__.py"))
+    )
+    return table(("folder", "package", "content"), rows)
+
+
+def content_of(package: Path) -> str:
+    """Return the first paragraph of the docstring of a package's file."""
+    doc = ast.get_docstring(ast.parse(package.read_text(encoding="utf-8"))) or ""
+    return as_markdown(doc.partition("\n\n")[0]).rstrip(".")
 
 
 def arrays_table() -> str:
@@ -364,7 +376,8 @@ def parts() -> dict[str, Callable[[], str]]:
         "interfaces": interfaces_table,
         "arrays": arrays_table,
         "columns": columns_table,
-        "packages-of-the-core": lambda: packages_table(ROOT / "physic_core"),
+        "packages-of-the-core": packages_table,
+        "distributions": distributions_table,
         "layers-of-the-core": lambda: layers("physic_core"),
         "layers-of-the-engine": lambda: layers("physic_core.engine"),
     }
