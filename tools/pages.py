@@ -337,9 +337,8 @@ def meaning_of(kind: type, name: str) -> str:
 
 
 def columns_table() -> str:
-    return table(
-        ("column", "meaning"), ((f"`{c.name}`", c.meaning) for c in PERSON_COLUMNS.values())
-    )
+    columns = (c for c in PERSON_COLUMNS.values() if not c.name.startswith("right_"))
+    return table(("column", "meaning"), ((f"`{c.name}`", c.meaning) for c in columns))
 
 
 def layers(container: str) -> str:

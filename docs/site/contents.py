@@ -37,7 +37,6 @@ SECTIONS = {
         "docs/checks",
         "docs/evaluation",
         "benchmarks/README",
-        "benchmarks/fits",
     ],
     "Extend": [
         "docs/plugins",

@@ -37,7 +37,7 @@ _ANKLE_BELOW = 0.7
 _LEAST_SHARE = 1e-4  # of a posture
 _TURNED_TO_CAMERA = 0.5  # cosine of the angle by which shoulders and hips differ from the view's
 # Evidence that outweighs such keypoints of the embedded detector: 12 of 361 people who had them are
-# seen from behind. Chosen on one collection, reported on another (benchmarks/fits.md); the angle
+# seen from behind. Chosen on one collection, reported on another (benchmarks/README.md); the angle
 # above rests on the same 12 people of all collections.
 _BACK = 3.4
 
