@@ -39,12 +39,12 @@ def check_device(device: str) -> None:
     count = torch.cuda.device_count() if torch.cuda.is_available() else 0
     if not count:
         raise DeviceError(
-            f"device '{device}' is not there: torch {torch.__version__} finds no CUDA GPU; "
+            f"device '{device}' is not available: torch {torch.__version__} finds no CUDA GPU; "
             "use 'cpu', or install a torch build that fits your GPU"
         )
     if int(found.group(1) or 0) >= count:
         last = f"'cuda:0' to 'cuda:{count - 1}' are" if count > 1 else "'cuda:0' is"
-        raise DeviceError(f"device '{device}' is not there: only {last}")
+        raise DeviceError(f"device '{device}' is not available: only {last}")
 
 
 def has_gpu() -> bool:

@@ -191,7 +191,7 @@ class PhotoSettings(StrictModel):
     )
     bodies_final: bool = Field(
         default=False,
-        description="whether bodies are all people, whose poses and shapes do not change",
+        description="whether the given bodies are all the people, with unchanged poses and shapes",
     )
     masks: _FilePath = Field(
         default=None,
@@ -377,7 +377,7 @@ class RunSettings(StrictModel):
     @classmethod
     def _is_device(cls, value: str) -> str:
         if not DEVICE_PATTERN.fullmatch(value):
-            raise ValueError(f"{value!r} is no device: name cpu, cuda or cuda:N")
+            raise ValueError(f"{value!r} is not a device: name cpu, cuda or cuda:N")
         return value
 
 

@@ -117,9 +117,9 @@ def up_checked_by_people(up: Up | None, bodies: Tensor) -> tuple[Up | None, tupl
     if right > 0.5:
         return asked, ()
     return asked, (
-        f"by the {up.source} of the photo the people who stand lean sideways by {middle:.0f} "
-        f"degrees, and up follows the people: if they do lean, leans and the turn of exports are "
-        f"wrong",
+        f"against the {up.source} of the photo, the people who stand lean sideways by "
+        f"{middle:.0f} degrees. Up follows the people: if they do lean, leans and the turn of "
+        f"exports are wrong",
     )
 
 

@@ -57,7 +57,7 @@ def path_problem(text: str) -> str:
             f"name its path"
         )
     if text == "-":
-        return "'-' is no path, and no stream is read: name a file"
+        return "'-' is not a path: name a file, since streams are not read"
     if re.search(r"[*?]", text) and not os.path.lexists(text):
         return f"no file is named {quoted(text)}: without quotes, the shell puts names in its place"
     if "\0" in text:

@@ -174,7 +174,7 @@ def _check_up(result: Pointmap) -> Iterator[str]:
 
     if result.up is None:
         if result.up_sigma is not None:
-            yield f"up_sigma is of up, which is None: give both or neither, got {result.up_sigma!r}"
+            yield f"up_sigma is given without up: give both or neither, got {result.up_sigma!r}"
         return
     if not abs(float(np.linalg.norm(result.up)) - 1) < _UNIT:
         yield f"up must be a vector (3,) of length 1, got {result.up.tolist()}"

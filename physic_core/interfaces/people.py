@@ -260,7 +260,7 @@ def keypoint_violations(keypoints: Keypoints, people: int) -> Iterator[str]:
         *check_fields(keypoints, N=people),
     ]
     if keypoints.depth_sigma is not None and keypoints.world is None:
-        wrong.append("depth_sigma is given without world, whose depth it is of")
+        wrong.append("depth_sigma needs world: it is the error of its depths")
     yield from wrong
     if wrong:
         return

@@ -140,7 +140,9 @@ def _crop(tags: Mapping[int, Any], stored: tuple[int, int], thumbnail: float | N
     but not the tags.
     """
     if thumbnail is not None and thumbnail < _WHOLE:
-        return f"its thumbnail shows more, so it was cropped to {thumbnail:.0%} of a side"
+        return (
+            f"its thumbnail shows more, so it was cropped to {thumbnail:.0%} of its width or height"
+        )
     for words, pair in (*_SIZES.items(), ("of the camera's photo", _OF_CAMERA)):
         size = _size(tags, pair)
         if all(size) and any(

@@ -38,11 +38,11 @@ __all__ = [
 ]
 
 _OF_PERSON = (
-    *("placed", "detected", "heads", "limb_keypoints", "body_in_mask", "support", "contact_sure"),
-    *("lean", "limb_sigma", "limb_spread", "hidden_limbs", "unknown_contacts", "low_depth"),
-    *("given_size", "given_keypoints", "contradicted_keypoints"),
+    *("given_size", "given_keypoints", "contradicted_keypoints", "stature", "child_size"),
+    *("heads", "detected", "placed", "limb_keypoints", "body_in_mask", "support", "low_depth"),
+    *("lean", "limb_sigma", "limb_spread", "contact_sure", "unknown_contacts", "hidden_limbs"),
 )
-"""Checks of a person in the order of the results."""
+"""Checks of a person, first those after which a user can state or correct something."""
 
 for _name in _OF_PERSON:
     CHECKS[_name] = CHECKS.pop(_name)

@@ -78,7 +78,7 @@ def limb_sigma(estimates: Estimates, result: Reconstruction, person: int) -> Mea
     if not known:
         return None
     limbs = [part_words(limb) for limb in who.unsure]
-    return max(known), f"{in_words(limbs)} unsure: compare with the photo" if limbs else ""
+    return max(known), f"{in_words(limbs)} uncertain: compare with the photo" if limbs else ""
 
 
 # Of wrists and ankles with measured truth .1 in the median and .3 in nine of ten.
@@ -107,8 +107,7 @@ def limb_spread(estimates: Estimates, result: Reconstruction, person: int) -> Me
         return None
     worst = max(known, key=known.__getitem__)
     return known[worst], (
-        f"{part_words(worst)} unsure: the detector sees it otherwise at a second look; compare it "
-        "with the photo"
+        f"{part_words(worst)} uncertain: a second detection differs; compare it with the photo"
     )
 
 
@@ -122,7 +121,7 @@ def limb_spread(estimates: Estimates, result: Reconstruction, person: int) -> Me
     unmeasured=NO_BODY,
 )
 def hidden_limbs(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the number of hidden parts of arms and legs (``unseen``), of people who do not lie."""
+    """Return the number of hidden parts of arms and legs (``unseen``); not of people who lie."""
     who = result.people[person]
     if not who.has_body:
         return None
@@ -181,8 +180,8 @@ def contradicted_keypoints(estimates: Estimates, result: Reconstruction, person:
     worst = int(off.argmax())
     name = keypoint_in_words(estimates.photo.keypoints.joint_set.names[worst])
     return float(off[worst] / np.hypot(box[2] - box[0], box[3] - box[1])), (
-        f"the given {name} lies {off[worst] * estimates.file_px_per_px:.0f} px from where mask and "
-        "detector have it: check the keypoints that you gave"
+        f"the given {name} lies {off[worst] * estimates.file_px_per_px:.0f} px from the mask, or "
+        "from the detected joint: check the keypoints that you gave"
     )
 
 

@@ -85,8 +85,8 @@ def placed(estimates: Estimates, result: Reconstruction, person: int) -> Measure
 @_check(
     "Detection score",
     at_least=0.5,
-    advice="the detector is unsure. Check the outline in preview.png. If it is no person in the "
-    "room, leave it out by --ignore x,y, a pixel on it",
+    advice="the detection is uncertain. Check the outline in preview.png. If it is not a person in "
+    "the room, leave it out by --ignore x,y, a pixel on it",
 )
 def detected(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the score of the segmenter."""

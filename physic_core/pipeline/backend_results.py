@@ -251,8 +251,8 @@ def doubt_of_contact(contact: ContactProbability, bodies: Bodies) -> str:
     most = float((likely >= _IN_CONTACT).mean(1).max(initial=0))
     if most > _MOST_CONTACT:
         return (
-            f"by its probabilities {most:.0%} of a body are in contact: is 1 contact, or are they "
-            f"inverted?"
+            f"its probabilities say that {most:.0%} of a body are in contact: is 1 contact, or are "
+            f"they inverted?"
         )
     feet_seen = bodies.observed is None or bodies.observed[:, joint_pair("ankle")].any()
     if likely.size and feet_seen and not likely.any():

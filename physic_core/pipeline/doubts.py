@@ -142,7 +142,7 @@ def _doubts_of_fill(image: UInt8Array, mask: BoolArray, filled: UInt8Array) -> I
     step, usual = (float(np.median(np.abs(one - beside).max(1))) for one in (inside, beyond))
     if step > max(_LEAST_STEP, _STEP_AT_EDGE * usual):
         exchanged = float(np.median(np.abs(inside[:, ::-1] - beside).max(1)))
-        why = "are red and blue exchanged?" if exchanged < 0.5 * step else "is its range right?"
+        why = "are red and blue swapped?" if exchanged < 0.5 * step else "is its range right?"
         yield (
             f"at the edge of the hole, its colors differ by {step:.0f} gray levels from the "
             f"photo, which changes by {usual:.0f} there: {why}"

@@ -124,9 +124,7 @@ def find_people(run: PhotoRun) -> FoundPeople:
         found = _without(run, found, ignored)
     real = is_real_person(found.people, prompt)
     every = found.people
-    same = (
-        "its joints lie on another person, who seems the same; if not, give --person x,y for each"
-    )
+    same = "its joints lie on another person, probably the same; if not, give --person x,y for each"
     found = _select(run, found, real, same)
     if run.plan.photo.require_people and not len(found.people):
         raise NoPersonError("a person is required, and all people of the photo were left out")
@@ -203,7 +201,7 @@ def _check_masks(given: BoolArray, seen: BoolArray) -> None:
     from physic_core.geometry.readings import turned_masks
 
     if turned := turned_masks(given, seen):
-        raise InputError(f"the given masks are those of a picture that is {turned}")
+        raise InputError(f"the given masks are of a picture that is {turned}")
 
 
 def _share_of_keypoints_inside(people: People) -> float:
@@ -314,7 +312,7 @@ def observe_people(
         seen = run.call_optional(
             "observations",
             PersonObserverRequest(run.image, people, keypoints, camera),
-            otherwise="only their joints tell what people do",
+            otherwise="what people do is estimated from their joints alone",
         )
     if seen is None:
         return Observations.unknown(len(people)), joints

@@ -154,7 +154,7 @@ def _compared(
 
     found = compare_depth(depth, seen, camera)
     if found.ratio <= SURELY:
-        raise InputError(f"the given {name} does not show this photo as it is: {found}")
+        raise InputError(f"the given {name} does not fit this photo pixel by pixel: {found}")
     return found
 
 

@@ -74,6 +74,6 @@ def _apart(meeting: Meeting) -> str:
     """Return the note on two parts that the engine did not bring together."""
     own, other = part_words(meeting.part), part_words(meeting.other_part)
     return (
-        f"The {own} of person {meeting.person} seems to touch the {other} of person "
-        f"{meeting.other}, but they stay apart: to meet, a body would have to leave its keypoints."
+        f"The {own} of person {meeting.person} probably touches the {other} of person "
+        f"{meeting.other}, but they stay apart: contact would move a body off its keypoints."
     )

@@ -285,13 +285,13 @@ def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
     reasons = Counter(one.reason.partition(":")[0] for one in result.unposed)
     if reasons:
         counts = ", ".join(f"{reason} {count}" for reason, count in reasons.most_common())
-        notes.append(f"detected, and not among the people with a body: {counts}")
+        notes.append(f"detected, but without a body: {counts}")
     plane = estimates.ground.search.plane
     lie = plane is not None and plane.beneath
     if lie:
         notes.append(
-            "people seem to lie, and the camera to look down on them: the floor is what they lie "
-            "on, and heights are those over it"
+            "people probably lie, and the camera looks down on them: the floor is what they lie "
+            "on, and heights are over it"
         )
     if estimates.ground.is_scaled_by_people and not estimates.known:
         bodies = sum(person.support is not None for person in people)
@@ -307,8 +307,8 @@ def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
     turned = photo_seems_turned(joints, result.scene.floor)
     if turned and not _shows_level_floor(estimates.ground.search):
         notes.append(
-            "the people do not stand upright in the picture: is it turned? Then poses, floor and "
-            "sizes are wrong: turn it back, and run that"
+            "the people do not stand upright in the picture: is it rotated? Then poses, floor "
+            "and sizes are wrong: rotate it back, and run that"
         )
     return notes
 

@@ -426,7 +426,7 @@ def _reconstruct(
         stages.warn(*others, *warning_messages(checks))
         stages.warn(*warn_of_small_people(estimates, found), *warn_of_bent_trunks(found))
         stages.note(*describe_methods(estimates, found))
-    with stages.beyond_the_answer("the look for mistakes of backends"):
+    with stages.beyond_the_answer("the search for mistakes of backends"):
         _warn_of_contradictions(plan, estimates, judged, stages)
     found = replace(
         judged,

@@ -169,7 +169,7 @@ class StageCaller:
             seconds = time.perf_counter() - start
             failed = False
             agrees = False
-            with self.beyond_the_answer(f"{resolved.title}: the look for mistakes"):
+            with self.beyond_the_answer(f"{resolved.title}: the search for mistakes"):
                 agrees = self._warn_of_doubts(resolved, request, result, called=not cached)
             if key is not None and not cached and agrees:
                 assert self.cache is not None
@@ -211,7 +211,7 @@ class StageCaller:
             with wrap_plugin_errors(resolved.title, resolved, self.warn), network_results_in(None):
                 again = call(resolved.backend, copy.deepcopy(request))
             if differs := describe_difference(result, again):
-                doubts.append(f"asked twice, it gives two answers ({differs}): is dropout left on?")
+                doubts.append(f"two calls give different answers ({differs}): is dropout on?")
         self.warn(*(f"{resolved.title}: {doubt}" for doubt in doubts))
         return not differs
 

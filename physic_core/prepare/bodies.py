@@ -301,7 +301,7 @@ def _contradictions(
     swapped = far & (by_sides < _MUCH_BETTER * off)
     warnings = []
     for which, what in (
-        (swapped, "left and right of the given bodies seem exchanged by the keypoints of"),
+        (swapped, "left and right of the given bodies seem swapped by the keypoints of"),
         (far & ~swapped, "the given bodies are far from the keypoints of"),
     ):
         people = np.flatnonzero(is_of)[which].tolist()

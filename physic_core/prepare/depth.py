@@ -33,8 +33,8 @@ def scene_of_depth(
     scene = with_measured_shape(scene, depth, scene.intrinsics or camera)
     share = (np.isfinite(depth.depth) & scene.valid).sum() / max(1, (scene.valid & ~hole).sum())
     return scene, (
-        f"the given depth is the shape of {share:.0%} of the scene, and the point map that of "
-        f"the rest"
+        f"{share:.0%} of the scene have the shape of the given depth, the rest that of the point "
+        f"map"
     )
 
 

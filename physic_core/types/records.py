@@ -169,14 +169,14 @@ class CheckResult:
 
     @property
     def value_text(self) -> str:
-        """The value with its unit: "3.3 % of the box diagonal", "0.04 m", "yes"; or "not
+        """The value with its unit: "3.3 % of the box diagonal", "4 cm", "yes"; or "not
         measured".
         """
         if self.value is None:
             return "not measured"
         if self.unit == _YES:
             return "yes" if self.value >= 1 else "no"
-        factor, symbol, digits = _UNITS.get(self.unit, (1, f" {self.unit}", 2))
+        factor, symbol, digits = self._scale
         value = factor * self.value
         bound = factor * self.threshold
         digits += factor == 100 and abs(value) < 10
@@ -192,11 +192,18 @@ class CheckResult:
         """The threshold with its unit: "limit 3.5 %", "at least 90 %", "must be yes"."""
         if self.unit == _YES:
             return "must be yes"
-        factor, symbol, _ = _UNITS.get(self.unit, (1, f" {self.unit}", 2))
+        factor, symbol, _ = self._scale
         return (
             f"{'limit' if self.direction == 'at most' else 'at least'} "
             f"{factor * self.threshold:.4g}{symbol}"
         )
+
+    @property
+    def _scale(self) -> tuple[int, str, int]:
+        """Factor, symbol and digits of value and threshold: centimeters below a meter."""
+        if self.unit == "m" and self.threshold < 1:
+            return 100, " cm", 0
+        return _UNITS.get(self.unit, (1, f" {self.unit}", 2))
 
     @property
     def ok(self) -> bool:

@@ -145,7 +145,7 @@ _PERSON = (
     ),
     Column(
         "stature_sigma_m",
-        "its standard deviation, which includes children among people of unknown age",
+        "its standard deviation; people of unknown age may be children",
         lambda row: _rounded(spread_m(row.person.stature, row.person.stature_sigma)),
     ),
     Column(

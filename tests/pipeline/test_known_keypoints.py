@@ -84,7 +84,7 @@ def test_a_wrist_that_no_arm_reaches_is_contradicted_by_the_photo(tmp_path, worl
     found = run(world, written(tmp_path, "person,joint,x,y\n0,left_wrist,2,110\n"))
     off_body, off_photo = (text for text in found.warnings if "given" in text)
     assert off_body.startswith("person 0: the given left wrist lies ")
-    assert "px from where mask and detector" in off_photo
+    assert "px from the mask" in off_photo
     assert {"given_keypoints", "contradicted_keypoints"} <= set(found.people[0].failed_checks)
     assert "pose" not in found.people[0].usable
 

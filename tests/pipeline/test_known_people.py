@@ -55,7 +55,7 @@ def test_people_who_seem_to_be_children_get_the_size_of_one_unless_their_size_is
     tall, small = stature(after)
     assert tall == pytest.approx(stature(before)[0])
     assert 1.0 < small < 1.4
-    assert "person 1 seems to be a child" in notes[0]
+    assert "person 1 is probably a child" in notes[0]
     grown, notes = resized(before, said, years=[NAN, 30.0])
     assert stature(grown) == pytest.approx(stature(before))
     assert not notes

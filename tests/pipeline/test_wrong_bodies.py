@@ -148,7 +148,7 @@ def test_wrong_file_is_named(tmp_path, world, name):
 DOUBTFUL = {
     "faces away": (
         own(lambda p: {"global_orient": turned(p, np.diag([-1, 1, -1]))}),
-        "left and right of the given bodies seem exchanged by the keypoints of person 0",
+        "left and right of the given bodies seem swapped by the keypoints of person 0",
     ),
     "another pose": (
         own(lambda p: {"body_pose": np.full((1, 63), 0.7)}),

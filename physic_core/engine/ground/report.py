@@ -40,10 +40,10 @@ def size_notes(
         else vote.residuals(torsos)
     )
     return tuple(
-        f"by all else in the photo, person {i} is {math.exp(-ratio[i]):.2g} times as tall as "
-        f"stated: this stature and distance may be wrong by that factor. "
+        f"all other evidence makes person {i} {math.exp(-ratio[i]):.2g} times as tall as stated: "
+        f"this stature and distance may be wrong by that factor. "
         + (
-            f"Of a child give {size_option('--age YEARS', len(ratio))}, of a small person "
+            f"For a child, give {size_option('--age YEARS', len(ratio))}, for a small person "
             f"--stature METERS in the same order; leave out a figure or picture by --ignore x,y"
             if ratio[i] > 0
             else f"If you know the height, give {size_option('--stature METERS', len(ratio))}"

@@ -346,7 +346,7 @@ def rescaled_depth(
     other witnesses.
     """
     factor = math.exp(-float(vote.residuals(witness)[0]))
-    own = f"the metric depth counts like the sizes of people, and was multiplied by {factor:.3g}"
+    own = f"the metric depth counts as much as the sizes of people; it was scaled by {factor:.3g}"
     if is_measured(depth):
         own = (
             f"the measured depth gives the scale, {1 / factor:.3g} times that of the people, "

@@ -385,7 +385,7 @@ def resize_children(
     for i in np.flatnonzero(seems & has_body).tolist():
         statures[i] = np.exp(mean)
         notes.append(
-            f"person {i} seems to be a child, and has a child's usual height, {statures[i]:.2f} m "
+            f"person {i} is probably a child, and gets a child's usual height, {statures[i]:.2f} m "
             f"± {100 * sigma:.0f} %. If you know the age, give "
             f"{size_option('--age YEARS', len(betas))}"
         )

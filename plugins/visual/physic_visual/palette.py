@@ -37,7 +37,7 @@ CONTACT_PALETTE: dict[str, _Rgb] = {
 }
 """Label of a kind of contact -> sRGB colour, in the order of a legend."""
 
-FAINT = "faint: less likely than not"
+FAINT = "faint: probability below 0.5"
 """What a legend says of contact with a probability below one half."""
 
 FLOOR_RGB: _Rgb = CONTACT_PALETTE["floor"]

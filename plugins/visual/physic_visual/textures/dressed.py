@@ -52,7 +52,7 @@ SCALP_WEIGHT = 0.1
 face, against what the photo shows.
 """
 
-GUESSED = "darker: guessed, not seen in the photo"
+GUESSED = "darker: guessed, not visible in the photo"
 """What a legend says of the clothes that no photo shows."""
 
 _LIGHT = 0.9  # brightness of guessed skin towards the light

@@ -13,7 +13,7 @@ function element(tag, properties = {}, ...children) {
 }
 
 // A length and, where the deviation of its logarithm is known, its own.
-const metres = (value, sigma = null) => value === null ? "unknown"
+const meters = (value, sigma = null) => value === null ? "unknown"
   : `${value.toFixed(2).replace(/^-(0\.00)$/, "$1")}${sigma === null ? "" : ` ± ${(sigma * Math.abs(value)).toFixed(2)}`} m`;
 const percent = value => `${(100 * value).toFixed(value < 0.1 ? 1 : 0)} %`;
 const words = name => name.replaceAll("_", " ");

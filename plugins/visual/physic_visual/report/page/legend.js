@@ -1,4 +1,4 @@
-// The legend of the 3D view: what the colours of the bodies mean now.
+// The legend of the 3D view: what the colors of the bodies mean now.
 
 function showLegend(list, data, skin, isShown) {
   const dotted = ({ label, color }) => {

@@ -73,7 +73,7 @@ function connect(stage, panel, select) {
     if (box.dataset.show === "floor" && !stage.data.floor) {
       box.checked = false;
       box.disabled = true;
-      box.parentElement.title = "No floor was found in this photo.";
+      box.parentElement.title = "No floor was detected in this photo.";
     }
     show(); // the browser may have kept an earlier choice
   }

@@ -89,8 +89,8 @@ class Pointer {
       this.line.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), second.clone().sub(first).normalize());
       this.line.visible = true;
       const sigma = this.stage.data.distance_sigma;
-      this.length.textContent = metres(apart, sigma);
-      this.hint.textContent = `${metres(apart, sigma)} apart, of which ${metres(Math.abs(first.y - second.y), sigma)} upwards. `
+      this.length.textContent = meters(apart, sigma);
+      this.hint.textContent = `${meters(apart, sigma)} apart, of which ${meters(Math.abs(first.y - second.y), sigma)} upwards. `
         + "Click again for other points.";
     }
     this.stage.draw();

@@ -1,4 +1,4 @@
-// The text beside the view: people, remarks, checks, licences.
+// The text beside the view: people, remarks, checks, licenses.
 
 const STATE_CLASS = { failed: "bad", unknown: "doubtful", ok: "good" };
 
@@ -11,7 +11,7 @@ function showPeople(section, data, selected, onSelect) {
     button.addEventListener("click", () => onSelect(index === selected ? null : index));
     return button;
   });
-  const title = data.people.length === 0 ? "No person was found" : "People";
+  const title = data.people.length === 0 ? "No people detected" : "People";
   const advice = selected === null && chips.length
     ? element("p", { className: "soft", textContent: "Choose a person here, or click on one." }) : null;
   const missing = data.unposed.length
@@ -28,25 +28,25 @@ function personCard(data, index) {
   const why = element("p", { className: "why", textContent: person.why });
   card.append(heading, why, ...checkList(data.checks.filter(check => check.person === index)));
   if (!person.posed) {
-    card.append(element("p", { textContent: "There is no body: a backend gave no finite values for this person." }));
+    card.append(element("p", { textContent: "This person has no body: a backend returned no finite values." }));
   } else {
     const seen = [
-      ["Seems to", person.posture_probability >= .5 && `${person.posture}, ${person.posture_probability.toFixed(2)}`],
-      ["Is a child", person.child_probability?.toFixed(2)],
-      ["Unsure", person.unsure],
+      ["Posture", person.posture_probability >= .5 && `${person.posture}, ${person.posture_probability.toFixed(2)}`],
+      ["Probability of a child", person.child_probability?.toFixed(2)],
+      ["Uncertain", person.unsure],
       ["Given body", person.body_source],
     ].filter(([, value]) => value);
     card.append(facts([
       ...seen,
-      ["Stature", metres(person.stature, person.stature_sigma)],
-      ["To the camera (pelvis)", metres(person.camera, person.distance_sigma)],
-      ["Pelvis over the floor", data.floor ? metres(person.pelvis_height, data.scale_sigma) : "no floor"],
-      ["Lowest point over the floor", data.floor ? metres(person.lowest) : "no floor"],
+      ["Stature", meters(person.stature, person.stature_sigma)],
+      ["To the camera (pelvis)", meters(person.camera, person.distance_sigma)],
+      ["Pelvis over the floor", data.floor ? meters(person.pelvis_height, data.scale_sigma) : "no floor"],
+      ["Lowest point over the floor", data.floor ? meters(person.lowest) : "no floor"],
     ]));
     if (person.others.length) {
       card.append(element("h3", { textContent: "Distances to other people" }), table(
         ["", "of pelvises", "of surfaces"],
-        person.others.map(other => [`person ${other.person}`, metres(other.pelvis, data.distance_sigma), metres(other.gap, data.distance_sigma)]),
+        person.others.map(other => [`person ${other.person}`, meters(other.pelvis, data.distance_sigma), meters(other.gap, data.distance_sigma)]),
         ["of pelvises", "of surfaces"]));
     }
     if (person.support) card.append(element("h3", { textContent: "Support" }), element("p", { textContent: person.support }));
@@ -55,7 +55,7 @@ function personCard(data, index) {
   return card;
 }
 
-// What each body part touches, and how surely.
+// What each body part touches, and its probability.
 function partnerRows(person) {
   if (!person.contacts.length) return [];
   const rows = person.contacts.map(({ part, partner, color, probability, far }) => {
@@ -70,8 +70,8 @@ function partnerRows(person) {
     : [];
   return [
     list(contact => contact.likely && !contact.assumed),
-    ...apart("Assumed: nothing shows these parts", contact => contact.likely && contact.assumed),
-    ...apart("Possible contact, less likely than not", contact => !contact.likely),
+    ...apart("Assumed: the photo does not show these parts", contact => contact.likely && contact.assumed),
+    ...apart("Possible contact, probability below 0.5", contact => !contact.likely),
   ];
 }
 
@@ -79,7 +79,7 @@ function contactRows(person) {
   if (!person.contact_vertices) return [element("p", { className: "soft", textContent: "No contact." })];
   const total = `${person.contact_vertices} of ${person.vertices} vertices touch`;
   if (!person.contact) {
-    return [element("p", { textContent: `${total}. Body parts are unknown: the body model is not at hand.` })];
+    return [element("p", { textContent: `${total}. Body parts are unknown: the body model is not available.` })];
   }
   const rows = person.contact.map(({ part, cm2, share, colors }) => {
     const fills = colors.map(one => {
@@ -120,7 +120,7 @@ function checkList(checks) {
 // Label, value and bound; the name in the code is the tooltip.
 function checkRow(check) {
   const value = element("span", { className: STATE_CLASS[check.state], textContent: check.value });
-  const bound = check.state === "unknown" ? null : element("span", { className: "soft", textContent: ` (${check.bound})` });
+  const bound = check.state === "unknown" ? null : element("span", { className: "soft", textContent: `, ${check.bound}` });
   const why = check.message ? element("p", { textContent: check.message }) : null;
   return element("div", { className: "check", title: check.name }, `${check.label}: `, value, bound, why);
 }
@@ -130,7 +130,7 @@ function showRemarks(section, data) {
   section.replaceChildren(...[
     data.warnings.length ? element("h2", { className: "bad", textContent: "Warnings" }) : null,
     data.warnings.length ? list(data.warnings) : null,
-    data.notes.length ? element("h3", { textContent: "How the numbers were found" }) : null,
+    data.notes.length ? element("h3", { textContent: "Notes" }) : null,
     data.notes.length ? list(data.notes) : null].filter(Boolean));
 }
 
@@ -144,6 +144,6 @@ function showChecks(section, data) {
 
 function showLicenses(section, { licenses }) {
   if (!licenses.length) return;
-  section.replaceChildren(element("details", {}, element("summary", { textContent: "Licences of the weights" }),
+  section.replaceChildren(element("details", {}, element("summary", { textContent: "Licenses of the weights" }),
     element("ul", {}, ...licenses.map(text => element("li", { textContent: text })))));
 }

@@ -1,4 +1,4 @@
-// The 3D view: scene, people, floor and camera, in the upright frame (y up), metres.
+// The 3D view: scene, people, floor and camera, in the upright frame (y up), meters.
 
 const BODIES = 1; // layer of what is drawn over the photo
 const FIELD_OF_VIEW = 40;
@@ -104,7 +104,7 @@ class Stage {
     this.draw();
   }
 
-  // Dress the bodies: "photo", "neutral", "contact", or "outline", the colour of the person's number.
+  // Dress the bodies: "photo", "neutral", "contact", or "outline", the color of the person's number.
   wear(skin) {
     this.skin = skin;
     this.bodies.forEach(body => body?.userData.wear(skin));
@@ -252,7 +252,7 @@ class Stage {
     const thick = Math.max(width, height) / 400;
     this.wear("outline");
     this.renderer.render(this.scene, this.photoCamera);
-    // A white rim, so that the outline shows on clothes of its own colour.
+    // A white rim, so that the outline shows on clothes of its own color.
     for (const [picture, reach] of [[filled(this.canvas, "#fff"), 1.7 * thick], [this.canvas, thick]]) {
       for (let i = 0; i < 16; i++) {
         const angle = i * Math.PI / 8;
@@ -300,8 +300,8 @@ function makeTexture(image) {
   return texture;
 }
 
-// Surface with the photo without people as its texture, the points with the same colours, the backdrop, and the mean
-// colours of the uppermost and lowest tenth of the photo.
+// Surface with the photo without people as its texture, the points with the same colors, the backdrop, and the mean
+// colors of the uppermost and lowest tenth of the photo.
 function makeScene(data, background) {
   const { points, cells, faces } = decodeScene(data.scene), { columns, stride } = data.scene;
   const uv = new Float32Array(2 * cells.length), colors = new Float32Array(3 * cells.length);
@@ -333,8 +333,8 @@ function makeScene(data, background) {
   const tenth = 4 * sheet.width * Math.ceil(sheet.height / 10), mean = (start, end) => {
     const sums = [0, 0, 0];
     for (let i = start; i < end; i++) if (i % 4 < 3) sums[i % 4] += pixels[i];
-    const [grey, ...color] = [sums.reduce((a, b) => a + b) / 3, ...sums].map(sum => 4 * sum / (end - start));
-    return color.map(value => Math.round((value + grey) / 2)); // half as colourful
+    const [gray, ...color] = [sums.reduce((a, b) => a + b) / 3, ...sums].map(sum => 4 * sum / (end - start));
+    return color.map(value => Math.round((value + gray) / 2)); // half as colorful
   };
   const found = {
     mesh: sheetOf(place, uv, faces, THREE.DoubleSide),
@@ -464,7 +464,7 @@ function makeFrustum(data, photo) {
   return group;
 }
 
-// A camera with the photo's intrinsics; integer pixel coordinates are pixel centres.
+// A camera with the photo's intrinsics; integer pixel coordinates are pixel centers.
 function makePhotoCamera(data, root) {
   const { fx, fy, cx, cy } = data.camera, { width, height } = data, near = 0.05, far = 500;
   const camera = new THREE.PerspectiveCamera();
@@ -482,7 +482,7 @@ function makePhotoCamera(data, root) {
   return camera;
 }
 
-// A picture of what a canvas shows, in one colour.
+// A picture of what a canvas shows, in one color.
 function filled(canvas, color) {
   const made = document.createElement("canvas"), { width, height } = canvas;
   Object.assign(made, { width, height });
@@ -494,7 +494,7 @@ function filled(canvas, color) {
   return made;
 }
 
-// Squares of one metre on the floor, around people and camera; empty without a floor.
+// Squares of one meter on the floor, around people and camera; empty without a floor.
 function makeFloor(data, box, root) {
   const group = new THREE.Group();
   if (!data.floor) return group;
