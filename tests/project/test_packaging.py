@@ -8,7 +8,6 @@ from itertools import chain
 from pathlib import Path
 
 import pytest
-from hatchling.builders.sdist import SdistBuilder
 from hatchling.builders.wheel import WheelBuilder
 
 from physic_core.configuration.layers import preset_names
@@ -81,13 +80,6 @@ def test_a_distribution_sets_lower_bounds_only_and_each_is_pinned_for_the_machin
 
 
 ALL = PROJECTS | projects("contrib")
-
-
-@pytest.mark.parametrize("name", ALL)
-def test_a_source_distribution_contains_the_licence(name):
-    assert "LICENSE" in {
-        f.distribution_path for f in SdistBuilder(str(ALL[name])).recurse_included_files()
-    }
 
 
 MODULES = {
