@@ -58,7 +58,6 @@ LISTS = {
         "A run refuses a weight file": "test_a_damaged_file_is_refused_and_not_missing",
         "The embedded networks and the "
         "embedded body": "test_a_network_with_one_other_bit test_a_changed_asset",
-        "A file from a zip archive": "test_names_inside_a_zip_cannot_leave_the_folder",
         "A weight set with a "
         "restricted license": "test_restricted_weights_are_fetched_only_with_accept_license",
     },
@@ -71,14 +70,11 @@ LISTS = {
         "test_a_sheet_neither_embeds_nor_links_what_lies_outside",
         "No file is read or written": "test_a_result_whose_file_is_a_link_that_leads_out "
         "test_a_batch_writes_nothing_through_a_link_that_leads_out",
-        "A page embeds": "test_a_sheet_embeds_only_what_decodes_as_a_jpeg",
         "Arrays of a result are refused": "test_arrays_that_were_changed_after_the_run_are_refused",
         "Only you can read": "test_folders_and_files_are_for_their_user_alone_whatever_the_umask",
-        "A result without a row": "test_a_result_without_its_row_is_done_again",
         "A file of yours is never replaced": "test_a_foreign_or_edited_file_is_named_and_stays",
         "`physic export --overwrite` replaces": "test_the_photo_and_links_are_never_replaced",
         "Tables, pages and logs": "test_a_file_of_the_user_ends_the_batch_before_its_first_photo",
-        "No link is": "test_a_file_is_appended_to_and_a_link_is_not",
         "The photo is never replaced": "test_the_photo_is_never_replaced",
     },
 }
