@@ -1,4 +1,4 @@
-"""Reconstruct people, scene and contact from one photo, in one camera frame (OpenCV axes, metres).
+"""Reconstruct people, scene and contact from one photo, in one camera frame (OpenCV axes, meters).
 
 All names but the errors are imported at their first use, so that commands that only list or print
 start fast.

@@ -65,7 +65,7 @@ class DeviceError(PhysicError):
 
 
 class DownloadError(PhysicError):
-    """Raised if weights cannot be downloaded, or their licence is not accepted."""
+    """Raised if weights cannot be downloaded, or their license is not accepted."""
 
 
 class BodyModelError(PhysicError):

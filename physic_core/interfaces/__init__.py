@@ -2,8 +2,8 @@
 
 Images are (H, W, 3) uint8 RGB numpy arrays: already rotated as the EXIF data of the file says, and
 undistorted if the lens is known. The pipeline maps results back to the pixels of the file; a
-backend does neither. The frame is the OpenCV camera's (x right, y down, z forward), in metres;
-integer pixel coordinates are pixel centres: the first pixel is (0, 0), and the centre of an image 4
+backend does neither. The frame is the OpenCV camera's (x right, y down, z forward), in meters;
+integer pixel coordinates are pixel centers: the first pixel is (0, 0), and the center of an image 4
 px wide is x = 1.5. The core checks the image before it calls a backend. A backend never edits its
 input, reports other bad input with a :class:`physic_core.errors.PhysicError`, and returns the same
 result for the same input and options.

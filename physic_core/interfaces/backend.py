@@ -158,7 +158,7 @@ class UserFile:
     Attributes:
         option: option with its path; "" if no option is needed.
         name: of the file.
-        advice: one line: where to register, which licence to accept, what to download.
+        advice: one line: where to register, which license to accept, what to download.
         account: web address that asks for an account; "" if none does.
         bytes: size, None if unknown.
         is_here: whether it is on this machine.
@@ -252,7 +252,7 @@ class Backend(ABC, metaclass=_OptionsAsKeywords):
         cacheable: whether the output may be cached. Set it to False if the output depends on
             anything but the input, options, files that options name and ``fingerprint()``, or if
             computing it is faster than reading it.
-        weights_license: licence of weights that lie inside the plugin's own package, such as "MIT
+        weights_license: license of weights that lie inside the plugin's own package, such as "MIT
             (MI-GAN)". That of other weights stands in their manifest
             (:mod:`physic_core.weights.manifest`).
     """

@@ -72,7 +72,7 @@ class BodyEstimator(Backend):
         keypoints: Keypoints,
         hints: Hints,
     ) -> Bodies:
-        """Estimate one body for each of N people, in metres, camera frame.
+        """Estimate one body for each of N people, in meters, camera frame.
 
         Bodies may be of any body model. Those of another than the configured one are converted to
         it from their ``joints``, and more accurately from their ``mesh``: give at least one of both

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 _TOLERANCE = 1e-3  # of the largest value: multi-threaded sums of a network are not bit-identical
 _DIFFERENT_SHARE = 1e-3  # of the pixels of a mask or an image that may differ
-_GREY_TOLERANCE = 2  # grey levels
+_GREY_TOLERANCE = 2  # gray levels
 
 
 def named_values(thing: Any, path: str = "") -> Iterator[tuple[str, Any]]:

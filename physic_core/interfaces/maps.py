@@ -1,4 +1,4 @@
-"""Interfaces MetricDepth, RelativePointmap and Inpainter: depth in metres, points up to a scale,
+"""Interfaces MetricDepth, RelativePointmap and Inpainter: depth in meters, points up to a scale,
 and the background.
 """
 
@@ -72,7 +72,7 @@ class MetricDepth(Backend):
 
     @abstractmethod
     def infer(self, image: UInt8Array, hints: Hints) -> DepthMap:
-        """Estimate the depth of each pixel along z, in metres; NaN where unknown.
+        """Estimate the depth of each pixel along z, in meters; NaN where unknown.
 
         A network for a fixed focal length f sees a photo of another one, fx, at a wrong distance:
         multiply by fx / f.

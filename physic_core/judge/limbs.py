@@ -197,7 +197,7 @@ def limb_keypoint_error(
     share of the box's diagonal.
 
     Args:
-        joints: (55, 3) of the body, in the frame of the camera, metres.
+        joints: (55, 3) of the body, in the frame of the camera, meters.
         points: (J, 2) keypoints of the person, px.
         confidence: (J,) of the keypoints.
         box: (4,) of the person, px, x0 y0 x1 y1.

@@ -157,7 +157,7 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
     """Return the largest of the gap between body and nearest surface, the depth of a lying body
     below the floor, and the distance of a standing person's lower sole from the floor.
 
-    Metres. The gap does not count for people in the air, and where the support is assumed or
+    Meters. The gap does not count for people in the air, and where the support is assumed or
     touched without a surface of the scene. A sole below the floor counts for everybody.
     """
     who = result.people[person]

@@ -98,7 +98,7 @@ def floor(estimates: Estimates, result: Reconstruction) -> Measured:
     )
 
 
-# 0 where people stand on one colour; of 147 photos 0.51 and more.
+# 0 where people stand on one color; of 147 photos 0.51 and more.
 @_check(
     "Visible floor texture",
     at_least=0.05,
@@ -111,7 +111,7 @@ def floor(estimates: Estimates, result: Reconstruction) -> Measured:
 def floor_shown(estimates: Estimates, result: Reconstruction) -> Measured:
     """Return the share of the floor's visible pixels with texture, or in the segmenter's mask.
 
-    A pixel has texture if its neighbourhood varies by more than one of 255 levels. The mask counts
+    A pixel has texture if its neighborhood varies by more than one of 255 levels. The mask counts
     if it has more of them, and the floor is the segmenter's.
     """
     plane = estimates.ground.search.plane

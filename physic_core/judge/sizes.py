@@ -24,7 +24,7 @@ _AGREES = 0.02  # difference of logarithms of a given and a resulting size
 
 
 def check_placed_people(estimates: Estimates, before: State, placed: State) -> list[str]:
-    """Compare people with a scene of known scale, before anything is optimised.
+    """Compare people with a scene of known scale, before anything is optimized.
 
     Args:
         estimates: of the photo.
@@ -156,7 +156,7 @@ def contradictions(known: KnownSizes, state: State) -> tuple[list[str], dict[str
     """Compare given sizes with those of the result.
 
     Returns:
-        Warnings, and diagnostics: for each size its name, "given" and "result" in metres.
+        Warnings, and diagnostics: for each size its name, "given" and "result" in meters.
 
     Raises:
         ConfigError: a size differs from the given one by more than three standard errors.

@@ -1,7 +1,7 @@
 """Data types of backends, pipeline and engine: frozen dataclasses of NumPy arrays.
 
-One frame everywhere: the OpenCV camera's (x right, y down, z forward), in metres. One pixel
-convention: integer coordinates are pixel centres, so the centre of an image is ``((width - 1) / 2,
+One frame everywhere: the OpenCV camera's (x right, y down, z forward), in meters. One pixel
+convention: integer coordinates are pixel centers, so the center of an image is ``((width - 1) / 2,
 (height - 1) / 2)``. N is people, J keypoints, V vertices, K shape components, H and W image rows
 and columns.
 """

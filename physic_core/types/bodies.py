@@ -153,7 +153,7 @@ class Bodies(ShortRepr):
             state it.
         distance_sigma: (N,) standard deviation of the logarithm of the distance of bodies that the
             user gives, inf if nothing is known of it; NaN for estimated bodies. Given ones are not
-            moved to fit keypoints and depth before all is optimised. None without any.
+            moved to fit keypoints and depth before all is optimized. None without any.
     """
 
     parameters: BodyParameters = field(metadata=PER_PERSON)

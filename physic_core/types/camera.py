@@ -31,7 +31,7 @@ class Intrinsics:
     Attributes:
         fx: focal length along x, px.
         fy: focal length along y, px.
-        cx: principal point along x, px (integer coordinates are pixel centres).
+        cx: principal point along x, px (integer coordinates are pixel centers).
         cy: principal point along y, px.
         width: image width, px.
         height: image height, px.
@@ -73,7 +73,7 @@ class Intrinsics:
         source: str = "given",
         trust: CameraTrust = CameraTrust.ESTIMATED,
     ) -> Intrinsics:
-        """Create a camera with square pixels and the principal point in the image centre."""
+        """Create a camera with square pixels and the principal point in the image center."""
         return cls(
             focal_px, focal_px, (width - 1) / 2, (height - 1) / 2, width, height, source, trust
         )

@@ -101,11 +101,11 @@ class BodyContact:
             none.
         vertices: number of vertices in contact.
         dent_m: how deep the part presses into a surface that gives way, such as a bed: the 0.9
-            quantile over the vertices in contact, metres. None where nothing gives way.
+            quantile over the vertices in contact, meters. None where nothing gives way.
         assumed: whether nothing shows the part. What it touches is then a guess, and the
             probability is mostly that of such parts.
         distance_m: of a part that surely touches something of which the scene has no surface within
-            a hand's breadth from the nearest surface, metres; the radius of the search, 0.15, if
+            a hand's breadth from the nearest surface, meters; the radius of the search, 0.15, if
             none is within it. Of skin, that of the other part beyond this. None otherwise.
     """
 
@@ -184,15 +184,15 @@ class SupportState(StrEnum):
     """Kind of support of a person."""
 
     BALANCED = "balanced"
-    """The centre of mass is over contacts with floor, scene or other people."""
+    """The center of mass is over contacts with floor, scene or other people."""
 
     UNSTEADY = "unsteady"
-    """The centre of mass is over contacts of feet alone, whose heels rest on too little ground to
+    """The center of mass is over contacts of feet alone, whose heels rest on too little ground to
     stay up: the person moves, or may fall in a simulation.
     """
 
     HANGING = "hanging"
-    """The hands hold something above the centre of mass."""
+    """The hands hold something above the center of mass."""
 
     ASSUMED = "assumed"
     """The same with a support that the photo does not show: contacts of limbs without a visible
@@ -215,9 +215,9 @@ class Support:
     Attributes:
         state: a :class:`SupportState` or its value.
         contacts: the contacts that carry, hidden ones included, most probable first.
-        outside_m: horizontal distance of the centre of mass from the convex hull of these contacts,
-            metres; negative inside. None without such contacts.
-        centre_of_mass: x, y, z in the camera frame, metres, of a body of uniform density.
+        outside_m: horizontal distance of the center of mass from the convex hull of these contacts,
+            meters; negative inside. None without such contacts.
+        centre_of_mass: x, y, z in the camera frame, meters, of a body of uniform density.
     """
 
     state: SupportState

@@ -26,7 +26,7 @@ class Plane(ShortRepr):
 
     Attributes:
         normal: (3,) unit vector that points up, out of the floor, to the camera's side.
-        offset: height of the camera above the plane, in the units of the points (metres once
+        offset: height of the camera above the plane, in the units of the points (meters once
             scaled).
     """
 
@@ -75,7 +75,7 @@ class DepthMap(ShortRepr):
     """Metric depth map of an image.
 
     Attributes:
-        depth: (H, W) float32 metres along z (not along the ray), NaN where unknown.
+        depth: (H, W) float32 meters along z (not along the ray), NaN where unknown.
         intrinsics: the camera that the backend estimated or knows, or None. It is used unchanged if
             its ``trust`` is "known" and that of the point map is not. Two estimated cameras are
             averaged, and depths are rescaled with the focal length.
@@ -91,10 +91,10 @@ class DepthMap(ShortRepr):
 
 @dataclass(frozen=True)
 class SceneScale(ShortRepr):
-    """Conversion of a relative depth Z' to metres: 1 / Z = (1 / Z' + shift) / scale.
+    """Conversion of a relative depth Z' to meters: 1 / Z = (1 / Z' + shift) / scale.
 
     Attributes:
-        scale: metres per unit of the relative scene.
+        scale: meters per unit of the relative scene.
         shift: of the inverse depth, 1 / unit; 0 unless the scene's shift is unknown.
         sigma: standard deviation of log(scale) at the depth of the people; None for a guess.
         notes: plain sentences for the user ("all sizes depend mainly on ...").
@@ -121,7 +121,7 @@ class Hints(ShortRepr):
         floor: floor plane in the units of ``scene``.
         scale: of ``scene``, by everything of known size that the photo shows; for a metric depth
             that reads it.
-        bodies: in metres, not yet placed in the scene, of the configured body model. ``joints`` are
+        bodies: in meters, not yet placed in the scene, of the configured body model. ``joints`` are
             given if that model is a file of the user's, which no backend can load.
         photo: (H, W, 3) uint8 RGB, the original photo, if the given image is inpainted.
         observations: what the people do.

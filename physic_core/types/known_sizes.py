@@ -38,12 +38,12 @@ class KnownLength:
 
 @dataclass(frozen=True)
 class KnownSizes:
-    """Sizes that the user knows, in metres; they override the estimates.
+    """Sizes that the user knows, in meters; they override the estimates.
 
     Attributes:
         stature: standing heights: one for all people, or one per person, 0 where unknown; empty if
             none is known. The order is that of the chosen people (points, boxes, masks), and
-            without a choice from left to right in the photo (by the centre of the box).
+            without a choice from left to right in the photo (by the center of the box).
         camera_height: of the camera over the floor; None if unknown.
         lengths: distances between pixels.
         age: years, as ``stature``: one for all people, or one per person, 0 where unknown. A child
@@ -98,7 +98,7 @@ class KnownPeople(ShortRepr):
 
     Attributes:
         years: (N,) ages, NaN where unknown; None if none is known.
-        stature: (N,) metres, NaN where unknown; None if none is known.
+        stature: (N,) meters, NaN where unknown; None if none is known.
     """
 
     years: FloatArray | None = field(default=None, metadata=PER_PERSON)

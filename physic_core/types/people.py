@@ -71,13 +71,13 @@ class Keypoints(ShortRepr):
         skeleton: meaning of the J points: the name of a standard skeleton ("coco17", "coco23" with
             feet, "blazepose33", "halpe26", "coco_wholebody133": see
             :data:`physic_core.types.SKELETONS`), or a :class:`Skeleton` of the detector's own.
-        world: (N, J, 3) metres, or None. Axes of a camera that looks straight at the person (x
+        world: (N, J, 3) meters, or None. Axes of a camera that looks straight at the person (x
             right, y down, z away), origin between the hips: what single-person pose networks call
             world landmarks. NaN for a keypoint that the user corrected.
         sigma: (N, J) px, standard deviation of each of a point's two coordinates, or None if the
             detector states none.
-        depth_sigma: (N, J) metres, standard deviation of the depth (z) of ``world``, or None if the
-            detector states none. If it does, x and y of ``world`` are the points in metres, without
+        depth_sigma: (N, J) meters, standard deviation of the depth (z) of ``world``, or None if the
+            detector states none. If it does, x and y of ``world`` are the points in meters, without
             further information.
         world_spread: (N, J) m by which a point of ``world`` moves between looks of the detector
             at the same person, such as at the mirror image; NaN where unknown, None if it looks

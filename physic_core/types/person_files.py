@@ -32,7 +32,7 @@ class FileOfPhoto:
 
 @dataclass(frozen=True)
 class BodiesInFile(ShortRepr):
-    """N bodies as a file states them: metres, in the frame of its camera (x right, y down, z
+    """N bodies as a file states them: meters, in the frame of its camera (x right, y down, z
     forward).
 
     Bodies have ``rotations``, ``vertices`` or ``joints``; with several, the first one counts.

@@ -453,7 +453,7 @@ class Reconstruction(ShortRepr):
         return f'<img src="data:image/png;base64,{picture}" alt="{self!r}" style="max-width: 100%">'
 
     def scene_points(self) -> Any:
-        """Return the valid points of the scene as a coloured ``trimesh.PointCloud``, meters, camera
+        """Return the valid points of the scene as a colored ``trimesh.PointCloud``, meters, camera
         frame.
         """
         import trimesh

@@ -67,7 +67,7 @@ def _rounded(value: float | None, digits: int = _METRES_DIGITS) -> float | None:
 
 
 def spread_m(metres: float | None, log_sigma: float | None) -> float | None:
-    """Return the standard deviation of a length, metres, from that of its logarithm; None if one is
+    """Return the standard deviation of a length, meters, from that of its logarithm; None if one is
     not known.
     """
     return None if metres is None or log_sigma is None else metres * log_sigma
