@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from physic_core.files import boolean, count, matrix, parse_json, parse_toml, read_text
+from physic_core.files import boolean, count, matrix, number, parse_json, parse_toml, read_text
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -212,8 +212,7 @@ def _lens(name: str, model: str, size: Sequence[Any], values: Mapping[str, Any])
     far = [f"{key} = {values[key]}" for key in values if _FAR.fullmatch(key) and values[key]]
     if far or model not in _COLMAP:
         raise _unsupported(name, " with ".join((model, *far)))
-    cx = values["cx"] - 0.5
-    cy = values["cy"] - 0.5
+    cx, cy = (number(values[key], f"{key} of {name}") - 0.5 for key in ("cx", "cy"))
     return {
         "size": size,
         "K": [[values["fx"], 0, cx], [0, values["fy"], cy], [0, 0, 1]],

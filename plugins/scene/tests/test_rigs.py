@@ -160,6 +160,7 @@ def changed(folder, file, old, new):
         ("caliscope.toml", "[cameras.0]", "unit = 1\n[cameras.0]", "has unit"),
         ("nerfstudio/transforms.json", '"k1"', '"s1": 0.1, "k1"', "s1 = 0.1"),
         ("nerfstudio/transforms.json", '"k1"', '"K1"', "has K1"),
+        ("nerfstudio/transforms.json", '"cx": 967.75', '"cx": true', "cx of images/left"),
         ("nerfstudio/transforms.json", '"k1"', '"distortion": [0.1], "k1"', "distortion"),
         ("easymocap/intri.yml", "1410.000000, ", "", "intri.yml"),
         ("easymocap/intri.yml", "K_middle", "K_left", "has K_left twice"),
