@@ -47,9 +47,9 @@ class ConvertedBodies:
         """Return a note for the user: both body models and the mean residuals."""
         parts = []
         for name, apart in (("surface", self.surface_m), ("joints", self.joints_m)):
-            known = apart[np.isfinite(apart)] if apart is not None else np.zeros(0)
-            if len(known):
-                parts.append(f"{name} within {1000 * float(known.mean()):.0f} mm")
+            distances = apart[np.isfinite(apart)] if apart is not None else np.zeros(0)
+            if len(distances):
+                parts.append(f"{name} within {1000 * float(distances.mean()):.0f} mm")
         residuals = f", {' and '.join(parts)} on average" if parts else ""
         return f"bodies converted from '{before}' to '{self.bodies.body_model}'{residuals}"
 
@@ -72,8 +72,8 @@ class BodyConverter(ABC):
 
 def can_convert(bodies: Bodies, model: BodyModel) -> bool:
     """Return whether bodies have the joints or the mesh that a conversion to ``model`` needs."""
-    known = bodies.joints is not None or mesh_to_fit(bodies, model) is not None
-    return known or bodies.body_model in (model.name, "embedded")
+    has_shape = bodies.joints is not None or mesh_to_fit(bodies, model) is not None
+    return has_shape or bodies.body_model in (model.name, "embedded")
 
 
 def convert_bodies(bodies: Bodies, model: BodyModel) -> ConvertedBodies:

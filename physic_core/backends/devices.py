@@ -29,8 +29,8 @@ def check_device(device: str) -> None:
     Raises:
         DeviceError: unknown kind of device, no GPU, or no GPU of that number.
     """
-    found = DEVICE_PATTERN.fullmatch(device)
-    if not found:
+    match = DEVICE_PATTERN.fullmatch(device)
+    if not match:
         raise DeviceError(f"no device named '{device}': use 'cpu', 'cuda' or 'cuda:N'")
     if device == "cpu":
         return
@@ -42,7 +42,7 @@ def check_device(device: str) -> None:
             f"device '{device}' is not available: torch {torch.__version__} finds no CUDA GPU; "
             "use 'cpu', or install a torch build that fits your GPU"
         )
-    if int(found.group(1) or 0) >= count:
+    if int(match.group(1) or 0) >= count:
         last = f"'cuda:0' to 'cuda:{count - 1}' are" if count > 1 else "'cuda:0' is"
         raise DeviceError(f"device '{device}' is not available: only {last}")
 

@@ -56,16 +56,16 @@ def read_pickle(path: Path) -> dict[str, Any]:
             f"takes {path.stat().st_size / 2**30:.1f} GiB, where no body model takes more than 1"
         )
     try:
-        found = _Unpickler(io.BytesIO(path.read_bytes()), encoding="latin1").load()
+        content = _Unpickler(io.BytesIO(path.read_bytes()), encoding="latin1").load()
     except (UnsafePickleError, InvalidArrayError, RecursionError):
         raise
     except Exception as error:  # a pickle that is cut off or changed can fail in any way
         raise pickle.UnpicklingError(
             escape_unprintable(str(error)) or type(error).__name__
         ) from error
-    if not isinstance(found, dict):
-        raise InvalidArrayError(f"holds a {type(found).__name__}, not the arrays of a body")
-    return {name: value for name, value in found.items() if isinstance(name, str)}
+    if not isinstance(content, dict):
+        raise InvalidArrayError(f"holds a {type(content).__name__}, not the arrays of a body")
+    return {name: value for name, value in content.items() if isinstance(name, str)}
 
 
 def read_plain(data: bytes) -> Any:

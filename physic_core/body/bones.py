@@ -103,10 +103,10 @@ def parameters_from_rotations(
         name: piece.flatten(1).float().numpy()
         for (name, _), piece in zip(ROTATION_FIELDS, pieces, strict=True)
     }
-    given = transl.new_zeros(rows, 0) if expression is None else expression
+    values = transl.new_zeros(rows, 0) if expression is None else expression
     return BodyParameters(
         **poses,
-        **arrays(betas=betas.detach(), expression=given.detach(), transl=transl.detach()),
+        **arrays(betas=betas.detach(), expression=values.detach(), transl=transl.detach()),
     )
 
 
@@ -116,8 +116,8 @@ _Real = TypeVar("_Real", bound=np.floating[Any])
 def matmul(a: NDArray[_Real], b: NDArray[_Real]) -> NDArray[_Real]:
     """Return ``a @ b`` for arrays of the same float type."""
     left, right = (torch.from_numpy(np.require(array, requirements="W")) for array in (a, b))
-    found: NDArray[_Real] = torch.matmul(left, right).numpy()
-    return found
+    product: NDArray[_Real] = torch.matmul(left, right).numpy()
+    return product
 
 
 def cholesky_solve(normal: NDArray[np.float64], rhs: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -262,7 +262,7 @@ def _from_npz(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]:
 def _from_pickle(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]:
     """Read the arrays of a pickle without running code."""
     try:
-        found = read_pickle(path)
+        content = read_pickle(path)
     except UnsafePickleError as error:
         raise BodyModelError(
             f"{path} is a pickle that asks for '{error}', which no {layout.name} file holds and "
@@ -276,9 +276,9 @@ def _from_pickle(path: Path, layout: ModelFileLayout) -> dict[str, NDArray[Any]]
         ) from error
     arrays = {}
     for name in layout.shapes:
-        if isinstance(found.get(name), PickledObject):
+        if isinstance(content.get(name), PickledObject):
             try:
-                arrays[name] = as_array(found[name])
+                arrays[name] = as_array(content[name])
             except InvalidArrayError as error:
                 raise BodyModelError(f"{path}: {name} {error}: {layout.advice}") from error
     _check(path, layout, arrays)
@@ -361,10 +361,10 @@ def load_smpl(path: str | Path, layout: ModelFileLayout = SMPL, num_betas: int =
     Raises:
         BodyModelError: the file does not exist, or is not a SMPL model.
     """
-    found = read_model_file(Path(path), layout)
-    faces = found["f"].astype(np.int64)
+    arrays = read_model_file(Path(path), layout)
+    faces = arrays["f"].astype(np.int64)
     template, shapedirs, posedirs, regressor, weights = (
-        found[name].astype(np.float64)
+        arrays[name].astype(np.float64)
         for name in ("v_template", "shapedirs", "posedirs", "J_regressor", "weights")
     )
     shapes = shapedirs[:, :, :num_betas]
@@ -482,10 +482,10 @@ _DIGEST = "embedded.sha256"
 def _read(folder: Path) -> BodyArrays:
     data = folder.joinpath(_ASSET).read_bytes()
     wanted = folder.joinpath(_DIGEST).read_text(encoding="ascii").split()[0]
-    found = hashlib.sha256(data).hexdigest()
-    if found != wanted:
+    sha256 = hashlib.sha256(data).hexdigest()
+    if sha256 != wanted:
         raise BodyModelError(
-            f"the embedded body {_ASSET} has SHA-256 {found}, but {wanted} was released:"
+            f"the embedded body {_ASSET} has SHA-256 {sha256}, but {wanted} was released:"
             " the file is damaged, install metricbody again"
         )
     with np.load(io.BytesIO(data), allow_pickle=False) as file:

@@ -105,8 +105,8 @@ def _angles(turns: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the angles (n, 3) about z, x and y of rotations (n, 3, 3) = Rz Rx Ry, degrees; NaN of
     rotations that are not finite.
     """
-    known = np.isfinite(turns).all((1, 2))
+    is_finite = np.isfinite(turns).all((1, 2))
     angles = np.full((len(turns), 3), np.nan)
-    if known.any():
-        angles[known] = np.degrees(rotmat_to_euler("ZXY", turns[known]))
+    if is_finite.any():
+        angles[is_finite] = np.degrees(rotmat_to_euler("ZXY", turns[is_finite]))
     return angles

@@ -215,8 +215,8 @@ class BodyModel:
         except ValueError as error:
             raise BodyModelError(str(error)) from error
         own = self.regressors.get(skeleton)
-        found = skeleton_regressor(skeleton, self.surface_points) if own is None else own
-        return to_device(found, self.device, self.dtype)
+        chosen = skeleton_regressor(skeleton, self.surface_points) if own is None else own
+        return to_device(chosen, self.device, self.dtype)
 
     def landmarks(self, output: BodyOutput, skeleton: Skeleton | str) -> Tensor:
         """Return the keypoints (B, J, 3) of a skeleton on posed bodies, metres.

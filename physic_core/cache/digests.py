@@ -99,17 +99,17 @@ class Digester:
     def _array(self, array: AnyArray) -> bytes:
         import numpy as np
 
-        known = self._arrays.get(id(array))
-        if known is not None:
-            return known[1]
+        remembered = self._arrays.get(id(array))
+        if remembered is not None:
+            return remembered[1]
         if array.dtype.hasobject:
             raise TypeError("an array of Python objects has no digest.")
-        found = hashlib.blake2b(
+        digest = hashlib.blake2b(
             np.ascontiguousarray(array).reshape(-1).view(np.uint8).data, digest_size=_BYTES
         )
         # The array is stored too, so that no other array gets its id.
-        self._arrays[id(array)] = (array, found.digest())
-        return found.digest()
+        self._arrays[id(array)] = (array, digest.digest())
+        return digest.digest()
 
 
 class CodeDigester:
@@ -232,9 +232,9 @@ def _read_code(files: list[Path]) -> _Code | None:
 
 def _imported(source: bytes) -> set[str]:
     """Return the top-level names that a module imports."""
-    found = _IMPORTED.findall(source)
-    names = {one.split()[0] for _, some in found for one in some.split(b",") if one.split()}
-    names |= {name for name, _ in found if name}
+    statements = _IMPORTED.findall(source)
+    names = {one.split()[0] for _, some in statements for one in some.split(b",") if one.split()}
+    names |= {name for name, _ in statements if name}
     return {name.partition(b".")[0].decode(errors="replace") for name in names}
 
 
@@ -288,13 +288,13 @@ def remembered_sha256(path: Path) -> str:
         status = os.fstat(file.fileno())
         stamp = f"{status.st_dev} {file_stamp(status)}"
         name = hashlib.sha256(f"{path.resolve()} {stamp}".encode()).hexdigest()[:32]
-        found = _known.get(name) or _read(name)
-        if found is None:
-            found = hashlib.file_digest(file, "sha256").hexdigest()
+        digest = _known.get(name) or _read(name)
+        if digest is None:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
             if status.st_ctime_ns < time.time_ns() - _CLOCK_NS:
-                _known[name] = found
-                _write(name, found)
-    return found
+                _known[name] = digest
+                _write(name, digest)
+    return digest
 
 
 def files_named_by(settings: Any) -> Iterator[tuple[str, str]]:

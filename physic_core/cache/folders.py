@@ -196,8 +196,8 @@ def claimed_cache(name: str) -> LruFolder | None:
     """Return a cache of the user after :func:`claim_folder`; None if it is disabled or must not be
     used.
     """
-    found = users_cache(name)
-    return None if found is None or claim_folder(found.path) is None else found
+    cache = users_cache(name)
+    return None if cache is None or claim_folder(cache.path) is None else cache
 
 
 def is_own(path: Path) -> bool:

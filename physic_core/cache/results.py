@@ -296,8 +296,8 @@ def cached_network_result(
     if cache is None:
         return compute()
     key = cache.network_key(name, made_of, inputs)
-    found: Any = cache.read(key)
-    if found is None:
-        found = compute()
-        cache.write(key, found)
-    return tuple(found)
+    result: Any = cache.read(key)
+    if result is None:
+        result = compute()
+        cache.write(key, result)
+    return tuple(result)

@@ -169,10 +169,10 @@ def _load(command: Found[PluginItem]) -> click.Command:
     from physic_core.discovery.plugins import import_item
     from physic_core.errors import PluginError
 
-    found = import_item(command, "command")
-    if not isinstance(found, click.Command):
+    loaded = import_item(command, "command")
+    if not isinstance(loaded, click.Command):
         raise PluginError(
             f"{command.title('command')} should be a click.Command, "
-            f"but {command.record.target} is a {type(found).__name__}"
+            f"but {command.record.target} is a {type(loaded).__name__}"
         )
-    return found
+    return loaded

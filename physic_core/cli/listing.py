@@ -113,10 +113,10 @@ def _weights(offer: Offer, kind: type[Backend]) -> list[tuple[str, str]]:
 
     defaults = {name: field.get_default() for name, field in kind.Options.model_fields.items()}
     sets = named_sets(offer.distribution, defaults)
-    found = [("weights", licence_text(sets) or kind.weights_license or "none")]
+    rows = [("weights", licence_text(sets) or kind.weights_license or "none")]
     for one in sets:
-        found.append(("homepage", one.homepage))
-    return list(dict.fromkeys(found))
+        rows.append(("homepage", one.homepage))
+    return list(dict.fromkeys(rows))
 
 
 def _options(model: Any) -> list[str]:

@@ -44,7 +44,7 @@ def print_summary(
     record = read_record(folder)
     stages = record.stages
     people = record.rows
-    found = {0: "no person, only the scene,", 1: "1 person"}.get(
+    people_text = {0: "no person, only the scene,", 1: "1 person"}.get(
         len(people), f"{len(people)} people"
     )
     work = sum(stage.seconds for stage in stages)
@@ -52,7 +52,7 @@ def print_summary(
     time = f"{work:.1f} s, plus {loading:.1f} s to load models"
     if seconds is not None:
         time = f"{seconds:.1f} s, with all steps"
-    lines = [f"{found} in {time}"]
+    lines = [f"{people_text} in {time}"]
     backends = [stage for stage in stages if stage.provenance is not None]
     if cached := sum(stage.cached for stage in backends):
         count = f"{cached} of {len(backends)}"

@@ -241,8 +241,8 @@ class PhotoSettings(StrictModel):
     def _list_of_numbers(cls, value: Any, info: ValidationInfo) -> Any:
         values = (value,) if type(value) in (int, float) else value
         if isinstance(values, (list, tuple)) and all(type(each) in (int, float) for each in values):
-            given: dict[str, Any] = {str(info.field_name): tuple(values)}
-            KnownSizes(**given)  # whose message states the unit
+            fields_given: dict[str, Any] = {str(info.field_name): tuple(values)}
+            KnownSizes(**fields_given)  # whose message states the unit
         return values
 
     @field_validator("camera_height", mode="before")
@@ -427,8 +427,8 @@ class Config(StrictModel):
             usual = _PNG_UNIT if path.lower().endswith(".png") and not is_kept else None
             unit = self.photo.depth_unit or usual
             if unit:
-                known = _UNITS_M.get(unit)
-                options |= {"scale": known or 1 / int(unit.removeprefix("1/"))}
+                unit_m = _UNITS_M.get(unit)
+                options |= {"scale": unit_m or 1 / int(unit.removeprefix("1/"))}
         return BackendChoice(
             backend=_FROM_FILE, options={**(chosen.options if is_kept else {}), **options}
         )
@@ -467,8 +467,8 @@ class Config(StrictModel):
         own = "settings of this photo"
         changed = _validate_layers([("config", self.as_dict()), (own, {"photo": settings})])
         copy = self.model_copy(update={"photo": changed.photo})
-        given = {path: label for path, label in changed._sources.items() if label == own}
-        copy._sources = {**self._sources, **given}
+        changes = {path: label for path, label in changed._sources.items() if label == own}
+        copy._sources = {**self._sources, **changes}
         return copy
 
     def source(self, path: str) -> str:
@@ -563,11 +563,11 @@ def _engine_problems(engine: Any) -> list[Problem]:
             _find(preset)  # which imports nothing
     except ConfigError as error:
         return [Problem("engine.preset", str(error))]
-    given = {stage: table for stage, table in engine.items() if table and isinstance(table, dict)}
+    tables = {stage: table for stage, table in engine.items() if table and isinstance(table, dict)}
     problems = []
-    for stage, model in stage_models(preset).items() if given else ():
+    for stage, model in stage_models(preset).items() if tables else ():
         try:
-            model.model_validate(given.get(stage, {}))
+            model.model_validate(tables.get(stage, {}))
         except ValidationError as error:
             problems += problems_from_pydantic(error, model, f"engine.{stage}", "setting")
     return problems
@@ -623,11 +623,11 @@ def engine_preset(name: str = DEFAULT_ENERGY) -> EngineSettings:
 
     if name == DEFAULT_ENERGY:
         return DEFAULT
-    found = _find(name)
-    settings = import_item(found, "engine preset")
+    record = _find(name)
+    settings = import_item(record, "engine preset")
     if not isinstance(settings, EngineSettings):
         raise PluginError(
-            f"{found.title('engine preset')} should be an EngineSettings, got "
+            f"{record.title('engine preset')} should be an EngineSettings, got "
             f"{type(settings).__name__}"
         )
     return settings

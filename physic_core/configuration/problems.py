@@ -48,37 +48,39 @@ def problems_from_pydantic(
         kind: word for an unknown key, "key" or "option".
     """
     problems = []
-    for found in error.errors(include_url=False):
-        loc = [str(part) for part in found["loc"]]
-        if found["type"] == "extra_forbidden":
-            known = _keys(model, loc[:-1])
+    for problem in error.errors(include_url=False):
+        loc = [str(part) for part in problem["loc"]]
+        if problem["type"] == "extra_forbidden":
+            allowed = _keys(model, loc[:-1])
             inner = [
                 f"{table}.{loc[-1]}"
-                for table in known
+                for table in allowed
                 if loc[-1] in _keys(model, [*loc[:-1], table])
             ]
             hint = (
-                did_you_mean(loc[-1], known)
+                did_you_mean(loc[-1], allowed)
                 or (f". Did you mean '{inner[0]}'?" if inner else "")
-                or (f": choose one of {', '.join(known)}" if known else "")
+                or (f": choose one of {', '.join(allowed)}" if allowed else "")
             )
             message = f"unknown {kind}{hint}"
-        elif found["type"] == "missing":
+        elif problem["type"] == "missing":
             message = "is missing"
-        elif found["type"] in ("model_type", "dict_type"):
+        elif problem["type"] in ("model_type", "dict_type"):
             keys = [".".join(filter(None, [path, *loc, key])) for key in _keys(model, loc)]
             example = f", such as {keys[0]}" if keys else ""
-            message = f"is a table: set a key of it{example} (got {quoted(found['input'])})"
-        elif found["type"] == "tuple_type":
-            message = f"should be a list, such as [1.7, 1.8] (got {quoted(found['input'])})"
+            message = f"is a table: set a key of it{example} (got {quoted(problem['input'])})"
+        elif problem["type"] == "tuple_type":
+            message = f"should be a list, such as [1.7, 1.8] (got {quoted(problem['input'])})"
         else:
             message = (
-                found["msg"]
+                problem["msg"]
                 .removeprefix("Value error, ")
                 .removeprefix("Input ")
                 .removeprefix("String ")
             )
-            message += "" if found["type"] == "value_error" else f" (got {quoted(found['input'])})"
+            message += (
+                "" if problem["type"] == "value_error" else f" (got {quoted(problem['input'])})"
+            )
         problems.append(Problem(".".join(filter(None, [path, *loc])), message))
     return problems
 

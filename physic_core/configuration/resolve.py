@@ -117,16 +117,20 @@ def resolve(
         ConfigError: names or options are invalid; the message lists all errors.
         BackendError: a backend is broken or of another interface, or its constructor failed.
     """
-    given = {name: _given_in_python(name, backend) for name, backend in (backends or {}).items()}
-    choices = {name: config.choice(name) for name in INTERFACES if name not in given}
-    found = {
+    instances = {
+        name: _given_in_python(name, backend) for name, backend in (backends or {}).items()
+    }
+    choices = {name: config.choice(name) for name in INTERFACES if name not in instances}
+    constructed = {
         name: _construct(*one) for name, one in _select(choices, config.source).items()
-    } | given
+    } | instances
     config = config.with_backends(
-        {n: (one.provenance.backend, one.provenance.options) for n, one in given.items()}
+        {n: (one.provenance.backend, one.provenance.options) for n, one in instances.items()}
     )
     return ResolvedPipeline(
-        backends=MappingProxyType({name: found[name] for name in INTERFACES if name in found}),
+        backends=MappingProxyType(
+            {name: constructed[name] for name in INTERFACES if name in constructed}
+        ),
         photo=config.photo,
         body_model=config.body_model.source,
         device=config.run.device,
@@ -163,16 +167,16 @@ def missing_file_messages(plan: ResolvedPipeline) -> tuple[str, ...]:
         BackendError: the ``missing`` of a backend fails.
         InputError: a backend cannot read a file of the photo.
     """
-    found: dict[str, list[str]] = {}
+    messages: dict[str, list[str]] = {}
     for resolved in plan.backends.values():
         try:
             for text in missing_requirements(resolved.backend):
-                found.setdefault(text, []).append(resolved.title)
+                messages.setdefault(text, []).append(resolved.title)
         except PhysicError as error:
             kind = InputError if isinstance(error, InputError) else BackendError
             raise kind(f"{resolved.title}: {error}") from error
     # A file that is missing for two backends is listed once.
-    texts = [f"{' and '.join(titles)}: {text}" for text, titles in found.items()]
+    texts = [f"{' and '.join(titles)}: {text}" for text, titles in messages.items()]
     path = plan.config.body_model.path
     if path is not None and not Path(path).exists():
         texts.append(
@@ -246,12 +250,12 @@ def named_weights(plan: ResolvedPipeline) -> tuple[WeightSet, ...]:
     Raises:
         BackendError: the manifest of a plugin is invalid.
     """
-    found: dict[tuple[str, str], WeightSet] = {}
+    sets: dict[tuple[str, str], WeightSet] = {}
     for resolved in plan.backends.values():
         who = resolved.provenance
         for weights in named_sets(who.distribution, who.options):
-            found[who.distribution, weights.name] = weights
-    return tuple(found.values())
+            sets[who.distribution, weights.name] = weights
+    return tuple(sets.values())
 
 
 def _given_in_python(interface: str, given: object) -> ResolvedBackend:

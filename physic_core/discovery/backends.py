@@ -74,13 +74,13 @@ def find_backend(interface: str, name: str) -> Offer:
         BackendNotFoundError: no installed plugin offers it.
         AmbiguousBackendError: two distributions offer it.
     """
-    found = _called(list_backends(interface), name)
-    if len(found) == 1:
-        return found[0]
-    if found:
-        ways = " or ".join(f"'{one.distribution}:{one.name}'" for one in found)
+    offers = _called(list_backends(interface), name)
+    if len(offers) == 1:
+        return offers[0]
+    if offers:
+        ways = " or ".join(f"'{one.distribution}:{one.name}'" for one in offers)
         raise AmbiguousBackendError(
-            f"{' and '.join(map(str, found))} have one name: write {ways} to choose"
+            f"{' and '.join(map(str, offers))} have one name: write {ways} to choose"
         )
     target = local_modules.split_folder(name)[1]
     distribution = canonicalize_name(target.partition(":")[0])
@@ -102,8 +102,8 @@ def find_by_name(name: str) -> tuple[Offer, ...]:
         BackendNotFoundError: no backend has this name.
         BackendError: the class cannot be imported, or implements no interface.
     """
-    if found := _called(list_backends(), name):
-        return found
+    if offers := _called(list_backends(), name):
+        return offers
     target = local_modules.split_folder(name)[1]
     if not TARGET.fullmatch(target):
         raise BackendNotFoundError(f"{_explain_missing(target, None)} (Python: {sys.executable})")
@@ -146,8 +146,8 @@ def load_class(offer: Offer) -> type[Backend]:
             f"{offer} is written for version {written} of the interface {offer.interface}, and "
             f"this metricbody has version {ours}: upgrade {older}"
         )
-    found: type[Backend] = kind
-    return found
+    loaded: type[Backend] = kind
+    return loaded
 
 
 def class_problem(kind: object, interface: str) -> str:
@@ -260,16 +260,16 @@ def _import_target(offer: Offer, title: str) -> object:
     """Import "package.module:Class" or "/folder/module:Class"."""
     folder, target = local_modules.split_folder(offer.target)
     module, _, path = target.partition(":")
-    found: object = None
+    imported: object = None
     try:
         with plugin_code():
-            found = (
+            imported = (
                 importlib.import_module(module)
                 if folder is None
                 else local_modules.load_module(folder, module)
             )
             for part in path.split("."):
-                found = getattr(found, part)
+                imported = getattr(imported, part)
     except Exception as cause:  # any error of a plugin's module: name the plugin
         kind = BackendError
         advice = ""
@@ -279,12 +279,12 @@ def _import_target(offer: Offer, title: str) -> object:
                     "; beside a config, only the module that it names is found: put others "
                     "into PYTHONPATH"
                 )
-            if found is not None or _is_not_found(module, cause):
+            if imported is not None or _is_not_found(module, cause):
                 kind = BackendNotFoundError
         raise kind(
             f"{title} cannot be imported: {describe_error(cause, module)}{advice}"
         ) from cause
-    return found
+    return imported
 
 
 def _is_not_found(module: str, cause: BaseException) -> bool:

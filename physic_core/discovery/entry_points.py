@@ -76,10 +76,10 @@ def installed_offers(group: str = "") -> tuple[Offer, ...]:
     names.
     """
     asked = restricted_to()
-    found = _read_entry_points(_folders())
+    offers = _read_entry_points(_folders())
     return tuple(
         offer
-        for offer in found
+        for offer in offers
         if group in ("", offer.group)
         and (asked is None or canonicalize_name(offer.distribution) in asked)
     )
@@ -102,11 +102,11 @@ def group_problem(group: str) -> str:
     from physic_core.discovery.error_text import did_you_mean
     from physic_core.interfaces import INTERFACES
 
-    known = (HOOKS_GROUP, WEIGHTS_GROUP, *(f"{_PREFIX}{interface}" for interface in INTERFACES))
+    groups = (HOOKS_GROUP, WEIGHTS_GROUP, *(f"{_PREFIX}{interface}" for interface in INTERFACES))
     return (
         ""
-        if group in known
-        else f"nothing reads its entry points of the group '{group}'{did_you_mean(group, known)}"
+        if group in groups
+        else f"nothing reads its entry points of the group '{group}'{did_you_mean(group, groups)}"
     )
 
 
@@ -168,15 +168,15 @@ def required_versions(distribution: str) -> dict[str, str]:
 def _read_versions(
     distribution: str, folders: tuple[tuple[str, float], ...]
 ) -> tuple[tuple[str, str], ...]:
-    found = {}
+    versions = {}
     with suppress(PackageNotFoundError, ValueError):  # ValueError: the name is empty
         for line in requires(distribution) or ():
             name = _REQUIREMENT_NAME.match(line)
             marker = line.partition(";")[2]
             if name and "extra" not in marker:
                 with suppress(PackageNotFoundError):
-                    found[canonicalize_name(name[0])] = version(name[0])
-    return tuple(found.items())
+                    versions[canonicalize_name(name[0])] = version(name[0])
+    return tuple(versions.items())
 
 
 def _folders() -> tuple[tuple[str, float], ...]:
@@ -193,11 +193,11 @@ def _owners(folders: tuple[tuple[str, float], ...]) -> Mapping[str, list[str]]:
 def _read_entry_points(folders: tuple[tuple[str, float], ...]) -> tuple[Offer, ...]:
     offers = []
     seen = set()
-    for found in distributions():
-        entries = [entry for entry in found.entry_points if _GROUP.match(entry.group)]
+    for distribution in distributions():
+        entries = [entry for entry in distribution.entry_points if _GROUP.match(entry.group)]
         if not entries:
             continue
-        about = found.metadata  # parsed at each access
+        about = distribution.metadata  # parsed at each access
         name = about["Name"]
         # Python imports the first distribution of a name
         if not name or canonicalize_name(name) in seen:

@@ -109,12 +109,12 @@ def _place(error: BaseException, owners: tuple[str | type, ...]) -> str:
     names = {owner if isinstance(owner, str) else owner.__module__ for owner in owners}
     packages = {_package(name) for name in names} - {"", "physic_core"}
     last = ""
-    found = ""
+    deepest = ""
     for module, place in _frames(error):
         if _package(module) in packages:
-            found = place
+            deepest = place
         last = "" if _package(module) in _SKIPPED_PACKAGES else place
-    return found or last
+    return deepest or last
 
 
 def _frames(error: BaseException) -> Iterator[tuple[str, str]]:

@@ -74,14 +74,14 @@ def find_items(hook: str) -> tuple[Found[Any], ...]:
     """Return what all plugins return from a hook of :mod:`physic_core.discovery.hooks`; broken
     plugins are skipped.
     """
-    found: list[Found[Any]] = []
+    items: list[Found[Any]] = []
     for offer in installed_offers(HOOKS_GROUP):
         with suppress(Exception):  # listed by broken_plugins
-            found += [
+            items += [
                 Found(record, offer.distribution, offer.version)
                 for record in _items_of_hook(offer, hook)
             ]
-    return tuple(found)
+    return tuple(items)
 
 
 def broken_plugins() -> tuple[BrokenPlugin, ...]:
@@ -124,11 +124,11 @@ def find_item(
         ConfigError: no plugin, or more than one, offers the name.
     """
     items = find_items(hook)
-    found = [one for one in items if one.record.name == name]
-    if len(found) == 1:
-        return found[0]
-    if found:
-        owners = " and ".join(sorted(one.distribution for one in found))
+    matches = [one for one in items if one.record.name == name]
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
+        owners = " and ".join(sorted(one.distribution for one in matches))
         raise ConfigError(f"the {role} '{name}' is offered by {owners}: uninstall one of them")
     if name in known:
         raise ConfigError(f"the {role} '{name}' needs {explain_absence(known[name])}")
@@ -252,29 +252,31 @@ def find_exporter(name: str | None, suffix: str = "") -> Found[ExporterRecord]:
     """
     exporters = find_exporters()
     wanted = (name or suffix.removeprefix(".")).lower()
-    found = [
+    matches = [
         e
         for e in exporters
         if (e.record.name == wanted if name else suffix.lower() in e.record.suffixes)
     ]
-    if len(found) == 1:
-        kind = found[0].record
+    if len(matches) == 1:
+        kind = matches[0].record
         if kind.missing_packages:
-            install = f": {how_to_install(found[0].distribution, kind.extra)}" if kind.extra else ""
+            install = (
+                f": {how_to_install(matches[0].distribution, kind.extra)}" if kind.extra else ""
+            )
             raise PackageMissingError(
                 f"export to {kind.name} needs {', '.join(kind.missing_packages)}, which is not "
                 f"installed{install}"
             )
-        return found[0]
-    if found:
-        offers = " or ".join(f"{each.record.name} of {each.distribution}" for each in found)
-        same_name = len({each.record.name for each in found}) == 1
+        return matches[0]
+    if matches:
+        offers = " or ".join(f"{each.record.name} of {each.distribution}" for each in matches)
+        same_name = len({each.record.name for each in matches}) == 1
         choose = (
             "uninstall one of them" if same_name else "state which (--to, or format= in Python)"
         )
         raise ConfigError(f"the format can be {offers}: {choose}")
-    known = ", ".join(each.record.name for each in exporters)
-    own = (f"choose one of {known}",) if known else ()
+    names = ", ".join(each.record.name for each in exporters)
+    own = (f"choose one of {names}",) if names else ()
     choose = "; ".join((*own, *missing_formats_hint(exporters)))
     what = (
         f"'{name or suffix}' is not an export format"

@@ -68,12 +68,14 @@ def keypoints_of_observed_limbs(skeleton: Skeleton, observed: Tensor) -> Tensor:
     Keypoints of the face, and keypoints with names specific to the skeleton, always count as
     visible.
     """
-    seen = torch.ones(len(observed), len(skeleton), dtype=torch.bool, device=observed.device)
+    observed_keypoints = torch.ones(
+        len(observed), len(skeleton), dtype=torch.bool, device=observed.device
+    )
     for j, name in enumerate(skeleton.names):
         joint = _joint_of(name)
         if joint is not None:
-            seen[:, j] = observed[:, JOINT_INDEX[joint]]
-    return seen
+            observed_keypoints[:, j] = observed[:, JOINT_INDEX[joint]]
+    return observed_keypoints
 
 
 def placement_keypoints(skeleton: Skeleton) -> list[int]:

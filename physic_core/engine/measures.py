@@ -46,9 +46,9 @@ def measure_agreement(estimates: Estimates, state: State) -> list[Measures]:
     """
     model = state.model
     scale = state.scene_scale
-    found = state.contact
+    contact = state.contact
     floor = state.scene.floor
-    assert found is not None
+    assert contact is not None
     scene = state.scene.depth.to(state.transl) * scale
     photo = torch.full_like(scene, torch.nan)
     if state.photo_depth is not None:
@@ -62,12 +62,12 @@ def measure_agreement(estimates: Estimates, state: State) -> list[Measures]:
         Measures(problem or None, failure or None)
         for problem, failure in zip(state.placement_failures, state.joint.failures, strict=True)
     ]
-    for i, support in enumerate(found.supports):
+    for i, support in enumerate(contact.supports):
         if support is None:
             continue
         body = state.vertices[i]
         heights = None
-        gap = float(found.distance[i].min())
+        gap = float(contact.distance[i].min())
         if floor is not None:
             heights = floor.scaled(scale).height(body)
             gap = min(gap, float(heights.min()))
@@ -80,8 +80,8 @@ def measure_agreement(estimates: Estimates, state: State) -> list[Measures]:
             clearance_m=max(0.0, gap) if gap != math.inf else None,
             sole_height_m=None if heights is None else float(heights[model.soles].min()),
         )
-    given = estimates.is_given_keypoint
-    return measured if given is None else _with_keypoints(measured, given, estimates, state)
+    is_given = estimates.is_given_keypoint
+    return measured if is_given is None else _with_keypoints(measured, is_given, estimates, state)
 
 
 def _with_keypoints(
@@ -128,10 +128,10 @@ def measure_known_sizes(known: KnownSizes, state: State) -> list[tuple[str, floa
     if state.known is None:
         return []
     own = state.model.stature(state.betas).tolist()
-    given = state.known.stature.tolist()
+    statures = state.known.stature.tolist()
     sizes = [
         (f"the stature of person {i}", known_m, m)
-        for i, (known_m, m) in enumerate(zip(given, own, strict=True))
+        for i, (known_m, m) in enumerate(zip(statures, own, strict=True))
         if math.isfinite(known_m)
     ]
     floor = state.scene.floor
@@ -184,7 +184,7 @@ def compare_statures(
     stature, years = estimates.photo.known.filled(len(before))
     is_sized = state.known is not None and state.known.unscaled is not None
     sigma = stature_sigmas(stature, years)
-    found = list(measured)
+    compared = list(measured)
     for i in np.flatnonzero(
         (np.isfinite(years) | np.isfinite(stature)) & np.isfinite(after)
     ).tolist():
@@ -195,13 +195,13 @@ def compare_statures(
             if is_sized
             else size_beside_others(before, after, sigma, i)
         )
-        found[i] = replace(
-            found[i],
+        compared[i] = replace(
+            compared[i],
             given_stature_m=math.exp(before[i]),
             shown_stature_m=math.exp(shown),
             stature_sigmas=abs(shown - before[i]) / spread,
         )
-    return found
+    return compared
 
 
 def compare_silhouettes(
@@ -238,14 +238,14 @@ def compare_silhouettes(
         F.interpolate(depth[None, None].float().cpu(), size, mode="nearest")[0, 0]
         for depth in (scene_depth, photo_depth)
     )
-    found = []
+    shares = []
     for body, mask in zip(vertices.to("cpu", torch.float32), masks, strict=True):
         depth = _depth_of_body(body, faces.cpu(), K, size)
         rim = max(1, round(_RIM * math.sqrt(float(mask.sum()))))
-        seen = torch.isfinite(depth) & (mask | ~masks.any(0)) & ~(scene < depth - _IN_FRONT_M)
-        inside = _share(seen & dilate_square(mask, rim), seen & mask.any())
-        found.append((inside, _low_depth_ratio(depth, mask, photo)))
-    return found
+        visible = torch.isfinite(depth) & (mask | ~masks.any(0)) & ~(scene < depth - _IN_FRONT_M)
+        inside = _share(visible & dilate_square(mask, rim), visible & mask.any())
+        shares.append((inside, _low_depth_ratio(depth, mask, photo)))
+    return shares
 
 
 def _depth_of_body(body: Tensor, faces: Tensor, K: Tensor, size: tuple[int, int]) -> Tensor:

@@ -337,8 +337,8 @@ class State(ShortRepr):
     @property
     def observed_in_any_photo(self) -> Tensor:
         """Joints (N, 55) bool that are visible in any photo."""
-        seen = [self.observed.bool(), *(view.observed.bool() for view in self.views)]
-        return torch.stack(seen).any(0)
+        observed = [self.observed.bool(), *(view.observed.bool() for view in self.views)]
+        return torch.stack(observed).any(0)
 
     @property
     def visible_vertices(self) -> Tensor:

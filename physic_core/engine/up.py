@@ -83,18 +83,20 @@ def with_up_of_file(pointmap: Pointmap, stated: FloatArray | None) -> tuple[Poin
     if stated is None:
         return pointmap, ""
     gimbal = Up(torch.from_numpy(stated), GIMBAL_SIGMA_DEG, "the gimbal")
-    seen = stored_up(pointmap)
-    both = gimbal if seen is None else fused_up([gimbal, seen])
+    stored = stored_up(pointmap)
+    both = gimbal if stored is None else fused_up([gimbal, stored])
     warning = ""
-    if seen is not None and difference_sigmas(gimbal, seen) > DISAGREE:
-        off = angle_deg(gimbal.direction, seen.direction)
+    if stored is not None and difference_sigmas(gimbal, stored) > DISAGREE:
+        off = angle_deg(gimbal.direction, stored.direction)
         warning = (
-            f"the pitch of the drone's gimbal contradicts the {seen.source} of the photo by "
+            f"the pitch of the drone's gimbal contradicts the {stored.source} of the photo by "
             f"{off:.0f} degrees, and up lies between them: leans and the turn of exports may be "
             f"wrong. If the photo was cropped or turned, give the original"
         )
-    known = replace(pointmap, up=both.direction.numpy(), up_sigma=both.sigma, up_source=both.source)
-    return known, warning
+    with_up = replace(
+        pointmap, up=both.direction.numpy(), up_sigma=both.sigma, up_source=both.source
+    )
+    return with_up, warning
 
 
 def up_checked_by_people(up: Up | None, bodies: Tensor) -> tuple[Up | None, tuple[str, ...]]:
@@ -147,8 +149,8 @@ def surest_up(floor: PlaneFit | None, up: Up | None, slope: float) -> Up:
     limit = other.sigma if sure else AXIS_SIGMA_DEG
     if own.sigma < limit:
         return own if up is None else _with_contradiction(own, up)
-    seen = Up(own.direction, math.hypot(math.degrees(floor.plane_sigma), slope), own.source)
-    return _with_contradiction(other, seen) if sure else other
+    sloped = Up(own.direction, math.hypot(math.degrees(floor.plane_sigma), slope), own.source)
+    return _with_contradiction(other, sloped) if sure else other
 
 
 def _with_contradiction(up: Up, loser: Up) -> Up:

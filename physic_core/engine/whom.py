@@ -81,7 +81,7 @@ def meetings(model: BodyModel, vertices: Tensor, touch: Tensor | None) -> tuple[
     (points, said), (of, outer) = exact_arrays(vertices, touch), exact_arrays(region, model.outer)
     parts = {name: np.flatnonzero((of == i) & outer) for i, name in enumerate(names)}
     everyone = np.flatnonzero(np.isfinite(points).all((1, 2))).tolist()
-    found = []
+    pairs = []
     for i in everyone:
         for part, row in OBSERVED.items():
             for word in ("person", "own body"):
@@ -93,8 +93,8 @@ def meetings(model: BodyModel, vertices: Tensor, touch: Tensor | None) -> tuple[
                 )
                 if best is not None and best[3] >= LEAST_PROBABILITY:
                     skin = (torch.from_numpy(ids).to(region) for ids in best[4:])
-                    found.append(Meeting(i, part, *best[1:4], *skin))
-    return tuple(sorted(found, key=lambda one: one.probability))
+                    pairs.append(Meeting(i, part, *best[1:4], *skin))
+    return tuple(sorted(pairs, key=lambda one: one.probability))
 
 
 _Candidate = tuple[float, int, str, float, "Ids", "Ids", "Ids", "Ids"]

@@ -501,11 +501,11 @@ def _segments(data: bytearray) -> Iterator[tuple[int, int, int]]:
     before its codes.
     """
     place = 2
-    while found := _MARKER.search(data, place):
-        marker = found[1][0]
-        place = found.end()
+    while match := _MARKER.search(data, place):
+        marker = match[1][0]
+        place = match.end()
         if marker not in (_SOI, _EOI, _TEM):  # these have no length
             place += max(2, int.from_bytes(data[place : place + 2]))
-        yield marker, found.start(), place
+        yield marker, match.start(), place
         if marker == _EOI:
             return

@@ -45,8 +45,8 @@ def paths_inside(folder: str | os.PathLike[str], names: Iterable[str]) -> dict[s
     """Return the names that lead into a folder, in their order, with their paths: see
     :class:`UntrustedName`.
     """
-    found = {}
+    paths = {}
     for name in names:
         with suppress(InputError):
-            found[name] = UntrustedName(name).inside(folder)
-    return found
+            paths[name] = UntrustedName(name).inside(folder)
+    return paths

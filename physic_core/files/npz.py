@@ -125,15 +125,15 @@ def write_arrays(
 
 
 def _entries(archive: zipfile.ZipFile, names: Iterable[str] | None) -> dict[str, zipfile.ZipInfo]:
-    found: dict[str, zipfile.ZipInfo] = {}
+    entries: dict[str, zipfile.ZipInfo] = {}
     for entry in archive.infolist():
         name = entry.filename.removesuffix(_SUFFIX)
-        if name in found:
+        if name in entries:
             raise ValueError(f"it has the array {name!r} twice")
         if entry.compress_type not in _KINDS_OF_MEMBERS:
             raise ValueError(f"the array {name!r} is compressed by another method than deflate")
-        found[name] = entry
-    return found if names is None else {name: found[name] for name in names}
+        entries[name] = entry
+    return entries if names is None else {name: entries[name] for name in names}
 
 
 def _header(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> ArrayHeader:

@@ -133,8 +133,10 @@ def read_value(path: Path, kinds: Iterable[Any], head: Mapping[str, Any] | None 
             document = parse_json(arrays.pop(_DOCUMENT).tobytes())
             if other := [name for name, entry in (head or {}).items() if document[name] != entry]:
                 raise ValueError(f"its {other[0]} is {document[other[0]]!r:.60}")
-            known = {kind.__name__: kind for kind in kinds}
-            return join(known[document["kind"]], document["value"], arrays, named=known.values())
+            by_name = {kind.__name__: kind for kind in kinds}
+            return join(
+                by_name[document["kind"]], document["value"], arrays, named=by_name.values()
+            )
         # zipfile, zlib, numpy and json raise a dozen classes for flipped and missing bytes
         except Exception as error:
             raise DamagedFileError(f"{type(error).__name__}: {error}") from error
@@ -173,24 +175,24 @@ class _Join:
             each = inner[0] if inner else Any
             hints = inner if is_fixed else (each,) * len(value)
             parts = enumerate(zip(hints, value, strict=True))
-            found = [self.value(one, part, f"{path}{index}.") for index, (one, part) in parts]
-            return tuple(found) if origin is tuple else found
+            values = [self.value(one, part, f"{path}{index}.") for index, (one, part) in parts]
+            return tuple(values) if origin is tuple else values
         if isinstance(kind, type) and issubclass(kind, Enum):
             return kind(value)
         return value if kind is str else from_json(value)
 
     def _record(self, kind: Any, value: Mapping[str, Any], path: str) -> Any:
-        found = {}
+        values = {}
         for one in fields(kind):
             name = f"{path}{one.name}"
             if name in self.arrays or one.name in value:
-                found[one.name] = self.value(
+                values[one.name] = self.value(
                     _hints(kind, self.named)[one.name], value.get(one.name), f"{name}."
                 )
                 self._check_shape(one.metadata.get("shape"), name)
             elif one.init and one.default is MISSING and one.default_factory is MISSING:
                 raise ValueError(f"it has no {name}")
-        return kind(**found)
+        return kind(**values)
 
     def _check_shape(self, wanted: Sequence[str | int] | None, name: str) -> None:
         if wanted is None or name not in self.arrays:

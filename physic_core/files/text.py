@@ -123,9 +123,9 @@ def _check_columns(columns: list[str], needed: Sequence[str], others: Sequence[s
                 f"its cells are separated by {kind}: save it as CSV with commas between cells, and "
                 "points in numbers"
             )
-    known = (*needed, *others)
-    if wrong := [name for name in columns if name not in known or columns.count(name) > 1]:
-        why = "is there twice" if wrong[0] in known else f"is none of {', '.join(known)}"
+    allowed = (*needed, *others)
+    if wrong := [name for name in columns if name not in allowed or columns.count(name) > 1]:
+        why = "is there twice" if wrong[0] in allowed else f"is none of {', '.join(allowed)}"
         raise ValueError(f"its column {quoted(wrong[0])} {why}: remove or rename it")
     if missing := [name for name in needed if name not in columns]:
         raise ValueError(
@@ -231,10 +231,10 @@ def _items(value: Any) -> Iterable[Any]:
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    values = dict(pairs)
+    if len(values) < len(pairs):
         raise ValueError("an object has a key twice")
-    return found
+    return values
 
 
 def _refuse(word: str) -> Any:

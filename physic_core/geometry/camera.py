@@ -133,9 +133,9 @@ def undistort_image(
 
     # Float32 pixels with a grid of float64 would be refused.
     picture = torch.tensor(image).permute(2, 0, 1)[None].to(torch.float64)
-    found = undistort(picture, *_matrix_and_coefficients(camera, distortion))[0]
+    straight = undistort(picture, *_matrix_and_coefficients(camera, distortion))[0]
     pixels: UInt8Array = (
-        found.round().clamp(0, 255).to(torch.uint8).permute(1, 2, 0).contiguous().numpy()
+        straight.round().clamp(0, 255).to(torch.uint8).permute(1, 2, 0).contiguous().numpy()
     )
     return pixels
 
@@ -150,10 +150,10 @@ def undistort_pixels(
     from kornia.geometry.calibration import undistort_points
 
     points = torch.as_tensor(np.asarray(pixels, np.float64).reshape(1, -1, 2))
-    found: FloatArray = undistort_points(
+    straight: FloatArray = undistort_points(
         points, *_matrix_and_coefficients(camera, distortion), num_iters=_ITERATIONS
     )[0].numpy()
-    return found
+    return straight
 
 
 def _matrix_and_coefficients(

@@ -178,10 +178,10 @@ def plane_at_feet(view: InverseDepthMap, up: Tensor, feet_px: Tensor) -> PlaneFi
     rays = view.rays[y, x].double()
     inverse = view.inverse[y, x].double()
     slope = -(rays @ up.to(rays))
-    seen = view.valid[y, x] & (slope > 1e-3)
-    if not bool(seen.any()):
+    falls = view.valid[y, x] & (slope > 1e-3)
+    if not bool(falls.any()):
         return None
-    plane = -up.double() * (inverse[seen] / slope[seen]).quantile(0.5)
+    plane = -up.double() * (inverse[falls] / slope[falls]).quantile(0.5)
     return plane_as_fit(view, plane, lower_inlier_shares(view, plane), "soles")
 
 
@@ -271,9 +271,9 @@ def _depth_factors_at_feet(
             slice(max(0, v - reach), max(0, v + reach + 1)),
             slice(max(0, u - reach), max(0, u + reach + 1)),
         )
-        seen = pixels[box]
-        expected = view.rays[box][seen] @ plane.by_ray.to(view.rays)
+        visible = pixels[box]
+        expected = view.rays[box][visible] @ plane.by_ray.to(view.rays)
         near = expected > 2 * view.tolerance
         if bool(near.any()):
-            factors.append(float((view.inverse[box][seen][near] / expected[near]).median()))
+            factors.append(float((view.inverse[box][visible][near] / expected[near]).median()))
     return torch.tensor(factors, dtype=torch.float64)

@@ -123,13 +123,13 @@ def average_blocks(view: InverseDepthMap, mask: Tensor | None) -> BlockMeans:
     weight = torch.ones_like(share)
     if hole is not None:
         weight = 1 - (1 - HOLE_WEIGHT) * _block_mean(hole.to(inverse), block)
-    known = share > 0
+    is_known = share > 0
     return BlockMeans(
-        rays=mean_rays[known].double(),
-        inverse=mean_inverse[known].double(),
-        weight=weight[known].double(),
-        candidate=(candidate if mask is not None else lower & candidate)[known],
-        lower=lower[known],
+        rays=mean_rays[is_known].double(),
+        inverse=mean_inverse[is_known].double(),
+        weight=weight[is_known].double(),
+        candidate=(candidate if mask is not None else lower & candidate)[is_known],
+        lower=lower[is_known],
     )
 
 
@@ -193,8 +193,8 @@ def planes_through(rays: Tensor, inverse: Tensor, triples: Tensor) -> Tensor:
     inverse depths (P,).
     """
     planes, singular = torch.linalg.solve_ex(rays[triples], inverse[triples])
-    found: Tensor = planes[(singular == 0) & torch.isfinite(planes).all(-1)]
-    return found
+    regular: Tensor = planes[(singular == 0) & torch.isfinite(planes).all(-1)]
+    return regular
 
 
 def weighted_plane(

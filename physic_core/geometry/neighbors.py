@@ -40,8 +40,8 @@ def nearest_indices(
     """
     distance, row = tree.query(*exact_arrays(places), distance_upper_bound=radius)
     # SciPy returns the number of points if none is found
-    found = np.where(np.isfinite(distance), row, 0).astype(np.int64), distance
-    rows, distances = (torch.from_numpy(each).to(places.device) for each in found)
+    pair = np.where(np.isfinite(distance), row, 0).astype(np.int64), distance
+    rows, distances = (torch.from_numpy(each).to(places.device) for each in pair)
     return rows, distances.to(places.dtype)
 
 
@@ -98,11 +98,11 @@ class NearestPointSearch:
         else:
             index, distance = self.lookup(flat, radius / scale)
         distance = distance * scale
-        found = (distance < radius) & finite
-        index = torch.where(found, index, 0)
-        distance = torch.where(found, distance, torch.inf)
+        is_near = (distance < radius) & finite
+        index = torch.where(is_near, index, 0)
+        distance = torch.where(is_near, distance, torch.inf)
         shape = vertices.shape[:-1]
-        return Nearest(index.reshape(shape), distance.reshape(shape), found.reshape(shape))
+        return Nearest(index.reshape(shape), distance.reshape(shape), is_near.reshape(shape))
 
     def lookup(self, places: Tensor, radius: float) -> tuple[Tensor, Tensor]:
         """Return the index (n,) of the nearest of the unscaled points to each place (n, 3), and its

@@ -91,13 +91,13 @@ def _disc_points(middles: Tensor, radius: float, spacing: float) -> Tensor:
     for middle in middles:
         cell = (middle / spacing).round().long() + around
         cells.append(cell[torch.linalg.vector_norm(cell * spacing - middle, dim=-1) <= radius])
-    found = torch.cat(cells)
-    if not len(found):
-        return found.to(middles)
+    points = torch.cat(cells)
+    if not len(points):
+        return points.to(middles)
     # One number per cell: torch.unique of rows is 40 times slower. 64 bits hold a lattice of 3e9
     # rows and columns.
-    low = found.amin(0)
-    rows, columns = (found - low).unbind(-1)
+    low = points.amin(0)
+    rows, columns = (points - low).unbind(-1)
     width = int(columns.max()) + 1
     once = torch.unique(rows * width + columns)
     return (torch.stack((once // width, once % width), -1) + low).to(middles) * spacing
@@ -126,8 +126,8 @@ def sample_normals(normals: Tensor, where: Tensor | None = None) -> Tensor:
         normals: unit, zero where unknown.
         where: (...) bool, those to choose from; all if None.
     """
-    known = normals.square() @ normals.new_ones(3) > 0.5
-    rows = (known if where is None else known & where).flatten().nonzero()[:, 0]
+    is_unit = normals.square() @ normals.new_ones(3) > 0.5
+    rows = (is_unit if where is None else is_unit & where).flatten().nonzero()[:, 0]
     chosen = rows[:: max(1, len(rows) // _SAMPLES)]
     return normals.flatten(0, -2).index_select(0, chosen).double()
 
@@ -142,18 +142,18 @@ def estimate_up(normals: Tensor, start: Tensor | None = None) -> UpEstimate | No
     The search starts at ``start`` (3,) unit, or at the camera's own up axis; either may be wrong by
     45 degrees, which a camera that looks down steeply exceeds. None if there are too few normals.
     """
-    known = sample_normals(normals)
-    if len(known) < _FEWEST:
+    sample = sample_normals(normals)
+    if len(sample) < _FEWEST:
         return None
-    up = known.new_tensor([0.0, -1.0, 0.0]) if start is None else start.to(known)
-    values = known.new_ones(3)
+    up = sample.new_tensor([0.0, -1.0, 0.0]) if start is None else start.to(sample)
+    values = sample.new_ones(3)
     for degrees, times in _ROUNDS:
         reach = math.radians(degrees)
         for _ in range(times):
-            cosine = (known @ up).abs()
+            cosine = (sample @ up).abs()
             level = cosine > math.cos(reach)
             upright = cosine < math.sin(reach)
-            spread = known[upright].T @ known[upright] - known[level].T @ known[level]
+            spread = sample[upright].T @ sample[upright] - sample[level].T @ sample[level]
             values, directions = torch.linalg.eigh(spread)
             up = -directions[:, 0] if float(directions[:, 0] @ up) < 0 else directions[:, 0]
-    return UpEstimate(up, float(values[1] - values[0]) / len(known))
+    return UpEstimate(up, float(values[1] - values[0]) / len(sample))

@@ -92,13 +92,13 @@ def pointmap_normals(points: Tensor, valid: Tensor, ratio: float = 1.05) -> Tens
     """
     height = len(points)
     strip = _STRIP_ROWS if points.device.type == "cpu" else max(height, 1)
-    found = torch.empty_like(points, memory_format=torch.contiguous_format)
+    normals = torch.empty_like(points, memory_format=torch.contiguous_format)
     for top in range(0, height, strip):
         first = max(top - 1, 0)
         bottom = min(top + strip, height)
         part = _normals(points[first : bottom + 1], valid[first : bottom + 1], ratio)
-        found[top:bottom] = part[top - first : bottom - first]
-    return found
+        normals[top:bottom] = part[top - first : bottom - first]
+    return normals
 
 
 def _normals(points: Tensor, valid: Tensor, ratio: float) -> Tensor:

@@ -87,12 +87,12 @@ class RayCaster:
         if self._tree is not None:
             face, distance, uv = self._tree.first(start, way)
         else:
-            found = self._run(start, way, output=True)
-            face = found["primID"].astype(np.int64)
-            uv = np.stack([found["u"], found["v"]], 1).astype(np.float64)
+            hits = self._run(start, way, output=True)
+            face = hits["primID"].astype(np.int64)
+            uv = np.stack([hits["u"], hits["v"]], 1).astype(np.float64)
             hit = np.flatnonzero(face >= 0)
             distance = np.full(len(face), np.inf)
-            distance[hit] = self._refined(face[hit], found["tfar"][hit], start[hit], way[hit])
+            distance[hit] = self._refined(face[hit], hits["tfar"][hit], start[hit], way[hit])
         u, v = uv.T
         return RayHits(face, distance, np.stack([1 - u - v, u, v], axis=1))
 

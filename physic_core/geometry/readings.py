@@ -153,8 +153,8 @@ def _other_readings(
 
 def _is_buffer(depth: FloatArray) -> bool:
     """Return whether all values are just below 1, as those of a renderer's depth buffer."""
-    known = depth[np.isfinite(depth)]
-    return bool(known.size and known.min() >= _BUFFER and known.max() <= 1)
+    values_known = depth[np.isfinite(depth)]
+    return bool(values_known.size and values_known.min() >= _BUFFER and values_known.max() <= 1)
 
 
 def _moved_readings(
@@ -189,8 +189,8 @@ def _moved(values: FloatArray, field: float, right: float, down: float) -> Float
         for n, offset in ((width, right), (height, down))
     )
     inside = ((y >= 0) & (y < height))[:, None] & ((x >= 0) & (x < width))
-    found = values[y.clip(0, height - 1)][:, x.clip(0, width - 1)]
-    return np.where(inside, found, np.nan)
+    values_there = values[y.clip(0, height - 1)][:, x.clip(0, width - 1)]
+    return np.where(inside, values_there, np.nan)
 
 
 def _nearness(depth: FloatArray, ray: FloatArray | float = 1.0, quantity: str = "") -> FloatArray:
@@ -208,12 +208,12 @@ def _common(near: FloatArray, seen: FloatArray) -> tuple[FloatArray, FloatArray]
     """Return the values (n,) of both maps where they are known, without outliers of the first; None
     for too few.
     """
-    known = np.isfinite(near) & np.isfinite(seen)
-    if known.mean() < _FEWEST:
+    is_known = np.isfinite(near) & np.isfinite(seen)
+    if is_known.mean() < _FEWEST:
         return None
-    x = near[known]
+    x = near[is_known]
     low, high = np.percentile(x, [1, 99])
-    return np.clip(x, low, high), seen[known]
+    return np.clip(x, low, high), seen[is_known]
 
 
 def _unexplained(near: FloatArray, seen: FloatArray) -> float:

@@ -166,8 +166,8 @@ def front_depth(depth: Tensor) -> Tensor:
 
     Four pixels, since at a depth edge a single one may show the background.
     """
-    known = torch.where(torch.isfinite(depth), depth, torch.inf)
-    rows = torch.minimum(known[:-1], known[1:])
+    filled = torch.where(torch.isfinite(depth), depth, torch.inf)
+    rows = torch.minimum(filled[:-1], filled[1:])
     return torch.minimum(rows[:, :-1], rows[:, 1:])
 
 

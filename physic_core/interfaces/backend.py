@@ -215,12 +215,13 @@ def _options(kind: Any, settings: dict[str, Any]) -> BaseModel:
     try:
         options: BaseModel = kind.Options(**settings)
     except ValidationError as error:
-        known = ", ".join(kind.Options.model_fields) or "none"
+        names = ", ".join(kind.Options.model_fields) or "none"
         problems = [
-            f"no option '{found['loc'][-1]}'; there are: {known}"
-            if found["type"] == "extra_forbidden"
-            else f"{'.'.join(map(str, found['loc']))}: {found['msg']} (got {found['input']!r:.80})"
-            for found in error.errors(include_url=False)
+            f"no option '{problem['loc'][-1]}'; there are: {names}"
+            if problem["type"] == "extra_forbidden"
+            else f"{'.'.join(map(str, problem['loc']))}: {problem['msg']} "
+            f"(got {problem['input']!r:.80})"
+            for problem in error.errors(include_url=False)
         ]
         raise ConfigError(f"{kind.__name__}: {'; '.join(problems)}") from error
     return options

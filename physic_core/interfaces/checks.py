@@ -136,9 +136,9 @@ def check_finite(name: str, value: Any) -> Iterator[str]:
 def check_limit(name: str, value: Any, limit: float, unit: str = "") -> Iterator[str]:
     """Check that all values of an array are finite, and at most ``limit`` in magnitude."""
     yield from check_finite(name, value)
-    known = value[is_finite(value)]
-    if not within(known, limit).all():
-        extreme = max(known.min(), known.max(), key=abs)
+    finite = value[is_finite(value)]
+    if not within(finite, limit).all():
+        extreme = max(finite.min(), finite.max(), key=abs)
         advice = {"rad": ": is it in degrees?", "m": ": is it in millimeters?"}.get(unit, "")
         bound = f"+-{limit:.6g}{unit and ' ' + unit}"
         yield f"{name} must lie within {bound}, got {float(extreme):g}{advice}"
@@ -188,9 +188,9 @@ def check_camera(camera: Intrinsics | None, height: int, width: int) -> Iterator
         return
     numbers = (camera.fx, camera.fy, camera.cx, camera.cy)
     if not all(isinstance(v, Real) and math.isfinite(v) for v in numbers):
-        given = ", ".join(map(str, numbers))
+        stated = ", ".join(map(str, numbers))
         yield (
-            f"intrinsics must be finite numbers fx, fy, cx, cy with fx > 0 and fy > 0, got {given}"
+            f"intrinsics must be finite numbers fx, fy, cx, cy with fx > 0 and fy > 0, got {stated}"
         )
     else:
         side = max(height, width)

@@ -89,13 +89,13 @@ class MetricDepth(Backend):
         wrong = check_fields(result, H=height, W=width)
         yield from wrong
         if not wrong:
-            known = result.depth[is_finite(result.depth)]
-            if not len(known):
+            finite = result.depth[is_finite(result.depth)]
+            if not len(finite):
                 yield "depth is NaN or infinite everywhere"
-            elif (known <= 0).any():
-                yield f"depth must be > 0 m or NaN, the smallest is {float(known.min()):g}"
+            elif (finite <= 0).any():
+                yield f"depth must be > 0 m or NaN, the smallest is {float(finite.min()):g}"
             else:
-                yield from check_median("depth", known, DEPTH_M, "m")
+                yield from check_median("depth", finite, DEPTH_M, "m")
         if result.scale_sigma is not None:
             yield from check_log_sigma("scale_sigma", result.scale_sigma)
         yield from check_camera(result.intrinsics, height, width)

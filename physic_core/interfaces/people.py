@@ -140,8 +140,8 @@ def _check_boxes(name: str, found: Any, kind: type[UnposedPerson | Carrier]) -> 
                 f"{one.score}"
             )
         if isinstance(one, Carrier) and one.name not in CARRIER_NAMES:
-            known = ", ".join(CARRIER_NAMES)
-            yield f"carriers has {one.name!r}; the names of carriers are {known}"
+            names = ", ".join(CARRIER_NAMES)
+            yield f"carriers has {one.name!r}; the names of carriers are {names}"
 
 
 def _check_values(people: People, height: int, width: int) -> Iterator[str]:
@@ -279,8 +279,8 @@ def keypoint_violations(keypoints: Keypoints, people: int) -> Iterator[str]:
 
 def _sigmas(keypoints: Keypoints) -> list[tuple[str, FloatArray]]:
     """Return name and values of the standard deviations that are given."""
-    given = (("sigma", keypoints.sigma), ("depth_sigma", keypoints.depth_sigma))
-    return [(name, sigma) for name, sigma in given if sigma is not None]
+    sigmas = (("sigma", keypoints.sigma), ("depth_sigma", keypoints.depth_sigma))
+    return [(name, sigma) for name, sigma in sigmas if sigma is not None]
 
 
 def _check_skeleton(skeleton: object, joints: int | None) -> Iterator[str]:
@@ -368,21 +368,21 @@ def _check_probability(name: str, result: Observations) -> Iterator[str]:
 
     value = getattr(result, name)
     share = getattr(result, f"{name}_share")
-    known = value == value
-    yield from check_unit_range(name, value[known])
+    is_known = value == value
+    yield from check_unit_range(name, value[is_known])
     if name in CHOICES:
-        rows = known.any(-1)
+        rows = is_known.any(-1)
         sums = [*value[rows].sum(-1), *np.broadcast_to(share, value.shape)[rows].sum(-1)]
         if any(not abs(float(each) - 1) <= 1e-3 for each in sums):
             yield f"each row of {name}, and {name}_share, must sum to 1; a row may be NaN"
-    elif not ((share > 0) & (share < 1) | ~known).all():
+    elif not ((share > 0) & (share < 1) | ~is_known).all():
         yield f"{name}_share must lie between 0 and 1 where {name} is given, got {share}"
 
 
 def _check_head(result: Observations) -> Iterator[str]:
-    given = (result.head == result.head).any(1)
-    squares = (result.head[given].astype(float) ** 2).sum(1)
+    has_head = (result.head == result.head).any(1)
+    squares = (result.head[has_head].astype(float) ** 2).sum(1)
     if not (abs(squares - 1) <= 2e-3).all():  # False for a row that is NaN in part
         yield "each row of head must be a unit vector, or NaN"
-    if not (result.head_sigma[given] > 0).all():
+    if not (result.head_sigma[has_head] > 0).all():
         yield "head_sigma must be above 0 where head is given"

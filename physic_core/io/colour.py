@@ -64,8 +64,8 @@ def _by_code_points(primaries: int, transfer: int) -> tuple[Convert | None, str]
     """Return the conversion of RGB to sRGB, None if the colours are sRGB's, and a note if what the
     file states is lost.
     """
-    known = transfer in (_PQ, _HLG, _LINEAR, *_POWERS, *_CURVES_LIKE_SRGB)
-    if not known or primaries not in (*_LIKE_SRGB, *_TO_SRGB):
+    is_known = transfer in (_PQ, _HLG, _LINEAR, *_POWERS, *_CURVES_LIKE_SRGB)
+    if not is_known or primaries not in (*_LIKE_SRGB, *_TO_SRGB):
         return None, (
             f"the colors have primaries {primaries} and transfer function {transfer} of H.273, "
             "which are taken for sRGB: if the photo looks wrong, save it as sRGB"

@@ -58,8 +58,8 @@ _PAIRS = ("jfif_density", "aspect", "dpi")
 
 
 def _value(pattern: re.Pattern[str], xmp: str) -> str | None:
-    found = pattern.search(xmp)
-    return None if found is None else found[1] or found[2]
+    match = pattern.search(xmp)
+    return None if match is None else match[1] or match[2]
 
 
 def panorama_kind(xmp: str, tags: Mapping[int, Any]) -> str:

@@ -115,8 +115,8 @@ def _table_of(document: Any, photo: str) -> KeypointTable:
     readers = find_items("physic_keypoint_readers")
     if not readers:
         raise PackageMissingError(f"keypoints in JSON are read by {explain_absence(_DISTRIBUTION)}")
-    for found in readers:
-        table: KeypointTable | None = import_item(found, "reader of keypoints")(document, photo)
+    for reader in readers:
+        table: KeypointTable | None = import_item(reader, "reader of keypoints")(document, photo)
         if table is not None:
             return table
     raise ValueError(f"its form is not known: it has {_words_for_document(document)}")
@@ -144,9 +144,9 @@ def _csv_rows(text: str) -> Iterable[KeypointRow]:
                 float(row.get(_SCORE, 2.0)),
             )
         except (ValueError, TypeError, AttributeError):
-            given = ",".join(str(row[name]) for name in _COLUMNS)
+            values = ",".join(str(row[name]) for name in _COLUMNS)
             raise ValueError(
-                f"row {number} needs a number, a name and two numbers (got {given})"
+                f"row {number} needs a number, a name and two numbers (got {values})"
             ) from None
 
 
@@ -204,9 +204,9 @@ def _check_rows(rows: list[KeypointRow]) -> None:
 
 def _part(joint: str) -> str:
     """Return the part of a joint, whose unit programs write apart: body, a hand, or the face."""
-    found = _HAND.match(joint)
-    if found is not None:
-        return f"{found[1]} hand"
+    match = _HAND.match(joint)
+    if match is not None:
+        return f"{match[1]} hand"
     return "face" if joint.startswith("face") else "body"
 
 

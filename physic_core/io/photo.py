@@ -116,7 +116,7 @@ def read_photo(photo: PhotoSource) -> Photo:
             file.seek(place)
             return replace(_read(image, source, colours), digest=digest)
     if isinstance(photo, Image.Image):
-        found = _read_image(photo)
+        photo_read = _read_image(photo)
     elif (
         isinstance(photo, np.ndarray)
         and photo.dtype == np.uint8
@@ -124,10 +124,12 @@ def read_photo(photo: PhotoSource) -> Photo:
         and photo.shape[2:] in ((), (1,), (4,))
     ):
         array = np.ascontiguousarray(photo)
-        found = _read(Image.fromarray(array[..., 0] if array.shape[2:] == (1,) else array), _ARRAY)
+        photo_read = _read(
+            Image.fromarray(array[..., 0] if array.shape[2:] == (1,) else array), _ARRAY
+        )
     else:
-        found = Photo(check_image(photo))
-    return replace(found, digest=image_digest(found.image))
+        photo_read = Photo(check_image(photo))
+    return replace(photo_read, digest=image_digest(photo_read.image))
 
 
 def photo_path_for_messages(photo: object) -> str:

@@ -278,9 +278,9 @@ def run_of_result(folder: str | os.PathLike[str]) -> str:
     """
     try:
         with open_regular(UntrustedName(DOCUMENT_FILE).inside(folder)) as file:
-            found = _RUN.match(file.read(_END_BYTES))
+            match = _RUN.match(file.read(_END_BYTES))
             file.seek(max(0, file.seek(0, os.SEEK_END) - _END_BYTES))
-            return found[1].decode() if found and file.read().rstrip().endswith(b"}") else ""
+            return match[1].decode() if match and file.read().rstrip().endswith(b"}") else ""
     except (InputError, OSError):
         return ""
 
@@ -351,7 +351,7 @@ def is_result(folder: str | os.PathLike[str]) -> bool:
     """
     try:
         with open_regular(UntrustedName(DOCUMENT_FILE).inside(folder)) as file:
-            found = _RUN.match(file.read(_END_BYTES))
+            match = _RUN.match(file.read(_END_BYTES))
     except (InputError, OSError):
         return False
-    return found is not None or _document(Path(folder)) is not None
+    return match is not None or _document(Path(folder)) is not None

@@ -374,14 +374,14 @@ def _compact(arrays: Arrays, camera: Intrinsics) -> Arrays:
 
 def _expanded(arrays: Arrays, camera: Intrinsics) -> Arrays:
     """Return the arrays of a result from their stored form."""
-    found = dict(arrays)
-    if "scene.depth" in found:
-        found["scene.points"] = _rays(camera) * found.pop("scene.depth")[..., None]
-    normals = found["scene.normals"].astype(np.float32)
+    expanded = dict(arrays)
+    if "scene.depth" in expanded:
+        expanded["scene.points"] = _rays(camera) * expanded.pop("scene.depth")[..., None]
+    normals = expanded["scene.normals"].astype(np.float32)
     length = np.linalg.norm(normals, axis=-1, keepdims=True)
-    found["scene.normals"] = normals / np.where(length > 0, length, 1)
-    found["scene.colors"] = found.pop("scene.colors_change") + found["image"]
-    return found
+    expanded["scene.normals"] = normals / np.where(length > 0, length, 1)
+    expanded["scene.colors"] = expanded.pop("scene.colors_change") + expanded["image"]
+    return expanded
 
 
 def _on_grid(metres: NDArray[Any]) -> NDArray[np.float32]:

@@ -39,8 +39,8 @@ def share_of_thumbnail(image: Image.Image, stored: UInt8Array) -> float | None:
     unit = _SIDE / max(grey.shape)
     small = _resized(grey, unit)
     fit = min(s / p for s, p in zip(small.shape, photo.shape, strict=True))
-    found = [(_correlation(small, _resized(photo, fit * s)), s) for s in _SHARES]
-    best, share = max(found)
+    correlations = [(_correlation(small, _resized(photo, fit * s)), s) for s in _SHARES]
+    best, share = max(correlations)
     return float(share) if best >= _SAME else None
 
 
@@ -70,8 +70,8 @@ def _thumbnail(image: Image.Image) -> NDArray[np.uint8] | None:
     try:
         tags = image.getexif().get_ifd(ExifTags.IFD.IFD1)
         start = int(tags[_OFFSET]) + len(_HEAD) * data.startswith(_HEAD)
-        with Image.open(io.BytesIO(data[start : start + int(tags[_LENGTH])])) as found:
-            grey = np.asarray(found.convert("L"))
+        with Image.open(io.BytesIO(data[start : start + int(tags[_LENGTH])])) as thumbnail:
+            grey = np.asarray(thumbnail.convert("L"))
     except Exception:  # Pillow raises many classes for damaged data: it is no witness then
         return None
     lit = grey > _BLACK

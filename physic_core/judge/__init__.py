@@ -53,17 +53,17 @@ def run_checks(estimates: Estimates, result: Reconstruction) -> tuple[CheckResul
 
     Optional ones for which nothing was measured are left out.
     """
-    found = [
+    results = [
         spec.compare(spec.measure(estimates, result))
         for spec in CHECKS.values()
         if spec.of == "photo"
     ]
     for person in range(len(result.people)):
-        found += [
+        results += [
             spec.compare(spec.measure(estimates, result, person), person)
             for spec in CHECKS.values()
             if spec.of == "person"
         ]
     return tuple(
-        check for check in found if check.value is not None or not CHECKS[check.name].optional
+        check for check in results if check.value is not None or not CHECKS[check.name].optional
     )

@@ -74,11 +74,11 @@ def limb_sigma(estimates: Estimates, result: Reconstruction, person: int) -> Mea
     """
     who = result.people[person]
     sigmas = {limb: sigma for limb, sigma in who.limb_sigmas.items() if not who.hides(limb)}
-    known = [sigma for sigma in sigmas.values() if math.isfinite(sigma)]
-    if not known:
+    finite = [sigma for sigma in sigmas.values() if math.isfinite(sigma)]
+    if not finite:
         return None
     limbs = [part_words(limb) for limb in who.unsure]
-    return max(known), f"{in_words(limbs)} uncertain: compare with the photo" if limbs else ""
+    return max(finite), f"{in_words(limbs)} uncertain: compare with the photo" if limbs else ""
 
 
 # Of wrists and ankles with measured truth .1 in the median and .3 in nine of ten.
@@ -102,11 +102,11 @@ def limb_spread(estimates: Estimates, result: Reconstruction, person: int) -> Me
         for limb, joint in LIMB_ENDS.items()
         if joint in names and not result.people[person].hides(limb)
     }
-    known = {limb: move for limb, move in moves.items() if math.isfinite(move)}
-    if not known:
+    finite = {limb: move for limb, move in moves.items() if math.isfinite(move)}
+    if not finite:
         return None
-    worst = max(known, key=known.__getitem__)
-    return known[worst], (
+    worst = max(finite, key=finite.__getitem__)
+    return finite[worst], (
         f"{part_words(worst)} uncertain: a second detection differs; compare it with the photo"
     )
 
@@ -171,9 +171,9 @@ def contradicted_keypoints(estimates: Estimates, result: Reconstruction, person:
 
     As a share of the diagonal of the box.
     """
-    given = estimates.is_given_keypoint
+    is_given = estimates.is_given_keypoint
     contradicted = estimates.contradicted_px
-    if given is None or contradicted is None or not given[person].any():
+    if is_given is None or contradicted is None or not is_given[person].any():
         return None
     off = contradicted[person]
     box = estimates.photo.people.boxes[person]

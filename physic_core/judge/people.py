@@ -113,17 +113,19 @@ def heads(estimates: Estimates, result: Reconstruction, person: int) -> Measured
     if not mask.any():
         return None
     keypoints = estimates.photo.keypoints
-    found = 1
+    count = 1
     columns = [
         i for i, name in enumerate(skeleton_named(keypoints.skeleton).names) if name.endswith(_HEAD)
     ]
     for other in set(range(len(result.people))) - {person}:
-        seen = [i for i in columns if keypoints.confidence[other, i] >= _CONFIDENT]
-        x, y = np.rint(keypoints.points[other, seen]).astype(int).T
+        visible = [i for i in columns if keypoints.confidence[other, i] >= _CONFIDENT]
+        x, y = np.rint(keypoints.points[other, visible]).astype(int).T
         inside = (x >= 0) & (y >= 0) & (x < mask.shape[1]) & (y < mask.shape[0])
-        found += len(seen) >= _FEWEST_HEAD and mask[y[inside], x[inside]].sum() > len(seen) / 2
+        count += (
+            len(visible) >= _FEWEST_HEAD and mask[y[inside], x[inside]].sum() > len(visible) / 2
+        )
     counted = estimates.photo.people.heads
-    return float(found if counted is None else max(found, int(counted[person])))
+    return float(count if counted is None else max(count, int(counted[person])))
 
 
 # Right bodies 0.90-1.00; bodies of people who are hardly visible 0.65-0.85.
@@ -163,13 +165,13 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
     who = result.people[person]
     measures = who.measures
     height = None if result.scene.floor is None else measures.sole_height_m
-    found = []
+    reasons = []
     in_air = who.support is not None and who.support.state is SupportState.AIRBORNE
     lacks_surface = any(one.likely and one.distance_m is not None for one in who.contacts)
     unasked = in_air or lacks_surface or measures.assumed_support
     if measures.clearance_m is not None and not unasked:
         gap = measures.clearance_m
-        found.append(
+        reasons.append(
             (
                 gap,
                 f"the nearest surface that could carry this person is {gap:.2f} m away. Unless "
@@ -180,7 +182,7 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
         above = who.vertices @ result.scene.floor.normal
         low = float(np.quantile(above, _LOWEST_SHARE)) + result.scene.floor.offset
         if low < -_SUPPORT_M:
-            found.append(
+            reasons.append(
                 (
                     -low,
                     f"the body reaches {-low:.2f} m below the floor: the floor or the person's "
@@ -190,15 +192,15 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
     stands = _stands_on_seen_legs(estimates, result, person)
     if height is not None and (height < 0 or stands):
         side = "above" if height > 0 else "below"
-        found.append(
+        reasons.append(
             (
                 abs(height),
                 f"the lower foot is {abs(height):.2f} m {side} the floor: the floor or the "
                 f"person's distance is wrong. See {_FROM_THE_SIDE}, and do not use this distance",
             )
         )
-    if found:
-        return max(found)
+    if reasons:
+        return max(reasons)
     return (None, _IN_THE_AIR if in_air else _ASSUMED_SUPPORT) if unasked else None
 
 
@@ -222,9 +224,9 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
     value = math.prod(max(likely[part], 1 - likely[part]) for part in ENDS)
     seated = who.posture in _SEATED and (who.posture_probability or 0.0) >= 0.5
     if seated and likely["seat"] < 0.5:
-        seen = f"{who.posture} (probability {who.posture_probability:.2f})"
+        observed = f"{who.posture} (probability {who.posture_probability:.2f})"
         return value, (
-            f"this person seems to {seen}, but there is no seat under the body: see "
+            f"this person seems to {observed}, but there is no seat under the body: see "
             f"{_FROM_THE_SIDE}"
         )
     least = min(ENDS, key=lambda part: abs(likely[part] - 0.5))
@@ -362,15 +364,15 @@ def given_size(estimates: Estimates, result: Reconstruction, person: int) -> Mea
     age you gave, in standard deviations.
     """
     measured = result.people[person].measures
-    given = measured.given_stature_m
+    given_m = measured.given_stature_m
     shown = measured.shown_stature_m
     sigmas = measured.stature_sigmas
-    if given is None or shown is None or sigmas is None:
+    if given_m is None or shown is None or sigmas is None:
         return None
     stature, years = (own[person] for own in estimates.photo.known.filled(len(result.people)))
     origin = "was given" if math.isfinite(stature) else f"is usual at {years:g} years"
     return sigmas, (
-        f"the photo shows {shown:.2f} m, and {given:.2f} m {origin}: check the ages and statures "
+        f"the photo shows {shown:.2f} m, and {given_m:.2f} m {origin}: check the ages and statures "
         f"that you gave"
     )
 
@@ -432,8 +434,8 @@ def child_size(estimates: Estimates, result: Reconstruction, person: int) -> Mea
 
 def _is_known(estimates: Estimates, result: Reconstruction, person: int) -> bool:
     """Return whether the user gave stature or age of a person."""
-    given = estimates.photo.known.filled(len(result.people))
-    return any(math.isfinite(values[person]) for values in given)
+    known_sizes = estimates.photo.known.filled(len(result.people))
+    return any(math.isfinite(values[person]) for values in known_sizes)
 
 
 def _stands_on_seen_legs(estimates: Estimates, result: Reconstruction, person: int) -> bool:

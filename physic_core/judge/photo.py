@@ -224,13 +224,13 @@ def depth_order(estimates: Estimates, result: Reconstruction) -> Measured:
     Other readings are mirrored, moved, along the ray, and others. The point map says what is right.
     """
     photo = estimates.photo
-    found = estimates.reading or compare_depth(
+    comparison = estimates.reading or compare_depth(
         estimates.depth.depth, (photo.scene_map,), result.intrinsics
     )
-    if not found.what:
+    if not comparison.what:
         return None
     source = "that you gave" if estimates.reading else f"of {estimates.depth_backend}"
-    return found.ratio, f"the depth {source} was followed, and {found}"
+    return comparison.ratio, f"the depth {source} was followed, and {comparison}"
 
 
 @_check(

@@ -138,7 +138,7 @@ def _growth_to_floor(people: list[Measures], state: State) -> FloatArray:
     """Return the log factor (N,) by which people who stand off the floor must grow to stand on it;
     0 for others.
     """
-    found = np.zeros(len(people))
+    growth = np.zeros(len(people))
     floor = state.scene.floor
     for i, person in enumerate(people):
         height = person.sole_height_m
@@ -148,8 +148,8 @@ def _growth_to_floor(people: list[Measures], state: State) -> FloatArray:
         if standing_legs(*exact_arrays(state.joints[i])).all():
             # A person grows about the camera; a height near the camera's would need an infinite
             # factor.
-            found[i] = -math.log1p(-min(height / float(floor.offset * state.scene_scale), 0.9))
-    return found
+            growth[i] = -math.log1p(-min(height / float(floor.offset * state.scene_scale), 0.9))
+    return growth
 
 
 def contradictions(known: KnownSizes, state: State) -> tuple[list[str], dict[str, Any]]:

@@ -122,11 +122,11 @@ def probabilities_of(
         values: as of :func:`log_odds`.
         models: fitted, of each mark and of all.
     """
-    found: dict[str, float] = {}
+    probabilities: dict[str, float] = {}
     for mark in (*MARKS, ALL):
         odds = models[mark]["constant"] + sum(log_odds(values, models[mark]).values())
-        found[mark] = capped(1 / (1 + math.exp(-odds)), len(contradictions(values, mark)))
-    return found | {ALL: min(found.values())}
+        probabilities[mark] = capped(1 / (1 + math.exp(-odds)), len(contradictions(values, mark)))
+    return probabilities | {ALL: min(probabilities.values())}
 
 
 def contradictions(values: Mapping[str, float | None], mark: str = ALL) -> list[str]:

@@ -32,10 +32,14 @@ from physic_core.pipeline.find_scene import (
 from physic_core.types.arrays import select_people
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from physic_core.engine.ground.floor_and_scale import Ground
+    from physic_core.engine.photo import PhotoContent
     from physic_core.engine.state import Estimates
+    from physic_core.pipeline.find_scene import Floors, Maps
     from physic_core.pipeline.photo_run import PhotoRun
-    from physic_core.types import DepthMap
+    from physic_core.types import Bodies, BoolArray, DepthMap, Hints
 
 
 def run_backends(run: PhotoRun) -> Estimates:
@@ -52,29 +56,28 @@ def run_backends(run: PhotoRun) -> Estimates:
     from physic_core.engine.state import Estimates
 
     plan = run.plan
-    found = find_people(run)
-    joints = find_keypoints(run, found.people)
-    inpainting = inpaint_people(run, found.people)
-    maps = map_photo(run, found.people, joints.keypoints, inpainting)
-    observations, joints = observe_people(run, found.people, joints, maps.camera)
+    segmented = find_people(run)
+    joints = find_keypoints(run, segmented.people)
+    inpainting = inpaint_people(run, segmented.people)
+    maps = map_photo(run, segmented.people, joints.keypoints, inpainting)
+    observations, joints = observe_people(run, segmented.people, joints, maps.camera)
     with run.stages.time_engine("floor candidates"):
-        photo = photo_content(found, joints.keypoints, observations, maps, plan.engine.placement)
+        photo = photo_content(
+            segmented, joints.keypoints, observations, maps, plan.engine.placement
+        )
         floors = find_floors(photo, maps.hints, searched=plan.engine.scene.floor != "off")
     bodies, no_body = estimate_bodies(run, photo, floors.hints)
     bodies, no_hands = add_hands(run, photo, bodies)
     bodies = resize_bodies(run, photo, bodies)
-    bodies, no_body, given = use_given_bodies(run, photo, found.body, bodies, no_body)
+    bodies, no_body, given = use_given_bodies(run, photo, segmented.body, bodies, no_body)
     embodied = ~no_body
-    seen = select_people(photo, embodied)
+    people = select_people(photo, embodied)
     posed = select_people(bodies, embodied)
-    hints = hints_with_bodies(run, seen, posed, floors.hints)
+    hints = hints_with_bodies(run, people, posed, floors.hints)
     contact, no_contact = estimate_contact(run, hints, embodied)
-    own = depth_of_own_scale(run, maps, hints)
-    with run.stages.time_engine("floor and scale"):
-        ground = find_scale(run, seen, posed, floors, own)
-    depth = depth_at_scale(run, ground, own, maps, hints)
+    ground, depth = _ground_and_depth(run, people, posed, floors, maps, hints)
     missing = {
-        "segmenter": found.missing,
+        "segmenter": segmented.missing,
         "keypoint_detector": joints.missing,
         "body_estimator": no_body,
         "hand_estimator": no_hands,
@@ -85,21 +88,39 @@ def run_backends(run: PhotoRun) -> Estimates:
         camera_by_user_or_file=run.given.photo.intrinsics is not None,
         photo=photo,
         inpainted=inpainting.image,
-        ground=_without_replaced_statements(ground.expanded(embodied), own, depth),
+        ground=ground.expanded(embodied),
         bodies=bodies,
         contact=contact,
         depth=depth,
         depth_backend=plan.backends["metric_depth"].title,
-        missing_results=tuple(
-            tuple(name for name, who in missing.items() if who is not None and who[i])
-            for i in range(len(no_body))
-        ),
+        missing_results=_missing_results(missing, len(no_body)),
         known=run.given.known,
         is_given_keypoint=joints.is_changed,
         contradicted_px=joints.contradicted_px,
         file_px_per_px=joints.file_px_per_px,
         given_bodies=given,
         reading=maps.reading,
+    )
+
+
+def _ground_and_depth(
+    run: PhotoRun, photo: PhotoContent, bodies: Bodies, floors: Floors, maps: Maps, hints: Hints
+) -> tuple[Ground, DepthMap]:
+    """Return floor and scale by the people with a body, and the depth at that scale."""
+    own = depth_of_own_scale(run, maps, hints)
+    with run.stages.time_engine("floor and scale"):
+        ground = find_scale(run, photo, bodies, floors, own)
+    depth = depth_at_scale(run, ground, own, maps, hints)
+    return _without_replaced_statements(ground, own, depth), depth
+
+
+def _missing_results(
+    missing: Mapping[str, BoolArray | None], count: int
+) -> tuple[tuple[str, ...], ...]:
+    """Return the interfaces without a result for each of N people."""
+    return tuple(
+        tuple(name for name, who in missing.items() if who is not None and who[i])
+        for i in range(count)
     )
 
 

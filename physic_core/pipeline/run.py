@@ -33,7 +33,6 @@ from physic_core.prepare.photo import prepare_photo
 from physic_core.types import (
     Bodies,
     CameraTrust,
-    CheckResult,
     Intrinsics,
     KnownSizes,
     PeoplePrompt,
@@ -398,59 +397,74 @@ def _reconstruct(
     run = PhotoRun(prepared, plan, stages)
     with limited_threads(plan.config.run.threads):
         estimates = _estimate(run, close=close)
-    from physic_core.judge import run_checks, warning_messages
     from physic_core.pipeline.optimise import run_engine
-    from physic_core.pipeline.reconstruction import (
-        describe_methods,
-        describe_repositories,
-        judge,
-        warn_of_bent_trunks,
-        warn_of_small_people,
-    )
 
     estimates = replace(estimates, views=given.views)
     estimates = estimates if given.complete is None else given.complete(estimates)
+    engine = plan.engine
+    if plan.photo.bodies_final and bodies is not None:
+        engine = replace(engine, joint=engine.joint.with_fixed_bodies())
     with limited_threads(plan.config.run.threads):
-        engine = plan.engine
-        if plan.photo.bodies_final and bodies is not None:
-            engine = replace(engine, joint=engine.joint.with_fixed_bodies())
-        found = run_engine(estimates, engine, run.model, stages)
-        checks: tuple[CheckResult, ...] = ()
-        judged = found
-        with stages.beyond_the_answer("the check of the result"):
-            checks = run_checks(estimates, found)
-            judged = judge(found, checks)
-    repositories: dict[str, Any] = {}
-    with stages.beyond_the_answer("the description of the result"):
-        repositories, others = describe_repositories(plan)
-        stages.warn(*others, *warning_messages(checks))
-        stages.warn(*warn_of_small_people(estimates, found), *warn_of_bent_trunks(found))
-        stages.note(*describe_methods(estimates, found))
-    with stages.beyond_the_answer("the search for mistakes of backends"):
-        _warn_of_contradictions(plan, estimates, judged, stages)
-    found = replace(
-        judged,
+        result = run_engine(estimates, engine, run.model, stages)
+        result = _with_checks(result, estimates, stages)
+    result = _with_descriptions(result, estimates, plan, stages)
+    result = replace(
+        result,
         stages=tuple(stages.records),
         warnings=tuple(stages.warnings),
         notes=tuple(stages.notes),
         config=plan.config.as_dict(),
         lens=prepared.lens,
-        diagnostics={**found.diagnostics, **repositories},
     )
-    return found if prepared.border is None else prepared.border.added_to(found)
+    return result if prepared.border is None else prepared.border.added_to(result)
+
+
+def _with_checks(
+    result: Reconstruction, estimates: Estimates, stages: StageCaller
+) -> Reconstruction:
+    """Return a result with its checks, and the trust in each person."""
+    from physic_core.judge import run_checks
+    from physic_core.pipeline.reconstruction import judge
+
+    with stages.beyond_the_answer("the check of the result"):
+        return judge(result, run_checks(estimates, result))
+    return result
+
+
+def _with_descriptions(
+    result: Reconstruction, estimates: Estimates, plan: ResolvedPipeline, stages: StageCaller
+) -> Reconstruction:
+    """Add warnings and notes about a judged result to the run; return it with the repositories."""
+    from physic_core.judge import warning_messages
+    from physic_core.pipeline.reconstruction import (
+        describe_methods,
+        describe_repositories,
+        warn_of_bent_trunks,
+        warn_of_small_people,
+    )
+
+    repositories: dict[str, Any] = {}
+    with stages.beyond_the_answer("the description of the result"):
+        repositories, others = describe_repositories(plan)
+        stages.warn(*others, *warning_messages(result.checks))
+        stages.warn(*warn_of_small_people(estimates, result), *warn_of_bent_trunks(result))
+        stages.note(*describe_methods(estimates, result))
+    with stages.beyond_the_answer("the search for mistakes of backends"):
+        _warn_of_contradictions(plan, estimates, result, stages)
+    return replace(result, diagnostics={**result.diagnostics, **repositories})
 
 
 def _warn_of_contradictions(
-    plan: ResolvedPipeline, estimates: Estimates, found: Reconstruction, stages: StageCaller
+    plan: ResolvedPipeline, estimates: Estimates, result: Reconstruction, stages: StageCaller
 ) -> None:
     """Warn of backends that are not vouched for, and whose answers contradict those of others."""
     from physic_core.pipeline.doubts import doubt_of_contact_places, doubt_of_distance_from_others
 
     strange = {name: one for name, one in plan.backends.items() if not stages.is_vouched_for(one)}
     prior = strange.get("contact_prior")
-    if prior and (doubt := doubt_of_contact_places(found, estimates.contact.probability)):
+    if prior and (doubt := doubt_of_contact_places(result, estimates.contact.probability)):
         stages.warn(f"{prior.title}: {doubt}")
-    furthest, doubt = doubt_of_distance_from_others(found, strange)
+    furthest, doubt = doubt_of_distance_from_others(result, strange)
     if furthest and not any(strange[furthest].title in text for text in stages.warnings):
         stages.warn(f"{strange[furthest].title}: {doubt}; physic plugins check tries it alone")
 

@@ -340,13 +340,13 @@ def _pictures(ground: BoolArray) -> list[_Picture]:
         (~ground).astype(np.uint8), connectivity=4
     )
     area = ground.size
-    found = [
+    pictures = [
         one
         for label in range(1, count)
         if stats[label, cv2.CC_STAT_AREA] >= _PART * area
         and (one := _picture(labels == label)) is not None
     ]
-    return sorted(found, key=lambda one: -one.share)
+    return sorted(pictures, key=lambda one: -one.share)
 
 
 def _picture(part: BoolArray) -> _Picture | None:
@@ -365,8 +365,10 @@ def _picture(part: BoolArray) -> _Picture | None:
         if len(corners) <= 4:
             starts += [corners[:, 0].astype(float)] if len(corners) == 4 else []
             break
-    found = [_picture_on_lines(start, outline[:, 0].astype(float), part.shape) for start in starts]
-    return min(filter(None, found), key=lambda one: one.broken, default=None)
+    candidates = [
+        _picture_on_lines(start, outline[:, 0].astype(float), part.shape) for start in starts
+    ]
+    return min(filter(None, candidates), key=lambda one: one.broken, default=None)
 
 
 def _picture_on_lines(
@@ -448,8 +450,8 @@ def _line_at_side(
     base = np.array([px, py], float)
     direction = np.array([x, y], float)
     on_line = np.abs((points[near] - base) @ np.array([-y, x])) <= _LINE_PX
-    seen = len(np.unique(places[near][on_line].astype(int))) / (0.8 * length)
-    return _Line(base, direction, seen)
+    share = len(np.unique(places[near][on_line].astype(int))) / (0.8 * length)
+    return _Line(base, direction, share)
 
 
 def _rectangle_in(corners: FloatArray) -> Inside:

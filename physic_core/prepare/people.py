@@ -120,11 +120,11 @@ def select_chosen(people: People, prompt: PeoplePrompt) -> People:
                 f"{first} and {second} hit the same person: give one prompt for each person, or a "
                 "box or mask where people overlap"
             )
-    given = people.masks[:0] if prompt.masks is None else prompt.masks
-    masks = np.concatenate([people.masks[rows] & ~given.any(0), given])
+    given_masks = people.masks[:0] if prompt.masks is None else prompt.masks
+    masks = np.concatenate([people.masks[rows] & ~given_masks.any(0), given_masks])
     # The user is sure of a mask.
-    scores = np.concatenate([people.scores[rows], np.ones(len(given), people.scores.dtype)])
-    matches = [_best_match(mask, people.masks) for mask in given]
+    scores = np.concatenate([people.scores[rows], np.ones(len(given_masks), people.scores.dtype)])
+    matches = [_best_match(mask, people.masks) for mask in given_masks]
     keypoints = people.keypoints
     if None in matches:
         keypoints = None  # the keypoint detector finds those of all people

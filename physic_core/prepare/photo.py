@@ -277,12 +277,12 @@ def _undistorted(prepared: PreparedPhoto, lens: Lens, file_size: tuple[int, int]
         "maps them back)"
     )
     image = undistort_image(photo.image, lens.intrinsics, lens.distortion)
-    found = prepared.moved(
+    straight = prepared.moved(
         replace(photo, image=image, notes=(*photo.notes, note)),
         lambda pixels: undistort_pixels(pixels, lens.intrinsics, lens.distortion),
         lambda mask: _undistorted_mask(mask, lens),
     )
-    return replace(found, lens=replace(lens, intrinsics=lens.intrinsics.resized(*file_size)))
+    return replace(straight, lens=replace(lens, intrinsics=lens.intrinsics.resized(*file_size)))
 
 
 def _undistorted_box(
@@ -310,8 +310,8 @@ def _undistorted_mask(mask: BoolArray, lens: Lens) -> BoolArray:
     at = np.rint(lens.file_pixels(np.stack([x, y], -1), lens.intrinsics)).astype(int)
     inside = ((at >= 0) & (at < [width, height])).all(-1)
     clipped: FloatArray = np.clip(at, 0, [width - 1, height - 1])
-    found: BoolArray = inside & mask[clipped[..., 1], clipped[..., 0]]
-    return found
+    inside_mask: BoolArray = inside & mask[clipped[..., 1], clipped[..., 0]]
+    return inside_mask
 
 
 def checked_prompt(prompt: PeoplePrompt, width: int, height: int) -> PeoplePrompt:

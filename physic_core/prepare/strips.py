@@ -56,7 +56,7 @@ def _strips(across: UInt8Array) -> list[tuple[int, int]]:
     plain = varies <= _VARIES
     begins = np.flatnonzero(plain & np.insert(steps | ~plain[:-1], 0, True))
     stops = np.flatnonzero(plain & np.append(steps | ~plain[1:], True)) + 1
-    found = []
+    strips = []
     for start, stop in zip(begins.tolist(), stops.tolist(), strict=True):
         if not _LEAST_PX <= stop - start <= _WIDEST * len(across) + _LEAST_PX:
             continue
@@ -68,5 +68,5 @@ def _strips(across: UInt8Array) -> list[tuple[int, int]]:
             for rows in sides
         ]
         if min(seen) >= _SEEN and (off[middle] > step).mean() <= _STRAY:
-            found.append((start, stop))
-    return found
+            strips.append((start, stop))
+    return strips

@@ -86,7 +86,7 @@ def _agreement(left: FloatArray, right: FloatArray) -> float:
     reach = round(_SHIFT * width)
     slack = max(2, round(0.02 * height))
     wide = cv2.copyMakeBorder(right, slack, slack, reach, reach, cv2.BORDER_REPLICATE)
-    found = []
+    agreements = []
     count = 0
     for y in range(0, height - _BLOCK + 1, _BLOCK):
         for x in range(0, width - _BLOCK + 1, _BLOCK):
@@ -94,5 +94,5 @@ def _agreement(left: FloatArray, right: FloatArray) -> float:
             block = left[y : y + _BLOCK, x : x + _BLOCK]
             if block.std() >= _TEXTURE:
                 around = wide[y : y + _BLOCK + 2 * slack, x : x + _BLOCK + 2 * reach]
-                found.append(cv2.matchTemplate(around, block, cv2.TM_CCOEFF_NORMED).max())
-    return float(np.median(found)) if len(found) >= _TEXTURED * max(count, 1) else 0.0
+                agreements.append(cv2.matchTemplate(around, block, cv2.TM_CCOEFF_NORMED).max())
+    return float(np.median(agreements)) if len(agreements) >= _TEXTURED * max(count, 1) else 0.0

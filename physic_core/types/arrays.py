@@ -54,9 +54,9 @@ def expand_people(record: _Record, rows: BoolArray) -> _Record:
     import numpy as np
 
     def wider(array: Any) -> Any:
-        found = np.zeros((len(rows), *array.shape[1:]), array.dtype)
-        found[rows] = array
-        return found
+        wide = np.zeros((len(rows), *array.shape[1:]), array.dtype)
+        wide[rows] = array
+        return wide
 
     return _map_rows(record, wider)
 

@@ -245,7 +245,7 @@ class Support:
             for one in reversed(largest)
             if one.partner.kind != "hidden"
         }
-        seen = [
+        touches = [
             f"{part_words(part)} on {on[part]}"
             for part in dict.fromkeys(one.part for one in self.contacts)
             if part in on
@@ -253,7 +253,7 @@ class Support:
         unseen = [
             f"a {name.removeprefix('hidden ')} that the scene does not show" for name in self.hidden
         ]
-        return ": ".join(filter(None, (self.state.value, ", ".join([*seen, *unseen]))))
+        return ": ".join(filter(None, (self.state.value, ", ".join([*touches, *unseen]))))
 
 
 def _hidden(contact: BodyContact) -> str:

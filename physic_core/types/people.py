@@ -113,10 +113,10 @@ class Keypoints(ShortRepr):
         exchanged, and the depths of ``world`` reversed.
         """
         order = mirrored_order(self.joint_set.names)
-        found = with_columns(self, rows, {name: order for name, _ in per_person(self)})
-        if found.world is not None:
-            found.world[rows, :, 2] *= -1
-        return found
+        turned = with_columns(self, rows, {name: order for name, _ in per_person(self)})
+        if turned.world is not None:
+            turned.world[rows, :, 2] *= -1
+        return turned
 
 
 FOUND_TWICE = "found twice"

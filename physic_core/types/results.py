@@ -236,8 +236,8 @@ class Person(ShortRepr):
         """Joints whose angles are mostly a guess, such as "left_knee", since a part beside them is
         ``unseen``.
         """
-        found: tuple[str, ...] = DOORS["joints_beside"]()(self.unseen)
-        return found
+        joints: tuple[str, ...] = DOORS["joints_beside"]()(self.unseen)
+        return joints
 
     @property
     def limb_sigmas(self) -> dict[str, float]:
@@ -394,11 +394,12 @@ class Reconstruction(ShortRepr):
         if self.scene.measured:
             return tuple(self._sigma_by_measured_depth(person) for person in self.people)
         own = (person.stature_sigma for person in self.people)
-        known = (
+        sigmas_of_person = (
             [sigma for sigma in (one, self.scene.scale_sigma) if sigma is not None] for one in own
         )
         return tuple(
-            math.hypot(max(sigmas), self._focal_sigma) if sigmas else None for sigmas in known
+            math.hypot(max(sigmas), self._focal_sigma) if sigmas else None
+            for sigmas in sigmas_of_person
         )
 
     def file_pixels(self, pixels: FloatArray) -> FloatArray:

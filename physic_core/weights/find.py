@@ -39,7 +39,7 @@ def locate(manifest: Path, name: str, file: str | None = None) -> Path:
             get the files.
         BackendError: a file is not the published one, or the manifest is invalid.
     """
-    found = find_weights(manifest, name, file)
+    path = find_weights(manifest, name, file)
     weights = _named(manifest, name)
     here = locate_files(weights)
     for wanted in weights.files:
@@ -49,7 +49,7 @@ def locate(manifest: Path, name: str, file: str | None = None) -> Path:
                 f"{here[wanted.path]} is not the published file: {wrong}: move it away, then "
                 f"{weights.how_to_get()}"
             )
-    return found
+    return path
 
 
 def find_weights(manifest: Path, name: str, file: str | None = None) -> Path:
@@ -184,8 +184,8 @@ def describe_mismatch(path: Path, file: WeightFile) -> str:
         if file.bytes not in (None, status.st_size):
             return f"it has {status.st_size} bytes instead of {file.bytes}"
         stamp = f"{status.st_dev} {file_stamp(status)}"
-        if file.sha256 is not None and (found := _sha256(path, stamp)) != file.sha256:
-            return f"its SHA-256 is {found} instead of {file.sha256}"
+        if file.sha256 is not None and (sha256 := _sha256(path, stamp)) != file.sha256:
+            return f"its SHA-256 is {sha256} instead of {file.sha256}"
     except OSError as error:
         return f"it cannot be read: {error.strerror}"
     return ""
@@ -237,8 +237,8 @@ def find_in_hub_cache(file: WeightFile) -> Path | None:
         return None  # saves the slow import of the rest of the library
     from huggingface_hub import try_to_load_from_cache
 
-    found = try_to_load_from_cache(origin.repository, origin.path, revision=origin.revision)
-    return Path(found) if isinstance(found, str) else None
+    path = try_to_load_from_cache(origin.repository, origin.path, revision=origin.revision)
+    return Path(path) if isinstance(path, str) else None
 
 
 def _identity(path: Path, file: WeightFile) -> str:

@@ -52,15 +52,15 @@ class WeightLibrary:
         """
         distribution, _, bare = name.rpartition(":")
         owner = canonicalize_name(distribution)
-        found = [
+        matches = [
             one
             for one in self.sets
             if one.weights.name == bare and owner in ("", canonicalize_name(one.offer.distribution))
         ]
-        if len(found) == 1:
-            return found[0]
-        if found:
-            choices = " or ".join(f"'{one.offer.distribution}:{bare}'" for one in found)
+        if len(matches) == 1:
+            return matches[0]
+        if matches:
+            choices = " or ".join(f"'{one.offer.distribution}:{bare}'" for one in matches)
             raise ConfigError(f"several plugins list weights named '{bare}': write {choices}")
         hint = (
             did_you_mean(bare, {one.weights.name for one in self.sets})
@@ -91,12 +91,12 @@ def named_sets(distribution: str, options: Mapping[str, Any]) -> tuple[WeightSet
         PhysicError: a manifest of the distribution is invalid.
     """
     values = [value for value in options.values() if isinstance(value, str)]
-    found: dict[str, WeightSet] = {}
+    sets_named: dict[str, WeightSet] = {}
     for offer in installed_offers(WEIGHTS_GROUP):
         if offer.distribution == distribution:
             sets = _sets(offer)
-            found |= {value: sets[value] for value in values if value in sets}
-    return tuple(found.values())
+            sets_named |= {value: sets[value] for value in values if value in sets}
+    return tuple(sets_named.values())
 
 
 def default_sets(backend: Offer) -> tuple[WeightSet, ...]:

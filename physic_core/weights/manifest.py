@@ -136,8 +136,8 @@ class WeightFile:
     @property
     def origin(self) -> HubSource | WebSource | None:
         """The parsed source, or None if there is none."""
-        if found := _HUB.fullmatch(self.source):
-            return HubSource(found[1], found[2], found[3] or "main")
+        if match := _HUB.fullmatch(self.source):
+            return HubSource(match[1], match[2], match[3] or "main")
         if self.source:
             url, _, member = self.source.partition("#")
             return WebSource(url, member)

@@ -45,12 +45,12 @@ def check(
         resolve,
     )
 
-    found = load_config(file, preset=preset, overrides=overrides)
-    plan = resolve(found)
-    check_input_files(found)
+    settings = load_config(file, preset=preset, overrides=overrides)
+    plan = resolve(settings)
+    check_input_files(settings)
     files = missing_file_messages(plan)
     device = missing_gpu(plan)
-    path = found.body_model.path
+    path = settings.body_model.path
     if path is not None and Path(path).exists():
         from physic_core.body import load_body
 

@@ -31,5 +31,5 @@ def show_plugin(name: str, interface: str | None) -> None:
 
     require_interface(interface)
     name = with_current_folder(name)
-    found = find_by_name(name) if interface is None else (find_backend(interface, name),)
-    echo("\n\n".join(describe_backend(offer) for offer in found))
+    offers = find_by_name(name) if interface is None else (find_backend(interface, name),)
+    echo("\n\n".join(describe_backend(offer) for offer in offers))

@@ -105,15 +105,18 @@ def _point_labels(
     if not len(points):
         return label
     row = row.cpu()
-    given = torch.where(row >= 0, labels.cpu()[row], -1)
-    floors = _has_label(given, names, GROUND_SURFACES)
-    seen = (given >= 0) & ~_has_label(given, names, _NO_SURFACE)
-    label[seen] = given[seen]
-    for hidden, source in ((~seen & ~raised, seen), (~seen & raised, seen & ~floors)):
+    named = torch.where(row >= 0, labels.cpu()[row], -1)
+    floors = _has_label(named, names, GROUND_SURFACES)
+    is_surface = (named >= 0) & ~_has_label(named, names, _NO_SURFACE)
+    label[is_surface] = named[is_surface]
+    for hidden, source in (
+        (~is_surface & ~raised, is_surface),
+        (~is_surface & raised, is_surface & ~floors),
+    ):
         if bool(hidden.any()) and bool(source.any()):
             tree = search_tree(points.cpu()[source])
             nearest, away = nearest_indices(tree, points.cpu()[hidden], _NEIGHBOUR_M)
-            label[hidden] = torch.where(away.isfinite(), given[source][nearest], -1)
+            label[hidden] = torch.where(away.isfinite(), named[source][nearest], -1)
     return label
 
 

@@ -72,20 +72,20 @@ class PeopleInPicture:
         if len(labels) < _FEWEST_PIXELS:
             return None
         share = torch.bincount(labels, minlength=len(photo.label_names)) / len(labels)
-        known = dict(zip(photo.label_names, share.tolist(), strict=True))
-        best = max(carries, key=lambda name: known.get(name, 0.0))
-        if known.get(best, 0.0) >= _LEAST_SHARE:
+        shares = dict(zip(photo.label_names, share.tolist(), strict=True))
+        best = max(carries, key=lambda name: shares.get(name, 0.0))
+        if shares.get(best, 0.0) >= _LEAST_SHARE:
             return best
         return "seat" if part == SEAT else ""
 
     def _around(self, person: int, skin: Tensor) -> Tensor:
         """Return the pixels (H, W) bool of skin (V,) bool of a person, and around it."""
         height, width = self.photo.hole.shape
-        found = torch.zeros_like(self.photo.hole)
+        pixels = torch.zeros_like(self.photo.hole)
         points = self.points[person, skin]
         columns, rows = points[torch.isfinite(points).all(1)].round().long().unbind(1)
         inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
-        found[rows[inside], columns[inside]] = True
+        pixels[rows[inside], columns[inside]] = True
         return dilate_square(
-            found, max(2, round(_REACH * int(self.photo.masks[person].any(1).sum())))
+            pixels, max(2, round(_REACH * int(self.photo.masks[person].any(1).sum())))
         )

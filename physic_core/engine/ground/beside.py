@@ -62,7 +62,7 @@ class LowSkin(NamedTuple):
         """Return which left and right feet, and hands, in sight or not, are as low (N, 4); none of
         people whose trunk is.
         """
-        found = np.zeros((len(self.may_rest), 4), bool)
+        low = np.zeros((len(self.may_rest), 4), bool)
         parts = [model.on_parts(name).cpu() for name in TOUCH_PARTS[:4]]
         trunk = model.on_parts("torso").cpu()
         for i in np.flatnonzero(self.may_rest).tolist():
@@ -70,19 +70,19 @@ class LowSkin(NamedTuple):
             height = self.vertices[i] @ up.to(self.vertices)
             top = height[layer].amax()
             if not bool(layer[trunk].any()):
-                found[i] = [bool(height[part].amin() <= top) for part in parts]
-        return found
+                low[i] = [bool(height[part].amin() <= top) for part in parts]
+        return low
 
     def scales_on_floor(self, floor: PlaneFit) -> FloatArray:
         """Return the scale (N,), metres per unit of a floor, that puts the lowest skin on it; NaN
         for people who stand, and where it is not positive.
         """
-        found = np.full(len(self.may_rest), np.nan)
+        scales = np.full(len(self.may_rest), np.nan)
         for i in np.flatnonzero(self.may_rest).tolist():
             rests = self.vertices[i][self.lowest_vertices(i, floor.normal)]
             low = -float((rests @ floor.normal.to(self.vertices)).amin())
-            found[i] = low / floor.offset if low > 0 else np.nan
-        return found
+            scales[i] = low / floor.offset if low > 0 else np.nan
+        return scales
 
     def lowest_pixels(self, person: int, up: Tensor, matrix: FloatArray) -> FloatArray:
         """Return where the lowest skin of a person is in the picture (M, 2) px.
@@ -144,7 +144,7 @@ def ground_at_soles(
     """
     raised = photo.labelled(*RAISED_SURFACES)
     on_feet = 1 - (1 - Stance.in_picture(photo.observations).stand_probability).prod(1)
-    found = []
+    grounds = []
     for i in range(len(photo.people)):
         rests = low is not None and up is not None and bool(low.may_rest[i])
         if low is not None and up is not None and rests:
@@ -158,8 +158,8 @@ def ground_at_soles(
             if rests:
                 among_raised = float(raised[at].double().mean()) > 0.5
                 stands = _RESTS_AMONG_RAISED if among_raised else _RESTS
-            found.append(GroundAtSoles(*at, stands, float(photo.people.scores[i]), i))
-    return tuple(found)
+            grounds.append(GroundAtSoles(*at, stands, float(photo.people.scores[i]), i))
+    return tuple(grounds)
 
 
 def _at_soles(photo: PhotoContent, person: int) -> Tensor:
@@ -203,7 +203,9 @@ def feet_pixels(
         if name.endswith(("heel", "toe", "foot_tip"))
     ]
     points = keypoints.points[:, soles]
-    seen = keypoints.confidence[:, soles] > confidence
-    seen &= (points >= 0).all(-1) & (points[..., 0] <= width - 1) & (points[..., 1] <= height - 1)
-    chosen: FloatArray = points[seen]
+    visible = keypoints.confidence[:, soles] > confidence
+    visible &= (
+        (points >= 0).all(-1) & (points[..., 0] <= width - 1) & (points[..., 1] <= height - 1)
+    )
+    chosen: FloatArray = points[visible]
     return chosen

@@ -67,8 +67,10 @@ def carried_people(carriers: Sequence[Carrier], keypoints: Keypoints) -> Carried
     points = np.asarray(keypoints.points, np.float64)
 
     def of_both(*ends: str) -> FloatArray:
-        found = [rows[name] for end in ends for side in SIDES if (name := f"{side}_{end}") in rows]
-        return points[:, found] if found else np.full((len(points), 1, 2), np.nan)
+        columns = [
+            rows[name] for end in ends for side in SIDES if (name := f"{side}_{end}") in rows
+        ]
+        return points[:, columns] if columns else np.full((len(points), 1, 2), np.nan)
 
     hips = of_both("hip").mean(1)
     trunk = np.linalg.norm(of_both("shoulder").mean(1) - hips, axis=1)

@@ -149,8 +149,8 @@ class FloorEvidence:
     @property
     def seen_ground(self) -> Tensor | None:
         """Visible pixels (H, W) bool with the label of a floor; None if they are few."""
-        seen = self.ground & ~self.hole
-        return seen if int(seen.sum()) >= _FEWEST_GROUND * seen.numel() else None
+        visible = self.ground & ~self.hole
+        return visible if int(visible.sum()) >= _FEWEST_GROUND * visible.numel() else None
 
 
 @dataclass(frozen=True)
@@ -220,11 +220,11 @@ def _pitch_spread(candidates: tuple[FloorCandidate, ...], chosen: PlaneFit) -> f
     """Return the rms difference of the camera's pitch over other planes by their scores,
     radians.
     """
-    found = [(c.plane.normal, c.log_score) for c in candidates if c.plane is not None]
-    best = max(score for _, score in found)
-    weights = [math.exp(score - best) for _, score in found]
+    scored = [(c.plane.normal, c.log_score) for c in candidates if c.plane is not None]
+    best = max(score for _, score in scored)
+    weights = [math.exp(score - best) for _, score in scored]
     pitches = [
-        math.asin(float(normal[2])) - math.asin(float(chosen.normal[2])) for normal, _ in found
+        math.asin(float(normal[2])) - math.asin(float(chosen.normal[2])) for normal, _ in scored
     ]
     square = sum(w * p**2 for w, p in zip(weights, pitches, strict=True)) / sum(weights)
     return math.sqrt(square)
@@ -259,18 +259,22 @@ def floor_candidates(
             nats["ground that is seen"] = _OFF_GROUND_NATS
         return FloorCandidate(_levelled_plane(view, moved, evidence), nats)
 
-    found = [
+    candidates = [
         candidate(fit, _plane_at_people(view, fit, mask, evidence))
         for fit, mask in _fitted_planes(view, evidence, normals, up)
     ]
-    if up is None and found and (likeliest := found[best_index(found)].plane) is not None:
+    if (
+        up is None
+        and candidates
+        and (likeliest := candidates[best_index(candidates)].plane) is not None
+    ):
         up = likeliest.normal
     if up is not None and len(evidence.feet_px):
         at_feet = plane_at_feet(view, up, evidence.feet_px)
-        found += [] if at_feet is None else [candidate(at_feet, at_feet)]
-    found.append(FloorCandidate(None, {"no pixel to explain": _NO_FLOOR_NATS}))
-    beneath = _candidate_beneath_people(view, evidence, found)
-    return tuple(found) if beneath is None else (beneath, *found)
+        candidates += [] if at_feet is None else [candidate(at_feet, at_feet)]
+    candidates.append(FloorCandidate(None, {"no pixel to explain": _NO_FLOOR_NATS}))
+    beneath = _candidate_beneath_people(view, evidence, candidates)
+    return tuple(candidates) if beneath is None else (beneath, *candidates)
 
 
 def _floor_up(evidence: FloorEvidence, normals: Tensor) -> Tensor | None:
@@ -328,19 +332,19 @@ def _fitted_planes(
     regions += [("labels", evidence.ground, None)]
     regions = [region for region in regions if region[1] is not None and bool(region[1].any())]
     regions += [("lower image", None, up)]
-    found = []
+    planes = []
     for source, mask, direction in regions:
         fit = plane_of_pixels(view, mask, direction, source, 1.0 if mask is None else MASK_SLACK)
-        found += [] if fit is None else [(fit, mask)]
-    if found and up is not None:
+        planes += [] if fit is None else [(fit, mask)]
+    if planes and up is not None:
         # A large table or seat is horizontal, too: the next largest surface may be the floor.
-        level = view.valid & ~found[-1][0].inliers
+        level = view.valid & ~planes[-1][0].inliers
         first = len(level) - math.floor(LOWER_SHARE * len(level))
         level[:first] = False
         level[first:] &= normals[first:].double() @ up > _LEVEL_COSINE
         fit = plane_of_pixels(view, level, up, "level surfaces", MASK_SLACK)
-        found += [] if fit is None else [(fit, level)]
-    return found
+        planes += [] if fit is None else [(fit, level)]
+    return planes
 
 
 def _pixel_score(view: InverseDepthMap, evidence: FloorEvidence) -> Callable[[Tensor], float]:
@@ -395,15 +399,15 @@ def _heights_at_soles(
 
     The unit is the height of the camera, so that the scale does not matter.
     """
-    found = []
+    heights = []
     for rows, columns, stands, real, _ in soles:
         inverse = view.inverse[rows, columns].double()
-        known = inverse > 0
-        if bool(known.any()):
+        is_known = inverse > 0
+        if bool(is_known.any()):
             on_plane = view.rays[rows, columns].double() @ plane
-            height = float((1 - on_plane[known] / inverse[known]).median())
-            found.append((height, stands, real))
-    return found
+            height = float((1 - on_plane[is_known] / inverse[is_known]).median())
+            heights.append((height, stands, real))
+    return heights
 
 
 def _sole_score(heights: list[tuple[float, float, float]]) -> float:
@@ -489,11 +493,11 @@ def _up_score(plane: PlaneFit, evidence: FloorEvidence) -> float:
 
 def _misses_ground(view: InverseDepthMap, plane: PlaneFit, evidence: FloorEvidence) -> bool:
     """Return whether all pixels that are labelled as ground lie off a floor, on one side."""
-    seen = evidence.seen_ground
-    if seen is None or not bool((seen := seen & view.valid).any()):
+    ground = evidence.seen_ground
+    if ground is None or not bool((ground := ground & view.valid).any()):
         return False
-    on_plane = view.rays[seen] @ plane.by_ray.to(view.rays)
-    low, high = quantiles(1 - on_plane / view.inverse[seen], (0.1, 0.9))
+    on_plane = view.rays[ground] @ plane.by_ray.to(view.rays)
+    low, high = quantiles(1 - on_plane / view.inverse[ground], (0.1, 0.9))
     return low > _OFF_GROUND or high < -_OFF_GROUND
 
 

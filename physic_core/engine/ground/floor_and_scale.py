@@ -322,7 +322,7 @@ def _people_evidence(
     """Return people with their torsos as witnesses, and their stance before a floor is known, by
     up (3,) without one.
     """
-    said = photo.observations
+    observations = photo.observations
     with torch.no_grad():
         posed = model(*pose_from_parameters(bodies.parameters, model.device, model.dtype)[:3])
     (vertices,) = exact_arrays(posed.vertices)
@@ -332,15 +332,15 @@ def _people_evidence(
     feet = np.stack(
         [observed[:, [JOINT_INDEX[f"{s}_{j}"] for j in ("ankle", "foot")]].all(1) for s in SIDES], 1
     )
-    stance = Stance.in_picture(said)
+    stance = Stance.in_picture(observations)
     if carriers := photo.people.carriers:
         stance = replace(stance, carried=carried_people(carriers, photo.keypoints))
     sigma, adult = _sizes(photo, bodies)
     real = photo.people.scores * adult
     torsos = _torsos(photo, model, vertices, sigma, real)
-    lie = said.posture[:, POSTURES.index("lie")] > _LIES
+    lie = observations.posture[:, POSTURES.index("lie")] > _LIES
     upright = posed.joints.cpu()[torch.from_numpy(~lie)]
-    across = may_rest_on_any_part(photo.keypoints, said)
+    across = may_rest_on_any_part(photo.keypoints, observations)
     low = low_skin(across, torch.from_numpy(vertices), model, observed, stance.holds, up)
     return _PeopleEvidence(model, vertices, upright, feet, real, low, stance, sigma, torsos)
 
@@ -429,8 +429,8 @@ def _weights_by_ground(
     plane = candidate.plane.to_plane()
     for ground in at_soles:
         rows, columns = exact_arrays(ground.rows, ground.columns)
-        known = photo.scene_map.valid[rows, columns]
-        points = photo.scene_map.points[rows, columns][known].astype(np.float64)
+        is_known = photo.scene_map.valid[rows, columns]
+        points = photo.scene_map.points[rows, columns][is_known].astype(np.float64)
         if len(points):
             height = float(np.median(points @ plane.normal)) / plane.offset + 1
             weights[ground.person] = min(1.0, standing_odds(height))

@@ -84,9 +84,9 @@ def people_backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
     soft, wall = (photo.labelled(*names) for names in (_SOFT, _WALL))
     points, confidence = keypoints_of_both_sides(photo.keypoints, "shoulder", "ankle")
     ends = points.mean(2)
-    seen = (confidence >= SEEN_CONFIDENCE).all((1, 2)) & np.isfinite(ends).all((1, 2))
-    found = []
-    for i in np.flatnonzero(seen).tolist():
+    visible = (confidence >= SEEN_CONFIDENCE).all((1, 2)) & np.isfinite(ends).all((1, 2))
+    backgrounds = []
+    for i in np.flatnonzero(visible).tolist():
         mask = photo.masks[i]
         start, end = torch.from_numpy(ends[i]).double()
         way = end - start
@@ -103,7 +103,7 @@ def people_backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
         places = torch.stack(
             [median(photo.aligned_points.points[part.unbind(1)].double()) for part in parts]
         )
-        found.append(
+        backgrounds.append(
             Background(
                 rows,
                 columns,
@@ -114,7 +114,7 @@ def people_backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
                 places[:, 2],
             )
         )
-    return tuple(found)
+    return tuple(backgrounds)
 
 
 def plane_beneath_people(
@@ -142,9 +142,9 @@ def plane_beneath_people(
 def _background_plane(rays: Tensor, inverse: Tensor, person: Background) -> Tensor | None:
     """Return the plane (3,) on which most of the background around a person lies."""
     near = inverse[person.rows, person.columns].double()
-    known = near > 0
-    near = near[known]
-    ray = rays[person.rows, person.columns].double()[known]
+    is_known = near > 0
+    near = near[is_known]
+    ray = rays[person.rows, person.columns].double()[is_known]
     if len(near) < _FEWEST:
         return None
     step = max(1, len(near) // _DRAWN)

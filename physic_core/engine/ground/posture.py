@@ -86,11 +86,11 @@ def _stands_on_a_leg(keypoints: Keypoints) -> BoolArray:
     """Return who of N people has a seen leg far below the hips in the picture (N,)."""
     points, confidence = keypoints_of_both_sides(keypoints, "hip", "knee", "ankle")
     points = points.astype(np.float64)
-    seen = confidence.min(1) >= SEEN_CONFIDENCE
+    visible = confidence.min(1) >= SEEN_CONFIDENCE
     length = np.linalg.norm(np.diff(points, axis=1), axis=-1).sum(1).max(1)
     below = points[..., 1] - points[:, :1, :, 1].mean(2, keepdims=True)
     knee, ankle = (below[:, i] / (length[:, None] + 1e-9) for i in (1, 2))
-    return np.asarray((seen & (knee > _KNEE_BELOW) & (ankle > _ANKLE_BELOW)).any(1))
+    return np.asarray((visible & (knee > _KNEE_BELOW) & (ankle > _ANKLE_BELOW)).any(1))
 
 
 def is_back_taken_for_front(said: Observations, keypoints: Keypoints) -> BoolArray:
@@ -131,8 +131,10 @@ def may_rest_on_any_part(keypoints: Keypoints, said: Observations) -> BoolArray:
         keypoints: of the people.
         said: of the same people.
     """
-    seen = keypoints_of_both_sides(keypoints, "shoulder", "hip")[1].min((1, 2)) >= SEEN_CONFIDENCE
-    across = seen & (np.abs(trunk_in_picture_deg(keypoints)) > _UPRIGHT_DEG)
+    trunk_visible = (
+        keypoints_of_both_sides(keypoints, "shoulder", "hip")[1].min((1, 2)) >= SEEN_CONFIDENCE
+    )
+    across = trunk_visible & (np.abs(trunk_in_picture_deg(keypoints)) > _UPRIGHT_DEG)
     return np.asarray(across | (said.posture[:, POSTURES.index("lie")] > _LEAST_UPRIGHT))
 
 

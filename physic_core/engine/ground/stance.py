@@ -104,11 +104,11 @@ class Stance(ShortRepr):
         something, which may be a bar.
         """
         own = self._likely_touch[:, :4]
-        known = own[..., WORLD]
-        lifted = (1 - known) * (1 - self.rest_probability[:, None])
+        world = own[..., WORLD]
+        lifted = (1 - world) * (1 - self.rest_probability[:, None])
         rests = limbs & (self.rest_probability >= LEAST_PROBABILITY)[:, None]
         rests[:, 2:] &= ~self.holds
-        own = own * (lifted / (1 - known))[..., None]
+        own = own * (lifted / (1 - world))[..., None]
         own[..., WORLD] = 1 - lifted
         touch = self.touch.copy()
         touch[:, :4] = np.where(rests[..., None], own, touch[:, :4])
@@ -120,9 +120,9 @@ class Stance(ShortRepr):
         """
 
         def wider(array: NDArray[Any], empty: FloatArray | float = np.nan) -> NDArray[Any]:
-            found = np.full((len(rows), *array.shape[1:]), empty, array.dtype)
-            found[rows] = array
-            return found
+            wide = np.full((len(rows), *array.shape[1:]), empty, array.dtype)
+            wide[rows] = array
+            return wide
 
         stands = wider(self.stand_probability, Stance.unknown(1).stand_probability[0])
         carried = self.carried and replace(

@@ -36,8 +36,8 @@ def touch_probability(evidence: FloatArray) -> FloatArray:
     of :mod:`physic_core.types.observations`, by what an observer says beyond its share (..., 10,
     5); where it says 0, nothing, those of an average part.
     """
-    found: FloatArray = softmax(evidence + np.log(usual_touch()), -1)
-    return found
+    probability: FloatArray = softmax(evidence + np.log(usual_touch()), -1)
+    return probability
 
 
 @cache
@@ -51,8 +51,8 @@ def floor_probability(evidence: FloatArray) -> FloatArray:
     """Return the probability (...) that feet that touch are on the floor, by what an observer says
     beyond its share (...).
     """
-    found: FloatArray = expit(evidence + logit(_fitted()["floor rate"]))
-    return found
+    probability: FloatArray = expit(evidence + logit(_fitted()["floor rate"]))
+    return probability
 
 
 def usual_world_touch(part: str) -> float:

@@ -86,12 +86,12 @@ class OcclusionTracker:
         """
         away = vertices[..., 2].mean(1).abs().clamp(min=1e-6)[:, None, None]
         # Motion along the rays does not change the self-occlusion.
-        seen = vertices / away
-        moved = ((seen - self._seen) * away).square().sum(-1).mean(1).sqrt()
+        rays = vertices / away
+        moved = ((rays - self._seen) * away).square().sum(-1).mean(1).sqrt()
         rows = (~(moved < _MIN_MOTION_M)).nonzero(as_tuple=True)[0]
         if len(rows):
             hidden, hidden_limbs = self._cast(vertices[rows])
-            self._seen = self._seen.index_copy(0, rows, seen[rows])
+            self._seen = self._seen.index_copy(0, rows, rays[rows])
             self._hidden = self._hidden.index_copy(0, rows, hidden)
             self._hidden_limbs = self._hidden_limbs.index_copy(0, rows, hidden_limbs)
         return self._hidden, self._hidden_limbs
@@ -146,8 +146,8 @@ def sample_mask_neighbours(uv: Tensor, masks: Tensor, reach: Tensor) -> Tensor:
     )
     pixel = (row[:, :, None] * width + column[:, None]).flatten(1)
     inside = (in_v[:, :, None] & in_u[:, None]).flatten(1)
-    found = masks.flatten(1).gather(1, pixel) & inside
-    return found.reshape(len(uv), 9, -1).transpose(0, 1)
+    values = masks.flatten(1).gather(1, pixel) & inside
+    return values.reshape(len(uv), 9, -1).transpose(0, 1)
 
 
 @dataclass(frozen=True)

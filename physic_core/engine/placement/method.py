@@ -196,8 +196,8 @@ class PlacementStageMethod:
         (V,) bool.
         """
         moved = person.vertices + x[:-1]
-        seen = self.facing(person, moved) & (moved[:, 2] > NEAREST_M)
-        return seen & person.outer & inside_mask(project(moved, person.K), person.mask)
+        facing = self.facing(person, moved) & (moved[:, 2] > NEAREST_M)
+        return facing & person.outer & inside_mask(project(moved, person.K), person.mask)
 
     def reprojection_term(self, person: PlacementProblem) -> PlacementReprojectionTerm:
         """Return the term of Eq. 2, times lambda_j2d."""
@@ -262,8 +262,8 @@ class PlacementStageMethod:
         problem = ""
         by_keypoints = _unmoved()
         if len(person.keypoints) >= FEWEST_KEYPOINTS:
-            found = self.fit_keypoints(person)
-            by_keypoints = found if _is_in_view(person, found) else by_keypoints
+            by_chosen = self.fit_keypoints(person)
+            by_keypoints = by_chosen if _is_in_view(person, by_chosen) else by_keypoints
         else:
             problem = (
                 f"{len(person.keypoints)} joints are detected with confidence "
@@ -272,12 +272,12 @@ class PlacementStageMethod:
             )
         fit = Fit(by_keypoints)
         if self.chamfer_weight > 0:
-            seen = self.camera_facing(person, by_keypoints)
-            if min(len(person.points), int(seen.sum())) >= FEWEST_POINTS:
-                fit = self.fit_to_depth(person, by_keypoints, seen)
+            facing = self.camera_facing(person, by_keypoints)
+            if min(len(person.points), int(facing.sum())) >= FEWEST_POINTS:
+                fit = self.fit_to_depth(person, by_keypoints, facing)
             elif not problem:
                 problem = (
-                    f"this person has {len(person.points)} points of depth and {int(seen.sum())} "
+                    f"this person has {len(person.points)} points of depth and {int(facing.sum())} "
                     f"visible points of the body, but {FEWEST_POINTS} of each are needed. The "
                     f"distance follows from 2D joints and body size alone, and is doubtful"
                 )

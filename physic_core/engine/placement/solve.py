@@ -258,9 +258,9 @@ def human_points(
     box = span_of_true(mask.any(1), _MARGIN_PX), span_of_true(mask.any(0), _MARGIN_PX)
     cloud = points[box]
     inside = mask[box]
-    known = valid[box] & all_finite(cloud) & (cloud[..., 2] > 0)
-    cloud = torch.where(known[..., None], cloud, 0.0)
-    return method.clean_points(cloud, known, inside, mask.shape)
+    is_known = valid[box] & all_finite(cloud) & (cloud[..., 2] > 0)
+    cloud = torch.where(is_known[..., None], cloud, 0.0)
+    return method.clean_points(cloud, is_known, inside, mask.shape)
 
 
 def _resized(

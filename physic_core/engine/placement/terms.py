@@ -135,7 +135,7 @@ class ChamferTerm:
         factor = math.exp(float(x[-1]))
         of_vertex, of_point = self.matched(x)
         identity = torch.eye(3, dtype=torch.float64)
-        found = []
+        residuals_of_sides = []
         for vertices, points, weight in (
             (self.vertices, of_vertex, self.weights[0]),
             (of_point, self.points, self.weights[1]),
@@ -143,8 +143,10 @@ class ChamferTerm:
             scaled = points * factor
             slope = torch.cat((identity.expand(len(scaled), -1, -1), -scaled[:, :, None]), -1)
             error = vertices + x[:-1] - scaled
-            found.append(Residuals(error, slope, error.new_full((len(error),), weight), self.scale))
-        return found
+            residuals_of_sides.append(
+                Residuals(error, slope, error.new_full((len(error),), weight), self.scale)
+            )
+        return residuals_of_sides
 
 
 class PlacementFloorTerm:

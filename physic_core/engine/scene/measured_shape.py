@@ -60,23 +60,23 @@ def with_measured_shape(pointmap: Pointmap, depth: DepthMap, camera: Intrinsics)
     shown = torch.isfinite(metres) & (metres > 0)
     target = depth_to_pointmap(torch.where(shown, metres, 1.0), rays)
     options = AlignmentOptions(METRIC_DEPTH_TOLERANCE)
-    given = PixelPoints.of(pointmap)
+    pixels = PixelPoints.of(pointmap)
     alignment = fit_alignment(
-        given.points, target, given.valid & shown, given.unknown, options=options
+        pixels.points, target, pixels.valid & shown, pixels.unknown, options=options
     )
-    aligned = apply_alignment(given.points, alignment)[..., 2]
+    aligned = apply_alignment(pixels.points, alignment)[..., 2]
     own, measured = (each.numpy() for each in (aligned, shown))
     valid = pointmap.valid & np.isfinite(own) & (own > 0)
-    known = valid & measured
-    if not known.any():
+    overlap = valid & measured
+    if not overlap.any():
         return pointmap
     own = np.where(valid, own, 1.0)
-    ratio = np.log(np.where(known, depth.depth, own) / own)
-    found = np.where(
-        valid, own * np.exp(_continued(ratio, own, known)), np.where(measured, depth.depth, 1.0)
+    ratio = np.log(np.where(overlap, depth.depth, own) / own)
+    depths = np.where(
+        valid, own * np.exp(_continued(ratio, own, overlap)), np.where(measured, depth.depth, 1.0)
     )
     points = np.where(
-        (valid | measured)[..., None], depth_to_pointmap(tensor(found), rays).numpy(), 0.0
+        (valid | measured)[..., None], depth_to_pointmap(tensor(depths), rays).numpy(), 0.0
     )
     return replace(
         pointmap,
@@ -136,10 +136,10 @@ def _trend(ratio: FloatArray, depth: FloatArray, known: BoolArray) -> FloatArray
     terms = np.stack([columns, rows, np.log(depth), np.ones_like(depth)], -1)
     chosen = np.flatnonzero(known)
     chosen = chosen[np.linspace(0, len(chosen) - 1, min(len(chosen), _SAMPLES)).astype(int)]
-    seen = terms.reshape(-1, 4)[chosen]
+    samples = terms.reshape(-1, 4)[chosen]
     target = ratio.ravel()[chosen]
     weight = np.ones(len(chosen))
     for _ in range(_REWEIGHTED):
-        plane = np.linalg.lstsq(seen * weight[:, None], target * weight, rcond=None)[0]
-        weight = np.abs(seen @ plane - target).clip(_NOISE) ** -0.5
+        plane = np.linalg.lstsq(samples * weight[:, None], target * weight, rcond=None)[0]
+        weight = np.abs(samples @ plane - target).clip(_NOISE) ** -0.5
     return np.asarray(terms @ plane)

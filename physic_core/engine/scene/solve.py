@@ -166,21 +166,21 @@ def build_scene(
     shared, depth, cameras = method.share_camera(relative.points, depth, cameras)
     relative = replace(relative, points=shared)
     alignment = _align_to_metric(relative, depth, cameras, method)
-    placed, known, camera = _metric_points(relative, depth, cameras, alignment, method)
-    normals, edges, outliers = method.surface(placed, known)
-    search = method.search_floor(placed, known & ~outliers, normals, evidence)
+    placed, is_known, camera = _metric_points(relative, depth, cameras, alignment, method)
+    normals, edges, outliers = method.surface(placed, is_known)
+    search = method.search_floor(placed, is_known & ~outliers, normals, evidence)
     floor = search.plane
     floor_points = placed.new_zeros((0, 3))
-    on_floor = _points_on(floor, placed, known)
+    on_floor = _points_on(floor, placed, is_known)
     # A floor at a grazing angle resembles a depth edge: keep points on its plane.
     edges_off_floor = edges & ~on_floor
     outliers_off_floor = outliers & ~on_floor
-    clean = known & ~(edges_off_floor | outliers_off_floor)
+    clean = is_known & ~(edges_off_floor | outliers_off_floor)
     if floor is not None:
         bare = on_floor & (normals == 0).all(-1)
         normals = torch.where(bare[..., None], floor.normal.to(normals), normals)
         feet = _intersect_feet(floor, evidence.feet_px, camera, method.far_m)
-        (known_points,) = select_pixels(known, placed)
+        (known_points,) = select_pixels(is_known, placed)
         (clean_points,) = select_pixels(clean, placed)
         floor_points = method.sample_floor(floor, known_points, clean_points, feet)
     return SceneState(
@@ -259,8 +259,8 @@ def _metric_points(
 
 def alignment_diagnostics(alignment: Alignment) -> dict[str, Any]:
     """Return the diagnostics of an alignment as a dictionary; an infinite residual becomes None."""
-    found = asdict(alignment)
-    return found if math.isfinite(alignment.residual) else found | {"residual": None}
+    values = asdict(alignment)
+    return values if math.isfinite(alignment.residual) else values | {"residual": None}
 
 
 def _positive(depth: Tensor) -> Tensor:
@@ -276,14 +276,14 @@ def _intersect_feet(floor: PlaneFit, feet_px: Tensor, camera: Tensor, far_m: flo
     normal = floor.normal
     rays = unproject(feet_px.to(normal), normal.new_ones(len(feet_px)), camera)
     steepness = -(rays @ normal)
-    seen = steepness > 1e-3
-    centres = rays[seen] * (floor.offset / steepness[seen])[:, None]
+    falls = steepness > 1e-3
+    centres = rays[falls] * (floor.offset / steepness[falls])[:, None]
     return centres[centres[:, 2] <= far_m]
 
 
 def _floor_diagnostics(search: FloorSearch) -> dict[str, Any]:
     """Return the diagnostics of a floor search."""
-    found: dict[str, Any] = {
+    values: dict[str, Any] = {
         "reason": search.reason,
         "inlier_share": search.inlier_share,
         "below_share": search.below_share,
@@ -291,7 +291,7 @@ def _floor_diagnostics(search: FloorSearch) -> dict[str, Any]:
     }
     if search.plane is not None:
         x, y, z = (float(c) for c in search.plane.normal)
-        found |= {
+        values |= {
             "source": search.plane.source,
             "camera_height_m": search.plane.offset,
             "pitch_deg": math.degrees(math.atan2(-z, -y)),
@@ -299,4 +299,4 @@ def _floor_diagnostics(search: FloorSearch) -> dict[str, Any]:
             "roll_deg": math.degrees(math.atan2(x, -y)),
             "reanchored": search.plane.reanchored,
         }
-    return found
+    return values

@@ -278,13 +278,15 @@ def depth_witness(
     """
     own = scene.points[..., 2].astype(np.float64)
     with np.errstate(invalid="ignore", divide="ignore"):
-        known = scene.valid & (own > 0) & (depth.depth > 0)
-        ratio = depth.depth[known] / own[known]
+        is_known = scene.valid & (own > 0) & (depth.depth > 0)
+        ratio = depth.depth[is_known] / own[is_known]
     if not len(ratio):
         return None
     people = (torsos.depth / torsos.scale)[np.isfinite(torsos.scale)]
     weight = (
-        np.exp(-0.5 * (np.log(own[known] / np.median(people)) / _NEAR) ** 2) if len(people) else 1.0
+        np.exp(-0.5 * (np.log(own[is_known] / np.median(people)) / _NEAR) ** 2)
+        if len(people)
+        else 1.0
     )
     order = np.argsort(ratio)
     total = np.cumsum(np.broadcast_to(weight, ratio.shape)[order] + 1e-9)

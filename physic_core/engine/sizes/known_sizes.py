@@ -36,11 +36,11 @@ def point_follower(vertices: Tensor, normals: Tensor, ray: Tensor, K: Tensor) ->
     """Choose the vertices of a body (V, 3) with normals (V, 3) that give its depth at a pixel's ray
     (3,) with z = 1: its point there is at the weighted mean depth of the nearest visible ones.
     """
-    seen = facing_camera(normals, vertices, _FACING_DEG)
-    seen = seen if bool(seen.any()) else torch.ones_like(seen)
+    facing = facing_camera(normals, vertices, _FACING_DEG)
+    facing = facing if bool(facing.any()) else torch.ones_like(facing)
     away = (project(vertices, K) - project(ray[None], K)).square().sum(-1)
-    away = torch.where(seen, away, torch.inf)
-    nearest, ids = away.topk(min(_NEIGHBOURS, int(seen.sum())), largest=False)
+    away = torch.where(facing, away, torch.inf)
+    nearest, ids = away.topk(min(_NEIGHBOURS, int(facing.sum())), largest=False)
     # A vertex of a limb behind can project between those of the limb in front.
     front = vertices[ids, 2] < vertices[ids, 2].amin() + 0.1
     weight = front / (nearest + 0.25)
@@ -148,7 +148,7 @@ class KnownDistances(ShortRepr):
             vertices: (B, V, 3).
             scale: factor on the points of the scene.
         """
-        found = []
+        lengths = []
         for i, on_bodies in enumerate(ends):
             start, end = (
                 self.points[i, side] * scale if on is None else on(vertices[person])
@@ -156,8 +156,8 @@ class KnownDistances(ShortRepr):
                     zip(on_bodies, self.person[i].tolist(), strict=True)
                 )
             )
-            found.append(torch.linalg.vector_norm(start - end))
-        return found
+            lengths.append(torch.linalg.vector_norm(start - end))
+        return lengths
 
     def __getitem__(self, rows: Tensor) -> KnownDistances:
         return KnownDistances(*(getattr(self, each.name)[rows] for each in fields(self)))
@@ -231,10 +231,10 @@ def scale_scene_to_known_sizes(
     extent = torch.linalg.vector_norm(d.points[on_scene, 0] - d.points[on_scene, 1], dim=-1)
     shown = zip(d.metres[on_scene].tolist(), extent.clamp(min=1e-6).tolist(), strict=True)
     evidence += [ScaleEvidence.by_known_size(metres, length) for metres, length in shown]
-    found = combined_scale(evidence)
-    if found is None:
+    scale = combined_scale(evidence)
+    if scale is None:
         return scene, geometry
-    return scale_scene(scene, replace(geometry, scale_sigma=found.sigma), math.exp(found.log_scale))
+    return scale_scene(scene, replace(geometry, scale_sigma=scale.sigma), math.exp(scale.log_scale))
 
 
 def _known_geometry(

@@ -160,9 +160,9 @@ def _log_likelihood(witnesses: Witnesses, shifts: FloatArray, reference: float) 
     """Return the log likelihood (T, S) of shifts (T,) and the grid of log scales of a person at the
     reference depth.
     """
-    known = np.isfinite(witnesses.scale)
+    is_known = np.isfinite(witnesses.scale)
     m, z, sigma, sure = (
-        x[known]
+        x[is_known]
         for x in (witnesses.scale, witnesses.depth, witnesses.sigma, witnesses.right_probability)
     )
     logs = np.log(np.maximum(m + shifts[:, None] * np.nan_to_num(z - reference), 1e-3 * m))

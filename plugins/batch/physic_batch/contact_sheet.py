@@ -167,16 +167,16 @@ def find_results(folder: Path) -> list[Path]:
     Raises:
         InputError: there is none.
     """
-    found = list[Path]()
+    folders_of_results = list[Path]()
     for at, folders, names in os.walk(folder):
         folders[:] = (name for name in folders if not name.startswith("."))
         if ARRAYS_FILE in names or is_result(at):
-            found.append(Path(at))
-    if not found and not journal_files(folder):
+            folders_of_results.append(Path(at))
+    if not folders_of_results and not journal_files(folder):
         raise InputError(
             f"no result in {folder}: name the folder of a finished run, or a folder of such folders"
         )
-    return sorted(found)
+    return sorted(folders_of_results)
 
 
 def result_link(place: Path, result: Path) -> str:
@@ -265,10 +265,10 @@ def _photo_base64(result: Path) -> str:
     """
     from PIL import Image
 
-    found = read_image(result)
-    if found is None:
+    picture = read_image(result)
+    if picture is None:
         return ""
-    image = Image.fromarray(found)
+    image = Image.fromarray(picture)
     image.thumbnail(_THUMBNAIL)
     buffer = io.BytesIO()
     image.save(buffer, "JPEG", quality=72)

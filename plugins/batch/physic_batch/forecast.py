@@ -60,6 +60,6 @@ def _check_settings(item: PhotoItem, config: Config) -> None:
         image = prepare_photo(read_photo(Path(item.path)), photo, None, None).photo.image
         for interface in maps:
             choice = config.choice(interface)
-            found = resolve_one(interface, choice.backend, choice.options)
-            with named_plugin_code(found.title, type(found.backend), kind=InputError):
-                found.backend.infer(image, Hints())
+            resolved = resolve_one(interface, choice.backend, choice.options)
+            with named_plugin_code(resolved.title, type(resolved.backend), kind=InputError):
+                resolved.backend.infer(image, Hints())

@@ -249,9 +249,9 @@ class JournalIndex:
                         files.clear()
                     files[path] = opened.enter_context(path.open("rb"))
                 files[path].seek(start)
-                found = _row(files[path].readline(), with_people=with_people)
-                self.damaged += found is None
-                yield found
+                row = _row(files[path].readline(), with_people=with_people)
+                self.damaged += row is None
+                yield row
 
 
 def _usable_share(row: Mapping[str, Any]) -> float:
@@ -406,10 +406,10 @@ def write_tables(out: Path, index: JournalIndex | None = None) -> list[Path]:
             for row in filter(None, index.rows(index.ids())):
                 place = {"id": row["id"], "path": row.get("path", "")}
                 people = [{**place, **one} for one in row.pop(PEOPLE_COLUMN, None) or ()]
-                for write, found, rows in zip(writers, ([row], people), kept, strict=True):
-                    for one in found:
+                for write, rows_of_writer, rows in zip(writers, ([row], people), kept, strict=True):
+                    for one in rows_of_writer:
                         write(one)
-                    rows += found if others else []
+                    rows += rows_of_writer if others else []
         headers = (columns, _TEXTS), (_PEOPLE_COLUMNS, _PEOPLE_TEXTS)
         for path, header, rows in zip(others, headers, kept, strict=False):
             write_parquet(temporary(path.name), header[0], rows, header[1])

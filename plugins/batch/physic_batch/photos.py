@@ -261,8 +261,8 @@ def _table_items(table: Path) -> Iterator[PhotoItem]:
     except OSError as error:
         raise InputError(f"cannot read {table}: {unreadable(error)}") from error
     except ValidationError as error:
-        found = problems_from_pydantic(error, PhotoSettings)
-        problems = "; ".join(f"{one.path}: {one.message}" for one in found)
+        problems_of_row = problems_from_pydantic(error, PhotoSettings)
+        problems = "; ".join(f"{one.path}: {one.message}" for one in problems_of_row)
         raise InputError(f"{table}, row {number}: {problems}{_hint(row)}") from error
     except ValueError as error:
         at = f", row {number}" if number else ""
@@ -290,8 +290,8 @@ def photo_of_row(row: Mapping[str, Any], folder: str | os.PathLike[str] = "") ->
 
 def _hint(row: Mapping[str, Any]) -> str:
     """Return what to write instead of a number with a decimal comma; "" if there is none."""
-    found = next((t for t in map(_text, row.values()) if re.fullmatch(r"[0-9]+,[0-9]+", t)), "")
-    return f"; write a number with a point, as {found.replace(',', '.')}" if found else ""
+    decimal = next((t for t in map(_text, row.values()) if re.fullmatch(r"[0-9]+,[0-9]+", t)), "")
+    return f"; write a number with a point, as {decimal.replace(',', '.')}" if decimal else ""
 
 
 def _show(text: str) -> str:

@@ -131,16 +131,16 @@ class BatchJob:
         # the hook imports every plugin
         offers = () if preset == DEFAULT_ENERGY else find_items("physic_engine_presets")
         owners = {
-            f"{found.distribution} {found.version}"
-            for found in offers
-            if found.record.name == preset
+            f"{digest.distribution} {digest.version}"
+            for digest in offers
+            if digest.record.name == preset
         }
         parts = []
         for one in resolve(self.config).backends.values():
             kind = type(one.backend)
             with named_plugin_code(f"{one.title}: fingerprint() fails", kind):
-                found = code.digest(kind) or f"{os.getpid()} {time.time_ns()}"
-                parts.append(made_of(one.backend, one.provenance, found))
+                digest = code.digest(kind) or f"{os.getpid()} {time.time_ns()}"
+                parts.append(made_of(one.backend, one.provenance, digest))
             if one.provenance.version:
                 owners.add(f"{one.provenance.distribution} {one.provenance.version}")
         return ", ".join([*sorted(owners), f"{OTHER_CODE} {_digest(parts)}"])

@@ -82,14 +82,14 @@ def _write_index(folder: Path, each: bool) -> None:
     from physic_core.errors import InputError
     from physic_core.io.report_file import add_report
 
-    found = find_results(folder)
+    results = find_results(folder)
     check_contact_sheet(folder)
-    for number, result in enumerate(found if each else (), 1):
+    for number, result in enumerate(results if each else (), 1):
         try:
             path = add_report(result)
         # the page states the error, and the other results get their pages
         except InputError as error:
-            echo(f"[{number}/{len(found)}] {error}", err=True)
+            echo(f"[{number}/{len(results)}] {error}", err=True)
         else:
-            echo(f"[{number}/{len(found)}] {path}", err=True)
-    echo(f"wrote {write_contact_sheet(folder, found)}")
+            echo(f"[{number}/{len(results)}] {path}", err=True)
+    echo(f"wrote {write_contact_sheet(folder, results)}")

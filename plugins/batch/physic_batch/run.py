@@ -242,8 +242,8 @@ def open_executor(name: str, settings: ExecutorSettings) -> Executor:
             f"there is no executor '{name}': give each job of the queue a part, as --shard 3/16, "
             f"and see docs/cluster.md"
         )
-    found = find_item("physic_executors", name, "executor", own=_LOCAL, known=EXECUTORS)
-    executor: Executor = import_item(found, "executor")(settings)
+    item = find_item("physic_executors", name, "executor", own=_LOCAL, known=EXECUTORS)
+    executor: Executor = import_item(item, "executor")(settings)
     if not callable(executor):
         raise PluginError(
             f"the executor '{name}' should return a function, got {type(executor).__name__}"

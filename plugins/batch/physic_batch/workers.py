@@ -469,14 +469,14 @@ def error_named(name: str, message: str) -> PhysicError:
 
 
 def _describe_end(code: int | None, log: Path | None) -> str:
-    seen = f"; see {log}" if log is not None else ""
+    log_text = f"; see {log}" if log is not None else ""
     if code is not None and code < 0:
         with suppress(ValueError):
             memory = (
                 "; often the memory is too small" if -code == getattr(signal, "SIGKILL", 9) else ""
             )
-            return f"it was ended by {signal.Signals(-code).name}{memory}{seen}"
-    return f"it exited with code {code}{seen}"
+            return f"it was ended by {signal.Signals(-code).name}{memory}{log_text}"
+    return f"it exited with code {code}{log_text}"
 
 
 @contextmanager

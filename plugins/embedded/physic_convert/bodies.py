@@ -67,8 +67,8 @@ class ClosedForm(BodyConverter):
     def convert_contact(self, contact: ContactProbability, model: BodyModel) -> ContactProbability:
         """Interpolate contact at the position of each vertex; 0 in cavities of the body."""
         assert contact.rest is not None
-        found = cached_correspondence(contact.rest, model)
-        probability = found.interpolate(contact.probability[..., None])[..., 0]
+        correspondence = cached_correspondence(contact.rest, model)
+        probability = correspondence.interpolate(contact.probability[..., None])[..., 0]
         inner = ~model.outer.cpu().numpy()
         probability = np.where(inner & np.isfinite(probability), 0.0, probability)
         return ContactProbability(probability.astype(contact.probability.dtype), model.topology)
@@ -88,8 +88,10 @@ def _converted(bodies: Bodies, model: BodyModel) -> ConvertedBodies:
     fit, surface_m = _fit(bodies, model, joints, mesh, usable)
     posed = BoneOffsets.of(model).pose(fit.world, fit.betas, fit.transl)[:, _BODY]
     apart = np.linalg.norm(posed - np.nan_to_num(joints[usable][:, _BODY]), axis=-1)
-    seen = known[usable][:, _BODY]
-    mean_apart = np.where(seen.any(1), (apart * seen).sum(1) / np.maximum(seen.sum(1), 1), np.nan)
+    measured = known[usable][:, _BODY]
+    mean_apart = np.where(
+        measured.any(1), (apart * measured).sum(1) / np.maximum(measured.sum(1), 1), np.nan
+    )
     parameters = _fit_to_parameters(fit, model, usable)
     return ConvertedBodies(
         replace(bodies, parameters=parameters, body_model=model.name, joints=None, mesh=None),

@@ -35,12 +35,12 @@ def cached_correspondence(rest: RestMesh, model: BodyModel) -> Correspondence:
     if kept is not None:
         name = f"{plain_name(rest.topology)}-{model.topology}-{_digest(rest, model)}"
         path = kept.path / f"{name}{kept.suffix}"
-    found = None if path is None else _read(path, model.num_vertices, len(rest.vertices))
-    if found is None:
-        found = find_correspondence(rest, model)
+    correspondence = None if path is None else _read(path, model.num_vertices, len(rest.vertices))
+    if correspondence is None:
+        correspondence = find_correspondence(rest, model)
         if path is not None:
-            _write(path, found)
-    return found
+            _write(path, correspondence)
+    return correspondence
 
 
 def _digest(rest: RestMesh, model: BodyModel) -> str:
@@ -56,14 +56,15 @@ def _digest(rest: RestMesh, model: BodyModel) -> str:
 
 def _read(path: Path, vertices: int, others: int) -> Correspondence | None:
     try:
-        found: Correspondence = read_value(path, [Correspondence], {"name": path.name})
+        correspondence: Correspondence = read_value(path, [Correspondence], {"name": path.name})
     except (OSError, DamagedFileError):
         return None  # missing or damaged: it is computed again
-    shapes = [found.corners.shape, found.shares.shape, found.sure.shape]
+    shapes = [correspondence.corners.shape, correspondence.shares.shape, correspondence.sure.shape]
     fits = (
-        shapes == [(vertices, 3), (vertices, 3), (vertices,)] and found.corners.min(initial=0) >= 0
+        shapes == [(vertices, 3), (vertices, 3), (vertices,)]
+        and correspondence.corners.min(initial=0) >= 0
     )
-    return found if fits and found.corners.max(initial=0) < others else None
+    return correspondence if fits and correspondence.corners.max(initial=0) < others else None
 
 
 def _write(path: Path, found: Correspondence) -> None:

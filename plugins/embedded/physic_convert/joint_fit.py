@@ -162,8 +162,8 @@ def _set_head(world: _Array, both: _Array, known: _Bools) -> None:
     way = rotation_between(
         rotate(chest, rest[:, head] - rest[:, neck]), joints[:, head] - joints[:, neck]
     )
-    seen = (known[:, neck] & known[:, head])[:, None, None]
-    world[:, neck] = np.where(seen, way @ chest, chest)
+    is_known = (known[:, neck] & known[:, head])[:, None, None]
+    world[:, neck] = np.where(is_known, way @ chest, chest)
     looks = np.logical_and.reduce(known[:, [head, *_EYES]], axis=-1)[:, None, None]
     face = _align(_left_minus_right(both, _EYES), both[:, :, _EYES].mean(2) - both[:, :, head])
     world[:, head] = np.where(looks, face, world[:, neck])
@@ -237,12 +237,12 @@ def _set_hands(world: _Array, both: _Array, known: _Bools) -> None:
     joints, rest = both
     arms = world[:, _ELBOWS]
     bases = _FINGERS[:, :, 0]
-    seen = known[:, bases] & known[:, _WRISTS][..., None]
+    is_known = known[:, bases] & known[:, _WRISTS][..., None]
     stick = joints[:, bases] - joints[:, _WRISTS][:, :, None]
     rest_stick = rest[:, bases] - rest[:, _WRISTS][:, :, None]
-    moments = np.einsum("bsf,bsfi,bsfk->bsik", seen.astype(float), stick, rest_stick)
+    moments = np.einsum("bsf,bsfi,bsfk->bsik", is_known.astype(float), stick, rest_stick)
     # Two fingers determine a frame; the small weight of the forearm removes a remaining ambiguity.
-    enough_fingers = (seen.sum(-1) >= 2)[..., None, None]
+    enough_fingers = (is_known.sum(-1) >= 2)[..., None, None]
     hand = nearest_rotation(
         np.where(enough_fingers, moments, np.eye(3)) + np.where(enough_fingers, 1e-6, 0.0) * arms
     )

@@ -105,10 +105,10 @@ class Checkout:
     def requirements(self) -> tuple[Requirement, ...]:
         """Return the repository and the packages, for a backend's ``requirements``."""
         root = self.root
-        folder, found = ("", "") if root is None else (str(root), checkout_commit(root))
+        folder, commit = ("", "") if root is None else (str(root), checkout_commit(root))
         here = not self._problem()
         repository = Repository(
-            self.option, self.name, self.homepage, self.commit, folder, found, here
+            self.option, self.name, self.homepage, self.commit, folder, commit, here
         )
         return (repository, Packages(self.needs)) if self.needs else (repository,)
 
@@ -146,13 +146,13 @@ class Checkout:
             WeightsMissingError: as in :meth:`load`.
             BackendError: its code cannot be imported, or has no such name.
         """
-        found = self.load(module)
-        if not hasattr(found, name):
+        loaded = self.load(module)
+        if not hasattr(loaded, name):
             raise BackendError(
                 f"{module or self.package} of {self.name}{self._in_folder()} has no '{name}': "
                 f"it may be another version; this backend knows the one of {self.homepage}"
             )
-        return getattr(found, name)
+        return getattr(loaded, name)
 
     @contextmanager
     def activated(self) -> Iterator[None]:
@@ -332,5 +332,5 @@ def _empty_package(folder: Path) -> ModuleType:
 
 def _pop_modules(names: Mapping[str, Path | None]) -> dict[str, ModuleType]:
     """Remove the modules with these top-level names from ``sys.modules`` and return them."""
-    found = [key for key in sys.modules if key.partition(".")[0] in names]
-    return {key: sys.modules.pop(key) for key in found}
+    names_loaded = [key for key in sys.modules if key.partition(".")[0] in names]
+    return {key: sys.modules.pop(key) for key in names_loaded}

@@ -342,9 +342,9 @@ def to_numpy(value: Any) -> FloatArray:
         BackendError: it has several numbers, and none of them is finite.
     """
     plain = value.detach().float().cpu().numpy() if hasattr(value, "detach") else value
-    found = np.asarray(plain, np.float32)
-    check_answer(found, "the network")
-    return found
+    array = np.asarray(plain, np.float32)
+    check_answer(array, "the network")
+    return array
 
 
 def check_answer(values: NDArray[Any], source: str) -> None:

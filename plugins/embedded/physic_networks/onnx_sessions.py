@@ -81,11 +81,11 @@ class OnnxSession:
 
         def compute() -> tuple[Any, ...]:
             wanted = None if names is None else [*names, *beside]
-            found = self.session.run(wanted, dict(inputs))
-            others = [found.pop() for _ in beside]
+            outputs = self.session.run(wanted, dict(inputs))
+            others = [outputs.pop() for _ in beside]
             for give, other in zip(beside.values(), reversed(others), strict=True):
                 give(other)
-            return tuple(found)
+            return tuple(outputs)
 
         if not keep or not self.made_of:
             return list(compute())
@@ -290,8 +290,8 @@ def select_provider(
     Raises:
         DeviceError: the device does not exist, or the installed onnxruntime has no such provider.
     """
-    found = DEVICE_PATTERN.fullmatch(device)
-    if not found:
+    match = DEVICE_PATTERN.fullmatch(device)
+    if not match:
         raise DeviceError(f"unknown device {device!r}: use 'cpu', 'cuda' or 'cuda:N'")
     key = device.partition(":")[0] if name == "auto" else name
     provider = _PROVIDERS[key]
@@ -305,7 +305,7 @@ def select_provider(
             f"{has or 'unknown providers'}: {provider.install}, or choose "
             + ("device 'cpu'" if name == "auto" else "provider 'cpu'")
         )
-    index = {"device_id": found[1] or "0"}
+    index = {"device_id": match[1] or "0"}
     if key == "cuda":
         # The default strategy doubles the allocated memory at each growth, and other networks share
         # the GPU.
@@ -323,10 +323,10 @@ def _read_compared(path: Path, sha256: str, broken: str) -> bytes:
         content = path.read_bytes()
     except OSError as error:
         raise BackendError(f"{path} cannot be read: {error.strerror}. {broken}") from error
-    found = hashlib.sha256(content).hexdigest()
-    if found != sha256:
+    digest = hashlib.sha256(content).hexdigest()
+    if digest != sha256:
         raise BackendError(
-            f"{path} is damaged: its SHA-256 is {found} instead of {sha256}. {broken}"
+            f"{path} is damaged: its SHA-256 is {digest} instead of {sha256}. {broken}"
         )
     return content
 

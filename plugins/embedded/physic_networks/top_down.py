@@ -37,13 +37,13 @@ class Crop:
 
     def to_photo(self, points: FloatArray) -> FloatArray:
         """Map points (..., 2) from px of the crop to px of the photo."""
-        found: FloatArray = np.asarray(self.origin) + np.asarray(self.step) * points
-        return found
+        in_photo: FloatArray = np.asarray(self.origin) + np.asarray(self.step) * points
+        return in_photo
 
     def to_crop(self, points: FloatArray) -> FloatArray:
         """Map points (..., 2) from px of the photo to px of the crop."""
-        found: FloatArray = (points - np.asarray(self.origin)) / np.asarray(self.step)
-        return found
+        in_crop: FloatArray = (points - np.asarray(self.origin)) / np.asarray(self.step)
+        return in_crop
 
     @property
     def matrix(self) -> FloatArray:
@@ -201,5 +201,5 @@ def subpixel_peaks(heatmaps: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def scores_to_confidence(scores: FloatArray) -> FloatArray:
     """Clip scores to [0, 1]; NaN becomes 0."""
-    found: FloatArray = np.clip(np.nan_to_num(scores, nan=0.0), 0.0, 1.0)
-    return found
+    confidence: FloatArray = np.clip(np.nan_to_num(scores, nan=0.0), 0.0, 1.0)
+    return confidence

@@ -107,7 +107,7 @@ def _fetch_file(weights: WeightSet, file: WeightFile, folder: Path, *, in_folder
         errors = []
         for place in (file.source, *weights.mirrors):
             try:
-                found = _download(file, place, Path(scratch))
+                downloaded = _download(file, place, Path(scratch))
                 break
             except Exception as error:  # two libraries and their HTTP clients raise many classes
                 errors.append((place, error))
@@ -115,15 +115,15 @@ def _fetch_file(weights: WeightSet, file: WeightFile, folder: Path, *, in_folder
             homepage = f"; see {weights.homepage}" if weights.homepage else ""
             tried = "\n".join(f"{place}: {error}" for place, error in errors)
             raise DownloadError(f"{tried}{homepage}") from errors[0][1]
-        if wrong := describe_mismatch(found, file):
+        if wrong := describe_mismatch(downloaded, file):
             # the cache of Hugging Face has a file, and a link of its revision
-            for path in {found.resolve(), found}:
+            for path in {downloaded.resolve(), downloaded}:
                 path.unlink()
             raise DownloadError(f"{place} was downloaded, but {wrong}: removed")
         if place == file.source and not isinstance(file.origin, HubSource):
-            os.replace(found, target)
+            os.replace(downloaded, target)
         elif in_folder or place != file.source:
-            _copy(found, target)
+            _copy(downloaded, target)
 
 
 def _copy(found: Path, target: Path) -> None:
@@ -176,15 +176,17 @@ def _download_from_web(file: WeightFile, scratch: Path) -> Path:
     hooks = {"response": lambda response, **_: responses.append(response)}
     load = pooch.HTTPDownloader(progressbar=sys.stderr.isatty(), timeout=60, hooks=hooks)
     try:
-        found = pooch.retrieve(
+        downloaded = pooch.retrieve(
             origin.url, None, "download", scratch, processor=unzip, downloader=load
         )
     finally:
         for response in responses:  # pooch does not close them
             response.close()
     if not origin.member:
-        return Path(found)
-    members = [Path(path) for path in found if Path(path).as_posix().endswith(f"/{origin.member}")]
+        return Path(downloaded)
+    members = [
+        Path(path) for path in downloaded if Path(path).as_posix().endswith(f"/{origin.member}")
+    ]
     if len(members) != 1:
         raise DownloadError(f"it contains {len(members)} files {origin.member} in place of one")
     return members[0]

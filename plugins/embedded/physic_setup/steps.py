@@ -200,7 +200,7 @@ def _unique(plan: ResolvedPipeline, kind: type[_Kind]) -> list[tuple[str, _Kind]
 
 def _uninstalled(config: Config) -> tuple[str, ...]:
     """Return the known distributions that the configuration names and that are not installed."""
-    found = []
+    names = []
     for interface in INTERFACES:
         name = config.choice(interface).backend
         if name == "none":
@@ -210,8 +210,8 @@ def _uninstalled(config: Config) -> tuple[str, ...]:
         except BackendNotFoundError:
             owner, _, bare = name.rpartition(":")
             if distribution := owner or BACKENDS.get(bare):
-                found.append(distribution)
-    return tuple(dict.fromkeys(found))
+                names.append(distribution)
+    return tuple(dict.fromkeys(names))
 
 
 def _source(distribution: str) -> str:

@@ -175,9 +175,11 @@ def network_input_size(height: int, width: int, tokens: int) -> tuple[int, int, 
 def _run(network: Network, image: UInt8Array, tokens: int) -> tuple[NDArray[Any], ...]:
     """Run the network on a photo and check its outputs."""
     height, width, tokens = network_input_size(image.shape[0], image.shape[1], tokens)
-    seen = resize_image(image, height, width, "bilinear-antialias")
+    resized = resize_image(image, height, width, "bilinear-antialias")
     feed: dict[str, NDArray[Any]] = {
-        "image": normalized_nchw(seen),  # the graph subtracts mean and divides by deviation itself
+        "image": normalized_nchw(
+            resized
+        ),  # the graph subtracts mean and divides by deviation itself
         "num_tokens": np.array(tokens, np.int64),  # of shape (1,) is refused
     }
     points, confidence, scale = network.run(feed, ["points", "mask", "scale"])

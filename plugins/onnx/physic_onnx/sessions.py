@@ -99,7 +99,7 @@ class Network:
         """
         given = {name: self._cast(name, value) for name, value in feed.items()}
         try:
-            found = self._session.run(outputs, given)
+            answers = self._session.run(outputs, given)
         except Exception as cause:  # onnxruntime's own exceptions share no public base class
             shapes = ", ".join(
                 f"{name} {value.dtype} {value.shape}" for name, value in given.items()
@@ -107,9 +107,11 @@ class Network:
             raise BackendError(
                 f"onnxruntime failed to run {self.name} on {self.provider} with {shapes}: {cause}"
             ) from cause
-        for name, value in zip(outputs, found, strict=True):
+        for name, value in zip(outputs, answers, strict=True):
             check_answer(value, f"{self.name} (output {name!r})")
-        return [value.astype(np.float32) if value.dtype == np.float16 else value for value in found]
+        return [
+            value.astype(np.float32) if value.dtype == np.float16 else value for value in answers
+        ]
 
     def answer(self, value: NDArray[Any]) -> list[NDArray[Any]]:
         """Run a network of one input, and return all outputs in the file's order."""

@@ -317,14 +317,14 @@ def adjust(
                 gradient
             )
             trial = state.moved(step)
-            found = _normal_equations(observations, trial, reference, wide)
-            if found[2] >= energy:
+            equations = _normal_equations(observations, trial, reference, wide)
+            if equations[2] >= energy:
                 damping *= 8
                 if damping > 1e6:
                     break
                 continue
-            gain = energy - found[2]
-            state, (normal, gradient, energy), damping = trial, found, max(damping / 4, 1e-9)
+            gain = energy - equations[2]
+            state, (normal, gradient, energy), damping = trial, equations, max(damping / 4, 1e-9)
             if gain < 1e-5 * energy:
                 break
     return state
@@ -457,7 +457,7 @@ def _keypoint_block(
     sigma = measured_errors().keypoint_sigma(confidence)
     unit = settings.keypoint * sigma * observations.size_px[v, p]
     weight = np.sqrt(share) * (confidence > 0) / unit
-    seen = weight > 0
+    weighted = weight > 0
     focal = np.full((len(local), 1), state.columns.focal[v])
     jacobian = weight[:, None, None] * np.concatenate(
         [by_local @ moves, by_focal[..., None]], axis=2
@@ -465,7 +465,7 @@ def _keypoint_block(
     residual = weight[:, None] * (uv - observations.points[v, p])
     columns = np.concatenate([columns, focal], axis=1)
     return ResidualBlock(
-        residual[seen], jacobian[seen], columns[seen], group=observations.limb[seen]
+        residual[weighted], jacobian[weighted], columns[weighted], group=observations.limb[weighted]
     )
 
 

@@ -293,5 +293,5 @@ def _image_for(photo: Path, images: Iterable[str]) -> str | None:
     """Return the image of this name without its suffix; of several, the one of the same folder."""
     same = [name for name in images if PurePosixPath(name).stem == photo.stem]
     near = [name for name in same if PurePosixPath(name).parent.name == photo.resolve().parent.name]
-    found = same if len(same) == 1 else near
-    return found[0] if len(found) == 1 else None
+    candidates = same if len(same) == 1 else near
+    return candidates[0] if len(candidates) == 1 else None

@@ -105,8 +105,10 @@ def _pose(rotation: Any, translation: Any) -> dict[str, Any]:
 
 def _coefficients(values: Any) -> list[float]:
     """Return the coefficients of OpenCV without zeros after the fifth."""
-    found: list[float] = matrix([] if values is None else values, "distortion").ravel().tolist()
-    return found if any(found[5:]) else found[:5]
+    coefficients: list[float] = (
+        matrix([] if values is None else values, "distortion").ravel().tolist()
+    )
+    return coefficients if any(coefficients[5:]) else coefficients[:5]
 
 
 _TOML_KEYS = (
@@ -196,9 +198,9 @@ _MATRIX = re.compile(
 
 
 def _read_matrix(name: str, text: str) -> NDArray[np.float64]:
-    if (found := _MATRIX.fullmatch(text)) is not None:
-        values = np.array(found[3].split(","), np.float64)
-        if values.size == int(found[1]) * int(found[2]):
+    if (match := _MATRIX.fullmatch(text)) is not None:
+        values = np.array(match[3].split(","), np.float64)
+        if values.size == int(match[1]) * int(match[2]):
             return values
     raise ValueError(f"{name} is no matrix of OpenCV with rows, cols and data")
 

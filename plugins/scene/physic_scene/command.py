@@ -185,9 +185,9 @@ def _sizes_and_digests(photos: tuple[Path, ...]) -> tuple[list[tuple[int, int]],
     """
     from physic_core import read_photo
 
-    found = [read_photo(path) for path in photos]
-    sizes = [photo.file_size or (photo.image.shape[1], photo.image.shape[0]) for photo in found]
-    return sizes, {part for photo in found for part in photo.digest.split()}
+    read = [read_photo(path) for path in photos]
+    sizes = [photo.file_size or (photo.image.shape[1], photo.image.shape[0]) for photo in read]
+    return sizes, {part for photo in read for part in photo.digest.split()}
 
 
 def _table(result: SceneResult) -> str:

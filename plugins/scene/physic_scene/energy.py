@@ -92,12 +92,12 @@ class ViewsScene(SceneStageMethod):
         self, points: Tensor, valid: Tensor, surface: Tensor, evidence: FloorEvidence
     ) -> FloorSearch:
         """Find the floor, and return the plane of all photos in its place."""
-        found = super().search_floor(points, valid, surface, evidence)
-        if self.views is None or self.views.floors is None or found.plane is None:
-            return found
+        search = super().search_floor(points, valid, surface, evidence)
+        if self.views is None or self.views.floors is None or search.plane is None:
+            return search
         floor = self.views.floors[1]
-        normal = found.plane.normal.new_tensor(floor.normal)
-        return replace(found, plane=replace(found.plane, normal=normal, offset=floor.offset))
+        normal = search.plane.normal.new_tensor(floor.normal)
+        return replace(search, plane=replace(search.plane, normal=normal, offset=floor.offset))
 
 
 @dataclass(frozen=True)

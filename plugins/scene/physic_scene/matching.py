@@ -81,13 +81,13 @@ def match_pair(one: PhotoPeople, two: PhotoPeople) -> PairMatch:
     """Match the people of two photos."""
     pose, turns = compare_poses(one, two)
     clothes = _clothes_cost(one, two)
-    found: dict[Pairs, tuple[float, CameraPose]] = {}
+    costs: dict[Pairs, tuple[float, CameraPose]] = {}
     for pairs in dict.fromkeys(_answers(one, two, pose, turns, clothes)):
         cost, motion = answer_cost(one, two, pairs, relative_motion(one, two, pairs))
-        found[pairs] = _WORTH * len(pairs) - cost, motion
-    best = max(found, key=lambda pairs: found[pairs][0])
+        costs[pairs] = _WORTH * len(pairs) - cost, motion
+    best = max(costs, key=lambda pairs: costs[pairs][0])
     return PairMatch(
-        best, *found[best], _odds({p: score for p, (score, _) in found.items()}, pose.shape)
+        best, *costs[best], _odds({p: score for p, (score, _) in costs.items()}, pose.shape)
     )
 
 
@@ -97,10 +97,12 @@ def answer_cost(
     """Return what an answer costs, half of the energy of its people and their clothes, and its
     motion near a start.
     """
-    seen = MomentObservations.of([one, two], np.array(pairs))
-    state = adjust(seen, Bundle.start(seen, [CameraPose.identity(), motion]), 0, _QUICK)
+    observations = MomentObservations.of([one, two], np.array(pairs))
+    state = adjust(
+        observations, Bundle.start(observations, [CameraPose.identity(), motion]), 0, _QUICK
+    )
     clothes = _clothes_cost(one, two)
-    return energy(seen, state, 0, _QUICK) / 2 + float(
+    return energy(observations, state, 0, _QUICK) / 2 + float(
         sum(clothes[pair] for pair in pairs)
     ), state.pose(1)
 
@@ -111,8 +113,8 @@ def _clothes_cost(one: PhotoPeople, two: PhotoPeople) -> FloatArray:
     """
     a, b = (people.colours[..., 1:] for people in (one, two))
     away = np.linalg.norm(a[:, None] - b[None], axis=-1)
-    seen = np.isfinite(away)
-    mean = np.where(seen, away, 0).sum(-1) / np.maximum(seen.sum(-1), 1)
+    compared = np.isfinite(away)
+    mean = np.where(compared, away, 0).sum(-1) / np.maximum(compared.sum(-1), 1)
     cost: FloatArray = np.minimum(_CLOTHES * mean, _CLOTHES_MOST)
     return cost
 
@@ -211,14 +213,14 @@ def joined_matches(
     people: Sequence[PhotoPeople], matches: Mapping[tuple[int, int], PairMatch], rows: IntArray
 ) -> dict[tuple[int, int], PairMatch]:
     """Return the matches of pairs of photos that follow from the people (P, V) over all photos."""
-    found = {}
+    joined = {}
     for (a, b), match in matches.items():
         both = rows[(rows[:, [a, b]] >= 0).all(1)]
         pairs = tuple((int(row[a]), int(row[b])) for row in both)
         same = sorted(pairs) == sorted(match.pairs)
         motion = match.motion if same or not pairs else relative_motion(people[a], people[b], pairs)
-        found[a, b] = replace(match, pairs=pairs, motion=motion)
-    return found
+        joined[a, b] = replace(match, pairs=pairs, motion=motion)
+    return joined
 
 
 def compare_poses(one: PhotoPeople, two: PhotoPeople) -> tuple[FloatArray, FloatArray]:

@@ -66,8 +66,8 @@ class MeasuredErrors:
         """Return the standard deviation (...) of keypoints of a confidence (...), as a share of the
         stature in px.
         """
-        found: FloatArray = np.interp(confidence, self.confidence, self.keypoint)
-        return found
+        sigma: FloatArray = np.interp(confidence, self.confidence, self.keypoint)
+        return sigma
 
     def of(self, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         """Return two numbers for each keypoint of a skeleton.

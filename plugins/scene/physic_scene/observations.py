@@ -141,11 +141,11 @@ def observe(
     camera = result.intrinsics
     floor = result.scene.floor
 
-    found = keypoints_on_body(_keypoints_of(result, people))
+    keypoints = keypoints_on_body(_keypoints_of(result, people))
     rotations, betas, transl = _parameters_of(people, model)
     with torch.inference_mode():
         body = model(rotations, betas, transl)
-        landmarks = model.landmarks(body, found.joint_set).numpy()
+        landmarks = model.landmarks(body, keypoints.joint_set).numpy()
         stature = model.stature(betas).numpy()
     joints = body.joints.numpy()
     vertices = body.vertices.numpy()
@@ -153,9 +153,9 @@ def observe(
     return PhotoPeople(
         K=camera.matrix,
         focal_sigma=_focal_sigma(camera),
-        skeleton=found.joint_set,
-        points=np.nan_to_num(np.asarray(found.points, np.float64)),
-        confidence=_confidence_inside(found, camera),
+        skeleton=keypoints.joint_set,
+        points=np.nan_to_num(np.asarray(keypoints.points, np.float64)),
+        confidence=_confidence_inside(keypoints, camera),
         landmarks=landmarks,
         joints=joints,
         rotations=rotations.numpy(),
@@ -200,8 +200,8 @@ def _colours(
     means = np.full((len(COLOUR_GROUPS), 3), np.nan)
     if not own.any():
         return means
-    seen = np.asarray(result.image)[None, uv[own, 1], uv[own, 0]]
-    lab = cv2.cvtColor(seen.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
+    colors = np.asarray(result.image)[None, uv[own, 1], uv[own, 0]]
+    lab = cv2.cvtColor(colors.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
     part = model.part_of_vertex.numpy()[own]
     for row, names in enumerate(COLOUR_GROUPS):
         here = np.isin(part, [model.part_names.index(name) for name in names])

@@ -180,7 +180,7 @@ def solve_reference(given: ReferenceInput, config: Config) -> Reconstruction:
     if config.photo.person or config.photo.box:
         prompt = PeoplePrompt(masks=np.stack([person.mask for person in given.result.people]))
     with Pipeline(own) as pipeline:
-        found = pipeline(
+        result = pipeline(
             given.result.image, intrinsics=given.camera, people=prompt, complete=given.complete
         )
     ages = () if given.ages is None else given.ages
@@ -190,13 +190,13 @@ def solve_reference(given: ReferenceInput, config: Config) -> Reconstruction:
         if years < ADULT_YEARS
     )
     # The pipeline takes a given camera for a known one.
-    camera = replace(found.intrinsics, trust=given.camera.trust)
+    camera = replace(result.intrinsics, trust=given.camera.trust)
     return replace(
-        found,
+        result,
         intrinsics=camera,
         photo=given.result.photo,
         lens=given.result.lens,
-        notes=(*found.notes, *notes),
+        notes=(*result.notes, *notes),
     )
 
 
@@ -319,8 +319,8 @@ def _observed(keypoints: Keypoints, size: tuple[int, ...]) -> BoolArray:
     """Return the joints (N, 55) that a photo of a size (H, W) shows; all joints if the skeleton
     does not define them.
     """
-    found = observed_joints(keypoints, *size)
-    return np.ones((len(keypoints.points), NUM_JOINTS), bool) if found is None else found
+    observed = observed_joints(keypoints, *size)
+    return np.ones((len(keypoints.points), NUM_JOINTS), bool) if observed is None else observed
 
 
 def _of_single_photos(

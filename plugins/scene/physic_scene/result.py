@@ -78,14 +78,14 @@ def _note_on_known_cameras(solved: SolvedScene) -> list[str]:
 
 def _solved_views(solved: SolvedScene) -> list[SolvedView]:
     """Return the photos in the form on which the cameras are checked."""
-    found = []
+    views = []
     for v, (photo, camera) in enumerate(zip(solved.photos, solved.intrinsics, strict=True)):
         floor = photo.result.scene.floor
         size = (camera.width, camera.height)
-        found.append(
+        views.append(
             SolvedView(photo.name, photo.people, solved.bundle.pose(v), camera.matrix, size, floor)
         )
-    return found
+    return views
 
 
 def _photos(
@@ -95,7 +95,7 @@ def _photos(
     scales: FloatArray,
 ) -> tuple[SolvedPhoto, ...]:
     """Return the photos, with the factors (V,) on the scenes of the single photos."""
-    found = []
+    solved_photos = []
     for v, photo in enumerate(solved.photos):
         errors = solved.errors[v][np.isfinite(solved.errors[v])]
         own = v == solved.reference
@@ -107,7 +107,7 @@ def _photos(
             float(solved.rotation_sigma[v]),
             float(solved.position_sigma[v]),
         )
-        found.append(
+        solved_photos.append(
             SolvedPhoto(
                 index=photo.index,
                 name=photo.name,
@@ -122,4 +122,4 @@ def _photos(
                 result=photo.result,
             )
         )
-    return tuple(found)
+    return tuple(solved_photos)

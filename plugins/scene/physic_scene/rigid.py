@@ -72,8 +72,8 @@ def mean_rotation(rotations: FloatArray) -> FloatArray:
     for _ in range(3):
         away = (mean.inv() * turns).magnitude()
         mean = turns.mean(1 / np.maximum(away, np.radians(3)))
-    found: FloatArray = mean.as_matrix()
-    return found
+    rotation: FloatArray = mean.as_matrix()
+    return rotation
 
 
 def rotation_angle_deg(one: FloatArray, two: FloatArray) -> FloatArray:

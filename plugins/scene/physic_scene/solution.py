@@ -99,9 +99,9 @@ def solve_scene(chosen: ChosenPhotos, model: BodyModel) -> SolvedScene:
     """
     moved: list[str] = []
     while True:
-        found = _adjust(chosen)
-        bad = found.errors > _MOST_OFF
-        view = _view_that_does_not_fit(bad, found.errors)
+        adjusted = _adjust(chosen)
+        bad = adjusted.errors > _MOST_OFF
+        view = _view_that_does_not_fit(bad, adjusted.errors)
         if view is not None and len(chosen.photos) == 2:
             raise InputError(
                 f"no person of {chosen.photos[0].name} can be where {chosen.photos[1].name} shows "
@@ -113,13 +113,13 @@ def solve_scene(chosen: ChosenPhotos, model: BodyModel) -> SolvedScene:
             chosen = chosen.without(view, "does not fit", why)
             moved = []
         elif bad.any() and len(chosen.rows) > 1:
-            worst = int(np.argmax(bad.sum(0) + np.nanmax(found.errors, axis=0)))
+            worst = int(np.argmax(bad.sum(0) + np.nanmax(adjusted.errors, axis=0)))
             moved.append(
                 ", ".join(chosen.photos[v].name for v in np.flatnonzero(chosen.rows[worst] >= 0))
             )
             chosen = replace(chosen, rows=np.delete(chosen.rows, worst, axis=0))
         else:
-            return _solution(chosen, moved, found, model)
+            return _solution(chosen, moved, adjusted, model)
 
 
 @dataclass(frozen=True)
@@ -238,8 +238,8 @@ def keypoint_errors(observations: MomentObservations, bundle: Bundle) -> FloatAr
         local = bundle.pose(v).to_camera(bundle.points[p])
         uv, _, _ = project(local, observations.K[v], bundle.log_focal[v])
         away = np.linalg.norm(uv - observations.points[v, p], axis=1) / observations.size_px[v, p]
-        seen = observations.confidence[v, p] >= _SEEN
-        errors[v, p] = np.median(away[seen]) if seen.any() else np.nan
+        is_seen = observations.confidence[v, p] >= _SEEN
+        errors[v, p] = np.median(away[is_seen]) if is_seen.any() else np.nan
     return errors
 
 

@@ -47,9 +47,9 @@ def triangulate(
     least = np.linalg.eigvalsh(normal)[:, 0] / np.maximum(weight.max(0), 1e-9)
     known = ((weight > 0).sum(0) > 1) & (least > _LEAST_ANGLE)
     right = np.einsum("vjxy,vy->jx", across, centres)
-    found = np.full((points.shape[1], 3), np.nan)
-    found[known] = np.linalg.solve(normal[known], right[known][..., None])[..., 0]
-    return found
+    points_3d = np.full((points.shape[1], 3), np.nan)
+    points_3d[known] = np.linalg.solve(normal[known], right[known][..., None])[..., 0]
+    return points_3d
 
 
 def sizes_by_cameras(observations: MomentObservations, poses: Sequence[CameraPose]) -> FloatArray:

@@ -109,10 +109,10 @@ def checks_of_keypoints(
     for photo in photos:
         errors = []
         for row, own in photo.shown.items():
-            seen = photo.result.people[own]
+            people = photo.result.people[own]
             joints = photo.camera.to_camera(result.people[row].joints)
-            keypoints = (seen.keypoints, seen.keypoint_confidence)
-            box = np.asarray(seen.box, np.float64)
+            keypoints = (people.keypoints, people.keypoint_confidence)
+            box = np.asarray(people.box, np.float64)
             errors.append(
                 limb_keypoint_error(
                     joints, *keypoints, box, result.skeleton, photo.camera.intrinsics
@@ -177,24 +177,24 @@ def _check(
     both.
     """
     spec = replace(_CHECKS[name], label=f"{_CHECKS[name].label} in {photo}")
-    found = spec.compare((value, unmeasured if value is None else advice))
+    check = spec.compare((value, unmeasured if value is None else advice))
     return (
-        replace(found, message=f"{advice} ({found.value_text}, {found.bound_text})")
-        if found.failed
-        else found
+        replace(check, message=f"{advice} ({check.value_text}, {check.bound_text})")
+        if check.failed
+        else check
     )
 
 
 def _cost_of_pairs(views: Sequence[SolvedView], rows: IntArray) -> Mapping[tuple[int, int], float]:
     """Return the mean cost of the people of each pair of photos that share people."""
-    found = {}
+    costs = {}
     for a, b in itertools.combinations(range(len(views)), 2):
         pairs = tuple((int(row[a]), int(row[b])) for row in rows if row[a] >= 0 and row[b] >= 0)
         if pairs:
             motion = views[b].pose.after(views[a].pose.inverse())
             cost, _ = answer_cost(views[a].people, views[b].people, pairs, motion)
-            found[a, b] = cost / len(pairs)
-    return found
+            costs[a, b] = cost / len(pairs)
+    return costs
 
 
 def _people_missing_here(

@@ -249,9 +249,9 @@ class KnownSizeTerm(Term):
         """
         known = self._known
         estimate = bodies.estimate
-        given = torch.isfinite(known.stature)
-        stature = torch.where(given, known.stature, self._stature.height)
-        own = stature_prior(self._stature(estimate.betas), stature, KNOWN_SIZE_SIGMA) * given
+        is_known = torch.isfinite(known.stature)
+        stature = torch.where(is_known, known.stature, self._stature.height)
+        own = stature_prior(self._stature(estimate.betas), stature, KNOWN_SIZE_SIGMA) * is_known
         shared = own.new_zeros(())
         if known.camera_height is not None and self._floor is not None:
             height = estimate.log_scale + math.log(self._floor.offset / known.camera_height)

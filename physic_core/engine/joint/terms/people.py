@@ -215,12 +215,12 @@ class PeopleTerm(Term):
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Find the pairs of vertices near each other, and those that touch."""
-        found = find_people_pairs(
+        pairs = find_people_pairs(
             self._probes, snapshot.vertices, snapshot.visibility.normals, _REACH_M
         )
-        touches = self._may_touch[found.person, found.row] & (found.distance < _MAX_GAP_M)
-        kept = touches | (found.distance < _NEARLY_INSIDE_M)
-        self.pairs = found.select(kept)
+        touches = self._may_touch[pairs.person, pairs.row] & (pairs.distance < _MAX_GAP_M)
+        kept = touches | (pairs.distance < _NEARLY_INSIDE_M)
+        self.pairs = pairs.select(kept)
         touches = touches[kept]
         area = self._area[self.pairs.person, self.pairs.probe]
         self.apart = robust_depths(self._apart_weight * area)
@@ -247,11 +247,11 @@ def mutual_meetings(sampling: Sampling) -> tuple[Meeting, ...]:
     """Return the parts of people that touch each other at the start by what is observed of both,
     each pair once.
     """
-    found = meetings(sampling.state.model, sampling.start.vertices, sampling.state.observed_touch)
-    ends = {(one.person, one.part): (one.other, one.other_part) for one in found}
+    pairs = meetings(sampling.state.model, sampling.start.vertices, sampling.state.observed_touch)
+    ends = {(one.person, one.part): (one.other, one.other_part) for one in pairs}
     return tuple(
         one
-        for one in found
+        for one in pairs
         if ends.get((one.other, one.other_part)) == (one.person, one.part)
         and (one.person, one.part) < (one.other, one.other_part)
     )

@@ -92,9 +92,9 @@ def keypoint_weights(state: State) -> Tensor:
     visible in any photo, and none on ears where the direction of the face is observed.
     """
     points, confidence = finite_keypoints(state)
-    seen = keypoints_of_observed_limbs(state.skeleton, state.observed_in_any_photo)
+    observed = keypoints_of_observed_limbs(state.skeleton, state.observed_in_any_photo)
     weight = torch.where(confidence < SEEN_CONFIDENCE, 0.0, confidence)
-    weight = torch.where(seen, weight, INVISIBLE_WEIGHT * confidence)
+    weight = torch.where(observed, weight, INVISIBLE_WEIGHT * confidence)
     if state.head_sigma is not None:
         # of which detectors invent what the head hides
         ears = [j for j, name in enumerate(state.skeleton.names) if name.endswith("ear_surface")]
@@ -219,8 +219,8 @@ def _sample(log_depth: Tensor, uv: Tensor) -> tuple[Tensor, Tensor]:
     inside = inside_image(uv, height, width)
     at = torch.where(inside[..., None], uv, 0.0).round().long()
     value = log_depth[at[..., 1], at[..., 0]].to(uv.dtype)
-    known = inside & torch.isfinite(value)
-    return torch.where(known, value, 0.0), known
+    is_known = inside & torch.isfinite(value)
+    return torch.where(is_known, value, 0.0), is_known
 
 
 class ViewsTerm(Term):
@@ -237,9 +237,9 @@ class ViewsTerm(Term):
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy "views"."""
         scale = bodies.estimate.log_scale.exp()
-        found: list[Tensor] = []
+        residuals: list[Tensor] = []
         for view, term in self._terms:
-            found += term(
+            residuals += term(
                 replace(bodies, keypoints=view.to_camera(bodies.keypoints, scale))
             ).values()
-        return {"views": torch.stack(found).sum(0)} if found else {}
+        return {"views": torch.stack(residuals).sum(0)} if residuals else {}

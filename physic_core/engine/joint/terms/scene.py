@@ -247,10 +247,10 @@ def sole_energy(lowest: Tensor, weight: Tensor, lower_weight: Tensor) -> Tensor:
         weight: (B, 2), 0 for an invisible foot.
         lower_weight: (B,), 0 for people who may float (invisible feet, or no expected contact).
     """
-    seen = weight > 0
-    lower = torch.where(seen, lowest, torch.inf).amin(-1)
+    weighted = weight > 0
+    lower = torch.where(weighted, lowest, torch.inf).amin(-1)
     # 0 * inf is NaN
-    lower = torch.where(seen.any(-1), lower, 0.0)
+    lower = torch.where(weighted.any(-1), lower, 0.0)
     near = robust_loss("geman_mcclure", lowest.square() / _SOLE_SIGMA_M**2, _SOLE_OUTLIER_SIGMAS)
     far = robust_loss("cauchy", lower.square() / _LOWER_SIGMA_M**2, _LOWER_OUTLIER_SIGMAS)
     return (weight * near).sum(-1) + lower_weight * far
@@ -304,10 +304,10 @@ class SoleTerm:
         s = self._settings
         weight = s.weight * self.weights["soles"]
         lower_weight = _LOWER_WEIGHT * s.weight * self.weights["lower_sole"]
-        seen = sole_energy(lowest, weight, lower_weight)
+        soles = sole_energy(lowest, weight, lower_weight)
         if self._all_seen:
-            return seen
+            return soles
         unseen = robust_loss(
             "geman_mcclure", (lowest / _UNSEEN_SIGMA_M).square(), _UNSEEN_OUTLIER_SIGMAS
         )
-        return seen + s.unseen_weight * (self.weights["unseen_soles"] * unseen).sum(1)
+        return soles + s.unseen_weight * (self.weights["unseen_soles"] * unseen).sum(1)

@@ -94,7 +94,7 @@ class _SurfaceEnergies(torch.autograd.Function):
             log_scale=(log_scale + offset)[:, None],
         )
         residuals = [term.residual(at) for term, _ in data.terms]
-        found = [
+        sums = [
             total.values_and_slopes(residual.value)
             for (_, total), residual in zip(data.terms, residuals, strict=True)
         ]
@@ -107,12 +107,12 @@ class _SurfaceEnergies(torch.autograd.Function):
 
         ctx.data = data
         ctx.residuals = residuals
-        ctx.slopes = [slope for _, slope in found]
+        ctx.slopes = [slope for _, slope in sums]
         ctx.mesh_slope = mesh_slope
         ctx.feet = feet
         ctx.of_scale = log_scale.shape
         ctx.save_for_backward(points, ahead, over, unit)
-        return torch.stack([*(values.sum(1) for values, _ in found), mesh]), torch.stack(lowest, 1)
+        return torch.stack([*(values.sum(1) for values, _ in sums), mesh]), torch.stack(lowest, 1)
 
     @staticmethod
     @once_differentiable
