@@ -40,7 +40,6 @@ from physic_visual.textures.dressed import (
     image_of_vertices,
 )
 from physic_visual.textures.photo import encode_image
-from physic_visual.textures.shoes import with_shoes
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -341,9 +340,6 @@ def _add_person(
         tops.append(top)
         attributes |= _skin_attributes(glb, rig, own)
     tops.append(_add_mesh(glb, name, attributes, drawn, look, **skin))
-    if toes := dressed_bodies(result).people[index].shoes:
-        shod, turned = with_shoes(vertices, normals.astype(np.float64), toes)
-        _add_target(glb, "shoes", (shod - vertices)[own], (turned - normals)[own])
     return tops
 
 
@@ -356,20 +352,6 @@ def _skin_attributes(glb: GlbBuilder, rig: Rig, vertices: Any) -> dict[str, int]
         attributes[f"JOINTS_{group}"] = glb.add_accessor(indices[vertices, columns], ARRAY)
         attributes[f"WEIGHTS_{group}"] = glb.add_accessor(weights[vertices, columns], ARRAY)
     return attributes
-
-
-def _add_target(
-    glb: GlbBuilder, name: str, moves: NDArray[np.float64], turns: NDArray[np.float64]
-) -> None:
-    """Add the steps (U, 3) of vertices and normals to a target that the last mesh shows."""
-    # Not as sparse accessors, with which VTK reads no file or other steps.
-    position, normal = (
-        glb.add_accessor(step.astype(np.float32), ARRAY, with_bounds=True)
-        for step in (moves, turns)
-    )
-    mesh = glb.tree["meshes"][-1]
-    mesh["primitives"][0]["targets"] = [{"POSITION": position, "NORMAL": normal}]
-    mesh |= {"weights": [1.0], "extras": {"targetNames": [name]}}
 
 
 def _add_skeleton(glb: GlbBuilder, name: str, rig: Rig) -> tuple[int, int]:

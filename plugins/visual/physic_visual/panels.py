@@ -10,15 +10,14 @@ import numpy as np
 from PIL import ImageDraw, ImageFont
 
 from physic_core.body import JOINT_INDEX, joint_pair
-from physic_core.geometry import transform_points, world_from_camera
+from physic_core.geometry import transform_points, vertex_normals, world_from_camera
 from physic_visual.palette import painted_contact, person_color
 from physic_visual.render import (
-    RenderedLayer,
     View,
     blend_over,
     picture_bytes,
+    prepare_meshes,
     render_mesh,
-    render_points,
     shade,
 )
 from physic_visual.views import PAGE_RGB
@@ -32,9 +31,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 _OUTLINE_PX = 2
-_SPOT_PX = 5  # side of the squares drawn for a body's triangles, at twice the size
-_LARGE = 95  # percentile of the triangles' areas that a square covers
-_MOST_SPOTS = 200_000  # triangles
 _STEP = 0.05  # difference of colour between two people, or a person and the background, of 1
 
 CONTACT_VIEWS = ("front", "back", "soles")
@@ -150,8 +146,6 @@ def render_contact_views(
 
     The view from below is enlarged by up to 1.5 times.
     """
-    import cv2
-
     person = reconstruction.people[index]
     matrix = world_from_camera(reconstruction.scene.level)
     vertices = transform_points(matrix, person.vertices)
@@ -159,29 +153,23 @@ def render_contact_views(
     picture = np.tile((np.array(PAGE_RGB) / 255).astype(np.float32), (height, width, 1))
     if not person.has_body:
         return picture_bytes(picture)
+    caster = prepare_meshes([vertices], np.asarray(reconstruction.faces, np.int64))
+    if caster is None:
+        return picture_bytes(picture)
     edges = np.linspace(0, width, len(CONTACT_VIEWS) + 1).astype(int)
     views = _contact_cameras(vertices, joints, np.diff(edges), height)
     paint = painted_contact(person, reconstruction.contact_partners) / 255.0
-    corners = np.concatenate([vertices, paint], 1)[reconstruction.faces]
-    corners, normals = _small_triangles(corners, (_SPOT_PX / views[0].focal[0]) ** 2)
-    # Squares at the middles of small triangles are drawn faster than triangles.
-    middles, colors = np.split(corners.mean(1), 2, axis=1)
+    normals = vertex_normals(vertices, caster.faces)
     for view, left, end in zip(views, edges[:-1], edges[1:], strict=True):
-        front = normals @ view.axes[2] < 0
-        shaded = shade(normals[front], view.axes, colors[front])
-        layer = render_points(view, middles[front], shaded, _SPOT_PX // 2)
-        color, alpha = (
-            cv2.resize(one, (int(end - left), height), interpolation=cv2.INTER_AREA)
-            for one in (layer.color, layer.alpha)
-        )
-        picture[:, left:end] = blend_over(RenderedLayer(color, alpha, alpha), picture[:, left:end])
+        layer = render_mesh(caster, view, shade(normals, view.axes, paint))
+        picture[:, left:end] = blend_over(layer, picture[:, left:end])
     return picture_bytes(picture)
 
 
 def _contact_cameras(
     vertices: Array, joints: Array, widths: NDArray[np.int64], height: int
 ) -> list[View]:
-    """Return the cameras of ``CONTACT_VIEWS`` of a person, for pictures of twice a size in px."""
+    """Return the cameras of ``CONTACT_VIEWS`` of a person, for pictures of a size in px."""
     sides = _view_axes(joints)
     reach = np.stack([vertices @ axes.T for axes in sides])
     low = reach.min(1)
@@ -191,32 +179,9 @@ def _contact_cameras(
     upright = fits[:2].min()
     scales = upright, upright, min(fits[2], 1.5 * upright)
     return [
-        View.orthographic(axes, axes.T @ middle, 2 * scale, (2 * int(width), 2 * height))
+        View.orthographic(axes, axes.T @ middle, scale, (int(width), height))
         for axes, middle, scale, width in zip(sides, (low + high) / 2, scales, widths, strict=True)
     ]
-
-
-def _small_triangles(corners: Array, doubled_area: float) -> tuple[Array, Array]:
-    """Divide triangles (F, 3, n), of which the first values are positions, until nearly all are
-    smaller than a doubled area, and return them with their unit normals.
-    """
-    normals, doubled = _normals(corners)
-    while np.percentile(doubled, _LARGE) > doubled_area and len(corners) < _MOST_SPOTS:
-        beside = 0.5 * (corners + np.roll(corners, -1, axis=1))
-        outer = [np.stack([corners[:, k], beside[:, k], beside[:, k - 1]], 1) for k in range(3)]
-        corners = np.concatenate([*outer, beside])
-        normals, doubled = _normals(corners)
-    return corners, normals
-
-
-def _normals(corners: Array) -> tuple[Array, Array]:
-    """Return unit normals (F, 3) and doubled areas (F,) of triangles, of which the first of (F, 3,
-    n) are positions.
-    """
-    a, b, c = corners[..., :3].transpose(1, 0, 2)
-    normals = np.cross(b - a, c - a)
-    doubled = np.linalg.norm(normals, axis=1)
-    return normals / np.maximum(doubled, 1e-12)[:, None], doubled
 
 
 def _view_axes(joints: Array) -> list[Array]:

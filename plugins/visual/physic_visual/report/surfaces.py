@@ -136,8 +136,7 @@ def pack_bodies(reconstruction: Reconstruction) -> dict[str, Any]:
     Returns:
         ``faces``; ``split``, the vertex of each index in ``faces`` from the number of vertices on,
         and ``uv`` of all indices if bodies have textures, else None; and, for each person,
-        ``people``: ``points``; ``shoes``, the ``vertices`` that shoes move and their ``points``
-        there (None of a coarse body); ``texture`` (a data URL), or ``colors`` of the vertices
+        ``people``: ``points``; ``texture`` (a data URL), or ``colors`` of the vertices
         (three bytes sRGB each); ``contact``, a byte per vertex, from 0 without contact to 255 for
         likely contact; ``partner``, the index into ``partners`` plus one, 0 without contact (None
         in a result without partners). A person without a body is None.
@@ -162,7 +161,6 @@ def pack_bodies(reconstruction: Reconstruction) -> dict[str, Any]:
         texture = None if mesh is None else photo_jpeg(images[index], len(images[index]), 88)
         return {
             "points": pack_points(person.vertices[ids]),
-            "shoes": _pack_shoes(person, body.vertices) if whole else None,
             "texture": texture,
             "colors": pack_bytes(body.colors[ids]) if texture is None else None,
             "contact": _pack_contact(person, groups, len(ids)),
@@ -196,12 +194,6 @@ def _coarse(
     parts = torch.zeros(len(vertices), dtype=torch.int64)
     mesh = coarse_mesh(body, torch.from_numpy(faces), parts, _COARSE_M)
     return mesh.ids.numpy(), mesh.faces.numpy(), mesh.of_vertex.numpy()
-
-
-def _pack_shoes(person: Person, shod: NDArray[np.float64]) -> dict[str, Any]:
-    """Pack the vertices that shoes move, and their places there."""
-    moved = np.flatnonzero((shod != person.vertices).any(1))
-    return {"vertices": pack_indices(moved), "points": pack_points(shod[moved])}
 
 
 def _pack_contact(person: Person, groups: NDArray[np.int64], count: int) -> str:

@@ -8,14 +8,14 @@ own, since the photo's colours, which have theirs, are drawn without one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.body import JOINT_INDEX, PART_NAMES, embedded_arrays, smplx_arrays
+from physic_core.body import embedded_arrays, smplx_arrays
 from physic_core.geometry import up_in_camera, vertex_areas, vertex_normals
 from physic_visual.palette import BODY_RGB
 from physic_visual.render import prepare_meshes
@@ -28,7 +28,6 @@ from physic_visual.textures.raster import (
     load_texture_coordinates,
     rasterize_texture,
 )
-from physic_visual.textures.shoes import with_shoes, worn_shoes
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -47,31 +46,22 @@ last. A texel of 512 is 3 mm of skin.
 
 MIRROR_WEIGHT = 0.3
 PART_WEIGHT = 0.002
-SCALP_WEIGHT = 0.1
-"""Weights of the other side, of the part's mean, and of that of the scalp, whose neighbour is a
-face, against what the photo shows.
-"""
+"""Weights of the other side and of the part's mean, against what the photo shows."""
 
 GUESSED = "darker: guessed, not visible in the photo"
 """What a legend says of the clothes that no photo shows."""
 
 _LIGHT = 0.9  # brightness of guessed skin towards the light
 _DARK = 0.55  # the same away from it
-_HAIR_M = 0.25  # reach of hair around the joint of the head
-_DARKER = 35  # percentile of colours beside the face: ears and background are mostly lighter
-_LEAST_HAIR = 0.02  # least area of hair, as a share of the square of its reach
-_HAIRLINE_M = 0.115  # over the head's joint, at the forehead
-_NAPE_M = -0.03  # the same at the neck
 
 
 @dataclass(frozen=True)
 class DressedBody:
-    """Colours and shoes of a person.
+    """Colours of a person.
 
     Attributes:
-        vertices: (V, 3) metres, camera frame, with shoes.
+        vertices: (V, 3) metres, camera frame.
         normals: (V, 3) of those.
-        shoes: for each foot with a shoe, see :func:`with_shoes`.
         photo_weight: (V,) see :func:`photo_weights`.
         guessed_colors: (V, 3) sRGB 0-255, guessed where no photo shows the vertex, not darkened.
         colors: (V, 3) uint8 sRGB of each vertex.
@@ -81,7 +71,6 @@ class DressedBody:
 
     vertices: Array
     normals: Array
-    shoes: Sequence[Array]
     photo_weight: Array
     guessed_colors: Array
     colors: UInt8Array
@@ -112,21 +101,20 @@ def dressed_bodies(result: Reconstruction) -> DressedBodies:
         return DressedBodies({})
     faces = np.asarray(result.faces, np.int64)
     model = body_at_hand(result)
-    shod = {index: _shod(result, index, faces, model) for index in posed}
-    bodies = prepare_meshes([vertices for vertices, _, _ in shod.values()], faces)
-    others, parts, pull = _sides_and_parts(model, len(result.people[0].vertices))
+    skins = {index: result.people[index].vertices.astype(np.float64) for index in posed}
+    bodies = prepare_meshes([*skins.values()], faces)
+    others, parts = _sides_and_parts(model, len(skins[posed[0]]))
     laplacian = _laplacian(faces, len(others))
     people = {}
-    for index, (vertices, normals, shoes) in shod.items():
+    for index, vertices in skins.items():
+        normals = vertex_normals(vertices, faces)
         weight = photo_weights(vertices, normals, bodies)
         photo, seen, near = photo_colors(result, index, vertices, weight)
-        hair = None if model is None else _hair(result, index, vertices, model, parts)
-        fill = _fill(photo, near, laplacian, others, parts, pull, hair)
+        fill = _fill(photo, near, laplacian, others, parts)
         areas = vertex_areas(vertices, faces)
         people[index] = DressedBody(
             vertices,
             normals,
-            shoes,
             weight,
             fill,
             colors=_mixed(photo, near, _darkened(fill, normals, result)),
@@ -135,16 +123,6 @@ def dressed_bodies(result: Reconstruction) -> DressedBodies:
         )
     is_embedded = model is not None and model.name == "embedded"
     return DressedBodies(people, texture_coordinates("embedded") if is_embedded else None, bodies)
-
-
-def _shod(
-    result: Reconstruction, index: int, faces: NDArray[np.int64], model: BodyArrays | None
-) -> tuple[Array, Array, Sequence[Array]]:
-    """Return vertices and normals of a person, both with shoes, and the shoes."""
-    vertices = result.people[index].vertices.astype(np.float64)
-    normals = vertex_normals(vertices, faces)
-    shoes = () if model is None else worn_shoes(result, index, vertices, normals, model)
-    return *with_shoes(vertices, normals, shoes), shoes
 
 
 @kept_for_next_picture
@@ -213,83 +191,17 @@ def texture_raster(source: str, size: int) -> TextureRaster:
 
 def _sides_and_parts(
     model: BodyArrays | None, count: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Return the vertex (V,) on the other side of the body, the part (V,) of each, and the weight
-    (V,) of its mean.
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the vertex (V,) on the other side of the body, and the part (V,) of each.
 
-    Scalp and face are two parts. Without a body model, each vertex is its own other side, and all
-    are one part.
+    Without a body model, each vertex is its own other side, and all are one part.
     """
     from scipy.spatial import cKDTree
 
     if model is None:
-        return np.arange(count), np.zeros(count, np.int64), np.full(count, PART_WEIGHT)
+        return np.arange(count), np.zeros(count, np.int64)
     rest = model.template.astype(np.float64)
-    parts = model.part_of_vertex
-    others = cKDTree(rest).query(rest * [-1.0, 1.0, 1.0])[1]
-    _, up, ahead = (rest - model.joint_template[JOINT_INDEX["head"]]).T
-    scalp = (parts == PART_NAMES.index("head")) & (
-        ((ahead < 0) & (up > _NAPE_M)) | (up > _HAIRLINE_M)
-    )
-    return (
-        others,
-        np.where(scalp, parts.max() + 1, parts),
-        np.where(scalp, SCALP_WEIGHT, PART_WEIGHT),
-    )
-
-
-def _hair(
-    result: Reconstruction, index: int, vertices: Array, model: BodyArrays, parts: NDArray[np.int64]
-) -> Array | None:
-    """Return the colour (3,) of a person's hair: of their pixels around the upper head that the
-    face does not cover.
-
-    Hair that stands off lies beside the body. None if there are few such pixels.
-
-    Args:
-        result: of the photo.
-        index: of the person.
-        vertices: (V, 3) metres.
-        model: of the body.
-        parts: (V,) of the vertices, the last one the scalp.
-    """
-    import cv2
-
-    person = result.people[index]
-    matrix = result.intrinsics.matrix
-    joints = person.joints[[JOINT_INDEX["head"], JOINT_INDEX["neck"]]].astype(np.float64)
-    face = vertices[parts == PART_NAMES.index("head")]
-    if min(joints[:, 2].min(), face[:, 2].min()) <= 0:
-        return None
-    (head, neck), outline = (points @ matrix[:2].T / points[:, 2:] for points in (joints, face))
-    radius = float(_HAIR_M * matrix[0, 0] / joints[0, 2])
-    low, high = (
-        np.clip(np.round(head + side * radius), 0, person.mask.shape[::-1]).astype(np.int64)
-        for side in (-1, 1)
-    )
-    window = slice(low[1], high[1]), slice(low[0], high[0])
-    around = person.mask[window] & _is_above(window, head, neck, radius)
-    if not around.size:
-        return None
-    # the rim has colours of the background
-    shown = cv2.erode(around.astype(np.uint8), np.ones((3, 3), np.uint8))
-    cv2.fillConvexPoly(shown, cv2.convexHull(np.round(outline - low).astype(np.int32)), 0)
-    if shown.sum() < _LEAST_HAIR * radius**2:
-        return None
-    color: Array = np.percentile(result.image[window][shown > 0], _DARKER, axis=0)
-    return color
-
-
-def _is_above(
-    window: tuple[slice, slice], head: Array, neck: Array, radius: float
-) -> NDArray[np.bool_]:
-    """Return which pixels of a window are nearer than a radius to a head, and beyond it as seen
-    from the neck, px.
-    """
-    rows, columns = np.mgrid[window]
-    beyond = np.stack([columns, rows], -1) - head
-    above: NDArray[np.bool_] = ((beyond**2).sum(-1) < radius**2) & (beyond @ (head - neck) > 0)
-    return above
+    return cKDTree(rest).query(rest * [-1.0, 1.0, 1.0])[1], model.part_of_vertex
 
 
 def _laplacian(faces: NDArray[np.int64], count: int) -> csr_matrix:
@@ -308,14 +220,11 @@ def _fill(
     laplacian: csr_matrix,
     others: NDArray[np.int64],
     parts: NDArray[np.int64],
-    pull: Array,
-    hair: Array | None = None,
 ) -> Array:
     """Return a colour (V, 3) of each vertex: the photo's, the other side's, and smooth between.
 
-    It minimises ``sum w (c - photo)^2 + sum over edges (c_i - c_j)^2 + pull (c - mean of the
-    part)^2`` over the vertices that the photo does not fully show. The mean of the last part, the
-    scalp, is the colour of the hair, if that is known.
+    It minimises ``sum w (c - photo)^2 + sum over edges (c_i - c_j)^2 + PART_WEIGHT (c - mean of the
+    part)^2`` over the vertices that the photo does not fully show.
     """
     import scipy.sparse as sp
     from scipy.sparse.linalg import splu
@@ -331,12 +240,10 @@ def _fill(
     mean = (trust[:, None] * target).sum(0) / trust.sum()
     of_part = np.stack([np.bincount(parts, trust * column, size) for column in target.T], 1)
     of_part = (of_part + 1e-3 * mean) / (amount + 1e-3)[:, None]
-    if hair is not None:
-        of_part[-1] = hair
     free = np.flatnonzero(weight < 1)
     solved = np.where(weight[:, None] < 1, 0.0, photo)
-    right = 10 * trust[:, None] * target + pull[:, None] * of_part[parts] - laplacian @ solved
-    system = (sp.diags(10 * trust + pull) + laplacian)[free][:, free].tocsc()
+    right = 10 * trust[:, None] * target + PART_WEIGHT * of_part[parts] - laplacian @ solved
+    system = (sp.diags(10 * trust + PART_WEIGHT) + laplacian)[free][:, free].tocsc()
     # As for any symmetric matrix: other orders take twice as long.
     factors = splu(system, "MMD_AT_PLUS_A", 0.0, options={"SymmetricMode": True})
     solved[free] = factors.solve(right[free])

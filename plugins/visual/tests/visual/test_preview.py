@@ -139,7 +139,7 @@ def test_contact_with_the_floor_is_green_from_below_only(reconstruction):
 
 
 def test_the_front_is_the_side_with_the_toes(reconstruction):
-    """The mannequin's shoes point ahead: they are seen from the front, and the heels from the
+    """The mannequin's toes point ahead: they are seen from the front, and the heels from the
     back.
     """
     person = reconstruction.people[0]

@@ -363,12 +363,8 @@ function makeBody(data, index, texture) {
     seams.forEach((vertex, i) => all.set(values.subarray(size * vertex, size * (vertex + 1)), values.length + size * i));
     return new THREE.BufferAttribute(all, size);
   };
-  const dressed = points.slice();
-  if (packed.shoes) {
-    const places = decodePoints(packed.shoes.points);
-    decodeIndices(packed.shoes.vertices).forEach((vertex, i) => dressed.set(places.subarray(3 * i, 3 * i + 3), 3 * vertex));
-  }
-  const geometry = new THREE.BufferGeometry(), shod = extend(dressed, 3), bare = extend(points, 3);
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", extend(points, 3));
   geometry.setAttribute("normal", extend(whole.getAttribute("normal").array, 3));
   geometry.setIndex(new THREE.BufferAttribute(texels, 1));
   if (uv) geometry.setAttribute("uv", new THREE.BufferAttribute(uv, 2));
@@ -402,7 +398,6 @@ function makeBody(data, index, texture) {
     colors,
     wear(skin) {
       body.material = { photo, outline }[skin] ?? matte;
-      geometry.setAttribute("position", body.material === matte ? bare : shod);
       if (colors[skin]) geometry.setAttribute("color", colors[skin]);
     },
     highlight(on) {
