@@ -18,9 +18,9 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from physic_core.engine.body_parts import OBSERVED, are_adjacent, contact_regions
-from physic_core.engine.ground.touch import LEAST_PROBABILITY, usual_touch
+from physic_core.engine.ground.touch import usual_touch
 from physic_core.geometry.tensors import exact_arrays
-from physic_core.types.observations import TOUCHED
+from physic_core.types.observations import LEAST_PROBABILITY, TOUCHED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -19,7 +19,7 @@ from physic_core.types import skeleton_named
 from physic_core.types.contacts import part_words
 from physic_core.types.records import in_words
 from physic_core.types.results import LIMB_ENDS, UNSURE_M
-from physic_core.types.skeletons import SIDES, keypoint_in_words
+from physic_core.types.skeletons import SIDES, SURE_CONFIDENCE, keypoint_in_words
 
 if TYPE_CHECKING:
     from physic_core.engine.state import Estimates
@@ -31,7 +31,6 @@ _LIMB_JOINTS = tuple(
     for name in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
     for side in SIDES
 )
-_CONFIDENT = 0.5
 _FEWEST = 4
 _QUANTILE = 0.9  # two joints of a dozen may be wrong
 
@@ -209,7 +208,7 @@ def limb_keypoint_error(
     """
     names = skeleton_named(skeleton).names
     rows = {name: names.index(name) for name in _LIMB_JOINTS if name in names}
-    chosen = [name for name, row in rows.items() if confidence[row] >= _CONFIDENT]
+    chosen = [name for name, row in rows.items() if confidence[row] >= SURE_CONFIDENCE]
     diagonal = float(np.hypot(box[2] - box[0], box[3] - box[1]))
     if len(chosen) < _FEWEST or diagonal <= 0:
         return None

@@ -19,8 +19,9 @@ from physic_core.judge.photo import NO_FLOOR, relative_difference
 from physic_core.judge.spec import NO_BODY, YES, check
 from physic_core.types import MARKS, Plane, skeleton_named
 from physic_core.types.contacts import SupportState, part_words
-from physic_core.types.observations import ENDS
+from physic_core.types.observations import ENDS, LEAST_PROBABILITY
 from physic_core.types.records import in_words
+from physic_core.types.skeletons import SURE_CONFIDENCE
 
 if TYPE_CHECKING:
     from physic_core.engine.state import Estimates
@@ -41,7 +42,6 @@ _FROM_THE_SIDE = "the view from the side in preview.png"
 
 _HEAD = ("nose", "eye_surface", "ear_surface")
 _FEWEST_HEAD = 3
-_CONFIDENT = 0.5
 _SUPPORT_M = 0.1  # largest distance from what carries
 _LOWEST_SHARE = 0.01  # of the vertices, below which the body of a person who lies may reach
 _FAR_BELOW_M = 0.5  # of soles below the floor: no error of a floor that people stand on
@@ -118,7 +118,7 @@ def heads(estimates: Estimates, result: Reconstruction, person: int) -> Measured
         i for i, name in enumerate(skeleton_named(keypoints.skeleton).names) if name.endswith(_HEAD)
     ]
     for other in set(range(len(result.people))) - {person}:
-        visible = [i for i in columns if keypoints.confidence[other, i] >= _CONFIDENT]
+        visible = [i for i in columns if keypoints.confidence[other, i] >= SURE_CONFIDENCE]
         x, y = np.rint(keypoints.points[other, visible]).astype(int).T
         inside = (x >= 0) & (y >= 0) & (x < mask.shape[1]) & (y < mask.shape[0])
         count += (
@@ -391,7 +391,7 @@ def stature(estimates: Estimates, result: Reconstruction, person: int) -> Measur
 
     People of known stature or age are not asked about.
     """
-    from physic_core.engine.sizes.stature import SEEMS_CHILD, stature_surprise
+    from physic_core.engine.sizes.stature import stature_surprise
 
     who = result.people[person]
     if who.stature is None or _is_known(estimates, result, person):
@@ -400,8 +400,8 @@ def stature(estimates: Estimates, result: Reconstruction, person: int) -> Measur
     off = stature_surprise(who.stature, child, stands=who.posture in _UPRIGHT)
     return off, (
         f"this person is {who.stature:.2f} m tall, and seems to be "
-        f"{'a child' if child >= SEEMS_CHILD else 'an adult'}: check the unit of what you gave, "
-        f"and do not use this size"
+        f"{'a child' if child >= LEAST_PROBABILITY else 'an adult'}: check the unit of what you "
+        f"gave, and do not use this size"
     )
 
 
@@ -418,12 +418,12 @@ def child_size(estimates: Estimates, result: Reconstruction, person: int) -> Mea
     It is not asked where you give age or stature, or where something measured gives the scale.
     """
     from physic_core.engine.sizes.evidence import MEASURED_SIGMA
-    from physic_core.engine.sizes.stature import SEEMS_CHILD, log_stature_of_children
+    from physic_core.engine.sizes.stature import log_stature_of_children
 
     who = result.people[person]
     sigma = result.scene.scale_sigma
     is_measured = sigma is not None and sigma <= MEASURED_SIGMA
-    is_child = (who.child_probability or 0.0) >= SEEMS_CHILD and who.posture not in _UPRIGHT
+    is_child = (who.child_probability or 0.0) >= LEAST_PROBABILITY and who.posture not in _UPRIGHT
     if not is_child or is_measured or _is_known(estimates, result, person):
         return None
     return log_stature_of_children()[1], (

@@ -16,6 +16,7 @@ import numpy as np
 from physic_core.geometry.readings import LIKELY, STRANGER, compare_depth
 from physic_core.judge.spec import YES, check
 from physic_core.types.contacts import has_sole_on_floor
+from physic_core.types.observations import LEAST_PROBABILITY
 from physic_core.types.results import main_people
 
 if TYPE_CHECKING:
@@ -33,7 +34,6 @@ _OTHER_INPAINTER = "Try --set inpainter.backend=telea"
 _FLOOR_LINE = "compare the floor's line with the photo, from the side in preview.png"
 _COVERED_SHARE = 0.5  # of a box that holds parts of a person who has a body
 _MOST_PITCH_DEG = 15.0  # of a camera that looks up and shows the floor
-_LIKELY = 0.5  # least probability of a witness that counts
 
 _check = partial(check, "photo", warns=True)
 
@@ -194,14 +194,14 @@ def depth_scale(estimates: Estimates, result: Reconstruction) -> Measured:
         [
             ScaleEvidence(row["log_ratio"], row["sigma"])
             for row in rows
-            if row is not own and row["right"] > _LIKELY
+            if row is not own and row["right"] > LEAST_PROBABILITY
         ]
     )
     if own is None or others is None:
         return None
     away = own["log_ratio"] - others.log_scale
     times = math.exp(away)
-    followed = "was used together with them" if own["right"] > _LIKELY else "was not used"
+    followed = "was used together with them" if own["right"] > LEAST_PROBABILITY else "was not used"
     inverse = is_inverse(estimates.depth, estimates.photo.scene_map)
     question = "is it a disparity, 1 / depth?" if inverse else likely_unit(times)
     return abs(away) / math.hypot(own["sigma"], others.sigma), (

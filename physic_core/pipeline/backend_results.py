@@ -20,6 +20,7 @@ from physic_core.interfaces.people import valid_keypoint_rows
 from physic_core.pipeline.doubts import doubt_of_wrists
 from physic_core.types import BodyParameters
 from physic_core.types.arrays import select_people
+from physic_core.types.observations import LEAST_PROBABILITY
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -45,7 +46,6 @@ _MOST_JOINTS = 0.6  # share on that of another person
 # Of 296 people in 67 photos none has less than .31, or is nearer than .70.
 _VISIBLE = 0.25  # least area of a mask over its joints' hull, with most joints on another mask
 _MOST_CONTACT = 0.6  # share of the vertices; worlds with contact have at most .25
-_IN_CONTACT = 0.5  # least probability
 
 
 def is_real_person(people: People, prompt: PeoplePrompt | None = None) -> BoolArray:
@@ -248,7 +248,7 @@ def expand_contact(
 def doubt_of_contact(contact: ContactProbability, bodies: Bodies) -> str:
     """Return what makes contact probabilities of N bodies doubtful; "" if nothing does."""
     likely = contact.probability[valid_contact_rows(contact)]
-    most = float((likely >= _IN_CONTACT).mean(1).max(initial=0))
+    most = float((likely >= LEAST_PROBABILITY).mean(1).max(initial=0))
     if most > _MOST_CONTACT:
         return (
             f"its probabilities say that {most:.0%} of a body are in contact: is 1 contact, or are "

@@ -15,13 +15,13 @@ import numpy as np
 
 from physic_core.interfaces.comparison import describe_difference, is_sigmoid_of_probability
 from physic_core.judge.trust import load_of
+from physic_core.types.observations import LEAST_PROBABILITY
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Hands, Reconstruction, UInt8Array
 
 _MOST_BENT_DEG = 150.0  # of a finger's joint; no healthy one bends over 125
 _MOST_TURNED_DEG = 100.0  # of a wrist from where the body has it
-_CERTAIN = 0.5
 _FEWEST_DEPTHS = 256  # of a map; those of 8 bits have as many
 _LARGE_MAP_PX = 10_000
 _EDGE_PX = 2
@@ -67,7 +67,9 @@ def doubts_of(interface: str, request: Any, result: Any) -> Iterator[str]:
         if interface == "relative_pointmap" and result.up is not None and result.up[1] > 0:
             yield "its up points down in the picture: is it the direction of gravity?"
     elif interface == "hand_estimator":
-        bent = np.degrees(np.linalg.norm(result.rotvecs, axis=-1))[result.confidence > _CERTAIN]
+        bent = np.degrees(np.linalg.norm(result.rotvecs, axis=-1))[
+            result.confidence > LEAST_PROBABILITY
+        ]
         if bent.size and np.nanmax(bent) > _MOST_BENT_DEG:
             yield (
                 f"a finger is bent by {np.nanmax(bent):.0f} degrees: are rotations in radians, and "
@@ -85,7 +87,9 @@ def doubts_of(interface: str, request: Any, result: Any) -> Iterator[str]:
         if is_contact and _has_equal_rows(values):
             yield _EQUAL
         elif not is_contact:
-            yield from _doubts_of_places(request.people.boxes, result.points[values > _CERTAIN])
+            yield from _doubts_of_places(
+                request.people.boxes, result.points[values > LEAST_PROBABILITY]
+            )
         if values.size and np.ptp(values) and is_sigmoid_of_probability(values):
             yield (
                 f"all values are from {values.min():.2f} to {values.max():.2f}: is a sigmoid "
@@ -162,7 +166,7 @@ def doubt_of_wrists(hands: Hands, turned_deg: FloatArray) -> str:
     """Return whether the wrists (N, 2) are so far from those of the bodies that they are none; ""
     if they are not.
     """
-    certain = turned_deg[(hands.confidence > _CERTAIN) & np.isfinite(turned_deg)]
+    certain = turned_deg[(hands.confidence > LEAST_PROBABILITY) & np.isfinite(turned_deg)]
     if not certain.size or np.median(certain) <= _MOST_TURNED_DEG:
         return ""
     return (
@@ -200,9 +204,13 @@ def _distances(result: Reconstruction) -> Iterator[tuple[str, float, str]]:
                 yield interface, load or 0.0, f"{who}{check}"
     for row in result.diagnostics["witnesses"].get("scale", ()):
         away = row["log_ratio"]
-        if row["by"] in ("size", "soles") and abs(away) > _OTHER_SIZE and row["right"] < _CERTAIN:
+        if (
+            row["by"] in ("size", "soles")
+            and abs(away) > _OTHER_SIZE
+            and row["right"] < LEAST_PROBABILITY
+        ):
             person = row["person"]
-            says_child = (result.people[person].child_probability or 0.0) > _CERTAIN
+            says_child = (result.people[person].child_probability or 0.0) > LEAST_PROBABILITY
             yield (
                 "person_observer" if says_child else "body_estimator",
                 abs(away) / _OTHER_SIZE,
@@ -215,7 +223,7 @@ def doubt_of_contact_places(result: Reconstruction, probability: FloatArray) -> 
     they are not.
     """
     for index, (person, likely) in enumerate(zip(result.people, probability, strict=True)):
-        wanted = likely >= _CERTAIN
+        wanted = likely >= LEAST_PROBABILITY
         near = (np.abs(person.distance) < _NEAR_M) | person.contact
         share = float(near[wanted].mean()) if wanted.sum() >= _FEWEST_VERTICES else 1.0
         if near.mean() > _SOME_NEAR and share < min(_FEWEST_NEAR, _LEAST_LIFT * near.mean()):

@@ -44,6 +44,7 @@ from physic_core.prepare.people import (
 from physic_core.types import Bodies, ContactProbability, Keypoints, Observations, People
 from physic_core.types.arrays import PER_PERSON, select_people
 from physic_core.types.short_repr import ShortRepr
+from physic_core.types.skeletons import SURE_CONFIDENCE
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -56,7 +57,6 @@ if TYPE_CHECKING:
 _POINT_AT_PEOPLE = "if the photo shows one, point at them with --person x,y or --box x0,y0,x1,y1"
 
 
-_SURE = 0.5  # confidence of a keypoint that tells where a person is
 _INSIDE = 0.8  # share of a person's keypoints in a mask of them
 
 
@@ -217,7 +217,7 @@ def _share_of_keypoints_inside(people: People) -> float:
         for mask, points, sure in zip(
             people.masks, keypoints.points, keypoints.confidence, strict=True
         )
-        for x, y in [points[sure >= _SURE].T]
+        for x, y in [points[sure >= SURE_CONFIDENCE].T]
     ]
     return float(np.concatenate(inside).mean()) if any(map(len, inside)) else 1.0
 

@@ -18,7 +18,6 @@ from physic_core.body.joints import NUM_JOINTS
 from physic_core.body.posture import photo_seems_turned
 from physic_core.engine.contact.partner import DECIMALS
 from physic_core.engine.ground.report import scale_note
-from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.engine.limbs import limb_part_indices, observed_parts
 from physic_core.engine.measures import body_size_sigmas
 from physic_core.engine.scene.solve import alignment_diagnostics
@@ -40,6 +39,7 @@ from physic_core.types import (
 )
 from physic_core.types.contacts import NO_PARTNER, has_sole_on_floor
 from physic_core.types.known_sizes import size_option
+from physic_core.types.observations import LEAST_PROBABILITY
 
 _UP_COSINE = math.cos(
     math.radians(45.0)

@@ -19,7 +19,7 @@ from physic_core.geometry.readings import turned_masks
 from physic_core.interfaces.bodies import valid_body_rows
 from physic_core.io.body_file import with_columns_of_zeros
 from physic_core.types import BodyParameters
-from physic_core.types.skeletons import mirrored_order
+from physic_core.types.skeletons import SURE_CONFIDENCE, mirrored_order
 
 if TYPE_CHECKING:
     from physic_core.body.model import BodyModel
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 _LEAST_OVERLAP = 0.3
 """Least overlap of outlines or boxes of a body and the person whose it is."""
 _JOINTS = 22
-_SEEN = 0.5  # least confidence of keypoints that can contradict a body
 _OFF = 0.15  # of the diagonal of a person's joints, from which on keypoints contradict a body
 _MUCH_BETTER = 0.5  # of that, by which another reading of the file explains the keypoints
 _FEWEST = 6  # keypoints that tell how a body stands in the picture
@@ -154,7 +153,7 @@ def place_by_keypoints(given: GivenBodies, model: BodyModel, photo: PhotoContent
         )
     p = given.bodies.parameters
     keypoints, landmarks = _landmarks(p, model, photo)
-    seen = keypoints.confidence[0] >= _SEEN
+    seen = keypoints.confidence[0] >= SURE_CONFIDENCE
     body = landmarks[0, seen]
     place = _translation(body, keypoints.points[0, seen], photo.camera)
     if len(body) < _FEWEST or (body[:, 2] + place[2] <= 0).any():
@@ -328,7 +327,7 @@ def _readings(
     found = np.full((len(drawn), 3), np.nan)
     people = zip(drawn, keypoints.points[is_of], keypoints.confidence[is_of], strict=True)
     for row, (body, points, confidence) in enumerate(people):
-        seen = confidence >= _SEEN
+        seen = confidence >= SURE_CONFIDENCE
         if seen.sum() >= _FEWEST:
             turned = body * [1, -1] + [0, 2 * body[seen, 1].mean()]
             readings = np.stack([body, body[mirrored], turned])[:, seen]

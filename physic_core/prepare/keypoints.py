@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from physic_core.errors import InputError
-from physic_core.types.skeletons import keypoint_in_words, other_side
+from physic_core.types.skeletons import SURE_CONFIDENCE, keypoint_in_words, other_side
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -40,8 +40,6 @@ _LIMB = 0.25
 """Distance from the detected joint, in the same unit, beyond which it counts inside of the mask,
 too.
 """
-_CONFIDENT = 0.5
-"""Least confidence of a detected keypoint that can contradict a given one."""
 
 
 def corrected_keypoints(
@@ -133,7 +131,7 @@ def contradicted_keypoints(
         names.index(twin) if (twin := other_side(name)) in names else k
         for k, name in enumerate(names)
     ]
-    sure = detected.confidence >= _CONFIDENT
+    sure = detected.confidence >= SURE_CONFIDENCE
     off = np.zeros(changed.shape)
     for person in np.flatnonzero(changed.any(1)).tolist():
         box = people.boxes[person]

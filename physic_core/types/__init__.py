@@ -46,6 +46,7 @@ from physic_core.types.keypoint_table import KeypointTable
 from physic_core.types.known_sizes import KnownLength, KnownSizes
 from physic_core.types.observations import (
     CHOICES,
+    LEAST_PROBABILITY,
     POSTURES,
     PROBABILITIES,
     TOUCH_PARTS,
@@ -92,6 +93,7 @@ from physic_core.types.skeletons import (
     SEEN_CONFIDENCE,
     SIDES,
     SKELETONS,
+    SURE_CONFIDENCE,
     Skeleton,
     is_finger,
     mirrored_order,
@@ -111,6 +113,7 @@ __all__ = [
     "CHOICES",
     "FOUND_TWICE",
     "HARDLY_VISIBLE",
+    "LEAST_PROBABILITY",
     "MARKS",
     "NO_PARTNER",
     "PARTNER_KINDS",
@@ -122,6 +125,7 @@ __all__ = [
     "SIDES",
     "SKELETONS",
     "SUMMARY_COLUMNS",
+    "SURE_CONFIDENCE",
     "SURFACE_NAMES",
     "TOUCHED",
     "TOUCH_PARTS",

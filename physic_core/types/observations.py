@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 POSTURES = ("stand", "walk", "run", "sit", "squat", "kneel", "lie", "jump", "ride")
 """Columns of ``posture`` of :class:`Observations`."""
 
+LEAST_PROBABILITY = 0.5
+"""Probability from which on a statement about a person counts as true."""
+
 TOUCH_PARTS = (
     *("left_foot", "right_foot", "left_hand", "right_hand", "seat"),
     *("left_knee", "right_knee", "left_forearm", "right_forearm", "back"),

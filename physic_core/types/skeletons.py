@@ -11,6 +11,8 @@ from physic_core.types.short_repr import ShortRepr
 SIDES = ("left", "right")
 SEEN_CONFIDENCE = 0.3
 """Least confidence of a keypoint that counts as detected."""
+SURE_CONFIDENCE = 0.5
+"""Least confidence of a keypoint whose place is believed against other evidence."""
 _FINGERS = ("thumb", "index", "middle", "ring", "pinky")
 
 _FACE_POINTS = {

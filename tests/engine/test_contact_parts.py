@@ -12,8 +12,8 @@ import torch
 from physic_core.engine.contact.method import ContactStageMethod
 from physic_core.engine.contact.probability import contact_part_masks, mean_of_surest
 from physic_core.engine.contact.solve import find_contact
-from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.types import ContactPartner
+from physic_core.types.observations import LEAST_PROBABILITY
 from physic_core.types.skeletons import SIDES
 
 from .adjusted import with_result, with_scene, without_joints

@@ -23,10 +23,10 @@ from physic_core.engine.contact.probability import (
     skin_contact_probability,
     values_by_vertex,
 )
-from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.geometry.neighbors import NearestPointSearch, inside_body_boxes
 from physic_core.geometry.visibility import front_depth, in_free_space
 from physic_core.types.bounds import Share
+from physic_core.types.observations import LEAST_PROBABILITY
 
 if TYPE_CHECKING:
     from physic_core.engine.scene_state import Surroundings

@@ -21,8 +21,8 @@ from physic_core.engine.contact.distances import (
 from physic_core.engine.contact.parts import SAT_ON, UPRIGHT_CLASSES
 from physic_core.engine.contact.picture import PeopleInPicture
 from physic_core.engine.contact.probability import mean_of_surest
-from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.types.contacts import NO_PARTNER, BodyContact, ContactPartner
+from physic_core.types.observations import LEAST_PROBABILITY
 from physic_core.types.people import GROUND_SURFACES
 from physic_core.types.skeletons import SIDES
 

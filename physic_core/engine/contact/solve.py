@@ -39,12 +39,12 @@ from physic_core.engine.contact.support import (
     find_support,
     support_record,
 )
-from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.engine.state import Contact, Estimates, State
 from physic_core.engine.whom import Meeting, meetings
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.pixels import select_pixels
 from physic_core.geometry.tensors import tensors
+from physic_core.types.observations import LEAST_PROBABILITY
 from physic_core.types.skeletons import SIDES
 
 _SCENE, _PERSON, _OWN_BODY, _OBJECT = range(len(KINDS))

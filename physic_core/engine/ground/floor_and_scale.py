@@ -70,7 +70,7 @@ from physic_core.geometry.pointmap import pointmap_normals
 from physic_core.geometry.tensors import exact_arrays, optional_tensors, tensor, tensors
 from physic_core.types import Plane, SceneScale
 from physic_core.types.arrays import PER_PERSON, select_people
-from physic_core.types.observations import POSTURES
+from physic_core.types.observations import LEAST_PROBABILITY, POSTURES
 from physic_core.types.people import GROUND_SURFACES
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import SIDES
@@ -103,9 +103,7 @@ _LEAST_SHOWN = 0.05  # of a person, as a share of the best visible one
 _NOT_ON_PLANE_NATS = -1.2  # of a person with visible soles, without a floor to stand on
 _CUTS_M = 0.25  # of a body below a floor, from which on the floor is that of another surface
 _NO_CAMERA_NATS = -1.0  # if there is no floor over which the camera has a height
-_STANDS = 0.5  # probability, of feet that are named in a note
 _RESTS_UNSEEN = 0.5  # probability that people who lie do so on the floor, where nothing shows it
-_LIES = 0.5  # probability from which on people do not speak about the tilt of a floor
 _LIMBS = ("shoulder", "hip", "knee", "ankle")
 
 
@@ -267,7 +265,7 @@ def _ground_by_vote(
     if (plane := candidates[best].plane) is not None:
         stance = stance.with_resting(people.low.limbs_as_low(people.model, plane.normal))
     notes = size_notes(
-        vote, soles, people.torsos, people.feet & (stance.stand_probability > _STANDS)
+        vote, soles, people.torsos, people.feet & (stance.stand_probability > LEAST_PROBABILITY)
     )
     of_plane = {"soles": soles, "usual height of cameras": planes[best].camera}
     return Ground(
@@ -277,7 +275,7 @@ def _ground_by_vote(
         stance,
         is_scaled_by_people=True,
         small_statures=small_statures(
-            vote, soles, people.feet & (people.stance.stand_probability > _STANDS), known
+            vote, soles, people.feet & (people.stance.stand_probability > LEAST_PROBABILITY), known
         ),
         witnesses={
             "floor": floor_witnesses(candidates, [p.nats for p in planes], vote.weights),
@@ -338,7 +336,7 @@ def _people_evidence(
     sigma, adult = _sizes(photo, bodies)
     real = photo.people.scores * adult
     torsos = _torsos(photo, model, vertices, sigma, real)
-    lie = observations.posture[:, POSTURES.index("lie")] > _LIES
+    lie = observations.posture[:, POSTURES.index("lie")] > LEAST_PROBABILITY
     upright = posed.joints.cpu()[torch.from_numpy(~lie)]
     across = may_rest_on_any_part(photo.keypoints, observations)
     low = low_skin(across, torch.from_numpy(vertices), model, observed, stance.holds, up)

@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.types.observations import POSTURES
+from physic_core.types.observations import LEAST_PROBABILITY, POSTURES
 from physic_core.types.skeletons import SEEN_CONFIDENCE, SIDES
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Intrinsics, Keypoints, Observations
 
 _UPRIGHT_POSTURES = ("stand", "walk", "run", "sit", "ride")
-_LEAST_UPRIGHT = 0.5  # probability of these postures together
 _STANDS = 0.7  # probability from which on people stand or walk: 101 of 117 are labelled so
 _UPRIGHT_DEG = 45.0  # largest angle of an upright trunk from up in the picture
 
@@ -120,7 +119,7 @@ def is_upright(keypoints: Keypoints, said: Observations) -> BoolArray:
     axis = trunk_in_picture_deg(keypoints)
     postures = [POSTURES.index(name) for name in _UPRIGHT_POSTURES]
     likely = said.posture[:, postures].sum(1)
-    return np.asarray(~(np.abs(axis) > _UPRIGHT_DEG) & ~(likely < _LEAST_UPRIGHT))
+    return np.asarray(~(np.abs(axis) > _UPRIGHT_DEG) & ~(likely < LEAST_PROBABILITY))
 
 
 def may_rest_on_any_part(keypoints: Keypoints, said: Observations) -> BoolArray:
@@ -135,7 +134,7 @@ def may_rest_on_any_part(keypoints: Keypoints, said: Observations) -> BoolArray:
         keypoints_of_both_sides(keypoints, "shoulder", "hip")[1].min((1, 2)) >= SEEN_CONFIDENCE
     )
     across = trunk_visible & (np.abs(trunk_in_picture_deg(keypoints)) > _UPRIGHT_DEG)
-    return np.asarray(across | (said.posture[:, POSTURES.index("lie")] > _LEAST_UPRIGHT))
+    return np.asarray(across | (said.posture[:, POSTURES.index("lie")] > LEAST_PROBABILITY))
 
 
 def trunk_planes_of_standing(

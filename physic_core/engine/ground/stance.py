@@ -12,13 +12,12 @@ import numpy as np
 
 from physic_core.engine.ground.carriers import NOTHING, Carried
 from physic_core.engine.ground.touch import (
-    LEAST_PROBABILITY,
     floor_probability,
     touch_probability,
     usual_touch,
 )
 from physic_core.types.arrays import PER_PERSON
-from physic_core.types.observations import TOUCH_PARTS, TOUCHED
+from physic_core.types.observations import LEAST_PROBABILITY, TOUCH_PARTS, TOUCHED
 from physic_core.types.short_repr import ShortRepr
 
 if TYPE_CHECKING:

@@ -25,9 +25,6 @@ from torch import Tensor
 from physic_core.engine.body_parts import OBSERVED
 from physic_core.types.observations import TOUCH_PARTS, TOUCHED
 
-LEAST_PROBABILITY = 0.5
-"""Minimum probability of a part in contact: others are not listed and do not support the person."""
-
 FloatArray = NDArray[np.floating[Any]]
 
 

@@ -15,11 +15,11 @@ from physic_core.engine.state import OtherView, State
 from physic_core.geometry.camera import project
 from physic_core.geometry.mesh import cluster_points, faces_around_vertices, vertex_areas
 from physic_core.geometry.visibility import front_depth, inside_image
+from physic_core.types.observations import LEAST_PROBABILITY
 from physic_core.types.skeletons import SIDES
 
 _ANKLES = joint_pair("ankle")
 _STEPS_PER_M = float(1 << 20)  # resolution to which positions are rounded
-_CONTACT_PROBABILITY = 0.5  # minimum of a contact vertex
 
 
 def _log_depth(depth: Tensor | None) -> Tensor | None:
@@ -34,7 +34,7 @@ def precompute(state: State, method: JointStageMethod) -> Sampling:
     state, model = method.prepare(state), state.model
     start = model(state.rotations, state.betas, state.transl, state.expression)
     probability = torch.nan_to_num(state.contact_prior)
-    is_contact = probability >= _CONTACT_PROBABILITY
+    is_contact = probability >= LEAST_PROBABILITY
     area = vertex_areas(start.vertices, model.faces)
     ids, area = subsample_vertices(
         model, is_contact.any(0), method.visibility.vertex_spacing_m, area

@@ -15,7 +15,6 @@ import torch
 from torch import Tensor
 
 from physic_core.body.joints import joint_pair
-from physic_core.engine.ground.touch import LEAST_PROBABILITY
 from physic_core.engine.limbs import lowest_layer, observed_parts
 from physic_core.engine.photo import PixelPoints
 from physic_core.engine.placement.method import Fit, PlacementStageMethod
@@ -27,7 +26,7 @@ from physic_core.geometry.alignment import Alignment, apply_alignment, fit_align
 from physic_core.geometry.pixels import all_finite, dilate_square, quantiles, span_of_true
 from physic_core.geometry.pointmap import depth_to_pointmap
 from physic_core.geometry.tensors import tensor
-from physic_core.types.observations import POSTURES
+from physic_core.types.observations import LEAST_PROBABILITY, POSTURES
 
 _FAR_M = 50.0  # maximum background depth used by the alignment
 _MARGIN_PX = 8

@@ -26,6 +26,7 @@ from physic_core.body.bones import pose_from_parameters
 from physic_core.body.model import BodyModel
 from physic_core.engine.sizes.evidence import FACTOR_SPREAD, KNOWN_SIZE_SIGMA
 from physic_core.types.known_sizes import size_option
+from physic_core.types.observations import LEAST_PROBABILITY
 
 if TYPE_CHECKING:
     from physic_core.types import Bodies, FloatArray
@@ -50,8 +51,6 @@ CHILD_SHARE = 0.07
 in 150 photos of the street, sport and rooms.
 """
 
-SEEMS_CHILD = 0.5
-"""Probability by the photo from which on a person of unknown size and age gets that of a child."""
 
 _CHILD_YEARS = (2.0, 13.0)
 
@@ -232,7 +231,7 @@ def size_sigmas(
     adult = adult_probability(stature, years, child)
     mean, spread = log_stature_of_children()
     other = (mean - np.log(ADULT_STATURE_M)) ** 2  # of who gets the size of the other class
-    is_child = 1 - adult >= SEEMS_CHILD
+    is_child = 1 - adult >= LEAST_PROBABILITY
     as_adult = stature_sigmas(stature, years) ** 2 + other * is_child
     as_child = spread**2 + other * ~is_child
     sigma = np.sqrt(adult * as_adult + (1 - adult) * as_child)
@@ -380,7 +379,7 @@ def resize_children(
             f"person {i} is a child of {years[i]:g} years, {statures[i]:.2f} m{spread} tall "
             f"before the joint fit"
         )
-    seems = 1 - adult_probability(given, years, child) >= SEEMS_CHILD
+    seems = 1 - adult_probability(given, years, child) >= LEAST_PROBABILITY
     mean, sigma = log_stature_of_children()
     for i in np.flatnonzero(seems & has_body).tolist():
         statures[i] = np.exp(mean)

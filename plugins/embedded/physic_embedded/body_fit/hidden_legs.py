@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.types import POSTURES, SEEN_CONFIDENCE, SIDES, Observations
+from physic_core.types import POSTURES, SEEN_CONFIDENCE, SIDES, SURE_CONFIDENCE, Observations
 from physic_embedded.body_fit.limb_keypoints import keypoint_indices
 from physic_embedded.body_fit.observations import LEAST_WORLD_WEIGHT
 
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     BoolArray = NDArray[np.bool_]
     FloatArray = NDArray[np.floating]
 
-_HIDDEN = 0.5  # legs whose knees and ankles all have less confidence are hidden
 _SURELY_HIDDEN = 0.25  # up to this confidence, trunk and hips are as without any legs
 _GUESSED = 0.05  # up to this confidence, or outside the picture, a keypoint is a guess
 _LEG = ("knee", "ankle", "heel", "foot_tip", "big_toe", "small_toe")
@@ -57,7 +56,7 @@ _LEAST_UPRIGHT = 0.5  # cosine between trunk and vertical, below which people ma
 
 def legs_hidden(observations: BodyObservations, skeleton: Skeleton) -> BoolArray:
     """Return which of N people have no visible knee and ankle, (N,) bool."""
-    return np.asarray(_legs_seen(observations, skeleton) < _HIDDEN)
+    return np.asarray(_legs_seen(observations, skeleton) < SURE_CONFIDENCE)
 
 
 def _legs_seen(observations: BodyObservations, skeleton: Skeleton) -> FloatArray:
@@ -97,12 +96,12 @@ def with_hidden_legs(
     unsaid = np.isnan(said.posture[:, 0])
     sigma = pitch_sigma(said)
     bends = _bends(said)
-    for i in map(int, np.flatnonzero(seen < _HIDDEN)):
+    for i in map(int, np.flatnonzero(seen < SURE_CONFIDENCE)):
         above = observations.turn[i].T @ up  # in the axes of the view
         lies = said.posture[i, POSTURES.index("lie")] > 0.5
         if lies or (unsaid[i] and -_trunk(world[i], row) @ above < _LEAST_UPRIGHT):
             continue
-        share = min(1.0, (_HIDDEN - seen[i]) / (_HIDDEN - _SURELY_HIDDEN))
+        share = min(1.0, (SURE_CONFIDENCE - seen[i]) / (SURE_CONFIDENCE - _SURELY_HIDDEN))
         world[i] = _upright(world[i], row, above, sigma[i], share)
         weight[i, hips] *= 1 - share * (1 - _HIPS_WITHOUT_LEGS)
         if seen[i] > (_GUESSED if sits[i] else SEEN_CONFIDENCE):
@@ -133,7 +132,7 @@ def without_guessed_legs(
     bends = _bends(said)
     for i, k in np.argwhere(legs):
         ends = [row[f"{SIDES[k]}_{joint}"] for joint in ("knee", "ankle")]
-        if observations.confidence[i, ends].min() >= _HIDDEN:
+        if observations.confidence[i, ends].min() >= SURE_CONFIDENCE:
             continue
         leg = [row[f"{SIDES[k]}_{name}"] for name in _LEG if f"{SIDES[k]}_{name}" in row]
         weight[i, leg] = world_weight[i, leg] = 0

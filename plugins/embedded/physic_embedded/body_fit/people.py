@@ -14,7 +14,7 @@ from physic_core.backends.devices import limited_threads
 from physic_core.body import JOINT_NAMES, joint_pair, parameters_from_rotations, standing_legs
 from physic_core.engine.ground.posture import is_upright, trunk_in_picture_deg
 from physic_core.geometry import rotmat_to_rotvec
-from physic_core.types import POSTURES, Bodies, Observations
+from physic_core.types import LEAST_PROBABILITY, POSTURES, SURE_CONFIDENCE, Bodies, Observations
 from physic_embedded.body_fit.fit import fit_bodies, fit_outlines, lifted_limbs
 from physic_embedded.body_fit.hidden_legs import (
     legs_hidden,
@@ -60,12 +60,10 @@ _ACCEPTED_RISE = 50.0
 _HALVING_RISE = 75.0
 _FREE_RISE = 25.0
 _MAX_LEAN = 0.44  # radians; a larger lean is a misread floor or no stance
-_LIES = 0.5  # probability from which on a trunk without legs is not set upright
 _ACROSS_DEG = 60.0  # from up in the picture, of a trunk that is not compared with the vertical
 # Probability from which on people stand or walk: 101 of 117 are labelled so. At .5 to .7 people
 # lean by up to 28 degrees.
 _STANDS = 0.7
-_MIN_LEG_CONFIDENCE = 0.5  # of knees and ankles of a person who stands
 
 _ROTATION_SIGMA = {
     "pelvis": 0.39,
@@ -167,7 +165,7 @@ def _trunks_to_compare(
     """Return whose trunk (N,) is compared with the vertical, which is known or not: not that of
     people across the picture.
     """
-    lies = said.posture[:, POSTURES.index("lie")] > _LIES
+    lies = said.posture[:, POSTURES.index("lie")] > LEAST_PROBABILITY
     across = np.abs(trunk_in_picture_deg(keypoints))
     return ((cut & ~lies) | is_known) & ~(across > _ACROSS_DEG)
 
@@ -199,7 +197,7 @@ def _upright(
     ends = sided_indices(skeleton, "knee", "ankle")
     joints = fit.joints.double().numpy()
     lean = lean_towards_camera(joints, observations.turn, up, cut)
-    legs_seen = observations.confidence[:, ends].min(1) > _MIN_LEG_CONFIDENCE
+    legs_seen = observations.confidence[:, ends].min(1) > SURE_CONFIDENCE
     straight = standing_legs(joints).any(1) & legs_seen
     upright = (straight | _stands(keypoints, said)) & trunk & (np.abs(lean) < 2 * _MAX_LEAN)
     turn = np.clip(np.where(upright, -lean, 0.0), -_MAX_LEAN, _MAX_LEAN)

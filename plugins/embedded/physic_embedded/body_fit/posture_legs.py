@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body import JOINT_INDEX, joint_pair
-from physic_core.types import POSTURES, SIDES
+from physic_core.types import POSTURES, SIDES, SURE_CONFIDENCE
 from physic_embedded.body_fit.limb_keypoints import sided_indices
 from physic_embedded.body_fit.problem import LegsByPosture
 from physic_embedded.body_fit.start import bent_leg
@@ -39,7 +39,6 @@ knee, cost little. Thighs of people who sit lie between level and raised.
 _BOTH_FAR, _ONE_FAR = 1.0, 2.0
 _STANDING = 0.7  # limit of the cosine from which on a posture's legs are straight
 _SHOWN_BEND = np.radians(25.0)  # of a knee in the picture, which is real
-_SEEN = 0.5  # least confidence of knees and ankles whose place in the picture is believed
 
 
 def legs_by_posture(said: Observations) -> LegsByPosture:
@@ -75,8 +74,8 @@ def legs_of_other_postures(
     points = [observations.points[:, rows] for rows in columns]
     flat_thigh, flat_shank = _unit(points[1] - points[0]), _unit(points[2] - points[1])
     shown = (flat_thigh * flat_shank).sum(-1) < np.cos(_SHOWN_BEND)
-    seen = observations.confidence[:, columns[1]] >= _SEEN
-    shown &= seen & (observations.confidence[:, columns[2]] >= _SEEN)
+    seen = observations.confidence[:, columns[1]] >= SURE_CONFIDENCE
+    shown &= seen & (observations.confidence[:, columns[2]] >= SURE_CONFIDENCE)
     bent = (shown & (beyond > _BOTH_FAR)).any(1) & (legs.cosine[:, 0] > _STANDING)
     return np.asarray((both[:, None] | (~seen & (beyond > _ONE_FAR))) & ~bent[:, None])
 

@@ -13,7 +13,7 @@ import torch
 from physic_core.body import JOINT_INDEX, head_direction, joint_pair
 from physic_core.engine.sizes.stature import adult_shape
 from physic_core.geometry import rotvec_to_rotmat
-from physic_core.types import PER_PERSON, select_people
+from physic_core.types import PER_PERSON, SURE_CONFIDENCE, select_people
 from physic_embedded.body_fit.limb_keypoints import LIMBS, sided_indices
 from physic_embedded.body_fit.observations import SIZE_STATURE_M
 from physic_embedded.body_fit.pose_prior import (
@@ -564,9 +564,6 @@ def _start_arrays(start: InitialPose) -> dict[str, FloatArray]:
     }
 
 
-_SEEN = 0.5  # confidence of a joint that counts as seen
-
-
 def _floor_arrays(
     observations: BodyObservations, floor: FloorConstraint | None
 ) -> dict[str, BoolArray | FloatArray]:
@@ -588,7 +585,7 @@ def _floor_arrays(
         "up_angle": np.arctan2(seen_up[:, 2], -seen_up[:, 1]),
         # The picture decides whether both feet stand: a raised foot looks like one that is farther
         # away.
-        "feet": (ankles > _SEEN) * floor.trunk * observations.touch.prod(1),
+        "feet": (ankles > SURE_CONFIDENCE) * floor.trunk * observations.touch.prod(1),
         "upright": floor.upright,
         "trunk": floor.trunk,
         "pitch": floor.pitch,

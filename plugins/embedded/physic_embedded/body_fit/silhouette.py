@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 
 from physic_core.body import JOINT_NAMES
 from physic_core.geometry import rasterize
+from physic_core.types import SURE_CONFIDENCE
 from physic_embedded.body_fit.problem import OutlinePairs
 
 if TYPE_CHECKING:
@@ -40,7 +41,6 @@ _RIM = 0.01  # sizes of the person by which masks are too small
 _REACH = 0.12  # sizes of the person; outlines farther apart belong to other objects
 _SAME_DIRECTION = 0.6  # least cosine between the outlines' normals
 _NEARER = 0.95  # of the person's depth; what is nearer hides the person
-_SEEN = 0.5  # least confidence of a keypoint
 _FEWEST_SEEN = 0.7  # share of these that a usable mask holds
 _CLOSE = 0.03  # sizes of the person between a keypoint and the mask that holds it
 _FINGERS = ("index", "middle", "pinky", "ring", "thumb")
@@ -110,7 +110,7 @@ def outline_pairs(
 
 def _usable(mask: BoolArray, points: FloatArray, confidence: FloatArray, size: float) -> bool:
     """Return whether a mask (H, W) holds the confident keypoints (J, 2) px of its person."""
-    seen = points[confidence > _SEEN]
+    seen = points[confidence > SURE_CONFIDENCE]
     if not mask.any() or not len(seen):
         return False
     column, row = np.clip(np.round(seen).astype(int), 0, np.array(mask.shape)[::-1] - 1).T

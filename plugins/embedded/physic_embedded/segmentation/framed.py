@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from physic_core.backends.people import boxes_from_masks
-from physic_core.types import select_people, skeleton_named
+from physic_core.types import SURE_CONFIDENCE, select_people, skeleton_named
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,7 +23,6 @@ _SHARE = 0.5
 _FEET = 0.1  # of the height of the box, lowest part
 _SMALL = 0.75  # of the height of the largest box in the photo; the label errs on ground and mats
 _IN_ROOM = 0.5  # probability that a person who is asked about is in the room; assumed, not fitted
-_SEEN = 0.5  # confidence of an ankle: those of people who sit behind a table have less
 
 
 def question_people(people: People, framed: BoolArray) -> People:
@@ -57,7 +56,7 @@ def _on_tables(people: People, bands: list[BoolArray]) -> BoolArray:
         return found
     names = skeleton_named(people.keypoints.skeleton).names
     ankles = [names.index(f"{side}_ankle") for side in ("left", "right")]
-    seen = people.keypoints.confidence[:, ankles].max(1, initial=0.0) > _SEEN
+    seen = people.keypoints.confidence[:, ankles].max(1, initial=0.0) > SURE_CONFIDENCE
     heights = people.boxes[:, 3] - people.boxes[:, 1]
     small = heights < _SMALL * heights.max(initial=0.0)
     table = people.surfaces.mask("table")

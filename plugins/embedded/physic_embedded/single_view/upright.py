@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.body import legs_in_line
+from physic_core.types import SURE_CONFIDENCE
 from physic_embedded.body_fit.limb_keypoints import limb_keypoints, sided_indices
 
 if TYPE_CHECKING:
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 
 NO_PLANES = np.zeros((0, 3))
 
-_MIN_CONFIDENCE = 0.5  # of a visible keypoint
 # Of a body that stands, in the picture, where limbs that point towards the camera look straight.
 _MAX_BEND_DEG = 25.0
 _AXIS_SIGMA_DEG = 4.0  # of a standing body from the vertical
@@ -136,7 +136,7 @@ def body_planes(
         return NO_PLANES
     keypoints = limb_keypoints(keypoints)
     rows = sided_indices(keypoints.joint_set, "shoulder", "hip", "knee", "ankle")
-    visible = keypoints.confidence[:, rows].min(1) >= _MIN_CONFIDENCE
+    visible = keypoints.confidence[:, rows].min(1) >= SURE_CONFIDENCE
     shoulders, hips, knees, ankles = np.split(keypoints.points[:, rows], 4, 1)
     shoulder = shoulders.mean(1)
     ankle = ankles.mean(1)
