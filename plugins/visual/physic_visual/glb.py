@@ -44,7 +44,7 @@ from physic_visual.textures.photo import encode_image
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from physic_core.types import Intrinsics, Reconstruction, UInt8Array
+    from physic_core.types import Intrinsics, Reconstruction
     from physic_visual.textures.raster import TextureCoordinates
 
 _WEIGHT_LOSS = 1e-3
@@ -420,14 +420,15 @@ def _add_scene(glb: GlbBuilder, request: ExportRequest) -> list[int]:
     if not any(len(mesh.faces) for mesh in meshes.values()):
         return []
     _use_extension(glb, "KHR_materials_unlit")
-    jpeg, size = _jpeg_of_power_of_two(request.result.scene.colors)
+    colors = request.result.scene.colors
+    jpeg = encode_image(colors, "JPEG")
     photo = body_material("photo", texture=glb.add_texture(jpeg, "image/jpeg", "photo"))
     photo |= {"extensions": {"KHR_materials_unlit": {}}}
     nodes = []
     for name, mesh in meshes.items():
         if len(mesh.faces):
             vertices = transform_points(request.frame.from_camera, mesh.vertices).astype(np.float32)
-            places = ((mesh.pixels + 0.5) / size).astype(np.float32)
+            places = ((mesh.pixels + 0.5) / colors.shape[1::-1]).astype(np.float32)
             # From outside, the backdrop must not hide what is before it.
             look = Appearance(photo | {"name": name, "doubleSided": mesh is surface})
             primitives = _primitives_in_parts(glb, vertices, places, mesh.faces, look)
@@ -540,17 +541,3 @@ def _add_camera(glb: GlbBuilder, camera: Intrinsics, pose: NDArray[np.float64]) 
         "translation": pose[:3, 3].tolist(),
     }
     return glb.add("nodes", node)
-
-
-def _jpeg_of_power_of_two(image: UInt8Array) -> tuple[bytes, tuple[int, int]]:
-    """Return a JPEG of an image, padded at the right and the bottom to powers of two, and its width
-    and height.
-
-    Old engines cannot make mipmaps of other sizes.
-    """
-    import cv2
-
-    height, width = (1 << (side - 1).bit_length() for side in image.shape[:2])
-    beside = height - image.shape[0], 0, width - image.shape[1]
-    padded = cv2.copyMakeBorder(image, 0, *beside, cv2.BORDER_REPLICATE)
-    return encode_image(np.asarray(padded, np.uint8), "JPEG"), (width, height)

@@ -19,7 +19,6 @@ from physic_core.files import MARK
 from physic_core.types import in_words, metres_text
 from physic_visual.numbers import draw_numbers, heads_in_photo
 from physic_visual.palette import (
-    CONTACT_PALETTE,
     FAINT,
     FLOOR_RGB,
     contact_legend,
@@ -40,7 +39,6 @@ from physic_visual.panels import (
     photo_panel,
     render_contact_views,
 )
-from physic_visual.textures.dressed import GUESSED
 from physic_visual.views import (
     PAGE_RGB,
     LabeledView,
@@ -209,9 +207,6 @@ def _draw_views(
     _draw_panel(page, aside, "At an angle", view_from_aside(geometry, *size))
     _draw_view(page, side, f"From the side{up}", side_view(geometry, *size))
     _draw_view(page, above, "From above", top_view(geometry, *size))
-    if geometry.crowns:
-        at = aside.x + aside.width, aside.y - 8
-        draw_text(ImageDraw.Draw(page), at, GUESSED, 14, SOFT_RGB, "rs")
 
 
 _TALLEST = 540  # px, most height of a picture
@@ -270,7 +265,6 @@ def _draw_view(page: Image.Image, frame: _Frame, title: str, plan: LabeledView) 
         pen.ellipse((x - 5, y - 5, x + 5, y + 5), fill=INK_RGB)
         draw_text(pen, (x + 10, y - 4), "camera", 13, anchor="lm")
     scale_bar = _draw_scale_bar(pen, frame, plan.pixels_per_metre)
-    _draw_assumed(page, frame, plan)
     crowns = {index: (column, row - 16) for index, (column, row) in plan.crowns.items()}
     draw_numbers(pen, (frame.x, frame.y), crowns, (frame.width, frame.height), [scale_bar])
 
@@ -289,18 +283,6 @@ def _draw_scale_bar(pen: ImageDraw.ImageDraw, frame: _Frame, pixels_per_metre: f
         pen.line((edge, y - 5, edge, y + 5), fill=INK_RGB, width=2)
     draw_text(pen, ((x + end) / 2, y - 5), f"{length} m", 14, anchor="mb")
     return 6, 5, end + 10 - frame.x, 38
-
-
-def _draw_assumed(page: Image.Image, frame: _Frame, plan: LabeledView) -> None:
-    """Draw the outlines of the supports that the photo does not show in a view."""
-    import cv2
-
-    for corners in plan.assumed:
-        layer = page.crop((frame.x, frame.y, frame.x + frame.width, frame.y + frame.height))
-        outline = cv2.convexHull(corners.astype(np.float32))[:, 0]
-        spots = [(float(x), float(y)) for x, y in outline]
-        _draw_dashed(ImageDraw.Draw(layer), spots, CONTACT_PALETTE["something hidden"])
-        page.paste(layer, (frame.x, frame.y))
 
 
 def _contact_legend(

@@ -50,7 +50,6 @@ _CRACK = 0.02
 photo's longer side.
 """
 
-_ROUNDS = 30  # of smoothing of the backdrop's outline
 _ACROSS = 0.15  # sine of the angle between the step and the surface: up to 9 degrees is along it
 
 
@@ -199,7 +198,7 @@ def mesh_backdrop(result: Reconstruction, surface: SceneMesh) -> SceneMesh:
     )
     ids = np.arange(len(rows) * len(columns)).reshape(len(rows), len(columns))
     faces = _halves(ids, kept, kept)
-    spots = _smooth_outline(np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2), kept, ids)
+    spots = np.stack(np.meshgrid(columns, rows), -1).reshape(-1, 2)
     used = np.unique(faces)
     pixels = np.round(spots[used]).astype(np.int64)
     camera = result.intrinsics
@@ -222,35 +221,6 @@ def _far_pixels(surface: SceneMesh, size: tuple[int, int]) -> NDArray[np.integer
     _, piece, boxes, _ = cv2.connectedComponentsWithStats(far)
     far[boxes[piece, cv2.CC_STAT_AREA] < _MIN_COMPONENT_SHARE * far.size] = 0
     return np.asarray(cv2.dilate(far, crack))
-
-
-def _smooth_outline(
-    spots: NDArray[np.float64], kept: NDArray[np.bool_], ids: NDArray[np.int64]
-) -> NDArray[np.float64]:
-    """Return the corners (N, 2) of squares, px, with the stairs between kept and other squares made
-    smooth.
-    """
-    level = kept[1:] != kept[:-1]
-    upright = kept[:, 1:] != kept[:, :-1]
-    inner = ids[1:-1]
-    beside = ids[:, 1:-1]
-    ends = np.concatenate(
-        [
-            np.stack([inner[:, :-1][level], inner[:, 1:][level]], 1),
-            np.stack([beside[:-1][upright], beside[1:][upright]], 1),
-        ]
-    )
-    count = np.bincount(ends.ravel(), minlength=len(spots))[:, None]
-    for _ in range(_ROUNDS):
-        total = np.stack(
-            [
-                np.bincount(ends.ravel(), spots[ends[:, ::-1].ravel(), axis], len(spots))
-                for axis in (0, 1)
-            ],
-            1,
-        )
-        spots = np.where(count > 1, 0.5 * spots + 0.5 * total / np.maximum(count, 1), spots)
-    return spots
 
 
 def _remove_small_components(faces: NDArray[np.int64], count: int) -> NDArray[np.int64]:

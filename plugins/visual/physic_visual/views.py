@@ -21,7 +21,6 @@ from physic_visual.render import (
     render_mesh,
     render_points,
 )
-from physic_visual.supports import AssumedSupport, assumed_supports
 from physic_visual.surface import is_near, scene_meshes, scene_reach
 from physic_visual.textures.dressed import dressed_bodies
 
@@ -63,7 +62,6 @@ class PreviewGeometry:
             the scene without people.
         high: (3,) maximum corner.
         has_floor: whether y = 0 is a floor.
-        assumed: supports that the photo does not show.
     """
 
     people: RayCaster | None
@@ -79,7 +77,6 @@ class PreviewGeometry:
     low: Array
     high: Array
     has_floor: bool
-    assumed: Sequence[AssumedSupport] = ()
 
 
 def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
@@ -122,7 +119,6 @@ def build_preview_geometry(reconstruction: Reconstruction) -> PreviewGeometry:
         low=low,
         high=high,
         has_floor=scene.floor is not None,
-        assumed=assumed_supports(reconstruction),
     )
 
 
@@ -173,7 +169,6 @@ class LabeledView:
         floor_row: row of the floor; None if there is no floor, or in the top view.
         camera_px: column and row of the camera; None if it is outside.
         crowns: person -> column and row of their highest vertex, of those in the picture.
-        assumed: column and row (8, 2) of the corners of each support that the photo does not show.
     """
 
     picture: UInt8Array
@@ -181,7 +176,6 @@ class LabeledView:
     floor_row: float | None
     camera_px: tuple[float, float] | None
     crowns: Mapping[int, tuple[float, float]]
-    assumed: Sequence[Array]
 
 
 @dataclass(frozen=True)
@@ -314,7 +308,6 @@ def _render(geometry: PreviewGeometry, direction: _Direction, size: tuple[int, i
             for index, spot, shown in zip(geometry.crowns, crowns, inside[2:], strict=True)
             if shown
         },
-        assumed=[view.project(one.vertices)[:, :2].astype(np.float64) for one in geometry.assumed],
     )
 
 
