@@ -9,6 +9,7 @@ BENCHMARKS = {
     "truth": "benchmarks.truth.command",
     "contact_on_photos": "benchmarks.contact_on_photos",
     "trust_on_photos": "benchmarks.trust_on_photos",
+    "contradictions": "benchmarks.contradictions",
     "observer": "benchmarks.observer.command",
     "up": "benchmarks.up",
     "lifter": "benchmarks.lifter",
