@@ -40,8 +40,17 @@ from physic_core.prepare.people import (
     select_chosen,
     with_given_masks,
     with_people_of_masks,
+    without_bodies,
 )
-from physic_core.types import Bodies, ContactProbability, Keypoints, Observations, People
+from physic_core.types import (
+    FOUND_TWICE,
+    NOT_CHOSEN,
+    Bodies,
+    ContactProbability,
+    Keypoints,
+    Observations,
+    People,
+)
 from physic_core.types.arrays import PER_PERSON, select_people
 from physic_core.types.short_repr import ShortRepr
 from physic_core.types.skeletons import SURE_CONFIDENCE
@@ -121,11 +130,11 @@ def find_people(run: PhotoRun) -> FoundPeople:
         run.stages.note(f"given masks of {count} of {len(people)} people")
         found = replace(found, people=people)
     if ignored is not None:
-        found = _without(run, found, ignored)
+        found = _without(found, ignored)
     real = is_real_person(found.people, prompt)
     every = found.people
-    same = "its joints lie on another person, probably the same; if not, give --person x,y for each"
-    found = _select(run, found, real, same)
+    same = f"{FOUND_TWICE}: if these are two people, give --person x,y for each"
+    found = _select(found, real, same)
     if run.plan.photo.require_people and not len(found.people):
         raise NoPersonError("a person is required, and all people of the photo were left out")
     sizes = run.given.known
@@ -138,7 +147,8 @@ def find_people(run: PhotoRun) -> FoundPeople:
     known = select_people(known_people(sizes, len(every)), real)
     if not real.all():
         # The others have their pixels back only in a segmentation without the false persons.
-        found = _segment(run, prompt.select(real), required=True)
+        again = _segment(run, prompt.select(real), required=True)
+        found = replace(again, people=replace(again.people, unposed=found.people.unposed))
     chosen, body = _with_given_bodies(run, found)
     added = np.arange(len(chosen.people)) < len(found.people)
     return FoundPeople(chosen.people, chosen.missing, expand_known(known, added), body)
@@ -157,7 +167,7 @@ def _with_given_bodies(run: PhotoRun, found: SegmentedPeople) -> tuple[Segmented
     camera = run.given.photo.intrinsics
     rows, outlines = match_to_people(given, run.model, camera, found.people)
     if run.plan.photo.bodies_final and (rows < 0).any():
-        found = _left_out(run, found, rows < 0, "no given body is there")
+        found = _left_out(found, rows < 0, "no given body is there")
         rows = rows[rows >= 0]
     others = np.setdiff1d(np.arange(len(given)), rows)
     free = outlines[others] & ~found.people.masks.any(0)
@@ -254,29 +264,26 @@ def _segment(run: PhotoRun, prompt: PeoplePrompt | None, *, required: bool) -> S
     return SegmentedPeople(people, missing)
 
 
-def _without(run: PhotoRun, found: SegmentedPeople, ignored: PeoplePrompt) -> SegmentedPeople:
+def _without(found: SegmentedPeople, ignored: PeoplePrompt) -> SegmentedPeople:
     """Return the people whom the user does not ignore; others' pixels show no scene."""
-    return _left_out(run, found, is_ignored_person(found.people, ignored), "it is ignored")
+    return _left_out(found, is_ignored_person(found.people, ignored), NOT_CHOSEN)
 
 
-def _left_out(
-    run: PhotoRun, found: SegmentedPeople, out: BoolArray, reason: str
-) -> SegmentedPeople:
+def _left_out(found: SegmentedPeople, out: BoolArray, reason: str) -> SegmentedPeople:
     """Return the people who are not left out (N,); others' pixels show no scene."""
     people = found.people
     masks: BoolArray = np.logical_or.reduce(people.masks[out])
     if people.unposed_mask is not None:
         masks |= people.unposed_mask
-    kept = _select(run, found, ~out, reason)
+    kept = _select(found, ~out, reason)
     return replace(kept, people=replace(kept.people, unposed_mask=masks))
 
 
-def _select(run: PhotoRun, found: SegmentedPeople, rows: BoolArray, reason: str) -> SegmentedPeople:
-    """Return some (N,) bool of the people, with a note why each other one is left out."""
-    for i in np.flatnonzero(~rows):
-        x0, y0, x1, y1 = found.people.boxes[i].round().astype(int).tolist()
-        run.stages.note(f"left out the person in the box {x0},{y0},{x1},{y1} px: {reason}")
-    return select_people(found, rows)
+def _select(found: SegmentedPeople, rows: BoolArray, reason: str) -> SegmentedPeople:
+    """Return some (N,) bool of the people; the others have no body, for this reason."""
+    kept = select_people(found, rows)
+    unposed = kept.people.unposed + without_bodies(found.people, ~rows, reason)
+    return replace(kept, people=replace(kept.people, unposed=unposed))
 
 
 def find_keypoints(run: PhotoRun, people: People) -> FoundKeypoints:

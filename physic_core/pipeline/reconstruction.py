@@ -282,7 +282,7 @@ def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
     """
     people = result.people
     notes = []
-    reasons = Counter(one.reason.partition(":")[0] for one in result.unposed)
+    reasons = Counter(one.kind for one in result.unposed)
     if reasons:
         counts = ", ".join(f"{reason} {count}" for reason, count in reasons.most_common())
         notes.append(f"detected, but without a body: {counts}")

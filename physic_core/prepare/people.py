@@ -9,6 +9,7 @@ import numpy as np
 
 from physic_core.backends.people import box_iou, boxes_from_masks
 from physic_core.errors import ConfigError, NoPersonError
+from physic_core.types import NOT_CHOSEN, UnposedPerson
 from physic_core.types.arrays import select_people
 from physic_core.types.known_sizes import KnownPeople
 
@@ -137,6 +138,7 @@ def select_chosen(people: People, prompt: PeoplePrompt) -> People:
         )
     floor = None if people.floor is None else people.floor & ~masks.any(0)
     boxes = boxes_from_masks(masks).astype(np.float32)
+    others = ~np.isin(np.arange(len(people)), [row for row in (*rows, *matches) if row is not None])
     return replace(
         people,
         masks=masks,
@@ -145,6 +147,16 @@ def select_chosen(people: People, prompt: PeoplePrompt) -> People:
         floor=floor,
         keypoints=keypoints,
         heads=None,
+        unposed=people.unposed + without_bodies(people, others, NOT_CHOSEN),
+    )
+
+
+def without_bodies(people: People, rows: BoolArray, reason: str) -> tuple[UnposedPerson, ...]:
+    """Return some (N,) bool of the people as people without a body, for one reason."""
+    boxes, scores = people.boxes[rows].tolist(), people.scores[rows].tolist()
+    return tuple(
+        UnposedPerson((x0, y0, x1, y1), score, reason)
+        for (x0, y0, x1, y1), score in zip(boxes, scores, strict=True)
     )
 
 

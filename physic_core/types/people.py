@@ -125,6 +125,9 @@ FOUND_TWICE = "found twice"
 HARDLY_VISIBLE = "hardly visible"
 """Reason of one that may be no person."""
 
+NOT_CHOSEN = "not chosen"
+"""Reason of one whom the user leaves out."""
+
 
 @dataclass(frozen=True)
 class UnposedPerson(ShortRepr):
@@ -134,7 +137,8 @@ class UnposedPerson(ShortRepr):
         box: x0, y0, x1, y1 px, half open.
         score: of the detection, in [0, 1].
         reason: why there is no body, a few words ("no pose fits the box"), or
-            :data:`FOUND_TWICE`, or :data:`HARDLY_VISIBLE`; what cures it may follow after a colon.
+            :data:`FOUND_TWICE`, :data:`HARDLY_VISIBLE` or :data:`NOT_CHOSEN`; what cures it may
+            follow after a colon.
     """
 
     box: tuple[float, float, float, float]
@@ -142,9 +146,14 @@ class UnposedPerson(ShortRepr):
     reason: str
 
     @property
+    def kind(self) -> str:
+        """The reason without a cure."""
+        return self.reason.partition(":")[0]
+
+    @property
     def is_missing(self) -> bool:
         """Whether somebody surely lacks in the result."""
-        return self.reason not in (FOUND_TWICE, HARDLY_VISIBLE)
+        return self.kind not in (FOUND_TWICE, HARDLY_VISIBLE, NOT_CHOSEN)
 
 
 @dataclass(frozen=True)

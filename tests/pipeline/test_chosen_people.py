@@ -48,6 +48,9 @@ def test_points_and_boxes_select_in_the_order_of_the_prompts(people):
 def test_a_point_on_the_hidden_half_of_a_person_hits_their_box(people):
     chosen = select_chosen(people, PeoplePrompt(points=((28, 20),)))
     assert np.array_equal(chosen.masks, people.masks[:1])
+    (other,) = chosen.unposed
+    assert (other.box, other.kind) == ((60, 10, 80, 50), "not chosen")
+    assert not other.is_missing
 
 
 def test_a_given_mask_is_kept_as_it_is_and_takes_pixels_of_others(people):
@@ -96,7 +99,8 @@ def test_an_ignored_person_is_left_out_of_people_and_scene(world, kind):
     settings = {"extends": "mock", "photo": {"ignore": [[x, y]]}}
     result = reconstruct(world.image, settings, backends=own)
     assert not result.people
-    assert ["ignored" in note for note in result.notes if "left out" in note] == [True]
+    assert [one.reason for one in result.unposed] == ["not chosen"]
+    assert any(note.endswith("not chosen 1") for note in result.notes)
     by_prompt = reconstruct(
         world.image, "mock", backends=own, people=PeoplePrompt(masks=world.masks[:1], ignored=True)
     )

@@ -11,7 +11,7 @@ import pytest
 
 from physic_core import load_reconstruction
 from physic_core.errors import BackendError, NoPersonError
-from physic_core.types import UnposedPerson
+from physic_core.types import FOUND_TWICE, UnposedPerson
 from physic_mock import backends
 from tests.pipeline.mocks import changed, run
 
@@ -69,16 +69,19 @@ def test_a_metric_depth_that_needs_people_leaves_the_scale_unknown(world):
         run(world.empty_image, backends={"metric_depth": Broken})
 
 
-def with_box(found, image):
-    """The people of the mock, and one more box without a pose, whose pixels are the top left
+def with_boxes(found, image):
+    """The people of the mock, and more boxes without a pose, whose pixels are the top left
     corner.
     """
     corner = np.zeros(image.shape[:2], bool)
     corner[:20, :30] = True
-    return replace(found, unposed=(BOX,), unposed_mask=corner)
+    return replace(found, unposed=BOXES, unposed_mask=corner)
 
 
-BOX = UnposedPerson((0.0, 0.0, 30.0, 20.0), 0.6, "no pose fits the box")
+BOXES = tuple(
+    UnposedPerson((0.0, 0.0, 30.0, 20.0), 0.6, reason)
+    for reason in ("no pose fits the box", FOUND_TWICE, "more than 1 person: give 2", FOUND_TWICE)
+)
 
 
 def test_a_box_without_a_body_is_reported_and_not_left_in_the_scene(world, tmp_path):
@@ -88,11 +91,13 @@ def test_a_box_without_a_body_is_reported_and_not_left_in_the_scene(world, tmp_p
         holes.append(mask)
         return picture
 
-    given = changed(backends.MockSegmenter, with_box) | changed(backends.MockInpainter, look)
+    given = changed(backends.MockSegmenter, with_boxes) | changed(backends.MockInpainter, look)
     result = run(world.image, backends=given)
     assert holes[0][:20, :30].all()
     assert len(result.people) == len(world.masks)
-    assert result.unposed == (BOX,)
-    assert ", 1 without a body, " in repr(result)
+    assert result.unposed == BOXES
+    assert ", 4 without a body, " in repr(result)
+    counts = "found twice 2, no pose fits the box 1, more than 1 person 1"
+    assert any(note.endswith(counts) for note in result.notes)
     result.save(str(tmp_path / "out"))
     assert load_reconstruction(tmp_path / "out").unposed == result.unposed

@@ -14,7 +14,7 @@ from pydantic import Field
 from physic_core.backends.people import boxes_from_masks
 from physic_core.errors import NoPersonError
 from physic_core.interfaces import Options, Segmenter
-from physic_core.types import People
+from physic_core.types import NOT_CHOSEN, People
 from physic_embedded.keypoint_detector import keypoints_from_poses
 from physic_embedded.networks.ade20k import label_surfaces
 from physic_embedded.networks.mobile_sam import embed_image
@@ -118,6 +118,7 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
             return replace(self._nobody(image), notes=_left_out_note(left_out))
         embedding = embed_image(networks["mobilesam_encoder"], image)
         masks = self._masks(embedding, [person.pose for person in found])
+        others: list[DetectedPose] = []
         if prompt is not None:
             detected = DetectedPeople(
                 image,
@@ -127,8 +128,9 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
                 found,
                 masks,
             )
-            found, masks = self._chosen(detected, prompt)
-            unposed = []
+            chosen, masks = self._chosen(detected, prompt)
+            others = [one for one in found if not poses_of_same(one.pose, chosen)]
+            found, unposed = chosen, []
         else:
             found, masks, low = self._leave_out_low(found, masks)
             unposed += low
@@ -143,7 +145,8 @@ class EmbeddedSegmenter(PackagedBackend, Segmenter):
         result = replace(
             seen,
             heads=count_heads([one for one in unposed if one.is_missing], poses, masks),
-            unposed=reported,
+            unposed=reported
+            + tuple(unposed_person(one.extent, one.score, NOT_CHOSEN) for one in others),
             unposed_mask=unposed_mask,
             carriers=carriers,
             notes=_left_out_note(left_out),
