@@ -15,6 +15,7 @@ from physic_visual.rig import body_of_result
 from physic_visual.textures.dressed import (
     dressed_bodies,
     dressed_texture,
+    image_of_vertices,
     texture_coordinates,
     texture_raster,
 )
@@ -77,12 +78,8 @@ class Skins:
         of the body.
         """
         result = self.request.result
-        raster = texture_raster(self.source, self.texels)
-        corners = np.asarray(result.faces)[raster.faces]
-        nearest = np.take_along_axis(corners, raster.corners.argmax(1)[:, None], 1)[:, 0]
         colors = contact_colors(result.people[index], result.contact_partners)
-        image: UInt8Array = raster.image(colors[nearest])
-        return image
+        return image_of_vertices(colors, self.source, self.texels)
 
     def pictures(self) -> dict[str, bytes]:
         """Return name -> picture of each person: the photo's colours, where they are filled, and

@@ -209,7 +209,7 @@ def add_dressed(glb: GlbBuilder, index: int, request: ExportRequest) -> Appearan
     person = request.result.people[index]
     if dressed.mesh is not None:
         touched = painted_contact(person, request.result.contact_partners)
-        contact = encode_image(image_of_vertices(touched, _CONTACT_TEXELS), "JPEG")
+        contact = encode_image(image_of_vertices(touched, "embedded", _CONTACT_TEXELS), "JPEG")
         photo = encode_image(dressed_images(request.result)[index], "JPEG")
         return photo_appearance(
             glb,

@@ -163,10 +163,10 @@ def dressed_texture(
     return raster.image(np.concatenate(colors)), raster.image(np.concatenate(filled))
 
 
-def image_of_vertices(colors: UInt8Array, size: int) -> UInt8Array:
-    """Return colours (V, 3) of the vertices of an embedded body as a texture (size, size, 3)."""
-    raster = texture_raster("embedded", size)
-    mesh = texture_coordinates("embedded")
+def image_of_vertices(colors: UInt8Array, source: str, size: int) -> UInt8Array:
+    """Return colours (V, 3) of the vertices of a body as a texture (size, size, 3)."""
+    raster = texture_raster(source, size)
+    mesh = texture_coordinates(source)
     made = raster.interpolate(mesh.vertex[mesh.faces], colors.astype(np.float64))
     image: UInt8Array = raster.image(np.round(made).astype(np.uint8))
     return image

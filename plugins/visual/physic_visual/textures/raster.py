@@ -16,7 +16,6 @@ from scipy.sparse import csr_array
 from physic_core.errors import BodyModelError
 from physic_core.files import read_arrays
 
-_BLOCK = 512  # triangles at a time: the arrays fit into the processor's cache
 _TEXELS = 32_000  # texels at a time
 
 
@@ -78,51 +77,20 @@ class TextureRaster:
 
 
 def rasterize_texture(mesh: TextureCoordinates, size: int) -> TextureRaster:
-    """Return the texels with their centre in a triangle of the mesh; the first triangle wins where
-    two overlap.
+    """Return the texels with their centre in a triangle of the mesh: rays through a flat texture
+    find them.
     """
-    places = np.stack([mesh.uv[:, 0] * size - 0.5, (1 - mesh.uv[:, 1]) * size - 0.5], 1).astype(
-        np.float64
-    )
-    triangles = places[mesh.faces]
-    owner = np.full(size * size, -1)
-    corners = np.empty((size * size, 3))
-    # the first triangles come last
-    for start in range((len(triangles) - 1) // _BLOCK * _BLOCK, -1, -_BLOCK):
-        texel, face, weights = _texels_inside(triangles[start : start + _BLOCK], size)
-        owner[texel] = start + face
-        corners[texel] = weights
-    texel = np.flatnonzero(owner >= 0)
-    return TextureRaster(size, texel // size, texel % size, owner[texel], corners[texel])
+    from physic_core.geometry import RayCaster
 
-
-def _texels_inside(
-    triangles: NDArray[np.float64], size: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Return texel, triangle, and barycentric coordinates (n, 3) of texels in triangles (F, 3, 2),
-    the last first.
-    """
-    low = np.clip(np.ceil(triangles.min(1)), 0, size).astype(np.int64)
-    high = np.clip(np.floor(triangles.max(1)) + 1, low, size).astype(np.int64)
-    width, height = (high - low).T
-    count = width * height
-    face = np.repeat(np.arange(len(count)), count)
-    within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    columns = low[face, 0] + within % width[face]
-    rows = low[face, 1] + within // width[face]
-    first, second, third = np.ascontiguousarray(triangles.transpose(1, 2, 0))
-    area = _cross(second - first, third - first)[face]
-    spot = np.stack([columns, rows])
-    to_first, to_second, to_third = (
-        corner.take(face, 1) - spot for corner in (first, second, third)
+    u, v = mesh.uv.astype(np.float64).T
+    flat = np.stack([u * size - 0.5, (1 - v) * size - 0.5, np.zeros(len(u))], 1)
+    rows, columns = np.indices((size, size)).reshape(2, -1)
+    starts = np.stack([columns, rows, np.full(size * size, -1.0)], 1)
+    hits = RayCaster(flat, mesh.faces).first(starts, np.broadcast_to([0.0, 0, 1], starts.shape))
+    inside = np.flatnonzero(hits.face >= 0)
+    return TextureRaster(
+        size, rows[inside], columns[inside], hits.face[inside], hits.barycentric[inside]
     )
-    with np.errstate(divide="ignore", invalid="ignore"):
-        weights = np.stack(
-            [_cross(to_second, to_third), _cross(to_third, to_first), _cross(to_first, to_second)]
-        )
-        weights /= area
-    inside = np.flatnonzero(weights.min(0) >= -1e-9)[::-1]  # of an empty triangle they are NaN
-    return (rows * size + columns)[inside], face[inside], weights[:, inside].T
 
 
 def pad_texture(image: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[Any]:
@@ -139,12 +107,6 @@ def pad_texture(image: NDArray[Any], inside: NDArray[np.bool_]) -> NDArray[Any]:
     at_label = np.zeros((labels.max() + 1, *image.shape[2:]), image.dtype)
     at_label[labels[inside]] = image[inside]
     return np.where(inside.reshape(*inside.shape, *[1] * (image.ndim - 2)), image, at_label[labels])
-
-
-def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the products (n,) of vectors (2, n)."""
-    product: NDArray[np.float64] = a[0] * b[1] - a[1] * b[0]
-    return product
 
 
 @dataclass(frozen=True)
