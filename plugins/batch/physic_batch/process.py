@@ -191,7 +191,7 @@ class PhotoProcessor:
                 photo = file_digest(item.path)
                 prepare_result_folder(self._folder(item), photo, overwrite=True)
             result = self._reconstruct(item.path, item.settings)
-            parts = {
+            parts: dict[str, Callable[[], Any]] = {
                 _THUMBNAIL: partial(self._thumbnail, result, item),
                 _SUMMARY: result.summary,
                 _PEOPLE: partial(person_rows, result),

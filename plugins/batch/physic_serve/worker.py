@@ -173,11 +173,14 @@ def _run(
         result.save(str(task.folder))
     except Exception as error:
         return Message("failed", _message_of(error))
-    page = partial(result.report, str(task.folder / REPORT_FILE), task.title)
-    parts = {name: partial(_export, result, name, task.folder) for name in exports}
+    parts: dict[str, Callable[[], Any]] = {
+        "page": partial(result.report, str(task.folder / REPORT_FILE), task.title),
+        **{name: partial(_export, result, name, task.folder) for name in exports},
+        "summary": result.summary,
+    }
     made: dict[str, Any] = {}
     missing = {}
-    for name, make in {"page": page, **parts, "summary": result.summary}.items():
+    for name, make in parts.items():
         try:
             made[name] = make()
         except Exception as error:  # the result itself is complete
