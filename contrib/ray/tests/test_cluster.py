@@ -21,6 +21,7 @@ from physic_batch.run import ExecutorSettings, plan_batch, run_batch, run_locall
 from physic_batch.workers import WorkerSettings
 from physic_core.configuration.model import load_config
 from physic_core.errors import BackendError, ConfigError, OutputError
+from physic_ray.cluster import connected
 from physic_ray.executor import run_on_ray
 from physic_ray.resources import Resources
 
@@ -182,7 +183,6 @@ def test_a_dataset_becomes_parquet_files_and_its_checkpoint_leaves_out_what_is_w
     from PIL import Image
 
     import physic_ray
-    from physic_ray.cluster import connected
     from physic_ray.dataset import schema_of_rows
     from physic_testing.worlds import load_world
 
@@ -222,6 +222,17 @@ def test_a_cluster_that_cannot_be_reached_is_one_message(tmp_path):
     job = job_for(tmp_path / "out")
     with pytest.raises(ConfigError, match=r"127\.0\.0\.1:1"):
         run(photos, job, partial(run_on_ray, settings=settings, resources=RESOURCES))
+
+
+def test_a_cluster_that_does_not_start_is_one_message(monkeypatch):
+    def init(**_):
+        raise Exception("The current node timed out during startup.")
+
+    monkeypatch.setattr("ray.init", init)
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
+    message = r"start Ray on this machine: .* timed out"
+    with pytest.raises(ConfigError, match=message), connected(None):
+        pass
 
 
 def test_ray_is_imported_only_when_it_is_used():

@@ -121,6 +121,7 @@ def scene(
     from physic_core import load_config
     from physic_core.cli.output import echo, reserve_folder
     from physic_core.cli.result_summary import print_summary
+    from physic_core.io.results import read_record
     from physic_scene.calibration import read_calibration
     from physic_scene.output import save_scene
     from physic_scene.scene import ScenePipeline
@@ -152,29 +153,15 @@ def scene(
             result,
             str(out),
             overwrite=overwrite,
-            page=_page(result, quiet=quiet),
+            page=result.reference_photo.name,
             photos=all_photos,
         )
     if quiet:
-        for text in result.reconstruction.warnings:
+        for text in read_record(out).warnings:  # those of pictures, too
             echo(f"warning: {text}", err=True)
     else:
         echo(_table(result))
         print_summary(out, seconds=time.monotonic() - start)
-
-
-def _page(result: SceneResult, *, quiet: bool) -> str:
-    """Return the page if a plugin makes it; else say which one does, and return ""."""
-    from physic_core.cli.output import echo
-    from physic_core.errors import PackageMissingError
-    from physic_core.pictures import report_html
-
-    try:
-        return report_html(result.reconstruction, result.reference_photo.name)
-    except PackageMissingError as error:
-        if not quiet:
-            echo(f"no page: {error}", err=True)
-        return ""
 
 
 def _sizes_and_digests(photos: tuple[Path, ...]) -> tuple[list[tuple[int, int]], set[str]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,13 +18,17 @@ if TYPE_CHECKING:
 CAMERAS_FILE = "cameras.json"
 PICTURE_FILE = "photos.png"
 PEOPLE_TABLE = "people.csv"
-REPORT_FILE = "report.html"
 
 _PINHOLE = ("fx", "fy", "cx", "cy", "width", "height", "focal_sigma")
 
 
 def save_scene(
-    scene: SceneResult, folder: str, *, overwrite: bool = False, page: str = "", photos: str = ""
+    scene: SceneResult,
+    folder: str,
+    *,
+    overwrite: bool = False,
+    page: str | None = None,
+    photos: str = "",
 ) -> None:
     """Write the files of ``Reconstruction.save``, and the tables and pictures of a scene.
 
@@ -33,22 +36,24 @@ def save_scene(
         scene: what to write.
         folder: created if missing.
         overwrite: whether to replace the result of another photo.
-        page: of the result, written as ``report.html``; "" for none.
+        page: title of ``report.html``; None for no page.
         photos: digests of all photos, whose earlier results are replaced; "" for only the
             reference.
 
     Raises:
         OutputError: the folder cannot be written, or has a file of the user.
     """
-    beside: dict[str, Callable[[], bytes]] = {
-        CAMERAS_FILE: lambda: cameras_json(scene).encode(),
-        PICTURE_FILE: lambda: photos_png(scene),
-        PEOPLE_TABLE: lambda: people_csv(scene.reconstruction, scene.reference_photo.name),
-    }
-    if page:
-        beside[REPORT_FILE] = page.encode
     save_reconstruction(
-        scene.reconstruction, folder, overwrite=overwrite, beside=beside, photos=photos
+        scene.reconstruction,
+        folder,
+        overwrite=overwrite,
+        beside={
+            CAMERAS_FILE: lambda: cameras_json(scene).encode(),
+            PICTURE_FILE: lambda: photos_png(scene),
+            PEOPLE_TABLE: lambda: people_csv(scene.reconstruction, scene.reference_photo.name),
+        },
+        page=page,
+        photos=photos,
     )
 
 

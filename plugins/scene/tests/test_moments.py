@@ -245,6 +245,12 @@ def test_save_writes_the_result_and_its_cameras(solved, tmp_path):
         assert picture.height > 3 * 400
 
 
+def test_a_picture_of_the_photos_that_fails_is_a_warning(solved, tmp_path, monkeypatch):
+    monkeypatch.setattr("physic_scene.output.photos_png", lambda scene: 1 / 0)
+    save_scene(solved, str(tmp_path / "out"))
+    assert "photos.png failed" in load_reconstruction(tmp_path / "out").warnings[-1]
+
+
 def test_a_moment_replaces_the_result_of_each_of_its_photos(solved, alone, tmp_path):
     others = [index for index, one in enumerate(alone) if one.photo != solved.reconstruction.photo]
     alone[others[0]].save(str(tmp_path / "out"), "numbers")
