@@ -84,4 +84,4 @@ def matrix(values: Any, what: str) -> NDArray[np.float64]:
 
 def _is_number(value: Any) -> bool:
     is_boolean = isinstance(value, bool | np.bool_)
-    return isinstance(value, int | float | np.number) and not is_boolean
+    return isinstance(value, int | float | np.integer | np.floating) and not is_boolean

@@ -56,7 +56,7 @@ _MODEL_FILES = {
 _NOBODY = "it states no person"
 _LARGEST_BODY_M = 3.0
 _FARTHEST_M = 300.0
-_LEAST_FOCAL = 0.1  # of the longer side of the picture
+_LEAST_FOCAL, _LARGEST_FOCAL = 0.1, 1000.0  # of the longer side of the picture
 _LIMITS = dict.fromkeys(("betas", "expression"), (SHAPE, "")) | dict.fromkeys(
     ("transl", "vertices"), (_FARTHEST_M, "m")
 )
@@ -154,22 +154,21 @@ def read_bodies(file: FileOfPhoto, model_file: str | None = None) -> GivenBodies
             return _own_bodies(own, file)
         record = read_by_plugin("physic_body_readers", "bodies", file)
         _check(record)
-        bodies = _posed(record, model_file)
+        given = GivenBodies(
+            _posed(record, model_file),
+            f"{record.tool}, {file.path.name}",
+            record.camera,
+            record.boxes,
+            record.is_placed,
+            record.sigma_m,
+            record.distance_sigma,
+            record.notes,
+        )
+        return _in_px_of_file(given, record.size, file)
     except OSError as error:
         raise InputError(f"cannot read {name}: {unreadable(error)}") from error
     except WRONG_FORM as error:
         raise InputError(f"{name} cannot be used: {error}") from error
-    given = GivenBodies(
-        bodies,
-        f"{record.tool}, {file.path.name}",
-        record.camera,
-        record.boxes,
-        record.is_placed,
-        record.sigma_m,
-        record.distance_sigma,
-        record.notes,
-    )
-    return _in_px_of_file(given, record.size, file)
 
 
 def read_by_plugin(hook: str, what: str, file: FileOfPhoto) -> Any:
@@ -241,11 +240,12 @@ def _in_px_of_file(
 ) -> GivenBodies:
     """Return bodies whose px are those of a picture of some size with those of the photo."""
     sides = size or file.size
-    if given.camera is not None and not given.camera[:, :2].min() > _LEAST_FOCAL * max(sides):
-        raise ValueError(
-            f"its camera has a focal length of {given.camera[:, :2].min():.4g} px, in a picture of "
-            f"{sides[0]} x {sides[1]} px: give px of the whole picture"
-        )
+    for focal in () if given.camera is None else given.camera[:, :2].ravel() / max(sides):
+        if not _LEAST_FOCAL < focal < _LARGEST_FOCAL:
+            raise ValueError(
+                f"its camera has a focal length of {focal * max(sides):.4g} px, in a picture of "
+                f"{sides[0]} x {sides[1]} px: give px of the whole picture"
+            )
     if size is None or size == file.size:
         return given
     factors = scale_of_picture(size, file.size)
@@ -280,11 +280,15 @@ def _check(record: BodiesInFile) -> None:
         raise ValueError(f"it has different numbers of people: {each}")
     for points in (record.vertices, record.joints):
         if points is not None and len(points):
+            if np.isinf(points).any() or np.isnan(points).all((1, 2)).any():
+                raise ValueError("it has a person whose body is nowhere, or infinitely far away")
             extent = float(np.nanmedian((np.nanmax(points, 1) - np.nanmin(points, 1)).max(-1)))
             if not extent < _LARGEST_BODY_M:
                 raise ValueError(
                     f"its bodies are {extent:.3g} m large: are they in centimeters or millimeters?"
                 )
+            if not (farthest := np.nanmax(np.abs(points))) < _FARTHEST_M:
+                raise ValueError(f"its bodies are {farthest:.3g} m away")
     _check_values(record, ("rotations", *_LIMITS))
 
 

@@ -355,6 +355,27 @@ def test_keypoints_of_sam_3d_body_need_no_model(tmp_path, smplx):
     assert 1000 * np.abs(found[:, rows] - joints[:, rows]).max() < 0.1
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("focal_length", np.nan, "nan px"),
+        ("focal_length", 1e30, "1e"),
+        ("focal_length", np.array(750 + 1j), "focal_length"),
+        ("pred_keypoints_3d", np.full((70, 3), np.nan), "nowhere"),
+        ("pred_keypoints_3d", np.full((70, 3), np.inf), "nowhere"),
+        ("pred_keypoints_3d", np.full((70, 3), 1e30), "1e.30 m away"),
+    ],
+)
+def test_a_body_or_camera_that_cannot_be_is_refused(tmp_path, key, value, words):
+    person = {
+        "pred_cam_t": [0.0, 0, 3],
+        "pred_keypoints_3d": np.random.default_rng(0).random((70, 3)),
+    }
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps([{**person, "focal_length": 750.0, key: value}]))
+    with pytest.raises(InputError, match=words):
+        read(tmp_path / "a.pkl")
+
+
 def test_ply_of_sam_3d_body(tmp_path, embedded64, mhr, people, maps):
     given, joints = sam_people(embedded64, mhr[:3], people)
     body = given[1]["pred_vertices"] + given[1]["pred_cam_t"]
