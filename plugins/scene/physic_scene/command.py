@@ -121,7 +121,6 @@ def scene(
     from physic_core import load_config
     from physic_core.cli.output import echo, reserve_folder
     from physic_core.cli.result_summary import print_summary
-    from physic_core.io.results import read_record
     from physic_scene.calibration import read_calibration
     from physic_scene.output import save_scene
     from physic_scene.scene import ScenePipeline
@@ -157,7 +156,7 @@ def scene(
             photos=all_photos,
         )
     if quiet:
-        for text in read_record(out).warnings:  # those of pictures, too
+        for text in result.reconstruction.warnings:
             echo(f"warning: {text}", err=True)
     else:
         echo(_table(result))

@@ -281,7 +281,7 @@ def test_the_command_replaces_no_file_of_the_user(name, tmp_path, run):
     (tmp_path / "out" / name).write_text("mine")
     failed = run("a.png", "b.png", options=["--overwrite"])
     assert isinstance(failed.exception, OutputError)
-    assert f"{name} there is not of an earlier run" in str(failed.exception)
+    assert f"{name} there was not written by a run" in str(failed.exception)
     (path,) = (tmp_path / "out").iterdir()
     assert (path.name, path.read_text()) == (name, "mine")
 
