@@ -33,9 +33,6 @@ NON_COMMERCIAL = frozenset({"smplx"})
 PIP_NAMES: Mapping[str, str] = {
     "PIL": "pillow",
     "cv2": "opencv-python-headless",
-    # As in pyproject.toml of EasternJournalist/MoGe at 08e0226; the index has no such package.
-    "flex_gemm": "git+https://github.com/JeffreyXiang/FlexGEMM.git"
-    "@b2fadb29d41846c7981ade6801ffc689fae119cf",
     "hydra": "hydra-core",
     "pytorch_lightning": "pytorch-lightning",
     "skimage": "scikit-image",

@@ -113,28 +113,16 @@ class CameraHmrOptions(SmplCheckoutOptions):
         description="your SMPL_NEUTRAL.npz or .pkl: gives the joints and the surface of a body",
     )
     seen_confidence: SeenConfidence = 0.5
-    margin: float = Field(
-        default=1.0,
-        ge=1,
-        le=2,
-        description="side of the crop in the longer side of a person's box; 1.0 is CameraHMR's",
-    )
     focal: Literal["given", "own"] = Field(
         default="given",
         description="focal length that the network gets: the camera's, or the estimate of "
         "CameraHMR's own FLNet; "
         "bodies are placed in the given camera either way",
     )
-    channels: Literal["rgb", "bgr"] = Field(
+    focal_channels: Literal["rgb", "bgr"] = Field(
         default="rgb",
-        description="order of the channels for both networks; they were trained on rgb, and one "
-        "revision of "
-        "CameraHMR's demo feeds bgr by mistake",
-    )
-    focal_channels: Literal["rgb", "bgr", ""] = Field(
-        default="",
-        description="the same, only for FLNet; the code of the PhySIC paper uses bgr; empty: as "
-        "channels",
+        description="order of the channels for FLNet, which was trained on rgb; the code of the "
+        "PhySIC paper uses bgr",
     )
 
 
@@ -197,7 +185,7 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
         _, focal_network, body = self.network
         if not len(people):
             return empty_bodies("smpl")
-        regions = [padded_region(box, 1.0, self.options.margin) for box in people.boxes]
+        regions = [padded_region(box, 1.0, 1.0) for box in people.boxes]
         centres = np.array([r[0] for r in regions])
         sides = np.array([r[1][0] for r in regions])
         focal = (
@@ -205,9 +193,14 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
             if focal_network is not None
             else math.sqrt(intrinsics.fx * intrinsics.fy)
         )
-        crops = np.concatenate([self._crop(image, box) for box in people.boxes])
+        # black outside the image
+        crops = [
+            resample_crop(image, crop_around_box(box, SIDE, SIDE, padding=1.0))
+            for box in people.boxes
+        ]
+        seen = np.concatenate([normalized_nchw(one, IMAGENET_MEAN, IMAGENET_STD) for one in crops])
         root, pose, betas, weak = self.run(
-            {"img": crops, **camerahmr_inputs(centres, sides, focal, intrinsics)}
+            {"img": seen, **camerahmr_inputs(centres, sides, focal, intrinsics)}
         )
         rotations = np.concatenate(
             [root.reshape(-1, 1, 3, 3), pose.reshape(len(root), -1, 3, 3)], axis=1
@@ -242,19 +235,11 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
                 f"take the checkout of {self.project.homepage}"
             ) from error
 
-    def _crop(self, image: UInt8Array, box: FloatArray) -> FloatArray:
-        """Crop and normalise a person: (1, 3, 256, 256), black outside the image."""
-        crop = crop_around_box(box, SIDE, SIDE, padding=self.options.margin)
-        return normalized_nchw(
-            _reorder_channels(resample_crop(image, crop), self.options.channels),
-            IMAGENET_MEAN,
-            IMAGENET_STD,
-        )
-
     def _own_focal(self, image: UInt8Array, network: Any) -> float:
         """Return the focal length in px that FLNet estimates from the photo."""
-        order = self.options.focal_channels or self.options.channels
-        seen, _ = letterbox(_reorder_channels(image, order), SIDE, SIDE, fill=_WHITE, how="area")
+        if self.options.focal_channels == "bgr":
+            image = np.ascontiguousarray(image[..., ::-1])
+        seen, _ = letterbox(image, SIDE, SIDE, fill=_WHITE, how="area")
         pixels = picture_tensor(seen, IMAGENET_MEAN, IMAGENET_STD, device=self.device)
         with self.inference():
             fields = to_numpy(network(pixels)[0])
@@ -264,8 +249,3 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
                 f"CameraHMR's FLNet sees an impossible vertical field of view of {vertical:.3g} rad"
             )
         return float(image.shape[0] / (2 * math.tan(vertical / 2)))
-
-
-def _reorder_channels(image: UInt8Array, channels: str) -> UInt8Array:
-    """Return the image in the given channel order."""
-    return image if channels == "rgb" else np.ascontiguousarray(image[..., ::-1])

@@ -6,7 +6,7 @@ standard deviation of ImageNet keep their RGB order.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -44,19 +44,12 @@ def enlarged_box_slices(box: FloatArray, height: int, width: int) -> tuple[slice
     return _span(y0 - dy, y1 + dy, height), _span(x0 - dx, x1 + dx, width)
 
 
-def contact_crop(
-    image: UInt8Array,
-    box: FloatArray,
-    *,
-    fit: Literal["letterbox", "squash"] = "letterbox",
-) -> FloatArray:
-    """Return the network input (3, 256, 256) float32 for one person.
+def contact_crop(image: UInt8Array, box: FloatArray) -> FloatArray:
+    """Return the network input (3, 256, 256) float32 for one person, with white beside it.
 
     Args:
         image: (H, W, 3) uint8 RGB.
         box: (4,) x0 y0 x1 y1 px, half open.
-        fit: "letterbox" keeps the aspect and pads with white; "squash" stretches the box to a
-            square.
     """
     import cv2
 
@@ -64,11 +57,7 @@ def contact_crop(
     cut = np.ascontiguousarray(image[rows, columns, ::-1])
     height, width = cut.shape[:2]
     scale = INPUT_SIDE / max(height, width)
-    size = (
-        (INPUT_SIDE, INPUT_SIDE)
-        if fit == "squash"
-        else (max(int(width * scale), 1), max(int(height * scale), 1))
-    )
+    size = (max(int(width * scale), 1), max(int(height * scale), 1))
     small = cv2.resize(cut, size, interpolation=cv2.INTER_CUBIC)
     square = np.full((INPUT_SIDE, INPUT_SIDE, 3), _WHITE, np.uint8)
     left = (INPUT_SIDE - size[0]) // 2
@@ -93,11 +82,6 @@ class DecoOptions(SmplCheckoutOptions):
         default="",
         description="your SMPL_NEUTRAL.npz or .pkl, by whose T-pose labels are carried to your "
         "body model",
-    )
-    fit: Literal["letterbox", "squash"] = Field(
-        default="letterbox",
-        description="how a box becomes a square: with white, as in the PhySIC paper's code, or "
-        "stretched, as in DECO's",
     )
 
 
@@ -130,8 +114,7 @@ class Deco(SmplCheckoutBackend, ContactPrior):
         self, image: UInt8Array, people: People, bodies: Bodies
     ) -> dict[str, FloatArray]:
         """Crop the people."""
-        options = self.options
-        crops = [contact_crop(image, box, fit=options.fit) for box in people.boxes]
+        crops = [contact_crop(image, box) for box in people.boxes]
         return {"img": np.array(crops, np.float32)}
 
     def ask(self, inputs: dict[str, torch.Tensor]) -> Sequence[Any]:

@@ -19,13 +19,11 @@ import numpy as np
 from pydantic import Field
 
 from physic_core.cache import cached_network_result
-from physic_core.errors import BackendError, DeviceError
+from physic_core.errors import BackendError
 from physic_core.interfaces import (
-    GpuMemory,
     MetricDepth,
     Options,
     RelativePointmap,
-    Requirement,
 )
 from physic_core.types import DepthMap, Pointmap
 from physic_human.checkout_backend import (
@@ -44,42 +42,25 @@ if TYPE_CHECKING:
 
     from physic_core.types import BoolArray, FloatArray, Hints, Intrinsics, UInt8Array
 
-_LEVELS = 9
 _TOO_FLAT = "finds the scene too flat to estimate the focal length"
 
 
-class MogeOptions(CheckoutOptions):
-    """Settings of all MoGe backends."""
-
-    resolution_level: int = Field(
-        default=9, ge=0, le=9, description="9 sees the finest details, 0 is fastest"
-    )
-
-
-class Moge1Options(MogeOptions):
+class Moge1Options(CheckoutOptions):
     """Settings of MoGe 1."""
 
     weights: str = Field("moge-1-vitl", description=WEIGHTS_HELP)
 
 
-class Moge3Options(MogeOptions):
+class Moge3Options(CheckoutOptions):
     """Settings of MoGe-3."""
 
     weights: str = Field("moge-3-vitl", description=WEIGHTS_HELP)
-    refine_steps: int = Field(
-        default=0,
-        ge=0,
-        le=10,
-        description="steps of the refiner, 3 in the published code: they need a GPU and the "
-        "package flex_gemm",
-    )
 
 
 class _MogeBackend(CheckoutBackend):
     """Base class of the MoGe backends."""
 
     title: ClassVar[str]
-    options: MogeOptions
     reads = ("intrinsics",)
     capabilities: ClassVar[frozenset[str]] = frozenset({"returns_intrinsics"})
 
@@ -88,11 +69,10 @@ class _MogeBackend(CheckoutBackend):
         return image
 
     def _forward(self, image: UInt8Array, **settings: Any) -> Any:
-        """Run the network on red, green and blue from 0 to 1: it subtracts mean and divides by
-        deviation itself.
+        """Run the network with most tokens on red, green and blue from 0 to 1: it subtracts mean
+        and divides by deviation itself.
         """
-        low, high = self.network.num_tokens_range
-        tokens = int(low + self.options.resolution_level / _LEVELS * (high - low))
+        tokens = int(self.network.num_tokens_range[1])
         pixels: torch.Tensor = picture_tensor(image, device=self.device)
         with self.inference():
             return self.network.forward(pixels, tokens, **settings)
@@ -163,7 +143,7 @@ class Moge1(_MogeBackend, RelativePointmap):
             return kind.from_pretrained(str(self.file())).eval().to(device)
 
     def run(self, inputs: Any) -> Any:
-        """Run the network with the number of tokens of the resolution level."""
+        """Run the network."""
         return self._forward(inputs)
 
     def postprocess(self, output: Any, image: UInt8Array, hints: Hints) -> Pointmap:
@@ -178,7 +158,7 @@ _TOOLS = ("utils3d", "utils3d_moge")  # imported under either name, and not used
 
 
 class _Moge3Backend(_MogeBackend):
-    """Base class of both MoGe-3 backends."""
+    """Base class of both MoGe-3 backends, which run without its refiner."""
 
     title = "MoGe-3"
     Options: ClassVar[type[Options]] = Moge3Options
@@ -193,35 +173,14 @@ class _Moge3Backend(_MogeBackend):
         needs=("huggingface_hub",),
     )
 
-    def requirements(self) -> tuple[Requirement, ...]:
-        """Return the repository, its packages, and the memory of a GPU without the refiner."""
-        stated = super().requirements()
-        if not self.options.refine_steps:
-            return stated
-        return tuple(one for one in stated if not isinstance(one, GpuMemory))
-
-    def needed_packages(self) -> tuple[str, ...]:
-        """Return the packages that the checkout imports; the refiner has a package of GPU
-        kernels.
-        """
-        return (
-            (*self.project.needs, "flex_gemm") if self.options.refine_steps else self.project.needs
-        )
-
     def build(self, device: str) -> Any:
-        """Build the network, without its refiner if no step is wanted, and load its weights.
+        """Build the network without its refiner, and load its weights.
 
         Raises:
-            DeviceError: steps of the refiner are wanted on a CPU.
             BackendError: the file is no checkpoint of MoGe-3, or lacks parameters.
         """
-        refines = bool(self.options.refine_steps)
-        if refines and device == "cpu":
-            raise DeviceError(
-                f"{self.title}'s refiner runs on a GPU only: set refine_steps = 0, or use 'cuda'"
-            )
         absent = [name for name in _TOOLS if importlib.util.find_spec(name) is None]
-        with _stand_in_modules(*(() if refines else _KERNELS), *absent):
+        with _stand_in_modules(*_KERNELS, *absent):
             kind = self.checkout.attribute("MoGeModel")
         path = self.file()
         checkpoint = read_checkpoint(path, trusted=self.options.trust_checkpoint)
@@ -229,11 +188,7 @@ class _Moge3Backend(_MogeBackend):
             raise BackendError(
                 f"{path} is no checkpoint of {self.title}: it lacks model_config or model"
             )
-        config = (
-            checkpoint["model_config"]
-            if refines
-            else {**checkpoint["model_config"], "refiner": None}
-        )
+        config = {**checkpoint["model_config"], "refiner": None}
         with self.inference(), warnings.catch_warnings():
             warnings.filterwarnings("ignore", ".*refiner is not enabled")
             network = kind(**config)
@@ -244,14 +199,10 @@ class _Moge3Backend(_MogeBackend):
         """Run the network, or take its outputs for this image from the cache: both interfaces need
         them.
         """
-        steps = self.options.refine_steps
-        made_of = (
-            f"{self.fingerprint()} {self.options.resolution_level} {steps} {self.dtype} "
-            f"{self.device}"
-        )
+        made_of = f"{self.fingerprint()} {self.dtype} {self.device}"
 
         def compute() -> tuple[NDArray[Any], ...]:
-            output = self._forward(inputs, refine_steps=steps)
+            output = self._forward(inputs, refine_steps=0)
             return self._checked(output, inputs, "metric_scale")
 
         return cached_network_result("moge-3", made_of, {"image": inputs}, compute)

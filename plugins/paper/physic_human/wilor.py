@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 _FILES = ("wilor_final.ckpt", "MANO_RIGHT.pkl", "mano_mean_params.npz")
 _FOCAL = 5000
 _SIDE = 256  # of the network's square input, px
+_MARGIN = 2.5  # side of the crop in sizes of the hand, as in WiLoR-mini
 _LEAST_SIZE_PX = 24.0  # longer side of a hand; fingers below are a guess
 
 
@@ -40,17 +41,6 @@ class WilorOptions(CheckoutOptions):
     least_confidence: Share = Field(
         default=0.5,
         description="least confidence of a hand's keypoints; 0.7 in the code of the PhySIC paper",
-    )
-    margin: float = Field(
-        default=2.5,
-        ge=1,
-        le=4,
-        description="side of the crop in sizes of the hand; 2.5 in WiLoR-mini, 2.0 in WiLoR",
-    )
-    swap_channels: bool = Field(
-        default=False,
-        description="swap red and blue, as the code of the PhySIC paper does by mistake; worse, "
-        "only to compare",
     )
 
 
@@ -117,6 +107,6 @@ class Wilor(CheckoutBackend, HandEstimator):
 
     def _hand_input(self, image: UInt8Array, box: FloatArray, *, mirrored: bool) -> FloatArray:
         """Crop a hand to (256, 256, 3) grey levels in BGR, which the network reorders itself."""
-        crop = crop_around_box(box, _SIDE, _SIDE, padding=self.options.margin, mirrored=mirrored)
+        crop = crop_around_box(box, _SIDE, _SIDE, padding=_MARGIN, mirrored=mirrored)
         shown = resample_crop(image, crop, sigma=antialias_sigma(crop))
-        return np.asarray(shown if self.options.swap_channels else shown[..., ::-1], np.float32)
+        return np.asarray(shown[..., ::-1], np.float32)

@@ -91,7 +91,7 @@ class MoGeModel(torch.nn.Module):
 
 @pytest.fixture
 def moge_3(stub, tmp_path):
-    def make(state=None, refine_steps=0, **config):
+    def make(state=None, **config):
         checkout = stub("moge3", {"moge/__init__.py": "", "moge/model/v3.py": MOGE_3})
         tensors = {
             name: torch.full((1,), value) for name, value in (state or {"shift": 1.5}).items()
@@ -99,7 +99,7 @@ def moge_3(stub, tmp_path):
         torch.save(
             {"model_config": {"refiner": {}, **config}, "model": tensors}, tmp_path / "model.pt"
         )
-        options = Moge3Options(checkout=str(checkout), refine_steps=refine_steps)
+        options = Moge3Options(checkout=str(checkout))
         return reading(Moge3Depth(options), tmp_path / "model.pt")
 
     return make
@@ -134,7 +134,6 @@ def test_a_known_camera_is_followed_by_moge_3_and_a_guessed_one_is_not(moge_3):
     [
         ({"state": {"other": 1.0}}, "is missing 1 of 1 parameters"),
         ({"scale_head": False}, "expected points, mask, metric_scale"),
-        ({"refine_steps": 3}, "runs on a GPU only"),
     ],
 )
 def test_what_moge_3_cannot_do_is_refused(moge_3, made, words):
