@@ -9,16 +9,16 @@ likelier than that of others. Camera frame, metres.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from operator import itemgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
-from scipy.spatial import cKDTree
 from torch import Tensor
 
 from physic_core.engine.body_parts import OBSERVED, are_adjacent, contact_regions
 from physic_core.engine.ground.touch import usual_touch
+from physic_core.geometry.neighbors import array_tree
 from physic_core.geometry.tensors import exact_arrays
 from physic_core.types.observations import LEAST_PROBABILITY, TOUCHED
 
@@ -88,36 +88,27 @@ def meetings(model: BodyModel, vertices: Tensor, touch: Tensor | None) -> tuple[
                 if not said[i, row, TOUCHED.index(word)] >= _LEAST_ALONE:
                     continue
                 others = [i] if word == "own body" else [j for j in everyone if j != i]
-                best = min(
-                    _candidates(points, said, parts, (i, part), others), default=None, key=_cost
-                )
-                if best is not None and best[3] >= LEAST_PROBABILITY:
-                    skin = (torch.from_numpy(ids).to(region) for ids in best[4:])
-                    pairs.append(Meeting(i, part, *best[1:4], *skin))
+                met = _met(points, said, parts, (i, part), others)
+                if met is not None and met[2] >= LEAST_PROBABILITY:
+                    skin = (torch.from_numpy(ids).to(region) for ids in met[3:])
+                    pairs.append(Meeting(i, part, *met[:3], *skin))
     return tuple(sorted(pairs, key=lambda one: one.probability))
 
 
-_Candidate = tuple[float, int, str, float, "Ids", "Ids", "Ids", "Ids"]
-
-
-def _cost(candidate: _Candidate) -> float:
-    return candidate[0]
-
-
-def _candidates(
+def _met(
     points: FloatArray,
     said: FloatArray,
     parts: dict[str, Ids],
     own: tuple[int, str],
     others: list[int],
-) -> Iterator[_Candidate]:
-    """Yield cost, other person and part, probability, and the vertices that touch, of each part in
-    reach.
+) -> tuple[int, str, float, Ids, Ids, Ids, Ids] | None:
+    """Return other person and part, probability, and the vertices that touch, of the part in reach
+    that costs least; None without one.
     """
     i, part = own
     depth = float(points[i, parts[part], 2].mean())
     skin = _by_view(points[i, parts[part]], depth)
-    low, high = skin.min(0) - _REACH_M, skin.max(0) + _REACH_M
+    reach = []
     for j in others:
         word = TOUCHED.index("own body" if j == i else "person")
         alone = float(said[i, OBSERVED[part], word])
@@ -125,27 +116,35 @@ def _candidates(
             if j == i and (other == part or are_adjacent(part, other)):
                 continue
             target = _by_view(points[j, ids], depth)
-            if (target.max(0) < low).any() or (target.min(0) > high).any():
+            apart = np.maximum(skin.min(0) - target.max(0), target.min(0) - skin.max(0))
+            # no vertex is nearer than the boxes of both parts
+            least = float(np.square(apart.clip(0)).sum())
+            if least > _REACH_M**2:
                 continue
-            size, touching, nearest = _patch(skin, target)
-            if size > _REACH_M:
-                continue
-            _, other_touching, other_nearest = _patch(target, skin)
             likely, answer = alone, _UNSAID
             if other in OBSERVED and not math.isnan(said[j, OBSERVED[other], word]):
                 answer = float(said[j, OBSERVED[other], word])
                 rates = usual_touch()[[OBSERVED[part], OBSERVED[other]], word]
                 likely = _of_both(alone, answer, float(rates.max()))
-            yield (
-                size**2 - 2 * _ANSWER_M**2 * math.log(max(answer, _LEAST_ANSWER)),
-                j,
-                other,
-                likely,
-                parts[part][touching],
-                ids[nearest],
-                ids[other_touching],
-                parts[part][other_nearest],
-            )
+            unlikely = -2 * _ANSWER_M**2 * math.log(max(answer, _LEAST_ANSWER))
+            reach.append((least + unlikely, unlikely, j, other, likely, target))
+    cost = math.inf
+    met = None
+    for bound, unlikely, *candidate, target in sorted(reach, key=itemgetter(0)):
+        if bound >= cost:
+            break
+        size, touching, nearest = _patch(skin, target)
+        if size <= _REACH_M and size**2 + unlikely < cost:
+            cost = size**2 + unlikely
+            met = *candidate, target, touching, nearest
+    if met is None:
+        return None
+    j, other, likely, target, touching, nearest = met
+    _, other_touching, other_nearest = _patch(target, skin)
+    mine = parts[part]
+    theirs = parts[other]
+    touch = mine[touching], theirs[nearest], theirs[other_touching], mine[other_nearest]
+    return j, other, likely, *touch
 
 
 def _of_both(one: float, other: float, rate: float) -> float:
@@ -161,7 +160,7 @@ def _patch(skin: FloatArray, target: FloatArray) -> tuple[float, Ids, Ids]:
     """Return the distance of skin (n, 3) from a target (m, 3), the vertices (k,) of the skin that
     are hardly farther, and the nearest of the target to each.
     """
-    gap, nearest = cKDTree(target).query(skin)
+    gap, nearest = array_tree(target).query(skin)
     order = np.argsort(gap, kind="stable")
     size = float(gap[order[min(_NEAREST, len(order)) - 1]])
     touching = order[gap[order] <= size + _PATCH_M]
