@@ -9,6 +9,7 @@ over square pixel blocks to reduce noise. The mean is exact on a plane.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import torch
@@ -41,15 +42,46 @@ _TOLERANCE = 0.02  # largest error of an inlier, as a share of the range of inve
 _LEAST_RISE = 0.05  # least increase of inverse depth from top to bottom, as a share of its range
 
 
-class InverseDepthMap(NamedTuple):
-    """A point map as inverse depth over rays."""
+class _Means(NamedTuple):
+    share: Tensor  # (h, w) of pixels that are valid
+    rays: Tensor  # (h, w, 3)
+    inverse: Tensor  # (h, w)
+    weight: Tensor  # (h, w), less for inpainted pixels
 
-    rays: Tensor  # (H, W, 3), X / Z, zero where not valid
-    inverse: Tensor  # (H, W), 1 / Z
-    valid: Tensor  # (H, W) bool
-    tolerance: float  # inverse depth
-    least_rise: float  # inverse depth
-    hole: Tensor | None  # (H, W) bool, inpainted pixels
+
+@dataclass(frozen=True)
+class InverseDepthMap:
+    """A point map as inverse depth over rays.
+
+    Attributes:
+        rays: (H, W, 3), X / Z, zero where not valid.
+        inverse: (H, W), 1 / Z.
+        valid: (H, W) bool.
+        tolerance: inverse depth.
+        least_rise: inverse depth.
+        hole: (H, W) bool, inpainted pixels; None without any.
+    """
+
+    rays: Tensor
+    inverse: Tensor
+    valid: Tensor
+    tolerance: float
+    least_rise: float
+    hole: Tensor | None
+    _means: dict[int, _Means] = field(default_factory=dict, init=False, repr=False)
+
+    def means(self, block: int) -> _Means:
+        """Return the means over square blocks of pixels, computed once for each side."""
+        if block not in self._means:
+            share = _block_mean(self.valid.to(self.inverse), block)
+            scale = share.clamp(min=torch.finfo(share.dtype).tiny).reciprocal()
+            rays = [_block_mean(plane, block) * scale for plane in self.rays.unbind(-1)]
+            weight = torch.ones_like(share)
+            if self.hole is not None:
+                weight = 1 - (1 - HOLE_WEIGHT) * _block_mean(self.hole.to(share), block)
+            inverse = _block_mean(self.inverse, block) * scale
+            self._means[block] = _Means(share, torch.stack(rays, -1), inverse, weight)
+        return self._means[block]
 
     def error(self, by_ray: Tensor) -> Tensor:
         """Return the error (H, W) in inverse depth of a plane, by its inverse depth (3,) by ray;
@@ -102,32 +134,26 @@ def average_blocks(view: InverseDepthMap, mask: Tensor | None) -> BlockMeans:
         view: the point map.
         mask: (H, W) bool, candidate pixels; None takes the lower part of the image.
     """
-    rays, inverse, valid, *_, hole = view
-    rows, columns = valid.shape
+    rows, columns = view.valid.shape
     block = max(1, math.ceil(math.sqrt(rows * columns / _SAMPLES)))
     while True:
-        share = _block_mean(valid.to(inverse), block)
+        means = view.means(block)
+        share = means.share
         candidate = share > 0
         if mask is not None:
-            candidate &= _block_mean((mask & valid).to(inverse), block) > 0.5 * share
+            candidate &= _block_mean((mask & view.valid).to(share), block) > 0.5 * share
         if mask is None or block == 1 or int(candidate.sum()) >= 10 * FEWEST_SAMPLES:
             break
         block = block // 2
-    scale = share.clamp(min=torch.finfo(share.dtype).tiny).reciprocal()
-    mean_inverse = _block_mean(inverse, block) * scale
-    mean_rays = torch.stack([_block_mean(rays[..., i], block) * scale for i in range(3)], -1)
     down = torch.linspace(0, 1, len(share), dtype=share.dtype, device=share.device)[:, None].expand(
         share.shape
     )
     lower = down >= 1 - LOWER_SHARE
-    weight = torch.ones_like(share)
-    if hole is not None:
-        weight = 1 - (1 - HOLE_WEIGHT) * _block_mean(hole.to(inverse), block)
     is_known = share > 0
     return BlockMeans(
-        rays=mean_rays[is_known].double(),
-        inverse=mean_inverse[is_known].double(),
-        weight=weight[is_known].double(),
+        rays=means.rays[is_known].double(),
+        inverse=means.inverse[is_known].double(),
+        weight=means.weight[is_known].double(),
         candidate=(candidate if mask is not None else lower & candidate)[is_known],
         lower=lower[is_known],
     )

@@ -247,6 +247,7 @@ def floor_candidates(
     sample = sample_normals(normals, view.valid)
     up = _floor_up(evidence, sample)
     pixel_score = _pixel_score(view, evidence)
+    ground = _sample_of_ground(view, evidence)
 
     def candidate(fit: PlaneFit, moved: PlaneFit) -> FloorCandidate:
         plane = fit.by_ray
@@ -255,12 +256,12 @@ def floor_candidates(
             "gravity": _gravity_score(fit, evidence, sample),
             "soles": _sole_score(_heights_at_soles(view, plane, evidence.ground_at_soles)),
         }
-        if _misses_ground(view, moved, evidence):
+        if _misses(ground, moved):
             nats["ground that is seen"] = _OFF_GROUND_NATS
         return FloorCandidate(_levelled_plane(view, moved, evidence), nats)
 
     candidates = [
-        candidate(fit, _plane_at_people(view, fit, mask, evidence))
+        candidate(fit, _plane_at_people(view, fit, mask, evidence, ground))
         for fit, mask in _fitted_planes(view, evidence, normals, up)
     ]
     if (
@@ -288,15 +289,18 @@ def _floor_up(evidence: FloorEvidence, normals: Tensor) -> Tensor | None:
 
 
 def _plane_at_people(
-    view: InverseDepthMap, fit: PlaneFit, mask: Tensor | None, evidence: FloorEvidence
+    view: InverseDepthMap,
+    fit: PlaneFit,
+    mask: Tensor | None,
+    evidence: FloorEvidence,
+    ground: tuple[Tensor, Tensor],
 ) -> PlaneFit:
     """Return a plane moved to the ground beside soles, or else to the feet; where they stand on
     something else than the ground that is seen, it stays.
     """
     moved = _plane_through_soles(fit, _heights_at_soles(view, fit.by_ray, evidence.ground_at_soles))
     moved = moved or move_to_feet(view, fit, mask, evidence.feet_px)
-    off = _misses_ground(view, moved, evidence) and not _misses_ground(view, fit, evidence)
-    return fit if off else moved
+    return fit if _misses(ground, moved) and not _misses(ground, fit) else moved
 
 
 def _candidate_beneath_people(
@@ -491,13 +495,26 @@ def _up_score(plane: PlaneFit, evidence: FloorEvidence) -> float:
     return _robust_nats(angle / math.hypot(sigma, evidence.slope_sigma_deg, evidence.up.sigma))
 
 
-def _misses_ground(view: InverseDepthMap, plane: PlaneFit, evidence: FloorEvidence) -> bool:
-    """Return whether all pixels that are labelled as ground lie off a floor, on one side."""
-    ground = evidence.seen_ground
-    if ground is None or not bool((ground := ground & view.valid).any()):
+def _sample_of_ground(view: InverseDepthMap, evidence: FloorEvidence) -> tuple[Tensor, Tensor]:
+    """Return rays (M, 3) and inverse depths (M,) of pixels that are labelled as ground; M = 0 where
+    they are few.
+    """
+    seen = evidence.seen_ground
+    if seen is None:
+        return view.rays.new_zeros(0, 3), view.inverse.new_zeros(0)
+    at = (seen & view.valid).flatten().nonzero()[:, 0]
+    at = at[:: max(1, len(at) // _SAMPLES)]
+    return view.rays.flatten(0, 1)[at], view.inverse.flatten()[at]
+
+
+def _misses(ground: tuple[Tensor, Tensor], plane: PlaneFit) -> bool:
+    """Return whether all pixels with rays (M, 3) and inverse depths (M,) lie off a floor, on one
+    side.
+    """
+    rays, inverse = ground
+    if not len(rays):
         return False
-    on_plane = view.rays[ground] @ plane.by_ray.to(view.rays)
-    low, high = quantiles(1 - on_plane / view.inverse[ground], (0.1, 0.9))
+    low, high = quantiles(1 - rays @ plane.by_ray.to(rays) / inverse, (0.1, 0.9))
     return low > _OFF_GROUND or high < -_OFF_GROUND
 
 
