@@ -130,13 +130,13 @@ def _met(
             reach.append((least + unlikely, unlikely, j, other, likely, target))
     cost = math.inf
     met = None
-    for bound, unlikely, *candidate, target in sorted(reach, key=itemgetter(0)):
+    for bound, unlikely, j, other, likely, target in sorted(reach, key=itemgetter(0)):
         if bound >= cost:
             break
         size, touching, nearest = _patch(skin, target)
         if size <= _REACH_M and size**2 + unlikely < cost:
             cost = size**2 + unlikely
-            met = *candidate, target, touching, nearest
+            met = j, other, likely, target, touching, nearest
     if met is None:
         return None
     j, other, likely, target, touching, nearest = met
