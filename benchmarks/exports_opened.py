@@ -1,32 +1,196 @@
 """Export results, and open the files with programs of users that no test has.
 
-    python -m benchmarks exports_opened RESULT ... [--format NAME ...]
+    python -m benchmarks exports_opened RESULT ...
 
 A row of the table is a format and a program: how many of the exported results it opened with all
-people, the largest difference between what it reads and what the result has, of all people, in the
-frame and unit of the file, and what else of the first result arrives. A result that a format
-refuses counts apart, with our reason below the table. A program that is not installed opens
-nothing, and its row says what to install. Returns 1 if a program fails, a person is missing, or a
-difference exceeds the limit of its row.
+people, and the largest difference between what it reads and what the result has, of all people, in
+the frame and unit of the file. A result that a format refuses counts apart, with our reason below
+the table. Returns 1 if a program is not installed or fails, a person is missing, or a difference
+exceeds the limit of its row.
 """
 
 from __future__ import annotations
 
-import importlib.metadata
-import importlib.util
+import json
 import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
 
-from physic_core import InputError, Reconstruction, find_exporter
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from physic_core import InputError, Person, Reconstruction, find_exporter
+from physic_core.body.joints import JOINT_NAMES
 from physic_core.export import export_frame
+from physic_core.geometry.upright import transform_points
+from physic_testing.metrics import markdown_table
 
-from . import export_readers as readers
-from .export_readers import Opened
 from .fits import parser_of
+
+Array = NDArray[Any]
+
+_BODY_JOINTS = JOINT_NAMES[:22]
+_ANGLES = {
+    f"{name}_{side[0]}": f"{side}_{angle}"
+    for name, angle in (("hip_flexion", "hip_flexion"), ("knee_angle", "knee_flexion"))
+    for side in ("left", "right")
+}
+"""Coordinate of OpenSim's model -> angle of ``Person.joint_angles``."""
+
+
+@dataclass(frozen=True)
+class Files:
+    """What a format wrote of a result.
+
+    Attributes:
+        result: the result.
+        paths: all files.
+        matrix: (4, 4), from the camera frame to that of the files, metres.
+    """
+
+    result: Reconstruction
+    paths: Sequence[Path]
+    matrix: Array
+
+    @property
+    def bodies(self) -> list[tuple[int, Person]]:
+        """Index and person of all who have a body."""
+        people = enumerate(self.result.people)
+        return [(i, one) for i, one in people if np.isfinite(one.vertices).all()]
+
+    def ending(self, end: str) -> list[str]:
+        """Return the paths that end so; files of one person each are in the order of people."""
+        return [str(path) for path in self.paths if path.as_posix().endswith(end)]
+
+    def points(self, points: Array) -> Array:
+        """Return points (..., 3) of the camera frame in the frame of the files."""
+        return transform_points(self.matrix, points.astype(np.float64))
+
+
+def read_bvh(files: Files) -> list[Any]:
+    import bvhio
+
+    from physic_export.skeleton import bone_names
+
+    found = []
+    for path in files.ending(".bvh"):
+        root = bvhio.readAsHierarchy(path).loadPose(1)
+        places = {one.Name: list(one.PositionWorld) for one, _, _ in root.layout()}
+        found.append([places[name] for name in bone_names("mixamo")])
+    return found
+
+
+def read_colmap(files: Files) -> float:
+    import pycolmap
+
+    model = pycolmap.Reconstruction(str(Path(files.ending("cameras.bin")[0]).parent))
+    image = model.images[1]
+    pixels = np.array([one.xy for one in image.points2D])
+    columns, rows = (pixels - 0.5).round().astype(int).T
+    places = [model.points3D[one.point3D_id].xyz for one in image.points2D]
+    if apart([image.project_point(place) for place in places], pixels) > 0.01:
+        raise ValueError("points do not project onto their pixels")
+    return apart(places, files.points(files.result.scene.points[rows, columns]))
+
+
+def read_blender(files: Files) -> list[Any]:
+    """Read the corners of people in the pose at frame 1."""
+    import bpy
+
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.import_scene.gltf(filepath=files.ending(".glb")[0], disable_bone_shape=True)
+    bpy.context.scene.frame_set(1)
+    found = []
+    for index, _ in files.bodies:
+        if body := bpy.data.objects.get(f"person_{index}"):
+            posed = body.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
+            points = np.array([body.matrix_world @ vertex.co for vertex in posed.vertices])
+            found.append(corners(points[:, [0, 2, 1]] * [1, 1, -1]))
+    return found
+
+
+def corners(points: Array) -> Array:
+    """Return the least and the largest corner (2, 3) of points (n, 3)."""
+    return np.stack([points.min(0), points.max(0)])
+
+
+def read_mot(files: Files) -> list[Any]:
+    import opensim
+
+    opensim.Logger.setLevelString("error")
+    found = []
+    for path in files.ending(".mot"):
+        motion = opensim.Storage(path)
+        labels = motion.getColumnLabels()
+        values = motion.getStateVector(0).getData()
+        unit = 1.0 if motion.isInDegrees() else np.degrees(1.0)
+        # the first label is the time, which is no value
+        row = {labels.get(n): unit * values.get(n - 1) for n in range(1, labels.getSize())}
+        found.append([row[name] for name in _ANGLES])
+    return found
+
+
+def read_ply(files: Files) -> list[Any]:
+    import open3d
+
+    cloud = open3d.t.io.read_point_cloud(files.ending(".ply")[0]).point
+    objects, places = cloud["object"].numpy().ravel(), cloud["positions"].numpy()
+    return [places[objects == n] for n in np.unique(objects) if n >= 0]
+
+
+def read_trc(files: Files) -> list[Any]:
+    import opensim
+
+    opensim.Logger.setLevelString("error")
+    found = []
+    for path in files.ending(".trc"):
+        data = opensim.MarkerData(path)
+        data.convertToUnits(opensim.Units("m"))
+        frame = data.getFrame(0)
+        markers = [frame.getMarker(n) for n in range(data.getNumMarkers())]
+        found.append([[one.get(axis) for axis in range(3)] for one in markers])
+    return found
+
+
+def read_urdf(files: Files) -> list[Any]:
+    import yourdfpy
+
+    found = []
+    for path in files.ending(".urdf"):
+        if path.endswith("_scene.urdf"):
+            continue
+        robot = yourdfpy.URDF.load(path)
+        pose = json.loads(Path(path).with_suffix(".json").read_text(encoding="utf-8"))
+        robot.update_cfg(pose["joints"])
+        links = np.array([robot.get_transform(one, "pelvis")[:3, 3] for one in _BODY_JOINTS])
+        base = Rotation.from_quat(np.roll(pose["base"]["quaternion_wxyz"], -1))
+        found.append(_shape_of(base.apply(links) + pose["base"]["position_m"]))
+    return found
+
+
+def _shape_of(points: Any) -> Array:
+    """Return joints (22, 3) without their common height: people are set down on the floor."""
+    made = np.array(points, np.float64)
+    made[:, 2] -= made[0, 2]
+    return made
+
+
+def read_usd(files: Files) -> float:
+    """Count failures but those of extents: the validator asks for the bounds that OpenUSD computes
+    of a skeleton's joints, and the file states those of the skin.
+    """
+    from omni.asset_validator import IssueSeverity, ValidationEngine
+
+    issues = ValidationEngine().validate(files.ending(".usdc")[0]).issues()
+    bad = (IssueSeverity.ERROR, IssueSeverity.FAILURE)
+    rules = [one.rule.__name__ if one.rule else "" for one in issues if one.severity in bad]
+    return float(len(rules) - rules.count("ExtentsChecker"))
 
 
 @dataclass(frozen=True)
@@ -37,7 +201,8 @@ class Reader:
         form: format.
         distribution: that a user installs.
         module: that it is imported as.
-        read: opens the files.
+        read: what the program has of each person, or a difference from the result.
+        wanted: the same of a person of the result; None of a difference.
         compares: what of a result, with its unit.
         limit: largest difference, in this unit.
     """
@@ -45,35 +210,70 @@ class Reader:
     form: str
     distribution: str
     module: str
-    read: Callable[[readers.Files], Opened]
+    read: Callable[[Files], Any]
+    wanted: Callable[[Files, Person], Any] | None
     compares: str
     limit: float
-
-    @property
-    def missing(self) -> str:
-        """What to install; "" if the program is there."""
-        there = importlib.util.find_spec(self.module)
-        return "" if there else f"not opened: pip install {self.distribution}"
-
-    @property
-    def title(self) -> str:
-        """Distribution and version."""
-        return f"{self.distribution} {importlib.metadata.version(self.distribution)}"
 
 
 _OPENSIM = "opensim", "opensim"
 _VALIDATOR = "omniverse-asset-validator", "omni"
 
+
+def _joints(files: Files, person: Person) -> Array:
+    return files.points(person.joints)
+
+
+def _vertices(files: Files, person: Person) -> Array:
+    return files.points(person.vertices)
+
+
+def _angles(files: Files, person: Person) -> list[float]:
+    return [person.joint_angles[name] for name in _ANGLES.values()]
+
+
 READERS = (
-    Reader("bvh", "bvhio", "bvhio", readers.read_bvh, "55 joints, m", 1e-4),
-    Reader("colmap", "pycolmap", "pycolmap", readers.read_colmap, "scene, m", 1e-4),
-    Reader("glb", "bpy", "bpy", readers.read_blender, "bounds, m", 1e-3),
-    Reader("mot", *_OPENSIM, readers.read_mot, "hips and knees, degrees", 1e-3),
-    Reader("ply", "open3d", "open3d", readers.read_open3d_points, "vertices, m", 1e-4),
-    Reader("trc", *_OPENSIM, readers.read_trc, "22 joints, m", 1e-4),
-    Reader("urdf", "yourdfpy", "yourdfpy", readers.read_urdf, "22 joints, m", 1e-3),
-    Reader("usd", *_VALIDATOR, readers.read_asset_validator, "failures", 0.5),
+    Reader("bvh", "bvhio", "bvhio", read_bvh, _joints, "55 joints, m", 1e-4),
+    Reader("colmap", "pycolmap", "pycolmap", read_colmap, None, "scene, m", 1e-4),
+    Reader(
+        "glb", "bpy", "bpy", read_blender, lambda *of: corners(_vertices(*of)), "bounds, m", 1e-3
+    ),
+    Reader("mot", *_OPENSIM, read_mot, _angles, "hips and knees, degrees", 1e-3),
+    Reader("ply", "open3d", "open3d", read_ply, _vertices, "vertices, m", 1e-4),
+    Reader("trc", *_OPENSIM, read_trc, lambda *of: _joints(*of)[:22], "22 joints, m", 1e-4),
+    Reader(
+        *("urdf", "yourdfpy", "yourdfpy", read_urdf),
+        lambda *of: _shape_of(_joints(*of)[:22]),
+        *("22 joints, m", 1e-3),
+    ),
+    Reader("usd", *_VALIDATOR, read_usd, None, "failures", 0.5),
 )
+
+
+@dataclass(frozen=True)
+class Opened:
+    """What became of a result in a reader.
+
+    Attributes:
+        difference: the largest.
+        refused: why the format refuses the result; "" if it was exported.
+        fault: why the reader does not have it; "" if it does.
+    """
+
+    difference: float = 0.0
+    refused: str = ""
+    fault: str = ""
+
+
+def apart(got: Any, wanted: Any) -> float:
+    """Return the largest distance of points (n, D), or difference of numbers (n,); inf if there are
+    not as many.
+    """
+    got, wanted = np.asarray(got, np.float64), np.asarray(wanted, np.float64)
+    if got.shape != wanted.shape:
+        return np.inf
+    away = np.abs(got - wanted) if got.ndim == 1 else np.linalg.norm(got - wanted, axis=-1)
+    return float(away.max(initial=0.0))
 
 
 def outcome_of(reader: Reader, folder: str) -> Opened:
@@ -87,14 +287,23 @@ def outcome_of(reader: Reader, folder: str) -> Opened:
             paths = result.export(made, reader.form, **options).files
         except InputError as error:
             return Opened(refused=str(error))
-        files = readers.Files(result, paths, export_frame(result.scene.level, up).from_camera)
+        files = Files(result, paths, export_frame(result.scene.level, up).from_camera)
         try:
-            got = reader.read(files)
+            found = reader.read(files)
         except Exception as error:  # whatever a reader raises is what its user sees
             return Opened(fault=f"{type(error).__name__}: {error}")
-    if got.people not in (None, len(files.bodies)):
-        return Opened(fault=f"{got.people} of {len(files.bodies)} people")
-    return got
+    if reader.wanted is None:
+        return _judged(reader, found)
+    if len(found) != len(files.bodies):
+        return Opened(fault=f"{len(found)} of {len(files.bodies)} people")
+    pairs = zip(found, files.bodies, strict=True)
+    off = (apart(one, reader.wanted(files, person)) for one, (_, person) in pairs)
+    return _judged(reader, max(off, default=0.0))
+
+
+def _judged(reader: Reader, difference: float) -> Opened:
+    is_wrong = difference > reader.limit
+    return Opened(difference, fault=f"differs by {difference:.3g}" if is_wrong else "")
 
 
 def outcomes_of(reader: Reader, folders: Sequence[str]) -> list[Opened]:
@@ -114,54 +323,35 @@ def outcomes_of(reader: Reader, folders: Sequence[str]) -> list[Opened]:
     return made + [Opened(fault="not tried")] * (len(folders) - len(made))
 
 
-def row_of(reader: Reader, outcomes: Sequence[Opened]) -> str:
+def row_of(reader: Reader, outcomes: Sequence[Opened]) -> list[str]:
     """Return the row of a reader."""
     written = [one for one in outcomes if not one.refused]
     opened = [one for one in written if not one.fault]
-    cells = (
-        f"`{reader.form}`",
-        reader.title,
+    return [
+        reader.form,
+        reader.distribution,
         f"{len(opened)} of {len(written)}",
         str(len(outcomes) - len(written) or ""),
         reader.compares,
         f"{max(one.difference for one in opened):.2g}" if opened else "",
-        next((one.more for one in opened), ""),
-    )
-    return f"| {' | '.join(cells)} |".replace("|  |", "| |").replace("|  |", "| |")
-
-
-def is_wrong(reader: Reader, outcome: Opened) -> bool:
-    """Return whether a result was not opened, or differs by more than the limit."""
-    return bool(outcome.fault) or outcome.difference > reader.limit
+    ]
 
 
 def main() -> int:
     """Print the table, reasons and faults."""
     parser = parser_of("exports_opened", __doc__, fits=False)
     parser.add_argument("results", nargs="+", help="folders of results")
-    forms = list(dict.fromkeys(reader.form for reader in READERS))
-    parser.add_argument("--format", nargs="+", choices=forms, default=forms, metavar="NAME")
-    args = parser.parse_args()
-    print(
-        "| format | reader | opened | refused | compared, unit | largest difference | what else |",
-        "|---|---|---:|---:|---|---:|---|",
-        sep="\n",
-    )
-    said: list[str] = []
-    wrong = False
-    for reader in (one for one in READERS if one.form in args.format):
-        if reader.missing:
-            print(f"| `{reader.form}` | {reader.missing} | | | | | |")
-            wrong = True
-            continue
-        outcomes = outcomes_of(reader, args.results)
-        print(row_of(reader, outcomes), flush=True)
-        for folder, one in zip(args.results, outcomes, strict=True):
-            if is_wrong(reader, one):
-                wrong = True
-                why = one.fault or f"differs by {one.difference:.3g}"
-                said.append(f"{reader.form}, {reader.title}, {folder}: {why}")
+    results = parser.parse_args().results
+    rows = [["format", "reader", "opened", "refused", "compared, unit", "largest difference"]]
+    refused: list[str] = []
+    faults: list[str] = []
+    for reader in READERS:
+        outcomes = outcomes_of(reader, results)
+        rows.append(row_of(reader, outcomes))
+        for folder, one in zip(results, outcomes, strict=True):
+            if one.fault:
+                faults.append(f"{reader.form}, {reader.distribution}, {folder}: {one.fault}")
             if one.refused:
-                said.append(f"{reader.form} refuses: {one.refused}")
-    print("", *dict.fromkeys(said), sep="\n")
-    return int(wrong)
+                refused.append(f"{reader.form} refuses: {one.refused}")
+    print(markdown_table(rows), *dict.fromkeys([*faults, *refused]), sep="\n")
+    return int(bool(faults))

@@ -17,7 +17,6 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 # pictures are of the code at hand, whatever an earlier one has kept
 os.environ["PHYSIC_CACHE"] = "off"
@@ -30,7 +29,6 @@ import run_notebooks
 from PIL import Image
 
 from physic_core import Pipeline, Reconstruction, report_html
-from physic_core.pipeline import estimate
 from physic_testing import load_world
 from physic_visual.palette import person_color
 from physic_visual.panels import colored_depth, overlay_panel, render_contact_views
@@ -120,15 +118,14 @@ def reconstruct(name: str) -> tuple[Reconstruction, Any]:
     """
     caught: list[Any] = []
 
-    def keep(*args: Any, **settings: Any) -> Any:
-        caught.append(real(*args, **settings))
-        return caught[-1]
+    def keep(estimates: Any) -> Any:
+        caught.append(estimates)
+        return estimates
 
-    real = estimate.run_backends
     photo = ROOT / "examples" / PHOTOS[name] if name in PHOTOS else load_world(WORLDS[name]).image
     preset = None if name in PHOTOS else "mock"
-    with mock.patch.object(estimate, "run_backends", keep), Pipeline(preset) as pipeline:
-        result = pipeline(photo)
+    with Pipeline(preset) as pipeline:
+        result = pipeline(photo, complete=keep)
     (estimates,) = caught
     return replace(
         result, stages=tuple(replace(s, seconds=0.0, load_seconds=0.0) for s in result.stages)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 MIN_IOU = 0.5
 CALIBRATION_BINS = 10
-SCORES = ("auc", "brier", "constant", "recall", "specificity", "balanced", "f1", "calibration")
+SCORES = ("auc", "brier", "constant", "recall", "specificity", "balanced", "calibration")
 """Names of the scores of probabilities."""
 
 FORCE_SHARE = 0.05
@@ -110,8 +110,8 @@ def probability_scores(probability: Sequence[float], truth: Sequence[bool]) -> d
     """Scores of probabilities (n,) of something that is true or not; NaN for what has no case.
 
     ``brier`` is the mean squared error, ``constant`` that of the base rate of these cases.
-    ``recall``, ``specificity``, ``balanced`` (their mean) and ``f1`` are at one half,
-    ``calibration`` is :func:`calibration_error`.
+    ``recall``, ``specificity`` and ``balanced`` (their mean) are at one half. ``calibration`` is
+    the expected calibration error in ten bins, mean |probability - share of true cases|.
     """
     given = np.array(probability, np.float64)
     fact = np.array(truth, bool)
@@ -122,34 +122,17 @@ def probability_scores(probability: Sequence[float], truth: Sequence[bool]) -> d
     right = found[fact], ~found[~fact]
     recall, specificity = (float(cases.mean()) if len(cases) else float("nan") for cases in right)
     above = given[fact][:, None] - given[~fact]
-    hits = int((found & fact).sum())
-    values = {
+    index = np.minimum((given * CALIBRATION_BINS).astype(int), CALIBRATION_BINS - 1)
+    off = np.bincount(index, given - fact, CALIBRATION_BINS)
+    return {
         "auc": float(((above > 0) + 0.5 * (above == 0)).mean()) if above.size else float("nan"),
         "brier": float(np.square(given - fact).mean()),
         "constant": float(rate * (1 - rate)),
         "recall": recall,
         "specificity": specificity,
         "balanced": (recall + specificity) / 2,
-        "f1": 2 * hits / (found.sum() + fact.sum()) if fact.any() else float("nan"),
-        "calibration": calibration_error(probability, truth),
+        "calibration": float(np.abs(off).sum() / len(given)),
     }
-    return {name: float(values[name]) for name in SCORES}
-
-
-def calibration_error(probability: Sequence[float], truth: Sequence[bool]) -> float:
-    """Expected calibration error in ten bins: mean |probability - share of true cases|; NaN without
-    probabilities.
-    """
-    given = np.array(probability, np.float64)
-    fact = np.array(truth, bool)
-    known = np.isfinite(given)
-    if not known.any():
-        return float("nan")
-    given = given[known]
-    fact = fact[known]
-    index = np.minimum((given * CALIBRATION_BINS).astype(int), CALIBRATION_BINS - 1)
-    off = np.bincount(index, given - fact, CALIBRATION_BINS)
-    return float(np.abs(off).sum() / len(given))
 
 
 def depth_errors(depth: Array, truth: Array) -> dict[str, float]:

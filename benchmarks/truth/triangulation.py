@@ -48,16 +48,12 @@ def triangulate(cameras: Sequence[Camera], points: Array) -> Array:
     two views know.
     """
     joints = np.full((points.shape[1], 3), np.nan)
+    P = np.stack([c.K @ np.column_stack([c.R, c.t]) / c.width for c in cameras])
+    equations = points[..., None] * P[:, None, 2:] - P[:, None, :2]
     for j in range(points.shape[1]):
-        rows = []
-        for camera, point in zip(cameras, points[:, j], strict=True):
-            if np.isfinite(point).all():
-                P = camera.K @ np.column_stack([camera.R, camera.t])
-                P = P / camera.width
-                xy = point / camera.width
-                rows += [xy[0] * P[2] * camera.width - P[0], xy[1] * P[2] * camera.width - P[1]]
-        if len(rows) >= 4:
-            solution = np.linalg.svd(np.array(rows))[2][-1]
+        known = np.isfinite(points[:, j]).all(-1)
+        if known.sum() >= 2:
+            solution = np.linalg.svd(equations[known, j].reshape(-1, 4))[2][-1]
             if abs(solution[3]) > 1e-9:
                 joints[j] = solution[:3] / solution[3]
     return joints

@@ -121,7 +121,6 @@ def test_known_probabilities_have_the_known_scores():
         "recall": pytest.approx(2 / 3),
         "specificity": pytest.approx(1 / 2),
         "balanced": pytest.approx((2 / 3 + 1 / 2) / 2),
-        "f1": pytest.approx(2 / 3),
         "calibration": pytest.approx((0.1 + 0 + 0.8 + 0.1) / 5),
     }
     alike = measures.probability_scores([0.9, 0.2], [True, True])
