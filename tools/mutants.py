@@ -13,9 +13,7 @@ import os
 import shutil
 import subprocess
 import sys
-import sysconfig
 import tempfile
-import venv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,41 +58,24 @@ def read_mutants(names: Sequence[str]) -> list[Mutant]:
 
 def copy_checkout(target: Path) -> None:
     """Copy the files that git knows or would add."""
-    listed = (
-        "git",
-        "-C",
-        str(ROOT),
-        "ls-files",
-        "-z",
-        "--cached",
-        "--others",
-        "--exclude-standard",
-    )
-    for name in subprocess.run(listed, capture_output=True, text=True, check=True).stdout.split(
-        "\0"
-    ):
+    command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    for name in listed.split("\0"):
         if name and (ROOT / name).is_file():
             (target / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, target / name)
 
 
-def make_python(folder: Path, copy: Path) -> Path:
-    """Make an environment in which the copy hides the checkout that is installed here; return its
-    interpreter.
+def run_tests(copy: Path, tests: Sequence[str]) -> tuple[int, str]:
+    """Run tests in the copy, which hides the checkout that is installed here; return pytest's exit
+    code and its output.
     """
-    venv.create(folder, symlinks=True)
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
     roots = [copy, *(path.parent for path in sorted(copy.glob("*/*/pyproject.toml")))]
-    installed = f"import site; site.addsitedir({sysconfig.get_path('purelib')!r})"
-    places = {"base": str(folder), "platbase": str(folder)}
-    packages = Path(sysconfig.get_path("purelib", "venv", vars=places))
-    (packages / "copy.pth").write_text("\n".join([*map(str, roots), installed]))
-    return Path(sysconfig.get_path("scripts", "venv", vars=places), "python")
-
-
-def run_tests(python: Path, copy: Path, tests: Sequence[str]) -> tuple[int, str]:
-    """Run tests in the copy; return pytest's exit code and its output."""
-    command = [str(python), "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *tests]
-    environment = os.environ | {"OMP_NUM_THREADS": "1"}
+    environment = os.environ | {
+        "OMP_NUM_THREADS": "1",
+        "PYTHONPATH": os.pathsep.join(map(str, roots)),
+    }
     done = subprocess.run(
         command, cwd=copy, env=environment, capture_output=True, text=True, check=False
     )
@@ -108,13 +89,13 @@ def apply(copy: Path, mutant: Mutant, *options: str) -> str:
     return done.stderr.strip() if done.returncode else ""
 
 
-def fault(python: Path, copy: Path, mutant: Mutant) -> str:
+def fault(copy: Path, mutant: Mutant) -> str:
     """Remove a defence, run its test, and bring it back; return what is wrong, "" if the test
     noticed.
     """
     if message := apply(copy, mutant):
         return f"the patch does not apply any more: make it again ({message})"
-    code, output = run_tests(python, copy, [mutant.test])
+    code, output = run_tests(copy, [mutant.test])
     if message := apply(copy, mutant, "--reverse"):
         sys.exit(f"{mutant.name}: {message}")
     if code == PASSED:
@@ -135,12 +116,11 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder).resolve() / "copy"
         copy_checkout(copy)
-        python = make_python(copy.with_name("environment"), copy)
-        code, output = run_tests(python, copy, sorted({mutant.test for mutant in mutants}))
+        code, output = run_tests(copy, sorted({mutant.test for mutant in mutants}))
         if code != PASSED:
             sys.exit(f"the tests must pass before a defence is removed:\n{output[-4000:]}")
         for mutant in mutants:
-            found = fault(python, copy, mutant)
+            found = fault(copy, mutant)
             bad += bool(found)
             print(f"{mutant.name}: {found or 'noticed'}", flush=True)
     print(f"{len(mutants) - bad} of {len(mutants)} removed defences were noticed")
