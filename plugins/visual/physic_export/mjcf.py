@@ -298,6 +298,13 @@ def _file(
         model = body_of_result(result, request.body_file)
         for index in rigid:
             _add_rigid(file, f"person_{index}", result.people[index], model, matrix)
+    _add_jointed(file, jointed)
+    _add_camera(world, result.intrinsics, camera_pose(request.frame))
+    return file
+
+
+def _add_jointed(file: _File, jointed: Sequence[ExportedPerson]) -> None:
+    """Add people who have joints, their T-pose, and which of their segments do not collide."""
     resting: dict[str, float] = {}
     contact = Element("contact")
     for person in jointed:
@@ -309,12 +316,10 @@ def _file(
         for pair in segments_that_meet(segments):
             _exclude(contact, (person.index, person.index), pair)
     if resting:
-        _add_t_pose(root, resting)
+        _add_t_pose(file.root, resting)
     _exclude_touching(contact, jointed)
     if len(contact):
-        root.append(contact)
-    _add_camera(world, result.intrinsics, camera_pose(request.frame))
-    return file
+        file.root.append(contact)
 
 
 def _add_visual(root: Element, camera: Intrinsics) -> None:
