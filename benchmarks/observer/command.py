@@ -44,7 +44,7 @@ from .fit import (
     question_of,
 )
 from .labels import all_photos, with_backs
-from .sample import Networks, read_seen, write_seen
+from .sample import read_seen, see, write_seen
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -105,14 +105,12 @@ def _frames(folder: Path) -> list[Sample]:
 
 def _people(pictures: Sequence[Sample], out: Path) -> Iterable[LabelledPerson]:
     """Return the labelled people of all pictures; what is not in OUT is looked at first."""
-    networks = None
     for photo in pictures:
         file = out_file(out, photo)
         if not file.is_file():
-            networks = networks or Networks()
             boxes = [person["box"] for person in photo.truth["people"] if "box" in person]
             picture = cv2.cvtColor(picture_of(photo), cv2.COLOR_BGR2RGB).astype(np.uint8)
-            write_seen(file, networks.see(picture, boxes))
+            write_seen(file, see(picture, boxes))
             print(photo.set, photo.name, flush=True)
         yield from _labelled(photo, read_seen(file))
 

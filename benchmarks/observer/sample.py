@@ -56,35 +56,28 @@ def opened(graph: str) -> OnnxSession:
     return open_packaged_session(graph, 1)
 
 
-class Networks:
-    """Pose network and the packaged depth network's encoder, opened once."""
+def see(picture: Picture, given: Sequence[Sequence[float]]) -> Seen:
+    """Return tokens of a picture (H, W, 3) RGB, and a pose in each of the given boxes, and then
+    in those of people who overlap them; without boxes, in that of the likeliest person.
 
-    def __init__(self) -> None:
-        self._pose = open_packaged_session("pose_landmark_heavy", 1)
-        self._detector = open_packaged_session("yolox_nano", 1)
-
-    def see(self, picture: Picture, given: Sequence[Sequence[float]]) -> Seen:
-        """Return tokens of a picture (H, W, 3) RGB, and a pose in each of the given boxes, and then
-        in those of people who overlap them; without boxes, in that of the likeliest person.
-
-        A pose that does not lie in its box has confidence 0.
-        """
-        found = detect_boxes(self._detector, picture, min_score=0.3, min_tile_score=0.3)
-        boxes = found.people.boxes.astype(np.float64)
-        if not given:
-            boxes = boxes[:1]
-        else:
-            own = np.array(given, np.float64)
-            overlap = box_iou(boxes, own).max(1, initial=0)
-            boxes = np.concatenate([own, boxes[(overlap > 0) & (overlap < _SAME_IOU)]])
-        pyramid = ImagePyramid.from_image(picture)
-        poses = [pose_in_box(self._pose, pyramid, box) for box in boxes]
-        own = np.array([pose.mask_box for pose in poses]).reshape(-1, 4)
-        lost = np.diag(box_iou(boxes, own)) < _LEAST_IOU
-        keypoints = keypoints_from_poses(poses, *picture.shape[:2])
-        confidence = np.where(lost[:, None], np.float32(0), keypoints.confidence)
-        tokens = patch_tokens("depth_anything_v2_vits", opened, picture, 406, 3600)
-        return Seen(tokens, boxes, replace(keypoints, confidence=confidence))
+    A pose that does not lie in its box has confidence 0.
+    """
+    found = detect_boxes(opened("yolox_nano"), picture, min_score=0.3, min_tile_score=0.3)
+    boxes = found.people.boxes.astype(np.float64)
+    if not given:
+        boxes = boxes[:1]
+    else:
+        own = np.array(given, np.float64)
+        overlap = box_iou(boxes, own).max(1, initial=0)
+        boxes = np.concatenate([own, boxes[(overlap > 0) & (overlap < _SAME_IOU)]])
+    pyramid = ImagePyramid.from_image(picture)
+    poses = [pose_in_box(opened("pose_landmark_heavy"), pyramid, box) for box in boxes]
+    own = np.array([pose.mask_box for pose in poses]).reshape(-1, 4)
+    lost = np.diag(box_iou(boxes, own)) < _LEAST_IOU
+    keypoints = keypoints_from_poses(poses, *picture.shape[:2])
+    confidence = np.where(lost[:, None], np.float32(0), keypoints.confidence)
+    tokens = patch_tokens("depth_anything_v2_vits", opened, picture, 406, 3600)
+    return Seen(tokens, boxes, replace(keypoints, confidence=confidence))
 
 
 def pose_in_box(session: OnnxSession, picture: ImagePyramid, box: Array) -> Pose:
