@@ -13,13 +13,7 @@ from physic_core.body import JOINT_INDEX
 from physic_core.types import POSTURES, TOUCH_PARTS, TOUCHED, Observations
 from physic_mock.noise import HEAD_DEG, LOG_ODDS, LOG_ODDS_SIGMA, Noise
 from physic_mock.recognition import MockOptions, match_masks_to_world, recognise_world
-from physic_testing.conformance.truth import (
-    true_child,
-    true_feet_on_floor,
-    true_head,
-    true_posture,
-    true_touch,
-)
+from physic_testing.conformance.truth import true_observations
 
 if TYPE_CHECKING:
     from physic_core.types import (
@@ -55,6 +49,7 @@ class MockPersonObserver(interfaces.PersonObserver):
         found = recognise_world(image)
         rows = match_masks_to_world(found, people)
         world = found.world
+        truth = true_observations(world)
         noise = Noise(world, self.options)
         rng = noise.rng("observations")
 
@@ -70,23 +65,22 @@ class MockPersonObserver(interfaces.PersonObserver):
 
         return replace(
             Observations.unknown(len(rows)),
-            posture=choice(true_posture(world)),
-            touch=choice(true_touch(world)),
-            on_floor=probability(true_feet_on_floor(world)),
-            child=probability(true_child(world)),
-            **_heads(world, rows, noise.factor, rng),
+            posture=choice(truth["posture"]),
+            touch=choice(truth["touch"]),
+            on_floor=probability(truth["on_floor"] > 0),
+            child=probability(truth["child"]),
+            **_heads(world, truth["head"], rows, noise.factor, rng),
             **_shares(),
         )
 
 
 def _heads(
-    world: World, rows: list[int], factor: float, rng: np.random.Generator
+    world: World, head: FloatArray, rows: list[int], factor: float, rng: np.random.Generator
 ) -> dict[str, Any]:
     """Return the directions of the faces of people in ``rows``, and their errors; NaN for a face
     that is turned away from the camera.
     """
     least, added = HEAD_DEG
-    head = true_head(world)
     drawn = np.radians(factor * added) * rng.normal(size=head.shape)
     seen = np.einsum("ni,ni->n", head, world.joints[:, JOINT_INDEX["head"]]) < 0
     head = np.where(seen[:, None], head + drawn, np.nan)

@@ -5,28 +5,30 @@ All results and errors are stored.
 
 from __future__ import annotations
 
+import pickle
+import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from pydantic import ValidationError
 
 from physic_core.configuration.problems import problems_from_pydantic
 from physic_core.discovery.backends import find_backend as find_offer
-from physic_core.discovery.backends import list_backends, load_class, missing_requirements
+from physic_core.discovery.backends import find_by_name, load_class, missing_requirements
 from physic_core.discovery.error_text import describe_error
 from physic_core.discovery.local_modules import split_folder
 from physic_core.errors import BackendError, ConfigError, PhysicError
 from physic_core.interfaces import INTERFACES, Backend, call
 from physic_core.interfaces.comparison import named_values
-from physic_testing.conformance.cases import EVIDENCE, EVIDENCE_OF, SIZE, build_case
+from physic_testing.conformance.cases import EVIDENCE, EVIDENCE_OF, FIRST_PHOTO, SIZE, build_case
 from physic_testing.conformance.contract import case_violations
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.network_and_memory import no_network
 from physic_testing.conformance.requests import build_request
+from physic_testing.conformance.tables import TABLES
 from physic_testing.conformance.watch import Watch
 
 if TYPE_CHECKING:
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from physic_core.discovery.entry_points import Offer
     from physic_core.interfaces import Request
     from physic_testing.conformance.cases import Case, Truth, Values
+    from physic_testing.conformance.readings import Table
     from physic_testing.worlds import World
 
 CAPABILITIES: dict[str, str] = {
@@ -48,11 +51,6 @@ CAPABILITIES: dict[str, str] = {
     "limits",
 }
 """Valid entries of a backend class's ``capabilities`` attribute -> effect on the checks."""
-
-FIRST_PHOTO = "odd size"
-"""Name of the photo on which every backend is called first, so that no earlier call can affect its
-result.
-"""
 
 OptionsFor = Mapping[str, Any] | Callable[["World"], Mapping[str, Any]]
 """Options of a backend, or a function that returns the options for a world.
@@ -71,6 +69,7 @@ class CaseRun:
         error: the error that ``infer`` raised.
         violations: contract violations of the result.
         changed_arguments: names of the arguments that ``infer`` changed.
+        seconds: run time of ``infer``.
     """
 
     result: Any
@@ -78,12 +77,14 @@ class CaseRun:
     error: BaseException | None
     violations: Sequence[str]
     changed_arguments: Sequence[str]
+    seconds: float
 
 
+@dataclass
 class BackendUnderTest:
     """One backend class with its options, its loaded instances and its stored results.
 
-    Args:
+    Attributes:
         kind: backend class.
         interface: name of the interface that is checked.
         name: name in the report.
@@ -95,11 +96,7 @@ class BackendUnderTest:
         claim: entry point of the backend; None for a class that was passed directly.
         device: device on which the backend is loaded.
         size: width and height of the standard photos, px.
-
-    Attributes:
-        evidence_names: names of the photos over which bias is measured.
-        photos_of_one_size: names of two different photos of one size, in the order in which the
-            backend is called on them.
+        declared: the capabilities.
         case_runs: photo name -> stored call, for all photos on which the backend was called.
         values: kept by :func:`physic_testing.conformance.readings.values_of`.
 
@@ -108,45 +105,53 @@ class BackendUnderTest:
         ConfigError: the backend does not accept the options.
     """
 
-    def __init__(
-        self,
-        kind: type[Backend],
-        interface: str,
-        name: str,
-        *,
-        options: OptionsFor | None = None,
-        capabilities: Collection[str] | None = None,
-        exact_limits: Mapping[str, float] | None = None,
-        claim: Offer | None = None,
-        device: str = "cpu",
-        size: tuple[int, int] = SIZE,
-    ) -> None:
-        self.kind = kind
-        self.interface = interface
-        self.name = name
-        self.claim = claim
-        self.device = device
-        self.size = size
-        self.watch = Watch()
-        self.capabilities = frozenset(
-            getattr(kind, "capabilities", ()) if capabilities is None else capabilities
+    kind: type[Backend]
+    interface: str
+    name: str
+    options: OptionsFor | None = None
+    capabilities: Collection[str] | None = None
+    exact_limits: Mapping[str, float] = field(default_factory=dict)
+    claim: Offer | None = None
+    device: str = "cpu"
+    size: tuple[int, int] = SIZE
+    declared: frozenset[str] = frozenset()
+    watch: Watch = field(default_factory=Watch)
+    case_runs: dict[str, CaseRun] = field(default_factory=dict)
+    values: list[tuple[Values, Truth]] = field(default_factory=list)
+    _loaded: dict[str, Backend] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        given = self.capabilities
+        self.declared = frozenset(
+            getattr(self.kind, "capabilities", ()) if given is None else given
         )
-        self.exact_limits = dict(exact_limits or {})
-        unknown = self.capabilities - CAPABILITIES.keys()
-        if unknown:
+        for unknown in sorted(self.declared - CAPABILITIES.keys()):
             raise BackendError(
-                f"{interface} '{name}' has the unknown capability {sorted(unknown)[0]!r}; "
+                f"{self.interface} '{self.name}' has the unknown capability {unknown!r}; "
                 f"valid are: {', '.join(CAPABILITIES)}"
             )
-        self._options = getattr(kind, "conformance_options", {}) if options is None else options
-        if options is not None and not callable(options):
-            self._refuse_unknown(options)
-        of_hands = interface == "hand_estimator"
-        self.evidence_names = EVIDENCE_OF.get(interface, EVIDENCE)
-        self.photos_of_one_size = ("close", "sitting") if of_hands else ("one person", "leaning")
-        self._loaded: dict[str, Backend] = {}
-        self.case_runs: dict[str, CaseRun] = {}
-        self.values: list[tuple[Values, Truth]] = []
+        if self.options is None:
+            self.options = getattr(self.kind, "conformance_options", {})
+        elif not callable(self.options):
+            self._refuse_unknown(self.options)
+
+    @property
+    def table(self) -> Table | None:
+        """What is checked of outputs; None for an interface without truth."""
+        return TABLES.get(self.interface)
+
+    @property
+    def evidence_names(self) -> tuple[str, ...]:
+        """Names of the photos over which bias is measured."""
+        return EVIDENCE_OF.get(self.interface, EVIDENCE)
+
+    @property
+    def photos_of_one_size(self) -> tuple[str, str]:
+        """Names of two different photos of one size, in the order in which the backend is called on
+        them.
+        """
+        of_hands = self.interface == "hand_estimator"
+        return ("close", "sitting") if of_hands else ("one person", "leaning")
 
     def case(self, name: str) -> Case:
         """Return the photo and its ground truth for a name of
@@ -171,7 +176,7 @@ class BackendUnderTest:
 
     def construct(self, case: Case | None = None) -> Backend:
         """Construct a new backend with network access blocked; it is not loaded."""
-        options = self.options(case)
+        options = self.options_for(case)
         with no_network():
             return self.kind(options)
 
@@ -188,17 +193,14 @@ class BackendUnderTest:
                 "it cannot be constructed: see 'constructs_quickly_and_offline'"
             ) from error
 
-    def options(self, case: Case | None = None) -> BaseModel:
+    def options_for(self, case: Case | None = None) -> BaseModel:
         """Return the backend's options for a photo.
 
         A photo without ground truth uses the options for "one person".
         """
-        given = self._options
+        given = self.options or {}
         if callable(given):
-            world = (
-                self.case("one person").truth if case is None or case.world is None else case.world
-            )
-            given = given(world)
+            given = given((case and case.world) or self.case("one person").truth)
         return self.kind.Options.model_validate(dict(given))
 
     def loaded(self, case: Case) -> Backend:
@@ -207,9 +209,9 @@ class BackendUnderTest:
         Raises:
             CheckSkipped: it cannot be constructed or loaded, or the device is not there.
         """
-        if "needs_cuda" in self.capabilities and self.device == "cpu":
+        if "needs_cuda" in self.declared and self.device == "cpu":
             raise CheckSkipped("needs a GPU: pass device='cuda'")
-        key = case.name if callable(self._options) and case.world is not None else ""
+        key = case.name if callable(self.options) and case.world is not None else ""
         if key in self._loaded:
             return self._loaded[key]
         backend = self.new_instance(case)
@@ -274,7 +276,7 @@ class BackendUnderTest:
             if name != FIRST_PHOTO:
                 self.run_case(FIRST_PHOTO)
             case = self.case(name)
-            self.case_runs[name] = self._try(self.loaded(case), case)
+            self.case_runs[name] = self.try_case(case)
             earlier, later = self.photos_of_one_size
             if name == earlier:
                 self.run_case(later)
@@ -335,16 +337,24 @@ class BackendUnderTest:
             errors = "; ".join(f"{fault.path}: {fault.message}" for fault in faults)
             raise ConfigError(f"{self.interface} '{self.name}': {errors}") from error
 
-    def _try(self, backend: Backend, case: Case) -> CaseRun:
-        """Call the backend on a case and record the result, the error and changed arguments."""
-        before = self.request(case)
-        given = self.request(case)
+    def try_case(self, case: Case) -> CaseRun:
+        """Call the backend on a case and record the result, the error and changed arguments.
+
+        Raises:
+            CheckSkipped: it cannot be constructed or loaded.
+        """
+        backend = self.loaded(case)
+        before, given = self.request(case), self.request(case)
+        answer = error = None
+        start = time.perf_counter()
         try:
             answer = self.infer(backend, given)
-        except (Exception, SystemExit) as error:
-            return CaseRun(None, None, error, (), _changed_fields(before, given))
-        faults = case_violations(self.interface, answer, case)
-        return CaseRun(deepcopy(answer), answer, None, faults, _changed_fields(before, given))
+        except (Exception, SystemExit) as raised:
+            error = raised
+        seconds = time.perf_counter() - start
+        faults = () if error else case_violations(self.interface, answer, case)
+        changed = _changed_fields(before, given)
+        return CaseRun(deepcopy(answer), answer, error, faults, changed, seconds)
 
 
 def find_backend(
@@ -381,17 +391,11 @@ def find_backend(
 
 def _single_interface(name: str) -> str:
     """Return the only interface that has a backend of this name, or raise BackendError."""
-    distribution, _, bare = name.rpartition(":")
-    offers = [
-        one
-        for one in list_backends()
-        if one.name == bare and distribution in ("", one.distribution)
-    ]
-    interfaces = list(dict.fromkeys(one.interface for one in offers))
+    interfaces = sorted({offer.interface for offer in find_by_name(name)})
     if len(interfaces) != 1:
-        have = ", ".join(interfaces) or "none"
         raise BackendError(
-            f"give the interface of the backend '{name}'; interfaces with this name: {have}"
+            f"give the interface of the backend '{name}'; interfaces with this name: "
+            f"{', '.join(interfaces)}"
         )
     return interfaces[0]
 
@@ -405,12 +409,4 @@ def _require_interface(interface: str) -> None:
 def _changed_fields(before: Any, after: Any) -> list[str]:
     """Return the paths of the fields whose values changed at all, such as "people.masks"."""
     pairs = zip(named_values(before), named_values(after), strict=True)
-    return [path for (path, old), (_, new) in pairs if not _identical(old, new)]
-
-
-def _identical(old: Any, new: Any) -> bool:
-    """Return whether two values are equal, NaN equal to NaN."""
-    if isinstance(old, np.ndarray):
-        is_float = old.dtype.kind == "f"
-        return isinstance(new, np.ndarray) and np.array_equal(old, new, equal_nan=is_float)
-    return bool(old == new) or (old != old and new != new)
+    return [path for (path, old), (_, new) in pairs if pickle.dumps(old) != pickle.dumps(new)]

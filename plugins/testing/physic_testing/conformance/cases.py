@@ -34,6 +34,11 @@ Truth: TypeAlias = "dict[str, Any]"
 SIZE = (320, 240)
 """Default width and height of the standard photos, px."""
 
+FIRST_PHOTO = "odd size"
+"""Name of the photo on which every backend is called first, so that no earlier call can affect its
+result.
+"""
+
 SCENE_UNIT = 1.7
 """Metres per unit of the relative point maps in the hints."""
 

@@ -12,6 +12,9 @@ if TYPE_CHECKING:
 BLIND = frozenset({"ignores_image"})
 """Capability of backends for which checks of bias are skipped."""
 
+SAME = frozenset({"stochastic"})
+"""Capability of backends whose outputs differ between calls."""
+
 
 @dataclass(frozen=True)
 class Check:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -13,7 +12,6 @@ from physic_core.errors import PhysicError
 from physic_testing.conformance.accuracy import ERRORS, mean_errors, measure_errors
 from physic_testing.conformance.backend_under_test import find_backend
 from physic_testing.conformance.cases import SIZE, case_of_world
-from physic_testing.conformance.contract import case_violations
 from physic_testing.conformance.expect import CheckSkipped
 from physic_testing.conformance.report import finite_or_none
 from physic_testing.metrics.intervals import aligned_table
@@ -74,7 +72,10 @@ class BackendComparison:
         """Table with one line per backend; * marks the best value of each column."""
         lines = [("backend", *self.errors, "s a photo", "worlds")]
         for row in self.rows:
-            cells = [self._cell(row, name) for name in self.errors]
+            cells = [
+                "-" if name not in row.errors else f"{row.errors[name]:.3g}{self._mark(row, name)}"
+                for name in self.errors
+            ]
             seconds = f"{row.seconds:.2f}" if row.completed else "-"
             lines.append((row.backend, *cells, seconds, f"{row.completed} of {len(self.worlds)}"))
         notes = [f"{row.backend}: {row.problem}" for row in self.rows if row.problem]
@@ -106,14 +107,11 @@ class BackendComparison:
             ],
         }
 
-    def _cell(self, row: BackendScores, name: str) -> str:
-        """Format one error; * marks the best of several backends."""
-        if name not in row.errors:
-            return "-"
+    def _mark(self, row: BackendScores, name: str) -> str:
+        """Return a star if an error is the best of several backends."""
         values = [other.errors[name] for other in self.rows if name in other.errors]
-        best = max(values) if ERRORS[name].better == "higher" else min(values)
-        mark = "*" if len(values) > 1 and row.errors[name] == best else ""
-        return f"{row.errors[name]:.3g}{mark}"
+        best = max if ERRORS[name].better == "higher" else min
+        return "*" if len(values) > 1 and row.errors[name] == best(values) else ""
 
 
 def compare(
@@ -156,32 +154,29 @@ def _scores(
 ) -> BackendScores:
     """Measure the mean errors and the median run time of one backend."""
     errors: list[Mapping[str, float]] = []
-    times = []
-    problems = []
-    tracebacks = []
+    seconds: list[float] = []
+    problems: dict[str, str] = {}
     for name in worlds:
         case = case_of_world(name, load_world(name, size))
         try:
-            backend = subject.loaded(case)
-            request = subject.request(case)
-            start = time.perf_counter()
-            answer = subject.infer(backend, request)
-            times.append(time.perf_counter() - start)
-            faults = case_violations(subject.interface, answer, case)
-            problems += faults[:1]
-            if not faults:
-                errors.append(measure_errors(subject.interface, answer, case))
+            attempt = subject.try_case(case)
+            if attempt.error is not None:
+                raise attempt.error
+            seconds.append(attempt.seconds)
+            problems |= dict.fromkeys(attempt.violations[:1], "")
+            if not attempt.violations:
+                errors.append(measure_errors(subject.table, attempt.result, case))
         except (Exception, SystemExit) as error:  # a plugin may raise any error
             cause = (isinstance(error, CheckSkipped) and error.__cause__) or error
             explained = isinstance(cause, CheckSkipped | PhysicError)
-            problems.append(str(error) if explained else describe_error(cause, subject.kind))
-            tracebacks.append(traceback_text(cause))
+            words = str(error) if explained else describe_error(cause, subject.kind)
+            problems[words] = traceback_text(cause)
     subject.close()
     return BackendScores(
         subject.name,
         mean_errors(errors),
         len(errors),
-        sorted(times)[len(times) // 2] if times else math.nan,
-        "; ".join(dict.fromkeys(problems)),
-        "\n".join(filter(None, tracebacks)),
+        sorted(seconds)[len(seconds) // 2] if seconds else math.nan,
+        "; ".join(problems),
+        "\n".join(filter(None, problems.values())),
     )

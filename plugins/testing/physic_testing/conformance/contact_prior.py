@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from physic_testing.conformance.expect import CheckFailed, expect
 from physic_testing.conformance.output_checks import ROWS, WITHOUT_PEOPLE
 from physic_testing.conformance.readings import Group, Reading, Table, flipped, normalised
 from physic_testing.conformance.truth import contact_on_embedded, embedded_body
+from physic_testing.metrics import contact_scores
 
 if TYPE_CHECKING:
     from physic_core.types import ContactProbability, FloatArray, IntArray
@@ -27,10 +28,23 @@ OWN_BODY_M = 0.02
 
 APART_M = 0.15
 
+CONTACT_THRESHOLD = 0.5
+"""Probability above which a vertex counts as in contact."""
+
 
 def _values(answer: ContactProbability, case: Case) -> tuple[Values, Truth]:
     likely = contact_on_embedded(answer).probability.astype(float)
     return {"likely": likely}, {"likely": case.truth.contact.astype(float)}
+
+
+def _errors(own: Values, truth: Truth) -> dict[str, Any]:
+    scores = contact_scores(own["likely"] > CONTACT_THRESHOLD, truth["case"].truth.contact)
+    return {"F1": scores.f1_mean, "precision": scores.precision_mean, "recall": scores.recall_mean}
+
+
+def _order(likely: FloatArray, truth: Truth) -> list[FloatArray]:
+    """Return the rows on the outer skin with mean 0 and length 1."""
+    return normalised(likely[:, embedded_body().outer.numpy()], truth)
 
 
 @lru_cache(maxsize=1)
@@ -88,24 +102,24 @@ def check_mesh_is_known(subject: BackendUnderTest) -> None:
     """The probabilities are those of the bodies' mesh, or of a mesh whose T-pose is in `rest`."""
     answer = subject.result()
     truth = subject.case("one person").truth
-    if answer.rest is not None and answer.topology != truth.topology:
-        try:
-            contact_on_embedded(answer)
-        except BodyModelError as error:
-            wanted = "a mesh in the T-pose: meters, y up, facing +z, left side on +x"
-            raise CheckFailed(wanted, str(error)) from error
-        return
+    given = answer.topology, answer.probability.shape[1]
     expect(
-        (answer.topology, answer.probability.shape[1]) == (truth.topology, truth.vertices.shape[1]),
-        f"{truth.vertices.shape[1]} vertices of the bodies' topology {truth.topology!r}",
-        f"{answer.probability.shape[1]} of {answer.topology!r}",
+        answer.rest is not None or given == (truth.topology, truth.vertices.shape[1]),
+        f"{truth.vertices.shape[1]} vertices of the bodies' topology {truth.topology!r}, or `rest`",
+        "{1} of {0!r}".format(*given),
     )
+    try:
+        contact_on_embedded(answer)
+    except BodyModelError as error:
+        wanted = "a mesh in the T-pose: meters, y up, facing +z, left side on +x"
+        raise CheckFailed(wanted, str(error)) from error
 
 
 _FLIP = "Was the photo mirrored for the network?"
 
 TABLE = Table(
     _values,
+    _errors,
     (WITHOUT_PEOPLE, Check(check_mesh_is_known), *ROWS),
     (
         Group(
@@ -120,7 +134,7 @@ TABLE = Table(
                 Reading("half in reverse order", _half_reversed, "Is half of them reversed?"),
                 Reading("with the own body's", _with_own_body, "Contact is with the scene alone."),
             ),
-            normalised("likely", lambda: embedded_body().outer.numpy()),
+            _order,
             search=_rotated,
             is_telling=True,
         ),

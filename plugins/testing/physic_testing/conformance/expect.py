@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
+
+from physic_core.interfaces.comparison import describe_difference
 
 
 class CheckFailed(AssertionError):
@@ -43,3 +45,9 @@ def warn_unless(condition: bool, expected: str, got: str, hint: str = "") -> Non
     """Raise CheckWarned with the other arguments unless the condition is true."""
     if not condition:
         raise CheckWarned(expected, got, hint)
+
+
+def expect_same(expected: str, first: Any, second: Any, hint: str = "") -> None:
+    """Raise CheckFailed with the difference of two outputs, if there is one."""
+    differ = describe_difference(first, second)
+    expect(not differ, expected, differ, hint)

@@ -4,11 +4,10 @@ hands.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_core.body import JOINT_INDEX
 from physic_testing.conformance.body_estimator import (
     FORMS,
     MIRROR,
@@ -17,13 +16,16 @@ from physic_testing.conformance.body_estimator import (
 )
 from physic_testing.conformance.output_checks import ROWS, WITHOUT_PEOPLE
 from physic_testing.conformance.readings import Group, Reading, Table, flipped, in_order, times
-from physic_testing.conformance.truth import true_hands, true_wrists
+from physic_testing.conformance.truth import (
+    WRISTS,
+    rotation_errors_deg,
+    true_hands,
+    true_wrists,
+)
 
 if TYPE_CHECKING:
     from physic_core.types import FloatArray, Hands
     from physic_testing.conformance.cases import Case, Truth, Values
-
-WRISTS = [JOINT_INDEX[name] for name in ("left_wrist", "right_wrist")]
 
 _TURNED = 0.5  # root of the mean square of what a turn by some 45 degrees changes in a matrix
 _MIRRORING = (
@@ -39,18 +41,27 @@ _NAMES = [
 
 
 def _values(answer: Hands, case: Case) -> tuple[Values, Truth]:
-    """Return the rotation vectors of the fingers (N, 2, 15, 3), NaN of hands that are not found."""
-    shown = (answer.confidence > 0)[..., None]
-    wrists = np.nan if answer.wrists is None else answer.wrists
-    own = {
-        "fingers": shortest(np.where(shown[..., None], answer.rotvecs, np.nan)),
-        "wrists": shortest(np.where(shown, wrists, np.full(3, np.nan) * shown)),
-        "confidence": answer.confidence,
-    }
+    """Return the rotation vectors of the fingers (N, 2, 15, 3) and wrists (N, 2, 3), NaN of hands
+    that are not found, and confidences (N, 2).
+    """
     world = case.truth
+    shown = np.where(answer.confidence > 0, 1, np.nan)[..., None]
+    wrists = np.full(3, np.nan) if answer.wrists is None else answer.wrists
+    own = {"fingers": answer.rotvecs * shown[..., None], "wrists": wrists * shown}
     truth = {"fingers": true_hands(world), "wrists": true_wrists(world)}
-    truth = {name: shortest(value) for name, value in truth.items()}
-    return own, truth | {"confidence": world.joints_visible[:, WRISTS].astype(float)}
+    own, truth = (
+        {name: shortest(rotvecs) for name, rotvecs in side.items()} for side in (own, truth)
+    )
+    own["confidence"] = answer.confidence
+    truth["confidence"] = world.joints_visible[:, WRISTS].astype(float)
+    return own, truth
+
+
+def _errors(own: Values, truth: Truth) -> dict[str, Any]:
+    return {
+        "degrees": rotation_errors_deg(own["fingers"], truth["fingers"]),
+        "wrist degrees": rotation_errors_deg(own["wrists"], truth["wrists"]),
+    }
 
 
 def _of_hands(fingers: FloatArray, truth: Truth) -> list[FloatArray]:
@@ -74,6 +85,7 @@ _READINGS = (
 
 TABLE = Table(
     _values,
+    _errors,
     (
         WITHOUT_PEOPLE,
         *ROWS,

@@ -4,7 +4,7 @@ confidence.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -44,54 +44,54 @@ _ASPECT = (
 
 def _values(answer: Keypoints, case: Case) -> tuple[Values, Truth]:
     """Return points from the centres of the boxes, px, NaN where hidden or not detected, and
-    confidences of the joints that are on a body.
+    confidences of the joints that are on a body; points in the world of joints of the body, from
+    their mean.
     """
     found, true, visible = comparable_keypoints(answer, case.truth)
     shown = visible & (found.confidence > 0)
-    points = np.where(shown[..., None], found.points - _centres(case), np.nan)
-    true = np.where(visible[..., None], true - _centres(case), np.nan)
-    true[visible.sum(axis=1) <= MIN_JOINTS] = np.nan
-    names = found.joint_set.names
-    own = {"points": points, "confidence": found.confidence, "world": _in_world(answer)}
-    joints = case.truth.joints[:, [JOINT_INDEX[name] for name in _IN_WORLD]]
-    truth = {"points": true, "confidence": visible.astype(float), "names": names}
-    return own, truth | {"world": joints - joints.mean(1, keepdims=True)}
-
-
-def _in_world(answer: Keypoints) -> FloatArray:
-    """Return the points (N, 6, 3) in the world of joints of the body, from their mean."""
+    counted = visible & (visible.sum(axis=1, keepdims=True) > MIN_JOINTS)
+    points, true = (
+        np.where(known[..., None], at - _centres(case), np.nan)
+        for known, at in ((shown, found.points), (counted, true))
+    )
     names = answer.joint_set.names
-    if answer.world is None or not {*_IN_WORLD} <= {*names}:
-        return np.full((len(answer.points), len(_IN_WORLD), 3), np.nan)
-    points = answer.world[:, [names.index(name) for name in _IN_WORLD]]
-    return np.asarray(points - points.mean(1, keepdims=True), float)
+    in_world = np.full((len(points), len(_IN_WORLD), 3), np.nan)
+    if answer.world is not None and {*_IN_WORLD} <= {*names}:
+        in_world = answer.world[:, [names.index(name) for name in _IN_WORLD]].astype(float)
+    joints = case.truth.joints[:, [JOINT_INDEX[name] for name in _IN_WORLD]]
+    own = {"points": points, "confidence": found.confidence, "world": _from_mean(in_world)}
+    truth = {"points": true, "confidence": visible.astype(float), "world": _from_mean(joints)}
+    return own, truth | {"names": found.joint_set.names}
+
+
+def _from_mean(points: FloatArray) -> FloatArray:
+    return points - points.mean(axis=1, keepdims=True)
+
+
+def _errors(own: Values, truth: Truth) -> dict[str, Any]:
+    apart = np.linalg.norm(own["points"] - truth["points"], axis=2)
+    return {"share of person": apart / truth["case"].box_sides[:, None]}
 
 
 def _centres(case: Case) -> FloatArray:
     """Return the centres (N, 1, 2) of the boxes, px."""
-    centres: FloatArray = ((case.people.boxes[:, :2] + case.people.boxes[:, 2:]) / 2 - 0.5)[:, None]
+    boxes = case.people.boxes[:, None]
+    centres: FloatArray = (boxes[..., :2] + boxes[..., 2:] - 1) / 2
     return centres
 
 
 def _in_boxes(points: FloatArray, truth: Truth) -> list[FloatArray]:
     """Return the points of each person, in sides of the box."""
-    sides = truth["case"].box_sides
-    return [person.ravel() / side for person, side in zip(points, sides, strict=True)]
+    return list((points / truth["case"].box_sides[:, None, None]).reshape(len(points), -1))
 
 
 def _mirrored(points: FloatArray, truth: Truth) -> FloatArray:
-    centres = _centres(truth["case"])
-    width = truth["case"].photo.shape[1]
-    mirrored: FloatArray = [width - 1, 0] - (points + centres) * [1, -1] - centres
-    return mirrored
+    middle = (truth["case"].photo.shape[1] - 1) / 2
+    return points * [-1, 1] + 2 * ([middle, 0] - _centres(truth["case"])) * [1, 0]
 
 
 def _other_sides(points: FloatArray, truth: Truth) -> FloatArray:
     return points[:, mirrored_order(truth["names"])]
-
-
-def _mean_of_sides(points: FloatArray, truth: Truth) -> FloatArray:
-    return (points + _other_sides(points, truth)) / 2
 
 
 def _clipped(points: FloatArray, truth: Truth) -> FloatArray:
@@ -133,7 +133,11 @@ _CROP = "Are points clipped to the crop?"
 _OTHER = (
     Reading("mirrored", _mirrored, _BACK),
     Reading("with left and right exchanged", _other_sides, _BACK),
-    Reading("a mean of left and right, as of a mirrored photo", _mean_of_sides, _BACK),
+    Reading(
+        "a mean of left and right, as of a mirrored photo",
+        lambda points, truth: (points + _other_sides(points, truth)) / 2,
+        _BACK,
+    ),
     Reading("clipped to the box of the person", _clipped, _CROP),
     Reading("a third wider than the person", times(4 / 3, 1), _ASPECT),
 )
@@ -158,6 +162,7 @@ _ALONG = (
 
 TABLE = Table(
     _values,
+    _errors,
     (
         WITHOUT_PEOPLE,
         Check(check_skeleton_is_known),
@@ -195,7 +200,7 @@ TABLE = Table(
                 Reading("of the next joint", lambda rows, _: np.roll(rows, -1, 1), _ONE_ORDER),
                 Reading("of the other side", _other_sides, _ONE_ORDER),
             ),
-            normalised("confidence"),
+            normalised,
             is_telling=True,
         ),
         Group(

@@ -3,50 +3,27 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Collection, Mapping
-from functools import lru_cache
+from collections.abc import Callable, Mapping
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 from physic_core.discovery.error_text import is_debugging
 from physic_core.interfaces import INTERFACES, Backend
 from physic_testing.conformance import (
-    body_estimator,
     class_checks,
-    contact_prior,
-    depths,
-    hand_estimator,
-    inpainter,
-    keypoint_detector,
     lifecycle,
     manners,
     output_checks,
-    person_observer,
-    segmenter,
 )
 from physic_testing.conformance.accuracy import check_is_exact
 from physic_testing.conformance.backend_under_test import BackendUnderTest, find_backend
-from physic_testing.conformance.cases import SIZE
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.readings import check_of
 from physic_testing.conformance.run import CheckRun, require_check_names
+from physic_testing.conformance.tables import TABLES
 
 if TYPE_CHECKING:
-    from physic_testing.conformance.backend_under_test import OptionsFor
-    from physic_testing.conformance.readings import Table
-    from physic_testing.conformance.report import Report, Result
-
-TABLES: dict[str, Table] = {
-    "segmenter": segmenter.TABLE,
-    "inpainter": inpainter.TABLE,
-    "metric_depth": depths.METRIC_DEPTH,
-    "relative_pointmap": depths.RELATIVE_POINTMAP,
-    "keypoint_detector": keypoint_detector.TABLE,
-    "body_estimator": body_estimator.TABLE,
-    "hand_estimator": hand_estimator.TABLE,
-    "person_observer": person_observer.TABLE,
-    "contact_prior": contact_prior.TABLE,
-}
-"""Interface -> what is checked of its outputs; others have only the general checks."""
+    from physic_testing.conformance.report import Report
 
 _EXACT = Check(
     check_is_exact,
@@ -80,13 +57,9 @@ def check_backend(
     backend: str | type[Backend] | Backend,
     interface: str | None = None,
     *,
-    options: OptionsFor | None = None,
-    capabilities: Collection[str] | None = None,
-    exact_limits: Mapping[str, float] | None = None,
     expected_failures: Mapping[str, str] | None = None,
-    device: str = "cpu",
-    size: tuple[int, int] = SIZE,
     progress: Callable[[str, int, int], None] | None = None,
+    **settings: Any,
 ) -> Report:
     """Run the conformance checks of a backend on photos of worlds and return the report.
 
@@ -95,31 +68,22 @@ def check_backend(
             an instance.
         interface: name of the interface; required if several interfaces have a backend of this
             name.
-        options: options of the backend, or a function that returns the options for a world.
-        capabilities: entries of :data:`physic_testing.conformance.CAPABILITIES`, which select
-            checks; by default the class attribute ``capabilities``.
-        exact_limits: name of an error -> its limit in place of that of the capability "exact", such
-            as {"IoU": 0.98}: what the backend's own resampling needs.
         expected_failures: name of a check -> why it is expected to fail; if it passes, it counts as
             a failure.
-        device: device on which the backend is loaded.
-        size: width and height of the standard photos, px.
         progress: called before each check with its name, the number of checks before it, and that
             of all.
+        settings: ``options`` of the backend, or a function that returns the options for a world;
+            ``capabilities``, entries of :data:`physic_testing.conformance.CAPABILITIES`, which
+            select checks, by default the class attribute of this name; ``exact_limits``, name of an
+            error -> its limit in place of that of the capability "exact", such as {"IoU": 0.98}:
+            what the backend's own resampling needs; ``device`` on which the backend is loaded;
+            ``size``, width and height of the standard photos, px.
 
     Raises:
         BackendError: the backend does not exist.
         PhysicError: an expected failure or a capability does not exist.
     """
-    subject = find_backend(
-        backend,
-        interface,
-        options=options,
-        capabilities=capabilities,
-        exact_limits=exact_limits,
-        device=device,
-        size=size,
-    )
+    subject = find_backend(backend, interface, **settings)
     return start_checks(subject, expected_failures).report(progress)
 
 
@@ -152,7 +116,7 @@ def parametrize_with_checks(
         backend: a name or a class, as for :func:`check_backend`.
         expected_failures: name of a check -> why it is expected to fail; the test fails if the
             check passes.
-        settings: options, capabilities, device and size, as for :func:`check_backend`.
+        settings: as for :func:`check_backend`.
 
     Raises:
         PhysicError: an expected failure is not the name of a check.
@@ -167,24 +131,24 @@ def parametrize_with_checks(
     def shared_run() -> CheckRun:
         return start_checks(find_backend(backend, interface, **settings))
 
-    def test_of(name: str) -> Any:
+    def parameter(name: str) -> Any:
         reason = expected.get(name)
         marks = [] if reason is None else [pytest.mark.xfail(reason=reason, strict=True)]
-        return pytest.param(
-            lambda: _report_to_pytest(shared_run().result(name)), id=name, marks=marks
-        )
+        run = partial(_report_to_pytest, shared_run, name)
+        return pytest.param(run, id=name, marks=marks)
 
     last = pytest.param(lambda: _require_backend_call(shared_run()), id="backend_was_run")
-    return pytest.mark.parametrize("check", [*map(test_of, checks), last])
+    return pytest.mark.parametrize("check", [*map(parameter, checks), last])
 
 
-def _report_to_pytest(result: Result) -> None:
+def _report_to_pytest(shared_run: Callable[[], CheckRun], name: str) -> None:
     """Fail, skip or warn in a pytest test as a check did."""
     import pytest
 
-    if result.outcome == "failed" and result.error is not None and is_debugging():
-        raise pytest.fail.Exception(result.message) from result.error
+    result = shared_run().result(name)
     if result.outcome == "failed":
+        if result.error is not None and is_debugging():
+            raise pytest.fail.Exception(result.message) from result.error
         pytest.fail(result.message, pytrace=False)
     if result.outcome == "skipped":
         pytest.skip(result.reason)
@@ -197,7 +161,6 @@ def _require_backend_call(run: CheckRun) -> None:
     import pytest
 
     reason = run.not_run_reason
-    run.subject.close()
-    run.remember_if_passed()
+    run.finish()
     if reason:
         pytest.fail(f"expected: a backend that can be called\ngot:      {reason}", pytrace=False)

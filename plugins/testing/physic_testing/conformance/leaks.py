@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import warnings
-from collections.abc import Callable
 from operator import attrgetter
+from signal import SIGINT, SIGTERM
 from typing import Any
 
-_VALUES = {
+_SETTINGS = {
     "PIL.Image": ("MAX_IMAGE_PIXELS",),
     "PIL.ImageFile": ("LOAD_TRUNCATED_IMAGES",),
+    "cv2": ("getNumThreads()",),
     "logging": ("root.level", "root.manager.disable"),
-    "numpy": ("load",),
+    "numpy": ("load", "geterr()", "random.get_state()"),
+    "os": ("getcwd()",),
+    "random": ("getstate()",),
     "sys": ("excepthook",),
     "torch": (
         "load",
@@ -22,25 +26,20 @@ _VALUES = {
         "backends.cudnn.deterministic",
         "backends.cudnn.enabled",
         "backends.mkldnn.enabled",
+        "_C._is_any_autocast_enabled()",
+        "are_deterministic_algorithms_enabled()",
+        "backends.cuda.flash_sdp_enabled()",
+        "backends.cuda.math_sdp_enabled()",
+        "get_default_device()",
+        "get_default_dtype()",
+        "get_float32_matmul_precision()",
+        "get_num_threads()",
+        "get_rng_state()",
+        "is_grad_enabled()",
+        "is_inference_mode_enabled()",
     ),
 }
-"""Module -> attributes that are compared."""
-
-_CALLED = {
-    "cv2": ("getNumThreads",),
-    "numpy": ("geterr",),
-    "os": ("getcwd",),
-    "torch": (
-        "_C._is_any_autocast_enabled",
-        "are_deterministic_algorithms_enabled",
-        "backends.cuda.flash_sdp_enabled",
-        "backends.cuda.math_sdp_enabled",
-        "get_default_dtype",
-        "get_float32_matmul_precision",
-        "get_num_threads",
-    ),
-}
-"""Module -> functions whose results are compared."""
+"""Module -> attributes and results of functions that are compared."""
 
 _SET_BY_IMPORTS = frozenset(
     {"CUDA_MODULE_LOADING", "LD_LIBRARY_PATH", "TORCHINDUCTOR_CACHE_DIR"}  # torch, OpenCV
@@ -49,38 +48,20 @@ _SET_BY_IMPORTS = frozenset(
 """Environment variables that libraries set for themselves when they are imported."""
 
 _VARIABLE = "the environment variable "
-_GENERATOR_OF_TORCH = "torch's random generator"
-
-_STATES: dict[str, tuple[str, Callable[[Any], Any]]] = {
-    "handlers of signals": ("signal", lambda m: (m.getsignal(m.SIGINT), m.getsignal(m.SIGTERM))),
-    "the generator of `random`": ("random", lambda m: m.getstate()),
-    "numpy's random generator": ("numpy.random", lambda m: str(m.get_state(legacy=False)["state"])),
-    _GENERATOR_OF_TORCH: ("torch", lambda m: m.get_rng_state().tolist()),
-    "torch's modes": (
-        "torch",
-        lambda m: (
-            *(m.is_grad_enabled(), m.is_inference_mode_enabled()),
-            m.overrides._get_current_function_mode_stack(),
-            m.utils._python_dispatch._get_current_dispatch_mode_stack(),
-        ),
-    ),
-}
-"""Name -> module and the state that is compared."""
+_DRAWN_BY_LOAD = "torch.get_rng_state()"
 
 
-def read_settings() -> dict[str, Any]:
-    """Return name -> value of the settings of all imported modules."""
-    found: dict[str, Any] = {"warnings.filters": _broad_filters()}
-    for names, is_called in ((_VALUES, False), (_CALLED, True)):
-        for library in names.keys() & sys.modules.keys():
-            for name in names[library]:
-                value = attrgetter(name)(sys.modules[library])
-                found[f"{library}.{name}"] = value() if is_called else value
-    for name, (library, read) in _STATES.items():
-        if library in sys.modules:
-            found[name] = read(sys.modules[library])
-    variables = os.environ.keys() - _SET_BY_IMPORTS
-    return found | {f"{_VARIABLE}{name}": os.environ[name] for name in variables}
+def read_settings() -> dict[str, str]:
+    """Return name -> value of the settings of all imported modules, as text."""
+    found = {f"{_VARIABLE}{name}": os.environ[name] for name in {*os.environ} - _SET_BY_IMPORTS}
+    found["warnings.filters"] = str(_broad_filters())
+    found["signal.getsignal()"] = str([signal.getsignal(each) for each in (SIGINT, SIGTERM)])
+    for module in _SETTINGS.keys() & sys.modules.keys():
+        for name in _SETTINGS[module]:
+            value = attrgetter(name.removesuffix("()"))(sys.modules[module])
+            value = value() if name.endswith("()") else value
+            found[f"{module}.{name}"] = str(getattr(value, "tolist", lambda v=value: v)())
+    return found
 
 
 def _broad_filters() -> list[Any]:
@@ -92,7 +73,7 @@ def _broad_filters() -> list[Any]:
     ]
 
 
-def changed_settings(before: dict[str, Any], *, is_load: bool) -> set[str]:
+def changed_settings(before: dict[str, str], *, is_load: bool) -> set[str]:
     """Return the names of the settings that differ from those of :func:`read_settings`.
 
     Args:
@@ -103,4 +84,4 @@ def changed_settings(before: dict[str, Any], *, is_load: bool) -> set[str]:
     after = read_settings()
     changed = {name for name, value in before.items() if after.get(name) != value}
     changed |= {name for name in after.keys() - before.keys() if name.startswith(_VARIABLE)}
-    return changed - {_GENERATOR_OF_TORCH} if is_load else changed
+    return changed - {_DRAWN_BY_LOAD} if is_load else changed

@@ -89,7 +89,7 @@ def _files_in_a_new_home(subject: BackendUnderTest) -> list[str]:
     weights = {"HF_HOME": "huggingface", "TORCH_HOME": "torch"}
     kept = {name: str(caches / folder) for name, folder in weights.items()} | os.environ
     target = f"{subject.kind.__module__}:{subject.kind.__qualname__}"
-    options = subject.options(subject.case("one person")).model_dump(mode="json")
+    options = subject.options_for(subject.case("one person")).model_dump(mode="json")
     settings = {"options": options, "device": subject.device}
     with TemporaryDirectory() as home:
         places = {

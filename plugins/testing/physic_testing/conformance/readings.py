@@ -49,6 +49,9 @@ AGREE = 0.8
 EXPLAINS = 0.97
 """Largest share of the squared error that is left if most mistakes are undone."""
 
+MAX_SIGMAS = 3.0
+"""Stated standard deviations within which the median of errors lies."""
+
 _FLAT = 1e-6
 _CONSTANT = 0.05  # share of the variance of the truth
 _TELLING = 0.02  # share of the largest mistake from which on a unit shows it
@@ -112,20 +115,13 @@ def rows(value: Any, truth: Truth) -> list[FloatArray]:
     return [row.ravel() for row in value]
 
 
-def normalised(key: str, columns: Callable[[], Any] = lambda: slice(None)) -> VectorsOf:
-    """Return the vectors of rows of mean 0 and length 1, NaN where a row or its truth of this name
-    is constant: the order of its numbers counts, and no level.
+def normalised(value: Any, truth: Truth) -> list[FloatArray]:
+    """Return the rows with mean 0 and length 1, NaN where a row is constant: the order of its
+    numbers counts, and no level.
     """
-
-    def vectors(value: Any, truth: Truth) -> list[FloatArray]:
-        found = []
-        for row, true in zip(value[:, columns()], truth[key][:, columns()], strict=True):
-            flat = row - row.mean()
-            known = min(np.ptp(row), np.ptp(true)) > _FLAT
-            found.append(flat / np.linalg.norm(flat) if known else np.full(len(row), np.nan))
-        return found
-
-    return vectors
+    flat = value - value.mean(axis=1, keepdims=True)
+    length = np.linalg.norm(flat, axis=1, keepdims=True)
+    return list(np.where(length > _FLAT, flat / np.maximum(length, _FLAT), np.nan))
 
 
 @dataclass(frozen=True)
@@ -166,26 +162,118 @@ class Table:
 
     Attributes:
         values: values of an output and of the truth.
+        errors: values of an output and of the truth -> name of each error of
+            :data:`physic_testing.conformance.accuracy.ERRORS` -> numbers whose mean it is, the one
+            by which two results are compared first.
         checks: checks that are no comparison with known mistakes.
         groups: comparisons with known mistakes.
         after: names of checks that come before the comparisons.
     """
 
     values: ValuesOf
+    errors: Callable[[Values, Truth], dict[str, Any]]
     checks: tuple[Check, ...]
     groups: tuple[Group, ...]
     after: tuple[str, ...] = ()
 
+    def compared(self, answer: Any, case: Case) -> tuple[Values, Truth]:
+        """Return the values of an output and the whole truth of its photo."""
+        own, truth = self.values(answer, case)
+        return own, truth | {"case": case}
 
-def values_of(subject: BackendUnderTest, values: ValuesOf) -> list[tuple[Values, Truth]]:
+
+def values_of(subject: BackendUnderTest) -> list[tuple[Values, Truth]]:
     """Return the values of output and truth of the photos of people; the first call computes
     them.
     """
     if not subject.values:
-        for case, answer in subject.evidence():
-            own, truth = values(answer, case)
-            subject.values.append((own, truth | {"case": case}))
+        subject.values = [subject.table.compared(out, case) for case, out in subject.evidence()]
     return subject.values
+
+
+def check_of(table: Table, group: Group) -> Check:
+    """Return the check of a group."""
+
+    def function(subject: BackendUnderTest) -> None:
+        compare(subject, group)
+
+    function.__name__ = f"check_{group.check}"
+    function.__doc__ = f"{group.what}."
+    return Check(function, after=(*table.after, *group.after))
+
+
+def compare(subject: BackendUnderTest, group: Group) -> None:
+    """Raise CheckFailed if outputs are one of the readings of a group.
+
+    Raises:
+        CheckSkipped: too few photos have a valid output.
+    """
+    evidence = values_of(subject)
+    is_blind = bool(BLIND & subject.declared)
+    if group.is_telling and not is_blind:
+        expect_telling(np.concatenate([v[group.key].ravel() for v, _ in evidence]), group.what)
+    true = _units(group, [(truth[group.key], truth) for _, truth in evidence])
+    own = _units(group, [(values[group.key], truth) for values, truth in evidence])
+    off = _apart(own, true)
+    known = [unit for unit in off if np.isfinite(unit).any()]
+    if len(known) < MIN_UNITS:
+        raise CheckSkipped(f"{len(known)} people or photos to compare, {MIN_UNITS} are needed")
+    readings = [*group.readings, *(group.search(group.key, evidence) if group.search else ())]
+    made = []
+    for reading in [] if _is_constant(own, true) else readings:
+        if reading.shows_when_blind or not is_blind:
+            pairs = [(reading.make(truth[group.key], truth), truth) for _, truth in evidence]
+            share, left = _share_and_rest(group, reading, off, _apart(_units(group, pairs), true))
+            if share and left < reading.left:
+                made.append((left, share, reading))
+    rough = float(np.median([np.sqrt(np.nanmean(unit**2)) for unit in known]))
+    words = f"an error of {rough:.3g} {group.unit} in the median"
+    if made:
+        _, share, reading = min(made, key=lambda item: item[0])
+        size = f"{share * reading.size:+.3g}{reading.unit} {reading.words}"
+        got = size if reading.size else f"{words}: it is {reading.words}"
+        raise CheckFailed(group.what, got, reading.hint)
+    expect(rough <= group.rough, group.what, words)
+
+
+def _units(group: Group, pairs: Iterable[tuple[Any, Truth]]) -> list[FloatArray]:
+    """Return the vectors of all units of values, each given with the truth of its photo."""
+    return [
+        np.asarray(unit, np.float64)
+        for value, truth in pairs
+        for unit in group.vectors(value, truth)
+    ]
+
+
+def _apart(one: Sequence[FloatArray], other: Sequence[FloatArray]) -> list[FloatArray]:
+    return [first - second for first, second in zip(one, other, strict=True)]
+
+
+def _is_constant(own: Sequence[FloatArray], true: Sequence[FloatArray]) -> bool:
+    """Return whether outputs hardly vary within a unit: they then look like a mean of anything."""
+    known = [unit for unit in zip(own, true, strict=True) if np.isfinite(sum(unit)).any()]
+    varies, spread = (sum(map(np.nanvar, side)) for side in zip(*known, strict=True))
+    return bool(varies < _CONSTANT * spread)
+
+
+def _share_and_rest(
+    group: Group, reading: Reading, off: Sequence[FloatArray], mistakes: Sequence[FloatArray]
+) -> tuple[float, float]:
+    """Return the median share of a mistake, 0 unless most units show it, and the share of the
+    squared error that is left if it is undone.
+    """
+    share = shares(off, mistakes, centred=group.centred)
+    share = share[np.isfinite(share)]
+    if len(share) < MIN_UNITS:
+        return 0, 1
+    middle = float(np.median(share))
+    limit = reading.limit / (reading.size or 1)
+    is_large = abs(middle) > limit and (reading.size > 0 or 0 < middle < MADE_ONCE)
+    if not is_large or (share * np.sign(middle) > limit / 2).mean() < AGREE:
+        return 0, 1
+    rest = _apart(off, [middle * mistake for mistake in mistakes])
+    left, whole = (sum(float(np.nansum(unit**2)) for unit in units) for units in (rest, off))
+    return middle, 0 if group.centred else left / max(whole, 1e-30)
 
 
 def shares(
@@ -193,76 +281,16 @@ def shares(
 ) -> FloatArray:
     """Return the share (n,) of a mistake in what units are off by; NaN where it does not show."""
     if centred:
-        off, mistakes = (_centred(vectors) for vectors in (off, mistakes))
-    found = np.full(len(off), np.nan)
-    sizes = np.zeros(len(off))
-    for i, (error, mistake) in enumerate(zip(off, mistakes, strict=True)):
-        known = np.isfinite(error) & np.isfinite(mistake)
-        size = float(mistake[known] @ mistake[known])
-        sizes[i] = size / max(known.sum(), 1)
-        if size > 1e-18:
-            found[i] = float(error[known] @ mistake[known]) / size
-    return np.where(sizes > _TELLING * sizes.max(initial=0), found, np.nan)
-
-
-def _centred(vectors: Sequence[FloatArray]) -> list[FloatArray]:
-    means = [np.nanmean(vector) for vector in vectors if np.isfinite(vector).any()]
-    return [vector - np.mean(means) for vector in vectors] if means else list(vectors)
-
-
-def check_of(table: Table, group: Group) -> Check:
-    """Return the check of a group."""
-
-    def function(subject: BackendUnderTest) -> None:
-        compare(subject, table.values, group)
-
-    function.__name__ = f"check_{group.check}"
-    function.__doc__ = f"{group.what}."
-    return Check(function, after=(*table.after, *group.after))
-
-
-def compare(subject: BackendUnderTest, values: ValuesOf, group: Group) -> None:
-    """Raise CheckFailed if outputs are one of the readings of a group.
-
-    Raises:
-        CheckSkipped: too few photos have a valid output.
-    """
-    evidence = values_of(subject, values)
-    is_blind = bool(BLIND & subject.capabilities)
-    if group.is_telling and not is_blind:
-        expect_telling(np.concatenate([own[group.key].ravel() for own, _ in evidence]), group.what)
-
-    def vectors(each: Iterable[Any]) -> list[FloatArray]:
-        return [
-            np.asarray(vector, np.float64)
-            for value, (_, truth) in zip(each, evidence, strict=True)
-            for vector in group.vectors(value, truth)
-        ]
-
-    def less_truth(each: Iterable[Any]) -> list[FloatArray]:
-        return [value - other for value, other in zip(vectors(each), true, strict=True)]
-
-    true = vectors(truth[group.key] for _, truth in evidence)
-    off = less_truth(own[group.key] for own, _ in evidence)
-    known = [unit for unit in off if np.isfinite(unit).any()]
-    if len(known) < MIN_UNITS:
-        raise CheckSkipped(f"{len(known)} people or photos to compare, {MIN_UNITS} are needed")
-    readings = [*group.readings, *(group.search(group.key, evidence) if group.search else ())]
-    readings = [reading for reading in readings if reading.shows_when_blind or not is_blind]
-    made = []
-    for reading in [] if _is_constant(off, true) else readings:
-        mistakes = less_truth(reading.make(truth[group.key], truth) for _, truth in evidence)
-        share = _agreed_share(shares(off, mistakes, centred=group.centred), reading)
-        left = _share_left(off, mistakes, share)
-        if share and (group.centred or left < reading.left):
-            made.append((left, share, reading))
-    rough = float(np.median([np.sqrt(np.nanmean(unit**2)) for unit in known]))
-    words = f"an error of {rough:.3g} {group.unit} in the median"
-    if made:
-        _, share, reading = min(made, key=lambda item: item[0])
-        raise CheckFailed(group.what, _words(reading, share, words), reading.hint)
-    if rough > group.rough:
-        raise CheckFailed(group.what, words)
+        off, mistakes = (
+            [unit - np.nanmean(np.concatenate(units)) for unit in units]
+            for units in (off, mistakes)
+        )
+    known = [np.isfinite(error + mistake) for error, mistake in zip(off, mistakes, strict=True)]
+    sizes = np.array([(m[k] ** 2).sum() for m, k in zip(mistakes, known, strict=True)])
+    products = [(e * m)[k].sum() for e, m, k in zip(off, mistakes, known, strict=True)]
+    means = sizes / np.maximum([k.sum() for k in known], 1)
+    shows = (sizes > 1e-18) & (means > _TELLING * means.max(initial=0))
+    return np.where(shows, products / np.where(shows, sizes, 1), np.nan)
 
 
 def expect_telling(probabilities: FloatArray, what: str) -> None:
@@ -274,44 +302,18 @@ def expect_telling(probabilities: FloatArray, what: str) -> None:
         expect(not is_sigmoid_of_probability(known), what, got, "Is a sigmoid applied twice?")
 
 
-def expect_within_sigmas(apart: Sequence[float], what: str, hint: str, limit: float = 3.0) -> None:
-    """Raise CheckFailed if the median of errors over their stated standard deviations is beyond a
-    limit.
-    """
-    middle = float(np.median(apart))
-    expect(middle < limit, f"{what} within {limit:g} stated sigmas", f"{middle:.3g} of them", hint)
-
-
-def _words(reading: Reading, share: float, error: str) -> str:
-    """Return what is said of an output that has a share of a known mistake, and an error."""
-    if reading.size:
-        return f"{share * reading.size:+.3g}{reading.unit} {reading.words}"
-    return f"{error}: it is {reading.words}"
-
-
-def _is_constant(off: Sequence[FloatArray], true: Sequence[FloatArray]) -> bool:
-    """Return whether outputs hardly vary within a unit: they then look like a mean of anything."""
-    pairs = [(o + t, t) for o, t in zip(off, true, strict=True) if np.isfinite(o + t).any()]
-    own, spread = (sum(map(np.nanvar, side)) for side in zip(*pairs, strict=True))
-    return bool(own < _CONSTANT * spread)
-
-
-def _agreed_share(share: FloatArray, reading: Reading) -> float:
-    """Return the median share of a mistake if it is made in most units; else 0."""
-    share = share[np.isfinite(share)]
-    if len(share) < MIN_UNITS:
-        return 0.0
-    middle = float(np.median(share))
-    limit = reading.limit / (reading.size or 1)
-    is_large = abs(middle) > limit and (reading.size > 0 or 0 < middle < MADE_ONCE)
-    agrees = float((share * np.sign(middle) > limit / 2).mean()) >= AGREE
-    return middle if is_large and agrees else 0.0
-
-
-def _share_left(off: Sequence[FloatArray], mistakes: Sequence[FloatArray], share: float) -> float:
-    """Return the share of the squared error that is left if a mistake is undone."""
-    left = sum(float(np.nansum((o - share * m) ** 2)) for o, m in zip(off, mistakes, strict=True))
-    return left / max(sum(float(np.nansum(o**2)) for o in off), 1e-30)
+def check_stated_errors_hold(subject: BackendUnderTest) -> None:
+    """Errors are plausible for the standard deviations that are stated of them."""
+    apart = np.concatenate([np.ravel(own.get("sigmas", np.nan)) for own, _ in values_of(subject)])
+    apart = apart[np.isfinite(apart)]
+    if not apart.size:
+        raise CheckSkipped("it states no error")
+    expect(
+        bool(np.median(apart) < MAX_SIGMAS),
+        f"errors within {MAX_SIGMAS:g} stated sigmas",
+        f"{np.median(apart):.3g} of them in the median",
+        "Is sigma in the unit of its docstring? Is it a direction down, or with y up?",
+    )
 
 
 def in_order(
@@ -325,13 +327,12 @@ def in_order(
         from scipy.optimize import linear_sum_assignment
 
         parts = names or evidence[0][1]["names"]
-        apart = []
-        for values, truth in evidence:
-            own, true = (np.moveaxis(side[key], axis, 1) for side in (values, truth))
-            if len(own):
-                own, true = (side.reshape(len(own), len(parts), -1) for side in (own, true))
-                apart.append(np.linalg.norm(own[:, :, None] - true[:, None], axis=3))
-        cost = np.concatenate(apart)
+        own, true = (
+            np.concatenate([np.moveaxis(pair[side][key], axis, 1) for pair in evidence])
+            for side in (0, 1)
+        )
+        own, true = (side.reshape(len(side), len(parts), -1) for side in (own, true))
+        cost = np.linalg.norm(own[:, :, None] - true[:, None], axis=3)
         known = np.isfinite(cost).sum(axis=0)
         mean = np.nansum(cost, axis=0) / np.maximum(known, 1)
         mean = np.where(known < MIN_UNITS, 10 * np.max(mean, initial=1.0), mean)

@@ -58,15 +58,13 @@ class Result:
     @property
     def message(self) -> str:
         """Name of the check with its failure, or with its reason for being skipped."""
-        if self.outcome in ("failed", "warned"):
-            title = f"warning: {self.check}" if self.outcome == "warned" else self.check
-            lines = [title, f"  expected: {self.expected}", f"  got:      {self.got}"]
-            lines += [f"  hint:     {self.hint}"] if self.hint else []
-            return "\n".join([*lines, f"  read:     {self.read}"])
-        if self.outcome == "xpassed":
-            got = "it passes: remove it from expected_failures"
-            return f"{self.check}\n  expected: a failure ({self.reason})\n  got:      {got}"
-        return f"{self.check}: {self.reason}" if self.reason else self.check
+        if not self.got:
+            return f"{self.check}: {self.reason}" if self.reason else self.check
+        title = f"warning: {self.check}" if self.outcome == "warned" else self.check
+        lines = {name: getattr(self, name) for name in ("expected", "got", "hint", "read")}
+        return "\n".join(
+            [title, *(f"  {name + ':':9} {text}" for name, text in lines.items() if text)]
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result as a JSON-ready dict, with the traceback instead of the error."""
@@ -115,11 +113,8 @@ class Report:
     @property
     def not_run_reason(self) -> str:
         """Reason why the backend was never called; empty if it was called."""
-        judged = {r.check: r for r in self.results if r.outcome != "skipped"}
-        if not judged:
-            return next((r.reason for r in self.results), "there was no check to run")
-        form = next((r for r in self.results if r.check == "returns_valid_output"), None)
-        return form.reason if form is not None and form.outcome == "skipped" else ""
+        skipped = {r.check: r.reason for r in self.results if r.outcome == "skipped"}
+        return skipped.get("returns_valid_output", "")
 
     @property
     def ok(self) -> bool:
@@ -129,21 +124,18 @@ class Report:
     @property
     def summary(self) -> str:
         """One line of counts, such as "metric_depth:my-depth  23 checks: 21 passed, 2 skipped
-        (stochastic 2)".
+        (stochastic: 2)".
         """
         reasons = Counter(
-            shorten(result.reason, 90, placeholder=" ...")
-            for result in self.results
-            if result.outcome == "skipped"
+            shorten(r.reason, 90, placeholder=" ...")
+            for r in self.results
+            if r.outcome == "skipped" and not self.not_run_reason
         )
         words = [f"{count} {OUTCOMES[outcome]}" for outcome, count in self.counts.items() if count]
-        if reasons and not self.not_run_reason:
-            counted = (f"{reason}: {n}" if n > 1 else reason for reason, n in reasons.items())
-            words[-1] += f" ({'; '.join(counted)})"
-        return (
-            f"{self.interface}:{self.backend}  {len(self.results)} checks: "
-            f"{', '.join(words) or 'none ran'}"
-        )
+        counted = [f"{reason}: {n}" if n > 1 else reason for reason, n in reasons.items()]
+        why = f" ({'; '.join(counted)})" if counted else ""
+        title = f"{self.interface}:{self.backend}  {len(self.results)} checks"
+        return f"{title}: {', '.join(words)}{why}"
 
     @property
     def text(self) -> str:
@@ -155,15 +147,13 @@ class Report:
     @property
     def verdict(self) -> str:
         """One sentence: whether the backend passed, and what that leaves open."""
+        names = ", ".join(r.check for r in self.failures or self.warnings)
         if self.failures:
-            return f"failed: {', '.join(r.check for r in self.failures)}"
+            return f"failed: {names}"
         if self.not_run_reason:
             return f"BACKEND NEVER RUN: {self.not_run_reason}"
-        words = [f"passed: {self.counts['passed']} checks"]
-        if self.warnings:
-            names = ", ".join(result.check for result in self.warnings)
-            words.append(f"{len(self.warnings)} warned: {names}")
-        return "; ".join(words)
+        warned = f"; {len(self.warnings)} warned: {names}" if names else ""
+        return f"passed: {self.counts['passed']} checks{warned}"
 
     def as_dict(self) -> dict[str, Any]:
         """Return the report as a JSON-ready dict, NaN as None."""

@@ -9,11 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from physic_core.interfaces import INTERFACES
-from physic_core.types import Hints
+from physic_core.types import Hints, mirrored_order
 
 if TYPE_CHECKING:
     from physic_core.interfaces import Request
     from physic_testing.conformance.cases import Case
+
+
+OF_PIXELS = ("people", "keypoints", "hole", "photo", "intrinsics")
+"""Hints that belong to the pixels of a photo."""
 
 
 def build_request(interface: str, case: Case) -> Request[Any]:
@@ -47,3 +51,33 @@ def read_only_view(thing: Any) -> Any:
             thing, **{f.name: read_only_view(getattr(thing, f.name)) for f in fields(thing)}
         )
     return thing
+
+
+def mirrored(request: Any) -> Any:
+    """Return the request for the mirrored photo, without the hints that belong to pixels."""
+    width = request.image.shape[1]
+
+    def of_people(people: Any) -> Any:
+        boxes = people.boxes[:, [2, 1, 0, 3]] * [-1, 1, -1, 1] + [width, 0, width, 0]
+        return replace(people, masks=np.ascontiguousarray(people.masks[..., ::-1]), boxes=boxes)
+
+    def of_keypoints(keypoints: Any) -> Any:
+        joints = mirrored_order(keypoints.joint_set.names)
+        points = [width - 1, 0] + keypoints.points[:, joints] * [-1, 1]
+        return replace(keypoints, points=points, confidence=keypoints.confidence[:, joints])
+
+    makes = {
+        "image": lambda image: np.ascontiguousarray(image[:, ::-1]),
+        "people": of_people,
+        "keypoints": of_keypoints,
+        "intrinsics": lambda camera: replace(camera, cx=width - 1 - camera.cx),
+        "hints": lambda hints: replace(hints, **dict.fromkeys(OF_PIXELS)),
+    }
+    return replace(
+        request,
+        **{
+            name: make(getattr(request, name))
+            for name, make in makes.items()
+            if name in vars(request)
+        },
+    )

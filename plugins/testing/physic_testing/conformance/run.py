@@ -52,12 +52,16 @@ class CheckRun:
         if name not in self._results:
             start = time.perf_counter()
             found = self._run_check(self.checks[name])
-            found = replace(found, seconds=time.perf_counter() - start)
-            expected = self._expected.get(name)
-            if expected is not None and found.outcome != "skipped":
-                failed = found.outcome == "failed"
-                found = replace(found, outcome="xfailed" if failed else "xpassed", reason=expected)
-            self._results[name] = found
+            if name in self._expected and found.outcome != "skipped":
+                reason = self._expected[name]
+                unexpected = {
+                    "outcome": "xpassed",
+                    "expected": f"a failure ({reason})",
+                    "got": "it passes: remove it from expected_failures",
+                }
+                changes = {"outcome": "xfailed"} if found.outcome == "failed" else unexpected
+                found = replace(found, reason=reason, **changes)
+            self._results[name] = replace(found, seconds=time.perf_counter() - start)
         return self._results[name]
 
     @property
@@ -78,19 +82,19 @@ class CheckRun:
             if progress is not None:
                 progress(name.replace("_", " "), done, len(self.checks))
             results.append(self.result(name))
+        self.finish()
         subject = self.subject
-        subject.close()
-        self.remember_if_passed()
         origin = "passed directly" if subject.claim is None else subject.claim.owner
         return Report(subject.interface, subject.name, origin, tuple(results))
 
-    def remember_if_passed(self) -> None:
-        """Remember that the backend passed, if all checks ran and none failed, as expected or
-        not.
+    def finish(self) -> None:
+        """Close the backend, and remember that it passed, if all checks ran and none failed, as
+        expected or not.
         """
+        self.subject.close()
         outcomes = {found.outcome for found in self._results.values()}
-        whole = self._results.keys() == self.checks.keys() and not self.not_run_reason
-        if whole and outcomes <= {"passed", "warned", "skipped"}:
+        is_whole = self._results.keys() == self.checks.keys() and not self.not_run_reason
+        if is_whole and outcomes <= {"passed", "warned", "skipped"}:
             remember_passed(self.subject.interface, self.subject.construct())
 
     def _run_check(self, check: Check) -> Result:
@@ -98,40 +102,30 @@ class CheckRun:
         subject = self.subject
         if reason := self._reason_to_skip(check):
             return Result(check.name, "skipped", reason=reason)
-        read = check.read or f"physic_core.interfaces.{INTERFACES[subject.interface].__name__}"
         try:
             with warnings.catch_warnings():
                 # Warnings are not part of the contract; the caller's warning filters must not
                 # affect a check.
                 warnings.simplefilter("ignore")
                 check.function(subject)
+            return Result(check.name, "passed")
         except CheckSkipped as skipped:
             return Result(check.name, "skipped", reason=str(skipped))
         except CheckFailed as failure:
-            found = failure
-            error = failure.__cause__
+            found, error = failure, failure.__cause__
         except Exception as cause:
-            got = describe_error(cause, subject.kind)
             hint = "The check itself raised this error; it may be a defect of the check."
-            found = CheckFailed(check.summary.rstrip("."), got, hint)
-            error = cause
-        else:
-            return Result(check.name, "passed")
-        return Result(
-            check.name,
-            found.outcome,
-            found.expected,
-            found.got,
-            found.hint,
-            read=read,
-            error=error,
-        )
+            got = describe_error(cause, subject.kind)
+            found, error = CheckFailed(check.summary.rstrip("."), got, hint), cause
+        read = check.read or f"physic_core.interfaces.{INTERFACES[subject.interface].__name__}"
+        said = found.outcome, found.expected, found.got, found.hint
+        return Result(check.name, *said, read=read, error=error)
 
     def _reason_to_skip(self, check: Check) -> str:
         """Return why a check cannot run; empty if it can."""
-        for word in sorted(check.unless & self.subject.capabilities):
+        for word in sorted(check.unless & self.subject.declared):
             return f"the backend declares '{word}'"
-        for word in sorted(check.only_with - self.subject.capabilities):
+        for word in sorted(check.only_with - self.subject.declared):
             return f"only for a backend with '{word}' in its capabilities"
         for other in check.after:
             found = self.result(other)

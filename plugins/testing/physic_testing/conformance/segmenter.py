@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -33,18 +33,25 @@ def _values(answer: People, case: Case) -> tuple[Values, Truth]:
     true = case.truth.masks
     masks = np.full(true.shape, np.nan)
     boxes = np.full((len(true), 4), np.nan)
-    overlap = mask_iou(answer.masks, true)
-    for i in range(len(true)) if len(answer) else ():
-        best = int(overlap[:, i].argmax())
-        if overlap[best, i] > MIN_SAME and answer.masks[best].any():
-            masks[i] = answer.masks[best]
-            boxes[i] = answer.boxes[best] - boxes_from_masks(answer.masks[best : best + 1])[0]
+    iou = np.vstack([mask_iou(answer.masks, true), np.zeros(len(true))])
+    for i in np.flatnonzero(iou.max(axis=0) > MIN_SAME):
+        best = int(iou[:, i].argmax())
+        masks[i] = answer.masks[best]
+        boxes[i] = answer.boxes[best] - boxes_from_masks(answer.masks[[best]])[0]
     people = true.any(axis=0)
-    floors = (np.nan if answer.floor is None else answer.floor, case.truth.empty_floor_mask)
-    floor, true_floor = (np.where(case.hole & ~people, np.nan, each)[None] for each in floors)
-    true_floor[:, people] = 0
-    own = {"masks": masks, "floor": floor, "boxes": boxes}
+    floor = np.nan if answer.floor is None else answer.floor
+    floor, true_floor = (
+        np.where(case.hole & ~people, np.nan, each)[None]
+        for each in (floor, case.truth.empty_floor_mask & ~people)
+    )
+    own = {"masks": masks, "floor": floor, "boxes": boxes, "iou": iou.max(axis=0)}
     return own, {"masks": true.astype(float), "floor": true_floor, "boxes": np.zeros(boxes.shape)}
+
+
+def _errors(own: Values, truth: Truth) -> dict[str, Any]:
+    floor, true = (np.nan_to_num(side["floor"]) > 0 for side in (own, truth))
+    known = np.isfinite(own["floor"]).any()
+    return {"IoU": own["iou"]} | ({"floor IoU": mask_iou(floor, true)} if known else {})
 
 
 def _blurred(masks: FloatArray, truth: Truth) -> list[FloatArray]:
@@ -56,19 +63,10 @@ def _blurred(masks: FloatArray, truth: Truth) -> list[FloatArray]:
 
 
 def _larger(masks: FloatArray, truth: Truth) -> FloatArray:
-    """Return masks 2 % larger about the centre of the photo, as half of the difference to 2 %
-    smaller ones.
-    """
-    import cv2
-
-    height, width = masks.shape[1:]
-    centre = ((width - 1) / 2, (height - 1) / 2)
-    zooms = [cv2.getRotationMatrix2D(centre, 0, scale) for scale in (1.02, 0.98)]
-    larger, smaller = (
-        np.stack([cv2.warpAffine(np.nan_to_num(mask), zoom, (width, height)) for mask in masks])
-        for zoom in zooms
-    )
-    return np.asarray(masks + (larger - smaller) / 2)
+    """Return masks 2 % larger about the centre of the photo, to first order."""
+    down, right = np.gradient(masks, axis=(1, 2))
+    y, x = (np.arange(side) - (side - 1) / 2 for side in masks.shape[1:])
+    return np.asarray(masks - 0.02 * (down * y[:, None] + right * x))
 
 
 def _farther_out(masks: FloatArray, truth: Truth) -> FloatArray:
@@ -79,14 +77,18 @@ def _farther_out(masks: FloatArray, truth: Truth) -> FloatArray:
     return np.asarray(masks + (wide - narrow) / 2)
 
 
-def _with_people(floor: FloatArray, truth: Truth) -> FloatArray:
-    return np.where(truth["case"].truth.masks.any(axis=0), 1, floor)
-
-
 _PADDING = (
     "Is the padding of the network's input subtracted, and the mask resized by pixel centers?"
 )
 _TURNED = "Was the output for a mirrored or turned photo turned back?"
+_DILATED = (
+    "Are masks dilated, cut at a crop or another threshold, or is a part of the body of "
+    "another class?"
+)
+_EXCLUSIVE = (
+    "The last row and column are exclusive, and the box is that of the mask, not that of "
+    "a detector."
+)
 
 
 def _in_place(limit: float) -> tuple[Reading, ...]:
@@ -100,36 +102,23 @@ def _in_place(limit: float) -> tuple[Reading, ...]:
     )
 
 
-_EXCLUSIVE = (
-    "The last row and column are exclusive, and the box is that of the mask, not that of "
-    "a detector."
-)
-
-
-def _box_reading(column: int, edge: str) -> Reading:
-    words = f"too far right or down at the {edge}"
-    return Reading(words, plus(*np.eye(4)[column]), _EXCLUSIVE, 1, " px", 0.5)
-
-
 def check_masks_lie_on_people(subject: BackendUnderTest) -> None:
     """The best mask overlaps one person, and people side by side have masks of their own."""
     answer = subject.result()
-    truth = subject.case("one person").truth
-    expect(len(answer) > 0, "one person, as in the photo", "N = 0")
-    best = float(mask_iou(answer.masks, truth.masks).max())
-    inverted = float(mask_iou(~answer.masks, truth.masks).max())
+    true = subject.case("one person").truth.masks
+    best, inverted = (mask_iou(m, true).max(initial=0) for m in (answer.masks, ~answer.masks))
     expect(
         best >= MIN_IOU,
         f"a mask with an IoU of at least {MIN_IOU} with the true mask",
-        f"{best:.2f}, and {inverted:.2f} if it is inverted",
+        f"{best:.2f} of {len(answer)} masks, and {inverted:.2f} if they are inverted",
         "True marks the person. Is the output turned, resized and moved back to the photo?",
     )
     answer = subject.result("several people")
-    truth = subject.case("several people").truth
-    held = (answer.masks[:, None] & truth.masks).sum((2, 3)) / truth.masks.sum((1, 2))
+    true = subject.case("several people").truth.masks
+    held = (answer.masks[:, None] & true).sum((2, 3)) / true.sum((1, 2))
     expect(
         not (held > MIN_HELD).all(axis=1).any(),
-        f"one mask for each of {len(truth.masks)} people",
+        f"one mask for each of {len(true)} people",
         "a mask that holds all of them",
         "Is it a semantic class? Masks are those of instances.",
     )
@@ -140,13 +129,9 @@ def check_masks_lie_on_people(subject: BackendUnderTest) -> None:
     )
 
 
-_DILATED = (
-    "Are masks dilated, cut at a crop or another threshold, or is a part of the body of "
-    "another class?"
-)
-
 TABLE = Table(
     _values,
+    _errors,
     (
         WITHOUT_PEOPLE,
         Check(check_masks_lie_on_people),
@@ -167,13 +152,17 @@ TABLE = Table(
         ),
         Group(
             "floor_is_in_place",
-            "the floor in place",
+            "the floor in place, without people",
             "floor",
             "of a mask",
             (
                 *_in_place(0.3),
                 Reading("inverted", lambda floor, _: 1 - floor, "True marks the floor."),
-                Reading("with people", _with_people, "Where people are, the floor is False."),
+                Reading(
+                    "with people",
+                    lambda floor, truth: np.maximum(floor, truth["masks"].any(axis=0)),
+                    "Where people are, the floor is False.",
+                ),
             ),
             _blurred,
         ),
@@ -182,7 +171,10 @@ TABLE = Table(
             "boxes of masks, end exclusive",
             "boxes",
             "px",
-            tuple(_box_reading(*e) for e in enumerate(("left", "top", "right", "bottom"))),
+            tuple(
+                Reading(f"too far at the {edge}", plus(*step), _EXCLUSIVE, 1, " px", 0.5)
+                for edge, step in zip(("left", "top", "right", "bottom"), np.eye(4), strict=True)
+            ),
             rough=8,
         ),
     ),

@@ -9,8 +9,8 @@ from stand_ins import stand_in, subject_of
 from physic_mock import backends as mocks
 from physic_testing.conformance.cases import SIZE as STANDARD_SIZE
 from physic_testing.conformance.expect import CheckFailed
-from physic_testing.conformance.kit import TABLES
 from physic_testing.conformance.readings import compare, shares, values_of
+from physic_testing.conformance.tables import TABLES
 
 pytestmark = pytest.mark.quick
 
@@ -89,11 +89,11 @@ def subjects(**settings):
     return {name: subject_of(stand_in(kinds[name]), **settings) for name in TABLES}
 
 
-def said_of(subject, values, group, make, *, exact=True):
+def said_of(subject, group, make, *, exact=True):
     """What the check of a group says of outputs with a mistake, which are else the truth, or the
     subject's.
     """
-    kept = values_of(subject, values)
+    kept = values_of(subject)
     key = group.key
     subject.values = [
         (
@@ -104,7 +104,7 @@ def said_of(subject, values, group, make, *, exact=True):
     ]
     try:
         with pytest.raises(CheckFailed) as caught:
-            compare(subject, values, group)
+            compare(subject, group)
     finally:
         subject.values = kept
     return str(caught.value)
@@ -131,7 +131,7 @@ def of_twice_its_limit(reading):
 @pytest.mark.parametrize(("interface", "group", "reading"), READINGS, ids=name_of)
 def test_a_mistake_of_twice_its_limit_is_told_from_all_others(right, interface, group, reading):
     made = of_twice_its_limit(reading)
-    said = said_of(right[interface], TABLES[interface].values, group, made)
+    said = said_of(right[interface], group, made)
     assert reading.words in said
     assert reading.hint in said
 
@@ -148,7 +148,7 @@ def test_a_mistake_of_twice_its_limit_is_told_from_all_others(right, interface, 
 )
 def test_a_mistake_is_found_among_the_errors_of_a_network(noisy, interface, group, reading):
     made = of_twice_its_limit(reading)
-    said_of(noisy[interface], TABLES[interface].values, group, made, exact=False)
+    said_of(noisy[interface], group, made, exact=False)
 
 
 @pytest.mark.parametrize(
@@ -162,13 +162,11 @@ def test_parts_in_another_order_are_named(right, interface, group, axis):
         order[[4, 7]] = 7, 4
         return value.take(order, axis)
 
-    said = said_of(right[interface], TABLES[interface].values, group, exchanged)
+    said = said_of(right[interface], group, exchanged)
     assert "reordered: " in said
 
 
 def test_vertices_that_begin_elsewhere_are_counted(right):
-    table = TABLES["contact_prior"]
-    said = said_of(
-        right["contact_prior"], table.values, table.groups[0], lambda p, _: np.roll(p, 37, 1)
-    )
+    group = TABLES["contact_prior"].groups[0]
+    said = said_of(right["contact_prior"], group, lambda p, _: np.roll(p, 37, 1))
     assert "37 vertices farther on" in said

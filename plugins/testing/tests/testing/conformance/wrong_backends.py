@@ -91,7 +91,7 @@ class Lost(RightDepth):
         raise FileNotFoundError("my_depth.onnx")
 
 
-@wrong("a missing GPU as RuntimeError", "refuses_a_missing_device")
+@wrong("a missing GPU as RuntimeError", "may_be_loaded_and_closed_again")
 class Fast(RightDepth):
     def load(self, device="cpu"):
         if device != "cpu":
