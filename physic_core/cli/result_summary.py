@@ -104,9 +104,9 @@ def _row(person: Mapping[str, Any]) -> tuple[str, ...]:
         touches = filter(None, (person["contacts"], person["assumed"]))
         contact = "; ".join(touches) or "none"
         if person["unseen"]:
-            contact += f"; not surely seen: {person['unseen']}"
+            contact += f"; hidden: {person['unseen']}"
         if person["unsure"]:
-            contact += f"; unsure: {person['unsure']}"
+            contact += f"; uncertain: {person['unsure']}"
     return (
         str(person["person"]),
         marks_text(marks_of_row(person)),

@@ -115,8 +115,7 @@ def limb_spread(estimates: Estimates, result: Reconstruction, person: int) -> Me
     "Hidden parts of arms and legs",
     at_most=6,
     unit="count",
-    advice="most of the pose is a guess: use what the photo shows, and leave out joints whose "
-    "parts are in unseen",
+    advice="most of the pose is a guess: use visible limbs alone (unseen names the hidden ones)",
     unmeasured=NO_BODY,
 )
 def hidden_limbs(estimates: Estimates, result: Reconstruction, person: int) -> Measured:

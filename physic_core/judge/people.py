@@ -224,10 +224,10 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
     value = math.prod(max(likely[part], 1 - likely[part]) for part in ENDS)
     seated = who.posture in _SEATED and (who.posture_probability or 0.0) >= 0.5
     if seated and likely["seat"] < 0.5:
-        observed = f"{who.posture} (probability {who.posture_probability:.2f})"
+        sure = who.posture_probability or 0.0
         return value, (
-            f"this person seems to {observed}, but there is no seat under the body: see "
-            f"{_FROM_THE_SIDE}"
+            f"this person probably {who.posture}s (probability {sure:.2f}), but there is no seat "
+            f"under the body: see {_FROM_THE_SIDE}"
         )
     least = min(ENDS, key=lambda part: abs(likely[part] - 0.5))
     taken = "to touch something" if likely[least] >= 0.5 else "not to touch anything"

@@ -78,8 +78,8 @@ def floor(estimates: Estimates, result: Reconstruction) -> Measured:
             else "A photo that shows the ground at the feet may have one"
         )
         return 0.0, (
-            f"{NO_FLOOR}: {_WHY_NO_FLOOR.get(reason, reason)}. No person is set on the ground, and "
-            f"no height above it is known. {cure}"
+            f"{NO_FLOOR}: {_WHY_NO_FLOOR.get(reason, reason)}. People are not placed on the "
+            f"ground, and their height above it is unknown. {cure}"
         )
     plane = result.scene.floor
     pitch = 0.0 if plane is None else math.degrees(math.asin(float(plane.normal[2])))

@@ -136,7 +136,7 @@ class BodyContact:
         """Return "left foot: floor, 0.97", with this name of the partner."""
         sure = "" if self.probability is None else f", {self.probability:.2f}"
         far = f" ({self.far})" if self.far else ""
-        assumed = " (assumed: not seen)" if self.assumed else ""
+        assumed = " (assumed: hidden)" if self.assumed else ""
         return f"{part_words(self.part)}: {partner}{far}{sure}{assumed}"
 
     def __str__(self) -> str:

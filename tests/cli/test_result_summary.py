@@ -68,7 +68,7 @@ def folder(make, tmp_path):
 def test_a_person_is_a_row(folder, physic):
     touches = (
         "left foot: floor, 0.90; right hand: own head, 0.80; "
-        "left lower leg: floor, 0.80 (assumed: not seen)"
+        "left lower leg: floor, 0.80 (assumed: hidden)"
     )
     room = len(touches)
     lines = physic("show", folder).stdout.splitlines()

@@ -90,7 +90,7 @@ def test_a_row_says_where_a_person_is_and_what_is_known(two_people):
         "posture_probability": 0.87,
         "child_probability": None,
         "contacts": "left foot: floor, 0.90; buttocks: left hand of person 1",
-        "assumed": "left lower leg: floor, 0.80 (assumed: not seen)",
+        "assumed": "left lower leg: floor, 0.80 (assumed: hidden)",
         "unseen": "left lower leg, left foot",
         "unsure": "left arm, right leg",
         **dict.fromkeys(SIGMAS, 0.3),

@@ -240,7 +240,7 @@ def open_executor(name: str, settings: ExecutorSettings) -> Executor:
     if name.lower() in _QUEUES:
         raise ConfigError(
             f"there is no executor '{name}': give each job of the queue a part, as --shard 3/16, "
-            f"and see docs/cluster.md"
+            f"and see docs/batch.md"
         )
     item = find_item("physic_executors", name, "executor", own=_LOCAL, known=EXECUTORS)
     executor: Executor = import_item(item, "executor")(settings)

@@ -354,7 +354,7 @@ def _contacts(person: Person | None) -> tuple[str, ...]:
     """Return likely contacts as "part: what it touches"."""
     likely = [] if person is None else [one for one in person.contacts if one.likely]
     texts = [
-        f"{part_words(c.part)}: {_touched(c.partner)}{' (assumed: not seen)' if c.assumed else ''}"
+        f"{part_words(c.part)}: {_touched(c.partner)}{' (assumed: hidden)' if c.assumed else ''}"
         for c in likely
     ]
     return tuple(dict.fromkeys(texts))

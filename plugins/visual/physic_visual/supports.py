@@ -71,7 +71,8 @@ def _name(person: Person, partner: ContactPartner) -> str:
     """
     names = person.support.hidden if person.support is not None else ()
     own = (name for name in names if (name == partner.title) or not partner.surface)
-    return f"assumed {next(own, partner.title).removeprefix('hidden ')}"
+    name = next(own, partner.title).removeprefix("hidden ")
+    return f"assumed {name.partition(' under ')[0].partition(' behind ')[0]}"
 
 
 def _slab(vertices: Array, normals: Array, up: Array) -> Array:

@@ -168,7 +168,7 @@ def test_pinocchio_has_the_bodies_where_mujoco_has_them(export, simulated):
     file = export("a.xml", person=0, scene=False).files[0]
     model, data = simulated(file)
     other = pinocchio.buildModelFromMJCF(str(file))
-    other.jointPlacements[1] = pinocchio.SE3.Identity()  # docs/exports-opened.md says why
+    other.jointPlacements[1] = pinocchio.SE3.Identity()  # docs/exports.md says why
     state = other.createData()
     for pose in (model.qpos0, model.key("t_pose").qpos):
         data.qpos = pose

@@ -291,7 +291,7 @@ def test_usable_marks_warnings_checks_and_licences_are_on_the_page(page):
     assert "usable for" in text(page, "#usable")
     assert ODD.split("\u2028")[0].strip() in text(page, "#remarks")
     checks = text(page, "#checks")
-    assert "Floor mask: no (must be yes)" in checks
+    assert "Floor mask: no, must be yes" in checks
     assert page.evaluate("document.querySelector('#checks .check').title") == "floor_mask"
     assert "1 ok" in checks
     licenses = page.evaluate("document.querySelector('#licenses li').textContent")

@@ -57,7 +57,7 @@ def test_a_slab_lies_level_under_the_skin_on_it(result, heights):
 def test_a_slab_has_the_name_of_what_it_carries(result, heights):
     on = lowest(result, heights)
     (slab,) = assumed_supports(assumed(result, "left_foot", on))
-    assert slab.name == "assumed support under the feet"
+    assert slab.name == "assumed support"
     assert not assumed_supports(result)
 
 

@@ -25,8 +25,9 @@ function personCard(data, index) {
   const person = data.people[index], card = element("div", {});
   const heading = element("div", { className: "row" }, element("h2", { textContent: `Person ${index}` }),
     element("span", { textContent: person.marks }));
-  const why = element("p", { className: "why", textContent: person.why });
-  card.append(heading, why, ...checkList(data.checks.filter(check => check.person === index)));
+  const checks = data.checks.filter(check => check.person === index);
+  const why = checks.some(check => check.state === "failed") ? [] : [element("p", { textContent: person.why })];
+  card.append(heading, ...why, ...checkList(checks));
   if (!person.posed) {
     card.append(element("p", { textContent: "This person has no body: a backend returned no finite values." }));
   } else {
