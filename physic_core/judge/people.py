@@ -211,8 +211,8 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
     unmeasured="there is no body, or this preset estimates no probabilities",
 )
 def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the probability that feet, hands and seat all touch something, or not, as listed; of
-    people who lie, that of the least certain part that carries them.
+    """Return the probability that all listed contacts of feet, hands and seat are right; for people
+    who lie, of the least certain part that carries them.
 
     It is 0 if none carries a person who lies.
     """

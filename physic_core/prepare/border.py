@@ -149,7 +149,7 @@ def cut_border(photo: Photo, inside: Inside, what: str) -> Photo:
     image = np.ascontiguousarray(photo.image[inside])
     note = (
         f"{what} was cut off for the computation, which leaves {image.shape[1]} x "
-        f"{image.shape[0]} px. Pixels of the results still count in the whole photo"
+        f"{image.shape[0]} px. Pixels of the results are those of the whole photo"
     )
     camera = (
         None if photo.intrinsics is None else cut_camera(photo.intrinsics, (height, width), inside)

@@ -52,7 +52,7 @@ class ContactPartner:
 
     def __post_init__(self) -> None:
         if self.kind not in PARTNER_KINDS:
-            raise ValueError(f"'{self.kind}' is no kind of contact partner: {PARTNER_KINDS}")
+            raise ValueError(f"'{self.kind}' is not a kind of contact partner: {PARTNER_KINDS}")
 
     @property
     def in_scene(self) -> bool:

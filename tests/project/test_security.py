@@ -66,7 +66,7 @@ LISTS = {
         "A result folder is": "test_the_hidden_result_of_a_killed_process "
         "test_two_writers_without_a_common_lock",
         "Commands that read a result": "test_a_name_that_leads_out_of_the_folder_is_no_file",
-        "A name in a document": "test_a_name_that_leads_out_of_the_folder_is_no_file "
+        "A file that a document": "test_a_name_that_leads_out_of_the_folder_is_no_file "
         "test_a_sheet_neither_embeds_nor_links_what_lies_outside",
         "No file is read or written": "test_a_result_whose_file_is_a_link_that_leads_out "
         "test_a_batch_writes_nothing_through_a_link_that_leads_out",

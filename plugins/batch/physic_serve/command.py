@@ -127,8 +127,8 @@ def _listen(host: str, port: int) -> socket.socket:
         )[0]
     except socket.gaierror as error:
         raise ConfigError(
-            f"--host {host} is no address of this computer: {error.strerror}; give an address or "
-            "a name alone, such as 127.0.0.1, and the port with --port"
+            f"--host {host} is not an address of this computer: {error.strerror}; give an address "
+            "or a name alone, such as 127.0.0.1, and the port with --port"
         ) from error
     made = socket.socket(family, socket.SOCK_STREAM)
     try:

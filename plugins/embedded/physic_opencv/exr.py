@@ -36,7 +36,7 @@ def read_exr(path: Path) -> NDArray[np.generic]:
     with open_regular(path) as file:
         if file.read(4) != _MAGIC:
             raise InputError(
-                f"cannot read the depth map {path}: it is no EXR file, or it is damaged"
+                f"cannot read the depth map {path}: it is not an EXR file, or it is damaged"
             )
     try:
         import OpenEXR

@@ -168,7 +168,7 @@ def _polygons_of_text(text: str, size: tuple[int, int]) -> _Masks:
             del shares[-2:]
         del shares[len(shares) // 2 * 2 :]
         if len(shares) < 6 or not all(-0.01 <= share <= 1.01 for share in shares):
-            raise InputError(f"line {at} of the masks is no polygon of shares of the picture")
+            raise InputError(f"line {at} of the masks is not a polygon in shares of the picture")
         masks.append(_filled([np.reshape(shares, (-1, 2)) * size], size))
     if not masks:
         raise ValueError("it has no line of class 0, a person")
