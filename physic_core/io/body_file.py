@@ -9,7 +9,7 @@ import zlib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,7 @@ WRONG_FORM = (
 """What a damaged file, or one of another form than it seems, leads to."""
 
 _Array = NDArray[np.float64]
+_Float = TypeVar("_Float", bound=np.floating[Any])
 
 _FORMAT = "physic_bodies"
 _VERSION = 1
@@ -72,7 +73,6 @@ class GivenBodies(ShortRepr):
         bodies: with joints or a mesh, unless of the embedded model.
         source: what states them, for messages and the result.
         camera: (N, 4) fx, fy, cx, cy px; None for that of the photo.
-        boxes: (N, 4) x0, y0, x1, y1 px, or None.
         is_placed: whether their place in the picture is stated.
         sigma_m: root mean square error of joints relative to the pelvis.
         distance_sigma: standard deviation of the logarithm of distance, or None.
@@ -82,7 +82,6 @@ class GivenBodies(ShortRepr):
     bodies: Bodies
     source: str = "given"
     camera: FloatArray | None = None
-    boxes: FloatArray | None = None
     is_placed: bool = True
     sigma_m: float = _OWN_SIGMA_M
     distance_sigma: float | None = _OWN_DISTANCE_SIGMA
@@ -93,14 +92,13 @@ class GivenBodies(ShortRepr):
 
     def moved(self, move: Callable[[FloatArray], FloatArray]) -> GivenBodies:
         """Return the same with pixels (n, 2) mapped by a function."""
-        camera, boxes = self.camera, self.boxes
-        if camera is not None:
-            middle = move(camera[:, 2:])
-            reach = [move(camera[:, 2:] + step)[:, k] for k, step in enumerate(np.eye(2))]
-            camera = np.concatenate([camera[:, :2] * (np.stack(reach, 1) - middle), middle], axis=1)
-        if boxes is not None:
-            boxes = move(boxes.reshape(-1, 2) - 0.5).reshape(-1, 4) + 0.5
-        return replace(self, camera=camera, boxes=boxes)
+        if self.camera is None:
+            return self
+        f, c = np.split(self.camera, 2, axis=1)
+        middle = move(c)
+        reach = [move(c + step)[:, k] for k, step in enumerate(np.eye(2))]
+        scale = np.stack(reach, 1) - middle
+        return replace(self, camera=np.concatenate([f * scale, middle], axis=1))
 
 
 def write_bodies(
@@ -150,25 +148,27 @@ def read_bodies(file: FileOfPhoto, model_file: str | None = None) -> GivenBodies
     name = f"the bodies {file.path}"
     try:
         own = _own_arrays(file.path)
-        if own is not None:
-            return _own_bodies(own, file)
-        record = read_by_plugin("physic_body_readers", "bodies", file)
-        _check(record)
-        given = GivenBodies(
-            _posed(record, model_file),
-            f"{record.tool}, {file.path.name}",
-            record.camera,
-            record.boxes,
-            record.is_placed,
-            record.sigma_m,
-            record.distance_sigma,
-            record.notes,
-        )
-        return _in_px_of_file(given, record.size, file)
+        return _bodies_of_tool(file, model_file) if own is None else _own_bodies(own, file)
     except OSError as error:
         raise InputError(f"cannot read {name}: {unreadable(error)}") from error
     except WRONG_FORM as error:
         raise InputError(f"{name} cannot be used: {error}") from error
+
+
+def _bodies_of_tool(file: FileOfPhoto, model_file: str | None) -> GivenBodies:
+    record: BodiesInFile = read_by_plugin("physic_body_readers", "bodies", file)
+    _check(record)
+    if record.camera is not None:
+        _check_camera(record.camera, file.size)
+    return GivenBodies(
+        _posed(record, model_file),
+        f"{record.tool}, {file.path.name}",
+        record.camera,
+        record.is_placed,
+        record.sigma_m,
+        record.distance_sigma,
+        record.notes,
+    )
 
 
 def read_by_plugin(hook: str, what: str, file: FileOfPhoto) -> Any:
@@ -215,14 +215,26 @@ def _own_bodies(arrays: Mapping[str, Any], file: FileOfPhoto) -> GivenBodies:
         raise ValueError(_NOBODY)
     _check_values(parameters, _PARAMETERS)
     width, height = (int(v) for v in arrays["size"])
+    camera = np.tile(matrix(arrays["camera"], "camera"), (len(parameters), 1))
+    _check_camera(camera, (width, height))
     given = GivenBodies(
         Bodies(parameters, str(arrays["body_model"])),
         file.path.name,
-        np.tile(matrix(arrays["camera"], "camera"), (len(parameters), 1)),
-        sigma_m=float(arrays.get("sigma_m", _OWN_SIGMA_M)),
-        distance_sigma=float(arrays.get("distance_sigma", _OWN_DISTANCE_SIGMA)),
+        camera,
+        sigma_m=_sigma(arrays, "sigma_m", _OWN_SIGMA_M),
+        distance_sigma=_sigma(arrays, "distance_sigma", _OWN_DISTANCE_SIGMA),
     )
-    return _in_px_of_file(given, (width, height), file)
+    if (width, height) == file.size:
+        return given
+    factors = scale_of_picture((width, height), file.size)
+    return given.moved(lambda pixels: (pixels + 0.5) * factors - 0.5)
+
+
+def _sigma(arrays: Mapping[str, Any], name: str, usual: float) -> float:
+    value = float(arrays.get(name, usual))
+    if not value > 0:
+        raise ValueError(f"{name} must be above 0, got {value}")
+    return value
 
 
 def _check_values(record: BodyParameters | BodiesInFile, names: Iterable[str]) -> None:
@@ -235,21 +247,14 @@ def _check_values(record: BodyParameters | BodiesInFile, names: Iterable[str]) -
         raise ValueError(wrong[0])
 
 
-def _in_px_of_file(
-    given: GivenBodies, size: tuple[int, int] | None, file: FileOfPhoto
-) -> GivenBodies:
-    """Return bodies whose px are those of a picture of some size with those of the photo."""
-    sides = size or file.size
-    for focal in () if given.camera is None else given.camera[:, :2].ravel() / max(sides):
+def _check_camera(camera: FloatArray, size: tuple[int, int]) -> None:
+    """Raise ValueError unless focal lengths of cameras (N, 4) are in px of a picture of a size."""
+    for focal in camera[:, :2].ravel() / max(size):
         if not _LEAST_FOCAL < focal < _LARGEST_FOCAL:
             raise ValueError(
-                f"its camera has a focal length of {focal * max(sides):.4g} px, in a picture of "
-                f"{sides[0]} x {sides[1]} px: give px of the whole picture"
+                f"its camera has a focal length of {focal * max(size):.4g} px, in a picture of "
+                f"{size[0]} x {size[1]} px: give px of the whole picture"
             )
-    if size is None or size == file.size:
-        return given
-    factors = scale_of_picture(size, file.size)
-    return given.moved(lambda pixels: (pixels + 0.5) * factors - 0.5)
 
 
 def scale_of_picture(stated: tuple[int, int], size: tuple[int, int]) -> FloatArray:
@@ -323,19 +328,21 @@ def _mesh(vertices: FloatArray, rest: RestMesh) -> Mesh:
     return Mesh(rest.topology, _single(vertices), rest.faces, _single(rest.vertices))
 
 
-def _turns(record: BodiesInFile) -> FloatArray:
+def _turns(record: BodiesInFile) -> _Array:
     """Return the rotation vectors (N, 55, 3) of a record; joints that lack are at rest."""
-    given = np.asarray(record.rotations)
+    given = np.asarray(record.rotations, np.float64)
     flat = with_columns_of_zeros(given.reshape(len(given), -1), 3 * NUM_JOINTS)
     return flat.reshape(-1, NUM_JOINTS, 3)
 
 
-def _posed_smpl(record: BodiesInFile, turns: FloatArray, file: str) -> _Posed:
+def _posed_smpl(record: BodiesInFile, turns: _Array, file: str) -> _Posed:
     """Pose SMPL or SMPL-H by vectors (N, 55, 3) of SMPL-X's joints."""
     from physic_core.body.files import SMPL, SMPLH, load_smpl
 
     layout = SMPLH if record.model == "smplh" else SMPL
-    own = np.zeros((len(turns), 0)) if record.betas is None else record.betas
+    own = (
+        np.zeros((len(turns), 0)) if record.betas is None else np.asarray(record.betas, np.float64)
+    )
     model = load_smpl(file, layout, max(own.shape[1], 10))
     joint = np.arange(layout.joints if layout is SMPLH else _SHARED)
     name = joint + 3 * (joint >= _SHARED)  # SMPL-X has jaw and eyes before the hands
@@ -351,7 +358,7 @@ def _posed_smpl(record: BodiesInFile, turns: FloatArray, file: str) -> _Posed:
     return joints, model.vertices(*given), model.rest, None
 
 
-def _posed_smplx(record: BodiesInFile, turns: FloatArray, file: str) -> _Posed:
+def _posed_smplx(record: BodiesInFile, turns: _Array, file: str) -> _Posed:
     """Pose SMPL-X by vectors (N, 55, 3)."""
     import torch
 
@@ -409,9 +416,9 @@ def _required(model_file: str | None, what: str, model: str) -> str:
     )
 
 
-def with_columns_of_zeros(values: FloatArray, width: int) -> FloatArray:
+def with_columns_of_zeros(values: NDArray[_Float], width: int) -> NDArray[_Float]:
     """Return the first columns of values (N, K), with zeros for columns that lack."""
-    full = np.zeros((len(values), width), values.dtype)
+    full: NDArray[_Float] = np.zeros((len(values), width), values.dtype)
     full[:, : values.shape[1]] = values[:, :width]
     return full
 

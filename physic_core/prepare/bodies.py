@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -88,7 +88,7 @@ def match_to_people(
         return rows, outlines
     if turned := turned_masks(outlines[drawn], people.masks):
         raise InputError(f"{given.source}: its bodies are of a picture that is {turned}")
-    boxes = boxes_from_masks(outlines).astype(np.float64) if given.boxes is None else given.boxes
+    boxes = boxes_from_masks(outlines).astype(np.float64)
     overlap = box_iou(boxes, np.asarray(people.boxes, np.float64))
     overlap += _mask_iou(outlines, people.masks)
     allowed = overlap > _LEAST_OVERLAP
@@ -109,7 +109,8 @@ def _mask_iou(first: BoolArray, second: BoolArray) -> FloatArray:
     """Return the intersections over unions (M, N) of masks (M, H, W) and (N, H, W)."""
     flat, others = (one.reshape(len(one), -1).astype(np.float32) for one in (first, second))
     both = flat @ others.T
-    return both / np.maximum(flat.sum(1)[:, None] + others.sum(1) - both, 1)
+    iou: FloatArray = both / np.maximum(flat.sum(1)[:, None] + others.sum(1) - both, 1)
+    return iou
 
 
 def _outlines(
@@ -208,18 +209,21 @@ def with_given_bodies(
     parameters, joints = _in_photo(given, rows[is_of], model, photo.camera)
     warnings = _contradictions(given.source, parameters, model, photo, is_of)
     distance = np.inf if given.distance_sigma is None else given.distance_sigma
-    stated = {
+    errors = {
         "rotation_sigma": turn_sigmas(joints, given.sigma_m),
         "joint_sigma": np.full(joints.shape[:2], given.sigma_m),
         "lean_sigma": np.full(len(joints), np.nan),
         "distance_sigma": np.full(len(joints), distance),
+    }
+    stated: dict[str, Any] = {
+        name: _changed(getattr(bodies, name), is_of, value) for name, value in errors.items()
     }
     changed = replace(
         bodies,
         parameters=_merged(bodies.parameters, is_of, parameters),
         joints=None,
         mesh=None,
-        **{name: _changed(getattr(bodies, name), is_of, value) for name, value in stated.items()},
+        **stated,
     )
     return changed, MatchedBodies(given.source, is_of, _changed(None, is_of, joints)), warnings
 

@@ -47,9 +47,7 @@ class BodiesInFile(ShortRepr):
             place, unless they are placed by their vertices.
         vertices: (N, V, 3).
         joints: (N, 55, 3) as of :class:`Bodies`, NaN where unknown.
-        camera: (N, 4) fx, fy, cx, cy, px of a picture of ``size``; None for the photo's own.
-        size: width and height of that picture; None for the photo's.
-        boxes: (N, 4) x0, y0, x1, y1 px of that picture, or None.
+        camera: (N, 4) fx, fy, cx, cy, px of the photo file; None for the photo's own.
         mean_hands: whether hands at zero are the mean pose of the model's file, and not flat.
         is_placed: whether the file says where the bodies are in the picture.
         sigma_m: root mean square error of their joints relative to the pelvis, by the tool's
@@ -68,8 +66,6 @@ class BodiesInFile(ShortRepr):
     vertices: FloatArray | None = field(default=None, metadata=shape("N", "V", 3))
     joints: FloatArray | None = field(default=None, metadata=shape("N", 55, 3))
     camera: FloatArray | None = field(default=None, metadata=shape("N", 4))
-    size: tuple[int, int] | None = None
-    boxes: FloatArray | None = field(default=None, metadata=shape("N", 4))
     mean_hands: bool = False
     is_placed: bool = True
     sigma_m: float = 0.06

@@ -320,7 +320,6 @@ def test_sam_3d_body(tmp_path, embedded64, mhr, people, maps):
     found = read(tmp_path / "a.npz", mhr[3])
     assert converted_mm(found, joints, embedded64) < 2
     np.testing.assert_allclose(found.camera, [[750, 750, *MIDDLE]] * 4)
-    np.testing.assert_allclose(found.boxes[0], [10, 20, 30, 40])
 
 
 MHR70 = {

@@ -17,13 +17,13 @@ from tests.pipeline.mocks import run
 pytestmark = pytest.mark.usefixtures("few_steps")
 
 
-def own(change=lambda p: {}, **camera):
+def own(change=lambda p: {}, sigma_m=0.06, **camera):
     """Write the true body in the project's own format, with changes of parameters and camera."""
 
     def write(path, world):
         values = {k: np.asarray(v, np.float32) for k, v in change(world.parameters).items()}
         changed = replace(world.intrinsics, **camera)
-        write_bodies(path, replace(world.parameters, **values), "embedded", changed)
+        write_bodies(path, replace(world.parameters, **values), "embedded", changed, sigma_m)
 
     return write
 
@@ -112,6 +112,8 @@ WRONG = {
     ),
     "a larger photo": (own(width=200), "200 x 120"),
     "a camera in shares": (own(fx=1.2, fy=1.6, cx=0.5, cy=0.5), "focal length of 1.2 px"),
+    "a camera of SMPL-X in shares": (smplx(K=np.diag([1.2, 1.2, 1])), "focal length of 1.2 px"),
+    "no error": (own(sigma_m=-1.0), "sigma_m must be above 0"),
     "numbers of people": (smplx(transl=np.zeros((2, 3))), "different numbers of people"),
     "shapes of arrays": (own(lambda p: {"betas": np.zeros((2, 16))}), r"betas must be \(1, 16\)"),
     "nobody": (own(lambda p: {n: v[:0] for n, v in vars(p).items()}), "no person"),

@@ -52,7 +52,6 @@ _SAM_3D_BODY: Mapping[str, tuple[int, ...]] = {
     "pred_cam_t": (3,),
     "pred_keypoints_3d": (70, 3),
     "pred_vertices": (18439, 3),
-    "bbox": (4,),
     "focal_length": (),
 }
 _FLAT = np.zeros((1, 10))
@@ -87,7 +86,7 @@ def _of_folder(file: FileOfPhoto) -> BodiesInFile | None:
             records += [] if record is None else [record]
     if not records:
         raise ValueError(f"no file in it is of {file.photo or 'the photo'}, by name or meta file")
-    joined = {
+    joined: dict[str, Any] = {
         name: np.concatenate([getattr(record, name) for record in records])
         for name, value in vars(records[0]).items()
         if isinstance(value, np.ndarray)
@@ -162,7 +161,6 @@ def _sam_3d_body(document: Any, file: FileOfPhoto) -> _Record:
         vertices=each.get("pred_vertices"),
         joints=None if joints is None else joints_from_mhr70(joints),
         camera=None if focal is None else _centred(focal, file.size, len(people)),
-        boxes=each.get("bbox"),
     )
 
 
