@@ -2,7 +2,7 @@
 
 A stamp is an empty file of the cache, with a digest of the code in its name, and one of all else
 that the results of the backend depend on: its options, the files that they name, its fingerprint,
-and the versions of what its distribution requires.
+and the versions of what its distribution and this one require.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def _settings(backend: Backend) -> str:
         options,
         list(files_named_by(options)),
         str(backend.fingerprint()),
-        [required_versions(one) for one in distributions_of(top)],
+        [required_versions(one) for one in ("metricbody", *distributions_of(top))],
     ]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 

@@ -290,7 +290,7 @@ def _read(image: Image.Image, source: ImageSource, colours: tuple[int, int] | No
     thumbnail = share_of_thumbnail(image, rgb)
     if orientation != 1:
         rgb = np.array(Image.fromarray(rgb).transpose(_UPRIGHT[orientation]))
-        notes.append("rotated upright according to the EXIF orientation")
+        notes.append("rotated upright by the orientation in the file")
     notes += conversions
     height, width = rgb.shape[:2]
     if factor > 1:
