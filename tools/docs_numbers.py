@@ -81,19 +81,17 @@ def _failed(result: Reconstruction, person: int | None) -> list[str]:
 
 def differences(shown: Mapping[str, Any], measured: Mapping[str, Any]) -> list[str]:
     """Say in which numbers a picture is wrong: one line each, none if all agree."""
-    pairs = {key: (shown[key], measured[key], 0.0) for key in ("failed_checks",)}
-    pairs["focal length, px"] = (
-        shown["focal_px"],
-        measured["focal_px"],
-        FOCAL_SHARE * measured["focal_px"],
-    )
-    old = shown["people"]
-    new = measured["people"]
-    pairs["number of people"] = (len(old), len(new), 0.0)
+    old, new = shown["people"], measured["people"]
+    focal = shown["focal_px"], measured["focal_px"]
+    pairs: dict[str, tuple[Any, Any, float]] = {
+        "failed checks": (shown["failed_checks"], measured["failed_checks"], 0.0),
+        "focal length, px": (*focal, FOCAL_SHARE * focal[1]),
+        "number of people": (len(old), len(new), 0.0),
+    }
     for i, (one, other) in enumerate(zip(old, new, strict=False)):
-        pairs |= {f"{key} of person {i}": (one[key], other[key], 0.0) for key in ("failed_checks",)}
-        margin = DISTANCE_SHARE * (other["distance_m"] or 0.0)
-        pairs[f"distance of person {i}, m"] = (one["distance_m"], other["distance_m"], margin)
+        checks, distance = ((one[k], other[k]) for k in ("failed_checks", "distance_m"))
+        pairs[f"failed checks of person {i}"] = (*checks, 0.0)
+        pairs[f"distance of person {i}, m"] = (*distance, DISTANCE_SHARE * (distance[1] or 0.0))
         for what in sorted({*one["touches"], *other["touches"]}):
             touch = one["touches"].get(what, LIKELY), other["touches"].get(what, LIKELY)
             pairs[f"probability of contact of person {i}, {what}"] = (*touch, PROBABILITY)

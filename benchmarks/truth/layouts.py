@@ -79,29 +79,23 @@ def _filled(photo: Picture, width: int, height: int) -> Any:
     return large[top : top + height, left : left + width]
 
 
-STRIPS = tuple(
-    Layout(rows, columns, px, grey, margin, quality)
-    for (rows, columns), px, grey, margin, quality in (
-        ((1, 2), 8, 255, 0, 90),
-        ((2, 1), 20, 0, 0, None),
-        ((1, 2), 3, 128, 0, None),
-        ((1, 3), 12, 255, 12, 90),
-        ((2, 1), 40, 255, 20, 75),
-        ((1, 2), 2, 0, 0, None),
-        ((3, 1), 6, 128, 0, 90),
-        ((1, 2), 30, 0, 30, 90),
-    )
+STRIPS = (
+    Layout(1, 2, 8, 255, 0, 90),
+    Layout(2, 1, 20, 0),
+    Layout(1, 2, 3, 128),
+    Layout(1, 3, 12, 255, 12, 90),
+    Layout(2, 1, 40, 255, 20, 75),
+    Layout(1, 2, 2, 0),
+    Layout(3, 1, 6, 128, 0, 90),
+    Layout(1, 2, 30, 0, 30, 90),
 )
 """Pictures side by side, or one above the other."""
 
-TILES = tuple(
-    Layout(rows, columns, px, grey, margin, quality)
-    for (rows, columns), px, grey, margin, quality in (
-        ((2, 2), 10, 255, 0, 90),
-        ((2, 2), 4, 0, 8, None),
-        ((3, 3), 6, 255, 6, 90),
-        ((2, 3), 20, 128, 0, 90),
-    )
+TILES = (
+    Layout(2, 2, 10, 255, 0, 90),
+    Layout(2, 2, 4, 0, 8),
+    Layout(3, 3, 6, 255, 6, 90),
+    Layout(2, 3, 20, 128, 0, 90),
 )
 """Pictures in rows and columns."""
 
