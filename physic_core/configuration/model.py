@@ -336,7 +336,7 @@ class EngineChoice(StrictModel):
     placement: dict[str, Any] = Field(
         default_factory=dict, description="stage 2: each body aligned with its points"
     )
-    joint: dict[str, Any] = Field(default_factory=dict, description="stage 3: joint optimisation")
+    joint: dict[str, Any] = Field(default_factory=dict, description="stage 3: joint optimization")
     contact: dict[str, Any] = Field(default_factory=dict, description="the contact map")
 
     def settings(self) -> EngineSettings:

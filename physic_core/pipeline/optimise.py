@@ -49,7 +49,7 @@ def run_engine(
             from physic_core.judge.sizes import check_placed_people
 
             stages.warn(*check_placed_people(estimates, state, placed))
-    with stages.time_engine("joint optimisation"):
+    with stages.time_engine("joint optimization"):
         # Without a common background the depth of people is unknown; a warning reports it.
         blind = placed.photo_depth is None
         state = optimize(placed, settings.joint.without("depth") if blind else settings.joint)
