@@ -68,7 +68,7 @@ class MockPersonObserver(interfaces.PersonObserver):
             posture=choice(truth["posture"]),
             touch=choice(truth["touch"]),
             on_floor=probability(truth["on_floor"] > 0),
-            child=probability(truth["child"]),
+            child=probability(truth["child"] > 0),
             **_heads(world, truth["head"], rows, noise.factor, rng),
             **_shares(),
         )

@@ -145,14 +145,6 @@ class BackendUnderTest:
         """Names of the photos over which bias is measured."""
         return EVIDENCE_OF.get(self.interface, EVIDENCE)
 
-    @property
-    def photos_of_one_size(self) -> tuple[str, str]:
-        """Names of two different photos of one size, in the order in which the backend is called on
-        them.
-        """
-        of_hands = self.interface == "hand_estimator"
-        return ("close", "sitting") if of_hands else ("one person", "leaning")
-
     def case(self, name: str) -> Case:
         """Return the photo and its ground truth for a name of
         :data:`physic_testing.conformance.cases.CASES`.
@@ -277,7 +269,7 @@ class BackendUnderTest:
                 self.run_case(FIRST_PHOTO)
             case = self.case(name)
             self.case_runs[name] = self.try_case(case)
-            earlier, later = self.photos_of_one_size
+            earlier, later = self.evidence_names[:2]
             if name == earlier:
                 self.run_case(later)
         return self.case_runs[name]

@@ -82,8 +82,9 @@ def _values(answer: Bodies, case: Case) -> tuple[Values, Truth]:
     own = _values_of_parts(embedded_surface(answer)[1], embedded_parameters(answer))
     truth = _values_of_parts(world.joints.astype(np.float64), world.parameters)
     truth["observed"] = world.joints_visible[:, :_BODY].astype(float)
-    is_given = answer.observed is not None
-    own["observed"] = answer.observed[:, :_BODY] * 1.0 if is_given else truth["observed"] * np.nan
+    own["observed"] = truth["observed"] * np.nan
+    if answer.observed is not None:
+        own["observed"] = answer.observed[:, :_BODY].astype(float)
     return own, truth
 
 

@@ -43,7 +43,9 @@ SCENE_UNIT = 1.7
 """Metres per unit of the relative point maps in the hints."""
 
 EVIDENCE = ("one person", "several people", "walking", "steps", "squatting", "leaning")
-"""Photos over which bias is measured: different people, poses, rooms, cameras and sizes."""
+"""Photos over which bias is measured: different people, poses, rooms, cameras and sizes. The first
+two have one size, so that a result kept from the last call shows.
+"""
 
 EVIDENCE_OF = {
     "hand_estimator": ("close", "striding", "sitting", "crouching"),

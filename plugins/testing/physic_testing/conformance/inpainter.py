@@ -43,7 +43,7 @@ def _slopes(picture: FloatArray, truth: Truth) -> list[FloatArray]:
 
     inside = cv2.erode(truth["case"].hole.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
     smooth = cv2.GaussianBlur(picture.mean(axis=2), (0, 0), 1.2)
-    return [np.stack(np.gradient(np.where(inside, smooth, np.nan))).ravel()]
+    return [np.array(np.gradient(np.where(inside, smooth, np.nan))).ravel()]
 
 
 def _depth_inside(mask: BoolArray) -> FloatArray:

@@ -65,7 +65,7 @@ def _values(answer: Keypoints, case: Case) -> tuple[Values, Truth]:
 
 
 def _from_mean(points: FloatArray) -> FloatArray:
-    return points - points.mean(axis=1, keepdims=True)
+    return np.asarray(points - points.mean(axis=1, keepdims=True))
 
 
 def _errors(own: Values, truth: Truth) -> dict[str, Any]:
@@ -87,7 +87,8 @@ def _in_boxes(points: FloatArray, truth: Truth) -> list[FloatArray]:
 
 def _mirrored(points: FloatArray, truth: Truth) -> FloatArray:
     middle = (truth["case"].photo.shape[1] - 1) / 2
-    return points * [-1, 1] + 2 * ([middle, 0] - _centres(truth["case"])) * [1, 0]
+    moved = 2 * ([middle, 0] - _centres(truth["case"])) * [1, 0]
+    return np.asarray(points * [-1, 1] + moved)
 
 
 def _other_sides(points: FloatArray, truth: Truth) -> FloatArray:

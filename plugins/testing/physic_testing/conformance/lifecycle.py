@@ -93,7 +93,7 @@ def check_may_be_loaded_and_closed_again(subject: BackendUnderTest) -> None:
     def infer() -> None:
         outputs.append(subject.infer(backend, subject.request(case)))
 
-    steps = {
+    steps: dict[str, Callable[[], Any]] = {
         "infer() before load()": infer,
         f"load({MISSING_DEVICE!r})": partial(backend.load, MISSING_DEVICE),
         "close() after no load()": backend.close,

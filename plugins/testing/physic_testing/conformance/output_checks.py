@@ -95,7 +95,7 @@ def check_output_depends_on_the_photo_alone(subject: BackendUnderTest) -> None:
     options.
     """
     case, request = subject.valid_request(FIRST_PHOTO)
-    earlier, later = subject.photos_of_one_size
+    earlier, later = subject.evidence_names[:2]
     for name in (earlier, later, "blank"):
         subject.run_case(name)
     for name, attempt in subject.case_runs.items():

@@ -186,7 +186,7 @@ def values_of(subject: BackendUnderTest) -> list[tuple[Values, Truth]]:
     """Return the values of output and truth of the photos of people; the first call computes
     them.
     """
-    if not subject.values:
+    if not subject.values and subject.table is not None:
         subject.values = [subject.table.compared(out, case) for case, out in subject.evidence()]
     return subject.values
 

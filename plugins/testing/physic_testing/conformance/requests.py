@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -66,7 +67,7 @@ def mirrored(request: Any) -> Any:
         points = [width - 1, 0] + keypoints.points[:, joints] * [-1, 1]
         return replace(keypoints, points=points, confidence=keypoints.confidence[:, joints])
 
-    makes = {
+    makes: dict[str, Callable[[Any], Any]] = {
         "image": lambda image: np.ascontiguousarray(image[:, ::-1]),
         "people": of_people,
         "keypoints": of_keypoints,

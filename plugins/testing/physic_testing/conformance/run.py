@@ -54,13 +54,11 @@ class CheckRun:
             found = self._run_check(self.checks[name])
             if name in self._expected and found.outcome != "skipped":
                 reason = self._expected[name]
-                unexpected = {
-                    "outcome": "xpassed",
-                    "expected": f"a failure ({reason})",
-                    "got": "it passes: remove it from expected_failures",
-                }
-                changes = {"outcome": "xfailed"} if found.outcome == "failed" else unexpected
-                found = replace(found, reason=reason, **changes)
+                is_failure = found.outcome == "failed"
+                got = "it passes: remove it from expected_failures"
+                unexpected = Result(name, "xpassed", f"a failure ({reason})", got)
+                found = replace(found, outcome="xfailed") if is_failure else unexpected
+                found = replace(found, reason=reason)
             self._results[name] = replace(found, seconds=time.perf_counter() - start)
         return self._results[name]
 

@@ -40,21 +40,20 @@ def true_keypoints_px(world: World, skeleton: Skeleton | str) -> tuple[FloatArra
     from physic_core.body import load_body
     from physic_testing.worlds.world import project
 
-    columns = list(skeleton.fitted)
-    regressor = load_body(world.body_model).regressor(skeleton.take(columns))
+    fitted = list(skeleton.fitted)
+    regressor = load_body(world.body_model).regressor(skeleton.take(fitted))
     vertices = torch.from_numpy(world.vertices.copy()).index_select(1, regressor.vertex_ids)
-    points = np.empty((len(world.joints), len(skeleton), 2))
-    visible = np.empty(points.shape[:2], bool)
-    coco = SKELETONS["coco23"].names
-    for row, name in enumerate(skeleton.names):
-        place = name.replace("hand_root", "wrist") if name.endswith("hand_root") else "nose"
-        points[:, row] = world.keypoints["coco23"][:, coco.index(place)]
-        visible[:, row] = world.visible["coco23"][:, coco.index(place)]
     on_body = regressor(torch.from_numpy(world.joints.copy()), vertices)
-    points[:, columns] = project(on_body.double().numpy(), world.intrinsics)
-    for row in columns:
-        visible[:, row] = _visible(world, _nearest_body_point(skeleton, skeleton.names[row]))
-    return points, visible
+    points = np.empty((len(world.joints), len(skeleton), 2))
+    points[:, fitted] = project(on_body.double().numpy(), world.intrinsics)
+    nearest = [_nearest_body_point(skeleton, name) for name in skeleton.names]
+    for row in {*range(len(skeleton))} - {*fitted}:
+        name = skeleton.names[row]
+        is_root = name.endswith("hand_root")
+        nearest[row] = name.replace("hand_root", "wrist") if is_root else "nose"
+        column = SKELETONS["coco23"].names.index(nearest[row])
+        points[:, row] = world.keypoints["coco23"][:, column]
+    return points, np.stack([_visible(world, name) for name in nearest], axis=1)
 
 
 def _nearest_body_point(skeleton: Skeleton, name: str) -> str:
@@ -62,7 +61,7 @@ def _nearest_body_point(skeleton: Skeleton, name: str) -> str:
     from physic_core.body import BODY_POINTS
 
     blend = skeleton.on_body.get(name, {})
-    return name if name in BODY_POINTS else max(blend, key=lambda other: blend[other])
+    return name if name in BODY_POINTS else max(blend, key=blend.__getitem__, default="")
 
 
 def _visible(world: World, name: str) -> BoolArray:

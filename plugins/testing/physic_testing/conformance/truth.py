@@ -24,6 +24,8 @@ from physic_testing.conformance.expect import CheckSkipped
 from physic_testing.conformance.true_keypoints import true_keypoints_px
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from physic_core.body import BodyModel
     from physic_core.types import (
         Bodies,
@@ -108,7 +110,7 @@ def _true_touch(world: World) -> FloatArray:
     return found
 
 
-def turns_from_tpose(world: World) -> FloatArray:
+def turns_from_tpose(world: World) -> NDArray[np.float64]:
     """Return the rotations (N, J, 3, 3) of joints from the T-pose to the camera's frame."""
     return rotations_from_tpose(rotations_from_parameters(world.parameters).double().numpy())
 
@@ -116,7 +118,7 @@ def turns_from_tpose(world: World) -> FloatArray:
 def true_hands(world: World) -> FloatArray:
     """Return the true finger rotations (N, 2, 15, 3) as rotation vectors, left hand first."""
     truth = world.parameters
-    both = np.stack([truth.left_hand_pose, truth.right_hand_pose], axis=1)
+    both: FloatArray = np.stack([truth.left_hand_pose, truth.right_hand_pose], axis=1)
     return both.reshape(-1, 2, 15, 3)
 
 
@@ -132,7 +134,8 @@ def rotation_errors_deg(rotvecs: FloatArray, truth: FloatArray) -> FloatArray:
     (..., 3) in radians.
     """
     one, other = (rotvec_to_rotmat_numpy(each.astype(np.float64)) for each in (rotvecs, truth))
-    return np.degrees(np.linalg.norm(rotmat_to_rotvec(one.swapaxes(-1, -2) @ other), axis=-1))
+    turns = rotmat_to_rotvec(one.swapaxes(-1, -2) @ other)
+    return np.asarray(np.degrees(np.linalg.norm(turns, axis=-1)))
 
 
 def embedded_surface(bodies: Bodies) -> tuple[FloatArray, FloatArray]:

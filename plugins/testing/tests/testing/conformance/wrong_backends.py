@@ -131,14 +131,6 @@ class LoadsOnce(RightDepth):
         self.ever = True
 
 
-@wrong("blank is an error", "accepts_or_refuses_any_photo")
-class Dividing(RightDepth):
-    def infer(self, image, hints):
-        if image.std() == 0:
-            raise ZeroDivisionError("float division by zero")
-        return super().infer(image, hints)
-
-
 # ---- asking changes nothing
 
 
@@ -209,14 +201,6 @@ def changing(method, change, undo=lambda: None):
 
 for mistake, kind in {
     "a seed for everybody": changing("infer", lambda: np.random.seed(5)),
-    "faster products for everybody": changing(
-        "load",
-        lambda: torch.set_float32_matmul_precision("medium"),
-        lambda: torch.set_float32_matmul_precision("highest"),
-    ),
-    "no gradients for everybody": changing(
-        "infer", lambda: torch.set_grad_enabled(False), lambda: torch.set_grad_enabled(True)
-    ),
     "one thread for everybody": changing("load", lambda: torch.set_num_threads(1)),
     "a variable for everybody": changing(
         "load", lambda: os.environ.update(MY_DEPTH="1"), lambda: os.environ.pop("MY_DEPTH", None)
