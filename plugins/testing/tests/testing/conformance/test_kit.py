@@ -151,11 +151,6 @@ def test_capabilities_choose_checks():
 # --------------------------------------------------------------------------------------------------
 
 
-def test_a_disparity_is_asked_about_before_a_unit():
-    names = [check.name for check in checks_for("metric_depth")]
-    assert names.index("depth_is_along_z_and_upright") < names.index("depth_is_in_metres")
-
-
 def test_backends_are_compared_in_one_table():
     worlds = ("stand_indoors", "group")
     found = compare("metric_depth", [RightDepth, CENTIMETRES, NotReady], worlds=worlds, size=SIZE)

@@ -1,4 +1,4 @@
-"""Shares of mistakes in what outputs are off by, and each known mistake, told from all others."""
+"""Each known mistake is told from all others, alone and among the errors of a network."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from stand_ins import stand_in, subject_of
 from physic_mock import backends as mocks
 from physic_testing.conformance.cases import SIZE as STANDARD_SIZE
 from physic_testing.conformance.expect import CheckFailed
-from physic_testing.conformance.readings import compare, shares, values_of
+from physic_testing.conformance.readings import compare, values_of
 from physic_testing.conformance.tables import TABLES
 
 pytestmark = pytest.mark.quick
@@ -47,30 +47,6 @@ LOST = {
 
 UNTOLD = {"world_points_are_metres", "wrists_are_in_the_cameras_frame"}
 """Checks of what no mock says."""
-
-RNG = np.random.default_rng(0)
-MISTAKE = [RNG.normal(size=400) for _ in range(12)]
-ERRORS = [RNG.normal(size=400) for _ in range(12)]
-
-
-@pytest.mark.parametrize("made", [0, 0.5, 1])
-def test_the_share_of_a_mistake_is_found_among_other_errors(made):
-    off = [made * m + e for m, e in zip(MISTAKE, ERRORS, strict=True)]
-    assert np.median(shares(off, MISTAKE)) == pytest.approx(made, abs=0.05)
-
-
-def test_units_that_do_not_show_a_mistake_say_nothing_of_it():
-    mistakes = [MISTAKE[0], 0.001 * MISTAKE[1], np.full(400, np.nan)]
-    found = shares(mistakes, mistakes)
-    assert found[0] == pytest.approx(1)
-    assert np.isnan(found[1:]).all()
-
-
-def test_what_all_units_have_in_common_does_not_count_if_centred():
-    off = [np.array([3.0 + i]) for i in range(4)]
-    mistakes = [np.array([float(i)]) for i in range(4)]
-    assert shares(off, mistakes, centred=True)[[0, 3]] == pytest.approx(1)
-    assert shares(off, mistakes)[3] == pytest.approx(2)
 
 
 @pytest.fixture(scope="module")
