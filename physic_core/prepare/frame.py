@@ -171,7 +171,7 @@ def _without_layers(image: UInt8Array, inside: Inside | None) -> tuple[Frame, tu
             found.corners[None], np.linalg.inv(_homography_to_upright(corners))
         )[0]
         is_print = frame.is_print or found.turn_deg > _STRAIGHT_DEG
-        frame = Frame(_rectangle_in(corners), "the surroundings of the picture", is_print=is_print)
+        frame = Frame(_rectangle_in(corners), "what surrounds the picture", is_print=is_print)
         width, height = _width_and_height(corners)
         part = cv2.warpPerspective(
             image, _homography_to_upright(corners), (round(width), round(height))
