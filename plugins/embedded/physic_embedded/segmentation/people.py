@@ -20,6 +20,7 @@ from physic_embedded.networks.crops import ImagePyramid
 from physic_embedded.networks.pose import (
     average_agreeing,
     person_square,
+    predict_hopeful_pose,
     predict_pose,
     predict_scored_pose,
 )
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from physic_core.types import Carrier
+    from physic_embedded.networks.crops import RotatedSquare
     from physic_embedded.networks.pose import Pose
     from physic_embedded.networks.yolox import Found
     from physic_networks.onnx_sessions import OnnxSession
@@ -90,6 +92,8 @@ people, the network mixes them up.
 """
 SIMILAR_FIT = 0.7
 """Poses with this share of the best fit are compared by their mirror images."""
+NEAR_HIPS = 0.14
+"""Largest distance of the hips of one person in two squares, over the larger side."""
 SAME_PLACE = 0.02
 """Joints of two poses that are nearer than this share of the square's side are averaged."""
 
@@ -185,7 +189,14 @@ def detect_poses(
     blazepose = (
         []
         if enough
-        else _search_blazepose(pose_detector, landmarker, picture, fractions, most=2 * max_people)
+        else _search_blazepose(
+            pose_detector,
+            landmarker,
+            picture,
+            fractions,
+            known=[pose for _, _, pose in compress(posed, sure)],
+            most=2 * max_people,
+        )
     )
     others = [pose for pose, _ in blazepose]
     candidates = [
@@ -294,7 +305,7 @@ def _add_hidden_people(
     for box, score, own in posed:
         if any(person.box is not None and np.array_equal(person.box, box) for person in kept):
             continue
-        if _is_of_turned(DetectedPose(own, score, box), kept):
+        if _is_of_turned(DetectedPose(own, score, box), kept) or _is_part(box, own, kept):
             unposed.append(unposed_person(box, score, FOUND_TWICE))
             continue
         if len(grey) != len(kept):
@@ -309,7 +320,6 @@ def _add_hidden_people(
                 break
         else:
             why = "no pose fits the box" if score >= box_score else HARDLY_VISIBLE
-            why = FOUND_TWICE if _is_part(box, own, kept) else why
             unposed.append(unposed_person(box, score, why))
     return unposed
 
@@ -357,7 +367,8 @@ def _upper_half(landmarker: OnnxSession, picture: ImagePyramid, box: Float) -> l
     """
     if box[3] < CUT_FROM * picture.height:
         return []
-    return [predict_pose(landmarker, picture, square_from_upper_half(box))]
+    pose = predict_hopeful_pose(landmarker, picture, square_from_upper_half(box))
+    return [] if pose is None else [pose]
 
 
 def _is_sure(box: Float, score: float, pose: Pose, box_score: float) -> bool:
@@ -375,14 +386,27 @@ def _search_blazepose(
     landmarker: OnnxSession,
     picture: ImagePyramid,
     fractions: tuple[float, ...],
+    known: Sequence[Pose],
     most: int,
 ) -> list[tuple[Pose, float]]:
-    """Return the poses of BlazePose's own detector, with its scores."""
-    detections = detect_people(pose_detector, picture, WEAK_SCORE, WEAK_SCORE + 0.2, fractions)
-    return [
-        (predict_pose(landmarker, picture, person_square(d.keypoints[0], d.keypoints[1])), d.score)
-        for d in detections[:most]
-    ]
+    """Return the poses of BlazePose's own detector, with its scores, but those at the hips of
+    people who are known.
+    """
+    found = []
+    for d in detect_people(pose_detector, picture, WEAK_SCORE, WEAK_SCORE + 0.2, fractions)[:most]:
+        square = person_square(d.keypoints[0], d.keypoints[1])
+        if any(_is_at_hips(square, one.square) for one in known):
+            continue
+        pose = predict_hopeful_pose(landmarker, picture, square)
+        if pose is not None:
+            found.append((pose, d.score))
+    return found
+
+
+def _is_at_hips(square: RotatedSquare, other: RotatedSquare) -> bool:
+    """Return whether two squares are around the same hips."""
+    apart = float(np.linalg.norm(square.center - other.center))
+    return apart <= NEAR_HIPS * max(square.side, other.side)
 
 
 def _best_poses(
