@@ -245,7 +245,6 @@ _POSE = (
         _MIRRORED,
     ),
     Reading("of the mirrored person", lambda pose, _: -MIRROR * pose[:, _POSE_SIDES], _MIRRORED),
-    Reading("with left and right exchanged", reordered(_POSE_SIDES), _MIRRORED),
 )
 
 _GROUPS = (
