@@ -56,15 +56,6 @@ class Sample:
     distortion: Any = None
     truth: Mapping[str, Any] = field(default_factory=dict)
 
-    @property
-    def changed(self) -> bool:
-        """Whether the tool gets another picture than the file holds."""
-        return (
-            self.frame is not None
-            or self.crop is not None
-            or (self.distortion is not None and any(self.distortion))
-        )
-
 
 def picture_of(sample: Sample) -> Picture:
     """(H, W, 3) uint8 BGR, as the tool gets it."""
