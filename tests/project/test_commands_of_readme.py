@@ -61,6 +61,8 @@ def test_every_command_ends_with_a_result_or_a_sentence(physic_there, folder):
             scene = load_reconstruction(folder / "photo-physic").scene
             depth = np.where(scene.valid, 1000 * scene.points[..., 2], 0).clip(max=65535)
             Image.fromarray(depth.astype(np.uint16)).save(folder / "depth.png")
+        if "--bodies" in words:
+            physic_there("export", "photo-physic", "--to", "bodies", "-o", "people.npz")
         for name in {"out-a", "out-b"}.intersection(words):
             shutil.copytree(folder / "photo-physic", folder / name)
         found = physic_there(*words)
