@@ -44,20 +44,20 @@ class BodyFiles:
             ConfigError: none was given.
             InputError: the folder does not hold it.
         """
-        given = self.smplx if family == "smplx" else self.smpl
-        if given is None:
+        path = self.smplx if family == "smplx" else self.smpl
+        if path is None:
             raise ConfigError(
                 f"a {family.upper()} body needs the user's model file: give --{family} FILE or "
                 f"FOLDER"
             )
         names = [f"{family.upper()}_{gender.upper()}{suffix}" for suffix in (".npz", ".pkl")]
-        found = next((given / name for name in names if (given / name).is_file()), given)
-        if found.is_dir():
+        file = next((path / name for name in names if (path / name).is_file()), path)
+        if file.is_dir():
             raise InputError(
-                f"{given} has no {' and '.join(names)}: a body of gender '{gender}' needs one of "
+                f"{path} has no {' and '.join(names)}: a body of gender '{gender}' needs one of "
                 f"them"
             )
-        return found
+        return file
 
     def rest_mesh(self, topology: str) -> RestMesh | None:
         """Return the mean body of a mesh topology in the T-pose, or None if its model file was not
@@ -111,14 +111,14 @@ class BodyFiles:
         )
         rotations = rotvec_to_rotmat_numpy(pose.reshape(-1, 3))
         transl = checked_numbers(parameters.get("transl", np.zeros(3)), (3,), "transl")
-        given = (
+        inputs = (
             rotations,
             _first_ten(parameters, "betas"),
             transl,
             _first_ten(parameters, "expression"),
         )
         with torch.no_grad():
-            out = model(*(torch.from_numpy(np.asarray(a, np.float32))[None] for a in given))
+            out = model(*(torch.from_numpy(np.asarray(a, np.float32))[None] for a in inputs))
         return out.vertices[0].double().numpy(), out.joints[0].double().numpy()
 
     def transfer(self, values: Array, source: str, target: str) -> Array | None:
@@ -144,8 +144,8 @@ class BodyFiles:
 
 def _pose(parameters: Mapping[str, Any], name: str, size: int, path: Path) -> Array:
     """Return a rotation vector of each joint, as one array."""
-    given = np.ravel(parameters.get(name, np.zeros(size)))
-    if "hand" in name and 6 <= given.size <= 24:
+    rotations = np.ravel(parameters.get(name, np.zeros(size)))
+    if "hand" in name and 6 <= rotations.size <= 24:
         arrays = read_npz(path)
         side = name[0]
         lacking = [
@@ -156,12 +156,12 @@ def _pose(parameters: Mapping[str, Any], name: str, size: int, path: Path) -> Ar
                 f"{path} has no {' and '.join(lacking)}, which these hands need: give the "
                 f"official file"
             )
-        components = checked_numbers(given, (-1,), name)
-        given = (
+        components = checked_numbers(rotations, (-1,), name)
+        rotations = (
             arrays[f"hands_mean{side}"].ravel()
-            + components @ arrays[f"hands_components{side}"][: given.size]
+            + components @ arrays[f"hands_components{side}"][: rotations.size]
         )
-    return checked_numbers(given, (size,), name)
+    return checked_numbers(rotations, (size,), name)
 
 
 def _first_ten(parameters: Mapping[str, Any], name: str) -> Array:

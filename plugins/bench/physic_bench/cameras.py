@@ -60,7 +60,7 @@ def project(points: Array, K: Array) -> Array:
 
 def box_of_points(pixels: Array) -> Array | None:
     """Return the box (4,) px around the known pixels; None if most are unknown."""
-    known = pixels[np.isfinite(pixels).all(-1)]
-    if 2 * len(known) < len(pixels) or len(known) < 2:
+    finite = pixels[np.isfinite(pixels).all(-1)]
+    if 2 * len(finite) < len(pixels) or len(finite) < 2:
         return None
-    return np.concatenate([known.min(0), known.max(0)])
+    return np.concatenate([finite.min(0), finite.max(0)])

@@ -170,7 +170,7 @@ def compare_results(a: Reconstruction, b: Reconstruction, name: str = "") -> Com
         )
     matching = match_by_masks(_masks(b), _masks(a))
     partner = matching.predicted_of
-    known = [_pair(a, b, index, partner.get(index)) for index in range(len(a.people))]
+    pairs = [_pair(a, b, index, partner.get(index)) for index in range(len(a.people))]
     added = [_pair(a, b, None, int(index)) for index in matching.false_alarms]
     error = scene_error(b.scene.points, a.scene.points, b.scene.valid, a.scene.valid)
     depths = [one.scene.points[a.scene.valid & b.scene.valid, 2] for one in (a, b)]
@@ -183,7 +183,7 @@ def compare_results(a: Reconstruction, b: Reconstruction, name: str = "") -> Com
         depth_difference=error.depth_relative_median
         if math.isfinite(error.depth_relative_median)
         else None,
-        people=(*known, *added),
+        people=(*pairs, *added),
     )
 
 
@@ -197,12 +197,12 @@ def table_rows(photo: Comparison) -> list[tuple[str, ...]]:
     ]
     for person in photo.people:
         joints = ["-" if one is None else str(one) for one in (person.joints, person.pose)]
-        own = [
+        counts = [
             ", ".join(sorted(set(one) - set(other)))
             for one, other in (person.contacts, person.contacts[::-1])
         ]
         contact = "; ".join(
-            f"only {name}: {text}" for name, text in zip("AB", own, strict=True) if text
+            f"only {name}: {text}" for name, text in zip("AB", counts, strict=True) if text
         )
         distances = map(_metres, person.distance_m)
         rows.append(
@@ -256,12 +256,12 @@ def summary_lines(
             f"{1000 * median(poses):.0f} mm"
         )
     for i, name in enumerate("AB"):
-        given = [moved for person in people if (moved := person.from_given_m[i]) is not None]
-        if given:
-            place, pose = (1000 * value for value in np.median(given, axis=0))
+        changes = [moved for person in people if (moved := person.from_given_m[i]) is not None]
+        if changes:
+            place, pose = (1000 * value for value in np.median(changes, axis=0))
             lines.append(
-                f"given bodies of {len(given)} people in {name}: medians of the engine's change of "
-                f"place {place:.0f} mm, of pose {pose:.0f} mm"
+                f"given bodies of {len(changes)} people in {name}: medians of the engine's change "
+                f"of place {place:.0f} mm, of pose {pose:.0f} mm"
             )
     if ratios:
         lines.append(f"median of scenes: the depth of B is {median(ratios):.2f} times that of A")
@@ -302,12 +302,12 @@ def _by_photo(folder: Path) -> dict[tuple[str, int], Path]:
     are numbered.
     """
     counts = Counter[str]()
-    found = {}
+    result_of = {}
     for result in sorted(find_results(folder), key=lambda one: one.name):
         photo = photo_identity_of_result(result) or str(result.relative_to(folder))
-        found[photo, counts[photo]] = result
+        result_of[photo, counts[photo]] = result
         counts[photo] += 1
-    return found
+    return result_of
 
 
 def _masks(result: Reconstruction) -> BoolArray:

@@ -125,8 +125,8 @@ def _command_of(chosen: DataSet) -> click.Command:
     names = [str(option.name) for option in chosen.options]
 
     def run(**given: Any) -> None:
-        own = {name: given.pop(name) for name in names}
-        _evaluate(chosen, own, _CommonOptions(**given))
+        own_options = {name: given.pop(name) for name in names}
+        _evaluate(chosen, own_options, _CommonOptions(**given))
 
     # "\b" keeps the lines of a paragraph as they are.
     about = "\n\n".join(f"\b\n{part}" for part in chosen.about.strip().split("\n\n"))
@@ -143,9 +143,9 @@ def _require_complete(chosen: DataSet, options: dict[str, Any], given: _CommonOp
         )
 
 
-def _require_frames(found: FrameSet, root: Path) -> None:
-    if not found.frames:
-        reason = next(iter(found.left_out.values()), "it is empty")
+def _require_frames(frame_set: FrameSet, root: Path) -> None:
+    if not frame_set.frames:
+        reason = next(iter(frame_set.left_out.values()), "it is empty")
         raise InputError(f"no frame of {root} can be evaluated: {reason}")
 
 
@@ -184,14 +184,14 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _CommonOptions) -
     check_results(check_writable(given.out))
     methods = _methods(given)
     config = _config(given) if given.reconstructs else None
-    found = chosen.frames(given.root, FrameChoice(given.frames, given.limit), files, **options)
-    _require_frames(found, given.root)
-    for note in (f"{len(found.frames)} frames", *found.notes):
+    frame_set = chosen.frames(given.root, FrameChoice(given.frames, given.limit), files, **options)
+    _require_frames(frame_set, given.root)
+    for note in (f"{len(frame_set.frames)} frames", *frame_set.notes):
         report(note)
     if config is not None:
-        methods.insert(0, _reconstruct(found.frames, config, given, report))
-    records, scored = evaluate_methods(found, methods, files)
-    every = [record for own in records.values() for record in own]
+        methods.insert(0, _reconstruct(frame_set.frames, config, given, report))
+    records, scored = evaluate_methods(frame_set, methods, files)
+    every = [record for rows in records.values() for record in rows]
     columns = columns_with_contact_truths(
         list(dict.fromkeys(name for record in every for name in record["contact"]))
     )
@@ -202,7 +202,7 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _CommonOptions) -
         "left_out": dict(scored.left_out),
         "records": records,
     }
-    header = _header(chosen, options, given, len(found.frames))
+    header = _header(chosen, options, given, len(frame_set.frames))
     paths = write_results(records, columns, given.out, header, scored.notes, document)
     echo(paths[0].read_text(encoding="utf-8").removesuffix(f"{MARK}\n"))
     echo(f"wrote {', '.join(map(str, paths))}")

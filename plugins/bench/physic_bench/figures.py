@@ -62,11 +62,12 @@ class Column:
     digits: int = 1
     better: str = "low"
 
-    def text(self, found: ValueWithInterval, *, signed: bool = False) -> str:
+    def text(self, figure: ValueWithInterval, *, signed: bool = False) -> str:
         """Return a figure as printed; "-" if it is unknown."""
         form = f"{'+' if signed else ''}.{self.digits}f"
         value, low, high = (
-            f"{v:{form}}" if np.isfinite(v) else "-" for v in (found.value, found.low, found.high)
+            f"{v:{form}}" if np.isfinite(v) else "-"
+            for v in (figure.value, figure.low, figure.high)
         )
         return value if low == "-" else f"{value} [{low}, {high}]"
 
@@ -89,8 +90,8 @@ def _known_value(record: Record, key: str) -> Sequence[float] | None:
 
 def _ratio(top: Array, bottom: Array) -> Array:
     """Return top / bottom; NaN where the bottom is 0."""
-    found: Array = np.where(bottom > 0, top / np.where(bottom > 0, bottom, 1.0), np.nan)
-    return found
+    ratio: Array = np.where(bottom > 0, top / np.where(bottom > 0, bottom, 1.0), np.nan)
+    return ratio
 
 
 def _mean(sums: Array) -> Array:
@@ -124,12 +125,12 @@ def contact_columns(
 def _contact_sums(
     record: Record, counts: Callable[[Record], Mapping[str, int] | None]
 ) -> Sequence[float] | None:
-    found = counts(record)
-    if found is None:
+    totals = counts(record)
+    if totals is None:
         return None
-    own = [np.asarray(found[name], np.int64) for name in ("hits", "false_alarms", "misses")]
-    scores = precision_recall_f1(ContactCounts(*own)) if record["found"] else (0.0, 0.0, 0.0)
-    return (*map(float, scores), *map(float, own), 1.0)
+    counted = [np.asarray(totals[name], np.int64) for name in ("hits", "false_alarms", "misses")]
+    scores = precision_recall_f1(ContactCounts(*counted)) if record["found"] else (0.0, 0.0, 0.0)
+    return (*map(float, scores), *map(float, counted), 1.0)
 
 
 def _contact_value(sums: Array, figure: str) -> Array:
@@ -159,10 +160,8 @@ def difference(
     """Return second minus first over the people, by "id", for whom both methods have a value, with
     the same draws.
     """
-    known = [
-        {r["id"] for r in records if column.sums(r) is not None} for records in (first, second)
-    ]
-    kept = [[r for r in records if r["id"] in known[0] & known[1]] for records in (first, second)]
+    ids = [{r["id"] for r in records if column.sums(r) is not None} for records in (first, second)]
+    kept = [[r for r in records if r["id"] in ids[0] & ids[1]] for records in (first, second)]
     if not kept[0]:
         return ValueWithInterval(np.nan)
     groups = _groups([*first, *second])

@@ -58,8 +58,10 @@ def read_physic(folder: Path, frame: Frame) -> Prediction | None:
 def _person(person: Person, result: Reconstruction) -> BenchPerson:
     contact = person.contact
     if person.contact_partner is not None:  # no data set annotates contact with the own body
-        own = np.array([*(partner.kind == "self" for partner in result.contact_partners), False])
-        contact = contact & ~own[person.contact_partner]
+        touches_self = np.array(
+            [*(partner.kind == "self" for partner in result.contact_partners), False]
+        )
+        contact = contact & ~touches_self[person.contact_partner]
     topology = "physic-embedded-1" if result.body_model == "embedded" else result.body_model
     return BenchPerson(
         joints=person.joints.astype(np.float64),

@@ -60,14 +60,14 @@ def checked_numbers(values: Any, shape: tuple[int, ...], what: str) -> Array:
     Raises:
         DamagedFrameError: there are others.
     """
-    found = np.asarray(values)
-    if found.dtype.kind not in "biuf" or not np.isfinite(found).all():
+    numbers = np.asarray(values)
+    if numbers.dtype.kind not in "biuf" or not np.isfinite(numbers).all():
         raise DamagedFrameError(f"'{what}' must be finite numbers")
     try:
-        return found.astype(np.float64).reshape(shape)
+        return numbers.astype(np.float64).reshape(shape)
     except ValueError as error:
         raise DamagedFrameError(
-            f"'{what}' must have the shape {shape}, got {found.shape}"
+            f"'{what}' must have the shape {shape}, got {numbers.shape}"
         ) from error
 
 
@@ -115,10 +115,10 @@ def read_pickled(path: Path) -> dict[str, Any]:
     from physic_core.body import PickledObject, as_array, read_pickle
 
     with naming_file_in_errors(path):
-        found = read_pickle(path)
+        content = read_pickle(path)
         return {
             name: as_array(value) if isinstance(value, PickledObject) else value
-            for name, value in found.items()
+            for name, value in content.items()
         }
 
 

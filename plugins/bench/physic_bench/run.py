@@ -63,10 +63,12 @@ class Method:
     def result(self, frame: Frame) -> tuple[Prediction | None, str]:
         """Return the result of a frame, in the camera frame, or None and the reason."""
         try:
-            found = READERS[self.reader](self.folder, frame)
+            prediction = READERS[self.reader](self.folder, frame)
         except PhysicError as error:
             return None, str(error)
-        return found, "" if found is not None else self.failures.get(frame.id, "no result")
+        return prediction, "" if prediction is not None else self.failures.get(
+            frame.id, "no result"
+        )
 
 
 def _settings_of(frame: Frame) -> dict[str, Any]:
@@ -140,12 +142,12 @@ def reconstruct_frames(
 
 
 def evaluate_methods(
-    found: FrameSet, methods: Sequence[Method], files: BodyFiles
+    frame_set: FrameSet, methods: Sequence[Method], files: BodyFiles
 ) -> tuple[dict[str, list[Record]], FrameSet]:
     """Score methods on the frames of a data set.
 
     Args:
-        found: frames.
+        frame_set: frames.
         methods: at least one.
         files: body models, by which contact is carried between meshes.
 
@@ -159,9 +161,9 @@ def evaluate_methods(
     """
     records: dict[str, list[Record]] = {method.name: [] for method in methods}
     overlaps: dict[str, list[float]] = {method.name: [] for method in methods}
-    left_out = dict(found.left_out)
-    several = len({frame.sequence for frame in found.frames}) > 1
-    for frame in found.frames:
+    left_out = dict(frame_set.left_out)
+    several = len({frame.sequence for frame in frame_set.frames}) > 1
+    for frame in frame_set.frames:
         try:
             truth = checked_truth(frame)
         except PhysicError as error:
@@ -178,13 +180,13 @@ def evaluate_methods(
         raise InputError(
             f"no frame can be evaluated: {next(iter(left_out.values()), 'no person is annotated')}"
         )
-    notes = list(found.notes)
+    notes = list(frame_set.notes)
     for method in methods:
         _require_results(method, records[method.name], overlaps[method.name])
         notes += _notes(method.name, records[method.name])
     if left_out:
         notes.append(f"{len(left_out)} frames skipped; results.json has the reasons")
-    return records, replace(found, notes=tuple(notes), left_out=left_out)
+    return records, replace(frame_set, notes=tuple(notes), left_out=left_out)
 
 
 def checked_truth(frame: Frame) -> Truth:
@@ -209,11 +211,11 @@ def _overlaps(frame: Frame, truth: Truth, prediction: Prediction) -> list[float]
     """Return the best overlap of the box of each annotated person with those of a result."""
     K = frame.camera.K if prediction.K is None else prediction.K
     true = [box for person in truth.people if (box := body_box(person, frame.camera.K)) is not None]
-    own = [box for person in prediction.people if (box := body_box(person, K)) is not None]
+    boxes = [box for person in prediction.people if (box := body_box(person, K)) is not None]
     if not true or not prediction.people:
         return []
     best: list[float] = (
-        box_iou(np.array(true), np.array(own).reshape(-1, 4)).max(1, initial=0.0).tolist()
+        box_iou(np.array(true), np.array(boxes).reshape(-1, 4)).max(1, initial=0.0).tolist()
     )
     return best
 

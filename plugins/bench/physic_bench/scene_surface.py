@@ -96,17 +96,17 @@ class SceneIndex:
         beyond ``reach``.
         """
         answer = np.full(len(points), np.inf)
-        known = np.flatnonzero(np.isfinite(points).all(-1))
-        nearest = self.tree.query(points[known], distance_upper_bound=reach + self.radius)[0]
-        known = known[np.isfinite(nearest)]
+        near = np.flatnonzero(np.isfinite(points).all(-1))
+        nearest = self.tree.query(points[near], distance_upper_bound=reach + self.radius)[0]
+        near = near[np.isfinite(nearest)]
         nearest = nearest[np.isfinite(nearest)]
         # The nearest triangle is no farther than the nearest centre, and its own centre a radius
         # beyond at most.
-        listed = self.tree.query_ball_point(points[known], np.minimum(nearest, reach) + self.radius)
-        for start in range(0, len(known), _CHUNK):
+        listed = self.tree.query_ball_point(points[near], np.minimum(nearest, reach) + self.radius)
+        for start in range(0, len(near), _CHUNK):
             rows = listed[start : start + _CHUNK]
-            part = known[start : start + _CHUNK]
-            point = np.repeat(np.arange(len(part)), [len(own) for own in rows])
+            part = near[start : start + _CHUNK]
+            point = np.repeat(np.arange(len(part)), [len(triangles) for triangles in rows])
             triangle = np.fromiter(chain.from_iterable(rows), np.int64, len(point))
             answer[part] = self._nearest(points[part], point, triangle)
         return np.where(np.abs(answer) <= reach, answer, np.inf)
@@ -140,7 +140,7 @@ def contact_by_rule(distance: Array, threshold_m: float) -> NDArray[np.bool_]:
         distance: (...,) m, signed, negative inside.
         threshold_m: 0.02 in the released code of PhySIC, 0.05 in POSA.
     """
-    found: NDArray[np.bool_] = (np.abs(distance) <= threshold_m) | (
+    is_contact: NDArray[np.bool_] = (np.abs(distance) <= threshold_m) | (
         (distance < 0) & (distance >= -PROXIMITY_RADIUS_M)
     )
-    return found
+    return is_contact

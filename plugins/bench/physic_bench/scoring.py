@@ -119,12 +119,12 @@ def columns_with_contact_truths(contact_truths: Sequence[str]) -> tuple[Column, 
     contact = [
         contact_columns(partial(_counts_of, rule=rule), f"@{rule}") for rule in contact_truths
     ]
-    return (*COLUMNS, *(column for own in contact for column in own))
+    return (*COLUMNS, *(column for columns in contact for column in columns))
 
 
 def _counts_of(record: Record, rule: str) -> Mapping[str, int] | None:
-    found: Mapping[str, int] | None = record["contact"].get(rule)
-    return found
+    counts: Mapping[str, int] | None = record["contact"].get(rule)
+    return counts
 
 
 def score_frame(
@@ -160,11 +160,11 @@ def score_frame(
         if prediction is not None:
             record |= _floor_errors(truth, prediction)
         if prediction is not None and row in matched:
-            found = prediction.people[matched[row]]
-            record["marks"] = dict(found.marks)
-            record |= pose_errors(found, person, files, record["unmeasured"])
-            record |= contact_errors(found, contacts, files, record["unmeasured"])
-            record |= _scene_errors(frame, truth, found, contacts, files)
+            predicted = prediction.people[matched[row]]
+            record["marks"] = dict(predicted.marks)
+            record |= pose_errors(predicted, person, files, record["unmeasured"])
+            record |= contact_errors(predicted, contacts, files, record["unmeasured"])
+            record |= _scene_errors(frame, truth, predicted, contacts, files)
             if prediction.K is not None:
                 focal = [float(np.sqrt(K[0, 0] * K[1, 1])) for K in (prediction.K, frame.camera.K)]
                 record["focal_ratio"] = focal[0] / focal[1]
@@ -188,63 +188,67 @@ def match_to_truth(frame: Frame, truth: Truth, prediction: Prediction) -> dict[i
 
 
 def _joint_errors(
-    own: FloatArray, true: FloatArray, known: BoolArray, hips: Sequence[FloatArray]
+    predicted: FloatArray, true: FloatArray, is_known: BoolArray, hips: Sequence[FloatArray]
 ) -> Record:
     """Return the errors of joints (J, 3) of which the truth is known (J,), and of the hips."""
     return {
-        "me_mpjpe": float(mpjpe_mm(own, true, known)),
-        "ca_mpjpe": float(mpjpe_mm(own - hips[0], true - hips[1], known)),
-        "pa_mpjpe": float(pa_mpjpe_mm(own, true, known)),
+        "me_mpjpe": float(mpjpe_mm(predicted, true, is_known)),
+        "ca_mpjpe": float(mpjpe_mm(predicted - hips[0], true - hips[1], is_known)),
+        "pa_mpjpe": float(pa_mpjpe_mm(predicted, true, is_known)),
         "rt_error": 1000 * float(np.linalg.norm(hips[0] - hips[1])),
         "depth_ratio": float(hips[0][2] / hips[1][2]),
     }
 
 
 def pose_errors(
-    found: BenchPerson, person: BenchPerson, files: BodyFiles, unmeasured: list[str]
+    predicted: BenchPerson, person: BenchPerson, files: BodyFiles, unmeasured: list[str]
 ) -> Record:
     """Return the errors of joints and vertices, mm."""
     record: Record = {}
     hips = None
-    names = common_joints(found, person)
+    names = common_joints(predicted, person)
     if names:
-        own, true = (_rows(p, names) for p in (found, person))
-        known = np.asarray(np.isfinite(true).all(-1))
-        pair = [k for k, name in enumerate(names) if name in ("left_hip", "right_hip") and known[k]]
-        hips = [joints[pair].mean(0) if pair else np.full(3, np.nan) for joints in (own, true)]
-        record |= _joint_errors(own, true, known, hips)
-        record["joints"] = f"{known.sum()} ({person.joint_source})"
+        estimated, true = (_rows(p, names) for p in (predicted, person))
+        is_known = np.asarray(np.isfinite(true).all(-1))
+        pair = [
+            k for k, name in enumerate(names) if name in ("left_hip", "right_hip") and is_known[k]
+        ]
+        hips = [
+            joints[pair].mean(0) if pair else np.full(3, np.nan) for joints in (estimated, true)
+        ]
+        record |= _joint_errors(estimated, true, is_known, hips)
+        record["joints"] = f"{is_known.sum()} ({person.joint_source})"
     elif person.joints is not None:
         unmeasured.append("the result has no joints by name")
-    if person.vertices is None or found.vertices is None:
+    if person.vertices is None or predicted.vertices is None:
         return record
-    mesh = files.transfer(person.vertices, person.topology, found.topology)
+    mesh = files.transfer(person.vertices, person.topology, predicted.topology)
     if mesh is None:
-        unmeasured.append(_no_transfer_text("vertices", found.topology, person.topology))
+        unmeasured.append(_no_transfer_text("vertices", predicted.topology, person.topology))
         return record
-    if found.topology != person.topology:
-        record["carried"] = f"the true mesh from {person.topology} to {found.topology}"
+    if predicted.topology != person.topology:
+        record["carried"] = f"the true mesh from {person.topology} to {predicted.topology}"
     record |= {
-        "me_pve": float(mpvpe_mm(found.vertices, mesh)),
-        "pa_pve": float(pa_mpjpe_mm(found.vertices, mesh)),
+        "me_pve": float(mpvpe_mm(predicted.vertices, mesh)),
+        "pa_pve": float(pa_mpjpe_mm(predicted.vertices, mesh)),
     }
     if hips is not None:
-        record["ca_pve"] = float(mpvpe_mm(found.vertices - hips[0], mesh - hips[1]))
+        record["ca_pve"] = float(mpvpe_mm(predicted.vertices - hips[0], mesh - hips[1]))
     return record
 
 
-def common_joints(found: BenchPerson, person: BenchPerson) -> tuple[str, ...]:
+def common_joints(predicted: BenchPerson, person: BenchPerson) -> tuple[str, ...]:
     """Return the joints to compare: 22 of the body if both have them, else those of the 12 limb
     joints that both have.
 
     Joints of the result that are not finite count as not estimated. Necks, heads and spines of
     measured joints are defined otherwise than those of body models.
     """
-    if found.joints is None or person.joints is None:
+    if predicted.joints is None or person.joints is None:
         return ()
     names = {
         name
-        for name, joint in zip(found.joint_names, found.joints, strict=True)
+        for name, joint in zip(predicted.joint_names, predicted.joints, strict=True)
         if np.isfinite(joint).all()
     }
     both = names & set(person.joint_names)
@@ -268,25 +272,25 @@ def true_contacts(frame: Frame, truth: Truth, person: BenchPerson) -> dict[str, 
 
 
 def contact_errors(
-    found: BenchPerson, contacts: Contacts, files: BodyFiles, unmeasured: list[str]
+    person: BenchPerson, contacts: Contacts, files: BodyFiles, unmeasured: list[str]
 ) -> Record:
     """Return the counts of right and wrong contact vertices for each contact truth, and geodesic
     errors of the first.
 
     Predicted contact is carried to the mesh of the truth.
     """
-    if not contacts or found.contact is None:
+    if not contacts or person.contact is None:
         return {"contact": {}}
     main, target = next(iter(contacts.values()))
-    predicted = files.transfer_contact(found.contact, found.contact_topology, target)
+    predicted = files.transfer_contact(person.contact, person.contact_topology, target)
     if predicted is None:
-        unmeasured.append(_no_transfer_text("contact", found.contact_topology, target))
+        unmeasured.append(_no_transfer_text("contact", person.contact_topology, target))
         return {"contact": {}}
     record: Record = {
         "contact": {name: _counts(predicted, contact) for name, (contact, _) in contacts.items()}
     }
-    if found.contact_topology != target:
-        record["contact_carried"] = f"predicted contact from {found.contact_topology} to {target}"
+    if person.contact_topology != target:
+        record["contact_carried"] = f"predicted contact from {person.contact_topology} to {target}"
     graph = _graph_of(files, target)
     if graph is not None:
         error = geodesic_error(graph, predicted, main)
@@ -302,12 +306,12 @@ def _counts(predicted: Bools, truth: Bools) -> dict[str, int]:
 
 
 def _scene_errors(
-    frame: Frame, truth: Truth, found: BenchPerson, contacts: Contacts, files: BodyFiles
+    frame: Frame, truth: Truth, predicted: BenchPerson, contacts: Contacts, files: BodyFiles
 ) -> Record:
     """Return penetration and floating of the predicted body in the true scene, mm."""
-    if truth.scene is None or found.vertices is None:
+    if truth.scene is None or predicted.vertices is None:
         return {}
-    distance = _distance(frame, truth.scene, found.vertices)
+    distance = _distance(frame, truth.scene, predicted.vertices)
     deep = penetration(distance)
     record = {
         "penetration_mm": 1000 * float(deep.mean_depth),
@@ -315,7 +319,7 @@ def _scene_errors(
     }
     if contacts:
         contact, topology = next(iter(contacts.values()))
-        carried = files.transfer_contact(contact, topology, found.topology)
+        carried = files.transfer_contact(contact, topology, predicted.topology)
         if carried is not None:
             record["floating_mm"] = 1000 * float(contact_gap(distance, carried, PROXIMITY_RADIUS_M))
     return record

@@ -53,15 +53,15 @@ def write_results(
     """
     check_results(check_writable(folder))
     first, *others = records
-    figures = {name: {c.key: figure(own, c) for c in columns} for name, own in records.items()}
-    kept = [c for c in columns if any(own[c.key].count for own in figures.values())]
+    figures = {name: {c.key: figure(rows, c) for c in columns} for name, rows in records.items()}
+    kept = [c for c in columns if any(by_column[c.key].count for by_column in figures.values())]
     differences = {
         name: {c.key: difference(records[first], records[name], c) for c in kept} for name in others
     }
     parts = [_rows(figures, kept, signed=False), _rows(differences, kept, signed=True)]
     lines = [*notes, MARK]
     bullets = [f"- {' '.join(line.splitlines())}" for line in lines]
-    found = {
+    results = {
         "note": MARK,
         "header": header,
         "notes": list(notes),
@@ -75,7 +75,7 @@ def write_results(
     texts = (
         "\n".join([header, "", _tables_text(aligned_table, parts, first), "", *lines, ""]),
         "\n".join([header, "", _tables_text(markdown_table, parts, first), "", *bullets, ""]),
-        json.dumps(to_json(found, digits=9), indent=1) + "\n",
+        json.dumps(to_json(results, digits=9), indent=1) + "\n",
     )
     with atomic_write(folder) as temporary:
         for name, content in zip(FILES, texts, strict=True):
@@ -98,12 +98,14 @@ def _rows(shown: Figures, columns: Sequence[Column], *, signed: bool) -> list[li
     """Return the table of figures of methods, without rows that have none."""
     rows = [["", *shown, "of"]]
     for column in columns:
-        own = [figures[column.key] for figures in shown.values()]
-        cells = [column.text(f, signed=signed) for f in own]
+        in_column = [figures[column.key] for figures in shown.values()]
+        cells = [column.text(f, signed=signed) for f in in_column]
         if set(cells) - {"-"}:
-            rows.append([column.label, *cells, str(max(f.count for f in own))])
+            rows.append([column.label, *cells, str(max(f.count for f in in_column))])
     return rows
 
 
 def _numbers(shown: Figures) -> dict[str, Any]:
-    return {name: {key: asdict(f) for key, f in own.items()} for name, own in shown.items()}
+    return {
+        name: {key: asdict(f) for key, f in by_column.items()} for name, by_column in shown.items()
+    }

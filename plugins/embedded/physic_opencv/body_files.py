@@ -97,8 +97,8 @@ def _of_folder(file: FileOfPhoto) -> BodiesInFile | None:
 def _meta_of(path: Path) -> Mapping[str, Any]:
     """Return SMPLer-X's meta file of a body, which is beside its folder; nothing without one."""
     meta = path.parent.parent / "meta" / f"{path.stem}.json"
-    found = open_document(meta) if meta.is_file() else {}
-    return found if isinstance(found, Mapping) else {}
+    document = open_document(meta) if meta.is_file() else {}
+    return document if isinstance(document, Mapping) else {}
 
 
 def _has(*keys: str) -> Callable[[Any], bool]:
@@ -139,8 +139,8 @@ def _cameras(document: Mapping[str, Any], count: int) -> _Array | None:
     """Return the cameras (N, 4) of a camera matrix or of each person's; None if there is none."""
     for key in _CAMERA_KEYS:
         if key in document:
-            found = _rows(document, key, 9)[:, [0, 4, 2, 5]]
-            return np.broadcast_to(found, (count, 4))
+            numbers = _rows(document, key, 9)[:, [0, 4, 2, 5]]
+            return np.broadcast_to(numbers, (count, 4))
     return None
 
 
@@ -174,9 +174,9 @@ def _frame(count: int, file: FileOfPhoto) -> int:
 
 
 def _gvhmr(document: Any, file: FileOfPhoto) -> _Record:
-    given = document["smpl_params_incam"]
-    at = _frame(len(given["transl"]), file)
-    values = {name: np.asarray(given[name])[at : at + 1] for name in _NAMES}
+    parameters = document["smpl_params_incam"]
+    at = _frame(len(parameters["transl"]), file)
+    values = {name: np.asarray(parameters[name])[at : at + 1] for name in _NAMES}
     if "K_fullimg" in document:
         values["K"] = np.asarray(document["K_fullimg"])[at]
     return _posed("GVHMR", values, mean_hands=True)
@@ -202,9 +202,11 @@ def _wham(document: Any, file: FileOfPhoto) -> _Record:
     shown = np.concatenate(frames)
     is_film = file.frame is not None or len(np.unique(shown)) > 1
     at = _frame(int(shown.max()) + 1, file) if is_film else shown[0]
-    there = [own == at for own in frames]
+    is_shown = [numbers == at for numbers in frames]
     pose, betas, place = (
-        np.concatenate([_rows(one, name, n)[own] for one, own in zip(people, there, strict=True)])
+        np.concatenate(
+            [_rows(one, name, n)[rows] for one, rows in zip(people, is_shown, strict=True)]
+        )
         for name, n in (("pose", 72), ("betas", 10), ("trans", 3))
     )
     if not len(pose):
@@ -220,8 +222,8 @@ def _amass(document: Any, file: FileOfPhoto) -> _Record:
     is_still = file.frame is None and not np.ptp(poses, axis=0).any()
     at = 0 if is_still else _frame(len(poses), file)
     shape = matrix(document.get("betas", np.zeros(10)), "betas")
-    own = poses[at : at + 1], shape.reshape(1, -1), _rows(document, "trans", 3)[at : at + 1]
-    return _of_poses("AMASS", *own, _cameras(document, 1))
+    parameters = poses[at : at + 1], shape.reshape(1, -1), _rows(document, "trans", 3)[at : at + 1]
+    return _of_poses("AMASS", *parameters, _cameras(document, 1))
 
 
 def _of_poses(
@@ -286,15 +288,15 @@ def _has_hands_alone(document: Mapping[str, Any]) -> bool:
 
 def _turns(document: Mapping[str, Any], name: str, count: int, joints: int) -> _Array:
     """Return rotation vectors (N, joints, 3) of vectors or matrices."""
-    given = matrix(document[name], name)
-    if given.size == 3 * count * joints:
-        return given.reshape(count, joints, 3)
-    if given.size != 9 * count * joints:
+    rotations = matrix(document[name], name)
+    if rotations.size == 3 * count * joints:
+        return rotations.reshape(count, joints, 3)
+    if rotations.size != 9 * count * joints:
         raise ValueError(
-            f"{name} of {joints} joints of {count} people has {given.size} numbers: give "
+            f"{name} of {joints} joints of {count} people has {rotations.size} numbers: give "
             f"vectors or matrices, and no principal components of hands"
         )
-    matrices = given.reshape(count, joints, 3, 3)
+    matrices = rotations.reshape(count, joints, 3, 3)
     check_rotations(matrices)
     return rotmat_to_rotvec(matrices)
 
@@ -345,15 +347,15 @@ def _vertices(document: Any) -> _Array:
     Raises:
         ValueError: there is none.
     """
-    given = [document]
+    arrays = [document]
     if isinstance(document, Mapping):
-        given = [mesh.vertices for mesh in document.values()]
-    meshes = [matrix(one, "vertices").reshape(-1, *one.shape[-2:]) for one in given]
-    known = [mesh for mesh in meshes if mesh.shape[1] in _VERTICES]
-    if not known:
+        arrays = [mesh.vertices for mesh in document.values()]
+    meshes = [matrix(one, "vertices").reshape(-1, *one.shape[-2:]) for one in arrays]
+    of_bodies = [mesh for mesh in meshes if mesh.shape[1] in _VERTICES]
+    if not of_bodies:
         counts = ", ".join(str(mesh.shape[1]) for mesh in meshes)
         raise ValueError(f"it has {counts} vertices; SMPL has 6890, SMPL-X 10475, MHR 18439")
-    return np.concatenate(known)
+    return np.concatenate(of_bodies)
 
 
 def _focal_beside(path: Path) -> float | None:

@@ -54,13 +54,13 @@ def read_phone_depth(path: Path) -> tuple[FloatArray, bool]:
         str(path), path=path, what="depth map", formats="a HEIC photo of a phone that stores depth"
     )
     with open_image(source) as (image, file):
-        found = image.info.get("depth_images")
-        if not found:
+        images = image.info.get("depth_images")
+        if not images:
             raise InputError(
                 f"the photo {path} has no depth map: take one in portrait mode, or give the depth "
                 f"in another file"
             )
-        kind = found[0].info["metadata"]
+        kind = images[0].info["metadata"]
         if (
             kind.get("representation_type") != _UNIFORM_DISPARITY
             or not {"d_min", "d_max"} <= kind.keys()
@@ -71,7 +71,7 @@ def read_phone_depth(path: Path) -> tuple[FloatArray, bool]:
                 "are not known; convert it to .npy"
             )
         with wrap_decoding_errors(source):
-            values = np.asarray(found[0].to_pillow())
+            values = np.asarray(images[0].to_pillow())
             file.seek(0)
             is_relative = _RELATIVE.search(file.read()) is not None
     if values.ndim != 2 or values.dtype != np.uint8:
@@ -178,15 +178,15 @@ def read_pointmap(path: Path, scale: float) -> tuple[FloatArray, BoolArray, tupl
             f"the points of {path} must be (H, W, 3) numbers, got {points.shape} {points.dtype}"
         )
     points = points.astype(np.float64) * scale
-    known = np.isfinite(points).all(-1) & (np.nan_to_num(points[..., 2]) > 0)
+    is_known = np.isfinite(points).all(-1) & (np.nan_to_num(points[..., 2]) > 0)
     if valid is not None:
-        known &= _checked_valid(path, valid, points.shape[:2])
-    if not known.any():
+        is_known &= _checked_valid(path, valid, points.shape[:2])
+    if not is_known.any():
         raise InputError(
             f"the point map {path} has no valid point: every one is NaN, behind the camera or not "
             f"valid"
         )
-    return np.where(known[..., None], points, 0).astype(np.float32), known, notes
+    return np.where(is_known[..., None], points, 0).astype(np.float32), is_known, notes
 
 
 def _checked_valid(
@@ -241,16 +241,16 @@ def _is_rounded(rows: int, columns: int, height: int, width: int) -> bool:
     return max(abs(columns - scale * width), abs(rows - scale * height)) <= _PATCH_PX / 2
 
 
-def check_suffix(path: Path, known: tuple[str, ...]) -> str:
+def check_suffix(path: Path, suffixes: tuple[str, ...]) -> str:
     """Return the suffix of a file in small letters.
 
     Raises:
         InputError: it is none of the known ones.
     """
     suffix = path.suffix.lower()
-    if suffix not in known:
+    if suffix not in suffixes:
         raise InputError(
-            f"cannot read {path}: its name ends in none of {', '.join(known)}; convert it"
+            f"cannot read {path}: its name ends in none of {', '.join(suffixes)}; convert it"
         )
     return suffix
 

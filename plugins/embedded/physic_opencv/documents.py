@@ -112,10 +112,10 @@ def _meshes(path: Path) -> dict[str, Trimesh]:
         scene = trimesh.load_scene(path, process=False, maintain_order=True)
     except Exception as error:  # trimesh's readers raise many classes
         raise ValueError(f"it cannot be read as a mesh: {error}") from error
-    found = {}
+    meshes = {}
     for node in scene.graph.nodes_geometry:
         matrix, name = scene.graph[node]
         mesh = scene.geometry[name]
         if hasattr(mesh, "faces"):
-            found[node] = mesh.copy().apply_transform(matrix)
-    return found
+            meshes[node] = mesh.copy().apply_transform(matrix)
+    return meshes

@@ -50,7 +50,7 @@ def read_exr(path: Path) -> NDArray[np.generic]:
         size = sum(_byte_count(part.header) for part in heads)
         check_size(path, size)
         parts = OpenEXR.File(str(path), separate_channels=True).parts
-        found = {
+        channels = {
             _name(part, name): _on_display_window(channel.pixels, part.header, path)
             for part in parts
             for name, channel in part.channels.items()
@@ -59,7 +59,7 @@ def read_exr(path: Path) -> NDArray[np.generic]:
         raise
     except Exception as error:  # the package raises many classes for damaged files
         raise InputError(f"cannot read the depth map {path}: it is damaged ({error})") from error
-    return _depth(found, path)
+    return _depth(channels, path)
 
 
 def check_size(path: Path, size: int) -> None:

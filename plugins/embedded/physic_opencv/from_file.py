@@ -184,12 +184,12 @@ class PointmapFile(_ResultFromFile, interfaces.RelativePointmap):
         notes += resizing
         _check_axes(path, points, valid)
         valid_here, _ = resize_nearest(valid, image.shape[0], image.shape[1], path)
-        known = np.asarray(valid_here, np.bool_)
+        is_known = np.asarray(valid_here, np.bool_)
         if hints.hole is not None:
-            known = known & ~hints.hole
-        if not known.any():
+            is_known = is_known & ~hints.hole
+        if not is_known.any():
             raise self.error_of_people_only("point")
-        return Pointmap(np.asarray(points_here, np.float32), known, options.unknown, None, notes)
+        return Pointmap(np.asarray(points_here, np.float32), is_known, options.unknown, None, notes)
 
 
 def _check_axes(path: Path, points: FloatArray, valid: BoolArray) -> None:

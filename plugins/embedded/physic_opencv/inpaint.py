@@ -110,10 +110,12 @@ def downsample_known(
     height, width = mask.shape
     rows = np.arange(0, height, factor)
     columns = np.arange(0, width, factor)
-    known = ~mask
-    weighted = np.where(known[..., None], image, 0).astype(np.int64)
+    is_known = ~mask
+    weighted = np.where(is_known[..., None], image, 0).astype(np.int64)
     total = np.add.reduceat(np.add.reduceat(weighted, rows, axis=0), columns, axis=1)
-    count = np.add.reduceat(np.add.reduceat(known.astype(np.int64), rows, axis=0), columns, axis=1)
+    count = np.add.reduceat(
+        np.add.reduceat(is_known.astype(np.int64), rows, axis=0), columns, axis=1
+    )
     small = (total + count[..., None] // 2) // np.maximum(count, 1)[..., None]
     return small.astype(np.uint8), count == 0
 

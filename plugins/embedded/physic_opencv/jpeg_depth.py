@@ -34,8 +34,8 @@ def read_jpeg_depth(path: Path) -> tuple[FloatArray, bool]:
     source = ImageSource(str(path), path=path, what="depth map")
     with open_image(source) as (image, _):
         xmp = _xmp(image)
-    found = {name.decode(): value.decode("latin-1") for name, value in _ENTRY.findall(xmp)}
-    if "Data" not in found:
+    entries = {name.decode(): value.decode("latin-1") for name, value in _ENTRY.findall(xmp)}
+    if "Data" not in entries:
         kind = b"photos/dd/1.0" in xmp
         raise InputError(
             f"the photo {path} has its depth as Dynamic Depth, which is not read: save the photo "
@@ -45,17 +45,17 @@ def read_jpeg_depth(path: Path) -> tuple[FloatArray, bool]:
             "or a PNG of 16 bits in millimeters"
         )
     try:
-        near, far = float(found["Near"]), float(found["Far"])
-        content = base64.b64decode(found["Data"], validate=False)
+        near, far = float(entries["Near"]), float(entries["Far"])
+        content = base64.b64decode(entries["Data"], validate=False)
     except (KeyError, ValueError, binascii.Error):
         near = far = 0.0
         content = b""
-    form = found.get("Format", "")
+    form = entries.get("Format", "")
     if not 0 < near < far < np.inf or form not in ("RangeInverse", "RangeLinear") or not content:
         raise InputError(
             f"the depth map in {path} does not state its range (format {form or 'none'}, near "
-            f"{found.get('Near', 'none')}, far {found.get('Far', 'none')}), so its meters are not "
-            "known; convert it to .npy"
+            f"{entries.get('Near', 'none')}, far {entries.get('Far', 'none')}), so its meters are "
+            "not known; convert it to .npy"
         )
     inner = ImageSource(f"in {path}", content, what="depth map")
     with open_image(inner) as (picture, _):
@@ -66,7 +66,7 @@ def read_jpeg_depth(path: Path) -> tuple[FloatArray, bool]:
         if form == "RangeLinear"
         else far * near / (far - share * (far - near))
     )
-    return depth, found.get("Units") != "m"
+    return depth, entries.get("Units") != "m"
 
 
 def _xmp(image: Any) -> bytes:

@@ -119,12 +119,12 @@ def _read_coco(document: Any, photo: str) -> KeypointTable:
     everywhere: list[Row] = []
     rows: list[Row] = []
     for person, one in enumerate(annotations):
-        own = names.get(id_of(one, "category_id"))
-        found = list(_triples(person, one.get("keypoints"), own))
+        names_of_category = names.get(id_of(one, "category_id"))
+        triples = list(_triples(person, one.get("keypoints"), names_of_category))
         for part, (start, stop) in _PARTS.items():
-            found += _triples(person, one.get(part), _WHOLE_BODY[start:stop])
-        everywhere += found
-        rows += found if any(one is other for other in of_image) else []
+            triples += _triples(person, one.get(part), _WHOLE_BODY[start:stop])
+        everywhere += triples
+        rows += triples if any(one is other for other in of_image) else []
     # A score of another image of the file says what the numbers of this one are.
     scored = any(row[4] not in (0, 1, 2) for row in everywhere)
     about = images.get(image, {})
@@ -158,22 +158,22 @@ def shown_in(
         ValueError: it is not known which image is meant, or of which image an annotation is.
     """
     of = [id_of(one, "image_id") for one in annotations]
-    found = {*of, *images} - {""}
-    if len(found) < 2:  # those without an id are of the only image
-        return next(iter(found), ""), list(annotations)
+    ids = {*of, *images} - {""}
+    if len(ids) < 2:  # those without an id are of the only image
+        return next(iter(ids), ""), list(annotations)
     if "" in of:
         raise ValueError(
-            f"annotation {of.index('')} has no image_id, and the file has {len(found)} images"
+            f"annotation {of.index('')} has no image_id, and the file has {len(ids)} images"
         )
     stem = PurePath(photo).stem
     named = [
         key
-        for key in found
+        for key in ids
         if stem and PurePath(str(images.get(key, {}).get("file_name", ""))).stem == stem
     ]
     if len(named) != 1:
         raise ValueError(
-            f"it has {len(found)} images, and none is named {stem or 'as the photo'}: keep its"
+            f"it has {len(ids)} images, and none is named {stem or 'as the photo'}: keep its"
         )
     return named[0], [one for one, key in zip(annotations, of, strict=True) if key == named[0]]
 
@@ -186,13 +186,13 @@ def _note_on_other_name(entry: Mapping[str, Any], key: str, photo: str) -> tuple
     return (f"the given keypoints are of the picture {quoted(named)}, and the photo is {photo}",)
 
 
-def _note_on_unread(entries: Iterable[Any], known: str) -> tuple[str, ...]:
+def _note_on_unread(entries: Iterable[Any], names: str) -> tuple[str, ...]:
     """Return a note on keys of a file's objects that are neither read nor known to change nothing;
     zeros and empty values change nothing either.
     """
     objects = (one for one in entries if isinstance(one, Mapping))
     keys = {key for one in objects for key, value in one.items() if value}
-    others = sorted(map(str, keys.difference(known.split())))
+    others = sorted(map(str, keys.difference(names.split())))
     return (f"of the given keypoints' file, {', '.join(others[:8])} is not used",) if others else ()
 
 
@@ -363,9 +363,9 @@ def _read_label_studio(document: Any, photo: str) -> KeypointTable:
         raise ValueError(f"it has {len(tasks)} tasks of Label Studio: keep that of this photo")
     marks = [
         one
-        for made in tasks[0]["annotations"]
-        if not boolean(made.get("was_cancelled"), "was_cancelled")
-        for one in made.get("result", ())
+        for annotation in tasks[0]["annotations"]
+        if not boolean(annotation.get("was_cancelled"), "was_cancelled")
+        for one in annotation.get("result", ())
     ]
     rows: list[Row] = []
     size = None
@@ -397,8 +397,8 @@ def _read_label_studio(document: Any, photo: str) -> KeypointTable:
 
 def _is_label_studio(document: Any) -> bool:
     task = document if isinstance(document, Mapping) else _first(document)
-    made = task.get("annotations")
-    return isinstance(made, list) and "result" in _first(made)
+    annotations = task.get("annotations")
+    return isinstance(annotations, list) and "result" in _first(annotations)
 
 
 def _innermost(document: Any) -> Any:

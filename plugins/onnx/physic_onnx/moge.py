@@ -72,7 +72,7 @@ class _MogeBackend(OnnxBackend):
             lambda: _run(self.network, image, self.options.tokens),
         )
 
-    def _ask(self, image: UInt8Array, known: Intrinsics | None, *, metric: bool) -> Pointmap:
+    def _ask(self, image: UInt8Array, given: Intrinsics | None, *, metric: bool) -> Pointmap:
         """Return the points of a photo on the rays of the known or the estimated camera.
 
         The shift along z is found with the focal length, so that only a scale is left unknown; for
@@ -86,17 +86,17 @@ class _MogeBackend(OnnxBackend):
         surface = confidence > _SURE
         seen_height, seen_width = surface.shape
         notes = [f"MoGe-2 ran on {self.network.provider}"]
-        if known is not None:
-            focal = (known.fx * seen_width / width, known.fy * seen_height / height)
-            found = recover_camera(xyz, surface, focal)
-            camera = known
+        if given is not None:
+            focal = (given.fx * seen_width / width, given.fy * seen_height / height)
+            solution = recover_camera(xyz, surface, focal)
+            camera = given
         else:
-            found = recover_camera(xyz, surface)
+            solution = recover_camera(xyz, surface)
             focal_px = (
-                found.fx * half_diagonal(height, width) / half_diagonal(seen_height, seen_width)
+                solution.fx * half_diagonal(height, width) / half_diagonal(seen_height, seen_width)
             )
             camera = Intrinsics.from_focal(focal_px, width, height, "MoGe-2")
-            if not found.determined:
+            if not solution.determined:
                 source = "default: the scene is too flat for MoGe-2"
                 camera = replace(camera, source=source, trust=CameraTrust.GUESSED)
                 notes.append(
@@ -105,8 +105,10 @@ class _MogeBackend(OnnxBackend):
                 )
         mask = resize_map(confidence, height, width) > _SURE
         depth = resize_map(xyz[..., 2], height, width)
-        points, valid = points_on_rays(depth, mask, found, camera, float(scale) if metric else 1.0)
-        unknown: AffineAmbiguity = "scale" if found.determined else "scale_shift"
+        points, valid = points_on_rays(
+            depth, mask, solution, camera, float(scale) if metric else 1.0
+        )
+        unknown: AffineAmbiguity = "scale" if solution.determined else "scale_shift"
         return Pointmap(points, valid, unknown, camera, tuple(notes))
 
 
@@ -123,10 +125,10 @@ class Moge2Depth(_MogeBackend, MetricDepth):
         Raises:
             BackendError: it is not loaded, or sees no surface at all.
         """
-        known = hints.intrinsics
-        if known is not None and known.guessed:
-            known = None
-        solved = self._ask(image, known, metric=True)
+        given = hints.intrinsics
+        if given is not None and given.guessed:
+            given = None
+        solved = self._ask(image, given, metric=True)
         return DepthMap(solved.points[..., 2].copy(), solved.intrinsics, notes=solved.notes)
 
 

@@ -111,24 +111,26 @@ class Rtmw3d(RtmPose):
     Options: ClassVar[type[OnnxOptions]] = Rtmw3dOptions
     options: Rtmw3dOptions
 
-    def complete(self, found: Keypoints, decoded: FloatArray, crops: Sequence[Crop]) -> Keypoints:
+    def complete(
+        self, keypoints: Keypoints, decoded: FloatArray, crops: Sequence[Crop]
+    ) -> Keypoints:
         """Add the joints in metres, and the errors of points and depths."""
-        names = found.joint_set.names
+        names = keypoints.joint_set.names
         hips = [names.index("left_hip"), names.index("right_hip")]
-        points = found.points - found.points[:, hips].mean(1, keepdims=True)
+        points = keypoints.points - keypoints.points[:, hips].mean(1, keepdims=True)
         depth = decoded[..., 2]
-        scale = metres_per_pixel(found, depth)
+        scale = metres_per_pixel(keypoints, depth)
         world = np.concatenate([points * scale[:, None, None], depth[..., None]], -1)
         sigma = np.array([POINT_SIGMA * abs(crop.step[0]) for crop in crops])
         return replace(
-            found,
+            keypoints,
             world=world,
-            sigma=np.broadcast_to(sigma[:, None], found.confidence.shape).copy(),
-            depth_sigma=np.full(found.confidence.shape, DEPTH_SIGMA_M),
+            sigma=np.broadcast_to(sigma[:, None], keypoints.confidence.shape).copy(),
+            depth_sigma=np.full(keypoints.confidence.shape, DEPTH_SIGMA_M),
         )
 
 
-def metres_per_pixel(found: Keypoints, depth: FloatArray) -> FloatArray:
+def metres_per_pixel(keypoints: Keypoints, depth: FloatArray) -> FloatArray:
     """Return the scale (N,) with which the limbs of N people are as long as those of a mean adult.
 
     The least-squares solution of ``(scale * length in px)^2 + (difference in depth)^2 = length^2``
@@ -136,10 +138,10 @@ def metres_per_pixel(found: Keypoints, depth: FloatArray) -> FloatArray:
     a third or more than one and a half of an adult's height is cut there.
 
     Args:
-        found: keypoints of a skeleton with arms and legs.
+        keypoints: keypoints of a skeleton with arms and legs.
         depth: (N, J) metres.
     """
-    names = found.joint_set.names
+    names = keypoints.joint_set.names
     rows = np.array(
         [
             [names.index(f"{side}_{end}") for end in limb]
@@ -148,9 +150,9 @@ def metres_per_pixel(found: Keypoints, depth: FloatArray) -> FloatArray:
         ]
     )
     length = np.repeat(list(LIMB_LENGTHS_M.values()), 2)
-    pixels = ((found.points[:, rows[:, 0]] - found.points[:, rows[:, 1]]) ** 2).sum(-1)
+    pixels = ((keypoints.points[:, rows[:, 0]] - keypoints.points[:, rows[:, 1]]) ** 2).sum(-1)
     across = length**2 - (depth[:, rows[:, 0]] - depth[:, rows[:, 1]]) ** 2
-    weight = found.confidence[:, rows].min(-1) + 1e-6
+    weight = keypoints.confidence[:, rows].min(-1) + 1e-6
     square = (weight * pixels * across).sum(1) / ((weight * pixels**2).sum(1) + 1e-9)
-    tall = STATURE_M / np.maximum(np.ptp(found.points, axis=1).max(-1), 1.0)
+    tall = STATURE_M / np.maximum(np.ptp(keypoints.points, axis=1).max(-1), 1.0)
     return np.asarray(np.clip(np.sqrt(np.maximum(square, 0)), tall / 3, 1.5 * tall))

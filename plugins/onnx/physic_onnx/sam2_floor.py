@@ -84,8 +84,8 @@ def _connected_to_points(logits: FloatArray, photo: EncodedImage, points: FloatA
     _, piece = cv2.connectedComponents((smooth > 0).astype(np.uint8), connectivity=4)
     height, width = photo.size
     column, row = ((points + 0.5) * np.array(logits.shape[::-1]) / [width, height]).astype(int).T
-    held = np.unique(piece[row, column])
-    lost = (smooth > 0) & ~np.isin(piece, held[held > 0])
+    pieces = np.unique(piece[row, column])
+    lost = (smooth > 0) & ~np.isin(piece, pieces[pieces > 0])
     return np.where(lost, np.float32(-8), smooth)
 
 
@@ -111,11 +111,11 @@ def _ground_score(ground: BoolArray, mask: BoolArray, points: FloatArray, people
     chests, and is large: a shoe's shadow is not floor.
     """
     x, y = np.rint(points).astype(int).T
-    held = float(ground[y, x].mean())
+    ground_share = float(ground[y, x].mean())
     area = int(ground.sum())
     anybody: BoolArray = np.asarray(people.masks.any(axis=0))
     on_people = float((mask & anybody).sum() / max(1, anybody.sum()))
-    if held < 0.6 or area < 0.01 * ground.size or on_people > 0.5:
+    if ground_share < 0.6 or area < 0.01 * ground.size or on_people > 0.5:
         return 0.0
     high = float(ground[: max(0, int(_chest_row(people)))].sum() / area)
     # The ground that people stand on goes on towards the camera, or ends at something that stands
@@ -123,4 +123,4 @@ def _ground_score(ground: BoolArray, mask: BoolArray, points: FloatArray, people
     wide = float(ground[int(points[:, 1].min()) :].any(axis=0).mean())
     if high > 0.35 or wide < 0.35:
         return 0.0
-    return held - on_people - high + 0.5 * area / ground.size
+    return ground_share - on_people - high + 0.5 * area / ground.size

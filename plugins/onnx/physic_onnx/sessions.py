@@ -97,12 +97,12 @@ class Network:
             BackendError: an input does not fit, onnxruntime fails, or no number of an output is
                 finite.
         """
-        given = {name: self._cast(name, value) for name, value in feed.items()}
+        inputs = {name: self._cast(name, value) for name, value in feed.items()}
         try:
-            answers = self._session.run(outputs, given)
+            answers = self._session.run(outputs, inputs)
         except Exception as cause:  # onnxruntime's own exceptions share no public base class
             shapes = ", ".join(
-                f"{name} {value.dtype} {value.shape}" for name, value in given.items()
+                f"{name} {value.dtype} {value.shape}" for name, value in inputs.items()
             )
             raise BackendError(
                 f"onnxruntime failed to run {self.name} on {self.provider} with {shapes}: {cause}"

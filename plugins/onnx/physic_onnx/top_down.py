@@ -46,9 +46,11 @@ class TopDownBackend(OnnxBackend, KeypointDetector):
             the grid. Further columns hold the input of :meth:`complete`.
         """
 
-    def complete(self, found: Keypoints, decoded: FloatArray, crops: Sequence[Crop]) -> Keypoints:
+    def complete(
+        self, keypoints: Keypoints, decoded: FloatArray, crops: Sequence[Crop]
+    ) -> Keypoints:
         """Add the other decoded values to keypoints of N > 0 people."""
-        return found
+        return keypoints
 
     def infer(self, image: UInt8Array, people: People) -> Keypoints:
         """Return keypoints of N people, px of the image (H, W, 3)."""
@@ -70,7 +72,7 @@ class TopDownBackend(OnnxBackend, KeypointDetector):
         if cells.shape[1] != JOINTS:
             raise BackendError(f"{network.name} returned {cells.shape[1]} joints, not {JOINTS}")
         grids = _crops(people, rows, columns)
-        points = [own.to_photo(peaks[:, :2]) for own, peaks in zip(grids, cells, strict=True)]
+        points = [grid.to_photo(peaks[:, :2]) for grid, peaks in zip(grids, cells, strict=True)]
         return self.complete(Keypoints(np.stack(points), confidence, SKELETON), cells, crops)
 
 

@@ -198,9 +198,11 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
             resample_crop(image, crop_around_box(box, SIDE, SIDE, padding=1.0))
             for box in people.boxes
         ]
-        seen = np.concatenate([normalized_nchw(one, IMAGENET_MEAN, IMAGENET_STD) for one in crops])
+        pixels = np.concatenate(
+            [normalized_nchw(one, IMAGENET_MEAN, IMAGENET_STD) for one in crops]
+        )
         root, pose, betas, weak = self.run(
-            {"img": seen, **camerahmr_inputs(centres, sides, focal, intrinsics)}
+            {"img": pixels, **camerahmr_inputs(centres, sides, focal, intrinsics)}
         )
         rotations = np.concatenate(
             [root.reshape(-1, 1, 3, 3), pose.reshape(len(root), -1, 3, 3)], axis=1
@@ -239,8 +241,8 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
         """Return the focal length in px that FLNet estimates from the photo."""
         if self.options.focal_channels == "bgr":
             image = np.ascontiguousarray(image[..., ::-1])
-        seen, _ = letterbox(image, SIDE, SIDE, fill=_WHITE, how="area")
-        pixels = picture_tensor(seen, IMAGENET_MEAN, IMAGENET_STD, device=self.device)
+        square, _ = letterbox(image, SIDE, SIDE, fill=_WHITE, how="area")
+        pixels = picture_tensor(square, IMAGENET_MEAN, IMAGENET_STD, device=self.device)
         with self.inference():
             fields = to_numpy(network(pixels)[0])
         vertical = float(fields.reshape(-1, 2)[0, 1])

@@ -133,7 +133,7 @@ class CheckoutBackend(TorchBackend):
         """
         import torch
 
-        said = io.StringIO()
+        output = io.StringIO()
         with (
             self.checkout.activated(),
             torch.cuda.device(self.device) if self.device != "cpu" else contextlib.nullcontext(),
@@ -143,11 +143,11 @@ class CheckoutBackend(TorchBackend):
                 dtype=self.dtype,
                 enabled=self.dtype is not torch.float32,
             ),
-            contextlib.redirect_stdout(said),
+            contextlib.redirect_stdout(output),
         ):
             yield
-        if said.getvalue():
-            _LOG.debug("%s: %s", self.checkout.name, said.getvalue().strip())
+        if output.getvalue():
+            _LOG.debug("%s: %s", self.checkout.name, output.getvalue().strip())
 
     def _ask_on_device(self, part: Mapping[str, NDArray[Any]]) -> Sequence[Any]:
         import torch

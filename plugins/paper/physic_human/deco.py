@@ -64,8 +64,8 @@ def contact_crop(image: UInt8Array, box: FloatArray) -> FloatArray:
     top = (INPUT_SIDE - size[1]) // 2
     square[top : top + size[1], left : left + size[0]] = small
     # The RGB mean and deviation are applied to BGR channels, as in the training of these networks.
-    found: FloatArray = normalized_nchw(square, IMAGENET_MEAN, IMAGENET_STD)[0]
-    return found
+    pixels: FloatArray = normalized_nchw(square, IMAGENET_MEAN, IMAGENET_STD)[0]
+    return pixels
 
 
 def _span(low: float, high: float, end: int) -> slice:
@@ -125,9 +125,9 @@ class Deco(SmplCheckoutBackend, ContactPrior):
         self, outputs: list[FloatArray], image: UInt8Array, people: People, bodies: Bodies
     ) -> ContactProbability:
         """Return the contact probability (N, 6890) on SMPL vertices of N people."""
-        found = outputs[0] if outputs else np.zeros((0, SMPL_VERTICES), np.float32)
-        if found.shape != (len(people), SMPL_VERTICES):
+        probabilities = outputs[0] if outputs else np.zeros((0, SMPL_VERTICES), np.float32)
+        if probabilities.shape != (len(people), SMPL_VERTICES):
             raise BackendError(
-                f"DECO returned {found.shape}, expected ({len(people)}, {SMPL_VERTICES})"
+                f"DECO returned {probabilities.shape}, expected ({len(people)}, {SMPL_VERTICES})"
             )
-        return ContactProbability(np.clip(found, 0, 1), "smpl", self.network[1])
+        return ContactProbability(np.clip(probabilities, 0, 1), "smpl", self.network[1])

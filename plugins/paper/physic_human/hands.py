@@ -79,7 +79,7 @@ def hand_boxes(
             wrist and elbow.
         least_size_px: minimum of the longer side, px; smaller hands are skipped.
     """
-    found: list[tuple[int, bool, FloatArray, float]] = []
+    rows: list[tuple[int, bool, FloatArray, float]] = []
     row = {name: i for i, name in enumerate(keypoints.joint_set.names)}
     for person, (points, sure) in enumerate(
         zip(keypoints.points, keypoints.confidence, strict=True)
@@ -92,12 +92,12 @@ def hand_boxes(
                 continue
             box, confidence = hand
             if confidence >= least_confidence and float((box[2:] - box[:2]).max()) >= least_size_px:
-                found.append((person, side == "right", box + _EDGE, min(confidence, 1.0)))
+                rows.append((person, side == "right", box + _EDGE, min(confidence, 1.0)))
     return HandBoxes(
-        np.array([f[0] for f in found], np.int64),
-        np.array([f[1] for f in found], bool),
-        np.array([f[2] for f in found], np.float64).reshape(-1, 4),
-        np.array([f[3] for f in found], np.float64),
+        np.array([f[0] for f in rows], np.int64),
+        np.array([f[1] for f in rows], bool),
+        np.array([f[2] for f in rows], np.float64).reshape(-1, 4),
+        np.array([f[3] for f in rows], np.float64),
     )
 
 
@@ -170,12 +170,12 @@ def empty_hands(count: int) -> Hands:
     )
 
 
-def hands_from_mano(count: int, found: HandBoxes, fingers: FloatArray, wrists: FloatArray) -> Hands:
+def hands_from_mano(count: int, boxes: HandBoxes, fingers: FloatArray, wrists: FloatArray) -> Hands:
     """Assemble the result of a HandEstimator from M single hands.
 
     Args:
         count: N people.
-        found: whose hands they are, and how sure they are.
+        boxes: whose hands they are, and how sure they are.
         fingers: (M, 15, 3) rotation vectors, (M, 45), or (M, 15, 3, 3) matrices, as of right hands;
             left ones are results of mirrored images.
         wrists: (M, 3), (M, 1, 3) or (M, 1, 3, 3), rotation of the hand from the T-pose to the
@@ -190,21 +190,21 @@ def hands_from_mano(count: int, found: HandBoxes, fingers: FloatArray, wrists: F
     """
     rotvecs = to_rotvecs(fingers, JOINTS_PER_HAND)
     wrist_rotvecs = to_rotvecs(wrists, 1)[:, 0]
-    left = ~found.is_right
+    left = ~boxes.is_right
     rotvecs[left] = mirror_rotvecs(rotvecs[left])
     wrist_rotvecs[left] = mirror_rotvecs(wrist_rotvecs[left])
     valid = (
         np.isfinite(rotvecs).all(axis=(1, 2))
         & np.isfinite(wrist_rotvecs).all(axis=1)
-        & np.isfinite(found.confidence)
+        & np.isfinite(boxes.confidence)
     )
     turned = np.zeros((count, 2, 3), np.float32)
     hands = replace(empty_hands(count), wrists=turned)
     for i in np.flatnonzero(valid):
-        place = (int(found.person[i]), int(found.is_right[i]))
-        if found.confidence[i] > hands.confidence[place]:
+        place = (int(boxes.person[i]), int(boxes.is_right[i]))
+        if boxes.confidence[i] > hands.confidence[place]:
             hands.rotvecs[place] = rotvecs[i]
-            hands.confidence[place] = min(float(found.confidence[i]), 1.0)
+            hands.confidence[place] = min(float(boxes.confidence[i]), 1.0)
             turned[place] = wrist_rotvecs[i]
     return hands
 

@@ -107,13 +107,13 @@ class _MogeBackend(CheckoutBackend):
         The shift along z stays unknown where the points do not determine the focal length.
         """
         height, width = mask.shape
-        found = recover_camera(points, mask, None if given is None else (given.fx, given.fy))
+        solution = recover_camera(points, mask, None if given is None else (given.fx, given.fy))
         source = (
-            self.title if found.determined else f"default: {self.title} finds the scene too flat"
+            self.title if solution.determined else f"default: {self.title} finds the scene too flat"
         )
-        camera = given or found.intrinsics(width, height, source)
-        placed, valid = points_on_rays(points[..., 2], mask, found, camera, scale)
-        if found.determined:
+        camera = given or solution.intrinsics(width, height, source)
+        placed, valid = points_on_rays(points[..., 2], mask, solution, camera, scale)
+        if solution.determined:
             return Pointmap(placed, valid, "scale", camera)
         return Pointmap(placed, valid, "scale_shift", camera, (f"{self.title} {_TOO_FLAT}",))
 
@@ -238,10 +238,10 @@ class Moge3Depth(_Moge3Backend, MetricDepth):
 
     def postprocess(self, output: Any, image: UInt8Array, hints: Hints) -> DepthMap:
         """Return the metric depth of an image (H, W, 3), and its camera."""
-        known = hints.intrinsics
-        if known is not None and known.guessed:
-            known = None
-        solved = self._pointmap_of_output(output, known, metric=True)
+        given = hints.intrinsics
+        if given is not None and given.guessed:
+            given = None
+        solved = self._pointmap_of_output(output, given, metric=True)
         camera = solved.intrinsics
         assert camera is not None
         notes = tuple(f"{note}: {camera.fx:.0f} px is a guess" for note in solved.notes)

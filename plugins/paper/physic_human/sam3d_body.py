@@ -63,8 +63,8 @@ def guarded_torch(hub: Callable[..., Any], *, trusted: bool) -> Iterator[list[An
         load = torch.load
 
         def own_hub_load(*args: Any, **options: Any) -> Any:
-            own: Callable[..., Any] = hub if threading.get_ident() == here else hub_load
-            return own(*args, **options)
+            loader: Callable[..., Any] = hub if threading.get_ident() == here else hub_load
+            return loader(*args, **options)
 
         read: list[Any] = []
 
@@ -202,9 +202,9 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
                 f"knows the checkout of {self.project.homepage} that uses {_DINOV3} alone"
             )
         make = self._dinov3.attribute(name)
-        given = {key: value for key, value in options.items() if key not in _OF_THE_HUB}
+        others = {key: value for key, value in options.items() if key not in _OF_THE_HUB}
         with self._dinov3.activated():
-            return make(*args, **(given | {"pretrained": False}))
+            return make(*args, **(others | {"pretrained": False}))
 
     def infer(
         self,
@@ -222,12 +222,14 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
         estimator = self.network
         if not len(people):
             return empty_bodies("mhr", num_betas=0)
-        found: list[dict[str, Any]] = []
+        outputs: list[dict[str, Any]] = []
         for first in range(0, len(people), self.options.batch):
-            found += self._ask(image, people, slice(first, first + self.options.batch), intrinsics)
+            outputs += self._ask(
+                image, people, slice(first, first + self.options.batch), intrinsics
+            )
 
         def joined(name: str) -> FloatArray:
-            return np.stack([np.asarray(one[name], np.float32) for one in found])
+            return np.stack([np.asarray(one[name], np.float32) for one in outputs])
 
         place = joined("pred_cam_t")
         if not uses_principal_point(estimator.cfg):
@@ -236,7 +238,7 @@ class Sam3dBody(CheckoutBackend, BodyEstimator):
         points = joined("pred_keypoints_3d")[:, :MHR_KEYPOINTS]
         zero = np.zeros((len(people), 22, 3), np.float32)
         betas = np.stack(
-            [np.asarray(one.get("shape_params", ()), np.float32).reshape(-1) for one in found]
+            [np.asarray(one.get("shape_params", ()), np.float32).reshape(-1) for one in outputs]
         )
         mesh = Mesh("mhr", vertices, np.asarray(estimator.faces, np.int32))
         return Bodies(
@@ -312,11 +314,15 @@ def _check_parameters(network: torch.nn.Module, read: list[Any], path: Path) -> 
     Raises:
         BackendError: a parameter of the backbone or a decoder is not there, or has another shape.
     """
-    state = {name: value for held in read for name, value in held.get("state_dict", held).items()}
-    own = dict(network.named_parameters())
+    state = {
+        name: value
+        for content in read
+        for name, value in content.get("state_dict", content).items()
+    }
+    parameters = dict(network.named_parameters())
     absent = [
         name
-        for name, value in own.items()
+        for name, value in parameters.items()
         if not _MADE_OTHERWISE.search(name)
         and getattr(state.get(name), "shape", None) != value.shape
     ]
@@ -325,7 +331,7 @@ def _check_parameters(network: torch.nn.Module, read: list[Any], path: Path) -> 
     essential = [name for name in absent if _ESSENTIAL.match(name)]
     shown = essential or absent
     text = (
-        f"{path} is missing {len(shown)} of {len(own)} parameters of the network, "
+        f"{path} is missing {len(shown)} of {len(parameters)} parameters of the network, "
         f"{', '.join(shown[:3])}"
     )
     if essential:

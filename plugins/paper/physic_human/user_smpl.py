@@ -78,9 +78,9 @@ def pose_smpl_bodies(
             .as_matrix()
             .reshape(-1, SMPL_JOINTS, 3, 3)
         )
-        given = (turns, betas[sound].astype(np.float64), transl[sound].astype(np.float64))
-        vertices[sound] = body.vertices(*given)
-        joints[sound] = body.smpl_joints(*given)
+        inputs = (turns, betas[sound].astype(np.float64), transl[sound].astype(np.float64))
+        vertices[sound] = body.vertices(*inputs)
+        joints[sound] = body.smpl_joints(*inputs)
     mesh = Mesh("smpl", vertices, rest.faces, rest.vertices.astype(np.float32))
     return bodies_from_smpl(rotvecs, betas, transl, joints=joints, mesh=mesh)
 

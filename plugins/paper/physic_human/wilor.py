@@ -81,18 +81,18 @@ class Wilor(CheckoutBackend, HandEstimator):
             BackendError: it is not loaded, or the output of the network has another form.
         """
         options = self.options
-        found = hand_boxes(
+        boxes = hand_boxes(
             keypoints,
             least_confidence=options.least_confidence,
             least_size_px=_LEAST_SIZE_PX,
         )
-        shown = zip(found.boxes, found.is_right, strict=True)
+        shown = zip(boxes.boxes, boxes.is_right, strict=True)
         crops = [self._hand_input(image, box, mirrored=not right) for box, right in shown]
         outputs = self.run({"img": np.array(crops)})
         if not outputs:
             return empty_hands(len(people))
         fingers, wrists = outputs
-        return hands_from_mano(len(people), found, fingers, wrists)
+        return hands_from_mano(len(people), boxes, fingers, wrists)
 
     def ask(self, inputs: dict[str, torch.Tensor]) -> Sequence[Any]:
         """Run the network: fingers (M, 15, 3) and wrists (M, 1, 3) of right hands."""

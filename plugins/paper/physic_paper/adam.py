@@ -74,22 +74,22 @@ def _take_steps(energy: Energy, optimiser: torch.optim.Adam | None, steps: int) 
     assert optimiser is not None  # without free parameters no step is taken
     variables = energy.variables
     parameters = variables.parameters()
-    held: Tensor | None = None
+    is_broken: Tensor | None = None
     good = variables.pack()
     taken = 0
     for _ in range(steps):
         broken = _differentiate(energy, parameters)
         if bool(broken.any()):
             variables.load_people(good, broken)
-            held = broken if held is None else held | broken
+            is_broken = broken if is_broken is None else is_broken | broken
             broken = _differentiate(energy, parameters)
             if bool(broken.any()):
                 break
         taken += 1
         good = variables.pack()
         optimiser.step()
-        if held is not None:
-            variables.load_people(good, held)
+        if is_broken is not None:
+            variables.load_people(good, is_broken)
     broken = _differentiate(energy, parameters)
     if bool(broken.any()):
         variables.load_people(good, broken)

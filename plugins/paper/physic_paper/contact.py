@@ -36,8 +36,10 @@ class DistanceContact(ContactStageMethod):
 
     def surfaces(self, around: Surroundings, vertices: Tensor, scale: float) -> ContactSurfaces:
         """Return the scaled scene near bodies (N, V, 3), metres, with the samples of the floor."""
-        found = super().surfaces(with_floor_samples(around), vertices, scale)
-        return replace(found, row=torch.where(found.row < len(around.points), found.row, -1))
+        surfaces = super().surfaces(with_floor_samples(around), vertices, scale)
+        return replace(
+            surfaces, row=torch.where(surfaces.row < len(around.points), surfaces.row, -1)
+        )
 
     def free_vertices(self, state: State) -> None:
         """Return None: free space is not used."""

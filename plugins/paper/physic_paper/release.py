@@ -115,8 +115,8 @@ class ReleaseOptimisation(PaperOptimisation):
         aware = self.visibility.occlusion_aware
 
         def may_not_penetrate(snapshot: Snapshot) -> Tensor:
-            seen = snapshot.visibility
-            return seen.eligible & (seen.in_mask | (not aware)) & ~sampling.is_contact
+            visibility = snapshot.visibility
+            return visibility.eligible & (visibility.in_mask | (not aware)) & ~sampling.is_contact
 
         return [
             ReleasedReprojectionTerm(sampling, self.reprojection.weight),

@@ -97,12 +97,12 @@ class ReleaseScene(PaperScene):
     def surface(self, points: Tensor, known: Tensor) -> PixelSurface:
         """Return the released normals, and outliers by their distances and by their normals."""
         outliers = _outliers_by_distance(points, known)
-        found = published_normals(points, known)
+        normals = published_normals(points, known)
         kept = known & ~outliers
         outliers[kept] = published_normal_outliers(
-            points[kept], found[kept], int(KNN_SHARE * min(known.shape))
+            points[kept], normals[kept], int(KNN_SHARE * min(known.shape))
         )
-        return PixelSurface(found, torch.zeros_like(known), outliers)
+        return PixelSurface(normals, torch.zeros_like(known), outliers)
 
 
 @dataclass(frozen=True)

@@ -116,23 +116,23 @@ class DepthPro(PretrainedBackend, MetricDepth):
         self, degrees: float | None, given: Intrinsics | None, width: int, height: int
     ) -> tuple[Intrinsics, tuple[str, ...]]:
         """Return the camera that scales the depth, and notes."""
-        own = None if degrees is None else focal_from_fov(degrees, width)
+        focal = None if degrees is None else focal_from_fov(degrees, width)
         if self.options.use_known_focal and given is not None and not given.guessed:
-            if own is None or abs(given.fx / own - 1) <= _TELLING:
+            if focal is None or abs(given.fx / focal - 1) <= _TELLING:
                 return given, ()
             note = (
-                f"DepthPro took the focal length for {own:.0f} px; its depth is scaled to "
+                f"DepthPro took the focal length for {focal:.0f} px; its depth is scaled to "
                 f"{given.fx:.0f} px"
             )
             return given, (note,)
-        if own is None:
+        if focal is None:
             raise BackendError(
                 "DepthPro does not tell the focal length of this photo, and no other is known: "
                 "give the camera, or take weights with the part for the field of view "
                 "(use_fov_model), as the published ones have"
             )
-        note = f"focal length {own:.0f} px from DepthPro"
-        return Intrinsics.from_focal(own, width, height, "DepthPro"), (note,)
+        note = f"focal length {focal:.0f} px from DepthPro"
+        return Intrinsics.from_focal(focal, width, height, "DepthPro"), (note,)
 
 
 def _degrees(angle: Any) -> float | None:

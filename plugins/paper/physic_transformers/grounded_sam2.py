@@ -190,11 +190,11 @@ class GroundedSam2(PretrainedBackend, Segmenter):
 
     def _decode(self, network: Any, embeddings: Any, **prompts: FloatArray) -> FloatArray:
         """Run the mask decoder on points or boxes, px of the network's picture."""
-        given = {
+        inputs = {
             name: value.astype(np.int64 if name == "input_labels" else np.float32)
             for name, value in prompts.items()
         }
-        out = network.run(**given, image_embeddings=embeddings, multimask_output=False)
+        out = network.run(**inputs, image_embeddings=embeddings, multimask_output=False)
         return to_numpy(out.pred_masks)[0, :, 0]
 
 

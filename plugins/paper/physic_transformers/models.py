@@ -122,12 +122,12 @@ class PretrainedBackend(TorchBackend):
 
     def build(self, device: str) -> dict[str, TransformersModel]:
         """Read the weights, by the names of their options."""
-        found = {}
+        models = {}
         for spec in self.specs:
             place = self.file(option=spec.option)
             folder = place if place.is_dir() else place.parent
-            found[spec.option] = open_model(spec, folder, self.options, device)
-        return found
+            models[spec.option] = open_model(spec, folder, self.options, device)
+        return models
 
     def model(self, option: str = "weights") -> TransformersModel:
         """Return the loaded network of a weights option.
@@ -135,8 +135,8 @@ class PretrainedBackend(TorchBackend):
         Raises:
             BackendError: ``load`` was not called.
         """
-        found: TransformersModel = self.network[option]
-        return found
+        network: TransformersModel = self.network[option]
+        return network
 
 
 def open_model(
@@ -211,13 +211,16 @@ def _check_torchvision() -> None:
 def _check_model_type(folder: Path, spec: ModelSpec) -> None:
     """Raise BackendError if the folder contains another type of model."""
     try:
-        found = parse_json(read_text(folder / "config.json", _MAX_CONFIG_BYTES)).get("model_type")
+        model_type = parse_json(read_text(folder / "config.json", _MAX_CONFIG_BYTES)).get(
+            "model_type"
+        )
     except (OSError, ValueError, AttributeError) as cause:
         raise BackendError(f"{folder / 'config.json'} cannot be read: {cause}") from cause
-    if found not in spec.model_types:
+    if model_type not in spec.model_types:
         wanted = " or ".join(f"'{name}'" for name in spec.model_types)
         raise BackendError(
-            f"{folder} holds a model of the type '{found}', expected {wanted} for {spec.class_name}"
+            f"{folder} holds a model of the type '{model_type}', expected {wanted} for "
+            f"{spec.class_name}"
         )
 
 

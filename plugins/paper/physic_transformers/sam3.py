@@ -79,9 +79,9 @@ class Sam3(PretrainedBackend, Segmenter):
         pixels = picture_tensor(
             resize_image(image, side, side, "bilinear-antialias"), _MEAN, _STD, device=self.device
         )
-        seen = self.model().run("get_vision_features", pixel_values=pixels)
-        floor = self._floor(seen, size)
-        out = self._ask(seen, options.people_words)
+        features = self.model().run("get_vision_features", pixel_values=pixels)
+        floor = self._floor(features, size)
+        out = self._ask(features, options.people_words)
         # How well a query fits the text, if there is such a thing in the photo at all.
         scores = sigmoid(to_numpy(out.pred_logits)[0]) * sigmoid(to_numpy(out.presence_logits)[0])
         rows = best_rows(scores, options.person_score, options.max_people)
@@ -101,7 +101,7 @@ class Sam3(PretrainedBackend, Segmenter):
             same=options.same_person,
         )
 
-    def _floor(self, seen: Any, size: tuple[int, int]) -> BoolArray | None:
+    def _floor(self, features: Any, size: tuple[int, int]) -> BoolArray | None:
         """Return the union of the masks of each floor word, because SAM 3 was trained on one short
         noun phrase at a time.
         """
@@ -111,7 +111,7 @@ class Sam3(PretrainedBackend, Segmenter):
             return None
         floor: BoolArray = np.zeros(size, bool)
         for word in words:
-            out = self._ask(seen, word)
+            out = self._ask(features, word)
             chance = (
                 sigmoid(to_numpy(out.semantic_seg)[0, 0])
                 * sigmoid(to_numpy(out.presence_logits)[0]).item()
@@ -119,7 +119,7 @@ class Sam3(PretrainedBackend, Segmenter):
             floor |= resize_map(chance, *size) > _FLOOR_SCORE
         return floor
 
-    def _ask(self, seen: Any, words: str) -> Any:
+    def _ask(self, features: Any, words: str) -> Any:
         """Run the network on a text and an encoded photo."""
 
         network = self.model()
@@ -131,4 +131,4 @@ class Sam3(PretrainedBackend, Segmenter):
             truncation=True,
         )
         ids = {name: np.asarray(text[name], np.int64) for name in ("input_ids", "attention_mask")}
-        return network.run(vision_embeds=seen, **ids)
+        return network.run(vision_embeds=features, **ids)

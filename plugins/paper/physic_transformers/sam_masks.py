@@ -22,8 +22,8 @@ def best_rows(scores: FloatArray, threshold: float, most: int) -> NDArray[np.int
     """Return at most ``most`` rows with a score above the threshold, best first."""
 
     order = np.argsort(-scores, kind="stable")
-    found: NDArray[np.intp] = order[scores[order] > threshold][:most]
-    return found
+    rows: NDArray[np.intp] = order[scores[order] > threshold][:most]
+    return rows
 
 
 def people_from_sam(
@@ -85,7 +85,7 @@ def people_of_prompt(
 def union_of_masks(logits: FloatArray, size: tuple[int, int]) -> BoolArray:
     """Return the union (H, W) at photo size of masks (N, h, w) given as logits."""
 
-    found: BoolArray = np.zeros(size, bool)
+    union: BoolArray = np.zeros(size, bool)
     for one in logits:
-        found |= resize_map(one, *size) > 0
-    return found
+        union |= resize_map(one, *size) > 0
+    return union

@@ -40,9 +40,9 @@ class MockContactPrior(interfaces.ContactPrior):
         """
         from physic_core.body import load_body, rest_mesh_of_model
 
-        found = recognise_world(image)
-        rows = match_masks_to_world(found, people)
-        world = found.world
+        recognised = recognise_world(image)
+        rows = match_masks_to_world(recognised, people)
+        world = recognised.world
         probability = np.where(world.contact[rows], _TOUCHES, 1 - _TOUCHES)
         if self.options.noise:
             probability = _fixed_parts(world, bodies)
@@ -79,11 +79,11 @@ def _fixed_parts(world: World, bodies: Bodies) -> FloatArray:
     probability = np.zeros((count, model.num_vertices), np.float32)
     hips = bodies.parameters.body_pose.reshape(-1, 21, 3)[:, :2]
     bent = np.linalg.norm(hips, axis=-1).mean(1) > _BENT_HIPS
-    seen = bodies.observed
-    if seen is None:
-        seen = np.ones((count, len(JOINT_INDEX)), bool)
+    is_observed = bodies.observed
+    if is_observed is None:
+        is_observed = np.ones((count, len(JOINT_INDEX)), bool)
     for name, (value, joints) in _FIXED_PARTS.items():
-        shown = seen[:, [JOINT_INDEX[joint] for joint in joints]].any(1)
+        shown = is_observed[:, [JOINT_INDEX[joint] for joint in joints]].any(1)
         part = np.ix_(shown & bent if name in _SEAT else shown, model.contact_sets[name].numpy())
         probability[part] = np.maximum(probability[part], value)
     return probability

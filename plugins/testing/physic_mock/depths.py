@@ -67,14 +67,14 @@ class MockMetricDepth(interfaces.MetricDepth):
             BackendError: the image shows no world.
         """
         options = self.options
-        found = recognise_world(image, hints.hole)
-        world = found.world
+        recognised = recognise_world(image, hints.hole)
+        world = recognised.world
         noise = Noise(world, options)
         camera = hints.intrinsics or _camera(noise)
-        depth = _noisy_depth(found, hints, noise)
+        depth = _noisy_depth(recognised, hints, noise)
         depth = _bent(depth, _drawn_offset(depth, noise), world.empty_floor_mask)
         if hints.bodies is not None and hints.people is not None:
-            sized = _distance_error(found, hints)
+            sized = _distance_error(recognised, hints)
         else:
             sized = camera.fx / world.intrinsics.fx
         drawn = math.exp(noise.normal("metric scale"))
@@ -136,10 +136,10 @@ class MockRelativePointmap(interfaces.RelativePointmap):
             BackendError: the image shows no world.
         """
         options = self.options
-        found = recognise_world(image, hints.hole)
-        noise = Noise(found.world, options)
-        depth = _noisy_depth(found, hints, noise)
-        scale, shift = _scale_and_shift(found, depth, noise, options)
+        recognised = recognise_world(image, hints.hole)
+        noise = Noise(recognised.world, options)
+        depth = _noisy_depth(recognised, hints, noise)
+        scale, shift = _scale_and_shift(recognised, depth, noise, options)
         camera = hints.intrinsics or _camera(noise)
         points = pixel_rays(camera) * depth[..., None]
         if options.unknown == "inverse_scale_shift":
@@ -168,28 +168,32 @@ def _drawn_up(noise: Noise) -> FloatArray:
     return np.asarray(up / np.linalg.norm(up))
 
 
-def _noisy_depth(found: RecognisedWorld, hints: Hints, noise: Noise) -> FloatArray:
+def _noisy_depth(recognised: RecognisedWorld, hints: Hints, noise: Noise) -> FloatArray:
     """Return the depth map (H, W) with all shape errors, m; NaN in the sky."""
     import cv2
 
-    world = found.world
-    depth = _visible_depth(found, hints, noise)
+    world = recognised.world
+    depth = _visible_depth(recognised, hints, noise)
     relief_lost = min(1.0, noise.factor * RELIEF_LOST)
     for i, mask in enumerate(world.masks):
         farther = noise.normal("depth of person", str(i))
-        depth = _flatten_relief(depth, mask & found.people_pixels, relief_lost, farther)
+        depth = _flatten_relief(depth, mask & recognised.people_pixels, relief_lost, farther)
         # What somebody holds is as far away as they are, also to a network.
-        held = np.zeros_like(mask)
-        for k, item in enumerate(found.item_pixels):
-            held |= item & found.present_people[i] & (world.touched_item[i] == k).any()
-        depth = np.where(held, depth * np.exp(farther), depth)
+        is_held = np.zeros_like(mask)
+        for k, item in enumerate(recognised.item_pixels):
+            is_held |= item & recognised.present_people[i] & (world.touched_item[i] == k).any()
+        depth = np.where(is_held, depth * np.exp(farther), depth)
     depth = _blur_depth_edges(depth, noise.factor * scale_to_image(SMEAR_PX, depth.shape))
     if noise.factor and hints.hole is not None and hints.hole.any():
         # From zero at the border of the hole.
         inside = cv2.distanceTransform(hints.hole.astype(np.uint8), cv2.DIST_L2, 5)
         ramp = np.minimum(inside / max(1.0, 0.02 * max(depth.shape)), 1.0)
         depth = depth * noise.smooth("hole", depth.shape, ramp=ramp)
-    for name, of in (("bumps", ""), ("point map", ""), ("point map of the", _image_kind(found))):
+    for name, of in (
+        ("bumps", ""),
+        ("point map", ""),
+        ("point map of the", _image_kind(recognised)),
+    ):
         depth = depth * noise.smooth(name, depth.shape, of)
     return np.where(np.isfinite(depth), depth, np.nan)
 
@@ -204,12 +208,12 @@ def _flatten_relief(
     """Reduce a person's relief about the median depth, and shift the person by a factor
     exp(offset).
     """
-    seen = mask & np.isfinite(depth)
-    if not seen.any() or relief_lost == offset == 0:
+    is_known = mask & np.isfinite(depth)
+    if not is_known.any() or relief_lost == offset == 0:
         return depth
-    middle = float(np.median(depth[seen]))
+    middle = float(np.median(depth[is_known]))
     result = depth.copy()
-    result[seen] = (middle + (1 - relief_lost) * (depth[seen] - middle)) * np.exp(offset)
+    result[is_known] = (middle + (1 - relief_lost) * (depth[is_known] - middle)) * np.exp(offset)
     return result
 
 
@@ -221,27 +225,27 @@ def _blur_depth_edges(depth: FloatArray, width_px: float) -> FloatArray:
 
     if width_px == 0:
         return depth
-    known = np.isfinite(depth)
-    log_depth = np.where(known, np.log(np.where(known, depth, 1.0)), 0.0)
+    is_known = np.isfinite(depth)
+    log_depth = np.where(is_known, np.log(np.where(is_known, depth, 1.0)), 0.0)
     kernel = np.ones((3, 3), np.uint8)
-    low = np.where(known, log_depth, 99.0)
-    high = np.where(known, log_depth, -99.0)
+    low = np.where(is_known, log_depth, 99.0)
+    high = np.where(is_known, log_depth, -99.0)
     edge = cv2.dilate(high, kernel) - cv2.erode(low, kernel) > np.log(_EDGE_RATIO)
     if not edge.any():
         return depth
-    weight = cv2.GaussianBlur(known.astype(np.float64), (0, 0), width_px)
+    weight = cv2.GaussianBlur(is_known.astype(np.float64), (0, 0), width_px)
     blurred = cv2.GaussianBlur(log_depth, (0, 0), width_px) / np.maximum(weight, 1e-9)
     away = cv2.distanceTransform((~edge).astype(np.uint8), cv2.DIST_L2, 5).astype(np.float64)
     near = np.clip(1 - away / (_REACH * width_px), 0, 1)
-    return np.where(known, np.exp((1 - near) * log_depth + near * blurred), depth)
+    return np.where(is_known, np.exp((1 - near) * log_depth + near * blurred), depth)
 
 
 def _scale_and_shift(
-    found: RecognisedWorld, depth: FloatArray, noise: Noise, options: RelativePointmapOptions
+    recognised: RecognisedWorld, depth: FloatArray, noise: Noise, options: RelativePointmapOptions
 ) -> tuple[float, float]:
     """Draw the scale and shift of an image's point map; a drawn shift keeps all points in front."""
     unit = noise.normal("unit of both")
-    if _image_kind(found) == "photo":
+    if _image_kind(recognised) == "photo":
         unit += noise.normal("unit of the photo")
     scale = options.scale * math.exp(unit)
     if options.unknown == "scale":
@@ -251,18 +255,18 @@ def _scale_and_shift(
     return scale, _drawn_offset(depth, noise) if options.unknown == "inverse_scale_shift" else 0.0
 
 
-def _image_kind(found: RecognisedWorld) -> str:
+def _image_kind(recognised: RecognisedWorld) -> str:
     """Return "photo" if a person is visible, else "empty"."""
-    return "photo" if found.present_people.any() else "empty"
+    return "photo" if recognised.present_people.any() else "empty"
 
 
-def _visible_depth(found: RecognisedWorld, hints: Hints, noise: Noise) -> FloatArray:
+def _visible_depth(recognised: RecognisedWorld, hints: Hints, noise: Noise) -> FloatArray:
     """Return the depth map of what the image shows; people may have been removed from it.
 
     With noise, the depth of a hole is interpolated from around: hidden furniture is not known.
     """
-    shown = found.people_pixels | found.item_pixels.any(axis=0)
-    depth = np.where(shown, found.world.depth, found.world.empty_depth).astype(np.float64)
+    shown = recognised.people_pixels | recognised.item_pixels.any(axis=0)
+    depth = np.where(shown, recognised.world.depth, recognised.world.empty_depth).astype(np.float64)
     if noise.factor == 0 or hints.hole is None:
         return depth
     # Inverse depth, which is linear on a plane, and zero in the sky.
@@ -289,28 +293,30 @@ def _bent(depth: FloatArray, offset: float, floor: BoolArray) -> FloatArray:
     """
     if offset == 0:
         return depth
-    known = np.isfinite(depth)
-    middle = float(np.median(depth[known & floor] if (known & floor).any() else depth[known]))
+    is_known = np.isfinite(depth)
+    middle = float(
+        np.median(depth[is_known & floor] if (is_known & floor).any() else depth[is_known])
+    )
     with np.errstate(invalid="ignore", divide="ignore"):
         inverse = (1 / depth - offset) / (1 - offset * middle)
-        return np.where(known & (inverse > 0), 1 / inverse, np.nan)
+        return np.where(is_known & (inverse > 0), 1 / inverse, np.nan)
 
 
-def _distance_error(found: RecognisedWorld, hints: Hints) -> float:
+def _distance_error(recognised: RecognisedWorld, hints: Hints) -> float:
     """Return the geometric mean of the given bodies' distance over the true one; 1 without a body
     of this world.
     """
     assert hints.bodies is not None
     assert hints.people is not None
-    world = found.world
+    world = recognised.world
     if hints.bodies.body_model != world.body_model or not len(hints.people):
         return 1.0
     rows = match_masks_to_world(
-        replace(found, present_people=np.ones(len(world.masks), bool)), hints.people
+        replace(recognised, present_people=np.ones(len(world.masks), bool)), hints.people
     )
     true = world.joints[rows, 0, 2].astype(np.float64)
-    own = true + hints.bodies.parameters.transl[:, 2] - world.parameters.transl[rows, 2]
-    return float(np.exp(np.mean(np.log(np.maximum(own, 0.1 * true) / true))))
+    depth = true + hints.bodies.parameters.transl[:, 2] - world.parameters.transl[rows, 2]
+    return float(np.exp(np.mean(np.log(np.maximum(depth, 0.1 * true) / true))))
 
 
 def _camera(noise: Noise) -> Intrinsics:

@@ -30,27 +30,27 @@ def fill_from_surroundings(values: FloatArray, hole: BoolArray) -> FloatArray:
     """
     if hole.all() or not hole.any():
         return values.astype(np.float64)
-    known = (~hole).astype(np.float64)[..., None]
-    return _fill(np.where(hole[..., None], 0.0, values.astype(np.float64)), known)
+    weight = (~hole).astype(np.float64)[..., None]
+    return _fill(np.where(hole[..., None], 0.0, values.astype(np.float64)), weight)
 
 
-def _fill(values: FloatArray, known: FloatArray) -> FloatArray:
-    """Return the values (H, W, C) with those filled whose ``known`` (H, W, 1) is 0; the others are
+def _fill(values: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return the values (H, W, C) with those filled whose ``weight`` (H, W, 1) is 0; the others are
     unchanged.
     """
-    if (known > 0).all():
+    if (weight > 0).all():
         return values
-    if min(known.shape[:2]) <= _SMALLEST:
-        mean = (values * known).sum((0, 1)) / known.sum()
-        return np.where(known > 0, values, mean)
-    weight = _summed_2x2(known)
-    coarse = _summed_2x2(values * known) / np.maximum(weight, 1e-12)
-    finer = np.repeat(np.repeat(_fill(coarse, (weight > 0).astype(np.float64)), 2, 0), 2, 1)
-    filled = np.where(known > 0, values, finer[: values.shape[0], : values.shape[1]])
+    if min(weight.shape[:2]) <= _SMALLEST:
+        mean = (values * weight).sum((0, 1)) / weight.sum()
+        return np.where(weight > 0, values, mean)
+    coarse_weight = _summed_2x2(weight)
+    coarse = _summed_2x2(values * weight) / np.maximum(coarse_weight, 1e-12)
+    finer = np.repeat(np.repeat(_fill(coarse, (coarse_weight > 0).astype(np.float64)), 2, 0), 2, 1)
+    filled = np.where(weight > 0, values, finer[: values.shape[0], : values.shape[1]])
     for _ in range(_SWEEPS):
         padded = np.pad(filled, ((1, 1), (1, 1), (0, 0)), mode="edge")
         mean = (padded[:-2, 1:-1] + padded[2:, 1:-1] + padded[1:-1, :-2] + padded[1:-1, 2:]) / 4
-        filled = np.where(known > 0, values, mean)
+        filled = np.where(weight > 0, values, mean)
     return filled
 
 

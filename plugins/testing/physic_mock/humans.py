@@ -112,9 +112,9 @@ class MockBodyEstimator(interfaces.BodyEstimator):
             BackendError: the image shows no world, or a person is not in it.
         """
         options = self.options
-        found = recognise_world(image)
-        rows = match_masks_to_world(found, people)
-        world = found.world
+        recognised = recognise_world(image)
+        rows = match_masks_to_world(recognised, people)
+        world = recognised.world
         noise = Noise(world, options)
         rng = noise.rng("bodies")
         truth = world.parameters
@@ -158,8 +158,8 @@ def _noisy_translations(
     world = noise.world
     pelvis = world.joints[:, 0].astype(np.float64)
     common = rng.normal()
-    own = rng.normal(size=len(pelvis))
-    along = np.sqrt(DISTANCE_SHARE) * common + np.sqrt(1 - DISTANCE_SHARE) * own
+    of_person = rng.normal(size=len(pelvis))
+    along = np.sqrt(DISTANCE_SHARE) * common + np.sqrt(1 - DISTANCE_SHARE) * of_person
     across = rng.normal(size=(len(pelvis), 2))
     farther = noise.factor * options.depth_noise * along + _log_statures(noise, options)
     moved = pelvis * np.exp(farther)[:, None]
@@ -181,8 +181,8 @@ def _noisy_pose(noise: Noise, person: int) -> FloatArray:
     local = np.concatenate([truth.global_orient[person], truth.body_pose[person]])
     joints = world.joints[person]
     sight = _line_of_sight_axes(joints[0].astype(np.float64))
-    own = noise.rng(f"how the pose of person {person} fares")
-    fares = np.exp(POSE_SIGMA * own.normal())
+    rng_of_fare = noise.rng(f"how the pose of person {person} fares")
+    fares = np.exp(POSE_SIGMA * rng_of_fare.normal())
     rng = noise.rng(f"pose of person {person}")
     root_error = fares * np.radians(noise.factor * ROOT_DEG) * rng.normal(size=3)
     root_error = sight.T @ (sight @ root_error * [ROOT_LEAN_FACTOR, ROOT_LEAN_FACTOR, 1.0])
@@ -190,17 +190,17 @@ def _noisy_pose(noise: Noise, person: int) -> FloatArray:
     errors = _draw_bone_errors(sight, visible, fares * noise.factor, rng)
     turn = Rotation.from_rotvec(root_error)
     bones = _camera_rotations(local.reshape(_BONES, 3).astype(np.float64))
-    seen = [
+    rotations = [
         (turn if limb == "trunk" else Rotation.identity()) * Rotation.from_rotvec(error) * bone
         for error, bone, limb in zip(errors, bones, _LIMBS, strict=True)
     ]
     for joint, child in _SEGMENTS:
         share = "flipped forearms" if "elbow" in joint else "flipped segments"
-        if noise.happens(share, own.random(1))[0]:
+        if noise.happens(share, rng_of_fare.random(1))[0]:
             j = JOINT_INDEX[joint]
             bone = (joints[JOINT_INDEX[child]] - joints[j]).astype(np.float64)
-            seen[j] = _depth_flip(bone, sight[2]) * seen[j]
-    return _local_rotations(seen).astype(np.float32)
+            rotations[j] = _depth_flip(bone, sight[2]) * rotations[j]
+    return _local_rotations(rotations).astype(np.float32)
 
 
 _BONES = 22
@@ -252,8 +252,8 @@ def _draw_bone_errors(
         rng: random generator.
     """
     common = rng.normal(size=(len(set(_LIMBS)), 3))
-    own = rng.normal(size=(_BONES, 3))
-    draws = np.sqrt(LIMB_SHARE) * common[_LIMB_NUMBER] + np.sqrt(1 - LIMB_SHARE) * own
+    of_bone = rng.normal(size=(_BONES, 3))
+    draws = np.sqrt(LIMB_SHARE) * common[_LIMB_NUMBER] + np.sqrt(1 - LIMB_SHARE) * of_bone
     factor = np.where(joints_visible[_FIRST_CHILD], 1.0, HIDDEN_FACTOR)
     factor = factor * np.where(np.array(_LIMBS) == "trunk", TRUNK_FACTOR, 1.0)
     sigmas = np.radians([size * LEAN_DEG, size * LEAN_DEG, size * PLANE_DEG])
@@ -287,17 +287,17 @@ def _camera_rotations(local: FloatArray) -> list[Rotation]:
 
     turns: list[Rotation] = []
     for j in range(_BONES):
-        own = Rotation.from_rotvec(local[j])
-        turns.append(own if j == 0 else turns[PARENTS[j]] * own)
+        turn = Rotation.from_rotvec(local[j])
+        turns.append(turn if j == 0 else turns[PARENTS[j]] * turn)
     return turns
 
 
-def _local_rotations(seen: list[Rotation]) -> FloatArray:
+def _local_rotations(rotations: list[Rotation]) -> FloatArray:
     """Convert bone rotations in the camera frame to rotation vectors (22, 3) relative to the
     parents.
     """
-    local = [seen[0].as_rotvec()]
-    local += [(seen[PARENTS[j]].inv() * seen[j]).as_rotvec() for j in range(1, _BONES)]
+    local = [rotations[0].as_rotvec()]
+    local += [(rotations[PARENTS[j]].inv() * rotations[j]).as_rotvec() for j in range(1, _BONES)]
     return np.stack(local)
 
 
@@ -328,10 +328,10 @@ def _estimated_shapes(noise: Noise) -> tuple[FloatArray, FloatArray]:
     taller = np.ones(len(world.ages))
     children = np.isfinite(world.ages) & (noise.factor > 0)
     if children.any():
-        own = torch.from_numpy(betas[children])
+        of_children = torch.from_numpy(betas[children])
         model = load_body(world.body_model).to(dtype=torch.float64)
         with torch.no_grad():
-            taller[children] = (model.stature(0 * own) / model.stature(own)).numpy()
+            taller[children] = (model.stature(0 * of_children) / model.stature(of_children)).numpy()
         betas[children] = 0
     return betas, taller
 
@@ -367,15 +367,15 @@ class MockHandEstimator(interfaces.HandEstimator):
         """
         from scipy.spatial.transform import Rotation
 
-        found = recognise_world(image)
-        rows = match_masks_to_world(found, people)
-        noise = Noise(found.world, self.options)
+        recognised = recognise_world(image)
+        rows = match_masks_to_world(recognised, people)
+        noise = Noise(recognised.world, self.options)
         rng = noise.rng("hands")
-        truth = found.world.parameters
+        truth = recognised.world.parameters
         both = np.stack([truth.left_hand_pose, truth.right_hand_pose], axis=1).astype(np.float64)
         error = np.radians(noise.factor * FINGER_DEG) * rng.normal(size=(both.size // 3, 3))
         turned = Rotation.from_rotvec(both.reshape(-1, 3)) * Rotation.from_rotvec(error)
         rotvecs = turned.as_rotvec().reshape(-1, 2, 15, 3).astype(np.float32)
-        seen = found.world.joints_visible[:, list(_WRISTS)]
-        seen = seen & ~noise.happens("missed hands", rng.random(seen.shape))
-        return Hands(rotvecs=rotvecs[rows], confidence=np.where(seen, 0.9, 0.0)[rows])
+        is_visible = recognised.world.joints_visible[:, list(_WRISTS)]
+        is_visible = is_visible & ~noise.happens("missed hands", rng.random(is_visible.shape))
+        return Hands(rotvecs=rotvecs[rows], confidence=np.where(is_visible, 0.9, 0.0)[rows])

@@ -58,17 +58,17 @@ class MockKeypointDetector(interfaces.KeypointDetector):
         Raises:
             BackendError: the image shows no world, or a person is not in it.
         """
-        found = recognise_world(image)
-        rows = match_masks_to_world(found, people)
-        noise = Noise(found.world, self.options)
+        recognised = recognise_world(image)
+        rows = match_masks_to_world(recognised, people)
+        noise = Noise(recognised.world, self.options)
         rng = noise.rng("keypoints")
         skeleton = SKELETONS.get(self.options.skeleton) or skeleton_named(self.options.skeleton)
         names = skeleton.names
         # the kit imports torch, which a check of a configuration does not need
         from physic_testing.conformance.true_keypoints import true_keypoints_px
 
-        truth, visible = true_keypoints_px(found.world, skeleton)
-        boxes = found.world.boxes
+        truth, visible = true_keypoints_px(recognised.world, skeleton)
+        boxes = recognised.world.boxes
         size = (boxes[:, 2:] - boxes[:, :2]).max(axis=1)[:, None]
         sigma = noise.factor * np.where(visible, POINT_SIGMA, HIDDEN_POINT_SIGMA) * size
         points = truth + sigma[..., None] * _limb_errors(rng.normal(size=truth.shape), noise, names)
@@ -87,16 +87,16 @@ class MockKeypointDetector(interfaces.KeypointDetector):
         return Keypoints(points=points[rows], confidence=confidence[rows], skeleton=skeleton)
 
 
-def _limb_errors(own: FloatArray, noise: Noise, names: tuple[str, ...]) -> FloatArray:
+def _limb_errors(of_point: FloatArray, noise: Noise, names: tuple[str, ...]) -> FloatArray:
     """Return normal errors (N, J, 2) with a part in common and one scale for each arm, each leg and
     the rest.
     """
     limbs = sorted({_limb_of(name) for name in names})
     limb = [limbs.index(_limb_of(name)) for name in names]
     rng = noise.rng("keypoints of limbs")
-    common = rng.normal(size=(len(own), len(limbs), 2))[:, limb]
-    scale = np.sqrt(POINT_FREEDOM / rng.chisquare(POINT_FREEDOM, (len(own), len(limbs))))
-    errors: FloatArray = np.sqrt(LIMB_SHARE) * common + np.sqrt(1 - LIMB_SHARE) * own
+    common = rng.normal(size=(len(of_point), len(limbs), 2))[:, limb]
+    scale = np.sqrt(POINT_FREEDOM / rng.chisquare(POINT_FREEDOM, (len(of_point), len(limbs))))
+    errors: FloatArray = np.sqrt(LIMB_SHARE) * common + np.sqrt(1 - LIMB_SHARE) * of_point
     return errors * scale[:, limb, None]
 
 

@@ -46,9 +46,9 @@ class MockPersonObserver(interfaces.PersonObserver):
         Raises:
             BackendError: the image shows no world, or a person is not in it.
         """
-        found = recognise_world(image)
-        rows = match_masks_to_world(found, people)
-        world = found.world
+        recognised = recognise_world(image)
+        rows = match_masks_to_world(recognised, people)
+        world = recognised.world
         truth = true_observations(world)
         noise = Noise(world, self.options)
         rng = noise.rng("observations")
@@ -82,10 +82,10 @@ def _heads(
     """
     least, added = HEAD_DEG
     drawn = np.radians(factor * added) * rng.normal(size=head.shape)
-    seen = np.einsum("ni,ni->n", head, world.joints[:, JOINT_INDEX["head"]]) < 0
-    head = np.where(seen[:, None], head + drawn, np.nan)
+    faces_camera = np.einsum("ni,ni->n", head, world.joints[:, JOINT_INDEX["head"]]) < 0
+    head = np.where(faces_camera[:, None], head + drawn, np.nan)
     head = head / np.linalg.norm(head, axis=1, keepdims=True)
-    sigma = np.where(seen, np.hypot(least, factor * added), np.nan)
+    sigma = np.where(faces_camera, np.hypot(least, factor * added), np.nan)
     return {"head": head[rows].astype(np.float32), "head_sigma": sigma[rows].astype(np.float32)}
 
 

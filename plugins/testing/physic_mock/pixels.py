@@ -51,11 +51,11 @@ class MockSegmenter(interfaces.Segmenter):
         Raises:
             BackendError: the image shows no world.
         """
-        found = recognise_world(image)
-        noise = Noise(found.world, self.options)
+        recognised = recognise_world(image)
+        noise = Noise(recognised.world, self.options)
         taken = np.zeros(image.shape[:2], bool)
         masks: list[BoolArray] = []
-        for i in _found_people(found, noise, self.options):
+        for i in _found_people(recognised, noise, self.options):
             mask = _person_mask(noise, i) & ~taken
             if mask.any():
                 masks.append(mask)
@@ -65,18 +65,20 @@ class MockSegmenter(interfaces.Segmenter):
             masks=stacked,
             boxes=boxes_from_masks(stacked),
             scores=0.95 - 0.02 * np.arange(len(masks)),
-            floor=_floor_mask(found, noise),
-            surfaces=_surfaces(found) if self.options.surfaces else None,
+            floor=_floor_mask(recognised, noise),
+            surfaces=_surfaces(recognised) if self.options.surfaces else None,
             heads=np.ones(len(masks), int),
         )
 
 
-def _found_people(found: RecognisedWorld, noise: Noise, options: SegmenterOptions) -> list[int]:
+def _found_people(
+    recognised: RecognisedWorld, noise: Noise, options: SegmenterOptions
+) -> list[int]:
     """Return the people that are present and not missed."""
-    present = np.flatnonzero(found.present_people).tolist()
-    draws = noise.rng("missed people").random(len(found.present_people))
+    present = np.flatnonzero(recognised.present_people).tolist()
+    draws = noise.rng("missed people").random(len(recognised.present_people))
     missed = noise.happens(options.missed_people, draws)
-    sizes = found.world.masks.sum((1, 2))
+    sizes = recognised.world.masks.sum((1, 2))
     largest = max(present, key=lambda i: sizes[i], default=None)
     return [i for i in present if i == largest or not missed[i]]
 
@@ -96,30 +98,30 @@ def _person_mask(noise: Noise, person: int) -> BoolArray:
     return mask | _disc_on_border(mask, radius, pick) if strays else mask
 
 
-def _floor_mask(found: RecognisedWorld, noise: Noise) -> BoolArray | None:
+def _floor_mask(recognised: RecognisedWorld, noise: Noise) -> BoolArray | None:
     """Return the floor mask with a rough border, false patches and missing ones; None if it is
     missed.
     """
     rng = noise.rng("floor mask")
     if noise.happens("missed floors", rng.random(1))[0]:
         return None
-    seen = found.world.empty_floor_mask & ~found.people_pixels
-    rough = noise.rough_border(seen, rng)
+    visible_floor = recognised.world.empty_floor_mask & ~recognised.people_pixels
+    rough = noise.rough_border(visible_floor, rng)
     happens = noise.happens("spills", rng.random((2, 8)))
     picks = rng.random((2, 8))
-    radii = scale_to_image(1.0, seen.shape) * rng.uniform(8, 30, (2, 8))
+    radii = scale_to_image(1.0, visible_floor.shape) * rng.uniform(8, 30, (2, 8))
     for takes_in in (1, 0):
         for i in np.flatnonzero(happens[takes_in]):
-            bit = _disc_on_border(seen, radii[takes_in, i], picks[takes_in, i])
+            bit = _disc_on_border(visible_floor, radii[takes_in, i], picks[takes_in, i])
             rough = rough | bit if takes_in else rough & ~bit
-    return rough & ~found.people_pixels
+    return rough & ~recognised.people_pixels
 
 
-def _surfaces(found: RecognisedWorld) -> SurfaceLabels:
+def _surfaces(recognised: RecognisedWorld) -> SurfaceLabels:
     """Return the true labels of the pixels."""
     person = SURFACE_NAMES.index("person")
     return SurfaceLabels(
-        np.where(found.people_pixels, person, found.world.empty_surfaces).astype(np.uint8)
+        np.where(recognised.people_pixels, person, recognised.world.empty_surfaces).astype(np.uint8)
     )
 
 

@@ -135,8 +135,10 @@ def match_masks_to_world(recognised: RecognisedWorld, people: People) -> list[in
     rows: list[int] = []
     for i, mask in enumerate(people.masks):
         overlaps = [
-            -1.0 if j in rows else np.count_nonzero(mask & own) / np.count_nonzero(mask | own)
-            for j, own in enumerate(recognised.world.masks)
+            -1.0
+            if j in rows
+            else np.count_nonzero(mask & true_mask) / np.count_nonzero(mask | true_mask)
+            for j, true_mask in enumerate(recognised.world.masks)
         ]
         best = int(np.argmax(overlaps))
         if overlaps[best] < _SAME_PERSON_IOU:

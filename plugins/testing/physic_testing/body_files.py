@@ -66,11 +66,11 @@ def _arrays(layout: ModelFileLayout, parents: tuple[int, ...]) -> dict[str, NDAr
         name: tuple(10 if size is None else size for size in shape)
         for name, shape in layout.shapes.items()
     }
-    made: dict[str, NDArray[Any]] = {
+    arrays: dict[str, NDArray[Any]] = {
         name: rng.standard_normal(shape) for name, shape in shapes.items()
     }
-    made["f"] = rng.integers(0, layout.vertices, shapes["f"]).astype(np.uint32)
-    made["J_regressor"] = np.eye(layout.joints, layout.vertices)
-    made["weights"] = rng.dirichlet(np.ones(layout.joints), layout.vertices)
-    made["kintree_table"] = np.array([parents, range(layout.joints)], np.uint32)
-    return made
+    arrays["f"] = rng.integers(0, layout.vertices, shapes["f"]).astype(np.uint32)
+    arrays["J_regressor"] = np.eye(layout.joints, layout.vertices)
+    arrays["weights"] = rng.dirichlet(np.ones(layout.joints), layout.vertices)
+    arrays["kintree_table"] = np.array([parents, range(layout.joints)], np.uint32)
+    return arrays

@@ -23,11 +23,11 @@ _ROUNDING = 0.01
 
 def contradictions(result: Reconstruction) -> list[str]:
     """Return a sentence for each statement of a result that another one denies."""
-    found = [*_of_sentences(result), *_of_people(result)]
+    sentences = [*_of_sentences(result), *_of_people(result)]
     for index, person in enumerate(result.people):
         rules = (_of_checks, _of_contacts, _of_support, _of_body)
-        found += [f"person {index} {text}" for rule in rules for text in rule(result, person)]
-    return found
+        sentences += [f"person {index} {text}" for rule in rules for text in rule(result, person)]
+    return sentences
 
 
 def _of_sentences(result: Reconstruction) -> Iterator[str]:
@@ -79,13 +79,13 @@ def _overlap(a: object, b: object) -> float:
 def _of_checks(result: Reconstruction, person: Person) -> Iterator[str]:
     """Yield failed checks that are not named, and marks that they deny."""
     index = next(i for i, one in enumerate(result.people) if one is person)
-    own = [check for check in result.checks if check.person == index]
-    failed = [check for check in own if check.failed]
+    checks = [check for check in result.checks if check.person == index]
+    failed = [check for check in checks if check.failed]
     if {check.name for check in failed} != {*person.failed_checks}:
         yield "has other failed_checks than its checks"
-    if {c.name for c in own if c.value is None} != {*person.unknown_checks}:
+    if {c.name for c in checks if c.value is None} != {*person.unknown_checks}:
         yield "has other unknown_checks than its checks"
-    if not own or person.trust is None:
+    if not checks or person.trust is None:
         return
     for check in failed:
         if check.title not in person.why:

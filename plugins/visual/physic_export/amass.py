@@ -120,12 +120,12 @@ def _smplx_parameters(
         )
     model = smplx_arrays(file)
     body = build_body_model(model)
-    found = convert_bodies(Bodies(stacked, "embedded"), body)
-    errors = found.joints_m if found.surface_m is None else found.surface_m
+    converted = convert_bodies(Bodies(stacked, "embedded"), body)
+    errors = converted.joints_m if converted.surface_m is None else converted.surface_m
     rest = rest_mesh_of_model(load_body("embedded"))
-    given = ContactProbability(touched.astype(np.float32), rest.topology, rest)
-    contact = convert_contact(given, body).probability > 0.5
-    return model, found.bodies.parameters, contact, errors
+    probability = ContactProbability(touched.astype(np.float32), rest.topology, rest)
+    contact = convert_contact(probability, body).probability > 0.5
+    return model, converted.bodies.parameters, contact, errors
 
 
 def _arrays(

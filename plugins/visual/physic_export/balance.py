@@ -146,7 +146,7 @@ def people_of(request: ExportRequest) -> list[ExportedPerson]:
     People whom their feet alone balance within the error of the pose are turned over their soles,
     unless the option ``keep_lean`` is given.
     """
-    made = []
+    people = []
     for index, rig in rigs(request):
         person = request.result.people[index]
         vertices = transform_points(request.frame.from_camera, person.vertices)
@@ -172,8 +172,8 @@ def people_of(request: ExportRequest) -> list[ExportedPerson]:
         if feet:
             lowest = float(vertices[:, 2].min())
             plain = _set_down(plain, 0.0 if abs(lowest) < FLAT_M else lowest)
-        made.append(balanced(plain) if feet and not request.options["keep_lean"] else plain)
-    return made
+        people.append(balanced(plain) if feet and not request.options["keep_lean"] else plain)
+    return people
 
 
 def feet_that_carry(person: Person) -> tuple[str, ...]:
@@ -207,12 +207,12 @@ def _touching_floor(person: Person, heels: dict[str, float]) -> tuple[str, ...]:
     (FLOOR_M), by the height of the lowest skin of heel and instep, metres.
     """
     likely = [one for one in person.contacts if one.likely]
-    made = []
+    sides = []
     for side in SIDES:
         kinds = {one.partner.kind for one in likely if one.part == f"{side}_foot"}
         if "floor" in kinds or ("scene" in kinds and heels[side] < FLOOR_M):
-            made.append(side)
-    return tuple(made)
+            sides.append(side)
+    return tuple(sides)
 
 
 def balanced(person: ExportedPerson) -> ExportedPerson:

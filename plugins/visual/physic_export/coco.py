@@ -99,9 +99,9 @@ def skeleton_links(names: Sequence[str]) -> list[list[int]]:
 def _annotation(
     result: Reconstruction, index: int, person: Person, pixels: tuple[IntArray, IntArray]
 ) -> dict[str, Any]:
-    seen = person.keypoint_confidence > 0
-    points = np.where(seen[:, None], result.file_pixels(person.keypoints), 0.0)
-    triples = np.column_stack([points.round(4), np.where(seen, _LABELLED, 0)])
+    is_visible = person.keypoint_confidence > 0
+    points = np.where(is_visible[:, None], result.file_pixels(person.keypoints), 0.0)
+    triples = np.column_stack([points.round(4), np.where(is_visible, _LABELLED, 0)])
     x0, y0, x1, y1 = person.box.astype(np.float64) - 0.5
     corners = result.file_pixels(np.array([[x0, y0], [x1, y0], [x0, y1], [x1, y1]])) + 0.5
     low = corners.min(0)
@@ -116,7 +116,7 @@ def _annotation(
         "segmentation": {"size": list(mask.shape), "counts": run_lengths(mask)},
         "iscrowd": 0,
         "score": round(float(person.score), 4),
-        "num_keypoints": int(seen.sum()),
+        "num_keypoints": int(is_visible.sum()),
         "keypoints": [
             int(value) if value.is_integer() else value for value in triples.ravel().tolist()
         ],
@@ -144,22 +144,22 @@ def _image_pixels(result: Reconstruction, width: int, height: int) -> tuple[IntA
         return rows * len(result.image) // height, columns * result.image.shape[1] // width
     from physic_core.geometry import undistort_pixels
 
-    own = result.lens.intrinsics
+    original = result.lens.intrinsics
     camera = result.intrinsics
     distorted = np.stack(np.broadcast_arrays(columns, rows), -1).reshape(-1, 2)
-    x, y = undistort_pixels(distorted.astype(np.float64), own, result.lens.distortion).T
+    x, y = undistort_pixels(distorted.astype(np.float64), original, result.lens.distortion).T
     at = (
-        (y - own.cy) / own.fy * camera.fy + camera.cy,
-        (x - own.cx) / own.fx * camera.fx + camera.cx,
+        (y - original.cy) / original.fy * camera.fy + camera.cy,
+        (x - original.cx) / original.fx * camera.fx + camera.cx,
     )
-    found = [np.rint(values).astype(np.int64).reshape(height, width) for values in at]
-    return found[0], found[1]
+    pixels = [np.rint(values).astype(np.int64).reshape(height, width) for values in at]
+    return pixels[0], pixels[1]
 
 
 def _mask_of_file(mask: BoolArray, pixels: tuple[IntArray, IntArray]) -> BoolArray:
     rows, columns = pixels
     inside = (rows >= 0) & (rows < mask.shape[0]) & (columns >= 0) & (columns < mask.shape[1])
-    found: BoolArray = (
+    file_mask: BoolArray = (
         mask[rows.clip(0, mask.shape[0] - 1), columns.clip(0, mask.shape[1] - 1)] & inside
     )
-    return found
+    return file_mask

@@ -109,11 +109,11 @@ def _images(frame: ExportFrame, rows: IntArray, columns: IntArray) -> bytes:
 
 def _points(points: NDArray[np.float64], colors: UInt8Array) -> bytes:
     """Return each point with its colour and its place in the list of pixels."""
-    made = np.zeros(len(points), _POINT)
-    made["id"] = np.arange(1, len(points) + 1)
-    made["xyz"] = points
-    made["rgb"] = colors
-    made["views"] = 1
-    made["image"] = 1
-    made["pixel"] = np.arange(len(points))
-    return struct.pack("<Q", len(points)) + made.tobytes()
+    records = np.zeros(len(points), _POINT)
+    records["id"] = np.arange(1, len(points) + 1)
+    records["xyz"] = points
+    records["rgb"] = colors
+    records["views"] = 1
+    records["image"] = 1
+    records["pixel"] = np.arange(len(points))
+    return struct.pack("<Q", len(points)) + records.tobytes()

@@ -66,13 +66,13 @@ def _with_people(depth: FloatArray, request: ExportRequest) -> tuple[FloatArray,
         points = torch.from_numpy(body)[None]
         faces = torch.from_numpy(request.result.faces)
         shown = rasterize(project(points, K), points[..., 2], faces, height, width)[0].numpy()
-        seen = shown >= 0
-        first, second, third = np.moveaxis(body[request.result.faces[shown[seen]]], 1, 0)
+        is_visible = shown >= 0
+        first, second, third = np.moveaxis(body[request.result.faces[shown[is_visible]]], 1, 0)
         normal = np.cross(second - first, third - first)
         # where the ray of the pixel meets the plane of the face
-        z = (normal * first).sum(1) / (normal * rays[seen]).sum(1)
-        owner[seen] = np.where(z < nearest[seen], index, owner[seen])
-        nearest[seen] = np.minimum(nearest[seen], z)
+        z = (normal * first).sum(1) / (normal * rays[is_visible]).sum(1)
+        owner[is_visible] = np.where(z < nearest[is_visible], index, owner[is_visible])
+        nearest[is_visible] = np.minimum(nearest[is_visible], z)
     return nearest, owner
 
 

@@ -246,7 +246,7 @@ def body_segments(rig: Rig, vertices: Array, ground: Mapping[str, float]) -> lis
     masses = DENSITY_KG_M3 * _volume(vertices, rig.faces) * volumes / volumes.sum()
     lowest = [float(vertices[part == joint, 2].min()) for joint in range(NUM_BODIES)]
     owner = _owner_of_faces(part[rig.faces])
-    made = []
+    segments = []
     for joint, name in enumerate(JOINT_NAMES[:NUM_BODIES]):
         pose, zero, hinges = _joint(rig, poses, joint)
         place = poses[joint][:3, 3]
@@ -260,7 +260,7 @@ def body_segments(rig: Rig, vertices: Array, ground: Mapping[str, float]) -> lis
         hull = (hulls[joint][0] - place) @ turn, hulls[joint][1]
         capsule = _capsule(name, local[part == joint], poses, joint)
         skin = local[used], faces.reshape(-1, 3)
-        made.append(
+        segments.append(
             Segment(
                 name,
                 PARENTS[joint],
@@ -274,7 +274,7 @@ def body_segments(rig: Rig, vertices: Array, ground: Mapping[str, float]) -> lis
                 soles,
             )
         )
-    return made
+    return segments
 
 
 def convex_hull(points: Array) -> Mesh:
@@ -304,7 +304,7 @@ def _hinges(name: str, rotation: Array) -> tuple[tuple[Hinge, ...], Array]:
         return turned.reshape(3, 3)
 
     rest = turn(len(limits))
-    made = []
+    hinges = []
     for place, (axis, low, high) in enumerate(limits):
         direction = np.eye(3)["xyz".index(axis)]
         angle = float(angles[place])
@@ -313,10 +313,10 @@ def _hinges(name: str, rotation: Array) -> tuple[tuple[Hinge, ...], Array]:
             bounds = -bounds[::-1]
         low = min(bounds[0], angle) - 1e-6
         high = max(bounds[1], angle) + 1e-6
-        made.append(
+        hinges.append(
             Hinge(axis, angle, low, high, turn(place + 1).T @ direction, rest.T @ direction)
         )
-    return tuple(made), rest
+    return tuple(hinges), rest
 
 
 def _capsule(name: str, points: Array, poses: Array, joint: int) -> Capsule | None:
@@ -364,14 +364,14 @@ def _sole_level(name: str, lowest: Sequence[float], ground: Mapping[str, float])
         lowest: height of the lowest skin of each part.
         ground: of :func:`body_segments`.
     """
-    own = lowest[JOINT_INDEX[name]]
+    level = lowest[JOINT_INDEX[name]]
     side, _, plain = name.rpartition("_")
     if plain not in _FOOT:
-        return own
-    if side in ground and 0 < own - ground[side] < SOLE_REACH_M:
+        return level
+    if side in ground and 0 < level - ground[side] < SOLE_REACH_M:
         return ground[side]
     other = lowest[JOINT_INDEX[f"{side}_{_FOOT[plain]}"]]
-    return other if 0 < own - other < FLAT_M else own
+    return other if 0 < level - other < FLAT_M else level
 
 
 def _soles(points: Array, up: Array, drop: float) -> Array:

@@ -20,11 +20,13 @@ def export_keypoints(request: ExportRequest) -> ExportedFiles:
     names = skeleton_named(result.skeleton).names
     for index, person in request.chosen():
         places = result.file_pixels(person.keypoints).round(2).tolist()
-        for name, place, seen in zip(
+        for name, place, confidence in zip(
             names, places, person.keypoint_confidence.tolist(), strict=True
         ):
-            if seen > 0:
-                rows.append(dict(zip(COLUMNS, (index, name, *place, round(seen, 3)), strict=True)))
+            if confidence > 0:
+                rows.append(
+                    dict(zip(COLUMNS, (index, name, *place, round(confidence, 3)), strict=True))
+                )
     table = io.StringIO(newline="")
     write_csv(table, COLUMNS, rows)
     return ExportedFiles({f"{request.stem}{request.suffix}": table.getvalue().encode()})

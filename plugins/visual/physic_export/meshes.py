@@ -59,16 +59,16 @@ class ColoredMesh:
 
 def person_meshes(request: ExportRequest, skins: Skins) -> list[ColoredMesh]:
     """Return the posed bodies of a request."""
-    made = []
+    meshes = []
     for index, person in request.chosen():
         vertices = transform_points(request.frame.from_camera, person.vertices)
         faces = np.asarray(request.result.faces, np.int64)
         normals = unit_normals(vertices, faces)
         colors = skins.vertex_colors(index)
-        made.append(
+        meshes.append(
             ColoredMesh(f"person_{index}", vertices, faces, normals, colors, person.contact)
         )
-    return made
+    return meshes
 
 
 def contact_lines(result: Reconstruction, skins: Skins) -> list[str]:
@@ -315,23 +315,23 @@ _MATERIAL = "newmtl {name}\nKa 0 0 0\nKd {color}\nKs 0 0 0\nillum 1\n"
 
 
 def _materials(request: ExportRequest, skins: Skins, with_scene: bool) -> str:
-    made = []
+    materials = []
     white = "1 1 1"
     if with_scene:
-        made.append(
+        materials.append(
             _MATERIAL.format(name="scene", color=white) + f"map_Kd {request.stem}_scene.jpg\n"
         )
     grey = " ".join(f"{value / 255:.3f}" for value in BODY_RGB)
     for index in request.person:
         name = f"person_{index}"
-        made.append(_MATERIAL.format(name=f"{name}_neutral", color=grey))
+        materials.append(_MATERIAL.format(name=f"{name}_neutral", color=grey))
         if skins.source:
             photo = _MATERIAL.format(name=f"{name}_photo", color=white)
-            made.append(
+            materials.append(
                 f"# {request.stem}_{name}_filled.png is white where the photo does not show the "
                 f"body\n{photo}map_Kd {request.stem}_{name}.jpg\n"
             )
         contact = _MATERIAL.format(name=f"{name}_contact", color=white if skins.source else grey)
         picture = f"map_Kd {request.stem}_{name}_contact.png\n" if skins.source else ""
-        made.append(contact + picture)
-    return "\n".join(made)
+        materials.append(contact + picture)
+    return "\n".join(materials)

@@ -74,13 +74,13 @@ class _File:
         """Add a mesh whose numbers are in the file itself, closed unless it has texture coordinates
         (V, 2), v up; return the attributes of a geom of the same name that shows it.
         """
-        made = SubElement(
+        element = SubElement(
             self.asset, "mesh", name=name, vertex=number_text(vertices.reshape(-1), 4)
         )
-        made.set("face", " ".join(map(str, faces.reshape(-1).tolist())))
+        element.set("face", " ".join(map(str, faces.reshape(-1).tolist())))
         if uv is not None:
-            made.set("texcoord", number_text((uv * [1, -1] + [0, 1]).reshape(-1), 5))
-            made.set("inertia", "shell")  # an open surface has no volume
+            element.set("texcoord", number_text((uv * [1, -1] + [0, 1]).reshape(-1), 5))
+            element.set("inertia", "shell")  # an open surface has no volume
         return {"name": name, "type": "mesh", "mesh": name}
 
 
@@ -117,17 +117,17 @@ def _add_humanoid(
     bodies: list[Element] = []
     resting = {}
     for segment in segments:
-        own = name if segment.parent < 0 else f"{name}_{segment.name}"
+        body_name = name if segment.parent < 0 else f"{name}_{segment.name}"
         quaternion = rotmat_to_quat(segment.pose[:3, :3])[[3, 0, 1, 2]]
         above = file.world if segment.parent < 0 else bodies[segment.parent]
         place = {"pos": number_text(segment.pose[:3, 3]), "quat": number_text(quaternion, 8)}
-        body = SubElement(above, "body", {"name": own} | place)
+        body = SubElement(above, "body", {"name": body_name} | place)
         bodies.append(body)
         _add_inertia(body, segment.mass, *inertia_of(segment.hull, segment.mass))
         if segment.parent < 0:
             SubElement(body, "freejoint", name=f"{name}_root")
         for hinge in segment.hinges:
-            joint = f"{own}_{hinge.axis}"
+            joint = f"{body_name}_{hinge.axis}"
             limits = np.rad2deg([hinge.low - hinge.angle, hinge.high - hinge.angle])
             torque = max_torque(segment.name, mass)
             SubElement(
@@ -140,9 +140,9 @@ def _add_humanoid(
             )
             resting[joint] = -hinge.angle
             _add_actuator(file.actuators, joint, torque)
-        skin = file.add_mesh(f"{own}_skin", *segment.skin)
+        skin = file.add_mesh(f"{body_name}_skin", *segment.skin)
         SubElement(body, "geom", skin | _DRAWN | {"rgba": RGBA})
-        _add_shapes(file, body, own, segment, geom)
+        _add_shapes(file, body, body_name, segment, geom)
     return resting
 
 
@@ -198,8 +198,8 @@ def _add_shapes(
         for point in segment.soles
     ]
     for number, shape in enumerate(shapes):
-        own = {"name": f"{name}_{number}" if number else name}
-        SubElement(body, "geom", own | shape | geom)
+        attributes = {"name": f"{name}_{number}" if number else name}
+        SubElement(body, "geom", attributes | shape | geom)
 
 
 def _add_inertia(

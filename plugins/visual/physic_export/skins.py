@@ -85,14 +85,14 @@ class Skins:
         """Return name -> picture of each person: the photo's colours, where they are filled, and
         contact.
         """
-        made = dict[str, bytes]()
+        files = dict[str, bytes]()
         for index in self.request.person if self.source else ():
             name = f"{self.request.stem}_person_{index}"
             image, filled = self.photo_images(index)
-            made[f"{name}.jpg"] = encode_image(image, "JPEG")
-            made[f"{name}_filled.png"] = encode_image(filled, "PNG")
-            made[f"{name}_contact.png"] = encode_image(self.contact_image(index), "PNG")
-        return made
+            files[f"{name}.jpg"] = encode_image(image, "JPEG")
+            files[f"{name}_filled.png"] = encode_image(filled, "PNG")
+            files[f"{name}_contact.png"] = encode_image(self.contact_image(index), "PNG")
+        return files
 
 
 def skins_of(request: ExportRequest) -> Skins:

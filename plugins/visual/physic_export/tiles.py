@@ -135,13 +135,13 @@ def tiles_without(tiles: Sequence[Tile], bodies: Sequence[Array]) -> list[Tile]:
         low = points.min(0)
         high = points.max(0)
         near = [
-            (body, own)
-            for body, own in hulls
+            (body, planes)
+            for body, planes in hulls
             if (body.max(0) > low).all() and (body.min(0) < high).all()
         ]
         if all(
-            max(_depth_inside(points, own), _depth_inside(body, facets)) <= PRESSED_M
-            for body, own in near
+            max(_depth_inside(points, planes), _depth_inside(body, facets)) <= PRESSED_M
+            for body, planes in near
         ):
             kept.append(tile)
     return kept
@@ -158,14 +158,14 @@ def parts_that_meet(one: Sequence[Array], other: Sequence[Array]) -> list[tuple[
     pairs = []
     for first, points in enumerate(one):
         for second, others in enumerate(other):
-            own = facets[0][first]
+            mine = facets[0][first]
             theirs = facets[1][second]
-            if own is None or theirs is None:
+            if mine is None or theirs is None:
                 continue
             apart = np.maximum(points.min(0) - others.max(0), others.min(0) - points.max(0))
             if apart.max() > MEET_M:
                 continue
-            if max(_depth_inside(points, theirs), _depth_inside(others, own)) > -MEET_M:
+            if max(_depth_inside(points, theirs), _depth_inside(others, mine)) > -MEET_M:
                 pairs.append((first, second))
     return pairs
 
@@ -178,8 +178,8 @@ def segments_that_meet(segments: Sequence[Segment]) -> list[tuple[int, int]]:
     for pose in ("pose", "zero_pose"):
         places: list[Array] = []
         for one in segments:
-            own = getattr(one, pose)
-            places.append(own if one.parent < 0 else places[one.parent] @ own)
+            local = getattr(one, pose)
+            places.append(local if one.parent < 0 else places[one.parent] @ local)
         hulls = [
             transform_points(place, one.hull[0])
             for place, one in zip(places, segments, strict=True)

@@ -237,11 +237,13 @@ def _add_collision(link: Element, place: Array, shape: str, **sizes: str) -> Non
 
 
 def _add_inertia(link: Element, mass: float, center: Array, inertia: Array) -> None:
-    made = SubElement(link, "inertial")
-    SubElement(made, "origin", xyz=number_text(center), rpy="0 0 0")
-    SubElement(made, "mass", value=f"{mass:.4f}")
+    inertial = SubElement(link, "inertial")
+    SubElement(inertial, "origin", xyz=number_text(center), rpy="0 0 0")
+    SubElement(inertial, "mass", value=f"{mass:.4f}")
     names = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
-    SubElement(made, "inertia", {f"i{name}": f"{inertia[at]:.8f}" for name, at in names.items()})
+    SubElement(
+        inertial, "inertia", {f"i{name}": f"{inertia[at]:.8f}" for name, at in names.items()}
+    )
 
 
 def _origin(place: Array) -> dict[str, str]:

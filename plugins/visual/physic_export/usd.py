@@ -210,25 +210,25 @@ def _add_person(stage: Any, mesh: ColoredMesh, skins: Skins, index: int, rig: Ri
     drawn = mesh
     if rig is not None:  # in the bind pose
         drawn = replace(mesh, vertices=rig.vertices, normals=unit_normals(rig.vertices, mesh.faces))
-    made = _add_mesh(stage, f"{path}/mesh", drawn)
-    made.CreateDoubleSidedAttr(False)
-    primvars = UsdGeom.PrimvarsAPI(made)
+    prim = _add_mesh(stage, f"{path}/mesh", drawn)
+    prim.CreateDoubleSidedAttr(False)
+    primvars = UsdGeom.PrimvarsAPI(prim)
     values = {"contact": mesh.contact.astype(np.float32)}
     if skins.mesh is not None:
         values["filled"] = dressed_bodies(skins.request.result).people[index].guessed_share
-        _add_uv(made, skins.mesh.uv, skins.mesh.faces)
+        _add_uv(prim, skins.mesh.uv, skins.mesh.faces)
     for name, numbers in values.items():
         primvar = primvars.CreatePrimvar(name, Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex)
         primvar.Set(Vt.FloatArray.FromNumpy(numbers))
     if rig is not None:
-        add_skeleton(stage, path, made, rig, skins.request.frame.up_vector)
-        _add_extents(top, made, mesh.vertices)
+        add_skeleton(stage, path, prim, rig, skins.request.frame.up_vector)
+        _add_extents(top, prim, mesh.vertices)
     looks = {"neutral": _add_material(stage, f"{path}/looks/neutral", color=BODY_RGB)}
     if skins.source:
         stem = f"{skins.request.stem}_{mesh.name}"
         for name, picture in (("photo", f"{stem}.jpg"), ("contact", f"{stem}_contact.png")):
             looks[name] = _add_material(stage, f"{path}/looks/{name}", picture=picture)
-    _add_variants(top.GetPrim(), made.GetPrim(), looks, skins.kind)
+    _add_variants(top.GetPrim(), prim.GetPrim(), looks, skins.kind)
     collider = _add_mesh(stage, f"{path}/collider", mesh)
     collider.CreatePurposeAttr(UsdGeom.Tokens.guide)
     _make_collider(collider, UsdPhysics.Tokens.convexDecomposition)
@@ -269,13 +269,13 @@ def _add_scene(stage: Any, request: ExportRequest) -> dict[str, bytes]:
     scene = scene_mesh(request)
     if scene is None or scene.uv is None:
         return {}
-    made = _add_mesh(stage, "/physic/scene", scene)
+    mesh = _add_mesh(stage, "/physic/scene", scene)
     name = f"{request.stem}_scene.jpg"
-    _add_uv(made, scene.uv, scene.faces)
-    UsdShade.MaterialBindingAPI.Apply(made.GetPrim()).Bind(
+    _add_uv(mesh, scene.uv, scene.faces)
+    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(
         _add_material(stage, "/physic/looks/scene", picture=name)
     )
-    _make_collider(made, UsdPhysics.Tokens.none)
+    _make_collider(mesh, UsdPhysics.Tokens.none)
     return {name: encode_image(request.result.scene.colors, "JPEG")}
 
 
@@ -310,21 +310,21 @@ def _add_mesh(stage: Any, path: str, mesh: ColoredMesh) -> Any:
     def vectors(values: NDArray[Any]) -> Any:
         return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, np.float32))
 
-    made = UsdGeom.Mesh.Define(stage, path)
-    made.CreatePointsAttr(vectors(mesh.vertices))
-    made.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(mesh.faces), 3, np.int32)))
-    made.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(mesh.faces.reshape(-1).astype(np.int32)))
-    made.CreateNormalsAttr(vectors(mesh.normals))
-    made.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
-    made.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    made.CreateExtentAttr(_extent(mesh.vertices))
-    made.CreateDoubleSidedAttr(True)
-    primvars = UsdGeom.PrimvarsAPI(made)
+    prim = UsdGeom.Mesh.Define(stage, path)
+    prim.CreatePointsAttr(vectors(mesh.vertices))
+    prim.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(mesh.faces), 3, np.int32)))
+    prim.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(mesh.faces.reshape(-1).astype(np.int32)))
+    prim.CreateNormalsAttr(vectors(mesh.normals))
+    prim.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    prim.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    prim.CreateExtentAttr(_extent(mesh.vertices))
+    prim.CreateDoubleSidedAttr(True)
+    primvars = UsdGeom.PrimvarsAPI(prim)
     color = primvars.CreatePrimvar(
         "displayColor", Sdf.ValueTypeNames.Color3fArray, UsdGeom.Tokens.vertex
     )
     color.Set(vectors(linear_from_srgb(mesh.colors)))
-    return made
+    return prim
 
 
 def _make_collider(mesh: Any, shape: str) -> None:
@@ -386,21 +386,21 @@ matters.
 def _add_camera(stage: Any, camera: Intrinsics, pose: NDArray[np.float64]) -> None:
     from pxr import Gf, UsdGeom
 
-    made = UsdGeom.Camera.Define(stage, "/physic/camera")
+    prim = UsdGeom.Camera.Define(stage, "/physic/camera")
     focal = _APERTURE * camera.fx / camera.width
     height = focal * camera.height / camera.fy
-    made.CreateProjectionAttr(UsdGeom.Tokens.perspective)
-    made.CreateFocalLengthAttr(focal)
-    made.CreateHorizontalApertureAttr(_APERTURE)
-    made.CreateVerticalApertureAttr(height)
-    made.CreateHorizontalApertureOffsetAttr(
+    prim.CreateProjectionAttr(UsdGeom.Tokens.perspective)
+    prim.CreateFocalLengthAttr(focal)
+    prim.CreateHorizontalApertureAttr(_APERTURE)
+    prim.CreateVerticalApertureAttr(height)
+    prim.CreateHorizontalApertureOffsetAttr(
         _APERTURE * ((camera.width - 1) / 2 - camera.cx) / camera.width
     )
-    made.CreateVerticalApertureOffsetAttr(
+    prim.CreateVerticalApertureOffsetAttr(
         height * (camera.cy - (camera.height - 1) / 2) / camera.height
     )
-    made.CreateClippingRangeAttr(Gf.Vec2f(0.05, 1000.0))
-    made.AddTransformOp().Set(_matrices(pose[None])[0])
+    prim.CreateClippingRangeAttr(Gf.Vec2f(0.05, 1000.0))
+    prim.AddTransformOp().Set(_matrices(pose[None])[0])
 
 
 def _add_gravity(stage: Any, up: NDArray[np.float64]) -> None:

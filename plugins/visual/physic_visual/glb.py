@@ -176,14 +176,14 @@ def photo_appearance(
         shown: share of the body that the photo shows.
         skin: the variant of :data:`SKINS` that is shown by programs that do not know variants.
     """
-    own = body_material(name, texture=glb.add_texture(photo, "image/jpeg", name))
-    own |= {
+    material = body_material(name, texture=glb.add_texture(photo, "image/jpeg", name))
+    material |= {
         "extensions": {"KHR_materials_unlit": {}},
         "extras": {"share_from_photo": round(shown, 4)},
     }
     picture = glb.add_texture(*contact, f"{name}_contact")
     materials = (
-        own,
+        material,
         body_material("body", BODY_RGB),
         body_material(f"{name}_contact", texture=picture),
     )
@@ -321,15 +321,15 @@ def _add_person(
         else rig.vertices
     )
     normals = unit_normals(vertices, faces)
-    own: Any = slice(None)
+    rows: Any = slice(None)
     drawn = faces
     if look.mesh is not None:
-        own = look.mesh.vertex
+        rows = look.mesh.vertex
         drawn = look.mesh.faces
     attributes = {
-        "POSITION": glb.add_accessor(vertices.astype(np.float32)[own], ARRAY, with_bounds=True),
-        "NORMAL": glb.add_accessor(normals[own], ARRAY),
-        "_CONTACT": glb.add_accessor(person.contact.astype(np.float32)[own], ARRAY),
+        "POSITION": glb.add_accessor(vertices.astype(np.float32)[rows], ARRAY, with_bounds=True),
+        "NORMAL": glb.add_accessor(normals[rows], ARRAY),
+        "_CONTACT": glb.add_accessor(person.contact.astype(np.float32)[rows], ARRAY),
         **{key: glb.add_accessor(values, ARRAY) for key, values in look.attributes.items()},
         **look.accessors,
     }
@@ -338,7 +338,7 @@ def _add_person(
     if rig is not None:
         top, skin["skin"] = _add_skeleton(glb, name, rig)
         tops.append(top)
-        attributes |= _skin_attributes(glb, rig, own)
+        attributes |= _skin_attributes(glb, rig, rows)
     tops.append(_add_mesh(glb, name, attributes, drawn, look, **skin))
     return tops
 
@@ -457,10 +457,10 @@ def _primitives_in_parts(
     for start in range(0, len(vertices), _PART_VERTICES):
         part = faces[(start <= first) & (first < start + _PART_VERTICES)]
         if len(part):
-            own = slice(start, part.max() + 1)
+            rows = slice(start, part.max() + 1)
             attributes = {
-                "POSITION": glb.add_accessor(vertices[own], ARRAY, with_bounds=True),
-                "TEXCOORD_0": glb.add_accessor(places[own], ARRAY),
+                "POSITION": glb.add_accessor(vertices[rows], ARRAY, with_bounds=True),
+                "TEXCOORD_0": glb.add_accessor(places[rows], ARRAY),
             }
             primitives.append(_primitive(glb, attributes, part - start, look))
     return primitives
@@ -488,9 +488,9 @@ def _add_floor(glb: GlbBuilder, request: ExportRequest) -> list[int]:
 
 def _glass(name: str, rgb: tuple[int, int, int], opacity: float) -> dict[str, Any]:
     """Return a material that shows what is behind it."""
-    made = body_material(name, rgb) | {"doubleSided": True, "alphaMode": "BLEND"}
-    made["pbrMetallicRoughness"]["baseColorFactor"][3] = opacity
-    return made
+    material = body_material(name, rgb) | {"doubleSided": True, "alphaMode": "BLEND"}
+    material["pbrMetallicRoughness"]["baseColorFactor"][3] = opacity
+    return material
 
 
 def _add_assumed(glb: GlbBuilder, request: ExportRequest) -> list[int]:

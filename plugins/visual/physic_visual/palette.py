@@ -75,8 +75,8 @@ def person_tint(index: int) -> _Rgb:
     their colour.
     """
     red, green, blue = (
-        round(_TINT * own + (1 - _TINT) * grey)
-        for own, grey in zip(person_color(index), BODY_RGB, strict=True)
+        round(_TINT * channel + (1 - _TINT) * grey)
+        for channel, grey in zip(person_color(index), BODY_RGB, strict=True)
     )
     return red, green, blue
 

@@ -30,14 +30,14 @@ def make_pictures(
     """
     if isinstance(result, InputError):
         return {REPORT_FILE: failure_html(title, str(result)).encode()}
-    made = dict[str, bytes]()
+    files = dict[str, bytes]()
     # A second thread draws the preview, which takes as long as all else.
     with ThreadPoolExecutor(1, "preview") as second:
         preview = second.submit(preview_png, result) if PREVIEW_FILE in names else None
         if GLB_FILE in names:
-            made[GLB_FILE] = combined_glb(result)
+            files[GLB_FILE] = combined_glb(result)
         if REPORT_FILE in names:
-            made[REPORT_FILE] = report_html(result, title).encode()
+            files[REPORT_FILE] = report_html(result, title).encode()
         if preview is not None:
-            made[PREVIEW_FILE] = preview.result()
-    return made
+            files[PREVIEW_FILE] = preview.result()
+    return files

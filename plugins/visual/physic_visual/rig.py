@@ -61,10 +61,10 @@ class Rig:
         """Return the pose (55, 4, 4) of each joint in the frame, G_j."""
         poses = np.tile(np.eye(4), (len(self.parents), 1, 1))
         for joint, parent in enumerate(self.parents):
-            own = np.eye(4)
-            own[:3, :3] = self.rotations[joint]
-            own[:3, 3] = self.offsets[joint]
-            poses[joint] = own if parent < 0 else poses[parent] @ own
+            pose = np.eye(4)
+            pose[:3, :3] = self.rotations[joint]
+            pose[:3, 3] = self.offsets[joint]
+            poses[joint] = pose if parent < 0 else poses[parent] @ pose
         return poses
 
     def posed_vertices(self) -> Array:
@@ -183,13 +183,13 @@ def _shaped(body: BodyArrays, shape: Array, local: Array) -> Array:
 
 
 def _check_size(body: BodyArrays, person: Person, num_shape: int) -> None:
-    for what, given, wanted in (
+    for what, count, wanted in (
         ("vertices", len(body.template), len(person.vertices)),
         ("components of shape", len(body.joint_directions), num_shape),
     ):
-        if given != wanted:
+        if count != wanted:
             raise InputError(
-                f"the body model has {given} {what}, a body of the result {wanted}: {_GIVE_FILE}"
+                f"the body model has {count} {what}, a body of the result {wanted}: {_GIVE_FILE}"
             )
 
 

@@ -47,7 +47,7 @@ class AssumedSupport:
 
 def assumed_supports(result: Reconstruction) -> list[AssumedSupport]:
     """Return the assumed supports of the people of a result."""
-    found = list[AssumedSupport]()
+    supports = list[AssumedSupport]()
     up = np.asarray(up_in_camera(result.scene.level), np.float64)
     for index, person in enumerate(result.people):
         if person.contact_partner is None or not person.has_body:
@@ -57,12 +57,12 @@ def assumed_supports(result: Reconstruction) -> list[AssumedSupport]:
             on = person.contact_partner == number
             if not partner.in_scene and on.sum() >= _LEAST:
                 normals = vertex_normals(vertices, np.asarray(result.faces, np.int64))
-                found.append(
+                supports.append(
                     AssumedSupport(
                         index, _name(person, partner), _slab(vertices[on], normals[on], up)
                     )
                 )
-    return found
+    return supports
 
 
 def _name(person: Person, partner: ContactPartner) -> str:
@@ -70,8 +70,8 @@ def _name(person: Person, partner: ContactPartner) -> str:
     partner.
     """
     names = person.support.hidden if person.support is not None else ()
-    own = (name for name in names if (name == partner.title) or not partner.surface)
-    name = next(own, partner.title).removeprefix("hidden ")
+    candidates = (name for name in names if (name == partner.title) or not partner.surface)
+    name = next(candidates, partner.title).removeprefix("hidden ")
     return f"assumed {name.partition(' under ')[0].partition(' behind ')[0]}"
 
 

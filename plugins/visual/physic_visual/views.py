@@ -297,12 +297,12 @@ def _render(geometry: PreviewGeometry, direction: _Direction, size: tuple[int, i
     camera = -(geometry.upright[:3, :3].T @ geometry.upright[:3, 3])
     spots = view.project(np.stack([camera, np.zeros(3), *geometry.crowns.values()]))[:, :2]
     inside = np.asarray(((spots >= 0) & (spots < size)).all(1))
-    ground, own, *crowns = map(tuple, spots.tolist())
+    ground, camera_place, *crowns = map(tuple, spots.tolist())
     return LabeledView(
         _draw(geometry, view, full_colour_m, radius),
         scale,
         floor_row=ground[1] if direction is _SIDE and geometry.has_floor else None,
-        camera_px=own if inside[1] else None,
+        camera_px=camera_place if inside[1] else None,
         crowns={
             index: spot
             for index, spot, shown in zip(geometry.crowns, crowns, inside[2:], strict=True)

@@ -20,5 +20,5 @@ DATA_SETS = {
 
 def data_set(name: str) -> DataSet:
     """Return a data set by its name, which must be a key of DATA_SETS."""
-    found: DataSet = import_module(f"{__name__}.{name}").DATA_SET
-    return found
+    definition: DataSet = import_module(f"{__name__}.{name}").DATA_SET
+    return definition

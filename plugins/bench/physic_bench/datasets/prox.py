@@ -105,7 +105,7 @@ def frames(
         if mesh_frame != "auto"
         else decide_mesh_frame(root, names, camera)
     )
-    found = [
+    frames = [
         Frame(
             name,
             name.partition("/")[0],
@@ -115,7 +115,7 @@ def frames(
         )
         for name in names
     ]
-    return FrameSet(tuple(found), (f"meshes are in the frame '{kind}': {note}",))
+    return FrameSet(tuple(frames), (f"meshes are in the frame '{kind}': {note}",))
 
 
 def decide_mesh_frame(root: Path, names: Sequence[str], camera: Camera) -> tuple[str, str]:
@@ -128,7 +128,7 @@ def decide_mesh_frame(root: Path, names: Sequence[str], camera: Camera) -> tuple
     Raises:
         InputError: none fits, or two fit alike.
     """
-    found: dict[str, list[float]] = {kind: [] for kind in MESH_FRAMES}
+    overlaps_of: dict[str, list[float]] = {kind: [] for kind in MESH_FRAMES}
     for name in evenly_spaced(names, 10):
         recording, _, frame = name.partition("/")
         file = root / "keypoints" / recording / f"{frame}_keypoints.json"
@@ -143,15 +143,15 @@ def decide_mesh_frame(root: Path, names: Sequence[str], camera: Camera) -> tuple
         pixels = points[points[:, 2] > 0.2, :2]
         boxes = [box_of_points(some) for some in (pixels, pixels * [-1, 1] + [camera.width - 1, 0])]
         for kind in MESH_FRAMES:
-            own = box_of_points(project(_to_camera(root, vertices, kind), camera.K))
+            box = box_of_points(project(_to_camera(root, vertices, kind), camera.K))
             overlaps = [
-                0.0 if own is None or b is None else float(box_iou(own[None], b[None])[0, 0])
+                0.0 if box is None or b is None else float(box_iou(box[None], b[None])[0, 0])
                 for b in boxes
             ]
-            found[kind].append(max(overlaps))
-    overlap = {kind: median(values or [0.0]) for kind, values in found.items()}
+            overlaps_of[kind].append(max(overlaps))
+    overlap = {kind: median(values or [0.0]) for kind, values in overlaps_of.items()}
     best, second = sorted(overlap, key=lambda kind: -overlap[kind])[:2]
-    words = f"median overlap with the keypoints of {len(found[best])} frames: " + ", ".join(
+    words = f"median overlap with the keypoints of {len(overlaps_of[best])} frames: " + ", ".join(
         f"{kind} {value:.2f}" for kind, value in overlap.items()
     )
     if overlap[best] < MIN_OVERLAP or overlap[best] - overlap[second] < MIN_LEAD:

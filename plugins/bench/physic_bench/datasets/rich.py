@@ -88,7 +88,7 @@ def frames(
         if file.stem.isdecimal()
     ]
     with_picture = [name for name in names if _picture(root, split, name) is not None]
-    found = []
+    frames = []
     left_out = {}
     for name in choose(with_picture or names):
         sequence, moment, view = name.split("/")
@@ -102,8 +102,8 @@ def frames(
             continue
         load = partial(_truth, root, sequence, moment, camera, split, bodies)
         shown = None if picture is None else Picture(picture)
-        found.append(Frame(name, sequence, load, camera, shown, f"{sequence}/{moment}"))
-    return FrameSet(tuple(found), (), left_out)
+        frames.append(Frame(name, sequence, load, camera, shown, f"{sequence}/{moment}"))
+    return FrameSet(tuple(frames), (), left_out)
 
 
 def _truth(
@@ -139,9 +139,9 @@ def _contact(file: Path) -> NDArray[np.bool_]:
     file = file.with_suffix(".obj")
     mesh = read_mesh(file)
     with naming_file_in_errors(file):
-        found: NDArray[np.bool_] = (np.asarray(mesh.visual.vertex_colors) == GREEN).all(1)
-        checked_numbers(found, (10475,), "vertex colors")
-    return found
+        is_contact: NDArray[np.bool_] = (np.asarray(mesh.visual.vertex_colors) == GREEN).all(1)
+        checked_numbers(is_contact, (10475,), "vertex colors")
+    return is_contact
 
 
 def _camera(file: Path, picture: Path | None) -> Camera:
@@ -169,8 +169,8 @@ def _camera(file: Path, picture: Path | None) -> Camera:
         # full ones.
         factor = 2.0 ** round(math.log2(size[0] / width))
         if not all(
-            0.8 < factor * full / own < 1.25
-            for own, full in zip(size, (width, height), strict=True)
+            0.8 < factor * full / side < 1.25
+            for side, full in zip(size, (width, height), strict=True)
         ):
             raise DamagedFrameError(
                 f"the picture {picture} has {size} px, and {file} is for {width} x {height}"

@@ -72,13 +72,13 @@ def _distance(world: World, points: Array) -> Array:
     without people; 0 for points inside that the scene hides.
     """
     empty = world.points(people=False)
-    known = np.asarray(np.isfinite(empty).all(-1))
+    is_known = np.asarray(np.isfinite(empty).all(-1))
     near = scene_distance(
-        points[None], empty, world.empty_normals, known, world.intrinsics, world.floor
+        points[None], empty, world.empty_normals, is_known, world.intrinsics, world.floor
     )
     hidden = hidden_by_depth_map(points, world.empty_depth, world.intrinsics)
-    found = near.distance[0]
-    return np.where(hidden & (found < 0), 0.0, found)
+    distance = near.distance[0]
+    return np.where(hidden & (distance < 0), 0.0, distance)
 
 
 DATA_SET = DataSet("worlds", __doc__, missing, frames)

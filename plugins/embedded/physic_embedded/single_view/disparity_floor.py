@@ -84,14 +84,14 @@ def fit_disparity_floor(
     everywhere = torch.ones(height, width, dtype=torch.bool)
     value = torch.from_numpy(np.asarray(disparity, np.float64))
     view = InverseDepthMap(pixels, value, everywhere, _TOLERANCE * span, _LEAST_RISE * span, hole)
-    found = None
+    plane = None
     if mask is not None and float(mask.double().mean()) >= _LABELLED_SHARE:
-        found = plane_of_pixels(view, mask, None, "labels")
-        found = found if found is None or found.inlier_share >= _LABELLED_INLIERS else None
-    found = found or plane_of_pixels(view, None, None, "lower image")
-    if found is None:
+        plane = plane_of_pixels(view, mask, None, "labels")
+        plane = plane if plane is None or plane.inlier_share >= _LABELLED_INLIERS else None
+    plane = plane or plane_of_pixels(view, None, None, "lower image")
+    if plane is None:
         return None
-    rest = view.error(found.by_ray)[round((1 - LOWER_SHARE) * height) :]
+    rest = view.error(plane.by_ray)[round((1 - LOWER_SHARE) * height) :]
     on = (rest.abs() < view.tolerance).double().mean()
-    du, dv, d0 = (float(p) for p in found.by_ray)
+    du, dv, d0 = (float(p) for p in plane.by_ray)
     return DisparityFloor(du, dv, d0, float(on))

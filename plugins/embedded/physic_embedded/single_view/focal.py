@@ -119,13 +119,13 @@ def _vanishing_points(lines: _Segments, focal: float) -> FloatArray:
     y = np.sin(off) * np.sin(turn)
     directions = np.stack([x, y, np.cos(off)], -1).reshape(-1, 3)
     odds = _ratios(lines, directions, np.asarray(focal))
-    found = []
+    points = []
     explained = np.ones(odds.shape[1])
     for _ in range(_VANISHING_POINTS):
         best = int((np.log1p(odds / explained) @ lines.weight).argmax())
-        found.append(directions[best])
+        points.append(directions[best])
         explained = explained + odds[best]
-    return np.array(found)
+    return np.array(points)
 
 
 def _frames(lines: _Segments, focal: float, focals: FloatArray) -> FloatArray:
@@ -137,9 +137,9 @@ def _frames(lines: _Segments, focal: float, focals: FloatArray) -> FloatArray:
         focal: for which directions are evenly spaced, in long sides.
         focals: (F,) in long sides.
     """
-    seen = _vanishing_points(lines, focal)
+    points = _vanishing_points(lines, focal)
     # (F, N, 3)
-    first = seen * np.stack([focal / focals, focal / focals, np.ones_like(focals)], -1)[:, None]
+    first = points * np.stack([focal / focals, focal / focals, np.ones_like(focals)], -1)[:, None]
     first /= np.linalg.norm(first, axis=-1, keepdims=True)
     helper = np.where(np.abs(first[..., 2:]) < 0.8, [0.0, 0.0, 1.0], [0.0, 1.0, 0.0])
     second = np.cross(first, helper)

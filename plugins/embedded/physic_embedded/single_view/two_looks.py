@@ -23,25 +23,25 @@ _LEAST_SHARE = 1e-3  # of pixels beside people in the window, below which the tr
 _REWEIGHTED = 10  # fits of the line with new weights
 
 
-def scene_disparity(inpainted: FloatArray, photo: FloatArray, seen: BoolArray) -> FloatArray:
+def scene_disparity(inpainted: FloatArray, photo: FloatArray, is_visible: BoolArray) -> FloatArray:
     """Return the disparity (H, W) of a scene, in the unit of the inpainted photo.
 
     Args:
         inpainted: (h, w) disparity of the inpainted photo.
         photo: (H, W) disparity of the photo with its people, in a unit of its own.
-        seen: (H, W) bool, pixels beside the people.
+        is_visible: (H, W) bool, pixels beside the people.
     """
     import cv2
 
     scene = resize_map(inpainted, *photo.shape)
-    line = line_through(photo[seen], scene[seen])
+    line = line_through(photo[is_visible], scene[is_visible])
     if line is None:
         return scene
     long = max(photo.shape)
-    other = np.where(seen, line[0] * photo + line[1] - scene, 0).astype(np.float32)
-    beside = seen.astype(np.float32)
+    other = np.where(is_visible, line[0] * photo + line[1] - scene, 0).astype(np.float32)
+    beside = is_visible.astype(np.float32)
     trend, share = (cv2.GaussianBlur(each, (0, 0), _TREND * long) for each in (other, beside))
-    away = cv2.distanceTransform(seen.astype(np.uint8), cv2.DIST_L2, 5)
+    away = cv2.distanceTransform(is_visible.astype(np.uint8), cv2.DIST_L2, 5)
     detail = other - trend / np.maximum(share, _LEAST_SHARE)
     return np.asarray(np.maximum(scene + np.minimum(away / (_RAMP * long), 1) * detail, 0))
 

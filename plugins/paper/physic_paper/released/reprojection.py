@@ -55,8 +55,8 @@ def released_keypoint_weights(
     body = torch.tensor([_is_body_or_foot(name) for name in names], device=points.device)
     height, width = masks.shape[-2:]
     reach = round(_MASK_GROWTH_PX * max(1.0, max(height, width) / _LONGEST_SIDE_PX))
-    seen = is_near_mask(torch.nan_to_num(points), masks.any(0), reach)
-    return weight * torch.where(body, _BODY_WEIGHT, 1.0).to(weight) * seen
+    is_near = is_near_mask(torch.nan_to_num(points), masks.any(0), reach)
+    return weight * torch.where(body, _BODY_WEIGHT, 1.0).to(weight) * is_near
 
 
 def released_reprojection(

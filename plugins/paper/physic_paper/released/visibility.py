@@ -74,9 +74,10 @@ def visible_part_shares(
     size = np.linalg.norm(np.ptp(points, axis=0))
     rays = points / np.maximum(np.linalg.norm(points, axis=1, keepdims=True), 1e-9)
     face = RayCaster(100 / size * (points - low), triangles).first_faces(-100 / size * low, rays)
-    own = (face >= 0) & (part[triangles[face]] == part[:, None]).any(1)
+    shows_own_part = (face >= 0) & (part[triangles[face]] == part[:, None]).any(1)
     return torch.tensor(
-        [own[part == p].mean() if (part == p).any() else 1.0 for p in parts], dtype=torch.float64
+        [shows_own_part[part == p].mean() if (part == p).any() else 1.0 for p in parts],
+        dtype=torch.float64,
     )
 
 

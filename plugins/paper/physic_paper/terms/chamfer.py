@@ -65,13 +65,13 @@ class HumanPoints(ShortRepr):
         Raises:
             PhysicError: the state has neither.
         """
-        known = human_points_of(state)
-        if known is None:
+        points = human_points_of(state)
+        if points is None:
             raise PhysicError(
                 "the depth term compares point clouds, but neither points of people nor a depth of "
                 "the photo are there: give one, or set engine.joint.depth.weight = 0"
             )
-        clouds = tuple(c[torch.isfinite(c).all(-1)] for c in known)
+        clouds = tuple(c[torch.isfinite(c).all(-1)] for c in points)
         return cls(clouds, tuple(cKDTree(c.cpu().double().numpy()) for c in clouds))
 
     def __call__(self, vertices: Tensor, facing: Tensor, log_scale: Tensor) -> Tensor:

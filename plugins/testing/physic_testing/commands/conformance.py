@@ -60,17 +60,17 @@ def check(
         if interface is not None
         else list(dict.fromkeys(o.interface for o in find_by_name(name)))
     )
-    for own in interfaces:
+    for kind in interfaces:
         # raises an error before the checks of the other interfaces start, which take minutes
-        find_backend(own, name)
+        find_backend(kind, name)
     if not as_json:
-        count = sum(len(checks_for(own)) for own in interfaces)
+        count = sum(len(checks_for(kind)) for kind in interfaces)
         echo(f"{count} checks of {', '.join(interfaces)}; a network takes about a minute", err=True)
     reports = []
-    for own in interfaces:
+    for kind in interfaces:
         with show_progress(as_json or not sys.stderr.isatty()) as progress:
             reports.append(
-                check_backend(name, own, options=given, device=device, progress=progress)
+                check_backend(name, kind, options=given, device=device, progress=progress)
             )
         if not as_json:
             echo(reports[-1].text + "\n")
@@ -115,17 +115,17 @@ def compare(
     for name in worlds:
         if name not in WORLDS:
             raise click.UsageError(f"no world named '{name}'; there are: {', '.join(WORLDS)}")
-    found = compared(
+    comparison = compared(
         interface,
         [_with_options(name) for name in names],
         worlds=worlds or DEFAULT_WORLDS,
         device=device,
     )
     if as_json:
-        echo_json(found.as_dict())
+        echo_json(comparison.as_dict())
     else:
-        echo(found.text)
-    ctx.exit(BACKEND if any(row.problem for row in found.rows) else 0)
+        echo(comparison.text)
+    ctx.exit(BACKEND if any(row.problem for row in comparison.rows) else 0)
 
 
 def _parse_options(options: Sequence[str]) -> dict[str, Any]:

@@ -110,21 +110,21 @@ def doctor(
     require_interface(interface)
     named = find_by_name(with_current_folder(name)) if name is not None else list_backends()
     offers = [offer for offer in named if interface in (None, offer.interface)]
-    found = _with_bar(try_in_processes(offers, device, timeout), len(offers))
+    findings = _with_bar(try_in_processes(offers, device, timeout), len(offers))
     for broken in broken_plugins() if name is None else ():
         trace = traceback_text(broken.error)
         owner = f"{broken.distribution} {broken.version}".rstrip()
-        found.append(DoctorResult("-", "-", owner, "broken", broken.cause, traceback=trace))
+        findings.append(DoctorResult("-", "-", owner, "broken", broken.cause, traceback=trace))
     if as_json:
-        echo_json([asdict(finding) for finding in found])
+        echo_json([asdict(finding) for finding in findings])
     else:
-        for finding in found:
+        for finding in findings:
             echo(str(finding))
         count = {
-            state: sum(f.state == state for f in found) for state in ("ok", "missing", "broken")
+            state: sum(f.state == state for f in findings) for state in ("ok", "missing", "broken")
         }
-        echo(f"{len(found)} checked: {', '.join(f'{n} {state}' for state, n in count.items())}")
-    ctx.exit(BACKEND if any(finding.state == "broken" for finding in found) else 0)
+        echo(f"{len(findings)} checked: {', '.join(f'{n} {state}' for state, n in count.items())}")
+    ctx.exit(BACKEND if any(finding.state == "broken" for finding in findings) else 0)
 
 
 def try_backend(offer: Offer, device: str) -> DoctorResult:
@@ -177,12 +177,12 @@ def _try_in_process(offer: Offer, device: str, timeout: float) -> DoctorResult:
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         answer = Path(folder, "answer.json")
         output = Path(folder, "output.txt")
-        own = ["-P", "-m", __spec__.name, json.dumps(asdict(offer)), device, str(answer)]
+        arguments = ["-P", "-m", __spec__.name, json.dumps(asdict(offer)), device, str(answer)]
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
         with output.open("wb") as stream:
             try:
                 done = subprocess.run(
-                    [sys.executable, *own],
+                    [sys.executable, *arguments],
                     env=environment,
                     stdin=subprocess.DEVNULL,
                     stdout=stream,

@@ -67,9 +67,9 @@ def measure_errors(table: Table | None, answer: Any, case: Case) -> dict[str, fl
     """
     if table is None:
         raise CheckSkipped("worlds have no ground truth for this interface")
-    found = table.errors(*table.compared(answer, case))
+    errors = table.errors(*table.compared(answer, case))
     return {
-        name: float(np.nanmean(v)) if np.isfinite(v).any() else np.nan for name, v in found.items()
+        name: float(np.nanmean(v)) if np.isfinite(v).any() else np.nan for name, v in errors.items()
     }
 
 
@@ -136,8 +136,8 @@ def fit_ambiguity(z: FloatArray, truth: FloatArray, unknown: AffineAmbiguity) ->
     design = every[:: max(1, len(z) // _FITTED)]
     weight = np.ones(len(design))
     for _ in range(_ROUNDS):
-        found = np.linalg.lstsq(design * weight[:, None], weight, rcond=None)[0]
-        residual = np.abs(design @ found - 1)
+        solution = np.linalg.lstsq(design * weight[:, None], weight, rcond=None)[0]
+        residual = np.abs(design @ solution - 1)
         weight = 1 / np.sqrt(1 + (residual / (2 * np.median(residual) + 1e-9)) ** 2)
-    fitted: FloatArray = every @ found
+    fitted: FloatArray = every @ solution
     return 1 / np.maximum(fitted, 1e-3) if unknown == "inverse_scale_shift" else fitted

@@ -190,10 +190,10 @@ class BackendUnderTest:
 
         A photo without ground truth uses the options for "one person".
         """
-        given = self.options or {}
-        if callable(given):
-            given = given((case and case.world) or self.case("one person").truth)
-        return self.kind.Options.model_validate(dict(given))
+        options = self.options or {}
+        if callable(options):
+            options = options((case and case.world) or self.case("one person").truth)
+        return self.kind.Options.model_validate(dict(options))
 
     def loaded(self, case: Case) -> Backend:
         """Return the loaded backend; photos that need the same options share one backend.
@@ -298,17 +298,17 @@ class BackendUnderTest:
             CheckSkipped: there is none for one person, or the backend refused too many.
         """
         self.result()
-        found = []
+        pairs = []
         for name in self.evidence_names:
             attempt = self.run_case(name)
             if attempt.error is None and not attempt.violations:
-                found.append((self.case(name), attempt.result))
-        if len(found) < 3:
+                pairs.append((self.case(name), attempt.result))
+        if len(pairs) < 3:
             raise CheckSkipped(
-                f"it has a valid output for {len(found)} of {len(self.evidence_names)} photos of "
+                f"it has a valid output for {len(pairs)} of {len(self.evidence_names)} photos of "
                 f"people"
             )
-        return found
+        return pairs
 
     def close(self) -> None:
         """Close all loaded backends.
@@ -336,16 +336,16 @@ class BackendUnderTest:
             CheckSkipped: it cannot be constructed or loaded.
         """
         backend = self.loaded(case)
-        before, given = self.request(case), self.request(case)
+        before, request = self.request(case), self.request(case)
         answer = error = None
         start = time.perf_counter()
         try:
-            answer = self.infer(backend, given)
+            answer = self.infer(backend, request)
         except (Exception, SystemExit) as raised:
             error = raised
         seconds = time.perf_counter() - start
         faults = () if error else case_violations(self.interface, answer, case)
-        changed = _changed_fields(before, given)
+        changed = _changed_fields(before, request)
         return CaseRun(deepcopy(answer), answer, error, faults, changed, seconds)
 
 
@@ -367,10 +367,10 @@ def find_backend(
         settings["options"] = settings.get("options") or backend.options.model_dump()
         backend = type(backend)
     if isinstance(backend, type):
-        own = interface or str(getattr(backend, "interface", ""))
-        _require_interface(own)
+        kind = interface or str(getattr(backend, "interface", ""))
+        _require_interface(kind)
         return BackendUnderTest(
-            backend, own, f"{backend.__module__}:{backend.__qualname__}", **settings
+            backend, kind, f"{backend.__module__}:{backend.__qualname__}", **settings
         )
     if interface is None:
         interface = _single_interface(backend)

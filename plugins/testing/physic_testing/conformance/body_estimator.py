@@ -79,13 +79,13 @@ def _values(answer: Bodies, case: Case) -> tuple[Values, Truth]:
     rotation vectors of the root (N, 3) and of the joints (N, 21, 3), and which joints are visible.
     """
     world = case.truth
-    own = _values_of_parts(embedded_surface(answer)[1], embedded_parameters(answer))
+    values = _values_of_parts(embedded_surface(answer)[1], embedded_parameters(answer))
     truth = _values_of_parts(world.joints.astype(np.float64), world.parameters)
     truth["observed"] = world.joints_visible[:, :_BODY].astype(float)
-    own["observed"] = truth["observed"] * np.nan
+    values["observed"] = truth["observed"] * np.nan
     if answer.observed is not None:
-        own["observed"] = answer.observed[:, :_BODY].astype(float)
-    return own, truth
+        values["observed"] = answer.observed[:, :_BODY].astype(float)
+    return values, truth
 
 
 def _values_of_parts(joints: FloatArray, parameters: BodyParameters) -> Values:
@@ -102,8 +102,8 @@ def _values_of_parts(joints: FloatArray, parameters: BodyParameters) -> Values:
     }
 
 
-def _errors(own: Values, truth: Truth) -> dict[str, Any]:
-    joints = [side["limbs"] + side["pelvis"][:, None] for side in (own, truth)]
+def _errors(values: Values, truth: Truth) -> dict[str, Any]:
+    joints = [side["limbs"] + side["pelvis"][:, None] for side in (values, truth)]
     return {"MPJPE, mm": mpjpe_mm(*joints), "PA-MPJPE, mm": pa_mpjpe_mm(*joints)}
 
 

@@ -68,13 +68,15 @@ def check_registration_is_light(subject: BackendUnderTest) -> None:
     """The hooks of the plugin, which `physic --help` calls, import no heavy package and raise
     nothing.
     """
-    seen = _measure_registration(_offer(subject).distribution, tuple(sys.path))
-    expect(not seen["broken"], "hooks that can be called", "; ".join(seen["broken"]))
-    heavy = sorted(HEAVY_MODULES & set(seen["new"]))
+    registration = _measure_registration(_offer(subject).distribution, tuple(sys.path))
     expect(
-        not heavy and seen["seconds"] < MAX_REGISTRATION_SECONDS,
+        not registration["broken"], "hooks that can be called", "; ".join(registration["broken"])
+    )
+    heavy = sorted(HEAVY_MODULES & set(registration["new"]))
+    expect(
+        not heavy and registration["seconds"] < MAX_REGISTRATION_SECONDS,
         f"hooks without heavy imports, in {MAX_REGISTRATION_SECONDS} s of processor time",
-        f"it imports {', '.join(heavy) or 'nothing heavy'}, in {seen['seconds']:.1f} s",
+        f"it imports {', '.join(heavy) or 'nothing heavy'}, in {registration['seconds']:.1f} s",
         "Name what a hook adds as a str, 'package.module:name', and import the rest there.",
     )
 
@@ -118,12 +120,14 @@ def check_options_are_complete(subject: BackendUnderTest) -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("error", PydanticJsonSchemaWarning)
             json.dumps(options.model_json_schema())
-        given = subject.options_for()
-        back = options.model_validate(json.loads(json.dumps(given.model_dump(mode="json"))))
+        chosen = subject.options_for()
+        back = options.model_validate(json.loads(json.dumps(chosen.model_dump(mode="json"))))
     except Exception as error:  # pydantic raises many kinds
         got = describe_error(error, subject.kind)
         raise CheckFailed("options that can be written as JSON", got) from error
-    expect(back == given, "equal options after a JSON round trip", f"{back!r} instead of {given!r}")
+    expect(
+        back == chosen, "equal options after a JSON round trip", f"{back!r} instead of {chosen!r}"
+    )
 
 
 def check_default_weights_are_listed(subject: BackendUnderTest) -> None:
@@ -153,15 +157,23 @@ def _offer(subject: BackendUnderTest) -> Offer:
 @lru_cache(maxsize=64)
 def _measure_registration(distribution: str, path: tuple[str, ...]) -> dict[str, Any]:
     """Call the hooks of a plugin in a new process; return CPU time, imports and errors."""
-    own = {"PYTHONPATH": os.pathsep.join(p for p in path if p), PLUGINS_VARIABLE: distribution}
+    variables = {
+        "PYTHONPATH": os.pathsep.join(p for p in path if p),
+        PLUGINS_VARIABLE: distribution,
+    }
     command = [sys.executable, "-P", "-c", _REGISTRATION_SCRIPT]
     done = subprocess.run(
-        command, capture_output=True, text=True, env=os.environ | own, timeout=120, check=False
+        command,
+        capture_output=True,
+        text=True,
+        env=os.environ | variables,
+        timeout=120,
+        check=False,
     )
     if done.returncode:
         return {"seconds": 0.0, "new": [], "broken": [done.stderr.strip().rpartition("\n")[2]]}
-    seen: dict[str, Any] = json.loads(done.stdout.strip().rpartition("\n")[2])
-    return seen
+    registration: dict[str, Any] = json.loads(done.stdout.strip().rpartition("\n")[2])
+    return registration
 
 
 CHECKS: tuple[Check, ...] = (

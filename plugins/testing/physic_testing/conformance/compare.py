@@ -142,8 +142,8 @@ def compare(
         backend, options = entry if isinstance(entry, tuple) else (entry, None)
         subject = find_backend(backend, interface, options=options, device=device, size=size)
         if isinstance(options, Mapping) and options:
-            given = ", ".join(f"{key}={value}" for key, value in options.items())
-            subject.name += f"{{{given}}}"
+            settings = ", ".join(f"{key}={value}" for key, value in options.items())
+            subject.name += f"{{{settings}}}"
         subjects.append(subject)
     scores = tuple(_scores(subject, worlds, size) for subject in subjects)
     return BackendComparison(interface, tuple(worlds), size, scores)

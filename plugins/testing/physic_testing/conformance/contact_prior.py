@@ -37,8 +37,8 @@ def _values(answer: ContactProbability, case: Case) -> tuple[Values, Truth]:
     return {"likely": likely}, {"likely": case.truth.contact.astype(float)}
 
 
-def _errors(own: Values, truth: Truth) -> dict[str, Any]:
-    scores = contact_scores(own["likely"] > CONTACT_THRESHOLD, truth["case"].truth.contact)
+def _errors(values: Values, truth: Truth) -> dict[str, Any]:
+    scores = contact_scores(values["likely"] > CONTACT_THRESHOLD, truth["case"].truth.contact)
     return {"F1": scores.f1_mean, "precision": scores.precision_mean, "recall": scores.recall_mean}
 
 
@@ -62,8 +62,8 @@ def _mirrored_vertices() -> IntArray:
     """
     from scipy.spatial import cKDTree
 
-    found: IntArray = cKDTree(_rest()).query(_rest() * [-1, 1, 1])[1]
-    return found
+    rows: IntArray = cKDTree(_rest()).query(_rest() * [-1, 1, 1])[1]
+    return rows
 
 
 def _half_reversed(likely: FloatArray, truth: Truth) -> FloatArray:
@@ -75,20 +75,22 @@ def _with_own_body(likely: FloatArray, truth: Truth) -> FloatArray:
     """Return contact with that of the person's own body."""
     from scipy.spatial import cKDTree
 
-    found = likely.copy()
-    for row, vertices in zip(found, truth["case"].truth.vertices, strict=True):
+    scores = likely.copy()
+    for row, vertices in zip(scores, truth["case"].truth.vertices, strict=True):
         pairs = cKDTree(vertices).query_pairs(OWN_BODY_M, output_type="ndarray")
         apart = np.linalg.norm(_rest()[pairs[:, 0]] - _rest()[pairs[:, 1]], axis=1) > APART_M
         row[pairs[apart]] = 1
-    return found
+    return scores
 
 
 def _rotated(key: str, evidence: Sequence[tuple[Values, Truth]]) -> list[Reading]:
     """Return as a reading the number of vertices by which probabilities fit the truth better."""
     fits = [
-        np.fft.irfft(np.fft.rfft(own - own.mean()) * np.fft.rfft(true - true.mean()).conj())
+        np.fft.irfft(
+            np.fft.rfft(answered - answered.mean()) * np.fft.rfft(true - true.mean()).conj()
+        )
         for values, truth in evidence
-        for own, true in zip(values[key], truth[key], strict=True)
+        for answered, true in zip(values[key], truth[key], strict=True)
     ]
     moved = int(np.sum(fits, axis=0).argmax())
     hint = f"They fit {moved} numbers earlier: do they begin at another vertex?"
@@ -102,11 +104,11 @@ def check_mesh_is_known(subject: BackendUnderTest) -> None:
     """The probabilities are those of the bodies' mesh, or of a mesh whose T-pose is in `rest`."""
     answer = subject.result()
     truth = subject.case("one person").truth
-    given = answer.topology, answer.probability.shape[1]
+    mesh = answer.topology, answer.probability.shape[1]
     expect(
-        answer.rest is not None or given == (truth.topology, truth.vertices.shape[1]),
+        answer.rest is not None or mesh == (truth.topology, truth.vertices.shape[1]),
         f"{truth.vertices.shape[1]} vertices of the bodies' topology {truth.topology!r}, or `rest`",
-        "{1} of {0!r}".format(*given),
+        "{1} of {0!r}".format(*mesh),
     )
     try:
         contact_on_embedded(answer)

@@ -43,10 +43,10 @@ def violations(
     """
     image = np.zeros((height, width, 3), np.uint8)
     masks = np.zeros((people, height, width), bool)
-    known = {"image": image, "people": People(masks, np.zeros((people, 4)), np.zeros(people))}
-    given: dict[str, Any] = {
-        field.name: known.get(field.name)
+    inputs = {"image": image, "people": People(masks, np.zeros((people, 4)), np.zeros(people))}
+    request: dict[str, Any] = {
+        field.name: inputs.get(field.name)
         for field in fields(interface.Request)
         if not field.kw_only
     }
-    return contract_violations(interface, result, interface.Request(**given, **more))
+    return contract_violations(interface, result, interface.Request(**request, **more))

@@ -95,23 +95,23 @@ def _values(answer: DepthMap | Pointmap, case: Case) -> tuple[Values, Truth]:
     """
     camera = case.intrinsics
     z, true = _known_z(answer), _finite(case.truth.empty_depth)
-    own: Values = {"z": z, "camera": _camera_numbers(answer.intrinsics)}
+    values: Values = {"z": z, "camera": _camera_numbers(answer.intrinsics)}
     truth: Truth = {"z": true, "camera": _camera_numbers(camera), "unknown": "scale"}
     if isinstance(answer, DepthMap):
         sigma = SCALE_SIGMAS * (answer.scale_sigma or np.nan)
-        own["sigmas"] = np.abs(np.nanmedian(np.log(z / true))) / sigma
-        return own, truth
+        values["sigmas"] = np.abs(np.nanmedian(np.log(z / true))) / sigma
+        return values, truth
     truth["unknown"] = answer.unknown
     if answer.up is not None:
-        own["sigmas"] = float(angle_deg(answer.up, case.truth.floor.normal)) / float(
+        values["sigmas"] = float(angle_deg(answer.up, case.truth.floor.normal)) / float(
             answer.up_sigma or np.nan
         )
     on_rays = answer.points / z[..., None] + (0 if answer.unknown != "scale_shift" else np.nan)
     rays = np.where(np.isfinite(true)[..., None], pixel_rays(camera), np.nan)
-    for side, directions in ((own, on_rays), (truth, rays)):
+    for side, directions in ((values, on_rays), (truth, rays)):
         pixels = directions[..., :2].reshape(1, -1, 2) * [camera.fx, camera.fy]
         side["pixels"] = pixels[:, :: max(1, z.size // _COMPARED)]
-    return own, truth
+    return values, truth
 
 
 def _known_z(answer: DepthMap | Pointmap) -> FloatArray:
@@ -132,21 +132,21 @@ def _camera_numbers(camera: Intrinsics | None) -> FloatArray:
     return np.array([[camera.cx, camera.cy, x - y, (x + y) / 2]])
 
 
-def _metric_errors(own: Values, truth: Truth) -> dict[str, Any]:
-    ratio = _inner_ratio(own, truth)
+def _metric_errors(values: Values, truth: Truth) -> dict[str, Any]:
+    ratio = _inner_ratio(values, truth)
     fitted = ratio / np.nanmedian(ratio)
     return {"abs-rel, scale fitted": np.abs(fitted - 1), "abs-rel": np.abs(ratio - 1)}
 
 
-def _aligned_errors(own: Values, truth: Truth) -> dict[str, Any]:
-    ratio = _fitted_ratio(_inner_ratio(own, truth) * truth["z"], truth["z"], truth["unknown"])
+def _aligned_errors(values: Values, truth: Truth) -> dict[str, Any]:
+    ratio = _fitted_ratio(_inner_ratio(values, truth) * truth["z"], truth["z"], truth["unknown"])
     return {"abs-rel, aligned": np.abs(ratio - 1)}
 
 
-def _inner_ratio(own: Values, truth: Truth) -> FloatArray:
+def _inner_ratio(values: Values, truth: Truth) -> FloatArray:
     """Return estimated over true depths (H, W), NaN near the sky."""
     true = truth["z"]
-    return np.where(inner_pixels(np.isfinite(true)), own["z"] / true, np.nan)
+    return np.where(inner_pixels(np.isfinite(true)), values["z"] / true, np.nan)
 
 
 def _logs(z: FloatArray, truth: Truth) -> FloatArray:
@@ -157,8 +157,8 @@ def _logs(z: FloatArray, truth: Truth) -> FloatArray:
 
 def _fitted_log_depths(z: FloatArray, truth: Truth) -> list[FloatArray]:
     step = max(1, round((z.size / _COMPARED) ** 0.5))
-    own, true = (side[::step, ::step] for side in (z, truth["z"]))
-    return [_logs(own, truth | {"z": true}).ravel()]
+    answered, true = (side[::step, ::step] for side in (z, truth["z"]))
+    return [_logs(answered, truth | {"z": true}).ravel()]
 
 
 def _edges(z: FloatArray, truth: Truth) -> list[FloatArray]:
@@ -166,9 +166,9 @@ def _edges(z: FloatArray, truth: Truth) -> list[FloatArray]:
     import cv2
 
     logs = np.where(truth["case"].hole, np.nan, _logs(z, truth))
-    known = np.isfinite(logs) * 1.0
-    sums, weight = (cv2.GaussianBlur(a, (0, 0), _BLUR_PX) for a in (np.nan_to_num(logs), known))
-    inner = cv2.erode(known, np.ones((5, 5), np.uint8), borderValue=0) > 0
+    finite = np.isfinite(logs) * 1.0
+    sums, weight = (cv2.GaussianBlur(a, (0, 0), _BLUR_PX) for a in (np.nan_to_num(logs), finite))
+    inner = cv2.erode(finite, np.ones((5, 5), np.uint8), borderValue=0) > 0
     smooth = np.where(inner, sums / np.maximum(weight, 1e-6), np.nan)
     return [np.array(np.gradient(smooth))[:, ::2, ::2].ravel()]
 
@@ -205,14 +205,14 @@ def check_depth_is_where_it_can_be_known(subject: BackendUnderTest) -> None:
     """At least 30 % of the pixels have a depth of their own, finer than 8 bits; no sky has one."""
     for values, truth in values_of(subject):
         z = values["z"]
-        known = np.isfinite(z)
+        is_known = np.isfinite(z)
         where = f"in the photo '{truth['case'].name}'"
         expect(
-            known.mean() >= MIN_COVERAGE,
+            is_known.mean() >= MIN_COVERAGE,
             "known depth in at least 30 % of the pixels",
-            f"{known.mean():.0%} {where}",
+            f"{is_known.mean():.0%} {where}",
         )
-        levels, true = (len(np.unique(side[known])) for side in (z, truth["z"]))
+        levels, true = (len(np.unique(side[is_known])) for side in (z, truth["z"]))
         expect(
             not 2 < levels < MIN_LEVELS < true / 10,
             "depths of more than 8 bits",
@@ -226,7 +226,7 @@ def check_depth_is_where_it_can_be_known(subject: BackendUnderTest) -> None:
             f"{repeated:.0%} of the rows or columns as the one before {where}",
             "Is the output of a smaller grid repeated? Resize it by interpolation.",
         )
-        sky = known[inner_pixels(~np.isfinite(truth["z"]))]
+        sky = is_known[inner_pixels(~np.isfinite(truth["z"]))]
         warn_unless(
             sky.size < MIN_POINTS or sky.mean() < MAX_SKY,
             "no depth in the sky, which is infinitely far",
@@ -241,8 +241,8 @@ def _repeated_share(z: FloatArray) -> float:
     """
     shares = []
     for lines in (z.astype(np.float16), z.T.astype(np.float16)):
-        known = np.isfinite(lines[1:] + lines[:-1])
-        same = (lines[1:] == lines[:-1]).sum(axis=1) > _SAME * known.sum(axis=1)
+        is_known = np.isfinite(lines[1:] + lines[:-1])
+        same = (lines[1:] == lines[:-1]).sum(axis=1) > _SAME * is_known.sum(axis=1)
         varies = np.nanmax(lines[1:], axis=1) > np.nanmin(lines[1:], axis=1)
         shares.append((same & varies).mean())
     return float(max(shares))

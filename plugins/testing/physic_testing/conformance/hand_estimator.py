@@ -47,20 +47,20 @@ def _values(answer: Hands, case: Case) -> tuple[Values, Truth]:
     world = case.truth
     shown = np.where(answer.confidence > 0, 1, np.nan)[..., None]
     wrists = np.full(3, np.nan) if answer.wrists is None else answer.wrists
-    own = {"fingers": answer.rotvecs * shown[..., None], "wrists": wrists * shown}
+    values = {"fingers": answer.rotvecs * shown[..., None], "wrists": wrists * shown}
     truth = {"fingers": true_hands(world), "wrists": true_wrists(world)}
-    own, truth = (
-        {name: shortest(rotvecs) for name, rotvecs in side.items()} for side in (own, truth)
+    values, truth = (
+        {name: shortest(rotvecs) for name, rotvecs in side.items()} for side in (values, truth)
     )
-    own["confidence"] = answer.confidence
+    values["confidence"] = answer.confidence
     truth["confidence"] = world.joints_visible[:, WRISTS].astype(float)
-    return own, truth
+    return values, truth
 
 
-def _errors(own: Values, truth: Truth) -> dict[str, Any]:
+def _errors(values: Values, truth: Truth) -> dict[str, Any]:
     return {
-        "degrees": rotation_errors_deg(own["fingers"], truth["fingers"]),
-        "wrist degrees": rotation_errors_deg(own["wrists"], truth["wrists"]),
+        "degrees": rotation_errors_deg(values["fingers"], truth["fingers"]),
+        "wrist degrees": rotation_errors_deg(values["wrists"], truth["wrists"]),
     }
 
 

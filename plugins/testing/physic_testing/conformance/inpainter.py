@@ -26,8 +26,8 @@ def _values(answer: UInt8Array, case: Case) -> tuple[Values, Truth]:
     return {"picture": answer.astype(float)}, {"picture": case.empty.astype(float)}
 
 
-def _errors(own: Values, truth: Truth) -> dict[str, Any]:
-    error = (own["picture"] - truth["picture"])[truth["case"].hole]
+def _errors(values: Values, truth: Truth) -> dict[str, Any]:
+    error = (values["picture"] - truth["picture"])[truth["case"].hole]
     return {"PSNR in the hole, dB": 10 * np.log10(255**2 / max((error**2).mean(), 1e-2))}
 
 

@@ -47,29 +47,29 @@ def _values(answer: Keypoints, case: Case) -> tuple[Values, Truth]:
     confidences of the joints that are on a body; points in the world of joints of the body, from
     their mean.
     """
-    found, true, visible = comparable_keypoints(answer, case.truth)
-    shown = visible & (found.confidence > 0)
+    keypoints, true, visible = comparable_keypoints(answer, case.truth)
+    shown = visible & (keypoints.confidence > 0)
     counted = visible & (visible.sum(axis=1, keepdims=True) > MIN_JOINTS)
     points, true = (
-        np.where(known[..., None], at - _centres(case), np.nan)
-        for known, at in ((shown, found.points), (counted, true))
+        np.where(is_known[..., None], at - _centres(case), np.nan)
+        for is_known, at in ((shown, keypoints.points), (counted, true))
     )
     names = answer.joint_set.names
     in_world = np.full((len(points), len(_IN_WORLD), 3), np.nan)
     if answer.world is not None and {*_IN_WORLD} <= {*names}:
         in_world = answer.world[:, [names.index(name) for name in _IN_WORLD]].astype(float)
     joints = case.truth.joints[:, [JOINT_INDEX[name] for name in _IN_WORLD]]
-    own = {"points": points, "confidence": found.confidence, "world": _from_mean(in_world)}
+    values = {"points": points, "confidence": keypoints.confidence, "world": _from_mean(in_world)}
     truth = {"points": true, "confidence": visible.astype(float), "world": _from_mean(joints)}
-    return own, truth | {"names": found.joint_set.names}
+    return values, truth | {"names": keypoints.joint_set.names}
 
 
 def _from_mean(points: FloatArray) -> FloatArray:
     return np.asarray(points - points.mean(axis=1, keepdims=True))
 
 
-def _errors(own: Values, truth: Truth) -> dict[str, Any]:
-    apart = np.linalg.norm(own["points"] - truth["points"], axis=2)
+def _errors(values: Values, truth: Truth) -> dict[str, Any]:
+    apart = np.linalg.norm(values["points"] - truth["points"], axis=2)
     return {"share of person": apart / truth["case"].box_sides[:, None]}
 
 

@@ -53,15 +53,15 @@ _DRAWN_BY_LOAD = "torch.get_rng_state()"
 
 def read_settings() -> dict[str, str]:
     """Return name -> value of the settings of all imported modules, as text."""
-    found = {f"{_VARIABLE}{name}": os.environ[name] for name in {*os.environ} - _SET_BY_IMPORTS}
-    found["warnings.filters"] = str(_broad_filters())
-    found["signal.getsignal()"] = str([signal.getsignal(each) for each in (SIGINT, SIGTERM)])
+    settings = {f"{_VARIABLE}{name}": os.environ[name] for name in {*os.environ} - _SET_BY_IMPORTS}
+    settings["warnings.filters"] = str(_broad_filters())
+    settings["signal.getsignal()"] = str([signal.getsignal(each) for each in (SIGINT, SIGTERM)])
     for module in _SETTINGS.keys() & sys.modules.keys():
         for name in _SETTINGS[module]:
             value = attrgetter(name.removesuffix("()"))(sys.modules[module])
             value = value() if name.endswith("()") else value
-            found[f"{module}.{name}"] = _text_of(value)
-    return found
+            settings[f"{module}.{name}"] = _text_of(value)
+    return settings
 
 
 def _text_of(value: Any) -> str:

@@ -135,8 +135,8 @@ def _of_new_instance(subject: BackendUnderTest, name: str) -> Any:
 def check_reads_images_as_rgb(subject: BackendUnderTest) -> None:
     """The output for the photo in RGB is not less accurate than for the same photo in BGR."""
     case, request = subject.valid_request()
-    kind, own = _error(subject, subject.result(), case)
-    if not own >= _NEGLIGIBLE_ERROR:
+    kind, in_rgb = _error(subject, subject.result(), case)
+    if not in_rgb >= _NEGLIGIBLE_ERROR:
         return
     exchanged = replace(request, image=np.ascontiguousarray(request.image[..., ::-1]))
     try:
@@ -147,9 +147,9 @@ def check_reads_images_as_rgb(subject: BackendUnderTest) -> None:
         return
     _, other = _error(subject, answer, case)
     expect(
-        not other <= MAX_RATIO * own,
+        not other <= MAX_RATIO * in_rgb,
         "the smaller error for the photo in RGB order",
-        f"an error ({kind}) of {own:.3f}, but of {other:.3f} for the photo with red and blue "
+        f"an error ({kind}) of {in_rgb:.3f}, but of {other:.3f} for the photo with red and blue "
         f"exchanged",
         "Does it convert the image to BGR, as OpenCV reads files? Images are RGB.",
     )
@@ -164,13 +164,13 @@ def check_rows_follow_the_people(subject: BackendUnderTest) -> None:
     count = len(case.people)
     reverse = np.arange(count)[::-1]
     hint = "Do not sort people by size or score."
-    _, own = _error(subject, answer, case)
+    _, error = _error(subject, answer, case)
     for order in (reverse, *(np.roll(range(count), k) for k in range(1, count))):
         _, other = _error(subject, rows_of(answer, order, count), case)
         expect(
-            not other < MAX_RATIO * own,
+            not other < MAX_RATIO * error,
             "row i for person i",
-            f"an error of {own:.3g}, but of {other:.3g} with rows in the order {order.tolist()}",
+            f"an error of {error:.3g}, but of {other:.3g} with rows in the order {order.tolist()}",
             hint,
         )
     wanted = "reversed rows for reversed people"
@@ -190,8 +190,8 @@ def check_rows_do_not_depend_on_other_people(subject: BackendUnderTest) -> None:
     for i in range(count):
         row = np.array([i])
         alone = replace(rows_of(replace(case, world=None), row, count), world=case.world)
-        own = subject.call("output for one of several people", alone, subject.request(alone))
-        changes.append(describe_difference(rows_of(answer, row, count), own))
+        output = subject.call("output for one of several people", alone, subject.request(alone))
+        changes.append(describe_difference(rows_of(answer, row, count), output))
     differ = list(filter(None, changes))
     report = expect if len(differ) == count else warn_unless
     report(

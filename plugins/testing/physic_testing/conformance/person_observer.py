@@ -56,7 +56,7 @@ def _values(answer: Observations, case: Case) -> tuple[Values, Truth]:
     """Return touch, faces, and what each probability is evidence of, (N, n) in [0, 1]."""
     truth = worlds.true_observations(case.truth)
     head = answer.head.astype(float)
-    own: Values = {
+    values: Values = {
         "head": head,
         "touch": answer.touch.astype(float),
         "sigmas": angle_deg(head, truth["head"]) / answer.head_sigma,
@@ -64,12 +64,12 @@ def _values(answer: Observations, case: Case) -> tuple[Values, Truth]:
     for name in PROBABILITIES:
         odds = np.exp(answer.evidence(name).astype(float))
         alone = odds / odds.sum(-1, keepdims=True) if name in CHOICES else odds / (1 + odds)
-        own[f"evidence of {name}"] = np.where(np.isfinite(getattr(answer, name)), alone, np.nan)
-    return own, truth
+        values[f"evidence of {name}"] = np.where(np.isfinite(getattr(answer, name)), alone, np.nan)
+    return values, truth
 
 
-def _errors(own: Values, truth: Truth) -> dict[str, Any]:
-    return {"Brier": (own["touch"] - truth["touch"]) ** 2}
+def _errors(values: Values, truth: Truth) -> dict[str, Any]:
+    return {"Brier": (values["touch"] - truth["touch"]) ** 2}
 
 
 def check_probabilities_agree_with_the_worlds(subject: BackendUnderTest) -> None:
@@ -78,13 +78,13 @@ def check_probabilities_agree_with_the_worlds(subject: BackendUnderTest) -> None
     """
     evidence = values_of(subject)
     for name in PROBABILITIES:
-        own = np.concatenate([values[f"evidence of {name}"] for values, _ in evidence])
+        answered = np.concatenate([values[f"evidence of {name}"] for values, _ in evidence])
         true = np.concatenate([truth[name] for _, truth in evidence])
-        off = [(own - t)[(true == t) & np.isfinite(own)] ** 2 for t in (0, 1)]
+        off = [(answered - t)[(true == t) & np.isfinite(answered)] ** 2 for t in (0, 1)]
         error = float(np.mean([part.mean() for part in off if len(part) >= MIN_UNITS] or [0]))
         limit = MAX_BRIER.get(name, MAX_OTHER_BRIER)
-        if error and np.ptp(own[np.isfinite(own)]) < ALIKE:
-            answers = own.shape[-1] if name in CHOICES else 2
+        if error and np.ptp(answered[np.isfinite(answered)]) < ALIKE:
+            answers = answered.shape[-1] if name in CHOICES else 2
             limit = MAX_OF_ALIKE * (1 - 1 / answers) / answers
             error = float(np.mean(np.concatenate(off)))
         expect(
@@ -97,16 +97,16 @@ def check_probabilities_agree_with_the_worlds(subject: BackendUnderTest) -> None
 
 def check_mirrored_photo_exchanges_sides(subject: BackendUnderTest) -> None:
     """For a mirrored photo, what is said of the left side is said of the right one."""
-    found = []
+    distances = []
     for case, answer in subject.evidence():
         wanted = "valid output for a mirrored photo, or a PhysicError"
         again = subject.call(wanted, case, mirrored(subject.request(case)), may_refuse=True)
         if again is not None:
-            own, other = _sides(answer), _sides(again)
-            differ = np.abs(own - own[:, ::-1]) > MIRROR_TOLERANCE  # False for NaN
-            apart = np.stack([np.abs(own - other), np.abs(own - other[:, ::-1])])[:, differ]
-            found.append(apart[:, np.isfinite(apart).all(0)])
-    same, exchanged = (np.concatenate(found, 1) if found else np.zeros((2, 0))).mean(1)
+            sides, other = _sides(answer), _sides(again)
+            differ = np.abs(sides - sides[:, ::-1]) > MIRROR_TOLERANCE  # False for NaN
+            apart = np.stack([np.abs(sides - other), np.abs(sides - other[:, ::-1])])[:, differ]
+            distances.append(apart[:, np.isfinite(apart).all(0)])
+    same, exchanged = (np.concatenate(distances, 1) if distances else np.zeros((2, 0))).mean(1)
     if np.isnan(same):
         raise CheckSkipped("of no mirrored photo it tells the sides of a person apart")
     expect(

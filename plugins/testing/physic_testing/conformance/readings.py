@@ -178,8 +178,8 @@ class Table:
 
     def compared(self, answer: Any, case: Case) -> tuple[Values, Truth]:
         """Return the values of an output and the whole truth of its photo."""
-        own, truth = self.values(answer, case)
-        return own, truth | {"case": case}
+        values, truth = self.values(answer, case)
+        return values, truth | {"case": case}
 
 
 def values_of(subject: BackendUnderTest) -> list[tuple[Values, Truth]]:
@@ -213,23 +213,23 @@ def compare(subject: BackendUnderTest, group: Group) -> None:
     if group.is_telling and not is_blind:
         expect_telling(np.concatenate([v[group.key].ravel() for v, _ in evidence]), group.what)
     true = _units(group, [(truth[group.key], truth) for _, truth in evidence])
-    own = _units(group, [(values[group.key], truth) for values, truth in evidence])
-    off = _apart(own, true)
-    known = [unit for unit in off if np.isfinite(unit).any()]
-    if len(known) < MIN_UNITS:
-        raise CheckSkipped(f"{len(known)} people or photos to compare, {MIN_UNITS} are needed")
+    answered = _units(group, [(values[group.key], truth) for values, truth in evidence])
+    off = _apart(answered, true)
+    finite = [unit for unit in off if np.isfinite(unit).any()]
+    if len(finite) < MIN_UNITS:
+        raise CheckSkipped(f"{len(finite)} people or photos to compare, {MIN_UNITS} are needed")
     readings = [*group.readings, *(group.search(group.key, evidence) if group.search else ())]
-    made = []
-    for reading in [] if _is_constant(own, true) else readings:
+    likely = []
+    for reading in [] if _is_constant(answered, true) else readings:
         if reading.shows_when_blind or not is_blind:
             pairs = [(reading.make(truth[group.key], truth), truth) for _, truth in evidence]
             share, left = _share_and_rest(group, reading, off, _apart(_units(group, pairs), true))
             if share and left < reading.left:
-                made.append((left, share, reading))
-    rough = float(np.median([np.sqrt(np.nanmean(unit**2)) for unit in known]))
+                likely.append((left, share, reading))
+    rough = float(np.median([np.sqrt(np.nanmean(unit**2)) for unit in finite]))
     words = f"an error of {rough:.3g} {group.unit} in the median"
-    if made:
-        _, share, reading = min(made, key=lambda item: item[0])
+    if likely:
+        _, share, reading = min(likely, key=lambda item: item[0])
         size = f"{share * reading.size:+.3g}{reading.unit} {reading.words}"
         got = size if reading.size else f"{words}: it is {reading.words}"
         raise CheckFailed(group.what, got, reading.hint)
@@ -249,10 +249,10 @@ def _apart(one: Sequence[FloatArray], other: Sequence[FloatArray]) -> list[Float
     return [first - second for first, second in zip(one, other, strict=True)]
 
 
-def _is_constant(own: Sequence[FloatArray], true: Sequence[FloatArray]) -> bool:
+def _is_constant(answered: Sequence[FloatArray], true: Sequence[FloatArray]) -> bool:
     """Return whether outputs hardly vary within a unit: they then look like a mean of anything."""
-    known = [unit for unit in zip(own, true, strict=True) if np.isfinite(sum(unit)).any()]
-    varies, spread = (sum(map(np.nanvar, side)) for side in zip(*known, strict=True))
+    finite = [unit for unit in zip(answered, true, strict=True) if np.isfinite(sum(unit)).any()]
+    varies, spread = (sum(map(np.nanvar, side)) for side in zip(*finite, strict=True))
     return bool(varies < _CONSTANT * spread)
 
 
@@ -285,26 +285,28 @@ def shares(
             [unit - np.nanmean(np.concatenate(units)) for unit in units]
             for units in (off, mistakes)
         )
-    known = [np.isfinite(error + mistake) for error, mistake in zip(off, mistakes, strict=True)]
-    sizes = np.array([(m[k] ** 2).sum() for m, k in zip(mistakes, known, strict=True)])
-    products = [(e * m)[k].sum() for e, m, k in zip(off, mistakes, known, strict=True)]
-    means = sizes / np.maximum([k.sum() for k in known], 1)
+    is_known = [np.isfinite(error + mistake) for error, mistake in zip(off, mistakes, strict=True)]
+    sizes = np.array([(m[k] ** 2).sum() for m, k in zip(mistakes, is_known, strict=True)])
+    products = [(e * m)[k].sum() for e, m, k in zip(off, mistakes, is_known, strict=True)]
+    means = sizes / np.maximum([k.sum() for k in is_known], 1)
     shows = (sizes > 1e-18) & (means > _TELLING * means.max(initial=0))
     return np.where(shows, products / np.where(shows, sizes, 1), np.nan)
 
 
 def expect_telling(probabilities: FloatArray, what: str) -> None:
     """Raise CheckFailed if all probabilities are the same, or have gone through a sigmoid twice."""
-    known = probabilities[np.isfinite(probabilities)]
-    if known.size and known.any():
-        got = f"{known.min():.2f} to {known.max():.2f} in all photos"
-        expect(float(np.ptp(known)) > _FLAT, what, got, "Is the network's answer used?")
-        expect(not is_sigmoid_of_probability(known), what, got, "Is a sigmoid applied twice?")
+    finite = probabilities[np.isfinite(probabilities)]
+    if finite.size and finite.any():
+        got = f"{finite.min():.2f} to {finite.max():.2f} in all photos"
+        expect(float(np.ptp(finite)) > _FLAT, what, got, "Is the network's answer used?")
+        expect(not is_sigmoid_of_probability(finite), what, got, "Is a sigmoid applied twice?")
 
 
 def check_stated_errors_hold(subject: BackendUnderTest) -> None:
     """Errors are plausible for the standard deviations that are stated of them."""
-    apart = np.concatenate([np.ravel(own.get("sigmas", np.nan)) for own, _ in values_of(subject)])
+    apart = np.concatenate(
+        [np.ravel(values.get("sigmas", np.nan)) for values, _ in values_of(subject)]
+    )
     apart = apart[np.isfinite(apart)]
     if not apart.size:
         raise CheckSkipped("it states no error")
@@ -327,15 +329,15 @@ def in_order(
         from scipy.optimize import linear_sum_assignment
 
         parts = names or evidence[0][1]["names"]
-        own, true = (
+        answered, true = (
             np.concatenate([np.moveaxis(pair[side][key], axis, 1) for pair in evidence])
             for side in (0, 1)
         )
-        own, true = (side.reshape(len(side), len(parts), -1) for side in (own, true))
-        cost = np.linalg.norm(own[:, :, None] - true[:, None], axis=3)
-        known = np.isfinite(cost).sum(axis=0)
-        mean = np.nansum(cost, axis=0) / np.maximum(known, 1)
-        mean = np.where(known < MIN_UNITS, 10 * np.max(mean, initial=1.0), mean)
+        answered, true = (side.reshape(len(side), len(parts), -1) for side in (answered, true))
+        cost = np.linalg.norm(answered[:, :, None] - true[:, None], axis=3)
+        counts = np.isfinite(cost).sum(axis=0)
+        mean = np.nansum(cost, axis=0) / np.maximum(counts, 1)
+        mean = np.where(counts < MIN_UNITS, 10 * np.max(mean, initial=1.0), mean)
         best = linear_sum_assignment(mean)[1]
         pairs = [f"{parts[j]} for {parts[k]}" for j, k in enumerate(best) if j != k]
         words = f"reordered: {', '.join(pairs[:4])}"

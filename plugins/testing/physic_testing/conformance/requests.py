@@ -24,7 +24,7 @@ OF_PIXELS = ("people", "keypoints", "hole", "photo", "intrinsics")
 def build_request(interface: str, case: Case) -> Request[Any]:
     """Build the request for a case; its arrays are writable copies."""
     kind = INTERFACES[interface]
-    known: dict[str, Any] = {
+    inputs: dict[str, Any] = {
         "image": case.empty if kind.sees == "inpainted" else case.photo,
         "mask": case.hole,
         "people": case.people,
@@ -33,9 +33,11 @@ def build_request(interface: str, case: Case) -> Request[Any]:
         "bodies": case.bodies,
         "hints": Hints(**{name: getattr(case, name) for name in kind.hints}),
     }
-    given = {field.name: known[field.name] for field in fields(kind.Request) if not field.kw_only}
+    arguments = {
+        field.name: inputs[field.name] for field in fields(kind.Request) if not field.kw_only
+    }
     # deepcopy makes the arrays writable: a backend that writes to them is then detected.
-    return deepcopy(kind.Request(**given))
+    return deepcopy(kind.Request(**arguments))
 
 
 def read_only_view(thing: Any) -> Any:

@@ -51,15 +51,15 @@ class CheckRun:
         """Return the result of a check; run it if needed."""
         if name not in self._results:
             start = time.perf_counter()
-            found = self._run_check(self.checks[name])
-            if name in self._expected and found.outcome != "skipped":
+            result = self._run_check(self.checks[name])
+            if name in self._expected and result.outcome != "skipped":
                 reason = self._expected[name]
-                is_failure = found.outcome == "failed"
+                is_failure = result.outcome == "failed"
                 got = "it passes: remove it from expected_failures"
                 unexpected = Result(name, "xpassed", f"a failure ({reason})", got)
-                found = replace(found, outcome="xfailed") if is_failure else unexpected
-                found = replace(found, reason=reason)
-            self._results[name] = replace(found, seconds=time.perf_counter() - start)
+                result = replace(result, outcome="xfailed") if is_failure else unexpected
+                result = replace(result, reason=reason)
+            self._results[name] = replace(result, seconds=time.perf_counter() - start)
         return self._results[name]
 
     @property
@@ -90,7 +90,7 @@ class CheckRun:
         expected or not.
         """
         self.subject.close()
-        outcomes = {found.outcome for found in self._results.values()}
+        outcomes = {result.outcome for result in self._results.values()}
         is_whole = self._results.keys() == self.checks.keys() and not self.not_run_reason
         if is_whole and outcomes <= {"passed", "warned", "skipped"}:
             remember_passed(self.subject.interface, self.subject.construct())
@@ -110,14 +110,14 @@ class CheckRun:
         except CheckSkipped as skipped:
             return Result(check.name, "skipped", reason=str(skipped))
         except CheckFailed as failure:
-            found, error = failure, failure.__cause__
+            problem, error = failure, failure.__cause__
         except Exception as cause:
             hint = "The check itself raised this error; it may be a defect of the check."
             got = describe_error(cause, subject.kind)
-            found, error = CheckFailed(check.summary.rstrip("."), got, hint), cause
+            problem, error = CheckFailed(check.summary.rstrip("."), got, hint), cause
         read = check.read or f"physic_core.interfaces.{INTERFACES[subject.interface].__name__}"
-        said = found.outcome, found.expected, found.got, found.hint
-        return Result(check.name, *said, read=read, error=error)
+        described = problem.outcome, problem.expected, problem.got, problem.hint
+        return Result(check.name, *described, read=read, error=error)
 
     def _reason_to_skip(self, check: Check) -> str:
         """Return why a check cannot run; empty if it can."""
@@ -126,11 +126,11 @@ class CheckRun:
         for word in sorted(check.only_with - self.subject.declared):
             return f"only for a backend with '{word}' in its capabilities"
         for other in check.after:
-            found = self.result(other)
-            if found.outcome in ("failed", "xfailed"):
+            result = self.result(other)
+            if result.outcome in ("failed", "xfailed"):
                 return f"see '{other}'"
-            if found.outcome == "skipped" and found.reason.startswith("see '"):
-                return found.reason
+            if result.outcome == "skipped" and result.reason.startswith("see '"):
+                return result.reason
         return ""
 
 

@@ -44,14 +44,18 @@ def _values(answer: People, case: Case) -> tuple[Values, Truth]:
         np.where(case.hole & ~people, np.nan, each)[None]
         for each in (floor, case.truth.empty_floor_mask & ~people)
     )
-    own = {"masks": masks, "floor": floor, "boxes": boxes, "iou": iou.max(axis=0)}
-    return own, {"masks": true.astype(float), "floor": true_floor, "boxes": np.zeros(boxes.shape)}
+    values = {"masks": masks, "floor": floor, "boxes": boxes, "iou": iou.max(axis=0)}
+    return values, {
+        "masks": true.astype(float),
+        "floor": true_floor,
+        "boxes": np.zeros(boxes.shape),
+    }
 
 
-def _errors(own: Values, truth: Truth) -> dict[str, Any]:
-    floor, true = (np.nan_to_num(side["floor"]) > 0 for side in (own, truth))
-    known = np.isfinite(own["floor"]).any()
-    return {"IoU": own["iou"]} | ({"floor IoU": mask_iou(floor, true)} if known else {})
+def _errors(values: Values, truth: Truth) -> dict[str, Any]:
+    floor, true = (np.nan_to_num(side["floor"]) > 0 for side in (values, truth))
+    is_known = np.isfinite(values["floor"]).any()
+    return {"IoU": values["iou"]} | ({"floor IoU": mask_iou(floor, true)} if is_known else {})
 
 
 def _blurred(masks: FloatArray, truth: Truth) -> list[FloatArray]:
@@ -115,9 +119,9 @@ def check_masks_lie_on_people(subject: BackendUnderTest) -> None:
     )
     answer = subject.result("several people")
     true = subject.case("several people").truth.masks
-    held = (answer.masks[:, None] & true).sum((2, 3)) / true.sum((1, 2))
+    covered = (answer.masks[:, None] & true).sum((2, 3)) / true.sum((1, 2))
     expect(
-        not (held > MIN_HELD).all(axis=1).any(),
+        not (covered > MIN_HELD).all(axis=1).any(),
         f"one mask for each of {len(true)} people",
         "a mask that holds all of them",
         "Is it a semantic class? Masks are those of instances.",

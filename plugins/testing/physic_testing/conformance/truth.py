@@ -56,11 +56,11 @@ def comparable_keypoints(
     Raises:
         CheckSkipped: the skeleton is that of a single hand, or has no point on a body.
     """
-    known = keypoints_on_body(answer)
-    skeleton = known.joint_set
+    keypoints = keypoints_on_body(answer)
+    skeleton = keypoints.joint_set
     if "hand21" in skeleton.name or not len(skeleton):
         raise CheckSkipped(f"worlds have no ground truth for the skeleton {skeleton.name!r}")
-    return known, *true_keypoints_px(world, skeleton)
+    return keypoints, *true_keypoints_px(world, skeleton)
 
 
 def true_observations(world: World) -> dict[str, FloatArray]:
@@ -102,12 +102,12 @@ def _true_touch(world: World) -> FloatArray:
         "nothing": np.ones_like(world.contact),
     }
     order = [TOUCHED.index(name) for name in touches]
-    found = np.zeros((len(world.contact), len(TOUCH_PARTS), len(TOUCHED)))
+    touch = np.zeros((len(world.contact), len(TOUCH_PARTS), len(TOUCHED)))
     for part, row in OBSERVED.items():
         skin = region.numpy() == names.index(part)
         of_part = np.stack([vertices[:, skin].any(axis=1) for vertices in touches.values()], 1)
-        found[np.arange(len(found)), row, np.take(order, of_part.argmax(axis=1))] = 1
-    return found
+        touch[np.arange(len(touch)), row, np.take(order, of_part.argmax(axis=1))] = 1
+    return touch
 
 
 def turns_from_tpose(world: World) -> NDArray[np.float64]:

@@ -225,5 +225,5 @@ def geodesic_error(graph: csr_array, predicted: BoolArray, truth: BoolArray) -> 
 
 
 def _mean_finite(distance: FloatArray) -> float:
-    known = distance[np.isfinite(distance)]
-    return float(known.mean()) if len(known) else float("nan")
+    finite = distance[np.isfinite(distance)]
+    return float(finite.mean()) if len(finite) else float("nan")

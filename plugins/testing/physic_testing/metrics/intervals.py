@@ -53,11 +53,11 @@ def percentile_interval(values: FloatArray | Sequence[float]) -> tuple[float, fl
     """Return the 2.5th and the 97.5th percentile of the finite draws of a figure; NaN without
     one.
     """
-    known = np.asarray(values, np.float64)
-    known = known[np.isfinite(known)]
-    if not len(known):
+    finite = np.asarray(values, np.float64)
+    finite = finite[np.isfinite(finite)]
+    if not len(finite):
         return math.nan, math.nan
-    low, high = np.percentile(known, [2.5, 97.5])
+    low, high = np.percentile(finite, [2.5, 97.5])
     return float(low), float(high)
 
 

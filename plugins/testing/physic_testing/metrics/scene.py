@@ -67,11 +67,11 @@ def scene_error(
     """
     require_same_shape("point maps", predicted, truth)
     require_same_shape("masks of valid pixels", predicted_valid, true_valid)
-    known = _valid(truth, true_valid)
-    both = known & _valid(predicted, predicted_valid)
+    is_known = _valid(truth, true_valid)
+    both = is_known & _valid(predicted, predicted_valid)
     pixels = int(both.sum())
     if not pixels:
-        return SceneError(0, 0.0 if known.any() else math.nan, *[math.nan] * 6)
+        return SceneError(0, 0.0 if is_known.any() else math.nan, *[math.nan] * 6)
     points, facts = (np.asarray(array[both], np.float64) for array in (predicted, truth))
     depth = points[:, 2]
     fact = facts[:, 2]
@@ -79,7 +79,7 @@ def scene_error(
     off = np.linalg.norm(points - facts, axis=1)
     return SceneError(
         pixels=pixels,
-        coverage=pixels / int(known.sum()),
+        coverage=pixels / int(is_known.sum()),
         depth_relative_median=float(np.median(relative)),
         depth_relative_mean=float(relative.mean()),
         delta_share=float((np.maximum(depth / fact, fact / depth) < _DELTA).mean()),
@@ -165,17 +165,17 @@ def _distance_to_points(
     if near.any():
         cloud, facing, gap = (np.asarray(a[near], np.float64) for a in (points, normals, spacing))
         distance, row = KDTree(cloud).query(flat, distance_upper_bound=reach)
-        found = np.isfinite(distance)
-        row = row[found]
-        way = flat[found] - cloud[row]
+        is_near = np.isfinite(distance)
+        row = row[is_near]
+        way = flat[is_near] - cloud[row]
         along = (facing[row] * way).sum(1)
         beside = np.linalg.norm(way - along[:, None] * facing[row], axis=1)
         to_surface = np.hypot(along, np.maximum(beside - gap[row], 0.0))
         oriented = (facing[row] ** 2).sum(1) > 0.5
-        size = np.where(oriented, to_surface, distance[found])
-        free = ~_behind(flat[found], np.where(valid, points[..., 2], np.inf), intrinsics, 0.0)
-        answer[found] = np.where(oriented & (along < 0) & ~free, -size, size)
-        towards[found] = facing[row]
+        size = np.where(oriented, to_surface, distance[is_near])
+        free = ~_behind(flat[is_near], np.where(valid, points[..., 2], np.inf), intrinsics, 0.0)
+        answer[is_near] = np.where(oriented & (along < 0) & ~free, -size, size)
+        towards[is_near] = facing[row]
     return answer, towards
 
 

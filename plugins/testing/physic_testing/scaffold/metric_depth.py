@@ -49,12 +49,12 @@ class Template(MetricDepth):
             raise BackendError(
                 "this depth needs hints.scene, hints.original, hints.people and hints.bodies"
             )
-        seen = [original.points[mask & original.valid, 2] for mask in people.masks]
+        depths = [original.points[mask & original.valid, 2] for mask in people.masks]
         # The root joint is about as far away as the visible surface of the body.
         ratios = [
-            z / np.median(own)
-            for z, own in zip(bodies.parameters.transl[:, 2], seen, strict=True)
-            if len(own)
+            z / np.median(depths_of_person)
+            for z, depths_of_person in zip(bodies.parameters.transl[:, 2], depths, strict=True)
+            if len(depths_of_person)
         ]
         if not ratios:
             raise BackendError("no person has a depth in hints.original")

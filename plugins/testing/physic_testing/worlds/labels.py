@@ -64,8 +64,8 @@ def read_label(image: UInt8Array) -> str:
     """Return the name in an image's label; "" without a valid label, or if two corners differ."""
     if not _holds_labels(image):
         return ""
-    found = {_decode(image[rows, columns]) for rows, columns in _corners()} - {""}
-    return found.pop() if len(found) == 1 else ""
+    names = {_decode(image[rows, columns]) for rows, columns in _corners()} - {""}
+    return names.pop() if len(names) == 1 else ""
 
 
 def _decode(corner: UInt8Array) -> str:

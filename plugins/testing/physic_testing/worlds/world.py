@@ -272,11 +272,11 @@ def _pictures(
     shape = (stored.height, stored.width)
     changed = np.unpackbits(file["changed"], count=shape[0] * shape[1]).reshape(*shape, 1)
     how = cv2.INTER_AREA if size[0] < stored.width else cv2.INTER_LINEAR
-    found = {}
+    pictures = {}
     for key, picture in (("image", photo), ("empty_image", np.where(changed, empty, photo))):
         resized = cv2.resize(np.ascontiguousarray(picture), size, interpolation=how)
-        found[key] = labels.embed_label(np.asarray(resized, np.uint8), name)
-    return found
+        pictures[key] = labels.embed_label(np.asarray(resized, np.uint8), name)
+    return pictures
 
 
 def _views(
@@ -290,8 +290,10 @@ def _views(
 
     owner, item, surface = _facts_of_faces(file, people, len(faces))
     ground = np.isin(surface, [SURFACE_NAMES.index(name) for name in ("floor", "ground")])
-    own = [faces + len(corners) + i * vertices.shape[1] for i in range(people)]
-    everything = RayCaster(np.concatenate([corners, *vertices]), np.concatenate([scene, *own]))
+    triangles_of = [faces + len(corners) + i * vertices.shape[1] for i in range(people)]
+    everything = RayCaster(
+        np.concatenate([corners, *vertices]), np.concatenate([scene, *triangles_of])
+    )
     face, depth = _first_hits(everything, rays)
     scenery = np.append(np.flatnonzero(file["face_item"] < 0), len(owner) - 1)
     caster = RayCaster(corners, scene[scenery[:-1]])
@@ -318,8 +320,8 @@ def _first_hits(caster: RayCaster, rays: FloatArray) -> tuple[NDArray[np.int64],
     """Return the first face (H, W) at each ray (H, W, 3) from the camera, -1 for none, and its
     depth.
     """
-    found = caster.first(np.zeros(3), rays.reshape(-1, 3))
-    return found.face.reshape(rays.shape[:2]), found.distance.reshape(rays.shape[:2])
+    hits = caster.first(np.zeros(3), rays.reshape(-1, 3))
+    return hits.face.reshape(rays.shape[:2]), hits.distance.reshape(rays.shape[:2])
 
 
 def _facts_of_faces(
@@ -340,10 +342,10 @@ def _normals_towards_camera(
     normals: FloatArray, face: NDArray[np.int64], rays: FloatArray
 ) -> FloatArray:
     """Return the unit normals (H, W, 3) of the faces (H, W) at pixels; zero for face -1."""
-    found = np.where((face >= 0)[..., None], normals[face], 0)
-    found /= np.maximum(np.linalg.norm(found, axis=-1, keepdims=True), 1e-12)
-    found *= -np.sign((found * rays).sum(axis=-1, keepdims=True))
-    return found
+    towards = np.where((face >= 0)[..., None], normals[face], 0)
+    towards /= np.maximum(np.linalg.norm(towards, axis=-1, keepdims=True), 1e-12)
+    towards *= -np.sign((towards * rays).sum(axis=-1, keepdims=True))
+    return towards
 
 
 def _make_read_only(thing: Any) -> None:

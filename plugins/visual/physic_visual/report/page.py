@@ -52,17 +52,17 @@ def report_html(reconstruction: Reconstruction, title: str = "") -> str:
     data = json.dumps(contents, ensure_ascii=True, allow_nan=False, separators=(",", ":")).replace(
         "<", "\\u003c"
     )
-    own = "\n".join(_read_part(name) for name in _SCRIPTS)
+    script = "\n".join(_read_part(name) for name in _SCRIPTS)
     return _fill(
         _read_part("report.html"),
         {
             "GENERATOR": PAGE_MARK,
-            "POLICY": _policy(_read_part("vendor/three.js"), own),
+            "POLICY": _policy(_read_part("vendor/three.js"), script),
             "TITLE": _escaped(title or "Reconstruction"),
             "STYLE": _read_part("report.css"),
             "THREE": _read_part("vendor/three.js"),
             "DATA": data,
-            "SCRIPT": own,
+            "SCRIPT": script,
         },
     )
 

@@ -195,7 +195,7 @@ def _contact_areas_by_part(
     count = len(PART_NAMES)
     touching = np.bincount(cell, area * person.contact, count * len(colors)).reshape(count, -1)
     share = touching / np.maximum(np.bincount(part, area, count), 1e-12)[:, None]
-    found = [
+    rows = [
         {
             "part": part_words(name),
             "cm2": 1e4 * float(touching[i].sum()),
@@ -208,4 +208,4 @@ def _contact_areas_by_part(
         for i, name in enumerate(PART_NAMES)
         if touching[i].sum() > 5e-5  # half a square centimetre
     ]
-    return sorted(found, key=lambda row: -float(row["cm2"]))
+    return sorted(rows, key=lambda row: -float(row["cm2"]))

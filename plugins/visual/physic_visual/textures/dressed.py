@@ -109,7 +109,7 @@ def dressed_bodies(result: Reconstruction) -> DressedBodies:
     for index, vertices in skins.items():
         normals = vertex_normals(vertices, faces)
         weight = photo_weights(vertices, normals, bodies)
-        photo, seen, near = photo_colors(result, index, vertices, weight)
+        photo, visible_share, near = photo_colors(result, index, vertices, weight)
         fill = _fill(photo, near, laplacian, others, parts)
         areas = vertex_areas(vertices, faces)
         people[index] = DressedBody(
@@ -118,8 +118,8 @@ def dressed_bodies(result: Reconstruction) -> DressedBodies:
             weight,
             fill,
             colors=_mixed(photo, near, _darkened(fill, normals, result)),
-            guessed_share=(1 - seen).astype(np.float32),
-            shown_share=float(areas[seen > SHOWN].sum() / max(areas.sum(), 1e-12)),
+            guessed_share=(1 - visible_share).astype(np.float32),
+            shown_share=float(areas[visible_share > SHOWN].sum() / max(areas.sum(), 1e-12)),
         )
     is_embedded = model is not None and model.name == "embedded"
     return DressedBodies(people, texture_coordinates("embedded") if is_embedded else None, bodies)
@@ -157,9 +157,9 @@ def dressed_texture(
     values = np.concatenate([body.vertices, body.photo_weight[:, None], guess], 1)
     for part in raster.parts():
         points, weight, beside = np.split(part.interpolate(faces, values), [3, 4], axis=1)
-        photo, seen, near = photo_colors(result, index, points, weight[:, 0])
+        photo, visible_share, near = photo_colors(result, index, points, weight[:, 0])
         colors.append(_mixed(photo, near, beside))
-        filled.append(np.round(255 * (1 - seen)).astype(np.uint8))
+        filled.append(np.round(255 * (1 - visible_share)).astype(np.uint8))
     return raster.image(np.concatenate(colors)), raster.image(np.concatenate(filled))
 
 
@@ -167,8 +167,8 @@ def image_of_vertices(colors: UInt8Array, source: str, size: int) -> UInt8Array:
     """Return colours (V, 3) of the vertices of a body as a texture (size, size, 3)."""
     raster = texture_raster(source, size)
     mesh = texture_coordinates(source)
-    made = raster.interpolate(mesh.vertex[mesh.faces], colors.astype(np.float64))
-    image: UInt8Array = raster.image(np.round(made).astype(np.uint8))
+    texels = raster.interpolate(mesh.vertex[mesh.faces], colors.astype(np.float64))
+    image: UInt8Array = raster.image(np.round(texels).astype(np.uint8))
     return image
 
 

@@ -78,13 +78,13 @@ def photo_colors(
             mask, and in the mask or near it.
     """
     photo = np.zeros((len(points), 3))
-    seen = np.zeros(len(points))
+    visible_share = np.zeros(len(points))
     near = np.zeros(len(points))
     shown = np.flatnonzero((weight > 0) & (points[:, 2] > 0))
     photo[shown], inside, close = _sample(result, index, points[shown])
-    seen[shown] = weight[shown] * inside
+    visible_share[shown] = weight[shown] * inside
     near[shown] = weight[shown] * close
-    return photo, seen, near
+    return photo, visible_share, near
 
 
 def _smooth(share: Array) -> Array:

@@ -40,9 +40,9 @@ class TextureRaster:
     def parts(self) -> Iterator[TextureRaster]:
         """Yield the texels in blocks."""
         for start in range(0, len(self.rows), _TEXELS):
-            own = slice(start, start + _TEXELS)
+            rows = slice(start, start + _TEXELS)
             yield TextureRaster(
-                self.size, self.rows[own], self.columns[own], self.faces[own], self.corners[own]
+                self.size, self.rows[rows], self.columns[rows], self.faces[rows], self.corners[rows]
             )
 
     def interpolate(
