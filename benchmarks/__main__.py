@@ -29,8 +29,8 @@ def main() -> int | str:
     if name in BENCHMARKS:
         del sys.argv[1]
         return int(import_module(BENCHMARKS[name]).main() or 0)
-    for known, module in BENCHMARKS.items():
-        print(f"{known:18} {(import_module(module).__doc__ or '').partition(chr(10))[0]}")
+    for benchmark, module in BENCHMARKS.items():
+        print(f"{benchmark:18} {(import_module(module).__doc__ or '').partition(chr(10))[0]}")
     return 0 if name in ("", "-h", "--help") else f"there is no benchmark {name}"
 
 

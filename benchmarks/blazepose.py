@@ -84,10 +84,14 @@ def placed(world: Array, points: Array, confidence: Array, K: Array) -> Array:
     """Return landmarks (J, 3) in metres in the frame of a camera (3, 3) px, before which they
     project onto points (J, 2) px with this confidence (J,).
     """
-    seen = confidence >= SEEN
-    if seen.sum() < _FEWEST:
-        seen[:] = True
+    is_visible = confidence >= SEEN
+    if is_visible.sum() < _FEWEST:
+        is_visible[:] = True
     _, turn, move = cv2.solvePnP(
-        world[seen].astype(float), points[seen].astype(float), K, None, flags=cv2.SOLVEPNP_SQPNP
+        world[is_visible].astype(float),
+        points[is_visible].astype(float),
+        K,
+        None,
+        flags=cv2.SOLVEPNP_SQPNP,
     )
     return np.asarray(world @ cv2.Rodrigues(turn)[0].T + move[:, 0])

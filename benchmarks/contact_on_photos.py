@@ -132,9 +132,9 @@ def keep_distances(sample: Sample, pipeline: Pipeline, out: Path) -> None:
     distances: list[Any] = []
     measure = probability.part_distances
 
-    def complete(found: Estimates) -> Estimates:
-        estimates.append(found)
-        return found
+    def complete(estimate: Estimates) -> Estimates:
+        estimates.append(estimate)
+        return estimate
 
     def part_distances(model: BodyModel, at: Any) -> Any:
         distances.append(measure(model, at))
@@ -147,12 +147,12 @@ def keep_distances(sample: Sample, pipeline: Pipeline, out: Path) -> None:
         except PhysicError as error:
             print(f"{sample.set} {sample.name}: {error}", file=sys.stderr)
     people: list[dict[str, Any]] = []
-    for parts, seen in zip(distances[:1], estimates, strict=False):
-        size = np.array([picture.shape[k] / seen.image.shape[k] for k in (1, 0)])
-        for i, box in enumerate(np.asarray(seen.photo.people.boxes, np.float64)):
+    for parts, estimate in zip(distances[:1], estimates, strict=False):
+        size = np.array([picture.shape[k] / estimate.image.shape[k] for k in (1, 0)])
+        for i, box in enumerate(np.asarray(estimate.photo.people.boxes, np.float64)):
             place = (box * np.tile(size, 2)).tolist()
-            own = {part: values.tolist()[i] for part, values in parts.items()}
-            people.append({"box": place, "parts": own})
+            distances_of_person = {part: values.tolist()[i] for part, values in parts.items()}
+            people.append({"box": place, "parts": distances_of_person})
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(json.dumps(people))
     print(sample.set, sample.name, len(people), file=sys.stderr, flush=True)
@@ -216,32 +216,32 @@ def fitted(cases: Sequence[Case], samples: Sequence[Sample]) -> dict[str, Any]:
     """Return the fitted file: the scores of the collections, models that are fitted to all cases,
     and the rates of all labelled people.
     """
-    found = rates_of(samples)
-    shares = {kind: of["world"] for kind, of in found["rates"].items()}
+    statistics = rates_of(samples)
+    shares = {kind: of["world"] for kind, of in statistics["rates"].items()}
     errors, parts, pictures = {}, {}, {}
     for kind in PARTS:
-        own = [case for case in cases if case.kind == kind]
-        given = [case for case in own if case.set == CONTACT]
-        likely = {"contact, pictures left out": left_out_chances(given, shares[kind])}
-        numbers = fit_of(given, shares[kind])
+        of_kind = [case for case in cases if case.kind == kind]
+        labelled = [case for case in of_kind if case.set == CONTACT]
+        likely = {"contact, pictures left out": left_out_chances(labelled, shares[kind])}
+        numbers = fit_of(labelled, shares[kind])
         for name in COLLECTIONS:
-            rows = [(case, chance(case, numbers)) for case in own if case.set == name]
+            rows = [(case, chance(case, numbers)) for case in of_kind if case.set == name]
             likely[f"{name}, by contact"] = rows
         errors[kind] = {name: words for name, rows in likely.items() if (words := described(rows))}
         score = scores_of([row for rows in likely.values() for row in rows])
         if score["brier"] < score["constant"]:
-            slope, constant = fit_of(own, shares[kind]).round(3).tolist()
+            slope, constant = fit_of(of_kind, shares[kind]).round(3).tolist()
             parts[kind] = {"constant": constant, "distance": slope}
-        pictures[kind] = f"{len({case.picture for case in own})} photos labelled by two readers"
+        pictures[kind] = f"{len({case.picture for case in of_kind})} photos labelled by two readers"
     others = [share for kind, share in shares.items() if kind not in PARTS]
     return {
         "fitted on": pictures,
         "error on pictures left out": errors,
         "rates": {
             kind: {word: round(share, 4) for word, share in of.items()}
-            for kind, of in found["rates"].items()
+            for kind, of in statistics["rates"].items()
         },
-        "floor rate": round(found["floor rate"], 3),
+        "floor rate": round(statistics["floor rate"], 3),
         "parts": parts,
         "rate of others": round(float(np.mean(others)), 3),
     }
@@ -251,12 +251,12 @@ def left_out_chances(cases: Sequence[Case], share: float) -> list[Likely]:
     """Return parts of one kind, each with its probability by a fit without a tenth of the
     pictures.
     """
-    found: list[Likely] = []
+    rows: list[Likely] = []
     for fold in range(FOLDS):
         numbers = fit_of([case for case in cases if fold_of(case.picture) != fold], share)
-        own = (case for case in cases if fold_of(case.picture) == fold)
-        found += [(case, chance(case, numbers)) for case in own]
-    return found
+        left_out = (case for case in cases if fold_of(case.picture) == fold)
+        rows += [(case, chance(case, numbers)) for case in left_out]
+    return rows
 
 
 def chance(case: Case, numbers: Array) -> float:

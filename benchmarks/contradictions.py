@@ -22,10 +22,10 @@ def main() -> int:
     parser = parser_of("contradictions", __doc__, fits=False)
     parser.add_argument("results", type=Path, help="folder with results")
     folders = find_results(parser.parse_args().results)
-    found = {folder: contradictions(load_reconstruction(folder)) for folder in folders}
-    for folder, sentences in found.items():
+    sentences_of = {folder: contradictions(load_reconstruction(folder)) for folder in folders}
+    for folder, sentences in sentences_of.items():
         for sentence in sentences:
             print(f"{folder.name}: {sentence}")
-    wrong = sum(map(bool, found.values()))
-    print(f"{wrong} of {len(found)} results contradict themselves")
+    wrong = sum(map(bool, sentences_of.values()))
+    print(f"{wrong} of {len(sentences_of)} results contradict themselves")
     return int(wrong > 0)

@@ -78,12 +78,12 @@ def read_bvh(files: Files) -> list[Any]:
 
     from physic_export.skeleton import bone_names
 
-    found = []
+    people = []
     for path in files.ending(".bvh"):
         root = bvhio.readAsHierarchy(path).loadPose(1)
         places = {one.Name: list(one.PositionWorld) for one, _, _ in root.layout()}
-        found.append([places[name] for name in bone_names("mixamo")])
-    return found
+        people.append([places[name] for name in bone_names("mixamo")])
+    return people
 
 
 def read_colmap(files: Files) -> float:
@@ -106,13 +106,13 @@ def read_blender(files: Files) -> list[Any]:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=files.ending(".glb")[0], disable_bone_shape=True)
     bpy.context.scene.frame_set(1)
-    found = []
+    people = []
     for index, _ in files.bodies:
         if body := bpy.data.objects.get(f"person_{index}"):
             posed = body.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
             points = np.array([body.matrix_world @ vertex.co for vertex in posed.vertices])
-            found.append(corners(points[:, [0, 2, 1]] * [1, 1, -1]))
-    return found
+            people.append(corners(points[:, [0, 2, 1]] * [1, 1, -1]))
+    return people
 
 
 def corners(points: Array) -> Array:
@@ -124,7 +124,7 @@ def read_mot(files: Files) -> list[Any]:
     import opensim
 
     opensim.Logger.setLevelString("error")
-    found = []
+    people = []
     for path in files.ending(".mot"):
         motion = opensim.Storage(path)
         labels = motion.getColumnLabels()
@@ -132,8 +132,8 @@ def read_mot(files: Files) -> list[Any]:
         unit = 1.0 if motion.isInDegrees() else np.degrees(1.0)
         # the first label is the time, which is no value
         row = {labels.get(n): unit * values.get(n - 1) for n in range(1, labels.getSize())}
-        found.append([row[name] for name in _ANGLES])
-    return found
+        people.append([row[name] for name in _ANGLES])
+    return people
 
 
 def read_ply(files: Files) -> list[Any]:
@@ -148,20 +148,20 @@ def read_trc(files: Files) -> list[Any]:
     import opensim
 
     opensim.Logger.setLevelString("error")
-    found = []
+    people = []
     for path in files.ending(".trc"):
         data = opensim.MarkerData(path)
         data.convertToUnits(opensim.Units("m"))
         frame = data.getFrame(0)
         markers = [frame.getMarker(n) for n in range(data.getNumMarkers())]
-        found.append([[one.get(axis) for axis in range(3)] for one in markers])
-    return found
+        people.append([[one.get(axis) for axis in range(3)] for one in markers])
+    return people
 
 
 def read_urdf(files: Files) -> list[Any]:
     import yourdfpy
 
-    found = []
+    people = []
     for path in files.ending(".urdf"):
         if path.endswith("_scene.urdf"):
             continue
@@ -170,15 +170,15 @@ def read_urdf(files: Files) -> list[Any]:
         robot.update_cfg(pose["joints"])
         links = np.array([robot.get_transform(one, "pelvis")[:3, 3] for one in _BODY_JOINTS])
         base = Rotation.from_quat(np.roll(pose["base"]["quaternion_wxyz"], -1))
-        found.append(_shape_of(base.apply(links) + pose["base"]["position_m"]))
-    return found
+        people.append(_shape_of(base.apply(links) + pose["base"]["position_m"]))
+    return people
 
 
 def _shape_of(points: Any) -> Array:
     """Return joints (22, 3) without their common height: people are set down on the floor."""
-    made = np.array(points, np.float64)
-    made[:, 2] -= made[0, 2]
-    return made
+    shape = np.array(points, np.float64)
+    shape[:, 2] -= shape[0, 2]
+    return shape
 
 
 def read_usd(files: Files) -> float:
@@ -279,24 +279,24 @@ def apart(got: Any, wanted: Any) -> float:
 def outcome_of(reader: Reader, folder: str) -> Opened:
     """Export the result of a folder to the format of a reader, open the files, and compare."""
     result = Reconstruction.load(folder)
-    with tempfile.TemporaryDirectory() as made:
+    with tempfile.TemporaryDirectory() as folder_of_export:
         up = find_exporter(reader.form).record.ups[0]
         # people are not turned until they balance
         options = {"keep_lean": True} if reader.form == "urdf" else {}
         try:
-            paths = result.export(made, reader.form, **options).files
+            paths = result.export(folder_of_export, reader.form, **options).files
         except InputError as error:
             return Opened(refused=str(error))
         files = Files(result, paths, export_frame(result.scene.level, up).from_camera)
         try:
-            found = reader.read(files)
+            people = reader.read(files)
         except Exception as error:  # whatever a reader raises is what its user sees
             return Opened(fault=f"{type(error).__name__}: {error}")
     if reader.wanted is None:
-        return _judged(reader, found)
-    if len(found) != len(files.bodies):
-        return Opened(fault=f"{len(found)} of {len(files.bodies)} people")
-    pairs = zip(found, files.bodies, strict=True)
+        return _judged(reader, people)
+    if len(people) != len(files.bodies):
+        return Opened(fault=f"{len(people)} of {len(files.bodies)} people")
+    pairs = zip(people, files.bodies, strict=True)
     off = (apart(one, reader.wanted(files, person)) for one, (_, person) in pairs)
     return _judged(reader, max(off, default=0.0))
 
@@ -312,15 +312,15 @@ def outcomes_of(reader: Reader, folders: Sequence[str]) -> list[Opened]:
     Each reader has a process of its own: the libraries exclude one another, and some end the
     process on a file that they do not like.
     """
-    made = []
+    outcomes = []
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
         for folder in folders:
             try:
-                made.append(pool.submit(outcome_of, reader, folder).result())
+                outcomes.append(pool.submit(outcome_of, reader, folder).result())
             except BrokenProcessPool:
-                made.append(Opened(fault="the reader ended the process"))
+                outcomes.append(Opened(fault="the reader ended the process"))
                 break
-    return made + [Opened(fault="not tried")] * (len(folders) - len(made))
+    return outcomes + [Opened(fault="not tried")] * (len(folders) - len(outcomes))
 
 
 def row_of(reader: Reader, outcomes: Sequence[Opened]) -> list[str]:

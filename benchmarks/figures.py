@@ -82,8 +82,11 @@ def trust_figures(rows: Sequence[Row]) -> dict[str, Any]:
 
 def share(rows: Sequence[Row], mark: str) -> dict[str, float | None]:
     """Return the share of people whose mark is right, with their number."""
-    known = judged(rows, mark)
-    return {"people": len(known), "share": round(right_share(rows, mark), 2) if known else None}
+    verdicts = judged(rows, mark)
+    return {
+        "people": len(verdicts),
+        "share": round(right_share(rows, mark), 2) if verdicts else None,
+    }
 
 
 def is_failed(row: Row, name: str) -> bool:

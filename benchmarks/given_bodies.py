@@ -79,11 +79,11 @@ def main() -> None:
     for row in rows:
         print(*(v if isinstance(v, str) else f"{v:.1f}" for v in row.values()), sep="\t")
     for name in {str(row["set"]) for row in rows}:
-        own = [row for row in rows if row["set"] == name]
-        keys = [key for key in own[0] if key not in ("set", "photo")]
-        means = (f"{key} {np.nanmean([abs(row[key]) for row in own]):.1f}" for key in keys)
-        better = np.mean([row["mpjpe_out"] < row["mpjpe_in"] for row in own])
-        print(f"{name}: {len(own)} people, output better {better:.0%}; {', '.join(means)}")
+        of_set = [row for row in rows if row["set"] == name]
+        keys = [key for key in of_set[0] if key not in ("set", "photo")]
+        means = (f"{key} {np.nanmean([abs(row[key]) for row in of_set]):.1f}" for key in keys)
+        better = np.mean([row["mpjpe_out"] < row["mpjpe_in"] for row in of_set])
+        print(f"{name}: {len(of_set)} people, output better {better:.0%}; {', '.join(means)}")
     (given.out / "rows.json").write_text(json.dumps(rows, indent=1))
 
 
@@ -97,8 +97,10 @@ def _samples(given: Namespace) -> Iterator[tuple[Sample, list[Array]]]:
             elif (key := f"{name}/{sample.group}") in triangulated:
                 camera = camera_of(sample)
                 people = [np.array(one, np.float64) for one in triangulated[key]]
-                seen = [one for one in people if visible_joints(camera, one).sum() >= MIN_VISIBLE]
-                yield sample, [camera.to_camera(one) for one in seen]
+                visible_people = [
+                    one for one in people if visible_joints(camera, one).sum() >= MIN_VISIBLE
+                ]
+                yield sample, [camera.to_camera(one) for one in visible_people]
 
 
 def _rows(
@@ -136,19 +138,19 @@ def _rows(
 
 def _matched(joints: Array, truth: list[Array], camera: tuple[float, ...]) -> dict[int, int]:
     """Return true person -> person of joints (M, 55, 3), by their places in the picture."""
-    found, true = (
+    estimated, true = (
         [projected(one, camera) for one in some] for some in (joints[:, BODY_ROWS], truth)
     )
-    boxes, of_truth = ([box_of(one).tolist() for one in some] for some in (found, true))
-    return match_people(boxes, found, of_truth, true)
+    boxes, of_truth = ([box_of(one).tolist() for one in some] for some in (estimated, true))
+    return match_people(boxes, estimated, of_truth, true)
 
 
 def _errors(joints: Array, truth: Array, fitted: Array, up: Array | None) -> dict[str, float]:
     """Return the errors of joints (55, 3) against true ones (12, 3) and a body fitted to these."""
-    own = pose_errors(joints[BODY_ROWS], truth)
+    errors = pose_errors(joints[BODY_ROWS], truth)
     low = [math.nan if up is None else float((one[_FEET] @ up).min()) for one in (joints, fitted)]
-    return {name: own[key] for name, key in ERRORS.items()} | {
-        "depth_%": 100 * (own["pelvis_depth_ratio"] - 1),
+    return {name: errors[key] for name, key in ERRORS.items()} | {
+        "depth_%": 100 * (errors["pelvis_depth_ratio"] - 1),
         "foot_cm": 100 * (low[0] - low[1]),
     }
 

@@ -97,22 +97,22 @@ def fitted(people: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float]]:
     """Return the share of each part of the evidence in the variance, by kind of joint."""
     errors, evidence = (np.array([one[key] for one in people]) for key in KEYS)
     columns = np.array([KINDS.index(kind_of(name)) for name in LIMB_JOINTS])
-    known = np.isfinite(errors)
+    is_known = np.isfinite(errors)
 
     def shares(x: Array) -> Array:
         parts = iter(np.split(np.exp(x), np.cumsum(_WIDTHS)[:-1]))
         return np.stack([np.broadcast_to(next(parts), len(KINDS)) for _ in EVIDENCE], -1)
 
     def loss(x: Array) -> float:
-        variance = (evidence * shares(x)[columns]).sum(-1)[known]
-        return float((np.log(variance) + errors[known] ** 2 / variance).mean())
+        variance = (evidence * shares(x)[columns]).sum(-1)[is_known]
+        return float((np.log(variance) + errors[is_known] ** 2 / variance).mean())
 
     least = [(bound, None) for bound in np.repeat(np.log(list(_LEAST.values())), _WIDTHS)]
     start = np.repeat(np.log(list(_START.values())), _WIDTHS)
-    found = shares(minimize(loss, start, method="L-BFGS-B", bounds=least).x)
+    fitted_shares = shares(minimize(loss, start, method="L-BFGS-B", bounds=least).x)
     return {
         part: {kind: float(f"{share:.3g}") for kind, share in zip(KINDS, column, strict=True)}
-        for part, column in zip(EVIDENCE, found.T, strict=True)
+        for part, column in zip(EVIDENCE, fitted_shares.T, strict=True)
     }
 
 
@@ -126,11 +126,11 @@ def described(
     kinds = [kind_of(name) for name in LIMB_JOINTS]
     shares = np.array([[variances[part][kind] for part in EVIDENCE] for kind in kinds])
     stated = np.sqrt((evidence * shares).sum(-1))
-    known = np.isfinite(errors)
-    error, sigma = errors[known], stated[known]
+    is_known = np.isfinite(errors)
+    error, sigma = errors[is_known], stated[is_known]
     ratio = error / sigma
     return (
-        f"{known.sum()} joints: ratio rms {np.sqrt((ratio**2).mean()):.2f}, "
+        f"{is_known.sum()} joints: ratio rms {np.sqrt((ratio**2).mean()):.2f}, "
         f"median {np.median(ratio):.2f}, over 1 {(ratio > 1).mean():.0%}, "
         f"over 2 {(ratio > 2).mean():.0%}, rank correlation "
         f"{spearmanr(sigma, error).statistic:.2f}"

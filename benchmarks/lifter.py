@@ -109,12 +109,12 @@ def main() -> int:
     apart = np.unique(clips, return_inverse=True)[1] % LEFT_OUT == LEFT_OUT - 1
     network = fit(poses[~apart], clips[~apart], given.steps, given.seed)
     rng = np.random.default_rng(given.seed + 1)
-    seen, truth = project(poses[apart][rng.integers(0, apart.sum(), 4000)], rng)
+    observed, truth = project(poses[apart][rng.integers(0, apart.sum(), 4000)], rng)
     with torch.no_grad():
-        moved = network(_tensor(inputs(seen))).numpy().reshape(truth.shape)
+        moved = network(_tensor(inputs(observed))).numpy().reshape(truth.shape)
     before, after = (
         1000 * np.linalg.norm(joints - truth, axis=-1).mean()
-        for joints in (seen[0], seen[0] + moved)
+        for joints in (observed[0], observed[0] + moved)
     )
     print(
         f"{len(poses)} poses of {len(np.unique(clips))} motions, {apart.sum()} left out: "
@@ -165,9 +165,9 @@ def fit(poses: Array, clips: NDArray[np.int64], steps: int, seed: int) -> Lifter
     optimiser = torch.optim.Adam(network.parameters())
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, LEARNING_RATE, total_steps=steps)
     for _ in range(steps):
-        seen, truth = project(poses[rng.choice(len(poses), BATCH, p=share)], rng)
-        wanted = _tensor((truth - seen[0]).reshape(BATCH, -1))
-        loss = (network(_tensor(inputs(seen))) - wanted).square().sum(1).mean()
+        observed, truth = project(poses[rng.choice(len(poses), BATCH, p=share)], rng)
+        wanted = _tensor((truth - observed[0]).reshape(BATCH, -1))
+        loss = (network(_tensor(inputs(observed))) - wanted).square().sum(1).mean()
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()

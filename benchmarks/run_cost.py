@@ -169,8 +169,8 @@ def main() -> None:
         raise SystemExit("the code differs from its commit, which the figures name: commit first")
     measured = {}
     for photo in PHOTOS:
-        found = medians([run(photo) for _ in range(given.rounds)])
-        measured[photo] = {key: round(value, 1) for key, value in found.items()}
+        medians_of_photo = medians([run(photo) for _ in range(given.rounds)])
+        measured[photo] = {key: round(value, 1) for key, value in medians_of_photo.items()}
     cost = {
         "commit": docs_numbers.commit_of_code(),
         "date": git("log", "-1", "--format=%cs", "--", *CODE),
@@ -179,7 +179,7 @@ def main() -> None:
         "rounds": given.rounds,
         "photos": measured,
     }
-    found = {**pages.figures(), "cost": cost}
-    pages.FIGURES.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    figures = {**pages.figures(), "cost": cost}
+    pages.FIGURES.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
     pages.write_pages()
     print(pages.cost_line())

@@ -65,29 +65,31 @@ class Variant:
         import cv2
 
         left, top, right, bottom = self.window(photo.shape[1], photo.shape[0])
-        found: Any = photo[top:bottom, left:right]
+        changed: Any = photo[top:bottom, left:right]
         if self.mirrored:
-            found = found[:, ::-1]
+            changed = changed[:, ::-1]
         if self.scale != 1:
-            size = round(self.scale * found.shape[1]), round(self.scale * found.shape[0])
-            found = cv2.resize(found, size, interpolation=cv2.INTER_AREA)
+            size = round(self.scale * changed.shape[1]), round(self.scale * changed.shape[0])
+            changed = cv2.resize(changed, size, interpolation=cv2.INTER_AREA)
         if self.gray:
-            found = np.repeat(cv2.cvtColor(found, cv2.COLOR_RGB2GRAY)[..., None], 3, -1)
+            changed = np.repeat(cv2.cvtColor(changed, cv2.COLOR_RGB2GRAY)[..., None], 3, -1)
         if self.quality is not None:
             options = [cv2.IMWRITE_JPEG_QUALITY, self.quality]
-            data = cv2.imencode(".jpg", found[..., ::-1], options)[1]
-            found = cv2.imdecode(data, cv2.IMREAD_COLOR)[..., ::-1]
-        return np.ascontiguousarray(found)
+            data = cv2.imencode(".jpg", changed[..., ::-1], options)[1]
+            changed = cv2.imdecode(data, cv2.IMREAD_COLOR)[..., ::-1]
+        return np.ascontiguousarray(changed)
 
     def camera(self, camera: Intrinsics) -> Intrinsics:
         """Return the camera of the variant of a photo with a camera."""
         left, top, right, bottom = self.window(camera.width, camera.height)
         width = right - left
         height = bottom - top
-        found = replace(camera, cx=camera.cx - left, cy=camera.cy - top, width=width, height=height)
+        changed = replace(
+            camera, cx=camera.cx - left, cy=camera.cy - top, width=width, height=height
+        )
         if self.mirrored:
-            found = replace(found, cx=width - 1 - found.cx)
-        return found.resized(round(self.scale * width), round(self.scale * height))
+            changed = replace(changed, cx=width - 1 - changed.cx)
+        return changed.resized(round(self.scale * width), round(self.scale * height))
 
 
 PHOTO = Variant("photo")
@@ -144,7 +146,7 @@ def answer_of(people: Sequence[Any], variant: Variant, width: int, height: int) 
         places = [np.clip((share * n).astype(int), 0, n - 1) for share, n in pairs]
         return mask[np.ix_(*places)] & inside
 
-    seen = [
+    visible = [
         SeenPerson(
             mask=sampled(person.mask),
             distance=float(np.linalg.norm(person.joints[0])),
@@ -152,7 +154,7 @@ def answer_of(people: Sequence[Any], variant: Variant, width: int, height: int) 
         )
         for person in people
     ]
-    return Answer(inside, tuple(sorted(seen, key=lambda person: -int(person.mask.sum()))))
+    return Answer(inside, tuple(sorted(visible, key=lambda person: -int(person.mask.sum()))))
 
 
 @dataclass(frozen=True)
@@ -191,7 +193,7 @@ def change(photo: Answer, variant: Answer) -> Change:
     """Compare the answer to a photo with that to its variant."""
     ours, theirs = photo.people, variant.people
     cut = [person.mask & variant.inside for person in ours]
-    found = _matched([person.mask for person in theirs], cut)
+    matches = _matched([person.mask for person in theirs], cut)
     counted = [
         i
         for i, person in enumerate(ours[:LARGEST])
@@ -203,12 +205,12 @@ def change(photo: Answer, variant: Answer) -> Change:
                 i, math.log(other.distance / ours[i].distance), (ours[i].usable, other.usable)
             )
             for i in counted
-            if i in found
-            for other in [theirs[found[i]]]
+            if i in matches
+            for other in [theirs[matches[i]]]
         ),
         visible=len(counted),
-        lost=len(set(counted) - set(found)),
-        new=len(set(range(len(theirs[:LARGEST]))) - set(found.values())),
+        lost=len(set(counted) - set(matches)),
+        new=len(set(range(len(theirs[:LARGEST]))) - set(matches.values())),
     )
 
 

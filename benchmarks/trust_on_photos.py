@@ -90,11 +90,13 @@ def people_of(results: Path, earlier: Sequence[Row]) -> list[Row]:
     for folder in find_results(results):
         result = load_reconstruction(folder)
         photo = Path(result.photo_name).stem
-        own = [row for row in earlier if row["photo"] == photo]
+        of_photo = [row for row in earlier if row["photo"] == photo]
         for index, person in enumerate(result.people):
             box = result.file_pixels(person.box.reshape(2, 2)).ravel().round(1).tolist()
-            matched = match_by_boxes([box], [row["box"] for row in own], SAME_PERSON).predicted_of
-            kept = {name: own[i][name] for i in matched for name in ("verdicts", "child")}
+            matched = match_by_boxes(
+                [box], [row["box"] for row in of_photo], SAME_PERSON
+            ).predicted_of
+            kept = {name: of_photo[i][name] for i in matched for name in ("verdicts", "child")}
             checks = {
                 check.name: None if check.value is None else float(f"{check.value:.4g}")
                 for check in result.checks
@@ -129,14 +131,14 @@ def agreement(rows: Sequence[Row]) -> dict[str, str]:
         return {}
     marks = {name: np.array([[one[name] for one in pair[:2]] for pair in both]) for name in MARKS}
     marks[ALL] = np.prod([marks[name] for name in MARKS], axis=0)
-    found = {}
+    sentences = {}
     for name, pairs in marks.items():
         equal = float((pairs[:, 0] == pairs[:, 1]).mean())
         first, second = pairs.mean(0)
         chance = first * second + (1 - first) * (1 - second)
         kappa = (equal - chance) / (1 - chance)
-        found[name] = f"{equal:.2f} equal, kappa {kappa:.2f}, {len(pairs)} people"
-    return found
+        sentences[name] = f"{equal:.2f} equal, kappa {kappa:.2f}, {len(pairs)} people"
+    return sentences
 
 
 def right_share(rows: Sequence[Row], mark: str) -> float:
@@ -181,13 +183,13 @@ def fitted_mark(rows: Sequence[Row], mark: str) -> dict[str, Any]:
     usual = np.array([np.nanmedian(column[right >= CAP]) for column in loads.T])
     spread = np.array([np.nanstd(column) for column in loads.T]) + 1e-9
     # What was not measured costs nothing: its load is the usual one.
-    found = likeliest(np.nan_to_num((loads - usual) / spread), right)
+    weights = likeliest(np.nan_to_num((loads - usual) / spread), right)
     terms = {
         name: {"slope": round(float(slope), 3), "usual": round(float(load), 3)}
-        for name, slope, load in zip(names, found[1:] / spread, usual, strict=True)
+        for name, slope, load in zip(names, weights[1:] / spread, usual, strict=True)
         if round(float(slope), 3) < 0
     }
-    return {"constant": round(float(found[0]), 3), "terms": terms}
+    return {"constant": round(float(weights[0]), 3), "terms": terms}
 
 
 def likeliest(columns: Array, right: Array) -> Array:
@@ -218,8 +220,8 @@ def loads_of(row: Row) -> list[float | None]:
 
 def probabilities(rows: Sequence[Row], models: Mapping[str, Any]) -> dict[str, Array]:
     """Return the probability (n,) of each person by fitted models, with its caps, by mark."""
-    found = [probabilities_of(row["checks"], models) for row in rows]
-    return {mark: np.array([one[mark] for one in found]) for mark in (*MARKS, ALL)}
+    rows_of_chances = [probabilities_of(row["checks"], models) for row in rows]
+    return {mark: np.array([one[mark] for one in rows_of_chances]) for mark in (*MARKS, ALL)}
 
 
 def left_out_probabilities(rows: Sequence[Row]) -> dict[str, Array]:
@@ -227,13 +229,13 @@ def left_out_probabilities(rows: Sequence[Row]) -> dict[str, Array]:
     mark.
     """
     fold = np.array([fold_of(row["photo"].partition("__")[0]) for row in rows])
-    found = {mark: np.zeros(len(rows)) for mark in (*MARKS, ALL)}
+    chances = {mark: np.zeros(len(rows)) for mark in (*MARKS, ALL)}
     for number in sorted(set(fold.tolist())):
-        others = [row for row, own in zip(rows, fold, strict=True) if own != number]
-        mine = [row for row, own in zip(rows, fold, strict=True) if own == number]
+        others = [row for row, fold_of_row in zip(rows, fold, strict=True) if fold_of_row != number]
+        mine = [row for row, fold_of_row in zip(rows, fold, strict=True) if fold_of_row == number]
         for mark, chance in probabilities(mine, fitted(others)).items():
-            found[mark][fold == number] = chance
-    return found
+            chances[mark][fold == number] = chance
+    return chances
 
 
 def described(rows: Sequence[Row], likely: Array, mark: str) -> dict[str, Any]:
@@ -250,8 +252,8 @@ def described(rows: Sequence[Row], likely: Array, mark: str) -> dict[str, Any]:
     rows = judged(rows, mark)
     for row in rows:
         chance = chances[id(row)]
-        own = [(float(chance), float(right)) for right in verdicts_of(row, mark)]
-        photos.setdefault(row["photo"], []).extend(own)
+        marked = [(float(chance), float(right)) for right in verdicts_of(row, mark)]
+        photos.setdefault(row["photo"], []).extend(marked)
     groups = list(photos.values())
     scores = {}
     for name, statistic in STATISTICS.items():

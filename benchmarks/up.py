@@ -108,7 +108,7 @@ def examples_of(files: Sequence[Path], out: Path, crops: int) -> Examples:
     in OUT is looked at first.
     """
     out.mkdir(parents=True, exist_ok=True)
-    found = []
+    parts = []
     for place, file in enumerate(files):
         kept = out / f"{file.stem}_{crops}.npz"
         if not kept.is_file():
@@ -118,9 +118,9 @@ def examples_of(files: Sequence[Path], out: Path, crops: int) -> Examples:
             write_arrays(kept, dict(zip(("tokens", "views"), columns, strict=True)))
             print(file.stem, flush=True)
         with kept.open("rb") as stream:
-            found.append(read_arrays(stream))
+            parts.append(read_arrays(stream))
     x, views = (
-        np.concatenate([one[name] for one in found]).astype(np.float64)
+        np.concatenate([one[name] for one in parts]).astype(np.float64)
         for name in ("tokens", "views")
     )
     narrow = views[:, 0] < WIDEST_DEG
@@ -209,13 +209,13 @@ def scores(of: Examples) -> list[str]:
     """Return the errors of pitch and roll of places that are left out, as lines."""
     answers = left_out_logits(of, fit_angles)
     lines = []
-    for name, said, true, usual in zip(
+    for name, estimated, true, usual in zip(
         ("pitch", "roll"), answers.T, of.y.T, (25.0, 10.0), strict=True
     ):
-        off = said - true
+        off = estimated - true
         rms, of_usual = (float(np.sqrt(np.mean(e**2))) for e in (off, off[np.abs(true) < usual]))
         lines.append(
             f"{name:5} rms {rms:.1f} degrees, median {np.median(np.abs(off)):.1f}, below "
-            f"{usual:g} degrees {of_usual:.1f}; slope {np.polyfit(true, said, 1)[0]:.2f}"
+            f"{usual:g} degrees {of_usual:.1f}; slope {np.polyfit(true, estimated, 1)[0]:.2f}"
         )
     return lines

@@ -75,14 +75,14 @@ def bundle(folder: Path) -> str:
     ]
     subprocess.run([*command, "--log-level=warning"], cwd=folder, check=True)
     licence = (three / "LICENSE").read_text(encoding="utf-8").strip()
-    found = (
+    script = (
         f"/*!\nthree.js {THREE}, with OrbitControls; bundled by "
         f"tools/bundle_three.py\n\n{licence}\n*/\n"
     )
-    found += (folder / "three.js").read_text(encoding="utf-8").strip() + "\n"
+    script += (folder / "three.js").read_text(encoding="utf-8").strip() + "\n"
     for wrong in ("http:", "https:", "</script", "<!--"):
-        assert wrong not in found, f"{wrong} is in the bundle"
-    return found
+        assert wrong not in script, f"{wrong} is in the bundle"
+    return script
 
 
 def main() -> None:

@@ -62,7 +62,7 @@ def _touches(person: Person) -> dict[str, float]:
     """Return what each part probably touches, "left foot: floor", with the probability; only what
     pixels show.
     """
-    found: dict[str, float] = {}
+    probability_of: dict[str, float] = {}
     for one in person.contacts:
         if one.likely and not one.assumed:
             partner = (
@@ -71,8 +71,10 @@ def _touches(person: Person) -> dict[str, float]:
                 else one.partner.surface or "a surface"
             )
             name = f"{part_words(one.part)}: {partner}"
-            found[name] = max(found.get(name, 0.0), round(one.probability or 1.0, 2))
-    return dict(sorted(found.items()))
+            probability_of[name] = max(
+                probability_of.get(name, 0.0), round(one.probability or 1.0, 2)
+            )
+    return dict(sorted(probability_of.items()))
 
 
 def _failed(result: Reconstruction, person: int | None) -> list[str]:

@@ -44,15 +44,17 @@ def read_mutants(names: Sequence[str]) -> list[Mutant]:
     """Return the mutants of these names, or all; exit with a message if one does not exist or names
     no test.
     """
-    found = {path.stem: path for path in sorted(FOLDER.glob("*.patch"))}
-    if unknown := [name for name in names if name not in found]:
-        sys.exit(f"no patch is named {', '.join(unknown)}: {', '.join(found)}")
+    patches = {path.stem: path for path in sorted(FOLDER.glob("*.patch"))}
+    if unknown := [name for name in names if name not in patches]:
+        sys.exit(f"no patch is named {', '.join(unknown)}: {', '.join(patches)}")
     mutants = []
-    for name in names or found:
-        line = found[name].read_text(encoding="utf-8").partition("\n")[0]
+    for name in names or patches:
+        line = patches[name].read_text(encoding="utf-8").partition("\n")[0]
         if not line.startswith("Test: "):
-            sys.exit(f'{found[name]}: the first line must be "Test: " and the test that must fail')
-        mutants.append(Mutant(name, found[name], line.removeprefix("Test: ").strip()))
+            sys.exit(
+                f'{patches[name]}: the first line must be "Test: " and the test that must fail'
+            )
+        mutants.append(Mutant(name, patches[name], line.removeprefix("Test: ").strip()))
     return mutants
 
 
@@ -120,9 +122,9 @@ def main() -> int:
         if code != PASSED:
             sys.exit(f"the tests must pass before a defence is removed:\n{output[-4000:]}")
         for mutant in mutants:
-            found = fault(copy, mutant)
-            bad += bool(found)
-            print(f"{mutant.name}: {found or 'noticed'}", flush=True)
+            failure = fault(copy, mutant)
+            bad += bool(failure)
+            print(f"{mutant.name}: {failure or 'noticed'}", flush=True)
     print(f"{len(mutants) - bad} of {len(mutants)} removed defences were noticed")
     return 1 if bad else 0
 

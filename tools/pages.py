@@ -125,18 +125,18 @@ def readers_line() -> str:
 
 
 def children_line() -> str:
-    found = figures()["trust"]["children"]
-    return f"All four marks are right for {right_text(found)} children."
+    figure = figures()["trust"]["children"]
+    return f"All four marks are right for {right_text(figure)} children."
 
 
-def right_text(found: Mapping[str, Any]) -> str:
+def right_text(figure: Mapping[str, Any]) -> str:
     """Return a share of people in words; a count where they are few."""
-    people = found["people"]
+    people = figure["people"]
     if not people:
         return "-"
     if people < FEW:
-        return f"{round(found['share'] * people)} of {people}"
-    return f"{percent(found['share'])} of {people}"
+        return f"{round(figure['share'] * people)} of {people}"
+    return f"{percent(figure['share'])} of {people}"
 
 
 def truth_table() -> str:
@@ -176,7 +176,7 @@ def cost_line() -> str:
 
 
 def checks_table(of: str) -> str:
-    found = figures()["trust"]["where a check fails"]
+    figure_of = figures()["trust"]["where a check fails"]
     head = ["label", "name", "value", "limit"]
     people = of == "person"
     return table(
@@ -188,7 +188,7 @@ def checks_table(of: str) -> str:
                 value_of(spec) + ("; only if there is one" if spec.optional else ""),
                 limit_of(spec),
                 *(
-                    [right_text(found[spec.name]) if spec.name in found else "not measured"]
+                    [right_text(figure_of[spec.name]) if spec.name in figure_of else "not measured"]
                     if people
                     else []
                 ),
@@ -221,7 +221,7 @@ def limit_of(spec: CheckSpec) -> str:
 
 
 def exports_table() -> str:
-    rows = sorted((found.record for found in find_exporters()), key=lambda one: one.name)
+    rows = sorted((exporter.record for exporter in find_exporters()), key=lambda one: one.name)
     return table(
         ("`--to`", "for", "`--up`", "options"),
         (
@@ -331,9 +331,9 @@ def arrays_table() -> str:
 def meaning_of(kind: type, name: str) -> str:
     """Return what the docstring of a dataclass says of a field, without its shape."""
     doc = inspect.getdoc(kind) or ""
-    found = re.search(rf"^    {name}: (?:\([\w, ]*\) ?)?((?:.+\n(?!    \w+:))*.+)", doc, re.M)
-    assert found is not None, (kind, name)
-    return found[1].lstrip(", ").rstrip(".")
+    match = re.search(rf"^    {name}: (?:\([\w, ]*\) ?)?((?:.+\n(?!    \w+:))*.+)", doc, re.M)
+    assert match is not None, (kind, name)
+    return match[1].lstrip(", ").rstrip(".")
 
 
 def columns_table() -> str:
@@ -343,12 +343,12 @@ def columns_table() -> str:
 
 def layers(container: str) -> str:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    (found,) = (
+    (names,) = (
         contract["layers"]
         for contract in project["tool"]["importlinter"]["contracts"]
         if contract.get("containers") == [container]
     )
-    return "\n".join(["```text", *found, "```"])
+    return "\n".join(["```text", *names, "```"])
 
 
 def parts() -> dict[str, Callable[[], str]]:
@@ -384,14 +384,14 @@ def parts() -> dict[str, Callable[[], str]]:
 
 def pages() -> list[Path]:
     """Return the pages with such parts."""
-    found = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("*/*.md")]
-    return sorted({page for page in found if _PART.search(page.read_text(encoding="utf-8"))})
+    files = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("*/*.md")]
+    return sorted({page for page in files if _PART.search(page.read_text(encoding="utf-8"))})
 
 
 def renewed(text: str) -> str:
     """Return a page with its parts as they are now."""
-    made = parts()
-    return _PART.sub(lambda found: f"{found[1]}{made[found[2]]()}\n", text)
+    texts = parts()
+    return _PART.sub(lambda match: f"{match[1]}{texts[match[2]]()}\n", text)
 
 
 def old_pages() -> list[str]:

@@ -72,24 +72,24 @@ def sources() -> dict[str, list[tuple[int, str]]]:
         text=True,
         check=True,
     )
-    found = {}
+    lines_of = {}
     for name in listed.stdout.split():
         if "/tests/" in name or "/scaffold/" in name or "NOTICE" in name:
             continue
         read = page_lines if name.endswith(".md") else messages
         if lines := list(read(ROOT / name)):
-            found[name] = lines
-    return found
+            lines_of[name] = lines
+    return lines_of
 
 
 def stumbling(sources: dict[str, list[tuple[int, str]]], words: dict[str, str]) -> list[str]:
     """Return a line for each use of a word that newcomers stumble over."""
     return [
-        f"{name}:{number}: {found[0]!r}: {words[word]}"
+        f"{name}:{number}: {match[0]!r}: {words[word]}"
         for name, lines in sources.items()
         for number, text in lines
         for word in words
-        if (found := re.search(rf"\b(?:{word})\b", text, re.I))
+        if (match := re.search(rf"\b(?:{word})\b", text, re.I))
     ]
 
 
@@ -108,24 +108,24 @@ def linted(sources: dict[str, list[tuple[int, str]]], config: dict[str, Any]) ->
         command = ["proselint", "--config", str(settings), "-o", "compact", "check", *names]
         program = Path(sys.executable).with_name(command[0])
         done = subprocess.run([str(program), *command[1:]], capture_output=True, text=True)
-    found = []
+    findings = []
     for row in done.stdout.splitlines():
         if match := re.match(r"(\S+?\.txt):(\d+):\d+: (.*)", row):
             name, lines = names[match[1]]
             number = lines[min((int(match[2]) - 1) // 2, len(lines) - 1)][0]
             ignored = match[3].startswith(tuple(config["ignored"]))
             if not ignored and not any(word in match[3] for word in config["accepted"]):
-                found.append(f"{name}:{number}: {match[3]}")
-    return found if done.returncode < 2 else [done.stderr]
+                findings.append(f"{name}:{number}: {match[3]}")
+    return findings if done.returncode < 2 else [done.stderr]
 
 
 def main() -> int:
     """Check."""
     text = sources()
     config = json.loads(CONFIG.read_text(encoding="utf-8"))
-    found = stumbling(text, config["avoid"]) + linted(text, config)
-    print("\n".join(found) or "the prose linter finds nothing")
-    return 1 if found else 0
+    findings = stumbling(text, config["avoid"]) + linted(text, config)
+    print("\n".join(findings) or "the prose linter finds nothing")
+    return 1 if findings else 0
 
 
 if __name__ == "__main__":

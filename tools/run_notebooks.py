@@ -82,11 +82,11 @@ def run_all(check: bool, names: list[str] | None = None) -> list[str]:
             path = FOLDER / f"{name}.ipynb"
             notebook = execute(path)
             if check:
-                found = docs_numbers.text_differences(
+                differences = docs_numbers.text_differences(
                     printed(nbformat.read(path, as_version=4)), printed(notebook)
                 )
-                wrong += [f"{path.name}: {line}" for line in found]
-                print(path.name, "differs" if found else "agrees", flush=True)
+                wrong += [f"{path.name}: {line}" for line in differences]
+                print(path.name, "differs" if differences else "agrees", flush=True)
             else:
                 nbformat.write(notebook, path)
                 print(path.name, path.stat().st_size // 1024, "KB", flush=True)

@@ -32,22 +32,22 @@ Component = dict[str, Any]
 
 def bill() -> dict[str, Any]:
     """Return the bill of materials as a document of CycloneDX."""
-    found = {name: distribution(name) for name in OWN}
-    rest = list(found.values())
+    distributions = {name: distribution(name) for name in OWN}
+    rest = list(distributions.values())
     required: dict[str, list[str]] = {}
     while rest:
         of = rest.pop()
         names = required[canonicalize_name(of.name)] = []
         for name in requirements(of):
             try:
-                other = found.get(name) or distribution(name)
+                other = distributions.get(name) or distribution(name)
             except PackageNotFoundError:  # an optional package of an installed extra
                 continue
             names.append(name)
-            if name not in found:
-                found[name] = other
+            if name not in distributions:
+                distributions[name] = other
                 rest.append(other)
-    packages = [package(found[name]) for name in sorted(found)]
+    packages = [package(distributions[name]) for name in sorted(distributions)]
     return {
         "bomFormat": "CycloneDX",
         "specVersion": "1.6",
@@ -56,16 +56,16 @@ def bill() -> dict[str, Any]:
             "component": {
                 "type": "application",
                 "name": "PhySIC",
-                "version": found["metricbody"].version,
+                "version": distributions["metricbody"].version,
             }
         },
         "components": [*packages, *networks(), body()],
         "dependencies": [
             {
-                "ref": reference(found[name]),
-                "dependsOn": sorted({reference(found[other]) for other in required[name]}),
+                "ref": reference(distributions[name]),
+                "dependsOn": sorted({reference(distributions[other]) for other in required[name]}),
             }
-            for name in sorted(found)
+            for name in sorted(distributions)
         ],
     }
 
@@ -84,7 +84,7 @@ def reference(of: Distribution) -> str:
 
 def package(of: Distribution) -> Component:
     address = reference(of)
-    found: Component = {
+    component: Component = {
         "type": "library",
         "bom-ref": address,
         "name": canonicalize_name(of.name),
@@ -92,8 +92,8 @@ def package(of: Distribution) -> Component:
         "purl": address,
     }
     if text := licence(of):
-        found["licenses"] = [{"license": {"name": text}}]
-    return found
+        component["licenses"] = [{"license": {"name": text}}]
+    return component
 
 
 def licence(of: Distribution) -> str:

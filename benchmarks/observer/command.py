@@ -124,10 +124,10 @@ def _labelled(photo: Sample, seen: Seen) -> Iterable[LabelledPerson]:
     """Return the people of a picture that were seen, with their tokens."""
     if not len(seen.boxes):
         return
-    found = tokens_of_questions(seen.tokens, seen.boxes, seen.keypoints)
+    tokens_by_question = tokens_of_questions(seen.tokens, seen.boxes, seen.keypoints)
     boxes = [person.get("box", seen.boxes[0]) for person in photo.truth["people"]]
     same = match_by_boxes(list(seen.boxes), boxes, _LEAST_IOU).predicted_of
     for i, person in enumerate(photo.truth["people"]):
         if i in same:
-            tokens = {name: values[same[i]] for name, values in found.items()}
+            tokens = {name: values[same[i]] for name, values in tokens_by_question.items()}
             yield LabelledPerson(photo, person, tokens)

@@ -150,7 +150,9 @@ def _scores(p: Array, of: Examples) -> str:
     rows = [np.flatnonzero(group == g) for g in range(group.max() + 1)]
     drawn: dict[str, list[float]] = {}
     for counts in draw_counts(len(rows), DRAWS):
-        take = np.concatenate([np.tile(own, int(n)) for own, n in zip(rows, counts, strict=True)])
+        take = np.concatenate(
+            [np.tile(of_picture, int(n)) for of_picture, n in zip(rows, counts, strict=True)]
+        )
         for name, value in _of_cases(p[take], of.y[take]).items():
             drawn.setdefault(name, []).append(value)
     texts = []
@@ -176,15 +178,15 @@ def _of_cases(p: Array, y: Array) -> dict[str, float]:
 
 
 def _of_answer(p: Array, y: NDArray[np.bool_]) -> dict[str, float]:
-    found = probability_scores(p.tolist(), y.tolist())
+    scores = probability_scores(p.tolist(), y.tolist())
     recall = (
         float((p[y] > np.quantile(p[~y], 1 - FALSE_SHARE)).mean()) if y.any() > y.all() else nan
     )
-    named = {name: found[name] for name in ("auc", "brier", "constant", "balanced")}
-    said = p >= 0.5
-    right = float(y[said].mean()) if said.any() else nan
+    named = {name: scores[name] for name in ("auc", "brier", "constant", "balanced")}
+    is_likely = p >= 0.5
+    right = float(y[is_likely].mean()) if is_likely.any() else nan
     return named | {
         f"recall at {FALSE_SHARE:.0%} false": recall,
-        "recall": float(said[y].mean()) if y.any() else nan,
+        "recall": float(is_likely[y].mean()) if y.any() else nan,
         "precision": right,
     }

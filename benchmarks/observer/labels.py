@@ -93,8 +93,8 @@ def with_backs(photo: Sample) -> Sample:
 @cache
 def _backs() -> Mapping[str, list[dict[str, Any]]]:
     file = Path(__file__).parents[1] / "truth" / "labels_of_backs.json"
-    found: dict[str, list[dict[str, Any]]] = json.loads(file.read_text())
-    return found
+    people_of: dict[str, list[dict[str, Any]]] = json.loads(file.read_text())
+    return people_of
 
 
 def _column(values: Any) -> Array:
@@ -170,7 +170,7 @@ def agreed(readers: Sequence[Mapping[str, Sequence[Truth]]]) -> dict[str, list[T
     None where they differ, and all words of the posture.
     """
     first, *others = readers
-    found: dict[str, list[Truth]] = {}
+    people_of: dict[str, list[Truth]] = {}
     for name, people in first.items():
         same: list[Truth] = [dict(one) for one in people]
         for other in others:
@@ -179,8 +179,8 @@ def agreed(readers: Sequence[Mapping[str, Sequence[Truth]]]) -> dict[str, list[T
                 [one["box"] for one in theirs], [one["box"] for one in same], MIN_IOU
             ).predicted_of
             same = [_both(one, theirs[of[i]]) for i, one in enumerate(same) if i in of]
-        found[name] = same
-    return found
+        people_of[name] = same
+    return people_of
 
 
 def _both(one: Truth, other: Truth) -> Truth:

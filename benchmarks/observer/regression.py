@@ -40,8 +40,8 @@ class Examples:
 
 def probabilities(logits: Array) -> Array:
     """Return probabilities (n, K) of logits: of yes for K = 1, else of K classes."""
-    found: Array = expit(logits) if logits.shape[1] == 1 else softmax(logits, axis=1)
-    return found
+    chances: Array = expit(logits) if logits.shape[1] == 1 else softmax(logits, axis=1)
+    return chances
 
 
 def fit_logistic(of: Examples, ridge: float) -> Array:
@@ -63,8 +63,8 @@ def fit_logistic(of: Examples, ridge: float) -> Array:
         return float(of.weight @ value + ridge / 2 * (shrunk**2).sum()), gradient.ravel()
 
     start = np.zeros(k * (c + 1))
-    found = minimize(loss, start, jac=True, method="L-BFGS-B", options=_PATIENCE)
-    w = found.x.reshape(k, c + 1)
+    solution = minimize(loss, start, jac=True, method="L-BFGS-B", options=_PATIENCE)
+    w = solution.x.reshape(k, c + 1)
     weights = w[:, :c] / spread
     return np.column_stack([weights, w[:, c] - weights @ mean])
 
@@ -82,19 +82,19 @@ def _log_loss(logits: Array, y: Array) -> tuple[Array, Array]:
 
 def logits_of(numbers: Array, x: Array) -> Array:
     """Return the logits (n, K) of tokens (n, C)."""
-    found: Array = x @ numbers[:, :-1].T + numbers[:, -1]
-    return found
+    logits: Array = x @ numbers[:, :-1].T + numbers[:, -1]
+    return logits
 
 
 def left_out_logits(of: Examples, fit: Callable[[Examples], Array], folds: int = FOLDS) -> Array:
     """Return the logits (n, K) of each example by a fit to the others, without its group."""
     fold_of = folds_of(of.groups, folds)
-    found = np.full(of.y.shape, np.nan)
+    logits = np.full(of.y.shape, np.nan)
     for fold in range(folds):
         out = fold_of == fold
         if out.any():
-            found[out] = logits_of(fit(of.take(~out)), of.x[out])
-    return found
+            logits[out] = logits_of(fit(of.take(~out)), of.x[out])
+    return logits
 
 
 def folds_of(groups: Sequence[str], folds: int) -> NDArray[np.int_]:
@@ -119,10 +119,10 @@ def calibration(logits: Array, of: Examples) -> tuple[float, float]:
         value, _ = _log_loss(v[0] * logits + (v[1] if binary else 0.0), of.y)
         return float(of.weight @ value)
 
-    found = minimize(
+    solution = minimize(
         loss, np.array([1.0, 0.0]), method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-9}
     )
-    return float(found.x[0]), float(found.x[1]) if binary else 0.0
+    return float(solution.x[0]), float(solution.x[1]) if binary else 0.0
 
 
 def calibrated(numbers: Array, pair: tuple[float, float]) -> Array:

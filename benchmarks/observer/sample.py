@@ -62,18 +62,18 @@ def see(picture: Picture, given: Sequence[Sequence[float]]) -> Seen:
 
     A pose that does not lie in its box has confidence 0.
     """
-    found = detect_boxes(opened("yolox_nano"), picture, min_score=0.3, min_tile_score=0.3)
-    boxes = found.people.boxes.astype(np.float64)
+    detections = detect_boxes(opened("yolox_nano"), picture, min_score=0.3, min_tile_score=0.3)
+    boxes = detections.people.boxes.astype(np.float64)
     if not given:
         boxes = boxes[:1]
     else:
-        own = np.array(given, np.float64)
-        overlap = box_iou(boxes, own).max(1, initial=0)
-        boxes = np.concatenate([own, boxes[(overlap > 0) & (overlap < _SAME_IOU)]])
+        given_boxes = np.array(given, np.float64)
+        overlap = box_iou(boxes, given_boxes).max(1, initial=0)
+        boxes = np.concatenate([given_boxes, boxes[(overlap > 0) & (overlap < _SAME_IOU)]])
     pyramid = ImagePyramid.from_image(picture)
     poses = [pose_in_box(opened("pose_landmark_heavy"), pyramid, box) for box in boxes]
-    own = np.array([pose.mask_box for pose in poses]).reshape(-1, 4)
-    lost = np.diag(box_iou(boxes, own)) < _LEAST_IOU
+    pose_boxes = np.array([pose.mask_box for pose in poses]).reshape(-1, 4)
+    lost = np.diag(box_iou(boxes, pose_boxes)) < _LEAST_IOU
     keypoints = keypoints_from_poses(poses, *picture.shape[:2])
     confidence = np.where(lost[:, None], np.float32(0), keypoints.confidence)
     tokens = patch_tokens("depth_anything_v2_vits", opened, picture, 406, 3600)

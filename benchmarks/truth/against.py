@@ -242,7 +242,7 @@ def _labelled(
         boxes = [person["box"] for person in people], [person["box"] for person in truth]
         matched = match_by_boxes(*boxes, MIN_IOU).predicted_of
     of = {"set": sample.set, "photo": sample.name, "group": sample.group}
-    found = [
+    records = [
         {**of, "person": str(i), "missed": 100.0 * (i not in matched)} for i in range(len(truth))
     ]
     parts = []
@@ -251,7 +251,7 @@ def _labelled(
             touch = people[j]["parts"].get(OF_RESULTS.get(part, part))
             if label and touch is not None:
                 parts.append(part_record(sample, str(i), part, touch, TOUCHES[label]))
-    return found, parts
+    return records, parts
 
 
 def change_figures(

@@ -127,8 +127,8 @@ class Question:
 
 def question_of(sample: Sample, *, with_camera: bool = True) -> Question:
     """Return what a sample asks: its picture, with the camera where it is known."""
-    known = with_camera and sample.K is not None
-    camera = sample.K[[0, 1, 0, 1], [0, 1, 2, 2]] if known else None
+    gives_camera = with_camera and sample.K is not None
+    camera = sample.K[[0, 1, 0, 1], [0, 1, 2, 2]] if gives_camera else None
     return Question(
         f"{sample.set} {sample.name}",
         rgb(picture_of(sample)),

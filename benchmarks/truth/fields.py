@@ -34,9 +34,9 @@ def measured(
     """
     if record["error"]:
         return {"error": record["error"], "people": [], "floor": None}
-    own = Intrinsics(**record["camera"])
-    camera = own.resized(*size)
-    factor = np.array([size[0] / own.width, size[1] / own.height])
+    intrinsics = Intrinsics(**record["camera"])
+    camera = intrinsics.resized(*size)
+    factor = np.array([size[0] / intrinsics.width, size[1] / intrinsics.height])
     names = [record["skeleton"].index(n) if n in record["skeleton"] else -1 for n in LIMB_JOINTS]
     people = record["people"]
     sigmas = record.get("distance_sigmas") or [None] * len(people)
@@ -83,5 +83,5 @@ def _depth(depth: Array, sample: Sample) -> dict[str, float]:
     file = str(sample.truth["depth_file"])
     truth = cv2.imread(file, cv2.IMREAD_UNCHANGED).astype(np.float64) / 1000
     size = (truth.shape[1], truth.shape[0])
-    found = cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST).astype(np.float64)
-    return depth_errors(found, truth)
+    resized = cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST).astype(np.float64)
+    return depth_errors(resized, truth)

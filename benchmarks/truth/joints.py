@@ -48,11 +48,11 @@ def limb_joints(named: Mapping[str, Sequence[float]], size: int) -> Array:
     return np.array([list(points.get(name, missing))[:size] for name in LIMB_JOINTS], np.float64)
 
 
-def root(joints: Array, known: NDArray[np.bool_] | None = None) -> Array:
+def root(joints: Array, is_known: NDArray[np.bool_] | None = None) -> Array:
     """(3,) the middle of the hips, of the known ones alone: the pelvis itself is placed differently
     by data sets.
     """
-    hips = [row for row in HIPS if known is None or known[row]]
+    hips = [row for row in HIPS if is_known is None or is_known[row]]
     middle: Array = joints[hips].mean(0) if hips else np.full(3, np.nan)
     return middle
 

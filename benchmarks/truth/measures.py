@@ -27,19 +27,21 @@ FORCE_SHARE = 0.05
 
 def pose_errors(predicted: Array, truth: Array) -> dict[str, Any]:
     """Of (12, 3) m in the camera's frame. Joints that the truth lacks do not count."""
-    known = np.isfinite(truth).all(-1)
-    own = bone_lengths(predicted)
+    is_known = np.isfinite(truth).all(-1)
+    lengths = bone_lengths(predicted)
     true = bone_lengths(truth)
-    both = [name for name in true if np.isfinite(true[name]) and np.isfinite(own[name])]
+    both = [name for name in true if np.isfinite(true[name]) and np.isfinite(lengths[name])]
     ratio = (
-        sum(own[name] for name in both) / sum(true[name] for name in both) if both else float("nan")
+        sum(lengths[name] for name in both) / sum(true[name] for name in both)
+        if both
+        else float("nan")
     )
-    pelvis = root(predicted, known)
-    true_pelvis = root(truth, known)
+    pelvis = root(predicted, is_known)
+    true_pelvis = root(truth, is_known)
     return {
-        "pa_mpjpe_mm": float(pa_mpjpe_mm(predicted, truth, known)),
-        "root_aligned_mm": float(mpjpe_mm(predicted - pelvis, truth - true_pelvis, known)),
-        "mpjpe_mm": float(mpjpe_mm(predicted, truth, known)),
+        "pa_mpjpe_mm": float(pa_mpjpe_mm(predicted, truth, is_known)),
+        "root_aligned_mm": float(mpjpe_mm(predicted - pelvis, truth - true_pelvis, is_known)),
+        "mpjpe_mm": float(mpjpe_mm(predicted, truth, is_known)),
         "pelvis_mm": float(1000 * np.linalg.norm(pelvis - true_pelvis)),
         "pelvis_depth_ratio": float(pelvis[2] / true_pelvis[2]),
         "bones_ratio": ratio,
@@ -59,9 +61,9 @@ def box_of(points: Array) -> Array:
 
 def share_inside(points: Array, box: Sequence[float]) -> float:
     """Share of the known (J, 2) points that lie in a box; 0 without points."""
-    known = points[np.isfinite(points).all(-1)]
-    inside = ((known >= box[:2]) & (known <= box[2:])).all(-1)
-    return float(inside.mean()) if len(known) else 0.0
+    finite = points[np.isfinite(points).all(-1)]
+    inside = ((finite >= box[:2]) & (finite <= box[2:])).all(-1)
+    return float(inside.mean()) if len(finite) else 0.0
 
 
 def match_people(
@@ -81,10 +83,10 @@ def match_people(
     mutual = np.array(
         [
             [
-                min(share_inside(true, box), share_inside(found, true_box))
+                min(share_inside(true, box), share_inside(joints, true_box))
                 for true_box, true in truth
             ]
-            for box, found in zip(boxes, points, strict=True)
+            for box, joints in zip(boxes, points, strict=True)
         ]
     ).reshape(iou.shape)
     return assign(-iou - mutual, (iou > MIN_IOU) | (mutual > 0.5)).predicted_of
@@ -113,25 +115,25 @@ def probability_scores(probability: Sequence[float], truth: Sequence[bool]) -> d
     ``recall``, ``specificity`` and ``balanced`` (their mean) are at one half. ``calibration`` is
     the expected calibration error in ten bins, mean |probability - share of true cases|.
     """
-    given = np.array(probability, np.float64)
+    chances = np.array(probability, np.float64)
     fact = np.array(truth, bool)
     if not len(fact):
         return dict.fromkeys(SCORES, float("nan"))
-    found = given >= 0.5
+    is_likely = chances >= 0.5
     rate = fact.mean()
-    right = found[fact], ~found[~fact]
+    right = is_likely[fact], ~is_likely[~fact]
     recall, specificity = (float(cases.mean()) if len(cases) else float("nan") for cases in right)
-    above = given[fact][:, None] - given[~fact]
-    index = np.minimum((given * CALIBRATION_BINS).astype(int), CALIBRATION_BINS - 1)
-    off = np.bincount(index, given - fact, CALIBRATION_BINS)
+    above = chances[fact][:, None] - chances[~fact]
+    index = np.minimum((chances * CALIBRATION_BINS).astype(int), CALIBRATION_BINS - 1)
+    off = np.bincount(index, chances - fact, CALIBRATION_BINS)
     return {
         "auc": float(((above > 0) + 0.5 * (above == 0)).mean()) if above.size else float("nan"),
-        "brier": float(np.square(given - fact).mean()),
+        "brier": float(np.square(chances - fact).mean()),
         "constant": float(rate * (1 - rate)),
         "recall": recall,
         "specificity": specificity,
         "balanced": (recall + specificity) / 2,
-        "calibration": float(np.abs(off).sum() / len(given)),
+        "calibration": float(np.abs(off).sum() / len(chances)),
     }
 
 
@@ -139,15 +141,15 @@ def depth_errors(depth: Array, truth: Array) -> dict[str, float]:
     """Mean |Z - Z*| / Z* over the pixels that both maps know: as it comes, and after the factor of
     the medians.
     """
-    known = np.isfinite(depth) & np.isfinite(truth) & (truth > 0) & (depth > 0)
-    if not known.any():
+    is_known = np.isfinite(depth) & np.isfinite(truth) & (truth > 0) & (depth > 0)
+    if not is_known.any():
         return {"absrel": float("nan"), "absrel_scaled": float("nan")}
-    own = depth[known]
-    true = truth[known]
-    factor = float(np.median(true / own))
+    estimated = depth[is_known]
+    true = truth[is_known]
+    factor = float(np.median(true / estimated))
     return {
-        "absrel": float((np.abs(own - true) / true).mean()),
-        "absrel_scaled": float((np.abs(factor * own - true) / true).mean()),
+        "absrel": float((np.abs(estimated - true) / true).mean()),
+        "absrel_scaled": float((np.abs(factor * estimated - true) / true).mean()),
     }
 
 

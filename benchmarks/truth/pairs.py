@@ -139,13 +139,13 @@ def paired(
     """
 
     def values(records: Sequence[Mapping[str, Any]]) -> dict[tuple[str, ...], float]:
-        known = {}
+        value_of = {}
         for record in records:
             value = record.get(key, math.nan)
             value = mean(value) if isinstance(value, list) else float(value)
             if math.isfinite(value):
-                known[(record["set"], *(str(record[name]) for name in unit))] = value
-        return known
+                value_of[(record["set"], *(str(record[name]) for name in unit))] = value
+        return value_of
 
     before, after = values(other), values(this)
     units = {

@@ -77,8 +77,8 @@ def compared(
     moments: dict[str, list[tuple[Sample, dict[str, Any]]]] = {}
     for sample, answer in zip(samples, answers, strict=True):
         if sample.set == "mpi_inf_3dhp":
-            own, ground = score_single(sample, answer)
-            people += own
+            records, ground = score_single(sample, answer)
+            people += records
             floors += ground
         elif sample.set == "people2d":
             people += score_annotated(sample, answer)
@@ -94,8 +94,8 @@ def compared(
             if earlier and name in earlier
             else None
         )
-        own, ground, joints = score_moment([s for s, _ in views], [a for _, a in views], truth)
-        people += own
+        records, ground, joints = score_moment([s for s, _ in views], [a for _, a in views], truth)
+        people += records
         floors += ground
         triangulated[name] = [np.round(j, 5).tolist() for j in joints]
     photos = [photo_record(sample, answer) for sample, answer in zip(samples, answers, strict=True)]
@@ -141,10 +141,10 @@ def score_moment(
     """
     cameras = [camera_of(sample) for sample in samples]
     if truth is None:
-        found = match_views(
+        true_people = match_views(
             cameras, [[keypoints_of(p) for p in people_of(answer)] for answer in answers]
         )
-        truth = [person.joints for person in found]
+        truth = [person.joints for person in true_people]
     views = list(zip(samples, answers, cameras, strict=True))
     people = [one for view in views for one in _seen_people(*view, truth)]
     floors = [
@@ -157,9 +157,9 @@ def score_moment(
         for sample, answer, camera in views
     ]
     for name in {record["person"] for record in people}:
-        own = [record for record in people if record["person"] == name]
-        places = [record.pop("pelvis") for record in own if "pelvis" in record]
-        for record in own:
+        of_person = [record for record in people if record["person"] == name]
+        places = [record.pop("pelvis") for record in of_person if "pelvis" in record]
+        for record in of_person:
             record["spread_m"] = spread_m(np.array(places))
     return people, floors, list(truth)
 
@@ -169,8 +169,8 @@ def _seen_people(
 ) -> Iterator[Record]:
     """Yield the people whom a view shows, who are found with "pelvis", (3,) m of the world."""
     shown = [visible_joints(camera, joints) for joints in truth]
-    known = [int(np.isfinite(joints).all(-1).sum()) for joints in truth]
-    visible = [i for i in range(len(truth)) if shown[i].sum() >= min(MIN_VISIBLE, known[i])]
+    joint_counts = [int(np.isfinite(joints).all(-1).sum()) for joints in truth]
+    visible = [i for i in range(len(truth)) if shown[i].sum() >= min(MIN_VISIBLE, joint_counts[i])]
     pixels = [np.where(shown[i][:, None], camera.project(truth[i]), np.nan) for i in visible]
     matched = matched_people(answer, pixels)
     up = camera.R @ sample.truth["up"]
@@ -189,10 +189,10 @@ def score_annotated(sample: Sample, answer: Answer) -> list[Record]:
     everybody = sample.truth["people"]
     boxes = [[x, y, x + w, y + h] for x, y, w, h in (person["box_xywh"] for person in everybody)]
     marks = [limb_joints(person["keypoints"], 3) for person in everybody]
-    found = people_of(answer)
+    estimated = people_of(answer)
     matched = match_people(
-        [p["box"] for p in found],
-        [keypoints_of(p) for p in found],
+        [p["box"] for p in estimated],
+        [keypoints_of(p) for p in estimated],
         boxes,
         [mark[:, :2] for mark in marks],
     )
@@ -206,10 +206,10 @@ def score_annotated(sample: Sample, answer: Answer) -> list[Record]:
             "hidden": [],
         }
         if i in matched:
-            pixels = projected(joints_of(found[matched[i]]), answer["camera"])
+            pixels = projected(joints_of(estimated[matched[i]]), answer["camera"])
             record["visible"] = points_error(pixels, mark[:, :2], mark[:, 2] == 2, box)
             record["hidden"] = points_error(pixels, mark[:, :2], mark[:, 2] == 1, box)
-            record["usable"] = found[matched[i]]["usable"]
+            record["usable"] = estimated[matched[i]]["usable"]
         records.append(record)
     return records
 
@@ -220,15 +220,17 @@ def score_parkour(sample: Sample, answer: Answer) -> tuple[Record, list[Record]]
     The largest box is theirs. Without a person found, nothing touches.
     """
     truth = limb_joints(sample.truth["joints"], 3)
-    found = people_of(answer)
+    estimated = people_of(answer)
     person = max(
-        found, key=lambda p: (p["box"][2] - p["box"][0]) * (p["box"][3] - p["box"][1]), default=None
+        estimated,
+        key=lambda p: (p["box"][2] - p["box"][0]) * (p["box"][3] - p["box"][1]),
+        default=None,
     )
     record: Record = {**_of(sample), "person": "0", "found": person is not None, "posture": ""}
     if person is not None:
-        own = pose_errors(joints_of(person), truth)
+        errors = pose_errors(joints_of(person), truth)
         # The camera is unknown: nothing else has a truth.
-        record |= {"pa_mpjpe_mm": own["pa_mpjpe_mm"], "usable": person["usable"]}
+        record |= {"pa_mpjpe_mm": errors["pa_mpjpe_mm"], "usable": person["usable"]}
     parts = person["parts"] if person else dict.fromkeys(LIMBS.values(), 0.0)
     limbs = [
         part_record(sample, "0", part, parts[part], sample.truth["touches"][limb])
@@ -248,10 +250,12 @@ def projected(joints: Array, camera: Sequence[float]) -> Array:
 
 def matched_people(answer: Answer, pixels: Sequence[Array]) -> dict[int, Mapping[str, Any]]:
     """Of each true person, by the (12, 2) px of the joints, who is found of those with a body."""
-    found = people_of(answer)
+    estimated = people_of(answer)
     boxes = [box_of(points).tolist() for points in pixels]
-    rows = match_people([p["box"] for p in found], [keypoints_of(p) for p in found], boxes, pixels)
-    return {i: found[j] for i, j in rows.items()}
+    rows = match_people(
+        [p["box"] for p in estimated], [keypoints_of(p) for p in estimated], boxes, pixels
+    )
+    return {i: estimated[j] for i, j in rows.items()}
 
 
 def _of(sample: Sample) -> Record:

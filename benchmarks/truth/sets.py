@@ -80,8 +80,8 @@ def picture_of(sample: Sample) -> Picture:
         picture = cv2.resize(picture, sample.size, interpolation=cv2.INTER_CUBIC)
     if sample.distortion is not None and any(sample.distortion):
         picture = cv2.undistort(picture, sample.K, np.array(sample.distortion))
-    found: Picture = np.ascontiguousarray(picture)
-    return found
+    pixels: Picture = np.ascontiguousarray(picture)
+    return pixels
 
 
 def calibrated(record: Mapping[str, Any]) -> tuple[Camera, tuple[int, int, int, int]]:
@@ -210,15 +210,15 @@ def parkour(folder: Path) -> list[Sample]:
 
 def rgbd(folder: Path) -> list[Sample]:
     """Photos with a measured depth map: image.jpg and *depth.png in millimetres, a folder each."""
-    found = []
+    samples = []
     for photo in sorted(folder.glob("*/image.jpg")):
         for depth in sorted(photo.parent.glob("*depth.png")):
-            found.append(
+            samples.append(
                 Sample(
                     "rgbd", photo.parent.name, photo.parent.name, photo, truth={"depth_file": depth}
                 )
             )
-    return found
+    return samples
 
 
 SETS: dict[str, Callable[[Path], list[Sample]]] = {

@@ -94,15 +94,15 @@ def _completed(record: Record) -> dict[str, Any]:
     """Return a record with whether the person is missed or wrong, the error of size, and shares as
     percent.
     """
-    found = {**record, "missed": 100.0 * (not record["found"])}
-    found["size_off"] = 100 * abs(record.get("bones_ratio", math.nan) - 1)
+    completed = {**record, "missed": 100.0 * (not record["found"])}
+    completed["size_off"] = 100 * abs(record.get("bones_ratio", math.nan) - 1)
     if {"pose", "place", "size"} <= {*record.get("usable", ())} and "pa_mpjpe_mm" in record:
         off = abs(record.get("pelvis_depth_ratio", 1) - 1)
-        found["wrong"] = 100.0 * (record["pa_mpjpe_mm"] > WRONG_POSE_MM or off > WRONG_DEPTH)
+        completed["wrong"] = 100.0 * (record["pa_mpjpe_mm"] > WRONG_POSE_MM or off > WRONG_DEPTH)
     for key in ("visible", "hidden"):
         if key in record:
-            found[key] = [100 * value for value in record[key]]
-    return found
+            completed[key] = [100 * value for value in record[key]]
+    return completed
 
 
 def _percent(pairs: Sequence[Pair]) -> list[Pair]:

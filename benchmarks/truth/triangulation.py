@@ -51,9 +51,9 @@ def triangulate(cameras: Sequence[Camera], points: Array) -> Array:
     P = np.stack([c.K @ np.column_stack([c.R, c.t]) / c.width for c in cameras])
     equations = points[..., None] * P[:, None, 2:] - P[:, None, :2]
     for j in range(points.shape[1]):
-        known = np.isfinite(points[:, j]).all(-1)
-        if known.sum() >= 2:
-            solution = np.linalg.svd(equations[known, j].reshape(-1, 4))[2][-1]
+        is_known = np.isfinite(points[:, j]).all(-1)
+        if is_known.sum() >= 2:
+            solution = np.linalg.svd(equations[is_known, j].reshape(-1, 4))[2][-1]
             if abs(solution[3]) > 1e-9:
                 joints[j] = solution[:3] / solution[3]
     return joints
@@ -85,7 +85,7 @@ def robust_joints(cameras: Sequence[Camera], points: Array) -> tuple[Array, Arra
         quality[better] = agreement.sum(0)[better]
         agreed[:, better] = agreement[:, better] > 0
     count = agreed.sum(0)
-    seen = np.isfinite(points).all(-1).sum(0)
+    view_count = np.isfinite(points).all(-1).sum(0)
     kept = np.where((agreed & (count >= 2))[..., None], points, np.nan)
     joints = triangulate(cameras, kept)
     error = np.array(
@@ -95,7 +95,7 @@ def robust_joints(cameras: Sequence[Camera], points: Array) -> tuple[Array, Arra
         ]
     )
     with np.errstate(invalid="ignore"):
-        enough = (count >= MIN_VIEWS) | ((count == 2) & (seen == 2) & (error < LIMIT / 2))
+        enough = (count >= MIN_VIEWS) | ((count == 2) & (view_count == 2) & (error < LIMIT / 2))
     return np.where(enough[:, None], joints, np.nan), np.where(enough, error, np.nan)
 
 
@@ -150,12 +150,12 @@ def _hypothesis(
     used = [cameras[v] for v in pair]
     points = np.stack([views[v][i] for v, i in pair.items()])
     joints = triangulate(used, points)
-    own = _agreement(errors(used, points, joints)).min(0)
-    if (own > 0).sum() < max(MIN_JOINTS, AGREEING_SHARE * np.isfinite(joints).all(-1).sum()):
+    agreement = _agreement(errors(used, points, joints)).min(0)
+    if (agreement > 0).sum() < max(MIN_JOINTS, AGREEING_SHARE * np.isfinite(joints).all(-1).sum()):
         return 0.0, {}
-    joints = np.where((own > 0)[:, None], joints, np.nan)
+    joints = np.where((agreement > 0)[:, None], joints, np.nan)
     members = dict(pair)
-    total = float(own.sum())
+    total = float(agreement.sum())
     for v in range(len(cameras)):
         if v in pair:
             continue
@@ -171,8 +171,8 @@ def _support(camera: Camera, points: Array, joints: Array) -> float:
     """Agreement of a detection with joints of the world; 0 where it is not theirs."""
     error = errors([camera], points[None], joints)[0]
     agreement = _agreement(error)
-    seen = int(np.isfinite(error).sum())
-    if seen < SEEN_JOINTS or (agreement > 0).sum() < AGREEING_SHARE * seen:
+    joint_count = int(np.isfinite(error).sum())
+    if joint_count < SEEN_JOINTS or (agreement > 0).sum() < AGREEING_SHARE * joint_count:
         return 0.0
     return float(agreement.sum())
 

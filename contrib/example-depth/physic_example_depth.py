@@ -91,8 +91,8 @@ def person_height(
     are not visible.
     """
     rows = np.flatnonzero(mask.any(axis=1))
-    seen = original.points[mask & original.valid, 2]
-    if not len(seen) or rows[-1] == len(mask) - 1:
+    depths = original.points[mask & original.valid, 2]
+    if not len(depths) or rows[-1] == len(mask) - 1:
         return float("nan")
     head, feet = (
         _ray(np.flatnonzero(mask[row]).mean(), row, camera) for row in (rows[0], rows[-1])
@@ -103,7 +103,7 @@ def person_height(
     # the camera is taken to be level, and the person to be as far away as most of what is seen
     else:
         up = np.array([0.0, -1.0, 0.0])
-        foot = feet * float(np.median(seen))
+        foot = feet * float(np.median(depths))
     # foot + h up = t head: three equations for h and t
     h, _ = np.linalg.lstsq(np.stack([up, -head], axis=1), -foot, rcond=None)[0]
     return float(h) if h > 0 else float("nan")

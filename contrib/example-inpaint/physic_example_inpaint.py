@@ -45,21 +45,21 @@ class PullPush(Inpainter):
             raise InputError(f"mask must be {image.shape[:2]} bool, got {mask.shape} {mask.dtype}")
         if mask.all():
             raise InputError("mask covers the whole image: nothing is left to fill it from")
-        known = (~mask).astype(np.float32)[..., None]
-        filled = self._fill(image.astype(np.float32) * known, known)
+        weight = (~mask).astype(np.float32)[..., None]
+        filled = self._fill(image.astype(np.float32) * weight, weight)
         return np.where(mask[..., None], filled.round().clip(0, 255).astype(np.uint8), image)
 
-    def _fill(self, weighted: Floats, known: Floats) -> Floats:
+    def _fill(self, weighted: Floats, weight: Floats) -> Floats:
         """Return the colours (H, W, 3), given known shares (H, W, 1) and colours times known
         shares.
         """
-        colours: Floats = weighted / np.maximum(known, 1e-6)
-        if known.min() >= 1 or max(known.shape) == 1:
+        colours: Floats = weighted / np.maximum(weight, 1e-6)
+        if weight.min() >= 1 or max(weight.shape) == 1:
             return colours
-        height, width = known.shape[:2]
+        height, width = weight.shape[:2]
         down = cv2.pyrDown(weighted)
-        share = cv2.pyrDown(known)[..., None]
+        share = cv2.pyrDown(weight)[..., None]
         gain = np.minimum(1, self.options.certainty * share) / np.maximum(share, 1e-6)
         coarse = cv2.pyrUp(self._fill(down * gain, share * gain), dstsize=(width, height))
-        colours = known * colours + (1 - known) * coarse
+        colours = weight * colours + (1 - weight) * coarse
         return colours

@@ -71,12 +71,12 @@ TITLES = {"plugins/README": "Plugins of the project", "docs/README": "All pages"
 
 def pages() -> list[str]:
     """Return every page by its path from the root, without suffix."""
-    found = [
+    files = [
         *ROOT.glob("*.md"),
         *(page for folder in FOLDERS for page in ROOT.glob(f"{folder}/*.md")),
     ]
-    found += ROOT.glob("docs/notebooks/*.ipynb")
-    return sorted(page.relative_to(ROOT).with_suffix("").as_posix() for page in found)
+    files += ROOT.glob("docs/notebooks/*.ipynb")
+    return sorted(page.relative_to(ROOT).with_suffix("").as_posix() for page in files)
 
 
 def subpages() -> dict[str, list[str]]:
@@ -88,11 +88,13 @@ def subpages() -> dict[str, list[str]]:
         "plugins/README": [],
     }
     for page in pages():
-        for parent, found in below.items():
+        for parent, children in below.items():
             if page.startswith(parent.removesuffix("README")) and page != parent:
-                found.append(page)
+                children.append(page)
     return {
-        parent: _in_order_of(parent, found) for parent, found in below.items() if parent in pages()
+        parent: _in_order_of(parent, children)
+        for parent, children in below.items()
+        if parent in pages()
     }
 
 
@@ -111,9 +113,9 @@ def sections() -> dict[str, list[str]]:
     listed = {page for section in SECTIONS.values() for page in section}
     listed |= {page for below in subpages().values() for page in below}
     rest = [page for page in pages() if page not in listed and page != "README"]
-    found = {
+    pages_of = {
         caption: [page for page in section if page in there]
         for caption, section in SECTIONS.items()
     }
-    found["Use"] += rest
-    return found
+    pages_of["Use"] += rest
+    return pages_of

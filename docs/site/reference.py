@@ -72,13 +72,13 @@ def _module_text(module: str, documented: dict[int, str]) -> list[str]:
     """Return the docstring and the public names of a module, or of the modules of a package that
     exports none.
     """
-    found = import_module(module)
-    text = [inspect.getdoc(found) or ""]
-    if names := public_names(found):
+    imported = import_module(module)
+    text = [inspect.getdoc(imported) or ""]
+    if names := public_names(imported):
         return text + [
-            _entry(f"{module}.{name}", getattr(found, name), documented) for name in names
+            _entry(f"{module}.{name}", getattr(imported, name), documented) for name in names
         ]
-    for inner in sorted(info.name for info in pkgutil.iter_modules(found.__path__)):
+    for inner in sorted(info.name for info in pkgutil.iter_modules(imported.__path__)):
         full = f"{module}.{inner}"
         if public_names(import_module(full)):
             text += [

@@ -50,7 +50,7 @@ def connected(address: str | None) -> Iterator[bool]:
         return
     if address is not None:
         _check_reachable(address)
-    own: dict[str, Any] = {
+    local_settings: dict[str, Any] = {
         "num_cpus": usable_cores(),
         "object_store_memory": _STORE_BYTES,
         "include_dashboard": False,
@@ -63,7 +63,7 @@ def connected(address: str | None) -> Iterator[bool]:
                     address=address or "local",
                     log_to_driver=False,
                     logging_level=logging.ERROR,
-                    **(own if started else {}),
+                    **(local_settings if started else {}),
                 )
         except Exception as error:  # Ray raises plain ones, too, as for a start of over 30 s
             where = (

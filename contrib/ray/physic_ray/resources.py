@@ -39,12 +39,12 @@ class Resources:
         Raises:
             ConfigError: a name is unknown, or a value is not a number.
         """
-        known = [field.name for field in fields(cls)]
+        names = [field.name for field in fields(cls)]
         values = {}
         for name, text in options.items():
-            if name not in known:
+            if name not in names:
                 raise ConfigError(
-                    f"the executor 'ray' has no setting '{name}'; it has {', '.join(known)}"
+                    f"the executor 'ray' has no setting '{name}'; it has {', '.join(names)}"
                 )
             try:
                 values[name] = float(text)
