@@ -34,7 +34,12 @@ from physic_embedded.body_fit.posture_legs import (
     with_legs,
     without_posture,
 )
-from physic_embedded.body_fit.problem import UPRIGHT_SIGMA, FloorConstraint, InitialPose
+from physic_embedded.body_fit.problem import (
+    KNEE_SIGMA,
+    UPRIGHT_SIGMA,
+    FloorConstraint,
+    InitialPose,
+)
 from physic_embedded.body_fit.silhouette import outline_pairs, without_legs
 from physic_embedded.body_fit.start import initial_translation, pose_from_landmarks
 from physic_networks.bodies import observed_joints
@@ -119,7 +124,7 @@ def fit_people(
         if observations.world is not None and keypoints.depth_sigma is None:
             lifted = lifted_limbs(fit, observations, known, cut)
         fit = fit_outlines(model, fit, without_legs(model, pairs, cut), lifted)
-        rotation_sigma = _rotation_sigma(fit, observations)
+        rotation_sigma = _rotation_sigma(fit, observations, upright)
     return Bodies(
         parameters_from_rotations(fit.rotations, fit.betas, None, fit.transl),
         "embedded",
@@ -259,15 +264,21 @@ def _stands(keypoints: Keypoints, said: Observations) -> BoolArray:
     return np.asarray(stands & is_upright(keypoints, said))
 
 
-def _rotation_sigma(fit: FittedBodies, observations: BodyObservations) -> FloatArray | None:
+def _rotation_sigma(
+    fit: FittedBodies, observations: BodyObservations, upright: FloatArray
+) -> FloatArray | None:
     """Return the standard deviations (N, 22) of the rotations of pelvis and body joints, radians;
-    None without 3D landmarks, NaN where unknown.
+    None without 3D landmarks, NaN where unknown. Knees of upright people, of share ``upright``
+    (N,), are known better.
     """
     if observations.depth_sigma is not None:
         spread = fit.problem.rotation_sigma(covariance(fit.problem, fit.unknowns))
         return np.asarray(np.minimum(spread.numpy(), np.pi))
     if observations.world is not None:
         names = (name.rpartition("_")[2].rstrip("123") for name in JOINT_NAMES[:22])
-        sigma = [_ROTATION_SIGMA.get(name, np.nan) for name in names]
-        return np.tile(sigma, (len(observations.points), 1))
+        sigma = np.tile([_ROTATION_SIGMA.get(name, np.nan) for name in names], (len(upright), 1))
+        knees = sigma[:, joint_pair("knee")]
+        known = knees**-2 + upright[:, None] / KNEE_SIGMA**2
+        sigma[:, joint_pair("knee")] = known**-0.5
+        return sigma
     return None

@@ -40,6 +40,11 @@ if TYPE_CHECKING:
 UPRIGHT_SIGMA = 0.03
 """Radians between the line from ankles to neck and the vertical, seen from the side."""
 
+KNEE_SIGMA = 0.12
+"""Radians, bend of knees of people who stand from where the fit starts. Without it, a body that is
+set upright bends them until it is as short as the leaning one looked.
+"""
+
 # A detector may state its own errors of keypoints and of 3D landmarks.
 _KEYPOINT_SIGMA = 0.010  # sizes of the person
 _WORLD_SIGMA_M = (0.04, 0.04, 0.08)  # right, down, and away from the camera
@@ -60,9 +65,6 @@ _TRUNK_SIGMA = 0.1
 # Radians between the pitches of the landmarks above the hips and of the legs, where a floor is
 # known.
 _TRUNK_PITCH_SIGMA = 0.3
-# Radians, bend of knees of people who stand from where the fit starts. Without it, a body that is
-# set upright bends them until it is as short as the leaning one looked.
-_KNEE_SIGMA = 0.12
 # Std. dev. between the lowest points of two visible feet that probably both stand. The loss is
 # robust: a foot in the air is not pulled.
 _LEVEL_SIGMA_M = 0.02
@@ -419,7 +421,7 @@ class FitProblem:
         """
         angle = self._pitch(joints[:, 12] - joints[:, 7:9].mean(1))
         bent = (body.pose - self.pose)[:, [knee - 1 for knee in _KNEES], 0]  # without the pelvis
-        knees = (bent / _KNEE_SIGMA).square().sum(1)
+        knees = (bent / KNEE_SIGMA).square().sum(1)
         return self.upright * ((angle / UPRIGHT_SIGMA).square() + knees)
 
     def _trunk_loss(self, joints: Tensor) -> Tensor:

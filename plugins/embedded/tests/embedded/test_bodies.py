@@ -251,7 +251,10 @@ def test_people_who_stand_on_a_floor_lose_the_lean_of_their_landmarks(degrees):
 
 def test_the_lean_is_stated_of_those_whom_the_floor_sets_upright_or_whose_legs_are_hidden():
     seen = truth([STANDS, SITS], PLACES[:2])
-    assert np.isfinite(fit(seen, FLOOR).lean_sigma).tolist() == [True, False]
+    answer = fit(seen, FLOOR)
+    assert np.isfinite(answer.lean_sigma).tolist() == [True, False]
+    straight, bent = answer.rotation_sigma[:, joints_of("knee")]
+    assert straight.max() < 0.2 < bent.min()
     assert np.isnan(fit(seen).lean_sigma).all()
     sure, unsure = (fit_behind_table(STANDS, word).lean_sigma[0] for word in ("stand", "squat"))
     assert 0 < sure < unsure
