@@ -69,11 +69,11 @@ def write_models(folder):
     from physic_core.body import load_body
     from physic_testing.body_files import write_published
 
-    made = other_body()
+    body = other_body()
     embedded = load_body("embedded")
     for name in ("smplx", "smpl"):
         (folder / name).mkdir()
-    arrays = made.smplx_file_arrays(made.make(embedded, 10475))
+    arrays = body.smplx_file_arrays(body.make(embedded, 10475))
     rng = np.random.default_rng(0)
     for side in "lr":
         arrays[f"hands_mean{side}"] = 0.1 * np.ones(45)
@@ -83,7 +83,7 @@ def write_models(folder):
         folder / "smplx" / "SMPLX_MALE.npz", **arrays | {"v_template": 1.05 * arrays["v_template"]}
     )
     write_published(
-        folder / "smpl" / "SMPL_NEUTRAL.pkl", made.smpl_file_arrays(made.make(embedded, 6890))
+        folder / "smpl" / "SMPL_NEUTRAL.pkl", body.smpl_file_arrays(body.make(embedded, 6890))
     )
     return Files(BodyFiles(folder / "smplx", folder / "smpl"))
 
@@ -127,7 +127,7 @@ def figures(out, method):
     """Column -> value of a method in results.json."""
     document = json.loads((out / "results.json").read_text())
     return {
-        key: found["value"] for key, found in document["figures"][method].items() if found["count"]
+        key: value["value"] for key, value in document["figures"][method].items() if value["count"]
     }
 
 

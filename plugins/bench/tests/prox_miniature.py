@@ -56,7 +56,7 @@ def floor_of(side_m=12.0):
 
 def write_prox(root, files, mesh_frame="vicon"):
     """Write the set; the person's lowest vertex is 1 cm over the floor."""
-    made = Miniature(root, {}, {}, {}, files.faces)
+    miniature = Miniature(root, {}, {}, {}, files.faces)
     for part in ("calibration", "cam2world", "scenes"):
         (root / part).mkdir(parents=True, exist_ok=True)
     calibration = {
@@ -75,9 +75,9 @@ def write_prox(root, files, mesh_frame="vicon"):
         parameters = _on_floor(files, {**STANDING, **pose, "betas": betas})
         vertices, joints = files.bodies.pose_smplx(parameters, "male")
         key = f"{recording}/{name}"
-        made.vertices[key] = vertices
-        made.joints[key] = joints
-        made.height[key] = moved_by(TO_SCENE, vertices)[:, 2]
+        miniature.vertices[key] = vertices
+        miniature.joints[key] = joints
+        miniature.height[key] = moved_by(TO_SCENE, vertices)[:, 2]
         to_file = {
             "camera": np.eye(4),
             "scene": TO_SCENE,
@@ -86,15 +86,15 @@ def write_prox(root, files, mesh_frame="vicon"):
         folder = root / "fittings" / "mosh" / recording
         mesh = folder / "meshes" / name / "000.ply"
         mesh.parent.mkdir(parents=True)
-        trimesh.Trimesh(moved_by(to_file, vertices), made.faces, process=False).export(mesh)
-        own = moved_parameters(files, to_file, parameters, "male")
+        trimesh.Trimesh(moved_by(to_file, vertices), miniature.faces, process=False).export(mesh)
+        moved = moved_parameters(files, to_file, parameters, "male")
         python2_pickle(
             folder / "results" / name / "000.pkl",
-            {k: np.array(v, np.float32)[None] for k, v in own.items()},
+            {k: np.array(v, np.float32)[None] for k, v in moved.items()},
         )
         _write_picture(root / "recordings" / recording / "Color" / f"{name}.jpg")
         _write_keypoints(root / "keypoints" / recording / f"{name}_keypoints.json", joints)
-    return made
+    return miniature
 
 
 def _on_floor(files, parameters):

@@ -21,8 +21,10 @@ HAND = BodyContact("left_hand", ContactPartner("scene", "table", 3), 0.9, 40)
 @pytest.fixture
 def result(make):
     """Two people whose place is usable."""
-    made = make()
-    return replace(made, people=tuple(replace(one, trust_place=0.9) for one in made.people))
+    reconstruction = make()
+    return replace(
+        reconstruction, people=tuple(replace(one, trust_place=0.9) for one in reconstruction.people)
+    )
 
 
 @pytest.fixture
@@ -42,9 +44,9 @@ def other(result):
 
 
 def test_people_are_matched_by_their_masks(result, other):
-    found = compare_results(result, other)
-    assert [person.index for person in found.people] == [(0, 1), (1, 0)]
-    same, moved = found.people
+    comparison = compare_results(result, other)
+    assert [person.index for person in comparison.people] == [(0, 1), (1, 0)]
+    same, moved = comparison.people
     assert same.joints is not None
     assert (same.joints.mean_m, same.contacts[0]) == (0, same.contacts[1])
     assert moved.joints is not None
@@ -56,17 +58,19 @@ def test_people_are_matched_by_their_masks(result, other):
     away = [np.linalg.norm(one.people[index].joints[0]) for one, index in ((result, 1), (other, 0))]
     assert moved.distance_m == pytest.approx(away)
     depths = result.scene.points[result.scene.valid, 2]
-    assert found.depth_m == pytest.approx((np.median(depths), 1.1 * np.median(depths)), rel=1e-4)
-    assert found.depth_difference == pytest.approx(0.1, rel=1e-3)
+    assert comparison.depth_m == pytest.approx(
+        (np.median(depths), 1.1 * np.median(depths)), rel=1e-4
+    )
+    assert comparison.depth_difference == pytest.approx(0.1, rel=1e-3)
 
 
 def test_the_joint_that_is_farthest_apart_is_named(result):
     joints = result.people[0].joints.copy()
     joints[JOINT_NAMES.index("left_wrist")] += np.float32([0, 0.22, 0])
     other = replace(result, people=(replace(result.people[0], joints=joints), *result.people[1:]))
-    found = compare_results(result, other).people[0].pose
-    assert found is not None
-    assert (found.worst, found.worst_m, found.mean_m) == (
+    pose = compare_results(result, other).people[0].pose
+    assert pose is not None
+    assert (pose.worst, pose.worst_m, pose.mean_m) == (
         "left_wrist",
         pytest.approx(0.22),
         pytest.approx(0.01),
@@ -109,17 +113,17 @@ def test_a_person_of_one_result_alone_is_listed(result):
     assert [person.index for person in compare_results(fewer, result).people] == [(0, 1), (None, 0)]
 
 
-@pytest.mark.parametrize(("trust", "said"), [(0.69, "2 the same"), (0.6, "1 worse, 1 the same")])
-def test_a_mark_has_changed_only_beyond_the_noise_of_the_probability(result, trust, said):
+@pytest.mark.parametrize(("trust", "words"), [(0.69, "2 the same"), (0.6, "1 worse, 1 the same")])
+def test_a_mark_has_changed_only_beyond_the_noise_of_the_probability(result, trust, words):
     first, *rest = result.people
     a, b = (replace(result, people=(replace(first, trust_place=p), *rest)) for p in (0.74, trust))
-    assert f"marks of people in B: {said}" in summary_lines([compare_results(a, b)], ((), ()))
+    assert f"marks of people in B: {words}" in summary_lines([compare_results(a, b)], ((), ()))
 
 
 def test_change_of_given_bodies_is_told(result):
     first, *rest = result.people
-    given = first.joints - np.array([0, 0, 0.1], np.float32)
-    b = replace(result, people=(replace(first, given_joints=given, body_source="a"), *rest))
+    joints = first.joints - np.array([0, 0, 0.1], np.float32)
+    b = replace(result, people=(replace(first, given_joints=joints, body_source="a"), *rest))
     (line,) = [t for t in summary_lines([compare_results(result, b)], ((), ())) if "given" in t]
     assert "1 people in B" in line
     assert "place 100 mm, of pose 0 mm" in line

@@ -51,9 +51,9 @@ def test_a_damaged_calibration_leaves_out_its_camera(rich, files, tmp_path, old,
     file = root / "scan_calibration/LectureHall_lunge/calibration/003.xml"
     assert old in file.read_text()
     file.write_text(file.read_text().replace(old, new))
-    found = RICH.frames(root, FrameChoice(), files.bodies, "test")
-    assert [frame.id for frame in found.frames] == [f"{SEQUENCE}/00042/0"]
-    assert str(file) in found.left_out[f"{SEQUENCE}/00042/3"]
+    frame_set = RICH.frames(root, FrameChoice(), files.bodies, "test")
+    assert [frame.id for frame in frame_set.frames] == [f"{SEQUENCE}/00042/0"]
+    assert str(file) in frame_set.left_out[f"{SEQUENCE}/00042/3"]
 
 
 @pytest.mark.parametrize(

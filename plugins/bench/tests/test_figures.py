@@ -29,17 +29,17 @@ def counts(hits, alarms, misses):
 
 
 def test_values_are_averaged_and_records_without_one_left_out():
-    found = figure(records([100.0, None], [200.0, 600.0], [np.nan]), ERROR)
-    assert (found.value, found.count, found.groups) == (300, 3, 2)
+    mean = figure(records([100.0, None], [200.0, 600.0], [np.nan]), ERROR)
+    assert (mean.value, mean.count, mean.groups) == (300, 3, 2)
     assert figure(records([None]), ERROR).count == 0
 
 
 def test_the_averages_of_contact_by_hand():
     people = records([counts(8, 2, 2), counts(1, 0, 9)], [counts(0, 5, 5)], key="contact")
-    found = {key: figure(people, column).value for key, column in CONTACT.items()}
+    averages = {key: figure(people, column).value for key, column in CONTACT.items()}
     precision = (0.8 + 1 + 0) / 3
     recall = (0.8 + 0.1 + 0) / 3
-    assert found == pytest.approx(
+    assert averages == pytest.approx(
         {
             "precision": precision,
             "recall": recall,
@@ -58,8 +58,8 @@ def test_a_person_without_a_body_scores_0():
 
 @given(st.lists(st.floats(1, 1000), min_size=2, max_size=12))
 def test_the_interval_holds_the_mean_and_lies_within_the_values(values):
-    found = figure(records(*[[v] for v in values]), ERROR)
-    ordered = np.array([min(values), found.low, found.value, found.high, max(values)])
+    mean = figure(records(*[[v] for v in values]), ERROR)
+    ordered = np.array([min(values), mean.low, mean.value, mean.high, max(values)])
     assert (np.diff(ordered) >= -1e-9 * max(values)).all()
 
 

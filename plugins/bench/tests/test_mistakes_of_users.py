@@ -44,12 +44,12 @@ def test_a_damaged_result_costs_its_frame(root, change, reason):
     theirs = write_results(root)
     arrays = {"joints": ONE, "joint_names": JOINTS, **change}
     write_plain(root.parent / "theirs", "stand", **arrays)
-    found = evaluated(root, theirs)
+    values = evaluated(root, theirs)
     text = (root.parent / "out" / "table.txt").read_text()
     file = root.parent / "theirs" / "stand.npz"
     assert f"theirs: 1 of 3 frames without a result: stand ({file}" in text
     assert reason in text
-    assert found["me_mpjpe"] == pytest.approx(0, abs=1e-4)
+    assert values["me_mpjpe"] == pytest.approx(0, abs=1e-4)
 
 
 @pytest.mark.parametrize(

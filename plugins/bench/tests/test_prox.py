@@ -55,16 +55,16 @@ def evaluated(mini, files, tmp_path, **options):
 
 
 def test_the_truth_itself_has_no_error(mini, files, tmp_path):
-    found = evaluated(mini, files, tmp_path)
+    values = evaluated(mini, files, tmp_path)
     for key in ("me_mpjpe", "pa_mpjpe", "rt_error", "me_pve", "ca_pve", "pa_pve"):
-        assert found[key] == pytest.approx(0, abs=0.01), key
+        assert values[key] == pytest.approx(0, abs=0.01), key
     for key in ("precision", "recall", "f1_of_means", "f1_mean", "f1_pooled"):
-        assert found[f"{key}@2 cm"] == 1
-    assert found["penetration_mm"] == 0
+        assert values[f"{key}@2 cm"] == 1
+    assert values["penetration_mm"] == 0
     recall = np.mean([(h <= 0.02).sum() / (h <= 0.05).sum() for h in mini.height.values()])
-    assert found["recall@5 cm"] == pytest.approx(recall)
+    assert values["recall@5 cm"] == pytest.approx(recall)
     gaps = np.mean([1000 * h[h <= 0.02].mean() for h in mini.height.values()])
-    assert found["floating_mm"] == pytest.approx(gaps, abs=0.01)
+    assert values["floating_mm"] == pytest.approx(gaps, abs=0.01)
     text = (tmp_path / "out" / "table.txt").read_text()
     assert "meshes are in the frame 'vicon'" in text
     assert "joints compared: 22 (posed SMPL-X)" in text
@@ -72,7 +72,7 @@ def test_the_truth_itself_has_no_error(mini, files, tmp_path):
 
 def test_a_shift_of_5_cm_down_has_an_error_of_5_cm_in_every_measure(mini, files, tmp_path):
     down = -0.05 * TO_SCENE[2, :3]
-    found = evaluated(mini, files, tmp_path, move=lambda points: points + down)
+    values = evaluated(mini, files, tmp_path, move=lambda points: points + down)
     deep = np.mean([1000 * (0.05 - h[h < 0.05]).mean() for h in mini.height.values()])
     wanted = {
         "me_mpjpe": 50,
@@ -84,7 +84,7 @@ def test_a_shift_of_5_cm_down_has_an_error_of_5_cm_in_every_measure(mini, files,
         "penetration_max_mm": 40,
         "floating_mm": 0,
     }
-    assert {key: found[key] for key in wanted} == pytest.approx(wanted, abs=0.01)
+    assert {key: values[key] for key in wanted} == pytest.approx(wanted, abs=0.01)
 
 
 def frames_of(mini, files):
@@ -94,9 +94,9 @@ def frames_of(mini, files):
 @pytest.mark.parametrize("frame", ["camera", "scene"])
 def test_the_frame_of_the_meshes_is_decided_by_the_keypoints(files, tmp_path, frame):
     mini = write_prox(tmp_path / "quantitative", files, frame)
-    found = frames_of(mini, files)
-    assert found.notes[0].startswith(f"meshes are in the frame '{frame}'")
-    first = found.frames[0]
+    frame_set = frames_of(mini, files)
+    assert frame_set.notes[0].startswith(f"meshes are in the frame '{frame}'")
+    first = frame_set.frames[0]
     vertices = first.truth().people[0].vertices
     np.testing.assert_allclose(vertices, mini.vertices[first.id], atol=1e-5)
 

@@ -107,11 +107,11 @@ def test_bodies_views_and_contact_of_both_meshes(root, files, tmp_path):
     arguments = ["rich", str(root), "-o", str(tmp_path / "out"), *files.arguments()]
     done = run(*arguments, "--results", f"theirs=plain:{tmp_path / 'theirs'}")
     assert done.exit_code == 0, done.output
-    found = figures(tmp_path / "out", "theirs")
-    assert found["found"] == 1
-    assert (found["me_mpjpe"], found["me_pve"]) == pytest.approx((50, 50), abs=0.01)
-    assert found["recall@annotated"] > 0.7  # carried to 10475 vertices and back
-    assert found["precision@annotated"] > 0.7
+    values = figures(tmp_path / "out", "theirs")
+    assert values["found"] == 1
+    assert (values["me_mpjpe"], values["me_pve"]) == pytest.approx((50, 50), abs=0.01)
+    assert values["recall@annotated"] > 0.7  # carried to 10475 vertices and back
+    assert values["precision@annotated"] > 0.7
     text = (tmp_path / "out" / "table.txt").read_text()
     assert "contact from smplx to smpl carried over the T-poses" in text
 

@@ -20,10 +20,10 @@ def test_a_large_box_has_the_distance_of_a_box():
     points = np.random.default_rng(0).uniform(-2.4, 2.4, (500, 3))
     outside = np.abs(points) - np.array([2, 1, 1.5])
     expected = np.linalg.norm(np.maximum(outside, 0), axis=1) + np.minimum(outside.max(1), 0)
-    found = index.signed_distance(points, reach=0.5)
+    distance = index.signed_distance(points, reach=0.5)
     near = np.abs(expected) < 0.5
     assert near.sum() > 100
-    np.testing.assert_allclose(found, np.where(near, expected, np.inf), atol=1e-9)
+    np.testing.assert_allclose(distance, np.where(near, expected, np.inf), atol=1e-9)
 
 
 def test_near_points_are_exact_on_a_scan_of_mixed_triangles():
@@ -37,11 +37,11 @@ def test_near_points_are_exact_on_a_scan_of_mixed_triangles():
     every = np.repeat(points, len(corners), axis=0)
     on = trimesh.triangles.closest_point(np.tile(corners, (150, 1, 1)), every)
     apart = np.linalg.norm(on - every, axis=-1).reshape(150, -1).min(1)
-    found = np.abs(SceneIndex.build(surface(both)).signed_distance(points))
+    distance = np.abs(SceneIndex.build(surface(both)).signed_distance(points))
     near = apart < 0.15
     assert near.sum() > 50
-    np.testing.assert_allclose(found[near], apart[near], atol=1e-9)
-    assert np.isinf(found[~near]).all()
+    np.testing.assert_allclose(distance[near], apart[near], atol=1e-9)
+    assert np.isinf(distance[~near]).all()
 
 
 def test_contact_is_near_or_a_little_inside():

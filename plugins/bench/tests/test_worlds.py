@@ -25,9 +25,9 @@ def by(*offset):
 
 
 def test_a_shift_of_5_cm_has_an_error_of_5_cm(root):
-    found = evaluated(root, write_results(root, move=by(0.03, 0, 0.04)))
+    values = evaluated(root, write_results(root, move=by(0.03, 0, 0.04)))
     depths = [TRUE[name][HIPS, 2].mean() for name in NAMES]
-    assert found == {
+    assert values == {
         "found": 1.0,
         "me_mpjpe": pytest.approx(50),
         "ca_mpjpe": pytest.approx(0, abs=1e-4),
@@ -45,9 +45,9 @@ def test_floor_and_height_of_the_camera(root):
         across /= np.linalg.norm(across)
         tilted = np.cos(np.radians(2)) * floor.normal + np.sin(np.radians(2)) * across
         write_results(root, (name,), floor=np.array([*tilted, 1.1 * floor.offset]))
-    found = evaluated(root, theirs)
-    assert found["floor_angle_deg"] == pytest.approx(2, abs=1e-3)
-    assert found["camera_height_ratio"] == pytest.approx(1.1)
+    values = evaluated(root, theirs)
+    assert values["floor_angle_deg"] == pytest.approx(2, abs=1e-3)
+    assert values["camera_height_ratio"] == pytest.approx(1.1)
 
 
 def test_methods_are_compared_in_pairs_and_written_as_tables(root):
@@ -81,11 +81,11 @@ def test_the_truth_is_perfect_and_touches_its_scene(tmp_path):
     world = load_world("hug")
     order = [1, 0]
     arrays = {name: getattr(world, name)[order] for name in ("vertices", "joints", "contact")}
-    found = frames(tmp_path, lambda names: ["hug"], BodyFiles())
-    (frame,) = found.frames
+    frame_set = frames(tmp_path, lambda names: ["hug"], BodyFiles())
+    (frame,) = frame_set.frames
     names = np.array(frame.truth().people[0].joint_names)
     np.savez(tmp_path / "hug.npz", joint_names=names, K=world.intrinsics.matrix, **arrays)
-    records, _ = evaluate_methods(found, [Method("true", "plain", tmp_path)], BodyFiles())
+    records, _ = evaluate_methods(frame_set, [Method("true", "plain", tmp_path)], BodyFiles())
     for record in records["true"]:
         assert record["found"]
         assert record["me_mpjpe"] == record["me_pve"] == 0

@@ -21,11 +21,11 @@ FILES = ("depth_anything_v2_vits.onnx", "depth_anything_v2_vits.weights")
 
 
 def test_its_file_answers_as_in_the_embedded_backend(tmp_path, monkeypatch):
-    own = Path(str(resources.files("physic_embedded"))) / "weights"
+    weights = Path(str(resources.files("physic_embedded"))) / "weights"
     folder = tmp_path / "depth-anything-v2-small"
     folder.mkdir()
     for name in FILES:
-        shutil.copy(own / name, folder / name)
+        shutil.copy(weights / name, folder / name)
     monkeypatch.setenv("PHYSIC_WEIGHTS", str(tmp_path))
     photo = read_photo(Path(__file__).parents[3] / "examples" / "basketball.png").image
     # A square photo has whole patches: the embedded backend pads others, and this one stretches
@@ -35,7 +35,7 @@ def test_its_file_answers_as_in_the_embedded_backend(tmp_path, monkeypatch):
     assert backend.missing() == ()
     backend.load()
     answer = backend.infer(photo, Hints())
-    session = open_session(own / FILES[0], threads=0, device="cpu", broken="")
+    session = open_session(weights / FILES[0], threads=0, device="cpu", broken="")
     wanted = resize_map(predict_disparity(session, photo, short_side=518), *photo.shape[:2])
     here = 1 / answer.points[..., 2]
     here *= np.median(wanted[answer.valid]) / np.median(here[answer.valid])
@@ -49,6 +49,6 @@ def test_its_file_answers_as_in_the_embedded_backend(tmp_path, monkeypatch):
     assert np.median(off) < 0.01
     assert np.percentile(off, 95) < 0.05
     backend.close()
-    (folder / FILES[0]).write_bytes((own / FILES[0]).read_bytes()[:-1] + b"x")
+    (folder / FILES[0]).write_bytes((weights / FILES[0]).read_bytes()[:-1] + b"x")
     with pytest.raises(BackendError, match="is not the published file"):
         DepthAnything().load()

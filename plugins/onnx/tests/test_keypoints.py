@@ -22,8 +22,8 @@ def heatmaps(feed):
 
 def lines(feed):
     """Joint j is where the colour j mod 3 is strongest, two bins a pixel."""
-    seen = feed["picture"][:, COLOURS]
-    return {"x": seen.max(2).repeat(2, -1), "y": seen.max(3).repeat(2, -1)}
+    channels = feed["picture"][:, COLOURS]
+    return {"x": channels.max(2).repeat(2, -1), "y": channels.max(3).repeat(2, -1)}
 
 
 @pytest.mark.parametrize("batch", ["batch", 1, 3])
@@ -35,9 +35,9 @@ def test_joints_are_found_at_the_blob_of_their_colour(
 ):
     backend = bound(kind, stand_in_network({"picture": (batch, 3, *kind.crop_size)}, answer))
     boxes = [BOX, (40.0, 10.0, 180.0, 190.0)]
-    found = backend.infer(blobs(PLACES), people(*boxes))
-    assert violations(KeypointDetector, found, people=2) == []
-    assert np.linalg.norm(found.points[:, :3] - PLACES, axis=-1).max() < off_px
+    keypoints = backend.infer(blobs(PLACES), people(*boxes))
+    assert violations(KeypointDetector, keypoints, people=2) == []
+    assert np.linalg.norm(keypoints.points[:, :3] - PLACES, axis=-1).max() < off_px
     assert backend.infer(blobs(PLACES), people()).points.shape == (0, 133, 2)
 
 
@@ -59,17 +59,17 @@ def test_depths_are_decoded_as_mmposes_rtmpose3d_does(rtmw3d):
     rng = np.random.default_rng(2)
     rows = [rng.normal(0.3, 0.4, (2, 133, length)).astype(np.float32) for length in (576, 768, 576)]
     boxes = [BOX, (10.0, 10.0, 200.0, 60.0)]
-    found = rtmw3d(*rows).infer(blobs(PLACES), people(*boxes))
+    keypoints = rtmw3d(*rows).infer(blobs(PLACES), people(*boxes))
     bins = np.stack([row.argmax(-1) for row in rows], -1)
     for person, box in enumerate(np.array(boxes)):
         size = box[2:] - box[:2]
         scale = 1.25 * np.maximum(size, size[::-1] * [288 / 384, 384 / 288])
         centre = (box[:2] + box[2:]) / 2 - 0.5
         places = bins[person, :, :2] / 2 / [288, 384] * scale + centre - scale / 2
-        np.testing.assert_allclose(found.points[person], places, atol=1e-4)
+        np.testing.assert_allclose(keypoints.points[person], places, atol=1e-4)
     depths = (bins[..., 2] / 2 / (288 / 2) - 1) * 2.1744869
-    np.testing.assert_allclose(found.world[..., 2], depths, atol=1e-4)
+    np.testing.assert_allclose(keypoints.world[..., 2], depths, atol=1e-4)
     peaks = np.minimum(rows[0].max(-1), rows[1].max(-1))
     assert (peaks > 1).any()
-    np.testing.assert_allclose(found.confidence, np.minimum(1, peaks), atol=1e-4)
-    assert violations(KeypointDetector, found, people=2) == []
+    np.testing.assert_allclose(keypoints.confidence, np.minimum(1, peaks), atol=1e-4)
+    assert violations(KeypointDetector, keypoints, people=2) == []

@@ -86,9 +86,9 @@ def infer(backend_of):
 def test_depth_and_focal_length_are_recovered_whatever_camera_is_guessed(infer, name, size, guess):
     world = load_world(name, size)
     camera = guess and Intrinsics.from_focal(guess, *size, "", CameraTrust.GUESSED)
-    found = infer(Moge2Depth, world, Hints(intrinsics=camera))
-    np.testing.assert_allclose(found.depth, world.empty_depth, rtol=1e-5)
-    camera = found.intrinsics
+    depth_map = infer(Moge2Depth, world, Hints(intrinsics=camera))
+    np.testing.assert_allclose(depth_map.depth, world.empty_depth, rtol=1e-5)
+    camera = depth_map.intrinsics
     assert camera.fx == camera.fy == pytest.approx(world.intrinsics.fx, rel=1e-5)
     height, width = world.depth.shape
     assert (camera.cx, camera.cy) == ((width - 1) / 2, (height - 1) / 2)
@@ -100,19 +100,19 @@ def test_sky_is_not_a_surface(infer):
     sky = ~np.isfinite(world.empty_depth)
     assert sky.any()
     np.testing.assert_array_equal(np.isnan(infer(Moge2Depth, world).depth), sky)
-    found = infer(Moge2Pointmap, world)
-    np.testing.assert_array_equal(found.valid, ~sky)
-    assert np.isnan(found.points[sky]).all()
+    pointmap = infer(Moge2Pointmap, world)
+    np.testing.assert_array_equal(pointmap.valid, ~sky)
+    assert np.isnan(pointmap.points[sky]).all()
 
 
 def test_a_flat_wall_gives_no_focal_length_and_a_note(backend_of):
     answer = partial(plane, slope=0.0, mask=0.51)
-    found = backend_of(Moge2Pointmap, answer).infer(PHOTO, Hints())
-    assert found.unknown == "scale_shift"
-    assert "flat" in found.intrinsics.source
-    assert found.intrinsics.guessed
-    assert "70 px" in found.notes[1]
-    assert found.valid.all()
+    pointmap = backend_of(Moge2Pointmap, answer).infer(PHOTO, Hints())
+    assert pointmap.unknown == "scale_shift"
+    assert "flat" in pointmap.intrinsics.source
+    assert pointmap.intrinsics.guessed
+    assert "70 px" in pointmap.notes[1]
+    assert pointmap.valid.all()
 
 
 @pytest.mark.parametrize(

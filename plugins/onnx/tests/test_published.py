@@ -69,14 +69,14 @@ class TestFromPhotoToFiles:
             {"name": "embedded"},
             {"name": "sam2-onnx"},
         )
-        own, sam = (
+        embedded, sam = (
             load_backend("segmenter", options.pop("name"), **options)(photo) for options in names
         )
-        assert len(own) == len(sam) == 2
-        both = (own.masks & sam.masks).sum((1, 2))
-        either = (own.masks | sam.masks).sum((1, 2))
+        assert len(embedded) == len(sam) == 2
+        both = (embedded.masks & sam.masks).sum((1, 2))
+        either = (embedded.masks | sam.masks).sum((1, 2))
         assert ((both / either > 0.8) & (both < either)).all()
-        assert sam.keypoints.joint_set.name == own.keypoints.joint_set.name
+        assert sam.keypoints.joint_set.name == embedded.keypoints.joint_set.name
         assert sam.surfaces is not None
         assert not (sam.floor & sam.masks.any(0)).any()
 

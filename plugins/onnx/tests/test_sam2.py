@@ -82,14 +82,14 @@ def test_people_are_the_best_masks_in_their_boxes_and_one_encoding_serves_the_fl
     encoder, decoder = networks_of(rectangles)
     backend = Sam2(Sam2Options())
     backend._network = Sam2Networks(encoder, decoder), KnownBoxes(boxes)
-    found = backend.infer(np.zeros((200, 120, 3), np.uint8))
+    answer = backend.infer(np.zeros((200, 120, 3), np.uint8))
     assert encoder.runs == min(people, 1)
-    assert len(found) == people
-    for mask, (x0, y0, x1, y1) in zip(found.masks, boxes, strict=True):
+    assert len(answer) == people
+    for mask, (x0, y0, x1, y1) in zip(answer.masks, boxes, strict=True):
         rows, columns = np.nonzero(mask)
         edges = [columns.min(), rows.min(), columns.max(), rows.max()]
         assert edges == pytest.approx([x0, (y0 + y1) / 2, x1, y1], abs=2)
-    assert (found.floor is None) == (people == 0)
+    assert (answer.floor is None) == (people == 0)
     if people:
-        assert found.floor[185:].all()
-        assert not found.floor[:170].any()
+        assert answer.floor[185:].all()
+        assert not answer.floor[:170].any()

@@ -169,8 +169,8 @@ cores = {min(os.sched_getaffinity(0))}
 os.sched_setaffinity(0, cores)
 before = set(os.listdir("/proc/self/task"))
 kept = open_session(Path(sys.argv[1]), 0, "cpu", broken="")
-own = set(os.listdir("/proc/self/task")) - before
-assert all(os.sched_getaffinity(int(task)) == cores for task in own), "outside of the cores of the process"
+tasks = set(os.listdir("/proc/self/task")) - before
+assert all(os.sched_getaffinity(int(task)) == cores for task in tasks), "outside of the cores of the process"
 assert kept.session.get_session_options().intra_op_num_threads == 1
 """  # noqa: E501
 

@@ -54,12 +54,12 @@ def place_of(crop, height, width):
     # Pixels at the border of the photo are mixed with what is outside.
     inside = binary_erosion(crop.min(axis=2) > 30, iterations=4)
     assert inside.sum() > 50, "a crop of nothing"
-    seen = crop[inside]
-    assert abs(np.median(seen[:, 2]) - BLUE) < 4, f"blue is {np.median(seen, axis=0)}"
+    colors = crop[inside]
+    assert abs(np.median(colors[:, 2]) - BLUE) < 4, f"blue is {np.median(colors, axis=0)}"
     lines = [
         np.polyfit(places, (values - 40) / 200 * size, 1)
         for places, values, size in zip(
-            np.nonzero(inside)[::-1], seen.T[:2], (width, height), strict=True
+            np.nonzero(inside)[::-1], colors.T[:2], (width, height), strict=True
         )
     ]
     step, origin = np.transpose(lines)

@@ -50,7 +50,7 @@ def people():
 
 
 @pytest.fixture
-def made(stub, tmp_path, smpl_file):
+def make_backend(stub, tmp_path, smpl_file):
     checkout = stub("chmr", CHECKOUT)
     files = tmp_path / "files"
     files.mkdir()
@@ -73,33 +73,33 @@ def ask(backend, image=coordinates(200, 300)):  # noqa: B008
     return backend.infer(image, people(), CAMERA, NUM_KEYPOINTS, Hints())
 
 
-def test_the_network_gets_squares_of_the_longer_side_and_the_given_camera(made):
+def test_the_network_gets_squares_of_the_longer_side_and_the_given_camera(make_backend):
     """Boxes are relative to its principal point; red comes first."""
-    backend = made()
+    backend = make_backend()
     ask(backend)
-    seen = backend.network[0].seen[0]
+    inputs = backend.network[0].seen[0]
     for crop, middle, side in zip(
-        seen["img"], [[119.5, 89.5], [229.5, 79.5]], [100, 60], strict=True
+        inputs["img"], [[119.5, 89.5], [229.5, 79.5]], [100, 60], strict=True
     ):
         place = place_of(normalised_back(crop), 200, 300)
         assert place.step[0] > 0
         np.testing.assert_allclose(place.at(0.5), middle, atol=0.8)
         np.testing.assert_allclose(256 * place.step, side, rtol=0.02)
-    np.testing.assert_allclose(seen["box_size"], [100, 60])
-    np.testing.assert_allclose(seen["cam_int"][:, 0, 0], 500)
-    np.testing.assert_allclose(seen["img_size"], [[200, 300]] * 2)
+    np.testing.assert_allclose(inputs["box_size"], [100, 60])
+    np.testing.assert_allclose(inputs["cam_int"][:, 0, 0], 500)
+    np.testing.assert_allclose(inputs["img_size"], [[200, 300]] * 2)
     # What it computes is box_center - img_size / 2.
     np.testing.assert_allclose(
-        seen["box_center"][0] - [150, 100], [119.5 - 140, 89.5 - 105], atol=1e-4
+        inputs["box_center"][0] - [150, 100], [119.5 - 140, 89.5 - 105], atol=1e-4
     )
 
 
-def test_bodies_are_seen_where_the_crop_has_them(made, smpl_file):
-    bodies = ask(made())
+def test_bodies_are_seen_where_the_crop_has_them(make_backend, smpl_file):
+    bodies = ask(make_backend())
     place = bodies.parameters.transl[0]
     np.testing.assert_allclose(place[2], 2 * 500 / (100 * 0.9), rtol=1e-5)
-    seen = 500 * place[:2] / place[2] + [140, 105]
-    np.testing.assert_allclose(seen, np.add([119.5, 89.5], 45 * np.array([0.05, -0.1])), rtol=1e-5)
+    pixel = 500 * place[:2] / place[2] + [140, 105]
+    np.testing.assert_allclose(pixel, np.add([119.5, 89.5], 45 * np.array([0.05, -0.1])), rtol=1e-5)
     assert bodies.body_model == "smpl"
     assert bodies.joints is not None
     assert bodies.mesh is not None

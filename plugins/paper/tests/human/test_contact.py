@@ -26,10 +26,10 @@ def test_the_network_gets_bgr_with_white_beside_the_person():
     image = np.full((200, 50, 3), [200, 100, 10], np.uint8)
     image[:80, :25] = 0  # at the top left
     box = np.array([0.0, 0, 50, 200])
-    seen = normalised_back(contact_crop(image, box))
+    square = normalised_back(contact_crop(image, box))
     for columns in (slice(0, 95), slice(161, 256)):
-        np.testing.assert_allclose(seen[:, columns], 255, atol=0.1)
-    crop = seen[:, 97:159]
+        np.testing.assert_allclose(square[:, columns], 255, atol=0.1)
+    crop = square[:, 97:159]
     np.testing.assert_allclose(crop[:95, :26], 0, atol=0.1)
     for part in (crop[:95, 36:], crop[110:]):
         np.testing.assert_allclose(part - [10, 100, 200], 0, atol=0.1)
@@ -76,12 +76,12 @@ def deco(stub, tmp_path, smpl_file):
 
 
 def test_deco_gives_smpls_labels_with_smpls_t_pose(deco, smpl_file):
-    found = ask(deco(), 3)
-    assert found.topology == "smpl"
-    assert found.probability.shape == (3, 6890)
-    np.testing.assert_allclose(found.probability[:, 0], 0.75)
+    contact = ask(deco(), 3)
+    assert contact.topology == "smpl"
+    assert contact.probability.shape == (3, 6890)
+    np.testing.assert_allclose(contact.probability[:, 0], 0.75)
     wanted = open_smpl(str(smpl_file)).rest
-    np.testing.assert_array_equal(found.rest.vertices, wanted.vertices)
+    np.testing.assert_array_equal(contact.rest.vertices, wanted.vertices)
 
 
 def test_the_box_grows_by_a_tenth_on_every_side_and_ends_at_the_image():

@@ -48,16 +48,18 @@ def moge(stub, tmp_path):
 
 
 def test_moges_shift_and_focal_length_are_found(moge):
-    found = moge.infer(np.full((60, 80, 3), [255, 51, 0], np.uint8), Hints())
+    pointmap = moge.infer(np.full((60, 80, 3), [255, 51, 0], np.uint8), Hints())
     np.testing.assert_allclose(moge.network.seen[0, :, 30, 40], [1.0, 0.2, 0.0], atol=1e-6)
     assert moge.network.tokens == 2500
-    assert found.unknown == "scale"
-    assert found.intrinsics is not None
-    np.testing.assert_allclose(found.intrinsics.fx, 300, rtol=0.01)
+    assert pointmap.unknown == "scale"
+    assert pointmap.intrinsics is not None
+    np.testing.assert_allclose(pointmap.intrinsics.fx, 300, rtol=0.01)
     v, u = np.mgrid[:60, :80]
     truth = 2.0 + 0.01 * u + 0.02 * v
-    np.testing.assert_allclose(found.points[..., 2][found.valid], truth[found.valid], rtol=0.01)
-    np.testing.assert_array_equal(found.valid, u > 4)
+    np.testing.assert_allclose(
+        pointmap.points[..., 2][pointmap.valid], truth[pointmap.valid], rtol=0.01
+    )
+    np.testing.assert_array_equal(pointmap.valid, u > 4)
 
 
 # A checkout that imports GPU kernels at the top, as the published one does.
@@ -109,14 +111,14 @@ def test_moge_3_runs_on_a_cpu_without_the_kernels_of_its_refiner(moge_3):
     backend = moge_3({"shift": 1.5, "refiner.weight": 0.0})
     backend.load()
     assert not {"flex_gemm", "flex_gemm.nn", "flex_gemm.ops", "utils3d_moge"} & sys.modules.keys()
-    found = backend.infer(np.zeros((60, 80, 3), np.uint8), Hints())
+    depth_map = backend.infer(np.zeros((60, 80, 3), np.uint8), Hints())
     v, u = np.mgrid[:60, :80]
     np.testing.assert_allclose(
-        found.depth[u > 4], 1.5 * (2.0 + 0.01 * u + 0.02 * v)[u > 4], rtol=0.01
+        depth_map.depth[u > 4], 1.5 * (2.0 + 0.01 * u + 0.02 * v)[u > 4], rtol=0.01
     )
-    assert np.isnan(found.depth[u <= 4]).all()
-    assert found.intrinsics is not None
-    np.testing.assert_allclose(found.intrinsics.fx, 300, rtol=0.01)
+    assert np.isnan(depth_map.depth[u <= 4]).all()
+    assert depth_map.intrinsics is not None
+    np.testing.assert_allclose(depth_map.intrinsics.fx, 300, rtol=0.01)
 
 
 def test_a_known_camera_is_followed_by_moge_3_and_a_guessed_one_is_not(moge_3):
@@ -125,21 +127,21 @@ def test_a_known_camera_is_followed_by_moge_3_and_a_guessed_one_is_not(moge_3):
     image = np.zeros((60, 80, 3), np.uint8)
     for trust, fx in ((CameraTrust.KNOWN, 200.0), (CameraTrust.GUESSED, 300.0)):
         camera = replace(Intrinsics.from_focal(200.0, 80, 60), trust=trust)
-        found = backend.infer(image, Hints(intrinsics=camera)).intrinsics
-        np.testing.assert_allclose(found.fx, fx, rtol=0.01)
+        intrinsics = backend.infer(image, Hints(intrinsics=camera)).intrinsics
+        np.testing.assert_allclose(intrinsics.fx, fx, rtol=0.01)
 
 
 @pytest.mark.parametrize(
-    ("made", "words"),
+    ("options", "words"),
     [
         ({"state": {"other": 1.0}}, "is missing 1 of 1 parameters"),
         ({"scale_head": False}, "expected points, mask, metric_scale"),
     ],
 )
-def test_what_moge_3_cannot_do_is_refused(moge_3, made, words):
+def test_what_moge_3_cannot_do_is_refused(moge_3, options, words):
     def use(backend):
         backend.load()
         backend.infer(np.zeros((60, 80, 3), np.uint8), Hints())
 
     with pytest.raises(PhysicError, match=words):
-        use(moge_3(**made))
+        use(moge_3(**options))

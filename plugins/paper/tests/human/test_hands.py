@@ -29,24 +29,24 @@ def blank(skeleton, count, people=1):
 
 
 def test_the_21_points_of_a_hand_give_its_box():
-    _, given = keypoints({"left": (50, 80, 90, 140)}, confidence=0.8)
-    found = hand_boxes(given)
+    _, detected = keypoints({"left": (50, 80, 90, 140)}, confidence=0.8)
+    hands = hand_boxes(detected)
     # half open: counted from edges of pixels
-    np.testing.assert_allclose(found.boxes, [[50.5, 80.5, 90.5, 140.5]])
-    np.testing.assert_allclose(found.confidence, [0.8])
-    assert found.is_right.tolist() == [False]
-    assert not len(hand_boxes(given, least_confidence=0.9))
+    np.testing.assert_allclose(hands.boxes, [[50.5, 80.5, 90.5, 140.5]])
+    np.testing.assert_allclose(hands.confidence, [0.8])
+    assert hands.is_right.tolist() == [False]
+    assert not len(hand_boxes(detected, least_confidence=0.9))
 
 
 def test_a_hand_is_beyond_the_wrist_where_only_arms_are_known():
     for skeleton, count, arm in (("coco17", 17, (6, 8, 10)), ("blazepose33", 33, (12, 14, 16))):
-        given = blank(skeleton, count)
-        given.points[0, list(arm)] = [[0, 0], [100, 0], [200, 0]]
-        given.confidence[0, list(arm)] = [1.0, 0.7, 0.9]
-        found = hand_boxes(given)
-        assert found.is_right.tolist() == [True]
-        np.testing.assert_allclose(found.boxes[0], [196, -37, 271, 38])
-        np.testing.assert_allclose(found.confidence, [0.7])
+        arms = blank(skeleton, count)
+        arms.points[0, list(arm)] = [[0, 0], [100, 0], [200, 0]]
+        arms.confidence[0, list(arm)] = [1.0, 0.7, 0.9]
+        hands = hand_boxes(arms)
+        assert hands.is_right.tolist() == [True]
+        np.testing.assert_allclose(hands.boxes[0], [196, -37, 271, 38])
+        np.testing.assert_allclose(hands.confidence, [0.7])
 
 
 @pytest.fixture
@@ -56,11 +56,13 @@ def mano(tmp_path):
 
 def test_the_published_file_has_a_copy_that_needs_no_chumpy(mano):
     with chumpy_free_copy(str(mano)) as copy:
-        found = pickle.loads(copy.read_bytes(), encoding="latin1")  # as smplx reads it
+        arrays = pickle.loads(copy.read_bytes(), encoding="latin1")  # as smplx reads it
         assert copy.name == "MANO_RIGHT.pkl", "smplx tells right hands by this name"
-    for (name, array), (wanted, own) in zip(found.items(), mano_arrays().items(), strict=True):
-        assert (name, type(array), array.dtype) == (wanted, np.ndarray, own.dtype)
-        np.testing.assert_array_equal(array, own)
+    for (name, array), (wanted, published) in zip(
+        arrays.items(), mano_arrays().items(), strict=True
+    ):
+        assert (name, type(array), array.dtype) == (wanted, np.ndarray, published.dtype)
+        np.testing.assert_array_equal(array, published)
 
 
 def test_a_copy_exists_only_inside_the_block_and_for_its_user_alone(mano, tmp_path, monkeypatch):
@@ -148,26 +150,28 @@ def keypoints(boxes, confidence=0.9):
     """One person with the 21 points of one or both hands on the edges of boxes, whole-body
     skeleton.
     """
-    given = blank("coco_wholebody133", 133)
+    detected = blank("coco_wholebody133", 133)
     for side, box in boxes.items():
         first = 91 if side == "left" else 112
-        given.points[0, first : first + 21] = np.linspace(box[:2], box[2:], 21)
-        given.confidence[0, first : first + 21] = confidence
-    return People(np.zeros((1, 200, 300), bool), np.array([[0.0, 0, 300, 200]]), np.ones(1)), given
+        detected.points[0, first : first + 21] = np.linspace(box[:2], box[2:], 21)
+        detected.confidence[0, first : first + 21] = confidence
+    return People(
+        np.zeros((1, 200, 300), bool), np.array([[0.0, 0, 300, 200]]), np.ones(1)
+    ), detected
 
 
 @pytest.fixture
 def make_wilor(stub, tmp_path):
-    """A backend on files of its own; ``code`` is that of its network, ``held`` what its checkpoint
-    holds.
+    """A backend on files of its own; ``code`` is that of its network, ``checkpoint`` what its
+    checkpoint holds.
     """
 
-    def make(code=WILOR, held=None, **options):
+    def make(code=WILOR, checkpoint=None, **options):
         checkout = stub("wilor", WILOR_FILES | {"wilor_mini/models/wilor.py": code})
         folder = tmp_path / "files"
         folder.mkdir(exist_ok=True)
         usual = {"state_dict": {"gain": torch.full((1,), 0.5), "mano.faces": torch.zeros(2)}}
-        torch.save(held or usual, folder / "wilor_final.ckpt")
+        torch.save(checkpoint or usual, folder / "wilor_final.ckpt")
         write_published(folder / "MANO_RIGHT.pkl", mano_arrays())
         (folder / "mano_mean_params.npz").write_bytes(b"")
         return reading(Wilor(WilorOptions(checkout=str(checkout), **options)), folder)
@@ -198,7 +202,7 @@ def test_left_hands_are_mirrored_for_the_network_and_back(wilor):
 def test_a_checkpoint_with_objects_is_read_only_if_trusted(
     make_wilor,
 ):
-    held = {"state_dict": {"gain": torch.ones(1)}, "hyper": Path("x")}
+    checkpoint = {"state_dict": {"gain": torch.ones(1)}, "hyper": Path("x")}
     with pytest.raises(BackendError, match="set the option trust_checkpoint = true"):
-        make_wilor(held=held).load()
-    make_wilor(held=held, trust_checkpoint=True).load()
+        make_wilor(checkpoint=checkpoint).load()
+    make_wilor(checkpoint=checkpoint, trust_checkpoint=True).load()

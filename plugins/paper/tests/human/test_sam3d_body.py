@@ -114,20 +114,21 @@ PEOPLE = People(MASKS, np.array([[10.0, 5, 30, 45], [40.0, 10, 60, 40]]), np.one
 
 @pytest.fixture
 def make_sam(stub, tmp_path):
-    """A backend on files of its own; ``held`` is what its checkpoint holds."""
+    """A backend on files of its own; ``checkpoint`` is what its checkpoint holds."""
     files = tmp_path / "files"
     checkout = stub("sam", {"sam_3d_body/__init__.py": CHECKOUT})
 
     def make(
         backbone="vit_hmr_512_384",
         decoder="    TYPE: sam\n",
-        held=None,
+        checkpoint=None,
         **options,
     ):
         (files / "assets").mkdir(parents=True, exist_ok=True)
         (files / "assets/mhr_model.pt").write_bytes(b"")
         torch.save(
-            {"state_dict": {"gain": torch.ones(1)}} if held is None else held, files / "model.ckpt"
+            {"state_dict": {"gain": torch.ones(1)}} if checkpoint is None else checkpoint,
+            files / "model.ckpt",
         )
         (files / "model_config.yaml").write_text(
             f"MODEL:\n  BACKBONE:\n    TYPE: {backbone}\n  DECODER:\n{decoder}"
@@ -169,21 +170,23 @@ def test_bodies_lie_where_the_given_camera_sees_their_boxes(decoder, load_sam):
     centre = (12.0, 40.25)
     camera = Intrinsics(500.0, 500.0, *centre, 64, 48)
     place = ask(sam, camera).parameters.transl
-    seen = 500 * place[:, :2] / place[:, 2:] + np.array(centre)
+    pixels = 500 * place[:, :2] / place[:, 2:] + np.array(centre)
     middles = (PEOPLE.boxes[:, :2] + PEOPLE.boxes[:, 2:] - 1) / 2
-    np.testing.assert_allclose(seen, middles, atol=1e-4)
+    np.testing.assert_allclose(pixels, middles, atol=1e-4)
 
 
 def test_dinov3_comes_from_the_named_folder_and_nothing_is_fetched(make_sam, stub, monkeypatch):
     monkeypatch.setattr(torch.hub, "load", lambda *_, **__: pytest.fail("it asks the hub"))
     before = torch.hub.load, torch.load
-    held = {
+    checkpoint = {
         "state_dict": {
             "gain": torch.ones(1),
             "backbone.encoder.cls_token": torch.full((1, 1, 2), 0.5),
         }
     }
-    sam = make_sam("dinov3_vith16plus", held=held, dinov3_checkout=str(stub("dinov3", DINOV3)))
+    sam = make_sam(
+        "dinov3_vith16plus", checkpoint=checkpoint, dinov3_checkout=str(stub("dinov3", DINOV3))
+    )
     assert not any("DINOv3" in line for line in sam.missing())
     TorchBackend.load(sam)
     assert sam.network.model.backbone.encoder.cls_token.tolist() == [[[0.5, 0.5]]]
@@ -196,10 +199,10 @@ def test_dinov3_comes_from_the_named_folder_and_nothing_is_fetched(make_sam, stu
 @pytest.mark.parametrize("encoder", [{}, {"backbone.encoder.cls_token": torch.zeros(1, 1, 3)}])
 def test_weights_missing_in_the_checkpoint_are_not_initialised_randomly(encoder, load_sam, stub):
     """Its code goes on with random ones, and another version of DINOv3 has other names."""
-    held = {"state_dict": {"gain": torch.ones(1), **encoder}}
+    checkpoint = {"state_dict": {"gain": torch.ones(1), **encoder}}
     dinov3 = str(stub("dinov3", DINOV3))
     with pytest.raises(BackendError, match=r"missing 1 of 5 .* backbone\.encoder\.cls_token"):
-        load_sam("dinov3_vith16plus", held=held, dinov3_checkout=dinov3)
+        load_sam("dinov3_vith16plus", checkpoint=checkpoint, dinov3_checkout=dinov3)
 
 
 def test_it_needs_a_gpu_and_says_so(sam):

@@ -35,10 +35,10 @@ def test_the_floor_of_its_mask_is_found_to_the_centimetre():
         ROWS, COLUMNS, dtype=torch.float64, generator=torch.Generator().manual_seed(0)
     )
     points = RAYS * (depth * (1 + 0.0005 * noise))[..., None]
-    found = fit_floor_metric(points, pointmap_normals(RAYS * depth[..., None], ALL), ALL, on_floor)
-    assert math.degrees(math.acos(min(1.0, float(found.plane.normal.double() @ up)))) < 0.1
-    assert found.plane.offset == pytest.approx(1.5, abs=0.005)
-    assert found.inlier_share > 0.7
+    fitted = fit_floor_metric(points, pointmap_normals(RAYS * depth[..., None], ALL), ALL, on_floor)
+    assert math.degrees(math.acos(min(1.0, float(fitted.plane.normal.double() @ up)))) < 0.1
+    assert fitted.plane.offset == pytest.approx(1.5, abs=0.005)
+    assert fitted.inlier_share > 0.7
 
 
 def test_without_a_floor_mask_no_floor_is_found():
@@ -52,5 +52,5 @@ def test_points_without_a_plane_are_refused(monkeypatch):
         1 + 5 * torch.rand(ROWS, COLUMNS, 1, generator=torch.Generator().manual_seed(0))
     )
     monkeypatch.setattr(floor_metric, "MIN_INLIER_SHARE", 0.3)
-    found = fit_floor_metric(points, pointmap_normals(points, ALL, math.inf), ALL, ALL)
-    assert (found.plane, found.reason) == (None, "no_consensus")
+    floor = fit_floor_metric(points, pointmap_normals(points, ALL, math.inf), ALL, ALL)
+    assert (floor.plane, floor.reason) == (None, "no_consensus")

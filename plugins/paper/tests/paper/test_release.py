@@ -120,8 +120,8 @@ def test_every_gradient_is_the_published_one(published, state):
     for term, value in unweighted(energy).items():
         stored = published.gradients(state, term)
         groups = [energy.variables.values[group] for group in stored]
-        found = torch.autograd.grad(value, groups, retain_graph=True, allow_unused=True)
-        for (group, want), gradient in zip(stored.items(), found, strict=True):
+        gradients = torch.autograd.grad(value, groups, retain_graph=True, allow_unused=True)
+        for (group, want), gradient in zip(stored.items(), gradients, strict=True):
             got = torch.zeros_like(want) if gradient is None else gradient
             largest = max(
                 float(published.gradients(s, term)[group].abs().max()) for s in WITH_GRADIENTS
@@ -179,13 +179,13 @@ def test_each_keypoint_pulls_alike_in_every_joint_set(published):
     assert values == pytest.approx([values[0]] * 3, rel=1e-5)
     state = published.state()
     points = torch.full((1, 33, 2), 300.0)
-    given = replace(
+    with_joints = replace(
         state,
         keypoints=points,
         keypoint_confidence=torch.ones(1, 33),
         skeleton=SKELETONS["blazepose33"],
     )
-    sampling = JointEnergy(given, RELEASE.joint).sampling
+    sampling = JointEnergy(with_joints, RELEASE.joint).sampling
     assert sampling.keypoint_weights[0, SKELETONS["blazepose33"].names.index("left_knee")] == 10
 
 

@@ -55,16 +55,16 @@ class TestGroundingDino:
             text_threshold=0.25,
             target_sizes=[(480, 640)],
         )
-        found, scores, tokens = grounded_sam2.decode_text_boxes(
+        decoded, scores, tokens = grounded_sam2.decode_text_boxes(
             logits[0].numpy(), boxes[0].numpy(), 0.3, 0.25
         )
         order = np.argsort(-theirs["scores"].numpy(), kind="stable")
         assert len(order) > 10
         np.testing.assert_allclose(scores, theirs["scores"].numpy()[order], rtol=1e-6)
         np.testing.assert_allclose(
-            found * [640, 480, 640, 480], theirs["boxes"].numpy()[order], rtol=1e-5
+            decoded * [640, 480, 640, 480], theirs["boxes"].numpy()[order], rtol=1e-5
         )
-        words = [tokenizer.decode(ids[0, own]) for own in tokens]
+        words = [tokenizer.decode(ids[0, of_box]) for of_box in tokens]
         assert words == [theirs["text_labels"][i] for i in order]
 
 

@@ -72,8 +72,8 @@ def test_networks_for_photos_are_read_from_the_published_ones_for_videos(
 
     folder = saved(f"{kind}_video")
     spec = models.ModelSpec("weights", network, (kind, f"{kind}_video"))
-    own = models.open_model(spec, folder, models.ModelOptions(), "cpu")._model.state_dict()
+    tensors = models.open_model(spec, folder, models.ModelOptions(), "cpu")._model.state_dict()
     published = load_file(folder / "model.safetensors")
-    assert len(own) < len(published)
-    for name, tensor in own.items():
+    assert len(tensors) < len(published)
+    for name, tensor in tensors.items():
         np.testing.assert_array_equal(tensor.numpy(), published[prefix + name])

@@ -57,9 +57,9 @@ MAX_REGISTRATION_SECONDS = 0.5
 _REGISTRATION_SCRIPT = """
 import json, sys, time
 import physic_core.discovery.plugins, physic_core.interfaces
-known, start = set(sys.modules), time.process_time()
+before, start = set(sys.modules), time.process_time()
 broken = [plugin.cause for plugin in physic_core.discovery.plugins.broken_plugins()]
-new = sorted({m.partition(".")[0] for m in set(sys.modules) - known})
+new = sorted({m.partition(".")[0] for m in set(sys.modules) - before})
 print(json.dumps({"seconds": time.process_time() - start, "new": new, "broken": broken}))
 """
 

@@ -150,13 +150,13 @@ def test_contact_for_another_body_brings_the_worlds_mesh(two):
     from dataclasses import replace
 
     embedded = MockContactPrior().infer(two.image, everyone(two), pose(two))
-    found = MockContactPrior().infer(
+    contact = MockContactPrior().infer(
         two.image, everyone(two), replace(pose(two), body_model="smplx")
     )
     assert embedded.rest is None
-    np.testing.assert_array_equal(found.probability, embedded.probability)
-    assert found.rest.topology == found.topology == two.topology
-    assert found.rest.vertices.shape == two.vertices[0].shape
+    np.testing.assert_array_equal(contact.probability, embedded.probability)
+    assert contact.rest.topology == contact.topology == two.topology
+    assert contact.rest.vertices.shape == two.vertices[0].shape
 
 
 def test_a_held_ball_is_in_the_photo_and_is_removed_with_its_mask():
@@ -169,5 +169,5 @@ def test_a_held_ball_is_in_the_photo_and_is_removed_with_its_mask():
         (world.masks.any(0) | ball, world.empty_depth),
     ):
         hints = Hints(hole=hole)
-        found = exact.infer(inpainter.infer(world.image, hole), hints).points[..., 2]
-        assert np.allclose(found[ball], depth[ball], rtol=1e-4)
+        depth_behind = exact.infer(inpainter.infer(world.image, hole), hints).points[..., 2]
+        assert np.allclose(depth_behind[ball], depth[ball], rtol=1e-4)

@@ -38,8 +38,8 @@ def bodies_of(world, camera=None, **options):
 def test_ragged_masks_stay_near_the_truth():
     world = load_world("hug")
     for seed in range(5):
-        found = MockSegmenter(noise=1, noise_seed=seed, missed_people=0).infer(world.image)
-        for mask, truth in zip(found.masks, world.masks, strict=True):
+        people = MockSegmenter(noise=1, noise_seed=seed, missed_people=0).infer(world.image)
+        for mask, truth in zip(people.masks, world.masks, strict=True):
             assert 0.7 < (mask & truth).sum() / (mask | truth).sum() < 0.995
 
 
@@ -60,11 +60,11 @@ def test_children_come_out_as_adults_who_are_farther_away():
     child = np.isfinite(world.ages).argmax()
     ratios = []
     for seed in range(40):
-        found = bodies_of(world, noise=1, noise_seed=seed).parameters
-        stature = model.stature(torch.tensor(found.betas)) / model.stature(
+        parameters = bodies_of(world, noise=1, noise_seed=seed).parameters
+        stature = model.stature(torch.tensor(parameters.betas)) / model.stature(
             torch.tensor(world.parameters.betas)
         )
-        depth = 1 + (found.transl - world.parameters.transl)[:, 2] / world.joints[:, 0, 2]
+        depth = 1 + (parameters.transl - world.parameters.transl)[:, 2] / world.joints[:, 0, 2]
         ratios.append(np.stack([stature.numpy(), depth])[:, [adult, child]])
     (adult_taller, child_taller), (adult_farther, child_farther) = np.log(ratios).mean(0)
     zero = float(
@@ -83,10 +83,12 @@ def test_bodies_have_the_stated_distance_and_stature(world):
     taller = []
     growth = log_stature_gradient(world.body_model)
     for seed in range(200):
-        found = bodies_of(world, noise=1, noise_seed=seed)
-        own = world.joints[0, 0, 2] + found.parameters.transl[0, 2] - world.parameters.transl[0, 2]
-        nearer.append(np.log(own / world.joints[0, 0, 2]))
-        taller.append(growth @ (found.parameters.betas[0] - world.parameters.betas[0]))
+        bodies = bodies_of(world, noise=1, noise_seed=seed)
+        depth = (
+            world.joints[0, 0, 2] + bodies.parameters.transl[0, 2] - world.parameters.transl[0, 2]
+        )
+        nearer.append(np.log(depth / world.joints[0, 0, 2]))
+        taller.append(growth @ (bodies.parameters.betas[0] - world.parameters.betas[0]))
     assert np.mean(nearer) == pytest.approx(-0.06, abs=0.015)
     assert np.std(nearer) == pytest.approx(np.hypot(0.045, 0.05), rel=0.15)
     assert np.mean(taller) == pytest.approx(-0.06, abs=0.012)

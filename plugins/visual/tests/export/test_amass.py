@@ -49,10 +49,10 @@ def read(file):
     def body(path):
         with np.load(path) as arrays:
             shape = np.concatenate([arrays["betas"], arrays["expression"][0]])
-            given = (arrays["poses"][:1], shape[None], arrays["trans"][:1])
-        poses, betas, trans = (torch.from_numpy(values).float() for values in given)
-        made = peer(pose_rotvecs=poses, shape_betas=betas, trans=trans)
-        return made["vertices"][0].numpy(), made["joints"][0].numpy()
+            inputs = (arrays["poses"][:1], shape[None], arrays["trans"][:1])
+        poses, betas, trans = (torch.from_numpy(values).float() for values in inputs)
+        posed = peer(pose_rotvecs=poses, shape_betas=betas, trans=trans)
+        return posed["vertices"][0].numpy(), posed["joints"][0].numpy()
 
     return body
 

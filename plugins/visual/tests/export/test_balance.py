@@ -137,7 +137,7 @@ def test_who_stands_on_a_raised_surface_stands_on_a_step_as_others_on_the_floor(
 
 
 @pytest.mark.parametrize(
-    ("state", "parts", "said"),
+    ("state", "parts", "wanted"),
     [
         (SupportState.BALANCED, ("left_foot", "right_foot"), {"ankles"}),
         (SupportState.BALANCED, ("left_foot", "seat"), set()),
@@ -146,7 +146,7 @@ def test_who_stands_on_a_raised_surface_stands_on_a_step_as_others_on_the_floor(
         (SupportState.AIRBORNE, ("left_foot",), {"person 0 falls"}),
     ],
 )
-def test_the_export_says_who_is_turned_and_who_falls(leaning, export, state, parts, said):
-    made = changed(leaning, support=support(state, parts))
-    notes = " ".join(export("a.xml", of=made).notes)
-    assert {words for words in ("ankles", "may fall", "person 0 falls") if words in notes} == said
+def test_the_export_says_who_is_turned_and_who_falls(leaning, export, state, parts, wanted):
+    reconstruction = changed(leaning, support=support(state, parts))
+    notes = " ".join(export("a.xml", of=reconstruction).notes)
+    assert {words for words in ("ankles", "may fall", "person 0 falls") if words in notes} == wanted

@@ -64,10 +64,10 @@ def joints_of(path, frame):
 def test_joints_are_where_the_result_has_them(export, result, up, in_frame):
     files = export("a.bvh", up=up).files
     for path, person in zip(files, result.people, strict=True):
-        found = joints_of(path, 1)
+        joints = joints_of(path, 1)
         wanted = in_frame(person.joints, up)
         np.testing.assert_allclose(
-            [found[name] for name in bone_names("mixamo")], wanted, atol=1e-4
+            [joints[name] for name in bone_names("mixamo")], wanted, atol=1e-4
         )
 
 

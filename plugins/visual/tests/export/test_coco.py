@@ -34,15 +34,19 @@ def test_pycocotools_reads_the_keypoints_and_boxes_of_every_person(export, thric
     assert data.imgs[1]["file_name"] == "a.jpg"
     assert (data.imgs[1]["width"], data.imgs[1]["height"]) == thrice.file_size
     for index, person in enumerate(thrice.people):
-        (found,) = (one for one in data.loadAnns(data.getAnnIds()) if one["person"] == index)
-        triples = np.array(found["keypoints"], float).reshape(-1, 3)
-        seen = person.keypoint_confidence > 0
-        np.testing.assert_allclose(triples[seen, :2], 3 * person.keypoints[seen] + 1, atol=1e-3)
-        assert (triples[seen, 2] == 2).all()
-        assert not triples[~seen].any()
-        assert found["num_keypoints"] == seen.sum()
-        np.testing.assert_allclose(found["keypoint_scores"], person.keypoint_confidence, atol=1e-4)
-        x, y, width, height = found["bbox"]
+        (annotation,) = (one for one in data.loadAnns(data.getAnnIds()) if one["person"] == index)
+        triples = np.array(annotation["keypoints"], float).reshape(-1, 3)
+        is_visible = person.keypoint_confidence > 0
+        np.testing.assert_allclose(
+            triples[is_visible, :2], 3 * person.keypoints[is_visible] + 1, atol=1e-3
+        )
+        assert (triples[is_visible, 2] == 2).all()
+        assert not triples[~is_visible].any()
+        assert annotation["num_keypoints"] == is_visible.sum()
+        np.testing.assert_allclose(
+            annotation["keypoint_scores"], person.keypoint_confidence, atol=1e-4
+        )
+        x, y, width, height = annotation["bbox"]
         np.testing.assert_allclose([x, y, x + width, y + height], 3 * person.box, atol=1e-3)
 
 
@@ -60,9 +64,9 @@ def test_annotations_of_an_undistorted_photo_are_those_of_its_file(export, resul
     data = opened(export("a.json", "coco", of=replace(result, lens=lens)).files[0])
     person = result.people[0]
     triples = np.array(data.anns[1]["keypoints"], float).reshape(-1, 3)
-    seen = person.keypoint_confidence > 0
-    wanted = lens.file_pixels(person.keypoints[seen], camera)
-    np.testing.assert_allclose(triples[seen, :2], wanted, atol=1e-3)
+    is_visible = person.keypoint_confidence > 0
+    wanted = lens.file_pixels(person.keypoints[is_visible], camera)
+    np.testing.assert_allclose(triples[is_visible, :2], wanted, atol=1e-3)
     mask = data.annToMask(data.anns[1]).astype(bool)
     columns, rows = (
         np.rint(lens.file_pixels(np.argwhere(person.mask)[:, ::-1], camera)).astype(int).T

@@ -64,9 +64,9 @@ def test_each_pixel_sees_its_point_which_is_that_of_the_result(export, result, t
     wanted = result.scene.points[lines, columns]
     assert np.abs(transform_points(back, world) - wanted).max() < 1e-6
     np.testing.assert_array_equal([row[4:7] for row in rows], result.scene.colors[lines, columns])
-    seen = model.rotation.apply(world) + model.translation
+    in_camera = model.rotation.apply(world) + model.translation
     fx, fy, cx, cy = model.params
-    projected = seen[:, :2] / seen[:, 2:] * [fx, fy] + [cx, cy]
+    projected = in_camera[:, :2] / in_camera[:, 2:] * [fx, fy] + [cx, cy]
     assert np.abs(projected - pixels).max() < 1e-3
 
 

@@ -26,14 +26,14 @@ def test_the_table_lists_the_seen_keypoints_in_px_of_the_photo_file(export, resu
     export("a.csv", of=replace(result, file_size=(3 * width, 3 * height)))
     rows = rows_of(tmp_path / "a.csv")
     assert list(rows[0]) == ["person", "joint", "x", "y", "confidence"]
-    seen = [np.flatnonzero(person.keypoint_confidence) for person in result.people]
+    visible = [np.flatnonzero(person.keypoint_confidence) for person in result.people]
     names = skeleton_named(result.skeleton).names
     assert [(int(row["person"]), row["joint"]) for row in rows] == [
-        (i, names[j]) for i in (0, 1) for j in seen[i]
+        (i, names[j]) for i in (0, 1) for j in visible[i]
     ]
     shown = np.array([(float(row["x"]), float(row["y"])) for row in rows])
     points = np.concatenate(
-        [person.keypoints[j] for person, j in zip(result.people, seen, strict=True)]
+        [person.keypoints[j] for person, j in zip(result.people, visible, strict=True)]
     )
     assert shown == pytest.approx(3 * points + 1, abs=0.006)
 

@@ -17,7 +17,7 @@ def test_plyfile_reads_points_colours_normals_and_contact(export, result):
     data = plyfile.PlyData.read(str(export("a.ply", up="camera").files[0]))
     rows = data["vertex"].data
     scene = rows["object"] == -1
-    own = rows["object"] == 1
+    is_person = rows["object"] == 1
     valid = result.scene.valid
     points = np.stack([rows[name] for name in "xyz"], 1)
     np.testing.assert_array_equal(points[scene], result.scene.points[valid])
@@ -26,11 +26,11 @@ def test_plyfile_reads_points_colours_normals_and_contact(export, result):
     )
     normals = np.stack([rows[f"n{name}"] for name in "xyz"], 1)
     np.testing.assert_allclose(normals[scene], result.scene.normals[valid], atol=1e-6)
-    np.testing.assert_array_equal(points[own], result.people[1].vertices)
-    np.testing.assert_array_equal(rows["contact"][own], result.people[1].contact)
+    np.testing.assert_array_equal(points[is_person], result.people[1].vertices)
+    np.testing.assert_array_equal(rows["contact"][is_person], result.people[1].contact)
     probability = result.people[1].contact_probability
     np.testing.assert_array_equal(
-        rows["quality"][own], result.people[1].contact if probability is None else probability
+        rows["quality"][is_person], result.people[1].contact if probability is None else probability
     )
     assert not rows["quality"][scene].any()
     assert [c for c in data.comments if c.startswith("axes")] == [

@@ -49,8 +49,8 @@ def test_every_tile_is_a_closed_convex_mesh_on_the_surface(result):
     heights = result.scene.points @ floor.normal + floor.offset
     # The surface above the floor is in the tiles, which have no more than the tolerance in front of
     # it.
-    seen = result.scene.valid & (heights > 2 * FLOOR_M)
-    above = result.scene.points[seen][::40].astype(np.float64)
+    is_above = result.scene.valid & (heights > 2 * FLOOR_M)
+    above = result.scene.points[is_above][::40].astype(np.float64)
     every = trimesh.util.concatenate(meshes)
     hits = trimesh.ray.ray_pyembree.RayMeshIntersector(every).intersects_first(
         np.zeros_like(above), above
@@ -108,8 +108,8 @@ def test_rigid_people_are_mocap_bodies_at_the_pelvis_with_a_hull_per_part(
         skin = placed_vertices(model, data, f"person_{index}_skin")
         np.testing.assert_allclose(skin, in_frame(person.vertices), atol=2e-4)
         geoms = [model.geom(i) for i in range(model.ngeom)]
-        own = [one for one in geoms if one.name.startswith(f"person_{index}_")]
-        assert sum(one.contype[0] > 0 for one in own) == 14
+        of_person = [one for one in geoms if one.name.startswith(f"person_{index}_")]
+        assert sum(one.contype[0] > 0 for one in of_person) == 14
 
 
 def joint_places(data, person):

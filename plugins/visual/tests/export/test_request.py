@@ -31,8 +31,8 @@ def column_first(value):
     if isinstance(value, tuple):
         return tuple(column_first(one) for one in value)
     if is_dataclass(value):
-        own = {one.name: getattr(value, one.name) for one in fields(value) if one.init}
-        return replace(value, **{name: column_first(one) for name, one in own.items()})
+        values = {one.name: getattr(value, one.name) for one in fields(value) if one.init}
+        return replace(value, **{name: column_first(one) for name, one in values.items()})
     return value
 
 
@@ -42,12 +42,12 @@ def test_the_files_do_not_depend_on_the_order_of_arrays_in_memory(result, file, 
         pytest.skip(f"needs {record.missing_packages}")
     turned = column_first(result)
     assert turned.scene.points.flags.f_contiguous
-    own = file if record.name == "amass" else None
-    made = [
-        one.export(str(tmp_path / folder), record.name, person=0, body_model=own).files
+    body_model = file if record.name == "amass" else None
+    exported = [
+        one.export(str(tmp_path / folder), record.name, person=0, body_model=body_model).files
         for folder, one in (("rows", result), ("columns", turned))
     ]
-    for one, other in zip(*made, strict=True):
+    for one, other in zip(*exported, strict=True):
         assert one.name == other.name
         assert one.read_bytes() == other.read_bytes()
 

@@ -45,8 +45,8 @@ def test_the_robot_with_the_angles_beside_it_has_the_pose_of_the_photo(result, f
         place = np.array(pose["base"]["position_m"])
         wanted = in_frame(person.joints[:22])
         np.testing.assert_allclose(place, wanted[0], atol=1e-5)
-        made = np.stack([turn.apply(data.body(name).xpos) + place for name in JOINT_NAMES[1:22]])
-        np.testing.assert_allclose(made, wanted[1:], atol=1e-4)  # 0.1 mm
+        joints = np.stack([turn.apply(data.body(name).xpos) + place for name in JOINT_NAMES[1:22]])
+        np.testing.assert_allclose(joints, wanted[1:], atol=1e-4)  # 0.1 mm
         hand = trimesh.load(folder / "meshes" / f"a_{index}_left_wrist_skin.obj")
         frame = data.body("left_wrist").xmat.reshape(3, 3)
         skin = turn.apply(hand.vertices @ frame.T + data.body("left_wrist").xpos) + place
@@ -88,6 +88,6 @@ def test_no_shapes_of_a_robot_overlap_but_those_that_its_srdf_names(folder, pers
     assert len(shapes.collisionPairs) > 500
     pose = json.loads((folder / f"a_{person}.json").read_text())["joints"]
     for angles in ([pose[name] for name in list(model.names)[1:]], np.zeros(model.nq)):
-        data, found = model.createData(), shapes.createData()
-        met = pinocchio.computeCollisions(model, data, shapes, found, np.array(angles), False)
+        data, collisions = model.createData(), shapes.createData()
+        met = pinocchio.computeCollisions(model, data, shapes, collisions, np.array(angles), False)
         assert not met

@@ -14,15 +14,15 @@ def centers(places, taken=()):
     page = Image.new("RGB", SIZE)
     draw_numbers(ImageDraw.Draw(page), (0, 0), places, SIZE, taken)
     pixels = np.asarray(page)
-    found = {}
+    center_of = {}
     for index in places:
         rows, columns = np.nonzero((pixels == person_color(index)).all(2))
-        found[index] = np.array([columns.mean(), rows.mean()])
-    return found
+        center_of[index] = np.array([columns.mean(), rows.mean()])
+    return center_of
 
 
 def test_numbers_of_people_in_one_place_do_not_cover_each_other():
-    found = list(centers({0: (90.0, 50.0), 1: (92.0, 51.0), 2: (90.0, 50.0)}).values())
-    for i, one in enumerate(found):
-        for other in found[:i]:
+    places = list(centers({0: (90.0, 50.0), 1: (92.0, 51.0), 2: (90.0, 50.0)}).values())
+    for i, one in enumerate(places):
+        for other in places[:i]:
             assert np.abs(one - other).max() >= DISC_PX

@@ -37,8 +37,8 @@ TO_OKLAB = np.array(
 @pytest.mark.parametrize("reader", READERS)
 def test_every_reader_tells_the_colours_of_contact_apart(reader):
     colors = np.array([*CONTACT_PALETTE.values(), BODY_RGB], np.uint8)
-    seen = np.clip(linear_from_srgb(colors) @ np.array(READERS[reader]).T, 0, 1)
-    lab = np.cbrt(seen @ TO_CONES.T) @ TO_OKLAB.T
+    perceived = np.clip(linear_from_srgb(colors) @ np.array(READERS[reader]).T, 0, 1)
+    lab = np.cbrt(perceived @ TO_CONES.T) @ TO_OKLAB.T
     assert min(np.linalg.norm(one - other) for one, other in combinations(lab, 2)) > 0.13
 
 

@@ -94,9 +94,9 @@ def test_side_and_top_views_frame_the_main_people(make):
 def test_depth_runs_from_red_to_blue_and_unknown_is_grey(reconstruction):
     valid = reconstruction.scene.valid.copy()
     valid[50:60, 100:110] = False
-    seen = replace(reconstruction, scene=replace(reconstruction.scene, valid=valid), people=())
-    picture = depth_panel(seen, 160, 120)
-    near, far = depth_range(seen)
+    result = replace(reconstruction, scene=replace(reconstruction.scene, valid=valid), people=())
+    picture = depth_panel(result, 160, 120)
+    near, far = depth_range(result)
     assert near == pytest.approx(reconstruction.scene.points[..., 2].min(), rel=0.1)
     assert far == pytest.approx(reconstruction.scene.points[..., 2].max(), rel=0.05)
     assert picture[119, 80, 0] > picture[119, 80, 2]  # the floor before the feet
@@ -146,8 +146,8 @@ def test_the_front_is_the_side_with_the_toes(reconstruction):
     toes = np.zeros(len(person.vertices), bool)
     toe = (person.joints[10] + person.joints[11]) / 2
     toes[np.linalg.norm(person.vertices - toe, axis=1) < 0.17] = True
-    seen = replace(reconstruction, people=(replace(person, contact=toes, contact_partner=None),))
-    shown = render_contact_views(seen, 0, 600, 300)
+    result = replace(reconstruction, people=(replace(person, contact=toes, contact_partner=None),))
+    shown = render_contact_views(result, 0, 600, 300)
     red = (shown[..., 0].astype(int) - shown[..., 1]) > 60
     assert red[:, :200].sum() > red[:, 200:400].sum()
 

@@ -34,22 +34,22 @@ def result(make):
         CheckResult("lean", "unknown", None, 12.0, "at most", "degrees", "nobody stands", person=1),
     )
     unposed = (UnposedPerson((5.0, 5.0, 30.0, 60.0), 0.4, "no pose fits the box"),)
-    made = make(320, 240)
-    low = made.scene.floor.normal, made.scene.floor.offset
-    touching = [p.vertices @ low[0] + low[1] < 0.6 for p in made.people]
+    reconstruction = make(320, 240)
+    low = reconstruction.scene.floor.normal, reconstruction.scene.floor.offset
+    touching = [p.vertices @ low[0] + low[1] < 0.6 for p in reconstruction.people]
     people = tuple(
         replace(
             p,
-            contact=own,
+            contact=contact,
             contact_partner=None,
             contact_probability=None,
             trust_pose=0.914,
             trust_place=0.046,
             why="Leans: 16° (see the side)",
         )
-        for p, own in zip(made.people, touching, strict=True)
+        for p, contact in zip(reconstruction.people, touching, strict=True)
     )
-    return replace(made, people=people, checks=checks, warnings=(ODD,), unposed=unposed)
+    return replace(reconstruction, people=people, checks=checks, warnings=(ODD,), unposed=unposed)
 
 
 @pytest.fixture(scope="module")
@@ -186,11 +186,11 @@ def shows_people(page):
     )
     if page.evaluate(LABELLED):
         return True
-    seen = page.picture("#view")
+    picture = page.picture("#view")
     click(page, "[data-show=people]")
     without = page.picture("#view")
     click(page, "[data-show=people]")
-    return difference(seen, without) > 0.0005
+    return difference(picture, without) > 0.0005
 
 
 def without_floor(result):
@@ -211,8 +211,8 @@ def without_floor(result):
 def test_people_stay_in_view_whatever_is_dragged_zoomed_and_pressed(
     make, show, size, people, floor
 ):
-    made = make(*size, people)
-    page = show(made if floor else without_floor(made), 420, 420)
+    reconstruction = make(*size, people)
+    page = show(reconstruction if floor else without_floor(reconstruction), 420, 420)
     x, y, width, height = page.box("#view canvas")
     rng = np.random.default_rng(0)
     lost = []
@@ -352,12 +352,12 @@ def test_a_damaged_file_says_so(chromium, path, tmp_path, damage):
 
 
 def test_the_legend_names_the_colours_that_the_bodies_show(page, make, show):
-    made = make()
+    reconstruction = make()
     unsure = [
         replace(p, contact_probability=np.full(len(p.vertices), 0.4, np.float16))
-        for p in made.people
+        for p in reconstruction.people
     ]
-    other = show(replace(made, people=tuple(unsure)))
+    other = show(replace(reconstruction, people=tuple(unsure)))
     for one, labels in (
         (page, ["Contact with", "anything"]),
         (other, ["Contact with", "floor", FAINT]),
@@ -377,14 +377,14 @@ def test_the_legend_names_the_colours_that_the_bodies_show(page, make, show):
 
 def test_the_page_opens_on_the_main_people_in_the_photo_s_colours(make, show):
     """As the photo's camera sees them, larger than in the photo."""
-    made = make(320, 240)
-    image = made.image.copy()
+    reconstruction = make(320, 240)
+    image = reconstruction.image.copy()
     pink = np.array([230, 20, 200])
-    for person in made.people:
+    for person in reconstruction.people:
         image[person.mask] = pink
-    page = show(replace(made, image=image))
-    seen = page.picture("#canvas").astype(int)
-    shown = np.abs(seen - pink).max(-1) < 30
+    page = show(replace(reconstruction, image=image))
+    picture = page.picture("#canvas").astype(int)
+    shown = np.abs(picture - pink).max(-1) < 30
     rows, columns = np.nonzero(shown)
     height, width = shown.shape
     assert np.ptp(rows) > 0.55 * height
@@ -399,7 +399,7 @@ def test_the_page_opens_on_the_main_people_in_the_photo_s_colours(make, show):
 def test_in_the_photo_s_view_the_photo_is_behind_the_bodies_until_the_view_turns(page, result):
     click(page, "[data-show=people]")
     click(page, "[data-view=camera]")
-    seen = page.picture("#canvas")
+    picture = page.picture("#canvas")
     height, width = result.image.shape[:2]
     (left, top), (right, bottom) = (
         np.subtract(place_on_canvas(page, result, *corner), page.box("#canvas")[:2])
@@ -407,12 +407,12 @@ def test_in_the_photo_s_view_the_photo_is_behind_the_bodies_until_the_view_turns
         .astype(int)
         for corner in ((-0.5, -0.5), (width - 0.5, height - 0.5))
     )
-    inside = seen[max(top, 0) : bottom, max(left, 0) : right]
+    inside = picture[max(top, 0) : bottom, max(left, 0) : right]
     wanted = np.asarray(Image.fromarray(result.image).resize(inside.shape[1::-1]))
     assert np.abs(inside.astype(int) - wanted).mean() < 4
     page.evaluate("document.querySelector('#canvas').focus()")
     page.press("ArrowLeft")
-    assert difference(seen, page.picture("#canvas")) > 0.05
+    assert difference(picture, page.picture("#canvas")) > 0.05
     click(page, "[data-show=people]")
     click(page, "[data-view=people]")
     page.picture("#view")

@@ -51,12 +51,12 @@ def node_poses(tree):
 
     def visit(index, parent):
         node = tree.nodes[index]
-        own = np.eye(4)
+        local = np.eye(4)
         if node.rotation:
-            own[:3, :3] = Rotation.from_quat(node.rotation).as_matrix()
+            local[:3, :3] = Rotation.from_quat(node.rotation).as_matrix()
         if node.translation:
-            own[:3, 3] = node.translation
-        poses[index] = parent @ own
+            local[:3, 3] = node.translation
+        poses[index] = parent @ local
         for child in node.children or ():
             visit(child, poses[index])
 
@@ -199,11 +199,11 @@ def test_the_camera_of_the_file_sees_what_the_photo_shows(tree, result):
     pose = node_poses(tree)[index]
     frame = export_frame(result.scene.floor, "y")
     vertices = result.people[0].vertices.astype(np.float64)
-    seen = transform_points(np.linalg.inv(pose), transform_points(frame.from_camera, vertices))
+    in_camera = transform_points(np.linalg.inv(pose), transform_points(frame.from_camera, vertices))
     half = np.tan(perspective.yfov / 2)
     camera = result.intrinsics
     size = np.array([camera.width, camera.height])
-    share = seen[:, :2] / -seen[:, 2:] / (half * np.array([perspective.aspectRatio, -1]))
+    share = in_camera[:, :2] / -in_camera[:, 2:] / (half * np.array([perspective.aspectRatio, -1]))
     pixels = (share + 1) / 2 * size - 0.5
     wanted = vertices @ camera.matrix.T
     shift = [camera.cx, camera.cy] - (size - 1) / 2

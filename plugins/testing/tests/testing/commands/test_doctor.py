@@ -39,7 +39,7 @@ def test_the_doctor_looks_at_every_backend_whatever_the_others_do(site, monkeypa
     site.install("physic-bad", "import no_such_module\n", version="0.3")
     done = physic("plugins", "doctor", "--interface", "inpainter")
     assert done.exit_code == 5
-    *found, total = lines_of_others(done)
+    *findings, total = lines_of_others(done)
     wanted = (
         ("BROKEN", "'dying'", "code 9"),
         ("BROKEN", "'failing'", "ValueError: bad magic number (physic_sick.py:10)"),
@@ -48,7 +48,7 @@ def test_the_doctor_looks_at_every_backend_whatever_the_others_do(site, monkeypa
         ("ok", "'well'"),
         ("BROKEN", "physic-bad 0.3", "no_such_module"),
     )
-    for line, (state, *words) in zip(found, wanted, strict=True):
+    for line, (state, *words) in zip(findings, wanted, strict=True):
         assert line.startswith(state)
         assert all(word in line for word in words), line
     assert total == "7 checked: 2 ok, 1 missing, 4 broken"

@@ -47,15 +47,17 @@ def test_two_files_are_a_plugin(tmp_path):
     files = plugin_files(PluginNames("my-thing", "inpainter"), "0.1.0")
     for path in ("pyproject.toml", "physic_my_thing.py"):
         (tmp_path / path).write_text(files[path])
-    held = {f.distribution_path for f in WheelBuilder(str(tmp_path)).recurse_included_files()}
-    assert held == {"physic_my_thing.py"}
+    contents = {f.distribution_path for f in WheelBuilder(str(tmp_path)).recurse_included_files()}
+    assert contents == {"physic_my_thing.py"}
 
 
 def test_a_new_package_requires_the_core_and_tests_itself_with_the_kit():
     text = plugin_files(PluginNames("my-thing", "inpainter"), "0.1.0")["pyproject.toml"]
-    own = tomllib.loads(text)["project"]
-    assert own["dependencies"] == ["numpy>=2.0", "metricbody>=0.1.0", "pydantic>=2.9"]
-    assert own["optional-dependencies"] == {"test": ["metricbody-testing>=0.1.0", "pytest>=8.2"]}
+    project = tomllib.loads(text)["project"]
+    assert project["dependencies"] == ["numpy>=2.0", "metricbody>=0.1.0", "pydantic>=2.9"]
+    assert project["optional-dependencies"] == {
+        "test": ["metricbody-testing>=0.1.0", "pytest>=8.2"]
+    }
 
 
 @pytest.mark.parametrize(

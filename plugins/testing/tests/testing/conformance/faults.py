@@ -41,9 +41,11 @@ def fields(**changes):
     """A change of an answer's fields, each by a function, but for those that it does not have."""
 
     def change(answer, *_):
-        held = {name: getattr(answer, name) for name in changes}
-        found = {name: changes[name](value) for name, value in held.items() if value is not None}
-        return replace(answer, **found)
+        values = {name: getattr(answer, name) for name in changes}
+        changed = {
+            name: changes[name](value) for name, value in values.items() if value is not None
+        }
+        return replace(answer, **changed)
 
     return change
 
@@ -79,11 +81,11 @@ def moved(array, right, down, empty=None):
     """An image moved by whole pixels; what comes in repeats the border, or is ``empty``."""
     rows = np.arange(array.shape[0]) - down
     columns = np.arange(array.shape[1]) - right
-    found = array[np.clip(rows, 0, len(rows) - 1)][:, np.clip(columns, 0, len(columns) - 1)]
+    shifted = array[np.clip(rows, 0, len(rows) - 1)][:, np.clip(columns, 0, len(columns) - 1)]
     if empty is not None:
-        found[(rows < 0) | (rows >= len(rows))] = empty
-        found[:, (columns < 0) | (columns >= len(columns))] = empty
-    return found
+        shifted[(rows < 0) | (rows >= len(rows))] = empty
+        shifted[:, (columns < 0) | (columns >= len(columns))] = empty
+    return shifted
 
 
 # ---- people, boxes and floor
@@ -170,8 +172,8 @@ def with_parameters(change):
     def changed(bodies, *_):
         p = bodies.parameters
         values = change(p).items() if len(p) else ()
-        found = {name: np.asarray(value, np.float32) for name, value in values}
-        return replace(bodies, parameters=replace(p, **found))
+        parameters = {name: np.asarray(value, np.float32) for name, value in values}
+        return replace(bodies, parameters=replace(p, **parameters))
 
     return changed
 
@@ -205,9 +207,9 @@ def with_joints(order=range(22), *, surface=False):
 
     def changed(bodies, *_):
         p = replace(bodies.parameters, betas=np.zeros((len(bodies.parameters), 10), np.float32))
-        given = (torch.from_numpy(v) for v in (bodies.parameters.betas, p.transl))
+        inputs = (torch.from_numpy(v) for v in (bodies.parameters.betas, p.transl))
         with torch.no_grad():
-            out = load_body("embedded")(rotations_from_parameters(bodies.parameters), *given)
+            out = load_body("embedded")(rotations_from_parameters(bodies.parameters), *inputs)
         joints = np.full((len(out.joints), 55, 3), np.nan, np.float32)
         joints[:, :22] = out.joints.numpy()[:, list(order)]
         rest, new = shuffled()
@@ -225,9 +227,9 @@ def hipless(joints):
 
 
 def with_wrists(hands, image, people, *_):
-    found = recognise_world(image)
-    rows = match_masks_to_world(found, people)
-    return replace(hands, wrists=true_wrists(found.world).astype(np.float32)[rows])
+    recognised = recognise_world(image)
+    rows = match_masks_to_world(recognised, people)
+    return replace(hands, wrists=true_wrists(recognised.world).astype(np.float32)[rows])
 
 
 def other_mesh(contact, *_):

@@ -27,28 +27,33 @@ NO_NOISE = {
 _ANSWERS = {}
 
 
-def answer_of(kind, own, arguments):
+def answer_of(kind, mock, arguments):
     """The mock's answer, each of which is computed once."""
     values = (value for _, value in named_values(arguments))
     parts = [v.tobytes() if isinstance(v, np.ndarray) else repr(v).encode() for v in values]
-    key = (kind, own.options.model_dump_json(), zlib.crc32(b"".join(parts)))
+    key = (kind, mock.options.model_dump_json(), zlib.crc32(b"".join(parts)))
     if key not in _ANSWERS:
-        _ANSWERS[key] = kind.infer(own, *arguments)
+        _ANSWERS[key] = kind.infer(mock, *arguments)
     return _ANSWERS[key]
 
 
 def mirrored_points(ask, image, hints):
-    found = ask(image, hints)
+    pointmap = ask(image, hints)
     side = np.float32([-1, 1, 1])
     return replace(
-        found, points=found.points[:, ::-1] * side, valid=found.valid[:, ::-1], up=found.up * side
+        pointmap,
+        points=pointmap.points[:, ::-1] * side,
+        valid=pointmap.valid[:, ::-1],
+        up=pointmap.up * side,
     )
 
 
 def mirrored_people(ask, image, people, keypoints, intrinsics):
-    found = ask(image, replace(people, masks=people.masks[..., ::-1]), keypoints, intrinsics)
+    observations = ask(image, replace(people, masks=people.masks[..., ::-1]), keypoints, intrinsics)
     return replace(
-        found, touch=found.touch[:, mirrored_order(TOUCH_PARTS)], head=found.head * [-1, 1, 1]
+        observations,
+        touch=observations.touch[:, mirrored_order(TOUCH_PARTS)],
+        head=observations.head * [-1, 1, 1],
     )
 
 

@@ -72,10 +72,10 @@ def test_a_right_backend_that_must_be_loaded_passes():
 
 def test_every_check_of_all_interfaces_catches_a_fault():
     every = {check.name for interface in INTERFACES for check in checks_for(interface)}
-    found = {check for rows in FAULTS.values() for check, _ in rows.values()}
-    found |= {check for _, check in WRONG.values()}
-    found |= {group.check for table in TABLES.values() for group in table.groups}
-    assert every == found | {"default_weights_are_listed", "registration_is_light"}
+    checks = {check for rows in FAULTS.values() for check, _ in rows.values()}
+    checks |= {check for _, check in WRONG.values()}
+    checks |= {group.check for table in TABLES.values() for group in table.groups}
+    assert every == checks | {"default_weights_are_listed", "registration_is_light"}
 
 
 def test_rows_that_all_change_fail_and_some_only_warn():
@@ -94,7 +94,7 @@ def failures(run):
         "accepts_photos_of_people",
         *(check.name for check in accuracy_checks(run.subject.interface)),
     ]
-    return (found for name in names if (found := run.result(name)).outcome in FAILED)
+    return (result for name in names if (result := run.result(name)).outcome in FAILED)
 
 
 @pytest.mark.slow

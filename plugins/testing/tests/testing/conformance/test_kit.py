@@ -153,13 +153,15 @@ def test_capabilities_choose_checks():
 
 def test_backends_are_compared_in_one_table():
     worlds = ("stand_indoors", "group")
-    found = compare("metric_depth", [RightDepth, CENTIMETRES, NotReady], worlds=worlds, size=SIZE)
-    right, hundred, missing = found.rows
+    comparison = compare(
+        "metric_depth", [RightDepth, CENTIMETRES, NotReady], worlds=worlds, size=SIZE
+    )
+    right, hundred, missing = comparison.rows
     assert right.errors["abs-rel"] == pytest.approx(0, abs=1e-6)
     assert hundred.errors["abs-rel"] == pytest.approx(99, abs=1e-3)
     assert (right.completed, missing.completed) == (2, 0)
-    assert f": not ready: {NO_WEIGHTS}\n" in found.text
-    json.dumps(found.as_dict(), allow_nan=False)
+    assert f": not ready: {NO_WEIGHTS}\n" in comparison.text
+    json.dumps(comparison.as_dict(), allow_nan=False)
 
 
 # ---- pytest

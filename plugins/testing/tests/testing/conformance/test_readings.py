@@ -65,7 +65,7 @@ def subjects(**settings):
     return {name: subject_of(stand_in(kinds[name]), **settings) for name in TABLES}
 
 
-def said_of(subject, group, make, *, exact=True):
+def text_of(subject, group, make, *, exact=True):
     """What the check of a group says of outputs with a mistake, which are else the truth, or the
     subject's.
     """
@@ -73,10 +73,11 @@ def said_of(subject, group, make, *, exact=True):
     key = group.key
     subject.values = [
         (
-            own | {key: (0 if exact else own[key] - truth[key]) + make(1.0 * truth[key], truth)},
+            answered
+            | {key: (0 if exact else answered[key] - truth[key]) + make(1.0 * truth[key], truth)},
             truth,
         )
-        for own, truth in kept
+        for answered, truth in kept
     ]
     try:
         with pytest.raises(CheckFailed) as caught:
@@ -106,10 +107,10 @@ def of_twice_its_limit(reading):
 
 @pytest.mark.parametrize(("interface", "group", "reading"), READINGS, ids=name_of)
 def test_a_mistake_of_twice_its_limit_is_told_from_all_others(right, interface, group, reading):
-    made = of_twice_its_limit(reading)
-    said = said_of(right[interface], group, made)
-    assert reading.words in said
-    assert reading.hint in said
+    mistake = of_twice_its_limit(reading)
+    text = text_of(right[interface], group, mistake)
+    assert reading.words in text
+    assert reading.hint in text
 
 
 @pytest.mark.slow
@@ -123,8 +124,8 @@ def test_a_mistake_of_twice_its_limit_is_told_from_all_others(right, interface, 
     ids=name_of,
 )
 def test_a_mistake_is_found_among_the_errors_of_a_network(noisy, interface, group, reading):
-    made = of_twice_its_limit(reading)
-    said_of(noisy[interface], group, made, exact=False)
+    mistake = of_twice_its_limit(reading)
+    text_of(noisy[interface], group, mistake, exact=False)
 
 
 @pytest.mark.parametrize(
@@ -138,11 +139,11 @@ def test_parts_in_another_order_are_named(right, interface, group, axis):
         order[[4, 7]] = 7, 4
         return value.take(order, axis)
 
-    said = said_of(right[interface], group, exchanged)
-    assert "reordered: " in said
+    text = text_of(right[interface], group, exchanged)
+    assert "reordered: " in text
 
 
 def test_vertices_that_begin_elsewhere_are_counted(right):
     group = TABLES["contact_prior"].groups[0]
-    said = said_of(right["contact_prior"], group, lambda p, _: np.roll(p, 37, 1))
-    assert "37 vertices farther on" in said
+    text = text_of(right["contact_prior"], group, lambda p, _: np.roll(p, 37, 1))
+    assert "37 vertices farther on" in text

@@ -60,8 +60,8 @@ def test_memory_that_the_allocator_had_kept_is_seen():
     above = bytes(100_000)
     del blocks
     before = resident_megabytes()
-    held = np.ones(16_000_000)
-    assert resident_megabytes() - before > 0.7 * held.nbytes / 1e6
+    block = np.ones(16_000_000)
+    assert resident_megabytes() - before > 0.7 * block.nbytes / 1e6
     del above
 
 

@@ -148,9 +148,9 @@ class Remembering(RightDepth):
 
     def infer(self, image, hints):
         answer = super().infer(image, hints)
-        seen = self.scale
+        scale = self.scale
         self.scale = self.scale * 1.01
-        return replace(answer, depth=answer.depth * np.float32(seen))
+        return replace(answer, depth=answer.depth * np.float32(scale))
 
     def close(self):
         super().close()

@@ -48,12 +48,12 @@ def test_distances_are_those_over_the_edges_of_all_triangles(sources):
     ball = trimesh.creation.icosphere(subdivisions=1)
     ball.vertices *= rng.uniform(0.5, 1.5, (len(ball.vertices), 1))
     chosen = marks(len(ball.vertices), *rng.integers(len(ball.vertices), size=sources))
-    found = distance_to_sources(surface_graph(ball.vertices, ball.faces), chosen)
+    distances = distance_to_sources(surface_graph(ball.vertices, ball.faces), chosen)
     edges = np.full((len(chosen), len(chosen)), np.inf)
     for way, (first, second) in zip(ball.edges_unique_length, ball.edges_unique, strict=True):
         edges[first, second] = edges[second, first] = way
     ways = floyd_warshall(np.where(np.isfinite(edges), edges, 0))
-    np.testing.assert_allclose(found, ways[chosen].min(0), atol=1e-12)
+    np.testing.assert_allclose(distances, ways[chosen].min(0), atol=1e-12)
 
 
 def test_an_empty_set_has_no_error():

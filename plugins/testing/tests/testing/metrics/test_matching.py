@@ -52,7 +52,9 @@ def test_matches_equal_the_slow_reference(seed, guesses, people, gate):
         if all(np.isfinite(cost[i, j]) for j, i in taken.items()):
             options.append((-len(taken), sum(cost[i, j] for j, i in taken.items())))
     matching = match_by_masks(predicted, truth, min_iou=gate)
-    found = pairs(matching)
-    assert (-len(found), sum(cost[i, j] for j, i in found.items())) == pytest.approx(min(options))
+    matches = pairs(matching)
+    assert (-len(matches), sum(cost[i, j] for j, i in matches.items())) == pytest.approx(
+        min(options)
+    )
     assert sorted([*matching.truth, *matching.missed]) == list(range(people))
     assert sorted([*matching.predicted, *matching.false_alarms]) == list(range(guesses))

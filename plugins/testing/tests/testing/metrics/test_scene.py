@@ -56,13 +56,13 @@ def test_only_pixels_valid_in_both_count_and_the_rest_is_reported():
     predicted[0, 0] = np.nan
     predicted[0, 1] = np.inf
     predicted[0, 2, 2] = -1
-    found = ALL.copy()
-    known = ALL.copy()
+    is_predicted = ALL.copy()
+    is_known = ALL.copy()
     predicted[1] += 100
-    found[1] = False
+    is_predicted[1] = False
     truth[2, :4] = np.nan
-    known[3, :4] = False
-    error = scene_error(predicted, truth, found, known)
+    is_known[3, :4] = False
+    error = scene_error(predicted, truth, is_predicted, is_known)
     assert error.pixels == 48 - 3 - 8 - 8
     assert error.coverage == pytest.approx(29 / 40)
     assert (error.point_mean, error.depth_relative_mean) == (0, 0)

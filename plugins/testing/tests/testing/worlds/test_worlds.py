@@ -57,9 +57,9 @@ def test_the_floor_lies_on_its_plane_and_normals_face_the_camera(world):
     points = world.points(people=False)
     height = points[world.empty_floor_mask] @ world.floor.normal + world.floor.offset
     assert (np.abs(height) < 2e-4 + 1e-4 * points[world.empty_floor_mask][:, 2]).all()
-    seen = np.isfinite(points).all(axis=2)
-    np.testing.assert_allclose(np.linalg.norm(world.empty_normals, axis=2), seen, atol=1e-5)
-    assert ((world.empty_normals[seen] * points[seen]).sum(axis=1) <= 1e-4).all()
+    is_known = np.isfinite(points).all(axis=2)
+    np.testing.assert_allclose(np.linalg.norm(world.empty_normals, axis=2), is_known, atol=1e-5)
+    assert ((world.empty_normals[is_known] * points[is_known]).sum(axis=1) <= 1e-4).all()
     assert (
         np.isinf(world.empty_depth) == (world.empty_surfaces == SURFACE_NAMES.index("sky"))
     ).all()
@@ -86,9 +86,9 @@ def test_another_size_shows_the_same(name):
     for world in (small, large):
         pixels = project(world.vertices, world.intrinsics)
         for mask, uv in zip(world.masks, pixels, strict=True):
-            seen = np.argwhere(mask)[:, ::-1]
-            assert (uv.min(axis=0) - 1 < seen.min(axis=0)).all()
-            assert (uv.max(axis=0) + 1 > seen.max(axis=0)).all()
+            in_mask = np.argwhere(mask)[:, ::-1]
+            assert (uv.min(axis=0) - 1 < in_mask.min(axis=0)).all()
+            assert (uv.max(axis=0) + 1 > in_mask.max(axis=0)).all()
     reduced = cv2.resize(large.image, small.image.shape[1::-1], interpolation=cv2.INTER_AREA)
     assert np.abs(reduced.astype(int) - small.image).mean() < 1
 
