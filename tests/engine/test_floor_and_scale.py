@@ -253,7 +253,7 @@ def test_people_and_a_metric_depth_of_like_errors_meet_between_them(world):
     assert 0.02 < off < math.log(1.2) - 0.02
     assert found.scale.sigma < world.answer().scale.sigma
     assert found.depth.notes[0] == "a network"
-    assert f"multiplied by {math.exp(off) / 1.2:.2f}" in found.depth.notes[-1]
+    assert f"{math.exp(off) / 1.2:.3g}" in found.depth.notes[-1]
 
 
 def test_a_metric_depth_is_converted_to_the_focal_length_of_the_bodies(world):
