@@ -9,7 +9,7 @@ likelier than that of others. Camera frame, metres.
 from __future__ import annotations
 
 import math
-from operator import itemgetter
+from operator import attrgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -23,6 +23,8 @@ from physic_core.geometry.tensors import exact_arrays
 from physic_core.types.observations import LEAST_PROBABILITY, TOUCHED
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from physic_core.body.model import BodyModel
@@ -108,7 +110,49 @@ def _met(
     i, part = own
     depth = float(points[i, parts[part], 2].mean())
     skin = _by_view(points[i, parts[part]], depth)
-    reach = []
+    cost = math.inf
+    met = None
+    reach = _parts_in_reach(points, said, parts, own, others, skin, depth)
+    for one in sorted(reach, key=attrgetter("bound")):
+        if one.bound >= cost:
+            break
+        size, touching, nearest = _patch(skin, one.target)
+        if size <= _REACH_M and size**2 + one.unlikely < cost:
+            cost = size**2 + one.unlikely
+            met = one, touching, nearest
+    if met is None:
+        return None
+    one, touching, nearest = met
+    _, other_touching, other_nearest = _patch(one.target, skin)
+    mine, theirs = parts[part], parts[one.part]
+    touch = mine[touching], theirs[nearest], theirs[other_touching], mine[other_nearest]
+    return one.person, one.part, one.probability, *touch
+
+
+class _PartInReach(NamedTuple):
+    """A part that another may touch: the least cost of the touch, what its own answer costs, whose
+    part it is, the probability of the touch, and its vertices as :func:`_by_view`.
+    """
+
+    bound: float
+    unlikely: float
+    person: int
+    part: str
+    probability: float
+    target: FloatArray
+
+
+def _parts_in_reach(
+    points: FloatArray,
+    said: FloatArray,
+    parts: dict[str, Ids],
+    own: tuple[int, str],
+    others: list[int],
+    skin: FloatArray,
+    depth: float,
+) -> Iterator[_PartInReach]:
+    """Yield the parts of others that the skin (n, 3) of a person's part can reach."""
+    i, part = own
     for j in others:
         word = TOUCHED.index("own body" if j == i else "person")
         alone = float(said[i, OBSERVED[part], word])
@@ -127,24 +171,7 @@ def _met(
                 rates = usual_touch()[[OBSERVED[part], OBSERVED[other]], word]
                 likely = _of_both(alone, answer, float(rates.max()))
             unlikely = -2 * _ANSWER_M**2 * math.log(max(answer, _LEAST_ANSWER))
-            reach.append((least + unlikely, unlikely, j, other, likely, target))
-    cost = math.inf
-    met = None
-    for bound, unlikely, j, other, likely, target in sorted(reach, key=itemgetter(0)):
-        if bound >= cost:
-            break
-        size, touching, nearest = _patch(skin, target)
-        if size <= _REACH_M and size**2 + unlikely < cost:
-            cost = size**2 + unlikely
-            met = j, other, likely, target, touching, nearest
-    if met is None:
-        return None
-    j, other, likely, target, touching, nearest = met
-    _, other_touching, other_nearest = _patch(target, skin)
-    mine = parts[part]
-    theirs = parts[other]
-    touch = mine[touching], theirs[nearest], theirs[other_touching], mine[other_nearest]
-    return j, other, likely, *touch
+            yield _PartInReach(least + unlikely, unlikely, j, other, likely, target)
 
 
 def _of_both(one: float, other: float, rate: float) -> float:

@@ -288,16 +288,25 @@ def body_contacts(
         if probability is not None:
             of_surest = mean_of_surest(probability[here])
             sure = round(of_surest if is_skin else assumed.get(part, of_surest), DECIMALS)
-        far = kind == "hidden" or gaps.get(part, 0.0) > HAND_BREADTH_M
-        gap = gaps.get(part) if far and kind in _OF_WORLD and part not in assumed else None
         if sure is None or sure >= least:
             one = BodyContact(part, table[partner], sure, count, assumed=part in assumed)
-            off = None if gap is None else round(min(gap, SEARCH_RADIUS_M), DECIMALS)
+            off = None
             if kind == "person" and from_people is not None:
                 apart = float(from_people[here].amin())
                 off = round(apart, DECIMALS) if apart > HAND_BREADTH_M else None
+            elif kind in _OF_WORLD and part not in assumed:
+                off = _distance_of_far(kind, gaps.get(part))
             found.append(replace(one, dent_m=_dent_of(dent[here]), distance_m=off))
     return _listed_contacts(found)
+
+
+def _distance_of_far(kind: str, gap: float | None) -> float | None:
+    """Return the distance of a part from the nearest surface, metres; None where that is near, and
+    what it touches is not hidden.
+    """
+    if gap is None or not (kind == "hidden" or gap > HAND_BREADTH_M):
+        return None
+    return round(min(gap, SEARCH_RADIUS_M), DECIMALS)
 
 
 def _listed_contacts(found: Sequence[BodyContact]) -> tuple[BodyContact, ...]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
@@ -46,6 +48,11 @@ from physic_core.geometry.pixels import select_pixels
 from physic_core.geometry.tensors import tensors
 from physic_core.types.observations import LEAST_PROBABILITY
 from physic_core.types.skeletons import SIDES
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from physic_core.types.contacts import Support
 
 _SCENE, _PERSON, _OWN_BODY, _OBJECT = range(len(KINDS))
 _TOUCHING = {"foot": "sole", "hand": "hand"}  # contact set of a limb
@@ -230,6 +237,12 @@ def _seen_floor(state: State) -> Tensor | None:
     return torch.where(feet, torch.nan, said)
 
 
+def _parts_that_meet(pairs: Sequence[Meeting], person: int) -> set[str]:
+    """Return the body parts of a person that touch skin by the observer."""
+    own = {pair.part for pair in pairs if pair.person == person}
+    return own | {pair.other_part for pair in pairs if pair.other == person}
+
+
 def _describe_contacts(
     state: State,
     near: Distances,
@@ -242,33 +255,34 @@ def _describe_contacts(
     has_floor = state.scene.floor is not None
     seen = SeenTouch(_carried_limbs(state), _seen_floor(state), picture, has_floor)
     partners, index = assign_partners(touch.kind, near, regions, state.up, seen)
-    dents = dent_depths(near.surface, near.parts)
-    dents = torch.where(touch.kind == _SCENE, dents, torch.nan)
+    dents = torch.where(touch.kind == _SCENE, dent_depths(near.surface, near.parts), torch.nan)
     unseen = unseen_parts(state) if touch.parts else {}
     contacts = []
-    supports = []
+    supports: list[Support | None] = []
     for i, one in enumerate(carried):
-        carrying = torch.zeros_like(state.model.outer) if one is None else one.contact | one.hidden
         likely = None if touch.probability is None else touch.probability[i]
         assumed = {name: float(touch.parts[name][i]) for name, own in unseen.items() if own[i]}
-        met = {one.part for one in near.meetings if one.person == i}
-        met |= {one.other_part for one in near.meetings if one.other == i}
-        listed = body_contacts(
+        list_contacts = partial(
+            body_contacts,
+            dent=dents[i],
+            table=partners,
+            regions=regions,
+            assumed=assumed,
+            met=_parts_that_meet(near.meetings, i),
+        )
+        listed = list_contacts(
             index[i],
             likely,
-            dents[i],
-            partners,
-            regions,
-            assumed=assumed,
-            met=met,
             gaps={name: float(own[i]) for name, own in touch.gaps.items()},
             from_people=near.people.distance[i],
             least=LEAST_PROBABILITY,
         )
         contacts.append(listed)
-        own = torch.where(carrying, index[i], -1)
-        bearing = body_contacts(own, None, dents[i], partners, regions, assumed=assumed, met=met)
-        supports.append(None if one is None else support_record(one, bearing, listed))
+        if one is None:
+            supports.append(None)
+            continue
+        carrying = torch.where(one.contact | one.hidden, index[i], -1)
+        supports.append(support_record(one, list_contacts(carrying, None), listed))
     return Contact(
         probability=touch.probability,
         distance=near.surface.nearest,

@@ -31,7 +31,7 @@ from physic_networks.onnx_sessions import select_provider
 from physic_networks.runtime import onnxruntime
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -224,13 +224,8 @@ def observed(found: Mapping[str, FloatArray], numbers: Mapping[str, FloatArray])
     unknown = Observations.unknown(len(found["posture"]))
     touch, touch_share = unknown.touch.copy(), unknown.touch_share.copy()
     for question, answers in ANSWERS.items():
-        rows = [i for i, part in enumerate(TOUCH_PARTS) if part.rpartition("_")[2] == question]
-        columns = [TOUCHED.index(name) for name in answers]
-        for whole, own in ((touch, answer(question)), (touch_share, share(question))):
-            whole[..., rows, :] = 0 * own[..., :1]
-            whole[..., rows, -1] = 1 - own.sum(-1)
-            for column, values in zip(columns, np.moveaxis(own, -1, 0), strict=True):
-                whole[..., rows, column] = values
+        _set_touch(touch, question, answers, answer(question))
+        _set_touch(touch_share, question, answers, share(question))
     return replace(
         unknown,
         posture=answer("posture")[:, 0],
@@ -244,6 +239,19 @@ def observed(found: Mapping[str, FloatArray], numbers: Mapping[str, FloatArray])
         child_share=float(share("child")[0]),
         away_share=float(share("away")[0]),
     )
+
+
+def _set_touch(
+    touch: FloatArray, question: str, answers: Iterable[str], values: FloatArray
+) -> None:
+    """Set the rows of a question in (..., 10, 5): the values (..., A) of its answers, 0 for others,
+    and the rest for "nothing".
+    """
+    rows = [i for i, part in enumerate(TOUCH_PARTS) if part.rpartition("_")[2] == question]
+    touch[..., rows, :] = 0 * values[..., :1]
+    touch[..., rows, -1] = 1 - values.sum(-1)
+    for name, column in zip(answers, np.moveaxis(values, -1, 0), strict=True):
+        touch[..., rows, TOUCHED.index(name)] = column
 
 
 def tokens_of_questions(

@@ -197,22 +197,17 @@ def _upright(
     trunk = _trunks_to_compare(keypoints, said, cut, known is not None)
     if not trunk.any() or observations.depth_sigma is not None:
         return fit, np.zeros(len(trunk))
-    skeleton = observations.skeleton
     up = np.asarray(_UP_OF_LEVEL_CAMERA if known is None else known, np.float64)
-    ends = sided_indices(skeleton, "knee", "ankle")
     joints = fit.joints.double().numpy()
-    lean = lean_towards_camera(joints, observations.turn, up, cut)
-    legs_seen = observations.confidence[:, ends].min(1) > SURE_CONFIDENCE
-    straight = standing_legs(joints).any(1) & legs_seen
-    upright = (straight | _stands(keypoints, said)) & trunk & (np.abs(lean) < 2 * _MAX_LEAN)
-    turn = np.clip(np.where(upright, -lean, 0.0), -_MAX_LEAN, _MAX_LEAN)
+    stands = _has_straight_legs(joints, observations) | _stands(keypoints, said)
+    upright, turn = _leaning(joints, observations, up, cut, stands & trunk)
     legs = without_posture(legs_by_posture(said), ~trunk)
     posed = legs_of_other_postures(joints, observations, up, legs)
 
     def refit(share: FloatArray, turn: FloatArray, earlier: Earlier = None) -> FittedBodies:
         return fit_bodies(
             model,
-            without_guessed_legs(observations, skeleton, said, up, posed),
+            without_guessed_legs(observations, observations.skeleton, said, up, posed),
             with_legs(_restart(fit, observations, turn, upright), joints, posed, up, legs),
             floor=FloorConstraint(up, trunk, share, turn, legs),
             earlier=earlier,
@@ -225,12 +220,42 @@ def _upright(
         legs = without_posture(legs, unlike)
         posed &= ~unlike[:, None]
         again = refit(share, turn, (again, unlike))
-    rise = np.maximum(again.loss - fit.loss, 0)
-    costly = upright & (rise > _FREE_RISE)
+    share, costly = _share_by_cost(upright, again.loss - fit.loss)
     if costly.any():
-        share = np.where(costly, 1 / (1 + (rise / _HALVING_RISE) ** 4), share)
         again = refit(share, share * turn, (again, costly))
     return again, share
+
+
+def _share_by_cost(upright: BoolArray, rise: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return the share of uprightness (N,) by the rise of the loss (N,), and for whom it is less
+    than whole (N,).
+    """
+    costly = np.asarray(upright & (rise > _FREE_RISE))
+    less = 1 / (1 + (np.maximum(rise, 0) / _HALVING_RISE) ** 4)
+    return np.where(costly, less, upright), costly
+
+
+def _leaning(
+    joints: FloatArray,
+    observations: BodyObservations,
+    up: FloatArray,
+    cut: BoolArray,
+    stands: BoolArray,
+) -> tuple[BoolArray, FloatArray]:
+    """Return who of those who stand (N,) does not lean too far to be set upright, and the turn
+    (N,), radians, that sets them upright.
+    """
+    lean = lean_towards_camera(joints, observations.turn, up, cut)
+    upright = stands & (np.abs(lean) < 2 * _MAX_LEAN)
+    turn = np.clip(np.where(upright, -lean, 0.0), -_MAX_LEAN, _MAX_LEAN)
+    return np.asarray(upright), np.asarray(turn)
+
+
+def _has_straight_legs(joints: FloatArray, observations: BodyObservations) -> BoolArray:
+    """Return which of N people have straight legs that the photo shows, (N,) bool."""
+    ends = sided_indices(observations.skeleton, "knee", "ankle")
+    legs_visible = observations.confidence[:, ends].min(1) > SURE_CONFIDENCE
+    return np.asarray(standing_legs(joints).any(1) & legs_visible)
 
 
 def _restart(

@@ -170,12 +170,10 @@ def detect_poses(
     """
     picture = ImagePyramid.from_image(image)
     lowest = max(box_score - WEAK_MARGIN, 0.0)
+    least = min(lowest, LEAST_SCORE)
+    tiles = BOX_TILES if fractions else ()
     things = detect_boxes(
-        box_detector,
-        image,
-        min_score=min(lowest, LEAST_SCORE),
-        min_tile_score=min(lowest, LEAST_SCORE),
-        fractions=BOX_TILES if fractions else (),
+        box_detector, image, min_score=least, min_tile_score=least, fractions=tiles
     )
     every, left_out = _without_others(things, box_score)
     boxes = every[every.scores > lowest]
@@ -185,47 +183,49 @@ def detect_poses(
     ]
     sure = [_is_sure(box, score, pose, box_score) for box, score, pose in posed]
     # The second search costs as much as all the rest, and adds no people where all boxes are sure.
-    enough = bool(posed) and all(sure)
-    blazepose = (
-        []
-        if enough
-        else _search_blazepose(
-            pose_detector,
-            landmarker,
-            picture,
-            fractions,
-            known=[pose for _, _, pose in compress(posed, sure)],
-            most=2 * max_people,
+    blazepose = []
+    if not posed or not all(sure):
+        known = [pose for _, _, pose in compress(posed, sure)]
+        blazepose = _search_blazepose(
+            pose_detector, landmarker, picture, fractions, known=known, most=2 * max_people
         )
-    )
     others = [pose for pose, _ in blazepose]
     candidates = [
         [] if one_is_sure else [*others, *_upper_half(landmarker, picture, box)]
         for one_is_sure, (box, _, _) in zip(sure, posed, strict=True)
     ]
-    found = _best_poses(posed, candidates, box_score)
-    found += [
-        DetectedPose(pose, 0.5 * score * pose.score)
-        for pose, score in blazepose
-        if is_person(pose, score, SURE_SCORE)
-        and not things.other_at(pose.mask_box, lowest, SAME_THING)
-    ]
-    kept = _without_repeats(found)
+    without_box = _poses_without_box(blazepose, things, lowest)
+    kept = _without_repeats(_best_poses(posed, candidates, box_score) + without_box)
     unposed = _add_hidden_people(landmarker, image, posed, kept, box_score)
-    unposed += _beyond_limit(kept, max_people)
-    unclear = every[every.scores <= lowest]
-    unposed += [
-        unposed_person(box, float(score), HARDLY_VISIBLE)
-        for box, score in zip(unclear.boxes, unclear.scores, strict=True)
-    ]
+    unposed += _beyond_limit(kept, max_people) + _unclear(every[every.scores <= lowest])
     kept = _with_upper_bodies(landmarker, image, kept[:max_people])
     return FoundPeople(kept, unposed, left_out, things.carriers(box_score))
+
+
+def _poses_without_box(
+    poses: Sequence[tuple[Pose, float]], things: Found, least: float
+) -> list[DetectedPose]:
+    """Return the sure ones of poses with scores, where no animal or board of ``least`` score is."""
+    return [
+        DetectedPose(pose, 0.5 * score * pose.score)
+        for pose, score in poses
+        if is_person(pose, score, SURE_SCORE)
+        and not things.other_at(pose.mask_box, least, SAME_THING)
+    ]
 
 
 def _beyond_limit(people: Sequence[DetectedPose], most: int) -> list[UnposedPerson]:
     """Return the people who are more than the limit."""
     why = f"more than {most} people: raise it with --set segmenter.options.max_people=N"
     return [unposed_person(person.extent, person.score, why) for person in people[most:]]
+
+
+def _unclear(boxes: Detections) -> list[UnposedPerson]:
+    """Return the people of boxes whose scores are too low to look at them."""
+    return [
+        unposed_person(box, float(score), HARDLY_VISIBLE)
+        for box, score in zip(boxes.boxes, boxes.scores, strict=True)
+    ]
 
 
 def _with_upper_bodies(
