@@ -59,7 +59,7 @@ def test_a_result_is_saved_with_its_page_or_without_one_that_fails(folder, resul
     monkeypatch.setattr("physic_visual.pictures.report_html", fail)
     save_reconstruction(result, folder, "numbers", page="photo.jpg")
     assert not (folder / "report.html").exists()
-    assert "no pictures: MemoryError" in load_reconstruction(folder).warnings[-1]
+    assert "pictures failed: MemoryError" in load_reconstruction(folder).warnings[-1]
 
 
 def test_the_page_of_a_damaged_result_says_what_is_wrong(folder):

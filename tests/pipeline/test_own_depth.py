@@ -70,7 +70,7 @@ def test_a_depth_by_which_people_are_no_people_is_refused_with_its_likely_unit(w
 def test_people_correct_a_metric_depth_that_is_far_off(world):
     found = run(world.image, *EXACT, "metric_depth.options.scale=2")
     assert camera_height(found, world) == pytest.approx(1, abs=0.1)
-    assert any("multiplied by 0.5" in note for note in found.notes)
+    assert any("by 0.5" in note for note in found.notes)
 
 
 def test_a_known_age_makes_sizes_more_certain(world):

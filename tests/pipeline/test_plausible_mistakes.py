@@ -70,7 +70,7 @@ SILENT = {
     "four corners": changed(backends.MockSegmenter, with_corners),
     "in the boxes": mistaken(*POINTS, lambda points: points[..., ::-1]),
     "the boxes of people": mistaken(*POINTS, lambda points: points / 160),
-    "two answers": mistaken(*DEPTH, lambda z: z * (1 + 0.02 * RANDOM.standard_normal(z.shape))),
+    "two calls": mistaken(*DEPTH, lambda z: z * (1 + 0.02 * RANDOM.standard_normal(z.shape))),
 }
 
 

@@ -13,7 +13,6 @@ from physic_core.body import JOINT_INDEX
 from physic_core.types import POSTURES, TOUCH_PARTS, TOUCHED, Observations
 from physic_mock.noise import HEAD_DEG, LOG_ODDS, LOG_ODDS_SIGMA, Noise
 from physic_mock.recognition import MockOptions, match_masks_to_world, recognise_world
-from physic_testing.conformance.truth import true_observations
 
 if TYPE_CHECKING:
     from physic_core.types import (
@@ -46,6 +45,9 @@ class MockPersonObserver(interfaces.PersonObserver):
         Raises:
             BackendError: the image shows no world, or a person is not in it.
         """
+        # torch, which checks of configurations do without
+        from physic_testing.conformance.truth import true_observations
+
         recognised = recognise_world(image)
         rows = match_masks_to_world(recognised, people)
         world = recognised.world

@@ -28,7 +28,6 @@ from physic_testing.conformance.contract import case_violations
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped, expect
 from physic_testing.conformance.network_and_memory import no_network
 from physic_testing.conformance.requests import build_request
-from physic_testing.conformance.tables import TABLES
 from physic_testing.conformance.watch import Watch
 
 if TYPE_CHECKING:
@@ -37,7 +36,6 @@ if TYPE_CHECKING:
     from physic_core.discovery.entry_points import Offer
     from physic_core.interfaces import Request
     from physic_testing.conformance.cases import Case, Truth, Values
-    from physic_testing.conformance.readings import Table
     from physic_testing.worlds import World
 
 CAPABILITIES: dict[str, str] = {
@@ -98,6 +96,8 @@ class BackendUnderTest:
         size: width and height of the standard photos, px.
         declared: the capabilities.
         case_runs: photo name -> stored call, for all photos on which the backend was called.
+        table: :class:`physic_testing.conformance.readings.Table` of the interface; None before the
+            checks start, and for an interface without truth.
         values: kept by :func:`physic_testing.conformance.readings.values_of`.
 
     Raises:
@@ -117,6 +117,7 @@ class BackendUnderTest:
     declared: frozenset[str] = frozenset()
     watch: Watch = field(default_factory=Watch)
     case_runs: dict[str, CaseRun] = field(default_factory=dict)
+    table: Any = None
     values: list[tuple[Values, Truth]] = field(default_factory=list)
     _loaded: dict[str, Backend] = field(default_factory=dict)
 
@@ -134,11 +135,6 @@ class BackendUnderTest:
             self.options = getattr(self.kind, "conformance_options", {})
         elif not callable(self.options):
             self._refuse_unknown(self.options)
-
-    @property
-    def table(self) -> Table | None:
-        """What is checked of outputs; None for an interface without truth."""
-        return TABLES.get(self.interface)
 
     @property
     def evidence_names(self) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from physic_testing.conformance.backend_under_test import find_backend
 from physic_testing.conformance.cases import SIZE, case_of_world
 from physic_testing.conformance.expect import CheckSkipped
 from physic_testing.conformance.report import finite_or_none
+from physic_testing.conformance.tables import TABLES
 from physic_testing.metrics.intervals import aligned_table
 from physic_testing.worlds import load_world
 
@@ -141,6 +142,7 @@ def compare(
     for entry in backends:
         backend, options = entry if isinstance(entry, tuple) else (entry, None)
         subject = find_backend(backend, interface, options=options, device=device, size=size)
+        subject.table = TABLES.get(interface)
         if isinstance(options, Mapping) and options:
             settings = ", ".join(f"{key}={value}" for key, value in options.items())
             subject.name += f"{{{settings}}}"

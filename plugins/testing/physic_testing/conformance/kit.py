@@ -91,6 +91,7 @@ def start_checks(
     subject: BackendUnderTest, expected_failures: Mapping[str, str] | None = None
 ) -> CheckRun:
     """Create the run of all checks of a backend; no check runs yet."""
+    subject.table = TABLES.get(subject.interface)
     return CheckRun(subject, checks_for(subject.interface), expected_failures)
 
 
