@@ -213,7 +213,7 @@ def _upright(
             earlier=earlier,
         )
 
-    share = upright.astype(np.float64)
+    share: FloatArray = upright.astype(np.float64)
     again = refit(share, turn)
     unlike = posed.any(1) & (again.loss - fit.loss > _ACCEPTED_RISE)
     if unlike.any():
