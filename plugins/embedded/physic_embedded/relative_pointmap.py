@@ -67,6 +67,10 @@ _BLEEDS = 0.015  # of the long side: the depth of a person beyond the outline
 _MARGIN = 0.008  # the same beyond the hole
 _PEOPLE_FARTHER = (0.180, 0.123)  # median and spread of 166 people on their feet in labelled photos
 _PHOTO_SHORT_SIDE_PX = 406  # of the photo with its people
+# Of the photo without them, beside that look. 252 px lose what lies behind people. Up by these
+# tokens is as good as by those of the size that they are fitted to: 20 photos are 17.6 degrees off,
+# and 17.8 (rms, domes among them).
+_INPAINTED_SHORT_SIDE_PX = 322
 _DEFAULT_FOCAL = 0.85  # long sides, where neither file, user nor edges give a focal length
 
 
@@ -84,7 +88,7 @@ class EmbeddedPointmapOptions(Options):
         ge=70,
         le=4096,
         description="px of the short side that the network sees, 518 as trained; of a photo with "
-        "people at most 406",
+        "people at most 406, and 322 of the inpainted one",
     )
     max_tokens: int = Field(
         3600,
@@ -215,7 +219,8 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         options = self.options
         if hints.photo is None or hints.hole is None or not hints.hole.any():
             return predict_disparity(network, image, options.short_side, options.max_tokens), None
-        small, tokens = disparity_and_tokens(network, image, options.short_side, options.max_tokens)
+        side = min(options.short_side, _INPAINTED_SHORT_SIDE_PX)
+        small, tokens = disparity_and_tokens(network, image, side, options.max_tokens)
         photo = self._disparity_of_photo(hints.photo)
         return scene_disparity(small, photo, _beside(hints.hole, _MARGIN, photo)), tokens
 
