@@ -117,7 +117,7 @@ def readers_line() -> str:
     pose = trust["agreement"]["pose"]
     equal, kappa, people = re.findall(r"[\d.]+", pose)
     return (
-        f"The figures are of {trust['people']} people in {trust['photos']} photos. "
+        f"The numbers cover {trust['people']} people in {trust['photos']} photos. "
         f"{trust['readers']} readers, all {trust['read by']}, judged them, two to four for each "
         f"person. Two readers agree on {percent(float(equal))} of poses (kappa {kappa}, {people} "
         "people)."
