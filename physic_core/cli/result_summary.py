@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import shutil
-import sys
-import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from physic_core.cli.output import echo, format_table
+from physic_core.cli.output import echo
 from physic_core.io.results import read_record
 from physic_core.pictures import REPORT_FILE
 from physic_core.types import MARKS, marks_of_row, marks_text, summarize_checks, usable_text
 from physic_core.types.records import is_usable
 from physic_core.types.results import metres_text
 
-_HEAD = ("person", "usable", "distance", "likely contact", "why")
 SHOWN_NOTES = 3  # on a terminal, the most useful first
-_MIN_WIDTH = 30  # characters of the last column, on a narrow terminal
 
 
 def print_summary(
@@ -28,7 +23,7 @@ def print_summary(
     notes: int | None = SHOWN_NOTES,
     seconds: float | None = None,
 ) -> None:
-    """Print the summary of a result: a table of its people, for how many of them each mark is
+    """Print the summary of a result: its people, for how many of them each mark is
     usable, and where its page is.
 
     Args:
@@ -59,8 +54,7 @@ def print_summary(
         lines.append(
             f"{count} backends did not run because the cache has their results; --no-cache runs all"
         )
-    if people:
-        lines.append(_table([_row(person) for person in people]))
+    lines += [line for person in people for line in _person_lines(person)]
     lines += [
         f"no body: {one.reason}, box {', '.join(f'{edge:.0f}' for edge in one.box)}, score "
         f"{one.score:.2f}"
@@ -95,35 +89,36 @@ def _leaves_nothing_to_do(note: str) -> bool:
     return "--" not in note and not note.endswith("?")
 
 
-def _row(person: Mapping[str, Any]) -> tuple[str, ...]:
+def _person_lines(person: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the lines of a person: marks and distance, then what there is of contact, parts that
+    the photo does not show, uncertain parts, and reasons.
+    """
     distance = person["distance_m"]
     sigma = person["distance_sigma_m"]
-    place = contact = "-"
+    place = "no body"
     if distance is not None:
-        place = metres_text(distance, None if sigma is None else sigma / distance, 1)
-        touches = filter(None, (person["contacts"], person["assumed"]))
-        contact = "; ".join(touches) or "none"
-        if person["unseen"]:
-            contact += f"; hidden: {person['unseen']}"
-        if person["unsure"]:
-            contact += f"; uncertain: {person['unsure']}"
-    return (
-        str(person["person"]),
-        marks_text(marks_of_row(person)),
-        place,
-        contact,
-        person["why"] or "-",
-    )
+        away = metres_text(distance, None if sigma is None else sigma / distance, 1)
+        place = f"{away} away"
+    yield f"person {person['person']}: {place}, {marks_text(marks_of_row(person))}"
+    contacts = "; ".join(filter(None, (person["contacts"], person["assumed"])))
+    texts = {
+        "contact": contacts or ("none" if distance is not None else ""),
+        "not visible": _pairs_in_words(person["unseen"] or ""),
+        "uncertain": _pairs_in_words(person["unsure"] or ""),
+        "why": person["why"],
+    }
+    for name, text in texts.items():
+        if text:
+            yield f"  {name}: {text}"
 
 
-def _table(rows: Sequence[tuple[str, ...]]) -> str:
-    """Format the rows; on a terminal, the last column is wrapped to its width."""
-    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-    used = sum(max(len(row[i]) for row in (_HEAD, *rows)) + 2 for i in range(len(_HEAD) - 1))
-    wrapped: list[tuple[str, ...]] = [_HEAD]
-    for *cells, last in rows:
-        first, *more = (
-            textwrap.wrap(last, max(_MIN_WIDTH, width - used)) if width is not None else [last]
-        )
-        wrapped += [(*cells, first), *(("",) * len(cells) + (line,) for line in more)]
-    return format_table(wrapped)
+def _pairs_in_words(parts: str) -> str:
+    """Return a list of parts in which "both hands" stands for the left and the right one."""
+    names = parts.split(", ") if parts else []
+    words: dict[str, None] = {}
+    for name in names:
+        _, _, of = name.partition(" ")
+        has_both = {f"left {of}", f"right {of}"} <= {*names}
+        plural = "feet" if of == "foot" else f"{of}s"
+        words[f"both {plural}" if has_both else name] = None
+    return ", ".join(words)

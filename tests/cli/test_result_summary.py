@@ -1,4 +1,4 @@
-"""The table of people that ``physic run`` and ``physic show`` print."""
+"""What ``physic run`` and ``physic show`` print of people."""
 
 from __future__ import annotations
 
@@ -47,7 +47,12 @@ def folder(make, tmp_path):
     )
     people = (
         replace(
-            first, trust_place=0.914, trust_pose=0.2, why="look at the arms", contacts=contacts
+            first,
+            trust_place=0.914,
+            trust_pose=0.2,
+            why="look at the arms",
+            contacts=contacts,
+            unseen=("left_lower_leg", "right_lower_leg", "left_foot"),
         ),
         replace(second, why=why, **doubtful),
         third,
@@ -65,22 +70,20 @@ def folder(make, tmp_path):
     return tmp_path / "out"
 
 
-def test_a_person_is_a_row(folder, physic):
-    touches = (
-        "left foot: floor, 0.90; right hand: own head, 0.80; "
-        "left lower leg: floor, 0.80 (assumed: hidden)"
-    )
-    room = len(touches)
+def test_a_person_is_described_by_marks_contact_and_reasons(folder, physic):
     lines = physic("show", folder).stdout.splitlines()
-    usable = "place usable, pose doubtful"
-    assert lines[1:6] == [
-        f"person  {'usable':<{len(usable)}}  distance      {'likely contact':<{room}}  why",
-        f"0       {usable}  3.0 ± 0.2 m   {touches}  look at the arms",
-        f"1       {'place doubtful':<{len(usable)}}  12.5 ± 0.9 m  {'none':<{room}}  "
-        "Limbs off their keypoints: 4.5 % (check the overlay)",
-        f"2       {'not judged':<{len(usable)}}  -             {'-':<{room}}  -",
-        "no body: only a hand is seen, box 1, 2, 30, 40, score 0.50",
+    assert lines[1:9] == [
+        "person 0: 3.0 ± 0.2 m away, place usable, pose doubtful",
+        "  contact: left foot: floor, 0.90; right hand: own head, 0.80; "
+        "left lower leg: floor, 0.80 (assumed: hidden)",
+        "  not visible: both lower legs, left foot",
+        "  why: look at the arms",
+        "person 1: 12.5 ± 0.9 m away, place doubtful",
+        "  contact: none",
+        "  why: Limbs off their keypoints: 4.5 % (check the overlay)",
+        "person 2: no body, not judged",
     ]
+    assert "no body: only a hand is seen, box 1, 2, 30, 40, score 0.50" in lines
     assert "pose usable for 0 of 3 people, place for 1, contact for 0, size for 0" in lines
 
 
