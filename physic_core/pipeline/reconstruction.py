@@ -282,10 +282,12 @@ def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
     """
     people = result.people
     notes = []
-    reasons = Counter(one.kind for one in result.unposed)
+    reasons = Counter(one.kind for one in result.unposed if one.is_somebody_else)
     if reasons:
-        counts = ", ".join(f"{reason} {count}" for reason, count in reasons.most_common())
-        notes.append(f"detected, but without a body: {counts}")
+        counts = ", ".join(f"{count} {reason}" for reason, count in reasons.most_common())
+        cure = "; --box x0,y0,x1,y1 for each person may give them one"
+        is_missing = any(one.is_missing for one in result.unposed)
+        notes.append(f"detected people without a body: {counts}{cure if is_missing else ''}")
     plane = estimates.ground.search.plane
     lie = plane is not None and plane.beneath
     if lie:

@@ -151,6 +151,11 @@ class UnposedPerson(ShortRepr):
         return self.reason.partition(":")[0]
 
     @property
+    def is_somebody_else(self) -> bool:
+        """Whether the box is of nobody who has a body."""
+        return self.kind != FOUND_TWICE
+
+    @property
     def is_missing(self) -> bool:
         """Whether somebody surely lacks in the result."""
         return self.kind not in (FOUND_TWICE, HARDLY_VISIBLE, NOT_CHOSEN)

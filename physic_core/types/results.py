@@ -432,11 +432,12 @@ class Reconstruction(ShortRepr):
 
     def __repr__(self) -> str:
         people = len(self.people)
+        without = sum(one.is_somebody_else for one in self.unposed)
         warnings = len(self.warnings)
         sigma = self.scene.scale_sigma
         parts = (
             "1 person" if people == 1 else f"{people} people",
-            *([f"{len(self.unposed)} without a body"] if self.unposed else []),
+            *([f"{without} without a body"] if without else []),
             f"{self.intrinsics.width} x {self.intrinsics.height}",
             "no floor" if self.scene.floor is None else "floor found",
             "scale of unknown error" if sigma is None else f"scale ±{100 * sigma:.0f} %",

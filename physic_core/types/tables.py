@@ -253,7 +253,11 @@ _PHOTO = (
         )
         for name in MARKS
     ),
-    Column("unposed", "number of people without a body, or left out", lambda r: len(r.unposed)),
+    Column(
+        "unposed",
+        "number of people without a body, or left out; not second boxes of people with one",
+        lambda result: sum(one.is_somebody_else for one in result.unposed),
+    ),
     Column("bodies", "number of people with a finite body", lambda r: len(_distances(r))),
     Column(
         "failed_checks",
