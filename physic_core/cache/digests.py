@@ -35,7 +35,11 @@ _STARTED = time.time()
 """Start time of this process; files modified later may differ from the imported code."""
 
 _CODE_BYTES = 16
-_IMPORTED = re.compile(rb"^[ \t]*(?:from[ \t]+(\w+)|import[ \t]+([\w., \t]+))", re.MULTILINE)
+_IMPORTED = re.compile(
+    rb"(?:\n|[;:])[ \t]*(?:from[ \t]+(\w+)|import[ \t]+((?:[\w., \t]|\\\r?\n)+))"
+)
+_IMPORTED_BY_NAME = re.compile(rb"import_module\([ \t]*[\"'](\w+)")
+_FILE_NAME = re.compile(rb"[\"']([\w./ -]+\.\w+)[\"']")
 _MODULES = {".py", ".so", ".pyd"}
 _OURS = "physic_"
 _INSTALLED = {"site-packages", "dist-packages"}
@@ -127,7 +131,7 @@ class CodeDigester:
         packages ``physic_*`` count; of others the version, which those packages require anyway.
 
         All files count with their content, so that two installations agree. For a module outside
-        any package, the modules in the same folder count.
+        any package, the modules in the same folder count, and the files that their texts name.
 
         Returns:
             The digest. None if there is no reliable one: the class is defined in a function or an
@@ -211,14 +215,20 @@ def _read_code(files: list[Path]) -> _Code | None:
     """Read the files of a package; None if one was modified after this process started."""
     digest = hashlib.blake2b(digest_size=_CODE_BYTES)
     imported: set[str] = set()
+    files = [*files]
+    counted = set(files)
     try:
-        for path in files:
+        for path in files:  # which grows
             is_source = path.suffix == ".py"
             if is_source and _STARTED < path.stat().st_mtime <= time.time():
                 return None
             content = path.read_bytes() if is_source else remembered_sha256(path).encode()
             digest.update(f"{path.name} {len(content)};".encode() + content)
-            imported |= _imported(content) if is_source else set()
+            if is_source:
+                imported |= _imported(content)
+                named = _files_named_in(content, path.parent)
+                files += (new := [one for one in named if one not in counted])
+                counted.update(new)
     except OSError:
         return None
     places: list[Path] = []
@@ -232,10 +242,18 @@ def _read_code(files: list[Path]) -> _Code | None:
 
 def _imported(source: bytes) -> set[str]:
     """Return the top-level names that a module imports."""
-    statements = _IMPORTED.findall(source)
-    names = {one.split()[0] for _, some in statements for one in some.split(b",") if one.split()}
-    names |= {name for name, _ in statements if name}
+    statements = _IMPORTED.findall(b"\n" + source)
+    lists = [some.replace(b"\\", b"").split(b",") for _, some in statements]
+    names = {one.split()[0] for some in lists for one in some if one.split()}
+    names |= {name for name, _ in statements if name} | {*_IMPORTED_BY_NAME.findall(source)}
     return {name.partition(b".")[0].decode(errors="replace") for name in names}
+
+
+def _files_named_in(source: bytes, folder: Path) -> list[Path]:
+    """Return the files, beside those of Python, that a text of a module in a folder names."""
+    names = {name.decode(errors="replace") for name in _FILE_NAME.findall(source)}
+    paths = (os.path.join(folder, name) for name in sorted(names) if not name.endswith(".py"))
+    return [Path(path) for path in paths if os.path.isfile(path)]
 
 
 def _sources(name: str) -> list[Path]:

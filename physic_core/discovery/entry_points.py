@@ -9,6 +9,7 @@ A plugin has one entry point for each backend, in the group ``physic.INTERFACE``
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import sys
@@ -18,6 +19,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from importlib.metadata import (
     PackageNotFoundError,
+    distribution,
     distributions,
     packages_distributions,
     requires,
@@ -145,21 +147,35 @@ def distributions_of(package: str) -> list[str]:
 
 
 def versions_of(package: str) -> list[str]:
-    """Return the versions of the installed distributions that have a top-level package."""
+    """Return the versions of the installed distributions that have a top-level package, with a
+    digest of the files of those that do not come from an index.
+    """
     return list(_versions_of(package, _folders()))
 
 
 @lru_cache(maxsize=1024)
 def _versions_of(package: str, folders: tuple[tuple[str, float], ...]) -> tuple[str, ...]:
     try:
-        return (version(package),)
+        return (_version_and_files(package),)
     except PackageNotFoundError:  # a package with another name than its distribution
-        return tuple(version(name) for name in _owners(folders).get(package, ()))
+        return tuple(map(_version_and_files, _owners(folders).get(package, ())))
+
+
+def _version_and_files(name: str) -> str:
+    """Return the version of a distribution, and a digest of the files of one that does not come
+    from an index: its author may change them and keep the version.
+    """
+    found = distribution(name)
+    if found.read_text("direct_url.json") is None:
+        return found.version
+    listed = (found.read_text("RECORD") or "").splitlines()
+    files = sorted(one for one in listed if ",sha256=" in one and ".dist-info/" not in one)
+    return f"{found.version} {hashlib.sha256(repr(files).encode()).hexdigest()}"
 
 
 def required_versions(distribution: str) -> dict[str, str]:
-    """Return the installed versions of a distribution's requirements, by name; extras are
-    ignored.
+    """Return the installed versions of a distribution's requirements by name, as
+    :func:`versions_of`; extras are ignored.
     """
     return dict(_read_versions(distribution, _folders()))
 
@@ -175,7 +191,7 @@ def _read_versions(
             marker = line.partition(";")[2]
             if name and "extra" not in marker:
                 with suppress(PackageNotFoundError):
-                    versions[canonicalize_name(name[0])] = version(name[0])
+                    versions[canonicalize_name(name[0])] = _version_and_files(name[0])
     return tuple(versions.items())
 
 
@@ -193,11 +209,11 @@ def _owners(folders: tuple[tuple[str, float], ...]) -> Mapping[str, list[str]]:
 def _read_entry_points(folders: tuple[tuple[str, float], ...]) -> tuple[Offer, ...]:
     offers = []
     seen = set()
-    for distribution in distributions():
-        entries = [entry for entry in distribution.entry_points if _GROUP.match(entry.group)]
+    for installed in distributions():
+        entries = [entry for entry in installed.entry_points if _GROUP.match(entry.group)]
         if not entries:
             continue
-        about = distribution.metadata  # parsed at each access
+        about = installed.metadata  # parsed at each access
         name = about["Name"]
         # Python imports the first distribution of a name
         if not name or canonicalize_name(name) in seen:

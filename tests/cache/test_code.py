@@ -118,6 +118,27 @@ STANDING = {
         "my_depth",
         ("my_kernels.so", "12"),
     ),
+    "a file that the text of a module in no package names": (
+        {
+            "my_depth.py": f"{SOURCE}    def infer(self):\n        open('lens/scale.json')\n",
+            "lens/scale.json": "1",
+        },
+        "my_depth",
+        ("lens/scale.json", "2"),
+    ),
+    **{
+        f"a package of the statement {statement!r}": (
+            {"acme_models.py": "x = 1\n", "pack/__init__.py": f"{statement}\n{SOURCE}"},
+            "pack",
+            ("acme_models.py", "x = 2\n"),
+        )
+        for statement in (
+            "try: import acme_models\nexcept ImportError: pass",
+            "import os; from acme_models import x",
+            "import os, \\\n    acme_models",
+            "import importlib\nm = importlib.import_module('acme_models')",
+        )
+    },
     "a package that it stands on": (
         {
             "physic_base/__init__.py": "from physic_ground import x",
@@ -143,7 +164,9 @@ def test_an_edit_outside_of_the_own_package_counts(site, name):
     assert first != second
 
 
-def test_of_an_installed_package_the_version_counts(site, monkeypatch):
+def test_of_an_installed_package_the_version_counts_and_the_files_if_it_is_of_no_index(
+    site, monkeypatch
+):
     installed = site / "site-packages"
     about = write(installed / "acme_models-1.dist-info" / "METADATA", "Name: x-acme\nVersion: 1\n")
     write(about.with_name("top_level.txt"), "acme_models")
@@ -155,8 +178,15 @@ def test_of_an_installed_package_the_version_counts(site, monkeypatch):
     write(module, "x = 2\n")
     assert CodeDigester().digest(kind) == first
     about.parent.rename(installed / "acme_models-2.dist-info")
-    write(installed / "acme_models-2.dist-info" / "METADATA", "Name: x-acme\nVersion: 2\n")
+    second = write(installed / "acme_models-2.dist-info" / "METADATA", "Name: x-acme\nVersion: 2\n")
     assert CodeDigester().digest(kind) not in (first, None)
+    write(second.with_name("direct_url.json"), '{"url": "file:///home/me/acme", "dir_info": {}}')
+    seen = set()
+    for sha256 in ("1", "2"):  # an author installs the folder again, and keeps the version
+        write(second.with_name("RECORD"), f"acme_models/__init__.py,sha256={sha256},6")
+        os.utime(installed, (0, len(seen)))
+        seen.add(CodeDigester().digest(kind))
+    assert len(seen) == 2
 
 
 def test_a_module_edited_after_the_start_has_no_digest(site, monkeypatch):
