@@ -91,8 +91,6 @@ ENTRIES = "\n".join(
         ("plugins check odder", 2),
         ("plugins check lacking", 4),
         ("plugins check odd", 5),
-        ("plugins compare inpaint mock", 2),
-        ("plugins compare inpainter mock --world moon", 2),
         ("plugins new 'No Name' --interface inpainter", 2),
         ("weights list", 0),
     ],

@@ -49,11 +49,6 @@ def physic_commands() -> list[PluginItem]:
             "Run the conformance kit on a backend, on photos of synthetic worlds.",
         ),
         PluginItem(
-            "plugins compare",
-            "physic_testing.commands.conformance:compare",
-            "Compare the accuracy of backends on synthetic worlds.",
-        ),
-        PluginItem(
             "plugins doctor",
             "physic_testing.commands.doctor:doctor",
             "Load each installed backend and report what is missing or broken.",

@@ -1,4 +1,4 @@
-"""Commands ``physic plugins check`` and ``physic plugins compare``."""
+"""The command ``physic plugins check``."""
 
 from __future__ import annotations
 
@@ -81,53 +81,6 @@ def check(
     ctx.exit(WEIGHTS if any(report.not_run_reason for report in reports) else 0)
 
 
-@click.command()
-@click.argument("interface")
-@click.argument("names", nargs=-1, required=True)
-@click.option(
-    "--world",
-    "worlds",
-    multiple=True,
-    metavar="NAME",
-    help="A world to show; repeat for more.",
-)
-@DEVICE
-@click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON.")
-@click.pass_context
-def compare(
-    ctx: click.Context,
-    interface: str,
-    names: tuple[str, ...],
-    worlds: tuple[str, ...],
-    device: str,
-    as_json: bool,
-) -> None:
-    """Print the errors of several backends of INTERFACE on the same synthetic worlds, side by side.
-
-    Each of NAMES may carry options as a TOML table: 'mock{noise=2}'. Ends with code 5 if a backend
-    has no valid result on a world.
-    """
-    from physic_testing.conformance.compare import DEFAULT_WORLDS
-    from physic_testing.conformance.compare import compare as compared
-    from physic_testing.worlds import WORLDS
-
-    require_interface(interface)
-    for name in worlds:
-        if name not in WORLDS:
-            raise click.UsageError(f"no world named '{name}'; there are: {', '.join(WORLDS)}")
-    comparison = compared(
-        interface,
-        [_with_options(name) for name in names],
-        worlds=worlds or DEFAULT_WORLDS,
-        device=device,
-    )
-    if as_json:
-        echo_json(comparison.as_dict())
-    else:
-        echo(comparison.text)
-    ctx.exit(BACKEND if any(row.problem for row in comparison.rows) else 0)
-
-
 def _parse_options(options: Sequence[str]) -> dict[str, Any]:
     """Parse KEY=VALUE options; a value that is not valid TOML is a string."""
     import tomllib
@@ -142,18 +95,3 @@ def _parse_options(options: Sequence[str]) -> dict[str, Any]:
         except tomllib.TOMLDecodeError:
             values[key] = value
     return values
-
-
-def _with_options(name: str) -> str | tuple[str, dict[str, Any]]:
-    """Parse "mock{noise=2}" to a name and options; a name without braces is returned alone."""
-    import tomllib
-
-    bare, brace, rest = name.partition("{")
-    if not brace:
-        return with_current_folder(name)
-    try:
-        return with_current_folder(bare), tomllib.loads(f"options = {{{rest}")["options"]
-    except tomllib.TOMLDecodeError as error:
-        raise click.UsageError(
-            f"{name}: write NAME{{key=value, ...}} as in TOML ({error})"
-        ) from error

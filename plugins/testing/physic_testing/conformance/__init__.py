@@ -11,7 +11,6 @@ From Python, in a test, and in a shell::
         check()
 
     physic plugins check my-depth [--json]
-    physic plugins compare metric_depth my-depth embedded
 
 A backend class may define two attributes that only this kit reads: ``capabilities``, a collection
 of keys of :data:`CAPABILITIES`, and ``conformance_options(world)``, a static method that returns

@@ -1,9 +1,8 @@
-"""Errors of backends on worlds, which are reported, and limited for perfect networks alone."""
+"""Errors of backends on worlds, which are limited for perfect networks alone."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,36 +18,20 @@ SKY_BORDER_PX = 3
 """Distance from the sky up to which depths are not compared."""
 
 
-class ErrorKind(NamedTuple):
-    """What is known of an error.
-
-    Attributes:
-        better: whether "higher" or "lower" is better.
-        exact: worst value in a photo of a backend with the capability "exact"; NaN for none.
-    """
-
-    better: str
-    exact: float = float("nan")
-
-
-ERRORS: dict[str, ErrorKind] = {
-    "IoU": ErrorKind("higher", 0.99),
-    "floor IoU": ErrorKind("higher"),
-    "PSNR in the hole, dB": ErrorKind("higher", 40),
-    "abs-rel": ErrorKind("lower", 0.01),
-    "abs-rel, scale fitted": ErrorKind("lower"),
-    "abs-rel, aligned": ErrorKind("lower", 0.01),
-    "share of person": ErrorKind("lower", 0.002),
-    "MPJPE, mm": ErrorKind("lower", 5),
-    "PA-MPJPE, mm": ErrorKind("lower"),
-    "degrees": ErrorKind("lower", 1),
-    "wrist degrees": ErrorKind("lower"),
-    "Brier": ErrorKind("lower", 0.01),
-    "F1": ErrorKind("higher", 0.99),
-    "precision": ErrorKind("higher"),
-    "recall": ErrorKind("higher"),
+LIMITS = {
+    "IoU": 0.99,
+    "PSNR in the hole, dB": 40.0,
+    "abs-rel": 0.01,
+    "abs-rel, aligned": 0.01,
+    "share of person": 0.002,
+    "MPJPE, mm": 5.0,
+    "degrees": 1.0,
+    "Brier": 0.01,
+    "F1": 0.99,
 }
-"""Error name, with its unit -> what is known of it."""
+"""Error name, with its unit -> worst value in a photo of a backend with the capability "exact"."""
+
+_HIGHER_IS_BETTER = ("IoU", "PSNR in the hole, dB", "F1")
 
 
 def measure_errors(table: Table | None, answer: Any, case: Case) -> dict[str, float]:
@@ -60,7 +43,7 @@ def measure_errors(table: Table | None, answer: Any, case: Case) -> dict[str, fl
         case: photo with ground truth.
 
     Returns:
-        Error name of ERRORS -> value; the error by which two results are compared first.
+        Error name -> value; the error by which two results are compared first.
 
     Raises:
         CheckSkipped: worlds have no ground truth for this interface.
@@ -82,30 +65,22 @@ def main_error(table: Table | None, answer: Any, case: Case) -> tuple[str, float
         BodyModelError: the result is of a body that cannot be compared.
     """
     name, value = next(iter(measure_errors(table, answer, case).items()))
-    return name, 1 - value if ERRORS[name].better == "higher" else value
+    return name, 1 - value if name in _HIGHER_IS_BETTER else value
 
 
 def check_is_exact(subject: BackendUnderTest) -> None:
     """The output is the truth in all photos of people, as the capability "exact" declares."""
-    limits = {name: error.exact for name, error in ERRORS.items()} | {**subject.exact_limits}
     for case, answer in subject.evidence():
         for name, value in measure_errors(subject.table, answer, case).items():
-            sign = 1 if ERRORS[name].better == "lower" else -1
+            sign = -1 if name in _HIGHER_IS_BETTER else 1
+            limit = LIMITS.get(name, np.nan)
             expect(
-                not sign * value > sign * limits[name],
-                f"{name} of {limits[name]:g} or better in all photos, as of a perfect network",
+                not sign * value > sign * limit,
+                f"{name} of {limit:g} or better in all photos, as of a perfect network",
                 f"{value:.3g} in the photo '{case.name}'",
                 "Is it a factor, a shift, another order, a border, or resampling? If only some "
                 "photos are wrong: is a photo of this shape turned back as it was turned?",
             )
-
-
-def mean_errors(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Average each error over its finite values."""
-    values = {
-        name: [row[name] for row in rows if np.isfinite(row.get(name, np.nan))] for name in ERRORS
-    }
-    return {name: float(np.mean(kept)) for name, kept in values.items() if kept}
 
 
 def inner_pixels(mask: BoolArray) -> BoolArray:

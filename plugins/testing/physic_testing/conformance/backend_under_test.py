@@ -6,7 +6,6 @@ All results and errors are stored.
 from __future__ import annotations
 
 import pickle
-import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from copy import deepcopy
@@ -36,6 +35,7 @@ if TYPE_CHECKING:
     from physic_core.discovery.entry_points import Offer
     from physic_core.interfaces import Request
     from physic_testing.conformance.cases import Case, Truth, Values
+    from physic_testing.conformance.readings import Table
     from physic_testing.worlds import World
 
 CAPABILITIES: dict[str, str] = {
@@ -67,7 +67,6 @@ class CaseRun:
         error: the error that ``infer`` raised.
         violations: contract violations of the result.
         changed_arguments: names of the arguments that ``infer`` changed.
-        seconds: run time of ``infer``.
     """
 
     result: Any
@@ -75,7 +74,6 @@ class CaseRun:
     error: BaseException | None
     violations: Sequence[str]
     changed_arguments: Sequence[str]
-    seconds: float
 
 
 @dataclass
@@ -89,15 +87,11 @@ class BackendUnderTest:
         options: see :data:`OptionsFor`; by default the result of the class's
             ``conformance_options(world)``, or the default options if the class has no such method.
         capabilities: entries of CAPABILITIES; by default those of the class.
-        exact_limits: name of an error -> its limit for the capability "exact", in place of the
-            common one.
         claim: entry point of the backend; None for a class that was passed directly.
         device: device on which the backend is loaded.
         size: width and height of the standard photos, px.
         declared: the capabilities.
         case_runs: photo name -> stored call, for all photos on which the backend was called.
-        table: :class:`physic_testing.conformance.readings.Table` of the interface; None before the
-            checks start, and for an interface without truth.
         values: kept by :func:`physic_testing.conformance.readings.values_of`.
 
     Raises:
@@ -110,14 +104,12 @@ class BackendUnderTest:
     name: str
     options: OptionsFor | None = None
     capabilities: Collection[str] | None = None
-    exact_limits: Mapping[str, float] = field(default_factory=dict)
     claim: Offer | None = None
     device: str = "cpu"
     size: tuple[int, int] = SIZE
     declared: frozenset[str] = frozenset()
     watch: Watch = field(default_factory=Watch)
     case_runs: dict[str, CaseRun] = field(default_factory=dict)
-    table: Any = None
     values: list[tuple[Values, Truth]] = field(default_factory=list)
     _loaded: dict[str, Backend] = field(default_factory=dict)
 
@@ -135,6 +127,13 @@ class BackendUnderTest:
             self.options = getattr(self.kind, "conformance_options", {})
         elif not callable(self.options):
             self._refuse_unknown(self.options)
+
+    @property
+    def table(self) -> Table | None:
+        """What is checked of the outputs of the interface; None for one without truth."""
+        from physic_testing.conformance.tables import TABLES
+
+        return TABLES.get(self.interface)
 
     @property
     def evidence_names(self) -> tuple[str, ...]:
@@ -334,15 +333,13 @@ class BackendUnderTest:
         backend = self.loaded(case)
         before, request = self.request(case), self.request(case)
         answer = error = None
-        start = time.perf_counter()
         try:
             answer = self.infer(backend, request)
         except (Exception, SystemExit) as raised:
             error = raised
-        seconds = time.perf_counter() - start
         faults = () if error else case_violations(self.interface, answer, case)
         changed = _changed_fields(before, request)
-        return CaseRun(deepcopy(answer), answer, error, faults, changed, seconds)
+        return CaseRun(deepcopy(answer), answer, error, faults, changed)
 
 
 def find_backend(

@@ -31,7 +31,7 @@ from physic_testing.conformance.truth import (
     embedded_parameters,
     embedded_surface,
 )
-from physic_testing.metrics import mpjpe_mm, pa_mpjpe_mm
+from physic_testing.metrics import mpjpe_mm
 
 if TYPE_CHECKING:
     from physic_core.types import Bodies, BodyParameters, FloatArray
@@ -104,7 +104,7 @@ def _values_of_parts(joints: FloatArray, parameters: BodyParameters) -> Values:
 
 def _errors(values: Values, truth: Truth) -> dict[str, Any]:
     joints = [side["limbs"] + side["pelvis"][:, None] for side in (values, truth)]
-    return {"MPJPE, mm": mpjpe_mm(*joints), "PA-MPJPE, mm": pa_mpjpe_mm(*joints)}
+    return {"MPJPE, mm": mpjpe_mm(*joints)}
 
 
 def _across(pelvis: FloatArray, truth: Truth) -> list[FloatArray]:

@@ -39,7 +39,7 @@ def _values(answer: ContactProbability, case: Case) -> tuple[Values, Truth]:
 
 def _errors(values: Values, truth: Truth) -> dict[str, Any]:
     scores = contact_scores(values["likely"] > CONTACT_THRESHOLD, truth["case"].truth.contact)
-    return {"F1": scores.f1_mean, "precision": scores.precision_mean, "recall": scores.recall_mean}
+    return {"F1": scores.f1_mean}
 
 
 def _order(likely: FloatArray, truth: Truth) -> list[FloatArray]:

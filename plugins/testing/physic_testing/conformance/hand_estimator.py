@@ -58,10 +58,7 @@ def _values(answer: Hands, case: Case) -> tuple[Values, Truth]:
 
 
 def _errors(values: Values, truth: Truth) -> dict[str, Any]:
-    return {
-        "degrees": rotation_errors_deg(values["fingers"], truth["fingers"]),
-        "wrist degrees": rotation_errors_deg(values["wrists"], truth["wrists"]),
-    }
+    return {"degrees": rotation_errors_deg(values["fingers"], truth["fingers"])}
 
 
 def _of_hands(fingers: FloatArray, truth: Truth) -> list[FloatArray]:

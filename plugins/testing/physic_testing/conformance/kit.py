@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,7 @@ from physic_testing.conformance.accuracy import check_is_exact
 from physic_testing.conformance.backend_under_test import BackendUnderTest, find_backend
 from physic_testing.conformance.check import BLIND, Check
 from physic_testing.conformance.readings import check_of
-from physic_testing.conformance.run import CheckRun, require_check_names
+from physic_testing.conformance.run import CheckRun
 from physic_testing.conformance.tables import TABLES
 
 if TYPE_CHECKING:
@@ -57,7 +57,6 @@ def check_backend(
     backend: str | type[Backend] | Backend,
     interface: str | None = None,
     *,
-    expected_failures: Mapping[str, str] | None = None,
     progress: Callable[[str, int, int], None] | None = None,
     **settings: Any,
 ) -> Report:
@@ -68,38 +67,28 @@ def check_backend(
             an instance.
         interface: name of the interface; required if several interfaces have a backend of this
             name.
-        expected_failures: name of a check -> why it is expected to fail; if it passes, it counts as
-            a failure.
         progress: called before each check with its name, the number of checks before it, and that
             of all.
         settings: ``options`` of the backend, or a function that returns the options for a world;
             ``capabilities``, entries of :data:`physic_testing.conformance.CAPABILITIES`, which
-            select checks, by default the class attribute of this name; ``exact_limits``, name of an
-            error -> its limit in place of that of the capability "exact", such as {"IoU": 0.98}:
-            what the backend's own resampling needs; ``device`` on which the backend is loaded;
-            ``size``, width and height of the standard photos, px.
+            select checks, by default the class attribute of this name; ``device`` on which the
+            backend is loaded; ``size``, width and height of the standard photos, px.
 
     Raises:
         BackendError: the backend does not exist.
-        PhysicError: an expected failure or a capability does not exist.
+        PhysicError: a capability does not exist.
     """
-    subject = find_backend(backend, interface, **settings)
-    return start_checks(subject, expected_failures).report(progress)
+    return start_checks(find_backend(backend, interface, **settings)).report(progress)
 
 
-def start_checks(
-    subject: BackendUnderTest, expected_failures: Mapping[str, str] | None = None
-) -> CheckRun:
+def start_checks(subject: BackendUnderTest) -> CheckRun:
     """Create the run of all checks of a backend; no check runs yet."""
-    subject.table = TABLES.get(subject.interface)
-    return CheckRun(subject, checks_for(subject.interface), expected_failures)
+    return CheckRun(subject, checks_for(subject.interface))
 
 
 def parametrize_with_checks(
     interface: str,
     backend: str | type[Backend],
-    *,
-    expected_failures: Mapping[str, str] | None = None,
     **settings: Any,
 ) -> Callable[[Any], Any]:
     """Return a pytest decorator that runs a test once for each check of a backend.
@@ -115,31 +104,18 @@ def parametrize_with_checks(
     Args:
         interface: name of the interface, such as "metric_depth".
         backend: a name or a class, as for :func:`check_backend`.
-        expected_failures: name of a check -> why it is expected to fail; the test fails if the
-            check passes.
         settings: as for :func:`check_backend`.
-
-    Raises:
-        PhysicError: an expected failure is not the name of a check.
     """
     import pytest
-
-    expected = dict(expected_failures or {})
-    checks = {c.name: c for c in checks_for(interface)} if interface in INTERFACES else {}
-    require_check_names(expected, checks)
 
     @lru_cache(maxsize=1)
     def shared_run() -> CheckRun:
         return start_checks(find_backend(backend, interface, **settings))
 
-    def parameter(name: str) -> Any:
-        reason = expected.get(name)
-        marks = [] if reason is None else [pytest.mark.xfail(reason=reason, strict=True)]
-        run = partial(_report_to_pytest, shared_run, name)
-        return pytest.param(run, id=name, marks=marks)
-
+    names = [check.name for check in checks_for(interface)] if interface in INTERFACES else []
+    each = [pytest.param(partial(_report_to_pytest, shared_run, name), id=name) for name in names]
     last = pytest.param(lambda: _require_backend_call(shared_run()), id="backend_was_run")
-    return pytest.mark.parametrize("check", [*map(parameter, checks), last])
+    return pytest.mark.parametrize("check", [*each, last])
 
 
 def _report_to_pytest(shared_run: Callable[[], CheckRun], name: str) -> None:

@@ -162,9 +162,8 @@ class Table:
 
     Attributes:
         values: values of an output and of the truth.
-        errors: values of an output and of the truth -> name of each error of
-            :data:`physic_testing.conformance.accuracy.ERRORS` -> numbers whose mean it is, the one
-            by which two results are compared first.
+        errors: values of an output and of the truth -> name of each error -> numbers whose mean it
+            is, the one by which two results are compared first.
         checks: checks that are no comparison with known mistakes.
         groups: comparisons with known mistakes.
         after: names of checks that come before the comparisons.

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from textwrap import shorten
 from typing import Any, Literal
 
 from physic_core.discovery.error_text import traceback_text
 
-Outcome = Literal["passed", "failed", "warned", "xfailed", "xpassed", "skipped"]
+Outcome = Literal["passed", "failed", "warned", "skipped"]
 OUTCOMES: dict[Outcome, str] = {
     "passed": "passed",
     "failed": "failed",
     "warned": "warned of",
-    "xfailed": "failed as expected",
-    "xpassed": "passed though expected to fail",
     "skipped": "skipped",
 }
 """Outcome -> its text in the summary."""
@@ -29,12 +25,11 @@ class Result:
 
     Attributes:
         check: name of the check.
-        outcome: "warned" is a failure of a check that only warns; "xfailed" is an expected failure;
-            "xpassed" is an unexpected success, which counts as a failure.
+        outcome: "warned" is a failure of a check that only warns.
         expected: for a failure, the requirement.
         got: for a failure, the backend's output or error.
         hint: for a failure, a likely cause.
-        reason: why the check was skipped or is expected to fail.
+        reason: why the check was skipped.
         read: module or class that documents the requirement.
         seconds: run time, including the first call of the backend on each photo.
         error: for a failure caused by an exception, the exception.
@@ -72,11 +67,6 @@ class Result:
         return values | ({"traceback": self.traceback} if self.traceback else {})
 
 
-def finite_or_none(numbers: Mapping[str, float]) -> dict[str, float | None]:
-    """Return numbers for JSON, which has no NaN."""
-    return {name: value if math.isfinite(value) else None for name, value in numbers.items()}
-
-
 @dataclass(frozen=True)
 class Report:
     """Results of all checks of one backend.
@@ -100,8 +90,8 @@ class Report:
 
     @property
     def failures(self) -> tuple[Result, ...]:
-        """Checks that failed, and checks that passed although a failure was expected."""
-        return tuple(r for r in self.results if r.outcome in ("failed", "xpassed"))
+        """Checks that failed."""
+        return tuple(r for r in self.results if r.outcome == "failed")
 
     @property
     def warnings(self) -> tuple[Result, ...]:
@@ -156,7 +146,7 @@ class Report:
         return f"passed: {self.counts['passed']} checks{warned}"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the report as a JSON-ready dict, NaN as None."""
+        """Return the report as a JSON-ready dict."""
         return {
             "interface": self.interface,
             "backend": self.backend,

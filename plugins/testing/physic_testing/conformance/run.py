@@ -6,14 +6,12 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from physic_core.cache import remember_passed
 from physic_core.discovery.error_text import describe_error
-from physic_core.errors import PhysicError
 from physic_core.interfaces import INTERFACES
 from physic_testing.conformance.expect import CheckFailed, CheckSkipped
 from physic_testing.conformance.report import Report, Result
@@ -29,36 +27,18 @@ class CheckRun:
     Args:
         subject: the backend under test.
         checks: checks in order of execution.
-        expected_failures: name of a check -> why it is expected to fail.
-
-    Raises:
-        PhysicError: an expected failure is not the name of a check.
     """
 
-    def __init__(
-        self,
-        subject: BackendUnderTest,
-        checks: Sequence[Check],
-        expected_failures: Mapping[str, str] | None = None,
-    ) -> None:
+    def __init__(self, subject: BackendUnderTest, checks: Sequence[Check]) -> None:
         self.subject = subject
         self.checks = {check.name: check for check in checks}
-        self._expected = dict(expected_failures or {})
         self._results: dict[str, Result] = {}
-        require_check_names(self._expected, self.checks)
 
     def result(self, name: str) -> Result:
         """Return the result of a check; run it if needed."""
         if name not in self._results:
             start = time.perf_counter()
             result = self._run_check(self.checks[name])
-            if name in self._expected and result.outcome != "skipped":
-                reason = self._expected[name]
-                is_failure = result.outcome == "failed"
-                got = "it passes: remove it from expected_failures"
-                unexpected = Result(name, "xpassed", f"a failure ({reason})", got)
-                result = replace(result, outcome="xfailed") if is_failure else unexpected
-                result = replace(result, reason=reason)
             self._results[name] = replace(result, seconds=time.perf_counter() - start)
         return self._results[name]
 
@@ -86,13 +66,10 @@ class CheckRun:
         return Report(subject.interface, subject.name, origin, tuple(results))
 
     def finish(self) -> None:
-        """Close the backend, and remember that it passed, if all checks ran and none failed, as
-        expected or not.
-        """
+        """Close the backend, and remember that it passed, if all checks ran and none failed."""
         self.subject.close()
-        outcomes = {result.outcome for result in self._results.values()}
         is_whole = self._results.keys() == self.checks.keys() and not self.not_run_reason
-        if is_whole and outcomes <= {"passed", "warned", "skipped"}:
+        if is_whole and all(result.outcome != "failed" for result in self._results.values()):
             remember_passed(self.subject.interface, self.subject.construct())
 
     def _run_check(self, check: Check) -> Result:
@@ -127,21 +104,8 @@ class CheckRun:
             return f"only for a backend with '{word}' in its capabilities"
         for other in check.after:
             result = self.result(other)
-            if result.outcome in ("failed", "xfailed"):
+            if result.outcome == "failed":
                 return f"see '{other}'"
             if result.outcome == "skipped" and result.reason.startswith("see '"):
                 return result.reason
         return ""
-
-
-def require_check_names(names: Mapping[str, str], checks: Mapping[str, Check]) -> None:
-    """Raise PhysicError if a name is not the name of a check.
-
-    Raises:
-        PhysicError: one is not.
-    """
-    for name in names:
-        if name not in checks:
-            close = get_close_matches(name, checks, n=1)
-            hint = f"did you mean '{close[0]}'?" if close else f"valid are: {', '.join(checks)}"
-            raise PhysicError(f"no check named '{name}' for this interface; {hint}")

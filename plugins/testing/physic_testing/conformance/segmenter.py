@@ -53,9 +53,7 @@ def _values(answer: People, case: Case) -> tuple[Values, Truth]:
 
 
 def _errors(values: Values, truth: Truth) -> dict[str, Any]:
-    floor, true = (np.nan_to_num(side["floor"]) > 0 for side in (values, truth))
-    is_known = np.isfinite(values["floor"]).any()
-    return {"IoU": values["iou"]} | ({"floor IoU": mask_iou(floor, true)} if is_known else {})
+    return {"IoU": values["iou"]}
 
 
 def _blurred(masks: FloatArray, truth: Truth) -> list[FloatArray]:

@@ -42,8 +42,6 @@ from physic_testing import parametrize_with_checks
 
 
 # All checks must pass: until then, `physic plugins` marks the backend, and a run doubts it.
-# List a check that is known to fail with the reason:
-# `expected_failures={{"name_of_the_check": "why"}}`.
 @parametrize_with_checks("{interface}", "{backend}")
 def test_conformance(check):
     check()

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,6 @@ from physic_core.errors import BackendError, ConfigError
 from physic_testing import check_backend
 from physic_testing.conformance import checks_for
 from physic_testing.conformance.backend_under_test import find_backend
-from physic_testing.conformance.compare import compare
 
 CENTIMETRES = stand_in("MockMetricDepth", fields(depth=lambda z: 100 * z))
 RightSegmenter = stand_in("MockSegmenter")
@@ -101,18 +99,6 @@ def test_a_failure_states_expected_and_found_value_unit_and_reference(failed):
     assert "of the logarithm too large" in failure.got
 
 
-def test_an_expected_failure_counts_as_a_failure_only_if_it_passes():
-    wrong, right = (
-        check_backend(kind, size=SIZE, expected_failures={"depth_is_in_metres": "known"})
-        for kind in (CENTIMETRES, RightDepth)
-    )
-    assert wrong.ok
-    assert outcome(wrong, "depth_is_in_metres").outcome == "xfailed"
-    assert "1 failed as expected" in wrong.summary
-    assert not right.ok
-    assert "it passes" in right.failures[0].message
-
-
 @pytest.mark.parametrize(
     ("kind", "reason"),
     [
@@ -147,23 +133,6 @@ def test_capabilities_choose_checks():
     assert outcome(again, "output_depends_on_the_photo_alone").outcome == "passed"
 
 
-# ---- accuracy
-# --------------------------------------------------------------------------------------------------
-
-
-def test_backends_are_compared_in_one_table():
-    worlds = ("stand_indoors", "group")
-    comparison = compare(
-        "metric_depth", [RightDepth, CENTIMETRES, NotReady], worlds=worlds, size=SIZE
-    )
-    right, hundred, missing = comparison.rows
-    assert right.errors["abs-rel"] == pytest.approx(0, abs=1e-6)
-    assert hundred.errors["abs-rel"] == pytest.approx(99, abs=1e-3)
-    assert (right.completed, missing.completed) == (2, 0)
-    assert f": not ready: {NO_WEIGHTS}\n" in comparison.text
-    json.dumps(comparison.as_dict(), allow_nan=False)
-
-
 # ---- pytest
 # --------------------------------------------------------------------------------------------------
 
@@ -178,28 +147,26 @@ def test_pytest_gets_one_test_a_check_and_one_that_something_ran(pytester):
         from test_kit import CENTIMETRES, NotReady
         from physic_testing import parametrize_with_checks
 
-        def checks_of(kind, **expected):
-            @parametrize_with_checks("metric_depth", kind, size=SIZE, expected_failures=expected)
+        def checks_of(kind):
+            @parametrize_with_checks("metric_depth", kind, size=SIZE)
             def run(check):
                 check()
 
             return run
 
         test_centimetres = checks_of(CENTIMETRES)
-        test_known_centimetres = checks_of(CENTIMETRES, depth_is_in_metres="known")
         test_not_ready = checks_of(NotReady)
-        test_right = checks_of(RightDepth, depth_is_in_metres="no")
+        test_right = checks_of(RightDepth)
         """
     )
     done = pytester.runpytest_subprocess("-p", "no:cacheprovider", "-p", "no:randomly", "-rf")
     total = len(checks_for("metric_depth")) + 1
     counts = done.parseoutcomes()
-    assert (counts["failed"], counts["xfailed"]) == (3, 1)
-    assert sum(counts[word] for word in ("passed", "failed", "skipped", "xfailed")) == 4 * total
+    assert counts["failed"] == 2
+    assert sum(counts[word] for word in ("passed", "failed", "skipped")) == 3 * total
     done.stdout.fnmatch_lines(
         [
             "FAILED test_conformance.py::test_centimetres[[]depth_is_in_metres]*",
             "FAILED test_conformance.py::test_not_ready[[]backend_was_run]*",
-            "FAILED test_conformance.py::test_right[[]depth_is_in_metres]*",
         ]
     )

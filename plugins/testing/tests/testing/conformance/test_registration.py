@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 
 import pytest
@@ -91,26 +90,3 @@ def test_check_says_what_is_wrong_with_its_arguments(offer, physic):
     done = physic("plugins", "check", "flat", "--option", "gain=2")
     assert done.exit_code == 2
     assert "Error: metric_depth 'flat': gain: unknown option\n" in done.stderr
-
-
-def test_compare_prints_a_table_and_json(offer, physic):
-    offer("physic-flat", 3.0)
-    offer("physic-far", 300.0)
-    done = physic("plugins", "compare", "metric_depth", "flat", "far", "--world", "stand")
-    assert done.exit_code == 0, done.output
-    head, flat, far, _ = done.stdout.splitlines()
-    assert [line.split()[0] for line in (head, flat, far)] == ["backend", "flat", "far"]
-    assert "1 of 1" in flat
-    done = physic("plugins", "compare", "metric_depth", "flat", "far", "--world", "stand", "--json")
-    read = json.loads(done.stdout)
-    assert [b["backend"] for b in read["backends"]] == ["flat", "far"]
-    assert read["worlds"] == ["stand"]
-
-
-def test_compare_ends_with_5_if_a_backend_has_no_valid_result(offer, physic):
-    offer("physic-flat", 3.0)
-    offer("physic-behind", -3.0)
-    done = physic("plugins", "compare", "metric_depth", "flat", "behind", "--world", "stand")
-    assert done.exit_code == 5, done.output
-    assert "1 of 1" in done.stdout
-    assert "0 of 1" in done.stdout
