@@ -125,16 +125,6 @@ _FORMATS = (
         per_person=True,
     ),
     _record(
-        "nerfstudio",
-        ".json",
-        "nerfstudio, Gaussian splatting",
-        "transforms.json with photo, depth, mask and camera",
-        module="depth",
-        ups=("z", "y", "camera"),
-        stem="transforms",
-        needs="a floor in the result, for z up",
-    ),
-    _record(
         "obj",
         ".obj",
         "MeshLab, Blender, 3ds Max",
