@@ -10,10 +10,7 @@ __all__: list[str] = []
 
 _NAMES = {"names": ("smplx", "mixamo", "unreal", "unity", "vrm")}
 _SKIN = {"skin": ("photo", "neutral", "contact")}
-_TEXTURES: dict[str, tuple[str | bool, ...]] = {
-    "texture_size": ("1024", "512", "2048", "4096"),
-    "contact_texture": (False, True),
-}
+_TEXTURES = {"texture_size": ("1024", "512", "2048", "4096")}
 
 
 def _record(
@@ -132,7 +129,7 @@ _FORMATS = (
         module="meshes",
         ups=("y", "z", "camera"),
         stem="meshes",
-        options=_SKIN | {"texture_size": _TEXTURES["texture_size"]},
+        options=_SKIN | _TEXTURES,
     ),
     _record(
         "ply",
@@ -200,7 +197,7 @@ _FORMATS = (
         needs="a floor in the result, for z up",
         packages=("pxr",),
         extra="usd",
-        options=_NAMES | _SKIN | {"texture_size": _TEXTURES["texture_size"]},
+        options=_NAMES | _SKIN | _TEXTURES,
     ),
 )
 
