@@ -58,9 +58,9 @@ def project(points: Array, K: Array) -> Array:
     return Camera(np.asarray(K, np.float64), 0, 0).project(points)
 
 
-def box_of_points(pixels: Array) -> Array | None:
-    """Return the box (4,) px around the known pixels; None if most are unknown."""
+def box_of_points(pixels: Array) -> Array:
+    """Return the box (4,) px around the known pixels; an empty one if most are unknown."""
     finite = pixels[np.isfinite(pixels).all(-1)]
     if 2 * len(finite) < len(pixels) or len(finite) < 2:
-        return None
+        return np.zeros(4)
     return np.concatenate([finite.min(0), finite.max(0)])

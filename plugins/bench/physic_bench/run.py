@@ -208,15 +208,17 @@ def checked_truth(frame: Frame) -> Truth:
 
 
 def _overlaps(frame: Frame, truth: Truth, prediction: Prediction) -> list[float]:
-    """Return the best overlap of the box of each annotated person with those of a result."""
-    K = frame.camera.K if prediction.K is None else prediction.K
-    true = [box for person in truth.people if (box := body_box(person, frame.camera.K)) is not None]
-    boxes = [box for person in prediction.people if (box := body_box(person, K)) is not None]
-    if not true or not prediction.people:
+    """Return the best overlap of the box of each annotated person with those of a result; 0 of one
+    who is not in the picture.
+    """
+    if not truth.people or not prediction.people:
         return []
-    best: list[float] = (
-        box_iou(np.array(true), np.array(boxes).reshape(-1, 4)).max(1, initial=0.0).tolist()
+    K = frame.camera.K if prediction.K is None else prediction.K
+    true, boxes = (
+        np.array([body_box(person, k) for person in people])
+        for people, k in ((truth.people, frame.camera.K), (prediction.people, K))
     )
+    best: list[float] = box_iou(true, boxes).max(1).tolist()
     return best
 
 

@@ -183,8 +183,7 @@ def match_to_truth(frame: Frame, truth: Truth, prediction: Prediction) -> dict[i
         [body_box(person, k) for person in some]
         for some, k in ((prediction.people, K), (truth.people, frame.camera.K))
     ]
-    predicted, true = ([np.zeros(4) if box is None else box for box in some] for some in boxes)
-    return match_by_boxes(predicted, true, MIN_IOU).predicted_of
+    return match_by_boxes(*boxes, MIN_IOU).predicted_of
 
 
 def _joint_errors(
@@ -367,9 +366,9 @@ def _graph_of(files: BodyFiles, topology: str) -> csr_array | None:
     return None if rest is None else surface_graph(rest.vertices, rest.faces)
 
 
-def body_box(person: BenchPerson, K: Array) -> Array | None:
-    """Return the box (4,) px around a projected body, or around its joints; None if most of it is
-    unknown.
+def body_box(person: BenchPerson, K: Array) -> Array:
+    """Return the box (4,) px around a projected body, or around its joints; an empty one if most of
+    it is unknown.
     """
     points = person.joints if person.vertices is None else person.vertices
-    return None if points is None else box_of_points(project(np.asarray(points, np.float64), K))
+    return box_of_points(project(np.reshape(() if points is None else points, (-1, 3)), K))

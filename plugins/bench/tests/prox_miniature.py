@@ -39,6 +39,7 @@ class Miniature:
         joints: id -> (55, 3) m, camera frame.
         height: id -> (10475,) m over the floor of the scan.
         faces: (F, 3).
+        mesh_frame: frame of reference of the meshes.
     """
 
     root: Path
@@ -46,6 +47,7 @@ class Miniature:
     joints: dict[str, np.ndarray]
     height: dict[str, np.ndarray]
     faces: np.ndarray
+    mesh_frame: str = "vicon"
 
 
 def floor_of(side_m=12.0):
@@ -56,7 +58,7 @@ def floor_of(side_m=12.0):
 
 def write_prox(root, files, mesh_frame="vicon"):
     """Write the set; the person's lowest vertex is 1 cm over the floor."""
-    miniature = Miniature(root, {}, {}, {}, files.faces)
+    miniature = Miniature(root, {}, {}, {}, files.faces, mesh_frame)
     for part in ("calibration", "cam2world", "scenes"):
         (root / part).mkdir(parents=True, exist_ok=True)
     calibration = {
@@ -93,7 +95,6 @@ def write_prox(root, files, mesh_frame="vicon"):
             {k: np.array(v, np.float32)[None] for k, v in moved.items()},
         )
         _write_picture(root / "recordings" / recording / "Color" / f"{name}.jpg")
-        _write_keypoints(root / "keypoints" / recording / f"{name}_keypoints.json", joints)
     return miniature
 
 
@@ -109,12 +110,3 @@ def _write_picture(path):
     pixels[:, SIZE[0] // 2 :] = 255, 0, 0
     path.parent.mkdir(parents=True, exist_ok=True)
     Image.fromarray(pixels).save(path, quality=95)
-
-
-def _write_keypoints(path, joints):
-    pixels = joints[:22] @ K.T
-    points = np.zeros((25, 3))
-    points[:22, :2] = pixels[:, :2] / pixels[:, 2:]
-    points[:22, 2] = 0.9
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps({"people": [{"pose_keypoints_2d": points.ravel().tolist()}]}))

@@ -88,15 +88,13 @@ def test_a_shift_of_5_cm_down_has_an_error_of_5_cm_in_every_measure(mini, files,
 
 
 def frames_of(mini, files):
-    return DATA_SET.frames(mini.root, FrameChoice(), files.bodies, "auto")
+    return DATA_SET.frames(mini.root, FrameChoice(), files.bodies, mini.mesh_frame)
 
 
 @pytest.mark.parametrize("frame", ["camera", "scene"])
-def test_the_frame_of_the_meshes_is_decided_by_the_keypoints(files, tmp_path, frame):
+def test_meshes_are_in_the_stated_frame(files, tmp_path, frame):
     mini = write_prox(tmp_path / "quantitative", files, frame)
-    frame_set = frames_of(mini, files)
-    assert frame_set.notes[0].startswith(f"meshes are in the frame '{frame}'")
-    first = frame_set.frames[0]
+    first = frames_of(mini, files).frames[0]
     vertices = first.truth().people[0].vertices
     np.testing.assert_allclose(vertices, mini.vertices[first.id], atol=1e-5)
 
@@ -108,7 +106,7 @@ def test_a_transposed_rotation_is_refused(mini, files, tmp_path):
     file.write_text(json.dumps(matrix.tolist()))
     done = run_on_results(mini, files, tmp_path)
     assert done.exit_code != 0
-    assert "it cannot be decided in which frame the meshes" in done.output
+    assert "do not project onto the annotated people" in done.output
 
 
 def test_pictures_are_mirrored_before_use(mini, files, tmp_path):

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -53,12 +51,6 @@ def root(files, tmp_path_factory):
         python2_pickle(
             contacts / f"{subject}.pkl", {"contact": labels, "s2m_dist_id": np.zeros((4, 3))}
         )
-        colours = np.tile(np.array([200, 200, 200, 255], np.uint8), (10475, 1))
-        colours[:50] = 0, 255, 0, 255
-        vertices, _ = files.bodies.pose_smplx(parameters, "male")
-        trimesh.Trimesh(vertices, files.faces, vertex_colors=colours, process=False).export(
-            contacts / f"{subject}.obj"
-        )
     scan = folder / "scan_calibration" / "LectureHall_lunge"
     (scan / "calibration").mkdir(parents=True)
     (folder / "scan_calibration" / "LectureHall_yoga").mkdir()
@@ -90,7 +82,7 @@ def true_people(root, files, view):
     return vertices, joints[:, :22]
 
 
-def test_bodies_views_and_contact_of_both_meshes(root, files, tmp_path):
+def test_errors_and_contact_on_another_mesh(root, files, tmp_path):
     truth = np.zeros(6890, bool)
     truth[:100] = True
     behind = np.array([0, 0, 0.05])
@@ -116,14 +108,10 @@ def test_bodies_views_and_contact_of_both_meshes(root, files, tmp_path):
     assert "contact from smplx to smpl carried over the T-poses" in text
 
 
-def test_contact_of_the_coloured_mesh_and_the_camera(root, files, tmp_path):
-    root = Path(shutil.copytree(root, tmp_path / "the set"))
-    for published in (root / "human_scene_contact").rglob("*.pkl"):
-        published.unlink()
+def test_each_camera_has_its_view(root, files):
     frames = DATA_SET.frames(root, FrameChoice(), files.bodies, "test").frames
     assert [frame.id for frame in frames] == [f"{SEQUENCE}/00042/{view}" for view in VIEWS]
     truth = frames[1].truth()
-    assert [int(person.contact.sum()) for person in truth.people] == [50, 50]
     assert frames[1].camera.distortion == (-0.01, 0.02, 0, 0, 0)
     np.testing.assert_allclose(
         truth.people[0].vertices, true_people(root, files, 3)[0][0], atol=1e-4

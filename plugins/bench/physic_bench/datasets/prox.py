@@ -10,7 +10,9 @@ Get quantitative.zip from prox.is.tue.mpg.de, and SMPLX_MALE.npz from smpl-x.is.
     scenes/vicon.ply                                   the scan
     fittings/mosh/<recording>/meshes/<frame>/000.ply   10475 vertices of SMPL-X
     fittings/mosh/<recording>/results/<frame>/000.pkl  optional: parameters, which give joints
-    keypoints/<recording>/<frame>_keypoints.json       optional: OpenPose, tells the meshes' frame
+
+Published readers disagree about the frame of reference of the meshes: if results are refused since
+they do not project onto the people, give another --mesh-frame.
 
 Frames are named RECORDING/FRAME; the paper's list of 178 is not published. A vertex truly touches
 within 2, 4 and 5 cm of the scan, or inside it by up to 15 cm.
@@ -20,15 +22,14 @@ from __future__ import annotations
 
 from functools import lru_cache, partial
 from pathlib import Path
-from statistics import median
 from typing import TYPE_CHECKING
 
 import click
 import numpy as np
 
-from physic_bench.cameras import Camera, box_of_points, project
+from physic_bench.cameras import Camera
 from physic_bench.contract import BenchPerson, Frame, Picture, Truth
-from physic_bench.datasets.base import DataSet, FrameSet, evenly_spaced
+from physic_bench.datasets.base import DataSet, FrameSet
 from physic_bench.reading import (
     DamagedFrameError,
     checked_numbers,
@@ -41,9 +42,7 @@ from physic_bench.reading import (
     read_pickled,
     read_surface,
 )
-from physic_core.backends.people import box_iou
 from physic_core.body import JOINT_NAMES
-from physic_core.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -55,12 +54,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 NUM_VERTICES = 10475
-MIN_OVERLAP = 0.4
-MIN_LEAD = 0.1
-"""Of the frame of reference that fits: median overlap of boxes, and by how much it is ahead of the
-others.
-"""
-
 MAX_MODEL_ERROR_M = 0.02
 """Mean distance of a mesh from its parameters, posed by the user's file.
 
@@ -81,13 +74,6 @@ def missing(root: Path, with_pictures: bool, mesh_frame: str) -> list[str]:
     ]
     if with_pictures:
         needed.append(("recordings/*/Color/*.jpg", "pictures"))
-    if mesh_frame == "auto":
-        needed.append(
-            (
-                "keypoints/*/*_keypoints.json",
-                "keypoints that say where the meshes are; or give --mesh-frame",
-            )
-        )
     return missing_files(root, needed)
 
 
@@ -100,66 +86,17 @@ def frames(
     pictures = {name: root / "recordings" / name.replace("/", "/Color/", 1) for name in names}
     pictures = {name: path.with_name(f"{path.name}.jpg") for name, path in pictures.items()}
     camera = _camera(root, [path for path in pictures.values() if path.is_file()])
-    kind, note = (
-        (mesh_frame, "as you chose")
-        if mesh_frame != "auto"
-        else decide_mesh_frame(root, names, camera)
-    )
     frames = [
         Frame(
             name,
             name.partition("/")[0],
-            partial(_truth, root, name, kind, bodies),
+            partial(_truth, root, name, mesh_frame, bodies),
             camera,
             Picture(pictures[name], mirrored=True) if pictures[name].is_file() else None,
         )
         for name in names
     ]
-    return FrameSet(tuple(frames), (f"meshes are in the frame '{kind}': {note}",))
-
-
-def decide_mesh_frame(root: Path, names: Sequence[str], camera: Camera) -> tuple[str, str]:
-    """Return the frame of reference of the meshes, and the numbers that decided: published readers
-    disagree.
-
-    Up to ten meshes are projected as if they were in each frame of reference, and their boxes are
-    compared with those of the keypoints, as they are and mirrored.
-
-    Raises:
-        InputError: none fits, or two fit alike.
-    """
-    overlaps_of: dict[str, list[float]] = {kind: [] for kind in MESH_FRAMES}
-    for name in evenly_spaced(names, 10):
-        recording, _, frame = name.partition("/")
-        file = root / "keypoints" / recording / f"{frame}_keypoints.json"
-        try:
-            vertices = _mesh_vertices(root, name)
-            with naming_file_in_errors(file):
-                points = checked_numbers(
-                    read_json(file)["people"][0]["pose_keypoints_2d"], (-1, 3), "keypoints"
-                )
-        except DamagedFrameError:
-            continue  # a damaged mesh is named when the frame is scored
-        pixels = points[points[:, 2] > 0.2, :2]
-        boxes = [box_of_points(some) for some in (pixels, pixels * [-1, 1] + [camera.width - 1, 0])]
-        for kind in MESH_FRAMES:
-            box = box_of_points(project(_to_camera(root, vertices, kind), camera.K))
-            overlaps = [
-                0.0 if box is None or b is None else float(box_iou(box[None], b[None])[0, 0])
-                for b in boxes
-            ]
-            overlaps_of[kind].append(max(overlaps))
-    overlap = {kind: median(values or [0.0]) for kind, values in overlaps_of.items()}
-    best, second = sorted(overlap, key=lambda kind: -overlap[kind])[:2]
-    words = f"median overlap with the keypoints of {len(overlaps_of[best])} frames: " + ", ".join(
-        f"{kind} {value:.2f}" for kind, value in overlap.items()
-    )
-    if overlap[best] < MIN_OVERLAP or overlap[best] - overlap[second] < MIN_LEAD:
-        raise InputError(
-            f"it cannot be decided in which frame the meshes of {root} are ({words}): give "
-            f"--mesh-frame"
-        )
-    return best, words
+    return FrameSet(tuple(frames), (f"meshes are in the frame '{mesh_frame}'",))
 
 
 def _truth(root: Path, name: str, kind: str, bodies: BodyFiles) -> Truth:
@@ -232,8 +169,6 @@ def _transform(file: Path) -> Array:
     with naming_file_in_errors(file):
         matrix = checked_numbers(read_json(file), (4, 4), "transform")
         checked_rotation(matrix[:3, :3], "transform")
-        if np.abs(matrix[:3, 3]).max() > 100:
-            raise DamagedFrameError("lengths must be meters")
     return matrix
 
 
@@ -245,10 +180,10 @@ DATA_SET = DataSet(
     (
         click.Option(
             ["--mesh-frame"],
-            type=click.Choice(["auto", *MESH_FRAMES]),
-            default="auto",
+            type=click.Choice(MESH_FRAMES),
+            default="vicon",
             show_default=True,
-            help="Frame of reference of the meshes; auto decides by the keypoints.",
+            help="Frame of reference of the meshes.",
         ),
     ),
 )

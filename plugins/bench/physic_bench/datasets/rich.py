@@ -6,16 +6,14 @@ for non-commercial research, and resource/gender.json from the repository rich_t
 paulchhuang. Files of ROOT:
 
     bodies/<split>/<SEQ>/<FRAME>/<SUB>.pkl                SMPL-X parameters in the frame of camera 0
-    human_scene_contact/<split>/<SEQ>/<FRAME>/<SUB>.pkl   'contact' (6890,); or <SUB>.obj with
-                                                          10475 vertices, contact green
+    human_scene_contact/<split>/<SEQ>/<FRAME>/<SUB>.pkl   'contact' (6890,)
     images/<split>/<SEQ>/cam_<XX>/<FRAME>_<XX>.jpeg       or .png, .bmp
     scan_calibration/<SCENE>/calibration/<CAM>.xml        CameraMatrix, Intrinsics, Distortion
     scan_calibration/<SCENE>/scan_camcoord.ply            optional: scan in the frame of camera 0
     resource/gender.json                                  gender of each subject
 
-Frames are named SEQ/FRAME/CAMERA. Contact of 6890 vertices is the truth as published; predicted
-contact of another mesh is carried over, which needs --smpl. Cameras without calibration are
-skipped.
+Frames are named SEQ/FRAME/CAMERA. Predicted contact of another mesh than that of 6890 vertices is
+carried over, which needs --smpl. Cameras without calibration are skipped.
 """
 
 from __future__ import annotations
@@ -30,7 +28,7 @@ import click
 import numpy as np
 
 from physic_bench.cameras import Camera
-from physic_bench.contract import TOPOLOGY_OF_COUNT, BenchPerson, Frame, Picture, Truth
+from physic_bench.contract import BenchPerson, Frame, Picture, Truth
 from physic_bench.datasets.base import DataSet, FrameSet
 from physic_bench.reading import (
     DamagedFrameError,
@@ -40,7 +38,6 @@ from physic_bench.reading import (
     naming_file_in_errors,
     open_picture,
     read_json,
-    read_mesh,
     read_pickled,
     read_surface,
 )
@@ -56,11 +53,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-MAX_RANGE_M = 100.0
-"""From camera 0 to another one."""
-
-GREEN = (0, 255, 0, 255)
-
 
 def missing(root: Path, with_pictures: bool, split: str) -> list[str]:
     """Return the missing files."""
@@ -68,7 +60,7 @@ def missing(root: Path, with_pictures: bool, split: str) -> list[str]:
         (f"bodies/{split}/*/*/*.pkl", "bodies"),
         ("scan_calibration/*/calibration/*.xml", "calibration of the cameras"),
         ("resource/gender.json", "gender of the subjects, from rich_toolkit"),
-        (f"human_scene_contact/{split}/*/*/*.*", "annotated contact"),
+        (f"human_scene_contact/{split}/*/*/*.pkl", "annotated contact"),
     ]
     return missing_files(root, needed + [(f"images/{split}/*/cam_*/*", "pictures")] * with_pictures)
 
@@ -116,32 +108,18 @@ def _truth(
             gender = genders.get(file.stem) or genders[file.stem.lstrip("0")]
         with naming_file_in_errors(file):
             vertices, joints = bodies.pose_smplx(read_pickled(file), gender)
-        contact = _contact(root / "human_scene_contact" / split / sequence / moment / file.name)
+        labels = root / "human_scene_contact" / split / sequence / moment / file.name
+        with naming_file_in_errors(labels):
+            contact = checked_numbers(read_pickled(labels)["contact"], (6890,), "contact") > 0
         joints = camera.to_camera(joints)
         vertices = camera.to_camera(vertices)
-        mesh = TOPOLOGY_OF_COUNT[len(contact)]
         people.append(
             BenchPerson(
-                file.stem, joints, JOINT_NAMES, "posed SMPL-X", vertices, "smplx", contact, mesh
+                file.stem, joints, JOINT_NAMES, "posed SMPL-X", vertices, "smplx", contact, "smpl"
             )
         )
     scan = _scene(root, sequence) / "scan_camcoord.ply"
     return Truth(tuple(people), scene=read_surface(scan) if scan.is_file() else None)
-
-
-def _contact(file: Path) -> NDArray[np.bool_]:
-    """Return the annotated contact of a person: of the .pkl file, or of the .obj file without
-    it.
-    """
-    if file.is_file():
-        with naming_file_in_errors(file):
-            return checked_numbers(read_pickled(file)["contact"], (6890,), "contact") > 0
-    file = file.with_suffix(".obj")
-    mesh = read_mesh(file)
-    with naming_file_in_errors(file):
-        is_contact: NDArray[np.bool_] = (np.asarray(mesh.visual.vertex_colors) == GREEN).all(1)
-        checked_numbers(is_contact, (10475,), "vertex colors")
-    return is_contact
 
 
 def _camera(file: Path, picture: Path | None) -> Camera:
@@ -156,10 +134,8 @@ def _camera(file: Path, picture: Path | None) -> Camera:
         R = checked_rotation(to_camera[:, :3], "CameraMatrix")
         t = to_camera[:, 3]
         k1, k2 = values["Distortion"][:2]
-        if np.abs(t).max() > MAX_RANGE_M or K[[0, 1, 0, 1], [0, 1, 2, 2]].min() <= 0:
-            raise DamagedFrameError(
-                "the camera must have a focal length and a principal point, and be within 100 m"
-            )
+        if K[[0, 1, 0, 1], [0, 1, 2, 2]].min() <= 0:
+            raise DamagedFrameError("the camera must have a focal length and a principal point")
     width = round(2 * K[0, 2])
     height = round(2 * K[1, 2])
     if picture is not None:
