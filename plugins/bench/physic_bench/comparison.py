@@ -5,7 +5,6 @@ tables and a page.
 from __future__ import annotations
 
 import base64
-import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -30,7 +29,7 @@ from physic_core.types import (
     pelvis_distance_m,
     usable_text,
 )
-from physic_testing.metrics import BODY_JOINTS, match_by_masks, scene_error
+from physic_testing.metrics import BODY_JOINTS, match_by_masks
 from physic_visual.palette import contact_label
 
 if TYPE_CHECKING:
@@ -172,7 +171,6 @@ def compare_results(a: Reconstruction, b: Reconstruction, name: str = "") -> Com
     partner = matching.predicted_of
     pairs = [_pair(a, b, index, partner.get(index)) for index in range(len(a.people))]
     added = [_pair(a, b, None, int(index)) for index in matching.false_alarms]
-    error = scene_error(b.scene.points, a.scene.points, b.scene.valid, a.scene.valid)
     depths = [one.scene.points[a.scene.valid & b.scene.valid, 2] for one in (a, b)]
     return Comparison(
         photo=a.photo_name or b.photo_name or name,
@@ -180,9 +178,7 @@ def compare_results(a: Reconstruction, b: Reconstruction, name: str = "") -> Com
         usable=(_usable(a), _usable(b)),
         focal_px=(a.intrinsics.fx, b.intrinsics.fx),
         depth_m=(_median(depths[0]), _median(depths[1])),
-        depth_difference=error.depth_relative_median
-        if math.isfinite(error.depth_relative_median)
-        else None,
+        depth_difference=_median(np.abs(np.subtract(*depths, dtype=np.float64)) / depths[0]),
         people=(*pairs, *added),
     )
 

@@ -41,14 +41,12 @@ from physic_testing.metrics.pose import (
 from physic_testing.metrics.scene import (
     PROXIMITY_RADIUS_M,
     Penetration,
-    SceneError,
     SignedDistances,
     contact_gap,
     hidden_by_depth_map,
     penetration,
     point_spacing,
     scene_distance,
-    scene_error,
 )
 
 __all__ = [
@@ -60,7 +58,6 @@ __all__ = [
     "GeodesicError",
     "Matching",
     "Penetration",
-    "SceneError",
     "SignedDistances",
     "ValueWithInterval",
     "align_similarity",
@@ -86,6 +83,5 @@ __all__ = [
     "precision_recall_f1",
     "resampled_interval",
     "scene_distance",
-    "scene_error",
     "surface_graph",
 ]

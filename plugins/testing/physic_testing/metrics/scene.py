@@ -1,12 +1,10 @@
-"""Errors of the scene: depth, points, scale and floor.
+"""Distances of people to a scene: signed, hidden ones, penetration and gaps.
 
-Metres, OpenCV camera frame (x right, y down, z forward); depth is along z. No alignment: the scene
-is metric.
+Metres, OpenCV camera frame (x right, y down, z forward); depth is along z.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,81 +15,8 @@ from physic_testing.metrics.shapes import require_same_shape
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FloatArray, Intrinsics, Plane
 
-_DELTA = 1.25
-"""Largest depth ratio of a correct pixel (Eigen et al., NeurIPS 2014)."""
-
 PROXIMITY_RADIUS_M = 0.15
 """Default search radius, metres, as in the released code."""
-
-
-@dataclass(frozen=True)
-class SceneError:
-    """Errors over the pixels that are valid in both point maps; NaN without such pixels.
-
-    Attributes:
-        pixels: number of these pixels.
-        coverage: their share of the truly valid pixels.
-        depth_relative_median: median of ``|Z - Z*| / Z*``.
-        depth_relative_mean: mean of the same.
-        delta_share: share of pixels with max(Z / Z*, Z* / Z) < 1.25.
-        point_median: median distance of the points, m.
-        point_mean: mean distance of the points, m.
-        log_scale: ln of the median depth over the true median depth: 0.1 is a scene about 10 % too
-            large.
-    """
-
-    pixels: int
-    coverage: float
-    depth_relative_median: float
-    depth_relative_mean: float
-    delta_share: float
-    point_median: float
-    point_mean: float
-    log_scale: float
-
-
-def scene_error(
-    predicted: FloatArray, truth: FloatArray, predicted_valid: BoolArray, true_valid: BoolArray
-) -> SceneError:
-    """Compare two point maps pixel by pixel.
-
-    Args:
-        predicted: (H, W, 3) m, or any leading shape that ``truth`` has too.
-        truth: (H, W, 3) m.
-        predicted_valid: (H, W) bool; points that are not finite or have no positive depth are
-            invalid too.
-        true_valid: (H, W) bool, likewise.
-
-    Raises:
-        PhysicError: the shapes differ.
-    """
-    require_same_shape("point maps", predicted, truth)
-    require_same_shape("masks of valid pixels", predicted_valid, true_valid)
-    is_known = _valid(truth, true_valid)
-    both = is_known & _valid(predicted, predicted_valid)
-    pixels = int(both.sum())
-    if not pixels:
-        return SceneError(0, 0.0 if is_known.any() else math.nan, *[math.nan] * 6)
-    points, facts = (np.asarray(array[both], np.float64) for array in (predicted, truth))
-    depth = points[:, 2]
-    fact = facts[:, 2]
-    relative = np.abs(depth - fact) / fact
-    off = np.linalg.norm(points - facts, axis=1)
-    return SceneError(
-        pixels=pixels,
-        coverage=pixels / int(is_known.sum()),
-        depth_relative_median=float(np.median(relative)),
-        depth_relative_mean=float(relative.mean()),
-        delta_share=float((np.maximum(depth / fact, fact / depth) < _DELTA).mean()),
-        point_median=float(np.median(off)),
-        point_mean=float(off.mean()),
-        log_scale=math.log(float(np.median(depth)) / float(np.median(fact))),
-    )
-
-
-def _valid(points: FloatArray, valid: BoolArray) -> BoolArray:
-    answer: BoolArray = valid & np.isfinite(points).all(-1) & (points[..., 2] > 0)
-    return answer
 
 
 @dataclass(frozen=True)
