@@ -73,11 +73,10 @@ def _distance(world: World, points: Array) -> Array:
     """
     empty = world.points(people=False)
     is_known = np.asarray(np.isfinite(empty).all(-1))
-    near = scene_distance(
-        points[None], empty, world.empty_normals, is_known, world.intrinsics, world.floor
+    distance = scene_distance(
+        points, empty, world.empty_normals, is_known, world.intrinsics, world.floor
     )
     hidden = hidden_by_depth_map(points, world.empty_depth, world.intrinsics)
-    distance = near.distance[0]
     return np.where(hidden & (distance < 0), 0.0, distance)
 
 

@@ -41,7 +41,6 @@ from physic_testing.metrics.pose import (
 from physic_testing.metrics.scene import (
     PROXIMITY_RADIUS_M,
     Penetration,
-    SignedDistances,
     contact_gap,
     hidden_by_depth_map,
     penetration,
@@ -58,7 +57,6 @@ __all__ = [
     "GeodesicError",
     "Matching",
     "Penetration",
-    "SignedDistances",
     "ValueWithInterval",
     "align_similarity",
     "aligned_table",

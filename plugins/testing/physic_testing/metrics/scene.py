@@ -19,20 +19,6 @@ PROXIMITY_RADIUS_M = 0.15
 """Default search radius, metres, as in the released code."""
 
 
-@dataclass(frozen=True)
-class SignedDistances:
-    """Signed distance and surface normal at each vertex (..., V).
-
-    Attributes:
-        distance: (..., V) float64 m, negative inside; inf without a surface within reach.
-        normal: (..., V, 3) float64 unit, of the nearest surface, out of the scene; zero where
-            unknown.
-    """
-
-    distance: FloatArray
-    normal: FloatArray
-
-
 def scene_distance(
     vertices: FloatArray,
     points: FloatArray,
@@ -41,8 +27,9 @@ def scene_distance(
     intrinsics: Intrinsics,
     floor: Plane | None = None,
     reach: float = PROXIMITY_RADIUS_M,
-) -> SignedDistances:
-    """Return the signed distance of vertices to a point map and its floor.
+) -> FloatArray:
+    """Return the signed distance (..., V) float64 m of vertices to a point map and its floor,
+    negative inside; inf without a surface within reach.
 
     Args:
         vertices: (..., V, 3) m.
@@ -58,13 +45,12 @@ def scene_distance(
     """
     require_same_shape("points and normals", points, normals)
     flat = np.asarray(vertices, np.float64).reshape(-1, 3)
-    answer, towards = _distance_to_points(flat, points, normals, valid, intrinsics, reach)
+    answer = _distance_to_points(flat, points, normals, valid, intrinsics, reach)
     if floor is not None:
         height = flat @ np.asarray(floor.normal, np.float64) + floor.offset
         plane = ((np.abs(height) < reach) & (np.abs(height) < np.abs(answer))) | (height <= -reach)
         answer = np.where(plane, np.maximum(height, -reach), answer)
-        towards[plane] = floor.normal
-    return SignedDistances(answer.reshape(vertices.shape[:-1]), towards.reshape(vertices.shape))
+    return answer.reshape(vertices.shape[:-1])
 
 
 def _distance_to_points(
@@ -74,14 +60,13 @@ def _distance_to_points(
     valid: BoolArray,
     intrinsics: Intrinsics,
     reach: float,
-) -> tuple[FloatArray, FloatArray]:
-    """Return distance and normal of vertices (n, 3) without the floor, as :func:`scene_distance`
+) -> FloatArray:
+    """Return the distance (n,) of vertices (n, 3) without the floor, as :func:`scene_distance`
     does.
     """
     from scipy.spatial import KDTree
 
     answer = np.full(len(flat), np.inf)
-    towards = np.zeros((len(flat), 3))
     spacing = point_spacing(points, normals, valid)
     low = flat.min(0, initial=np.inf) - reach
     high = flat.max(0, initial=-np.inf) + reach
@@ -100,8 +85,7 @@ def _distance_to_points(
         size = np.where(oriented, to_surface, distance[is_near])
         free = ~_behind(flat[is_near], np.where(valid, points[..., 2], np.inf), intrinsics, 0.0)
         answer[is_near] = np.where(oriented & (along < 0) & ~free, -size, size)
-        towards[is_near] = facing[row]
-    return answer, towards
+    return answer
 
 
 def hidden_by_depth_map(
@@ -179,33 +163,19 @@ class Penetration:
     Attributes:
         max_depth: metres, of the deepest vertex.
         mean_depth: metres, over the vertices inside.
-        share: of the counted vertices, those inside.
     """
 
     max_depth: FloatArray
     mean_depth: FloatArray
-    share: FloatArray
 
 
-def penetration(distance: FloatArray, counted: BoolArray | None = None) -> Penetration:
-    """Compute depth and share of the vertices inside the scene.
-
-    Args:
-        distance: (..., V) m, signed.
-        counted: (..., V) bool, vertices that count (not those of mouth and eyes); all if None.
-    """
-    total = (
-        np.ones(distance.shape, bool)
-        if counted is None
-        else np.broadcast_to(counted, distance.shape)
-    )
-    inside = np.isfinite(distance) & (distance < 0) & total
+def penetration(distance: FloatArray) -> Penetration:
+    """Compute the depth of the vertices inside the scene, of signed distances (..., V), m."""
+    inside = np.isfinite(distance) & (distance < 0)
     depth = np.where(inside, -np.asarray(distance, np.float64), 0.0)
-    number = inside.sum(-1)
     return Penetration(
         max_depth=depth.max(-1, initial=0.0),
-        mean_depth=depth.sum(-1) / np.maximum(number, 1),
-        share=number / np.maximum(total.sum(-1), 1),
+        mean_depth=depth.sum(-1) / np.maximum(inside.sum(-1), 1),
     )
 
 

@@ -59,18 +59,16 @@ def wall_view(depth):
 @given(st.floats(-0.9, 0.9), st.floats(2.4, 5.0), st.floats(-0.1, 0.1))
 def test_the_distance_over_a_floor_is_the_height_and_not_that_of_the_next_pixel(x, z, height):
     nearest = scene_distance(np.array([[x, 1.5 - height, z]]), *floor_view(), CAMERA)
-    assert nearest.distance == pytest.approx(height, abs=1e-9)
-    np.testing.assert_allclose(nearest.normal[0], UP)
+    assert nearest == pytest.approx(height, abs=1e-9)
 
 
 def test_distance_beyond_the_search_radius_is_infinite():
     nearest = scene_distance(
         np.array([[0.0, 1.5 - PROXIMITY_RADIUS_M - 0.01, 3.0]]), *floor_view(), CAMERA
     )
-    assert nearest.distance == np.inf
-    np.testing.assert_array_equal(nearest.normal, 0)
+    assert nearest == np.inf
     none = scene_distance(np.zeros((0, 3)), *floor_view(), CAMERA)
-    assert none.distance.shape == (0,)
+    assert none.shape == (0,)
 
 
 def test_under_the_plane_of_the_floor_is_inside_whatever_the_points_say():
@@ -78,8 +76,7 @@ def test_under_the_plane_of_the_floor_is_inside_whatever_the_points_say():
     nothing = np.zeros_like(valid)
     body = np.array([[0.0, 1.45, 3.0], [0.0, 1.53, 3.0], [0.0, 2.5, 3.0]])
     nearest = scene_distance(body, points, normals, nothing, CAMERA, Plane(UP, 1.5))
-    np.testing.assert_allclose(nearest.distance, [0.05, -0.03, -PROXIMITY_RADIUS_M], atol=1e-12)
-    np.testing.assert_allclose(nearest.normal, np.broadcast_to(UP, (3, 3)))
+    np.testing.assert_allclose(nearest, [0.05, -0.03, -PROXIMITY_RADIUS_M], atol=1e-12)
 
 
 def test_past_the_rim_of_a_surface_the_way_to_the_rim_counts():
@@ -88,7 +85,7 @@ def test_past_the_rim_of_a_surface_the_way_to_the_rim_counts():
     rim = (79 - CAMERA.cx) / FOCAL * 2.0
     step = 2.0 / FOCAL
     nearest = scene_distance(np.array([[rim + 0.1 + step, 0.0, 2.0]]), *wall_view(depth), CAMERA)
-    assert nearest.distance == pytest.approx(0.1, abs=0.002)
+    assert nearest == pytest.approx(0.1, abs=0.002)
 
 
 def test_points_in_free_space_are_not_inside():
@@ -100,8 +97,8 @@ def test_points_in_free_space_are_not_inside():
     over = np.array([column, (57 - CAMERA.cy) / FOCAL * 2.1, 2.1])
     behind = np.array([column, (90 - CAMERA.cy) / FOCAL * 2.1, 2.1])
     nearest = scene_distance(np.stack([over, behind]), points, normals, valid, CAMERA)
-    assert nearest.distance[0] > 0
-    assert nearest.distance[1] == pytest.approx(-0.1)
+    assert nearest[0] > 0
+    assert nearest[1] == pytest.approx(-0.1)
 
 
 def test_hidden_is_what_lies_behind_in_the_image():
@@ -123,7 +120,7 @@ def test_the_distances_of_a_world_are_measured(name):
     valid = np.isfinite(points).all(-1)
     distance = scene_distance(
         world.vertices, points, world.empty_normals, valid, world.intrinsics, world.floor
-    ).distance
+    )
     counted = world.outer & (
         ~hidden_by_depth_map(world.vertices, world.empty_depth, world.intrinsics) | world.contact
     )
