@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import stat
 import struct
 import zlib
@@ -302,7 +303,7 @@ def _marked(content: bytes) -> bytes:
         chunk = b"tEXtComment\0" + mark
         chunk = struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk))
         return content[:33] + chunk + content[33:]
-    if content.startswith(b"\xff\xd8\xff\xe0"):  # after the segment that comes first
+    if re.match(rb"\xff\xd8\xff[\xe0-\xef]", content):  # after the segment that comes first
         end = 4 + int.from_bytes(content[4:6], "big")
         comment = b"\xff\xfe" + struct.pack(">H", len(mark) + 2) + mark
         return content[:end] + comment + content[end:]

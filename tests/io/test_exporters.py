@@ -9,10 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from PIL import Image
 
 from physic_core import Reconstruction, find_exporter
 from physic_core.errors import ConfigError, InputError, PackageMissingError, PluginError
 from physic_core.export import camera_pose, export_frame
+from physic_core.files import has_mark
 from physic_core.geometry.upright import transform_points
 
 PLUGIN = """
@@ -28,6 +30,7 @@ def physic_exporters():
         ExporterRecord("lost", (".lost",), "physic_box_nowhere:lost"),
         ExporterRecord("ends", (".ends",), target + "ends"),
         ExporterRecord("text", (".text", ".ends"), target + "text"),
+        ExporterRecord("photo", (".jpg", ".png"), target + "photo"),
     ]
 """
 EXPORTER = """
@@ -42,6 +45,17 @@ def ends(request):
 
 def text(request):
     return "text"
+
+def photo(request):
+    import io
+    from PIL import Image
+    files = {}
+    exif = Image.Exif()
+    exif[0x0112] = 1
+    for name, form in {"a.jpg": {}, "b.jpg": {"exif": exif}, "a.png": {}}.items():
+        Image.fromarray(request.result.image).save(stream := io.BytesIO(), Image.EXTENSION[name[1:]], **form)
+        files[name] = stream.getvalue()
+    return ExportedFiles(files)
 """  # noqa: E501
 
 
@@ -55,6 +69,18 @@ def plugin(site):
     site.install("physic-box", PLUGIN)
     (site.folder / "physic_box_export.py").write_text(EXPORTER)
     return site
+
+
+def test_pictures_of_a_format_carry_the_mark_that_keeps_them_out_of_batches(
+    plugin, result, tmp_path
+):
+    files = result.export(str(tmp_path), "photo").files
+    assert sorted(file.name for file in files) == ["a.jpg", "a.png", "b.jpg"]
+    for file in files:
+        assert has_mark(file)
+        with Image.open(file) as picture:
+            assert picture.size == result.image.shape[1::-1]
+            assert np.abs(np.asarray(picture) - result.image.astype(float)).mean() < 9
 
 
 def test_a_plugin_adds_a_format(plugin, saved_pair, result, tmp_path, physic):

@@ -17,10 +17,10 @@ from physic_core.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from physic_batch.process import BatchJob
     from physic_bench.contract import Frame
     from physic_bench.datasets.base import DataSet, FrameSet
     from physic_bench.run import Method
-    from physic_core.configuration.model import Config
 
 
 class _DataSets(click.Group):
@@ -150,17 +150,16 @@ def _require_frames(frame_set: FrameSet, root: Path) -> None:
 
 
 def _reconstruct(
-    frames: Sequence[Frame], config: Config, given: _CommonOptions, report: Callable[[str], None]
+    frames: Sequence[Frame], job: BatchJob, given: _CommonOptions, report: Callable[[str], None]
 ) -> Method:
     """Reconstruct all frames, and return where the results are."""
     from physic_bench.run import Method, reconstruct_frames
 
-    folder = given.out / "reconstructions"
     failures = reconstruct_frames(
-        frames, folder, config, given.workers, report, with_camera=not given.no_camera
+        frames, job, given.workers, report, with_camera=not given.no_camera
     )
     name = given.preset or (given.config.stem if given.config else "embedded")
-    return Method(f"physic {name}", "physic", folder, failures)
+    return Method(f"physic {name}", "physic", Path(job.out), failures)
 
 
 def _evaluate(chosen: DataSet, options: dict[str, Any], given: _CommonOptions) -> None:
@@ -183,13 +182,13 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _CommonOptions) -
     report = partial(echo, err=True)
     check_results(check_writable(given.out))
     methods = _methods(given)
-    config = _config(given) if given.reconstructs else None
+    job = _job(given) if given.reconstructs else None
     frame_set = chosen.frames(given.root, FrameChoice(given.frames, given.limit), files, **options)
     _require_frames(frame_set, given.root)
     for note in (f"{len(frame_set.frames)} frames", *frame_set.notes):
         report(note)
-    if config is not None:
-        methods.insert(0, _reconstruct(frame_set.frames, config, given, report))
+    if job is not None:
+        methods.insert(0, _reconstruct(frame_set.frames, job, given, report))
     records, scored = evaluate_methods(frame_set, methods, files)
     every = [record for rows in records.values() for record in rows]
     columns = columns_with_contact_truths(
@@ -224,21 +223,23 @@ def _header(chosen: DataSet, options: dict[str, Any], given: _CommonOptions, fra
     return f"{words}, with {', '.join(changed)}" if changed else words
 
 
-def _config(given: _CommonOptions) -> Config:
-    """Return the configuration of the batch.
+def _job(given: _CommonOptions) -> BatchJob:
+    """Return the batch of the pictures.
 
     Raises:
-        PhysicError: it is invalid, or files that it needs are missing.
+        PhysicError: the configuration is invalid, files that it needs are missing, or the folder
+            cannot be written.
     """
-    from physic_batch.process import batch_config
+    from physic_batch.process import prepare_job
+    from physic_bench.run import LOGS, PICTURES
     from physic_core.configuration.model import load_config
-    from physic_core.configuration.resolve import require_available, resolve
+    from physic_core.files import path_to_write
 
     config = load_config(given.config, preset=given.preset, overrides=given.overrides)
-    resolve(config)
-    config = batch_config(config, with_cache=False)
-    require_available(resolve(config))
-    return config
+    folder = path_to_write(given.out, "reconstructions")
+    for name in (LOGS, PICTURES):
+        path_to_write(folder, name)
+    return prepare_job(config, folder, "numbers", with_thumbnails=False)
 
 
 def _methods(given: _CommonOptions) -> list[Method]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
@@ -10,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from physic_bench.contract import Surface
+from physic_bench.contract import Picture, Surface
 from physic_core.errors import InputError, PhysicError
-from physic_core.files import check_regular, parse_json, read_text
+from physic_core.files import check_regular, parse_json, path_to_write, read_text
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
     from PIL.Image import Image
 
-    from physic_bench.contract import Frame, Picture
+    from physic_bench.contract import Frame
 
     Array = NDArray[np.float64]
 
@@ -175,6 +176,7 @@ def picture_file(frame: Frame, folder: Path) -> Path:
 
     Raises:
         InputError: the frame has no picture, the file is damaged, or its size is not the camera's.
+        OutputError: as of :func:`write_picture`.
     """
     if frame.picture is None:
         raise InputError(
@@ -190,15 +192,31 @@ def picture_file(frame: Frame, folder: Path) -> Path:
         )
     if not picture.mirrored:
         return picture.path
-    path = folder / f"{frame.id.replace('/', '_')}.png"
-    if not path.exists():
-        from PIL import Image
-
-        from physic_core.files import atomic_write, check_writable
-
-        with atomic_write(check_writable(folder)) as temporary:
-            Image.fromarray(pixels).save(temporary(path.name), format="PNG")
+    path = path_to_write(folder, f"{frame.id}.png")
+    write_picture(path, pixels)
     return path
+
+
+def write_picture(path: Path, pixels: NDArray[np.uint8]) -> None:
+    """Write a picture (H, W, 3) RGB as PNG; one that shows the same stays as it is.
+
+    Raises:
+        OutputError: something else is there, or the folder cannot be written.
+    """
+    from PIL import Image
+
+    from physic_core.files import atomic_write, check_writable, foreign_file
+
+    if os.path.lexists(path):
+        try:
+            is_same = np.array_equal(_pixels(Picture(path)), pixels)
+        except DamagedFrameError as error:
+            raise foreign_file(path) from error
+        if not is_same:
+            raise foreign_file(path)
+        return
+    with atomic_write(check_writable(path.parent)) as temporary:
+        Image.fromarray(pixels).save(temporary(path.name), format="PNG")
 
 
 def _pixels(picture: Picture) -> NDArray[np.uint8]:

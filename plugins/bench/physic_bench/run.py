@@ -20,10 +20,10 @@ from physic_core.backends.people import box_iou
 from physic_core.errors import InputError, PhysicError
 
 if TYPE_CHECKING:
+    from physic_batch.process import BatchJob
     from physic_bench.bodies import BodyFiles
     from physic_bench.contract import Frame, Prediction, Truth
     from physic_bench.datasets.base import FrameSet
-    from physic_core.configuration.model import Config
 
     Record = dict[str, Any]
 
@@ -39,6 +39,10 @@ MIN_OVERLAP = 0.3
 
 Another frame or unit gives less than .1.
 """
+
+LOGS = "logs"
+PICTURES = "pictures"
+"""Folders beside the reconstructions, of the workers' logs and of mirrored pictures."""
 
 NAMED = 5
 """Frames without a result that the notes name."""
@@ -80,19 +84,17 @@ def _settings_of(frame: Frame) -> dict[str, Any]:
 
 def reconstruct_frames(
     frames: Sequence[Frame],
-    out: Path,
-    config: Config,
+    job: BatchJob,
     workers: int,
     report: Callable[[str], None],
     *,
     with_camera: bool = True,
 ) -> dict[str, str]:
-    """Reconstruct all pictures into a folder of ``physic batch``; what is done already stays.
+    """Reconstruct all pictures as ``physic batch`` does; what is done already stays.
 
     Args:
         frames: of the data set.
-        out: the folder.
-        config: of the batch.
+        job: configuration and folder.
         workers: processes.
         report: called with one line at a time.
         with_camera: whether the pipeline gets the true camera.
@@ -105,17 +107,16 @@ def reconstruct_frames(
     """
     from physic_batch.journal import read_journals
     from physic_batch.photos import PhotoItem
-    from physic_batch.process import BatchJob
     from physic_batch.run import plan_batch, run_batch, run_locally
     from physic_batch.workers import WorkerSettings
     from physic_core.files import check_writable
 
-    job = BatchJob(config, str(check_writable(out).resolve()), "numbers")
+    out = Path(job.out)
     failed: dict[str, str] = {}
     items = []
     for frame in frames:
         try:
-            path = picture_file(frame, out / "pictures")
+            path = picture_file(frame, out / PICTURES)
         except InputError as error:
             failed[frame.id] = str(error)
         else:
@@ -124,7 +125,7 @@ def reconstruct_frames(
     plan = plan_batch(items, job)
     report(f"{len(items)} pictures: {len(plan.todo)} to reconstruct, {plan.done} done before")
     executor = partial(
-        run_locally, settings=WorkerSettings(workers, TIMEOUT_S, check_writable(out / "logs"))
+        run_locally, settings=WorkerSettings(workers, TIMEOUT_S, check_writable(out / LOGS))
     )
 
     def on_row(row: Mapping[str, Any]) -> None:

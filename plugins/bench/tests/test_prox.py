@@ -13,6 +13,7 @@ from physic_bench.datasets.base import FrameChoice
 from physic_bench.datasets.prox import DATA_SET
 from physic_bench.reading import picture_file
 from physic_core.body.joints import JOINT_NAMES
+from physic_core.errors import OutputError
 
 from .miniatures import figures, run, write_plain
 from .prox_miniature import TO_SCENE, Miniature, write_prox
@@ -109,15 +110,21 @@ def test_a_transposed_rotation_is_refused(mini, files, tmp_path):
     assert "do not project onto the annotated people" in done.output
 
 
-def test_pictures_are_mirrored_before_use(mini, files, tmp_path):
+def test_pictures_are_mirrored_before_use_and_replace_no_other_picture(mini, files, tmp_path):
     frame = frames_of(mini, files).frames[0]
-    with Image.open(picture_file(frame, tmp_path / "pictures")) as picture:
+    path = picture_file(frame, tmp_path / "pictures")
+    written = path.stat().st_mtime_ns
+    assert picture_file(frame, tmp_path / "pictures").stat().st_mtime_ns == written
+    with Image.open(path) as picture:
         left = picture.getpixel((10, 10))
         right = picture.getpixel((470, 10))
     assert left[0] > 240
     assert right[0] < 15
     assert frame.camera is not None
     assert frame.camera.distortion == (0.02, -0.03, 0.001, 0.0005, 0.01)
+    shutil.copy(frame.picture.path, path)
+    with pytest.raises(OutputError, match="did not write"):
+        picture_file(frame, tmp_path / "pictures")
 
 
 def test_a_model_file_of_another_gender_is_refused(mini, files, tmp_path):

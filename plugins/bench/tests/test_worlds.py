@@ -8,14 +8,16 @@ import json
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from physic_bench.bodies import BodyFiles
 from physic_bench.datasets.worlds import frames
 from physic_bench.run import Method, evaluate_methods
 from physic_bench.scoring import LIMB_JOINTS
+from physic_core.errors import OutputError
 from physic_testing.worlds import load_world
 
-from .miniatures import NAMES, TRUE, evaluated, figures, write_results
+from .miniatures import NAMES, TRUE, evaluated, figures, run, write_results
 
 HIPS = [LIMB_JOINTS.index(f"{side}_hip") for side in ("left", "right")]
 
@@ -94,3 +96,22 @@ def test_the_truth_is_perfect_and_touches_its_scene(tmp_path):
         assert record["contact"]["annotated"]["false_alarms"] == 0
         assert record["floating_mm"] < 20
         assert record["penetration_mm"] < 20
+
+
+@pytest.mark.parametrize(
+    "name", ["out/reconstructions", "out/reconstructions/logs", "out/reconstructions/pictures"]
+)
+def test_nothing_is_written_through_a_link_of_the_user(name, root):
+    outside = root.parent / "outside"
+    outside.mkdir()
+    (root.parent / name).parent.mkdir(parents=True)
+    (root.parent / name).symlink_to(outside)
+    done = run("worlds", str(root), "-o", str(root.parent / "out"), "--preset", "mock")
+    assert (done.exit_code, [*outside.iterdir()]) == (2, [])
+
+
+def test_another_picture_is_not_taken_for_that_of_a_world(root):
+    root.mkdir(exist_ok=True)
+    Image.new("RGB", (320, 240)).save(root / "walk.png")
+    with pytest.raises(OutputError, match="did not write"):
+        frames(root, lambda names: ["walk"], BodyFiles())

@@ -15,7 +15,7 @@ from physic_core.cli.arguments import FolderPath
 from physic_core.cli.exit_codes import OTHER, WEIGHTS
 from physic_core.cli.output import echo
 from physic_core.errors import OutputError
-from physic_core.files import atomic_write, check_writable
+from physic_core.files import atomic_write, check_own, check_writable
 
 if TYPE_CHECKING:
     from physic_setup.steps import Setup, SetupStep
@@ -129,6 +129,7 @@ def _run(step: SetupStep) -> None:
         _run_command(command)
     if step.file is not None:
         path, text = step.file
+        check_own(path)
         echo(f"   writes {path}")
         with atomic_write(check_writable(path.parent)) as temporary:
             temporary(path.name).write_text(text, encoding="utf-8")

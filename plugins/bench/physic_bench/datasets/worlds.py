@@ -14,6 +14,7 @@ import numpy as np
 from physic_bench.cameras import Camera
 from physic_bench.contract import BenchPerson, Frame, Picture, Truth
 from physic_bench.datasets.base import DataSet, FrameSet
+from physic_bench.reading import write_picture
 from physic_core.body import JOINT_NAMES
 from physic_testing.metrics import hidden_by_depth_map, scene_distance
 from physic_testing.worlds import WORLDS, load_world
@@ -41,15 +42,9 @@ def frames(root: Path, choose: Callable[[list[str]], list[str]], bodies: BodyFil
 
 
 def _frame(root: Path, name: str) -> Frame:
-    from PIL import Image
-
-    from physic_core.files import atomic_write, check_writable
-
     world = load_world(name)
     path = root / f"{name}.png"
-    if not path.exists():
-        with atomic_write(check_writable(root)) as temporary:
-            Image.fromarray(world.image).save(temporary(path.name), format="PNG")
+    write_picture(path, world.image)
     size = (world.intrinsics.width, world.intrinsics.height)
     camera = Camera(world.intrinsics.matrix.astype(np.float64), *size)
     return Frame(name, name, partial(_truth, name), camera, Picture(path))

@@ -132,6 +132,11 @@ def test_the_embedded_preset_needs_a_configuration_alone(tmp_path, monkeypatch, 
         "extends": "embedded"
     }
     assert physic("setup", "embedded", "--folder", "mine").exit_code == 0
+    link = tmp_path / "mine" / "embedded.toml"
+    link.unlink()
+    link.symlink_to(tmp_path / "not-mounted.toml")
+    assert physic("setup", "embedded", "--folder", "mine", "--run").exit_code == 2
+    assert link.is_symlink(), "a link of the user is not replaced"
 
 
 def test_each_requirement_is_a_step_and_their_costs_are_added(thing, physic):
