@@ -16,6 +16,7 @@ BENCHMARKS = {
     "joint_errors": "benchmarks.joint_errors",
     "blazepose": "benchmarks.blazepose",
     "given_bodies": "benchmarks.given_bodies",
+    "exports_opened": "benchmarks.exports_opened",
     "run_cost": "benchmarks.run_cost",
     "figures": "benchmarks.figures",
 }

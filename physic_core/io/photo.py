@@ -241,6 +241,15 @@ def _is_raw_tiff(image: Image.Image) -> bool:
     return bool(int(tags.get(_NEW_SUBFILE_TYPE, 0)) & 1) or _DNG_VERSION in tags
 
 
+def check_photo_file(path: Path) -> None:
+    """Raise InputError if the start of a file shows that :func:`read_photo` will refuse it; its
+    pixels are not decoded.
+    """
+    source = ImageSource(str(path), path=path)
+    with open_image(source) as (image, _):
+        _check_header(image, source)
+
+
 def _check_header(image: Image.Image, source: ImageSource) -> None:
     stored = image.size
     if min(stored) < MIN_SIDE:

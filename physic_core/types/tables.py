@@ -34,11 +34,13 @@ class Column:
         name: with the unit at its end, such as "distance_m".
         meaning: what it holds, for readers.
         value: of one row; None where unknown.
+        is_text: whether it holds a text; otherwise a number.
     """
 
     name: str
     meaning: str
     value: Callable[[Any], Any]
+    is_text: bool = False
 
 
 @dataclass(frozen=True)
@@ -112,17 +114,19 @@ _PERSON = (
         "usable",
         "which of pose, place, contact and size are probably right (0.7 or more)",
         lambda row: ", ".join(row.person.usable),
+        is_text=True,
     ),
     *(
         Column(f"trust_{name}", f"probability that the {name} is right", _of(f"trust_{name}"))
         for name in MARKS
     ),
     Column("trust", "probability that all four are right", _of("trust")),
-    Column("why", "what lowers these most, and what to do", _of("why")),
+    Column("why", "what lowers these most, and what to do", _of("why"), is_text=True),
     Column(
         "body_source",
         "what you give as the body; empty for an estimated one",
         lambda row: row.person.body_source or None,
+        is_text=True,
     ),
     Column(
         "distance_m",
@@ -149,6 +153,7 @@ _PERSON = (
         "most probable one of stand, walk, run, sit, squat, kneel, lie, jump and ride; empty for "
         "people on hands and feet",
         _of("posture"),
+        is_text=True,
     ),
     Column("posture_probability", "its probability", _of("posture_probability")),
     Column(
@@ -160,21 +165,25 @@ _PERSON = (
         "contacts",
         "body parts that probably (0.5 or more) touch something, with what and the probability",
         lambda row: contacts_text(row.person.contacts, assumed=False),
+        is_text=True,
     ),
     Column(
         "assumed",
         "the same of body parts that the photo does not show",
         lambda row: contacts_text(row.person.contacts, assumed=True),
+        is_text=True,
     ),
     Column(
         "unseen",
         "limbs, hands and feet that the photo does not show: mostly a guess",
         _texts("unseen"),
+        is_text=True,
     ),
     Column(
         "unsure",
         "arms and legs that the photo shows, with an error of more than 0.25 m",
         _texts("unsure"),
+        is_text=True,
     ),
     *_limb_columns(),
     Column(

@@ -81,6 +81,7 @@ def _refuse_format_option(ctx: click.Context, _: click.Parameter, given: str | N
 @click.option(
     "--texture-size", type=click.Choice(["512", "1024", "2048", "4096"]), help="Texels per side."
 )
+@click.option("--contact-texture", is_flag=True, help="Also write contact as a UV texture.")
 @click.option("--plain", is_flag=True, help="Leave out contact and guessed colors (GLB).")
 @click.option(
     "--rest-pose",

@@ -8,7 +8,7 @@ import signal
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -21,7 +21,7 @@ from physic_core.cli.output import echo
 from physic_core.errors import InputError, OutputError
 
 if TYPE_CHECKING:
-    from physic_batch.photos import Shard
+    from physic_batch.photos import PhotoItem, Shard
     from physic_batch.process import BatchJob
     from physic_batch.run import BatchPlan, Executor
 
@@ -31,6 +31,9 @@ _SAVE = (
 )
 _FEW = 100
 """So many photos have pictures by default."""
+
+_SHOWN = 20
+"""Photos that will fail, of which a dry run says why."""
 
 _ROWS = 20
 """New rows after which the tables are written while a batch runs."""
@@ -133,8 +136,7 @@ def batch(
         echo(f"left out: {listed.left_out_in_words()}", err=True)
     echo(_describe(plan, len(items), limit), err=True)
     if dry_run:
-        for item in todo:
-            echo(item.path)
+        _print_forecast(todo, job)
         return
     folder = Path(job.out)
     write = None if part else partial(_write_tables, folder, with_sheet=with_sheet)
@@ -166,6 +168,21 @@ def _write_tables(folder: Path, *, with_sheet: bool) -> list[Path]:
 
 def _write_and_print_tables(folder: Path, *, with_sheet: bool) -> None:
     echo("\n".join(f"wrote {path}" for path in _write_tables(folder, with_sheet=with_sheet)))
+
+
+def _print_forecast(todo: Sequence[PhotoItem], job: BatchJob) -> None:
+    """Print the photos, and to stderr those that will fail as far as that is known."""
+    from physic_batch.forecast import expected_failure
+
+    failing = 0
+    for item in todo:
+        echo(item.path)
+        if reason := expected_failure(item, job.config):
+            failing += 1
+            if failing <= _SHOWN:
+                echo(f"will fail: {item.path}: {reason}", err=True)
+    if failing:
+        echo(f"{failing:,} of {len(todo):,} photos will fail", err=True)
 
 
 def _job(out: Path, options: Mapping[str, Any], *, create_folder: bool) -> BatchJob:

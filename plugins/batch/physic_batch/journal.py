@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 from filelock import FileLock, Timeout
 
+from physic_batch.parquet import check_parquet, has_parquet, write_parquet
 from physic_core.errors import OutputError
 from physic_core.files import (
     atomic_write,
@@ -92,6 +93,10 @@ _BEFORE_NUMBERS = tuple(COLUMNS)[: tuple(COLUMNS).index("seconds")]
 _MARK = "id,path,state,"
 _PEOPLE_COLUMNS = ("id", "path", *PERSON_COLUMNS)
 _PEOPLE_MARK = "id,path,person,"
+_PEOPLE_TEXTS = (
+    *("id", "path"),
+    *(name for name, column in PERSON_COLUMNS.items() if column.is_text),
+)
 
 
 def check_journal(path: Path) -> None:
@@ -362,11 +367,19 @@ def check_tables(out: Path) -> None:
     """Raise OutputError if a table of a batch would replace a file that PhySIC has not written."""
     check_own(out / _TABLE, mark=_MARK)
     check_own(out / PEOPLE_TABLE, mark=_PEOPLE_MARK)
+    for path in _parquet_tables(out):
+        check_parquet(path)
+
+
+def _parquet_tables(out: Path) -> list[Path]:
+    """Return the tables that are written beside those of CSV; none without pyarrow."""
+    names = (_TABLE, PEOPLE_TABLE) if has_parquet() else ()
+    return [(out / name).with_suffix(".parquet") for name in names]
 
 
 def write_tables(out: Path, index: JournalIndex | None = None) -> list[Path]:
-    """Write ``summary.csv``, one row for each photo, and ``people.csv``, one for each person.
-    Return their paths.
+    """Write ``summary.csv``, one row for each photo, and ``people.csv``, one for each person;
+    where pyarrow is installed, both also as Parquet. Return their paths.
 
     Photos with the largest share of usable marks come first. Numbers of results are empty for
     failed photos. People are in the order of the photos' rows. Texts of CSV are those of
@@ -381,16 +394,23 @@ def write_tables(out: Path, index: JournalIndex | None = None) -> list[Path]:
     """
     check_tables(out)
     index = index or JournalIndex(journal_files(out))
+    others = _parquet_tables(out)
     columns = _ordered_columns(index.columns() - COLUMNS.keys() - {PEOPLE_COLUMN})
-    with (
-        atomic_write(out) as temporary,
-        temporary(_TABLE).open("w", newline="", encoding="utf-8") as table,
-        temporary(PEOPLE_TABLE).open("w", newline="", encoding="utf-8") as people_table,
-    ):
-        write, write_person = csv_writer(table, columns), csv_writer(people_table, _PEOPLE_COLUMNS)
-        for row in filter(None, index.rows(index.ids())):
-            place = {"id": row["id"], "path": row.get("path", "")}
-            for person in row.pop(PEOPLE_COLUMN, None) or ():
-                write_person({**place, **person})
-            write(row)
-    return [out / _TABLE, out / PEOPLE_TABLE]
+    kept: tuple[list[Mapping[str, Any]], list[Mapping[str, Any]]] = [], []
+    with atomic_write(out) as temporary:
+        with (
+            temporary(_TABLE).open("w", newline="", encoding="utf-8") as table,
+            temporary(PEOPLE_TABLE).open("w", newline="", encoding="utf-8") as people_table,
+        ):
+            writers = csv_writer(table, columns), csv_writer(people_table, _PEOPLE_COLUMNS)
+            for row in filter(None, index.rows(index.ids())):
+                place = {"id": row["id"], "path": row.get("path", "")}
+                people = [{**place, **one} for one in row.pop(PEOPLE_COLUMN, None) or ()]
+                for write, rows_of_writer, rows in zip(writers, ([row], people), kept, strict=True):
+                    for one in rows_of_writer:
+                        write(one)
+                    rows += rows_of_writer if others else []
+        headers = (columns, _TEXTS), (_PEOPLE_COLUMNS, _PEOPLE_TEXTS)
+        for path, header, rows in zip(others, headers, kept, strict=False):
+            write_parquet(temporary(path.name), header[0], rows, header[1])
+    return [out / _TABLE, out / PEOPLE_TABLE, *others]

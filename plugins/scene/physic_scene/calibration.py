@@ -1,13 +1,16 @@
 """Calibrated cameras of photos from a file of PhySIC or of another program.
 
 A photo belongs to the camera whose name it has: that of the file, of its beginning, or of its
-folder. If each camera is that of one image, the photo has the name of this image.
+folder. If each camera is that of one image, the photo has the name of this image. If no photo has
+a name of the file, cameras are taken in order.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from itertools import combinations
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Annotated, Any
@@ -35,6 +38,7 @@ if TYPE_CHECKING:
     from physic_core.types import FloatArray
 
 _NAMED = 8  # names of a message
+_NEAR_NAME = 0.75  # similarity of two names that may be one
 _ORTHONORMAL = 0.01  # largest deviation of R R^T from the identity; files have four digits or more
 _FARTHEST_APART = 100.0  # metres
 _LARGEST = 1e9  # number of an entry, in px or in the file's unit
@@ -57,11 +61,13 @@ class KnownCamera(ShortRepr):
         pose: (4, 4) rigid transform from the frame of the camera to that of the rig, metres; None
             where unknown.
         name: in the file.
+        by_order: whether the photo has it by its place, as no photo has the name of a camera.
     """
 
     lens: Lens
     pose: FloatArray | None = None
     name: str = ""
+    by_order: bool = False
 
 
 class _CameraTable(BaseModel):
@@ -147,8 +153,9 @@ def read_calibration(
 
     Raises:
         ConfigError: the unit is invalid or missing.
-        InputError: the file cannot be read, a camera is invalid, no photo has a camera, a photo has
-            another size than its camera, or cameras are over 100 m apart without a unit.
+        InputError: the file cannot be read, a camera is invalid, has nearly the name of a photo, or
+            is of no photo, a photo has another size than its camera, or cameras are over 100 m
+            apart without a unit.
     """
     if unit_m is not None and not 0 < unit_m <= _LARGEST_UNIT:
         raise ConfigError(
@@ -164,12 +171,16 @@ def read_calibration(
         )
     find = _image_for if rig.names_are_images else _name_for
     named = [find(photo, cameras) for photo in photos]
+    by_order = not any(named) and not rig.names_are_images and len(cameras) == len(photos)
+    if by_order:
+        named = list(cameras)
     if not any(named):
         raise InputError(
             f"{path} has no camera for {', '.join(photo.name for photo in photos)}, but for "
             f"{', '.join([*cameras][:_NAMED]) or 'none'}: the name of a photo, or of its folder, "
             "must be or begin with that of its camera"
         )
+    _refuse_near_names(path, photos, named, cameras)
     found: list[KnownCamera | None] = []
     for name, photo, size in zip(named, photos, sizes, strict=True):
         if name is not None and named.count(name) > 1:
@@ -192,7 +203,7 @@ def read_calibration(
                 f"camera {name} of {path} has {stated}, and {photo.name} {cause} px: give the "
                 "photo as it was calibrated, or the calibration of its size"
             )
-        found.append(replace(fitting[0].camera(unit_m or 1.0, size), name=name))
+        found.append(replace(fitting[0].camera(unit_m or 1.0, size), name=name, by_order=by_order))
     if unit_m is None:
         _require_metres(path, found)
     return found
@@ -244,6 +255,26 @@ def _cameras(path: Path) -> tuple[CameraFile, Mapping[str, _CameraTable]]:
         raise InputError(f"cannot read the cameras of {path}: {unreadable(error)}") from error
     except (ValueError, TypeError, LookupError, ArithmeticError, RecursionError) as error:
         raise InputError(f"cannot read the cameras of {path}: {error}") from error
+
+
+def _refuse_near_names(
+    path: Path, photos: Sequence[Path], named: Sequence[str | None], cameras: Iterable[str]
+) -> None:
+    """Refuse a camera without a photo whose name is nearly that of a photo without a camera.
+
+    Raises:
+        InputError: there is one.
+    """
+    free = {PurePosixPath(name).stem.lower(): name for name in cameras if name not in named}
+    for photo, name in zip(photos, named, strict=True):
+        stem = photo.stem.lower()
+        first = re.split(r"[\W_]", stem)[0]
+        own = [] if name else [stem, first, photo.resolve().parent.name.lower()]
+        for near in (key for text in own for key in get_close_matches(text, free, 1, _NEAR_NAME)):
+            raise InputError(
+                f"{photo.name} has no camera in {path}, and camera {free[near]} has no photo: if "
+                f"they belong together, give both the same name; if not, leave out the camera"
+            )
 
 
 def _name_for(photo: Path, cameras: Iterable[str]) -> str | None:

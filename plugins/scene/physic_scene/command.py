@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from physic_core import KnownSizes
+    from physic_scene.calibration import KnownCamera
     from physic_scene.types import SceneResult
 
 
@@ -42,6 +43,17 @@ def _files_of_photos(count: int, **given: Sequence[Path]) -> list[dict[str, str]
         {name: str(paths[i].absolute()) for name, paths in given.items() if paths}
         for i in range(count)
     ]
+
+
+def _warn_of_order(photos: Sequence[Path], cameras: Sequence[KnownCamera | None]) -> None:
+    from physic_core.cli.output import echo
+
+    pairs = zip(photos, cameras, strict=True)
+    order = ", ".join(f"{photo.name} is {one and one.name}" for photo, one in pairs)
+    echo(
+        f"warning: no photo has the name of a camera, so cameras are taken in order: {order}",
+        err=True,
+    )
 
 
 @click.command()
@@ -121,6 +133,8 @@ def scene(
         )
     sizes, digests = _sizes_and_digests(photos)
     cameras = None if calibration is None else read_calibration(calibration, photos, sizes, unit_m)
+    if cameras and any(one and one.by_order for one in cameras):
+        _warn_of_order(photos, cameras)
     for photo in (p for p, one in zip(photos, cameras or (), strict=False) if one is None):
         echo(f"warning: {photo.name} has no camera in {calibration}: it is estimated", err=True)
     all_photos = " ".join(digests)

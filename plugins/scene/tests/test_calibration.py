@@ -117,6 +117,13 @@ def test_a_missing_file_and_a_device_are_named(path, word):
         read_calibration(Path(path), [Path(photo) for photo in PHOTOS], SIZES)
 
 
+@pytest.mark.parametrize("name", ["Left", "LEFT", "lefft", "left1"])
+def test_a_camera_with_nearly_the_name_of_a_photo_is_refused(read, name):
+    right = camera_table().replace("[left]", "[right_0001]")
+    with pytest.raises(InputError, match=f"camera {name} has no photo"):
+        read(right + camera_table().replace("[left]", f"[{name}]"))
+
+
 def test_a_camera_of_another_photo_is_left_out(read):
     camera, other = read(camera_table() + camera_table().replace("[left]", "[ceiling]"))
     assert camera is not None

@@ -104,6 +104,15 @@ def test_files_without_a_unit_need_one(file):
         read_calibration(RIGS / file, BY_FOLDER[:2], SIZES[:2])
 
 
+@pytest.mark.parametrize(
+    "photos", [["a.png", "b.png", "c.png"], ["cam_1.png", "cam_2.png", "cam_3.png"]]
+)
+def test_cameras_are_taken_in_order_where_no_photo_has_a_name(photos):
+    cameras = read_calibration(RIGS / "pose2sim.toml", [Path(photo) for photo in photos], SIZES)
+    assert [camera.name for camera in cameras] == ["left", "middle", "right"]
+    assert all(camera.by_order for camera in cameras)
+
+
 def test_images_of_one_name_are_told_apart_by_their_folders():
     photos = [Path("/other/right/0001.jpg"), Path("/other/left/0001.jpg")]
     right, left = read_calibration(RIGS / "colmap", photos, [SIZES[2], SIZES[0]], 1.0)

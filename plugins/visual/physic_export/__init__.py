@@ -10,7 +10,10 @@ __all__: list[str] = []
 
 _NAMES = {"names": ("smplx", "mixamo", "unreal", "unity", "vrm")}
 _SKIN = {"skin": ("photo", "neutral", "contact")}
-_TEXTURES = {"texture_size": ("1024", "512", "2048", "4096")}
+_TEXTURES: dict[str, tuple[str | bool, ...]] = {
+    "texture_size": ("1024", "512", "2048", "4096"),
+    "contact_texture": (False, True),
+}
 
 
 def _record(
@@ -122,6 +125,16 @@ _FORMATS = (
         per_person=True,
     ),
     _record(
+        "nerfstudio",
+        ".json",
+        "nerfstudio, Gaussian splatting",
+        "transforms.json with photo, depth, mask and camera",
+        module="depth",
+        ups=("z", "y", "camera"),
+        stem="transforms",
+        needs="a floor in the result, for z up",
+    ),
+    _record(
         "obj",
         ".obj",
         "MeshLab, Blender, 3ds Max",
@@ -129,7 +142,7 @@ _FORMATS = (
         module="meshes",
         ups=("y", "z", "camera"),
         stem="meshes",
-        options=_SKIN | _TEXTURES,
+        options=_SKIN | {"texture_size": _TEXTURES["texture_size"]},
     ),
     _record(
         "ply",
@@ -197,7 +210,7 @@ _FORMATS = (
         needs="a floor in the result, for z up",
         packages=("pxr",),
         extra="usd",
-        options=_NAMES | _SKIN | _TEXTURES,
+        options=_NAMES | _SKIN | {"texture_size": _TEXTURES["texture_size"]},
     ),
 )
 

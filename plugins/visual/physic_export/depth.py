@@ -1,4 +1,9 @@
-"""Depth: the scene as a 16-bit PNG in mm, with its photo, masks of people, and the camera."""
+"""Depth: the scene as a 16-bit PNG in millimetres, with its photo, masks of people, and the camera.
+
+Nerfstudio gets them as ``transforms.json``. Its conventions are those of its page "Data
+conventions": a camera looks along -z with y up, the world has z up, and pixels are counted from the
+corner of the picture.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +14,7 @@ import numpy as np
 
 from physic_core import ExportedFiles, ExportRequest
 from physic_core.errors import ConfigError
+from physic_core.export import camera_pose
 from physic_visual.textures.photo import encode_image
 
 if TYPE_CHECKING:
@@ -25,22 +31,12 @@ def export_depth(request: ExportRequest) -> ExportedFiles:
     camera.
 
     All pictures have the pixels of ``Reconstruction.image``, which is upright and without lens
-    distortion. The JSON file has the camera, and the names of the pictures. The depth is 0 where it
-    is unknown, and beyond the 65.535 m that 16 bits hold, which a note counts.
+    distortion. The JSON file has the camera, and the names of the pictures.
     """
-    steps = np.rint(depth_of_scene(request, 0.0) / UNIT_M)
-    far = steps > _MAX_STEPS
-    note = (
-        f"{far.mean():.0%} of the pixels are farther than {_MAX_STEPS * UNIT_M} m: they are 0, "
-        f"as unknown ones"
-    )
-    files = {
-        f"{request.stem}{request.suffix}": encode_image(
-            np.where(far, 0, steps).astype(np.uint16), "PNG"
-        ),
-        **files_beside(request, {"unit_m": UNIT_M, "unknown": 0}),
-    }
-    return ExportedFiles(files, (note,) if far.any() else ())
+    depth, notes = depth_picture(request)
+    unit = {"unit_m": UNIT_M, "unknown": 0}
+    files = {f"{request.stem}{request.suffix}": depth, **files_beside(request, unit)}
+    return ExportedFiles(files, notes)
 
 
 def files_beside(request: ExportRequest, unit: dict[str, float]) -> dict[str, bytes]:
@@ -70,6 +66,23 @@ def files_beside(request: ExportRequest, unit: dict[str, float]) -> dict[str, by
     }
 
 
+def depth_picture(request: ExportRequest) -> tuple[bytes, tuple[str, ...]]:
+    """Return the depth of the scene along z as a 16-bit PNG in mm, 0 where it is unknown, and notes
+    for the user.
+
+    A pixel beyond the 65.535 m that 16 bits hold is 0 too, and a note counts them.
+    """
+    steps = np.rint(depth_of_scene(request, 0.0) / UNIT_M)
+    far = steps > _MAX_STEPS
+    note = (
+        f"{far.mean():.0%} of the pixels are farther than {_MAX_STEPS * UNIT_M} m: they are 0, "
+        f"as unknown ones"
+    )
+    return encode_image(np.where(far, 0, steps).astype(np.uint16), "PNG"), (
+        note,
+    ) if far.any() else ()
+
+
 def depth_of_scene(request: ExportRequest, unknown: float) -> FloatArray:
     """Return the depth (H, W) of the scene without people along z, metres.
 
@@ -93,3 +106,43 @@ def pixels_of_people(result: Reconstruction) -> BoolArray:
 def mask_picture(mask: BoolArray) -> bytes:
     """Return a mask (H, W) as a PNG of 8 bits: 255 where it is True, else 0."""
     return encode_image(np.where(mask, 255, 0).astype(np.uint8), "PNG")
+
+
+def export_nerfstudio(request: ExportRequest) -> ExportedFiles:
+    """Return ``transforms.json`` with one frame, its photo, the depth of the scene, and a mask.
+
+    The depth is that of the scene without people. The mask is therefore 0 where people are:
+    nerfstudio does not sample there.
+    """
+    result = request.result
+    camera = request.result.intrinsics
+    photo, depth_file, mask = (
+        f"{request.stem}_{name}" for name in ("photo.jpg", "depth.png", "mask.png")
+    )
+    depth, notes = depth_picture(request)
+    document = {
+        "camera_model": "OPENCV",
+        "fl_x": camera.fx,
+        "fl_y": camera.fy,
+        "cx": camera.cx + 0.5,  # counted from the corner of the first pixel, not from its centre
+        "cy": camera.cy + 0.5,
+        "w": camera.width,
+        "h": camera.height,
+        "depth_unit_scale_factor": UNIT_M,
+        "orientation_override": "none",  # the frame has its up axis already
+        "frames": [
+            {
+                "file_path": photo,
+                "depth_file_path": depth_file,
+                "mask_path": mask,
+                "transform_matrix": camera_pose(request.frame).tolist(),
+            }
+        ],
+    }
+    files = {
+        photo: encode_image(result.image, "JPEG"),
+        depth_file: depth,
+        mask: mask_picture(~pixels_of_people(result)),
+    }
+    text = json.dumps(document, indent=2) + "\n"
+    return ExportedFiles({f"{request.stem}{request.suffix}": text.encode(), **files}, notes)

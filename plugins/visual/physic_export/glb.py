@@ -44,7 +44,7 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
     photo does not show the body, and 0 where it does; with ``plain``, the file has neither. The
     animation ``pose`` is a T-pose at 0 s and the pose at 1/24 s; without it, the nodes are in the
     pose. With ``rest_pose``, they and the mesh are in the bind pose, for readers that take nodes
-    for it.
+    for it. With ``contact_texture``, there is also a PNG of contact per person.
 
     Raises:
         InputError: the skeleton of the bodies is not known.
@@ -75,6 +75,10 @@ def export_glb(request: ExportRequest) -> ExportedFiles:
                 for name in [one for one in part["attributes"] if one.startswith("_")]:
                     del part["attributes"][name]
     files = {f"{request.stem}{request.suffix}": glb.content()}
+    if options["contact_texture"] and colors.source:
+        for index in request.person:
+            picture = encode_image(colors.contact_image(index), "PNG")
+            files[f"{request.stem}_contact_{index}.png"] = picture
     return ExportedFiles(files, (*colors.notes, *glb_notes(request, skins)))
 
 

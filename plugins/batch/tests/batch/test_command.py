@@ -9,6 +9,8 @@ import signal
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from PIL import Image
 
@@ -30,6 +32,8 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path, mon
         "1 done, 1 failed (1 InputError)",
         f"wrote {tmp_path / 'out' / 'summary.csv'}",
         f"wrote {tmp_path / 'out' / 'people.csv'}",
+        f"wrote {tmp_path / 'out' / 'summary.parquet'}",
+        f"wrote {tmp_path / 'out' / 'people.parquet'}",
         f"wrote {tmp_path / 'out' / 'contact-sheet.html'}",
     ]
     assert done.stderr.startswith("2 photos: 0 done before; 2 to do: 2 new\n[1/2] failed ")
@@ -41,6 +45,9 @@ def test_a_folder_becomes_a_table_and_a_page_and_is_not_done_twice(tmp_path, mon
         (person,) = csv.DictReader(file)
     assert (person["id"], person["person"]) == (rows["stand.png"]["id"], "0")
     assert float(person["distance_m"]) > 1
+    table = pq.read_table("out/people.parquet")
+    assert table.column_names == list(person)
+    assert table["distance_m"].to_pylist() == [float(person["distance_m"])]
     assert 1.4 < float(person["stature_m"]) < 2.1
     people = Path("out", rows["stand.png"]["folder"], "reconstruction.npz")
     assert people.stat().st_size < 500_000
@@ -163,3 +170,40 @@ def test_photos_or_tables_are_named(folder, physic, arguments, words):
     refused = physic("batch", *arguments, "-o", "out")
     assert refused.exit_code in (2, 3)
     assert words in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ("nowhere.png,,,", "nowhere.png: there is no such file"),
+        ("depth.npy,,,", "it is not an image"),
+        ("empty.png,,,", "the file is empty"),
+        ("tiny.png,,,", "it is 8 x 8 px"),
+        (
+            "photo.png,nowhere.npy,,",
+            "settings of this photo: photo.depth: cannot read {folder}/nowhere.npy: there is no "
+            "such file",
+        ),
+        ("photo.png,photo.png,,", "photo.png"),
+        ("photo.png,flat.npy,,", "flat.npy"),
+        ("photo.png,,flat.npy,", "flat.npy"),
+        ('photo.png,,,"1.7,1.8,1.6"', "3 statures were given for 2 people"),
+        ("photo.png,depth.npy,points.npy,1.7", ""),
+    ],
+)
+def test_a_dry_run_says_which_photos_will_fail(tmp_path, monkeypatch, physic, row, words):
+    monkeypatch.chdir(tmp_path)
+    Image.fromarray(load_world("stand", (160, 120)).image).save("photo.png")
+    Path("empty.png").touch()
+    Image.new("RGB", (8, 8)).save("tiny.png")
+    np.save("depth.npy", np.full((120, 160), 3.0))
+    np.save("points.npy", np.full((120, 160, 3), 3.0))
+    np.save("flat.npy", np.full(160, 3.0))
+    Path("table.csv").write_text(f"path,depth,pointmap,stature\n{row}\n")
+    options = ("--preset", "mock", "--set", "photo.person=[[9,9],[99,9]]", "--dry-run")
+    done = physic("batch", "table.csv", "-o", "out", *options)
+    assert done.exit_code == 0, done.output
+    assert len(done.stdout.splitlines()) == 1
+    assert ("1 of 1 photos will fail" in done.stderr) == bool(words)
+    assert words.format(folder=tmp_path) in done.stderr
+    assert not Path("out").exists()

@@ -8,11 +8,13 @@ import os
 import shutil
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 
 from physic_batch.contact_sheet import write_thumbnail
 from physic_batch.journal import read_journals
+from physic_batch.parquet import write_parquet
 from physic_batch.photos import list_photos, photo_folder
 from physic_batch.process import BatchJob, PhotoProcessor
 from physic_batch.run import plan_batch, run_batch
@@ -24,7 +26,7 @@ from physic_core.errors import OutputError
 from tests.rooms import tiny_result
 
 NAMES = (
-    *("summary.csv", "people.csv"),
+    *("summary.csv", "people.csv", "people.parquet"),
     *("contact-sheet.html", "journal.jsonl", "logs/worker-0.txt"),
 )
 MINE = '{"id": "mine", "stature": 1.71}\n'
@@ -69,13 +71,25 @@ SPECIAL = (Path.mkdir, make_pipe, make_device)
 
 
 @pytest.mark.parametrize("make", SPECIAL, ids=lambda make: make.__name__)
-@pytest.mark.parametrize("name", [*NAMES, "journal.lock"])
+@pytest.mark.parametrize("name", [*NAMES, "summary.parquet", "journal.lock"])
 def test_what_is_no_regular_file_ends_the_batch_with_its_name(name, make, photos, tmp_path):
     path = tmp_path / "out" / name
     path.parent.mkdir(parents=True)
     make(path)
     done = batch(str(photos), tmp_path / "out")
     assert (done.exit_code, f"cannot write {path}" in done.stderr) == (USAGE, True)
+
+
+IDS = ["NA", "nan", "null", "", "=1", "+1", "-1", "@a", "'a", "1", "True", "a,b", 'a"b', "a\nb"]
+
+
+def test_parquet_keeps_each_text(tmp_path):
+    rows = [{"id": one, "state": one, "n": None, "s": "NaN"} for one in IDS]
+    write_parquet(tmp_path / "a", ["id", "state", "n", "s"], rows, {"id"})
+    table = pq.read_table(tmp_path / "a")
+    for name in ("id", "state"):
+        assert table[name].to_pylist() == [one or None for one in IDS]
+    assert table["s"].to_pylist() == ["NaN"] * len(IDS)
 
 
 @pytest.mark.parametrize("why", ["nothing changed", "another setting", "deleted arrays"])

@@ -1,4 +1,4 @@
-"""Depth: the written picture and camera give the points of the result."""
+"""Depth and nerfstudio: the written pictures and cameras give the points of the result."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from physic_core.errors import ConfigError
+from physic_core.export import export_frame
+from physic_core.geometry.upright import transform_points
 
 
 @pytest.fixture
@@ -48,7 +50,30 @@ def test_what_16_bits_cannot_hold_is_unknown_and_said(export, result, picture):
     assert "65.535 m" in done.notes[-1]
 
 
-@pytest.mark.parametrize("name", ["depth", "exr", "colmap"])
+@pytest.mark.parametrize("name", ["depth", "exr", "nerfstudio", "colmap"])
 def test_depth_without_the_scene_is_refused(export, name):
     with pytest.raises(ConfigError, match="--no-scene"):
         export("a", name, scene=False)
+
+
+@pytest.mark.parametrize("up", ["z", "y", "camera"])
+def test_rays_of_nerfstudio_meet_the_points_of_the_scene_and_its_mask_leaves_people_out(
+    export, result, tmp_path, picture, up
+):
+    export("a.json", "nerfstudio", up=up)
+    data = json.loads((tmp_path / "a.json").read_text())
+    (frame,) = data["frames"]
+    depth = picture(frame["depth_file_path"])
+    assert picture(frame["file_path"]).shape == (data["h"], data["w"], 3)
+    people = np.any([person.mask for person in result.people], axis=0)
+    np.testing.assert_array_equal(picture(frame["mask_path"]), np.where(people, 0, 255))
+    valid = result.scene.valid
+    v, u = np.nonzero(valid)
+    z = depth[valid] * 0.001  # the default of nerfstudio's parsers
+    assert data["depth_unit_scale_factor"] == 0.001
+    # Nerfstudio's rays pass through pixel + 0.5; its cameras look along -z with y up.
+    x = (u + 0.5 - data["cx"]) / data["fl_x"]
+    y = (v + 0.5 - data["cy"]) / data["fl_y"]
+    points = transform_points(np.array(frame["transform_matrix"]), np.stack([x * z, -y * z, -z], 1))
+    back = transform_points(np.linalg.inv(export_frame(result.scene.floor, up).from_camera), points)
+    assert np.abs(back - result.scene.points[valid]).max() < 0.00051

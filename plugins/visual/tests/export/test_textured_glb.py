@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from physic_core.errors import ConfigError
 from physic_export.skeleton import bone_names
@@ -20,6 +21,13 @@ def read(done):
 def tree(result, tmp_path_factory):
     file = tmp_path_factory.mktemp("textured") / "a.glb"
     return read(result.export(str(file), names="unity", texture_size="512"))
+
+
+def test_contact_is_a_picture_on_request(export):
+    done = export("a.glb", contact_texture=True, texture_size="512", person=1)
+    assert [file.name for file in done.files] == ["a.glb", "a_contact_1.png"]
+    with Image.open(done.files[1]) as picture:
+        assert picture.size == (512, 512)
 
 
 def test_the_animation_has_a_t_pose_and_the_pose(tree):
