@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from math import nan
 
@@ -28,7 +28,8 @@ from .regression import (
 )
 
 RIDGE = 100.0
-"""Weight of half the squared weights of standardised tokens."""
+RIDGES = {"hand": 200.0}
+"""Ridge of a question, and of those for which another one has less log loss."""
 
 FRAME_WEIGHT = 0.5
 """Weight of a frame of a film: the frames of a film are not independent."""
@@ -70,18 +71,28 @@ class Question:
         examples: whose groups are the photos or films.
         sets: (n,) set of each.
         repositories: (n,) repository of each.
+        ridge: weight of half the squared weights of standardised tokens.
     """
 
     name: str
     examples: Examples
     sets: NDArray[np.str_]
     repositories: NDArray[np.str_]
+    ridge: float = RIDGE
 
     def of(self, rows: NDArray[np.bool_]) -> Question:
         """Return the examples of some rows, (n,) bool."""
-        return Question(
-            self.name, self.examples.take(rows), self.sets[rows], self.repositories[rows]
+        return replace(
+            self,
+            examples=self.examples.take(rows),
+            sets=self.sets[rows],
+            repositories=self.repositories[rows],
         )
+
+    @property
+    def fit(self) -> Callable[[Examples], Array]:
+        """The regression of the question's answers."""
+        return partial(fit_logistic, ridge=self.ridge)
 
     @property
     def by_repository(self) -> Examples:
@@ -107,30 +118,31 @@ def question_of(name: str, people: Sequence[LabelledPerson]) -> Question:
         [photo.group for photo in photos],
     )
     sets = np.array([photo.set for photo in photos])
-    return Question(name, examples, sets, np.array([repository_of(photo) for photo in photos]))
+    repositories = np.array([repository_of(photo) for photo in photos])
+    return Question(name, examples, sets, repositories, RIDGES.get(name, RIDGE))
 
 
-def fitted(question: Question, ridge: float = RIDGE) -> NDArray[np.float32]:
+def fitted(question: Question) -> NDArray[np.float32]:
     """Return the numbers of a question (K, C + 2): weights and constant, calibrated on people whose
     repository took no part, and the share of "yes".
     """
     of = question.examples
-    numbers = calibrated(fit_logistic(of, ridge), calibration_of(question, ridge))
+    numbers = calibrated(question.fit(of), calibration_of(question))
     share = (of.weight @ of.y) / of.weight.sum()
     return np.column_stack([numbers, share]).astype(np.float32)
 
 
-def calibration_of(question: Question, ridge: float = RIDGE) -> tuple[float, float]:
+def calibration_of(question: Question) -> tuple[float, float]:
     """Return factor and offset that calibrate logits, from people whose repository was left out."""
     of = question.by_repository
-    return calibration(left_out_logits(of, partial(fit_logistic, ridge=ridge)), of)
+    return calibration(left_out_logits(of, question.fit), of)
 
 
 def figures(question: Question) -> dict[str, str]:
     """Return the scores of a question on the given photos with repositories left out, and on each
     other set by a fit to the given photos alone.
     """
-    fit = partial(fit_logistic, ridge=RIDGE)
+    fit = question.fit
     given = question.of(question.sets == "given")
     factor, offset = calibration_of(given)
     numbers = fit(given.examples)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -136,6 +137,6 @@ def test_a_question_is_fitted_to_what_is_labelled_and_seen():
         people.append(LabelledPerson(photo, labels, {"foot": tokens}))
     question = question_of("foot", people)
     assert len(question.examples.x) == 60
-    numbers = fitted(question, ridge=1.0)
+    numbers = fitted(replace(question, ridge=1.0))
     assert numbers.shape == (1, 7)
     assert numbers[0, -1] == pytest.approx(2 / 3)

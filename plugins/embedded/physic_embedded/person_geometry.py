@@ -20,6 +20,8 @@ _REACH_M = 0.12  # of distances of 3D keypoints
 _REACHES_OF_OTHERS = (0.1, 0.3)  # of a trunk's length
 _SAME_POSE = 0.25  # of a trunk's length: median distance of the joints of one person
 _LEAST_TRUNK = 0.2  # of the height of the box
+_FINGERS = 0.4  # of the way from the elbow to the middle of the hand, beyond it
+_REACH_OF_FINGERS = 0.12  # of a trunk's length
 
 _JOINTS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 _BONES = (
@@ -33,13 +35,16 @@ _BONES = (
     ("right_shoulder", "left_hip"),
     ("nose", "neck"),
 )  # fmt: skip
+_NEAR_FINGERS = (("same_shoulder", "same_hip"), ("same_hip", "same_knee"),
+        ("same_hip", "other_hip"), ("other_shoulder", "other_elbow"))  # fmt: skip
 _OWN = ("other_hand", "nose", "belly", *(f"{side}_{joint}" for side in ("same", "other")
         for joint in ("shoulder", "elbow", "hip", "knee", "ankle")))  # fmt: skip
 
 
 def places(keypoints: Keypoints) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
     """Return name of a joint -> (N, 2) px, and -> (N, 3) metres from the hips; NaN where the
-    skeleton lacks it, or has no 3D keypoints. "hand" is the middle of wrist and knuckles.
+    skeleton lacks it, or has no 3D keypoints. "hand" is the middle of wrist and knuckles, and
+    "fingers" lie beyond it, where the forearm points.
     """
     names = keypoints.joint_set.names
     world = keypoints.world
@@ -57,6 +62,8 @@ def places(keypoints: Keypoints) -> tuple[dict[str, FloatArray], dict[str, Float
         at = {f"{side}_{joint}": middle(f"{side}_{joint}") for side in SIDES for joint in _JOINTS}
         for side in SIDES:
             at[f"{side}_hand"] = middle(*(f"{side}_{one}" for one in ("wrist", "pinky1", "index1")))
+            hand, elbow = at[f"{side}_hand"], at[f"{side}_elbow"]
+            at[f"{side}_fingers"] = hand + _FINGERS * (hand - elbow)
         at["nose"] = middle("nose")
         at["neck"] = middle("left_shoulder", "right_shoulder")
         at["hips"] = middle("left_hip", "right_hip")
@@ -90,7 +97,7 @@ def limb_geometry(part: str, boxes: FloatArray, keypoints: Keypoints) -> FloatAr
         own, own_m = at[f"{side}_{part}"], at_m[f"{side}_{part}"]
         numbers = []
         for target in _OWN:
-            name = target.replace("same", side).replace("other", opposite)
+            name = _of_side(target, side, opposite)
             if name == f"{side}_{part}":
                 continue
             numbers.append(_near(np.linalg.norm(own - at[name], axis=1) / trunk, _REACH))
@@ -100,6 +107,12 @@ def limb_geometry(part: str, boxes: FloatArray, keypoints: Keypoints) -> FloatAr
         numbers += [np.tanh(np.nan_to_num(height)) for height in heights]
         numbers += [_bend(at_m, side, *limb) for limb in (_ARM, _LEG)]
         numbers += others_near(own, at, trunk, boxes)
+        if part == "hand":
+            fingers = at[f"{side}_fingers"]
+            for bone in _NEAR_FINGERS:
+                start, end = (at[_of_side(joint, side, opposite)] for joint in bone)
+                numbers.append(_near(_from_bone(fingers, start, end) / trunk, _REACH_OF_FINGERS))
+            numbers += others_near(fingers, at, trunk, boxes)
         sides.append(np.stack(numbers, 1))
     return np.stack(sides, 1)
 
@@ -126,6 +139,11 @@ def posture_geometry(boxes: FloatArray, keypoints: Keypoints) -> FloatArray:
 
 _ARM = ("shoulder", "elbow", "wrist")
 _LEG = ("hip", "knee", "ankle")
+
+
+def _of_side(name: str, side: str, opposite: str) -> str:
+    """Return the name of a joint of which "same" and "other" stand for the sides."""
+    return name.replace("same", side).replace("other", opposite)
 
 
 def _joint(at: dict[str, FloatArray], side: str, name: str) -> FloatArray:
@@ -175,11 +193,16 @@ def _same_person(at: dict[str, FloatArray], trunk: FloatArray) -> BoolArray:
 
 def _from_bones(places: FloatArray, bones: FloatArray) -> FloatArray:
     """Return the distance (N,) of places (N, 2) from the nearest of K bones (K, 2, 2), px."""
-    start, along = bones[:, 0], bones[:, 1] - bones[:, 0]
-    offset = places[:, None] - start
-    share = (offset * along).sum(-1) / ((along**2).sum(-1) + 1e-9)
-    apart = offset - np.clip(share, 0, 1)[..., None] * along
-    return np.asarray(_far_if_unknown(np.linalg.norm(apart, axis=-1)).min(1))
+    apart = _from_bone(places[:, None], bones[:, 0], bones[:, 1])
+    return np.asarray(_far_if_unknown(apart).min(1))
+
+
+def _from_bone(place: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
+    """Return the distance (...) of places (..., 2) from bones between two joints (..., 2), px."""
+    along = end - start
+    share = ((place - start) * along).sum(-1) / ((along**2).sum(-1) + 1e-9)
+    apart = place - start - np.clip(share, 0, 1)[..., None] * along
+    return np.asarray(np.linalg.norm(apart, axis=-1))
 
 
 def _far_if_unknown(distance: FloatArray) -> FloatArray:

@@ -26,7 +26,7 @@ from physic_embedded.networks.sessions import (
     graph_name,
     open_packaged_session,
 )
-from physic_embedded.person_geometry import limb_geometry, posture_geometry
+from physic_embedded.person_geometry import limb_geometry, places, posture_geometry
 from physic_networks.onnx_sessions import select_provider
 from physic_networks.runtime import onnxruntime
 
@@ -59,14 +59,14 @@ _HEAD_SIGMA_DEG = 8.0
 
 REGIONS = {
     "foot": ("foot",),
-    "hand": ("hand",),
+    "hand": ("hand", "fingers"),
     "seat": ("hips", "box"),
     "knee": ("knee",),
     "forearm": ("elbow",),
     "back": ("hips", "box"),
     "on_floor": ("foot", "hips"),
     "child": ("head", "shoulders", "hips"),
-    "posture": ("box",),
+    "posture": ("box", "knee"),
     "away": ("upper_body",),
 }
 """Question -> the regions whose tokens answer it; it is not answered where the photo does not have
@@ -267,30 +267,39 @@ def tokens_of_questions(
 
     Returns:
         Question -> (N, sides, C), (N, 2, C) for feet and hands, left and right. A region is a
-        square of 3 x 3 patches, but the box, and the middle of its upper half. NaN where the photo
-        does not have the first region.
+        square of 3 x 3 patches, but the box, and the middle of its upper half. Posture has the mean
+        of both knees. NaN where the photo does not have the first region.
     """
     names = {
         limb: [[f"{side}_{one}" for one in own] for side in SIDES] for limb, own in LIMBS.items()
     }
-    places = names | {region: [own] for region, own in _OTHERS.items()}
+    sides_of = names | {region: [own] for region, own in _OTHERS.items()}
+    at, _ = places(keypoints)
+    fingers = [tokens.around(np.nan_to_num(at[f"{side}_fingers"])) for side in SIDES]
     everyone = np.ones((len(boxes), 1), bool)
     found = {
         "box": (tokens.within(boxes)[:, None], everyone),
         "upper_body": (tokens.within(boxes @ _UPPER_BODY)[:, None], everyone),
+        "fingers": (np.stack(fingers, 1), everyone),
     }
-    for region, sides in places.items():
+    for region, sides in sides_of.items():
         means, inside = zip(*(_around(tokens, keypoints, own) for own in sides), strict=True)
         found[region] = np.stack(means, 1), np.stack(inside, 1)
     answered = {}
     for question, (first, *more) in REGIONS.items():
         own, shown = found[first]
-        context = [np.broadcast_to(found[region][0], own.shape) for region in more]
+        context = [_of_sides(found[region][0], own.shape[1]) for region in more]
         if (limb := GEOMETRY.get(question)) is not None:
             given = boxes.astype(np.float64), keypoints
             context.append(limb_geometry(limb, *given) if limb else posture_geometry(*given))
         answered[question] = np.where(shown[..., None], np.concatenate([own, *context], -1), np.nan)
     return answered
+
+
+def _of_sides(region: FloatArray, sides: int) -> FloatArray:
+    """Return the tokens (N, sides, C) of a region (N, 1 or 2, C); one side has the mean of both."""
+    mean = region if region.shape[1] == sides else region.mean(1, keepdims=True)
+    return mean.repeat(sides // mean.shape[1], 1)
 
 
 def _around(
