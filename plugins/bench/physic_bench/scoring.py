@@ -179,11 +179,11 @@ def match_to_truth(frame: Frame, truth: Truth, prediction: Prediction) -> dict[i
     People of a method are projected by the camera that it assumed.
     """
     K = frame.camera.K if prediction.K is None else prediction.K
-    boxes = [
+    predicted, true = (
         [body_box(person, k) for person in some]
         for some, k in ((prediction.people, K), (truth.people, frame.camera.K))
-    ]
-    return match_by_boxes(*boxes, MIN_IOU).predicted_of
+    )
+    return match_by_boxes(predicted, true, MIN_IOU).predicted_of
 
 
 def _joint_errors(
