@@ -14,7 +14,7 @@ import numpy as np
 from physic_core.body.joints import JOINT_INDEX
 from physic_core.engine.joint.terms.reprojection_settings import ReprojectionSettings
 from physic_core.judge.people import lies
-from physic_core.judge.spec import NO_BODY, check
+from physic_core.judge.spec import NO_BODY, OTHER_BODY, check
 from physic_core.types import skeleton_named
 from physic_core.types.contacts import part_words
 from physic_core.types.records import in_words
@@ -33,23 +33,24 @@ _LIMB_JOINTS = tuple(
 )
 _FEWEST = 4
 _QUANTILE = 0.9  # two joints of a dozen may be wrong
+_COMPARE = f"compare arms and legs in report.html with the photo. {OTHER_BODY}"
 
 _check = partial(check, "person")
 
 
 # Right bodies 0.013-0.033; bodies of the wrong person 0.036-0.15.
 @_check(
-    "Limbs off their keypoints",
+    "Limbs far from their keypoints",
     at_most=0.035,
     contradicts=("pose",),
     share_of="the diagonal of the person's box",
-    advice="a limb is wrong: compare the people over the photo in preview.png. If a joint was "
-    "detected wrongly: physic export FOLDER --to keypoints, correct that file, and give it as "
-    "--keypoints FILE",
+    advice="a limb is not where the photo shows it: compare the bodies over the photo in "
+    "preview.png. To correct a joint, edit the file that physic export FOLDER --to keypoints "
+    "writes, and give it as --keypoints FILE",
     unmeasured="the photo shows fewer than 4 limb joints clearly",
 )
 def limb_keypoints(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the distance of limb joints from their keypoints, of all but the worst tenth."""
+    """Return the distance of limb joints from their keypoints (90 % quantile)."""
     return limb_keypoint_error(
         result.people[person].joints,
         estimates.photo.keypoints.points[person],
@@ -64,7 +65,7 @@ def limb_keypoints(estimates: Estimates, result: Reconstruction, person: int) ->
     "Arm or leg position uncertain",
     at_most=UNSURE_M,
     unit="m",
-    advice="compare arms and legs with the photo",
+    advice=_COMPARE,
     optional=True,
 )
 def limb_sigma(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
@@ -76,8 +77,9 @@ def limb_sigma(estimates: Estimates, result: Reconstruction, person: int) -> Mea
     finite = [sigma for sigma in sigmas.values() if math.isfinite(sigma)]
     if not finite:
         return None
-    limbs = [part_words(limb) for limb in who.unsure]
-    return max(finite), f"{in_words(limbs)} uncertain: compare with the photo" if limbs else ""
+    limbs = [f"{part_words(limb)} (± {100 * who.limb_sigmas[limb]:.0f} cm)" for limb in who.unsure]
+    uncertain = f"the position of {in_words(limbs)} is uncertain: {_COMPARE}" if limbs else ""
+    return max(finite), uncertain
 
 
 # Of wrists and ankles with measured truth .1 in the median and .3 in nine of ten.
@@ -85,7 +87,7 @@ def limb_sigma(estimates: Estimates, result: Reconstruction, person: int) -> Mea
     "Arm or leg differs in the mirrored photo",
     at_most=0.3,
     unit="m",
-    advice="compare arms and legs with the photo",
+    advice=_COMPARE,
     optional=True,
 )
 def limb_spread(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
@@ -106,7 +108,8 @@ def limb_spread(estimates: Estimates, result: Reconstruction, person: int) -> Me
         return None
     worst = max(finite, key=finite.__getitem__)
     return finite[worst], (
-        f"{part_words(worst)} uncertain: a second detection differs; compare it with the photo"
+        f"the {part_words(worst)} differs by {100 * finite[worst]:.0f} cm between the photo and "
+        f"its mirror image: {_COMPARE}"
     )
 
 
@@ -115,7 +118,8 @@ def limb_spread(estimates: Estimates, result: Reconstruction, person: int) -> Me
     "Hidden parts of arms and legs",
     at_most=6,
     unit="count",
-    advice="most of the pose is a guess: use visible limbs alone (unseen names the hidden ones)",
+    advice="most of the pose is a guess: use only the visible limbs (`unseen` lists the hidden "
+    "parts), or run a photo that shows the whole person",
     unmeasured=NO_BODY,
 )
 def hidden_limbs(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
@@ -131,7 +135,7 @@ def hidden_limbs(estimates: Estimates, result: Reconstruction, person: int) -> M
 # In sigmas of the joint fit, and beyond as many as it takes for an outlier. Of 1581 limb joints of
 # 147 people who are likely right, whose keypoints were detected, none is farther off than 4.
 @_check(
-    "Given keypoints off the body",
+    "Given keypoints far from the body",
     at_most=ReprojectionSettings.outlier_sigmas,
     unit="sigma",
     contradicts=("pose",),
@@ -139,9 +143,7 @@ def hidden_limbs(estimates: Estimates, result: Reconstruction, person: int) -> M
     optional=True,
 )
 def given_keypoints(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the distance of your farthest keypoint from the body, in standard deviations of 1 % of
-    the stature.
-    """
+    """Return the distance of your farthest keypoint from the body (sigma: 1 % of the stature)."""
     measured = result.people[person].measures
     off = measured.given_keypoints_px
     stature_px = measured.stature_px
@@ -150,14 +152,14 @@ def given_keypoints(estimates: Estimates, result: Reconstruction, person: int) -
     worst = max(off, key=off.__getitem__)
     file_px = off[worst] * estimates.file_px_per_px
     return off[worst] / (ReprojectionSettings.sigma * stature_px), (
-        f"the given {keypoint_in_words(worst)} lies {file_px:.0f} px from where depth, "
-        "floor and body put it: check the keypoints that you gave"
+        f"your {keypoint_in_words(worst)} is {file_px:.0f} px away from the place that depth, "
+        "floor and body suggest: check the file of --keypoints"
     )
 
 
 # Of 202 visible joints that people marked in 12 photos one is farther, of 155 hidden ones nine.
 @_check(
-    "Given keypoints off mask and detector",
+    "Given keypoints far from mask and detection",
     at_most=0.1,
     share_of="the diagonal of the person's box",
     contradicts=("pose",),
@@ -178,8 +180,8 @@ def contradicted_keypoints(estimates: Estimates, result: Reconstruction, person:
     worst = int(off.argmax())
     name = keypoint_in_words(estimates.photo.keypoints.joint_set.names[worst])
     return float(off[worst] / np.hypot(box[2] - box[0], box[3] - box[1])), (
-        f"the given {name} lies {off[worst] * estimates.file_px_per_px:.0f} px from the mask, or "
-        "from the detected joint: check the keypoints that you gave"
+        f"your {name} is {off[worst] * estimates.file_px_per_px:.0f} px away from the mask, or "
+        "from the detected joint: check the file of --keypoints"
     )
 
 

@@ -16,7 +16,7 @@ from physic_core.body.posture import LYING_DEG, lean_deg, standing_legs, trunk_t
 from physic_core.engine.body_parts import OBSERVED
 from physic_core.engine.ground.posture import is_upright
 from physic_core.judge.photo import NO_FLOOR, relative_difference
-from physic_core.judge.spec import NO_BODY, YES, check
+from physic_core.judge.spec import NO_BODY, OTHER_BODY, SIDE_VIEW, YES, check
 from physic_core.types import MARKS, Plane, skeleton_named
 from physic_core.types.contacts import SupportState, part_words
 from physic_core.types.observations import ENDS, LEAST_PROBABILITY
@@ -38,7 +38,7 @@ _UPRIGHT = ("stand", "walk", "run", "jump")
 _SEATED = ("sit", "ride")  # postures of people on a seat
 _ASSUMED_SUPPORT = "the photo does not show what carries this person, so a support is assumed"
 _IN_THE_AIR = "this person is in the air, and touches nothing"
-_FROM_THE_SIDE = "the view from the side in preview.png"
+_NOT_TO_USE = f"see {SIDE_VIEW}. If it is wrong, do not use this distance, or give --stature METERS"
 
 _HEAD = ("nose", "eye_surface", "ear_surface")
 _FEWEST_HEAD = 3
@@ -63,8 +63,8 @@ def placed(estimates: Estimates, result: Reconstruction, person: int) -> Measure
     """
     if missing := estimates.missing_results[person]:
         return 0.0, (
-            f"no valid values for this person from {', '.join(missing)}: results that need them "
-            "are skipped; try another backend"
+            f"this person has no valid values from {in_words(missing)}, so results that need them "
+            f"are missing. Try another backend with --set {missing[0]}.backend=NAME"
         )
     measures = result.people[person].measures
     if measures.placement_problem:
@@ -74,19 +74,19 @@ def placed(estimates: Estimates, result: Reconstruction, person: int) -> Measure
     height = measures.sole_height_m
     if height is not None and height < -_FAR_BELOW_M:
         return 0.0, (
-            f"the body reaches {-height:.1f} m below the floor, and is not where the photo shows "
-            "this person. Do not use it"
+            f"the body reaches {-height:.1f} m below the floor (limit {_FAR_BELOW_M:g} m), so its "
+            "place is wrong. Do not use this person"
         )
     if result.scene.floor is None:
-        return None, f"{NO_FLOOR}, so only body size and depth give the distance"
+        return None, f"{NO_FLOOR}, so only the body's size and the depth give the distance"
     return 1.0
 
 
 @_check(
     "Detection score",
     at_least=0.5,
-    advice="the detection is uncertain. Check the outline in preview.png. If it is not a person in "
-    "the room, leave it out by --ignore x,y, a pixel on it",
+    advice="the detection is uncertain: check the outline in preview.png. If it is not a real "
+    "person, leave it out with --ignore X,Y (a pixel on it)",
 )
 def detected(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     """Return the score of the segmenter."""
@@ -101,13 +101,13 @@ def detected(estimates: Estimates, result: Reconstruction, person: int) -> Measu
     unit="count",
     contradicts=("pose",),
     warns=True,
-    advice="two people are merged, or one was detected twice: see the outlines in preview.png, and "
-    "give one --person x,y for each person to keep",
+    advice="the mask contains two people, or one person was detected twice: see the outlines in "
+    "preview.png, and give --person X,Y once for each person to keep",
     unmeasured="no pixel of the photo shows this person",
 )
 def heads(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the number of heads in the person's mask, by the segmenter or by the keypoints of
-    other people.
+    """Return the number of heads in the person's mask, which the segmenter or the keypoints of
+    other people show.
     """
     mask = estimates.photo.people.masks[person]
     if not mask.any():
@@ -134,7 +134,8 @@ def heads(estimates: Estimates, result: Reconstruction, person: int) -> Measured
     at_least=0.85,
     share_of="its visible silhouette",
     advice="pose, size or outline is wrong, or an object hides a part of the person: compare the "
-    "people over the photo in preview.png",
+    "bodies over the photo in preview.png. Correct a wrong outline with --masks FILE, a wrong body "
+    "with --bodies FILE",
     unmeasured=NO_BODY,
 )
 def body_in_mask(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
@@ -174,8 +175,8 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
         reasons.append(
             (
                 gap,
-                f"the nearest surface that could carry this person is {gap:.2f} m away. Unless "
-                f"the person is in the air, person or surface is misplaced: see {_FROM_THE_SIDE}",
+                f"the nearest surface that could carry this person is {gap:.2f} m away. If the "
+                f"person is not in the air, the person or the surface is misplaced: {_NOT_TO_USE}",
             )
         )
     if result.scene.floor is not None and lies(result, person):
@@ -185,8 +186,8 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
             reasons.append(
                 (
                     -low,
-                    f"the body reaches {-low:.2f} m below the floor: the floor or the person's "
-                    f"distance is wrong. See {_FROM_THE_SIDE}, and do not use this distance",
+                    f"the body reaches {-low:.2f} m below the floor, so the floor or the person's "
+                    f"distance is wrong: {_NOT_TO_USE}",
                 )
             )
     stands = _stands_on_seen_legs(estimates, result, person)
@@ -195,8 +196,8 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
         reasons.append(
             (
                 abs(height),
-                f"the lower foot is {abs(height):.2f} m {side} the floor: the floor or the "
-                f"person's distance is wrong. See {_FROM_THE_SIDE}, and do not use this distance",
+                f"the lower foot is {abs(height):.2f} m {side} the floor, so the floor or the "
+                f"person's distance is wrong: {_NOT_TO_USE}",
             )
         )
     if reasons:
@@ -226,15 +227,16 @@ def contact_sure(estimates: Estimates, result: Reconstruction, person: int) -> M
     if seated and likely["seat"] < 0.5:
         sure = who.posture_probability or 0.0
         return value, (
-            f"this person probably {who.posture}s (probability {sure:.2f}), but there is no seat "
-            f"under the body: see {_FROM_THE_SIDE}"
+            f"this person probably {who.posture}s (probability {sure:.2f}), but no seat was "
+            f"detected under the body: see {SIDE_VIEW}, and do not use the contacts of the seat"
         )
     least = min(ENDS, key=lambda part: abs(likely[part] - 0.5))
-    taken = "to touch something" if likely[least] >= 0.5 else "not to touch anything"
+    taken = "listed" if likely[least] >= 0.5 else "not listed"
     return (
         value,
-        f"the least certain is the {part_words(least)}, which is assumed {taken} "
-        f"(probability {likely[least]:.2f}): compare it with the photo",
+        f"the least certain contact is that of the {part_words(least)}, which is {taken} "
+        f"(probability {likely[least]:.2f}): compare it with the photo, and leave it out if the "
+        "photo does not show it",
     )
 
 
@@ -259,11 +261,15 @@ def _sure_carriers(who: Person) -> Measured:
         likely = {part: probability for probability, part in surest_last if probability}
         likely = {part: p for part, p in likely.items() if part in OBSERVED} or likely
     if not likely:
-        return 0.0, f"none of the detected contacts carries this person: see {_FROM_THE_SIDE}"
+        return 0.0, (
+            f"none of the detected contacts carries this person: see {SIDE_VIEW}, and do not use "
+            "these contacts"
+        )
     least = min(likely, key=likely.__getitem__)
     return likely[least], (
         f"the least certain contact that carries this person is the {part_words(least)} "
-        f"(probability {likely[least]:.2f}): compare it with the photo"
+        f"(probability {likely[least]:.2f}): compare it with the photo, and leave it out if the "
+        "photo does not show it"
     )
 
 
@@ -276,8 +282,8 @@ def _sure_carriers(who: Person) -> Measured:
     unmeasured=NO_BODY,
 )
 def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the larger tilt of body and trunk toward the camera or away, of people who are upright
-    in the photo and do not ride.
+    """Return the tilt of body or trunk, whichever is larger, toward or away from the camera; only
+    of people who are upright in the photo and do not ride.
 
     Degrees. The body counts on straight legs with a visible ankle: other ankles do not lie under
     the hips.
@@ -296,15 +302,17 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     parts: list[Literal["body", "trunk"]] = ["trunk"]
     if _is_visible_joint(estimates, person)[_ANKLES].any() and standing_legs(joints).any():
         parts.append("body")
-    part = max((lean_deg(joints, floor, of) for of in parts), key=abs)
-    if abs(part) > _LIES_DEG:
-        return abs(part), (
-            f"the person lies, or body or floor is wrong: compare {_FROM_THE_SIDE} with the photo"
+    leans = {part: lean_deg(joints, floor, part) for part in parts}
+    part, part_deg = max(leans.items(), key=lambda item: abs(item[1]))
+    if abs(part_deg) > _LIES_DEG:
+        return abs(part_deg), (
+            f"the {part} leans by {abs(part_deg):.0f}°: the person lies, or body or floor is "
+            f"wrong. Compare {SIDE_VIEW} with the photo. {OTHER_BODY}"
         )
-    return abs(part), (
-        f"the lean is {'toward' if part > 0 else 'away from'} the camera, which is hard to see in "
-        f"one photo. If the person looks upright there, do not use the depth of this pose; see "
-        f"{_FROM_THE_SIDE}"
+    return abs(part_deg), (
+        f"the {part} leans {'toward' if part_deg > 0 else 'away from'} the camera by "
+        f"{abs(part_deg):.0f}°, which one photo hardly shows: compare {SIDE_VIEW} with the photo. "
+        f"{OTHER_BODY}"
     )
 
 
@@ -317,8 +325,8 @@ def lean(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
     unmeasured="there is no body, or this preset estimates no probabilities",
 )
 def unknown_contacts(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the number of visible parts in contact that have no surface within 10 cm, of people
-    who do not lie.
+    """Return the number of visible parts in contact that have no surface within 10 cm; only of
+    people who do not lie.
     """
     who = result.people[person]
     if not who.world_contact:
@@ -329,7 +337,8 @@ def unknown_contacts(estimates: Estimates, result: Reconstruction, person: int) 
     parts = dict.fromkeys(far)
     return float(len(parts)), (
         f"the photo shows contact of {in_words([*map(part_words, parts)])}, but no surface is "
-        f"near: it is hidden, or body or scene is wrong. See {_FROM_THE_SIDE}"
+        f"within {100 * _SUPPORT_M:.0f} cm: it is hidden, or body or scene is misplaced. See "
+        f"{SIDE_VIEW}, and do not use the place of these contacts"
         if parts
         else ""
     )
@@ -337,14 +346,15 @@ def unknown_contacts(estimates: Estimates, result: Reconstruction, person: int) 
 
 # Right people on right floors 0-0.2; seats and floors that are wrong 0.26-0.9.
 @_check(
-    "Depth at feet or seat off",
+    "Depth differs at feet or seat",
     at_most=0.25,
-    advice=f"the person may be off the ground, and contact with it wrong: see {_FROM_THE_SIDE}",
+    advice="the person may be too near or too far, and contact with the ground wrong: "
+    f"{_NOT_TO_USE}",
     unmeasured="too few pixels at the lower end of the body are visible and have a depth",
 )
 def low_depth(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the difference between the depth of photo and body at the lower end of the
-    silhouette, as a share.
+    """Return the relative difference between the depths of photo and body at the lower end of the
+    silhouette.
     """
     ratio = result.people[person].measures.low_depth_ratio
     return None if ratio is None else relative_difference(ratio)
@@ -352,7 +362,7 @@ def low_depth(estimates: Estimates, result: Reconstruction, person: int) -> Meas
 
 # The errors of the given size and of the others' are in the unit.
 @_check(
-    "Given size off",
+    "Given size differs from the photo",
     at_most=3,
     unit="sigma",
     contradicts=("place", "size"),
@@ -360,8 +370,8 @@ def low_depth(estimates: Estimates, result: Reconstruction, person: int) -> Meas
     optional=True,
 )
 def given_size(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the difference between the stature in the photo and the one you gave, or that of the
-    age you gave, in standard deviations.
+    """Return the difference between the stature in the photo and the given stature, or the usual
+    stature of the given age, in standard deviations.
     """
     measured = result.people[person].measures
     given_m = measured.given_stature_m
@@ -370,10 +380,10 @@ def given_size(estimates: Estimates, result: Reconstruction, person: int) -> Mea
     if given_m is None or shown is None or sigmas is None:
         return None
     stature, years = (own[person] for own in estimates.photo.known.filled(len(result.people)))
-    origin = "was given" if math.isfinite(stature) else f"is usual at {years:g} years"
+    origin = "" if math.isfinite(stature) else f", which is usual at {years:g} years"
     return sigmas, (
-        f"the photo shows {shown:.2f} m, and {given_m:.2f} m {origin}: check the ages and statures "
-        f"that you gave"
+        f"this person is {shown:.2f} m tall in the photo, not {given_m:.2f} m{origin}. "
+        "Check --stature and --age: their values go from left to right"
     )
 
 
@@ -386,8 +396,8 @@ def given_size(estimates: Estimates, result: Reconstruction, person: int) -> Mea
     optional=True,
 )
 def stature(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the difference of a stature from that of adults or of children, as the photo shows
-    one, in standard deviations.
+    """Return the difference between the stature and the mean of adults, or of children if the
+    person is probably a child, in standard deviations.
 
     People of known stature or age are not asked about.
     """
@@ -399,9 +409,9 @@ def stature(estimates: Estimates, result: Reconstruction, person: int) -> Measur
     child = math.nan if who.child_probability is None else who.child_probability
     off = stature_surprise(who.stature, child, stands=who.posture in _UPRIGHT)
     return off, (
-        f"this person is {who.stature:.2f} m tall, and seems to be "
-        f"{'a child' if child >= LEAST_PROBABILITY else 'an adult'}: check the unit of what you "
-        f"gave, and do not use this size"
+        f"this person is {who.stature:.2f} m tall in the result, but probably "
+        f"{'a child' if child >= LEAST_PROBABILITY else 'an adult'}: check units and sizes that "
+        "you gave. If you gave none, do not use this size, or give --stature METERS"
     )
 
 
@@ -413,7 +423,7 @@ def stature(estimates: Estimates, result: Reconstruction, person: int) -> Measur
     optional=True,
 )
 def child_size(estimates: Estimates, result: Reconstruction, person: int) -> Measured:
-    """Return the standard deviation of the logarithm of the stature of a child who does not stand.
+    """Return the relative standard deviation of the stature of a child who does not stand.
 
     It is not asked where you give age or stature, or where something measured gives the scale.
     """
@@ -427,8 +437,8 @@ def child_size(estimates: Estimates, result: Reconstruction, person: int) -> Mea
     if not is_child or is_measured or _is_known(estimates, result, person):
         return None
     return log_stature_of_children()[1], (
-        "this child may be a baby: the height is that of children of 2 to 13 years. Give --age or "
-        "--stature"
+        "the height is that of children of 2 to 13 years, and wrong for a baby: give --age YEARS "
+        "or --stature METERS"
     )
 
 

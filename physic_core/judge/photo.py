@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from physic_core.geometry.readings import LIKELY, STRANGER, compare_depth
-from physic_core.judge.spec import YES, check
+from physic_core.judge.spec import SIDE_VIEW, YES, check
 from physic_core.types.contacts import has_sole_on_floor
 from physic_core.types.observations import LEAST_PROBABILITY
 from physic_core.types.results import main_people
@@ -24,14 +24,19 @@ if TYPE_CHECKING:
     from physic_core.judge.spec import Measured
     from physic_core.types import BoolArray, FloatArray, Reconstruction, UInt8Array
 
-NO_FLOOR = "no floor was found"
+NO_FLOOR = "no floor was detected"
 _WHY_NO_FLOOR = {
-    "no_pixels": "too few pixels may be of it",
-    "no_consensus": "no horizontal plane explains enough pixels",
+    "no_pixels": "too few pixels may show it",
+    "no_consensus": "no horizontal plane fits enough pixels",
 }
-_NO_PEOPLE = "no person was found"
+_NO_PEOPLE = "no person was detected"
 _OTHER_INPAINTER = "Try --set inpainter.backend=telea"
-_FLOOR_LINE = "compare the floor's line with the photo, from the side in preview.png"
+_FLOOR_LINE = (
+    f"compare the line of the floor in {SIDE_VIEW} with the photo. If the floor is wrong, do not "
+    "use heights over it, leans and contacts with it"
+)
+_LEAST_AGREEMENT = 0.5
+_MOST_SCALE_SIGMA = 0.15
 _COVERED_SHARE = 0.5  # of a box that holds parts of a person who has a body
 _MOST_PITCH_DEG = 15.0  # of a camera that looks up and shows the floor
 
@@ -40,7 +45,7 @@ _check = partial(check, "photo", warns=True)
 
 @_check(
     "Background depth with and without people agrees",
-    at_least=0.5,
+    at_least=_LEAST_AGREEMENT,
     share_of="the background",
     unmeasured=_NO_PEOPLE,
 )
@@ -52,12 +57,14 @@ def photo_alignment(estimates: Estimates, result: Reconstruction) -> Measured:
     if share == 0:
         return (
             share,
-            "the photos with and without people share no background. Only body size gives people's "
-            f"distance, and gaps to the scene are wrong. {_OTHER_INPAINTER}",
+            "depth with people agrees with depth without them nowhere in the background. So only "
+            "body size gives people's distance, and gaps to the scene are wrong. "
+            f"{_OTHER_INPAINTER}",
         )
     return share, (
-        f"people's distance to the scene is doubtful: depth with and without them agrees on only "
-        f"{share:.0%} of the background. {_OTHER_INPAINTER}"
+        f"depth with people agrees with depth without them on only {share:.0%} of the background "
+        f"(at least {_LEAST_AGREEMENT:.0%}), so gaps between people and scene may be wrong. "
+        f"{_OTHER_INPAINTER}"
     )
 
 
@@ -65,7 +72,7 @@ def photo_alignment(estimates: Estimates, result: Reconstruction) -> Measured:
 # 10 degrees.
 @_check("Floor where the photo shows floor", at_least=1, unit=YES)
 def floor(estimates: Estimates, result: Reconstruction) -> Measured:
-    """Return whether a floor was found, and lies where the segmenter detects floor."""
+    """Return whether there is a floor, at pixels that the segmenter labels as floor."""
     report = result.diagnostics["scene"]["floor"]
     reason = report["reason"]
     in_mask = report["in_mask"]
@@ -73,28 +80,28 @@ def floor(estimates: Estimates, result: Reconstruction) -> Measured:
         return None, "the engine settings disable the floor search"
     if reason != "found":
         cure = (
-            "Only the look of the photo tells that feet touch the ground"
+            "Contacts of feet come from the look of the photo alone"
             if any(has_sole_on_floor(person.contacts) for person in result.people)
-            else "A photo that shows the ground at the feet may have one"
+            else "Use a photo that shows the ground at the feet"
         )
         return 0.0, (
-            f"{NO_FLOOR}: {_WHY_NO_FLOOR.get(reason, reason)}. People are not placed on the "
-            f"ground, and their height above it is unknown. {cure}"
+            f"{NO_FLOOR}: {_WHY_NO_FLOOR.get(reason, reason)}. So nobody is placed on the ground, "
+            "heights over it are unknown, and depth may be off by a constant: do not use heights "
+            f"and gaps. {cure}; --stature METERS makes at least sizes right"
         )
     plane = result.scene.floor
     pitch = 0.0 if plane is None else math.degrees(math.asin(float(plane.normal[2])))
     if pitch > _MOST_PITCH_DEG:
         return (
             0.0,
-            f"by this floor the camera looks up by {pitch:.0f} degrees, which is rare: "
-            f"{_FLOOR_LINE}",
+            f"above this floor the camera would look up by {pitch:.0f}° (limit "
+            f"{_MOST_PITCH_DEG:.0f}°): {_FLOOR_LINE}",
         )
     if in_mask is None:
-        return None, "in the photo no pixels look like floor"
+        return None, "no pixels of the photo look like floor"
     return float(in_mask), (
-        "the floor is where the photo does not look like floor, because a plane there fits people "
-        "better. If it is wrong, so are heights, leans and contacts with the floor: "
-        f"{_FLOOR_LINE}"
+        "the floor is not where pixels look like floor, because another plane fits the people "
+        f"better: {_FLOOR_LINE}"
     )
 
 
@@ -104,12 +111,13 @@ def floor(estimates: Estimates, result: Reconstruction) -> Measured:
     at_least=0.05,
     share_of="the floor's pixels",
     advice="the photo has one color where the floor was estimated, so the floor is a guess. Do not "
-    "use heights and distances, or take a photo that shows the ground",
+    "use heights and distances, or run a photo that shows the ground",
     contradicts=("place", "contact", "size"),
     optional=True,
 )
 def floor_shown(estimates: Estimates, result: Reconstruction) -> Measured:
-    """Return the share of the floor's visible pixels with texture, or in the segmenter's mask.
+    """Return the share of the floor's visible pixels that have texture, or that the segmenter
+    labels as floor.
 
     A pixel has texture if its neighborhood varies by more than one of 255 levels. The mask counts
     if it has more of them, and the floor is the segmenter's.
@@ -132,23 +140,24 @@ def floor_shown(estimates: Estimates, result: Reconstruction) -> Measured:
 # Soles on a floor give 0.08, sizes of people 0.20 and more.
 @_check(
     "Scale uncertain",
-    at_most=0.15,
+    at_most=_MOST_SCALE_SIGMA,
     unit="log",
     unmeasured="the backend of metric_depth does not estimate its scale error",
 )
 def scale_sigma(estimates: Estimates, result: Reconstruction) -> Measured:
-    """Return the standard deviation of the logarithm of all lengths."""
+    """Return the relative standard deviation of all lengths."""
     sigma = result.scene.scale_sigma
     if sigma is None:
         return None
     return sigma, (
-        f"all lengths may be off by {sigma:.0%} (one standard deviation). Give one that you know: "
-        f"--known-length X1,Y1,X2,Y2,METERS between two points of the scene"
+        f"all lengths may be off by {sigma:.0%} (one standard deviation; limit "
+        f"{_MOST_SCALE_SIGMA:.0%}). Give one that you know: --stature METERS, or --known-length "
+        "X1,Y1,X2,Y2,METERS between two pixels"
     )
 
 
 @_check(
-    "Given depth off people's sizes",
+    "Given depth contradicts people's sizes",
     at_most=3,
     unit="sigma",
     unmeasured="no depth was measured",
@@ -166,20 +175,20 @@ def given_depth(estimates: Estimates, result: Reconstruction) -> Measured:
 
     times = measured.depth_over_people
     return measured.sigmas, (
-        f"with your depth, everything is {times:.3g} times as large as people's sizes suggest. It "
-        f"was used: {likely_unit(times)} --depth-unit sets another unit"
+        f"with your depth, everything is {times:.3g} times as large as people's sizes suggest. The "
+        f"depth was used: {likely_unit(times)} Set another unit with --depth-unit"
     )
 
 
 @_check(
-    "Metric depth off people's sizes",
+    "Metric depth contradicts people's sizes",
     at_most=3,
     unit="sigma",
     optional=True,
 )
 def depth_scale(estimates: Estimates, result: Reconstruction) -> Measured:
-    """Return the difference between the scale of the metric depth and that of all other evidence
-    that is probably right, in standard deviations.
+    """Return the difference between the scale of the metric depth and the scale of all other
+    evidence, in standard deviations.
     """
     from physic_core.engine.sizes.evidence import (
         ScaleEvidence,
@@ -219,9 +228,11 @@ def depth_scale(estimates: Estimates, result: Reconstruction) -> Measured:
     optional=True,
 )
 def depth_order(estimates: Estimates, result: Reconstruction) -> Measured:
-    """Return the error of the best other reading of the metric depth over that of this one.
+    """Return the error of the metric depth if read otherwise, as a share of its error as it is
+    read.
 
-    Other readings are mirrored, moved, along the ray, and others. The point map says what is right.
+    The best other reading counts: mirrored, moved, along the ray, and others. The point map says
+    what is right.
     """
     photo = estimates.photo
     comparison = estimates.reading or compare_depth(
@@ -230,25 +241,25 @@ def depth_order(estimates: Estimates, result: Reconstruction) -> Measured:
     if not comparison.what:
         return None
     source = "that you gave" if estimates.reading else f"of {estimates.depth_backend}"
-    return comparison.ratio, f"the depth {source} was followed, and {comparison}"
+    return comparison.ratio, f"the depth {source} was used, but {comparison}"
 
 
 @_check(
-    "Given depth off the photo",
+    "Given depth does not fit the photo",
     at_most=STRANGER,
     share_of="what a network sees, unexplained",
     contradicts=("place", "size"),
     optional=True,
-    advice="the depth that you gave was followed, and hardly fits the photo: is it of another photo"
-    " or crop, or not depth? If so, do not use places and sizes",
+    advice="your depth was used, but hardly fits the photo. If it shows another photo or crop, or "
+    "is not depth, do not use places and sizes, and run again without it",
 )
 def depth_fits(estimates: Estimates, result: Reconstruction) -> Measured:
-    """Return the share of what a network sees that your depth or point map leaves unexplained."""
+    """Return the share of a network's depth that your depth or point map does not explain."""
     return None if estimates.reading is None else estimates.reading.error
 
 
 @_check(
-    "Given camera axis off center",
+    "Given camera axis far from the center",
     at_most=0.15,
     share_of="the photo's size",
     unmeasured="no camera was given",
@@ -266,16 +277,16 @@ def principal_point(estimates: Estimates, result: Reconstruction) -> Measured:
     off_y = camera.cy - (camera.height - 1) / 2
     offset = max(abs(off_x) / camera.width, abs(off_y) / camera.height)
     return offset, (
-        f"the principal point ({camera.cx:.0f}, {camera.cy:.0f}) lies {offset:.0%} of the photo's "
-        f"size off its center ({camera.source}), which is normal only in a cropped photo: check "
-        "--intrinsics. If it is wrong, so are all places to the side"
+        f"the principal point ({camera.cx:.0f}, {camera.cy:.0f}) is {offset:.0%} of the photo's "
+        f"size away from its center ({camera.source}), which is normal only in a cropped photo. "
+        "Check --intrinsics: a wrong one shifts everything to the side"
     )
 
 
 # Straight edges are right to about a tenth; distances are off by the same share as the focal
 # length.
 @_check(
-    "Given focal length off the estimates",
+    "Given focal length differs from the estimates",
     at_most=0.2,
     unmeasured="no focal length was given, or no backend estimates one",
     contradicts=("place",),
@@ -300,11 +311,12 @@ def focal_agreement(estimates: Estimates, result: Reconstruction) -> Measured:
     ratio = max(ratios, key=relative_difference)
     return relative_difference(ratio), (
         f"a backend estimates a focal length of {ratio * used:.0f} px, but {used:.0f} px "
-        f"({camera.source}) was used: if that is wrong, all distances are, by the same factor"
+        f"({camera.source}) was used. Check it: a wrong one makes all distances wrong by the same "
+        "factor"
     )
 
 
-_BOX = "one --box x0,y0,x1,y1 for each person to keep may find one"
+_BOX = "to try again, give --box X0,Y0,X1,Y1 once for each person to keep"
 
 
 @_check("Large people without a body", at_most=0, unit="count")
@@ -328,7 +340,8 @@ def unposed_people(estimates: Estimates, result: Reconstruction) -> Measured:
     # a reason that the segmenter can cure ends with what to do
     cures = dict.fromkeys(reason.partition(": ")[2] or _BOX for reason in lacking)
     return float(len(lacking)), (
-        f"no body was found for {who} (dashed in preview.png): {', or '.join(cures)}"
+        f"{who} {'has' if len(lacking) == 1 else 'have'} no body (dashed in preview.png): "
+        f"{', or '.join(cures)}"
     )
 
 

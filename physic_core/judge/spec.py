@@ -11,7 +11,9 @@ from physic_core.types import CheckResult, CheckState
 
 YES = "1: yes"
 """Unit of a check that holds or not."""
-NO_BODY = "no body was found for this person"
+NO_BODY = "this person has no body"
+SIDE_VIEW = 'the view "From the side" in preview.png'
+OTHER_BODY = "If the pose is wrong, do not use it, or replace it with --bodies FILE"
 
 Measured = float | tuple[float | None, str] | None
 """Value of a check, None if nothing was measured; with a text in place of the check's advice, or of

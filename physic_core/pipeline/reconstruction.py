@@ -298,19 +298,20 @@ def describe_methods(estimates: Estimates, result: Reconstruction) -> list[str]:
     if estimates.ground.is_scaled_by_people and not estimates.known:
         bodies = sum(person.support is not None for person in people)
         contacts = [person.contacts for person in people]
-        notes.append(scale_note(contacts, bodies, result.scene.floor, lie))
+        floor, sigma = result.scene.floor, result.scene.scale_sigma
+        notes.append(scale_note(contacts, bodies, floor, lie, sigma))
     if (plain := _plain_ground(estimates)) is not None:
         share = (plain & ~np.asarray(estimates.photo.hole)).mean()
         notes.append(
-            f"{share:.0%} of the photo is a ground of one color, which has no shape: its depth is "
-            "unknown"
+            f"{share:.0%} of the photo is ground of one color, whose depth is unknown: do not "
+            "measure there, or give --depth FILE"
         )
     joints = np.reshape([person.joints for person in people], (-1, NUM_JOINTS, 3))
     turned = photo_seems_turned(joints, result.scene.floor)
     if turned and not _shows_level_floor(estimates.ground.search):
         notes.append(
-            "the people do not stand upright in the picture: is it rotated? Then poses, floor "
-            "and sizes are wrong: rotate it back, and run that"
+            "the people do not stand upright in the photo. If it is rotated, poses, floor and "
+            "sizes are wrong: rotate it back, and run it again"
         )
     return notes
 
@@ -328,7 +329,7 @@ def warn_of_small_people(estimates: Estimates, result: Reconstruction) -> list[s
     on_floor = [has_sole_on_floor(person.contacts) for person in result.people]
     return [
         f"person {i} would be {stature:.1f} m tall on the floor of the others. For a child, give "
-        f"{size_option('--age YEARS', len(on_floor))}; otherwise size and distance are wrong"
+        f"{size_option('--age YEARS', len(on_floor))}; of an adult, do not use size and distance"
         for i, stature in estimates.ground.small_statures.items()
         if on_floor[i] and sum(on_floor) > 1
     ]
@@ -342,8 +343,9 @@ def warn_of_bent_trunks(result: Reconstruction) -> list[str]:
     """Return a warning about each person whose trunk bends more than a spine does."""
     bent = (person.joint_angles["trunk_flexion"] for person in result.people)
     return [
-        f"person {i}: the trunk is bent by {angle:.0f} degrees, more than a spine bends: the pose "
-        f"of trunk and hips is wrong, and so are their angles"
+        f"person {i}: the trunk is bent by {angle:.0f}° (possible: {_MOST_BENT_DEG[0]:.0f}° to "
+        f"{_MOST_BENT_DEG[1]:.0f}°). Do not use the pose and angles of trunk and hips, or replace "
+        "the body with --bodies FILE"
         for i, angle in enumerate(bent)
         if not math.isnan(angle) and not _MOST_BENT_DEG[0] <= angle <= _MOST_BENT_DEG[1]
     ]

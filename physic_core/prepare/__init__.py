@@ -1,1 +1,1 @@
-"""The photo before a run, and what the user gives with it: camera, people, keypoints, depth."""
+"""Prepare the photo, and what the user gives with it: camera, people, keypoints, depth."""

@@ -64,7 +64,7 @@ class BodyParameters(ShortRepr):
         jaw_pose: (N, 3) rotation of the jaw.
         leye_pose: (N, 3) rotation of the left eye.
         reye_pose: (N, 3) rotation of the right eye.
-        betas: (N, K) shape, unit variance, meaningful for one body model only.
+        betas: (N, K) shape components of unit variance, which differ between body models.
         expression: (N, E), E = 0 where the body has none.
         transl: (N, 3) meters, added after posing.
     """

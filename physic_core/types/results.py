@@ -60,8 +60,8 @@ class Scene(ShortRepr):
         scale: the factor that the joint optimization applied to the scene (already in the points).
         scale_sigma: standard deviation of log(scale), or None.
         measured: whether a measured depth gave the scale: it does not depend on the focal length.
-        up: (3,) unit vector against gravity, camera frame; None in results that do not state it.
-            Ground may slope: it is the floor's normal only if nothing surer tells it.
+        up: (3,) unit vector against gravity, camera frame; None if unknown. On a slope, it differs
+            from the floor's normal.
         up_sigma: standard deviation of its angle to the truth in each direction, degrees.
         up_source: what tells it, in words.
     """
@@ -105,12 +105,10 @@ class Person(ShortRepr):
         vertices: (V, 3) float32, meters.
         joints: (55, 3) float32, meters, in SMPL-X order.
         contact: (V,) bool, whether the vertex touches something.
-        distance: (V,) float32, signed distance to the floor, or to the scene before inpainted
-            points were moved out of people: negative inside, inf beyond the search radius.
-        contact_probability: (V,) float16 in [0, 1], that the vertex touches its partner, and floor
-            or scene where it has none; ``contact`` is this probability over ``[engine.contact]
-            threshold`` where the body part touches with one half or more. None if the preset
-            estimates none.
+        distance: (V,) float32, signed distance to floor or scene, negative inside, inf beyond the
+            search radius.
+        contact_probability: (V,) float16 in [0, 1], that the vertex touches its partner, or floor
+            or scene without a partner. None if the preset estimates none.
         contact_partner: (V,) int16, index into ``Reconstruction.contact_partners``,
             :data:`NO_PARTNER` for vertices that are not in contact. None if the contacts were not
             assigned to partners.
@@ -122,13 +120,12 @@ class Person(ShortRepr):
             buttocks. None without a body, and if the preset estimates none.
         unseen: limbs, hands and feet without a confident keypoint inside the photo at their end:
             their pose is mostly a guess.
-        joint_sigma: (55,) meters, root mean square distance of each joint from the true one, both
-            relative to the middle of the hips, by the body estimator; NaN where unknown, None if it
-            does not say.
+        joint_sigma: (55,) meters, root mean square error of each joint relative to the middle of
+            the hips, as the body estimator states it; NaN where unknown, None without a statement.
         body_source: what the user gives as this body, such as the tool and its file; "" for an
             estimated one.
-        given_joints: (55, 3) meters, joints of the body that the user gives, at its place in the
-            camera frame; None for an estimated one.
+        given_joints: (55, 3) meters, joints of a given body in the camera frame; None for an
+            estimated body.
         failed_checks: names of the ``Reconstruction.checks`` about this person that failed.
         unknown_checks: names of those for which nothing could be measured.
         trust: probability in [0, 1] that pose, place, contact and size are right; None without

@@ -34,7 +34,7 @@ def folder(make, tmp_path):
         BodyContact("right_hand", own, 0.8, 9),
         BodyContact("left_lower_leg", floor, 0.8, 9, assumed=True),
     )
-    why = "Limbs off their keypoints: 4.5 % (check the overlay)"
+    why = "Limbs far from their keypoints: 4.5 % (check the overlay)"
     doubtful = {"trust_place": 0.5, "failed_checks": ("limb_keypoints", "lean")}
     places = ([0.0, 1.8, 2.4], [0.0, 0.0, 12.5], [np.nan] * 3)
     first, second, third = (
@@ -59,7 +59,7 @@ def folder(make, tmp_path):
     )
     failed = CheckState.FAILED
     checks = (
-        check("limb_keypoints", failed, 0.045, "Limbs off their keypoints"),
+        check("limb_keypoints", failed, 0.045, "Limbs far from their keypoints"),
         check("lean", failed, 0.5, "Lean angle"),
         replace(check("support", CheckState.UNKNOWN, None, "Supported"), person=2),
     )
@@ -80,7 +80,7 @@ def test_a_person_is_described_by_marks_contact_and_reasons(folder, physic):
         "  why: look at the arms",
         "person 1: 12.5 ± 0.9 m away, place doubtful",
         "  contact: none",
-        "  why: Limbs off their keypoints: 4.5 % (check the overlay)",
+        "  why: Limbs far from their keypoints: 4.5 % (check the overlay)",
         "person 2: no body, not judged",
     ]
     assert "no body: only a hand is seen, box 1, 2, 30, 40, score 0.50" in lines

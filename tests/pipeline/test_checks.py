@@ -283,10 +283,10 @@ def test_nothing_fails_where_all_is_well():
             0.3,
             "30%",
         ),
-        ({"photo_share": 0.0}, "photo_alignment", 0.0, "share no background"),
+        ({"photo_share": 0.0}, "photo_alignment", 0.0, "nowhere"),
         ({"floor": "no_consensus"}, "floor", 0.0, "no horizontal plane"),
         ({"mask": False}, "floor", 0.0, "look like floor"),
-        ({"pitch_deg": 19.0}, "floor", 0.0, "looks up by 19 degrees"),
+        ({"pitch_deg": 19.0}, "floor", 0.0, "by 19°"),
         ({"sigma": 0.22}, "scale_sigma", 0.22, "off by 22%"),
         ({"colours": 1, "mask": None}, "floor_shown", 0.0, "the floor is a guess"),
         (
@@ -479,7 +479,7 @@ def test_a_value_at_its_bound_holds_and_beyond_it_does_not():
         ({"floor": "switched_off"}, "floor", "settings"),
         ({"likely": None}, "contact_sure", "no body, or this preset"),
         ({}, "body_in_mask", "no visible part of this body"),
-        ({"joints": np.full((55, 3), np.nan)}, "lean body_in_mask", "no body was found"),
+        ({"joints": np.full((55, 3), np.nan)}, "lean body_in_mask", "no body"),
         ({"lean": 80.0, "source": "people who lie"}, "lean", "lies"),
         ({"joints": across_the_picture(standing())}, "lean", "not upright"),
         ({"joints": with_bent_trunk(-45.0), "posture": "squat"}, "lean", "not upright"),
@@ -510,23 +510,23 @@ NEAR = {"given_keypoints_px": {"nose": 9.0, "right_wrist": 24.0}, "stature_px": 
     [
         (
             *("given_size", SIZES | {"stature_sigmas": 3.1}, SIX, True),
-            "the photo shows 1.70 m, and 1.15 m is usual at 6 years: ",
+            "this person is 1.70 m tall in the photo, not 1.15 m, which is usual at 6 years",
         ),
         (
             *("given_size", SIZES | {"stature_sigmas": 3.1}, SMALL, True),
-            "the photo shows 1.70 m, and 1.15 m was given: ",
+            "this person is 1.70 m tall in the photo, not 1.15 m",
         ),
         (
             *("given_size", SIZES | {"stature_sigmas": 2.9}, SMALL, False),
-            "Given size off: 2.90 sigma, limit 3 sigma",
+            "Given size differs from the photo: 2.90 sigma, limit 3 sigma",
         ),
         (
             *("given_keypoints", PLACES, None, True),
-            "the given right wrist lies 186 px from where depth, floor and body put it: ",
+            "your right wrist is 186 px away",
         ),
         (
             *("given_keypoints", NEAR, None, False),
-            "Given keypoints off the body: 4.80 sigma, limit 5 sigma",
+            "Given keypoints far from the body: 4.80 sigma, limit 5 sigma",
         ),
     ],
 )
@@ -558,7 +558,7 @@ def test_a_trunk_that_bends_more_than_a_spine_is_warned_of(degrees, warned):
     pose[0, 3 * (JOINT_INDEX["spine1"] - 1)] = math.radians(degrees)
     bent = replace(person, parameters=replace(person.parameters, body_pose=pose))
     sentences = warn_of_bent_trunks(replace(result, people=(bent,)))
-    assert [f"{degrees} degrees" in sentence for sentence in sentences] == [True] * warned
+    assert [f"{degrees}°" in sentence for sentence in sentences] == [True] * warned
 
 
 UNKNOWN = KnownPeople(None, None)

@@ -70,7 +70,7 @@ def is_denied(sentence, result):
             by_soles and not (has_floor and int(by_soles[1]) == sum(on_floor)),
             by_size and (int(by_size[1]) != len(result.people) or (has_floor and any(on_floor))),
             small and not (on_floor[int(small[1])] and sum(on_floor) > 1),
-            has_floor and re.search(r"no floor was found|look of the photo tells", sentence),
+            has_floor and re.search(r"no floor was detected|look of the photo alone", sentence),
             not has_floor and "upright on the floor" in sentence,
             any(on_floor)
             and re.search(r"no feet on a floor|shows the ground at the feet", sentence),

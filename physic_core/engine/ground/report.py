@@ -66,12 +66,13 @@ def rival_note(
             continue
         angle = angle_deg(candidate.plane.normal, chosen.normal)
         if angle > _RIVAL_DEG:
-            rivals.append((weight, f"the right one is tilted by {angle:.0f} degrees against it"))
+            rivals.append((weight, f"the true floor is tilted by {angle:.0f}° against it"))
     if (total := sum(weight for weight, _ in rivals)) < _RIVAL:
         return ()
     return (
-        f"the floor may be wrong (probability {total:.2f}): perhaps {max(rivals)[1]}. Compare its "
-        f"line with the photo, from the side in preview.png, before you use heights over it",
+        f"the floor may be wrong (probability {total:.2f}): perhaps {max(rivals)[1]}. Before you "
+        'use heights over it, compare its line in the view "From the side" of preview.png with '
+        "the photo",
     )
 
 
@@ -128,7 +129,11 @@ def small_statures(
 
 
 def scale_note(
-    contacts: Sequence[Sequence[BodyContact]], bodies: int, floor: Plane | None, lie: bool
+    contacts: Sequence[Sequence[BodyContact]],
+    bodies: int,
+    floor: Plane | None,
+    lie: bool,
+    sigma: float | None,
 ) -> str:
     """Return a note about the people who give the scale.
 
@@ -137,20 +142,22 @@ def scale_note(
         bodies: number of people with a body.
         floor: of the result.
         lie: whether the floor is what people lie on.
+        sigma: standard deviation of the logarithm of the scale.
     """
     stand = sum(has_sole_on_floor(person) for person in contacts)
     if floor is not None and stand and not lie:
         origin = f"where the feet of {_people(stand)} touch the floor, and on the body's height"
     else:
         if lie:
-            why = "who seem to lie"
+            why = "who probably lie"
         elif stand:
-            why = "because no floor was found"
+            why = "because no floor was detected"
         else:
             why = "because no feet on a floor are visible"
         origin = f"the usual height of {_people(bodies)}, {why}"
     option = size_option("--stature METERS", len(contacts))
-    return f"all sizes depend mainly on {origin}. If you know a height, give {option}"
+    error = "" if sigma is None else f", and may be off by {sigma:.0%} (one standard deviation)"
+    return f"all sizes depend mainly on {origin}{error}. If you know a height, give {option}"
 
 
 def _people(count: int) -> str:

@@ -160,8 +160,8 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
         if found is None:
             if hints.scene is not None:
                 notes.append(
-                    "the depth of the photo with people could not be matched to that of the scene "
-                    "without them: gaps between people and scene may be wrong"
+                    "depth with people could not be matched to depth without them, so gaps between "
+                    "people and scene may be wrong. Try --set inpainter.backend=telea"
                 )
             look = up_of_tokens(tokens or self._small_look(image), fitted_numbers())
             frame = manhattan_frame(segments, width, height, camera.fx)
@@ -173,8 +173,8 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             factor = float(np.exp(estimate.sigma))
             (warnings if factor > _DOUBTFUL_FACTOR else notes).append(
                 f"the farthest background may be {factor:.2g} times farther or nearer (one "
-                f"standard deviation). Do not measure there; people and things near them are less "
-                f"affected"
+                f"standard deviation). Do not measure there, or give --depth FILE. The error is "
+                "smaller for people and things near them"
             )
         else:
             infinity, scale = found
@@ -267,10 +267,11 @@ class EmbeddedPointmap(PackagedBackend, RelativePointmap):
             source += " and vanishing points"
         trust = CameraTrust.ESTIMATED if sigma <= _SURE_FOCAL_SIGMA else CameraTrust.GUESSED
         camera = Intrinsics.from_focal(focal, width, height, source, trust)
-        how = "assumed to be usual" if found is None else "estimated from straight edges"
+        how = "a default" if found is None else "estimated from straight edges"
         note = (
             f"the focal length is {how}, so all distances may be off by {sigma:.0%} (one standard "
-            f"deviation). Give the original file, which may state it, or --focal-px PX"
+            f"deviation). Run the original file, whose EXIF data may state it, or give --focal-px "
+            "PX"
         )
         return replace(camera, focal_sigma=sigma), note
 

@@ -31,20 +31,20 @@ _CHECKS = {
         # whose people do not fit.
         CheckSpec(
             "view_keypoints",
-            "Limbs off their keypoints",
+            "Limbs far from their keypoints",
             "at most",
             0.06,
             share_of="the box diagonal",
         ),
         # Of 30 pairs of photos of a rig, 20 have two or three people, and 29 of 30 wrong pairs of
         # two rigs one.
-        CheckSpec("view_people", "People in other photos, too", "at least", 2, "count"),
+        CheckSpec("view_people", "People also in other photos", "at least", 2, "count"),
         # Half of the energy of a person in the solution of two photos, with the clothes: rigs
         # 11-29, wrong pairs 17-47.
         CheckSpec("view_agreement", "People differ from other photos", "at most", 28, "energy"),
-        CheckSpec("view_missing_person", "Person in other photos missing", "at most", 0, "count"),
+        CheckSpec("view_missing_person", "Person of other photos missing", "at most", 0, "count"),
         # Rigs 0.05-0.56; 0.6-0.9 where a floor is wrong, 2.6 in a wrong pair.
-        CheckSpec("view_height", "Camera height over other floors, off", "at most", 0.6, "log"),
+        CheckSpec("view_height", "Camera height differs from other floors", "at most", 0.6, "log"),
     )
 }
 # Least share of a person's keypoints in the frame of a photo that should show the person.

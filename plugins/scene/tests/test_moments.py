@@ -78,7 +78,7 @@ def test_three_photos_give_their_cameras_and_a_check_of_each(solved, worlds):
     checks = [check for check in solved.reconstruction.checks if check.name == "view_keypoints"]
     others = [photo.name for photo in solved.photos if photo.index != solved.reference]
     assert [check.title for check in checks] == [
-        f"Limbs off their keypoints in {photo}" for photo in others
+        f"Limbs far from their keypoints in {photo}" for photo in others
     ]
     assert all(check.ok and check.value is not None for check in checks)
 

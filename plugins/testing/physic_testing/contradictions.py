@@ -45,7 +45,7 @@ def _of_sentences(result: Reconstruction) -> Iterator[str]:
             yield f"{max(counts)} people are not there: {text}"
         if people < 2 and re.search(r"\bother people\b|\bon which others\b", text):
             yield f"there are no other people: {text}"
-        if has_floor and re.search(r"no floor was found|floor is not found", text):
+        if has_floor and re.search(r"no floor was detected", text):
             yield f"there is a floor: {text}"
         if not has_floor and re.search(r"this floor|upright on the floor|below the floor", text):
             yield f"there is no floor: {text}"
