@@ -19,10 +19,9 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-import click
 import docs_numbers
 
-from physic_core import Person, Reconstruction, Scene, cli, find_exporters, interfaces
+from physic_core import Person, Reconstruction, Scene, find_exporters, interfaces
 from physic_core.cli.exit_codes import MEANINGS
 from physic_core.discovery.backends import list_backends, load_class
 from physic_core.discovery.entry_points import Offer
@@ -185,7 +184,7 @@ def checks_table(of: str) -> str:
             [
                 spec.label,
                 f"`{spec.name}`",
-                value_of(spec) + ("; only if there is one" if spec.optional else ""),
+                value_of(spec) + (" (if measured)" if spec.optional else ""),
                 limit_of(spec),
                 *(
                     [right_text(figure_of[spec.name]) if spec.name in figure_of else "not measured"]
@@ -240,34 +239,15 @@ def exit_codes_table() -> str:
     return table(("code", "meaning"), ((str(c), text) for c, text in MEANINGS.items()))
 
 
-def options_table() -> str:
-    context = click.Context(cli.main)
-    command = cli.main.get_command(context, "run")
-    assert command is not None
-    records = (option.get_help_record(context) for option in command.params)
-    return table(
-        ("option", "meaning"),
-        ((f"`{names}`".replace("|", "\\|"), text) for names, text in filter(None, records) if text),
-    )
-
-
 def backends_table() -> str:
-    offers = [offer for offer in list_backends() if offer.name != "mock"]
+    offers = [
+        offer
+        for offer in list_backends()
+        if offer.distribution.startswith("metricbody") and offer.name != "mock"
+    ]
     return table(
-        ("interface", "backend", "what it is", "license of the weights"),
-        (
-            (offer.interface, f"`{offer.name}`", purpose_of(offer), license_of(offer))
-            for offer in offers
-        ),
-    )
-
-
-def purpose_of(offer: Offer) -> str:
-    """Return the summary of a backend without the words of its interface."""
-    text = summary(load_class(offer)).rstrip(".")
-    words = offer.interface.replace("_", " ")
-    return re.sub(
-        rf"^{words}\w*( estimator)?(:| that| of the photo from| by| of) ?", "", text, flags=re.I
+        ("interface", "backend", "license of the weights"),
+        ((offer.interface, f"`{offer.name}`", license_of(offer)) for offer in offers),
     )
 
 
@@ -370,7 +350,6 @@ def parts() -> dict[str, Callable[[], str]]:
         "checks-of-a-person": lambda: checks_table("person"),
         "exports": exports_table,
         "exit-codes": exit_codes_table,
-        "options-of-run": options_table,
         "backends": backends_table,
         "interfaces": interfaces_table,
         "arrays": arrays_table,
@@ -408,7 +387,6 @@ def write_pages() -> None:
 
 if __name__ == "__main__":
     if sys.argv[1:] == ["--check"]:
-        sys.exit(
-            "".join(f"{page} is old: python tools/pages.py renews it\n" for page in old_pages())
-        )
+        lines = [f"{page} is old: python tools/pages.py renews it" for page in old_pages()]
+        sys.exit("\n".join(lines) or 0)
     write_pages()

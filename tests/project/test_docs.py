@@ -14,14 +14,8 @@ from physic_core.configuration.resolve import resolve
 pytestmark = pytest.mark.usefixtures("few_steps")
 
 ROOT = Path(__file__).parents[2]
-PAPERS = [page for page in ROOT.glob("*.md") if page.name != "CHANGELOG.md"]
 PAGES = sorted(
-    [
-        *PAPERS,
-        *ROOT.glob("docs/**/*.md"),
-        *ROOT.glob("plugins/*/README.md"),
-        ROOT / "examples" / "README.md",
-    ]
+    {page for place in ("*.md", "docs/*.md", "*/*/README.md") for page in ROOT.glob(place)}
 )
 
 
@@ -33,10 +27,11 @@ def blocks(language):
     ]
 
 
-def commands(program):
+def commands():
     lines = [line for block in blocks("sh") for line in block.splitlines()]
-    words = [shlex.split(line, comments=True) for line in lines]
-    return [w for w in words if w[:1] == [program]]
+    return [
+        words for line in lines if (words := shlex.split(line, comments=True))[:1] == ["physic"]
+    ]
 
 
 @pytest.mark.parametrize("text", blocks("toml"))
@@ -45,7 +40,7 @@ def test_every_config_of_the_pages_holds(text):
     resolve(config.load_config(flags={"page": given}))
 
 
-@pytest.mark.parametrize("words", commands("physic"), ids=" ".join)
+@pytest.mark.parametrize("words", commands(), ids=" ".join)
 def test_every_command_of_the_pages_can_be_given(words, tmp_path):
     group = cli.main
     arguments = words[1:]
@@ -59,28 +54,6 @@ def test_every_command_of_the_pages_can_be_given(words, tmp_path):
         config.load_config(ROOT / named, overrides=overrides)
     else:
         config.load_config(overrides=overrides)
-
-
-@pytest.mark.parametrize("words", commands("make"), ids=" ".join)
-def test_every_target_of_the_pages_exists(words):
-    assert re.search(rf"^{words[1]}:", (ROOT / "Makefile").read_text(), re.M)
-
-
-@pytest.mark.parametrize("words", commands("pip"), ids=" ".join)
-def test_every_install_line_names_what_is_there_and_asks_no_index_for_the_project(words):
-    if words[1] == "wheel" or words[2:] == ["notebook"]:
-        return
-    given = iter(words[2:])
-    for flag in given:
-        if flag == "." or flag.endswith(".whl"):
-            continue
-        value = next(given).removeprefix("physic/")  # the unpacked archive
-        folder = ROOT / value.partition("[")[0]
-        assert {
-            "-r": (ROOT / value).is_file(),
-            "-e": (folder / "pyproject.toml").is_file(),
-            "-c": (ROOT / value).is_file(),
-        }[flag]
 
 
 # What the pages promise does not depend on the backends.
@@ -110,28 +83,9 @@ def test_pages_state_what_code_and_measurements_do(module_at, monkeypatch):
     assert module_at("tools/pages.py").old_pages() == []
 
 
-@pytest.mark.parametrize("page", ["ARCHITECTURE.md", "README.md", "CONTRIBUTING.md", "docs/api.md"])
-def test_every_file_that_a_paper_names_is_there(page):
-    text = (ROOT / page).read_text()
-    for name in re.findall(r"`([a-z_]+/[\w./-]+?)/?`", text):
-        roots = (ROOT, ROOT / "physic_core", ROOT / "physic_core" / "engine" / "joint")
-        assert any((root / name).exists() for root in roots), name
-    for folder, names in re.findall(
-        r"^\| file in `(.*?)/` .*?\n\|[-|]+\n((?:\|.*\n)+)", text, re.M
-    ):
-        for name in re.findall(
-            r"`([\w*]+\.py)`", "\n".join(row.split("|")[1] for row in names.splitlines())
-        ):
-            assert list((ROOT / "physic_core" / folder).glob(name)), name
-
-
-def test_every_name_that_the_architecture_places_in_a_file_is_there():
-    places = re.findall(r"`(\w+)` of\s+`([\w/-]+\.py)`", (ROOT / "ARCHITECTURE.md").read_text())
-    assert places
-    for name, file in places:
-        folders = (ROOT, ROOT / "physic_core")
-        (text,) = [(one / file).read_text() for one in folders if (one / file).exists()]
-        assert re.search(rf"^(?:def |class )?{name}\b", text, re.M), (name, file)
+def test_every_file_that_the_architecture_names_is_there():
+    for name in re.findall(r"`([a-z_]+/[\w./-]+?)/?`", (ROOT / "ARCHITECTURE.md").read_text()):
+        assert (ROOT / name).exists() or (ROOT / "physic_core" / name).exists(), name
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
