@@ -17,12 +17,13 @@ from physic_core.body import load_body
 from physic_core.body.bones import rotations_from_parameters
 from physic_core.configuration.resolve import resolve
 from physic_core.errors import BackendError
-from physic_core.types import PARTNER_KINDS, TOUCH_PARTS, TOUCHED, Hints
+from physic_core.types import PARTNER_KINDS, SURFACE_NAMES, TOUCH_PARTS, TOUCHED, Hints
 from physic_core.types.skeletons import SIDES
 from physic_mock.observer import MockPersonObserver
 from physic_mock.recognition import match_masks_to_world, recognise_world
 from physic_testing.metrics import pa_mpjpe_mm
 from physic_testing.worlds import load_world
+from physic_testing.worlds.world import pixel_rays
 from tests.pipeline.mocks import changed, run
 
 pytestmark = [pytest.mark.quick, pytest.mark.kernels]
@@ -193,3 +194,31 @@ def test_legs_behind_a_table_are_named_as_unseen_and_limbs_in_the_open_are_not()
 def test_a_photo_of_no_world_is_refused():
     with pytest.raises(BackendError, match="only know the photos of their own worlds"):
         run(np.full((120, 160, 3), 90, np.uint8))
+
+
+@pytest.mark.usefixtures("few_steps")
+def test_feet_on_pedals_are_not_on_the_floor_and_a_seat_without_depth_carries(monkeypatch):
+    """A machine whose seat is .9 m over the floor, and its pedals .2 m; the depth has neither."""
+    world = load_world("sit_on_stool", (160, 120))
+    floor = replace(world.floor, offset=world.floor.offset + 0.2)
+    floor_depth = -floor.offset / (pixel_rays(world.intrinsics) @ floor.normal)
+    shown = world.empty_floor_mask | (world.empty_surfaces == SURFACE_NAMES.index("seat"))
+    empty = np.where(shown, floor_depth.clip(0.1, 9), world.empty_depth).astype(np.float32)
+    people = world.masks.any(0)
+    machine = replace(
+        world,
+        floor=floor,
+        empty_depth=empty,
+        depth=np.where(people, world.depth, empty),
+        empty_floor_mask=shown,
+        floor_mask=shown & ~people,
+        touched_surface=world.contact * np.uint8(SURFACE_NAMES.index("object")),
+    )
+    monkeypatch.setattr("physic_mock.recognition.load_world", lambda *_: machine)
+    result = run(world.image)
+    (person,) = result.people
+    partners = {one.part: one.partner for one in person.support.contacts}
+    assert partners["seat"].title == "seat"
+    assert {partners[f"{side}_foot"].title for side in SIDES} == {"something seen"}
+    assert "floor" not in {one.partner.kind for one in person.contacts}
+    assert result.summary()["usable_place"] == 1
