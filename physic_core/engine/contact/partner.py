@@ -33,9 +33,11 @@ HIDDEN_SEAT = len(KINDS) + 1
 DECIMALS = 4
 """Decimals of probabilities and lengths of listed contacts and supports."""
 
+MIN_VERTICES = 3
+"""Least number of vertices of a contact that is listed."""
+
 _OF_WORLD = ("floor", "scene", "hidden")
 _SKIN = ("person", "self")
-_MIN_VERTICES = 3  # of a contact that is listed
 _DENT_QUANTILE = 0.9  # of the depths of a part's vertices in a dent
 _GROUND_M = 0.05  # height over the floor of feet that stand on it: its error and that of the pose
 _RESTS = -0.3  # cosine between up and the mean normal of touching skin; below it, the part rests
@@ -275,7 +277,7 @@ def body_contacts(
     for value, count in zip(
         *(x.tolist() for x in torch.unique(code[touching], return_counts=True)), strict=True
     ):
-        if count < _MIN_VERTICES:
+        if count < MIN_VERTICES:
             continue
         partner, number = divmod(value, len(regions.names))
         part = regions.names[number]
@@ -340,6 +342,6 @@ def _dent_of(depths: Tensor) -> float | None:
     known = depths[torch.isfinite(depths)]
     return (
         round(float(known.quantile(_DENT_QUANTILE)), DECIMALS)
-        if len(known) >= _MIN_VERTICES
+        if len(known) >= MIN_VERTICES
         else None
     )

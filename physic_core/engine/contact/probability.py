@@ -138,7 +138,8 @@ class NearScene(NamedTuple):
     Attributes:
         gap: (N, P) signed distance of each part of :func:`contact_part_masks`, metres; inf if
             nothing is near.
-        down: (N, P) cosine between down and the skin of the part that is nearest to the surface.
+        down: (N, P) cosine between down and the skin of the part that is nearest to the surface, or
+            lowest where nothing is near.
         rise: (N, V) how much farther the vertex is than its part, metres, at least 0; inf if it is
             far.
         facing: (N, V) cosine between the skin and the surface that it faces.
@@ -165,7 +166,7 @@ def near_scene(state: State, near: Distances) -> NearScene:
     down = -(near.normals @ state.up)
     return NearScene(
         gap=gap,
-        down=_of_nearest_skin(state.model, distance, down),
+        down=_of_nearest_skin(state.model, rise, down),
         rise=torch.relu(rise),
         facing=torch.where(lost, down, facing),
     )
@@ -211,13 +212,13 @@ def is_lying(state: State) -> Tensor:
     return (tilt - 90).abs() < LYING_DEG
 
 
-def _of_nearest_skin(model: BodyModel, distance: Tensor, values: Tensor) -> Tensor:
+def _of_nearest_skin(model: BodyModel, rise: Tensor, values: Tensor) -> Tensor:
     """Return the mean (N, P) of values (N, V) over the vertices of each part with the smallest
-    distances (N, V).
+    rises (N, V) over its nearest skin.
     """
     means = []
     for chosen in contact_part_masks(model).values():
-        nearest = distance[:, chosen].topk(SUREST_VERTICES, largest=False).indices
+        nearest = rise[:, chosen].topk(SUREST_VERTICES, largest=False).indices
         means.append(values[:, chosen].gather(1, nearest).mean(1))
     return torch.stack(means, 1)
 

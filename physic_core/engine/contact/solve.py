@@ -23,6 +23,7 @@ from physic_core.engine.contact.method import ContactStageMethod, Touch
 from physic_core.engine.contact.partner import (
     HIDDEN,
     HIDDEN_SEAT,
+    MIN_VERTICES,
     SeenTouch,
     assign_partners,
     body_contacts,
@@ -191,8 +192,12 @@ def _with_unknown(state: State, near: Distances, touch: Touch) -> Touch:
     """Add contacts of soles, hands, and skin of other observed parts that faces down, which
     probably touch the world, and have nothing of it within a hand's breadth: with something
     unknown. A hidden seat is a support.
+
+    If too little skin of such a part faces down to be listed, the pose or the answer is wrong,
+    either as probably as the other.
     """
     kind = touch.kind.clone()
+    parts = {**touch.parts}
     down = near.normals @ state.up < _FACES_DOWN
     for name, skin in contact_part_masks(state.model).items() if touch.parts else ():
         if name not in OBSERVED or name == SEAT:
@@ -204,8 +209,10 @@ def _with_unknown(state: State, near: Distances, touch: Touch) -> Touch:
             chosen = state.model.in_contact_sets(f"{side}_{_TOUCHING[limb]}") & state.model.outer
         else:
             chosen = skin & down
+            cannot = alone & (chosen.sum(1) < MIN_VERTICES)
+            parts[name] = torch.where(cannot, 0.5 * parts[name], parts[name])
         kind[alone[:, None] & chosen] = HIDDEN
-    return replace(touch, kind=kind)
+    return replace(touch, kind=kind, parts=parts)
 
 
 def _add_hidden_contacts(
