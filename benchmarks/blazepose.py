@@ -9,6 +9,7 @@ are those of the embedded preset, with the same looks at each. The table is that
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -57,11 +58,8 @@ def main() -> None:
         people = segmenter.infer(picture)
         answers.append(answer_of(people, detector.infer(picture, people), sample))
     rows = rows_of(compared(samples, answers))
-    print(text_table([row for row in rows if _is_of_joints(row.figure.name)]))
-
-
-def _is_of_joints(row: str) -> bool:
-    return "mm" in row or "pelvis" in row
+    of_joints = [row for row in rows if re.search("mm|pelvis", row.figure.name)]
+    print(text_table(of_joints))
 
 
 def answer_of(people: People, keypoints: Keypoints, sample: Sample) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import json
 import math
 import re
 import subprocess
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -114,15 +115,8 @@ def text_differences(shown: str, measured: str) -> list[str]:
     """Compare printed text line by line: numbers within a tolerance, the words between them
     exactly.
     """
-    old = shown.splitlines()
-    new = measured.splitlines()
-    if len(old) != len(new):
-        return [f"{len(old)} lines are shown, {len(new)} are printed"]
-    return [
-        f"{a!r} is shown, {b!r} is printed"
-        for a, b in zip(old, new, strict=True)
-        if not _same_line(a, b)
-    ]
+    pairs = zip_longest(shown.splitlines(), measured.splitlines(), fillvalue="")
+    return [f"{a!r} is shown, {b!r} is printed" for a, b in pairs if not _same_line(a, b)]
 
 
 def _same_line(shown: str, measured: str) -> bool:

@@ -8,54 +8,18 @@ patch that does not apply, and a test that does not run, are failures too.
 
 from __future__ import annotations
 
-import argparse
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "tools" / "attacks" / "mutants"
-# exit codes of pytest
-PASSED = 0
-FAILED = 1
-
-
-@dataclass(frozen=True)
-class Mutant:
-    """A defence that can be removed.
-
-    Attributes:
-        name: of the patch, without suffix.
-        patch: the file.
-        test: as pytest takes it, relative to the checkout.
-    """
-
-    name: str
-    patch: Path
-    test: str
-
-
-def read_mutants(names: Sequence[str]) -> list[Mutant]:
-    """Return the mutants of these names, or all; exit with a message if one does not exist or names
-    no test.
-    """
-    patches = {path.stem: path for path in sorted(FOLDER.glob("*.patch"))}
-    if unknown := [name for name in names if name not in patches]:
-        sys.exit(f"no patch is named {', '.join(unknown)}: {', '.join(patches)}")
-    mutants = []
-    for name in names or patches:
-        line = patches[name].read_text(encoding="utf-8").partition("\n")[0]
-        if not line.startswith("Test: "):
-            sys.exit(
-                f'{patches[name]}: the first line must be "Test: " and the test that must fail'
-            )
-        mutants.append(Mutant(name, patches[name], line.removeprefix("Test: ").strip()))
-    return mutants
 
 
 def copy_checkout(target: Path) -> None:
@@ -84,48 +48,46 @@ def run_tests(copy: Path, tests: Sequence[str]) -> tuple[int, str]:
     return done.returncode, done.stdout + done.stderr
 
 
-def apply(copy: Path, mutant: Mutant, *options: str) -> str:
+def apply(copy: Path, patch: Path, *options: str) -> str:
     """Apply a patch to the copy; return git's message, "" if it applies."""
-    command = ["git", "apply", "-C1", "--whitespace=nowarn", *options, str(mutant.patch)]
+    command = ["git", "apply", "-C1", "--whitespace=nowarn", *options, str(patch)]
     done = subprocess.run(command, cwd=copy, capture_output=True, text=True, check=False)
     return done.stderr.strip() if done.returncode else ""
 
 
-def fault(copy: Path, mutant: Mutant) -> str:
+def fault(copy: Path, patch: Path) -> str:
     """Remove a defence, run its test, and bring it back; return what is wrong, "" if the test
     noticed.
     """
-    if message := apply(copy, mutant):
+    if message := apply(copy, patch):
         return f"the patch does not apply any more: make it again ({message})"
-    code, output = run_tests(copy, [mutant.test])
-    if message := apply(copy, mutant, "--reverse"):
-        sys.exit(f"{mutant.name}: {message}")
-    if code == PASSED:
-        return f"not noticed: {mutant.test} passes without this defence"
-    return (
-        ""
-        if code == FAILED
-        else f"the test does not run (pytest ended with {code}):\n{output[-2000:]}"
-    )
+    code, output = run_tests(copy, [test_of(patch)])
+    if message := apply(copy, patch, "--reverse"):
+        sys.exit(f"{patch.stem}: {message}")
+    return "" if code == pytest.ExitCode.TESTS_FAILED else f"not noticed:\n{output[-2000:]}"
+
+
+def test_of(patch: Path) -> str:
+    """Return the test that a patch names in its first line."""
+    line = patch.read_text(encoding="utf-8").partition("\n")[0]
+    return line.removeprefix("Test: ").strip()
 
 
 def main() -> int:
     """Return 1 if the removal of a defence was not noticed."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("names", nargs="*", metavar="NAME")
-    mutants = read_mutants(parser.parse_args().names)
+    patches = [FOLDER / f"{name}.patch" for name in sys.argv[1:]] or sorted(FOLDER.glob("*.patch"))
     bad = 0
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder).resolve() / "copy"
         copy_checkout(copy)
-        code, output = run_tests(copy, sorted({mutant.test for mutant in mutants}))
-        if code != PASSED:
+        code, output = run_tests(copy, sorted({test_of(patch) for patch in patches}))
+        if code:
             sys.exit(f"the tests must pass before a defence is removed:\n{output[-4000:]}")
-        for mutant in mutants:
-            failure = fault(copy, mutant)
+        for patch in patches:
+            failure = fault(copy, patch)
             bad += bool(failure)
-            print(f"{mutant.name}: {failure or 'noticed'}", flush=True)
-    print(f"{len(mutants) - bad} of {len(mutants)} removed defences were noticed")
+            print(f"{patch.stem}: {failure or 'noticed'}", flush=True)
+    print(f"{len(patches) - bad} of {len(patches)} removed defences were noticed")
     return 1 if bad else 0
 
 

@@ -61,23 +61,18 @@ def answer(pipeline: Any, job: Mapping[str, Any]) -> tuple[dict[str, Any], dict[
 
 def record_of(result: Any) -> dict[str, Any]:
     """Return the stated fields of a reconstruction, as JSON has them."""
+    from physic_core.types import skeleton_named
+
     floor = result.scene.floor
     return {
         "error": "",
         **dict(stated(result, RESULT)),
-        "skeleton": list(getattr(skeleton_of(result), "names", ())),
+        "skeleton": list(getattr(skeleton_named(result.skeleton), "names", ())),
         "camera": dict(stated(result.intrinsics, CAMERA)),
         "scene": dict(stated(result.scene, SCENE)),
         "floor": None if floor is None else plain([*floor.normal, floor.offset]),
         "people": [dict(stated(person, PERSON)) for person in result.people],
     }
-
-
-def skeleton_of(result: Any) -> Any:
-    """Return the skeleton of the keypoints, whatever a build calls it."""
-    from physic_core import types
-
-    return types.skeleton_named(result.skeleton)
 
 
 def stated(owner: Any, names: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
