@@ -164,18 +164,6 @@ def test_hands_run_from_wrist_to_tips(at_rest):
         assert (fingers[1:, 0, 2].diff() < 0).all()  # index in front, little finger behind
 
 
-def test_the_small_model_equals_the_whole(embedded, random_pose):
-    extra = torch.tensor([13000, 4, 4])
-    skeletons = ("blazepose33", "openpose_hand21_right")
-    points = embedded.landmarks_only(skeletons, extra)(**random_pose)
-    output = embedded(**random_pose)
-    assert set(points) == {*skeletons, "joints", "vertices"}
-    for skeleton in skeletons:
-        assert torch.allclose(points[skeleton], embedded.landmarks(output, skeleton), atol=1e-6)
-    assert torch.allclose(points["vertices"], output.vertices[:, extra], atol=1e-6)
-    assert torch.equal(points["joints"], output.joints)
-
-
 def test_refuses_an_unknown_joint_set(embedded):
     with pytest.raises(BodyModelError, match="'coco18': choose one of coco17, coco23"):
         embedded.landmarks_only(("coco18",))

@@ -5,10 +5,8 @@ from __future__ import annotations
 import re
 from itertools import pairwise
 
-import numpy as np
 import pytest
 import torch
-from numpy.testing import assert_allclose
 from torch.nn.functional import normalize
 from torch.testing import assert_close
 
@@ -24,43 +22,6 @@ def turned(joint, rotvec, model):
     rotations = model.zero_pose()[0]
     rotations[0, JOINT_INDEX[joint]] = rotvec_to_rotmat(torch.tensor(rotvec, dtype=rotations.dtype))
     return rotations
-
-
-def slow_pose(model, rotations, betas, transl):
-    """One body, joint by joint and vertex by vertex, in float64: 55 joints and every 500th
-    vertex.
-    """
-    kinematics = model.kinematics
-    skin = model.skin
-    directions = kinematics.directions.double().numpy().reshape(-1, 55, 3)
-    rest = kinematics.template.double().numpy() + np.einsum("k,kjc->jc", betas, directions)
-    bind = kinematics.bind_rot.double().numpy()
-    world = np.zeros((55, 3, 3))
-    joints = np.zeros((55, 3))
-    world[0] = rotations[0]
-    joints[0] = rest[0]
-    for joint, parent in enumerate(PARENTS[1:], 1):
-        world[joint] = world[parent] @ rotations[joint]
-        bone = bind[parent] @ (rest[joint] - rest[parent])
-        joints[joint] = joints[parent] + world[parent] @ bone
-    vertices = []
-    for v in range(0, model.num_vertices, 500):
-        mean, slopes, weights = (
-            part[..., v].double().numpy() for part in (skin.template, skin.directions, skin.weights)
-        )
-        shaped = mean + betas @ slopes
-        moved = [world[j] @ bind[j] @ (shaped - rest[j]) + joints[j] for j in range(55)]
-        vertices.append(weights @ np.array(moved) + transl)
-    return np.array(vertices), joints + transl
-
-
-def test_the_body_model_equals_a_slow_reference(embedded, random_pose):
-    output = embedded(**random_pose)
-    for row in range(3):
-        own = (value[row].double().numpy() for value in random_pose.values())
-        vertices, joints = slow_pose(embedded, *own)
-        assert_allclose(output.vertices[row, ::500].numpy(), vertices, atol=1e-5)
-        assert_allclose(output.joints[row].numpy(), joints, atol=1e-5)
 
 
 def test_joint_names_are_a_tree_in_smplx_order():

@@ -39,10 +39,3 @@ def test_a_point_without_a_normal_has_no_inside():
     scene = NearestPointSearch(torch.tensor([[0.0, 0.0, 2.0]]), torch.zeros(1, 3))
     found = distances(torch.tensor([[0.0, 0.0, 2.05], [0.0, 0.0, 1.95]]), scene)
     assert found.scene.tolist() == pytest.approx([0.05, 0.05])
-
-
-def test_distances_of_a_batch_equal_those_of_each_person():
-    vertices = torch.rand(2, 50, 3) + torch.tensor([-0.5, 0.5, 1.5])
-    together = distances(vertices, plane()).scene
-    for i in range(2):
-        assert torch.equal(together[i], distances(vertices[i], plane()).scene)

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import pytest
 import torch
-from hypothesis import given
-from hypothesis import strategies as st
 
 from physic_core import engine_preset
 from physic_core.engine.joint.energy import JointEnergy
-from physic_core.engine.joint.snapshot import sample_mask_neighbours
-from physic_core.geometry.visibility import inside_mask
 from physic_paper.terms.chamfer import HumanPoints
 
 from .adjusted import adjusted, shifted
@@ -38,14 +34,3 @@ def test_chamfer_equals_its_slow_reference_under_a_scale(standing):
     pairs = torch.cdist(seen, points, compute_mode="donot_use_mm_for_euclid_dist")
     want = pairs.amin(1).square().sum() + pairs.amin(0).square().sum()
     assert cloud(vertices, facing, log_scale).item() == pytest.approx(want.item(), rel=1e-4)
-
-
-@given(seed=st.integers(0, 2**16), reach=st.floats(0, 30))
-def test_masks_are_sampled_at_a_pixel_and_eight_neighbours(seed, reach):
-    uv = uniform(2, 50, 2, seed=seed) * torch.tensor([60.0, 50.0]) - 10
-    uv[0, 0] = torch.nan
-    masks = uniform(2, 30, 40, seed=seed) > 0.5
-    reaches = reach * uniform(2, seed=seed)
-    steps = [torch.tensor([x, y]) for y in (-1.0, 0.0, 1.0) for x in (-1.0, 0.0, 1.0)]
-    plain = torch.stack([inside_mask(uv + step * reaches[:, None, None], masks) for step in steps])
-    assert torch.equal(sample_mask_neighbours(uv, masks, reaches), plain)

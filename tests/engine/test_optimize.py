@@ -12,14 +12,11 @@ import torch
 from torch.testing import assert_close
 
 from physic_core.engine.joint.optimiser import (
-    LbfgsHistory,
     LbfgsOptimiser,
     revert_if_worse,
 )
 from physic_core.engine.joint.variables import Variables
 from physic_paper.adam import AdamOptimiser
-
-from .drawn import normal
 
 LBFGS = LbfgsOptimiser(steps=40, refresh_steps=20, tolerance=0.0)
 ADAM = AdamOptimiser(learning_rate=0.5, steps=200, refresh_steps=50)
@@ -146,49 +143,3 @@ def test_the_total_never_rises_even_where_people_are_bound_to_each_other():
     before, after = revert_if_worse(energy, energy.variables.pack(), start)
     assert before == after == {"own": 0.0, "between": 0.0}
     assert_close(energy.variables.pack(), start)
-
-
-def two_loops(pairs, gradient):
-    """L-BFGS as textbooks write it (Nocedal and Wright, algorithm 7.4)."""
-    q = gradient.clone()
-    alphas = []
-    for s, y in reversed(pairs):
-        alphas.append((s @ q) / (s @ y))
-        q = q - alphas[-1] * y
-    s, y = pairs[-1]
-    q = q * (s @ y) / (y @ y)
-    for (s, y), alpha in zip(pairs, reversed(alphas), strict=True):
-        q = q + s * (alpha - (y @ q) / (s @ y))
-    return -q
-
-
-def flat(people, scale):
-    return torch.cat([people.reshape(-1), scale.reshape(1)])
-
-
-@pytest.mark.parametrize("count", [1, 7, 60])
-@pytest.mark.parametrize("people", [1, 3])
-def test_one_group_has_the_direction_of_the_two_loop_recursion(count, people):
-    """Steps of a quadratic energy of 30 parameters of each person, and of the scale."""
-    root = normal(people, 31, 31, seed=count)
-    hessians = root @ root.mT + torch.eye(31).double()
-
-    def gradient_at(x, t):
-        g = torch.einsum("bij,bj->bi", hessians, torch.cat([x, t.expand(people, 1)], 1))
-        return g[:, :-1], g[:, -1]
-
-    steps = normal(count + 1, people, 30), normal(count + 1, seed=1)
-    zero = gradient_at(torch.zeros_like(steps[0][0]), torch.zeros_like(steps[1][0]))
-    history = LbfgsHistory(torch.zeros(people, dtype=torch.int64))
-    history.direction(zero)
-    pairs = []
-    *taken, last = zip(*steps, strict=True)
-    for x, t in taken:
-        change = gradient_at(x, t)
-        history.add(x, t, zero, change)
-        pairs.append((flat(x, t), flat(change[0], change[1].sum())))
-    gradient = gradient_at(*last)
-    want = two_loops(pairs[-40:], flat(gradient[0], gradient[1].sum()))
-    assert_close(
-        flat(*history.direction(gradient)), want, rtol=1e-6, atol=1e-6 * want.norm().item()
-    )

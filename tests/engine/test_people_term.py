@@ -90,25 +90,6 @@ def test_the_term_has_the_values_and_gradients_of_its_equation(crossing):
     )
 
 
-def test_pairs_are_those_of_an_exhaustive_search(crossing):
-    probes, vertices, normals, found = pairs_of(crossing, crossing.vertices)
-    expected = set()
-    for i, j in ((0, 1), (1, 0)):
-        for probe, row in enumerate(probes.tolist()):
-            distance = (vertices[j] - vertices[i, row]).norm(dim=-1)
-            nearest = int(distance.argmin())
-            offset = vertices[i, row] - vertices[j, nearest]
-            normal = normals[j, nearest]
-            along = float(offset @ normal)
-            beside = float((offset - along * normal).norm())
-            near = distance[nearest] < REACH_M and beside < max(0.02, 0.5 * abs(along))
-            if near and float(normals[i, row] @ normal) < 0:
-                expected.add((i, probe, j, nearest))
-    columns = (found.person, found.probe, found.other, found.other_row)
-    assert set(zip(*(column.tolist() for column in columns), strict=True)) == expected
-    assert found.distance.min() < -0.01
-
-
 def settings(inside, contact):
     return adjusted(
         DEFAULT,

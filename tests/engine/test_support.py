@@ -7,13 +7,9 @@ from functools import cache
 
 import pytest
 import torch
-from hypothesis import given
-from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from physic_core.engine.contact.support import (
     PersonContact,
-    distance_to_hull,
     find_support,
 )
 from physic_core.geometry.mesh import vertex_normals
@@ -172,16 +168,3 @@ def test_a_few_vertices_or_the_sides_of_thighs_are_no_seat(support):
 
     _, person, found = support(SITS, SOLES, chosen, sits=True)
     assert (found.hidden & found.seat & ~person.contact).any()
-
-
-@given(st.floats(0, 6.3), st.floats(0.1, 2.0))
-def test_the_distance_to_the_hull_is_that_of_its_edges(turn, half):
-    """The corners of a square and a point within; heights do not count."""
-    corners = half * torch.tensor([[1.0, 1, 1], [1, 2, -1], [-1, 3, -1], [-1, 4, 1], [0, 9, 0]])
-    about_y = Rotation.from_rotvec([0, turn, 0]).as_matrix()
-    for x, z, distance in ((0, 0, -1.0), (0.4, 0.1, -0.6), (1.5, 0.2, 0.5), (2, -2, 2**0.5)):
-        centre = half * torch.tensor([x, -3.0, z])
-        turned = (points.double() @ torch.from_numpy(about_y).T for points in (centre, corners))
-        # The supporting lines of 360 directions miss 1 % of the hull's size.
-        found = distance_to_hull(*turned, UP.double())
-        assert found == pytest.approx(half * distance, abs=0.02 * half)

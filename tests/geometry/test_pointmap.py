@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import math
-from itertools import product
 
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from torch.nn.functional import normalize
 from torch.testing import assert_close
 
 from physic_core.geometry.camera import intrinsics_matrix, pixel_grid, pixel_rays, project
 from physic_core.geometry.pointmap import (
-    depth_edges,
     depth_to_pointmap,
     intrinsics_from_pointmap,
-    isolated_pixels,
     pointmap_normals,
 )
 
@@ -94,43 +90,6 @@ def test_invalid_pixels_neither_get_a_normal_nor_spoil_a_neighbours():
     expected = AHEAD.repeat(3, 3, 1)
     expected[1, 1] = 0
     assert_close(found[9:12, 9:12], expected)
-
-
-PIXELS = list(product(range(6), range(7)))
-depths = arrays("float64", (6, 7), elements=st.sampled_from([1.0, 1.02, 1.04, 1.06, 1.2, 3.0]))
-masks = arrays("bool", (6, 7))
-
-
-def window(y, x, reach):
-    return slice(max(0, y - reach), y + reach + 1), slice(max(0, x - reach), x + reach + 1)
-
-
-@given(depths, masks)
-@settings(max_examples=50)
-def test_depth_edges_are_those_of_a_plain_loop(depth_array, valid_array):
-    depth = torch.as_tensor(depth_array)
-    valid = torch.as_tensor(valid_array)
-    found = depth_edges(depth, valid, 1.05)
-    for y, x in PIXELS:
-        around = depth[window(y, x, 1)][valid[window(y, x, 1)]]
-        expected = bool(valid[y, x]) and float(around.max() / around.min()) > 1.05
-        assert bool(found[y, x]) == expected, (y, x)
-
-
-@given(depths, masks)
-@settings(max_examples=50)
-def test_unsupported_pixels_are_those_of_a_plain_loop(depth_array, valid_array):
-    depth = torch.as_tensor(depth_array)
-    valid = torch.as_tensor(valid_array)
-    found = isolated_pixels(depth, valid, 1.05)
-    for y, x in PIXELS:
-        support = {2: 0, 4: 0}
-        for ring in support:
-            for v, u in product((y - ring, y, y + ring), (x - ring, x, x + ring)):
-                if (v, u) in PIXELS and valid[v, u] and (v, u) != (y, x):
-                    difference = float((depth[y, x] / depth[v, u]).log().abs())
-                    support[ring] += difference <= ring / 2 * math.log(1.05)
-        assert bool(found[y, x]) == (bool(valid[y, x]) and min(support.values()) < 2), (y, x)
 
 
 def test_the_camera_of_a_point_map_is_recovered_among_outliers():
