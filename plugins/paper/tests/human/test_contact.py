@@ -15,13 +15,6 @@ from .conftest import reading
 from .seen import normalised_back
 
 
-def test_a_box_grows_by_a_tenth_of_its_own_sides_and_stays_in_the_photo():
-    assert enlarged_box_slices(np.array([20.0, 30, 60, 130]), 135, 100) == (
-        slice(20, 135),
-        slice(16, 64),
-    )
-
-
 def test_the_network_gets_bgr_with_white_beside_the_person():
     image = np.full((200, 50, 3), [200, 100, 10], np.uint8)
     image[:80, :25] = 0  # at the top left

@@ -13,11 +13,9 @@ import pytest
 import torch
 
 from physic_core.errors import BackendError
-from physic_core.interfaces import HandEstimator
 from physic_core.types import Keypoints, People
 from physic_human.hands import HandBoxes, chumpy_free_copy, hand_boxes, hands_from_mano
 from physic_human.wilor import Wilor, WilorOptions
-from physic_testing import violations
 from physic_testing.body_files import mano_arrays, write_published
 
 from .conftest import reading
@@ -77,17 +75,6 @@ RNG = np.random.default_rng(0)
 FINGERS = RNG.normal(0, 0.4, (2, 15, 3))
 TURNED_WRISTS = RNG.normal(0, 1, (2, 1, 3))
 BOTH = HandBoxes(np.ones(2, int), np.array([False, True]), np.zeros((2, 4)), np.array([0.8, 0.9]))
-
-
-def test_left_comes_first_and_is_mirrored_back():
-    hands = hands_from_mano(2, BOTH, FINGERS, TURNED_WRISTS)
-    np.testing.assert_allclose(hands.rotvecs[1, 0], FINGERS[0] * [1, -1, -1], atol=1e-6)
-    np.testing.assert_allclose(hands.rotvecs[1, 1], FINGERS[1], atol=1e-6)
-    np.testing.assert_allclose(
-        hands.wrists[1], TURNED_WRISTS[:, 0] * [[1, -1, -1], [1, 1, 1]], atol=1e-6
-    )
-    np.testing.assert_allclose(hands.confidence, [[0, 0], [0.8, 0.9]], atol=1e-6)
-    assert violations(HandEstimator, hands, people=2) == []
 
 
 def test_a_hand_that_is_not_a_number_was_not_found():

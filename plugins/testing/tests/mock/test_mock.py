@@ -81,17 +81,6 @@ def test_metric_depth_has_the_stated_scale_and_sigma(world):
     assert depth.notes == ("mock: true depth times 1.25",)
 
 
-def test_a_picture_without_people_has_the_depth_behind_them(two):
-    people = MockSegmenter().infer(two.empty_image)
-    assert len(people) == 0
-    assert people.masks.shape == (0, *two.image.shape[:2])
-    assert people.boxes.shape == (0, 4)
-    floor = MockSegmenter().infer(two.empty_image).floor
-    np.testing.assert_array_equal(floor, two.empty_floor_mask)
-    depth = MockMetricDepth().infer(two.empty_image, Hints())
-    np.testing.assert_allclose(depth.depth, known(two.empty_depth), rtol=1e-6)
-
-
 def test_one_of_two_people_can_be_taken_out(two):
     image = MockInpainter().infer(two.image, two.masks[0])
     people = MockSegmenter().infer(image)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import trimesh
-from scipy.sparse.csgraph import floyd_warshall
 
-from physic_testing.metrics import distance_to_sources, geodesic_error, surface_graph
+from physic_testing.metrics import geodesic_error, surface_graph
 
 pytestmark = pytest.mark.quick
 
@@ -40,20 +38,6 @@ def test_errors_on_a_strip_equal_those_computed_by_hand():
     assert error.false_positive_cm == pytest.approx(100 * (2 + 0 + 2) / 3)
     assert error.false_negative_cm == pytest.approx(100 * (0 + 1) / 2)
     assert error.unreachable == 0
-
-
-@pytest.mark.parametrize("sources", [1, 6])
-def test_distances_are_those_over_the_edges_of_all_triangles(sources):
-    rng = np.random.default_rng(sources)
-    ball = trimesh.creation.icosphere(subdivisions=1)
-    ball.vertices *= rng.uniform(0.5, 1.5, (len(ball.vertices), 1))
-    chosen = marks(len(ball.vertices), *rng.integers(len(ball.vertices), size=sources))
-    distances = distance_to_sources(surface_graph(ball.vertices, ball.faces), chosen)
-    edges = np.full((len(chosen), len(chosen)), np.inf)
-    for way, (first, second) in zip(ball.edges_unique_length, ball.edges_unique, strict=True):
-        edges[first, second] = edges[second, first] = way
-    ways = floyd_warshall(np.where(np.isfinite(edges), edges, 0))
-    np.testing.assert_allclose(distances, ways[chosen].min(0), atol=1e-12)
 
 
 def test_an_empty_set_has_no_error():
