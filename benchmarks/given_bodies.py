@@ -110,6 +110,10 @@ def _rows(
     question = question_of(sample)
     assert question.camera is not None
     start = _fitted(np.array(truth))
+    is_fitted = np.isfinite(start.transl).all(1)  # not without both hips
+    truth, start = [truth[i] for i in np.flatnonzero(is_fitted)], start[is_fitted]
+    if not truth:
+        return
     parameters = _of_blazepose(sample) if given.blazepose else _with_errors(start, sample.name)
     path = given.out / "bodies" / sample.set / f"{sample.name}.npz"
     path.parent.mkdir(parents=True, exist_ok=True)

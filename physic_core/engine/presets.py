@@ -129,13 +129,16 @@ class DefaultOptimisation(JointStageMethod):
         around = sampling.around
         if not len(around.points) and around.floor is None:
             frozen.add("scale")  # nothing constrains the scale
+        scale_sigma = DEPTH_SCALE_SIGMA if state.scale_sigma is None else state.scale_sigma
+        if around.floor is not None:
+            scale_sigma = min(scale_sigma, around.floor.height_sigma)
         return Variables(
             state.rotations,
             state.betas,
             state.transl,
             sampling.start.joints[:, 0],
             frozen=sorted(frozen),
-            scale_sigma=DEPTH_SCALE_SIGMA if state.scale_sigma is None else state.scale_sigma,
+            scale_sigma=scale_sigma,
             offset_sigma=offset_sigma,
         )
 

@@ -62,6 +62,8 @@ class PlaneFit:
         reanchored: factor on 1 / Z that moved the plane to the depth at the feet; 1 if not moved.
         pitch_sigma: standard deviation of the camera's pitch over the plane, radians.
         plane_sigma: the same by the pixels of the plane alone.
+        height_sigma: standard deviation of log(offset) by bodies whose place the user states;
+            infinite if none stands on it.
     """
 
     normal: Tensor
@@ -73,6 +75,7 @@ class PlaneFit:
     reanchored: float = 1.0
     pitch_sigma: float = PITCH_SIGMA
     plane_sigma: float = PITCH_SIGMA
+    height_sigma: float = math.inf
 
     @property
     def beneath(self) -> bool:
@@ -90,7 +93,7 @@ class PlaneFit:
 
     def moved(self, factor: float) -> PlaneFit:
         """Return the plane with its inverse depth times a factor; the normal stays."""
-        return replace(self, offset=self.offset / factor, reanchored=factor)
+        return replace(self, offset=self.offset / factor, reanchored=self.reanchored * factor)
 
     def scaled(self, factor: float) -> PlaneFit:
         """Return the plane of points times a factor."""
@@ -212,6 +215,7 @@ def refit_floor(points: Tensor, valid: Tensor, found: FloorSearch) -> FloorSearc
         fit.moved(found.plane.reanchored),
         pitch_sigma=found.plane.pitch_sigma,
         plane_sigma=found.plane.plane_sigma,
+        height_sigma=found.plane.height_sigma,
     )
     return replace(found, plane=moved)
 

@@ -368,3 +368,43 @@ def test_people_who_lie_rest_on_the_floor_only_if_it_is_seen_right_below_them(he
         == Stance.unknown(1).limb_touch_probability.tolist()
     )
     assert world.error(found) == pytest.approx(0, abs=0.05 if on_floor else 0.2)
+
+
+TOO_LOW = (level_floor(1.15 * CAMERA_HEIGHT), NO_FLOOR)
+
+
+def placed(bodies, distance_sigma, joint_sigma=0.03):
+    """Bodies that the user gives, of whose distances the logarithms have an error."""
+    count = len(bodies.parameters)
+    return replace(
+        bodies,
+        joint_sigma=np.full((count, 55), joint_sigma, np.float32),
+        distance_sigma=np.full(count, distance_sigma, np.float32),
+    )
+
+
+def floor_height(found):
+    return found.plane.offset * found.scale.scale
+
+
+def test_a_floor_moves_to_the_soles_of_placed_bodies_by_the_stated_errors(world):
+    without_place, unsure, sure = (
+        floor_height(world.answer(TOO_LOW, bodies=placed(world.bodies, sigma)))
+        for sigma in (np.inf, 0.06, 0.005)
+    )
+    estimated = floor_height(world.answer(TOO_LOW))
+    assert without_place == pytest.approx(estimated, abs=0.002)
+    assert without_place - 0.005 > unsure > sure + 0.005
+    assert sure == pytest.approx(CAMERA_HEIGHT, rel=0.003)
+
+
+def test_the_user_places_feet_that_no_pixel_shows(world):
+    bodies = placed(world.without_feet(0, 1), 0.005)
+    found = world.answer(TOO_LOW, bodies=bodies)
+    assert floor_height(found) == pytest.approx(CAMERA_HEIGHT, rel=0.003)
+
+
+def test_a_floor_does_not_follow_a_placed_body_in_the_air():
+    world = World(PLACES, lifted=0.8)
+    found = world.answer(TOO_LOW, bodies=placed(world.bodies, 0.005))
+    assert floor_height(found) == pytest.approx(CAMERA_HEIGHT, rel=0.01)

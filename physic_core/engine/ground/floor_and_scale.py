@@ -268,8 +268,10 @@ def _ground_by_vote(
         vote, soles, people.torsos, people.feet & (stance.stand_probability > LEAST_PROBABILITY)
     )
     of_plane = {"soles": soles, "usual height of cameras": planes[best].camera}
+    search = chosen_floor(candidates, best, about_floor)
+    search = _floor_below_bodies(search, people, vote.scale.scale)
     return Ground(
-        _floor_below_bodies(chosen_floor(candidates, best, about_floor), people, vote.scale.scale),
+        _floor_at_given_soles(search, vote, soles, people.place_sigma),
         about_floor,
         replace(vote.scale, notes=notes + rival_note(candidates, vote.weights, best)),
         stance,
@@ -300,7 +302,8 @@ class _PeopleEvidence(NamedTuple):
     bool.
 
     ``person_probability`` (N,) is that they are people, by the segmenter, and adults; ``upright``
-    (M, 55, 3) are joints of those who do not lie by the observer; ``low`` what others rest on.
+    (M, 55, 3) are joints of those who do not lie by the observer; ``low`` what others rest on;
+    ``place_sigma`` (N,) of the logarithm of where soles are, by the user; infinite where unknown.
     """
 
     model: BodyModel
@@ -312,6 +315,7 @@ class _PeopleEvidence(NamedTuple):
     stance: Stance
     sigma: FloatArray
     torsos: Witnesses
+    place_sigma: FloatArray
 
 
 def _people_evidence(
@@ -330,6 +334,8 @@ def _people_evidence(
     feet = np.stack(
         [observed[:, [JOINT_INDEX[f"{s}_{j}"] for j in ("ankle", "foot")]].all(1) for s in SIDES], 1
     )
+    place = _place_sigmas(bodies, vertices)
+    feet |= np.isfinite(place)[:, None]  # the user states where they are
     stance = Stance.in_picture(observations)
     if carriers := photo.people.carriers:
         stance = replace(stance, carried=carried_people(carriers, photo.keypoints))
@@ -340,7 +346,7 @@ def _people_evidence(
     upright = posed.joints.cpu()[torch.from_numpy(~lie)]
     across = may_rest_on_any_part(photo.keypoints, observations)
     low = low_skin(across, torch.from_numpy(vertices), model, observed, stance.holds, up)
-    return _PeopleEvidence(model, vertices, upright, feet, real, low, stance, sigma, torsos)
+    return _PeopleEvidence(model, vertices, upright, feet, real, low, stance, sigma, torsos, place)
 
 
 def _sizes(photo: PhotoContent, bodies: Bodies) -> tuple[FloatArray, FloatArray]:
@@ -354,6 +360,17 @@ def _sizes(photo: PhotoContent, bodies: Bodies) -> tuple[FloatArray, FloatArray]
         sigma = np.where(np.isfinite(bodies.distance_sigma), bodies.distance_sigma, sigma)
         adult = np.where(np.isnan(bodies.distance_sigma), adult, 1.0)
     return sigma, adult
+
+
+def _place_sigmas(bodies: Bodies, vertices: FloatArray) -> FloatArray:
+    """Return the standard deviation (N,) of the logarithm of where the soles of given bodies are;
+    infinite for those without a stated place.
+    """
+    if bodies.distance_sigma is None or bodies.joint_sigma is None:
+        return np.full(len(vertices), np.inf)
+    one_axis = bodies.joint_sigma[:, 0] / math.sqrt(3)
+    off = np.hypot(bodies.distance_sigma, one_axis / vertices[..., 2].mean(1))
+    return np.where(np.isnan(bodies.distance_sigma), np.inf, off)
 
 
 def _torsos(
@@ -519,6 +536,22 @@ def _floor_below_bodies(search: FloorSearch, people: _PeopleEvidence, scale: flo
     factor = plane.offset / (plane.offset + below)
     moved = replace(plane, offset=plane.offset + below, reanchored=plane.reanchored * factor)
     return replace(search, plane=moved)
+
+
+def _floor_at_given_soles(
+    search: FloorSearch, vote: ScaleVote, soles: Witnesses, place_sigma: FloatArray
+) -> FloorSearch:
+    """Move a floor towards the lowest skin (N,) of bodies whose place the user states, by their
+    errors and that of the floor.
+    """
+    if search.plane is None or search.plane.beneath:
+        return search
+    weight = np.nan_to_num(vote.right_probability(soles)) / place_sigma**2
+    if not (total := float(weight.sum())):
+        return search
+    lower = float(weight @ np.nan_to_num(vote.residuals(soles))) / (total + 1 / _FLOOR_SIGMA**2)
+    moved = search.plane.moved(math.exp(-lower))
+    return replace(search, plane=replace(moved, height_sigma=1 / math.sqrt(total)))
 
 
 def _stance_over_floors(

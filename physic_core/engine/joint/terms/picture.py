@@ -208,6 +208,8 @@ def depth_offset_sigmas(settings: DepthSettings, sampling: Sampling) -> Tensor:
         on_floor = torch.where(
             torch.isfinite(state.rest_probability), state.rest_probability.to(alone), on_floor
         )
+    if state.distance_sigma is not None:  # the user states where they are
+        on_floor = torch.where(torch.isfinite(state.distance_sigma), 1.0, on_floor)
     return torch.lerp(alone, torch.full_like(alone, settings.offset_sigma), on_floor)
 
 
