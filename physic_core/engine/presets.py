@@ -59,6 +59,7 @@ from physic_core.engine.sizes.evidence import DEPTH_SCALE_SIGMA
 from physic_core.engine.state import State
 
 _LATE_TOLERANCE = 1e-3  # share of the energy, which has converged, in steps with the people term
+_ROUGH_FACTOR = 4.0  # of the tolerance, where parts that touch each other move people afterwards
 
 
 @dataclass(frozen=True)
@@ -170,18 +171,21 @@ class DefaultOptimisation(JointStageMethod):
         """Return the state with hidden legs folded where they would pass through the floor."""
         return fold_hidden_legs(state)
 
-    def late_terms(self, sampling: Sampling) -> tuple[Sequence[Term], Optimiser]:
+    def late_terms(self, sampling: Sampling) -> tuple[Sequence[Term], Optimiser, Optimiser]:
         """Return the people term, and those of parts that touch each other.
 
         If used from the start, they would keep people apart on the wrong side of each other.
         """
-        late = replace(self.optimiser, tolerance=min(self.optimiser.tolerance, _LATE_TOLERANCE))
         terms: list[Term] = []
-        if met := mutual_meetings(sampling):
-            terms.append(MeetingTerm(met, sampling))
         if len(sampling.state) > 1:
             terms.append(PeopleTerm(self.contact, self.penetration, sampling))
-        return terms, late
+        tolerance = self.optimiser.tolerance
+        if met := mutual_meetings(sampling):
+            terms.append(MeetingTerm(met, sampling))
+            rough = replace(self.optimiser, tolerance=_ROUGH_FACTOR * tolerance)
+            return terms, rough, self.optimiser
+        late = replace(self.optimiser, tolerance=min(tolerance, _LATE_TOLERANCE))
+        return terms, self.optimiser, late
 
 
 DEFAULT = EngineSettings(

@@ -136,13 +136,13 @@ class JointStageMethod(ABC):
     def terms(self, sampling: Sampling, variables: Variables) -> Sequence[Term]:
         """Return the terms of the energy, in the order of summation."""
 
-    def late_terms(self, sampling: Sampling) -> tuple[Sequence[Term], Optimiser]:
-        """Return terms added after the others have converged, and the optimiser of the energy with
-        them.
+    def late_terms(self, sampling: Sampling) -> tuple[Sequence[Term], Optimiser, Optimiser]:
+        """Return terms added after the others have converged, and the optimisers of the energy
+        without and with them.
 
         Minimisation is not repeated if all of them are 0 then. By default there are none.
         """
-        return (), self.optimiser
+        return (), self.optimiser, self.optimiser
 
     def finish(self, state: State) -> State:
         """Return the state after the minimisation; by default as it is."""

@@ -5,7 +5,7 @@ After it, inpainted points of the scene are moved out of the people.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import torch
@@ -13,7 +13,8 @@ from torch import Tensor
 
 from physic_core.engine.joint.energy import JointEnergy
 from physic_core.engine.joint.method import JointStageMethod
-from physic_core.engine.joint.optimiser import MinimisationResult, join_results
+from physic_core.engine.joint.optimiser import MinimisationResult, Optimiser, join_results
+from physic_core.engine.joint.term import Term
 from physic_core.engine.joint.terms.people import MeetingTerm
 from physic_core.engine.scene.method import SceneStageMethod
 from physic_core.engine.state import Estimates, JointResult, State
@@ -61,8 +62,9 @@ def optimize(
     else:
         return replace(state, joint=_unoptimised_result(state, failures))
     origin = energy.variables.pack()
-    minimised = settings.optimiser.minimise(energy, progress)
-    minimised, released = _with_late_terms(energy, origin, minimised, settings)
+    late, first, second = settings.late_terms(energy.sampling)
+    minimised = first.minimise(energy, progress)
+    minimised, released = _with_late_terms(energy, origin, minimised, late, second)
     found = _merged_people(state, energy, minimised, rows, failures)
     assert found.joint is not None
     released = tuple(
@@ -72,30 +74,31 @@ def optimize(
 
 
 def _with_late_terms(
-    energy: JointEnergy, origin: Tensor, minimised: MinimisationResult, settings: JointStageMethod
+    energy: JointEnergy,
+    origin: Tensor,
+    minimised: MinimisationResult,
+    late: Sequence[Term],
+    optimiser: Optimiser,
 ) -> tuple[MinimisationResult, tuple[Meeting, ...]]:
     """Minimise the energy again with the late terms, and return the joined result, and the parts
     that were not pulled together: where that would move a person off the keypoints.
     """
-    late, optimiser = settings.late_terms(energy.sampling)
     converged, own_terms = energy.variables.pack(), energy.terms
     misses = _reprojection(energy)
     released: tuple[Meeting, ...] = ()
     while True:
         groups = energy.add_terms(late)
-        if groups is None:
+        if groups is None and not released:
             return minimised, released
         again = optimiser.minimise(energy, groups=groups)
         off = _reprojection(energy) - misses > _OFF_KEYPOINTS
-        pulls = [term for term in late if isinstance(term, MeetingTerm)]
-        pulled = [one for term in pulls for one in term.meetings]
-        lost = [bool(off[one.person] or off[one.other]) for one in pulled]
-        if not any(lost):
+        pulled = [one for term in late if isinstance(term, MeetingTerm) for one in term.meetings]
+        lost = [one for one in pulled if off[one.person] or off[one.other]]
+        if not lost:
             return join_results(energy, origin, minimised, again), released
-        released += tuple(one for one, is_lost in zip(pulled, lost, strict=True) if is_lost)
-        kept = [one for one, is_lost in zip(pulled, lost, strict=True) if not is_lost]
+        released += tuple(lost)
         late = [term for term in late if not isinstance(term, MeetingTerm)]
-        if kept:
+        if kept := [one for one in pulled if not (off[one.person] or off[one.other])]:
             late.append(MeetingTerm(kept, energy.sampling))
         energy.terms = own_terms
         energy.variables.load(converged)

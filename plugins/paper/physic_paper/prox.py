@@ -108,7 +108,7 @@ class ProxOptimisation(PublishedOptimisation):
             LimitTerm(self.limits.weight),
         ]
 
-    def late_terms(self, sampling: Sampling) -> tuple[Sequence[Term], Optimiser]:
+    def late_terms(self, sampling: Sampling) -> tuple[Sequence[Term], Optimiser, Optimiser]:
         """Return contact and penetration, for a third as many steps as without them."""
         contact = PointContactTerm(
             sampling,
@@ -124,4 +124,5 @@ class ProxOptimisation(PublishedOptimisation):
             partial(robust_loss, "absolute", c=1.0),
             lambda snapshot: snapshot.visibility.eligible,
         )
-        return [contact, penetration], replace(self.optimiser, steps=self.optimiser.steps // 3)
+        late = replace(self.optimiser, steps=self.optimiser.steps // 3)
+        return [contact, penetration], self.optimiser, late

@@ -278,11 +278,13 @@ class MeetingTerm(Term):
             [(part == names.index(name)).nonzero()[:, 0] for name in (one.part, one.other_part)]
             for one in self.meetings
         ]
-        self._weights = [
-            _MEETING_WEIGHT * one.probability / _variance(sampling.state, one)
-            for one in self.meetings
-        ]
-        self._pairs: list[tuple[Tensor, Tensor]] = []
+        self._weights = sampling.area.new_tensor(
+            [
+                _MEETING_WEIGHT * one.probability / _variance(sampling.state, one)
+                for one in self.meetings
+            ]
+        )
+        self._skin: Tensor
 
     @property
     def links(self) -> Tensor:
@@ -291,25 +293,27 @@ class MeetingTerm(Term):
 
     def refresh(self, snapshot: Snapshot) -> None:
         """Find the nearest vertices of each pair of parts."""
-        self._pairs = []
+        vertices = snapshot.vertices
+        count = vertices.shape[1]
+        ends = []
         for one, (own, other) in zip(self.meetings, self._rows, strict=True):
-            skin, target = snapshot.vertices[one.person, own], snapshot.vertices[one.other, other]
+            skin, target = vertices[one.person, own], vertices[one.other, other]
             gap, nearest = torch.cdist(skin, target).min(1)
-            chosen = gap.topk(min(_PAIRS, len(gap)), largest=False).indices
-            self._pairs.append((own[chosen], other[nearest[chosen]]))
+            chosen = gap.topk(_PAIRS, largest=False).indices
+            ends.append(one.person * count + own[chosen])
+            ends.append(one.other * count + other[nearest[chosen]])
+        self._skin = torch.cat(ends)
 
     def __call__(self, bodies: PosedBodies) -> dict[str, Tensor]:
         """Return the energy, half for each of both people."""
-        energy = bodies.vertices.new_zeros(len(bodies.vertices))
-        for one, weight, (own, other) in zip(
-            self.meetings, self._weights, self._pairs, strict=True
-        ):
-            offset = bodies.vertices[one.person, own] - bodies.vertices[one.other, other]
-            gap = torch.relu(offset.norm(dim=-1) - _LEAST_GAP_M)
-            half = weight / 2 * gap.square().mean()
-            people = torch.tensor([one.person, one.other], device=energy.device)
-            energy = energy.index_add(0, people, half.expand(2))
-        return {"meeting": energy}
+        people = len(bodies.vertices)
+        # one selection, since the derivative of each is as large as all vertices
+        skin = bodies.vertices.flatten(0, 1).index_select(0, self._skin)
+        own, other = skin.view(-1, 2, _PAIRS, 3).unbind(1)
+        gap = torch.relu((own - other).norm(dim=-1) - _LEAST_GAP_M)
+        half = (self._weights * gap.square().mean(1)).repeat_interleave(2) / 2
+        links = self.links.flatten().to(half.device)
+        return {"meeting": half.new_zeros(people).index_add(0, links, half)}
 
 
 def _variance(state: State, meeting: Meeting) -> float:
