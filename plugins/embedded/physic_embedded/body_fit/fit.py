@@ -79,6 +79,7 @@ def fit_bodies(
     floor: FloorConstraint | None = None,
     starts: int = 1,
     earlier: tuple[FittedBodies, BoolArray] | None = None,
+    continues: bool = False,
 ) -> FittedBodies:
     """Fit the body model to the keypoints and landmarks of N people, and return the best fit of
     each person, which :func:`fit_outlines` continues to the minimum.
@@ -92,6 +93,8 @@ def fit_bodies(
             people after the other.
         earlier: an earlier fit of N people from one start, and for whom (N,) anything has changed
             since. The others are not fitted again.
+        continues: whether the initial poses are those of the earlier fit, which is near to this
+            one.
     """
     problem = fit_problem(model, observations, start, floor)
     if earlier is not None:
@@ -99,7 +102,8 @@ def fit_bodies(
         rows = torch.from_numpy(np.flatnonzero(changed))
         part = problem.select(rows)
         found = fit.unknowns.clone()
-        found[rows] = minimise(part, _near_minimum(part), least_step=_ROUGH)
+        near = found[rows] if continues else _near_minimum(part)
+        found[rows] = minimise(part, near, least_step=_ROUGH)
         return _body_fit(model, problem, found)
     unknowns = _near_minimum(problem)
     with torch.no_grad():

@@ -204,13 +204,16 @@ def _upright(
     legs = without_posture(legs_by_posture(said), ~trunk)
     posed = legs_of_other_postures(joints, observations, up, legs)
 
-    def refit(share: FloatArray, turn: FloatArray, earlier: Earlier = None) -> FittedBodies:
+    def refit(
+        share: FloatArray, pitch: FloatArray, earlier: Earlier = None, continues: bool = False
+    ) -> FittedBodies:
         return fit_bodies(
             model,
             without_guessed_legs(observations, observations.skeleton, said, up, posed),
             with_legs(_restart(fit, observations, turn, upright), joints, posed, up, legs),
-            floor=FloorConstraint(up, trunk, share, turn, legs),
+            floor=FloorConstraint(up, trunk, share, pitch, legs),
             earlier=earlier,
+            continues=continues,
         )
 
     share: FloatArray = upright.astype(np.float64)
@@ -222,7 +225,7 @@ def _upright(
         again = refit(share, turn, (again, unlike))
     share, costly = _share_by_cost(upright, again.loss - fit.loss)
     if costly.any():
-        again = refit(share, share * turn, (again, costly))
+        again = refit(share, share * turn, (again, costly), continues=True)
     return again, share
 
 
