@@ -4,6 +4,7 @@ read.
 
 from __future__ import annotations
 
+import json
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Mapping
@@ -152,7 +153,29 @@ def read_bodies(file: FileOfPhoto, model_file: str | None = None) -> GivenBodies
     except OSError as error:
         raise InputError(f"cannot read {name}: {unreadable(error)}") from error
     except WRONG_FORM as error:
-        raise InputError(f"{name} cannot be used: {error}") from error
+        raise InputError(f"{name} cannot be used: {why_unusable(error)}") from error
+
+
+def why_unusable(error: Exception) -> str:
+    """Return in words what an error of :data:`WRONG_FORM` says of a file."""
+    if isinstance(error, KeyError):
+        return f"it lacks {error}"
+    if isinstance(error, json.JSONDecodeError | UnicodeDecodeError | zipfile.BadZipFile):
+        return f"its form is not known, or it is damaged ({error})"
+    return str(error)
+
+
+def bodies_in_python(bodies: Bodies) -> GivenBodies:
+    """Return bodies that are given as a record.
+
+    Raises:
+        InputError: they cannot be right.
+    """
+    try:
+        _check_parameters(bodies.parameters)
+    except ValueError as error:
+        raise InputError(f"the given bodies cannot be used: {error}") from error
+    return GivenBodies(bodies)
 
 
 def _bodies_of_tool(file: FileOfPhoto, model_file: str | None) -> GivenBodies:
@@ -211,9 +234,7 @@ def _own_bodies(arrays: Mapping[str, Any], file: FileOfPhoto) -> GivenBodies:
     if missing := [name for name in ("camera", "size", *_PARAMETERS) if name not in arrays]:
         raise ValueError(f"it lacks the arrays {', '.join(missing)}")
     parameters = BodyParameters(**{name: arrays[name] for name in _PARAMETERS})
-    if not len(parameters):
-        raise ValueError(_NOBODY)
-    _check_values(parameters, _PARAMETERS)
+    _check_parameters(parameters)
     width, height = (int(v) for v in arrays["size"])
     camera = np.tile(matrix(arrays["camera"], "camera"), (len(parameters), 1))
     _check_camera(camera, (width, height))
@@ -235,6 +256,13 @@ def _sigma(arrays: Mapping[str, Any], name: str, usual: float) -> float:
     if not value > 0:
         raise ValueError(f"{name} must be above 0, got {value}")
     return value
+
+
+def _check_parameters(parameters: BodyParameters) -> None:
+    """Raise ValueError if they are of nobody, or no body has them."""
+    if not len(parameters):
+        raise ValueError(_NOBODY)
+    _check_values(parameters, _PARAMETERS)
 
 
 def _check_values(record: BodyParameters | BodiesInFile, names: Iterable[str]) -> None:

@@ -9,7 +9,12 @@ import numpy as np
 
 from physic_core.errors import InputError
 from physic_core.files.atomic import unreadable
-from physic_core.io.body_file import WRONG_FORM, read_by_plugin, scale_of_picture
+from physic_core.io.body_file import (
+    WRONG_FORM,
+    read_by_plugin,
+    scale_of_picture,
+    why_unusable,
+)
 
 if TYPE_CHECKING:
     from physic_core.types import BoolArray, FileOfPhoto, MasksInFile
@@ -34,7 +39,7 @@ def read_masks(file: FileOfPhoto) -> MasksInFile:
     except OSError as error:
         raise InputError(f"cannot read the masks {file.path}: {unreadable(error)}") from error
     except WRONG_FORM as error:
-        raise InputError(f"the masks {file.path} cannot be used: {error}") from error
+        raise InputError(f"the masks {file.path} cannot be used: {why_unusable(error)}") from error
     if found.are_people:
         taken = np.zeros(masks.shape[1:], bool)
         for mask in masks:

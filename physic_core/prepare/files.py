@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from physic_core.errors import ConfigError
-from physic_core.io.body_file import GivenBodies, read_bodies
+from physic_core.io.body_file import bodies_in_python, read_bodies
 from physic_core.io.mask_file import read_masks
 from physic_core.types import FileOfPhoto, PeoplePrompt
 
 if TYPE_CHECKING:
     from physic_core.configuration.resolve import ResolvedPipeline
+    from physic_core.io.body_file import GivenBodies
     from physic_core.io.photo import Photo
     from physic_core.types import Bodies, BoolArray
 
@@ -24,11 +25,11 @@ def read_bodies_of(
 
     Raises:
         ConfigError: both are given.
-        InputError: the file cannot be used.
+        InputError: they cannot be used.
     """
     settings = plan.photo
     if settings.bodies is None:
-        given = None if bodies is None else GivenBodies(bodies)
+        given = None if bodies is None else bodies_in_python(bodies)
     elif bodies is not None:
         raise ConfigError("bodies are given, and photo.bodies names a file: give only one")
     else:

@@ -325,7 +325,7 @@ def checked_prompt(prompt: PeoplePrompt, width: int, height: int) -> PeoplePromp
     boxes = tuple(
         _finite_numbers(box, 4, "a box needs x0, y0, x1, y1 in px") for box in prompt.boxes
     )
-    masks = None if prompt.masks is None else np.asarray(prompt.masks)
+    masks = None if prompt.masks is None else np.atleast_1d(prompt.masks)
     checked = replace(prompt, points=points, boxes=boxes, masks=masks)  # type: ignore[arg-type]
     if not len(checked):
         raise ConfigError(

@@ -11,7 +11,8 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from physic_core import InputError, write_bodies
+from physic_core import ConfigError, InputError, write_bodies
+from physic_core.types import Bodies
 from tests.pipeline.mocks import run
 
 pytestmark = pytest.mark.usefixtures("few_steps")
@@ -133,9 +134,9 @@ WRONG = {
     "half of a film": (cut(film), "cannot be (used|read)"),
     "half of a pickle": (content(pickle.dumps({"a": np.zeros(99)})[:-200]), "damaged pickle"),
     "half of joblib's": (content(b"\x78\x9c"), "cannot be used"),
-    "a text": (content(b"hello"), "cannot be used"),
+    "a text": (content(b"hello"), "form is not known"),
     "JSON": (content(b"{}"), "form is not known"),
-    "nothing": (content(b""), "cannot be used"),
+    "nothing": (content(b""), "form is not known"),
 }
 
 
@@ -145,6 +146,27 @@ def test_wrong_file_is_named(tmp_path, world, name):
     write(tmp_path / "bodies.npz", world)
     with pytest.raises(InputError, match=words):
         run(world.image, f"photo.bodies={tmp_path / 'bodies.npz'}", intrinsics=world.intrinsics)
+
+
+WRONG_RECORDS = {
+    "degrees": (lambda p: {"global_orient": np.degrees(p.global_orient)}, "in degrees"),
+    "millimeters": (lambda p: {"transl": 1000 * p.transl}, "in millimeters"),
+    "numbers of people": (lambda p: {"betas": np.zeros((3, 16), np.float32)}, "betas must be"),
+    "nobody": (lambda p: {name: values[:0] for name, values in vars(p).items()}, "no person"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_RECORDS)
+def test_wrong_record_is_named(world, name):
+    change, words = WRONG_RECORDS[name]
+    given = Bodies(replace(world.parameters, **change(world.parameters)), "embedded")
+    with pytest.raises(InputError, match=words):
+        run(world.image, bodies=given, intrinsics=world.intrinsics)
+
+
+def test_a_path_is_no_mask(world):
+    with pytest.raises(ConfigError, match="masks of people"):
+        run(world.image, masks="masks.npz")
 
 
 DOUBTFUL = {

@@ -75,8 +75,9 @@ def _of_arrays(document: Any) -> _Masks:
     if isinstance(document, Mapping):
         fit = [v for v in document.values() if isinstance(v, np.ndarray) and v.ndim in (2, 3, 4)]
         document = document.get("masks", fit[0] if len(fit) == 1 else None)
-    if not isinstance(document, np.ndarray) or document.ndim not in (2, 3, 4):
-        raise ValueError('it has no array "masks" of (N, H, W)')
+    fits = isinstance(document, np.ndarray) and document.ndim in (2, 3, 4)
+    if not fits or document.dtype.kind not in "biuf":
+        raise ValueError('it has no array "masks" (N, H, W) of numbers')
     if document.ndim == 4:
         document = document[:, 0]
     if document.ndim == 2:
@@ -150,6 +151,8 @@ def _filled(polygons: list[NDArray[Any]], size: tuple[int, int]) -> _Masks:
 
     mask = np.zeros(size[::-1], np.uint8)
     for points in polygons:
+        if len(points) < 3:
+            raise ValueError(f"a polygon has {len(points)} points, and at least 3 are needed")
         cv2.fillPoly(mask, [np.rint(np.asarray(points, np.float64) - 0.5).astype(np.int32)], 1)
     return mask > 0
 

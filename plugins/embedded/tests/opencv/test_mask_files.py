@@ -139,6 +139,7 @@ WRONG = {
     "nothing": (np.zeros((1, HEIGHT, WIDTH), bool), "no mask"),
     "another shape": (np.ones((1, HEIGHT, HEIGHT), bool), "photo has 60 x 40"),
     "one dimension": (np.ones(5), "no array"),
+    "words": (np.full((1, HEIGHT, WIDTH), "a"), "of numbers"),
 }
 
 
@@ -150,13 +151,26 @@ def test_wrong_arrays_are_named(tmp_path, name):
         read(tmp_path / "a.npz")
 
 
-def test_other_wrong_files_are_named(tmp_path):
+ONE = annotation(np.zeros((HEIGHT, WIDTH), bool), "list")
+WRONG_TEXTS = {
+    "px of the picture": ("a.txt", "0 300 200 100 200 100 300\n", "shares"),
+    "another size": ("a.json", [annotation(np.zeros((4, 4), bool), "list")], "px"),
+    "no size": ("a.json", [ONE | {"segmentation": {"counts": [9]}}], "lacks 'size'"),
+    "a point": ("a.json", [ONE | {"segmentation": [[3, 4]]}], "1 points"),
+    "no JSON": ("a.json", None, "form is not known"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_TEXTS)
+def test_wrong_texts_are_named(tmp_path, name):
+    file, content, word = WRONG_TEXTS[name]
+    is_text = isinstance(content, str)
+    (tmp_path / file).write_text(content if is_text else json.dumps(content) if content else "")
+    with pytest.raises(InputError, match=word):
+        read(tmp_path / file)
+
+
+def test_a_picture_of_colors_is_named(tmp_path):
     Image.new("RGB", (WIDTH, HEIGHT), "red").save(tmp_path / "a.png")
     with pytest.raises(InputError, match="colors"):
         read(tmp_path / "a.png")
-    (tmp_path / "a.txt").write_text("0 300 200 100 200 100 300\n")
-    with pytest.raises(InputError, match="shares"):
-        read(tmp_path / "a.txt")
-    (tmp_path / "a.json").write_text(json.dumps([annotation(np.zeros((4, 4), bool), "list")]))
-    with pytest.raises(InputError, match="px"):
-        read(tmp_path / "a.json")
