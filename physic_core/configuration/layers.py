@@ -100,6 +100,8 @@ def file_layers(
     try:
         text = read_text(path, _MAX_BYTES)
         table = from_json(parse_json(text)["config"]) if is_result else parse_toml(text)
+        if not isinstance(table, dict):
+            raise TypeError("its config is not an object")
     except OSError as error:
         cure = f"; for that preset, write --preset {file}" if str(file) in preset_names() else ""
         raise ConfigError(f"cannot read the config {path}: {unreadable(error)}{cure}") from error

@@ -273,9 +273,10 @@ def test_a_file_that_cannot_be_read_is_named_with_the_file_that_extends_it(write
     assert "config.toml is not valid TOML" in refusal(write("inpainter:\n  backend: telea\n"))
     Path("config.toml").write_bytes(b"\xff\xfe\x00")
     assert "UTF-8" in refusal("config.toml")
-    assert "result.json is not the reconstruction.json of a run" in refusal(
-        write("{}", "result.json")
-    )
+    for text in ("{}", "[[null]]", '{"config": [[null]]}', '{"config": true}'):
+        assert "result.json is not the reconstruction.json of a run" in refusal(
+            write(text, "result.json")
+        )
 
 
 def test_files_that_extend_each_other_are_refused(write):
