@@ -138,6 +138,8 @@ def test_parts_of_which_nobody_speaks_touch_only_what_is_near(person):
     on_seat = touch(with_touch(on, seat=("world", 0.98)))[1]
     assert on_seat["head"] == on_seat["back"] == on_seat["seat"] > LEAST_PROBABILITY
     assert touch(on)[1]["head"] < on_seat["head"]
+    carried = contact(with_touch(over, seat=("world", 0.98))).contacts[0]
+    assert {"head", "back", "seat"} <= {one.part for one in carried}
 
 
 def test_a_part_without_skin_that_faces_down_does_not_touch_what_it_is_far_from(person):

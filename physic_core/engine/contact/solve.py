@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from physic_core.engine.body_parts import OBSERVED, SEAT, contact_regions
+from physic_core.engine.body_parts import SEAT, contact_regions
 from physic_core.engine.contact.distances import (
     HAND_BREADTH_M,
     KINDS,
@@ -189,9 +189,9 @@ def _carried_limbs(state: State) -> list[tuple[str, Tensor]]:
 
 
 def _with_unknown(state: State, near: Distances, touch: Touch) -> Touch:
-    """Add contacts of soles, hands, and skin of other observed parts that faces down, which
-    probably touch the world, and have nothing of it within a hand's breadth: with something
-    unknown. A hidden seat is a support.
+    """Add contacts of soles, hands, and skin of other parts that faces down, which probably touch
+    the world, and have nothing of it within a hand's breadth: with something unknown. A hidden seat
+    is a support.
 
     If too little skin of such a part faces down to be listed, the pose or the answer is wrong,
     either as probably as the other.
@@ -200,7 +200,7 @@ def _with_unknown(state: State, near: Distances, touch: Touch) -> Touch:
     parts = {**touch.parts}
     down = near.normals @ state.up < _FACES_DOWN
     for name, skin in contact_part_masks(state.model).items() if touch.parts else ():
-        if name not in OBSERVED or name == SEAT:
+        if name == SEAT:
             continue
         alone = touch.parts[name] >= LEAST_PROBABILITY
         alone &= touch.gaps[name] > HAND_BREADTH_M

@@ -236,8 +236,8 @@ def _hidden_supports(model: BodyModel, person: PersonContact, up: Tensor) -> Ite
 def support_record(
     carried: PersonSupport, contacts: Sequence[BodyContact], listed: Sequence[BodyContact]
 ) -> Support:
-    """Describe a support by body parts; contacts that are only possible are omitted beside likely
-    ones.
+    """Describe a support by body parts; contacts that are only possible, or with a surface that is
+    not listed, are omitted beside likely ones.
 
     Args:
         carried: of :func:`find_support`.
@@ -249,7 +249,12 @@ def support_record(
     found = [
         replace(one, probability=known.get((one.part, one.partner)), dent_m=None) for one in large
     ]
-    found = [one for one in found if one.likely] or found
+    sure = [
+        one
+        for one in found
+        if one.likely and ((one.part, one.partner) in known or one.partner.kind == "hidden")
+    ]
+    found = sure or found
     found.sort(key=lambda one: -(one.probability or 0.0))
     x, y, z = (round(value, DECIMALS) for value in carried.centre.tolist())
     outside = round(carried.outside_m, DECIMALS) if carried.outside_m < float("inf") else None
