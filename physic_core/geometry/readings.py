@@ -280,7 +280,7 @@ def turned_masks(given: BoolArray, seen: BoolArray) -> str:
         return ""
     small, people = (np.stack([_shrunk(mask) for mask in masks]) for masks in (given, seen))
     apart = {
-        turn: 1 - _overlap(turned(small), people)
+        turn: 1 - float(mask_iou(turned(small), people).max(1).mean())
         for turn, (turned, _) in TURNS.items()
         if turned(small).shape == small.shape
     }
@@ -289,9 +289,9 @@ def turned_masks(given: BoolArray, seen: BoolArray) -> str:
     return f"{best}: {TURNS[best][1]}" if best and is_better else ""
 
 
-def _overlap(given: BoolArray, seen: BoolArray) -> float:
-    """Return the mean over masks (M, h, w) of the largest intersection over union with others."""
-    flat, others = (one.reshape(len(one), -1).astype(np.float64) for one in (given, seen))
-    both = flat @ others.T
-    union = flat.sum(1)[:, None] + others.sum(1) - both
-    return float((both / np.maximum(union, 1)).max(1).mean())
+def mask_iou(masks: BoolArray, others: BoolArray) -> FloatArray:
+    """Return the intersections over unions (M, N) of masks (M, H, W) and (N, H, W)."""
+    flat, other = (one.reshape(len(one), -1).astype(np.float64) for one in (masks, others))
+    both = flat @ other.T
+    iou: FloatArray = both / np.maximum(flat.sum(1)[:, None] + other.sum(1) - both, 1)
+    return iou

@@ -15,7 +15,7 @@ from physic_core.body.landmarks import keypoints_on_body
 from physic_core.engine.state import MatchedBodies
 from physic_core.errors import ConfigError, InputError
 from physic_core.geometry.raster import rasterize
-from physic_core.geometry.readings import turned_masks
+from physic_core.geometry.readings import mask_iou, turned_masks
 from physic_core.interfaces.bodies import valid_body_rows
 from physic_core.io.body_file import with_columns_of_zeros
 from physic_core.types import BodyParameters
@@ -90,7 +90,7 @@ def match_to_people(
         raise InputError(f"{given.source}: its bodies are of a picture that is {turned}")
     boxes = boxes_from_masks(outlines).astype(np.float64)
     overlap = box_iou(boxes, np.asarray(people.boxes, np.float64))
-    overlap += _mask_iou(outlines, people.masks)
+    overlap += mask_iou(outlines, people.masks)
     allowed = overlap > _LEAST_OVERLAP
     for body, person in zip(*linear_sum_assignment(np.where(allowed, -overlap, 1.0)), strict=True):
         if allowed[body, person]:
@@ -103,14 +103,6 @@ def match_to_people(
             f"another photo, or of another size or crop of it?"
         )
     return rows, outlines
-
-
-def _mask_iou(first: BoolArray, second: BoolArray) -> FloatArray:
-    """Return the intersections over unions (M, N) of masks (M, H, W) and (N, H, W)."""
-    flat, others = (one.reshape(len(one), -1).astype(np.float32) for one in (first, second))
-    both = flat @ others.T
-    iou: FloatArray = both / np.maximum(flat.sum(1)[:, None] + others.sum(1) - both, 1)
-    return iou
 
 
 def _outlines(
