@@ -1,19 +1,20 @@
 """Write the public figures to docs/figures.json, and into the pages that state them.
 
-    python -m benchmarks figures [--truth RESULTS]
+    python -m benchmarks figures [--truth RESULTS] [--given ROWS]
 
 The figures are how often marks are right (what ``trust_on_photos`` wrote), what a photo costs
-(``run_cost``), and the errors on photos with measured truth: the ``results.json`` of
-``python -m benchmarks truth`` that ``--truth`` names, else those that are there. ``tools/pages.py``
-writes the pages.
+(``run_cost``), the errors on photos with measured truth (the ``results.json`` of ``truth`` that
+``--truth`` names), and those of given bodies (the ``rows.json`` of ``given_bodies`` that
+``--given`` names); else those that are there. ``tools/pages.py`` writes the pages.
 """
 
 from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tools"))
@@ -30,6 +31,9 @@ from .trust_on_photos import TRUST, VERDICTS, Row, judged, right_share
 
 READERS = "vision-language models"
 """Who judged the people of the table."""
+
+WAYS = ("in", "out")
+"""Bodies as they are given, and as the engine returns them."""
 
 TRUTH_ROWS = {
     "PA-MPJPE, mm, upright": 0,
@@ -48,6 +52,7 @@ def main() -> int:
     """Measure, and write file and pages."""
     parser = parser_of("figures", __doc__, fits=False)
     parser.add_argument("--truth", type=Path, metavar="RESULTS", help="results.json of truth")
+    parser.add_argument("--given", type=Path, metavar="ROWS", help="rows.json of given_bodies")
     given = parser.parse_args()
     earlier = json.loads(FIGURES.read_text(encoding="utf-8")) if FIGURES.exists() else {}
     rows = [row for row in json.loads(VERDICTS.read_text(encoding="utf-8")) if row["verdicts"]]
@@ -56,6 +61,7 @@ def main() -> int:
         "commit": commit_of_code(),
         "trust": trust_figures(rows),
         "truth": truth_figures(given.truth) if given.truth else earlier["truth"],
+        "given_bodies": given_figures(given.given) if given.given else earlier["given_bodies"],
     }
     FIGURES.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
     write_pages()
@@ -110,3 +116,27 @@ def truth_figures(file: Path) -> dict[str, Any]:
             if row["name"] in TRUTH_ROWS
         ],
     }
+
+
+def given_figures(file: Path) -> dict[str, Any]:
+    """Return the people of each data set, how many are better than given, and mean errors before
+    and after.
+    """
+    rows = json.loads(file.read_text(encoding="utf-8"))
+    sets: dict[str, Any] = {}
+    for name in sorted({row["set"] for row in rows}):
+        own = [row for row in rows if row["set"] == name]
+        sets[name] = {
+            "people": len(own),
+            "better": sum(row["mpjpe_out"] < row["mpjpe_in"] for row in own),
+            **{
+                key: [round(_mean_size(row[f"{key}_{way}"] for row in own), 1) for way in WAYS]
+                for key in ("mpjpe", "root", "foot_cm")
+            },
+        }
+    return {"commit": commit_of_code(), "sets": sets}
+
+
+def _mean_size(values: Iterable[float]) -> float:
+    """Return the mean magnitude of the known values."""
+    return fmean([abs(value) for value in values if value == value])

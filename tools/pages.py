@@ -161,6 +161,23 @@ def truth_line() -> str:
     return f"Preset `{truth['preset']}` at commit {truth['commit']}, {photos}:"
 
 
+def given_bodies_table() -> str:
+    sets = figures()["given_bodies"]["sets"]
+    return table(
+        ("photos", "people", "better", "MPJPE, mm", "relative to the hips, mm", "lower foot, cm"),
+        (
+            (
+                name,
+                str(one["people"]),
+                str(one["better"]),
+                *(" -> ".join(map(str, one[key])) for key in ("mpjpe", "root", "foot_cm")),
+            )
+            for name, one in sets.items()
+        ),
+        5,
+    )
+
+
 def cost_line() -> str:
     cost = figures()["cost"]
     rows = [
@@ -346,6 +363,7 @@ def parts() -> dict[str, Callable[[], str]]:
         "truth": truth_table,
         "truth-of": truth_line,
         "cost": cost_line,
+        "given-bodies": given_bodies_table,
         "checks-of-the-photo": lambda: checks_table("photo"),
         "checks-of-a-person": lambda: checks_table("person"),
         "exports": exports_table,
