@@ -73,8 +73,8 @@ def _is_seam(across: UInt8Array, row: int) -> bool:
     reach = 2 * _JPEG_PX + 2
     if not reach <= row <= len(across) - reach:
         return False
-    rows = across[row - reach : row + reach, :: max(1, across.shape[1] // _SAMPLES)]
-    rows = rows.astype(np.int16)
+    near = across[row - reach : row + reach, :: max(1, across.shape[1] // _SAMPLES)]
+    rows = near.astype(np.int16)
     ends = rows[reach - 1 : reach + 1]
     off = np.abs(ends - np.median(ends, axis=1, keepdims=True)).max(-1)
     if np.percentile(off, _PERCENTILE, axis=1).min() < _VARIES:
