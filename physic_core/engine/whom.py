@@ -23,7 +23,7 @@ from physic_core.geometry.tensors import exact_arrays
 from physic_core.types.observations import LEAST_PROBABILITY, TOUCHED
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from numpy.typing import NDArray
 
@@ -95,6 +95,21 @@ def meetings(model: BodyModel, vertices: Tensor, touch: Tensor | None) -> tuple[
                     skin = (torch.from_numpy(ids).to(region) for ids in met[3:])
                     pairs.append(Meeting(i, part, *met[:3], *skin))
     return tuple(sorted(pairs, key=lambda one: one.probability))
+
+
+def touch_by_meetings(touch: Tensor, pairs: Iterable[Meeting]) -> Tensor:
+    """Return what parts touch, (N, 10, 5) as ``State.observed_touch``, where a part that meets skin
+    does so with the probability of the meeting, and its other answers share the rest.
+    """
+    touch = touch.clone()
+    for one in pairs:
+        word = TOUCHED.index("own body" if one.other == one.person else "person")
+        for person, part in ((one.person, one.part), (one.other, one.other_part)):
+            row = touch[person, OBSERVED[part]] if part in OBSERVED else touch.new_zeros(0)
+            if len(row) and one.probability > row[word]:
+                row *= (1 - one.probability) / (1 - row[word])
+                row[word] = one.probability
+    return touch
 
 
 def _met(

@@ -197,6 +197,14 @@ def test_a_part_that_no_pixel_shows_is_listed_once_on_what_most_of_it_touches():
     assert assumed == (BodyContact("left_foot", SEAT_PARTNER, 0.7, 5, assumed=True),)
 
 
+def test_an_object_is_listed_with_the_probability_of_its_hand_that_no_pixel_shows_too():
+    regions = ContactRegions(("left_hand",), torch.zeros(4, dtype=torch.int64))
+    person = torch.zeros(4, dtype=torch.int64), torch.full((4,), 0.8), torch.full((4,), torch.nan)
+    held = ContactPartner("object")
+    listed = body_contacts(*person, (held,), regions, assumed={"left_hand": 0.1}, least=0.5)
+    assert listed == (BodyContact("left_hand", held, 0.8, 4, assumed=True),)
+
+
 def test_own_parts_are_listed_once_from_the_outer_one_and_adjacent_ones_are_not():
     names = ("left_hand", "head", "left_upper_arm", "torso")
     table = tuple(ContactPartner("self", part=name) for name in names)

@@ -13,7 +13,7 @@ from physic_core import engine_preset
 from physic_core.engine.contact.distances import ContactSurfaces
 from physic_core.engine.contact.solve import find_contact, measure_distances
 from physic_core.geometry.neighbors import NearestPointSearch
-from physic_core.types import SKELETONS, Intrinsics
+from physic_core.types import SKELETONS, TOUCH_PARTS, TOUCHED, Intrinsics
 
 from .adjusted import with_result
 from .conftest import state_of
@@ -75,6 +75,15 @@ def test_who_is_touched_touches_back(body, probability, touches):
     )
     assert bool(given) is touches
     assert {(b, a, p) for a, b, p in given} == returned
+
+
+def test_a_part_that_meets_skin_has_the_rest_of_its_probability_for_what_else_it_touches(body):
+    given = beside(body, 0.15, left_hand=("person", 0.4))
+    given.observed_touch[..., TOUCH_PARTS.index("left_hand"), TOUCHED.index("object")] = 0.6
+    for contacts in contact_of(given).contacts:
+        kinds = {one.partner.kind: one.probability for one in contacts if one.part == "left_hand"}
+        assert kinds.keys() == {"person"}
+        assert kinds["person"] > 0.6
 
 
 def test_skin_of_which_the_observer_does_not_speak_touches_nobody(body):

@@ -285,11 +285,12 @@ def body_contacts(
         sure = None
         kind = table[partner].kind
         is_skin = kind in _SKIN
-        if part in assumed and (kind == "object" or (is_skin and part not in met)):
+        if part in assumed and is_skin and part not in met:
             continue
         if probability is not None:
             of_surest = mean_of_surest(probability[here])
-            sure = round(of_surest if is_skin else assumed.get(part, of_surest), DECIMALS)
+            of_part = assumed.get(part, of_surest) if kind in _OF_WORLD else of_surest
+            sure = round(of_part, DECIMALS)
         if sure is None or sure >= least:
             one = BodyContact(part, table[partner], sure, count, assumed=part in assumed)
             off = None

@@ -43,7 +43,7 @@ from physic_core.engine.contact.support import (
     support_record,
 )
 from physic_core.engine.state import Contact, Estimates, State
-from physic_core.engine.whom import Meeting, meetings
+from physic_core.engine.whom import Meeting, meetings, touch_by_meetings
 from physic_core.geometry.mesh import vertex_normals
 from physic_core.geometry.pixels import select_pixels
 from physic_core.geometry.tensors import tensors
@@ -85,6 +85,9 @@ def find_contact(
     """Return the contact of people by their distances, and by what the picture shows beside
     them.
     """
+    if state.observed_touch is not None:
+        said = touch_by_meetings(state.observed_touch, near.meetings)
+        state = replace(state, observed_touch=said)
     touch = _with_unknown(state, near, method.find_touch(state, near))
     carried = _find_supports(state, near, touch, method)
     return _describe_contacts(
