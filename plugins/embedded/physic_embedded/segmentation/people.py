@@ -256,7 +256,7 @@ def _is_of_turned(person: DetectedPose, people: Sequence[DetectedPose]) -> bool:
         person.box is not None
         and other.box is not None
         and is_turned(other.pose, box_fit(other.pose, other.box))
-        and _share_inside(person.box, other.box) >= MIN_PART
+        and share_inside(person.box, other.box) >= MIN_PART
         and mask_overlap(person.pose, other.pose) > MAX_SHARED_MASK
         for other in people
     )
@@ -329,10 +329,10 @@ def _is_part(box: Float, pose: Pose, people: Sequence[DetectedPose]) -> bool:
     in their box. The pose in a box beyond theirs may be of the wrong one of two people.
     """
     same = poses_of_same(pose, people)
-    return any(_share_inside(box, one.extent) >= MIN_PART for one in same)
+    return any(share_inside(box, one.extent) >= MIN_PART for one in same)
 
 
-def _share_inside(box: Float, other: Float) -> float:
+def share_inside(box: Float, other: Float) -> float:
     """Return the share of a box (4,) that lies inside another one."""
     side = np.minimum(box[2:], other[2:]) - np.maximum(box[:2], other[:2])
     return float(np.maximum(side, 0.0).prod() / (box[2:] - box[:2]).prod())

@@ -12,6 +12,7 @@ import numpy as np
 from physic_core.backends.people import boxes_from_masks
 from physic_core.types import FOUND_TWICE, HARDLY_VISIBLE
 from physic_embedded.networks.mobile_sam import predict_masks
+from physic_embedded.segmentation.people import share_inside
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -64,7 +65,8 @@ def segment_unposed(
 
     Returns:
         The boxes but those of chairs and trees. One with a mask that mostly covers no other person
-        becomes the box of these pixels; others are found twice, and left out if hardly visible.
+        becomes the box of these pixels; others are found twice; those hardly visible are left out
+        if they show a part of a person with a pose.
         And the pixels (H, W) of the people who are missing.
     """
     found = []
@@ -80,14 +82,15 @@ def segment_unposed(
             and _person_share(surfaces, one) < MIN_PERSON_SHARE
         ):
             continue
-        own = np.zeros_like(people)
+        mask = people
         if one.score >= SURE_SCORE or not any(_is_limb(one, pose) for pose in poses):
             none = np.zeros((0, 2))
             answer = predict_masks(decoder, embedding, none, none, np.asarray(one.box, float))
             mask = embedding.to_photo(answer.logits[int(answer.iou.argmax())]) > 0
-            own = mask & ~people & ~taken
-        if not own.any() or own.sum() < MIN_OWN_SHARE * mask.sum():
-            if one.reason != HARDLY_VISIBLE:
+        least = MIN_OWN_SHARE * max(mask.sum(), 1)
+        own = mask & ~people & ~taken
+        if own.sum() < least:
+            if one.reason != HARDLY_VISIBLE or (mask & people).sum() < least:
                 found.append(replace(one, reason=FOUND_TWICE))
             continue
         x0, y0, x1, y1 = (float(edge) for edge in boxes_from_masks(own[None])[0])
@@ -99,11 +102,14 @@ def segment_unposed(
 
 
 def _is_limb(one: UnposedPerson, pose: Pose) -> bool:
-    """Return whether a box lower than a person's trunk holds a limb's end of this person."""
+    """Return whether a box lower than a person's trunk holds a limb's end of this person, and lies
+    mostly in the box of the joints: a face beside a raised hand does not.
+    """
     low, high = np.array(one.box).reshape(2, 2)
     ends = pose.points[LIMB_ENDS]
     inside = ((ends >= low) & (ends <= high)).all(1).any()
-    return bool(inside) and high[1] - low[1] < pose.torso_length
+    is_low = high[1] - low[1] < pose.torso_length
+    return bool(inside and is_low and share_inside(np.array(one.box), pose.joints_box) > 0.5)
 
 
 def _person_share(surfaces: SurfaceLabels, one: UnposedPerson) -> float:
