@@ -9,7 +9,8 @@ body, a camera, keypoints with the detector's errors, and a body with the errors
 bones turned in depth, a lean, wrong lengths. The network learns to undo them. Every tenth motion is
 left out, and its error printed. With ``--write`` the numbers go into the plugin.
 
-The sizes of the errors are round numbers that were not measured; sizes half as large again gained
+The sizes of the errors are round numbers, near to those measured: before the lifter, ``_DEPTH`` is
+0.26, 0.41, 0.16 and 0.16 for 42 bodies of panoptic and roundtable. Sizes half as large again gained
 no more on films for fits.
 """
 
