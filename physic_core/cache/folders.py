@@ -200,7 +200,7 @@ def claimed_cache(name: str) -> LruFolder | None:
     return None if cache is None or claim_folder(cache.path) is None else cache
 
 
-def is_own(path: Path) -> bool:
+def belongs_to_user(path: Path) -> bool:
     """Return whether a file or folder belongs to the user, which is not checked on Windows; False
     if it is gone.
     """

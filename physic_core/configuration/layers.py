@@ -50,7 +50,7 @@ def preset_names() -> tuple[str, ...]:
     return tuple(sorted(p.name[:-5] for p in _PRESETS.iterdir() if p.name.endswith(".toml")))
 
 
-def is_path(name: str) -> bool:
+def is_config_path(name: str) -> bool:
     """Return whether a string is a file path rather than the name of a preset."""
     return name.endswith((".toml", ".json")) or "/" in name or os.sep in name
 
@@ -128,7 +128,7 @@ def file_layers(
             f"{path}: extends should be the name of a preset or a path (got {quoted(extended)})"
         )
     try:
-        if is_path(extended):
+        if is_config_path(extended):
             # It builds on the preset "embedded", independently of the preset given for this one.
             below = file_layers(
                 path.parent / os.path.expanduser(extended), "embedded", (*above, real)

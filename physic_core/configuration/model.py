@@ -32,7 +32,7 @@ from physic_core.configuration.layers import (
     SettingsLayer,
     environment_layers,
     file_layers,
-    is_path,
+    is_config_path,
     merge_layers,
     override_layers,
     preset_layers,
@@ -534,7 +534,7 @@ def as_config(config: Config | str | os.PathLike[str] | Mapping[str, Any] | None
         raise ConfigError(
             f"a config should be a preset, a path, a mapping or a Config (got {quoted(base)})"
         )
-    if isinstance(base, str) and not is_path(base):
+    if isinstance(base, str) and not is_config_path(base):
         return load_config(preset=base, flags={"config": tables})
     return load_config(base, flags={"config": tables})
 

@@ -45,7 +45,7 @@ def measure_agreement(estimates: Estimates, state: State) -> list[Measures]:
         state: with the contact of the people and the final scene.
     """
     model = state.model
-    scale = state.scene_scale
+    scale = state.unapplied_scene_scale
     contact = state.contact
     floor = state.scene.floor
     assert contact is not None
@@ -136,12 +136,12 @@ def measure_known_sizes(known: KnownSizes, state: State) -> list[tuple[str, floa
     ]
     floor = state.scene.floor
     if known.camera_height is not None and floor is not None:
-        height = floor.offset * state.scene_scale
+        height = floor.offset * state.unapplied_scene_scale
         sizes.append(("the camera height", known.camera_height, height))
     distances = state.known.distances
     normals = vertex_normals(state.vertices, state.model.faces)
     ends = distances.ends_on_bodies(state.vertices, normals, state.K)
-    extents = distances.measure(ends, state.vertices, state.scene_scale)
+    extents = distances.measure(ends, state.vertices, state.unapplied_scene_scale)
     for index, extent in zip(distances.index.tolist(), map(float, extents), strict=True):
         length = known.lengths[index]
         name = f"the length from {pixel_text(length.start)} to {pixel_text(length.end)}"

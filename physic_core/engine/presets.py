@@ -44,7 +44,7 @@ from physic_core.engine.joint.terms.scene import (
     CONTACT_RANGE_M,
     ContactTerm,
     ContactTermSettings,
-    FloorTerm,
+    FloorPenetrationTerm,
     PenetrationSettings,
     PenetrationTerm,
     SoleSettings,
@@ -63,7 +63,7 @@ _ROUGH_FACTOR = 4.0  # of the tolerance, where parts that touch each other move 
 
 
 @dataclass(frozen=True)
-class DefaultOptimisation(JointStageMethod):
+class DefaultJointStage(JointStageMethod):
     """Settings of stage 3 in preset "default" (paper sec. 3.3, Eq. 5-7).
 
     A residual is divided by its "sigma", its expected size, and passed to a robust loss: beyond
@@ -151,7 +151,7 @@ class DefaultOptimisation(JointStageMethod):
                 DepthTerm(self.depth, sampling, variables),
                 ContactTerm(self.contact, sampling),
                 PenetrationTerm(self.penetration, sampling),
-                FloorTerm(self.floor.weight, sampling),
+                FloorPenetrationTerm(self.floor.weight, sampling),
             ],
             soles=SoleTerm(self.soles, sampling),
             regularisation=RegularisationTerm(self.regularisation, sampling, variables),
@@ -189,6 +189,6 @@ class DefaultOptimisation(JointStageMethod):
 
 
 DEFAULT = EngineSettings(
-    SceneStageMethod(), PlacementStageMethod(), DefaultOptimisation(), ContactStageMethod()
+    SceneStageMethod(), PlacementStageMethod(), DefaultJointStage(), ContactStageMethod()
 )
 """Settings of preset "default"."""

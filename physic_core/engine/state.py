@@ -17,7 +17,7 @@ from physic_core.engine.ground.floor_and_scale import Ground
 from physic_core.engine.limbs import observed_parts
 from physic_core.engine.photo import PhotoContent
 from physic_core.engine.scene_state import SceneState, Surroundings
-from physic_core.engine.sizes.known_sizes import KnownGeometry
+from physic_core.engine.sizes.known_sizes import LocatedSizes
 from physic_core.engine.whom import Meeting
 from physic_core.errors import PhysicError
 from physic_core.geometry.alignment import Alignment
@@ -276,7 +276,7 @@ class State(ShortRepr):
     limb_touch_probability: Tensor | None = field(default=None, metadata=shape("N", 5))
     carried: Carried | None = None
     scale_sigma: float | None = None
-    known: KnownGeometry | None = None
+    known: LocatedSizes | None = None
     views: tuple[OtherView, ...] = ()
     photo_alignment: Alignment | None = None
     photo_depth: Tensor | None = field(default=None, metadata=shape("H", "W"))
@@ -304,7 +304,7 @@ class State(ShortRepr):
         return self.joint.joints
 
     @property
-    def scene_scale(self) -> float:
+    def unapplied_scene_scale(self) -> float:
         """Factor of stage 3 on all lengths of scene, photo and floor, which do not have it; 1
         before.
         """

@@ -190,7 +190,7 @@ def support(estimates: Estimates, result: Reconstruction, person: int) -> Measur
                     f"distance is wrong: {_NOT_TO_USE}",
                 )
             )
-    stands = _stands_on_seen_legs(estimates, result, person)
+    stands = _stands_on_visible_legs(estimates, result, person)
     if height is not None and (height < 0 or stands):
         side = "above" if height > 0 else "below"
         reasons.append(
@@ -448,7 +448,7 @@ def _is_known(estimates: Estimates, result: Reconstruction, person: int) -> bool
     return any(math.isfinite(values[person]) for values in known_sizes)
 
 
-def _stands_on_seen_legs(estimates: Estimates, result: Reconstruction, person: int) -> bool:
+def _stands_on_visible_legs(estimates: Estimates, result: Reconstruction, person: int) -> bool:
     """Return whether a person stands on both feet, with a knee or an ankle of each leg visible, and
     without an assumed support.
     """

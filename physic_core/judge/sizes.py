@@ -16,7 +16,7 @@ from physic_core.geometry.tensors import exact_arrays
 from physic_core.judge import CHECKS
 
 if TYPE_CHECKING:
-    from physic_core.engine.sizes.known_sizes import KnownGeometry
+    from physic_core.engine.sizes.known_sizes import LocatedSizes
     from physic_core.engine.state import Estimates, State
     from physic_core.types import FloatArray, KnownSizes, Measures
 
@@ -86,7 +86,7 @@ def _unit_question(estimates: Estimates) -> str:
     )
 
 
-def _scene_sizes(known: KnownGeometry, factor: float = 1.0) -> str:
+def _scene_sizes(known: LocatedSizes, factor: float = 1.0) -> str:
     """Name the camera height and the lengths on the scene, times a factor."""
     lengths = known.distances.metres[(known.distances.person < 0).all(1)].tolist()
     height = (
@@ -148,7 +148,9 @@ def _growth_to_floor(people: list[Measures], state: State) -> FloatArray:
         if standing_legs(*exact_arrays(state.joints[i])).all():
             # A person grows about the camera; a height near the camera's would need an infinite
             # factor.
-            growth[i] = -math.log1p(-min(height / float(floor.offset * state.scene_scale), 0.9))
+            growth[i] = -math.log1p(
+                -min(height / float(floor.offset * state.unapplied_scene_scale), 0.9)
+            )
     return growth
 
 

@@ -152,7 +152,7 @@ def _sizes(state: State, person: int) -> dict[str, float]:
     pelvis = state.joints[person, :1]
     seat = state.vertices[person, state.model.contact_sets["gluteus"]]
     for name, points in (("pelvis_height_m", pelvis), ("seat_height_m", seat)):
-        heights = floor.scaled(state.scene_scale).height(points.double())
+        heights = floor.scaled(state.unapplied_scene_scale).height(points.double())
         sizes[name] = round(float(heights.min()), 4)
     return sizes
 
@@ -227,7 +227,7 @@ def _intrinsics(estimates: Estimates, state: State) -> Intrinsics:
 def _scene(estimates: Estimates, state: State) -> Scene:
     """Convert the scene, multiplied by the scale of stage 3."""
     scene = state.scene
-    scale = state.scene_scale
+    scale = state.unapplied_scene_scale
     floor = None if scene.floor is None else scene.floor.scaled(scale).to_plane()
     valid = scene.valid
     if (plain := _plain_ground(estimates)) is not None:
@@ -324,7 +324,7 @@ def _shows_level_floor(search: FloorSearch) -> bool:
     return plane is not None and bool(search.in_mask) and -float(plane.normal[1]) > _UP_COSINE
 
 
-def warn_of_small_people(estimates: Estimates, result: Reconstruction) -> list[str]:
+def small_stature_warnings(estimates: Estimates, result: Reconstruction) -> list[str]:
     """Return a warning about each person who stands on the floor of others and is too small."""
     on_floor = [has_sole_on_floor(person.contacts) for person in result.people]
     return [
@@ -339,7 +339,7 @@ def warn_of_small_people(estimates: Estimates, result: Reconstruction) -> list[s
 _MOST_BENT_DEG = (-60.0, 90.0)
 
 
-def warn_of_bent_trunks(result: Reconstruction) -> list[str]:
+def bent_trunk_warnings(result: Reconstruction) -> list[str]:
     """Return a warning about each person whose trunk bends more than a spine does."""
     bent = (person.joint_angles["trunk_flexion"] for person in result.people)
     return [

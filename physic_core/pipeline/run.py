@@ -437,17 +437,17 @@ def _with_descriptions(
     """Add warnings and notes about a judged result to the run; return it with the repositories."""
     from physic_core.judge import warning_messages
     from physic_core.pipeline.reconstruction import (
+        bent_trunk_warnings,
         describe_methods,
         describe_repositories,
-        warn_of_bent_trunks,
-        warn_of_small_people,
+        small_stature_warnings,
     )
 
     repositories: dict[str, Any] = {}
     with stages.beyond_the_answer("the description of the result"):
         repositories, others = describe_repositories(plan)
         stages.warn(*others, *warning_messages(result.checks))
-        stages.warn(*warn_of_small_people(estimates, result), *warn_of_bent_trunks(result))
+        stages.warn(*small_stature_warnings(estimates, result), *bent_trunk_warnings(result))
         stages.note(*describe_methods(estimates, result))
     with stages.beyond_the_answer("the search for mistakes of backends"):
         _warn_of_contradictions(plan, estimates, result, stages)

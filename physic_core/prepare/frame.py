@@ -69,7 +69,7 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class _Picture:
+class _InnerPicture:
     """A part of a photo whose outline is four lines.
 
     Attributes:
@@ -94,8 +94,8 @@ class _Layer(NamedTuple):
     cannot be cut out: several in one file, or one that is turned, skewed or broken.
     """
 
-    cut: _Picture | None = None
-    uncut: tuple[_Picture, ...] = ()
+    cut: _InnerPicture | None = None
+    uncut: tuple[_InnerPicture, ...] = ()
 
 
 class _Line(NamedTuple):
@@ -145,7 +145,9 @@ def find_frame(image: UInt8Array) -> Frame:
     )
 
 
-def _without_layers(image: UInt8Array, inside: Inside | None) -> tuple[Frame, tuple[_Picture, ...]]:
+def _without_layers(
+    image: UInt8Array, inside: Inside | None
+) -> tuple[Frame, tuple[_InnerPicture, ...]]:
     """Return the picture inside the border of a photo (H, W, 3) without bed, white and mount, and
     the pictures in it that cannot be cut out.
     """
@@ -220,7 +222,7 @@ def _outermost_layer(image: UInt8Array) -> _Layer:
     small = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
     small = cv2.medianBlur(small, 3)
     outer, enclosing = _grounds(small)
-    pictures = _pictures(outer) if outer.any() else []
+    pictures = _inner_pictures(outer) if outer.any() else []
     if len(pictures) > 1 and sum(one.share for one in pictures) >= _PARTS:
         return _Layer(uncut=tuple(pictures))
     for one in pictures[:1]:
@@ -239,7 +241,7 @@ def _outermost_layer(image: UInt8Array) -> _Layer:
         )
         return _Layer(replace(one, corners=corners * (np.array(image.shape[1::-1]) / size)))
     for ground in enclosing:
-        for one in _pictures(ground):
+        for one in _inner_pictures(ground):
             if one.share >= _ENCLOSED and one.inner == 4:
                 return _Layer(uncut=(one,))
     return _Layer()
@@ -276,7 +278,7 @@ def _grounds(small: UInt8Array) -> tuple[BoolArray, list[BoolArray]]:
         ground = cv2.dilate((labels == label).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
         if x > 0 and y > 0 and x + w < width and y + h < height:
             enclosing.append(ground)
-        elif any(_is_frame(one, small[labels == label]) for one in _pictures(ground)):
+        elif any(_is_frame(one, small[labels == label]) for one in _inner_pictures(ground)):
             outer |= ground
     return outer, enclosing
 
@@ -323,7 +325,7 @@ def _textured_ground(values: NDArray[np.int16]) -> BoolArray:
     return ground
 
 
-def _is_frame(picture: _Picture, colors: UInt8Array) -> bool:
+def _is_frame(picture: _InnerPicture, colors: UInt8Array) -> bool:
     """Return whether a ground is the frame of a picture, not a wall or a sky beside a scene: it is
     on two sides that meet, or a bar of one colour along the pixels.
     """
@@ -334,7 +336,7 @@ def _is_frame(picture: _Picture, colors: UInt8Array) -> bool:
     return bool(np.abs(colors - np.median(colors, axis=0)).mean(0).max() <= _PLAIN_BAR)
 
 
-def _pictures(ground: BoolArray) -> list[_Picture]:
+def _inner_pictures(ground: BoolArray) -> list[_InnerPicture]:
     """Return the parts beside a ground (H, W) whose outline is four lines, the largest first."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(
         (~ground).astype(np.uint8), connectivity=4
@@ -344,12 +346,12 @@ def _pictures(ground: BoolArray) -> list[_Picture]:
         one
         for label in range(1, count)
         if stats[label, cv2.CC_STAT_AREA] >= _PART * area
-        and (one := _picture(labels == label)) is not None
+        and (one := _inner_picture(labels == label)) is not None
     ]
     return sorted(pictures, key=lambda one: -one.share)
 
 
-def _picture(part: BoolArray) -> _Picture | None:
+def _inner_picture(part: BoolArray) -> _InnerPicture | None:
     """Return the picture that a part of a photo (H, W) is, None without four lines."""
     # without the crumbs of a ground with texture
     clean = cv2.morphologyEx(part.astype(np.uint8), cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
@@ -366,14 +368,15 @@ def _picture(part: BoolArray) -> _Picture | None:
             starts += [corners[:, 0].astype(float)] if len(corners) == 4 else []
             break
     candidates = [
-        _picture_on_lines(start, outline[:, 0].astype(float), part.shape) for start in starts
+        _inner_picture_from_corners(start, outline[:, 0].astype(float), part.shape)
+        for start in starts
     ]
     return min(filter(None, candidates), key=lambda one: one.broken, default=None)
 
 
-def _picture_on_lines(
+def _inner_picture_from_corners(
     start: FloatArray, points: FloatArray, size: tuple[int, int]
-) -> _Picture | None:
+) -> _InnerPicture | None:
     """Return the picture whose sides are the lines nearest to those of four corners (4, 2); None if
     the points (P, 2) of its outline lie elsewhere.
     """
@@ -392,7 +395,7 @@ def _picture_on_lines(
         return None
     angles = np.degrees(np.arctan2(normals[:, 1], normals[:, 0]))
     turns = np.abs((angles + 45) % 90 - 45).tolist()
-    return _Picture(
+    return _InnerPicture(
         corners,
         cv2.contourArea(corners.astype(np.float32)) / math.prod(size),
         len(inner),

@@ -46,7 +46,10 @@ def with_result(state, body):
 def heights(state):
     """Return the height (N, V) of the vertices of stage 3 over the floor, metres."""
     floor = state.scene.floor
-    return state.vertices @ floor.normal.to(state.vertices) + floor.offset * state.scene_scale
+    return (
+        state.vertices @ floor.normal.to(state.vertices)
+        + floor.offset * state.unapplied_scene_scale
+    )
 
 
 def without_joints(state, *names, sides=("left", "right")):

@@ -96,4 +96,4 @@ def test_cuda_ends_where_the_cpu_does(with_box):
         for d in ("cpu", "cuda")
     )
     assert (there.vertices.cpu() - here.vertices).norm(dim=-1).amax() < 2e-3
-    assert there.scene_scale == pytest.approx(here.scene_scale, abs=1e-3)
+    assert there.unapplied_scene_scale == pytest.approx(here.unapplied_scene_scale, abs=1e-3)

@@ -32,7 +32,7 @@ def test_held_people_stay_where_they_were_placed(two, free):
     result = optimize(two.state, held)
     assert result.joint.failures == ("", "")
     assert torch.equal(result.transl, two.state.transl)
-    assert (result.scene_scale == 1.0) == (free == ())
+    assert (result.unapplied_scene_scale == 1.0) == (free == ())
 
 
 @pytest.fixture(scope="module")

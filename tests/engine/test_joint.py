@@ -19,7 +19,7 @@ from physic_core.engine.joint.terms.scene import lowest_height
 from physic_core.errors import PhysicError
 from physic_core.geometry.camera import project
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
-from physic_paper.paper import PaperOptimisation
+from physic_paper.paper import PaperJointStage
 from physic_paper.published import UnwhitenedVariables
 
 from .adjusted import (
@@ -99,7 +99,7 @@ def test_a_sitter_ends_on_the_seat(make_stage, lift):
     seat = seat_of(make_stage(people))
     stage = make_stage(people, boxes=[((-0.4, seat, 2.7), (0.4, 1.3, 3.3))])
     result = optimize(moved(stage.state, by=(0.0, lift, 0.0)), SETTINGS)
-    gap = seat * result.scene_scale - seat_of(replace(stage, vertices=result.vertices))
+    gap = seat * result.unapplied_scene_scale - seat_of(replace(stage, vertices=result.vertices))
     assert abs(gap) < 0.025
 
 
@@ -162,7 +162,7 @@ def test_known_bodies_correct_the_scale_of_the_scene(standing):
     """A scene that came out 12 % too large shrinks until its people stand in it."""
     large = larger_scene(standing.state, 1.12)
     result = optimize(large, SETTINGS)
-    assert result.scene_scale == pytest.approx(1 / 1.12, abs=0.05)
+    assert result.unapplied_scene_scale == pytest.approx(1 / 1.12, abs=0.05)
     assert abs(lowest_sole_m(result)) < 0.005
 
 
@@ -228,7 +228,7 @@ def test_gradient_of_the_whole_energy(with_box, settings):
     """
     energy = energy_with_all(with_box, settings)
     # The nearest neighbours of the paper's depth are found at every evaluation.
-    held = {"depth"} if isinstance(settings, PaperOptimisation) else set()
+    held = {"depth"} if isinstance(settings, PaperJointStage) else set()
 
     def terms(*parameters):
         found = energy().items()
@@ -251,7 +251,7 @@ def test_without_floor_and_scene_the_photo_alone_decides(standing):
     state = moved(standing.state, by=(0.05, 0.0, 0.2))
     state = with_scene(state, floor=None, valid=torch.zeros_like(state.scene.valid))
     result = optimize(state, SETTINGS)
-    assert result.scene_scale == 1.0
+    assert result.unapplied_scene_scale == 1.0
     assert error_mm(result, standing) < 30
 
 
@@ -286,5 +286,5 @@ def test_a_small_person_under_the_floor_does_not_rescale_the_scene_of_two_large_
     body = state.model(state.rotations, state.betas, transl)
     keypoints = project(state.model.landmarks(body, state.skeleton), state.K)
     result = optimize(replace(state, transl=transl, keypoints=keypoints), SETTINGS)
-    assert result.scene_scale == pytest.approx(1.0, abs=0.1)
+    assert result.unapplied_scene_scale == pytest.approx(1.0, abs=0.1)
     assert sole_mm(result)[:2].abs().max() < 30

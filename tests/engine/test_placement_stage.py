@@ -16,7 +16,7 @@ from physic_core.engine.ground.stance import Stance
 from physic_core.engine.joint.solve import optimize
 from physic_core.engine.photo import PixelPoints
 from physic_core.engine.placement.solve import solve_placement
-from physic_core.engine.sizes.known_sizes import KnownDistances, KnownGeometry, scale_scene
+from physic_core.engine.sizes.known_sizes import LocatedDistances, LocatedSizes, scale_scene
 from physic_core.types import Observations
 from physic_core.types.observations import POSTURES
 
@@ -65,7 +65,7 @@ def test_feet_on_pedals_do_not_draw_the_floor_to_them(make_stage):
     touch = torch.tensor(replace(Stance.unknown(1), touch=said).limb_touch_probability)
     state = replace(state, limb_touch_probability=touch.to(state.transl))
     found = optimize(solve_placement(estimates, state, DEFAULT), engine_preset("default").joint)
-    assert found.scene_scale == pytest.approx(1.0, abs=0.03)
+    assert found.unapplied_scene_scale == pytest.approx(1.0, abs=0.03)
     lowest = float(found.vertices[..., 1].max())
     assert lowest == pytest.approx(FLOOR_Y - 0.25, abs=0.02)
 
@@ -73,14 +73,14 @@ def test_feet_on_pedals_do_not_draw_the_floor_to_them(make_stage):
 @pytest.fixture
 def known(given):
     """A known height of the camera, a tenth above the estimated one."""
-    nothing = KnownDistances(
+    nothing = LocatedDistances(
         torch.zeros(0),
         torch.zeros(0, 2, dtype=torch.int64),
         torch.zeros(0, 2, 3),
         torch.zeros(0, 2, 3),
         torch.zeros(0, dtype=torch.int64),
     )
-    return KnownGeometry(torch.tensor([torch.nan]), 1.1 * given[1].scene.floor.offset, nothing)
+    return LocatedSizes(torch.tensor([torch.nan]), 1.1 * given[1].scene.floor.offset, nothing)
 
 
 def test_people_are_resized_to_a_scene_of_known_size(given, known):

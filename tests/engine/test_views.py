@@ -109,7 +109,7 @@ def test_a_camera_that_shows_nobody_changes_no_bit(two):
         optimize(replace(start, views=v), short) for v in ((), (blank(view_of(two, 40.0)),))
     )
     assert torch.equal(alone.vertices, with_view.vertices)
-    assert alone.scene_scale == with_view.scene_scale
+    assert alone.unapplied_scene_scale == with_view.unapplied_scene_scale
 
 
 def test_an_energy_without_other_cameras_refuses_them(two):

@@ -24,7 +24,7 @@ from physic_core.judge import (
     warning_messages,
 )
 from physic_core.judge.trust import CAP
-from physic_core.pipeline.reconstruction import warn_of_bent_trunks
+from physic_core.pipeline.reconstruction import bent_trunk_warnings
 from physic_core.types import (
     CameraTrust,
     CheckState,
@@ -557,7 +557,7 @@ def test_a_trunk_that_bends_more_than_a_spine_is_warned_of(degrees, warned):
     pose = np.zeros_like(person.parameters.body_pose)
     pose[0, 3 * (JOINT_INDEX["spine1"] - 1)] = math.radians(degrees)
     bent = replace(person, parameters=replace(person.parameters, body_pose=pose))
-    sentences = warn_of_bent_trunks(replace(result, people=(bent,)))
+    sentences = bent_trunk_warnings(replace(result, people=(bent,)))
     assert [f"{degrees}°" in sentence for sentence in sentences] == [True] * warned
 
 

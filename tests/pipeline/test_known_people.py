@@ -9,7 +9,7 @@ import torch
 from physic_core import KnownSizes, load_reconstruction
 from physic_core.body import load_body
 from physic_core.body.bones import parameters_from_rotations
-from physic_core.engine.sizes.stature import load_ages, resize_children
+from physic_core.engine.sizes.stature import load_child_growth, resize_children
 from physic_core.types import Bodies
 from physic_core.types.known_sizes import KnownPeople
 from physic_testing.worlds import load_world
@@ -19,7 +19,7 @@ NAN = np.nan
 
 
 def test_statures_grow_with_age_and_shapes_have_the_stature():
-    ages = load_ages()
+    ages = load_child_growth()
     model = load_body("embedded")
     assert (np.diff(ages.log_stature) > 0).all()
     shown = model.stature(torch.tensor(ages.betas(ages.log_stature)).float()).log().numpy()
@@ -66,7 +66,7 @@ def test_a_child_gets_a_childs_shape_and_stays_where_the_photo_shows_it():
     after, notes = resized(before, years=[NAN, 4.5])
     assert np.array_equal(after.betas[0], before.betas[0])
     assert np.array_equal(after.transl[0], before.transl[0])
-    usual = np.exp(load_ages().at_age(4.5)[0])
+    usual = np.exp(load_child_growth().at_age(4.5)[0])
     assert stature(after)[1] == pytest.approx(usual, abs=1e-3)
     assert after.transl[1] == pytest.approx(before.transl[1] * usual / stature(before)[1], rel=1e-3)
     assert np.abs(after.betas[1] - before.betas[1]).max() > 1
@@ -75,7 +75,9 @@ def test_a_child_gets_a_childs_shape_and_stays_where_the_photo_shows_it():
 
 def test_a_known_stature_counts_more_than_an_age():
     after, notes = resized(two_adults(), years=[4.5, 4.5], stature=[0.95, NAN])
-    assert stature(after) == pytest.approx([0.95, np.exp(load_ages().at_age(4.5)[0])], abs=1e-3)
+    assert stature(after) == pytest.approx(
+        [0.95, np.exp(load_child_growth().at_age(4.5)[0])], abs=1e-3
+    )
     assert notes[0] == "person 0 is a child of 4.5 years, 0.95 m tall before the joint fit"
 
 
@@ -106,7 +108,7 @@ def test_a_given_age_gives_the_stature_and_is_in_the_saved_result(tmp_path):
     result, ages = with_age(load_world("child_by_the_hand_view1", (160, 120)), 5)
     assert [person.age for person in result.people] == [years or None for years in ages]
     (found,) = stature(result.people[ages.index(4)].parameters)
-    assert found == pytest.approx(np.exp(load_ages().at_age(4.0)[0]), rel=0.12)
+    assert found == pytest.approx(np.exp(load_child_growth().at_age(4.0)[0]), rel=0.12)
     assert any("is a child of 4 years" in note for note in result.notes)
     result.save(str(tmp_path / "out"), "numbers")
     assert [one.age for one in load_reconstruction(str(tmp_path / "out")).people] == [

@@ -87,7 +87,7 @@ class ContactStageMethod:
         method does not ask.
         """
         depth = front_depth(state.scene.depth.to(state.transl))
-        return in_free_space(state.vertices / state.scene_scale, depth, state.K)
+        return in_free_space(state.vertices / state.unapplied_scene_scale, depth, state.K)
 
     def measure(self, offsets: Tensor, normals: Tensor, distance: Tensor) -> Tensor:
         """Return the distance of vertices to the scene; arguments as in ``DistanceMeasure``.

@@ -78,7 +78,7 @@ def scene_parts(
     raised = (
         torch.zeros(len(points), dtype=torch.bool) if height is None else height.cpu() > _RAISED_M
     )
-    label = _point_labels(points, row, names, labels, raised)
+    label = _surface_label_of_points(points, row, names, labels, raised)
     mistaken = _has_label(label, names, _CARRIES_NOBODY) & (
         (normals @ up.to(normals)).cpu() > _FACES_UP
     )
@@ -97,7 +97,7 @@ _NO_SURFACE = ("unknown", "person", "sky")
 _NEIGHBOUR_M = 0.5  # reach in which a visible point gives its class to a hidden one
 
 
-def _point_labels(
+def _surface_label_of_points(
     points: Tensor, row: Tensor, names: tuple[str, ...], labels: Tensor, raised: Tensor
 ) -> Tensor:
     """Return the label (n,) of each point on the CPU; -1 where it is unknown."""

@@ -67,7 +67,7 @@ def solve_contact(estimates: Estimates, state: State, method: ContactStageMethod
     """
     photo = estimates.photo
     bodies = state.vertices[state.finite_people]
-    surfaces = method.surfaces(state.surroundings, bodies, state.scene_scale)
+    surfaces = method.surfaces(state.surroundings, bodies, state.unapplied_scene_scale)
     # unknown where inpainted
     (labels,) = select_pixels(state.scene.valid, torch.where(photo.hole, -1, photo.labels))
     near = measure_distances(state, surfaces, (photo.label_names, labels), method)
@@ -116,7 +116,9 @@ def measure_distances(
     free = method.free_vertices(state)
     surface = surface_distances(vertices, surfaces, method.measure, free)
     floor = state.scene.floor
-    height = None if floor is None else floor.scaled(state.scene_scale).height(scene.points)
+    height = (
+        None if floor is None else floor.scaled(state.unapplied_scene_scale).height(scene.points)
+    )
     parts = scene_parts(scene, surfaces.row, *classes, height, state.up)
     met: tuple[Meeting, ...] = ()
     if method.people:

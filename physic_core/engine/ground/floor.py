@@ -22,7 +22,7 @@ from torch import Tensor
 
 from physic_core.body.joints import JOINT_INDEX, joint_pair
 from physic_core.body.posture import LYING_DEG, standing_legs, trunk_tilt_deg
-from physic_core.engine.ground.lying import LYING_RATE, Background, plane_beneath_people
+from physic_core.engine.ground.lying import LYING_RATE, Background, plane_beneath_lying_people
 from physic_core.engine.up import Up, angle_deg, level_plane
 from physic_core.geometry.floor import (
     FOCAL_PITCH_DEG,
@@ -310,7 +310,7 @@ def _candidate_beneath_people(
 
     All other candidates are floors of people who do not lie beneath the camera.
     """
-    plane, odds = plane_beneath_people(view.rays, view.inverse, evidence.backgrounds)
+    plane, odds = plane_beneath_lying_people(view.rays, view.inverse, evidence.backgrounds)
     if plane is None:
         return None
     shares = lower_inlier_shares(view, plane)

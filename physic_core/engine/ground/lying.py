@@ -117,7 +117,7 @@ def people_backgrounds(photo: PhotoContent) -> tuple[Background, ...]:
     return tuple(backgrounds)
 
 
-def plane_beneath_people(
+def plane_beneath_lying_people(
     rays: Tensor, inverse: Tensor, people: tuple[Background, ...]
 ) -> tuple[Tensor | None, float]:
     """Return the plane (3,) in inverse depth by ray on which people lie more probably than on

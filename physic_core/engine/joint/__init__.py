@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from physic_core.engine.joint.method import JointStageMethod as JointStageMethod
     from physic_core.engine.joint.method import TermWeight as TermWeight
     from physic_core.engine.joint.optimiser import BlockResult as BlockResult
-    from physic_core.engine.joint.optimiser import Energy as Energy
+    from physic_core.engine.joint.optimiser import EnergyTerms as EnergyTerms
     from physic_core.engine.joint.optimiser import LbfgsOptimiser as LbfgsOptimiser
     from physic_core.engine.joint.optimiser import MinimisationResult as MinimisationResult
     from physic_core.engine.joint.optimiser import Optimiser as Optimiser
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "method": "JointStageMethod TermWeight",
-    "optimiser": "BlockResult Energy LbfgsOptimiser MinimisationResult Optimiser StepProgress "
+    "optimiser": "BlockResult EnergyTerms LbfgsOptimiser MinimisationResult Optimiser StepProgress "
     "energy_per_person join_results total_energy",
     "sampling": "Sampling VisibilitySettings root_relative with_static_contacts",
     "snapshot": "ContactState HIDDEN_LIMB_SHARE OcclusionTracker Visibility update_visibility",

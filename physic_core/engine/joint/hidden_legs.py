@@ -67,6 +67,9 @@ def _sole_heights(state: State) -> Tensor:
     """Return the height (N, 2) of the lowest vertex of each foot over the floor, metres."""
     floor = state.scene.floor
     assert floor is not None
-    height = state.vertices @ floor.normal.to(state.vertices) + floor.offset * state.scene_scale
+    height = (
+        state.vertices @ floor.normal.to(state.vertices)
+        + floor.offset * state.unapplied_scene_scale
+    )
     feet = [state.model.on_parts(f"{side}_foot") for side in SIDES]
     return torch.stack([height[:, foot].amin(1) for foot in feet], 1)

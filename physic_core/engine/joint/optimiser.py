@@ -25,7 +25,7 @@ from physic_core.types.bounds import Count, NotNegative, PositiveCount
 _SCENE_TERM = "scale"  # the term of the scene, not of a person
 
 
-class Energy(Protocol):
+class EnergyTerms(Protocol):
     """Energy as a function of its state, for a minimiser that changes the state."""
 
     variables: Variables
@@ -72,7 +72,7 @@ def term_totals(energies: Mapping[str, Tensor]) -> dict[str, float]:
 
 @torch.no_grad()
 def revert_if_worse(
-    energy: Energy, end: Tensor, start: Tensor, groups: Tensor | None = None
+    energy: EnergyTerms, end: Tensor, start: Tensor, groups: Tensor | None = None
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Keep the end state of each person, or restore the start state of a person whose energy is
     lower at the start.
@@ -107,7 +107,7 @@ def revert_if_worse(
 
 @torch.no_grad()
 def keep_lowest_energy(
-    energy: Energy, states: Sequence[Tensor], *, groups: Tensor | None = None
+    energy: EnergyTerms, states: Sequence[Tensor], *, groups: Tensor | None = None
 ) -> None:
     """Set each person to the state of lowest energy, and the scene to the scale with the lowest
     total energy.
@@ -186,7 +186,7 @@ class BlockResult:
 
 @torch.no_grad()
 def join_results(
-    energy: Energy, origin: Tensor, first: MinimisationResult, second: MinimisationResult
+    energy: EnergyTerms, origin: Tensor, first: MinimisationResult, second: MinimisationResult
 ) -> MinimisationResult:
     """Merge the results of two consecutive minimisations; the first started at ``origin``."""
     end = energy.variables.pack()
@@ -214,7 +214,9 @@ class Optimiser(ABC):
     refresh_steps: int
 
     @abstractmethod
-    def start(self, energy: Energy, groups: Tensor | None = None) -> Callable[[int], BlockResult]:
+    def start(
+        self, energy: EnergyTerms, groups: Tensor | None = None
+    ) -> Callable[[int], BlockResult]:
         """Return a function that takes at most a number of steps without an update.
 
         Args:
@@ -223,7 +225,10 @@ class Optimiser(ABC):
         """
 
     def minimise(
-        self, energy: Energy, progress: StepProgress | None = None, groups: Tensor | None = None
+        self,
+        energy: EnergyTerms,
+        progress: StepProgress | None = None,
+        groups: Tensor | None = None,
     ) -> MinimisationResult:
         """Minimise an energy by changing its state in place, then revert the people whose energy
         has increased.
@@ -271,7 +276,9 @@ class LbfgsOptimiser(Optimiser):
     stops.
     """
 
-    def start(self, energy: Energy, groups: Tensor | None = None) -> Callable[[int], BlockResult]:
+    def start(
+        self, energy: EnergyTerms, groups: Tensor | None = None
+    ) -> Callable[[int], BlockResult]:
         """Return the function that takes the next step.
 
         The history is kept across updates: the next energy is nearly equal.
@@ -297,7 +304,7 @@ class _Point:
     of_people: Gradient
 
 
-def _evaluate(energy: Energy, at: Tensor) -> _Point:
+def _evaluate(energy: EnergyTerms, at: Tensor) -> _Point:
     """Return the energy and its gradient at a state; the energy is inf if either is not finite."""
     variables = energy.variables
     variables.load(at)
@@ -320,7 +327,7 @@ _PATIENCE = 5  # steps that together have to lower the energy by the tolerance
 
 
 def _lbfgs_block(
-    energy: Energy, tolerance: float, history: LbfgsHistory, steps: int
+    energy: EnergyTerms, tolerance: float, history: LbfgsHistory, steps: int
 ) -> BlockResult:
     """Take L-BFGS steps between two refreshes."""
     variables = energy.variables

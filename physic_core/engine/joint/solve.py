@@ -184,7 +184,7 @@ def finalize_scene(estimates: Estimates, state: State, settings: SceneStageMetho
     if not settings.carve_m or not bool(finite.any()):
         return state
     scene = state.scene
-    bodies = state.vertices[finite] / state.scene_scale
+    bodies = state.vertices[finite] / state.unapplied_scene_scale
     unseen = estimates.photo.hole & scene.valid
     masks = state.masks[finite][:, unseen]
     moved, out = move_behind_bodies(

@@ -19,7 +19,7 @@ from physic_core.engine.limbs import lowest_layer, observed_parts
 from physic_core.engine.photo import PixelPoints
 from physic_core.engine.placement.method import Fit, PlacementStageMethod
 from physic_core.engine.placement.terms import PlacementProblem
-from physic_core.engine.sizes.known_sizes import KnownGeometry, size_factors
+from physic_core.engine.sizes.known_sizes import LocatedSizes, size_factors
 from physic_core.engine.sizes.stature import resize_bodies, stature_factor
 from physic_core.engine.state import Estimates, State
 from physic_core.geometry.alignment import Alignment, apply_alignment, fit_alignment
@@ -123,7 +123,7 @@ def people_to_place(
     vertices = _on_cpu(posed.vertices)
     keypoints = _on_cpu(state.keypoints)
     people = []
-    resting = _resting_skin(state, vertices)
+    resting = _vertices_that_may_rest(state, vertices)
     for i, body in enumerate(vertices):
         on_floor = scene.floor is not None and bool(feet_seen[i])
         person = PlacementProblem(
@@ -146,7 +146,7 @@ def people_to_place(
     return people
 
 
-def _resting_skin(state: State, vertices: Tensor) -> list[Tensor]:
+def _vertices_that_may_rest(state: State, vertices: Tensor) -> list[Tensor]:
     """Return the vertices of each person that may rest on the floor: the lowest skin in sight of
     those who lie, plank or are on all fours, the soles of others.
     """
@@ -265,7 +265,7 @@ def human_points(
 def _resized(
     estimates: Estimates,
     state: State,
-    known: KnownGeometry,
+    known: LocatedSizes,
     feet_seen: Tensor,
     method: PlacementStageMethod,
 ) -> State:

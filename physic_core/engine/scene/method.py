@@ -153,7 +153,7 @@ class SceneStageMethod:
         camera = scene_camera(points, valid, cameras)
         return depth_to_pointmap(points[..., 2], camera), camera
 
-    def surface(self, points: Tensor, known: Tensor) -> PixelSurface:
+    def pixel_surface(self, points: Tensor, known: Tensor) -> PixelSurface:
         """Return the normals, and the removed pixels, of metric points (H, W, 3) that are known (H,
         W) bool.
         """

@@ -167,7 +167,7 @@ def build_scene(
     relative = replace(relative, points=shared)
     alignment = _align_to_metric(relative, depth, cameras, method)
     placed, is_known, camera = _metric_points(relative, depth, cameras, alignment, method)
-    normals, edges, outliers = method.surface(placed, is_known)
+    normals, edges, outliers = method.pixel_surface(placed, is_known)
     search = method.search_floor(placed, is_known & ~outliers, normals, evidence)
     floor = search.plane
     floor_points = placed.new_zeros((0, 3))

@@ -108,7 +108,7 @@ BodyEnds = tuple[PointFollower | None, ...]
 
 
 @dataclass(frozen=True)
-class KnownDistances(ShortRepr):
+class LocatedDistances(ShortRepr):
     """L known distances between two points each.
 
     Attributes:
@@ -159,12 +159,12 @@ class KnownDistances(ShortRepr):
             lengths.append(torch.linalg.vector_norm(start - end))
         return lengths
 
-    def __getitem__(self, rows: Tensor) -> KnownDistances:
-        return KnownDistances(*(getattr(self, each.name)[rows] for each in fields(self)))
+    def __getitem__(self, rows: Tensor) -> LocatedDistances:
+        return LocatedDistances(*(getattr(self, each.name)[rows] for each in fields(self)))
 
 
 @dataclass(frozen=True)
-class KnownGeometry(ShortRepr):
+class LocatedSizes(ShortRepr):
     """Known sizes of B people and their scene, all in metres.
 
     Attributes:
@@ -181,14 +181,14 @@ class KnownGeometry(ShortRepr):
 
     stature: Tensor
     camera_height: float | None
-    distances: KnownDistances
+    distances: LocatedDistances
     unused: tuple[int, ...] = ()
     depth_sigma: float | None = None
     unscaled: SceneState | None = None
     factor: float = 1.0
     scale_sigma: float | None = None
 
-    def select_people(self, rows: Tensor) -> KnownGeometry:
+    def select_people(self, rows: Tensor) -> LocatedSizes:
         """Return the sizes of a selection of the people, (n,) int64; distances on other people are
         skipped.
         """
@@ -206,7 +206,7 @@ def scale_scene_to_known_sizes(
     masks: Tensor,
     scene: SceneState,
     by_depth: ScaleEvidence | None = None,
-) -> tuple[SceneState, KnownGeometry]:
+) -> tuple[SceneState, LocatedSizes]:
     """Scale the scene to known sizes, if they give its scale.
 
     The camera height and each length whose ends are both on the scene are evidence of it.
@@ -219,27 +219,27 @@ def scale_scene_to_known_sizes(
         scene: stage 1.
         by_depth: of the factor on the scene by a measured depth, or None.
     """
-    geometry = _known_geometry(known, stature, masks, scene)
+    located = _located_sizes(known, stature, masks, scene)
     evidence = []
     if by_depth is not None:
-        geometry = replace(geometry, depth_sigma=by_depth.sigma)
+        located = replace(located, depth_sigma=by_depth.sigma)
         evidence.append(by_depth)
     if known.camera_height is not None and scene.floor is not None:
         evidence.append(ScaleEvidence.by_known_size(known.camera_height, scene.floor.offset))
-    d = geometry.distances
+    d = located.distances
     on_scene = (d.person == _ON_SCENE).all(1)
     extent = torch.linalg.vector_norm(d.points[on_scene, 0] - d.points[on_scene, 1], dim=-1)
     shown = zip(d.metres[on_scene].tolist(), extent.clamp(min=1e-6).tolist(), strict=True)
     evidence += [ScaleEvidence.by_known_size(metres, length) for metres, length in shown]
     scale = combined_scale(evidence)
     if scale is None:
-        return scene, geometry
-    return scale_scene(scene, replace(geometry, scale_sigma=scale.sigma), math.exp(scale.log_scale))
+        return scene, located
+    return scale_scene(scene, replace(located, scale_sigma=scale.sigma), math.exp(scale.log_scale))
 
 
-def _known_geometry(
+def _located_sizes(
     known: KnownSizes, stature: Sequence[float], masks: Tensor, scene: SceneState
-) -> KnownGeometry:
+) -> LocatedSizes:
     """Find the scene points and people at the pixels of known lengths."""
     masks = masks.cpu()
     used = {}
@@ -251,14 +251,14 @@ def _known_geometry(
     ends = [end for both in used.values() for end in both]
     pixels = torch.tensor([(n.start, n.end) for n in lengths], dtype=torch.float64).view(-1, 2, 2)
     homogeneous = torch.cat([pixels, torch.ones_like(pixels[..., :1])], -1)
-    distances = KnownDistances(
+    distances = LocatedDistances(
         metres=torch.tensor([n.metres for n in lengths], dtype=torch.float64),
         person=torch.tensor([person for person, _ in ends], dtype=torch.int64).view(-1, 2),
         points=torch.tensor([point for _, point in ends], dtype=torch.float64).view(-1, 2, 3),
         rays=homogeneous @ torch.linalg.inv(scene.K.double().cpu()).T,
         index=torch.tensor([*used], dtype=torch.int64),
     )
-    return KnownGeometry(
+    return LocatedSizes(
         torch.tensor(list(stature), dtype=torch.float64),
         known.camera_height,
         distances,
@@ -303,8 +303,8 @@ def _scene_point(scene: SceneState, x: int, y: int) -> list[float] | None:
 
 
 def scale_scene(
-    scene: SceneState, known: KnownGeometry, factor: float
-) -> tuple[SceneState, KnownGeometry]:
+    scene: SceneState, known: LocatedSizes, factor: float
+) -> tuple[SceneState, LocatedSizes]:
     """Scale the scene about the camera."""
     floor = scene.floor and scene.floor.scaled(factor)
     points = scene.points * factor

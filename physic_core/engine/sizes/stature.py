@@ -67,7 +67,7 @@ _NEWTON_STEPS = 4  # stature is piecewise linear in the shape
 
 
 @dataclass(frozen=True)
-class AgeClasses:
+class ChildGrowth:
     """Children from birth to :data:`ADULT_YEARS` in C classes of age.
 
     Attributes:
@@ -98,11 +98,11 @@ class AgeClasses:
 
 
 @cache
-def load_ages() -> AgeClasses:
+def load_child_growth() -> ChildGrowth:
     """Return the fitted classes of age."""
     fitted = json.loads((files("physic_core.body") / "ages.json").read_text(encoding="utf-8"))
     stature = np.array([row["log_stature"] for row in fitted["classes"]])
-    return AgeClasses(
+    return ChildGrowth(
         years=np.array([row["years"] for row in fitted["classes"]], np.float64),
         log_stature=stature[:, 0],
         sigma=stature[:, 1],
@@ -139,7 +139,7 @@ def linearise_stature(model: BodyModel, betas: Tensor) -> LinearStature:
     return LinearStature(height.detach(), slope, betas.detach())
 
 
-def adult_shape(mean_stature: float, slope: Tensor) -> Tensor:
+def mean_adult_betas(mean_stature: float, slope: Tensor) -> Tensor:
     """Return the most probable betas (K,) of a body of :data:`ADULT_STATURE_M`.
 
     Args:
@@ -161,8 +161,10 @@ def stature_sigmas(stature: FloatArray, years: FloatArray) -> FloatArray:
         stature: (N,) metres, NaN where unknown.
         years: (N,), NaN where unknown.
     """
-    ages = load_ages()
-    sigma = np.array([ages.at_age(age)[1] if age < ADULT_YEARS else STATURE_SIGMA for age in years])
+    growth = load_child_growth()
+    sigma = np.array(
+        [growth.at_age(age)[1] if age < ADULT_YEARS else STATURE_SIGMA for age in years]
+    )
     sigma[np.isfinite(stature)] = 0.0
     return sigma
 
@@ -182,10 +184,10 @@ def adult_probability(stature: FloatArray, years: FloatArray, child: FloatArray)
 
 def log_stature_of_children() -> tuple[float, float]:
     """Return mean and standard deviation of log stature of children whose age is unknown."""
-    ages = load_ages()
-    child = (ages.years[:, 0] >= _CHILD_YEARS[0]) & (ages.years[:, 1] <= _CHILD_YEARS[1])
-    mean = ages.log_stature[child].mean()
-    variance = ((ages.log_stature[child] - mean) ** 2 + ages.sigma[child] ** 2).mean()
+    growth = load_child_growth()
+    child = (growth.years[:, 0] >= _CHILD_YEARS[0]) & (growth.years[:, 1] <= _CHILD_YEARS[1])
+    mean = growth.log_stature[child].mean()
+    variance = ((growth.log_stature[child] - mean) ** 2 + growth.sigma[child] ** 2).mean()
     return float(mean), float(np.sqrt(variance))
 
 
@@ -365,7 +367,7 @@ def resize_children(
     betas = np.array(bodies.parameters.betas, np.float64)
     statures = np.full(len(betas), np.nan)
     notes = []
-    table = load_ages()
+    table = load_child_growth()
     has_body = np.isfinite(betas).all(1)
     given, years = known.filled(len(betas))
     for i in np.flatnonzero((years < ADULT_YEARS) & has_body).tolist():

@@ -201,13 +201,15 @@ def _evaluate(chosen: DataSet, options: dict[str, Any], given: _CommonOptions) -
         "left_out": dict(scored.left_out),
         "records": records,
     }
-    header = _header(chosen, options, given, len(frame_set.frames))
-    paths = write_results(records, columns, given.out, header, scored.notes, document)
+    title = _table_title(chosen, options, given, len(frame_set.frames))
+    paths = write_results(records, columns, given.out, title, scored.notes, document)
     echo(paths[0].read_text(encoding="utf-8").removesuffix(f"{MARK}\n"))
     echo(f"wrote {', '.join(map(str, paths))}")
 
 
-def _header(chosen: DataSet, options: dict[str, Any], given: _CommonOptions, frames: int) -> str:
+def _table_title(
+    chosen: DataSet, options: dict[str, Any], given: _CommonOptions, frames: int
+) -> str:
     """Return the line over the tables: the data set, and every option that changes the figures."""
     defaults = {option.name: option.default for option in chosen.options}
     changed = [

@@ -39,7 +39,7 @@ from physic_embedded.single_view.gravity import (
     up_of_tokens,
 )
 from physic_embedded.single_view.two_looks import line_through, scene_disparity
-from physic_embedded.single_view.upright import NO_PLANES, body_planes, wall_planes
+from physic_embedded.single_view.upright import NO_PLANES, body_planes, local_disparity_planes
 from physic_networks.canonical_depth import known_camera
 from physic_networks.pictures import resize_map
 
@@ -331,10 +331,10 @@ def _disparity_at_infinity(
         focal,
         pitch=None if up is None else up.pitch,
         focal_sigma=0.0 if camera.known else camera.focal_sigma or 0.0,
-        walls=NO_PLANES if walls is None else wall_planes(raw, walls, focal),
+        walls=NO_PLANES if walls is None else local_disparity_planes(raw, walls, focal),
         bodies=body_planes(hints.keypoints, (camera.cx, camera.cy), camera.fx),
         frame=frame,
-        surfaces=NO_PLANES if frame is None else wall_planes(raw, seen, focal),
+        surfaces=NO_PLANES if frame is None else local_disparity_planes(raw, seen, focal),
         open_air=_open_air(hints),
         horizon=_horizon(labelled("sky"), labelled("water", "ground")),
     )

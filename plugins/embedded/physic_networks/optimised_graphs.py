@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from physic_core.cache import LruFolder, claimed_cache, is_own
+from physic_core.cache import LruFolder, belongs_to_user, claimed_cache
 from physic_networks.runtime import onnxruntime
 
 if TYPE_CHECKING:
@@ -118,7 +118,9 @@ class KeptGraph:
 
     def _files(self) -> list[Path]:
         # A file of another user is from a time when others could write to the folder.
-        return list(filter(is_own, self.kept.path.glob(f"{self.name}-*{self.kept.suffix}")))
+        return list(
+            filter(belongs_to_user, self.kept.path.glob(f"{self.name}-*{self.kept.suffix}"))
+        )
 
 
 def _append_graph(weights: Path, graph: bytes) -> None:

@@ -165,9 +165,11 @@ class CameraHmr(SmplCheckoutBackend, BodyEstimator):
         if self.options.focal == "own":
             camera_kind = self.checkout.attribute("FLNet", "core.cam_model.fl_net")
             with self.inference():
-                focal_network = self.load_checkpoint(camera_kind(), self.file(_CAMERA_CHECKPOINT))
+                focal_network = self.load_checkpoint_into(
+                    camera_kind(), self.file(_CAMERA_CHECKPOINT)
+                )
         with self.inference():
-            return self.load_checkpoint(kind(), checkpoint), focal_network, body
+            return self.load_checkpoint_into(kind(), checkpoint), focal_network, body
 
     def infer(
         self,

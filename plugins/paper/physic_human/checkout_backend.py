@@ -115,7 +115,7 @@ class CheckoutBackend(TorchBackend):
         """
         raise NotImplementedError
 
-    def load_checkpoint(
+    def load_checkpoint_into(
         self, network: torch.nn.Module, path: Path, key: str = "state_dict"
     ) -> torch.nn.Module:
         """Load a checkpoint, whose tensors may be under a key, into a network; return it on its

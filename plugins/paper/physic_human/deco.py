@@ -108,7 +108,7 @@ class Deco(SmplCheckoutBackend, ContactPrior):
         rest = open_smpl(smpl).rest if smpl else None
         with self.inference():
             network = kind("hrnet", True, device)  # encoder, whether it looks at the context too
-            return self.load_checkpoint(network, path, "deco"), rest
+            return self.load_checkpoint_into(network, path, "deco"), rest
 
     def preprocess(
         self, image: UInt8Array, people: People, bodies: Bodies

@@ -68,7 +68,7 @@ class HandBoxes:
         return len(self.person)
 
 
-def hand_boxes(
+def visible_hand_boxes(
     keypoints: Keypoints, *, least_confidence: float = 0.5, least_size_px: float = 16.0
 ) -> HandBoxes:
     """Compute the boxes of the visible hands from keypoints.

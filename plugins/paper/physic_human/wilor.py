@@ -15,7 +15,7 @@ from pydantic import Field
 from physic_core.errors import BackendError
 from physic_core.interfaces import HandEstimator, Options, Share
 from physic_human.checkout_backend import CheckoutBackend, CheckoutOptions
-from physic_human.hands import chumpy_free_copy, empty_hands, hand_boxes, hands_from_mano
+from physic_human.hands import chumpy_free_copy, empty_hands, hands_from_mano, visible_hand_boxes
 from physic_networks.checkouts import Checkout
 from physic_networks.networks import WEIGHTS_HELP
 from physic_networks.top_down import antialias_sigma, crop_around_box, resample_crop
@@ -72,7 +72,7 @@ class Wilor(CheckoutBackend, HandEstimator):
                 focal_length=_FOCAL,
                 image_size=_SIDE,
             )
-            return self.load_checkpoint(network, checkpoint)
+            return self.load_checkpoint_into(network, checkpoint)
 
     def infer(self, image: UInt8Array, people: People, keypoints: Keypoints) -> Hands:
         """Return the finger rotations of N people; confidence is that of the keypoints.
@@ -81,7 +81,7 @@ class Wilor(CheckoutBackend, HandEstimator):
             BackendError: it is not loaded, or the output of the network has another form.
         """
         options = self.options
-        boxes = hand_boxes(
+        boxes = visible_hand_boxes(
             keypoints,
             least_confidence=options.least_confidence,
             least_size_px=_LEAST_SIZE_PX,

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from physic_core.engine.joint import (
     BlockResult,
-    Energy,
+    EnergyTerms,
     MinimisationResult,
     Optimiser,
     StepProgress,
@@ -39,14 +39,19 @@ class AdamOptimiser(Optimiser):
     learning_rate: Positive = 1e-2
     """Step size of the raw parameters."""
 
-    def start(self, energy: Energy, groups: Tensor | None = None) -> Callable[[int], BlockResult]:
+    def start(
+        self, energy: EnergyTerms, groups: Tensor | None = None
+    ) -> Callable[[int], BlockResult]:
         """Return a function that takes steps; the moments are kept over updates."""
         parameters = energy.variables.parameters()
         optimiser = torch.optim.Adam(parameters, lr=self.learning_rate) if parameters else None
         return partial(_take_steps, energy, optimiser)
 
     def minimise(
-        self, energy: Energy, progress: StepProgress | None = None, groups: Tensor | None = None
+        self,
+        energy: EnergyTerms,
+        progress: StepProgress | None = None,
+        groups: Tensor | None = None,
     ) -> MinimisationResult:
         """Take all steps; repeat them at a lower rate while people have kept their start."""
         origin = energy.variables.pack()
@@ -65,7 +70,7 @@ class AdamOptimiser(Optimiser):
         return result
 
 
-def _take_steps(energy: Energy, optimiser: torch.optim.Adam | None, steps: int) -> BlockResult:
+def _take_steps(energy: EnergyTerms, optimiser: torch.optim.Adam | None, steps: int) -> BlockResult:
     """Take Adam steps between two refreshes; steps may raise the energy.
 
     People with non-finite gradients return to the previous step and are kept there until the next
@@ -96,7 +101,7 @@ def _take_steps(energy: Energy, optimiser: torch.optim.Adam | None, steps: int) 
     return BlockResult(taken + 1, taken)
 
 
-def _differentiate(energy: Energy, parameters: list[Tensor]) -> Tensor:
+def _differentiate(energy: EnergyTerms, parameters: list[Tensor]) -> Tensor:
     """Compute the gradients; return which people (B,) bool have non-finite energy or gradients."""
     energies = energy()
     total = total_energy(energies)

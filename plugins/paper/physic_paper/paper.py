@@ -71,7 +71,7 @@ from physic_core.geometry import NearestPointSearch, robust_loss
 from physic_core.types import NotNegative
 from physic_paper.adam import AdamOptimiser
 from physic_paper.grid_search import GridSearch
-from physic_paper.published import PublishedOptimisation
+from physic_paper.published import PublishedJointStage
 from physic_paper.terms.chamfer import ChamferDepthTerm
 from physic_paper.terms.point_contact import PointContactSettings, PointContactTerm
 from physic_paper.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
@@ -104,7 +104,7 @@ class PaperReprojectionSettings:
 
 
 @dataclass(frozen=True)
-class PaperOptimisation(PublishedOptimisation):
+class PaperJointStage(PublishedJointStage):
     """Settings of stage 3 as printed: raw parameters, Adam, nearest-point distances, equal vertex
     weights.
     """

@@ -10,10 +10,10 @@ from __future__ import annotations
 from physic_core.engine.placement.method import PlacementStageMethod
 from physic_core.engine.settings import EngineSettings
 from physic_paper.contact import DistanceContact
-from physic_paper.paper import PaperOptimisation
+from physic_paper.paper import PaperJointStage
 from physic_paper.placement import PaperPlacement, ReleasePlacement
-from physic_paper.prox import ProxOptimisation
-from physic_paper.release import ReleaseOptimisation
+from physic_paper.prox import ProxJointStage
+from physic_paper.release import ReleaseJointStage
 from physic_paper.scene import PaperScene, ProxScene, ReleaseScene
 
 # As printed, a vertex is in contact if its distance is below eps_c, inside or outside. eps_c is not
@@ -24,7 +24,7 @@ _PRINTED_CONTACT_M = 0.04
 PAPER = EngineSettings(
     scene=PaperScene(),
     placement=PaperPlacement(),
-    joint=PaperOptimisation(),
+    joint=PaperJointStage(),
     contact=DistanceContact(distance_m=_PRINTED_CONTACT_M, inside_m=_PRINTED_CONTACT_M),
 )
 """Preset "paper"."""
@@ -32,7 +32,7 @@ PAPER = EngineSettings(
 RELEASE = EngineSettings(
     scene=ReleaseScene(),
     placement=ReleasePlacement(),
-    joint=ReleaseOptimisation(),
+    joint=ReleaseJointStage(),
     contact=DistanceContact(),
 )
 """Preset "release"."""
@@ -45,7 +45,7 @@ PROX = EngineSettings(
         floor_weight=0.0,
         stance=False,
     ),
-    joint=ProxOptimisation(),
+    joint=ProxJointStage(),
     contact=DistanceContact(),
 )
 """Preset "prox"."""

@@ -33,7 +33,7 @@ from physic_core.engine.joint import (
 from physic_core.engine.state import State
 from physic_core.geometry import robust_loss
 from physic_core.types import FrozenGroups
-from physic_paper.published import PublishedOptimisation
+from physic_paper.published import PublishedJointStage
 from physic_paper.terms.point_contact import PointContactTerm
 from physic_paper.terms.point_penetration import PointPenetrationSettings, PointPenetrationTerm
 from physic_paper.terms.printed_regularisation import ParameterPriorTerm
@@ -57,7 +57,7 @@ _PRIOR_WEIGHTS = {
 
 
 @dataclass(frozen=True)
-class ProxOptimisation(PublishedOptimisation):
+class ProxJointStage(PublishedJointStage):
     """Settings of stage 3 as in PROX: constant scene, and no contact and penetration terms in the
     first steps.
     """

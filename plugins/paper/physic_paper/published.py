@@ -65,7 +65,7 @@ class UnwhitenedVariables(Variables):
 
 
 @dataclass(frozen=True)
-class PublishedOptimisation(JointStageMethod):
+class PublishedJointStage(JointStageMethod):
     """Settings that "paper", "release" and "prox" share.
 
     Raw parameters, all limbs visible, people who count alike, and nearest points at every

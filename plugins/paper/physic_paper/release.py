@@ -49,7 +49,7 @@ from physic_core.engine.state import State
 from physic_core.geometry import robust_loss
 from physic_paper.paper import (
     CONTACT_RANGE_M,
-    PaperOptimisation,
+    PaperJointStage,
     PaperReprojectionSettings,
 )
 from physic_paper.released.regularisation import ReleasedRegularisationTerm
@@ -73,7 +73,7 @@ class ReleaseReprojectionSettings(PaperReprojectionSettings):
 
 
 @dataclass(frozen=True)
-class ReleaseOptimisation(PaperOptimisation):
+class ReleaseJointStage(PaperJointStage):
     """Settings of stage 3 as released: robust loss per axis, absolute reprojection errors, union of
     all masks.
     """

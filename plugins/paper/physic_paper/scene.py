@@ -67,7 +67,7 @@ class PaperScene(SceneStageMethod):
             return super().place_on_rays(points, valid, cameras)
         return points, scene_camera(points, valid, replace(cameras, metric_depth=None))
 
-    def surface(self, points: Tensor, known: Tensor) -> PixelSurface:
+    def pixel_surface(self, points: Tensor, known: Tensor) -> PixelSurface:
         """Return normals over depth edges, no edges, and outliers by the distance to their
         neighbours.
         """
@@ -94,7 +94,7 @@ class PaperScene(SceneStageMethod):
 class ReleaseScene(PaperScene):
     """Stage 1 as released: as printed, with its normals, and without points of unusual normals."""
 
-    def surface(self, points: Tensor, known: Tensor) -> PixelSurface:
+    def pixel_surface(self, points: Tensor, known: Tensor) -> PixelSurface:
         """Return the released normals, and outliers by their distances and by their normals."""
         outliers = _outliers_by_distance(points, known)
         normals = published_normals(points, known)
@@ -115,7 +115,7 @@ class ProxScene(SceneStageMethod):
     uses_pointmap: ClassVar[bool] = False
     rescales_depth: ClassVar[bool] = False
 
-    def surface(self, points: Tensor, known: Tensor) -> PixelSurface:
+    def pixel_surface(self, points: Tensor, known: Tensor) -> PixelSurface:
         """Return normals over depth edges; nothing is removed."""
         none = torch.zeros_like(known)
         return PixelSurface(pointmap_normals(points, known, math.inf), none, none)

@@ -12,7 +12,7 @@ import torch
 from physic_core.engine.contact.method import ContactStageMethod, Touch
 from physic_core.engine.contact.partner import HIDDEN
 from physic_core.engine.placement.method import Fit, PlacementStageMethod
-from physic_core.engine.presets import DefaultOptimisation
+from physic_core.engine.presets import DefaultJointStage
 from physic_core.engine.scene.method import SceneStageMethod
 from physic_core.engine.settings import EngineSettings
 from physic_core.errors import ConfigError
@@ -163,7 +163,7 @@ def require_default_engine(settings: EngineSettings) -> None:
         ConfigError: they are of another preset.
     """
     if (
-        type(settings.joint) is not DefaultOptimisation
+        type(settings.joint) is not DefaultJointStage
         or type(settings.placement) is not PlacementStageMethod
     ):
         raise ConfigError(
@@ -175,7 +175,7 @@ def with_other_views(settings: EngineSettings, views: OtherViews) -> EngineSetti
     """Return settings of preset "default" with other photos, and with the errors of their
     keypoints.
     """
-    assert isinstance(settings.joint, DefaultOptimisation)
+    assert isinstance(settings.joint, DefaultJointStage)
 
     def taken(part: object) -> dict[str, object]:
         return {field.name: getattr(part, field.name) for field in fields(part)}  # type: ignore[arg-type]

@@ -98,7 +98,7 @@ class ReferenceInput(ShortRepr):
         parameters = _joined([person.parameters for person in people])
         shown = np.array([v in person.row_by_photo for person in people])
         # What the other photos show of each person is in their views.
-        observed = _observed(_keypoints(people, photos, v), result.image.shape[:2])
+        observed = _joints_in_photo(_keypoints(people, photos, v), result.image.shape[:2])
         return cls(
             result=result,
             camera=camera,
@@ -283,7 +283,7 @@ def _view(solved: SolvedScene, people: Sequence[PersonOfScene], view: int) -> Ot
             keypoints.confidence,
         )
     )
-    observed = torch.from_numpy(_observed(keypoints, masks.shape[1:]))
+    observed = torch.from_numpy(_joints_in_photo(keypoints, masks.shape[1:]))
     return OtherView(
         rotation, translation, K, points, confidence, torch.from_numpy(masks), observed
     )
@@ -315,7 +315,7 @@ def _keypoints(
     return Keypoints(points, confidence, own.skeleton)
 
 
-def _observed(keypoints: Keypoints, size: tuple[int, ...]) -> BoolArray:
+def _joints_in_photo(keypoints: Keypoints, size: tuple[int, ...]) -> BoolArray:
     """Return the joints (N, 55) that a photo of a size (H, W) shows; all joints if the skeleton
     does not define them.
     """

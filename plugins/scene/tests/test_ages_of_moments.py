@@ -8,7 +8,7 @@ import torch
 
 from physic_core import KnownSizes, load_config
 from physic_core.body import load_body
-from physic_core.engine.sizes.stature import load_ages
+from physic_core.engine.sizes.stature import load_child_growth
 from physic_core.errors import ConfigError, InputError
 from physic_core.interfaces import INTERFACES
 from physic_scene import ScenePipeline
@@ -51,7 +51,7 @@ def test_the_age_of_a_person_in_each_photo_is_that_of_the_result(solver, alone):
     assert (child.age, other.age) == (YEARS, None)
     model = load_body("embedded")
     stature = [float(model.stature(torch.tensor(one.parameters.betas))) for one in (child, other)]
-    assert stature[0] == pytest.approx(np.exp(load_ages().at_age(YEARS)[0]), rel=0.12)
+    assert stature[0] == pytest.approx(np.exp(load_child_growth().at_age(YEARS)[0]), rel=0.12)
     assert stature[1] > 1.5
     assert any("is a child of 10 years" in note for note in found.reconstruction.notes)
 

@@ -247,7 +247,7 @@ def export_mjcf(request: ExportRequest) -> ExportedFiles:
     jointed = [] if request.options["rigid"] else people_of(request)
     tiles, left_out = tiles_beside(request, jointed) if request.scene else ([], ())
     file = _file(request, tiles, jointed)
-    picture = _add_scene(file, request)
+    picture = _add_textured_scene(file, request)
     files = {f"{request.stem}{request.suffix}": xml_file(file.root), **picture}
     notes = tuple(person.note for person in jointed if person.note)
     if not request.scene:
@@ -370,7 +370,7 @@ def _exclude_touching(contact: Element, people: Sequence[ExportedPerson]) -> Non
             _exclude(contact, (people[first].index, people[second].index), pair)
 
 
-def _add_scene(out: _File, request: ExportRequest) -> dict[str, bytes]:
+def _add_textured_scene(out: _File, request: ExportRequest) -> dict[str, bytes]:
     """Add the mesh of the scene and the floor that is drawn, and return the picture."""
     scene = scene_mesh(request, _MAX_VERTICES)
     if scene is None or scene.uv is None:

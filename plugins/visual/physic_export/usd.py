@@ -160,7 +160,7 @@ def export_usd(request: ExportRequest) -> ExportedFiles:
         for index, mesh in zip(request.person, person_meshes(request, skins), strict=True):
             _add_person(stage, mesh, skins, index, rigged.get(index))
         if request.scene:
-            pictures |= _add_scene(stage, request)
+            pictures |= _add_textured_scene(stage, request)
             _add_floor(stage, request)
         _add_camera(stage, request.result.intrinsics, camera_pose(frame))
         _add_gravity(stage, frame.up_vector)
@@ -262,7 +262,7 @@ def _extent(points: NDArray[Any]) -> list[Any]:
     return [Gf.Vec3f(*map(float, corner)) for corner in (points.min(0), points.max(0))]
 
 
-def _add_scene(stage: Any, request: ExportRequest) -> dict[str, bytes]:
+def _add_textured_scene(stage: Any, request: ExportRequest) -> dict[str, bytes]:
     """Add the scene, and return its picture."""
     from pxr import UsdPhysics, UsdShade
 

@@ -163,7 +163,7 @@ _UNSEEN_FLOOR_SHARE = 0.3  # of the weight, for invisible limbs
 _MAX_FLOOR_DEPTH_M = 0.2
 
 
-class FloorTerm(SurfaceTerm):
+class FloorPenetrationTerm(SurfaceTerm):
     """Floor term: depth of all vertices below the floor's plane.
 
     Attributes:

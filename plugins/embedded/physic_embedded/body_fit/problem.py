@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from physic_core.body import JOINT_INDEX, head_direction, joint_pair
-from physic_core.engine.sizes.stature import adult_shape
+from physic_core.engine.sizes.stature import mean_adult_betas
 from physic_core.geometry import rotvec_to_rotmat
 from physic_core.types import PER_PERSON, SURE_CONFIDENCE, select_people
 from physic_embedded.body_fit.limb_keypoints import LIMBS, sided_indices
@@ -522,7 +522,7 @@ def fit_problem(
         lifted=None,
         upper=tensor([not any(part in name for part in _LEGS) for name in used]),
         stature=stature,
-        adult=adult_shape(float(model.stature(torch.zeros_like(stature)[None])), stature),
+        adult=mean_adult_betas(float(model.stature(torch.zeros_like(stature)[None])), stature),
         **{name: tensor(array) for name, array in arrays.items()},
     )
 

@@ -107,7 +107,7 @@ def label_surfaces(
     labels = np.zeros((height, width), np.uint8)
     best = np.full((height, width), _LEAST_PROBABILITY, np.float32)
 
-    def in_photo(grid: Float) -> Float:
+    def resampled_to_photo(grid: Float) -> Float:
         whole: Float = cv2.warpAffine(
             np.ascontiguousarray(grid, np.float32),
             to_grid,
@@ -118,12 +118,12 @@ def label_surfaces(
         return whole
 
     for index in np.flatnonzero(probability.max(axis=(0, 1)) >= _LEAST_PROBABILITY):
-        here = in_photo(probability[..., index])
+        here = resampled_to_photo(probability[..., index])
         better = here >= best
         labels[better] = index
         best[better] = here[better]
     labels[people] = SURFACE_NAMES.index("person")
-    return SurfaceLabels(labels), in_photo(framed) >= _LEAST_PROBABILITY
+    return SurfaceLabels(labels), resampled_to_photo(framed) >= _LEAST_PROBABILITY
 
 
 @cache

@@ -243,12 +243,12 @@ def _without_repeats(found: list[DetectedPose]) -> list[DetectedPose]:
         most_shared = MAX_SHARED_MASK
         if person.box is not None:
             most_shared = SAME_MASK if person.pose.mirror_gap > UNSTEADY else 1.0
-        if _is_new(person.pose, kept, most_shared) and not _is_of_turned(person, kept):
+        if _is_new(person.pose, kept, most_shared) and not _repeats_turned_person(person, kept):
             kept.append(person)
     return kept
 
 
-def _is_of_turned(person: DetectedPose, people: Sequence[DetectedPose]) -> bool:
+def _repeats_turned_person(person: DetectedPose, people: Sequence[DetectedPose]) -> bool:
     """Return whether a pose is in a part of the box of somebody who is not upright, and shares the
     mask: there the network finds another pose of this person.
     """
@@ -305,7 +305,7 @@ def _add_hidden_people(
     for box, score, own in posed:
         if any(person.box is not None and np.array_equal(person.box, box) for person in kept):
             continue
-        if _is_of_turned(DetectedPose(own, score, box), kept) or _is_part(box, own, kept):
+        if _repeats_turned_person(DetectedPose(own, score, box), kept) or _is_part(box, own, kept):
             unposed.append(unposed_person(box, score, FOUND_TWICE))
             continue
         if len(grey) != len(kept):

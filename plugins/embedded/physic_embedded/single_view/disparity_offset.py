@@ -75,7 +75,7 @@ def disparity_at_infinity(
         pitch: how far the camera looks down by upright edges and its standard deviation, degrees.
         focal_sigma: standard deviation of the logarithm of the focal length; 0 if it is known.
         walls: (M, 3) local planes of walls, see
-            :func:`~physic_embedded.single_view.upright.wall_planes`.
+            :func:`~physic_embedded.single_view.upright.local_disparity_planes`.
         bodies: (N, 3) planes of standing people, see
             :func:`~physic_embedded.single_view.upright.body_planes`.
         frame: directions of a room and their trust, see

@@ -41,12 +41,14 @@ _CLUTTER = 0.4  # share of surfaces in any direction
 _SURFACES = 12.0  # number of independent observations that the pixels of all surfaces are worth
 
 
-def wall_planes(disparity: NDArray[np.floating], walls: BoolArray, focal_px: float) -> FloatArray:
-    """Return the local planes (M, 3) a, b, c of a disparity map at pixels of walls or any surfaces.
+def local_disparity_planes(
+    disparity: NDArray[np.floating], surfaces: BoolArray, focal_px: float
+) -> FloatArray:
+    """Return the local planes (M, 3) a, b, c of a disparity map at the pixels of surfaces.
 
     Args:
         disparity: (H, W), larger is nearer.
-        walls: (H, W) bool, of the pixels.
+        surfaces: (H, W) bool.
         focal_px: focal length at the resolution of ``disparity``.
 
     Returns:
@@ -60,7 +62,7 @@ def wall_planes(disparity: NDArray[np.floating], walls: BoolArray, focal_px: flo
     smooth = cv2.GaussianBlur(np.asarray(disparity, np.float32), (0, 0), step)[
         ::step, ::step
     ].astype(np.float64)
-    inside = cv2.erode(walls.astype(np.uint8), window)[::step, ::step] > 0
+    inside = cv2.erode(surfaces.astype(np.uint8), window)[::step, ::step] > 0
     inside[:2] = inside[-2:] = False
     inside[:, :2] = inside[:, -2:] = False
     if inside.sum() < _FEWEST:
@@ -83,7 +85,7 @@ def walls_cost(planes: FloatArray, infinity: FloatArray, down: FloatArray) -> Fl
     walls count less.
 
     Args:
-        planes: (M, 3) of :func:`wall_planes`.
+        planes: (M, 3) of :func:`local_disparity_planes`.
         infinity: (C,) candidates of the disparity at infinity.
         down: (C, 3) unit normals of the floor for each candidate.
     """
@@ -102,7 +104,7 @@ def frame_cost(planes: FloatArray, infinity: FloatArray, axes: FloatArray) -> Fl
     A normal lies about one of the directions, or anywhere.
 
     Args:
-        planes: (M, 3) of :func:`wall_planes`.
+        planes: (M, 3) of :func:`local_disparity_planes`.
         infinity: (C,) candidates of the disparity at infinity.
         axes: (3, 3) unit directions in rows.
     """

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from physic_core.body import JOINT_INDEX, load_body
 from physic_core.body.bones import rotations_from_parameters
-from physic_core.engine.sizes.stature import ADULT_STATURE_M, adult_shape
+from physic_core.engine.sizes.stature import ADULT_STATURE_M, mean_adult_betas
 from physic_core.geometry.rotvecs import rotvec_to_rotmat
 from physic_core.types import (
     SKELETONS,
@@ -37,7 +37,7 @@ MODEL = load_body("embedded")
 ZERO = torch.zeros(1, MODEL.num_betas)
 SLOPE = (MODEL.stature(torch.eye(MODEL.num_betas)) - MODEL.stature(-torch.eye(MODEL.num_betas))) / 2
 # a photo shows no other stature than that of the prior
-ADULT = adult_shape(float(MODEL.stature(ZERO)), SLOPE)
+ADULT = mean_adult_betas(float(MODEL.stature(ZERO)), SLOPE)
 
 
 @dataclass(frozen=True)

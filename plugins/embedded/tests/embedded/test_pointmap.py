@@ -20,7 +20,7 @@ from physic_embedded.relative_pointmap import EmbeddedPointmap
 from physic_embedded.single_view.disparity_floor import fit_disparity_floor
 from physic_embedded.single_view.disparity_offset import disparity_at_infinity
 from physic_embedded.single_view.flying_pixels import flying_pixels
-from physic_embedded.single_view.upright import wall_planes
+from physic_embedded.single_view.upright import local_disparity_planes
 
 
 def test_a_grazing_floor_has_no_flying_pixels_and_a_depth_edge_has():
@@ -115,7 +115,7 @@ def test_walls_upright_on_the_floor_settle_the_disparity_of_infinity(pitch, roll
     ground = np.argmax(planes, axis=0) == 0
     disparity, gap = disparity_of(planes.max(0))
     floor = fit_disparity_floor(disparity, labelled=ground)
-    walls = wall_planes(disparity, ~ground, FOCAL)
+    walls = local_disparity_planes(disparity, ~ground, FOCAL)
     found = disparity_at_infinity(disparity, floor, FOCAL, walls=walls)
     assert tilt_deg(floor, found, turn[:, 1]) < 2
     assert found.disparity == pytest.approx(1 - gap, abs=0.1)
@@ -126,7 +126,7 @@ def test_the_directions_of_a_room_tell_infinity_where_no_floor_is_seen(ahead):
     turn = turned("yxz", 35, -4, 2)
     corner = (rays() @ turn[:, 2] / ahead, rays() @ -turn[:, 0] / 2.5)
     disparity, gap = disparity_of(np.max(corner, axis=0))
-    surfaces = wall_planes(disparity, np.ones(disparity.shape, bool), FOCAL)
+    surfaces = local_disparity_planes(disparity, np.ones(disparity.shape, bool), FOCAL)
     for axes in (turn.T, -turn.T[[2, 0, 1]]):
         found = disparity_at_infinity(disparity, None, FOCAL, frame=(axes, 0.9), surfaces=surfaces)
         assert abs(np.log(gap_of(found, disparity) / gap)) < 2 * found.sigma

@@ -46,7 +46,7 @@ def is_opposite_optical_axis(normals: Tensor, max_angle_deg: float) -> Tensor:
     return -normals[..., 2] > math.cos(math.radians(max_angle_deg))
 
 
-def visible_part_shares(
+def part_shares_without_self_occlusion(
     vertices: Tensor, faces: Tensor, part_of_vertex: Tensor, parts: Sequence[int]
 ) -> Tensor:
     """Return the share of visible vertices per part, by casting a ray from the camera to each
@@ -108,7 +108,9 @@ def update_released_visibility(
     parts = torch.tensor(limb_part_indices(model.part_names), device=ids.device)
     hidden_limbs = torch.zeros_like(in_mask)
     for i, vertices in enumerate(bodies.vertices):
-        shares = visible_part_shares(vertices, model.faces, model.part_of_vertex, parts.tolist())
+        shares = part_shares_without_self_occlusion(
+            vertices, model.faces, model.part_of_vertex, parts.tolist()
+        )
         hidden = parts[(shares < 1 - HIDDEN_LIMB_SHARE).to(parts.device)]
         hidden_limbs[i] = torch.isin(model.part_of_vertex[ids], hidden)
     return replace(

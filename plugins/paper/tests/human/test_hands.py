@@ -14,7 +14,7 @@ import torch
 
 from physic_core.errors import BackendError
 from physic_core.types import Keypoints, People
-from physic_human.hands import HandBoxes, chumpy_free_copy, hand_boxes, hands_from_mano
+from physic_human.hands import HandBoxes, chumpy_free_copy, hands_from_mano, visible_hand_boxes
 from physic_human.wilor import Wilor, WilorOptions
 from physic_testing.body_files import mano_arrays, write_published
 
@@ -28,12 +28,12 @@ def blank(skeleton, count, people=1):
 
 def test_the_21_points_of_a_hand_give_its_box():
     _, detected = keypoints({"left": (50, 80, 90, 140)}, confidence=0.8)
-    hands = hand_boxes(detected)
+    hands = visible_hand_boxes(detected)
     # half open: counted from edges of pixels
     np.testing.assert_allclose(hands.boxes, [[50.5, 80.5, 90.5, 140.5]])
     np.testing.assert_allclose(hands.confidence, [0.8])
     assert hands.is_right.tolist() == [False]
-    assert not len(hand_boxes(detected, least_confidence=0.9))
+    assert not len(visible_hand_boxes(detected, least_confidence=0.9))
 
 
 def test_a_hand_is_beyond_the_wrist_where_only_arms_are_known():
@@ -41,7 +41,7 @@ def test_a_hand_is_beyond_the_wrist_where_only_arms_are_known():
         arms = blank(skeleton, count)
         arms.points[0, list(arm)] = [[0, 0], [100, 0], [200, 0]]
         arms.confidence[0, list(arm)] = [1.0, 0.7, 0.9]
-        hands = hand_boxes(arms)
+        hands = visible_hand_boxes(arms)
         assert hands.is_right.tolist() == [True]
         np.testing.assert_allclose(hands.boxes[0], [196, -37, 271, 38])
         np.testing.assert_allclose(hands.confidence, [0.7])

@@ -30,7 +30,7 @@ from physic_paper.contact import DistanceContact
 from physic_paper.outliers import image_outliers
 from physic_paper.placement import ReleasePlacement
 from physic_paper.released.pointmap import published_normals
-from physic_paper.released.visibility import visible_part_shares
+from physic_paper.released.visibility import part_shares_without_self_occlusion
 
 from .published import JOINT_SETS, SKELETON, Published
 
@@ -157,7 +157,7 @@ def test_limbs_are_seen_by_the_published_share(published, state):
     assert {model.part_names[p] for p in parts} == set(names)
     pytest.importorskip("embreex", reason="the published shares depend on the rounding of Embree")
     vertices = published[f"one/out/{state}/vertices"][0]
-    shares = visible_part_shares(vertices, model.faces, model.part_of_vertex, parts)
+    shares = part_shares_without_self_occlusion(vertices, model.faces, model.part_of_vertex, parts)
     stored = published[f"one/out/{state}/part_visible_fraction"][0].double()
     # Exactly the same here; rays along the silhouette are rounding, and another processor may round
     # otherwise.
@@ -235,7 +235,7 @@ def test_stage_three_ends_within_5_mm(published):
     result = optimize(published.state(), RELEASE.joint)
     off = 1e3 * (result.vertices - published["one/out/s3_end/vertices"]).norm(dim=-1)
     assert float(off.mean()) < 5
-    assert result.scene_scale == pytest.approx(
+    assert result.unapplied_scene_scale == pytest.approx(
         float(published["one/out/s3_end/param/scale"]), abs=2e-3
     )
 

@@ -117,7 +117,7 @@ def dressed_bodies(result: Reconstruction) -> DressedBodies:
             normals,
             weight,
             fill,
-            colors=_mixed(photo, near, _darkened(fill, normals, result)),
+            colors=_mixed(photo, near, _shaded_skin(fill, normals, result)),
             guessed_share=(1 - visible_share).astype(np.float32),
             shown_share=float(areas[visible_share > SHOWN].sum() / max(areas.sum(), 1e-12)),
         )
@@ -151,7 +151,9 @@ def dressed_texture(
     """
     body = dressed_bodies(result).people[index]
     faces = np.asarray(result.faces, np.int64)
-    guess = _darkened(body.guessed_colors, body.normals, result) if darken else body.guessed_colors
+    guess = (
+        _shaded_skin(body.guessed_colors, body.normals, result) if darken else body.guessed_colors
+    )
     colors = []
     filled = []
     values = np.concatenate([body.vertices, body.photo_weight[:, None], guess], 1)
@@ -256,7 +258,7 @@ def _mixed(photo: Array, weight: Array, beside: Array) -> UInt8Array:
     return np.clip(np.round(blend * photo + (1 - blend) * beside), 0, 255).astype(np.uint8)
 
 
-def _darkened(colors: Array, normals: Array, result: Reconstruction) -> Array:
+def _shaded_skin(colors: Array, normals: Array, result: Reconstruction) -> Array:
     """Return guessed colours (V, 3) of skin with normals (V, 3) under a light from above and the
     left.
     """
