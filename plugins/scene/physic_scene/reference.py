@@ -63,6 +63,7 @@ class ReferenceInput(ShortRepr):
         alone: results of the single photos on their contact and on the floor.
         statures: (N,) metres, known ones, NaN where unknown.
         ages: (N,) years, known ones, NaN where unknown; None if no age is known.
+        body_sources: what the user gives as each body, in the first photo with one; "" in none.
     """
 
     result: Reconstruction
@@ -75,6 +76,7 @@ class ReferenceInput(ShortRepr):
     alone: OtherViews
     statures: FloatArray
     ages: FloatArray | None = None
+    body_sources: tuple[str, ...] = ()
 
     @classmethod
     def of(
@@ -90,11 +92,11 @@ class ReferenceInput(ShortRepr):
             np.float32
         )
         sigma = max(solved.scale_sigma, _KNOWN_SCALE)
-        given = [
-            [photos[w].result.people[row].age for w, row in one.row_by_photo.items()]
-            for one in people
+        shown_by = [
+            [photos[w].result.people[row] for w, row in one.row_by_photo.items()] for one in people
         ]
-        ages = np.array([next(filter(None, own), np.nan) for own in given])
+        ages = np.array([next(filter(None, (one.age for one in own)), np.nan) for own in shown_by])
+        sources = [next(filter(None, (one.body_source for one in own)), "") for own in shown_by]
         parameters = _joined([person.parameters for person in people])
         shown = np.array([v in person.row_by_photo for person in people])
         # What the other photos show of each person is in their views.
@@ -104,19 +106,13 @@ class ReferenceInput(ShortRepr):
             camera=camera,
             bodies=Bodies(parameters, model.name, observed),
             shown=shown,
-            scores=np.array(
-                [
-                    max(
-                        photos[w].result.people[row].score for w, row in person.row_by_photo.items()
-                    )
-                    for person in people
-                ]
-            ),
+            scores=np.array([max(one.score for one in own) for own in shown_by]),
             depth=DepthMap(depth, camera, sigma, (f"scale and cameras from {len(photos)} photos",)),
             views=tuple(_view(solved, people, w) for w in range(len(photos)) if w != v),
             alone=_of_single_photos(solved, people, model),
             statures=np.array([one.stature for one in people]),
             ages=ages if np.isfinite(ages).any() else None,
+            body_sources=tuple(sources),
         )
 
     def complete(self, estimates: Estimates) -> Estimates:
@@ -191,8 +187,10 @@ def solve_reference(given: ReferenceInput, config: Config) -> Reconstruction:
     )
     # The pipeline takes a given camera for a known one.
     camera = replace(result.intrinsics, trust=given.camera.trust)
+    people = zip(result.people, given.body_sources, strict=True)
     return replace(
         result,
+        people=tuple(replace(person, body_source=source) for person, source in people),
         intrinsics=camera,
         photo=given.result.photo,
         lens=given.result.lens,
