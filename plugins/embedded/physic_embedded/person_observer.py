@@ -66,7 +66,7 @@ REGIONS = {
     "back": ("hips", "box"),
     "on_floor": ("foot", "hips"),
     "child": ("head", "shoulders", "hips"),
-    "posture": ("box", "knee"),
+    "posture": ("box",),
     "away": ("upper_body",),
 }
 """Question -> the regions whose tokens answer it; it is not answered where the photo does not have
@@ -267,8 +267,8 @@ def tokens_of_questions(
 
     Returns:
         Question -> (N, sides, C), (N, 2, C) for feet and hands, left and right. A region is a
-        square of 3 x 3 patches, but the box, and the middle of its upper half. Posture has the mean
-        of both knees. NaN where the photo does not have the first region.
+        square of 3 x 3 patches, but the box, and the middle of its upper half. NaN where the photo
+        does not have the first region.
     """
     names = {
         limb: [[f"{side}_{one}" for one in own] for side in SIDES] for limb, own in LIMBS.items()
@@ -288,18 +288,12 @@ def tokens_of_questions(
     answered = {}
     for question, (first, *more) in REGIONS.items():
         own, shown = found[first]
-        context = [_of_sides(found[region][0], own.shape[1]) for region in more]
+        context = [np.broadcast_to(found[region][0], own.shape) for region in more]
         if (limb := GEOMETRY.get(question)) is not None:
             given = boxes.astype(np.float64), keypoints
             context.append(limb_geometry(limb, *given) if limb else posture_geometry(*given))
         answered[question] = np.where(shown[..., None], np.concatenate([own, *context], -1), np.nan)
     return answered
-
-
-def _of_sides(region: FloatArray, sides: int) -> FloatArray:
-    """Return the tokens (N, sides, C) of a region (N, 1 or 2, C); one side has the mean of both."""
-    mean = region if region.shape[1] == sides else region.mean(1, keepdims=True)
-    return mean.repeat(sides // mean.shape[1], 1)
 
 
 def _around(

@@ -61,12 +61,6 @@ def test_a_hand_is_read_where_its_fingers_are_too(grid):
     np.testing.assert_allclose(found[0, 0, :4], (4, 4, 4, 5))
 
 
-def test_posture_reads_both_knees(grid):
-    knees = {"left_knee": (25, 45), "right_knee": (65, 45)}
-    found = tokens_of_questions(grid, BOX, keypoints_at(knees))["posture"]
-    np.testing.assert_allclose(found[0, 0, :4], (3.5, 5.5, 4, 4))
-
-
 @pytest.mark.parametrize(
     ("place", "confidence", "read"),
     [((65, 45), 0.05, True), ((65, 45), 0.0, False), ((65, 81), 1.0, False)],
