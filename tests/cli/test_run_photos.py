@@ -42,7 +42,7 @@ def test_a_principal_point_outside_the_photo_is_refused_and_one_off_centre_warns
     assert "a.png: the principal point (5000, 5000) lies outside" in done.stderr
     done = run("a.png", "--intrinsics", "178,178,109.5,59.5")
     assert done.exit_code == 0, done.output
-    assert "the principal point (110, 60) lies 19% of" in done.stdout
+    assert "the principal point (110, 60) is 19% of" in done.stdout
 
 
 ARRAYS = ["reconstruction.json", "reconstruction.npz"]
