@@ -90,9 +90,8 @@ def find_contact(
         state = replace(state, observed_touch=said)
     touch = _with_unknown(state, near, method.find_touch(state, near))
     carried = _find_supports(state, near, touch, method)
-    return _describe_contacts(
-        state, near, _add_hidden_contacts(state, touch, carried), carried, picture
-    )
+    touch = _add_hidden_contacts(state, near, touch, carried)
+    return _describe_contacts(state, near, touch, carried, picture)
 
 
 def measure_distances(
@@ -221,15 +220,21 @@ def _with_unknown(state: State, near: Distances, touch: Touch) -> Touch:
 
 
 def _add_hidden_contacts(
-    state: State, touch: Touch, carried: tuple[PersonSupport | None, ...]
+    state: State, near: Distances, touch: Touch, carried: tuple[PersonSupport | None, ...]
 ) -> Touch:
-    """Add contacts of hidden supports. All contacts with what is hidden or unknown get the
-    probability of their part.
+    """Add contacts of hidden supports, and of buttocks that probably touch the world and nothing
+    that is known. All contacts with what is hidden or unknown get the probability of their part.
     """
     kind = touch.kind.clone()
     for i, one in enumerate(carried):
         if one is not None:
             kind[i, one.hidden] = torch.where(one.seat[one.hidden], HIDDEN_SEAT, HIDDEN)
+    if touch.parts:
+        seat = contact_part_masks(state.model)[SEAT]
+        on_world = (kind == _SCENE) | (kind >= HIDDEN)
+        lost = (touch.parts[SEAT] >= LEAST_PROBABILITY) & ~(on_world & seat).any(1)
+        down = near.normals @ state.up < _FACES_DOWN
+        kind[lost[:, None] & seat & down] = HIDDEN_SEAT
     probability = touch.probability
     if probability is not None and touch.parts:
         of_parts = values_by_vertex(state.model, touch.parts).to(probability)
