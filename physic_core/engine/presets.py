@@ -80,8 +80,10 @@ class DefaultJointStage(JointStageMethod):
     """Contact with scene and floor, and of hands with other people."""
     penetration: PenetrationSettings = PenetrationSettings()
     """Vertices inside the scene and inside other people."""
-    floor: TermWeight = TermWeight(6.0)
-    """Vertices below the floor."""
+    floor: TermWeight = TermWeight(1.8)
+    """Vertices below the floor. Ten times as much moves people whose feet are right to a floor that
+    is not.
+    """
     soles: SoleSettings = SoleSettings()
     """Feet on the floor."""
     regularisation: RegularisationSettings = RegularisationSettings()

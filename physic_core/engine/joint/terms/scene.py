@@ -204,9 +204,10 @@ class SoleSettings:
     vertices.
     """
 
-    weight: NotNegative = 2.0
+    weight: NotNegative = 0.6
     """Weight of each visible foot near the floor; the lower one has twice as much again, up to a
-    larger height.
+    larger height. Like the floor term, it is small against the picture: the plane is off by
+    centimetres.
     """
     unseen_weight: NotNegative = 4.0
     """Weight of each invisible foot; most feet stand on the floor."""
