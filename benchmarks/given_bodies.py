@@ -17,7 +17,7 @@ from __future__ import annotations
 import json
 import math
 from argparse import Namespace
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -37,7 +37,7 @@ from physic_embedded.keypoint_detector import EmbeddedKeypoints
 from physic_embedded.segmenter import EmbeddedSegmenter
 
 from . import blazepose
-from .truth.builds import ROOT, asked, build_of, measured_of, question_of
+from .truth.builds import ROOT, Question, asked, build_of, measured_of, question_of
 from .truth.joints import BODY_ROWS, limb_joints
 from .truth.measures import box_of, match_people, pose_errors
 from .truth.scores import MIN_VISIBLE, floor_record, people_of, projected
@@ -116,11 +116,8 @@ def _rows(
         return
     parameters = _of_blazepose(sample) if given.blazepose else _with_errors(start, sample.name)
     path = given.out / "bodies" / sample.set / f"{sample.name}.npz"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    height, width = question.picture.shape[:2]
-    camera = Intrinsics(*question.camera, width, height)
     sigmas = () if given.blazepose else (SIGMA_M, DISTANCE_SIGMA)
-    write_bodies(path, parameters, "embedded", camera, *sigmas)
+    _write(path, parameters, question, sigmas)
     answer = measured_of(ask(replace(question, bodies=path)), sample)
     before, true = _joints(parameters), _joints(start)
     after = np.reshape([person["joints"] for person in people_of(answer)], (-1, 55, 3))
@@ -138,6 +135,18 @@ def _rows(
             **{f"{key}_{way}": of[key] for key in errors["in"] for way, of in errors.items()},
             "floor_deg": floor,
         }
+
+
+def _write(
+    path: Path, parameters: BodyParameters, question: Question, sigmas: Sequence[float]
+) -> None:
+    """Write bodies in the camera of a question, with the errors that the file states."""
+    assert question.camera is not None
+    path.parent.mkdir(parents=True, exist_ok=True)
+    height, width = question.picture.shape[:2]
+    fx, fy, cx, cy = question.camera
+    camera = Intrinsics(fx, fy, cx, cy, width, height)
+    write_bodies(path, parameters, "embedded", camera, *sigmas)
 
 
 def _matched(joints: Array, truth: list[Array], camera: tuple[float, ...]) -> dict[int, int]:

@@ -4,9 +4,9 @@ of all photos.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import torch
@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from physic_scene.people import PersonOfScene
     from physic_scene.photos import ScenePhoto
     from physic_scene.solution import SolvedScene
+
+_Value = TypeVar("_Value")
 
 _ON_FLOOR_M = 0.25  # largest height of the lowest point of a person who may stand on the floor
 _KNOWN_SCALE = 1e-3  # least error of the scale, of known cameras
@@ -95,8 +97,8 @@ class ReferenceInput(ShortRepr):
         shown_by = [
             [photos[w].result.people[row] for w, row in one.row_by_photo.items()] for one in people
         ]
-        ages = np.array([next(filter(None, (one.age for one in own)), np.nan) for own in shown_by])
-        sources = [next(filter(None, (one.body_source for one in own)), "") for own in shown_by]
+        ages = np.array([_first((one.age for one in own), np.nan) for own in shown_by])
+        sources = [_first((one.body_source for one in own), "") for own in shown_by]
         parameters = _joined([person.parameters for person in people])
         shown = np.array([v in person.row_by_photo for person in people])
         # What the other photos show of each person is in their views.
@@ -150,6 +152,11 @@ class ReferenceInput(ShortRepr):
             known=sizes,
             views=self.views,
         )
+
+
+def _first(values: Iterable[_Value | None], default: _Value) -> _Value:
+    """Return the first value that is neither None nor empty."""
+    return next(filter(None, values), default)
 
 
 def solve_reference(given: ReferenceInput, config: Config) -> Reconstruction:
