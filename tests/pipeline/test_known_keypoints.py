@@ -82,9 +82,9 @@ def test_sides_of_a_back_that_looks_like_a_front_change_places_but_not_those_giv
 
 def test_a_wrist_that_no_arm_reaches_is_contradicted_by_the_photo(tmp_path, world):
     found = run(world, written(tmp_path, "person,joint,x,y\n0,left_wrist,2,110\n"))
-    off_body, off_photo = (text for text in found.warnings if "given" in text)
-    assert off_body.startswith("person 0: the given left wrist lies ")
-    assert "px from the mask" in off_photo
+    off_body, off_photo = (text for text in found.warnings if "your left wrist" in text)
+    assert "from the place" in off_body
+    assert "from the mask" in off_photo
     assert {"given_keypoints", "contradicted_keypoints"} <= set(found.people[0].failed_checks)
     assert "pose" not in found.people[0].usable
 

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from physic_core.discovery.entry_points import Offer
     from physic_core.interfaces import Request
     from physic_testing.conformance.cases import Case, Truth, Values
-    from physic_testing.conformance.readings import Table
     from physic_testing.worlds import World
 
 CAPABILITIES: dict[str, str] = {
@@ -91,6 +90,8 @@ class BackendUnderTest:
         device: device on which the backend is loaded.
         size: width and height of the standard photos, px.
         declared: the capabilities.
+        table: :class:`physic_testing.conformance.readings.Table` of the interface; None before the
+            checks start, and for one without truth.
         case_runs: photo name -> stored call, for all photos on which the backend was called.
         values: kept by :func:`physic_testing.conformance.readings.values_of`.
 
@@ -108,6 +109,7 @@ class BackendUnderTest:
     device: str = "cpu"
     size: tuple[int, int] = SIZE
     declared: frozenset[str] = frozenset()
+    table: Any = None
     watch: Watch = field(default_factory=Watch)
     case_runs: dict[str, CaseRun] = field(default_factory=dict)
     values: list[tuple[Values, Truth]] = field(default_factory=list)
@@ -127,13 +129,6 @@ class BackendUnderTest:
             self.options = getattr(self.kind, "conformance_options", {})
         elif not callable(self.options):
             self._refuse_unknown(self.options)
-
-    @property
-    def table(self) -> Table | None:
-        """What is checked of the outputs of the interface; None for one without truth."""
-        from physic_testing.conformance.tables import TABLES
-
-        return TABLES.get(self.interface)
 
     @property
     def evidence_names(self) -> tuple[str, ...]:

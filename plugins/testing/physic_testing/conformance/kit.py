@@ -83,6 +83,7 @@ def check_backend(
 
 def start_checks(subject: BackendUnderTest) -> CheckRun:
     """Create the run of all checks of a backend; no check runs yet."""
+    subject.table = TABLES.get(subject.interface)
     return CheckRun(subject, checks_for(subject.interface))
 
 
