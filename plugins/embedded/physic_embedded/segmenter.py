@@ -55,10 +55,11 @@ class EmbeddedSegmenterOptions(Options):
     """Settings of :class:`EmbeddedSegmenter`."""
 
     tile_fractions: tuple[Annotated[float, Field(ge=0.05, le=1)], ...] = Field(
-        default=(0.6, 0.4),
+        default=(0.6,),
         max_length=8,
         description="Sides of the tiles that are searched beside the whole photo, over its long "
-        "side; add 0.18 to find more of a crowd, slowly; leave empty for one person in the middle.",
+        "side; add 0.4 and 0.18 to find more of a crowd, slowly; leave empty for one person in the "
+        "middle.",
     )
     max_people: int = Field(
         default=20, ge=1, le=1000, description="Largest number of people, best first."
