@@ -11,6 +11,7 @@ The figures are how often marks are right (what ``trust_on_photos`` wrote), what
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -139,4 +140,4 @@ def given_figures(file: Path) -> dict[str, Any]:
 
 def _mean_size(values: Iterable[float]) -> float:
     """Return the mean magnitude of the known values."""
-    return fmean([abs(value) for value in values if value == value])
+    return fmean(abs(value) for value in values if math.isfinite(value))

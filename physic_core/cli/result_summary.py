@@ -23,8 +23,8 @@ def print_summary(
     notes: int | None = SHOWN_NOTES,
     seconds: float | None = None,
 ) -> None:
-    """Print the summary of a result: its people, for how many of them each mark is
-    usable, and where its page is.
+    """Print the summary of a result: its people, for how many of them each mark is usable, and
+    where its page is.
 
     Args:
         folder: of the result.

@@ -81,8 +81,8 @@ class DefaultJointStage(JointStageMethod):
     penetration: PenetrationSettings = PenetrationSettings()
     """Vertices inside the scene and inside other people."""
     floor: TermWeight = TermWeight(1.8)
-    """Vertices below the floor. Ten times as much moves people whose feet are right to a floor that
-    is not.
+    """Vertices below the floor. More than three times as much moved people to floors that are off
+    by centimetres (docs/decisions.md).
     """
     soles: SoleSettings = SoleSettings()
     """Feet on the floor."""

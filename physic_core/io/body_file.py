@@ -259,7 +259,7 @@ def _sigma(arrays: Mapping[str, Any], name: str, usual: float) -> float:
 
 
 def _check_parameters(parameters: BodyParameters) -> None:
-    """Raise ValueError if they are of nobody, or no body has them."""
+    """Raise ValueError if there are no people, or no body has these numbers."""
     if not len(parameters):
         raise ValueError(_NOBODY)
     _check_values(parameters, _PARAMETERS)

@@ -85,7 +85,7 @@ def floor(estimates: Estimates, result: Reconstruction) -> Measured:
             else "Use a photo that shows the ground at the feet"
         )
         return 0.0, (
-            f"{NO_FLOOR}: {_WHY_NO_FLOOR.get(reason, reason)}. So nobody is placed on the ground, "
+            f"{NO_FLOOR}: {_WHY_NO_FLOOR.get(reason, reason)}. So no one is placed on the ground, "
             "heights over it are unknown, and depth may be off by a constant: do not use heights "
             f"and gaps. {cure}; --stature METERS makes at least sizes right"
         )

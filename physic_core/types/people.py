@@ -152,7 +152,7 @@ class UnposedPerson(ShortRepr):
 
     @property
     def is_somebody_else(self) -> bool:
-        """Whether the box is of nobody who has a body."""
+        """Whether the box is no second one of a person with a body."""
         return self.kind != FOUND_TWICE
 
     @property

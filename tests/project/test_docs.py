@@ -27,11 +27,9 @@ def blocks(language):
     ]
 
 
-def commands():
+def commands(program):
     lines = [line for block in blocks("sh") for line in block.splitlines()]
-    return [
-        words for line in lines if (words := shlex.split(line, comments=True))[:1] == ["physic"]
-    ]
+    return [words for line in lines if (words := shlex.split(line, comments=True))[:1] == [program]]
 
 
 @pytest.mark.parametrize("text", blocks("toml"))
@@ -40,7 +38,7 @@ def test_every_config_of_the_pages_holds(text):
     resolve(config.load_config(flags={"page": given}))
 
 
-@pytest.mark.parametrize("words", commands(), ids=" ".join)
+@pytest.mark.parametrize("words", commands("physic"), ids=" ".join)
 def test_every_command_of_the_pages_can_be_given(words, tmp_path):
     group = cli.main
     arguments = words[1:]
@@ -54,6 +52,18 @@ def test_every_command_of_the_pages_can_be_given(words, tmp_path):
         config.load_config(ROOT / named, overrides=overrides)
     else:
         config.load_config(overrides=overrides)
+
+
+@pytest.mark.parametrize("words", commands("make"), ids=" ".join)
+def test_every_target_of_the_pages_exists(words):
+    assert re.search(rf"^{words[1]}:", (ROOT / "Makefile").read_text(), re.M)
+
+
+@pytest.mark.parametrize("words", commands("pip"), ids=" ".join)
+def test_no_install_line_asks_an_index_for_the_project(words):
+    """A stranger may register our names: each line names files and folders."""
+    by_name = re.compile(r"(metricbody|physic)[\w-]*(\[.*\])?([=<>~!].*)?")
+    assert not any(map(by_name.fullmatch, words))
 
 
 # What the pages promise does not depend on the backends.
