@@ -14,6 +14,7 @@ from physic_core.types import TOUCH_PARTS, mirrored_order
 from physic_mock import backends as mocks
 from physic_testing.conformance.backend_under_test import find_backend
 from physic_testing.conformance.kit import start_checks
+from physic_testing.conformance.tables import TABLES
 
 SIZE = (160, 120)
 """Of photos on which faults show in networks without other errors, px."""
@@ -86,7 +87,9 @@ def subject_of(kind, *, noise=0, seed=0, size=SIZE):
     options = NO_NOISE.get(kind.__name__, {"noise": 0})
     if noise:
         options = {"noise": noise, "noise_seed": seed}
-    return find_backend(kind, None, options=options, size=size)
+    subject = find_backend(kind, None, options=options, size=size)
+    subject.table = TABLES[kind.interface]
+    return subject
 
 
 def checks_of(mock, change=None, **settings):
