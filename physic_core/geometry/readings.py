@@ -273,20 +273,23 @@ def turned_masks(given: BoolArray, seen: BoolArray) -> str:
     left and right"; "" if they are best as they are, or nothing is clearly better.
 
     Args:
-        given: (M, H, W), by a file.
+        given: (M, H, W), by a file; each of a person or of all.
         seen: (N, H, W), of the people that are detected.
     """
     if not len(given) or not len(seen):
         return ""
-    small, people = (np.stack([_shrunk(mask) for mask in masks]) for masks in (given, seen))
+    both = [*seen, seen.any(0)]
+    small, people = (np.stack([_shrunk(mask) for mask in masks]) for masks in (given, both))
+    readings = {turn: (turned(small), cure) for turn, (turned, cure) in TURNS.items()}
+    readings["inverted"] = ~small, "exchange people and background"
     apart = {
-        turn: 1 - float(mask_iou(turned(small), people).max(1).mean())
-        for turn, (turned, _) in TURNS.items()
-        if turned(small).shape == small.shape
+        reading: 1 - float(mask_iou(masks, people).max(1).mean())
+        for reading, (masks, _) in readings.items()
+        if masks.shape == small.shape
     }
     best = min(apart, key=apart.__getitem__)
     is_better = apart[best] <= min(0.5, SURELY * apart[""])
-    return f"{best}: {TURNS[best][1]}" if best and is_better else ""
+    return f"{best}: {readings[best][1]}" if best and is_better else ""
 
 
 def mask_iou(masks: BoolArray, others: BoolArray) -> FloatArray:

@@ -36,6 +36,8 @@ def read_masks(file: FileOfPhoto) -> MasksInFile:
         if not found.masks.any():
             raise ValueError("it has no mask with a pixel: was a mask of 0 and 1 read as 0 to 255?")
         masks = _of_size(found.masks[found.masks.any((1, 2))], file.size)
+        if found.are_people and masks.sum() > masks[0].size:
+            raise ValueError("its masks overlap in much of the picture: are they inverted?")
     except OSError as error:
         raise InputError(f"cannot read the masks {file.path}: {unreadable(error)}") from error
     except WRONG_FORM as error:

@@ -187,11 +187,11 @@ def _with_given_bodies(run: PhotoRun, found: SegmentedPeople) -> tuple[Segmented
 def _segment_with_masks(
     run: PhotoRun, prompt: PeoplePrompt | None, *, required: bool
 ) -> SegmentedPeople:
-    """Segment people as :func:`_segment`; if masks of the prompt show no person, or keypoints lie
-    beside them, compare them with the people who are found without them.
+    """Segment people as :func:`_segment`; unless keypoints lie in the masks of the prompt, compare
+    these with the people who are found without them.
 
     Raises:
-        InputError: the masks are those of a turned or mirrored picture.
+        InputError: the masks are inverted, or those of a turned picture.
         NoPersonError: they are of no person.
     """
     masks = None if prompt is None else prompt.masks
@@ -207,7 +207,7 @@ def _segment_with_masks(
 
 
 def _check_masks(given: BoolArray, seen: BoolArray) -> None:
-    """Raise InputError if masks (M, H, W) fit others clearly better turned or mirrored."""
+    """Raise InputError if masks (M, H, W) fit others clearly better turned or inverted."""
     from physic_core.geometry.readings import turned_masks
 
     if turned := turned_masks(given, seen):
@@ -215,12 +215,12 @@ def _check_masks(given: BoolArray, seen: BoolArray) -> None:
 
 
 def _share_of_keypoints_inside(people: People) -> float:
-    """Return the share of the certain keypoints of people that lie in their masks; 1 without
+    """Return the share of the certain keypoints of people that lie in their masks; 0 without
     any.
     """
     keypoints = people.keypoints
     if keypoints is None:
-        return 1.0
+        return 0.0
     height, width = people.masks.shape[1:]
     inside = [
         mask[np.rint(y).astype(int).clip(0, height - 1), np.rint(x).astype(int).clip(0, width - 1)]
@@ -229,7 +229,7 @@ def _share_of_keypoints_inside(people: People) -> float:
         )
         for x, y in [points[sure >= SURE_CONFIDENCE].T]
     ]
-    return float(np.concatenate(inside).mean()) if any(map(len, inside)) else 1.0
+    return float(np.concatenate(inside).mean()) if any(map(len, inside)) else 0.0
 
 
 def _segment(run: PhotoRun, prompt: PeoplePrompt | None, *, required: bool) -> SegmentedPeople:

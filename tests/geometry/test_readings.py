@@ -20,6 +20,9 @@ MASKS[1, 40:110, 70:95] = True
         (MASKS[..., ::-1], "mirrored"),
         (MASKS[:, ::-1], "upside down"),
         (MASKS[:, ::-1, ::-1], "turned by 180 degrees"),
+        (MASKS.any(0)[None], ""),
+        (~MASKS, "inverted"),
+        (~MASKS.any(0)[None], "inverted"),
     ],
 )
 def test_masks_of_a_turned_picture_are_named(given, what):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from physic_core import ConfigError, read_bodies, write_bodies
+from physic_core import ConfigError, InputError, read_bodies, write_bodies
 from physic_core.types import Bodies, FileOfPhoto
 from physic_mock import backends
 from physic_testing.worlds import load_world
@@ -162,6 +162,14 @@ def test_masks_in_python_choose_the_people(group):
     assert len(found.people) == 2
     for person, i in zip(found.people, (2, 0), strict=True):
         np.testing.assert_array_equal(person.mask, group.masks[i])
+
+
+@pytest.mark.parametrize("what", ["inverted", "upside down", "mirrored"])
+def test_masks_of_another_reading_are_named(group, what):
+    turned = {"inverted": ~group.masks.any(0)[None], "upside down": group.masks[:, ::-1]}
+    masks = turned.get(what, group.masks[..., ::-1])
+    with pytest.raises(InputError, match=what):
+        run(group.image, masks=masks, intrinsics=group.intrinsics)
 
 
 def test_a_known_stature_resizes_a_given_body(tmp_path, world):

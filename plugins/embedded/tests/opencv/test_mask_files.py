@@ -139,6 +139,7 @@ WRONG = {
     "nothing": (np.zeros((1, HEIGHT, WIDTH), bool), "no mask"),
     "another shape": (np.ones((1, HEIGHT, HEIGHT), bool), "photo has 60 x 40"),
     "one dimension": (np.ones(5), "no array"),
+    "inverted": (np.ones((2, HEIGHT, WIDTH), bool), "inverted"),
     "words": (np.full((1, HEIGHT, WIDTH), "a"), "of numbers"),
 }
 
