@@ -86,6 +86,7 @@ def read_phone_depth(path: Path) -> tuple[FloatArray, bool]:
 
 _NOTHING = 1e9  # and more is what renderers write where a ray hits nothing
 _LARGEST_HALF = 65504.0  # the same, as far as 16 bits can say it
+_FEWEST_STEPS = 20  # of a depth in whole numbers, up to the median
 _GREY = ("L", "I", "F", "I;16", "I;16L", "I;16B")
 _PATCH_PX = 14  # of DINOv2, on which depth networks are built
 _ASPECT_TOLERANCE = 0.01  # of the aspect ratio: one pixel of rounding in a map 100 px high
@@ -154,7 +155,18 @@ def read_depth(
             f"the depth map {path} has no known pixel: every value is 0, negative, NaN or the "
             f"invalid one"
         )
+    _check_steps(path, depth[~unknown])
     return np.where(unknown, np.nan, depth * scale).astype(np.float32), is_relative, notes
+
+
+def _check_steps(path: Path, depth: FloatArray) -> None:
+    """Refuse known values (M,) that were rounded to few whole numbers, such as meters in 8 bits."""
+    middle = float(np.median(depth))
+    if depth.min() < depth.max() and middle < _FEWEST_STEPS and np.array_equal(depth, depth // 1):
+        raise InputError(
+            f"the depth in {path} has whole numbers alone, with a median of {middle:g}: steps of "
+            f"{100 / middle:.0f}% are too coarse; store numbers with decimals, or a smaller unit"
+        )
 
 
 def read_pointmap(path: Path, scale: float) -> tuple[FloatArray, BoolArray, tuple[str, ...]]:
@@ -186,6 +198,7 @@ def read_pointmap(path: Path, scale: float) -> tuple[FloatArray, BoolArray, tupl
             f"the point map {path} has no valid point: every one is NaN, behind the camera or not "
             f"valid"
         )
+    _check_steps(path, points[is_known][:, 2] / scale)
     return np.where(is_known[..., None], points, 0).astype(np.float32), is_known, notes
 
 

@@ -66,9 +66,9 @@ def test_a_16_bit_png_in_millimetres(tmp_path):
 
 
 def test_a_map_of_another_size_is_resized_by_the_nearest_pixel(tmp_path):
-    np.save(tmp_path / "d.npy", np.array([[1.0, np.nan, 3.0], [4.0, 5.0, 6.0]]))
+    np.save(tmp_path / "d.npy", np.array([[1.5, np.nan, 3.0], [4.0, 5.0, 6.0]]))
     found = depth(tmp_path / "d.npy")
-    np.testing.assert_array_equal(found.depth[0], [1, 1, np.nan, np.nan, 3, 3])
+    np.testing.assert_array_equal(found.depth[0], [1.5, 1.5, np.nan, np.nan, 3, 3])
     np.testing.assert_array_equal(found.depth[3], [4, 4, 5, 5, 6, 6])
     assert "from 3 x 2 to 6 x 4 px" in found.notes[0]
 
@@ -80,6 +80,7 @@ def test_a_map_of_another_size_is_resized_by_the_nearest_pixel(tmp_path):
         ("d.npy", np.ones((4, 6, 3)), "one number per pixel"),
         ("d.npy", np.ones((4, 9)), "another aspect ratio"),
         ("d.tif", np.ones((4, 6)), "ends in none of"),
+        ("d.npy", np.arange(24, dtype=np.uint8).reshape(4, 6), "steps of 8% are too coarse"),
     ],
 )
 def test_unusable_depth_is_refused(tmp_path, name, values, message):
@@ -125,6 +126,12 @@ def test_a_file_that_no_backend_reads_is_refused_before_anything_is_computed(
             progress=lambda name, *_: ran.append(name),
         )
     assert ran == []
+
+
+def test_points_of_whole_meters_are_refused(tmp_path):
+    np.save(tmp_path / "p.npy", np.arange(72.0).reshape(4, 6, 3) // 4)
+    with pytest.raises(InputError, match="too coarse"):
+        pointmap(tmp_path / "p.npy")
 
 
 def test_damaged_and_missing_files_are_refused(tmp_path):
